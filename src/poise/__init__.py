@@ -1,0 +1,1 @@
+"""Poise: whole-body control for humanoid robots."""

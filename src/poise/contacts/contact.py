@@ -1,0 +1,154 @@
+"""`Contact`: a place where the robot touches the world and may push against it."""
+
+from abc import ABC, abstractmethod
+
+import numpy as np
+from jaxtyping import Float64
+from numpy.typing import ArrayLike
+
+from poise.contacts.load import LoadRamp
+from poise.dynamics.dynamics import Dynamics
+from poise.dynamics.frames import FrameKinematics
+from poise.errors import ConfigurationError
+from poise.robots.robot import Robot
+
+GRAVITY = 9.81
+"""Only scales the default bound of the normal force [m/s^2]."""
+
+MAX_LOAD_FACTOR = 5.0
+"""A loaded contact may carry this many times the robot's weight: no bound in practice."""
+
+
+class Contact(ABC):
+    """A unilateral frictional contact at a frame whose z axis is the contact normal.
+
+    Wrenches act on the robot, at the frame's origin, along the frame's own axes, so that the cone
+    `C F <= 0` is constant. The contact frame does not accelerate: J dv + drift = -damping velocity,
+    equation (2) of Ahn et al. 2024 with a damping that keeps a foot from creeping.
+
+    Args:
+        frame: the frame in contact, such as "left_sole".
+        friction: Coulomb coefficient.
+        damping: how fast a residual velocity of the contact dies out [1/s].
+        name: what reports call it.
+
+    Attributes:
+        name: what reports call it.
+        frame: the frame in contact.
+        dim: length of the wrench.
+        cone: C, constant, one-sided rows C F <= 0.
+        jacobian: maps `v` to the contact's velocity, along the contact's axes.
+        drift: its classical acceleration at zero `dv`.
+        reference: wanted acceleration of the contact.
+        wrench_lower: simple bounds on the wrench [N, N m].
+        wrench_upper: likewise.
+    """
+
+    def __init__(
+        self, frame: str, *, friction: float, damping: float, dim: int, name: str | None
+    ) -> None:
+        self.frame = frame
+        self.name = name or frame
+        self.friction = checked_number(friction, f"friction of contact {self.name!r}", above=0.0)
+        self.damping = checked_number(damping, f"damping of contact {self.name!r} [1/s]")
+        self.dim = dim
+        self.cone: Float64[np.ndarray, "rows dim"] = np.zeros((0, dim))
+        self.reference: Float64[np.ndarray, "dim"] = np.zeros(dim)
+        self.wrench_lower: Float64[np.ndarray, "dim"] = np.full(dim, -np.inf)
+        self.wrench_upper: Float64[np.ndarray, "dim"] = np.full(dim, np.inf)
+        self.wrench_lower[2] = 0.0
+        self._load = LoadRamp()
+        self._robot: Robot | None = None
+
+    def bind(self, robot: Robot) -> None:
+        """Resolves the frame on a robot; controllers call it before the first tick.
+
+        Raises:
+            UnknownNameError: the robot has no such frame.
+            ConfigurationError: facts are missing, or the contact serves another robot.
+        """
+        if self._robot is robot:
+            return
+        if self._robot is not None:
+            raise ConfigurationError(
+                f"contact {self.name!r} already serves another robot",
+                got=robot.name,
+                wanted=f"robot {self._robot.name!r}, or a contact of its own",
+            )
+        self._frame_id = robot.frame_id(self.frame)
+        self._weight = robot.mass * GRAVITY
+        self.jacobian: Float64[np.ndarray, "dim nv"] = np.zeros((self.dim, robot.nv))
+        self.drift: Float64[np.ndarray, "dim"] = np.zeros(self.dim)
+        self.cone = self._make_cone(robot)
+        self._robot = robot
+
+    @property
+    def active(self) -> bool:
+        """Whether the contact may carry load; an inactive one does not constrain the robot."""
+        return self._load.active
+
+    def release(self, duration: float = 0.2) -> None:
+        """Unloads the contact: its normal force bound ramps to zero, then it turns inactive.
+
+        Args:
+            duration: length of the ramp [s].
+
+        Raises:
+            ConfigurationError: a negative or non-finite duration.
+        """
+        self._load.start(0.0, checked_number(duration, "duration of a contact's release [s]"))
+
+    def engage(self, duration: float = 0.2) -> None:
+        """Loads the contact: it turns active, and its normal force bound ramps up from zero.
+
+        Args:
+            duration: length of the ramp [s].
+
+        Raises:
+            ConfigurationError: a negative or non-finite duration.
+        """
+        self._load.start(1.0, checked_number(duration, "duration of a contact's engagement [s]"))
+
+    def advance(self, time: float) -> None:
+        """Moves the load ramp on to a time and sets the bound of the normal force.
+
+        Args:
+            time: time of the state [s].
+        """
+        load = self._load.advance(time)
+        # During a ramp the weight is the scale: a foot seldom carries more while it is unloaded.
+        factor = MAX_LOAD_FACTOR if load >= 1.0 else load
+        self.wrench_upper[2] = factor * self._weight
+
+    def evaluate(self, dynamics: Dynamics) -> None:
+        """Fills `jacobian`, `drift` and `reference` for one state.
+
+        Args:
+            dynamics: the state, up to date.
+        """
+        velocity = self._evaluate(dynamics.frame(self._frame_id))
+        np.multiply(velocity, -self.damping, out=self.reference)
+
+    @abstractmethod
+    def _make_cone(self, robot: Robot) -> Float64[np.ndarray, "rows dim"]:
+        """The constant rows C of C F <= 0."""
+
+    @abstractmethod
+    def _evaluate(self, frame: FrameKinematics) -> Float64[np.ndarray, "dim"]:
+        """Fills jacobian and drift; returns the contact's velocity along its own axes."""
+
+
+def checked_number(value: ArrayLike, what: str, *, above: float | None = None) -> float:
+    """A finite number, not negative, or strictly above a bound.
+
+    Raises:
+        ConfigurationError: it is not.
+    """
+    wanted = "a finite number >= 0" if above is None else f"a finite number > {above:g}"
+    try:
+        number = float(value)  # pyright: ignore[reportArgumentType]
+    except (TypeError, ValueError):
+        raise ConfigurationError(f"{what} is not a number", got=value, wanted=wanted) from None
+    if not np.isfinite(number) or number < 0.0 or (above is not None and number <= above):
+        raise ConfigurationError(f"{what} is out of range", got=value, wanted=wanted)
+    return number

@@ -1,0 +1,42 @@
+"""`PointContact`: a point that can push but not twist."""
+
+import numpy as np
+from jaxtyping import Float64
+
+from poise.contacts.contact import Contact
+from poise.dynamics.frames import FrameKinematics
+from poise.robots.robot import Robot
+
+
+class PointContact(Contact):
+    """A point contact: three forces in a friction pyramid, no moment.
+
+    With f along the contact's axes: |f_x| <= friction f_z, |f_y| <= friction f_z. Only the linear
+    acceleration of the frame is held.
+
+    Args:
+        frame: the frame in contact; its z axis is the contact normal.
+        friction: Coulomb coefficient of the pyramid.
+        damping: how fast a residual velocity dies out [1/s].
+        name: what reports call it; the frame when None.
+    """
+
+    def __init__(
+        self,
+        frame: str,
+        *,
+        friction: float = 0.7,
+        damping: float = 20.0,
+        name: str | None = None,
+    ) -> None:
+        super().__init__(frame, friction=friction, damping=damping, dim=3, name=name)
+
+    def _make_cone(self, robot: Robot) -> Float64[np.ndarray, "rows dim"]:
+        mu = self.friction
+        return np.array([[1.0, 0.0, -mu], [-1.0, 0.0, -mu], [0.0, 1.0, -mu], [0.0, -1.0, -mu]])
+
+    def _evaluate(self, frame: FrameKinematics) -> Float64[np.ndarray, "dim"]:
+        contact_R_world = frame.rotation.T
+        np.matmul(contact_R_world, frame.jacobian[:3], out=self.jacobian)
+        np.matmul(contact_R_world, frame.bias[:3], out=self.drift)
+        return contact_R_world @ frame.velocity[:3]

@@ -1,0 +1,49 @@
+"""`Command`: what a controller answers each tick, with the status that says how far to trust it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+
+import numpy as np
+from jaxtyping import Float64
+
+
+class CommandStatus(Enum):
+    """How a command came about."""
+
+    OK = "ok"
+    """Every level was solved; what could not be met stands in the residuals."""
+    SOLVER_FAILED = "solver_failed"
+    """The solver returned nothing usable: the last good command, decayed towards damping."""
+    TIME_LIMIT = "time_limit"
+    """The solve reached its time cap without a usable point: decayed towards damping."""
+    BAD_STATE = "bad_state"
+    """The state held NaN or infinity, or had the wrong shape: decayed towards damping."""
+
+    @property
+    def ok(self) -> bool:
+        """Whether the command is what the tasks asked for, not a fallback."""
+        return self is CommandStatus.OK
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """What the joints should do until the next tick. Always finite and within limits.
+
+    Attributes:
+        status: how the command came about.
+        torque: joint torques [N m], None for a velocity command.
+        velocity: joint velocities [rad/s], None for a torque command.
+        acceleration: generalized accelerations that the command was computed for [m/s^2, rad/s^2].
+        wrenches: wrench [force; moment] on the robot expected at each contact, in the contact's
+            frame at its centre [N, N m].
+        residuals: norm of what each level could not meet, relative to the level's scale; empty
+            when nothing was solved.
+    """
+
+    status: CommandStatus
+    torque: Float64[np.ndarray, "nj"] | None = None
+    velocity: Float64[np.ndarray, "nj"] | None = None
+    acceleration: Float64[np.ndarray, "nv"] | None = None
+    wrenches: Mapping[str, Float64[np.ndarray, "m"]] = field(default_factory=dict)
+    residuals: tuple[float, ...] = ()

@@ -1,0 +1,185 @@
+"""`FullFormulation`: the conventional whole-body problem over accelerations and wrenches."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float64
+
+from poise.contacts.contact import Contact
+from poise.control.stack import Stack
+from poise.dynamics.dynamics import Dynamics
+from poise.hqp import HierarchicalProblem
+from poise.robots.robot import Robot
+
+WRENCH_COST = 1e-4
+"""Final cost of a wrench component against the acceleration energy.
+
+It only chooses among the internal forces that every level leaves free; it stands in the final
+cost, below all levels, so it takes nothing from a task."""
+
+PHYSICS_LEVELS = 2
+"""Levels that stand above the user's: dynamics with torque limits, contacts with joint limits."""
+
+
+class FullFormulation:
+    """Rows of section 2 and Table 1 of Ahn et al. 2024 for one set of active contacts.
+
+    Variables are x = [dv; F], torques follow from the actuated rows (7):
+
+        level 1   M_u dv - J_c,u^T F = -h_u                    base dynamics (6)
+                  tau_min - h_l <= M_l dv - J_c,l^T F <= tau_max - h_l
+        level 2   J_c dv = reference - drift                   stationary contacts (2)
+                  C F <= 0                                     contact wrench cones (3)
+                  bounds on joint accelerations and normal forces
+        level 3.. J dv = reference - drift                     the user's tasks (4)
+        cost      dv^T M dv / 2, the acceleration energy (27)
+
+    Wrenches act on the robot, which turns the sign of the paper's F_c.
+
+    Args:
+        robot: the robot.
+        stack: contacts, limits and tasks, bound to the robot.
+        contacts: those contacts of the stack that are active.
+
+    Attributes:
+        problem: the hierarchical problem, filled by `fill`.
+    """
+
+    def __init__(self, robot: Robot, stack: Stack, contacts: Sequence[Contact]) -> None:
+        self._robot, self._stack, self._contacts = robot, stack, tuple(contacts)
+        nv, base = robot.nv, robot.base_dofs
+        starts = nv + np.concatenate(([0], np.cumsum([c.dim for c in contacts]))).astype(int)
+        self._wrench_slices = [
+            slice(int(a), int(b)) for a, b in zip(starts[:-1], starts[1:], strict=True)
+        ]
+        n = int(starts[-1])
+        wrench_dim = n - nv
+        self.problem = HierarchicalProblem.allocate(
+            n,
+            [nv, wrench_dim + sum(len(c.cone) for c in contacts)]
+            + [sum(t.dim for t in level) for level in stack.levels],
+            names=["dynamics", "contacts", *(_level_name(level) for level in stack.levels)],
+            labels=[
+                [("base dynamics", base), *((f"torque limit of {j}", 1) for j in robot.joint_names)],
+                [(f"motion of contact {c.name}", c.dim) for c in contacts]
+                + [(f"wrench cone of contact {c.name}", len(c.cone)) for c in contacts],
+                *([(f"task {t.name}", t.dim) for t in level] for level in stack.levels),
+            ],
+            bounds_level=1,
+        )
+        self._label_bounds()
+        self._base, self._nv = base, nv
+        problem = self.problem
+        problem.H[nv:, nv:] = WRENCH_COST * np.eye(wrench_dim)
+        physics, touch = problem.level(0), problem.level(1)
+        self._mass_rows = physics.A[:, :nv]
+        self._force_rows = physics.A[:, nv:]
+        self._cost_mass = problem.H[:nv, :nv]
+        self._contact_motion = touch.A[:wrench_dim, :nv]
+        self._contact_jacobian = np.zeros((wrench_dim, nv))
+        self._contact_offset = np.zeros(wrench_dim)
+        self._contact_lower = touch.lower[:wrench_dim]
+        self._contact_upper = touch.upper[:wrench_dim]
+        self._fill_cones(touch.A, touch.lower, touch.upper, wrench_dim)
+        self._task_rows = self._locate_tasks()
+        self._torque = np.zeros(nv)
+
+    def fill(self, dynamics: Dynamics) -> None:
+        """Writes one state's rows into the problem.
+
+        Args:
+            dynamics: the state, up to date.
+        """
+        self._fill_limits(dynamics)
+        self._fill_contacts(dynamics)
+        self._fill_dynamics(dynamics)
+        for task, jacobian, lower, upper in self._task_rows:
+            task.evaluate(dynamics)
+            jacobian[:] = task.jacobian
+            np.subtract(task.reference, task.drift, out=lower)
+            upper[:] = lower
+
+    def torque(self, x: Float64[np.ndarray, "n"], dynamics: Dynamics) -> Float64[np.ndarray, "nj"]:
+        """Joint torques of a solution: the actuated rows (7), M_l dv + h_l - J_c,l^T F [N m]."""
+        np.matmul(self.problem.level(0).A, x, out=self._torque)
+        self._torque += dynamics.h
+        return self._torque[self._base :].copy()
+
+    def acceleration(self, x: Float64[np.ndarray, "n"]) -> Float64[np.ndarray, "nv"]:
+        """Generalized acceleration of a solution."""
+        return x[: self._nv]
+
+    def wrenches(self, x: Float64[np.ndarray, "n"]) -> dict[str, Float64[np.ndarray, "m"]]:
+        """Wrench at each active contact of a solution, by the contact's name."""
+        return {
+            c.name: x[s] for c, s in zip(self._contacts, self._wrench_slices, strict=True)
+        }
+
+    def _fill_dynamics(self, dynamics: Dynamics) -> None:
+        base, physics = self._base, self.problem.level(0)
+        limit = self._stack.torque_limit
+        h = dynamics.h
+        self._mass_rows[:] = dynamics.M
+        self._cost_mass[:] = dynamics.M
+        np.negative(self._contact_jacobian.T, out=self._force_rows)
+        np.negative(h[:base], out=physics.lower[:base])
+        physics.upper[:base] = physics.lower[:base]
+        np.subtract(limit.lower, h[base:], out=physics.lower[base:])
+        np.subtract(limit.upper, h[base:], out=physics.upper[base:])
+
+    def _fill_contacts(self, dynamics: Dynamics) -> None:
+        x_lower, x_upper = self.problem.x_lower, self.problem.x_upper
+        nv = self._nv
+        for contact, variables in zip(self._contacts, self._wrench_slices, strict=True):
+            contact.evaluate(dynamics)
+            rows = slice(variables.start - nv, variables.stop - nv)
+            self._contact_jacobian[rows] = contact.jacobian
+            np.subtract(contact.reference, contact.drift, out=self._contact_lower[rows])
+            x_lower[variables] = contact.wrench_lower
+            x_upper[variables] = contact.wrench_upper
+        self._contact_motion[:] = self._contact_jacobian
+        self._contact_upper[:] = self._contact_lower
+
+    def _fill_limits(self, dynamics: Dynamics) -> None:
+        limit, joints = self._stack.joint_limit, slice(self._base, self._nv)
+        limit.evaluate(dynamics)
+        self.problem.x_lower[joints] = limit.lower
+        self.problem.x_upper[joints] = limit.upper
+
+    def _fill_cones(
+        self,
+        A: Float64[np.ndarray, "m n"],
+        lower: Float64[np.ndarray, "m"],
+        upper: Float64[np.ndarray, "m"],
+        row: int,
+    ) -> None:
+        # Constant: the cones stand in the contacts' own frames.
+        for contact, variables in zip(self._contacts, self._wrench_slices, strict=True):
+            rows = slice(row, row + len(contact.cone))
+            A[rows, variables] = contact.cone
+            lower[rows], upper[rows] = -np.inf, 0.0
+            row = rows.stop
+
+    def _locate_tasks(self) -> list[tuple]:
+        located = []
+        for i, tasks in enumerate(self._stack.levels):
+            view, row = self.problem.level(PHYSICS_LEVELS + i), 0
+            for task in tasks:
+                rows = slice(row, row + task.dim)
+                view.weights[rows] = task.weight
+                located.append(
+                    (task, view.A[rows, : self._nv], view.lower[rows], view.upper[rows])
+                )
+                row = rows.stop
+        return located
+
+    def _label_bounds(self) -> None:
+        robot = self._robot
+        names = [("acceleration of the base", robot.base_dofs)]
+        names += [(f"joint limit of {j}", 1) for j in robot.joint_names]
+        names += [(f"normal force of contact {c.name}", c.dim) for c in self._contacts]
+        self.problem.labels[:1] = [(name, count) for name, count in names if count]
+
+
+def _level_name(level: Sequence) -> str:
+    return ", ".join(task.name for task in level)

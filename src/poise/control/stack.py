@@ -1,0 +1,134 @@
+"""`Stack`: contacts, limits and tasks in strict order, as a user writes them."""
+
+from collections.abc import Iterator, Sequence
+
+from poise.contacts.contact import Contact
+from poise.contacts.surface import SurfaceContact
+from poise.errors import ConfigurationError
+from poise.limits.joint import JointLimit
+from poise.limits.torque import TorqueLimit
+from poise.robots.robot import Robot
+from poise.tasks.com import ComTask
+from poise.tasks.frame import FrameTask
+from poise.tasks.joint import PostureTask
+from poise.tasks.task import Task
+
+
+class Stack:
+    """What a controller is asked to do; the same for every controller.
+
+    Physics comes first, always: base dynamics with the torque limits, then contacts with the
+    joint limits. The user's levels follow, each strictly above the next.
+
+    Args:
+        contacts: where the robot touches the world.
+        levels: lists of tasks, most important first.
+        torque_limit: bounds of the torques.
+        joint_limit: bounds of joint positions, velocities and accelerations.
+
+    Raises:
+        ConfigurationError: an empty level, a name used twice, two contacts on one frame, or
+            something that is neither a task nor a contact.
+    """
+
+    def __init__(
+        self,
+        contacts: Sequence[Contact] = (),
+        levels: Sequence[Sequence[Task]] = (),
+        *,
+        torque_limit: TorqueLimit | None = None,
+        joint_limit: JointLimit | None = None,
+    ) -> None:
+        for contact in contacts:
+            _check_type(contact, Contact, "a contact of the stack")
+        for i, level in enumerate(levels):
+            if isinstance(level, Task) or not level:
+                raise ConfigurationError(
+                    f"level {i} of the stack is not a list of tasks",
+                    got=level,
+                    wanted="a list with at least one task",
+                )
+            for task in level:
+                _check_type(task, Task, f"an entry of level {i} of the stack")
+        self.contacts = tuple(contacts)
+        self.levels = tuple(tuple(level) for level in levels)
+        self.torque_limit = torque_limit or TorqueLimit()
+        self.joint_limit = joint_limit or JointLimit()
+        _check_unique([c.frame for c in self.contacts], "two contacts of the stack on one frame")
+        _check_unique([c.name for c in self.contacts], "two contacts of the stack with one name")
+        _check_unique([t.name for _, t in self.tasks()], "two tasks of the stack with one name")
+
+    def tasks(self) -> Iterator[tuple[int, Task]]:
+        """All tasks with the index of their level, most important first."""
+        for i, level in enumerate(self.levels):
+            for task in level:
+                yield i, task
+
+    def task(self, name: str) -> Task:
+        """The task of that name.
+
+        Raises:
+            ConfigurationError: no such task; the message lists those that exist.
+        """
+        for _, task in self.tasks():
+            if task.name == name:
+                return task
+        raise ConfigurationError(
+            "unknown task of the stack", got=name, choices=[t.name for _, t in self.tasks()]
+        )
+
+    def contact(self, name: str) -> Contact:
+        """The contact of that name.
+
+        Raises:
+            ConfigurationError: no such contact; the message lists those that exist.
+        """
+        for contact in self.contacts:
+            if contact.name == name:
+                return contact
+        raise ConfigurationError(
+            "unknown contact of the stack", got=name, choices=[c.name for c in self.contacts]
+        )
+
+    def bind(self, robot: Robot) -> None:
+        """Resolves every name on a robot; controllers call it before the first tick."""
+        for contact in self.contacts:
+            contact.bind(robot)
+        for _, task in self.tasks():
+            task.bind(robot)
+        self.torque_limit.bind(robot)
+        self.joint_limit.bind(robot)
+
+
+def default_stack(robot: Robot) -> Stack:
+    """The stack of Ahn et al. 2024, Table 1: dynamics, contacts, balance, then the hands.
+
+    Args:
+        robot: whose soles, hands, pelvis and torso the tasks name.
+
+    Returns:
+        A new stack: both soles in contact; COM and pelvis orientation; hand poses and torso
+        orientation; posture.
+    """
+    balance: list[Task] = []
+    if robot.floating_base:
+        balance = [ComTask(kp=60.0), FrameTask(robot.pelvis, "orientation", kp=100.0)]
+    upper: list[Task] = [FrameTask(hand, kp=100.0) for hand in robot.hands]
+    if robot.torso != robot.pelvis:
+        upper.append(FrameTask(robot.torso, "orientation", kp=100.0))
+    levels = [level for level in (balance, upper) if level]
+    return Stack(
+        contacts=[SurfaceContact(sole) for sole in robot.soles],
+        levels=[*levels, [PostureTask()]],
+    )
+
+
+def _check_type(value: object, kind: type[Task] | type[Contact], what: str) -> None:
+    if not isinstance(value, kind):
+        raise ConfigurationError(f"{what} is of the wrong kind", got=value, wanted=kind.__name__)
+
+
+def _check_unique(names: list[str], what: str) -> None:
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise ConfigurationError(what, got=", ".join(twice))

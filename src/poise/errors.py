@@ -1,0 +1,91 @@
+"""The errors Poise raises: one root, and a class for each thing a caller may want to catch.
+
+Every message says what was given, what was wanted and, where there is a list, the valid choices.
+Nothing here is raised inside the control loop: there a status comes back instead.
+"""
+
+import difflib
+from collections.abc import Iterable
+
+_MAX_CHOICES = 60
+"""More names than this do not help a reader; the nearest ones are shown first."""
+
+_NOTHING = object()
+
+
+class PoiseError(Exception):
+    """Root of all errors that Poise raises on purpose.
+
+    Args:
+        what: what is wrong, as a short sentence without a full stop.
+        got: the offending value, kept as the attribute `got`.
+        wanted: what would have been right.
+        choices: the valid names, nearest to `got` first in the message.
+    """
+
+    def __init__(
+        self,
+        what: str,
+        *,
+        got: object = _NOTHING,
+        wanted: str = "",
+        choices: Iterable[str] | None = None,
+    ) -> None:
+        self.what = what
+        self.got = None if got is _NOTHING else got
+        self.wanted = wanted
+        self.choices = tuple(choices) if choices is not None else ()
+        parts = [what]
+        if got is not _NOTHING:
+            parts.append(f"got {got!r}")
+        if wanted:
+            parts.append(f"wanted {wanted}")
+        if choices is not None:
+            parts.append(f"choices: {_list_choices(str(self.got), self.choices)}")
+        super().__init__("; ".join(parts))
+
+
+class RobotError(PoiseError):
+    """A robot cannot be loaded or described: a missing file, mesh, inertia, limit or frame."""
+
+
+class UnknownNameError(PoiseError):
+    """A robot, frame, joint, task, solver, scenario or other name that does not exist."""
+
+
+class ConfigurationError(PoiseError):
+    """A gain, bound, mask, stack or scenario that cannot be right."""
+
+
+class TargetError(PoiseError):
+    """A task target with the wrong shape, or with NaN or infinity in it."""
+
+
+class ProblemError(PoiseError):
+    """A hierarchical problem that is not one: wrong shapes, NaN coefficients, crossing bounds."""
+
+
+class ScenarioError(ConfigurationError):
+    """A scenario file with an unknown key, a missing key or a value of the wrong kind."""
+
+
+class MissingExtraError(PoiseError):
+    """An optional package is not installed; the message names the command that installs it."""
+
+    def __init__(self, package: str, extra: str, purpose: str) -> None:
+        self.package = package
+        self.extra = extra
+        super().__init__(
+            f"{purpose} needs the package {package!r}, which is not installed; "
+            f'install it with: pip install "poise[{extra}]"'
+        )
+
+
+def _list_choices(got: str, choices: tuple[str, ...]) -> str:
+    if not choices:
+        return "(none)"
+    nearest = difflib.get_close_matches(got, choices, n=5, cutoff=0.5)
+    rest = [c for c in choices if c not in nearest]
+    shown = (nearest + rest)[:_MAX_CHOICES]
+    hidden = len(choices) - len(shown)
+    return ", ".join(shown) + (f" and {hidden} more" if hidden else "")

@@ -1,0 +1,31 @@
+"""Hierarchical QPs: ordered levels of two-sided rows plus a final quadratic cost."""
+
+from poise.hqp.backends import ACCURACY
+from poise.hqp.cascade import CascadeSolver
+from poise.hqp.direct import DirectSolver
+from poise.hqp.explain import Conflict
+from poise.hqp.level import Level
+from poise.hqp.optimality import Certificate, certify_point
+from poise.hqp.problem import HierarchicalProblem, LevelView
+from poise.hqp.solution import Solution, SolveStatus
+from poise.hqp.strategies import STRATEGIES, Solver, make_solver, solve
+from poise.hqp.weighted import WeightedSolver
+
+__all__ = [
+    "ACCURACY",
+    "STRATEGIES",
+    "CascadeSolver",
+    "Certificate",
+    "Conflict",
+    "DirectSolver",
+    "HierarchicalProblem",
+    "Level",
+    "LevelView",
+    "Solution",
+    "SolveStatus",
+    "Solver",
+    "WeightedSolver",
+    "certify_point",
+    "make_solver",
+    "solve",
+]

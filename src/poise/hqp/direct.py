@@ -1,0 +1,168 @@
+"""The `direct` strategy: all rows hard in one warm-started solve; exact resolution if that fails."""
+
+from time import perf_counter
+
+import numpy as np
+from jaxtyping import Float64
+
+from poise.hqp.hard import STATIONARITY_TOLERANCE, HardPoint, HardQP
+from poise.hqp.lexicographic import Resolution, resolve
+from poise.hqp.measure import (
+    FEASIBILITY_TOLERANCE,
+    level_norms,
+    level_scales,
+    row_sizes,
+    row_values,
+    signed_slacks,
+)
+from poise.hqp.problem import HierarchicalProblem
+from poise.hqp.solution import Solution, SolveStatus
+from poise.hqp.status import failure, is_sound
+
+
+class DirectSolver:
+    """Solves with all rows hard, which is exact whenever everything can be met; else level by level.
+
+    The workspace persists: a controller keeps one solver and calls `solve` every tick. Nothing
+    raises on numbers.
+
+    Args:
+        time_limit: cap on a solve [s]; None for none.
+    """
+
+    name = "direct"
+
+    def __init__(self, time_limit: float | None = None) -> None:
+        self.time_limit = time_limit
+        self._hard = HardQP()
+        self._hint: int | None = None
+        self._scratch = _Scratch(0, 0)
+
+    def reset(self) -> None:
+        """Forget the last solution, so that the next solve starts cold."""
+        self._hard.reset()
+        self._hint = None
+
+    def solve(self, problem: HierarchicalProblem) -> Solution:
+        """Solve one problem; the answer owns its arrays.
+
+        Args:
+            problem: of any shape; a new shape sets the workspace up anew.
+        """
+        start = perf_counter()
+        limit = self.time_limit
+        point = self._hard.solve(
+            problem.H, problem.g, problem.A, problem.lower, problem.upper, limit or 0.0
+        )
+        solved = perf_counter()
+        if point is not None:
+            solution = self._accept(problem, point, start, solved)
+            if solution is not None:
+                return solution
+        if not is_sound(problem):
+            return failure(problem, SolveStatus.BAD_PROBLEM, self.name, start)
+        return self._resolve(problem, start, solved)
+
+    def _accept(
+        self, problem: HierarchicalProblem, point: HardPoint, start: float, solved: float
+    ) -> Solution | None:
+        """Check a hard point against the problem's numbers; None if it does not hold."""
+        scratch = self._scratch
+        if scratch.shape != problem.A.shape:
+            scratch = self._scratch = _Scratch(problem.n, problem.m)
+        n, x, multipliers = problem.n, point.x, point.multipliers
+        values, slacks = scratch.values, scratch.slacks
+        values[:n] = x
+        np.dot(problem.A, x, out=values[n:])
+        np.minimum(values, problem.upper, out=scratch.clipped)
+        np.maximum(scratch.clipped, problem.lower, out=scratch.clipped)
+        np.subtract(values, scratch.clipped, out=slacks)
+        # NaN fails both comparisons and is sorted out on the slow path.
+        if (
+            not np.abs(slacks, out=scratch.sizes).max() <= FEASIBILITY_TOLERANCE
+            and not (scratch.sizes <= FEASIBILITY_TOLERANCE * row_sizes(problem, x)).all()
+        ):
+            return None
+        curvature = np.dot(problem.H, x, out=scratch.curvature)
+        pull = np.dot(multipliers[n:], problem.A, out=scratch.pull)
+        size = max(np.abs(curvature).max(), np.abs(pull).max(), np.abs(problem.g).max(), 1.0)
+        curvature += pull
+        curvature += problem.g
+        curvature += multipliers[:n]
+        if not np.abs(curvature, out=curvature).max() <= STATIONARITY_TOLERANCE * size:
+            return None
+        residuals, scales = scratch.norms(problem)
+        end = perf_counter()
+        return Solution(
+            status=SolveStatus.OPTIMAL,
+            x=x,
+            slacks=slacks.copy(),
+            residuals=residuals,
+            relative_residuals=residuals / scales,
+            multipliers=multipliers,
+            strategy="direct",
+            iterations=point.iterations,
+            timings={"hard": solved - start, "check": end - solved, "total": end - start},
+        )
+
+    def _resolve(self, problem: HierarchicalProblem, start: float, solved: float) -> Solution:
+        """Resolve level by level what could not be met at once."""
+        # A point that DAQP got wrong must not start the next tick.
+        self._hard.reset()
+        deadline = np.inf if self.time_limit is None else start + self.time_limit
+        resolution = resolve(problem, deadline, self._hint)
+        self._hint = resolution.conflicts[0] if resolution.conflicts else None
+        return _report(problem, resolution, start, solved)
+
+
+class _Scratch:
+    """Buffers of the hot path, so that it allocates only what it gives away."""
+
+    def __init__(self, n: int, m: int) -> None:
+        self.shape = (m, n)
+        self.values = np.zeros(n + m)
+        self.clipped = np.zeros(n + m)
+        self.slacks = np.zeros(n + m)
+        self.sizes = np.zeros(n + m)
+        self.curvature = np.zeros(n)
+        self.pull = np.zeros(n)
+        self.pair = np.zeros((2, n + m))
+
+    def norms(
+        self, problem: HierarchicalProblem
+    ) -> tuple[Float64[np.ndarray, " p"], Float64[np.ndarray, " p"]]:
+        """Return every level's residual and scale, both from one product."""
+        pair = self.pair
+        pair[0] = self.slacks
+        np.maximum(problem.lower, 0.0, out=pair[1])
+        pair[1] += np.minimum(problem.upper, 0.0)
+        pair *= problem.weights
+        pair *= pair
+        both = np.sqrt(np.dot(pair, problem.membership))
+        return both[0], np.maximum(both[1], 1.0)
+
+
+def _report(
+    problem: HierarchicalProblem, resolution: Resolution, start: float, solved: float
+) -> Solution:
+    if not np.isfinite(resolution.x).all():
+        return failure(problem, SolveStatus.FAILED, "direct", start)
+    slacks = signed_slacks(problem, row_values(problem, resolution.x))
+    residuals = level_norms(problem, slacks)
+    if resolution.complete:
+        status = SolveStatus.OPTIMAL
+    else:
+        status = SolveStatus.TIME_LIMIT if resolution.timed_out else SolveStatus.INACCURATE
+    end = perf_counter()
+    return Solution(
+        status=status,
+        x=resolution.x,
+        slacks=slacks,
+        residuals=residuals,
+        relative_residuals=residuals / level_scales(problem),
+        multipliers=resolution.multipliers,
+        strategy="direct",
+        relaxed=bool(resolution.conflicts),
+        iterations=resolution.iterations,
+        timings={"hard": solved - start, "levels": end - solved, "total": end - start},
+    )

@@ -1,0 +1,118 @@
+"""The `weighted` strategy: one QP in which a higher level is merely dearer, as a last resort.
+
+    min  sum_i ratio^(p - i) |W w_i|^2 + x^T H x / 2 + g^T x      i = 0 .. p - 1
+
+with the first level hard if that has a solution, and soft like the others if not. A lower level
+worsens a higher one by about 1/ratio of its own slack: priorities are kept only approximately.
+"""
+
+from time import perf_counter
+
+import numpy as np
+from jaxtyping import Float64
+
+from poise.errors import ConfigurationError
+from poise.hqp.backends import QP, is_definite, make_backend
+from poise.hqp.measure import (
+    FEASIBILITY_TOLERANCE,
+    level_norms,
+    level_scales,
+    row_values,
+    signed_slacks,
+)
+from poise.hqp.problem import HierarchicalProblem
+from poise.hqp.solution import Solution, SolveStatus
+from poise.hqp.status import failure, is_sound
+
+
+class WeightedSolver:
+    """Solves one QP over x and all slacks.
+
+    Args:
+        backend: a name from `backends.ACCURACY`.
+        ratio: how much dearer the square of a level's slack is than that of the next.
+        time_limit: cap on a solve [s]; None for none.
+
+    Raises:
+        ConfigurationError: a ratio that is not above 1 and finite.
+        UnknownNameError: no such backend.
+        MissingExtraError: the backend is not installed.
+    """
+
+    def __init__(
+        self, backend: str = "daqp", ratio: float = 1e3, time_limit: float | None = None
+    ) -> None:
+        if not 1.0 < ratio < np.inf:
+            raise ConfigurationError("not a ratio of priorities", got=ratio, wanted="1 < ratio")
+        self.backend, self.ratio, self.time_limit = backend, ratio, time_limit
+        self.name = f"weighted/{backend}"
+        self._make = make_backend(backend)
+        self._workspaces = [self._make(), self._make()]
+
+    def reset(self) -> None:
+        """Forget the last solution, so that the next solve starts cold."""
+        self._workspaces = [self._make(), self._make()]
+
+    def solve(self, problem: HierarchicalProblem) -> Solution:
+        """Solve one problem; the answer owns its arrays."""
+        start = perf_counter()
+        if not is_sound(problem):
+            return failure(problem, SolveStatus.BAD_PROBLEM, self.name, start)
+        deadline = np.inf if self.time_limit is None else start + self.time_limit
+        for first_soft in (1, 0):
+            qp = _scalarised(problem, self.ratio, first_soft)
+            point = self._workspaces[first_soft].solve(qp, deadline - perf_counter())
+            if point is not None and np.isfinite(point).all():
+                return self._report(problem, point[: problem.n], start)
+            if perf_counter() > deadline:
+                return failure(problem, SolveStatus.TIME_LIMIT, self.name, start)
+        return failure(problem, SolveStatus.FAILED, self.name, start)
+
+    def _report(
+        self, problem: HierarchicalProblem, x: Float64[np.ndarray, " n"], start: float
+    ) -> Solution:
+        slacks = signed_slacks(problem, row_values(problem, x))
+        residuals = level_norms(problem, slacks)
+        relative = residuals / level_scales(problem)
+        total = perf_counter() - start
+        return Solution(
+            status=SolveStatus.OPTIMAL,
+            x=x.copy(),
+            slacks=slacks,
+            residuals=residuals,
+            relative_residuals=relative,
+            strategy=self.name,
+            relaxed=bool((relative > FEASIBILITY_TOLERANCE).any()),
+            timings={"total": total},
+        )
+
+
+def _scalarised(problem: HierarchicalProblem, ratio: float, first_soft: int) -> QP:
+    """Set up the QP in (x, w), with a slack for each bounded row of the levels that are soft."""
+    bounded = np.isfinite(problem.lower) | np.isfinite(problem.upper)
+    rows = np.flatnonzero(bounded)
+    soft = problem.level_of[rows] >= first_soft
+    n, k, s = problem.n, len(rows), int(soft.sum())
+    A = np.zeros((k, n + s))
+    A[:, :n] = np.vstack([np.eye(n), problem.A])[rows]
+    A[np.flatnonzero(soft), n + np.arange(s)] = -1.0
+    priority = len(problem.levels) - problem.level_of[rows[soft]]
+    P = np.zeros((n + s, n + s))
+    P[:n, :n] = problem.H
+    slack = np.arange(n, n + s)
+    P[slack, slack] = 2.0 * ratio**priority * problem.weights[rows[soft]] ** 2
+    A_pattern = np.zeros(A.shape, dtype=np.bool_)
+    A_pattern[:, :n] = True
+    A_pattern[:, n:] = A[:, n:] != 0.0
+    P_pattern = P != 0.0
+    P_pattern[:n, :n] = True
+    return QP(
+        P=P,
+        q=np.concatenate([problem.g, np.zeros(s)]),
+        A=A,
+        lower=problem.lower[rows],
+        upper=problem.upper[rows],
+        P_pattern=P_pattern,
+        A_pattern=A_pattern,
+        definite=is_definite(problem.H),
+    )

@@ -1,0 +1,1 @@
+"""The plots of the report, a file for each subject; all of them need matplotlib."""

@@ -1,0 +1,255 @@
+"""A robot's URDF or MJCF document, read and brought into the form the rest of Poise relies on.
+
+In that form a floating base has no joint in the document (whoever builds a model adds one to the
+root link), a fixed base hangs on a link called `world`, every URDF hinge has limits, and an MJCF
+document includes no other file.
+"""
+
+import xml.etree.ElementTree as ET
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from poise.errors import RobotError
+
+WORLD = "world"
+_HINGES = ("revolute", "continuous", "prismatic")
+_KINDS = {"robot": "urdf", "mujoco": "mjcf"}
+_PLACEMENT = ("pos", "quat", "axisangle", "xyaxes", "zaxis", "euler")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Document:
+    """A parsed document.
+
+    Attributes:
+        kind: its format.
+        root: its root element; functions of this module change it in place.
+        where: the file or the robot's name, for messages.
+    """
+
+    kind: Literal["urdf", "mjcf"]
+    root: ET.Element
+    where: str
+
+    @property
+    def text(self) -> str:
+        """The document as text."""
+        return ET.tostring(self.root, encoding="unicode")
+
+    def links(self) -> tuple[str, ...]:
+        """Names of the links (URDF) or bodies (MJCF)."""
+        tag = "link" if self.kind == "urdf" else "body"
+        return tuple(e.get("name", "") for e in self.root.iter(tag) if e.get("name"))
+
+    def joints(self) -> tuple[str, ...]:
+        """Names of the joints that move, without a floating base."""
+        if self.kind == "urdf":
+            joints = (j for j in self.root.findall("joint") if j.get("type") in _HINGES)
+        else:
+            bodies = self.root.iter("body")
+            joints = (j for b in bodies for j in b.findall("joint") if j.get("type") != "free")
+        return tuple(j.get("name", "") for j in joints)
+
+
+def parse(text: str, where: str, directory: Path | None = None) -> Document:
+    """Parse URDF or MJCF text.
+
+    Args:
+        text: the document.
+        where: the file or the robot's name, for messages.
+        directory: where the files that an MJCF document includes are looked for.
+
+    Returns:
+        The document.
+
+    Raises:
+        RobotError: the text is no XML, neither URDF nor MJCF, or has no links or a nameless one.
+    """
+    try:
+        root = ET.fromstring(text)
+    except ET.ParseError as error:
+        raise RobotError(f"{where} is not valid XML: {error}") from None
+    kind = _KINDS.get(root.tag)
+    if kind is None:
+        raise RobotError(
+            f"{where} is neither URDF nor MJCF",
+            got=f"<{root.tag}>",
+            wanted="<robot> (URDF) or <mujoco> (MJCF) as the root element",
+        )
+    if kind == "mjcf":
+        _include(root, directory, depth=0)
+    document = Document(kind="urdf" if kind == "urdf" else "mjcf", root=root, where=where)
+    _check_names(document)
+    return document
+
+
+def settle_base(document: Document, base: Literal["floating", "fixed"]) -> str:
+    """Give the document's root the form that Poise relies on.
+
+    Args:
+        document: the document, changed in place.
+        base: whether the root is free or fixed.
+
+    Returns:
+        The root link.
+
+    Raises:
+        RobotError: the document has no single root link, or a joint that contradicts `base`.
+    """
+    if document.kind == "urdf":
+        return _settle_urdf(document, base)
+    return _settle_mjcf(document, base)
+
+
+def write_limits(
+    document: Document,
+    position: Mapping[str, tuple[float, float]],
+    velocity: Mapping[str, float],
+    torque: Mapping[str, float],
+) -> None:
+    """Write limits into a URDF document; a joint that turns without end becomes a hinge.
+
+    A hinge without limits gets limits of zero, which the loader reports later.
+
+    Args:
+        document: a URDF document, changed in place.
+        position: position limits by joint [rad].
+        velocity: velocity limits by joint [rad/s].
+        torque: torque limits by joint [N m].
+    """
+    for joint in document.root.findall("joint"):
+        if joint.get("type") not in _HINGES:
+            continue
+        name = joint.get("name", "")
+        limit = joint.find("limit")
+        if limit is None:
+            limit = ET.SubElement(joint, "limit")
+        if joint.get("type") == "continuous":
+            joint.set("type", "revolute")
+            limit.set("lower", "0")
+            limit.set("upper", "0")
+        if name in position:
+            limit.set("lower", repr(position[name][0]))
+            limit.set("upper", repr(position[name][1]))
+        limit.set("velocity", repr(velocity[name]) if name in velocity else _value(limit, "velocity"))
+        limit.set("effort", repr(torque[name]) if name in torque else _value(limit, "effort"))
+
+
+def _value(limit: ET.Element, key: str) -> str:
+    return limit.get(key, "0")
+
+
+def _settle_urdf(document: Document, base: Literal["floating", "fixed"]) -> str:
+    root = _root_link(document)
+    floating = [j for j in document.root.findall("joint") if j.get("type") == "floating"]
+    if floating and base == "fixed":
+        raise RobotError(
+            f"{document.where} has a floating joint, but its description says base: fixed",
+            got=[j.get("name") for j in floating],
+            wanted="base: floating",
+        )
+    if len(floating) > 1 or (floating and _end(floating[0], "parent") != root):
+        raise RobotError(
+            f"{document.where} has a floating joint that is not its base",
+            got=[j.get("name") for j in floating],
+            wanted="at most one, at the root link",
+        )
+    if floating:
+        document.root.remove(floating[0])
+        for link in document.root.findall("link"):
+            if link.get("name") == root:
+                document.root.remove(link)
+        return _root_link(document)
+    if base == "fixed" and root != WORLD:
+        ET.SubElement(document.root, "link", name=WORLD)
+        joint = ET.SubElement(document.root, "joint", name="world_weld", type="fixed")
+        ET.SubElement(joint, "parent", link=WORLD)
+        ET.SubElement(joint, "child", link=root)
+    return root
+
+
+def _settle_mjcf(document: Document, base: Literal["floating", "fixed"]) -> str:
+    bodies = [b for world in document.root.findall("worldbody") for b in world.findall("body")]
+    if len(bodies) != 1:
+        raise RobotError(
+            f"{document.where} has no single root body",
+            got=[b.get("name") for b in bodies],
+            wanted="one body under <worldbody>",
+        )
+    root = bodies[0]
+    free = [*root.findall("freejoint"), *(j for j in root.findall("joint") if j.get("type") == "free")]
+    if free and base == "fixed":
+        raise RobotError(
+            f"{document.where} has a free joint, but its description says base: fixed",
+            got=root.get("name"),
+            wanted="base: floating",
+        )
+    for joint in free:
+        root.remove(joint)
+    if base == "floating":
+        for key in _PLACEMENT:
+            root.attrib.pop(key, None)
+    # Poses and motors count the free joint that is gone; the plant brings its own.
+    for tag in ("keyframe", "actuator", "sensor"):
+        for element in document.root.findall(tag):
+            document.root.remove(element)
+    return root.get("name", "")
+
+
+def _root_link(document: Document) -> str:
+    children = {_end(j, "child") for j in document.root.findall("joint")}
+    roots = [name for name in document.links() if name not in children]
+    if len(roots) != 1:
+        raise RobotError(f"{document.where} has no single root link", got=roots, wanted="one link")
+    return roots[0]
+
+
+def _end(joint: ET.Element, tag: str) -> str:
+    element = joint.find(tag)
+    return "" if element is None else element.get("link", "")
+
+
+def _check_names(document: Document) -> None:
+    if not document.links():
+        raise RobotError(f"{document.where} has no links", got=f"<{document.root.tag}>")
+    names = document.joints()
+    if "" in names:
+        raise RobotError(f"{document.where} has a joint without a name", wanted="names for all")
+    twice = sorted({n for n in names if names.count(n) > 1})
+    if twice:
+        raise RobotError(f"{document.where} has two joints of one name", got=twice)
+    if document.kind == "urdf":
+        _check_ends(document)
+
+
+def _check_ends(document: Document) -> None:
+    links = document.links()
+    for joint in document.root.findall("joint"):
+        for tag in ("parent", "child"):
+            if _end(joint, tag) not in links:
+                raise RobotError(
+                    f"{document.where}: {tag} of joint {joint.get('name')!r} is no link",
+                    got=_end(joint, tag),
+                    choices=links,
+                )
+
+
+def _include(element: ET.Element, directory: Path | None, depth: int) -> None:
+    """Put the content of included MJCF files in the place of each <include>."""
+    for index, child in reversed(list(enumerate(element))):
+        if child.tag != "include":
+            _include(child, directory, depth)
+            continue
+        path = (directory or Path()) / child.get("file", "")
+        if depth > 10 or not path.is_file():
+            raise RobotError("an included MJCF file cannot be found", got=str(path))
+        try:
+            included = ET.fromstring(path.read_text(encoding="utf-8"))
+        except ET.ParseError as error:
+            raise RobotError(f"{path} is not valid XML: {error}") from None
+        _include(included, directory, depth + 1)
+        element.remove(child)
+        for k, inner in enumerate(included):
+            element.insert(index + k, inner)

@@ -1,0 +1,108 @@
+"""How big and how heavy a parametric humanoid is, and how its joints are shared out."""
+
+from dataclasses import dataclass
+
+from poise.errors import ConfigurationError
+
+LEG_JOINTS = 6
+"""Joints of a leg: hip yaw, roll, pitch, knee, ankle pitch, roll."""
+
+MIN_JOINTS, MAX_JOINTS = 20, 60
+_FULL_ARM = 8
+_FULL_UNCONSTRAINED = 21
+
+
+@dataclass(frozen=True, kw_only=True)
+class Proportions:
+    """Size and mass of a humanoid. Lengths not named here scale with the height.
+
+    Attributes:
+        height: from sole to crown, knees straight [m].
+        mass: total mass [kg].
+        sole_length: length of a foot [m].
+        sole_width: width of a foot [m].
+        hip_offset: from the middle to a hip [m].
+        hip_height: height of the hips over the soles as a share of the height.
+        leg_share: share of the mass in both legs.
+        accent: colour of the covers.
+    """
+
+    height: float
+    mass: float
+    sole_length: float
+    sole_width: float
+    hip_offset: float
+    hip_height: float = 0.494
+    leg_share: float = 0.45
+    accent: str = "accent"
+
+    def __post_init__(self) -> None:
+        for name in ("height", "mass", "sole_length", "sole_width", "hip_offset"):
+            if not getattr(self, name) > 0.0:
+                raise ConfigurationError(
+                    f"humanoid's {name}", got=getattr(self, name), wanted="a positive number"
+                )
+        if self.sole_width >= 2.0 * self.hip_offset:
+            raise ConfigurationError(
+                "the feet of the humanoid overlap",
+                got=self.sole_width,
+                wanted=f"a sole narrower than the hips are apart, {2.0 * self.hip_offset} m",
+            )
+
+    @property
+    def scale(self) -> float:
+        """Size against a person of 1.8 m."""
+        return self.height / 1.8
+
+    @property
+    def strength(self) -> float:
+        """Joint torques against those of a person of 1.8 m and 100 kg."""
+        return self.scale * self.mass / 100.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class JointCount:
+    """How many joints each part of a humanoid has.
+
+    Attributes:
+        arm: joints of one arm.
+        waist: joints between pelvis and torso.
+        head: joints between torso and head.
+    """
+
+    arm: int
+    waist: int
+    head: int
+
+
+def share_joints(total: int) -> JointCount:
+    """Share the joints beyond the legs between arms, waist and head.
+
+    33 joints give arms of 8, a waist of 3 and a head of 2. With fewer, the arms shrink to 4 first
+    and then the waist and the head; with more, all three grow.
+
+    Args:
+        total: joints of the whole robot.
+
+    Returns:
+        The count for each part.
+
+    Raises:
+        ConfigurationError: the total is not from 20 to 60.
+    """
+    if not MIN_JOINTS <= total <= MAX_JOINTS:
+        raise ConfigurationError(
+            "number of joints of a parametric humanoid",
+            got=total,
+            wanted=f"{MIN_JOINTS} to {MAX_JOINTS}",
+        )
+    free = total - 2 * LEG_JOINTS
+    if free <= _FULL_UNCONSTRAINED:
+        arm = max(4, (free - 4) // 2)
+        rest = free - 2 * arm
+        head = rest // 2
+    else:
+        arm = _FULL_ARM + (free - _FULL_UNCONSTRAINED) // 3
+        rest = free - 2 * arm
+        head = 2 + (rest - 5) // 3
+    return JointCount(arm=arm, waist=rest - head, head=head)

@@ -1,0 +1,202 @@
+"""Primitive solids that robots made in code are built from, with exact masses and inertias."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float64
+from scipy.spatial.transform import Rotation
+
+_PARALLEL = 1e-9
+"""Directions closer than this to the z axis need no rotation."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Shape:
+    """One solid of uniform density, fixed to a link.
+
+    Attributes:
+        kind: which solid.
+        size: box: edge lengths; cylinder: radius and length along its z; sphere: radius [m].
+        position: centre in the link [m].
+        rpy: orientation in the link as URDF's roll, pitch, yaw [rad].
+        colour: name of a colour in the palette.
+        solid: whether it also collides.
+    """
+
+    kind: Literal["box", "cylinder", "sphere"]
+    size: tuple[float, ...]
+    position: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    rpy: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    colour: str = "shell"
+    solid: bool = False
+
+    @property
+    def volume(self) -> float:
+        """Volume [m^3]."""
+        if self.kind == "box":
+            return math.prod(self.size)
+        if self.kind == "cylinder":
+            return math.pi * self.size[0] ** 2 * self.size[1]
+        return 4.0 / 3.0 * math.pi * self.size[0] ** 3
+
+    @property
+    def rotation(self) -> Float64[np.ndarray, "3 3"]:
+        """Orientation in the link, link_R_shape."""
+        return Rotation.from_euler("xyz", self.rpy).as_matrix()
+
+    def inertia(self, mass: float) -> Float64[np.ndarray, "3 3"]:
+        """Inertia about the solid's own centre, along the link's axes [kg m^2]."""
+        if self.kind == "box":
+            x, y, z = (edge**2 for edge in self.size)
+            diagonal = np.array([y + z, x + z, x + y]) / 12.0
+        elif self.kind == "cylinder":
+            radius, length = self.size
+            across = (3.0 * radius**2 + length**2) / 12.0
+            diagonal = np.array([across, across, radius**2 / 2.0])
+        else:
+            diagonal = np.full(3, 0.4 * self.size[0] ** 2)
+        return mass * self.rotation @ np.diag(diagonal) @ self.rotation.T
+
+    def extent(self, direction: Float64[np.ndarray, "3"]) -> float:
+        """How far the solid reaches from its centre along a unit vector of the link [m]."""
+        local = self.rotation.T @ direction
+        if self.kind == "box":
+            return float(np.abs(local) @ np.array(self.size)) / 2.0
+        if self.kind == "cylinder":
+            radius, length = self.size
+            return float(radius * math.hypot(local[0], local[1]) + abs(local[2]) * length / 2.0)
+        return self.size[0]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Inertia:
+    """Mass, centre of mass in the link, and inertia about that centre along the link's axes.
+
+    Attributes:
+        mass: mass [kg].
+        com: centre of mass [m].
+        matrix: rotational inertia about `com` [kg m^2].
+    """
+
+    mass: float
+    com: Float64[np.ndarray, "3"]
+    matrix: Float64[np.ndarray, "3 3"]
+
+
+def combined_inertia(shapes: Sequence[Shape], mass: float) -> Inertia:
+    """Inertia of several solids of one density that weigh `mass` together.
+
+    Parallel axis theorem: I = sum of I_i + m_i (|r_i|^2 E - r_i r_i^T), r_i from the common centre.
+
+    Args:
+        shapes: the solids; where they overlap, the mass counts twice.
+        mass: their mass together [kg].
+
+    Returns:
+        The inertia.
+    """
+    volumes = np.array([s.volume for s in shapes])
+    masses = mass * volumes / volumes.sum()
+    centres = np.array([s.position for s in shapes])
+    com = masses @ centres / mass
+    matrix = np.zeros((3, 3))
+    for shape, m, centre in zip(shapes, masses, centres, strict=True):
+        r = centre - com
+        matrix += shape.inertia(float(m)) + m * (r @ r * np.eye(3) - np.outer(r, r))
+    return Inertia(mass=mass, com=com, matrix=(matrix + matrix.T) / 2.0)
+
+
+def box(
+    size: tuple[float, float, float],
+    at: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    *,
+    rpy: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    colour: str = "shell",
+    solid: bool = False,
+) -> Shape:
+    """A box of the given edge lengths [m] around `at` [m]."""
+    return Shape(kind="box", size=size, position=at, rpy=rpy, colour=colour, solid=solid)
+
+
+def sphere(
+    radius: float, at: tuple[float, float, float] = (0.0, 0.0, 0.0), *, colour: str = "shell"
+) -> Shape:
+    """A sphere of the given radius [m] around `at` [m]."""
+    return Shape(kind="sphere", size=(radius,), position=at, colour=colour)
+
+
+def rod(
+    start: Sequence[float], end: Sequence[float], radius: float, *, colour: str = "shell"
+) -> Shape:
+    """A cylinder of the given radius [m] between two points [m]."""
+    a, b = np.array(start, dtype=np.float64), np.array(end, dtype=np.float64)
+    length = float(np.linalg.norm(b - a))
+    x, y, z = (b - a) / length
+    # Tilt z by `pitch` about y, then turn about z: URDF's order of angles.
+    pitch = math.acos(max(-1.0, min(1.0, float(z))))
+    yaw = math.atan2(y, x) if math.hypot(x, y) > _PARALLEL else 0.0
+    centre = (a + b) / 2.0
+    return Shape(
+        kind="cylinder",
+        size=(radius, length),
+        position=(float(centre[0]), float(centre[1]), float(centre[2])),
+        rpy=(0.0, pitch, yaw),
+        colour=colour,
+    )
+
+
+def capsule(
+    start: Sequence[float], end: Sequence[float], radius: float, *, colour: str = "shell"
+) -> tuple[Shape, ...]:
+    """A cylinder between two points with a ball at each end [m]."""
+    a, b = ((float(p[0]), float(p[1]), float(p[2])) for p in (start, end))
+    return (
+        rod(a, b, radius, colour=colour),
+        sphere(radius, a, colour=colour),
+        sphere(radius, b, colour=colour),
+    )
+
+
+def drum(
+    axis: Literal["x", "y", "z"],
+    radius: float,
+    length: float,
+    at: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    *,
+    colour: str = "joint",
+) -> Shape:
+    """A cylinder around a joint axis of the link, as the housing of a motor looks [m]."""
+    half = np.zeros(3)
+    half["xyz".index(axis)] = length / 2.0
+    centre = np.array(at)
+    return rod(list(centre - half), list(centre + half), radius, colour=colour)
+
+
+def slab(
+    size: tuple[float, float, float],
+    at: tuple[float, float, float],
+    radius: float,
+    *,
+    colour: str = "shell",
+) -> tuple[Shape, ...]:
+    """A box whose four upright edges are rounded: two crossed boxes and four upright rods [m]."""
+    x, y, z = size
+    rods = tuple(
+        drum(
+            "z",
+            radius,
+            z,
+            (at[0] + sx * (x / 2 - radius), at[1] + sy * (y / 2 - radius), at[2]),
+            colour=colour,
+        )
+        for sx in (1.0, -1.0)
+        for sy in (1.0, -1.0)
+    )
+    return (
+        box((x - 2 * radius, y, z), at, colour=colour),
+        box((x, y - 2 * radius, z), at, colour=colour),
+        *rods,
+    )

@@ -1,0 +1,162 @@
+"""`Robot`: what a robot is, apart from what it is doing. Immutable."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import pinocchio as pin
+from jaxtyping import Float64
+
+from poise.errors import UnknownNameError
+
+
+@dataclass(frozen=True, kw_only=True)
+class ModelSource:
+    """The text a robot was built from, so that a simulator can build its own, independent model.
+
+    Attributes:
+        kind: the format of `text`.
+        text: the whole URDF or MJCF document.
+        directory: where relative mesh paths start, None for a robot made in code.
+        package_dirs: folders in which `package://name/...` is looked up.
+        locked_joints: joints of the document that are welded at zero in the robot.
+    """
+
+    kind: Literal["urdf", "mjcf"]
+    text: str = field(repr=False)
+    directory: Path | None = None
+    package_dirs: tuple[Path, ...] = ()
+    locked_joints: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class FrameRole:
+    """A frame that has a part to play (a sole, a hand, the pelvis), fixed to a link.
+
+    Attributes:
+        name: the role's name, such as "left_sole"; tasks and contacts use it.
+        link: the link of the document that carries the frame.
+        position: origin of the frame in the link [m].
+        rotation: orientation of the frame in the link, link_R_frame.
+    """
+
+    name: str
+    link: str
+    position: Float64[np.ndarray, "3"]
+    rotation: Float64[np.ndarray, "3 3"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sole:
+    """A rectangular foot sole: its frame lies at the sole's centre, x forward, z up.
+
+    Attributes:
+        name: the frame role it belongs to.
+        length: along the frame's x [m].
+        width: along the frame's y [m].
+    """
+
+    name: str
+    length: float
+    width: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Robot:
+    """A robot: Pinocchio model, actuated joints, limits, frames with a part to play, home posture.
+
+    Joints are in the order of Pinocchio's velocity vector. Arrays are read-only, and the Pinocchio
+    model is shared: never change it.
+
+    Attributes:
+        name: name in the catalog, or the file's stem.
+        model: Pinocchio model; its `armature` holds the reflected rotor inertias [kg m^2].
+        floating_base: whether the first six velocities are an unactuated base.
+        joint_names: the actuated joints.
+        q_min: lower joint position limits [rad].
+        q_max: upper joint position limits [rad].
+        v_max: joint velocity limits [rad/s].
+        tau_max: joint torque limits [N m].
+        soles: soles by name, left first.
+        hands: names of the hand frames, left first.
+        pelvis: name of the pelvis frame.
+        torso: name of the torso frame.
+        roles: all frames with a part to play, by name.
+        q_home: home configuration, soles on the ground z = 0 [m, rad].
+        licence: SPDX identifier or short text of the model's licence.
+        source: the document the model was built from.
+    """
+
+    name: str
+    model: pin.Model = field(repr=False)
+    floating_base: bool
+    joint_names: tuple[str, ...]
+    q_min: Float64[np.ndarray, "nj"] = field(repr=False)
+    q_max: Float64[np.ndarray, "nj"] = field(repr=False)
+    v_max: Float64[np.ndarray, "nj"] = field(repr=False)
+    tau_max: Float64[np.ndarray, "nj"] = field(repr=False)
+    soles: Mapping[str, Sole]
+    hands: tuple[str, ...]
+    pelvis: str
+    torso: str
+    roles: Mapping[str, FrameRole] = field(repr=False)
+    q_home: Float64[np.ndarray, "nq"] = field(repr=False)
+    licence: str
+    source: ModelSource = field(repr=False)
+
+    @property
+    def nq(self) -> int:
+        """Length of the configuration vector."""
+        return self.model.nq
+
+    @property
+    def nv(self) -> int:
+        """Length of the velocity vector."""
+        return self.model.nv
+
+    @property
+    def nj(self) -> int:
+        """Number of actuated joints."""
+        return len(self.joint_names)
+
+    @property
+    def base_dofs(self) -> int:
+        """Six for a floating base, zero for a fixed one: where the joints start in `v`."""
+        return 6 if self.floating_base else 0
+
+    @property
+    def mass(self) -> float:
+        """Total mass [kg]."""
+        return float(pin.computeTotalMass(self.model))
+
+    def frame_id(self, name: str) -> int:
+        """Pinocchio's index of a frame, by role or by the document's own link or frame name.
+
+        Raises:
+            UnknownNameError: no such frame; the message lists those that exist.
+        """
+        if self.model.existFrame(name):
+            return int(self.model.getFrameId(name))
+        raise UnknownNameError(
+            f"unknown frame of robot {self.name!r}", got=name, choices=self.frame_names()
+        )
+
+    def frame_names(self) -> tuple[str, ...]:
+        """All frames that tasks and contacts may name, those with a part to play first."""
+        others = (f.name for f in self.model.frames if f.name not in self.roles)
+        return (*self.roles, *(n for n in others if n != "universe"))
+
+    def joint_index(self, name: str) -> int:
+        """Index of an actuated joint in `joint_names`.
+
+        Raises:
+            UnknownNameError: no such joint; the message lists those that exist.
+        """
+        try:
+            return self.joint_names.index(name)
+        except ValueError:
+            raise UnknownNameError(
+                f"unknown joint of robot {self.name!r}", got=name, choices=self.joint_names
+            ) from None

@@ -1,0 +1,46 @@
+"""Axis masks: which components of a task count, written as short words."""
+
+from collections.abc import Mapping
+
+import numpy as np
+from jaxtyping import Int64
+
+from poise.errors import ConfigurationError
+
+_LETTERS = {"x": 0, "y": 1, "z": 2}
+
+
+def parse_axes(axes: str, groups: Mapping[str, int]) -> Int64[np.ndarray, "m"]:
+    """Turns an axis mask into row indices.
+
+    A mask is a group ("position"), a group with letters ("orientation_xy"), or several of these
+    joined by "+" ("position_z+orientation"). Where there is one group its name may be left out
+    ("xy").
+
+    Args:
+        axes: the mask.
+        groups: first row of each group of three axes.
+
+    Returns:
+        Row indices, ascending.
+
+    Raises:
+        ConfigurationError: the mask cannot be read, or names an axis twice.
+    """
+    rows: list[int] = []
+    for term in axes.split("+"):
+        group, separator, letters = term.strip().partition("_")
+        if not separator and group not in groups and len(groups) == 1:
+            group, letters = next(iter(groups)), group
+        letters = letters or ("xyz" if not separator else "")
+        if group not in groups or not letters or any(c not in _LETTERS for c in letters):
+            raise ConfigurationError(
+                "unknown axis mask",
+                got=axes,
+                wanted='a group, a group with letters such as "_xy", or several joined by "+"',
+                choices=groups,
+            )
+        rows.extend(groups[group] + _LETTERS[c] for c in letters)
+    if len(set(rows)) != len(rows):
+        raise ConfigurationError("axis named twice in an axis mask", got=axes)
+    return np.array(sorted(rows), dtype=np.int64)

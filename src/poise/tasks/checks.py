@@ -1,0 +1,72 @@
+"""Checks on what a user passes to tasks: gains, weights and targets."""
+
+import numpy as np
+from jaxtyping import Float64
+from numpy.typing import ArrayLike
+
+from poise.errors import ConfigurationError, TargetError
+
+_ORTHOGONALITY_TOLERANCE = 1e-6
+"""How far R^T R may be from the identity before R was hardly meant to be a rotation."""
+
+
+def checked_gain(value: ArrayLike, dim: int, what: str) -> Float64[np.ndarray, "m"]:
+    """A gain or weight per axis, from a scalar or a vector.
+
+    Raises:
+        ConfigurationError: wrong length, not a number, negative or not finite.
+    """
+    array = _as_array(value, what, ConfigurationError)
+    if array.shape not in ((), (dim,)):
+        raise ConfigurationError(
+            f"{what} has the wrong shape", got=array.shape, wanted=f"a number or {dim} numbers"
+        )
+    if not np.all(np.isfinite(array)) or np.any(array < 0.0):
+        raise ConfigurationError(
+            f"{what} must not be negative or infinite", got=value, wanted="finite numbers >= 0"
+        )
+    return np.ascontiguousarray(np.broadcast_to(array, (dim,)), dtype=np.float64)
+
+
+def checked_target(value: ArrayLike, dim: int, what: str) -> Float64[np.ndarray, "m"]:
+    """A target vector of known length, copied.
+
+    Raises:
+        TargetError: wrong shape, not numbers, NaN or infinite.
+    """
+    array = _as_array(value, what, TargetError)
+    if array.shape != (dim,):
+        raise TargetError(f"{what} has the wrong shape", got=array.shape, wanted=f"({dim},)")
+    if not np.all(np.isfinite(array)):
+        raise TargetError(f"{what} holds NaN or infinity", got=value, wanted="finite numbers")
+    return array
+
+
+def checked_rotation(value: ArrayLike, what: str) -> Float64[np.ndarray, "3 3"]:
+    """A rotation matrix, copied.
+
+    Raises:
+        TargetError: wrong shape, NaN, or not orthogonal with determinant one.
+    """
+    array = _as_array(value, what, TargetError)
+    if array.shape != (3, 3):
+        raise TargetError(f"{what} has the wrong shape", got=array.shape, wanted="(3, 3)")
+    if not np.all(np.isfinite(array)):
+        raise TargetError(f"{what} holds NaN or infinity", got=value, wanted="finite numbers")
+    if (
+        np.abs(array.T @ array - np.eye(3)).max() > _ORTHOGONALITY_TOLERANCE
+        or np.linalg.det(array) < 0.0
+    ):
+        raise TargetError(
+            f"{what} is not a rotation", got=array.tolist(), wanted="R^T R = I and det R = 1"
+        )
+    return array
+
+
+def _as_array(
+    value: ArrayLike, what: str, error: type[ConfigurationError] | type[TargetError]
+) -> Float64[np.ndarray, "..."]:
+    try:
+        return np.array(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise error(f"{what} is not made of numbers", got=value, wanted="numbers") from None

@@ -1,0 +1,69 @@
+"""`ComTask`: the centre of mass."""
+
+import numpy as np
+from jaxtyping import Float64
+from numpy.typing import ArrayLike
+
+from poise.dynamics.dynamics import Dynamics
+from poise.robots.robot import Robot
+from poise.tasks.axes import parse_axes
+from poise.tasks.task import Task
+from poise.tasks.vector_target import VectorTarget
+
+
+class ComTask(Task):
+    """The centre of mass follows a target in the world: J_com dv + drift = reference.
+
+    Args:
+        axes: which world axes count: "position", "xy", "z", ...
+        kp: stiffness [1/s^2].
+        kd: damping [1/s]; critical when None.
+        weight: weight of its rows in their level.
+        name: what reports call it.
+    """
+
+    def __init__(
+        self,
+        axes: str = "position",
+        *,
+        kp: ArrayLike = 40.0,
+        kd: ArrayLike | None = None,
+        weight: ArrayLike = 1.0,
+        name: str = "com",
+    ) -> None:
+        super().__init__(name, kp=kp, kd=kd, weight=weight)
+        self._rows = parse_axes(axes, {"position": 0})
+        self._target = VectorTarget(3, f"task {name!r}")
+
+    def set_target(
+        self,
+        position: ArrayLike,
+        velocity: ArrayLike | None = None,
+        acceleration: ArrayLike | None = None,
+    ) -> None:
+        """Sets where the COM should be.
+
+        Args:
+            position: in the world [m].
+            velocity: [m/s], zero when None.
+            acceleration: [m/s^2], zero when None.
+
+        Raises:
+            TargetError: wrong shape, NaN or infinite.
+        """
+        self._target.set(position, velocity, acceleration)
+
+    def reset(self) -> None:
+        """Forgets a target that was taken from the robot."""
+        self._target.release_hold()
+
+    def _resolve(self, robot: Robot) -> int:
+        return len(self._rows)
+
+    def _evaluate(self, dynamics: Dynamics) -> Float64[np.ndarray, "m"]:
+        rows, target = self._rows, self._target
+        self.jacobian = dynamics.com_jacobian[rows]
+        self.drift = dynamics.com_bias[rows]
+        self.error = target.error(dynamics.com)[rows]
+        self.error_rate = (target.velocity - dynamics.com_velocity)[rows]
+        return target.acceleration[rows]

@@ -1,0 +1,106 @@
+"""`FrameTask`: position and orientation of a frame in the world."""
+
+import numpy as np
+from jaxtyping import Float64
+from numpy.typing import ArrayLike
+
+from poise.dynamics.dynamics import Dynamics
+from poise.dynamics.rotations import rotation_vector
+from poise.robots.robot import Robot
+from poise.tasks.axes import parse_axes
+from poise.tasks.checks import checked_rotation
+from poise.tasks.task import Task
+from poise.tasks.vector_target import VectorTarget
+
+
+class FrameTask(Task):
+    """A frame follows a target pose in the world.
+
+    Rows are world axes, position first: J dv + drift = reference with the `LOCAL_WORLD_ALIGNED`
+    Jacobian and classical drift. The orientation error is the rotation vector
+    (ln target_R actual_R^T)^vee, right at zero and at pi.
+
+    Args:
+        frame: a role such as "left_hand", or a link or frame of the robot's document.
+        axes: "pose", "position", "orientation", with letters "position_z", or joined by "+".
+        kp: stiffness, one number or one a row [1/s^2].
+        kd: damping [1/s]; critical when None.
+        weight: weight of its rows in their level.
+        name: what reports call it; the frame and the axes when None.
+    """
+
+    def __init__(
+        self,
+        frame: str,
+        axes: str = "pose",
+        *,
+        kp: ArrayLike = 100.0,
+        kd: ArrayLike | None = None,
+        weight: ArrayLike = 1.0,
+        name: str | None = None,
+    ) -> None:
+        super().__init__(name or f"{frame} {axes}", kp=kp, kd=kd, weight=weight)
+        self.frame = frame
+        mask = "position+orientation" if axes == "pose" else axes
+        self._rows = parse_axes(mask, {"position": 0, "orientation": 3})
+        self._turns = bool(self._rows[-1] >= 3)
+        self.unit = ("m, rad" if self._rows[0] < 3 else "rad") if self._turns else "m"
+        self._target = VectorTarget(3, f"task {self.name!r}")
+        self._orientation: Float64[np.ndarray, "3 3"] | None = None
+        self._orientation_held = False
+        self._rates = np.zeros(12)
+        self._error = np.zeros(6)
+        self._frame_id = -1
+
+    def set_target(
+        self,
+        position: ArrayLike | None = None,
+        rotation: ArrayLike | None = None,
+        velocity: ArrayLike | None = None,
+        acceleration: ArrayLike | None = None,
+    ) -> None:
+        """Sets where the frame should be; what is not given stays as it is.
+
+        Args:
+            position: in the world [m].
+            rotation: world_R_frame.
+            velocity: linear then angular, in the world [m/s, rad/s]; zero when None.
+            acceleration: likewise [m/s^2, rad/s^2]; zero when None.
+
+        Raises:
+            TargetError: wrong shape, NaN, or not a rotation.
+        """
+        rates = VectorTarget(6, f"task {self.name!r}")
+        rates.set(np.zeros(6), velocity, acceleration)
+        orientation = None
+        if rotation is not None:
+            orientation = checked_rotation(rotation, f"target rotation of task {self.name!r}")
+        if position is not None:
+            self._target.set(position)
+        if orientation is not None:
+            self._orientation = orientation
+            self._orientation_held = False
+        self._rates = np.concatenate((rates.velocity, rates.acceleration))
+
+    def reset(self) -> None:
+        """Forgets a target that was taken from the robot."""
+        self._target.release_hold()
+        if self._orientation_held:
+            self._orientation, self._orientation_held = None, False
+
+    def _resolve(self, robot: Robot) -> int:
+        self._frame_id = robot.frame_id(self.frame)
+        return len(self._rows)
+
+    def _evaluate(self, dynamics: Dynamics) -> Float64[np.ndarray, "m"]:
+        frame, rows, error = dynamics.frame(self._frame_id), self._rows, self._error
+        error[:3] = self._target.error(frame.position)
+        if self._turns:
+            if self._orientation is None:
+                self._orientation, self._orientation_held = frame.rotation, True
+            error[3:] = rotation_vector(self._orientation, frame.rotation)
+        self.jacobian = frame.jacobian[rows]
+        self.drift = frame.bias[rows]
+        self.error = error[rows]
+        self.error_rate = (self._rates[:6] - frame.velocity)[rows]
+        return self._rates[6:][rows]

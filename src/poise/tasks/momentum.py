@@ -1,0 +1,63 @@
+"""`MomentumTask`: centroidal angular momentum."""
+
+import numpy as np
+from jaxtyping import Float64
+from numpy.typing import ArrayLike
+
+from poise.dynamics.dynamics import Dynamics
+from poise.robots.robot import Robot
+from poise.tasks.axes import parse_axes
+from poise.tasks.task import Task
+from poise.tasks.vector_target import VectorTarget
+
+
+class MomentumTask(Task):
+    """The angular momentum about the COM follows a target: A_G dv + A_Gdot v = Ldot_ref.
+
+    Momentum has no position to hold, so feedback is on the momentum alone:
+    Ldot_ref = target rate + kd (target - actual). Its gain is `kd`; the momentum error stands in
+    `error`, and `error_rate` stays zero.
+
+    Args:
+        axes: "angular", "angular_xy", "z", ... about the world's axes.
+        kd: gain of the momentum error [1/s].
+        weight: weight of its rows in their level.
+        name: what reports call it.
+    """
+
+    def __init__(
+        self,
+        axes: str = "angular",
+        *,
+        kd: ArrayLike = 5.0,
+        weight: ArrayLike = 1.0,
+        name: str = "angular momentum",
+    ) -> None:
+        # `error` is the momentum itself, so its gain sits where other tasks have kp.
+        super().__init__(name, kp=kd, kd=0.0, weight=weight)
+        self.unit = "kg m^2/s"
+        self._rows = parse_axes(axes, {"angular": 0})
+        self._target = VectorTarget(3, f"task {name!r}")
+        self._target.set(np.zeros(3))
+
+    def set_target(self, momentum: ArrayLike, rate: ArrayLike | None = None) -> None:
+        """Sets the wanted angular momentum about the COM.
+
+        Args:
+            momentum: along the world's axes [kg m^2/s].
+            rate: its rate [N m], zero when None.
+
+        Raises:
+            TargetError: wrong shape, NaN or infinite.
+        """
+        self._target.set(momentum, rate)
+
+    def _resolve(self, robot: Robot) -> int:
+        return len(self._rows)
+
+    def _evaluate(self, dynamics: Dynamics) -> Float64[np.ndarray, "m"]:
+        rows = self._rows
+        self.jacobian = dynamics.momentum_matrix[3:][rows]
+        self.drift = dynamics.momentum_bias[3:][rows]
+        self.error = self._target.error(dynamics.momentum[3:])[rows]
+        return self._target.velocity[rows]

@@ -1,0 +1,32 @@
+"""Random hierarchies: direct and cascade against each other and against the optimality conditions."""
+
+import numpy as np
+import pytest
+
+from poise.hqp import CascadeSolver, DirectSolver, certify_point
+from poise.hqp.measure import level_scales
+
+from .random_problems import random_problem
+
+BATCH = 250
+AGREEMENT = 1e-6  # of level residuals, relative to the level's scale
+OPTIMALITY = 1e-6  # of forces that do not balance, relative to those that should
+
+
+@pytest.mark.parametrize("first", range(0, 2000, BATCH))
+@pytest.mark.parametrize("feasible", [True, False], ids=["feasible", "degenerate"])
+def test_direct_and_cascade_agree_and_are_optimal(feasible, first):
+    direct, cascade = DirectSolver(), CascadeSolver("daqp")
+    failures = []
+    for seed in range(first, first + BATCH):
+        problem = random_problem(seed, feasible=feasible)
+        a, b = direct.solve(problem), cascade.solve(problem)
+        assert np.isfinite(np.concatenate([a.x, a.slacks, b.x, b.slacks])).all()
+        gap = np.abs(a.residuals - b.residuals) / level_scales(problem)
+        errors = [certify_point(problem, solution.x).worst for solution in (a, b)]
+        good = a.ok and b.ok and gap.max() <= AGREEMENT and max(errors) <= OPTIMALITY
+        if feasible:
+            good &= not a.relaxed and a.relative_residuals.max() <= 1e-8
+        if not good:
+            failures.append((seed, a.status, b.status, float(gap.max()), errors))
+    assert not failures, f"random_problem(seed, feasible={feasible}): {failures}"

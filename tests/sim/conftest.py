@@ -1,0 +1,14 @@
+import sys
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("mujoco")
+sys.path.insert(0, str(Path(__file__).parent))
+
+
+@pytest.fixture(scope="session")
+def biped():
+    from small_biped import small_biped
+
+    return small_biped()

@@ -1,0 +1,410 @@
+import mujoco
+import numpy as np
+import pinocchio as pin
+import pytest
+from small_biped import MASS, SOLE_LENGTH, SOLE_WIDTH, torque, velocity
+
+from poise.sim import Block, LinkError, Payload, Plant, PlantConfig, SensorConfig
+
+G = 9.81
+
+
+def airborne(robot):
+    q = robot.q_home.copy()
+    q[2] += 3.0
+    return q
+
+
+def standing(robot, seconds=1.0, **config):
+    plant = Plant(robot, PlantConfig(actuation="position", **config))
+    while plant.time < seconds:
+        plant.step(None)
+    return plant
+
+
+def momentum(plant):
+    """Linear momentum in the world [N s], by Pinocchio from the plant's state."""
+    robot, state = plant.robot, plant.true_state()
+    data = robot.model.createData()
+    return pin.computeCentroidalMomentum(robot.model, data, state.q, state.v).linear.copy()
+
+
+def energy(plant):
+    mujoco.mj_energyPos(plant.model, plant.data)
+    mujoco.mj_energyVel(plant.model, plant.data)
+    return float(plant.data.energy.sum())
+
+
+def test_free_fall_follows_gravity(biped):
+    plant = Plant(biped)
+    plant.reset(airborne(biped))
+    start = plant.com
+    while plant.time < 0.5:
+        plant.step(torque(np.zeros(biped.nj)))
+    mujoco.mj_forward(plant.model, plant.data)
+    # Semi-implicit Euler falls g t (t + dt) / 2.
+    np.testing.assert_allclose(start[2] - plant.com[2], 0.5 * G * 0.5 * 0.501, rtol=1e-6)
+    np.testing.assert_allclose(plant.com[:2], start[:2], rtol=0, atol=1e-9)
+
+
+def test_flight_without_torque_keeps_momentum_and_nearly_energy(biped):
+    plant = Plant(biped, PlantConfig(physics_dt=1e-4, contact_time_constant=5e-3))
+    rng = np.random.default_rng(3)
+    plant.reset(airborne(biped), rng.uniform(-0.5, 0.5, biped.nv))
+    p0, e0 = momentum(plant), energy(plant)
+    while plant.time < 0.3:
+        plant.step(torque(np.zeros(biped.nj)))
+    mujoco.mj_forward(plant.model, plant.data)
+    np.testing.assert_allclose(
+        momentum(plant) - p0, [0.0, 0.0, -MASS * G * 0.3], rtol=0, atol=2e-3 * MASS * G * 0.3
+    )
+    scale = MASS * G * 0.45
+    assert abs(energy(plant) - e0) < 2e-3 * scale
+
+
+def test_the_plant_weighs_what_the_document_says(biped):
+    assert Plant(biped).mass == pytest.approx(MASS, abs=1e-9)
+
+
+def test_a_stiff_servo_stands_for_a_second(biped):
+    plant = standing(biped)
+    assert not plant.fallen
+    assert not plant.diverged
+    assert plant.contacts() == {"left_sole": True, "right_sole": True}
+    assert np.abs(plant.state().v).max() < 0.02
+    total = sum(w[2] for w in plant.sole_wrenches().values())
+    assert total == pytest.approx(MASS * G, rel=0.01)
+
+
+def test_contact_points_are_the_corners_of_the_sole_on_the_ground(biped):
+    plant = standing(biped, 2.0)
+    points = np.array([c.pos for c in plant.data.contact])
+    assert len(points) == 8
+    for name in biped.soles:
+        center = plant.data.site(name).xpos
+        world_R_sole = plant.data.site(name).xmat.reshape(3, 3)
+        near = points[np.linalg.norm(points - center, axis=1) < 0.15]
+        corners = (near - center) @ world_R_sole
+        np.testing.assert_allclose(np.abs(corners[:, 0]), SOLE_LENGTH / 2, rtol=0, atol=1e-3)
+        np.testing.assert_allclose(np.abs(corners[:, 1]), SOLE_WIDTH / 2, rtol=0, atol=1e-3)
+        np.testing.assert_allclose(corners[:, 2], 0.0, rtol=0, atol=2e-4)
+    np.testing.assert_allclose(points[:, 2], 0.0, rtol=0, atol=2e-4)
+
+
+def test_zmp_at_rest_is_the_projection_of_the_centre_of_mass(biped):
+    plant = standing(biped, 7.0)
+    assert np.abs(plant.state().v).max() < 1e-5
+    np.testing.assert_allclose(plant.zmp(), plant.com[:2], rtol=0, atol=5e-6)
+
+
+def test_zmp_of_known_contact_forces_is_their_centre(biped):
+    plant = standing(biped)
+    force, moment = np.zeros(3), np.zeros(3)
+    for i, contact in enumerate(plant.data.contact):
+        local = np.zeros(6)
+        mujoco.mj_contactForce(plant.model, plant.data, i, local)
+        # The force is on the second body of the pair; the ground may be either.
+        sign = 1.0 if plant.model.geom_bodyid[contact.geom[1]] != 0 else -1.0
+        f = sign * contact.frame.reshape(3, 3).T @ local[:3]
+        force += f
+        moment += np.cross(contact.pos, f)
+    expected = np.array([-moment[1], moment[0]]) / force[2]
+    np.testing.assert_allclose(plant.zmp(), expected, rtol=0, atol=1e-9)
+
+
+def test_sole_wrenches_are_the_sum_of_contact_forces_in_the_soles_frame(biped):
+    plant = Plant(biped, PlantConfig(actuation="position", floor_slope=(0.05, 0.1)))
+    while plant.time < 0.4:
+        plant.step(None)
+    for name in biped.soles:
+        body = plant.model.body(biped.roles[name].link).id
+        site = plant.data.site(name)
+        wrench = np.zeros(6)
+        for i, contact in enumerate(plant.data.contact):
+            if body not in plant.model.geom_bodyid[contact.geom]:
+                continue
+            local = np.zeros(6)
+            mujoco.mj_contactForce(plant.model, plant.data, i, local)
+            sign = 1.0 if plant.model.geom_bodyid[contact.geom[1]] == body else -1.0
+            f = sign * contact.frame.reshape(3, 3).T @ local[:3]
+            wrench += np.r_[f, np.cross(contact.pos - site.xpos, f)]
+        world_R_sole = site.xmat.reshape(3, 3)
+        expected = np.r_[world_R_sole.T @ wrench[:3], world_R_sole.T @ wrench[3:]]
+        np.testing.assert_allclose(plant.sole_wrenches()[name], expected, rtol=0, atol=1e-8)
+        np.testing.assert_array_equal(plant.state().contacts[name], plant.sole_wrenches()[name])
+
+
+def test_zmp_in_the_air_is_not_a_number(biped):
+    plant = Plant(biped)
+    plant.reset(airborne(biped))
+    plant.step(None)
+    assert np.isnan(plant.zmp()).all()
+    assert plant.contacts() == {"left_sole": False, "right_sole": False}
+
+
+@pytest.mark.parametrize("duration", [0.1, 0.0503])
+@pytest.mark.parametrize("body", ["chest", "torso"])
+def test_a_push_changes_momentum_by_force_times_duration(biped, body, duration):
+    force = (40.0, -25.0, 10.0)
+    plant = Plant(biped)
+    plant.reset(airborne(biped))
+    plant.push(body, force, duration, start=0.02)
+    while plant.time < 0.2:
+        plant.step(None)
+    gained = momentum(plant) + np.array([0.0, 0.0, MASS * G * plant.time])
+    np.testing.assert_allclose(gained, np.array(force) * duration, rtol=2e-3, atol=0.02)
+
+
+def test_a_push_on_a_link_acts_at_its_centre_of_mass_and_on_a_frame_at_its_origin(biped):
+    for body, point in (("chest", "com"), ("left_hand", "frame")):
+        plant = Plant(biped)
+        plant.reset(airborne(biped))
+        plant.push(body, (30.0, 0.0, 0.0), 1.0)
+        plant.step(None)
+        link = plant.model.body("chest" if point == "com" else "tip").id
+        where = plant.data.xipos[link] if point == "com" else plant.data.site(body).xpos
+        expected = np.zeros(plant.model.nv)
+        mujoco.mj_applyFT(
+            plant.model, plant.data, np.array([30.0, 0, 0]), np.zeros(3), where, link, expected
+        )
+        np.testing.assert_allclose(plant.data.qfrc_applied, expected, rtol=0, atol=1e-6)
+
+
+def test_reset_forgets_pushes_and_starts_again_exactly(biped):
+    plant = Plant(biped, PlantConfig(actuation="position"))
+    first = [plant.reset().q]
+    for _ in range(50):
+        plant.step(None)
+        first.append(plant.state().q)
+    plant.push("torso", (500.0, 0.0, 0.0), 0.2)
+    for _ in range(50):
+        plant.step(None)
+    again = [plant.reset().q]
+    for _ in range(50):
+        plant.step(None)
+        again.append(plant.state().q)
+    assert plant.time == pytest.approx(0.05)
+    np.testing.assert_array_equal(first, again)
+
+
+def test_torque_saturates_at_the_robots_limit(biped):
+    plant = Plant(biped)
+    plant.reset(airborne(biped))
+    wanted = np.zeros(biped.nj)
+    wanted[[0, 3]] = 1e4, -1e4
+    wanted[5] = 10.0
+    plant.step(torque(wanted))
+    np.testing.assert_array_equal(
+        plant.applied_torque, np.clip(wanted, -biped.tau_max, biped.tau_max)
+    )
+    np.testing.assert_array_equal(np.flatnonzero(plant.saturated), [0, 3])
+
+
+def test_each_torque_moves_its_own_joint(biped):
+    # In the air and from rest, a motor's torque enters the equation of its own joint alone.
+    plant = Plant(biped)
+    for i, name in enumerate(biped.joint_names):
+        plant.reset(airborne(biped))
+        plant.step(torque(np.eye(biped.nj)[i]))
+        dof = plant.model.joint(name).dofadr[0]
+        np.testing.assert_array_equal(plant.data.qfrc_actuator, np.eye(plant.model.nv)[dof])
+
+
+def test_velocity_actuation_follows_a_velocity(biped):
+    plant = Plant(biped, PlantConfig(actuation="velocity"))
+    plant.reset(airborne(biped))
+    waist = biped.joint_index("waist")
+    wanted = np.zeros(biped.nj)
+    wanted[waist] = 0.5
+    start = plant.state().q[7 + waist]
+    while plant.time < 0.5:
+        plant.step(velocity(wanted))
+    assert plant.state().v[6 + waist] == pytest.approx(0.5, abs=0.03)
+    assert plant.state().q[7 + waist] - start == pytest.approx(0.25, abs=0.02)
+
+
+def test_position_actuation_goes_where_it_is_told(biped):
+    plant = Plant(biped, PlantConfig(actuation="position"))
+    plant.reset(airborne(biped))
+    waist = biped.joint_index("waist")
+    target = biped.q_home[7:].copy()
+    target[waist] = 0.3
+    plant.step(None, position=target)
+    while plant.time < 0.6:
+        plant.step(None)
+    np.testing.assert_allclose(plant.state().q[7:], target, rtol=0, atol=0.02)
+
+
+def test_the_same_control_period_in_finer_physics_agrees(biped):
+    ends = []
+    for physics_dt in (1e-3, 2.5e-4):
+        plant = Plant(biped, PlantConfig(control_dt=2e-3, physics_dt=physics_dt))
+        plant.reset(airborne(biped))
+        for k in range(50):
+            plant.step(torque(10.0 * np.sin(0.1 * k + np.arange(biped.nj))))
+        assert plant.time == pytest.approx(0.1)
+        ends.append(plant.state().q)
+    np.testing.assert_allclose(ends[0], ends[1], rtol=0, atol=5e-3)
+
+
+def test_a_payload_adds_its_mass_and_moves_the_centre_of_mass(biped):
+    payload = Payload(frame="left_hand", mass=2.5, offset=(0.0, 0.0, 0.1))
+    bare, loaded = Plant(biped), Plant(biped, PlantConfig(payloads=(payload,)))
+    assert loaded.mass - bare.mass == pytest.approx(2.5, abs=1e-12)
+    hand = bare.data.site("left_hand")
+    where = hand.xpos + hand.xmat.reshape(3, 3) @ np.array([0.0, 0.0, 0.1])
+    expected = (bare.com * bare.mass + 2.5 * where) / loaded.mass
+    np.testing.assert_allclose(loaded.com, expected, rtol=0, atol=1e-12)
+
+
+def test_model_error_changes_the_plant_and_not_the_robot(biped):
+    before = [(i.mass, i.lever.copy(), i.inertia.copy()) for i in biped.model.inertias]
+    plain = Plant(biped)
+    config = PlantConfig(
+        mass_scale=1.1,
+        link_errors=(
+            LinkError(link="chest", mass_scale=1.2, inertia_scale=1.5, com_offset=(0.01, 0.0, -0.02)),
+        ),
+    )
+    plant = Plant(biped, config)
+    chest = plant.model.body("chest").id
+    np.testing.assert_allclose(
+        plant.model.body_mass[chest], 1.1 * 1.2 * plain.model.body_mass[chest], rtol=1e-12
+    )
+    np.testing.assert_allclose(
+        plant.model.body_inertia[chest],
+        1.1 * 1.2 * 1.5 * plain.model.body_inertia[chest],
+        rtol=1e-12,
+    )
+    np.testing.assert_allclose(
+        plant.model.body_ipos[chest] - plain.model.body_ipos[chest], [0.01, 0, -0.02], atol=1e-12
+    )
+    assert plant.mass == pytest.approx(1.1 * (MASS + 0.2 * 15.0), abs=1e-9)
+    shift = plant.data.xipos[chest] - plain.data.xipos[chest]
+    np.testing.assert_allclose(shift, [0.01, 0.0, -0.02], rtol=0, atol=1e-9)
+    for inertia, (mass, lever, matrix) in zip(biped.model.inertias, before, strict=True):
+        assert inertia.mass == mass
+        np.testing.assert_array_equal(inertia.lever, lever)
+        np.testing.assert_array_equal(inertia.inertia, matrix)
+
+
+def test_a_shifted_mass_is_felt_in_the_dynamics(biped):
+    error = LinkError(link="base", com_offset=(0.0, 0.05, 0.0))
+    plain, shifted = Plant(biped), Plant(biped, PlantConfig(link_errors=(error,)))
+    np.testing.assert_allclose(
+        shifted.com - plain.com, [0.0, 0.05 * 12.0 / MASS, 0.0], rtol=0, atol=1e-12
+    )
+    mass_matrices = []
+    for plant in (plain, shifted):
+        dense = np.zeros((biped.nv, biped.nv))
+        mujoco.mj_fullM(plant.model, plant.data, dense)
+        mass_matrices.append(dense)
+    # The base's own coupling of sideways shift and yaw: m y.
+    change = (mass_matrices[1] - mass_matrices[0])[0, 5]
+    assert change == pytest.approx(-12.0 * 0.05, abs=1e-9)
+
+
+def test_joint_damping_and_friction_take_energy_out(biped):
+    speeds = []
+    for config in (PlantConfig(), PlantConfig(joint_damping=2.0), PlantConfig(joint_friction=2.0)):
+        plant = Plant(biped, config)
+        v = np.zeros(biped.nv)
+        v[6 + biped.joint_index("waist")] = 3.0
+        plant.reset(airborne(biped), v)
+        while plant.time < 0.1:
+            plant.step(None)
+        speeds.append(plant.state().v[6 + biped.joint_index("waist")])
+    assert speeds[1] < 0.9 * speeds[0]
+    assert speeds[2] < 0.9 * speeds[0]
+
+
+def test_low_friction_lets_the_feet_slide(biped):
+    moved = []
+    for friction in (0.02, 1.0):
+        plant = Plant(biped, PlantConfig(actuation="position", friction=friction))
+        plant.push("pelvis", (40.0, 0.0, 0.0), 0.3, start=0.3)
+        start = plant.data.site("left_sole").xpos.copy()
+        while plant.time < 0.6:
+            plant.step(None)
+        moved.append(np.linalg.norm(plant.data.site("left_sole").xpos - start))
+    assert moved[0] > 0.02
+    assert moved[1] < 0.002
+
+
+def test_a_sloped_floor_is_felt_by_the_soles(biped):
+    plant = standing(biped, 0.3, floor_slope=(0.0, 0.05))
+    # The floor turned about y by +0.05: its normal leans towards +x.
+    normals = np.array([c.frame[:3] for c in plant.data.contact])
+    np.testing.assert_allclose(
+        np.abs(normals), np.tile([np.sin(0.05), 0, np.cos(0.05)], (len(normals), 1)), atol=1e-9
+    )
+
+
+def test_a_block_under_a_foot_lifts_it(biped):
+    flat = Plant(biped)
+    center = flat.data.site("left_sole").xpos[:2]
+    block = Block(center=(float(center[0]), float(center[1])), size=(0.4, 0.15, 0.02))
+    plant = Plant(biped, PlantConfig(actuation="position", blocks=(block,)))
+    q = biped.q_home.copy()
+    q[2] += 0.021
+    plant.reset(q)
+    for _ in range(50):
+        plant.step(None)
+    assert plant.contacts()["left_sole"]
+    assert plant.data.site("left_sole").xpos[2] == pytest.approx(0.02, abs=2e-3)
+
+
+def test_a_robot_without_torque_falls_and_lies_on_the_ground(biped):
+    plant = Plant(biped)
+    assert not plant.fallen
+    plant.push("torso", (80.0, 0.0, 0.0), 0.1)
+    while plant.time < 2.0:
+        plant.step(None)
+    assert plant.fallen
+    assert not plant.diverged
+    assert plant.data.xpos[1:, 2].min() > -0.2
+
+
+def test_a_run_that_blows_up_is_reported_and_goes_on_quietly(biped, tmp_path, monkeypatch, capfd):
+    monkeypatch.chdir(tmp_path)
+    plant = Plant(biped)
+    plant.push("torso", (1e14, 0.0, 0.0), 0.1)
+    while plant.time < 0.05:
+        plant.step(torque(np.zeros(biped.nj)))
+        plant.state()
+    assert plant.diverged
+    assert plant.fallen
+    assert plant.warnings
+    assert plant.time == pytest.approx(0.05)
+    assert not list(tmp_path.iterdir())
+    assert capfd.readouterr() == ("", "")
+    plant.reset()
+    plant.step(torque(np.zeros(biped.nj)))
+    assert not plant.diverged
+
+
+def test_a_command_with_nan_does_nothing_and_is_counted(biped):
+    plant = Plant(biped)
+    bad = np.zeros(biped.nj)
+    bad[2] = np.nan
+    plant.step(torque(bad))
+    assert plant.rejected_commands == 1
+    np.testing.assert_array_equal(plant.applied_torque, 0.0)
+    assert not plant.diverged
+
+
+def test_the_imu_of_a_standing_robot_feels_gravity_upwards(biped):
+    gyro, accelerometer = standing(biped, 7.0).imu
+    np.testing.assert_allclose(gyro, 0.0, atol=1e-5)
+    assert np.linalg.norm(accelerometer) == pytest.approx(G, rel=1e-3)
+    assert accelerometer[2] > 9.7
+
+
+def test_the_state_is_the_same_when_asked_twice_and_nobody_can_change_the_plant_by_it(biped):
+    plant = Plant(biped, PlantConfig(sensors=SensorConfig(gyro_noise=0.1)))
+    plant.step(None)
+    assert plant.state() is plant.state()
+    before = plant.data.qpos.copy()
+    plant.state().q[:] = 7.0
+    plant.true_state().q[:] = 7.0
+    np.testing.assert_array_equal(plant.data.qpos, before)

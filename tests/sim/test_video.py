@@ -1,0 +1,170 @@
+import subprocess
+
+import numpy as np
+import pytest
+
+from poise.errors import ConfigurationError, TargetError
+from poise.sim import (
+    Camera,
+    CameraConfig,
+    Marker,
+    NoDisplayError,
+    NoOpenGLError,
+    Plant,
+    PlantConfig,
+    VideoConfig,
+    find_opengl,
+    open_viewer,
+    opengl,
+    render_video,
+)
+
+SMALL = CameraConfig(width=320, height=180)
+
+
+@pytest.fixture(scope="module")
+def plant(biped):
+    return Plant(biped, PlantConfig(actuation="position"))
+
+
+@pytest.fixture
+def opengl_here():
+    if find_opengl() is None:
+        pytest.skip(opengl.INSTALL_HINT)
+
+
+def test_the_robot_is_in_the_middle_of_the_picture(plant, biped, opengl_here):
+    away = biped.q_home.copy()
+    away[:2] += 50.0
+    with Camera(biped, plant.model, SMALL) as camera:
+        here = camera.picture(biped.q_home).astype(int)
+    with Camera(biped, plant.model, SMALL) as camera:
+        camera.picture(biped.q_home)
+        empty = camera.picture(away, dt=1e-9).astype(int)
+    assert here.shape == (180, 320, 3)
+    robot = np.abs(here - empty).sum(axis=2) > 30
+    rows, columns = np.nonzero(robot)
+    assert robot.mean() > 0.02
+    assert abs(columns.mean() - 160) < 25
+    assert rows.min() > 2
+    assert rows.max() < 178
+    assert rows.max() - rows.min() > 0.5 * 180
+    # Readable: neither black nor burnt out.
+    assert 60 < here.mean() < 235
+
+
+def test_markers_are_drawn(plant, biped, opengl_here):
+    with Camera(biped, plant.model, SMALL) as camera:
+        plain = camera.picture(biped.q_home).astype(int)
+        markers = (
+            Marker(position=(0.3, 0.0, 0.5), radius=0.1, colour=(1.0, 0.0, 0.0, 1.0)),
+            Marker(position=(0.3, 0.0, 0.0), arrow=(0.0, 0.0, 0.4)),
+        )
+        marked = camera.picture(biped.q_home, markers).astype(int)
+    assert (np.abs(marked - plain).sum(axis=2) > 60).sum() > 100
+
+
+def test_the_camera_follows_the_robot(plant, biped, opengl_here):
+    q = biped.q_home.copy()
+    with Camera(biped, plant.model, SMALL) as camera:
+        here = camera.picture(q).astype(int)
+        q[0] += 4.0
+        for _ in range(100):
+            there = camera.picture(q, dt=0.1).astype(int)
+    # Four floor tiles further on everything looks the same again.
+    assert np.abs(here - there).mean() < 6.0
+
+
+def test_drawing_leaves_the_plant_alone(plant, biped, opengl_here):
+    before = plant.data.qpos.copy(), plant.model.vis.global_.offwidth
+    with Camera(biped, plant.model, SMALL) as camera:
+        camera.picture(biped.q_home + 0.01)
+    np.testing.assert_array_equal(plant.data.qpos, before[0])
+    assert plant.model.vis.global_.offwidth == before[1]
+
+
+def test_a_video_has_the_length_and_size_of_the_run(plant, biped, opengl_here, tmp_path):
+    imageio_ffmpeg = pytest.importorskip("imageio_ffmpeg")
+    times = np.arange(0.0, 1.0, 1e-3)
+    qs = np.tile(biped.q_home, (len(times), 1))
+    qs[:, 0] += 0.2 * times
+    seen = []
+    path = render_video(
+        plant,
+        times,
+        qs,
+        tmp_path / "run.mp4",
+        config=VideoConfig(camera=SMALL),
+        markers=lambda i: (Marker(position=(0.2 * times[i], 0.0, 0.0)),),
+        progress=lambda done, total: seen.append((done, total)),
+    )
+    frames, seconds = imageio_ffmpeg.count_frames_and_secs(str(path))
+    assert frames == 30
+    assert seconds == pytest.approx(1.0, abs=0.05)
+    assert seen[-1] == (30, 30)
+    reader = imageio_ffmpeg.read_frames(str(path))
+    assert next(reader)["size"] == (320, 180)
+    reader.close()
+
+
+def test_slow_motion_has_more_pictures(plant, biped, opengl_here):
+    from poise.sim.video import frame_indices
+
+    times = np.arange(0.0, 1.0, 1e-3)
+    assert len(frame_indices(times, VideoConfig(speed=0.5))) == 60
+    assert frame_indices(times, VideoConfig(fps=10.0)) == list(range(0, 1000, 100))
+
+
+def test_without_opengl_the_reason_names_what_to_install(plant, biped, monkeypatch, tmp_path):
+    find_opengl.cache_clear()
+
+    def fails(*_, **__):
+        return subprocess.CompletedProcess([], returncode=1)
+
+    monkeypatch.setattr(subprocess, "run", fails)
+    try:
+        assert find_opengl() is None
+        with pytest.raises(NoOpenGLError, match=r"libegl1.*libosmesa6"):
+            render_video(plant, np.zeros(1), biped.q_home[None], tmp_path / "x.mp4")
+    finally:
+        find_opengl.cache_clear()
+
+
+def test_looking_for_opengl_leaves_the_environment_alone(monkeypatch):
+    import os
+
+    find_opengl.cache_clear()
+    before = dict(os.environ)
+    find_opengl()
+    assert dict(os.environ) == before
+
+
+def test_without_a_screen_the_viewer_says_so(plant, monkeypatch):
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    with pytest.raises(NoDisplayError, match="--view"), open_viewer(plant):
+        pass
+
+
+def test_recordings_that_do_not_fit_are_refused(plant, biped, tmp_path):
+    q = biped.q_home
+    with pytest.raises(TargetError, match="wrong shape"):
+        render_video(plant, np.zeros(2), q[None], tmp_path / "x.mp4")
+    with pytest.raises(TargetError, match="go back"):
+        render_video(plant, np.array([1.0, 0.0]), np.stack([q, q]), tmp_path / "x.mp4")
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: VideoConfig(fps=0.0),
+        lambda: VideoConfig(speed=-1.0),
+        lambda: VideoConfig(camera=CameraConfig(width=321)),
+        lambda: CameraConfig(height=0),
+        lambda: CameraConfig(azimuth=float("nan")),
+        lambda: Marker(position=(0.0, float("nan"), 0.0)),
+    ],
+)
+def test_pictures_that_cannot_be_are_refused(make):
+    with pytest.raises(ConfigurationError):
+        make()
