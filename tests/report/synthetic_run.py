@@ -1,5 +1,7 @@
 """Records of runs that never happened, with the shape of those that do."""
 
+from itertools import pairwise
+
 import numpy as np
 
 from poise.report import (
@@ -68,7 +70,7 @@ def support_phases(time, feet):
     code = left_on.astype(int) + 2 * right_on.astype(int)
     edges = np.concatenate([[0], np.flatnonzero(np.diff(code)) + 1, [len(code)]])
     phases = []
-    for a, b in zip(edges[:-1], edges[1:], strict=True):
+    for a, b in pairwise(edges):
         on = [feet[s][0][a] for s, bit in (("left", 1), ("right", 2)) if code[a] & bit]
         corners = np.concatenate([rectangle(p[0], p[1]) for p in on]) if on else np.zeros((0, 2))
         end = time[b] if b < len(time) else time[-1]
@@ -109,7 +111,7 @@ def replay_of(time, com, feet, forces, mesh=None):
         foot = feet[side][0][frames]
         hip = com[frames] + [0, y - 0.0, -0.06]
         knee = 0.5 * (foot + hip) + [0.06, 0, 0.03]
-        elements = [(hip, knee, 0.062), (knee, foot + [0, 0, 0.08], 0.05)]
+        elements = [(hip, knee, 0.062), (knee, foot + np.array([0, 0, 0.08]), 0.05)]
         shoulder = com[frames] + [0, 1.9 * y, 0.5]
         swing = 0.25 * np.sin(np.pi * t / STEP + (0 if side == "left" else np.pi))
         elbow = shoulder + np.stack([swing - 0.05, 0.4 * y + 0 * t, -0.28 + 0 * t], axis=1)
@@ -135,7 +137,7 @@ def replay_of(time, com, feet, forces, mesh=None):
             )
         body = len(names)
         names.append(f"{side}_foot")
-        places.append(foot + [0, 0, 0.03])
+        places.append(foot + np.array([0, 0, 0.03]))
         turns.append(np.tile([0.0, 0, 0, 1], (len(t), 1)))
         geometries.append(
             Geometry(body=body, shape="box", size=(0.12, 0.055, 0.03), rgba=(0.3, 0.3, 0.3, 1))

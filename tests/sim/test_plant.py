@@ -263,7 +263,9 @@ def test_model_error_changes_the_plant_and_not_the_robot(biped):
     config = PlantConfig(
         mass_scale=1.1,
         link_errors=(
-            LinkError(link="chest", mass_scale=1.2, inertia_scale=1.5, com_offset=(0.01, 0.0, -0.02)),
+            LinkError(
+                link="chest", mass_scale=1.2, inertia_scale=1.5, com_offset=(0.01, 0.0, -0.02)
+            ),
         ),
     )
     plant = Plant(biped, config)

@@ -226,9 +226,25 @@ def test_a_full_disk_is_reported_when_the_log_is_closed(plant):
     full = Path("/dev/full")
     if not full.exists():
         pytest.skip("needs /dev/full")
-    with pytest.raises((PoiseError, OSError), match="space|written"):  # noqa: PT012
-        recorder = Recorder(plant, full)
-        for _ in range(100):
-            recorder.record()
-            plant.step(None)
+    with pytest.raises(PoiseError, match=r"cannot be written.*space"):
+        Recorder(plant, full)
+
+
+def test_a_disk_that_fills_up_during_a_run_does_not_stop_it(plant, tmp_path, monkeypatch):
+    recorder = Recorder(plant, tmp_path / "log.mcap", config=RecorderConfig(capacity=20))
+
+    def full(*_, **__):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(recorder._log._writer, "add_message", full)
+    for _ in range(300):
+        recorder.record()
+        plant.step(None)
+    assert len(recorder["q"]) == 300
+    with pytest.raises(PoiseError, match=r"cannot be written.*space"):
         recorder.close()
+
+
+def test_a_folder_that_does_not_exist_is_reported_at_once(plant, tmp_path):
+    with pytest.raises(PoiseError, match="cannot be written"):
+        Recorder(plant, tmp_path / "no" / "log.mcap")

@@ -12,11 +12,13 @@ from poise.sim import (
     NoOpenGLError,
     Plant,
     PlantConfig,
+    Recorder,
     VideoConfig,
     find_opengl,
     open_viewer,
     opengl,
     render_video,
+    run_markers,
 )
 
 SMALL = CameraConfig(width=320, height=180)
@@ -64,6 +66,18 @@ def test_markers_are_drawn(plant, biped, opengl_here):
     assert (np.abs(marked - plain).sum(axis=2) > 60).sum() > 100
 
 
+def test_an_arrow_is_as_long_as_it_says(plant, biped, opengl_here):
+    def rows(*markers):
+        changed = np.abs(camera.picture(biped.q_home, markers).astype(int) - plain) > 20
+        return np.ptp(np.nonzero(changed.any(axis=(1, 2)))[0])
+
+    with Camera(biped, plant.model, CameraConfig()) as camera:
+        plain = camera.picture(biped.q_home).astype(int)
+        arrow = rows(Marker(position=(0.0, 0.6, 0.0), arrow=(0.0, 0.0, 0.6)))
+        ball = rows(Marker(position=(0.0, 0.6, 0.3), radius=0.3))
+    assert arrow == pytest.approx(ball, rel=0.1)
+
+
 def test_the_camera_follows_the_robot(plant, biped, opengl_here):
     q = biped.q_home.copy()
     with Camera(biped, plant.model, SMALL) as camera:
@@ -105,6 +119,20 @@ def test_a_video_has_the_length_and_size_of_the_run(plant, biped, opengl_here, t
     reader = imageio_ffmpeg.read_frames(str(path))
     assert next(reader)["size"] == (320, 180)
     reader.close()
+
+
+def test_a_recorded_run_is_drawn_with_its_forces(plant, biped):
+    plant.reset()
+    recorder = Recorder(plant)
+    for _ in range(300):
+        plant.step(None)
+        recorder.record()
+    markers = run_markers(biped, recorder)(299)
+    arrows = [m for m in markers if m.arrow is not None]
+    balls = [m for m in markers if m.arrow is None]
+    np.testing.assert_allclose(sum(m.arrow[2] for m in arrows), 0.45, rtol=0.05)
+    np.testing.assert_allclose(balls[0].position[:2], recorder["com"][299, :2])
+    np.testing.assert_allclose(balls[1].position[:2], recorder["zmp"][299])
 
 
 def test_slow_motion_has_more_pictures(plant, biped, opengl_here):

@@ -10,6 +10,7 @@ from poise.control.stack import Stack
 from poise.dynamics.dynamics import Dynamics
 from poise.hqp import HierarchicalProblem
 from poise.robots.robot import Robot
+from poise.tasks import FrameTask, Task
 
 WRENCH_COST = 1e-4
 """Final cost of a wrench component against the acceleration energy.
@@ -19,6 +20,11 @@ cost, below all levels, so it takes nothing from a task."""
 
 PHYSICS_LEVELS = 2
 """Levels that stand above the user's: dynamics with torque limits, contacts with joint limits."""
+
+_TaskRows = tuple[
+    Task, Float64[np.ndarray, "m nv"], Float64[np.ndarray, "m"], Float64[np.ndarray, "m"]
+]
+"""A task with the views of its rows: Jacobian, lower and upper bounds."""
 
 
 class FullFormulation:
@@ -34,7 +40,8 @@ class FullFormulation:
         level 3.. J dv = reference - drift                     the user's tasks (4)
         cost      dv^T M dv / 2, the acceleration energy (27)
 
-    Wrenches act on the robot, which turns the sign of the paper's F_c.
+    Wrenches act on the robot, which turns the sign of the paper's F_c. A frame task on a frame in
+    contact is suspended, its rows free: the contact already decides how that frame moves.
 
     Args:
         robot: the robot.
@@ -43,6 +50,7 @@ class FullFormulation:
 
     Attributes:
         problem: the hierarchical problem, filled by `fill`.
+        suspended: tasks that a contact stands in for.
     """
 
     def __init__(self, robot: Robot, stack: Stack, contacts: Sequence[Contact]) -> None:
@@ -81,6 +89,10 @@ class FullFormulation:
         self._contact_lower = touch.lower[:wrench_dim]
         self._contact_upper = touch.upper[:wrench_dim]
         self._fill_cones(touch.A, touch.lower, touch.upper, wrench_dim)
+        held = {c.frame for c in contacts}
+        self.suspended = tuple(
+            t for _, t in stack.tasks() if isinstance(t, FrameTask) and t.frame in held
+        )
         self._task_rows = self._locate_tasks()
         self._torque = np.zeros(nv)
 
@@ -160,17 +172,20 @@ class FullFormulation:
             lower[rows], upper[rows] = -np.inf, 0.0
             row = rows.stop
 
-    def _locate_tasks(self) -> list[tuple]:
-        located = []
+    def _locate_tasks(self) -> list[_TaskRows]:
+        located: list[_TaskRows] = []
         for i, tasks in enumerate(self._stack.levels):
             view, row = self.problem.level(PHYSICS_LEVELS + i), 0
             for task in tasks:
                 rows = slice(row, row + task.dim)
+                row = rows.stop
+                if task in self.suspended:
+                    view.lower[rows], view.upper[rows] = -np.inf, np.inf
+                    continue
                 view.weights[rows] = task.weight
                 located.append(
                     (task, view.A[rows, : self._nv], view.lower[rows], view.upper[rows])
                 )
-                row = rows.stop
         return located
 
     def _label_bounds(self) -> None:
@@ -181,5 +196,5 @@ class FullFormulation:
         self.problem.labels[:1] = [(name, count) for name, count in names if count]
 
 
-def _level_name(level: Sequence) -> str:
+def _level_name(level: Sequence[Task]) -> str:
     return ", ".join(task.name for task in level)

@@ -96,6 +96,14 @@ class Dynamics:
             self._frames[frame_id] = kinematics
         return kinematics
 
+    def joint_position(self, joint_id: int) -> Float64[np.ndarray, "3"]:
+        """Origin of a joint in the world [m].
+
+        Args:
+            joint_id: Pinocchio's index of the joint.
+        """
+        return self._data.oMi[joint_id].translation.copy()
+
     def _evaluate_frame(self, frame_id: int) -> FrameKinematics:
         model, data, aligned = self.robot.model, self._data, pin.LOCAL_WORLD_ALIGNED
         placement = pin.updateFramePlacement(model, data, frame_id)

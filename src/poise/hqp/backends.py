@@ -1,13 +1,14 @@
-"""QP backends of the cascade and weighted strategies: one small adapter each, loaded when asked for.
+"""QP backends of the cascade and weighted strategies: one adapter each, loaded when asked for.
 
-    min x^T P x / 2 + q^T x   s.t.   lower <= A x <= upper
+min x^T P x / 2 + q^T x   s.t.   lower <= A x <= upper
 """
 
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import import_module
 from importlib.util import find_spec
-from typing import Any, Protocol
+from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import daqp
 import numpy as np
@@ -35,6 +36,7 @@ class QP:
     definite: bool = False
 
 
+@runtime_checkable
 class Backend(Protocol):
     """A QP solver with a workspace for problems of one pattern."""
 
@@ -43,14 +45,22 @@ class Backend(Protocol):
         ...
 
 
-PROXIMAL_WEIGHT = 1e-7
-"""Curvature added, relative to P's largest entry, for backends that factor a singular P."""
+PROXIMAL_WEIGHTS = (1e-7, 1e-5, 1e-3)
+"""Curvatures added, relative to P's largest entry, for backends that factor a singular P: the
+smallest converges fastest, a larger one is tried where the backend finds no point with it."""
 
 PROXIMAL_STEPS = 300
 """Most repetitions; two or three are usual, more where a level barely curves a direction."""
 
 PROXIMAL_TOLERANCE = 1e-11
 """The repetition ends when a step is this small, relative to the point."""
+
+
+PROXIMAL_NOISE = 1e-8
+"""Steps this small that no longer shrink are rounding, magnified by the weak curvature."""
+
+PROXIMAL_FAILURE = 1e-6
+"""A last step larger than this says that the repetitions did not converge."""
 
 
 def proximal_point(
@@ -75,18 +85,34 @@ def proximal_point(
     """
     if definite:
         return solve(P, q)
-    weight = PROXIMAL_WEIGHT * max(1e-300, float(np.abs(P).max()))
-    curved = P + weight * np.eye(len(q))
-    x = np.zeros(len(q))
+    for share in PROXIMAL_WEIGHTS:
+        weight = share * max(1e-300, float(np.abs(P).max()))
+        point = _repeat(P + weight * np.eye(len(q)), q, weight, solve)
+        if point is not None:
+            return point
+    return None
+
+
+def _repeat(
+    curved: Float64[np.ndarray, "d d"],
+    q: Float64[np.ndarray, " d"],
+    weight: float,
+    solve: Callable[
+        [Float64[np.ndarray, "d d"], Float64[np.ndarray, " d"]], Float64[np.ndarray, " d"] | None
+    ],
+) -> Float64[np.ndarray, " d"] | None:
+    """Repeat proximal steps of one weight until they converge; None if they do not."""
+    x, step, size = np.zeros(len(q)), np.inf, 1.0
     for _ in range(PROXIMAL_STEPS):
         found = solve(curved, q - weight * x)
         if found is None:
             return None
-        step = float(np.abs(found - x).max(initial=0.0))
+        last, step = step, float(np.abs(found - x).max(initial=0.0))
         x = found
-        if not step > PROXIMAL_TOLERANCE * max(1.0, float(np.abs(x).max(initial=0.0))):
-            return x
-    return None
+        size = max(1.0, float(np.abs(x).max(initial=0.0)))
+        if step <= PROXIMAL_TOLERANCE * size or (step <= PROXIMAL_NOISE * size and step >= last):
+            break
+    return x if step <= PROXIMAL_FAILURE * size else None
 
 
 class DaqpBackend:
@@ -95,12 +121,14 @@ class DaqpBackend:
     def solve(self, qp: QP, time_limit: float) -> Float64[np.ndarray, " d"] | None:
         """Solve from a cold start: the active set of another problem is no guess."""
         model: Any = None
+        known: Any = None
 
         def repeat(
             P: Float64[np.ndarray, "d d"], q: Float64[np.ndarray, " d"]
         ) -> Float64[np.ndarray, " d"] | None:
-            nonlocal model
-            if model is None:
+            nonlocal model, known
+            if P is not known:
+                known = P
                 model = daqp.Model()
                 model.settings = {
                     "primal_tol": 1e-12,
@@ -121,7 +149,7 @@ class DaqpBackend:
 class OsqpBackend:
     """OSQP, sparse ADMM: set up once per pattern, then updated and warm-started."""
 
-    SETTINGS: dict[str, float | bool | int] = {
+    SETTINGS: ClassVar[dict[str, float | bool | int]] = {
         "eps_abs": 1e-6,
         "eps_rel": 1e-6,
         "max_iter": 20000,
@@ -171,7 +199,7 @@ class OsqpBackend:
 class QpsolversBackend:
     """Any other solver, through qpsolvers."""
 
-    SETTINGS: dict[str, dict[str, float]] = {
+    SETTINGS: ClassVar[dict[str, dict[str, float]]] = {
         "proxqp": {"eps_abs": 1e-11, "eps_rel": 0.0},
         "piqp": {"eps_abs": 1e-11, "eps_rel": 1e-12},
         "clarabel": {
@@ -196,6 +224,9 @@ class QpsolversBackend:
         wrap: Callable[[Any], Any] = (
             scipy.sparse.csc_matrix if self._name in ("clarabel", "piqp") else np.asarray
         )
+        if len(qp.lower) == 0:
+            # qpsolvers would hand such a problem to an iterative solver.
+            return -np.linalg.lstsq(qp.P, qp.q, rcond=1e-12)[0]
         G = np.vstack([qp.A[above], -qp.A[below]])
         h = np.concatenate([qp.upper[above], -qp.lower[below]])
 
@@ -211,7 +242,13 @@ class QpsolversBackend:
                 qp.lower[equality] if equality.any() else None,
             )
             settings = self.SETTINGS[self._name]
-            solution = self._qpsolvers.solve_problem(problem, solver=self._name, **settings)
+            try:
+                with warnings.catch_warnings():
+                    # "Almost solved" is said by `found`; nothing is printed in a control loop.
+                    warnings.simplefilter("ignore")
+                    solution = self._qpsolvers.solve_problem(problem, solver=self._name, **settings)
+            except self._qpsolvers.exceptions.QPError:
+                return None
             return np.array(solution.x) if solution.found and solution.x is not None else None
 
         if self._name == "quadprog":

@@ -1,8 +1,8 @@
 """The `cascade` strategy: one QP a level, in the null space of the equalities solved before.
 
-The sequential method of (Herzog et al. 2016, "Momentum control with hierarchical inverse dynamics on
-a torque-controlled humanoid") and (Ahn et al. 2024, section 4.1): each level's QP has the slack as a
-variable,
+The sequential method of (Herzog et al. 2016, "Momentum control with hierarchical inverse dynamics
+on a torque-controlled humanoid") and (Ahn et al. 2024, section 4.1): each level's QP has the slack
+as a variable,
 
     min_(z, w) |w|^2   s.t.   l <= W (A (x + N z)) - w <= u,   earlier inequalities hard, widened by
                               the slack they got,
@@ -30,8 +30,7 @@ from poise.hqp.reduction import Reduction
 from poise.hqp.solution import Solution, SolveStatus
 from poise.hqp.status import failure, is_sound
 
-
-_SLOPS = (0.0, 1e-9, 1e-7)
+_SLOPS = (0.0, 1e-10, 1e-9, 1e-8, 1e-7)
 """How far held rows are widened, relative to their size, when the backend finds no point: what
 earlier levels left may be too thin for it to enter."""
 

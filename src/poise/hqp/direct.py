@@ -1,4 +1,4 @@
-"""The `direct` strategy: all rows hard in one warm-started solve; exact resolution if that fails."""
+"""The `direct` strategy: all rows hard in one solve, exact resolution if that fails."""
 
 from time import perf_counter
 
@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from poise.hqp.hard import STATIONARITY_TOLERANCE, HardPoint, HardQP
-from poise.hqp.lexicographic import Resolution, resolve
+from poise.hqp.lexicographic import Resolution, Stage, resolve
 from poise.hqp.measure import (
     FEASIBILITY_TOLERANCE,
     level_norms,
@@ -21,7 +21,7 @@ from poise.hqp.status import failure, is_sound
 
 
 class DirectSolver:
-    """Solves with all rows hard, which is exact whenever everything can be met; else level by level.
+    """Solves with all rows hard, exact whenever everything can be met; else level by level.
 
     The workspace persists: a controller keeps one solver and calls `solve` every tick. Nothing
     raises on numbers.
@@ -35,13 +35,13 @@ class DirectSolver:
     def __init__(self, time_limit: float | None = None) -> None:
         self.time_limit = time_limit
         self._hard = HardQP()
-        self._hint: int | None = None
+        self._hint: tuple[Stage, ...] = ()
         self._scratch = _Scratch(0, 0)
 
     def reset(self) -> None:
         """Forget the last solution, so that the next solve starts cold."""
         self._hard.reset()
-        self._hint = None
+        self._hint = ()
 
     def solve(self, problem: HierarchicalProblem) -> Solution:
         """Solve one problem; the answer owns its arrays.
@@ -111,7 +111,7 @@ class DirectSolver:
         self._hard.reset()
         deadline = np.inf if self.time_limit is None else start + self.time_limit
         resolution = resolve(problem, deadline, self._hint)
-        self._hint = resolution.conflicts[0] if resolution.conflicts else None
+        self._hint = resolution.stages
         return _report(problem, resolution, start, solved)
 
 
@@ -162,7 +162,7 @@ def _report(
         relative_residuals=residuals / level_scales(problem),
         multipliers=resolution.multipliers,
         strategy="direct",
-        relaxed=bool(resolution.conflicts),
+        relaxed=bool(resolution.stages),
         iterations=resolution.iterations,
         timings={"hard": solved - start, "levels": end - solved, "total": end - start},
     )

@@ -10,10 +10,13 @@ of the hard rows held at their bounds. No regulariser takes part, so none can sw
 
 from dataclasses import dataclass
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 import scipy.linalg
 from jaxtyping import Bool, Float64, Int
+
+_linalg: Any = scipy.linalg  # its stubs do not tell the modes of qr apart
 
 RANK_TOLERANCE = 1e-10
 """Singular values below this, relative to the largest row of the level as the user wrote it, are
@@ -80,6 +83,33 @@ def least_slack(
     return _Search(soft, hard, start, sizes, held).run(deadline)
 
 
+def predicted_slack(
+    soft: Rows,
+    hard: Rows,
+    sizes: Float64[np.ndarray, " ms"],
+    sides: Int[np.ndarray, " ms"],
+    held: Int[np.ndarray, " mh"],
+) -> LeastSlack | None:
+    """Solve for the least slack on a predicted active set, without a search.
+
+    The answer meets the level's optimality conditions, dual signs included, but for one: whether
+    some point with this slack meets all hard rows and keeps the other soft rows inside. The caller
+    has to find such a point.
+
+    Args:
+        soft: rows of the level, multiplied by their weights.
+        hard: inequalities that must hold.
+        sizes: norms of the soft rows before any reduction.
+        sides: predicted side of each soft inequality: 1 above, -1 below, 0 inside.
+        held: predicted side of each hard row that is held at a bound.
+
+    Returns:
+        The minimiser on this active set, or None if a sign says that the prediction is wrong.
+    """
+    search = _Search(soft, hard, np.zeros(soft.A.shape[1]), sizes, held)
+    return search.settle(sides)
+
+
 class _Search:
     """State of one active-set search."""
 
@@ -118,7 +148,7 @@ class _Search:
             if self._advance(step, active):
                 continue
             released = self._release_soft()
-            multipliers, force = self._multipliers(q1, r)
+            multipliers, force = self._multipliers(q1, r, self._slack())
             # Rows released from the soft set change neither cost nor gradient at this point by
             # more than they should: look at hard rows only once the soft set has settled.
             if not released and not self._release_hard(multipliers, force, iteration > limit // 2):
@@ -126,13 +156,25 @@ class _Search:
                 break
             if perf_counter() > deadline:
                 break
-        held = np.zeros_like(self.side)
-        if converged and self.order:
-            pushes = np.abs(multipliers) * self.hard_norms[self.order]
-            clear = pushes > max(_CLEAR_MULTIPLIER * force, 100.0 * self._noise())
-            rows = np.array(self.order)[clear]
-            held[rows] = self.side[rows]
+        held = self._clear(multipliers, force) if converged else np.zeros_like(self.side)
         return LeastSlack(self.z, self._slack(), held, converged, iteration)
+
+    def settle(self, sides: Int[np.ndarray, " ms"]) -> LeastSlack | None:
+        """Take one step to the optimum of a given active set; None if its signs are wrong."""
+        self.soft_side = np.where(self.equality, 0, sides)
+        active = self.equality | (self.soft_side != 0)
+        q1, q2, r = self._factor()
+        if self.order:
+            bounds = np.where(self.side > 0, self.hard.upper, self.hard.lower)[self.order]
+            self.z = q1 @ _linalg.solve_triangular(r, bounds, trans=1, check_finite=False)
+        self.z = self.z + self._step(active, q2)
+        slack = np.where(active, self.soft.A @ self.z - self._targets(), 0.0)
+        multipliers, force = self._multipliers(q1, r, slack)
+        if (self.soft_side * slack <= 0.0)[self.soft_side != 0].any():
+            return None
+        if self._release_hard(multipliers, force, careful=False):
+            return None
+        return LeastSlack(self.z, slack, self._clear(multipliers, force), True, 1)
 
     def _adopt(self, held: Int[np.ndarray, " mh"]) -> None:
         """Hold the rows that the caller believes in, as far as they are independent."""
@@ -140,11 +182,23 @@ class _Search:
         if len(candidates) == 0:
             return
         normals = self.hard.A[candidates] / np.maximum(self.hard_norms[candidates], 1e-300)[:, None]
-        r, pivots = scipy.linalg.qr(normals.T, mode="r", pivoting=True)
+        r, pivots = _linalg.qr(normals.T, mode="r", pivoting=True)
         diagonal = np.abs(np.diagonal(r))
         rank = int(np.count_nonzero(diagonal > 1e-8))
         self.order = [int(candidates[i]) for i in pivots[:rank]]
         self.side[self.order] = held[self.order]
+
+    def _clear(
+        self, multipliers: Float64[np.ndarray, " r"], force: float
+    ) -> Int[np.ndarray, " mh"]:
+        """Return the sides of the held rows whose multiplier is certainly positive."""
+        held = np.zeros_like(self.side)
+        if self.order:
+            pushes = np.abs(multipliers) * self.hard_norms[self.order]
+            clear = pushes > max(_CLEAR_MULTIPLIER * force, 100.0 * self._noise())
+            rows = np.array(self.order)[clear]
+            held[rows] = self.side[rows]
+        return held
 
     def _factor(
         self,
@@ -153,7 +207,7 @@ class _Search:
         d, count = len(self.z), len(self.order)
         if count == 0:
             return np.zeros((d, 0)), np.eye(d), np.zeros((0, 0))
-        q, r = scipy.linalg.qr(self.hard.A[self.order].T, check_finite=False)
+        q, r = _linalg.qr(self.hard.A[self.order].T, check_finite=False)
         return q[:, :count], q[:, count:], r[:count]
 
     def _targets(self) -> Float64[np.ndarray, " ms"]:
@@ -208,10 +262,12 @@ class _Search:
         return bool(left.any())
 
     def _multipliers(
-        self, q1: Float64[np.ndarray, "d r"], r: Float64[np.ndarray, "r r"]
+        self,
+        q1: Float64[np.ndarray, "d r"],
+        r: Float64[np.ndarray, "r r"],
+        slack: Float64[np.ndarray, " ms"],
     ) -> tuple[Float64[np.ndarray, " r"], float]:
         """Return the held rows' multipliers and the size of the forces that balance."""
-        slack = self._slack()
         force = float(np.abs(slack * self.sizes).max(initial=0.0))
         if not self.order:
             return np.zeros(0), force

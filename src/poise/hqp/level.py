@@ -1,12 +1,15 @@
 """`Level`: rows of one priority, as a user writes them down, validated when made."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Float64
-from numpy.typing import ArrayLike
 
 from poise.errors import ProblemError
+
+Numbers = np.ndarray | Sequence[Any] | float | int
+"""What becomes an array of floats: an array, nested sequences, or one number for all rows."""
 
 Labels = str | Sequence[tuple[str, int]]
 """One name for all rows, or (name, number of rows) pairs that add up to the rows."""
@@ -32,10 +35,10 @@ class Level:
 
     def __init__(
         self,
-        A: ArrayLike,
-        lower: ArrayLike,
-        upper: ArrayLike,
-        weights: ArrayLike | None = None,
+        A: Numbers,
+        lower: Numbers,
+        upper: Numbers,
+        weights: Numbers | None = None,
         labels: Labels | None = None,
         name: str = "",
     ) -> None:
@@ -53,7 +56,7 @@ class Level:
         return f"Level({self.name!r}, {self.A.shape[0]} rows, {self.A.shape[1]} variables)"
 
 
-def check_matrix(values: ArrayLike, what: str) -> Float64[np.ndarray, "m n"]:
+def check_matrix(values: Numbers, what: str) -> Float64[np.ndarray, "m n"]:
     """Return `values` as a finite C-ordered matrix of floats, or raise `ProblemError`."""
     matrix = _as_floats(values, what)
     if matrix.ndim != 2:
@@ -68,7 +71,7 @@ def check_matrix(values: ArrayLike, what: str) -> Float64[np.ndarray, "m n"]:
     return np.ascontiguousarray(matrix)
 
 
-def check_bound(values: ArrayLike, rows: int, what: str) -> Float64[np.ndarray, " m"]:
+def check_bound(values: Numbers, rows: int, what: str) -> Float64[np.ndarray, " m"]:
     """Return `values` as `rows` bounds without NaN, or raise `ProblemError`."""
     bound = _as_vector(values, rows, what)
     if np.isnan(bound).any():
@@ -92,7 +95,7 @@ def check_order(lower: Float[np.ndarray, " m"], upper: Float[np.ndarray, " m"], 
         )
 
 
-def check_weights(values: ArrayLike, rows: int, where: str) -> Float64[np.ndarray, " m"]:
+def check_weights(values: Numbers, rows: int, where: str) -> Float64[np.ndarray, " m"]:
     """Return `values` as `rows` positive finite weights, or raise `ProblemError`."""
     weights = _as_vector(values, rows, f"weights of {where}")
     bad = ~(np.isfinite(weights) & (weights > 0.0))
@@ -120,7 +123,7 @@ def expand_labels(labels: Labels | None, rows: int, default: str) -> list[tuple[
     return pairs
 
 
-def _as_vector(values: ArrayLike, rows: int, what: str) -> Float64[np.ndarray, " m"]:
+def _as_vector(values: Numbers, rows: int, what: str) -> Float64[np.ndarray, " m"]:
     vector = _as_floats(values, what)
     if vector.ndim == 0:
         return np.full(rows, float(vector))
@@ -131,7 +134,7 @@ def _as_vector(values: ArrayLike, rows: int, what: str) -> Float64[np.ndarray, "
     return vector
 
 
-def _as_floats(values: ArrayLike, what: str) -> Float64[np.ndarray, "..."]:
+def _as_floats(values: Numbers, what: str) -> Float64[np.ndarray, "..."]:
     try:
         return np.array(values, dtype=np.float64)
     except (TypeError, ValueError) as error:

@@ -10,13 +10,27 @@ from dataclasses import dataclass
 from time import perf_counter
 
 import numpy as np
-from jaxtyping import Float64
+from jaxtyping import Bool, Float64, Int
 
 from poise.hqp.hard import HardPoint, HardQP
-from poise.hqp.least_slack import LeastSlack, Rows, least_slack
+from poise.hqp.least_slack import RANK_TOLERANCE, LeastSlack, Rows, least_slack, predicted_slack
 from poise.hqp.measure import FEASIBILITY_TOLERANCE, row_sizes
 from poise.hqp.problem import HierarchicalProblem
 from poise.hqp.reduction import Reduction
+
+
+@dataclass(frozen=True, slots=True)
+class Stage:
+    """The active set of one level that had to give, to be tried first next time.
+
+    Attributes:
+        level: the level.
+        sides: of every stacked row: 1 at or above its upper bound, -1 at or below its lower
+            one, for the level's violated inequalities and the rows that stand in its way.
+    """
+
+    level: int
+    sides: Int[np.ndarray, " nm"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,7 +40,7 @@ class Resolution:
     Attributes:
         x: the point.
         multipliers: of the final cost over bounds and rows, fixed rows of either sign.
-        conflicts: the levels that had to give.
+        stages: the levels that had to give, with their active sets.
         iterations: active-set changes and solver iterations.
         complete: whether every level and the final cost were resolved.
         timed_out: whether the deadline came first.
@@ -34,23 +48,28 @@ class Resolution:
 
     x: Float64[np.ndarray, " n"]
     multipliers: Float64[np.ndarray, " nm"] | None
-    conflicts: tuple[int, ...]
+    stages: tuple[Stage, ...]
     iterations: int
     complete: bool
     timed_out: bool
 
 
 def resolve(
-    problem: HierarchicalProblem, deadline: float = np.inf, hint: int | None = None
+    problem: HierarchicalProblem, deadline: float = np.inf, hint: tuple[Stage, ...] = ()
 ) -> Resolution:
     """Solve a problem lexicographically whose rows cannot, or may not, all be met.
 
     Args:
         problem: finite coefficients, bounds that do not cross.
         deadline: `perf_counter` time at which to stop with the best point so far [s].
-        hint: the level expected to be the first that cannot be met.
+        hint: what the last, similar problem's resolution found. If it still holds, one hard QP
+            proves it; if not, nothing but time is lost.
     """
-    return _Resolver(problem, deadline).run(hint)
+    if hint:
+        resolution = _Resolver(problem, deadline).replay(hint)
+        if resolution is not None:
+            return resolution
+    return _Resolver(problem, deadline).run(hint[0].level if hint else None)
 
 
 class _Resolver:
@@ -59,7 +78,7 @@ class _Resolver:
         self.deadline = deadline
         self.space = Reduction(problem)
         self.iterations = 0
-        self.conflicts: list[int] = []
+        self.stages: list[Stage] = []
         self.converged = True
         # Scaled so that DAQP's tolerances mean the same whatever the cost's unit.
         self.unit = float(np.trace(problem.H)) / problem.n or 1.0
@@ -81,6 +100,85 @@ class _Resolver:
             fresh = False
             first = self._advance(first, last)
         return self._final_cost()
+
+    def replay(self, hint: tuple[Stage, ...]) -> Resolution | None:
+        """Resolve with the active sets of another problem; None if they do not fit this one.
+
+        Each stage's signs are checked as it is solved. That a point exists which meets all held
+        rows is left to the hard QP at the end, whose point then proves every stage optimal.
+        """
+        space, first = self.space, 0
+        last = len(self.problem.levels) - 1
+        space.trusted = False
+        for stage in hint:
+            if stage.level > last or len(stage.sides) != len(space.norms):
+                return None
+            if not self._assume_met(first, stage.level - 1) or not self._predict(stage):
+                return None
+            first = stage.level + 1
+        point = self._try_hard(first, last)
+        return None if point is None else self._finish(point, first, last)
+
+    def _assume_met(self, first: int, last: int) -> bool:
+        """Solve the equalities of levels and hold their inequalities, met or not so far."""
+        space, problem = self.space, self.problem
+        indices = space.level_rows(first, last)
+        equality = problem.lower[indices] == problem.upper[indices]
+        exact = indices[equality]
+        if len(exact):
+            rows = space.rows(exact)
+            y = np.linalg.lstsq(rows.A, rows.lower, rcond=RANK_TOLERANCE)[0]
+            space.move(y)
+            sizes = row_sizes(problem, space.point)[exact]
+            if (np.abs(rows.A @ y - rows.lower) > FEASIBILITY_TOLERANCE * sizes).any():
+                return False
+        space.hold(indices, equality)
+        return True
+
+    def _predict(self, stage: Stage) -> bool:
+        """Give a level its slack on the predicted active set; return whether the signs fit."""
+        space, problem = self.space, self.problem
+        indices = space.level_rows(stage.level, stage.level)
+        soft, sizes = self._soft_rows(indices)
+        best = predicted_slack(
+            soft, space.held_rows(), sizes, stage.sides[indices], stage.sides[space.held]
+        )
+        if best is None:
+            return False
+        space.move(best.z)
+        equality = problem.lower[indices] == problem.upper[indices]
+        violated = (stage.sides[indices] != 0) & ~equality
+        slack = np.abs(best.slack) / problem.weights[indices]
+        visible = slack > FEASIBILITY_TOLERANCE * row_sizes(problem, space.point)[indices]
+        if (violated & ~visible).any():
+            return False
+        self._record(stage.level, indices, best, visible)
+        forced = space.held[best.held != 0]
+        space.hold(indices, equality | violated)
+        space.fix(forced)
+        return True
+
+    def _record(
+        self,
+        level: int,
+        indices: Int[np.ndarray, " k"],
+        best: LeastSlack,
+        visible: Bool[np.ndarray, " k"],
+    ) -> None:
+        """Note the active set of a level that had to give."""
+        self.iterations += best.iterations
+        if visible.any():
+            sides = np.zeros(len(self.space.norms), dtype=np.int64)
+            sides[indices[visible]] = np.sign(best.slack[visible]).astype(np.int64)
+            sides[self.space.held] = best.held
+            self.stages.append(Stage(level, sides))
+
+    def _soft_rows(self, indices: Int[np.ndarray, " k"]) -> tuple[Rows, Float64[np.ndarray, " k"]]:
+        """Return rows multiplied by their weights, and their sizes before any reduction."""
+        weights = self.problem.weights[indices]
+        rows = self.space.rows(indices)
+        soft = Rows(rows.A * weights[:, None], rows.lower * weights, rows.upper * weights)
+        return soft, weights * self.space.norms[indices]
 
     def _advance(self, first: int, last: int) -> int:
         """Meet levels until one must give, resolve that one, and return the next."""
@@ -130,12 +228,9 @@ class _Resolver:
 
     def _relax(self, level: int) -> None:
         """Give `level` its least slack, and hold what was reached."""
-        space, problem = self.space, self.problem
+        space = self.space
         indices = space.level_rows(level, level)
-        weights = problem.weights[indices]
-        plain = space.rows(indices)
-        soft = Rows(plain.A * weights[:, None], plain.lower * weights, plain.upper * weights)
-        sizes = weights * space.norms[indices]
+        soft, sizes = self._soft_rows(indices)
         start = np.zeros(space.freedom)
         best = least_slack(soft, space.held_rows(), start, sizes, self.deadline)
         self._keep(level, best)
@@ -143,14 +238,12 @@ class _Resolver:
     def _keep(self, level: int, best: LeastSlack) -> None:
         space, problem = self.space, self.problem
         indices = space.level_rows(level, level)
-        self.iterations += best.iterations
         self.converged &= best.converged
         space.move(best.z)
         sizes = row_sizes(problem, space.point)[indices]
         slack = np.abs(best.slack) / problem.weights[indices]
         violated = slack > FEASIBILITY_TOLERANCE * sizes
-        if violated.any():
-            self.conflicts.append(level)
+        self._record(level, indices, best, violated)
         equality = problem.lower[indices] == problem.upper[indices]
         forced = space.held[best.held != 0]
         space.hold(indices, equality | violated)
@@ -205,7 +298,7 @@ class _Resolver:
         return Resolution(
             x=space.point,
             multipliers=multipliers,
-            conflicts=tuple(self.conflicts),
+            stages=tuple(self.stages),
             iterations=self.iterations,
             complete=complete and self.converged,
             timed_out=perf_counter() > self.deadline,

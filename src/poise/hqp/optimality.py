@@ -24,7 +24,7 @@ from poise.hqp.problem import HierarchicalProblem
 _ACTIVE_TOLERANCE = 1e-7
 """A row this close to its bound, relative to its size, counts as active."""
 
-_NEGLIGIBLE_SLACK = 1e-9
+_NEGLIGIBLE_SLACK = 1e-8
 """Slack below this, relative to the row's size, is rounding: such a row is met."""
 
 _CLEAR_MULTIPLIER = 1e-7

@@ -5,12 +5,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float64
-from numpy.typing import ArrayLike
 
 from poise.errors import ProblemError
 from poise.hqp.level import (
     Labels,
     Level,
+    Numbers,
     check_bound,
     check_matrix,
     check_order,
@@ -69,10 +69,10 @@ class HierarchicalProblem:
     def __init__(
         self,
         levels: Sequence[Level],
-        H: ArrayLike | None = None,
-        g: ArrayLike | None = None,
-        x_lower: ArrayLike | None = None,
-        x_upper: ArrayLike | None = None,
+        H: Numbers | None = None,
+        g: Numbers | None = None,
+        x_lower: Numbers | None = None,
+        x_upper: Numbers | None = None,
         bounds_level: int = 0,
     ) -> None:
         levels = list(levels)

@@ -1,4 +1,6 @@
-"""The affine space that is left, `x = point + basis y`, and the inequalities that still hold in it."""
+"""The affine space that is left, `x = point + basis y`, and the inequalities still held in it."""
+
+from typing import Any
 
 import numpy as np
 import scipy.linalg
@@ -7,8 +9,14 @@ from jaxtyping import Bool, Float64, Int
 from poise.hqp.least_slack import RANK_TOLERANCE, Rows
 from poise.hqp.problem import HierarchicalProblem
 
+_linalg: Any = scipy.linalg  # its stubs do not tell the modes of qr apart
+
 _INDEPENDENCE_TOLERANCE = 1e-9
 """Pivots of unit rows below this are zero: such a row is a combination of the rows before it."""
+
+
+_PREDICTION_SLOP = 1e-11
+"""Rows that depend on fixed ones are met to rounding, which must not look like a conflict."""
 
 
 class Reduction:
@@ -19,6 +27,7 @@ class Reduction:
         basis: orthonormal directions in which x may still move.
         held: stacked indices of the inequalities that must keep holding.
         fixed: which stacked rows hold as equalities, at their value at `point`.
+        trusted: whether `point` meets the held inequalities; False while one is predicted.
     """
 
     def __init__(self, problem: HierarchicalProblem) -> None:
@@ -32,6 +41,7 @@ class Reduction:
         self.basis = np.eye(n)
         self.held = np.zeros(0, dtype=np.int64)
         self.fixed = np.zeros(n + problem.m, dtype=np.bool_)
+        self.trusted = True
 
     @property
     def freedom(self) -> int:
@@ -58,7 +68,11 @@ class Reduction:
             slop: further widening, relative to the rows' size.
         """
         rows = self.rows(self.held)
+        if not self.trusted:
+            slop = max(slop, _PREDICTION_SLOP)
         room = slop * np.maximum(1.0, self.norms[self.held] * float(np.linalg.norm(self.point)))
+        if not self.trusted:
+            return Rows(rows.A, rows.lower - room, rows.upper + room)
         return Rows(rows.A, np.minimum(rows.lower, 0.0) - room, np.maximum(rows.upper, 0.0) + room)
 
     def move(self, y: Float64[np.ndarray, " d"]) -> None:
@@ -74,7 +88,7 @@ class Reduction:
         normals = A[sizes > 0.0] / sizes[sizes > 0.0, None]
         if len(normals) == 0:
             return
-        q, r, _ = scipy.linalg.qr(normals.T, pivoting=True, check_finite=False)
+        q, r, _ = _linalg.qr(normals.T, pivoting=True, check_finite=False)
         rank = int(np.count_nonzero(np.abs(np.diagonal(r)) > _INDEPENDENCE_TOLERANCE))
         self.basis = self.basis @ q[:, rank:]
 

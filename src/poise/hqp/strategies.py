@@ -1,6 +1,6 @@
 """One call for every strategy: `solve`, and `make_solver` for a solver that keeps its workspace."""
 
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from poise.errors import UnknownNameError
 from poise.hqp.cascade import CascadeSolver
@@ -13,6 +13,7 @@ STRATEGIES = ("direct", "cascade", "weighted")
 """Names that `solve` and `make_solver` take."""
 
 
+@runtime_checkable
 class Solver(Protocol):
     """What every strategy offers: a workspace that persists and never raises on numbers."""
 

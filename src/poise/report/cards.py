@@ -60,9 +60,9 @@ def _residual(record: RunRecord) -> _Card | None:
     levels = [number(v) for v in map(_float, listed) if v is not None]
     if not levels:
         return None
-    rest = " · ".join(f"{i}: {v}" for i, v in enumerate(levels[1:4], 2))
+    rest = " · ".join(f"{i}: {v}" for i, v in enumerate(levels[1:3], 2))
     return _Card(
-        name="residual of level 1, at most",
+        name="residual, level 1",
         figure=levels[0],
         more=f"level {rest}" if rest else "",
     )

@@ -55,4 +55,4 @@ def _padded(values: Float64[np.ndarray, " T"], buckets: int) -> Float64[np.ndarr
     width = -(-len(values) // buckets)
     full = np.full(-(-len(values) // width) * width, np.nan)
     full[: len(values)] = values
-    return full.reshape(buckets, width)
+    return full.reshape(-1, width)

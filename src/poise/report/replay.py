@@ -39,10 +39,10 @@ class Geometry:
 
     body: int
     shape: Literal["box", "sphere", "ellipsoid", "cylinder", "capsule", "mesh"]
-    size: tuple[float, ...] = ()
+    size: tuple[float | int, ...] = ()
     position: Float64[np.ndarray, "3"] = field(default_factory=_no_positions)
     quaternion: Float64[np.ndarray, "4"] = field(default_factory=_identity_quaternion)
-    rgba: tuple[float, float, float, float] = (0.7, 0.7, 0.72, 1.0)
+    rgba: tuple[float | int, float | int, float | int, float | int] = (0.7, 0.7, 0.72, 1.0)
     vertices: Float64[np.ndarray, "nvert 3"] | None = field(default=None, repr=False)
     faces: Int[np.ndarray, "nface 3"] | None = field(default=None, repr=False)
 

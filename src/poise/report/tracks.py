@@ -23,8 +23,8 @@ class Check:
     """
 
     name: str
-    value: float
-    bound: float
+    value: float | int
+    bound: float | int
     relation: Literal["<=", ">=", "=="] = "<="
     unit: str = ""
     ok: bool
@@ -40,9 +40,9 @@ class Event:
         duration: how long it lasted [s], zero for an instant.
     """
 
-    time: float
+    time: float | int
     label: str
-    duration: float = 0.0
+    duration: float | int = 0.0
 
     def __post_init__(self) -> None:
         if not np.isfinite(self.time):

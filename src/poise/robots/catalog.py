@@ -2,7 +2,7 @@
 
 import importlib.metadata
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from importlib import resources
 from pathlib import Path
@@ -85,7 +85,7 @@ def find_entry(name: str) -> CatalogEntry | None:
             wanted=f"humanoid{MIN_JOINTS} to humanoid{MAX_JOINTS}",
         )
     base = _read_entry("humanoid33")
-    return CatalogEntry(**(vars(base) | {"name": name, "joints": joints}))
+    return replace(base, name=name, joints=joints)
 
 
 def open_entry(entry: CatalogEntry) -> tuple[str, Path | None, tuple[Path, ...]]:

@@ -103,7 +103,7 @@ class Description:
         return soles | dict(self.hands) | {k: m for k, m in trunk.items() if m is not None}
 
 
-def parse_description(data: Mapping[str, Any], where: str) -> Description:
+def parse_description(data: Mapping[Any, Any], where: str) -> Description:
     """Check the content of a description file and make it a `Description`.
 
     Args:
@@ -146,9 +146,7 @@ def parse_description(data: Mapping[str, Any], where: str) -> Description:
     return description
 
 
-def match_joints(
-    patterns: Mapping[str, T], joints: Iterable[str], what: str
-) -> dict[str, T]:
+def match_joints(patterns: Mapping[str, T], joints: Iterable[str], what: str) -> dict[str, T]:
     """Give each joint the value of the last pattern that matches its whole name.
 
     Args:

@@ -133,12 +133,8 @@ def write_limits(
         if name in position:
             limit.set("lower", repr(position[name][0]))
             limit.set("upper", repr(position[name][1]))
-        limit.set("velocity", repr(velocity[name]) if name in velocity else _value(limit, "velocity"))
-        limit.set("effort", repr(torque[name]) if name in torque else _value(limit, "effort"))
-
-
-def _value(limit: ET.Element, key: str) -> str:
-    return limit.get(key, "0")
+        for key, values in (("velocity", velocity), ("effort", torque)):
+            limit.set(key, repr(values[name]) if name in values else limit.get(key, "0"))
 
 
 def _settle_urdf(document: Document, base: Literal["floating", "fixed"]) -> str:
@@ -179,7 +175,10 @@ def _settle_mjcf(document: Document, base: Literal["floating", "fixed"]) -> str:
             wanted="one body under <worldbody>",
         )
     root = bodies[0]
-    free = [*root.findall("freejoint"), *(j for j in root.findall("joint") if j.get("type") == "free")]
+    free = [
+        *root.findall("freejoint"),
+        *(j for j in root.findall("joint") if j.get("type") == "free"),
+    ]
     if free and base == "fixed":
         raise RobotError(
             f"{document.where} has a free joint, but its description says base: fixed",

@@ -77,7 +77,7 @@ class Fields:
             raise RobotError(f"{self._name(key)} is out of range", got=value, wanted=wanted)
         return float(value)
 
-    def numbers(self, key: str, count: int) -> Float64[np.ndarray, "n"]:
+    def numbers(self, key: str, count: int) -> Float64[np.ndarray, " n"]:
         """A list of `count` finite numbers."""
         value = self.raw(key)
         if not isinstance(value, list) or len(value) != count:
@@ -109,14 +109,14 @@ class Fields:
         return f"{self.where}: {key}" if ": " not in self.where else f"{self.where}.{key}"
 
 
-def read_yaml(text: str, where: str) -> Mapping[str, Any]:
+def read_yaml(text: str, where: str) -> Mapping[Any, Any]:
     """Parse YAML text whose top is a mapping, with no key given twice.
 
     Raises:
         RobotError: the text is no YAML, or not a mapping.
     """
     try:
-        data = yaml.load(text, Loader=_UniqueKeyLoader)  # noqa: S506 (a safe loader)
+        data = yaml.load(text, Loader=_UniqueKeyLoader)
     except yaml.YAMLError as error:
         reason = " ".join(str(error).split())
         raise RobotError(f"{where} is not valid YAML: {reason}") from None

@@ -23,7 +23,7 @@ def home_configuration(
     *,
     floating: bool,
     where: str,
-) -> Float64[np.ndarray, "nq"]:
+) -> Float64[np.ndarray, " nq"]:
     """The configuration of the joints with the base placed on the soles.
 
     The first sole lies flat on z = 0; the middle of the soles is at x = y = 0, and their mean
@@ -68,7 +68,7 @@ def _on_ground(base_T_soles: list[pin.SE3]) -> pin.SE3:
     return pin.SE3(turn, -turn @ middle) * first
 
 
-def _check_limits(model: pin.Model, q: Float64[np.ndarray, "nq"], where: str) -> None:
+def _check_limits(model: pin.Model, q: Float64[np.ndarray, " nq"], where: str) -> None:
     for joint, name in zip(model.joints, model.names, strict=True):
         if joint.nq != 1:
             continue

@@ -1,8 +1,8 @@
 """The Pinocchio model of a robot's document: kinematics and inertias, no geometry."""
 
 import tempfile
+import xml.etree.ElementTree as ET
 from collections.abc import Mapping
-from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -69,9 +69,7 @@ def add_roles(model: pin.Model, roles: Mapping[str, FrameRole], where: str) -> N
     Raises:
         UnknownNameError: the link of a role does not exist.
     """
-    bodies = {
-        f.name: i for i, f in enumerate(model.frames) if f.type == pin.FrameType.BODY
-    }
+    bodies = {f.name: i for i, f in enumerate(model.frames) if f.type == pin.FrameType.BODY}
     for role in roles.values():
         if role.link not in bodies:
             raise UnknownNameError(
@@ -128,18 +126,27 @@ def check_inertia(model: pin.Model, where: str) -> None:
 
 
 def _parse(source: ModelSource, floating: bool) -> pin.Model:
-    root = (pin.JointModelFreeFlyer(),) if floating else ()
     if source.kind == "urdf":
+        root = (pin.JointModelFreeFlyer(),) if floating else ()
         return pin.buildModelFromXML(source.text, *root)
     # Pinocchio reads MJCF from files only, and looks for meshes beside them.
-    with tempfile.NamedTemporaryFile("w", suffix=".xml", dir=_folder(source), encoding="utf-8") as f:
-        f.write(source.text)
-        f.flush()
-        return pin.buildModelFromMJCF(f.name, *root)
+    with tempfile.NamedTemporaryFile("w", suffix=".xml", encoding="utf-8") as file:
+        file.write(_with_absolute_folders(source))
+        file.flush()
+        if floating:
+            return pin.buildModelFromMJCFAndRootJoint(file.name, pin.JointModelFreeFlyer())
+        return pin.buildModelFromMJCF(file.name)
 
 
-def _folder(source: ModelSource) -> Path | None:
-    return None
+def _with_absolute_folders(source: ModelSource) -> str:
+    if source.directory is None:
+        return source.text
+    root = ET.fromstring(source.text)
+    for compiler in root.findall("compiler") or [ET.SubElement(root, "compiler")]:
+        folder = compiler.get("assetdir", "")
+        for key in ("meshdir", "texturedir"):
+            compiler.set(key, str(source.directory / compiler.get(key, folder)))
+    return ET.tostring(root, encoding="unicode")
 
 
 def _free_names(model: pin.Model, names: set[str]) -> None:

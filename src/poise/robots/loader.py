@@ -1,12 +1,11 @@
 """`load_robot`: from a name or a file to a `Robot`."""
 
-import math
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
-import pinocchio as pin
 from jaxtyping import Float64
 from scipy.spatial.transform import Rotation
 
@@ -15,7 +14,9 @@ from poise.robots.catalog import catalog_names, find_entry, open_entry
 from poise.robots.description import Description, Mount, match_joints, parse_description
 from poise.robots.document import Document, parse, settle_base, write_limits
 from poise.robots.fields import read_text, read_yaml
+from poise.robots.figure import add_figure
 from poise.robots.home import home_configuration
+from poise.robots.joint_limits import apply_limits, check_limits, described_limits
 from poise.robots.kinematics import add_roles, build_model, check_inertia
 from poise.robots.meshes import check_meshes, package_folders
 from poise.robots.robot import FrameRole, ModelSource, Robot, Sole
@@ -121,17 +122,10 @@ def _assemble(
     floating = facts.base == "floating"
     root = settle_base(document, facts.base)
     names = document.joints()
-    position, velocity, torque = (
-        match_joints(patterns, names, f"{facts.where}: limits.{kind}")
-        for kind, patterns in (
-            ("position", facts.position),
-            ("velocity", facts.velocity),
-            ("torque", facts.torque),
-        )
-    )
+    limits = described_limits(facts, names)
     locked = match_joints(dict.fromkeys(facts.locked, True), names, f"{facts.where}: locked")
     if document.kind == "urdf":
-        write_limits(document, position, velocity, torque)
+        write_limits(document, limits.position, limits.velocity, limits.torque)
     source = ModelSource(
         kind=document.kind,
         text=document.text,
@@ -145,8 +139,10 @@ def _assemble(
     posture = match_joints(facts.home, free, f"{facts.where}: home")
     model = build_model(source, floating=floating, armature=armature, where=name)
     check_inertia(model, name)
-    _apply_limits(model, position, velocity, torque)
-    _check_limits(model, floating, name)
+    if document.kind == "urdf" and add_figure(document.root):
+        source = replace(source, text=document.text)
+    apply_limits(model, limits)
+    check_limits(model, floating=floating, where=name)
     roles = _roles(facts, root)
     add_roles(model, roles, name)
     soles = {n: Sole(name=n, length=s.length, width=s.width) for n, s in facts.soles.items()}
@@ -185,46 +181,6 @@ def _role(name: str, mount: Mount) -> FrameRole:
     return FrameRole(
         name=name, link=mount.link, position=_frozen(mount.position), rotation=_frozen(rotation)
     )
-
-
-def _apply_limits(
-    model: pin.Model,
-    position: Mapping[str, tuple[float, float]],
-    velocity: Mapping[str, float],
-    torque: Mapping[str, float],
-) -> None:
-    """Put the limits into the model: for MJCF they do not stand in the document."""
-    for joint, name in zip(model.joints, model.names, strict=True):
-        if name in position:
-            model.lowerPositionLimit[joint.idx_q], model.upperPositionLimit[joint.idx_q] = position[
-                name
-            ]
-        if name in velocity:
-            model.velocityLimit[joint.idx_v] = velocity[name]
-        if name in torque:
-            model.effortLimit[joint.idx_v] = torque[name]
-
-
-def _check_limits(model: pin.Model, floating: bool, where: str) -> None:
-    lacking: dict[str, list[str]] = {"position": [], "velocity": [], "torque": []}
-    for joint, name in list(zip(model.joints, model.names, strict=True))[2 if floating else 1 :]:
-        low = float(model.lowerPositionLimit[joint.idx_q])
-        high = float(model.upperPositionLimit[joint.idx_q])
-        if not (low < high and math.isfinite(low) and math.isfinite(high)):
-            lacking["position"].append(name)
-        for kind, value in (
-            ("velocity", float(model.velocityLimit[joint.idx_v])),
-            ("torque", float(model.effortLimit[joint.idx_v])),
-        ):
-            if not (value > 0.0 and math.isfinite(value)):
-                lacking[kind].append(name)
-    missing = {f"limits.{kind}": names for kind, names in lacking.items() if names}
-    if missing:
-        raise RobotError(
-            f"{where} has joints whose limits are zero or missing",
-            got=missing,
-            wanted="these limits in the model file, or under `limits` in its description",
-        )
 
 
 def _frozen(array: Float64[np.ndarray, "*n"]) -> Float64[np.ndarray, "*n"]:

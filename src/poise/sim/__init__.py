@@ -17,6 +17,7 @@ from poise.sim.log_reader import Log, read_log
 from poise.sim.mapping import StateMap
 from poise.sim.markers import Marker, force_marker
 from poise.sim.opengl import NoOpenGLError, find_opengl
+from poise.sim.overlays import run_markers
 from poise.sim.plant import Plant
 from poise.sim.recorder import Recorder, RecorderConfig
 from poise.sim.sensors import SensorConfig
@@ -49,4 +50,5 @@ __all__ = [
     "open_viewer",
     "read_log",
     "render_video",
+    "run_markers",
 ]

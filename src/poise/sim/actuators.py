@@ -44,7 +44,7 @@ class Actuators:
         self._velocity[:] = 0.0
         self.rejected = 0
 
-    def accept(self, command: Command | None, position: Float64[np.ndarray, " nj"] | None) -> None:
+    def accept(self, command: Command | None, position: Float64[np.ndarray, "..."] | None) -> None:
         """Take the command for the next control period.
 
         Values that are not finite are taken as zero torque, zero velocity or the last position, and
@@ -53,16 +53,25 @@ class Actuators:
         Raises:
             ConfigurationError: the command is of another kind than the plant's actuation.
         """
+        offered = {
+            "torque": None if command is None else command.torque,
+            "velocity": None if command is None else command.velocity,
+            "position": position,
+        }
+        value = offered.pop(self._actuation)
+        if value is None and any(v is not None for v in offered.values()):
+            raise ConfigurationError(
+                "the command is of another kind than the plant's actuation",
+                got=[kind for kind, v in offered.items() if v is not None],
+                wanted=self._actuation,
+            )
+        taken = self._checked(value)
         if self._actuation == "torque":
-            torque = self._pick("torque", None if command is None else command.torque)
-            self._torque = np.zeros(self._nj) if torque is None else torque
-            return
-        if self._actuation == "velocity":
-            wanted = self._pick("velocity", None if command is None else command.velocity)
-            self._velocity = np.zeros(self._nj) if wanted is None else wanted
-            return
-        target = self._pick("position", position)
-        self._target = self._target if target is None else target
+            self._torque = np.zeros(self._nj) if taken is None else taken
+        elif self._actuation == "velocity":
+            self._velocity = np.zeros(self._nj) if taken is None else taken
+        elif taken is not None:
+            self._target = taken
 
     def control(self) -> Float64[np.ndarray, " nj"]:
         """Motor controls for the next physics step."""
@@ -74,14 +83,14 @@ class Actuators:
             return self._target + self._lead * self._velocity
         return self._target
 
-    def _pick(
-        self, kind: str, value: Float64[np.ndarray, " nj"] | None
+    def _checked(
+        self, value: Float64[np.ndarray, "..."] | None
     ) -> Float64[np.ndarray, " nj"] | None:
         if value is None:
             return None
         if value.shape != (self._nj,):
             raise ConfigurationError(
-                f"the {kind} command has the wrong shape",
+                f"the {self._actuation} command has the wrong shape",
                 got=value.shape,
                 wanted=f"({self._nj},)",
             )

@@ -49,7 +49,9 @@ def require_vector(name: str, value: Iterable[object], size: int) -> None:
     """
     items = tuple(value)
     if len(items) != size:
-        raise ConfigurationError(f"{name} has the wrong length", got=items, wanted=f"{size} numbers")
+        raise ConfigurationError(
+            f"{name} has the wrong length", got=items, wanted=f"{size} numbers"
+        )
     for item in items:
         require_finite(name, item)
 

@@ -5,6 +5,7 @@ import struct
 from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, cast
 
@@ -12,6 +13,9 @@ import numpy as np
 from jaxtyping import Float64
 
 from poise.errors import MissingExtraError, PoiseError, UnknownNameError
+
+_MAGIC = b"\x89MCAP0\r\n"
+"""What an MCAP file begins with, and ends with once it is finished."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,14 +74,12 @@ def read_log(path: Path | str) -> Log:
     path = Path(path)
     if not path.is_file():
         raise PoiseError("the log does not exist", got=str(path), wanted="an MCAP file")
-    try:
-        from mcap.exceptions import InvalidMagic
-    except ModuleNotFoundError as error:
-        raise MissingExtraError("mcap", "sim", "Reading a log") from error
-    try:
-        return _read(path)
-    except (InvalidMagic, struct.error) as error:
-        raise PoiseError("not an MCAP file", got=str(path), wanted="a log of a run") from error
+    if find_spec("mcap") is None:
+        raise MissingExtraError("mcap", "sim", "Reading a log")
+    with path.open("rb") as stream:
+        if stream.read(len(_MAGIC)) != _MAGIC:
+            raise PoiseError("not an MCAP file", got=str(path), wanted="a log of a run")
+    return _read(path)
 
 
 def _read(path: Path) -> Log:
@@ -86,7 +88,7 @@ def _read(path: Path) -> Log:
     topics: dict[int, str] = {}
     metadata: dict[str, str] = {}
     messages: dict[str, list[tuple[float, dict[str, Any]]]] = defaultdict(list)
-    complete = False
+    finished = False
     for record in _whole_records(path):
         if isinstance(record, Channel):
             topics[record.id] = record.topic
@@ -96,19 +98,20 @@ def _read(path: Path) -> Log:
         elif isinstance(record, Metadata):
             metadata |= record.metadata
         elif isinstance(record, Footer):
-            complete = True
-    return Log(path=path, complete=complete, metadata=metadata, messages=dict(messages))
+            finished = path.read_bytes().endswith(_MAGIC)
+    return Log(path=path, complete=finished, metadata=metadata, messages=dict(messages))
 
 
 def _whole_records(path: Path) -> Iterator[Any]:
     """Records up to the first that is cut off or says it is longer than the file."""
-    from mcap.exceptions import EndOfFile, RecordLengthLimitExceeded
+    from mcap.exceptions import EndOfFile, InvalidMagic, RecordLengthLimitExceeded
     from mcap.stream_reader import StreamReader
 
+    cut_off = (EndOfFile, InvalidMagic, RecordLengthLimitExceeded, struct.error)
     with path.open("rb") as stream:
         records = iter(StreamReader(stream, record_size_limit=path.stat().st_size).records)
         while True:
             try:
                 yield next(records)
-            except (EndOfFile, RecordLengthLimitExceeded, StopIteration):
+            except (StopIteration, *cut_off):
                 return

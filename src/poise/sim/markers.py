@@ -16,7 +16,8 @@ ZMP_COLOUR: Colour = (0.80, 0.10, 0.55, 1.0)
 TARGET_COLOUR: Colour = (0.10, 0.60, 0.25, 0.85)
 FORCE_COLOUR: Colour = (0.05, 0.45, 0.85, 1.0)
 
-_ARROW_WIDTH = 0.012
+_ARROW_WIDTH = 0.016
+"""Radius of an arrow's shaft [m]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,7 +54,8 @@ def add_marker(scene: mujoco.MjvScene, marker: Marker) -> None:
     size = np.full(3, marker.radius)
     mujoco.mjv_initGeom(geom, int(mujoco.mjtGeom.mjGEOM_SPHERE), size, position, _IDENTITY, colour)
     if marker.arrow is not None:
-        tip = position + np.array(marker.arrow)
+        # MuJoCo draws half of what it is given (seen with 4.0, and held by a test).
+        tip = position + 2.0 * np.array(marker.arrow)
         mujoco.mjv_connector(geom, int(mujoco.mjtGeom.mjGEOM_ARROW), _ARROW_WIDTH, position, tip)
     scene.ngeom += 1
 

@@ -5,6 +5,7 @@ import queue
 import threading
 import time
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, Literal
 
@@ -64,7 +65,7 @@ class McapLog:
 
     Raises:
         MissingExtraError: the package mcap is not installed.
-        OSError: the file cannot be made.
+        PoiseError: the file cannot be made.
     """
 
     def __init__(
@@ -88,11 +89,19 @@ class McapLog:
         self._failure: OSError | None = None
         self._channels: dict[str, int] = {}
         self._schemas: dict[str, int] = {}
-        self._stream = path.open("wb")
-        self._writer = Writer(self._stream, chunk_size=_CHUNK_BYTES)
-        self._writer.start(profile="", library="poise")
-        self._writer.add_metadata("poise", dict(metadata))
-        self._writer.flush()
+        try:
+            self._stream = path.open("wb")
+        except OSError as error:
+            raise self._error(error) from error
+        try:
+            self._writer = Writer(self._stream, chunk_size=_CHUNK_BYTES)
+            self._writer.start(profile="", library="poise")
+            self._writer.add_metadata("poise", dict(metadata))
+            self._writer.flush()
+        except OSError as error:
+            with suppress(OSError):
+                self._stream.close()
+            raise self._error(error) from error
         self._thread = threading.Thread(target=self._run, name="poise-log", daemon=True)
         self._thread.start()
 
@@ -115,11 +124,15 @@ class McapLog:
         if self._thread.is_alive():
             self._queue.put(_STOP)
             self._thread.join()
-        self._stream.close()
+        try:
+            self._stream.close()
+        except OSError as error:
+            self._failure = self._failure or error
         if self._failure is not None:
-            raise PoiseError(
-                f"the log {str(self.path)!r} could not be written: {self._failure}"
-            ) from self._failure
+            raise self._error(self._failure) from self._failure
+
+    def _error(self, cause: OSError) -> PoiseError:
+        return PoiseError(f"the log {str(self.path)!r} cannot be written: {cause}")
 
     def _run(self) -> None:
         due = time.monotonic() + self._flush_dt

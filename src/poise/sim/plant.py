@@ -23,6 +23,9 @@ from poise.sim.sensors import Sensors
 _TOUCHING = 1.0
 """A sole that carries more than this [N] counts as in contact."""
 
+_QUATERNION_TOLERANCE = 1e-6
+"""Rounding of a quaternion that was written down with seven digits or more."""
+
 _FATAL = [
     int(w)
     for w in (
@@ -82,9 +85,12 @@ class Plant:
             The first state.
 
         Raises:
-            TargetError: wrong shape, or NaN or infinity.
+            TargetError: wrong shape, NaN or infinity, or a base quaternion that is not a unit one.
         """
         q = _checked("q", self.robot.q_home if q is None else q, self.robot.nq)
+        norm = float(np.linalg.norm(q[3:7])) if self.robot.floating_base else 1.0
+        if abs(norm - 1.0) > _QUATERNION_TOLERANCE:
+            raise TargetError("the base quaternion in q is not a unit one", got=norm, wanted="1")
         v = _checked("v", np.zeros(self.robot.nv) if v is None else v, self.robot.nv)
         mujoco.mj_resetData(self.model, self.data)
         self._pushes.clear(self.data)

@@ -63,7 +63,7 @@ class Recorder:
 
     Raises:
         MissingExtraError: a log is wanted and the package mcap is not installed.
-        OSError: the log cannot be made.
+        PoiseError: the log cannot be made.
     """
 
     def __init__(

@@ -42,7 +42,7 @@ class VideoConfig:
 def render_video(
     plant: Plant,
     times: Float64[np.ndarray, " n"],
-    qs: Float64[np.ndarray, "n nq"],
+    qs: Float64[np.ndarray, "m nq"],
     path: Path,
     *,
     config: VideoConfig | None = None,

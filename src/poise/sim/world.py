@@ -100,8 +100,9 @@ def _add_looks(spec: mujoco.MjSpec) -> None:
         specular=(0.1, 0.1, 0.1),
         castshadow=False,
     )
-    spec.visual.headlight.ambient = (0.28, 0.28, 0.28)
+    spec.visual.headlight.ambient = (0.34, 0.34, 0.34)
     spec.visual.headlight.diffuse = (0.3, 0.3, 0.3)
     spec.visual.headlight.specular = (0.05, 0.05, 0.05)
-    spec.visual.global_.offwidth = 1920
-    spec.visual.global_.offheight = 1080
+    # Balls and cylinders of fewer facets than MuJoCo's default: a third off the time of a picture.
+    spec.visual.quality.numslices = 20
+    spec.visual.quality.numstacks = 10

@@ -53,6 +53,18 @@ class ComTask(Task):
         """
         self._target.set(position, velocity, acceleration)
 
+    @property
+    def target_position(self) -> Float64[np.ndarray, "3"] | None:
+        """Where the COM should be [m]; None until a target is set or taken from the robot."""
+        return self._target.position
+
+    def masked_target(self) -> Float64[np.ndarray, "3"]:
+        """The target along the axes that count, NaN along the others [m]."""
+        shown = np.full(3, np.nan)
+        if self._target.position is not None:
+            shown[self._rows] = self._target.position[self._rows]
+        return shown
+
     def reset(self) -> None:
         """Forgets a target that was taken from the robot."""
         self._target.release_hold()

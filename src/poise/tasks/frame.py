@@ -12,6 +12,10 @@ from poise.tasks.checks import checked_rotation
 from poise.tasks.task import Task
 from poise.tasks.vector_target import VectorTarget
 
+_LINEAR = np.array([0, 1, 2, 6, 7, 8])
+_ANGULAR = np.array([3, 4, 5, 9, 10, 11])
+"""Where linear and angular parts stand in velocity and acceleration put behind one another."""
+
 
 class FrameTask(Task):
     """A frame follows a target pose in the world.
@@ -61,6 +65,8 @@ class FrameTask(Task):
     ) -> None:
         """Sets where the frame should be; what is not given stays as it is.
 
+        Rates belong to what is given beside them: with a position alone, the angular rates stay.
+
         Args:
             position: in the world [m].
             rotation: world_R_frame.
@@ -80,7 +86,21 @@ class FrameTask(Task):
         if orientation is not None:
             self._orientation = orientation
             self._orientation_held = False
-        self._rates = np.concatenate((rates.velocity, rates.acceleration))
+        new = np.concatenate((rates.velocity, rates.acceleration))
+        if position is not None or rotation is None:
+            self._rates[_LINEAR] = new[_LINEAR]
+        if rotation is not None or position is None:
+            self._rates[_ANGULAR] = new[_ANGULAR]
+
+    @property
+    def target_position(self) -> Float64[np.ndarray, "3"] | None:
+        """Where the frame should be [m]; None until a target is set or taken from the robot."""
+        return self._target.position
+
+    @property
+    def target_rotation(self) -> Float64[np.ndarray, "3 3"] | None:
+        """How the frame should be turned, world_R_frame; None likewise."""
+        return self._orientation
 
     def reset(self) -> None:
         """Forgets a target that was taken from the robot."""

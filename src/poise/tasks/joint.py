@@ -62,6 +62,11 @@ class JointTask(Task):
         """
         self._bound_target().set(position, velocity, acceleration)
 
+    @property
+    def target_position(self) -> Float64[np.ndarray, "m"] | None:
+        """Where the joints should be [rad]; None until a target is set or taken from the robot."""
+        return None if self._target is None else self._target.position
+
     def reset(self) -> None:
         """Forgets a target that was taken from the robot."""
         if self._target is not None:

@@ -9,7 +9,7 @@
   const SUPPORT = 0x009e73;
   const PUSH = 0xcc79a7;
   const TARGET = 0xe69f00;
-  const SKY = 0xf0f4f8;
+  const SKY = 0xe8eef4;
 
   // ---- data ----------------------------------------------------------------------------------
   function bytes(text) {
@@ -87,7 +87,7 @@
   const canvas = find("canvas");
   let renderer;
   try {
-    renderer = new T.WebGLRenderer({ canvas, antialias: true, alpha: true, preserveDrawingBuffer: true });
+    renderer = new T.WebGLRenderer({ canvas, antialias: true, preserveDrawingBuffer: true });
   } catch {
     canvas.hidden = true;
     find("sorry").hidden = false;
@@ -110,9 +110,10 @@
   // How big the robot is: from the bodies' first positions, and at least a hand's length.
   let height = 0.2;
   for (let b = 0; b < bodies; b += 1) height = Math.max(height, position[3 * b + 2] * 1.12);
+  scene.background = new T.Color(SKY);
   scene.fog = new T.Fog(SKY, 6 * height + 3, 16 * height + 8);
 
-  scene.add(new T.HemisphereLight(0xffffff, 0xb8c0c8, 1.7));
+  scene.add(new T.HemisphereLight(0xffffff, 0xc4ccd4, 2.1));
   const sun = new T.DirectionalLight(0xffffff, 2.1);
   sun.castShadow = true;
   sun.shadow.mapSize.set(1024, 1024);
@@ -123,15 +124,43 @@
   sun.shadow.normalBias = 0.01;
   scene.add(sun, sun.target);
 
-  function grid(size, step, color) {
-    const lines = new T.GridHelper(size, Math.round(size / step), color, color);
-    lines.rotation.x = Math.PI / 2;
-    scene.add(lines);
-    return lines;
+  // The ground is a picture of one square metre, repeated: lines of their own would flicker.
+  const TILE = 256;
+  function groundPicture() {
+    const tile = document.createElement("canvas");
+    tile.width = TILE;
+    tile.height = TILE;
+    const pen = tile.getContext("2d");
+    pen.fillStyle = "#f6f8fa";
+    pen.fillRect(0, 0, TILE, TILE);
+    for (let i = 0; i <= 5; i += 1) {
+      const edge = i % 5 === 0;
+      const wide = edge ? 3 : 2;
+      pen.fillStyle = edge ? "#b3bfcb" : "#dde4eb";
+      pen.fillRect((i * TILE) / 5 - wide / 2, 0, wide, TILE);
+      pen.fillRect(0, (i * TILE) / 5 - wide / 2, TILE, wide);
+    }
+    pen.fillStyle = "#b3bfcb";
+    for (const at of [0, TILE - 1.5]) {
+      pen.fillRect(at, 0, 1.5, TILE);
+      pen.fillRect(0, at, TILE, 1.5);
+    }
+    const picture = new T.CanvasTexture(tile);
+    picture.wrapS = T.RepeatWrapping;
+    picture.wrapT = T.RepeatWrapping;
+    picture.repeat.set(GROUND, GROUND);
+    picture.anisotropy = renderer.capabilities.getMaxAnisotropy();
+    picture.colorSpace = "srgb";
+    return picture;
   }
-  grid(60, 0.2, 0xdde3ea).position.z = -0.003;
-  grid(60, 1, 0xb4bfca).position.z = -0.002;
-  const floor = new T.Mesh(new T.PlaneGeometry(60, 60), new T.ShadowMaterial({ opacity: 0.2 }));
+  const GROUND = 80;
+  const ground = new T.Mesh(
+    new T.PlaneGeometry(GROUND, GROUND),
+    new T.MeshBasicMaterial({ map: groundPicture() }),
+  );
+  ground.position.z = -0.004;
+  scene.add(ground);
+  const floor = new T.Mesh(new T.PlaneGeometry(GROUND, GROUND), new T.ShadowMaterial({ opacity: 0.22 }));
   floor.position.z = -0.001;
   floor.receiveShadow = true;
   scene.add(floor);
@@ -350,6 +379,11 @@
       polygons[i].visible = phase.vertices.length > 1 && t >= phase.start && (t < phase.end || still);
     });
     if (follow) moveTo(followed.x, followed.y);
+    // Whole metres, so that the lines of the ground stay where they are.
+    for (const plane of [ground, floor]) {
+      plane.position.x = Math.round(followed.x);
+      plane.position.y = Math.round(followed.y);
+    }
     sun.position.set(followed.x + 1.2 * height, followed.y - 1.0 * height, 3 * height);
     sun.target.position.set(followed.x, followed.y, 0.4 * height);
     draw();
@@ -365,7 +399,7 @@
   }
   const VIEWS = { corner: [1.0, -0.85, 0.42], front: [1, 0, 0.12], side: [0, -1, 0.12], top: [-0.01, 0, 1] };
   function look(name) {
-    const distance = 2.35 * height;
+    const distance = 2.2 * height;
     controls.target.set(followed.x, followed.y, 0.47 * height);
     direction.fromArray(VIEWS[name]).normalize();
     camera.position.copy(controls.target).addScaledVector(direction, distance);

@@ -12,8 +12,8 @@ _PARTS = (
     ("waist", ("waist", "torso", "chest", "spine", "back", "trunk", "lumbar", "abdomen")),
 )
 _SIDES = (
-    ("left", re.compile(r"(^|_|\b)(left|l)(_|\d|\b)|^l(?=[A-Z])|Left", re.ASCII)),
-    ("right", re.compile(r"(^|_|\b)(right|r)(_|\d|\b)|^r(?=[A-Z])|Right", re.ASCII)),
+    ("left", re.compile(r"(^|_|\b)(left|l)(_|\d|\b)|^[lL](?=[A-Z][a-z])|Left", re.ASCII)),
+    ("right", re.compile(r"(^|_|\b)(right|r)(_|\d|\b)|^[rR](?=[A-Z][a-z])|Right", re.ASCII)),
 )
 
 

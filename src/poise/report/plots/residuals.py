@@ -22,7 +22,7 @@ def residuals_figure(record: RunRecord) -> PlotFigure | None:
     for i in range(levels):
         label = f"{i + 1}: {plain(record.level_names[i], 22)}" if record.level_names else str(i + 1)
         clipped = np.maximum(above_zero(record.residuals[:, i]), _FLOOR)
-        sheet.plot(ax, clipped, label=label, **line_style(i))
+        sheet.plot(ax, clipped, label=label, linewidth=0.9, **line_style(i))
     dashed = {"color": REFERENCE, "linestyle": (0, (4, 2)), "linewidth": 1.0}
     ax.axhline(_MET, label="met below 10⁻⁶", zorder=1, **dashed)
     finite = record.residuals[np.isfinite(record.residuals)]

@@ -137,7 +137,7 @@ def time_span(record: RunRecord) -> tuple[float, float]:
     return (start, end) if end > start else (start - 0.5, end + 0.5)
 
 
-def legend_beside(ax: Any, title: str = "", columns: int = 1) -> None:
+def legend_beside(ax: Any, title: str = "") -> None:
     """Put the legend right of the axes, where it covers nothing."""
     handles, labels = ax.get_legend_handles_labels()
     if handles:
@@ -146,7 +146,6 @@ def legend_beside(ax: Any, title: str = "", columns: int = 1) -> None:
             labels,
             loc="upper left",
             bbox_to_anchor=(1.015, 1.0),
-            ncols=columns,
             title=title or None,
             title_fontsize=8.5,
             alignment="left",

@@ -105,7 +105,7 @@ def plain(text: str, limit: int = 26) -> str:
     return f" {line}" if line.startswith("_") else line
 
 
-def number(value: float) -> str:
+def number(value: float | int) -> str:
     """A number as a reader likes it: three or four figures, powers of ten only where needed."""
     if value != value:
         return "–"

@@ -52,7 +52,7 @@ def _norms(record: RunRecord) -> PlotFigure:
 
 def _components(record: RunRecord) -> PlotFigure:
     tasks = [t for t in record.tasks if t.components is not None]
-    sheet = TimeSheet(record, [1.15] * len(tasks))
+    sheet = TimeSheet(record, [1.25] * len(tasks))
     for ax, task in zip(sheet.axes, tasks, strict=True):
         _draw_components(sheet, ax, task)
     return sheet.finish(
@@ -78,7 +78,7 @@ def _draw_components(sheet: TimeSheet, ax: object, task: TaskTrack) -> None:
     ax.set_ylabel(f"[{task.unit or '-'}]")
     shown = "" if k <= len(PALETTE) else f" ({len(PALETTE)} largest of {k})"
     ax.set_title(plain(task.name) + shown, pad=3.0)
-    legend_beside(ax, columns=2 if k > 4 else 1)
+    legend_beside(ax)
 
 
 def _spreads(errors: list[Float64[np.ndarray, " T"]]) -> bool:

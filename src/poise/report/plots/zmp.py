@@ -29,7 +29,7 @@ def _from_above(record: RunRecord) -> PlotFigure:
     from matplotlib.figure import Figure
 
     centre, half = _view(record)
-    wide = half[0] > _WIDE * half[1]
+    wide = bool(half[0] > _WIDE * half[1])
     figure: Any = Figure(figsize=(WIDTH, _height(half, wide)))
     rows, columns = (2, 1) if wide else (1, 2)
     bottom = 0.6 / figure.get_figheight()

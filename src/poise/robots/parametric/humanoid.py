@@ -4,7 +4,13 @@ from poise.robots.parametric.arm import add_arm
 from poise.robots.parametric.leg import add_leg
 from poise.robots.parametric.proportions import Proportions, share_joints
 from poise.robots.parametric.tree import Tree
-from poise.robots.parametric.trunk import add_column, head_shapes, pelvis_shapes, torso_shapes
+from poise.robots.parametric.trunk import (
+    HEAD_HEIGHT,
+    add_column,
+    head_shapes,
+    pelvis_shapes,
+    torso_shapes,
+)
 
 TOCABI_CLASS = Proportions(
     height=1.8, mass=100.0, sole_length=0.28, sole_width=0.14, hip_offset=0.1025
@@ -23,9 +29,15 @@ TELEOPERATED_BIPED = Proportions(
 )
 """The robot of (Zhang, Kikuuwe, "COM Shifter and Body Rotator")."""
 
+_WAIST_START, _WAIST_LENGTH, _NECK_LENGTH = 0.13, 0.09, 0.07
+"""From the hips to the waist, through the waist, through the neck, at a height of 1.8 m [m]."""
+
 _PELVIS_SHARE, _WAIST_SHARE, _TORSO_SHARE, _HEAD_SHARE = 0.12, 0.04, 0.19, 0.05
 _ARMS_SHARE = 0.15
+"""Shares of the mass; those of the upper body are scaled when the legs weigh more or less."""
+
 _UPPER_SHARE = _PELVIS_SHARE + _WAIST_SHARE + _TORSO_SHARE + _HEAD_SHARE + _ARMS_SHARE
+
 
 def humanoid(name: str, joints: int, proportions: Proportions) -> Tree:
     """A humanoid with 6 joints a leg, and the others shared between arms, waist and head.
@@ -45,7 +57,8 @@ def humanoid(name: str, joints: int, proportions: Proportions) -> Tree:
     s = p.scale
     upper = p.mass * (1.0 - p.leg_share) / _UPPER_SHARE
     # The height fixes what is left for the torso when the legs are longer or shorter.
-    torso_height = (1.8 - 0.62) * s - p.hip_height * p.height + 0.09 * s
+    rest = _WAIST_START + _WAIST_LENGTH + _NECK_LENGTH + HEAD_HEIGHT
+    torso_height = (1.0 - p.hip_height) * p.height - rest * s
     tree = Tree(name)
     tree.add("pelvis_link", upper * _PELVIS_SHARE, pelvis_shapes(p))
     for side in ("left", "right"):
@@ -53,10 +66,10 @@ def humanoid(name: str, joints: int, proportions: Proportions) -> Tree:
     spare = add_column(
         tree,
         part="waist",
-        start=("pelvis_link", 0.13 * s),
+        start=("pelvis_link", _WAIST_START * s),
         end="torso_link",
         count=count.waist,
-        length=0.09 * s,
+        length=_WAIST_LENGTH * s,
         radius=0.075 * s,
         mass=upper * _WAIST_SHARE,
         strength=p.strength,
@@ -81,7 +94,7 @@ def humanoid(name: str, joints: int, proportions: Proportions) -> Tree:
         start=("torso_link", torso_height),
         end="head_link",
         count=count.head,
-        length=0.07 * s,
+        length=_NECK_LENGTH * s,
         radius=0.045 * s,
         mass=neck_mass,
         strength=p.strength,

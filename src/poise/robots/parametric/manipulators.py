@@ -1,4 +1,4 @@
-"""The two robots of (Park, Jin, Kang 2022): an arm of six joints, and an upper body of seventeen."""
+"""The two robots of (Park, Jin, Kang 2022): an arm of 6 joints and an upper body of 17."""
 
 from typing import Literal
 

@@ -147,14 +147,15 @@ def _add_link(root: ET.Element, link: Link) -> None:
     )
     for shape in link.shapes:
         visual = ET.SubElement(element, "visual")
-        _add_shape(visual, shape)
+        add_shape(visual, shape)
         ET.SubElement(visual, "material", name=shape.colour)
     for shape in link.shapes:
         if shape.solid:
-            _add_shape(ET.SubElement(element, "collision"), shape)
+            add_shape(ET.SubElement(element, "collision"), shape)
 
 
-def _add_shape(element: ET.Element, shape: Shape) -> None:
+def add_shape(element: ET.Element, shape: Shape) -> None:
+    """Write a shape's origin and geometry into a visual or collision element of URDF."""
     ET.SubElement(element, "origin", xyz=_text(shape.position), rpy=_text(shape.rpy))
     geometry = ET.SubElement(element, "geometry")
     if shape.kind == "box":

@@ -6,6 +6,9 @@ from poise.robots.parametric.proportions import Proportions
 from poise.robots.parametric.shapes import Shape, box, capsule, drum, slab, sphere
 from poise.robots.parametric.tree import Tree, degrees
 
+HEAD_HEIGHT = 0.22
+"""From the last joint of the neck to the crown of a robot of 1.8 m [m]."""
+
 _TORSO_LAYERS = (
     (0.150, 0.190),
     (0.160, 0.215),
@@ -18,8 +21,16 @@ _TORSO_LAYERS = (
 )
 """Depth and width of the torso of a robot of 1.8 m, in layers of one thickness, from below [m]."""
 
-_WAIST_AXES = (("yaw", "z", 200.0), ("pitch", "y", 300.0), ("roll", "x", 300.0))
-_HEAD_AXES = (("yaw", "z", 20.0), ("pitch", "y", 20.0), ("roll", "x", 20.0))
+_WAIST_AXES: tuple[tuple[str, Literal["x", "y", "z"], float], ...] = (
+    ("yaw", "z", 200.0),
+    ("pitch", "y", 300.0),
+    ("roll", "x", 300.0),
+)
+_HEAD_AXES: tuple[tuple[str, Literal["x", "y", "z"], float], ...] = (
+    ("yaw", "z", 20.0),
+    ("pitch", "y", 20.0),
+    ("roll", "x", 20.0),
+)
 _WAIST_SPAN = {"z": (-60.0, 60.0), "y": (-25.0, 50.0), "x": (-25.0, 25.0)}
 _HEAD_SPAN = {"z": (-80.0, 80.0), "y": (-35.0, 45.0), "x": (-25.0, 25.0)}
 
@@ -72,6 +83,7 @@ def _vertebra(axis: str, radius: float, step: float) -> tuple[Shape, ...]:
 
 
 def pelvis_shapes(p: Proportions) -> tuple[Shape, ...]:
+    """Solids of the pelvis; the origin lies midway between the hips."""
     s, half = p.scale, p.hip_offset
     return (
         *slab((0.20 * s, 2.0 * half + 0.04 * s, 0.10 * s), (-0.01 * s, 0.0, 0.085 * s), 0.05 * s),
@@ -82,6 +94,7 @@ def pelvis_shapes(p: Proportions) -> tuple[Shape, ...]:
 
 
 def torso_shapes(p: Proportions, height: float) -> tuple[Shape, ...]:
+    """Solids of a torso of the given height [m]; the origin lies at its lower end."""
     s = p.scale
     shapes: list[Shape] = [sphere(0.078 * s, (0.0, 0.0, 0.0), colour="dark")]
     thick = height / len(_TORSO_LAYERS)
@@ -101,13 +114,16 @@ def torso_shapes(p: Proportions, height: float) -> tuple[Shape, ...]:
 
 
 def head_shapes(p: Proportions) -> tuple[Shape, ...]:
+    """Solids of the head; the origin lies in the last joint of the neck."""
     s = p.scale
-    # The head is 0.22 high over its joint: a rounded shell, a visor, an ear on each side.
+    crown = 0.075 * s
     return (
         drum("y", 0.032 * s, 0.10 * s, colour="joint"),
         *slab((0.17 * s, 0.15 * s, 0.10 * s), (0.005 * s, 0.0, 0.09 * s), 0.055 * s),
-        sphere(0.075 * s, (0.0, 0.0, 0.145 * s)),
-        *slab((0.03 * s, 0.13 * s, 0.075 * s), (0.083 * s, 0.0, 0.105 * s), 0.012 * s, colour="visor"),
+        sphere(crown, (0.0, 0.0, HEAD_HEIGHT * s - crown)),
+        *slab(
+            (0.03 * s, 0.13 * s, 0.075 * s), (0.083 * s, 0.0, 0.105 * s), 0.012 * s, colour="visor"
+        ),
         box((0.006 * s, 0.07 * s, 0.008 * s), (0.099 * s, 0.0, 0.11 * s), colour="light"),
         drum("y", 0.03 * s, 0.17 * s, (0.0, 0.0, 0.10 * s), colour=p.accent),
     )

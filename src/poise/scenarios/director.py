@@ -1,0 +1,206 @@
+"""`Director`: tells the tasks and contacts of a running controller what the scenario wants."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+from jaxtyping import Float64
+
+from poise.control.stack import Stack
+from poise.dynamics.dynamics import Dynamics
+from poise.dynamics.state import RobotState
+from poise.errors import ScenarioError, UnknownNameError
+from poise.robots.robot import Robot
+from poise.scenarios.motion import Blend
+from poise.scenarios.reach import reach_point
+from poise.scenarios.scenario import ContactChange, Motion, Scenario
+from poise.tasks import ComTask, FrameTask, JointTask, Task
+
+TOUCHDOWN_PATIENCE = 1.0
+"""A contact that waits for touchdown is loaded after this long at the latest [s]."""
+
+
+@dataclass(slots=True)
+class _Running:
+    """A motion under way, between two points, two rotations or two postures."""
+
+    task: Task
+    motion: Motion
+    blend: Blend
+    start: Float64[np.ndarray, "m"]
+    way: Float64[np.ndarray, "m"]
+    rotation: Float64[np.ndarray, "3 3"] | None = None
+
+
+class Director:
+    """Moves targets and contacts of a stack along a scenario; call `advance` before each tick.
+
+    Args:
+        scenario: what should happen when.
+        stack: the controller's stack, bound.
+        robot: the robot.
+
+    Raises:
+        UnknownNameError: the scenario names a task, contact, sole or joint that does not exist.
+        ScenarioError: a goal that does not fit its task.
+    """
+
+    def __init__(self, scenario: Scenario, stack: Stack, robot: Robot) -> None:
+        self._stack, self._robot = stack, robot
+        self._dynamics = Dynamics(robot)
+        self._motions = sorted(scenario.motions, key=lambda m: m.at)
+        self._changes = sorted(scenario.contact_changes, key=lambda c: c.at)
+        self._running: list[_Running] = []
+        tasks = {task.name: task for _, task in stack.tasks()}
+        contacts = {contact.name: contact for contact in stack.contacts}
+        for motion in self._motions:
+            _require(motion.task, tasks, "a motion names an unknown task")
+            _check_goal(motion, tasks[motion.task], robot)
+        for change in self._changes:
+            _require(change.contact, contacts, "a contact change names an unknown contact")
+        self._tasks, self._contacts = tasks, contacts
+
+    def advance(self, state: RobotState) -> None:
+        """Applies everything that is due at the state's time."""
+        time = state.time
+        self._changes = [c for c in self._changes if not self._apply(c, state)]
+        while self._motions and self._motions[0].at <= time:
+            motion = self._motions.pop(0)
+            self._running = [r for r in self._running if not _replaces(motion, r.motion)]
+            self._running.append(self._begin(motion, state))
+        for running in self._running:
+            _follow(running, time)
+        self._running = [r for r in self._running if not r.blend.done(time)]
+
+    def _apply(self, change: ContactChange, state: RobotState) -> bool:
+        if state.time < change.at:
+            return False
+        contact = self._contacts[change.contact]
+        if not change.load:
+            contact.release(change.over)
+            return True
+        measured = state.contacts.get(contact.frame)
+        touched = measured is not None and measured[2] >= change.touchdown
+        if touched or change.touchdown == 0.0 or state.time >= change.at + TOUCHDOWN_PATIENCE:
+            contact.engage(change.over)
+            return True
+        return False
+
+    def _begin(self, motion: Motion, state: RobotState) -> _Running:
+        self._dynamics.update(state)
+        task = self._tasks[motion.task]
+        blend = Blend(motion.at, motion.over)
+        if isinstance(task, JointTask):
+            start = self._posture_of(task, state)
+            goal = start.copy()
+            names = task.joints or self._robot.joint_names
+            for joint, angle in motion.joints.items():
+                goal[names.index(joint)] = angle
+            return _Running(task, motion, blend, start, goal - start)
+        if motion.kind == "turn" and isinstance(task, FrameTask):
+            rotation = task.target_rotation
+            if rotation is None or self._rests_on_contact(task):
+                rotation = self._dynamics.frame(self._robot.frame_id(task.frame)).rotation
+            return _Running(task, motion, blend, np.zeros(3), motion.vector, rotation)
+        start = self._point_of(task)
+        return _Running(task, motion, blend, start, self._goal(motion, task, start) - start)
+
+    def _posture_of(self, task: JointTask, state: RobotState) -> Float64[np.ndarray, "m"]:
+        if task.target_position is not None:
+            return task.target_position.copy()
+        names = task.joints or self._robot.joint_names
+        first = self._robot.nq - self._robot.nj
+        return state.q[[first + self._robot.joint_index(n) for n in names]]
+
+    def _point_of(self, task: Task) -> Float64[np.ndarray, "3"]:
+        if isinstance(task, ComTask):
+            target = task.target_position
+            return (self._dynamics.com if target is None else target).copy()
+        frame_task = _as_frame(task)
+        target = frame_task.target_position
+        if target is None or self._rests_on_contact(frame_task):
+            target = self._dynamics.frame(self._robot.frame_id(frame_task.frame)).position
+        return target.copy()
+
+    def _rests_on_contact(self, task: FrameTask) -> bool:
+        # A frame in contact is where the contact holds it, whatever its old target.
+        return any(c.frame == task.frame and c.active for c in self._stack.contacts)
+
+    def _goal(
+        self, motion: Motion, task: Task, start: Float64[np.ndarray, "3"]
+    ) -> Float64[np.ndarray, "3"]:
+        if motion.kind == "to":
+            return motion.vector
+        if motion.kind == "by":
+            return start + motion.vector
+        if motion.kind == "reach":
+            return reach_point(
+                self._robot, self._dynamics, _as_frame(task).frame, motion.vector, motion.share
+            )
+        ids = [self._robot.frame_id(sole) for sole in motion.soles]
+        middle = np.mean([self._dynamics.frame(i).position for i in ids], axis=0)
+        return np.array([middle[0], middle[1], start[2]])
+
+
+def _follow(running: _Running, time: float) -> None:
+    share, rate, second = running.blend.sample(time)
+    task, way = running.task, running.way
+    if running.rotation is not None and isinstance(task, FrameTask):
+        zero = np.zeros(3)
+        task.set_target(
+            rotation=pin.exp3(share * way) @ running.rotation,
+            velocity=np.concatenate((zero, rate * way)),
+            acceleration=np.concatenate((zero, second * way)),
+        )
+        return
+    position = running.start + share * way
+    if isinstance(task, FrameTask):
+        zero = np.zeros(3)
+        task.set_target(
+            position=position,
+            velocity=np.concatenate((rate * way, zero)),
+            acceleration=np.concatenate((second * way, zero)),
+        )
+    elif isinstance(task, ComTask | JointTask):
+        task.set_target(position, rate * way, second * way)
+
+
+def _replaces(new: Motion, old: Motion) -> bool:
+    """A later motion of the same quantity takes over where the earlier one is."""
+    return new.task == old.task and (new.kind == "turn") == (old.kind == "turn")
+
+
+def _require(name: str, known: dict, what: str) -> None:
+    if name not in known:
+        raise UnknownNameError(what, got=name, choices=known)
+
+
+def _as_frame(task: Task) -> FrameTask:
+    if not isinstance(task, FrameTask):
+        raise ScenarioError(
+            f"task {task.name!r} has no point to move", wanted="a com or frame task"
+        )
+    return task
+
+
+def _check_goal(motion: Motion, task: Task, robot: Robot) -> None:
+    """Refuses before the first tick what `_begin` could not do."""
+    allowed: tuple[str, ...] = ()
+    if isinstance(task, JointTask):
+        allowed = ("joints",)
+    elif isinstance(task, ComTask):
+        allowed = ("to", "by", "above")
+    elif isinstance(task, FrameTask):
+        allowed = ("to", "by", "above", "reach", "turn")
+    if motion.kind not in allowed:
+        raise ScenarioError(
+            f"a motion of task {task.name!r} cannot be given like this",
+            got=motion.kind,
+            choices=allowed,
+        )
+    for sole in motion.soles:
+        robot.frame_id(sole)
+    if isinstance(task, JointTask):
+        names = task.joints or robot.joint_names
+        for joint in motion.joints:
+            _require(joint, dict.fromkeys(names), f"a motion of task {task.name!r}: unknown joint")

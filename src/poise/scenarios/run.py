@@ -1,0 +1,191 @@
+"""Running a scenario: the loop from state to command to plant, with everything recorded."""
+
+import time as clock
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from poise.control import make_controller
+from poise.control.command import Command
+from poise.control.whole_body import WholeBodyController
+from poise.robots import load_robot
+from poise.robots.robot import Robot
+from poise.scenarios.checks import CheckResult, evaluate_checks, validate_checks
+from poise.scenarios.collect import collect_signals
+from poise.scenarios.director import Director
+from poise.scenarios.scenario import Scenario
+from poise.scenarios.signals import RunSignals
+from poise.sim import Plant, Recorder, Viewer, open_viewer
+from poise.tasks import ComTask
+
+Progress = Callable[[float, float], None]
+"""Called with the seconds done and the seconds in all."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Run:
+    """A finished run.
+
+    Attributes:
+        scenario: what was run.
+        robot: on which robot.
+        plant: the plant, as it was left.
+        controller: the controller, as it was left.
+        signals: what was recorded.
+        checks: what held and what did not.
+        fell: whether the robot fell.
+        ended_early: why the run stopped before its end, "" where it did not.
+        wall_seconds: time that the loop took [s].
+    """
+
+    scenario: Scenario
+    robot: Robot
+    plant: Plant = field(repr=False)
+    controller: WholeBodyController = field(repr=False)
+    signals: RunSignals = field(repr=False)
+    checks: tuple[CheckResult, ...]
+    fell: bool
+    ended_early: str
+    wall_seconds: float
+
+    @property
+    def ok(self) -> bool:
+        """Whether the robot stayed up and every check held."""
+        return not self.fell and all(check.ok for check in self.checks)
+
+
+def run_scenario(
+    scenario: Scenario,
+    *,
+    log: Path | None = None,
+    view: bool = False,
+    progress: Progress | None = None,
+) -> Run:
+    """Runs a scenario on its plant.
+
+    Everything that can be wrong with the scenario on its robot is found before the first tick. A
+    fall, a diverged simulation or Ctrl-C end the run early; what was recorded stays.
+
+    Args:
+        scenario: what to run.
+        log: MCAP file to write while it runs; none when None.
+        view: whether to show the plant in a window, in real time.
+        progress: told how far the run is.
+
+    Returns:
+        The run with its signals and checks.
+
+    Raises:
+        PoiseError: the scenario does not fit its robot.
+    """
+    robot = load_robot(scenario.robot)
+    stack = scenario.stack.build() if scenario.stack is not None else None
+    controller = make_controller(robot, stack, scenario.controller)
+    director = Director(scenario, controller.stack, robot)
+    validate_checks(scenario.checks, controller.stack, robot)
+    plant = Plant(robot, scenario.plant, seed=scenario.seed)
+    for push in scenario.pushes:
+        plant.push(push.body, push.force_on(robot.mass), push.duration, push.at)
+    metadata = {
+        "scenario": scenario.name,
+        "controller": scenario.controller.name,
+        "seed": str(scenario.seed),
+    }
+    begin = clock.perf_counter()
+    with (
+        Recorder(plant, log, metadata=metadata) as recorder,
+        open_viewer(plant) if view else nullcontext() as viewer,
+    ):
+        loop = _loop(scenario, controller, director, plant, recorder, viewer, progress)
+        with _until_interrupted() as interruption:
+            for _ in loop:
+                pass
+    wall = clock.perf_counter() - begin
+    signals = collect_signals(recorder, robot, controller.stack)
+    ended_early = interruption.reason or _reason(plant, viewer, scenario)
+    checks = evaluate_checks(scenario.checks, signals, controller.stack, plant.fallen, ended_early)
+    return Run(
+        scenario=scenario,
+        robot=robot,
+        plant=plant,
+        controller=controller,
+        signals=signals,
+        checks=checks,
+        fell=plant.fallen,
+        ended_early=ended_early,
+        wall_seconds=wall,
+    )
+
+
+def _loop(
+    scenario: Scenario,
+    controller: WholeBodyController,
+    director: Director,
+    plant: Plant,
+    recorder: Recorder,
+    viewer: Viewer | None,
+    progress: Progress | None,
+) -> Iterator[None]:
+    """One pass a tick: state, references, command, plant, record."""
+    shown = 0.0
+    # Half a period of slack: times are multiples of the period, up to rounding.
+    end = scenario.duration - 0.5 * scenario.plant.control_dt
+    while plant.time < end and not plant.fallen and (viewer is None or viewer.open):
+        state = plant.state()
+        director.advance(state)
+        command = controller.step(state)
+        plant.step(command)
+        _record(recorder, controller, command)
+        if viewer is not None:
+            viewer.sync()
+        if progress is not None and plant.time >= shown:
+            progress(plant.time, scenario.duration)
+            shown = plant.time + 0.05
+        yield
+
+
+def _record(recorder: Recorder, controller: WholeBodyController, command: Command) -> None:
+    stack, formulation = controller.stack, controller.formulation
+    suspended = formulation.suspended if formulation is not None else ()
+    extra = {
+        f"error/{task.name}": np.nan if task in suspended else float(np.linalg.norm(task.error))
+        for _, task in stack.tasks()
+    }
+    for _, task in stack.tasks():
+        if isinstance(task, ComTask) and task.target_position is not None:
+            extra["com_reference"] = task.masked_target()
+    for contact in stack.contacts:
+        extra[f"planned/{contact.frame}"] = float(contact.active)
+    if command.status.ok:
+        extra |= {f"tick_us/{phase}": 1e6 * s for phase, s in controller.timings.items()}
+    else:
+        extra |= {f"tick_us/{phase}": np.nan for phase in controller.timings}
+    recorder.record(command, **extra)
+
+
+@dataclass
+class _Interruption:
+    reason: str = ""
+
+
+@contextmanager
+def _until_interrupted() -> Iterator[_Interruption]:
+    """Ends the block at Ctrl-C and says so, so that the report is still written."""
+    interruption = _Interruption()
+    try:
+        yield interruption
+    except KeyboardInterrupt:
+        interruption.reason = "interrupted by the user"
+
+
+def _reason(plant: Plant, viewer: Viewer | None, scenario: Scenario) -> str:
+    if plant.diverged:
+        return "the simulation diverged"
+    if plant.fallen:
+        return f"the robot fell at {plant.time:.3f} s"
+    if viewer is not None and plant.time < scenario.duration - scenario.plant.control_dt:
+        return "the viewer was closed"
+    return ""

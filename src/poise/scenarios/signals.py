@@ -1,0 +1,51 @@
+"""`RunSignals`: what was recorded of a run, as arrays with one row a tick."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from jaxtyping import Float64
+
+from poise.report import SupportPhase
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RunSignals:
+    """Recorded signals of one run, T ticks.
+
+    Attributes:
+        time: time of each tick [s].
+        q: true configuration [m, rad].
+        torque: torque as applied [N m].
+        torque_max: torque limits [N m].
+        com: true centre of mass [m].
+        com_reference: where it should be, NaN where nothing asks [m].
+        zmp: zero moment point [m].
+        zmp_margin: distance of the ZMP from the edge of the support polygon, negative outside [m].
+        support: support polygons over time.
+        sole_forces: normal force of each sole [N].
+        sole_heights: height of each sole's centre above z = 0 [m].
+        sole_planned: whether the controller counted on the sole, 0 or 1.
+        wrenches: measured wrench of each sole, in the sole's frame [N, N m].
+        task_errors: norm of each task's error, NaN while it did not act [unit].
+        residuals: relative residual of each level.
+        status: status of each tick.
+        tick_us: time of each tick by phase [us].
+    """
+
+    time: Float64[np.ndarray, "T"]
+    q: Float64[np.ndarray, "T nq"] = field(repr=False)
+    torque: Float64[np.ndarray, "T nj"] = field(repr=False)
+    torque_max: Float64[np.ndarray, "nj"] = field(repr=False)
+    com: Float64[np.ndarray, "T 3"] = field(repr=False)
+    com_reference: Float64[np.ndarray, "T 3"] = field(repr=False)
+    zmp: Float64[np.ndarray, "T 2"] = field(repr=False)
+    zmp_margin: Float64[np.ndarray, "T"] = field(repr=False)
+    support: tuple[SupportPhase, ...] = field(repr=False)
+    sole_forces: dict[str, Float64[np.ndarray, "T"]] = field(repr=False)
+    sole_heights: dict[str, Float64[np.ndarray, "T"]] = field(repr=False)
+    sole_planned: dict[str, Float64[np.ndarray, "T"]] = field(repr=False)
+    wrenches: dict[str, Float64[np.ndarray, "T 6"]] = field(repr=False)
+    task_errors: dict[str, Float64[np.ndarray, "T"]] = field(repr=False)
+    residuals: Float64[np.ndarray, "T nl"] = field(repr=False)
+    status: tuple[str, ...] = field(repr=False)
+    tick_us: dict[str, Float64[np.ndarray, "T"]] = field(repr=False)

@@ -1,0 +1,101 @@
+import numpy as np
+import pytest
+
+from poise.errors import ConfigurationError, ProblemError, UnknownNameError
+from poise.hqp import (
+    DirectSolver,
+    HierarchicalProblem,
+    Level,
+    SolveStatus,
+    WeightedSolver,
+    make_solver,
+    solve,
+)
+
+I2 = np.eye(2)
+
+
+def problem(**changes):
+    return HierarchicalProblem([Level(I2, 0.0, 1.0)], **changes)
+
+
+BAD = {
+    "no levels": (lambda: HierarchicalProblem([]), "no levels"),
+    "NaN coefficient": (lambda: Level([[np.nan, 1.0]], 0, 1), "not finite at row 0, column 0"),
+    "infinite coefficient": (lambda: Level([[1.0, np.inf]], 0, 1), "not finite"),
+    "vector for a matrix": (lambda: Level([1.0, 2.0], 0, 1), "not a matrix"),
+    "words for numbers": (lambda: Level([["a", "b"]], 0, 1), "not an array of numbers"),
+    "ragged rows": (lambda: Level([[1.0], [1.0, 2.0]], 0, 1), "not an array of numbers"),
+    "NaN bound": (lambda: Level(I2, [0.0, np.nan], 1), "NaN at row 1"),
+    "crossing bounds": (lambda: Level(I2, [0.0, 2.0], 1), "cross at row 1"),
+    "equal to infinity": (lambda: Level(I2, np.inf, np.inf), "cross"),
+    "short bound": (lambda: Level(I2, [0.0], 1), "wrong shape"),
+    "negative weight": (lambda: Level(I2, 0, 1, weights=[1.0, -1.0]), "wrong at row 1"),
+    "zero weight": (lambda: Level(I2, 0, 1, weights=0.0), "positive"),
+    "labels do not add up": (lambda: Level(I2, 0, 1, labels=[("a", 1)]), "add up"),
+    "unequal columns": (
+        lambda: HierarchicalProblem([Level(I2, 0, 1), Level(np.eye(3), 0, 1)]),
+        "level 1 has another number of variables",
+    ),
+    "bounds_level": (lambda: problem(bounds_level=1), "bounds_level is not a level"),
+    "H of the wrong shape": (lambda: problem(H=np.eye(3)), "H has the wrong shape"),
+    "H with NaN": (lambda: problem(H=[[1.0, np.nan], [0.0, 1.0]]), "H is not finite"),
+    "H not symmetric": (lambda: problem(H=[[1.0, 1.0], [0.0, 1.0]]), "not symmetric"),
+    "H indefinite": (lambda: problem(H=-I2), "semidefinite"),
+    "cost without a minimum": (lambda: problem(H=0 * I2, g=[1.0, 0.0]), "no minimum"),
+    "g infinite": (lambda: problem(g=[np.inf, 0.0]), "g is not finite"),
+    "g of the wrong shape": (lambda: problem(g=[1.0, 2.0, 3.0]), "g has the wrong shape"),
+    "x bounds cross": (lambda: problem(x_lower=1.0, x_upper=0.0), "bounds of x cross"),
+    "x bound NaN": (lambda: problem(x_lower=np.nan), "x_lower is NaN"),
+    "no variables": (lambda: HierarchicalProblem.allocate(0, [1]), "not a problem's size"),
+    "negative rows": (lambda: HierarchicalProblem.allocate(1, [-1]), "not a problem's size"),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_bad_input_is_refused_with_what_was_got_and_wanted(name):
+    make, text = BAD[name]
+    with pytest.raises(ProblemError, match=text) as error:
+        make()
+    assert "got" in str(error.value)
+    assert "wanted" in str(error.value)
+
+
+def test_numbers_spoiled_after_allocation_are_refused_by_solve_and_survived_by_a_solver():
+    spoiled = HierarchicalProblem.allocate(2, [1])
+    spoiled.A[0, 0] = np.nan
+    with pytest.raises(ProblemError, match="not finite"):
+        solve(spoiled)
+    solution = DirectSolver().solve(spoiled)
+    assert solution.status is SolveStatus.BAD_PROBLEM
+
+
+@pytest.mark.parametrize("strategy", ["direct", "cascade", "weighted"])
+@pytest.mark.parametrize("spoil", ["A", "lower", "upper", "H", "g", "weights", "cross"])
+def test_no_strategy_raises_or_returns_nan_on_spoiled_numbers(strategy, spoil):
+    solver = make_solver(strategy, "daqp")
+    good = HierarchicalProblem([Level(I2, [1.0, 0.0], [1.0, 2.0]), Level([[1.0, 1.0]], 5, 5)])
+    assert solver.solve(good).x[0] == pytest.approx(1.0, abs=2e-3)
+    if spoil == "cross":
+        good.lower[2], good.upper[2] = 3.0, -3.0
+    else:
+        getattr(good, spoil).flat[-1] = np.nan
+    solution = solver.solve(good)
+    assert solution.status is SolveStatus.BAD_PROBLEM
+    assert np.isfinite(np.concatenate([solution.x, solution.slacks, solution.residuals])).all()
+    fine = HierarchicalProblem([Level(I2, [1.0, 0.0], [1.0, 2.0]), Level([[1.0, 1.0]], 5, 5)])
+    assert solver.solve(fine).ok
+
+
+def test_unknown_names_list_the_choices():
+    with pytest.raises(UnknownNameError, match="direct, cascade, weighted"):
+        make_solver("newton")
+    with pytest.raises(UnknownNameError, match="osqp"):
+        make_solver("cascade", "osqq")
+    with pytest.raises(UnknownNameError, match="daqp"):
+        make_solver("direct", "osqp")
+
+
+def test_a_ratio_of_one_is_refused():
+    with pytest.raises(ConfigurationError, match="ratio"):
+        WeightedSolver(ratio=1.0)

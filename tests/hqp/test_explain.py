@@ -1,0 +1,53 @@
+import numpy as np
+
+from poise.hqp import HierarchicalProblem, Level, solve
+
+
+def robot_in_a_corner():
+    limit = Level(
+        [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], -np.inf, 1.0, labels=[("elbow limit", 2)], name="limits"
+    )
+    tasks = Level(
+        [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]],
+        [3.0, 0.5],
+        [3.0, 0.5],
+        labels=[("right hand", 1), ("head", 1)],
+        name="tasks",
+    )
+    return HierarchicalProblem([limit, tasks])
+
+
+def test_explain_names_the_task_the_amount_and_the_limit_in_its_way():
+    problem = robot_in_a_corner()
+    solution = solve(problem)
+    text = solution.explain(problem)
+    assert "right hand" in text
+    assert "elbow limit" in text
+    assert "head" not in text
+    assert "by up to 2 below its bound" in text
+    (conflict,) = solution.conflicts(problem)
+    assert (conflict.label, conflict.level, conflict.row) == ("right hand", 1, 5)
+    assert conflict.conflicting_with == ("elbow limit",)
+    assert abs(conflict.violation + 2.0) < 1e-9
+
+
+def test_explain_says_so_when_everything_is_met():
+    problem = HierarchicalProblem([Level(np.eye(2), 0.0, 1.0)])
+    assert "every row of every level is met" in solve(problem).explain(problem)
+
+
+def test_two_tasks_of_one_level_name_each_other():
+    problem = HierarchicalProblem(
+        [Level([[1.0], [1.0]], [0.0, 1.0], [0.0, 1.0], labels=[("left", 1), ("right", 1)])]
+    )
+    conflicts = solve(problem).conflicts(problem)
+    assert [(c.label, c.conflicting_with) for c in conflicts] == [
+        ("left", ("right",)),
+        ("right", ("left",)),
+    ]
+
+
+def test_simple_bounds_are_named():
+    problem = HierarchicalProblem([Level([[1.0]], 5.0, 5.0, labels="reach")], x_upper=1.0)
+    conflicts = solve(problem).conflicts(problem)
+    assert {c.label for c in conflicts} == {"reach", "bounds on x"}

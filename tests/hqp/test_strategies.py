@@ -1,0 +1,212 @@
+"""Strategy x problem, with the one tolerance table, and what must hold whatever the strategy."""
+
+import sys
+
+import numpy as np
+import pytest
+
+from poise.errors import MissingExtraError
+from poise.hqp import (
+    CascadeSolver,
+    DirectSolver,
+    HierarchicalProblem,
+    Level,
+    SolveStatus,
+    WeightedSolver,
+    certify_point,
+    solve,
+)
+from poise.hqp.measure import level_scales
+
+from .random_problems import random_problem
+
+TOLERANCE = {  # of relative residuals against direct, by backend
+    "daqp": 1e-8,
+    "proxqp": 1e-6,
+    "quadprog": 1e-6,
+    "piqp": 1e-5,
+    "clarabel": 1e-5,
+    "osqp": 1e-4,
+}
+
+
+def conflict_within_a_level():
+    return HierarchicalProblem([Level([[1.0, 0.0], [1.0, 0.0]], [0.0, 2.0], [0.0, 2.0])]), [2**0.5]
+
+
+def conflict_between_levels():
+    top = Level([[1.0, 0.0]], -np.inf, 1.0, name="limit")
+    low = Level([[1.0, 0.0], [0.0, 1.0]], [3.0, 4.0], [3.0, 4.0], weights=[2.0, 1.0])
+    return HierarchicalProblem([top, low]), [0.0, 4.0]
+
+
+def weights_decide_inside_a_level():
+    level = Level([[1.0], [1.0]], [0.0, 1.0], [0.0, 1.0], weights=[2.0, 1.0])
+    return HierarchicalProblem([level]), [np.sqrt(0.8)]  # 2 x = y, x + y = 1: x = 0.2, w = 0.8
+
+
+def redundant_equalities():
+    return HierarchicalProblem([Level(np.ones((4, 2)), 2.0, 2.0), Level(np.eye(2), 1.0, 1.0)]), [
+        0.0,
+        0.0,
+    ]
+
+
+def more_equalities_than_variables():
+    A = np.random.default_rng(3).standard_normal((6, 2))
+    return HierarchicalProblem([Level(A, A @ [1.0, 2.0], A @ [1.0, 2.0])]), [0.0]
+
+
+def zero_rows_and_an_empty_level():
+    return HierarchicalProblem(
+        [Level(np.zeros((2, 2)), [1.0, -1.0], [3.0, 1.0]), Level(np.zeros((0, 2)), 0, 0)]
+    ), [1.0, 0.0]
+
+
+def simple_bounds_of_a_lower_level():
+    top = Level([[1.0, 1.0]], 4.0, 4.0)
+    return HierarchicalProblem([top, Level(np.zeros((0, 2)), 0, 0)], x_upper=1.0, bounds_level=1), [
+        0.0,
+        2**0.5,
+    ]
+
+
+PROBLEMS = [
+    conflict_within_a_level,
+    conflict_between_levels,
+    weights_decide_inside_a_level,
+    redundant_equalities,
+    more_equalities_than_variables,
+    zero_rows_and_an_empty_level,
+    simple_bounds_of_a_lower_level,
+]
+
+
+@pytest.mark.parametrize("make", PROBLEMS, ids=lambda make: make.__name__)
+def test_direct_reaches_the_residuals_worked_out_by_hand(make):
+    problem, residuals = make()
+    solution = solve(problem)
+    assert solution.ok
+    np.testing.assert_allclose(solution.residuals, residuals, atol=1e-9)
+    assert certify_point(problem, solution.x).worst < 1e-9
+
+
+@pytest.mark.parametrize("make", PROBLEMS, ids=lambda make: make.__name__)
+def test_cascade_reaches_the_residuals_worked_out_by_hand(make, backend):
+    problem, residuals = make()
+    solution = solve(problem, "cascade", backend=backend)
+    assert solution.ok
+    gap = np.abs(solution.residuals - residuals) / level_scales(problem)
+    assert gap.max() <= TOLERANCE[backend]
+
+
+@pytest.mark.parametrize("make", PROBLEMS, ids=lambda make: make.__name__)
+def test_weighted_comes_near_the_residuals_worked_out_by_hand(make):
+    problem, residuals = make()
+    solution = solve(problem, "weighted")
+    assert solution.ok
+    np.testing.assert_allclose(solution.residuals, residuals, atol=1e-2)
+
+
+def test_a_larger_ratio_brings_weighted_nearer_to_the_hierarchy():
+    problem, residuals = conflict_between_levels()
+    gaps = [
+        np.abs(WeightedSolver(ratio=ratio).solve(problem).residuals - residuals).max()
+        for ratio in (1e1, 1e3, 1e5)
+    ]
+    assert gaps[0] > 10 * gaps[1] > 100 * gaps[2]
+
+
+@pytest.mark.parametrize(
+    "solver", [DirectSolver(), CascadeSolver("daqp")], ids=["direct", "cascade"]
+)
+def test_a_lower_level_never_worsens_a_higher_one(solver):
+    for seed in range(60):
+        full = random_problem(seed, feasible=False)
+        if full.bounds_level != 0:
+            continue
+        kept = [Level(v.A, v.lower, v.upper, v.weights) for v in full.levels]
+        whole = solver.solve(full)
+        for count in range(1, len(kept)):
+            part = HierarchicalProblem(kept[:count], x_lower=full.x_lower, x_upper=full.x_upper)
+            alone = solver.solve(part).residuals / level_scales(part)
+            np.testing.assert_allclose(whole.relative_residuals[:count], alone, atol=1e-7)
+
+
+def test_slacks_are_signed_distances_outside_the_bounds():
+    solution = solve(HierarchicalProblem([Level([[1.0], [1.0]], [-np.inf, 2.0], [0.0, np.inf])]))
+    np.testing.assert_allclose(solution.slacks, [0.0, 1.0, -1.0])
+    assert solution.relaxed
+    assert solution.active.tolist() == [False, True, True]
+
+
+def test_final_cost_decides_what_the_levels_leave_free():
+    problem = HierarchicalProblem(
+        [Level([[1.0, 1.0]], 2.0, 2.0)], H=np.diag([1.0, 3.0]), g=[0.0, -2.0]
+    )
+    solution = solve(problem)
+    np.testing.assert_allclose(solution.x, [1.0, 1.0])
+    np.testing.assert_allclose(solution.multipliers, [0.0, 0.0, -1.0], atol=1e-12)
+
+
+def test_multipliers_balance_the_final_cost_whether_or_not_something_gave():
+    for seed in range(100):
+        for feasible in (True, False):
+            problem = random_problem(seed, feasible=feasible)
+            solution = solve(problem)
+            force = problem.H @ solution.x + problem.g
+            if solution.multipliers is not None:
+                n = problem.n
+                force += solution.multipliers[:n] + problem.A.T @ solution.multipliers[n:]
+                size = 1 + np.abs(solution.multipliers).max()
+                assert np.abs(force).max() < 1e-8 * size
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1e6])
+def test_the_unit_of_the_final_cost_does_not_change_the_answer(scale):
+    for seed in range(40):
+        problem = random_problem(seed, feasible=seed % 2 == 0)
+        plain = solve(problem)
+        problem.H *= scale
+        problem.g *= scale
+        scaled = solve(problem)
+        assert scaled.ok
+        np.testing.assert_allclose(scaled.relative_residuals, plain.relative_residuals, atol=1e-7)
+
+
+def test_an_ill_conditioned_final_cost_keeps_every_level():
+    problem, _ = conflict_between_levels()
+    problem.H[:] = np.diag([1e-9, 1e6])
+    solution = solve(problem)
+    assert solution.ok
+    np.testing.assert_allclose(solution.residuals, [0.0, 4.0], atol=1e-7)
+
+
+def test_a_missing_backend_names_the_command_that_installs_it(monkeypatch):
+    monkeypatch.setattr("poise.hqp.backends.find_spec", lambda name: None)
+    with pytest.raises(MissingExtraError, match=r"poise\[solvers\]"):
+        CascadeSolver("osqp")
+
+
+def test_importing_the_package_loads_no_optional_backend():
+    import subprocess
+
+    code = "import poise.hqp, sys; print([m for m in ('osqp', 'qpsolvers') if m in sys.modules])"
+    shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert shown.stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize("strategy", ["direct", "cascade", "weighted"])
+def test_a_time_limit_of_a_microsecond_answers_at_once_with_a_finite_point(strategy):
+    problem = random_problem(7, feasible=False)
+    solution = solve(problem, strategy, backend="daqp", time_limit=1e-6)
+    assert solution.status in (SolveStatus.TIME_LIMIT, SolveStatus.OPTIMAL)
+    assert np.isfinite(solution.x).all()
+    assert solution.timings["total"] < 0.05
+
+
+def test_direct_returns_the_levels_it_had_time_for():
+    problem = random_problem(7, feasible=False)
+    solution = DirectSolver(time_limit=1e-6).solve(problem)
+    assert solution.status is SolveStatus.TIME_LIMIT
+    assert not solution.ok

@@ -1,0 +1,229 @@
+import re
+
+import pytest
+import yaml
+
+from poise.errors import PoiseError, RobotError, UnknownNameError
+from poise.robots import description_template, load_robot
+
+PLAIN = r"; (got|choices|wanted)"
+
+
+def spoil(facts, path, value):
+    """Set the value at a dotted path; None takes the key away."""
+    *parents, last = path.split("/")
+    place = facts
+    for key in parents:
+        place = place.setdefault(key, {})
+    if value is None:
+        del place[last]
+    else:
+        place[last] = value
+    return facts
+
+
+@pytest.fixture
+def good(load, urdf, facts):
+    return load(urdf, facts)
+
+
+def test_the_unspoilt_input_loads(good):
+    assert good.joint_names == ("left_hip", "left_ankle", "right_hip", "right_ankle")
+    assert good.q_home[2] == pytest.approx(0.4 * 0.9553365 + 0.05, abs=1e-6)
+
+
+SPOILT = {
+    "base missing": ("base", None, r"facts missing.*\['base'\]"),
+    "base unknown": ("base", "flying", "unknown base.*'flying'.*floating, fixed"),
+    "pelvis missing": ("pelvis", None, r"facts missing.*\['pelvis'\]"),
+    "soles missing": ("soles", None, r"facts missing.*\['soles'\]"),
+    "soles empty": ("soles", {}, "at least one sole"),
+    "unknown key": ("sole", {}, "unknown key.*'sole'.*choices: soles"),
+    "unknown key of a sole": ("soles/left_sole/lenght", 0.2, "unknown key.*'lenght'.*length"),
+    "sole without length": ("soles/left_sole/length", None, "lacks the key 'length'"),
+    "negative length": ("soles/left_sole/length", -0.2, "length is out of range.*-0.2.*positive"),
+    "zero width": ("soles/left_sole/width", 0, "width is out of range"),
+    "length with a unit": ("soles/left_sole/length", "0.2 m", "wrong kind.*'0.2 m'.*number"),
+    "length that is not a number": ("soles/left_sole/length", float("nan"), "wrong kind"),
+    "length that is true": ("soles/left_sole/length", True, "wrong kind"),
+    "two coordinates": ("soles/left_sole/position", [0, 0], "wrong kind.*3 numbers"),
+    "infinite coordinate": ("soles/left_sole/position", [0, 0, float("inf")], "wrong kind"),
+    "sole not on a link": ("soles/left_sole/link", "left_toe", "left_sole.*'left_toe'.*left_foot"),
+    "pelvis not on a link": ("pelvis", "hips", "pelvis.*'hips'.*trunk"),
+    "hand not on a link": ("hands/left_hand", "palm", "left_hand.*'palm'"),
+    "hand named as a sole": ("hands/left_sole", "trunk", "stands twice.*'left_sole'"),
+    "home of no joint": ("home/knee", 0.1, "home names no joint.*'knee'.*left_hip"),
+    "home outside limits": ("home/left_ankle", 2.0, "'left_ankle'.*outside.*2.0.*-1 to 1"),
+    "home that is text": ("home/left_ankle", "bent", "wrong kind.*'bent'"),
+    "pattern that is none": ("home/left_(", 0.1, "cannot be read.*'left_\\('"),
+    "soles not flat": ("home/left_ankle", 0.5, "does not lie in the plane|left_sole|right_sole"),
+    "negative torque limit": ("limits/torque/.*", -5.0, "out of range.*-5.0"),
+    "limit of no joint": ("limits/velocity/elbow", 5.0, "velocity names no joint.*'elbow'"),
+    "crossed limits": ("limits/position/left_hip", [1.0, -1.0], "cross.*1.0, -1.0"),
+    "unknown limit": ("limits/power/left_hip", 1.0, "unknown key.*'power'.*torque"),
+    "negative armature": ("armature", -0.1, "armature is out of range"),
+    "armature that is text": ("armature", "big", "wrong kind.*'big'"),
+    "locked joint that is none": ("locked", ["finger"], "locked names no joint.*'finger'"),
+    "locked not a list": ("locked", "left_hip", "wrong kind.*list"),
+    "licence that is a number": ("licence", 3, "wrong kind.*3"),
+    "soles a list": ("soles", [1, 2], "wrong kind"),
+}
+
+
+@pytest.mark.parametrize("case", SPOILT)
+def test_a_wrong_description_is_refused_with_what_would_be_right(load, urdf, facts, case):
+    path, value, message = SPOILT[case]
+    with pytest.raises(PoiseError, match=message) as error:
+        load(urdf, spoil(facts, path, value))
+    assert re.search(PLAIN, str(error.value))
+    assert "\n" not in str(error.value)
+
+
+DOCUMENTS = {
+    "not XML": ("<robot", "not valid XML"),
+    "empty": ("", "not valid XML"),
+    "another format": ("<sdf/>", "neither URDF nor MJCF.*<sdf>.*<mujoco>"),
+    "no links": ("<robot name='r'/>", "no links"),
+}
+
+
+@pytest.mark.parametrize("case", DOCUMENTS)
+def test_a_file_that_is_no_robot_is_refused(load, facts, case):
+    text, message = DOCUMENTS[case]
+    with pytest.raises(RobotError, match=message):
+        load(text, facts)
+
+
+EDITS = {
+    "no mass": (r'<mass value="\d+"/>', '<mass value="0"/>', "without mass.*left_hip"),
+    "no inertials": (r"(?s)<inertial>.*?</inertial>", "", "without mass.*left_hip"),
+    "no torque limits": (r'effort="\d+"', 'effort="0"', "limits.torque.*left_hip.*right_ankle"),
+    "no velocity limits": (r'velocity="\d+"', "", "limits.velocity.*left_hip"),
+    "no limits at all": (r"<limit [^>]*/>", "", "limits.position.*left_hip"),
+    "joints without end": (r'type="revolute"', 'type="continuous"', "limits.position.*left_hip"),
+    "a joint of no link": ('link="left_foot"', 'link="foot"', "no link.*'foot'.*left_foot"),
+    "two roots": (r'<child link="left_shin"/>', '<child link="trunk"/>', "single root|root link"),
+    "two joints of one name": ("right_hip", "left_hip", "two joints of one name.*left_hip"),
+    "a joint of six freedoms": (r'"left_hip" type="revolute"', '"left_hip" type="floating"', "base"),
+    "a planar joint": (r'"left_hip" type="revolute"', '"left_hip" type="planar"', "left_hip"),
+    "letters for numbers": ('xyz="0 0 -0.4"', 'xyz="0 0 low"', "cannot be built|number"),
+    "a mesh that is missing": (
+        r'<link name="left_foot">',
+        '<link name="left_foot"><visual><geometry><mesh filename="package://feet/toe.stl"/>'
+        "</geometry></visual>",
+        "mesh.*toe.stl",
+    ),
+    "a mesh beside the file that is missing": (
+        r'<link name="left_foot">',
+        '<link name="left_foot"><visual><geometry><mesh filename="toe.stl"/></geometry></visual>',
+        "mesh.*'toe.stl'.*toe.stl",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", EDITS)
+def test_a_document_with_something_missing_is_refused_by_name(load, urdf, facts, case, capfd):
+    pattern, replacement, message = EDITS[case]
+    text, count = re.subn(pattern, replacement, urdf)
+    assert count
+    with pytest.raises(PoiseError, match=message) as error:
+        load(text, facts)
+    assert "\n" not in str(error.value)
+    assert capfd.readouterr().err == ""
+
+
+def test_a_missing_file_is_named():
+    with pytest.raises(RobotError, match=r"No such file.*nowhere\.urdf"):
+        load_robot("nowhere.urdf")
+
+
+def test_a_folder_is_no_robot(tmp_path):
+    folder = tmp_path / "robot.urdf"
+    folder.mkdir()
+    with pytest.raises(RobotError, match="cannot read"):
+        load_robot(folder)
+
+
+def test_a_file_of_bytes_is_no_robot(tmp_path):
+    path = tmp_path / "robot.urdf"
+    path.write_bytes(b"\xff\xfe\x00\x81")
+    with pytest.raises(RobotError, match="not text"):
+        load_robot(path)
+
+
+def test_without_a_description_the_message_says_how_to_get_one(tmp_path, urdf):
+    path = tmp_path / "tiny.urdf"
+    path.write_text(urdf)
+    with pytest.raises(RobotError, match=r"description_template.*tiny\.poise\.yaml.*left_foot"):
+        load_robot(path)
+
+
+def test_the_template_names_links_and_joints_and_loads_once_filled_in(tmp_path, urdf):
+    path = tmp_path / "tiny.urdf"
+    path.write_text(urdf)
+    template = description_template(path)
+    assert "left_foot" in template
+    assert "right_ankle" in template
+    for name in ("left", "right"):
+        template = template.replace(f"{name}_sole: {{link: LINK", f"{name}_sole: {{link: {name}_foot")
+    (tmp_path / "tiny.poise.yaml").write_text(template.replace("LINK", "trunk"))
+    robot = load_robot(path)
+    assert robot.name == "tiny"
+    assert set(robot.soles) == {"left_sole", "right_sole"}
+    assert robot.hands == ("left_hand",)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("base: [", "not valid YAML"),
+        ("- base", "wrong kind"),
+        ("base: floating\nbase: fixed", "'base' stands twice"),
+        ("1: 2", "not text"),
+        ("", "wrong kind"),
+    ],
+)
+def test_a_description_file_that_is_none_is_refused(tmp_path, urdf, text, message):
+    path = tmp_path / "tiny.urdf"
+    path.write_text(urdf)
+    (tmp_path / "tiny.poise.yaml").write_text(text)
+    with pytest.raises(RobotError, match=message) as error:
+        load_robot(path)
+    assert "\n" not in str(error.value)
+
+
+def test_a_description_that_is_missing_is_named(tmp_path, urdf):
+    path = tmp_path / "tiny.urdf"
+    path.write_text(urdf)
+    with pytest.raises(RobotError, match=r"facts\.yaml"):
+        load_robot(path, tmp_path / "facts.yaml")
+
+
+def test_unknown_frames_and_joints_list_those_there_are(good):
+    with pytest.raises(UnknownNameError, match="unknown frame.*'left_foott'.*choices: left_foot"):
+        good.frame_id("left_foott")
+    with pytest.raises(UnknownNameError, match="unknown joint.*'left_hips'.*choices: left_hip"):
+        good.joint_index("left_hips")
+
+
+def test_random_descriptions_give_a_poise_error_or_a_robot(load, urdf, facts):
+    """300 descriptions with one value replaced at random; seed 7."""
+    import numpy as np
+
+    rng = np.random.default_rng(7)
+    junk = [None, -1, 0, 1e9, float("nan"), "x", "", [], [1, 2, 3], {}, {"a": 1}, True, ".*", "("]
+    for trial in range(300):
+        spoilt = yaml.safe_load(yaml.safe_dump(facts))
+        place = spoilt
+        while True:
+            key = list(place)[rng.integers(len(place))]
+            if not isinstance(place[key], dict) or not place[key] or rng.random() < 0.3:
+                break
+            place = place[key]
+        place[key] = junk[rng.integers(len(junk))]
+        try:
+            load(urdf, spoilt)
+        except PoiseError:
+            continue
+        except Exception as error:
+            raise AssertionError(f"trial {trial}: {spoilt}") from error

@@ -1,0 +1,193 @@
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from poise.errors import RobotError
+from poise.robots import load_robot
+
+MJCF = """<mujoco model="tiny">
+  <compiler angle="degree"/>
+  <default><default class="leg">
+    <joint axis="0 1 0" range="-60 60" actuatorfrcrange="-50 50"/></default></default>
+  <worldbody>
+    <geom type="plane" size="1 1 0.1"/>
+    <body name="trunk" pos="0 0 1" euler="0 0 30">
+      <freejoint name="free"/>
+      <inertial pos="0 0 0.2" mass="10" diaginertia="0.3 0.3 0.1"/>
+      {legs}
+    </body>
+  </worldbody>
+  <actuator><motor joint="left_hip"/></actuator>
+  <keyframe><key qpos="0 0 1 1 0 0 0 0 0 0 0"/></keyframe>
+</mujoco>"""
+LEG = """<body name="{side}_shin" pos="0 {y} 0"><joint name="{side}_hip" class="leg"/>
+  <geom type="capsule" size="0.04" fromto="0 0 0 0 0 -0.4" mass="2"/>
+  <body name="{side}_foot" pos="0 0 -0.4"><joint name="{side}_ankle" class="leg"/>
+    <geom type="box" size="0.1 0.05 0.02" pos="0 0 -0.03" mass="1"/></body></body>"""
+
+
+@pytest.fixture
+def mjcf():
+    legs = "".join(LEG.format(side=s, y=y) for s, y in (("left", 0.1), ("right", -0.1)))
+    return MJCF.format(legs=legs)
+
+
+@pytest.fixture
+def mjcf_facts(facts):
+    return facts | {"limits": {"velocity": {".*": 8.0}}}
+
+
+def test_an_mjcf_file_loads_as_the_same_kind_of_robot(load, mjcf, mjcf_facts):
+    robot = load(mjcf, mjcf_facts, ".xml")
+    assert robot.source.kind == "mjcf"
+    assert robot.joint_names == ("left_hip", "left_ankle", "right_hip", "right_ankle")
+    np.testing.assert_allclose(robot.q_max, np.pi / 3, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(robot.tau_max, 50.0)
+    np.testing.assert_allclose(robot.v_max, 8.0)
+    assert robot.mass == pytest.approx(16.0)
+    np.testing.assert_allclose(robot.q_home[3:7], [0, 0, 0, 1], rtol=0, atol=1e-9)
+
+
+def test_an_mjcf_robot_is_equal_in_both_engines(load, mjcf, mjcf_facts):
+    mujoco = pytest.importorskip("mujoco")
+    from poise.sim.build import build_model
+    from poise.sim.config import PlantConfig
+    from poise.sim.mapping import StateMap
+
+    robot = load(mjcf, mjcf_facts, ".xml")
+    model = build_model(robot, PlantConfig())
+    mapping = StateMap(robot, model)
+    theirs, M = mujoco.MjData(model), np.zeros((robot.nv, robot.nv))
+    theirs.qpos[:] = mapping.qpos(robot.q_home)
+    mujoco.mj_forward(model, theirs)
+    mujoco.mj_fullM(model, theirs, M)
+    ours = np.triu(pin.crba(robot.model, robot.model.createData(), robot.q_home))
+    order = mapping.dof_order
+    # At home the base is not turned, so both base velocities are the same.
+    np.testing.assert_allclose(
+        M[np.ix_(order, order)], ours + np.triu(ours, 1).T, rtol=0, atol=1e-9
+    )
+
+
+def test_an_mjcf_file_may_include_others(tmp_path, mjcf, mjcf_facts):
+    body = mjcf[mjcf.index("<worldbody>") : mjcf.index("</worldbody>") + len("</worldbody>")]
+    (tmp_path / "body.xml").write_text(f"<mujocoinclude>{body}</mujocoinclude>")
+    (tmp_path / "tiny.xml").write_text(mjcf.replace(body, '<include file="body.xml"/>'))
+    robot = load_robot(tmp_path / "tiny.xml", mjcf_facts)
+    assert robot.nj == 4
+    assert "include" not in robot.source.text
+    (tmp_path / "body.xml").unlink()
+    with pytest.raises(RobotError, match=r"included.*body\.xml"):
+        load_robot(tmp_path / "tiny.xml", mjcf_facts)
+
+
+def test_an_mjcf_mesh_that_is_missing_is_named(load, mjcf, mjcf_facts):
+    text = mjcf.replace("<worldbody>", '<asset><mesh file="toe.stl"/></asset><worldbody>', 1)
+    text = text.replace("<compiler ", '<compiler meshdir="meshes" ')
+    with pytest.raises(RobotError, match=r"mesh.*meshes/toe\.stl"):
+        load(text, mjcf_facts, ".xml")
+
+
+def test_a_floating_joint_in_the_document_is_not_doubled(load, urdf, facts):
+    base = (
+        '<link name="world"/><joint name="base" type="floating"><parent link="world"/>'
+        '<child link="trunk"/></joint><link name="trunk">'
+    )
+    robot = load(urdf.replace('<link name="trunk">', base), facts)
+    assert robot.nv == 10
+    with pytest.raises(RobotError, match="base: floating"):
+        load(urdf.replace('<link name="trunk">', base), {"base": "fixed"})
+
+
+def test_a_fixed_base_needs_no_more_than_that_fact(load, urdf):
+    robot = load(urdf, {"base": "fixed"})
+    assert not robot.floating_base
+    assert robot.nv == robot.nq == 4
+    assert robot.roles["pelvis"].link == "trunk"
+    assert not robot.soles
+
+
+def test_locked_joints_are_welded_at_zero_with_their_mass(load, urdf, facts):
+    whole = load(urdf, facts)
+    robot = load(urdf, facts | {"locked": [".*_ankle"], "home": {}})
+    assert robot.joint_names == ("left_hip", "right_hip")
+    assert robot.source.locked_joints == ("left_ankle", "right_ankle")
+    assert robot.mass == pytest.approx(whole.mass)
+
+
+def test_a_role_wins_over_a_link_of_the_same_name(load, urdf, facts):
+    robot = load(urdf.replace('"trunk"', '"pelvis"'), named(facts, "pelvis"))
+    data = robot.model.createData()
+    pin.framesForwardKinematics(robot.model, data, robot.q_home)
+    link = data.oMf[robot.frame_id("pelvis_link")].translation
+    role = data.oMf[robot.frame_id("pelvis")].translation
+    np.testing.assert_allclose(role - link, [0.0, 0.0, 0.1], rtol=0, atol=1e-12)
+
+
+def named(facts, link):
+    mount = {"link": link, "position": [0.0, 0.0, 0.1]}
+    return facts | {"pelvis": mount, "torso": link}
+
+
+def test_limits_of_the_description_replace_those_of_the_file(load, urdf, facts):
+    limits = {
+        "torque": {".*": 20.0, "left_hip": 70.0},
+        "velocity": {"right_.*": 3.0},
+        "position": {"left_hip": [-0.5, 0.5]},
+    }
+    robot = load(urdf, facts | {"limits": limits})
+    assert dict(zip(robot.joint_names, robot.tau_max, strict=True)) == {
+        "left_hip": 70.0,
+        "left_ankle": 20.0,
+        "right_hip": 20.0,
+        "right_ankle": 20.0,
+    }
+    np.testing.assert_allclose(robot.v_max, [8.0, 8.0, 3.0, 3.0])
+    assert (robot.q_min[0], robot.q_max[0]) == (-0.5, 0.5)
+    assert 'lower="-0.5"' in robot.source.text
+
+
+def test_a_joint_without_end_becomes_a_hinge_with_the_limits_given(load, urdf, facts):
+    text = urdf.replace('"left_hip" type="revolute"', '"left_hip" type="continuous"')
+    robot = load(text, facts | {"limits": {"position": {"left_hip": [-3.0, 3.0]}}})
+    assert robot.nq == 11
+    assert robot.q_max[0] == 3.0
+
+
+def test_rotor_inertias_are_given_by_pattern(load, urdf, facts):
+    robot = load(urdf, facts | {"armature": {".*": 0.02, ".*_hip": 0.05}})
+    np.testing.assert_allclose(robot.model.armature[6:], [0.05, 0.02, 0.05, 0.02])
+    np.testing.assert_allclose(robot.model.armature[:6], 0.0)
+
+
+def test_a_robot_on_tilted_soles_is_turned_until_they_are_flat(load, urdf, facts):
+    robot = load(urdf, facts | {"home": {".*_hip": -0.2}})
+    data = robot.model.createData()
+    pin.framesForwardKinematics(robot.model, data, robot.q_home)
+    for name in robot.soles:
+        assert data.oMf[robot.frame_id(name)].isApprox(
+            pin.SE3(np.eye(3), data.oMf[robot.frame_id(name)].translation), 1e-12
+        )
+    assert pin.rpy.matrixToRpy(data.oMi[1].rotation)[1] == pytest.approx(0.2)
+
+
+def test_meshes_are_found_beside_the_file_and_by_package(tmp_path, urdf, facts):
+    (tmp_path / "feet" / "meshes").mkdir(parents=True)
+    (tmp_path / "feet" / "urdf").mkdir()
+    (tmp_path / "feet" / "meshes" / "toe.stl").write_text("solid toe\nendsolid")
+    for name in ("package://feet/meshes/toe.stl", "../meshes/toe.stl"):
+        mesh = f'<visual><geometry><mesh filename="{name}"/></geometry></visual>'
+        text = urdf.replace('<link name="left_foot">', f'<link name="left_foot">{mesh}')
+        path = tmp_path / "feet" / "urdf" / "tiny.urdf"
+        path.write_text(text)
+        assert load_robot(path, facts).nj == 4
+
+
+def test_a_document_without_pictures_gets_a_stick_figure(load, urdf, facts):
+    robot = load(urdf, facts)
+    assert robot.source.text.count("<visual>") >= 7
+    pictured = urdf.replace(
+        '<link name="left_foot">',
+        '<link name="left_foot"><visual><geometry><sphere radius="0.1"/></geometry></visual>',
+    )
+    assert load(pictured, facts).source.text.count("<visual>") == 1
