@@ -10,9 +10,7 @@ from .random_problems import random_problem
 
 BATCH = 250
 AGREEMENT = 1e-6  # of level residuals, relative to the level's scale
-# Of forces that do not balance, relative to those that should. The cascade's backend stops by its
-# own tolerance: a residual norm is accurate to the square of what the forces are.
-OPTIMALITY = {"direct": 1e-8, "cascade": 1e-4}
+OPTIMALITY = {"direct": 1e-8, "cascade": 1e-6}  # of forces that do not balance, relative
 
 
 @pytest.mark.parametrize("first", range(0, 2000, BATCH))
@@ -26,7 +24,7 @@ def test_direct_and_cascade_agree_and_are_optimal(feasible, first):
         assert np.isfinite(np.concatenate([a.x, a.slacks, b.x, b.slacks])).all()
         gap = np.abs(a.residuals - b.residuals) / level_scales(problem)
         errors = [certify_point(problem, solution.x).worst for solution in (a, b)]
-        good = a.ok and gap.max() <= AGREEMENT
+        good = a.ok and b.ok and gap.max() <= AGREEMENT
         good &= errors[0] <= OPTIMALITY["direct"] and errors[1] <= OPTIMALITY["cascade"]
         if feasible:
             good &= not a.relaxed and a.relative_residuals.max() <= 1e-8

@@ -19,7 +19,6 @@ from poise.report import (
 
 STEP = 0.8  # [s]
 STRIDE = 0.18  # [m]
-BODY_PARTS = ("pelvis", "torso", "head", "left", "right")
 
 
 def rectangle(x, y, length=0.24, width=0.12):
@@ -170,6 +169,20 @@ def replay_of(time, com, feet, forces, mesh=None):
     )
 
 
+def ball_mesh(rings=24, radius=0.5):
+    """A ball of triangles."""
+    polar, around = np.meshgrid(
+        np.linspace(0.01, np.pi - 0.01, rings), np.linspace(0, 2 * np.pi, rings), indexing="ij"
+    )
+    sine = np.sin(polar)
+    places = [sine * np.cos(around), sine * np.sin(around), np.cos(polar)]
+    vertices = radius * np.stack(places, axis=-1).reshape(-1, 3)
+    first = (np.arange(rings - 1)[:, None] * rings + np.arange(rings - 1)).ravel()
+    lower = np.stack([first, first + rings, first + 1], axis=1)
+    upper = np.stack([first + 1, first + rings, first + rings + 1], axis=1)
+    return vertices, np.concatenate([lower, upper])
+
+
 def aligned(v):
     """Quaternion (x, y, z, w) that turns z to each direction."""
     d = v / np.linalg.norm(v, axis=1, keepdims=True)
@@ -179,7 +192,7 @@ def aligned(v):
     return q / np.linalg.norm(q, axis=1, keepdims=True)
 
 
-def walking_record(duration=6.0, rate=250.0, joints=33, seed=3, **changes):
+def walking_record(duration=6.0, rate=250.0, joints=33, seed=3, mesh=None, **changes):
     """A robot that walks forward, is pushed at 2 s and reaches with its left hand from 3 s."""
     rng = np.random.default_rng(seed)
     time = np.arange(round(duration * rate)) / rate
@@ -304,7 +317,7 @@ def walking_record(duration=6.0, rate=250.0, joints=33, seed=3, **changes):
             "tick_us": {"p50": 241.0, "p99": 288.0, "max": 770.0},
             "real_time_factor": 2.7,
         },
-        "replay": replay_of(time, com, feet, forces),
+        "replay": replay_of(time, com, feet, forces, mesh),
         "notes": ("No video: this machine has no OpenGL. Install libegl1 or libosmesa6.",),
     }
     return RunRecord(**{**fields, **changes})

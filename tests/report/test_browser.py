@@ -6,7 +6,7 @@ import subprocess
 from http.server import BaseHTTPRequestHandler, HTTPServer
 
 import pytest
-from synthetic_run import walking_record
+from synthetic_run import ball_mesh, walking_record
 
 from poise.report import write_report
 
@@ -41,6 +41,7 @@ async function probe() {
   await frame();
   const first = picture();
   seen.colours = colours(first);
+  seen.middle = first.slice(4 * (96 * 20 + 48), 4 * (96 * 20 + 48) + 3);
   seen.startText = part("time").textContent;
   seen.startCursors = cursors();
   part("slider").value = 3.1;
@@ -146,7 +147,10 @@ def test_without_webgl_a_sentence_stands_in_and_the_time_still_moves(tmp_path):
     assert seen["movedCursors"] != seen["startCursors"]
 
 
-def test_one_frame_is_enough(tmp_path):
-    seen = visit(walking_record(duration=0.004), tmp_path)
+def test_one_frame_is_enough_and_a_mesh_is_drawn_in_its_colour(tmp_path):
+    seen = visit(walking_record(duration=0.004, mesh=ball_mesh()), tmp_path)
     assert seen["errors"] == []
     assert seen["colours"] > 50
+    # The mesh is orange and so large that it fills the middle of the picture.
+    red, green, blue = seen["middle"]
+    assert red > 1.3 * green > 1.3 * blue

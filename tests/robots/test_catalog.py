@@ -19,7 +19,9 @@ def forward(robot):
 
 def test_the_catalog_lists_the_papers_robots_and_the_real_ones():
     assert {"humanoid33", "biped20", "arm6", "upper17"} <= set(NAMES)
-    assert {"g1", "talos", "icub", "romeo", "human", "simple_humanoid", "panda", "ur5"} <= set(NAMES)
+    assert {"g1", "talos", "icub", "romeo", "human", "simple_humanoid", "panda", "ur5"} <= set(
+        NAMES
+    )
     assert len(NAMES) == len(set(NAMES))
 
 
@@ -91,9 +93,7 @@ def test_joints_can_hold_the_robot_at_home(robot):
     pin.updateFramePlacements(robot.model, data)
     J = np.vstack(
         [
-            pin.getFrameJacobian(
-                robot.model, data, robot.frame_id(name), pin.LOCAL_WORLD_ALIGNED
-            )
+            pin.getFrameJacobian(robot.model, data, robot.frame_id(name), pin.LOCAL_WORLD_ALIGNED)
             for name in robot.soles
         ]
     )

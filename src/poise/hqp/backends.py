@@ -59,18 +59,19 @@ PROXIMAL_TOLERANCE = 1e-11
 PROXIMAL_NOISE = 1e-8
 """Steps this small that no longer shrink are rounding, magnified by the weak curvature."""
 
+PROXIMAL_FEASIBILITY = 1e-10
+"""Rows violated by more than this, relative to their size, call for a larger curvature: a small one
+magnifies the backend's own tolerance."""
+
 PROXIMAL_FAILURE = 1e-6
 """A last step larger than this says that the repetitions did not converge."""
 
 
 def proximal_point(
-    P: Float64[np.ndarray, "d d"],
-    q: Float64[np.ndarray, " d"],
+    qp: QP,
     solve: Callable[
         [Float64[np.ndarray, "d d"], Float64[np.ndarray, " d"]], Float64[np.ndarray, " d"] | None
     ],
-    *,
-    definite: bool,
 ) -> Float64[np.ndarray, " d"] | None:
     """Solve a semidefinite QP exactly with a solver for definite ones.
 
@@ -78,19 +79,27 @@ def proximal_point(
     ridge it pulls towards the last point and not towards zero, so it swallows nothing.
 
     Args:
-        P: positive semidefinite Hessian.
-        q: gradient at zero.
-        solve: solves with the Hessian and gradient it is given.
-        definite: whether P is known to be positive definite, so that one solve does.
+        qp: the problem.
+        solve: solves with the Hessian and gradient it is given, and the problem's rows.
     """
-    if definite:
-        return solve(P, q)
+    if qp.definite:
+        return solve(qp.P, qp.q)
+    best: Float64[np.ndarray, " d"] | None = None
     for share in PROXIMAL_WEIGHTS:
-        weight = share * max(1e-300, float(np.abs(P).max()))
-        point = _repeat(P + weight * np.eye(len(q)), q, weight, solve)
+        weight = share * max(1e-300, float(np.abs(qp.P).max()))
+        point = _repeat(qp.P + weight * np.eye(len(qp.q)), qp.q, weight, solve)
         if point is not None:
-            return point
-    return None
+            best = point
+            if _meets_rows(qp, point):
+                break
+    return best
+
+
+def _meets_rows(qp: QP, x: Float64[np.ndarray, " d"]) -> bool:
+    values = qp.A @ x
+    sizes = np.maximum(1.0, np.linalg.norm(qp.A, axis=1) * float(np.linalg.norm(x)))
+    violation = np.maximum(values - qp.upper, qp.lower - values)
+    return bool((violation <= PROXIMAL_FEASIBILITY * sizes).all())
 
 
 def _repeat(
@@ -143,7 +152,7 @@ class DaqpBackend:
             x, _, flag, _ = model.solve()
             return x.copy() if flag >= 1 else None
 
-        return proximal_point(qp.P, qp.q, repeat, definite=qp.definite)
+        return proximal_point(qp, repeat)
 
 
 class OsqpBackend:
@@ -252,7 +261,7 @@ class QpsolversBackend:
             return np.array(solution.x) if solution.found and solution.x is not None else None
 
         if self._name == "quadprog":
-            return proximal_point(qp.P, qp.q, once, definite=qp.definite)
+            return proximal_point(qp, once)
         return once(qp.P, qp.q)
 
 

@@ -109,7 +109,7 @@ class CascadeSolver:
             qp = _final_qp(space, slop) if final else _level_qp(space, level, slop)
             workspace = self._workspaces.setdefault(level, self._make())
             solved = workspace.solve(qp, deadline - perf_counter())
-            if solved is not None and np.isfinite(solved).all():
+            if solved is not None and self._holds(space, solved[: space.freedom]):
                 space.move(solved[: space.freedom])
                 break
             del self._workspaces[level]
@@ -119,6 +119,14 @@ class CascadeSolver:
             return False
         _settle(space, indices)
         return True
+
+    def _holds(self, space: Reduction, y: Float64[np.ndarray, " d"]) -> bool:
+        """Return whether a point that a backend calls solved is finite and meets the held rows."""
+        held = space.held_rows()
+        values = held.A @ y
+        sizes = row_sizes(space.problem, space.point + space.basis @ y)[space.held]
+        violation = np.maximum(values - held.upper, held.lower - values)
+        return bool(np.isfinite(y).all() and (violation <= ACCURACY[self.backend] * sizes).all())
 
     def _residuals(
         self, problem: HierarchicalProblem, x: Float64[np.ndarray, " n"]

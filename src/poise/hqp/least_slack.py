@@ -163,9 +163,11 @@ class _Search:
         """Take one step to the optimum of a given active set; None if its signs are wrong."""
         self.soft_side = np.where(self.equality, 0, sides)
         active = self.equality | (self.soft_side != 0)
+        bounds = np.where(self.side > 0, self.hard.upper, self.hard.lower)[self.order]
+        if not (np.isfinite(bounds).all() and np.isfinite(self._targets()[active]).all()):
+            return None
         q1, q2, r = self._factor()
         if self.order:
-            bounds = np.where(self.side > 0, self.hard.upper, self.hard.lower)[self.order]
             self.z = q1 @ _linalg.solve_triangular(r, bounds, trans=1, check_finite=False)
         self.z = self.z + self._step(active, q2)
         slack = np.where(active, self.soft.A @ self.z - self._targets(), 0.0)

@@ -5,6 +5,7 @@ root link), a fixed base hangs on a link called `world`, every URDF hinge has li
 document includes no other file.
 """
 
+import math
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -13,10 +14,16 @@ from typing import Literal
 
 from poise.errors import RobotError
 
-WORLD = "world"
 _HINGES = ("revolute", "continuous", "prismatic")
 _KINDS = {"robot": "urdf", "mujoco": "mjcf"}
-_PLACEMENT = ("pos", "quat", "axisangle", "xyaxes", "zaxis", "euler")
+_NUMBERS = {
+    "origin": ("xyz", "rpy"),
+    "axis": ("xyz",),
+    "mass": ("value",),
+    "inertia": ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"),
+    "limit": ("lower", "upper", "effort", "velocity"),
+}
+"""Attributes of URDF elements that hold numbers."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,22 +92,10 @@ def parse(text: str, where: str, directory: Path | None = None) -> Document:
     return document
 
 
-def settle_base(document: Document, base: Literal["floating", "fixed"]) -> str:
-    """Give the document's root the form that Poise relies on.
-
-    Args:
-        document: the document, changed in place.
-        base: whether the root is free or fixed.
-
-    Returns:
-        The root link.
-
-    Raises:
-        RobotError: the document has no single root link, or a joint that contradicts `base`.
-    """
-    if document.kind == "urdf":
-        return _settle_urdf(document, base)
-    return _settle_mjcf(document, base)
+def end_of(joint: ET.Element, tag: str) -> str:
+    """The parent or child link of a URDF joint; empty where it names none."""
+    element = joint.find(tag)
+    return "" if element is None else element.get("link", "")
 
 
 def write_limits(
@@ -137,79 +132,6 @@ def write_limits(
             limit.set(key, repr(values[name]) if name in values else limit.get(key, "0"))
 
 
-def _settle_urdf(document: Document, base: Literal["floating", "fixed"]) -> str:
-    root = _root_link(document)
-    floating = [j for j in document.root.findall("joint") if j.get("type") == "floating"]
-    if floating and base == "fixed":
-        raise RobotError(
-            f"{document.where} has a floating joint, but its description says base: fixed",
-            got=[j.get("name") for j in floating],
-            wanted="base: floating",
-        )
-    if len(floating) > 1 or (floating and _end(floating[0], "parent") != root):
-        raise RobotError(
-            f"{document.where} has a floating joint that is not its base",
-            got=[j.get("name") for j in floating],
-            wanted="at most one, at the root link",
-        )
-    if floating:
-        document.root.remove(floating[0])
-        for link in document.root.findall("link"):
-            if link.get("name") == root:
-                document.root.remove(link)
-        return _root_link(document)
-    if base == "fixed" and root != WORLD:
-        ET.SubElement(document.root, "link", name=WORLD)
-        joint = ET.SubElement(document.root, "joint", name="world_weld", type="fixed")
-        ET.SubElement(joint, "parent", link=WORLD)
-        ET.SubElement(joint, "child", link=root)
-    return root
-
-
-def _settle_mjcf(document: Document, base: Literal["floating", "fixed"]) -> str:
-    bodies = [b for world in document.root.findall("worldbody") for b in world.findall("body")]
-    if len(bodies) != 1:
-        raise RobotError(
-            f"{document.where} has no single root body",
-            got=[b.get("name") for b in bodies],
-            wanted="one body under <worldbody>",
-        )
-    root = bodies[0]
-    free = [
-        *root.findall("freejoint"),
-        *(j for j in root.findall("joint") if j.get("type") == "free"),
-    ]
-    if free and base == "fixed":
-        raise RobotError(
-            f"{document.where} has a free joint, but its description says base: fixed",
-            got=root.get("name"),
-            wanted="base: floating",
-        )
-    for joint in free:
-        root.remove(joint)
-    if base == "floating":
-        for key in _PLACEMENT:
-            root.attrib.pop(key, None)
-    # Poses and motors count the free joint that is gone; the plant brings its own.
-    for tag in ("keyframe", "actuator", "sensor"):
-        for element in document.root.findall(tag):
-            document.root.remove(element)
-    return root.get("name", "")
-
-
-def _root_link(document: Document) -> str:
-    children = {_end(j, "child") for j in document.root.findall("joint")}
-    roots = [name for name in document.links() if name not in children]
-    if len(roots) != 1:
-        raise RobotError(f"{document.where} has no single root link", got=roots, wanted="one link")
-    return roots[0]
-
-
-def _end(joint: ET.Element, tag: str) -> str:
-    element = joint.find(tag)
-    return "" if element is None else element.get("link", "")
-
-
 def _check_names(document: Document) -> None:
     if not document.links():
         raise RobotError(f"{document.where} has no links", got=f"<{document.root.tag}>")
@@ -221,18 +143,41 @@ def _check_names(document: Document) -> None:
         raise RobotError(f"{document.where} has two joints of one name", got=twice)
     if document.kind == "urdf":
         _check_ends(document)
+        _check_numbers(document)
 
 
 def _check_ends(document: Document) -> None:
     links = document.links()
     for joint in document.root.findall("joint"):
         for tag in ("parent", "child"):
-            if _end(joint, tag) not in links:
+            if end_of(joint, tag) not in links:
                 raise RobotError(
                     f"{document.where}: {tag} of joint {joint.get('name')!r} is no link",
-                    got=_end(joint, tag),
+                    got=end_of(joint, tag),
                     choices=links,
                 )
+
+
+def _check_numbers(document: Document) -> None:
+    """Find what is not a number before Pinocchio's parser prints its own complaint."""
+    for element in (*document.root.findall("link"), *document.root.findall("joint")):
+        for inner in element.iter():
+            for key in _NUMBERS.get(inner.tag, ()):
+                text = inner.get(key, "0")
+                if not text.split() or not all(_is_number(word) for word in text.split()):
+                    raise RobotError(
+                        f"{document.where}: {key} in <{inner.tag}> of {element.tag} "
+                        f"{element.get('name')!r} is no number",
+                        got=text,
+                        wanted="finite numbers",
+                    )
+
+
+def _is_number(word: str) -> bool:
+    try:
+        return math.isfinite(float(word))
+    except ValueError:
+        return False
 
 
 def _include(element: ET.Element, directory: Path | None, depth: int) -> None:

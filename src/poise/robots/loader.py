@@ -10,9 +10,10 @@ from jaxtyping import Float64
 from scipy.spatial.transform import Rotation
 
 from poise.errors import RobotError, UnknownNameError
+from poise.robots.base import settle_base
 from poise.robots.catalog import catalog_names, find_entry, open_entry
 from poise.robots.description import Description, Mount, match_joints, parse_description
-from poise.robots.document import Document, parse, settle_base, write_limits
+from poise.robots.document import Document, parse, write_limits
 from poise.robots.fields import read_text, read_yaml
 from poise.robots.figure import add_figure
 from poise.robots.home import home_configuration

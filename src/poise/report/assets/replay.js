@@ -255,14 +255,15 @@
     return { group, shaft, head };
   }
   const arrows = forces.map((f) => arrow(f.kind === "push" ? PUSH : SUPPORT));
-  let strongest = 0;
+  // Ground forces and pushes differ tenfold: each kind has a scale of its own.
+  const strongest = { contact: 0, push: 0 };
   for (const f of forces) {
     for (let i = 0; i < f.force.length; i += 3) {
       const size = Math.hypot(f.force[i], f.force[i + 1], f.force[i + 2]);
-      if (size > strongest) strongest = size;
+      if (size > strongest[f.kind]) strongest[f.kind] = size;
     }
   }
-  const metresPerNewton = strongest > 0 ? (0.55 * height) / strongest : 0;
+  const longest = { contact: 0.55 * height, push: 0.4 * height };
 
   const support = new T.Group();
   scene.add(support);
@@ -325,7 +326,8 @@
     const p = [0, 0, 0];
     const v = [0, 0, 0];
     const known = between(f.point, 3, at, p) && between(f.force, 3, at, v);
-    const length = metresPerNewton * Math.hypot(v[0], v[1], v[2]);
+    const scale = strongest[f.kind] > 0 ? longest[f.kind] / strongest[f.kind] : 0;
+    const length = scale * Math.hypot(v[0], v[1], v[2]);
     const { group, shaft, head } = which;
     group.visible = shown.forces && known && length > 0.01 * height;
     if (!group.visible) return;
@@ -429,16 +431,11 @@
   }
   legend(COM, "COM and its shadow");
   legend(ZMP, "ZMP");
-  if (data.phases.length || forces.some((f) => f.kind === "contact")) {
-    legend(SUPPORT, "support polygon, ground forces");
-  }
-  if (forces.some((f) => f.kind === "push")) legend(PUSH, "pushes");
+  const newtons = (n) => (n < 10 ? n.toFixed(1) : String(Math.round(n)));
+  if (data.phases.length) legend(SUPPORT, "support polygon");
+  if (strongest.contact > 0) legend(SUPPORT, `ground forces, longest ${newtons(strongest.contact)} N`);
+  if (strongest.push > 0) legend(PUSH, `pushes, longest ${newtons(strongest.push)} N`);
   if (markers.length) legend(TARGET, "targets");
-  if (strongest > 0) {
-    const item = document.createElement("li");
-    item.textContent = `longest arrow ${strongest < 10 ? strongest.toFixed(1) : Math.round(strongest)} N`;
-    find("legend").append(item);
-  }
 
   function resize() {
     const { clientWidth: width, clientHeight: tall } = canvas.parentElement;

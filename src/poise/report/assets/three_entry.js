@@ -1,6 +1,5 @@
 // What the replay needs from three.js, as one global: see README.md for how it is bundled.
 export {
-  AmbientLight,
   BoxGeometry,
   BufferAttribute,
   BufferGeometry,
