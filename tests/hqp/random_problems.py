@@ -1,4 +1,4 @@
-"""Random hierarchies: feasible ones, and ones that are degenerate or in conflict with themselves."""
+"""Random hierarchies: feasible ones, and ones that are degenerate or in conflict."""
 
 import numpy as np
 
@@ -6,7 +6,7 @@ from poise.hqp import HierarchicalProblem, Level
 
 
 def random_problem(seed: int, *, feasible: bool) -> HierarchicalProblem:
-    """Mixed rows in 1 to 5 levels over 2 to 20 variables; a feasible one has a point in all rows."""
+    """Mixed rows, 1 to 5 levels, 2 to 20 variables; a feasible one has a point in all rows."""
     rng = np.random.default_rng([seed, int(feasible)])
     n = int(rng.integers(2, 21))
     inside = rng.standard_normal(n)

@@ -1,4 +1,4 @@
-"""Random hierarchies: direct and cascade against each other and against the optimality conditions."""
+"""Random hierarchies: direct and cascade against each other and the optimality conditions."""
 
 import numpy as np
 import pytest

@@ -188,3 +188,24 @@ def test_a_document_without_pictures_gets_a_stick_figure(load, urdf, facts):
         '<link name="left_foot"><visual><geometry><sphere radius="0.1"/></geometry></visual>',
     )
     assert load(pictured, facts).source.text.count("<visual>") == 1
+
+
+def test_the_description_in_the_documentation_is_a_right_one():
+    from pathlib import Path
+
+    from poise.robots.description import parse_description
+    from poise.robots.fields import read_yaml
+
+    page = (Path(__file__).parents[2] / "docs" / "robots.md").read_text()
+    example = page.split("```yaml\n")[1].split("```")[0]
+    facts = parse_description(read_yaml(example, "robots.md"), "robots.md")
+    assert facts.torque == {".*_knee": 120.0}
+    assert facts.locked == (".*_finger.*",)
+    assert set(facts.mounts()) == {
+        "left_sole",
+        "right_sole",
+        "left_hand",
+        "right_hand",
+        "pelvis",
+        "torso",
+    }

@@ -30,6 +30,8 @@ class Contact(ABC):
         frame: the frame in contact, such as "left_sole".
         friction: Coulomb coefficient.
         damping: how fast a residual velocity of the contact dies out [1/s].
+        min_load: least normal force of a loaded contact, as a share of the robot's weight.
+        dim: length of the wrench.
         name: what reports call it.
 
     Attributes:
@@ -45,12 +47,26 @@ class Contact(ABC):
     """
 
     def __init__(
-        self, frame: str, *, friction: float, damping: float, dim: int, name: str | None
+        self,
+        frame: str,
+        *,
+        friction: float,
+        damping: float,
+        min_load: float,
+        dim: int,
+        name: str | None,
     ) -> None:
         self.frame = frame
         self.name = name or frame
         self.friction = checked_number(friction, f"friction of contact {self.name!r}", above=0.0)
         self.damping = checked_number(damping, f"damping of contact {self.name!r} [1/s]")
+        self.min_load = checked_number(min_load, f"min_load of contact {self.name!r}")
+        if self.min_load >= 0.5:
+            raise ConfigurationError(
+                f"min_load of contact {self.name!r} is out of range",
+                got=min_load,
+                wanted="a share of the weight below 0.5",
+            )
         self.dim = dim
         self.cone: Float64[np.ndarray, "rows dim"] = np.zeros((0, dim))
         self.reference: Float64[np.ndarray, "dim"] = np.zeros(dim)
@@ -119,6 +135,8 @@ class Contact(ABC):
         # During a ramp the weight is the scale: a foot seldom carries more while it is unloaded.
         factor = MAX_LOAD_FACTOR if load >= 1.0 else load
         self.wrench_upper[2] = factor * self._weight
+        # A foot that is asked for no force at all lifts off at the first model error.
+        self.wrench_lower[2] = min(load, self.min_load) * self._weight
 
     def evaluate(self, dynamics: Dynamics) -> None:
         """Fills `jacobian`, `drift` and `reference` for one state.

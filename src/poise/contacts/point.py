@@ -18,6 +18,7 @@ class PointContact(Contact):
         frame: the frame in contact; its z axis is the contact normal.
         friction: Coulomb coefficient of the pyramid.
         damping: how fast a residual velocity dies out [1/s].
+        min_load: least normal force while loaded, as a share of the robot's weight.
         name: what reports call it; the frame when None.
     """
 
@@ -27,9 +28,12 @@ class PointContact(Contact):
         *,
         friction: float = 0.7,
         damping: float = 20.0,
+        min_load: float = 0.02,
         name: str | None = None,
     ) -> None:
-        super().__init__(frame, friction=friction, damping=damping, dim=3, name=name)
+        super().__init__(
+            frame, friction=friction, damping=damping, min_load=min_load, dim=3, name=name
+        )
 
     def _make_cone(self, robot: Robot) -> Float64[np.ndarray, "rows dim"]:
         mu = self.friction

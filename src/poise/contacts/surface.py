@@ -36,6 +36,7 @@ class SurfaceContact(Contact):
             diagonal when None.
         margin: how far the centre of pressure stays inside the edges [m].
         damping: how fast a residual velocity dies out [1/s].
+        min_load: least normal force while loaded, as a share of the robot's weight.
         name: what reports call it; the frame when None.
     """
 
@@ -49,9 +50,12 @@ class SurfaceContact(Contact):
         torsion: float | None = None,
         margin: float = 0.005,
         damping: float = 20.0,
+        min_load: float = 0.02,
         name: str | None = None,
     ) -> None:
-        super().__init__(frame, friction=friction, damping=damping, dim=6, name=name)
+        super().__init__(
+            frame, friction=friction, damping=damping, min_load=min_load, dim=6, name=name
+        )
         self._size = (length, width)
         for value, what in ((length, "length"), (width, "width"), (torsion, "torsion")):
             if value is not None:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float64
 
+from poise.hqp.optimality import certify_point
 from poise.hqp.problem import HierarchicalProblem
 
 _VISIBLE_VIOLATION = 1e-8
@@ -40,8 +41,6 @@ def find_conflicts(
     What stands in the way of a level are the rows that carry a multiplier in that level's
     optimality conditions, its own other rows included.
     """
-    from poise.hqp.optimality import certify_point
-
     certificate = certify_point(problem, x)
     conflicts: list[Conflict] = []
     for level, multipliers in enumerate(certificate.multipliers):
@@ -88,14 +87,14 @@ def _opponents(
     label: str,
 ) -> tuple[str, ...]:
     """Return the labels of rows that pull against `row`, by the force they pull with."""
-    coefficients = np.vstack([np.eye(problem.n), problem.A])
-    pulls = multipliers * (coefficients @ coefficients[row]) * np.sign(multipliers[row])
+    norms = np.concatenate([np.ones(problem.n), np.linalg.norm(problem.A, axis=1)])
+    pulls = np.abs(multipliers) * norms
     strength: dict[str, float] = {}
     for index in np.flatnonzero(multipliers):
         if index == row:
             continue
         name = problem.label(int(index))
-        strength[name] = strength.get(name, 0.0) + abs(float(pulls[index]))
+        strength[name] = strength.get(name, 0.0) + float(pulls[index])
     largest = max(strength.values(), default=0.0)
     named = [
         name

@@ -117,7 +117,7 @@ def make_record(run: Run, summary: dict[str, object], no_video: str | None) -> R
         tasks=tuple(
             TaskTrack(
                 name=task.name,
-                level=PHYSICS_LEVELS + level + 1,
+                level=PHYSICS_LEVELS + level,
                 unit=task.unit,
                 error=signals.task_errors[task.name],
             )

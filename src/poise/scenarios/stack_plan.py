@@ -158,13 +158,13 @@ def _posture(fields: Fields) -> Task:
 
 
 def _surface(fields: Fields) -> Contact:
-    keys = ("friction", "length", "width", "torsion", "margin", "damping")
+    keys = ("friction", "length", "width", "torsion", "margin", "damping", "min_load")
     _known(fields, ("frame", "name", *keys))
     return SurfaceContact(fields.text("frame"), **_numbers(fields, keys), **_name(fields))
 
 
 def _point(fields: Fields) -> Contact:
-    keys = ("friction", "damping")
+    keys = ("friction", "damping", "min_load")
     _known(fields, ("frame", "name", *keys))
     return PointContact(fields.text("frame"), **_numbers(fields, keys), **_name(fields))
 
