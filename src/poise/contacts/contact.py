@@ -4,8 +4,8 @@ from abc import ABC, abstractmethod
 
 import numpy as np
 from jaxtyping import Float64
-from numpy.typing import ArrayLike
 
+from poise.checks import checked_number
 from poise.contacts.load import LoadRamp
 from poise.dynamics.dynamics import Dynamics
 from poise.dynamics.frames import FrameKinematics
@@ -69,9 +69,9 @@ class Contact(ABC):
             )
         self.dim = dim
         self.cone: Float64[np.ndarray, "rows dim"] = np.zeros((0, dim))
-        self.reference: Float64[np.ndarray, "dim"] = np.zeros(dim)
-        self.wrench_lower: Float64[np.ndarray, "dim"] = np.full(dim, -np.inf)
-        self.wrench_upper: Float64[np.ndarray, "dim"] = np.full(dim, np.inf)
+        self.reference: Float64[np.ndarray, " dim"] = np.zeros(dim)
+        self.wrench_lower: Float64[np.ndarray, " dim"] = np.full(dim, -np.inf)
+        self.wrench_upper: Float64[np.ndarray, " dim"] = np.full(dim, np.inf)
         self.wrench_lower[2] = 0.0
         self._load = LoadRamp()
         self._robot: Robot | None = None
@@ -94,7 +94,7 @@ class Contact(ABC):
         self._frame_id = robot.frame_id(self.frame)
         self._weight = robot.mass * GRAVITY
         self.jacobian: Float64[np.ndarray, "dim nv"] = np.zeros((self.dim, robot.nv))
-        self.drift: Float64[np.ndarray, "dim"] = np.zeros(self.dim)
+        self.drift: Float64[np.ndarray, " dim"] = np.zeros(self.dim)
         self.cone = self._make_cone(robot)
         self._robot = robot
 
@@ -152,21 +152,5 @@ class Contact(ABC):
         """The constant rows C of C F <= 0."""
 
     @abstractmethod
-    def _evaluate(self, frame: FrameKinematics) -> Float64[np.ndarray, "dim"]:
+    def _evaluate(self, frame: FrameKinematics) -> Float64[np.ndarray, " dim"]:
         """Fills jacobian and drift; returns the contact's velocity along its own axes."""
-
-
-def checked_number(value: ArrayLike, what: str, *, above: float | None = None) -> float:
-    """A finite number, not negative, or strictly above a bound.
-
-    Raises:
-        ConfigurationError: it is not.
-    """
-    wanted = "a finite number >= 0" if above is None else f"a finite number > {above:g}"
-    try:
-        number = float(value)  # pyright: ignore[reportArgumentType]
-    except (TypeError, ValueError):
-        raise ConfigurationError(f"{what} is not a number", got=value, wanted=wanted) from None
-    if not np.isfinite(number) or number < 0.0 or (above is not None and number <= above):
-        raise ConfigurationError(f"{what} is out of range", got=value, wanted=wanted)
-    return number

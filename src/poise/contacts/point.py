@@ -35,11 +35,11 @@ class PointContact(Contact):
             frame, friction=friction, damping=damping, min_load=min_load, dim=3, name=name
         )
 
-    def _make_cone(self, robot: Robot) -> Float64[np.ndarray, "rows dim"]:
+    def _make_cone(self, robot: Robot) -> Float64[np.ndarray, "rows dim"]:  # noqa: ARG002
         mu = self.friction
         return np.array([[1.0, 0.0, -mu], [-1.0, 0.0, -mu], [0.0, 1.0, -mu], [0.0, -1.0, -mu]])
 
-    def _evaluate(self, frame: FrameKinematics) -> Float64[np.ndarray, "dim"]:
+    def _evaluate(self, frame: FrameKinematics) -> Float64[np.ndarray, " dim"]:
         contact_R_world = frame.rotation.T
         np.matmul(contact_R_world, frame.jacobian[:3], out=self.jacobian)
         np.matmul(contact_R_world, frame.bias[:3], out=self.drift)

@@ -5,7 +5,8 @@ import math
 import numpy as np
 from jaxtyping import Float64
 
-from poise.contacts.contact import Contact, checked_number
+from poise.checks import checked_number
+from poise.contacts.contact import Contact
 from poise.dynamics.frames import FrameKinematics
 from poise.errors import ConfigurationError
 from poise.robots.robot import Robot
@@ -94,7 +95,7 @@ class SurfaceContact(Contact):
             )
         return length, width
 
-    def _evaluate(self, frame: FrameKinematics) -> Float64[np.ndarray, "dim"]:
+    def _evaluate(self, frame: FrameKinematics) -> Float64[np.ndarray, " dim"]:
         contact_R_world = frame.rotation.T
         nv = frame.jacobian.shape[1]
         np.matmul(

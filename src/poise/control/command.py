@@ -42,8 +42,8 @@ class Command:
     """
 
     status: CommandStatus
-    torque: Float64[np.ndarray, "nj"] | None = None
-    velocity: Float64[np.ndarray, "nj"] | None = None
-    acceleration: Float64[np.ndarray, "nv"] | None = None
-    wrenches: Mapping[str, Float64[np.ndarray, "m"]] = field(default_factory=dict)
+    torque: Float64[np.ndarray, " nj"] | None = None
+    velocity: Float64[np.ndarray, " nj"] | None = None
+    acceleration: Float64[np.ndarray, " nv"] | None = None
+    wrenches: Mapping[str, Float64[np.ndarray, " m"]] = field(default_factory=dict)
     residuals: tuple[float, ...] = ()

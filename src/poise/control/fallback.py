@@ -29,14 +29,12 @@ class Fallback:
         self._torque = np.zeros(robot.nj)
         self._time = 0.0
 
-    def remember(self, torque: Float64[np.ndarray, "nj"], time: float) -> None:
+    def remember(self, torque: Float64[np.ndarray, " nj"], time: float) -> None:
         """Keeps a good torque and the time it was given for [s]."""
         self._torque = torque
         self._time = time
 
-    def torque(
-        self, v: Float64[np.ndarray, "..."], time: float
-    ) -> Float64[np.ndarray, "nj"]:
+    def torque(self, v: Float64[np.ndarray, "..."], time: float) -> Float64[np.ndarray, " nj"]:
         """The safe torque.
 
         Args:

@@ -22,7 +22,7 @@ PHYSICS_LEVELS = 2
 """Levels that stand above the user's: dynamics with torque limits, contacts with joint limits."""
 
 _TaskRows = tuple[
-    Task, Float64[np.ndarray, "m nv"], Float64[np.ndarray, "m"], Float64[np.ndarray, "m"]
+    Task, Float64[np.ndarray, "m nv"], Float64[np.ndarray, " m"], Float64[np.ndarray, " m"]
 ]
 """A task with the views of its rows: Jacobian, lower and upper bounds."""
 
@@ -68,7 +68,10 @@ class FullFormulation:
             + [sum(t.dim for t in level) for level in stack.levels],
             names=["dynamics", "contacts", *(_level_name(level) for level in stack.levels)],
             labels=[
-                [("base dynamics", base), *((f"torque limit of {j}", 1) for j in robot.joint_names)],
+                [
+                    ("base dynamics", base),
+                    *((f"torque limit of {j}", 1) for j in robot.joint_names),
+                ],
                 [(f"motion of contact {c.name}", c.dim) for c in contacts]
                 + [(f"wrench cone of contact {c.name}", len(c.cone)) for c in contacts],
                 *([(f"task {t.name}", t.dim) for t in level] for level in stack.levels),
@@ -111,21 +114,21 @@ class FullFormulation:
             np.subtract(task.reference, task.drift, out=lower)
             upper[:] = lower
 
-    def torque(self, x: Float64[np.ndarray, "n"], dynamics: Dynamics) -> Float64[np.ndarray, "nj"]:
+    def torque(
+        self, x: Float64[np.ndarray, " n"], dynamics: Dynamics
+    ) -> Float64[np.ndarray, " nj"]:
         """Joint torques of a solution: the actuated rows (7), M_l dv + h_l - J_c,l^T F [N m]."""
         np.matmul(self.problem.level(0).A, x, out=self._torque)
         self._torque += dynamics.h
         return self._torque[self._base :].copy()
 
-    def acceleration(self, x: Float64[np.ndarray, "n"]) -> Float64[np.ndarray, "nv"]:
+    def acceleration(self, x: Float64[np.ndarray, " n"]) -> Float64[np.ndarray, " nv"]:
         """Generalized acceleration of a solution."""
         return x[: self._nv]
 
-    def wrenches(self, x: Float64[np.ndarray, "n"]) -> dict[str, Float64[np.ndarray, "m"]]:
+    def wrenches(self, x: Float64[np.ndarray, " n"]) -> dict[str, Float64[np.ndarray, " m"]]:
         """Wrench at each active contact of a solution, by the contact's name."""
-        return {
-            c.name: x[s] for c, s in zip(self._contacts, self._wrench_slices, strict=True)
-        }
+        return {c.name: x[s] for c, s in zip(self._contacts, self._wrench_slices, strict=True)}
 
     def _fill_dynamics(self, dynamics: Dynamics) -> None:
         base, physics = self._base, self.problem.level(0)
@@ -161,8 +164,8 @@ class FullFormulation:
     def _fill_cones(
         self,
         A: Float64[np.ndarray, "m n"],
-        lower: Float64[np.ndarray, "m"],
-        upper: Float64[np.ndarray, "m"],
+        lower: Float64[np.ndarray, " m"],
+        upper: Float64[np.ndarray, " m"],
         row: int,
     ) -> None:
         # Constant: the cones stand in the contacts' own frames.
@@ -183,9 +186,7 @@ class FullFormulation:
                     view.lower[rows], view.upper[rows] = -np.inf, np.inf
                     continue
                 view.weights[rows] = task.weight
-                located.append(
-                    (task, view.A[rows, : self._nv], view.lower[rows], view.upper[rows])
-                )
+                located.append((task, view.A[rows, : self._nv], view.lower[rows], view.upper[rows]))
         return located
 
     def _label_bounds(self) -> None:

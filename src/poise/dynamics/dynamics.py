@@ -9,7 +9,6 @@ from poise.dynamics.state import RobotState
 from poise.robots.robot import Robot
 
 
-
 class Dynamics:
     """Mass matrix, nonlinear effects, frames, COM and centroidal momentum of one state.
 
@@ -72,7 +71,7 @@ class Dynamics:
         np.copyto(self.M, data.M)
         flat = self.M.ravel()
         flat[self._lower] = flat[self._upper]
-        self.h: Float64[np.ndarray, "nv"] = data.nle
+        self.h: Float64[np.ndarray, " nv"] = data.nle
         self.com: Float64[np.ndarray, "3"] = data.com[0]
         self.com_velocity: Float64[np.ndarray, "3"] = data.vcom[0]
         self.com_jacobian: Float64[np.ndarray, "3 nv"] = data.Jcom

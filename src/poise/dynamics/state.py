@@ -23,7 +23,7 @@ class RobotState:
         time: time of the measurement [s].
     """
 
-    q: Float64[np.ndarray, "nq"]
-    v: Float64[np.ndarray, "nv"]
+    q: Float64[np.ndarray, " nq"]
+    v: Float64[np.ndarray, " nv"]
     contacts: Mapping[str, Float64[np.ndarray, "6"]] = field(default_factory=dict)
     time: float = 0.0

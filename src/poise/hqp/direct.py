@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from poise.hqp.hard import STATIONARITY_TOLERANCE, HardPoint, HardQP
+from poise.hqp.last_level import LastLevelQP
 from poise.hqp.lexicographic import Resolution, Stage, resolve
 from poise.hqp.measure import (
     FEASIBILITY_TOLERANCE,
@@ -23,6 +24,9 @@ from poise.hqp.status import failure, is_sound
 class DirectSolver:
     """Solves with all rows hard, exact whenever everything can be met; else level by level.
 
+    Where only the last level must give, as a posture at the bottom of a stack always must, that
+    level is the cost of one QP over the others (`LastLevelQP`), which the next solve tries first.
+
     The workspace persists: a controller keeps one solver and calls `solve` every tick. Nothing
     raises on numbers.
 
@@ -35,12 +39,16 @@ class DirectSolver:
     def __init__(self, time_limit: float | None = None) -> None:
         self.time_limit = time_limit
         self._hard = HardQP()
+        self._last_level = LastLevelQP()
+        self._last_gives = False
         self._hint: tuple[Stage, ...] = ()
         self._scratch = _Scratch(0, 0)
 
     def reset(self) -> None:
         """Forget the last solution, so that the next solve starts cold."""
         self._hard.reset()
+        self._last_level.reset()
+        self._last_gives = False
         self._hint = ()
 
     def solve(self, problem: HierarchicalProblem) -> Solution:
@@ -50,38 +58,92 @@ class DirectSolver:
             problem: of any shape; a new shape sets the workspace up anew.
         """
         start = perf_counter()
-        limit = self.time_limit
-        point = self._hard.solve(
-            problem.H, problem.g, problem.A, problem.lower, problem.upper, limit or 0.0
-        )
-        solved = perf_counter()
-        if point is not None:
-            solution = self._accept(problem, point, start, solved)
+        scratch = self._scratch
+        if scratch.shape != problem.A.shape:
+            self._scratch = _Scratch(problem.n, problem.m)
+        attempts = (self._solve_hard, self._solve_last_level)
+        # Two looks at the same numbers: the way that worked at the last tick comes first.
+        for attempt in attempts[::-1] if self._last_gives else attempts:
+            solution = attempt(problem, start)
             if solution is not None:
                 return solution
+        solved = perf_counter()
         if not is_sound(problem):
             return failure(problem, SolveStatus.BAD_PROBLEM, self.name, start)
         return self._resolve(problem, start, solved)
 
-    def _accept(
-        self, problem: HierarchicalProblem, point: HardPoint, start: float, solved: float
-    ) -> Solution | None:
-        """Check a hard point against the problem's numbers; None if it does not hold."""
-        scratch = self._scratch
-        if scratch.shape != problem.A.shape:
-            scratch = self._scratch = _Scratch(problem.n, problem.m)
-        n, x, multipliers = problem.n, point.x, point.multipliers
+    def _solve_hard(self, problem: HierarchicalProblem, start: float) -> Solution | None:
+        """Meet every row at once, if that is possible."""
+        point = self._hard.solve(
+            problem.H, problem.g, problem.A, problem.lower, problem.upper, self.time_limit or 0.0
+        )
+        if point is None:
+            return None
+        solution = self._accept(problem, point, start, perf_counter())
+        self._last_gives = solution is None
+        return solution
+
+    def _solve_last_level(self, problem: HierarchicalProblem, start: float) -> Solution | None:
+        """Meet every level but the last, whose slack is least, if that is possible."""
+        found = self._last_level.solve(problem, self.time_limit or 0.0)
+        if found is None:
+            self._last_gives = False
+            return None
+        x, iterations = found
+        solved = perf_counter()
+        slacks = self._measure(problem, x)
+        hard = problem.n + problem.m - len(problem.levels[-1].lower)
+        if not self._is_met(problem, x, hard):
+            return None
+        residuals, scales = self._scratch.norms(problem)
+        relative = residuals / scales
+        # Where the last level is met after all, the next solve meets everything at once.
+        self._last_gives = bool(relative[-1] > FEASIBILITY_TOLERANCE)
+        end = perf_counter()
+        return Solution(
+            status=SolveStatus.OPTIMAL,
+            x=x,
+            slacks=slacks.copy(),
+            residuals=residuals,
+            relative_residuals=relative,
+            strategy=self.name,
+            relaxed=self._last_gives,
+            iterations=iterations,
+            timings={"last_level": solved - start, "check": end - solved, "total": end - start},
+        )
+
+    def _measure(
+        self, problem: HierarchicalProblem, x: Float64[np.ndarray, " n"]
+    ) -> Float64[np.ndarray, " nm"]:
+        """Fill the scratch with row values and signed slacks, and return the slacks."""
+        scratch, n = self._scratch, problem.n
         values, slacks = scratch.values, scratch.slacks
         values[:n] = x
         np.dot(problem.A, x, out=values[n:])
         np.minimum(values, problem.upper, out=scratch.clipped)
         np.maximum(scratch.clipped, problem.lower, out=scratch.clipped)
         np.subtract(values, scratch.clipped, out=slacks)
+        return slacks
+
+    def _is_met(
+        self, problem: HierarchicalProblem, x: Float64[np.ndarray, " n"], count: int
+    ) -> bool:
+        """Whether the first bounds and rows hold, going by the measured slacks."""
+        sizes = np.abs(self._scratch.slacks[:count], out=self._scratch.sizes[:count])
         # NaN fails both comparisons and is sorted out on the slow path.
-        if (
-            not np.abs(slacks, out=scratch.sizes).max() <= FEASIBILITY_TOLERANCE
-            and not (scratch.sizes <= FEASIBILITY_TOLERANCE * row_sizes(problem, x)).all()
-        ):
+        return bool(
+            sizes.max(initial=0.0) <= FEASIBILITY_TOLERANCE
+            or (sizes <= FEASIBILITY_TOLERANCE * row_sizes(problem, x)[:count]).all()
+        )
+
+    def _accept(
+        self, problem: HierarchicalProblem, point: HardPoint, start: float, solved: float
+    ) -> Solution | None:
+        """Check a hard point against the problem's numbers; None if it does not hold."""
+        scratch = self._scratch
+        n, x, multipliers = problem.n, point.x, point.multipliers
+        slacks = self._measure(problem, x)
+        if not self._is_met(problem, x, n + problem.m):
             return None
         curvature = np.dot(problem.H, x, out=scratch.curvature)
         pull = np.dot(multipliers[n:], problem.A, out=scratch.pull)

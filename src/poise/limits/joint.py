@@ -3,10 +3,20 @@
 import numpy as np
 from jaxtyping import Float64
 
-from poise.contacts.contact import checked_number
+from poise.checks import checked_number
 from poise.dynamics.dynamics import Dynamics
 from poise.errors import ConfigurationError
 from poise.robots.robot import Robot
+
+_STOP_SHARE = 0.1
+"""Share of the horizon in which a joint stops that is about to pass its limit.
+
+It bounds the braking gain near the limit, where v^2 / 2s would turn the noise of a measurement into
+full braking. The price is that a joint may pass its limit by `a_max (share dt)^2 / 2`, 0.4 mrad with
+the defaults, which the position margin is there for."""
+
+_TINY = 1e-12
+"""Keeps a joint at rest on its limit from dividing by zero [rad]."""
 
 
 class JointLimit:
@@ -15,17 +25,20 @@ class JointLimit:
     The bounds are the viability bounds of Del Prete ("Joint Position and Velocity Bounds in
     Discrete-Time Acceleration/Torque Control of Robot Manipulators", RA-L 2018): a joint may not
     go so fast that full braking could no longer stop it before its limit. With s the distance to
-    the upper limit after one horizon dt of coasting, an acceleration a is viable if
+    the upper limit, an acceleration a held for one horizon dt is viable if
 
-        (qd + a dt)^2 <= 2 a_max (s - a dt^2 / 2)     and     qd + a dt <= v_max.
+        (v + a dt)^2 <= 2 a_max (s - v dt - a dt^2 / 2)     and     v + a dt <= v_max,
+
+    and where the joint has to be at rest sooner than dt, if a <= -v^2 / 2s.
 
     Position and velocity limits never make the problem infeasible: `lower <= upper` holds for
-    every state. A joint that is already beyond a limit is asked to come back as hard as the
-    acceleration limit allows, and both bounds meet there.
+    every state. A joint that is beyond a limit is asked back within one horizon, as far as the
+    acceleration limit allows. Where bounds contradict each other, as a position limit that needs
+    harder braking than a velocity limit would have, both become the one that brakes.
 
     Args:
         acceleration_max: largest joint acceleration [rad/s^2].
-        horizon: dt, longer than the control period so that braking starts smoothly [s].
+        horizon: dt, at least twice the control period so that braking starts smoothly [s].
         position_margin: distance kept from the position limits [rad].
         velocity_scale: share of the robot's velocity limits that may be used.
 
@@ -54,13 +67,23 @@ class JointLimit:
         self.velocity_scale = checked_number(
             velocity_scale, "velocity_scale of the joint limit", above=0.0
         )
+        self._robot: Robot | None = None
 
     def bind(self, robot: Robot) -> None:
         """Takes the limits of a robot; controllers call it before the first tick.
 
         Raises:
-            ConfigurationError: the margin leaves a joint no range.
+            ConfigurationError: the margin leaves a joint no range, or the limit serves another
+                robot.
         """
+        if self._robot is robot:
+            return
+        if self._robot is not None:
+            raise ConfigurationError(
+                "the joint limit already serves another robot",
+                got=robot.name,
+                wanted=f"robot {self._robot.name!r}, or a limit of its own",
+            )
         q_min, q_max = robot.q_min + self.position_margin, robot.q_max - self.position_margin
         crossed = np.flatnonzero(q_min >= q_max)
         if crossed.size:
@@ -77,8 +100,9 @@ class JointLimit:
         self._v_bound = self.velocity_scale * np.concatenate((robot.v_max, robot.v_max))
         self._q = np.empty(2 * robot.nj)
         self._v = np.empty(2 * robot.nj)
-        self.lower: Float64[np.ndarray, "nj"] = np.zeros(robot.nj)
-        self.upper: Float64[np.ndarray, "nj"] = np.zeros(robot.nj)
+        self.lower: Float64[np.ndarray, " nj"] = np.zeros(robot.nj)
+        self.upper: Float64[np.ndarray, " nj"] = np.zeros(robot.nj)
+        self._robot = robot
 
     def evaluate(self, dynamics: Dynamics) -> None:
         """Fills `lower` and `upper` for one state.
@@ -93,27 +117,31 @@ class JointLimit:
         bound = largest_viable_acceleration(
             self._q, self._v, self._q_bound, self._v_bound, self.acceleration_max, self.horizon
         )
-        # Both at once can only cross where a joint breaks two limits; then braking wins.
         self.upper[:] = bound[:nj]
         np.negative(bound[nj:], out=self.lower)
         crossed = self.lower > self.upper
         if crossed.any():
-            middle = 0.5 * (self.lower[crossed] + self.upper[crossed])
-            self.lower[crossed] = self.upper[crossed] = middle
+            braking = np.where(v > 0.0, self.upper, self.lower)
+            self.lower[crossed] = self.upper[crossed] = braking[crossed]
 
 
 def largest_viable_acceleration(
-    q: Float64[np.ndarray, "m"],
-    v: Float64[np.ndarray, "m"],
-    q_max: Float64[np.ndarray, "m"],
-    v_max: Float64[np.ndarray, "m"],
+    q: Float64[np.ndarray, " m"],
+    v: Float64[np.ndarray, " m"],
+    q_max: Float64[np.ndarray, " m"],
+    v_max: Float64[np.ndarray, " m"],
     a_max: float,
     dt: float,
-) -> Float64[np.ndarray, "m"]:
+) -> Float64[np.ndarray, " m"]:
     """Largest acceleration after which a joint can still stop before its upper limit.
 
-    Solves dt^2 a^2 + dt (2 v + a_max dt) a + v^2 - 2 a_max (q_max - q - v dt) = 0 for its larger
-    root; where there is none, the joint must at least brake to a stop.
+    With s = q_max - q this is the larger root of
+
+        dt^2 a^2 + dt (2 v + a_max dt) a + v^2 - 2 a_max (s - v dt) = 0
+
+    as long as the joint may still move towards the limit after dt, that is for s >= v dt / 2. Nearer
+    to the limit it must be at rest sooner, which takes -v^2 / 2s; the root would have it swing past
+    the limit and return to it at dt.
 
     Args:
         q: positions [rad].
@@ -126,17 +154,14 @@ def largest_viable_acceleration(
     Returns:
         Upper bounds in [-a_max, a_max] [rad/s^2].
     """
-    b = dt * (2.0 * v + a_max * dt)
-    c = v * v - 2.0 * a_max * (q_max - q - v * dt)
-    discriminant = b * b - 4.0 * dt * dt * c
-    root = (np.sqrt(np.maximum(discriminant, 0.0)) - b) / (2.0 * dt * dt)
-    # The parabola counts speed in either direction; towards the limit only speed beyond zero is
-    # unsafe, so coming to rest is always allowed.
-    stop = -v / dt
-    viable = np.where(discriminant >= 0.0, np.maximum(root, stop), stop)
-    # Where even resting breaks the position limit, the joint has to come back.
-    beyond = q + 0.5 * v * dt >= q_max
-    back = 2.0 * (q_max - q - v * dt) / (dt * dt)
-    viable = np.where(beyond, np.minimum(viable, back), viable)
+    s = q_max - q
+    discriminant = a_max * (a_max * dt * dt + 8.0 * s - 4.0 * dt * v)
+    root = (np.sqrt(np.maximum(discriminant, 0.0)) - 2.0 * v - a_max * dt) / (2.0 * dt)
+    approach = np.maximum(v, 0.0)
+    distance = np.maximum(s, 0.5 * _STOP_SHARE * dt * approach + _TINY)
+    stop = -0.5 * approach * approach / distance
+    # Beyond the limit: back to it at dt, counting the speed at which the joint returns already.
+    back = (2.0 / (dt * dt)) * (np.minimum(s, 0.0) + dt * (approach - v))
+    viable = np.where(s >= 0.5 * dt * v, root, stop + back)
     viable = np.minimum(viable, (v_max - v) / dt)
     return np.clip(viable, -a_max, a_max)

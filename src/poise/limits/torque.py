@@ -3,7 +3,7 @@
 import numpy as np
 from jaxtyping import Float64
 
-from poise.contacts.contact import checked_number
+from poise.checks import checked_number
 from poise.errors import ConfigurationError
 from poise.robots.robot import Robot
 
@@ -29,8 +29,20 @@ class TorqueLimit:
                 got=scale,
                 wanted="a number in (0, 1]",
             )
+        self._robot: Robot | None = None
 
     def bind(self, robot: Robot) -> None:
-        """Takes the limits of a robot; controllers call it before the first tick."""
-        self.upper: Float64[np.ndarray, "nj"] = self.scale * robot.tau_max
-        self.lower: Float64[np.ndarray, "nj"] = -self.upper
+        """Takes the limits of a robot; controllers call it before the first tick.
+
+        Raises:
+            ConfigurationError: the limit serves another robot.
+        """
+        if self._robot is not None and self._robot is not robot:
+            raise ConfigurationError(
+                "the torque limit already serves another robot",
+                got=robot.name,
+                wanted=f"robot {self._robot.name!r}, or a limit of its own",
+            )
+        self._robot = robot
+        self.upper: Float64[np.ndarray, " nj"] = self.scale * robot.tau_max
+        self.lower: Float64[np.ndarray, " nj"] = -self.upper

@@ -10,7 +10,7 @@ from poise.errors import ConfigurationError
 _LETTERS = {"x": 0, "y": 1, "z": 2}
 
 
-def parse_axes(axes: str, groups: Mapping[str, int]) -> Int64[np.ndarray, "m"]:
+def parse_axes(axes: str, groups: Mapping[str, int]) -> Int64[np.ndarray, " m"]:
     """Turns an axis mask into row indices.
 
     A mask is a group ("position"), a group with letters ("orientation_xy"), or several of these
@@ -30,9 +30,11 @@ def parse_axes(axes: str, groups: Mapping[str, int]) -> Int64[np.ndarray, "m"]:
     rows: list[int] = []
     for term in axes.split("+"):
         group, separator, letters = term.strip().partition("_")
-        if not separator and group not in groups and len(groups) == 1:
-            group, letters = next(iter(groups)), group
-        letters = letters or ("xyz" if not separator else "")
+        if not separator:
+            if group in groups:
+                letters = "xyz"
+            elif len(groups) == 1:
+                group, letters = next(iter(groups)), group
         if group not in groups or not letters or any(c not in _LETTERS for c in letters):
             raise ConfigurationError(
                 "unknown axis mask",

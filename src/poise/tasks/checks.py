@@ -10,7 +10,7 @@ _ORTHOGONALITY_TOLERANCE = 1e-6
 """How far R^T R may be from the identity before R was hardly meant to be a rotation."""
 
 
-def checked_gain(value: ArrayLike, dim: int, what: str) -> Float64[np.ndarray, "m"]:
+def checked_gain(value: ArrayLike, dim: int, what: str) -> Float64[np.ndarray, " m"]:
     """A gain or weight per axis, from a scalar or a vector.
 
     Raises:
@@ -28,7 +28,7 @@ def checked_gain(value: ArrayLike, dim: int, what: str) -> Float64[np.ndarray, "
     return np.ascontiguousarray(np.broadcast_to(array, (dim,)), dtype=np.float64)
 
 
-def checked_target(value: ArrayLike, dim: int, what: str) -> Float64[np.ndarray, "m"]:
+def checked_target(value: ArrayLike, dim: int, what: str) -> Float64[np.ndarray, " m"]:
     """A target vector of known length, copied.
 
     Raises:

@@ -69,10 +69,10 @@ class ComTask(Task):
         """Forgets a target that was taken from the robot."""
         self._target.release_hold()
 
-    def _resolve(self, robot: Robot) -> int:
+    def _resolve(self, robot: Robot) -> int:  # noqa: ARG002
         return len(self._rows)
 
-    def _evaluate(self, dynamics: Dynamics) -> Float64[np.ndarray, "m"]:
+    def _evaluate(self, dynamics: Dynamics) -> Float64[np.ndarray, " m"]:
         rows, target = self._rows, self._target
         self.jacobian = dynamics.com_jacobian[rows]
         self.drift = dynamics.com_bias[rows]

@@ -112,7 +112,7 @@ class FrameTask(Task):
         self._frame_id = robot.frame_id(self.frame)
         return len(self._rows)
 
-    def _evaluate(self, dynamics: Dynamics) -> Float64[np.ndarray, "m"]:
+    def _evaluate(self, dynamics: Dynamics) -> Float64[np.ndarray, " m"]:
         frame, rows, error = dynamics.frame(self._frame_id), self._rows, self._error
         error[:3] = self._target.error(frame.position)
         if self._turns:

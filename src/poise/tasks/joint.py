@@ -63,7 +63,7 @@ class JointTask(Task):
         self._bound_target().set(position, velocity, acceleration)
 
     @property
-    def target_position(self) -> Float64[np.ndarray, "m"] | None:
+    def target_position(self) -> Float64[np.ndarray, " m"] | None:
         """Where the joints should be [rad]; None until a target is set or taken from the robot."""
         return None if self._target is None else self._target.position
 
@@ -92,7 +92,7 @@ class JointTask(Task):
         self._no_drift = np.zeros(len(index))
         return len(index)
 
-    def _evaluate(self, dynamics: Dynamics) -> Float64[np.ndarray, "m"]:
+    def _evaluate(self, dynamics: Dynamics) -> Float64[np.ndarray, " m"]:
         target = self._bound_target()
         state = dynamics.state
         self.jacobian, self.drift = self._selection, self._no_drift

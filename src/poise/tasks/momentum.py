@@ -52,10 +52,10 @@ class MomentumTask(Task):
         """
         self._target.set(momentum, rate)
 
-    def _resolve(self, robot: Robot) -> int:
+    def _resolve(self, robot: Robot) -> int:  # noqa: ARG002
         return len(self._rows)
 
-    def _evaluate(self, dynamics: Dynamics) -> Float64[np.ndarray, "m"]:
+    def _evaluate(self, dynamics: Dynamics) -> Float64[np.ndarray, " m"]:
         rows = self._rows
         self.jacobian = dynamics.momentum_matrix[3:][rows]
         self.drift = dynamics.momentum_bias[3:][rows]

@@ -86,7 +86,7 @@ class RelativeFrameTask(Task):
         self._ids = (robot.frame_id(self.frame), robot.frame_id(self.root))
         return len(self._rows)
 
-    def _evaluate(self, dynamics: Dynamics) -> Float64[np.ndarray, "m"]:
+    def _evaluate(self, dynamics: Dynamics) -> Float64[np.ndarray, " m"]:
         frame, root = dynamics.frame(self._ids[0]), dynamics.frame(self._ids[1])
         jacobian, drift, velocity = relative_motion(frame, root)
         root_R_world = root.rotation.T
@@ -125,9 +125,7 @@ def relative_motion(
     v_rel = slip - np.cross(w_root, offset)
     J = np.empty_like(frame.jacobian)
     # Minus omega x offset, as offset x omega, column by column.
-    J[:3] = R @ (
-        frame.jacobian[:3] - root.jacobian[:3] + _skew(offset) @ root.jacobian[3:]
-    )
+    J[:3] = R @ (frame.jacobian[:3] - root.jacobian[:3] + _skew(offset) @ root.jacobian[3:])
     J[3:] = R @ (frame.jacobian[3:] - root.jacobian[3:])
     drift = np.empty(6)
     drift[:3] = R @ (

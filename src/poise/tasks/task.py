@@ -49,7 +49,7 @@ class Task(ABC):
             if value is not None:
                 checked_gain(value, np.size(value), f"{what} of task {name!r}")
         self._robot: Robot | None = None
-        self._user_acceleration: Float64[np.ndarray, "m"] | None = None
+        self._user_acceleration: Float64[np.ndarray, " m"] | None = None
 
     def bind(self, robot: Robot) -> None:
         """Resolves names on a robot and allocates; controllers call it before the first tick.
@@ -80,10 +80,10 @@ class Task(ABC):
                 f"weight of task {self.name!r} must be positive", got=weight, wanted="> 0"
             )
         self.jacobian: Float64[np.ndarray, "m nv"] = np.zeros((self.dim, robot.nv))
-        self.drift: Float64[np.ndarray, "m"] = np.zeros(self.dim)
-        self.error: Float64[np.ndarray, "m"] = np.zeros(self.dim)
-        self.error_rate: Float64[np.ndarray, "m"] = np.zeros(self.dim)
-        self.reference: Float64[np.ndarray, "m"] = np.zeros(self.dim)
+        self.drift: Float64[np.ndarray, " m"] = np.zeros(self.dim)
+        self.error: Float64[np.ndarray, " m"] = np.zeros(self.dim)
+        self.error_rate: Float64[np.ndarray, " m"] = np.zeros(self.dim)
+        self.reference: Float64[np.ndarray, " m"] = np.zeros(self.dim)
         self._robot = robot
 
     @property
@@ -111,9 +111,7 @@ class Task(ABC):
         """
         if acceleration is not None:
             size = self.dim if self._robot is not None else np.size(acceleration)
-            acceleration = checked_target(
-                acceleration, size, f"acceleration of task {self.name!r}"
-            )
+            acceleration = checked_target(acceleration, size, f"acceleration of task {self.name!r}")
         self._user_acceleration = acceleration
 
     def evaluate(self, dynamics: Dynamics) -> None:
@@ -130,7 +128,7 @@ class Task(ABC):
         else:
             self.reference = feedforward + self.kp * self.error + self.kd * self.error_rate
 
-    def reset(self) -> None:
+    def reset(self) -> None:  # noqa: B027 - most tasks have nothing to forget
         """Forgets targets that the task took from the robot itself, not those a user set."""
 
     @abstractmethod
@@ -138,5 +136,5 @@ class Task(ABC):
         """Looks names up on the robot and returns the number of rows."""
 
     @abstractmethod
-    def _evaluate(self, dynamics: Dynamics) -> Float64[np.ndarray, "m"]:
+    def _evaluate(self, dynamics: Dynamics) -> Float64[np.ndarray, " m"]:
         """Fills everything but `reference`; returns the target's acceleration, masked."""

@@ -20,9 +20,9 @@ class VectorTarget:
         self._dim = dim
         self._what = what
         self._held = False
-        self.position: Float64[np.ndarray, "m"] | None = None
-        self.velocity: Float64[np.ndarray, "m"] = np.zeros(dim)
-        self.acceleration: Float64[np.ndarray, "m"] = np.zeros(dim)
+        self.position: Float64[np.ndarray, " m"] | None = None
+        self.velocity: Float64[np.ndarray, " m"] = np.zeros(dim)
+        self.acceleration: Float64[np.ndarray, " m"] = np.zeros(dim)
 
     def set(
         self,
@@ -38,7 +38,9 @@ class VectorTarget:
         dim, what, zero = self._dim, self._what, np.zeros(self._dim)
         new_position = checked_target(position, dim, f"target of {what}")
         new_velocity = (
-            zero if velocity is None else checked_target(velocity, dim, f"target velocity of {what}")
+            zero
+            if velocity is None
+            else checked_target(velocity, dim, f"target velocity of {what}")
         )
         new_acceleration = (
             zero
@@ -52,7 +54,7 @@ class VectorTarget:
         )
         self._held = False
 
-    def error(self, actual: Float64[np.ndarray, "m"]) -> Float64[np.ndarray, "m"]:
+    def error(self, actual: Float64[np.ndarray, " m"]) -> Float64[np.ndarray, " m"]:
         """Target minus actual; the first actual value becomes the target where none was set."""
         if self.position is None:
             self.position = actual.copy()

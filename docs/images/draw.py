@@ -1,0 +1,73 @@
+"""Draws the pictures of the README: a moment of four scenarios, and the report of the main job.
+
+    for name in squat reach push balance_one_leg; do poise run $name; done
+    python docs/images/draw.py
+
+The moments need OpenGL, the report a chromium on the path.
+"""
+
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+
+import poise
+
+HERE = Path(__file__).parent
+ROBOT = "humanoid33"
+RUNS = Path("runs")
+MOMENTS = {"balance_one_leg": 5.5, "squat": 2.7, "reach": 4.5, "push": 1.25}
+"""When each scenario shows best what it is about [s]."""
+
+
+def draw_moments() -> None:
+    """One moment of each logged run, side by side."""
+    robot = poise.load_robot(ROBOT)
+    plant = poise.sim.Plant(robot)
+    moments = poise.sim.Recorder(plant)
+    names = ("q", "com", "zmp", *(f"wrench/{sole}" for sole in robot.soles))
+    for number, (scenario, time) in enumerate(MOMENTS.items()):
+        log = poise.sim.read_log(RUNS / f"{scenario}-{ROBOT}" / "log.mcap")
+        moments.sample(float(number), **{name: _at(log, name, time) for name in names})
+    markers = poise.sim.run_markers(robot, moments)
+    config = poise.sim.CameraConfig(
+        width=400, height=620, azimuth=150.0, elevation=-10.0, distance=1.45, antialiasing=4
+    )
+    with poise.sim.Camera(robot, plant.model, config) as camera:
+        frames = [camera.picture(q, markers(i)) for i, q in enumerate(moments["q"])]
+    _save(Image.fromarray(np.concatenate(frames, axis=1)), "scenarios.jpg")
+
+
+def draw_report() -> None:
+    """The main job's page, as a browser shows it."""
+    folder = RUNS / f"balance_one_leg-{ROBOT}"
+    browser = shutil.which("chromium") or shutil.which("chromium-browser")
+    if browser is None:
+        sys.exit("no chromium on the path")
+    with tempfile.TemporaryDirectory() as place:
+        shot = Path(place) / "page.png"
+        page = (folder / "report.html").resolve().as_uri()
+        options = ["--headless", "--no-sandbox", "--use-gl=swiftshader", "--hide-scrollbars"]
+        options += ["--enable-unsafe-swiftshader", "--window-size=1200,1500"]
+        options += ["--virtual-time-budget=5000", f"--screenshot={shot}"]
+        subprocess.run([browser, *options, page], check=True, capture_output=True, timeout=120)
+        _save(Image.open(shot).convert("RGB"), "report.jpg")
+
+
+def _at(log: "poise.sim.Log", name: str, time: float) -> np.ndarray:
+    times, values = log.signal(name)
+    return values[np.searchsorted(times, time)]
+
+
+def _save(image: Image.Image, name: str) -> None:
+    image.save(HERE / name, quality=85, optimize=True, progressive=True)
+    print(name, image.size, (HERE / name).stat().st_size, "bytes")
+
+
+if __name__ == "__main__":
+    draw_moments()
+    draw_report()
