@@ -22,14 +22,20 @@ Progress = Callable[[float, float], None]
 SWELL = 0.4
 """The motion reaches its full size after this long; recording starts then [s]."""
 
+_RAISE = 0.8
+"""How long the hands take to where they have room to go round [s]."""
+
 _SHIFT, _UNLOAD, _LIFT = 1.8, 0.2, 0.6
 """Single support: how long the weight shifts, the foot is unloaded, the foot is lifted [s]."""
 
 _COM_SHARE = np.array([0.015, 0.02, 0.015])
 """Amplitude of the COM on two feet, as a share of its height; a third of it on one foot."""
 
-_HAND_SHARE = 0.08
+_HAND_SHARE = 0.05
 """Radius of the hands' circles, as a share of the height of the COM."""
+
+_RAISE_SHARE = np.array([0.08, 0.0, 0.1])
+"""Where the hands go first, from hanging arms that have no way to go down, as a share likewise."""
 
 _FOOT_SHARE = 0.08
 """How far the swing foot is lifted, as a share of the height of the COM."""
@@ -92,7 +98,7 @@ def record_run(
     stack = Stack(default_stack(robot).contacts, levels)
     controller = WholeBodyController(robot, stack)
     begin = _loops_begin(stance)
-    loops, rotations = _choreograph(robot, stack, begin)
+    loops, rotations = _choreograph(robot, stack, stance, begin)
     states: list[RobotState] = []
     points: dict[str, list[Point]] = {name: [] for name in loops}
     _hold(stack, rotations)
@@ -127,11 +133,11 @@ def record_run(
 
 def _loops_begin(stance: Stance) -> float:
     """When everything starts to go round [s]."""
-    return 0.0 if stance == "double" else _SHIFT + _UNLOAD + _LIFT
+    return _RAISE if stance == "double" else _SHIFT + _UNLOAD + _LIFT
 
 
 def _choreograph(
-    robot: Robot, stack: Stack, begin: float
+    robot: Robot, stack: Stack, stance: Stance, begin: float
 ) -> tuple[dict[str, Loop], dict[str, Float64[np.ndarray, "3 3"]]]:
     """Moving points and held orientations by task name, from the home posture."""
     dynamics = Dynamics(robot)
@@ -142,7 +148,7 @@ def _choreograph(
     for _, task in stack.tasks():
         if isinstance(task, ComTask):
             way, scale = np.zeros(3), 1.0
-            if begin > 0.0:
+            if stance == "single":
                 sole = dynamics.frame(robot.frame_id(support_sole(robot))).position
                 way[:2], scale = sole[:2] - dynamics.com[:2], 1.0 / 3.0
             loops[task.name] = Loop(
@@ -165,14 +171,17 @@ def _choreograph(
 def _limb_loop(
     robot: Robot, name: str, position: Float64[np.ndarray, "3"], height: float, swell: Blend
 ) -> Loop:
-    foot = name in robot.soles
-    lift = _FOOT_SHARE * height if foot else 0.0
-    radius = 0.5 * _FOOT_SHARE * height if foot else _HAND_SHARE * height
+    if name in robot.soles:
+        way, shift = np.array([0.0, 0.0, _FOOT_SHARE]), Blend(_SHIFT + _UNLOAD, _LIFT)
+        amplitude = 0.5 * _FOOT_SHARE * np.array([1.0, 0.0, 0.5])
+    else:
+        way, shift = _RAISE_SHARE, Blend(0.0, _RAISE)
+        amplitude = _HAND_SHARE * np.array([1.0, 0.5, 1.0])
     return Loop(
         centre=position.copy(),
-        way=np.array([0.0, 0.0, lift]),
-        shift=Blend(_SHIFT + _UNLOAD, _LIFT),
-        amplitude=radius * (np.array([1.0, 0.0, 0.5]) if foot else np.array([1.0, 0.5, 1.0])),
+        way=height * way,
+        shift=shift,
+        amplitude=height * amplitude,
         phase=np.array([0.0, 0.0, 0.5 * np.pi]),
         frequency=0.7,
         swell=swell,

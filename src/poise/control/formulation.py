@@ -1,6 +1,7 @@
 """`FullFormulation`: the conventional whole-body problem over accelerations and wrenches."""
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Float64
@@ -57,9 +58,7 @@ class FullFormulation:
         self._robot, self._stack, self._contacts = robot, stack, tuple(contacts)
         nv, base = robot.nv, robot.base_dofs
         starts = nv + np.concatenate(([0], np.cumsum([c.dim for c in contacts]))).astype(int)
-        self._wrench_slices = [
-            slice(int(a), int(b)) for a, b in zip(starts[:-1], starts[1:], strict=True)
-        ]
+        self._wrench_slices = [slice(int(a), int(b)) for a, b in pairwise(starts)]
         n = int(starts[-1])
         wrench_dim = n - nv
         self.problem = HierarchicalProblem.allocate(

@@ -10,9 +10,12 @@ from poise.robots.robot import Robot
 _QUATERNION_TOLERANCE = 1e-3
 """How far the base quaternion's norm may be from one; Pinocchio assumes a unit quaternion."""
 
+_LARGEST = 1e6
+"""Larger positions and speeds are no robot's [m, rad, m/s, rad/s]; their squares overflow."""
+
 
 def is_usable(state: RobotState, robot: Robot) -> bool:
-    """Whether sizes fit, every number is finite and the base quaternion is a unit one.
+    """Whether sizes and types fit, numbers are finite and sane, and the base quaternion is a unit.
 
     Args:
         state: the state as it came.
@@ -21,8 +24,11 @@ def is_usable(state: RobotState, robot: Robot) -> bool:
     q, v = state.q, state.v
     if q.shape != (robot.nq,) or v.shape != (robot.nv,) or not math.isfinite(state.time):
         return False
-    # A sum is finite only if every term is; half the price of isfinite().all().
-    if not (math.isfinite(float(np.add.reduce(q))) and math.isfinite(float(np.add.reduce(v)))):
+    # Pinocchio takes nothing else.
+    if q.dtype != np.float64 or v.dtype != np.float64:
+        return False
+    # Half the price of isfinite().all(); NaN fails the comparison, and dot() warns of nothing.
+    if not (q.dot(q) <= _LARGEST**2 and v.dot(v) <= _LARGEST**2):
         return False
     if not robot.floating_base:
         return True

@@ -59,7 +59,7 @@ class WholeBodyController:
         self.timings: dict[str, float] = {}
         self._solver_settings = (strategy, backend, time_limit)
         self._formulations: dict[tuple[Contact, ...], tuple[FullFormulation, object]] = {}
-        self._fallback = Fallback(robot)
+        self._fallback = Fallback(robot, self.stack.torque_limit)
         self._solution: Solution | None = None
         self._formulation: FullFormulation | None = None
         self._last_status = CommandStatus.OK
@@ -109,7 +109,7 @@ class WholeBodyController:
 
     def reset(self) -> None:
         """Forgets the last command and every target that was taken from the robot."""
-        self._fallback = Fallback(self.robot)
+        self._fallback = Fallback(self.robot, self.stack.torque_limit)
         for _, task in self.stack.tasks():
             task.reset()
 

@@ -9,11 +9,11 @@ from poise.errors import ConfigurationError
 from poise.robots.robot import Robot
 
 _STOP_SHARE = 0.1
-"""Share of the horizon in which a joint stops that is about to pass its limit.
+"""Share of the horizon in which a joint about to pass its limit stops.
 
-It bounds the braking gain near the limit, where v^2 / 2s would turn the noise of a measurement into
-full braking. The price is that a joint may pass its limit by `a_max (share dt)^2 / 2`, 0.4 mrad with
-the defaults, which the position margin is there for."""
+It bounds the braking gain near the limit, where v^2 / 2s would turn measurement noise into full
+braking. The price is that a joint may pass its limit by `a_max (share dt)^2 / 2`, 0.4 mrad with the
+defaults, which the position margin is there for."""
 
 _TINY = 1e-12
 """Keeps a joint at rest on its limit from dividing by zero [rad]."""
@@ -24,10 +24,10 @@ class JointLimit:
 
     The bounds are the viability bounds of Del Prete ("Joint Position and Velocity Bounds in
     Discrete-Time Acceleration/Torque Control of Robot Manipulators", RA-L 2018): a joint may not
-    go so fast that full braking could no longer stop it before its limit. With s the distance to
+    go so fast that braking at b could no longer stop it before its limit. With s the distance to
     the upper limit, an acceleration a held for one horizon dt is viable if
 
-        (v + a dt)^2 <= 2 a_max (s - v dt - a dt^2 / 2)     and     v + a dt <= v_max,
+        (v + a dt)^2 <= 2 b (s - v dt - a dt^2 / 2)         and     v + a dt <= v_max,
 
     and where the joint has to be at rest sooner than dt, if a <= -v^2 / 2s.
 
@@ -38,6 +38,9 @@ class JointLimit:
 
     Args:
         acceleration_max: largest joint acceleration [rad/s^2].
+        braking: deceleration b with which a joint plans to stop before its position limit, at most
+            `acceleration_max`; low, so that braking starts early and does not jerk the robot
+            [rad/s^2].
         horizon: dt, at least twice the control period so that braking starts smoothly [s].
         position_margin: distance kept from the position limits [rad].
         velocity_scale: share of the robot's velocity limits that may be used.
@@ -52,6 +55,7 @@ class JointLimit:
         self,
         *,
         acceleration_max: float = 200.0,
+        braking: float = 15.0,
         horizon: float = 0.02,
         position_margin: float = 0.01,
         velocity_scale: float = 1.0,
@@ -59,6 +63,10 @@ class JointLimit:
         self.name = "joint limit"
         self.acceleration_max = checked_number(
             acceleration_max, "acceleration_max of the joint limit [rad/s^2]", above=0.0
+        )
+        self.braking = min(
+            checked_number(braking, "braking of the joint limit [rad/s^2]", above=0.0),
+            self.acceleration_max,
         )
         self.horizon = checked_number(horizon, "horizon of the joint limit [s]", above=0.0)
         self.position_margin = checked_number(
@@ -115,7 +123,13 @@ class JointLimit:
         self._q[:nj], self._q[nj:] = q, -q
         self._v[:nj], self._v[nj:] = v, -v
         bound = largest_viable_acceleration(
-            self._q, self._v, self._q_bound, self._v_bound, self.acceleration_max, self.horizon
+            self._q,
+            self._v,
+            self._q_bound,
+            self._v_bound,
+            self.acceleration_max,
+            self.horizon,
+            self.braking,
         )
         self.upper[:] = bound[:nj]
         np.negative(bound[nj:], out=self.lower)
@@ -132,15 +146,16 @@ def largest_viable_acceleration(
     v_max: Float64[np.ndarray, " m"],
     a_max: float,
     dt: float,
+    braking: float,
 ) -> Float64[np.ndarray, " m"]:
     """Largest acceleration after which a joint can still stop before its upper limit.
 
     With s = q_max - q this is the larger root of
 
-        dt^2 a^2 + dt (2 v + a_max dt) a + v^2 - 2 a_max (s - v dt) = 0
+        dt^2 a^2 + dt (2 v + b dt) a + v^2 - 2 b (s - v dt) = 0
 
-    as long as the joint may still move towards the limit after dt, that is for s >= v dt / 2. Nearer
-    to the limit it must be at rest sooner, which takes -v^2 / 2s; the root would have it swing past
+    as long as the joint may still move towards the limit at dt, that is for s >= v dt / 2. Nearer
+    to it the joint must be at rest sooner, which takes -v^2 / 2s; the root would let it swing past
     the limit and return to it at dt.
 
     Args:
@@ -150,13 +165,14 @@ def largest_viable_acceleration(
         v_max: upper velocity limits [rad/s].
         a_max: acceleration limit [rad/s^2].
         dt: horizon [s].
+        braking: b, the deceleration that stopping is planned with [rad/s^2].
 
     Returns:
         Upper bounds in [-a_max, a_max] [rad/s^2].
     """
     s = q_max - q
-    discriminant = a_max * (a_max * dt * dt + 8.0 * s - 4.0 * dt * v)
-    root = (np.sqrt(np.maximum(discriminant, 0.0)) - 2.0 * v - a_max * dt) / (2.0 * dt)
+    discriminant = braking * (braking * dt * dt + 8.0 * s - 4.0 * dt * v)
+    root = (np.sqrt(np.maximum(discriminant, 0.0)) - 2.0 * v - braking * dt) / (2.0 * dt)
     approach = np.maximum(v, 0.0)
     distance = np.maximum(s, 0.5 * _STOP_SHARE * dt * approach + _TINY)
     stop = -0.5 * approach * approach / distance

@@ -58,7 +58,7 @@ class StackPlan:
                 **_numbers(
                     fields.section(
                         "joint_limit",
-                        ("acceleration_max", "horizon", "position_margin", "velocity_scale"),
+                        ("acceleration_max", "braking", "horizon", "position_margin", "velocity_scale"),
                     )
                 )
             ),
