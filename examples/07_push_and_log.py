@@ -40,5 +40,7 @@ with poise.sim.Recorder(plant, options.log) as recorder:
 moved = np.linalg.norm(recorder["com"] - recorder["com"][0], axis=1)
 print(f"fallen: {plant.fallen}; the COM moved by up to {1e3 * moved.max():.1f} mm")
 times, zmp = poise.sim.read_log(options.log).signal("zmp")
-print(f"{options.log.name}: {len(times)} samples, ZMP x from {zmp[:, 0].min():.3f} m "
-      f"to {zmp[:, 0].max():.3f} m")
+print(
+    f"{options.log.name}: {len(times)} samples, ZMP x from {zmp[:, 0].min():.3f} m "
+    f"to {zmp[:, 0].max():.3f} m"
+)

@@ -20,7 +20,7 @@ import poise
 HERE = Path(__file__).parent
 ROBOT = "humanoid33"
 RUNS = Path("runs")
-MOMENTS = {"balance_one_leg": 5.5, "squat": 2.7, "reach": 4.5, "push": 1.25}
+MOMENTS = {"balance_one_leg": 5.5, "squat": 2.7, "reach": 2.8, "push": 1.25}
 """When each scenario shows best what it is about [s]."""
 
 
@@ -35,7 +35,7 @@ def draw_moments() -> None:
         moments.sample(float(number), **{name: _at(log, name, time) for name in names})
     markers = poise.sim.run_markers(robot, moments)
     config = poise.sim.CameraConfig(
-        width=400, height=620, azimuth=150.0, elevation=-10.0, distance=1.45, antialiasing=4
+        width=400, height=620, azimuth=150.0, elevation=-10.0, distance=1.5, antialiasing=4
     )
     with poise.sim.Camera(robot, plant.model, config) as camera:
         frames = [camera.picture(q, markers(i)) for i, q in enumerate(moments["q"])]

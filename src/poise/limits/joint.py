@@ -55,7 +55,7 @@ class JointLimit:
         self,
         *,
         acceleration_max: float = 200.0,
-        braking: float = 15.0,
+        braking: float = 8.0,
         horizon: float = 0.02,
         position_margin: float = 0.01,
         velocity_scale: float = 1.0,

@@ -1,0 +1,26 @@
+"""Robots for all tests, loaded once a session."""
+
+from functools import cache
+
+import pytest
+
+from poise.errors import MissingExtraError
+from poise.robots import load_robot
+
+
+@cache
+def _load(name):
+    return load_robot(name)
+
+
+@pytest.fixture(scope="session")
+def get_robot():
+    """A robot of the catalog by name; skips where its files are not installed."""
+
+    def get(name):
+        try:
+            return _load(name)
+        except MissingExtraError as error:
+            pytest.skip(str(error))
+
+    return get

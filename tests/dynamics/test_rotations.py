@@ -1,0 +1,76 @@
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from poise.dynamics import rotation_vector
+
+AXES = [
+    (1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1),
+    (1, 1, 0), (1, 0, 1), (0, 1, 1), (1, -1, 0), (1, 1, 1), (-1, 2, 3), (1e-4, 1, 0),
+]  # fmt: skip
+
+
+def turn(axis, angle):
+    unit = np.asarray(axis, dtype=float)
+    return Rotation.from_rotvec(angle * unit / np.linalg.norm(unit)).as_matrix()
+
+
+def test_equal_orientations_have_no_rotation_between_them():
+    for seed in range(20):
+        R = Rotation.random(rng=np.random.default_rng(seed)).as_matrix()
+        assert np.abs(rotation_vector(R, R)).max() < 1e-15
+
+
+@pytest.mark.parametrize("axis", AXES)
+def test_half_a_turn_keeps_its_axis_and_its_length(axis):
+    vector = rotation_vector(turn(axis, np.pi), np.eye(3))
+    assert np.linalg.norm(vector) == pytest.approx(np.pi, abs=1e-7)
+    unit = np.asarray(axis, dtype=float) / np.linalg.norm(axis)
+    assert abs(vector @ unit) == pytest.approx(np.pi, abs=1e-7)
+
+
+@pytest.mark.parametrize("axis", AXES)
+@pytest.mark.parametrize("away", [1e-1, 1e-2, 1e-3, 1e-5, 1e-7, 1e-9])
+def test_near_half_a_turn_the_axis_stays_right(axis, away):
+    unit = np.asarray(axis, dtype=float) / np.linalg.norm(axis)
+    vector = rotation_vector(turn(axis, np.pi - away), np.eye(3))
+    # Rounding of a matrix near pi moves the axis by its square root at most.
+    short = min(np.abs(vector - (np.pi - away) * unit).max(), np.abs(vector + np.pi * unit).max())
+    assert short < 1e-6
+
+
+@pytest.mark.parametrize("axis", AXES)
+@pytest.mark.parametrize("angle", [0.0, 1e-12, 1e-8, 1e-6, 1e-4, 1e-2, 1.0, 2.0, 3.0])
+def test_small_and_large_turns_are_exact(axis, angle):
+    unit = np.asarray(axis, dtype=float) / np.linalg.norm(axis)
+    vector = rotation_vector(turn(axis, angle), np.eye(3))
+    assert np.abs(vector - angle * unit).max() < 1e-12
+
+
+def test_random_pairs_equal_scipy():
+    rng = np.random.default_rng(0)
+    for target, actual in zip(
+        Rotation.random(2000, rng=rng), Rotation.random(2000, rng=rng), strict=True
+    ):
+        expected = (target * actual.inv()).as_rotvec()
+        vector = rotation_vector(target.as_matrix(), actual.as_matrix())
+        if np.linalg.norm(expected) < np.pi - 1e-4:
+            assert np.abs(vector - expected).max() < 1e-9
+        assert np.linalg.norm(vector) <= np.pi + 1e-9
+
+
+def test_the_vector_turns_the_actual_onto_the_target_along_the_worlds_axes():
+    rng = np.random.default_rng(1)
+    target, actual = (Rotation.random(rng=rng).as_matrix() for _ in range(2))
+    turned = Rotation.from_rotvec(rotation_vector(target, actual)).as_matrix() @ actual
+    assert np.abs(turned - target).max() < 1e-12
+
+
+def test_a_matrix_that_lost_a_little_of_its_orthogonality_gives_finite_numbers():
+    rng = np.random.default_rng(2)
+    for axis in AXES:
+        for _ in range(50):
+            R = turn(axis, np.pi) + 1e-7 * rng.normal(size=(3, 3))
+            vector = rotation_vector(R, np.eye(3))
+            assert np.isfinite(vector).all()
+            assert np.linalg.norm(vector) == pytest.approx(np.pi, abs=1e-2)
