@@ -1,0 +1,100 @@
+"""`TickResult`: what one method needed, as the command line prints it."""
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float64
+
+PHASES = ("dynamics", "assembly", "solve", "command")
+"""Parts of a tick, in the order in which they happen."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TickTimes:
+    """Times of the ticks of one method.
+
+    Attributes:
+        total: from state to command [s].
+        phases: its parts, in the order of `PHASES` [s]; NaN where a peer does not tell them apart.
+    """
+
+    total: Float64[np.ndarray, "ticks"]
+    phases: Float64[np.ndarray, "ticks 4"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class TickResult:
+    """One method on one stack.
+
+    Attributes:
+        robot: name of the robot.
+        joints: its actuated joints.
+        controller: "whole_body", or the peer's name.
+        solver: "direct", "cascade/osqp", ..., or what the peer solves with.
+        stack: "table1" or "default"; for a peer, the stack it comes nearest to.
+        contacts: "double" or "single".
+        variables: unknowns of the problem.
+        rows: two-sided rows, finite bounds on single unknowns among them.
+        p50_us: median tick from state to command [us].
+        p99_us: 99th percentile [us].
+        max_us: longest tick [us].
+        phases_us: median of each phase [us]; None where a peer does not tell phases apart.
+        ticks: timed ticks.
+        residual_max: largest relative residual of the physics levels (dynamics with torque limits,
+            contacts with joint limits); for a peer, of the base's equation of motion; None where it
+            cannot be told.
+        ratio_to_direct: median over the ticks of this method's time by that of `direct` on the
+            same state and stack.
+        relaxed_ticks: ticks on which some level could not be met in full.
+        missed_ticks: ticks that fell back to a safe command.
+    """
+
+    robot: str
+    joints: int
+    controller: str
+    solver: str
+    stack: str
+    contacts: str
+    variables: int
+    rows: int
+    p50_us: float
+    p99_us: float
+    max_us: float
+    phases_us: dict[str, float | None]
+    ticks: int
+    residual_max: float | None
+    ratio_to_direct: float
+    relaxed_ticks: int | None
+    missed_ticks: int
+
+    def to_json(self) -> dict[str, Any]:
+        """The result as JSON holds it."""
+        return asdict(self)
+
+
+def time_statistics(times: TickTimes, direct: TickTimes) -> dict[str, Any]:
+    """The fields of a result that follow from the times.
+
+    Args:
+        times: of the method.
+        direct: of `direct`, on the same states.
+    """
+    total = 1e6 * times.total
+    medians = 1e6 * np.median(times.phases, axis=0)
+    return {
+        "p50_us": _short(float(np.median(total))),
+        "p99_us": _short(float(np.percentile(total, 99))),
+        "max_us": _short(float(total.max())),
+        "phases_us": {
+            name: None if np.isnan(value) else _short(float(value))
+            for name, value in zip(PHASES, medians, strict=True)
+        },
+        "ticks": len(total),
+        "ratio_to_direct": round(float(np.median(times.total / direct.total)), 3),
+    }
+
+
+def _short(microseconds: float) -> float:
+    # A clock call takes some 50 ns: further digits say nothing.
+    return round(microseconds, 1)

@@ -1,0 +1,178 @@
+"""`bench_tick`: times a controller's tick by phase, all methods interleaved in one run."""
+
+import gc
+from collections.abc import Generator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import get_args
+
+from poise.bench.methods import DEFAULT_METHODS, DIRECT, parse_method
+from poise.bench.peers import PEERS, PeerProcess
+from poise.bench.recording import Progress, Recording, record_run
+from poise.bench.result import TickResult, TickTimes, time_statistics
+from poise.bench.stances import STACKS, StackKind, Stance, check_biped
+from poise.bench.subject import Subject
+from poise.control import CONTROLLERS
+from poise.errors import ConfigurationError, UnknownNameError
+from poise.robots import load_robot
+
+WARM_UP = 30
+"""Ticks before those that count: caches, workspaces and warm starts settle."""
+
+BATCH = 20
+"""A peer, which is another process, takes its turn after this many ticks of our own."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TickBench:
+    """What to time; checked when made.
+
+    Attributes:
+        robot: name or path of a biped.
+        contacts: "double" or "single" support.
+        controller: one of `CONTROLLERS`.
+        stacks: "table1", "default", or both.
+        methods: names of methods; `direct` is timed in any case, as the reference.
+        peers: Python interpreters of other packages' environments by name, see `PEERS`.
+        ticks: timed ticks of each method.
+    """
+
+    robot: str = "humanoid33"
+    contacts: Stance = "double"
+    controller: str = "whole_body"
+    stacks: tuple[StackKind, ...] = STACKS
+    methods: tuple[str, ...] = DEFAULT_METHODS
+    peers: Mapping[str, Path] = field(default_factory=dict)
+    ticks: int = 500
+
+    def __post_init__(self) -> None:
+        _check_choice("unknown contacts", [self.contacts], get_args(Stance))
+        _check_choice("unknown stack", self.stacks, STACKS)
+        _check_choice("no such controller", [self.controller], tuple(CONTROLLERS))
+        _check_choice("unknown peer", tuple(self.peers), PEERS)
+        for name in self.methods:
+            parse_method(name)
+        if self.ticks < 1:
+            raise ConfigurationError("nothing to time", got=self.ticks, wanted="at least one tick")
+        for name, interpreter in self.peers.items():
+            if not interpreter.is_file():
+                raise ConfigurationError(
+                    f"the Python interpreter of peer {name!r} does not exist",
+                    got=str(interpreter),
+                    wanted="a path such as peers/tsid/bin/python",
+                )
+
+
+def bench_tick(plan: TickBench, progress: Progress | None = None) -> list[TickResult]:
+    """Records a moving run, then times every method on its states, tick by tick in turn.
+
+    The order rotates from tick to tick, so that no method always runs after the same other one.
+    The garbage collector runs between batches, never inside a timed tick.
+
+    Args:
+        plan: what to time.
+        progress: told how many of all ticks are done; a tick is one pass through all methods.
+
+    Returns:
+        One result a stack and method, `direct` first.
+
+    Raises:
+        PoiseError: bad input, a backend or peer that cannot run, or a robot that fell.
+    """
+    robot = load_robot(plan.robot)
+    check_biped(robot)
+    ticks = WARM_UP + plan.ticks
+    names = list(dict.fromkeys((DIRECT, *plan.methods)))
+    methods = [parse_method(name) for name in names]
+    results: list[TickResult] = []
+    # Made once before the run, so that a backend that is missing is found first.
+    recording = record_run(robot, plan.contacts, ticks)
+    for i, kind in enumerate(plan.stacks):
+        with ExitStack() as stack:
+            subjects = [Subject(recording, kind, m, plan.controller) for m in methods]
+            peers = [
+                stack.enter_context(PeerProcess(name, python, recording, kind))
+                for name, python in plan.peers.items()
+            ]
+            for done in _interleave(subjects, peers, ticks):
+                if progress is not None:
+                    progress(i * ticks + done, len(plan.stacks) * ticks)
+            results += _results(plan, recording, kind, subjects, peers)
+    return results
+
+
+def _interleave(
+    subjects: Sequence[Subject], peers: Sequence[PeerProcess], ticks: int
+) -> Generator[int]:
+    """Times everything; yields the number of ticks done, a batch at a time."""
+    with _collector_paused():
+        for first in range(0, ticks, BATCH):
+            count = min(BATCH, ticks - first)
+            for tick in range(first, first + count):
+                for turn in range(len(subjects)):
+                    subjects[(tick + turn) % len(subjects)].tick(tick)
+            for peer in peers:
+                peer.run(first, count)
+            gc.collect()
+            yield first + count
+
+
+@contextmanager
+def _collector_paused() -> Generator[None]:
+    was_on = gc.isenabled()
+    gc.collect()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was_on:
+            gc.enable()
+
+
+def _results(
+    plan: TickBench,
+    recording: Recording,
+    kind: StackKind,
+    subjects: Sequence[Subject],
+    peers: Sequence[PeerProcess],
+) -> list[TickResult]:
+    robot, direct = recording.robot, subjects[0].times(WARM_UP)
+
+    def result(
+        times: TickTimes,
+        controller: str,
+        solver: str,
+        size: tuple[int, int],
+        accuracy: tuple[float | None, int | None, int],
+    ) -> TickResult:
+        residual, relaxed, missed = accuracy
+        return TickResult(
+            robot=robot.name,
+            joints=robot.nj,
+            controller=controller,
+            solver=solver,
+            stack=kind,
+            contacts=plan.contacts,
+            variables=size[0],
+            rows=size[1],
+            residual_max=residual,
+            relaxed_ticks=relaxed,
+            missed_ticks=missed,
+            **time_statistics(times, direct),
+        )
+
+    own = [
+        result(s.times(WARM_UP), plan.controller, s.name, s.size(), s.accuracy(WARM_UP))
+        for s in subjects
+    ]
+    others = [
+        result(p.times(WARM_UP), p.name, p.solver, p.size, p.accuracy(WARM_UP)) for p in peers
+    ]
+    return own + others
+
+
+def _check_choice(what: str, names: Sequence[str], choices: Sequence[str]) -> None:
+    for name in names:
+        if name not in choices:
+            raise UnknownNameError(what, got=name, choices=choices)
