@@ -1,7 +1,8 @@
 """Strict reading of a YAML mapping: every value has a kind, and no key goes unread."""
 
-import math
-from collections.abc import Callable, Iterable, Mapping
+import re
+import sys
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -53,7 +54,7 @@ class Fields:
         """Whether the key is there."""
         return key in self._data
 
-    def __iter__(self) -> Iterable[str]:
+    def __iter__(self) -> Iterator[str]:
         """The keys, in the order of the file."""
         return iter(self._data)
 
@@ -80,13 +81,14 @@ class Fields:
         wanted = "a positive number" if positive else "a number"
         wanted += f" of at least {minimum}" if minimum is not None else ""
         right = isinstance(value, int | float) and not isinstance(value, bool)
-        if not right or not math.isfinite(value):
+        # A whole number may be too large for a float; NaN fails the comparison.
+        if not right or not -sys.float_info.max <= value <= sys.float_info.max:
             raise self._error(f"{self._name(key)} has the wrong kind", got=value, wanted=wanted)
         if (positive and value <= 0.0) or (minimum is not None and value < minimum):
             raise self._error(f"{self._name(key)} is out of range", got=value, wanted=wanted)
         return float(value)
 
-    def numbers(self, key: str, count: int) -> Float64[np.ndarray, "n"]:
+    def numbers(self, key: str, count: int) -> Float64[np.ndarray, " n"]:
         """A list of `count` finite numbers."""
         value = self.raw(key)
         if not isinstance(value, list) or len(value) != count:
@@ -125,8 +127,9 @@ def read_yaml(text: str, where: str, *, error: type[PoiseError]) -> Mapping[str,
         PoiseError: the text is no YAML, or not a mapping.
     """
     try:
-        data = yaml.load(text, Loader=_UniqueKeyLoader)  # noqa: S506 (a safe loader)
-    except yaml.YAMLError as problem:
+        data = yaml.load(text, Loader=_StrictLoader)
+    # A date that does not exist is a ValueError, and lists may be nested without end.
+    except (yaml.YAMLError, ValueError, RecursionError) as problem:
         reason = " ".join(str(problem).split())
         raise error(f"{where} is not valid YAML: {reason}") from None
     if not isinstance(data, dict):
@@ -150,14 +153,28 @@ def read_text(path: Path, *, error: type[PoiseError]) -> str:
         raise error("file is not text", got=str(path), wanted="UTF-8 text") from None
 
 
-class _UniqueKeyLoader(yaml.SafeLoader):
-    """The safe loader, which also refuses a key that stands twice in one mapping."""
+class _StrictLoader(yaml.SafeLoader):
+    """The safe loader, which refuses tags and keys that stand twice, and knows 1e-3 as a number."""
+
+    def compose_node(self, parent: Any, index: Any) -> Any:
+        event = self.peek_event()
+        # With a tag a text can claim to be a number, which the safe loader does not check.
+        if getattr(event, "tag", None) is not None:
+            raise yaml.YAMLError(f"the tag {event.tag!r} is not allowed, {event.start_mark}")
+        return super().compose_node(parent, index)
 
     def construct_mapping(self, node: Any, deep: bool = False) -> dict[Any, Any]:
         seen: set[object] = set()
         for key_node, _ in node.value:
             key = key_node.value
+            if not isinstance(key, str):
+                raise yaml.YAMLError(f"a key is not text, {key_node.start_mark}")
             if key in seen:
                 raise yaml.YAMLError(f"the key {key!r} stands twice, {key_node.start_mark}")
             seen.add(key)
         return super().construct_mapping(node, deep)
+
+
+_StrictLoader.add_implicit_resolver(
+    "tag:yaml.org,2002:float", re.compile(r"[-+]?[0-9]+[eE][-+]?[0-9]+$"), list("-+0123456789")
+)

@@ -28,7 +28,9 @@ class Path:
     @classmethod
     def of(cls, points: list[Point]) -> "Path":
         """The path through points, one a tick."""
-        position, velocity, acceleration = (np.array(column) for column in zip(*points, strict=True))
+        position, velocity, acceleration = (
+            np.array(column) for column in zip(*points, strict=True)
+        )
         return cls(position=position, velocity=velocity, acceleration=acceleration)
 
 

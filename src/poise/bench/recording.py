@@ -31,10 +31,10 @@ _SHIFT, _UNLOAD, _LIFT = 1.8, 0.2, 0.6
 _COM_SHARE = np.array([0.015, 0.02, 0.015])
 """Amplitude of the COM on two feet, as a share of its height; a third of it on one foot."""
 
-_HAND_SHARE = 0.05
+_HAND_SHARE = 0.03
 """Radius of the hands' circles, as a share of the height of the COM."""
 
-_RAISE_SHARE = np.array([0.08, 0.0, 0.1])
+_RAISE_SHARE = np.array([0.05, 0.0, 0.05])
 """Where the hands go first, from hanging arms that have no way to go down, as a share likewise."""
 
 _FOOT_SHARE = 0.08

@@ -39,7 +39,9 @@ def act(options: argparse.Namespace) -> int:
         print(json.dumps(rows))
         return 0
     width = max(len(e.licence) for e in entries)
-    print(f"{'name':17}{'joints':>6}  {'mass':>9}  {'licence':{width}}  {'installed':9}  what it is")
+    print(
+        f"{'name':17}{'joints':>6}  {'mass':>9}  {'licence':{width}}  {'installed':9}  what it is"
+    )
     for e in entries:
         installed = "yes" if e.installed else "no"
         print(

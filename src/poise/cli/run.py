@@ -118,5 +118,3 @@ def _print(run: Any, summary: dict[str, Any], no_video: str | None, page: Path) 
     if no_video:
         print(no_video, file=sys.stderr)
     print(f"report: {page}")
-
-

@@ -58,6 +58,7 @@ class SurfaceContact(Contact):
             frame, friction=friction, damping=damping, min_load=min_load, dim=6, name=name
         )
         self._size = (length, width)
+        self._turn = np.zeros((6, 6))
         for value, what in ((length, "length"), (width, "width"), (torsion, "torsion")):
             if value is not None:
                 checked_number(value, f"{what} of contact {self.name!r} [m]", above=0.0)
@@ -96,10 +97,9 @@ class SurfaceContact(Contact):
         return length, width
 
     def _evaluate(self, frame: FrameKinematics) -> Float64[np.ndarray, " dim"]:
-        contact_R_world = frame.rotation.T
-        nv = frame.jacobian.shape[1]
-        np.matmul(
-            contact_R_world, frame.jacobian.reshape(2, 3, nv), out=self.jacobian.reshape(2, 3, nv)
-        )
-        np.matmul(frame.bias.reshape(2, 3), frame.rotation, out=self.drift.reshape(2, 3))
-        return (frame.velocity.reshape(2, 3) @ frame.rotation).ravel()
+        # One plain product each is quicker than a stack of two small ones.
+        turn = self._turn
+        turn[:3, :3] = turn[3:, 3:] = frame.rotation.T
+        np.dot(turn, frame.jacobian, out=self.jacobian)
+        np.dot(turn, frame.bias, out=self.drift)
+        return np.dot(turn, frame.velocity)

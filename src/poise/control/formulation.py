@@ -27,6 +27,15 @@ _TaskRows = tuple[
 ]
 """A task with the views of its rows: Jacobian, lower and upper bounds."""
 
+_ContactRows = tuple[
+    Contact,
+    Float64[np.ndarray, "dim nv"],
+    Float64[np.ndarray, " dim"],
+    Float64[np.ndarray, " dim"],
+    Float64[np.ndarray, " dim"],
+]
+"""A contact with the views of its rows, Jacobian and reference, and of its wrench's bounds."""
+
 
 class FullFormulation:
     """Rows of section 2 and Table 1 of Ahn et al. 2024 for one set of active contacts.
@@ -42,7 +51,8 @@ class FullFormulation:
         cost      dv^T M dv / 2, the acceleration energy (27)
 
     Wrenches act on the robot, which turns the sign of the paper's F_c. A frame task on a frame in
-    contact is suspended, its rows free: the contact already decides how that frame moves.
+    contact is suspended, its rows free: the contact already decides how that frame moves. A point
+    contact leaves its frame free to turn and suspends position tasks only.
 
     Args:
         robot: the robot.
@@ -86,15 +96,15 @@ class FullFormulation:
         self._force_rows = physics.A[:, nv:]
         self._cost_mass = problem.H[:nv, :nv]
         self._contact_motion = touch.A[:wrench_dim, :nv]
-        self._contact_jacobian = np.zeros((wrench_dim, nv))
-        self._contact_offset = np.zeros(wrench_dim)
         self._contact_lower = touch.lower[:wrench_dim]
         self._contact_upper = touch.upper[:wrench_dim]
+        joints = slice(base, nv)
+        self._joint_lower, self._joint_upper = problem.x_lower[joints], problem.x_upper[joints]
         self._fill_cones(touch.A, touch.lower, touch.upper, wrench_dim)
-        held = {c.frame for c in contacts}
         self.suspended = tuple(
-            t for _, t in stack.tasks() if isinstance(t, FrameTask) and t.frame in held
+            t for _, t in stack.tasks() if isinstance(t, FrameTask) and self._is_held(t)
         )
+        self._contact_rows = self._locate_contacts()
         self._task_rows = self._locate_tasks()
         self._torque = np.zeros(nv)
 
@@ -135,30 +145,26 @@ class FullFormulation:
         h = dynamics.h
         self._mass_rows[:] = dynamics.M
         self._cost_mass[:] = dynamics.M
-        np.negative(self._contact_jacobian.T, out=self._force_rows)
+        np.negative(self._contact_motion.T, out=self._force_rows)
         np.negative(h[:base], out=physics.lower[:base])
         physics.upper[:base] = physics.lower[:base]
         np.subtract(limit.lower, h[base:], out=physics.lower[base:])
         np.subtract(limit.upper, h[base:], out=physics.upper[base:])
 
     def _fill_contacts(self, dynamics: Dynamics) -> None:
-        x_lower, x_upper = self.problem.x_lower, self.problem.x_upper
-        nv = self._nv
-        for contact, variables in zip(self._contacts, self._wrench_slices, strict=True):
+        for contact, jacobian, lower, wrench_lower, wrench_upper in self._contact_rows:
             contact.evaluate(dynamics)
-            rows = slice(variables.start - nv, variables.stop - nv)
-            self._contact_jacobian[rows] = contact.jacobian
-            np.subtract(contact.reference, contact.drift, out=self._contact_lower[rows])
-            x_lower[variables] = contact.wrench_lower
-            x_upper[variables] = contact.wrench_upper
-        self._contact_motion[:] = self._contact_jacobian
+            jacobian[:] = contact.jacobian
+            np.subtract(contact.reference, contact.drift, out=lower)
+            wrench_lower[:] = contact.wrench_lower
+            wrench_upper[:] = contact.wrench_upper
         self._contact_upper[:] = self._contact_lower
 
     def _fill_limits(self, dynamics: Dynamics) -> None:
-        limit, joints = self._stack.joint_limit, slice(self._base, self._nv)
+        limit = self._stack.joint_limit
         limit.evaluate(dynamics)
-        self.problem.x_lower[joints] = limit.lower
-        self.problem.x_upper[joints] = limit.upper
+        self._joint_lower[:] = limit.lower
+        self._joint_upper[:] = limit.upper
 
     def _fill_cones(
         self,
@@ -173,6 +179,26 @@ class FullFormulation:
             A[rows, variables] = contact.cone
             lower[rows], upper[rows] = -np.inf, 0.0
             row = rows.stop
+
+    def _is_held(self, task: FrameTask) -> bool:
+        # A point contact decides where its frame is, but not how it is turned.
+        return any(c.frame == task.frame and not (task.turns and c.dim < 6) for c in self._contacts)
+
+    def _locate_contacts(self) -> list[_ContactRows]:
+        problem, nv = self.problem, self._nv
+        located: list[_ContactRows] = []
+        for contact, variables in zip(self._contacts, self._wrench_slices, strict=True):
+            rows = slice(variables.start - nv, variables.stop - nv)
+            located.append(
+                (
+                    contact,
+                    self._contact_motion[rows],
+                    self._contact_lower[rows],
+                    problem.x_lower[variables],
+                    problem.x_upper[variables],
+                )
+            )
+        return located
 
     def _locate_tasks(self) -> list[_TaskRows]:
         located: list[_TaskRows] = []

@@ -45,11 +45,6 @@ class Dynamics:
         self._no_acceleration = np.zeros(robot.nv)
         self._frames: dict[int, FrameKinematics] = {}
         self._mass = robot.mass
-        nv = robot.nv
-        self.M: Float64[np.ndarray, "nv nv"] = np.zeros((nv, nv))
-        row, column = np.tril_indices(nv, -1)
-        self._lower = row * nv + column
-        self._upper = column * nv + row
         self.update(self.state)
 
     def update(self, state: RobotState) -> None:
@@ -67,10 +62,8 @@ class Dynamics:
         pin.computeCentroidalMomentumTimeVariation(
             model, data, state.q, state.v, self._no_acceleration
         )
-        # Pinocchio fills the upper triangle only.
-        np.copyto(self.M, data.M)
-        flat = self.M.ravel()
-        flat[self._lower] = flat[self._upper]
+        # Pinocchio's own array, both triangles filled, turned from column-major to row-major.
+        self.M: Float64[np.ndarray, "nv nv"] = data.M.T
         self.h: Float64[np.ndarray, " nv"] = data.nle
         self.com: Float64[np.ndarray, "3"] = data.com[0]
         self.com_velocity: Float64[np.ndarray, "3"] = data.vcom[0]

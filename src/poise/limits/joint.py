@@ -1,5 +1,7 @@
 """`JointLimit`: position, velocity and acceleration limits as one pair of acceleration bounds."""
 
+import math
+
 import numpy as np
 from jaxtyping import Float64
 
@@ -171,13 +173,29 @@ def largest_viable_acceleration(
         Upper bounds in [-a_max, a_max] [rad/s^2].
     """
     s = q_max - q
-    discriminant = braking * (braking * dt * dt + 8.0 * s - 4.0 * dt * v)
-    root = (np.sqrt(np.maximum(discriminant, 0.0)) - 2.0 * v - braking * dt) / (2.0 * dt)
+    # The discriminant is 8 b dt^2 times (this margin plus b dt^2 / 8).
+    margin = s - (0.5 * dt) * v
+    rest = v * (1.0 / dt)
+    viable = margin + 0.125 * braking * dt * dt
+    np.maximum(viable, 0.0, out=viable)
+    np.sqrt(viable, out=viable)
+    viable *= math.sqrt(2.0 * braking) / dt
+    viable -= rest
+    viable -= 0.5 * braking
+    if margin.min(initial=0.0) < 0.0:
+        near = margin < 0.0
+        viable[near] = _stop_at_once(s[near], v[near], dt)
+    np.minimum(viable, v_max * (1.0 / dt) - rest, out=viable)
+    np.minimum(viable, a_max, out=viable)
+    return np.maximum(viable, -a_max, out=viable)
+
+
+def _stop_at_once(
+    s: Float64[np.ndarray, " k"], v: Float64[np.ndarray, " k"], dt: float
+) -> Float64[np.ndarray, " k"]:
+    """What joints that are within half a horizon of their limit, or beyond it, may do."""
     approach = np.maximum(v, 0.0)
     distance = np.maximum(s, 0.5 * _STOP_SHARE * dt * approach + _TINY)
     stop = -0.5 * approach * approach / distance
     # Beyond the limit: back to it at dt, counting the speed at which the joint returns already.
-    back = (2.0 / (dt * dt)) * (np.minimum(s, 0.0) + dt * (approach - v))
-    viable = np.where(s >= 0.5 * dt * v, root, stop + back)
-    viable = np.minimum(viable, (v_max - v) / dt)
-    return np.clip(viable, -a_max, a_max)
+    return stop + (2.0 / (dt * dt)) * (np.minimum(s, 0.0) + dt * (approach - v))

@@ -53,7 +53,9 @@ def validate_checks(checks: Sequence[CheckPlan], stack: Stack, robot: Robot) -> 
         kind = METRICS[check.metric].subject
         known = {"task": tasks, "sole": list(robot.soles)}.get(kind)
         if known is not None and check.subject not in known:
-            raise UnknownNameError(f"a check names an unknown {kind}", got=check.subject, choices=known)
+            raise UnknownNameError(
+                f"a check names an unknown {kind}", got=check.subject, choices=known
+            )
         if kind == "level" and not 1 <= int(check.subject) <= levels:
             raise ScenarioError(
                 "a check names an unknown level", got=check.subject, wanted=f"1 to {levels}"
@@ -120,7 +122,9 @@ def _result(
 def _describe(plan: CheckPlan) -> str:
     parts = [METRICS[plan.metric].describe]
     if plan.subject:
-        parts.append(f"of {plan.subject!r}" if METRICS[plan.metric].subject != "level" else plan.subject)
+        parts.append(
+            f"of {plan.subject!r}" if METRICS[plan.metric].subject != "level" else plan.subject
+        )
     if plan.axis is not None:
         parts.append(f"along {'xyz'[plan.axis]}")
     if plan.begin > 0.0 or np.isfinite(plan.end):

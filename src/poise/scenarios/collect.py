@@ -66,7 +66,7 @@ def collect_signals(recorder: Recorder, robot: Robot, stack: Stack) -> RunSignal
 
 
 def _aligned(
-    recorder: Recorder, name: str, time: Float64[np.ndarray, "T"], shape: tuple[int, ...]
+    recorder: Recorder, name: str, time: Float64[np.ndarray, " T"], shape: tuple[int, ...]
 ) -> Float64[np.ndarray, "T ..."]:
     """A signal on every tick, NaN where it was not recorded."""
     values = np.full((len(time), *shape), np.nan)
@@ -88,7 +88,7 @@ def _sole_poses(
     return positions, rotations
 
 
-def _statuses(recorder: Recorder, time: Float64[np.ndarray, "T"]) -> tuple[str, ...]:
+def _statuses(recorder: Recorder, time: Float64[np.ndarray, " T"]) -> tuple[str, ...]:
     changes = recorder.statuses
     if not changes:
         return ("none",) * len(time)

@@ -1,5 +1,6 @@
 """`Director`: tells the tasks and contacts of a running controller what the scenario wants."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,8 +12,8 @@ from poise.dynamics.dynamics import Dynamics
 from poise.dynamics.state import RobotState
 from poise.errors import ScenarioError, UnknownNameError
 from poise.robots.robot import Robot
-from poise.scenarios.motion import Blend
-from poise.scenarios.reach import reach_point
+from poise.scenarios.motion import Blend, Course
+from poise.scenarios.reach import reach_point, require_arm
 from poise.scenarios.scenario import ContactChange, Motion, Scenario
 from poise.tasks import ComTask, FrameTask, JointTask, Task
 
@@ -22,13 +23,11 @@ TOUCHDOWN_PATIENCE = 1.0
 
 @dataclass(slots=True)
 class _Running:
-    """A motion under way, between two points, two rotations or two postures."""
+    """A motion under way: of a point, a posture, or a rotation vector on top of `rotation`."""
 
     task: Task
     motion: Motion
-    blend: Blend
-    start: Float64[np.ndarray, "m"]
-    way: Float64[np.ndarray, "m"]
+    course: Course
     rotation: Float64[np.ndarray, "3 3"] | None = None
 
 
@@ -66,11 +65,14 @@ class Director:
         self._changes = [c for c in self._changes if not self._apply(c, state)]
         while self._motions and self._motions[0].at <= time:
             motion = self._motions.pop(0)
-            self._running = [r for r in self._running if not _replaces(motion, r.motion)]
-            self._running.append(self._begin(motion, state))
+            replaced = [r for r in self._running if _replaces(motion, r.motion)]
+            for old in replaced:
+                _follow(old, motion.at)
+            self._running = [r for r in self._running if r not in replaced]
+            self._running.append(self._begin(motion, state, replaced[-1] if replaced else None))
         for running in self._running:
             _follow(running, time)
-        self._running = [r for r in self._running if not r.blend.done(time)]
+        self._running = [r for r in self._running if not r.course.blend.done(time)]
 
     def _apply(self, change: ContactChange, state: RobotState) -> bool:
         if state.time < change.at:
@@ -86,26 +88,30 @@ class Director:
             return True
         return False
 
-    def _begin(self, motion: Motion, state: RobotState) -> _Running:
+    def _begin(self, motion: Motion, state: RobotState, old: _Running | None) -> _Running:
+        """Starts a motion, where the one that it replaces is and as fast as that goes."""
         self._dynamics.update(state)
         task = self._tasks[motion.task]
         blend = Blend(motion.at, motion.over)
         if isinstance(task, JointTask):
             start = self._posture_of(task, state)
-            goal = start.copy()
+            # Joints that are not named still arrive where the replaced motion was taking them.
+            goal = start.copy() if old is None else old.course.goal
             names = task.joints or self._robot.joint_names
             for joint, angle in motion.joints.items():
                 goal[names.index(joint)] = angle
-            return _Running(task, motion, blend, start, goal - start)
+            return _Running(task, motion, _course(blend, start, goal, old))
         if motion.kind == "turn" and isinstance(task, FrameTask):
             rotation = task.target_rotation
             if rotation is None or self._rests_on_contact(task):
                 rotation = self._dynamics.frame(self._robot.frame_id(task.frame)).rotation
-            return _Running(task, motion, blend, np.zeros(3), motion.vector, rotation)
+            # From rest: rates of two rotation vectors about different axes do not add up.
+            return _Running(task, motion, Course(blend, np.zeros(3), motion.vector), rotation)
         start = self._point_of(task)
-        return _Running(task, motion, blend, start, self._goal(motion, task, start) - start)
+        goal = self._goal(motion, task, start)
+        return _Running(task, motion, _course(blend, start, goal, old))
 
-    def _posture_of(self, task: JointTask, state: RobotState) -> Float64[np.ndarray, "m"]:
+    def _posture_of(self, task: JointTask, state: RobotState) -> Float64[np.ndarray, " m"]:
         if task.target_position is not None:
             return task.target_position.copy()
         names = task.joints or self._robot.joint_names
@@ -142,27 +148,35 @@ class Director:
         return np.array([middle[0], middle[1], start[2]])
 
 
+def _course(
+    blend: Blend,
+    start: Float64[np.ndarray, " m"],
+    goal: Float64[np.ndarray, " m"],
+    old: _Running | None,
+) -> Course:
+    if old is None:
+        return Course(blend, start, goal - start)
+    _, velocity, acceleration = old.course.sample(blend.start)
+    return Course(blend, start, goal - start, velocity, acceleration)
+
+
 def _follow(running: _Running, time: float) -> None:
-    share, rate, second = running.blend.sample(time)
-    task, way = running.task, running.way
+    position, velocity, acceleration = running.course.sample(time)
+    task, zero = running.task, np.zeros(3)
     if running.rotation is not None and isinstance(task, FrameTask):
-        zero = np.zeros(3)
         task.set_target(
-            rotation=pin.exp3(share * way) @ running.rotation,
-            velocity=np.concatenate((zero, rate * way)),
-            acceleration=np.concatenate((zero, second * way)),
+            rotation=pin.exp3(position) @ running.rotation,
+            velocity=np.concatenate((zero, velocity)),
+            acceleration=np.concatenate((zero, acceleration)),
         )
-        return
-    position = running.start + share * way
-    if isinstance(task, FrameTask):
-        zero = np.zeros(3)
+    elif isinstance(task, FrameTask):
         task.set_target(
             position=position,
-            velocity=np.concatenate((rate * way, zero)),
-            acceleration=np.concatenate((second * way, zero)),
+            velocity=np.concatenate((velocity, zero)),
+            acceleration=np.concatenate((acceleration, zero)),
         )
     elif isinstance(task, ComTask | JointTask):
-        task.set_target(position, rate * way, second * way)
+        task.set_target(position, velocity, acceleration)
 
 
 def _replaces(new: Motion, old: Motion) -> bool:
@@ -170,7 +184,7 @@ def _replaces(new: Motion, old: Motion) -> bool:
     return new.task == old.task and (new.kind == "turn") == (old.kind == "turn")
 
 
-def _require(name: str, known: dict, what: str) -> None:
+def _require(name: str, known: Iterable[str], what: str) -> None:
     if name not in known:
         raise UnknownNameError(what, got=name, choices=known)
 
@@ -184,14 +198,15 @@ def _as_frame(task: Task) -> FrameTask:
 
 
 def _check_goal(motion: Motion, task: Task, robot: Robot) -> None:
-    """Refuses before the first tick what `_begin` could not do."""
+    """Refuses before the first tick what `_begin` could not do, or what would move nothing."""
     allowed: tuple[str, ...] = ()
+    points = ("to", "by", "above", "reach")
     if isinstance(task, JointTask):
         allowed = ("joints",)
     elif isinstance(task, ComTask):
         allowed = ("to", "by", "above")
     elif isinstance(task, FrameTask):
-        allowed = ("to", "by", "above", "reach", "turn")
+        allowed = {"m": points, "rad": ("turn",)}.get(task.unit, (*points, "turn"))
     if motion.kind not in allowed:
         raise ScenarioError(
             f"a motion of task {task.name!r} cannot be given like this",
@@ -200,7 +215,21 @@ def _check_goal(motion: Motion, task: Task, robot: Robot) -> None:
         )
     for sole in motion.soles:
         robot.frame_id(sole)
+    if motion.kind == "reach" and isinstance(task, FrameTask):
+        require_arm(robot, task.frame)
     if isinstance(task, JointTask):
         names = task.joints or robot.joint_names
-        for joint in motion.joints:
-            _require(joint, dict.fromkeys(names), f"a motion of task {task.name!r}: unknown joint")
+        for joint, angle in motion.joints.items():
+            _require(joint, names, f"a motion of task {task.name!r}: unknown joint")
+            _check_angle(joint, angle, robot)
+
+
+def _check_angle(joint: str, angle: float, robot: Robot) -> None:
+    i = robot.joint_index(joint)
+    low, high = float(robot.q_min[i]), float(robot.q_max[i])
+    if not low <= angle <= high:
+        raise ScenarioError(
+            f"a motion takes joint {joint!r} beyond its limits",
+            got=angle,
+            wanted=f"{low:g} to {high:g} rad",
+        )

@@ -27,7 +27,7 @@ class Metric:
     subject: str
     takes_axis: bool
     describe: str
-    measure: Callable[[RunSignals, str, int | None, Bool[np.ndarray, "T"]], float]
+    measure: Callable[[RunSignals, str, int | None, Bool[np.ndarray, " T"]], float]
 
 
 def _largest(values: Float64[np.ndarray, "..."]) -> float:
@@ -35,13 +35,15 @@ def _largest(values: Float64[np.ndarray, "..."]) -> float:
     return float(finite.max()) if finite.size else float("nan")
 
 
-def _com_error_max(run: RunSignals, _: str, axis: int | None, rows: Bool[np.ndarray, "T"]) -> float:
+def _com_error_max(
+    run: RunSignals, _: str, axis: int | None, rows: Bool[np.ndarray, " T"]
+) -> float:
     error = run.com_reference[rows] - run.com[rows]
     size = np.linalg.norm(error, axis=1) if axis is None else np.abs(error[:, axis])
     return _largest(size)
 
 
-def _com_travel(run: RunSignals, _: str, axis: int | None, rows: Bool[np.ndarray, "T"]) -> float:
+def _com_travel(run: RunSignals, _: str, axis: int | None, rows: Bool[np.ndarray, " T"]) -> float:
     com = run.com[rows]
     if not len(com):
         return float("nan")
@@ -49,7 +51,7 @@ def _com_travel(run: RunSignals, _: str, axis: int | None, rows: Bool[np.ndarray
     return float(np.linalg.norm(reach) if axis is None else reach[axis])
 
 
-def _com_speed_end(run: RunSignals, _: str, __: int | None, rows: Bool[np.ndarray, "T"]) -> float:
+def _com_speed_end(run: RunSignals, _: str, __: int | None, rows: Bool[np.ndarray, " T"]) -> float:
     com, time = run.com[rows], run.time[rows]
     if len(com) < 2:
         return float("nan")
@@ -61,42 +63,44 @@ def _com_speed_end(run: RunSignals, _: str, __: int | None, rows: Bool[np.ndarra
 
 
 def _task_error_max(
-    run: RunSignals, task: str, _: int | None, rows: Bool[np.ndarray, "T"]
+    run: RunSignals, task: str, _: int | None, rows: Bool[np.ndarray, " T"]
 ) -> float:
     return _largest(run.task_errors[task][rows])
 
 
 def _task_error_end(
-    run: RunSignals, task: str, _: int | None, rows: Bool[np.ndarray, "T"]
+    run: RunSignals, task: str, _: int | None, rows: Bool[np.ndarray, " T"]
 ) -> float:
     errors = run.task_errors[task][rows]
     return float(errors[-1]) if len(errors) else float("nan")
 
 
 def _torque_ratio_max(
-    run: RunSignals, _: str, __: int | None, rows: Bool[np.ndarray, "T"]
+    run: RunSignals, _: str, __: int | None, rows: Bool[np.ndarray, " T"]
 ) -> float:
     return _largest(np.abs(run.torque[rows]) / run.torque_max)
 
 
 def _sole_force_max(
-    run: RunSignals, sole: str, _: int | None, rows: Bool[np.ndarray, "T"]
+    run: RunSignals, sole: str, _: int | None, rows: Bool[np.ndarray, " T"]
 ) -> float:
     return _largest(run.sole_forces[sole][rows])
 
 
 def _sole_height_min(
-    run: RunSignals, sole: str, _: int | None, rows: Bool[np.ndarray, "T"]
+    run: RunSignals, sole: str, _: int | None, rows: Bool[np.ndarray, " T"]
 ) -> float:
     heights = run.sole_heights[sole][rows]
     return float(heights.min()) if len(heights) else float("nan")
 
 
-def _residual_max(run: RunSignals, level: str, _: int | None, rows: Bool[np.ndarray, "T"]) -> float:
+def _residual_max(
+    run: RunSignals, level: str, _: int | None, rows: Bool[np.ndarray, " T"]
+) -> float:
     return _largest(run.residuals[rows, int(level) - 1])
 
 
-def _zmp_margin_min(run: RunSignals, _: str, __: int | None, rows: Bool[np.ndarray, "T"]) -> float:
+def _zmp_margin_min(run: RunSignals, _: str, __: int | None, rows: Bool[np.ndarray, " T"]) -> float:
     margin = run.zmp_margin[rows]
     finite = margin[np.isfinite(margin)]
     return float(finite.min()) if finite.size else float("nan")

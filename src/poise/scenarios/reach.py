@@ -33,13 +33,35 @@ def reach_point(
     Raises:
         ScenarioError: the frame has no arm of its own.
     """
+    chain = require_arm(robot, hand)
     model = robot.model
-    torso_chain = set(model.supports[model.frames[robot.frame_id(robot.torso)].parentJoint].tolist())
     hand_frame = model.frames[robot.frame_id(hand)]
-    chain = [j for j in model.supports[hand_frame.parentJoint].tolist() if j not in torso_chain]
-    if not chain:
-        raise ScenarioError("no joint between torso and frame to reach with", got=hand)
     length = float(np.linalg.norm(hand_frame.placement.translation))
     length += sum(float(np.linalg.norm(model.jointPlacements[j].translation)) for j in chain[1:])
     shoulder = dynamics.joint_position(chain[0])
     return shoulder + share * length * direction
+
+
+def require_arm(robot: Robot, hand: str) -> list[int]:
+    """Pinocchio's indices of the joints from the torso to a hand, shoulder first.
+
+    Args:
+        robot: the robot.
+        hand: frame of the hand.
+
+    Raises:
+        ScenarioError: the frame has no arm of its own.
+    """
+    model = robot.model
+    torso = model.frames[robot.frame_id(robot.torso)].parentJoint
+    torso_chain = set(model.supports[torso].tolist())
+    hand_joint = model.frames[robot.frame_id(hand)].parentJoint
+    chain = [j for j in model.supports[hand_joint].tolist() if j not in torso_chain]
+    if not chain:
+        raise ScenarioError(
+            "no joint between torso and frame to reach with",
+            got=hand,
+            wanted="a frame at the end of an arm",
+            choices=robot.hands,
+        )
+    return chain

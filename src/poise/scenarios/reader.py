@@ -117,7 +117,9 @@ def _controller(fields: Fields) -> ControllerPlan:
 def _whole(fields: Fields, key: str) -> int:
     number = fields.number(key, minimum=0.0)
     if number != int(number):
-        raise ScenarioError(f"{fields.where}: {key} is not whole", got=number, wanted="0, 1, 2, ...")
+        raise ScenarioError(
+            f"{fields.where}: {key} is not whole", got=number, wanted="0, 1, 2, ..."
+        )
     return int(number)
 
 
@@ -225,7 +227,9 @@ def _check(fields: Fields) -> CheckPlan:
     begin = fields.number("from", minimum=0.0) if "from" in fields else 0.0
     end = fields.number("until", positive=True) if "until" in fields else float("inf")
     if begin >= end:
-        raise ScenarioError(f"{fields.where}: the window is empty", got=(begin, end), wanted="from < until")
+        raise ScenarioError(
+            f"{fields.where}: the window is empty", got=(begin, end), wanted="from < until"
+        )
     return CheckPlan(
         metric=name,
         relation="<=" if relation == "at_most" else ">=",

@@ -54,7 +54,7 @@ def make_replay(plant: Plant, run: RunSignals) -> Replay:
     )
 
 
-def _frame_rows(time: Float64[np.ndarray, "T"]) -> Int[np.ndarray, "F"]:
+def _frame_rows(time: Float64[np.ndarray, " T"]) -> Int[np.ndarray, " F"]:
     wanted = np.arange(time[0], time[-1] + 0.5 / FRAMES_PER_SECOND, 1.0 / FRAMES_PER_SECOND)
     return np.unique(np.clip(np.searchsorted(time, wanted), 0, len(time) - 1))
 
@@ -63,9 +63,7 @@ def _on_ground(point: Float64[np.ndarray, "F 2"]) -> Float64[np.ndarray, "F 3"]:
     return np.column_stack((point, np.where(np.isnan(point[:, 0]), np.nan, 0.0)))
 
 
-def _contact_forces(
-    plant: Plant, run: RunSignals, rows: Int[np.ndarray, "F"]
-) -> list[ForceTrack]:
+def _contact_forces(plant: Plant, run: RunSignals, rows: Int[np.ndarray, " F"]) -> list[ForceTrack]:
     data = mujoco.MjData(plant.model)
     tracks = {name: (np.empty((len(rows), 3)), np.empty((len(rows), 3))) for name in run.wrenches}
     for i, row in enumerate(rows):

@@ -32,20 +32,20 @@ class RunSignals:
         tick_us: time of each tick by phase [us].
     """
 
-    time: Float64[np.ndarray, "T"]
+    time: Float64[np.ndarray, " T"]
     q: Float64[np.ndarray, "T nq"] = field(repr=False)
     torque: Float64[np.ndarray, "T nj"] = field(repr=False)
-    torque_max: Float64[np.ndarray, "nj"] = field(repr=False)
+    torque_max: Float64[np.ndarray, " nj"] = field(repr=False)
     com: Float64[np.ndarray, "T 3"] = field(repr=False)
     com_reference: Float64[np.ndarray, "T 3"] = field(repr=False)
     zmp: Float64[np.ndarray, "T 2"] = field(repr=False)
-    zmp_margin: Float64[np.ndarray, "T"] = field(repr=False)
+    zmp_margin: Float64[np.ndarray, " T"] = field(repr=False)
     support: tuple[SupportPhase, ...] = field(repr=False)
-    sole_forces: dict[str, Float64[np.ndarray, "T"]] = field(repr=False)
-    sole_heights: dict[str, Float64[np.ndarray, "T"]] = field(repr=False)
-    sole_planned: dict[str, Float64[np.ndarray, "T"]] = field(repr=False)
+    sole_forces: dict[str, Float64[np.ndarray, " T"]] = field(repr=False)
+    sole_heights: dict[str, Float64[np.ndarray, " T"]] = field(repr=False)
+    sole_planned: dict[str, Float64[np.ndarray, " T"]] = field(repr=False)
     wrenches: dict[str, Float64[np.ndarray, "T 6"]] = field(repr=False)
-    task_errors: dict[str, Float64[np.ndarray, "T"]] = field(repr=False)
+    task_errors: dict[str, Float64[np.ndarray, " T"]] = field(repr=False)
     residuals: Float64[np.ndarray, "T nl"] = field(repr=False)
     status: tuple[str, ...] = field(repr=False)
-    tick_us: dict[str, Float64[np.ndarray, "T"]] = field(repr=False)
+    tick_us: dict[str, Float64[np.ndarray, " T"]] = field(repr=False)

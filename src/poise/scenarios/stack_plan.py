@@ -58,7 +58,13 @@ class StackPlan:
                 **_numbers(
                     fields.section(
                         "joint_limit",
-                        ("acceleration_max", "braking", "horizon", "position_margin", "velocity_scale"),
+                        (
+                            "acceleration_max",
+                            "braking",
+                            "horizon",
+                            "position_margin",
+                            "velocity_scale",
+                        ),
                     )
                 )
             ),
@@ -73,7 +79,9 @@ class StackPlan:
     def _list(self, fields: Fields, key: str) -> list[Any]:
         value = fields.raw(key) if key in fields else []
         if not isinstance(value, list):
-            raise ScenarioError(f"{self._where}: {key} has the wrong kind", got=value, wanted="a list")
+            raise ScenarioError(
+                f"{self._where}: {key} has the wrong kind", got=value, wanted="a list"
+            )
         return value
 
     def _lists(self, fields: Fields, key: str) -> list[list[Any]]:
@@ -130,9 +138,7 @@ def _com(fields: Fields) -> Task:
 
 
 def _frame(fields: Fields) -> Task:
-    return FrameTask(
-        fields.text("frame"), _axes(fields, "pose"), **_gains(fields, "frame", "axes")
-    )
+    return FrameTask(fields.text("frame"), _axes(fields, "pose"), **_gains(fields, "frame", "axes"))
 
 
 def _relative(fields: Fields) -> Task:

@@ -30,8 +30,8 @@ def sole_corners(
 
 def support_phases(
     robot: Robot,
-    time: Float64[np.ndarray, "T"],
-    planned: Mapping[str, Float64[np.ndarray, "T"]],
+    time: Float64[np.ndarray, " T"],
+    planned: Mapping[str, Float64[np.ndarray, " T"]],
     poses: Mapping[str, tuple[Float64[np.ndarray, "T 3"], Float64[np.ndarray, "T 3 3"]]],
 ) -> tuple[SupportPhase, ...]:
     """One polygon for each interval with the same soles on the ground.
@@ -70,10 +70,10 @@ def support_phases(
 
 
 def zmp_margins(
-    time: Float64[np.ndarray, "T"],
+    time: Float64[np.ndarray, " T"],
     zmp: Float64[np.ndarray, "T 2"],
     phases: Sequence[SupportPhase],
-) -> Float64[np.ndarray, "T"]:
+) -> Float64[np.ndarray, " T"]:
     """Distance of the ZMP from the nearest edge of its phase's polygon, negative outside [m]."""
     margins = np.full(len(time), np.nan)
     for phase in phases:

@@ -2,15 +2,15 @@
 
 import numpy as np
 from jaxtyping import Float64
-from numpy.typing import ArrayLike
 
+from poise.checks import Numbers
 from poise.errors import ConfigurationError, TargetError
 
 _ORTHOGONALITY_TOLERANCE = 1e-6
 """How far R^T R may be from the identity before R was hardly meant to be a rotation."""
 
 
-def checked_gain(value: ArrayLike, dim: int, what: str) -> Float64[np.ndarray, " m"]:
+def checked_gain(value: Numbers, dim: int, what: str) -> Float64[np.ndarray, " m"]:
     """A gain or weight per axis, from a scalar or a vector.
 
     Raises:
@@ -28,7 +28,7 @@ def checked_gain(value: ArrayLike, dim: int, what: str) -> Float64[np.ndarray, "
     return np.ascontiguousarray(np.broadcast_to(array, (dim,)), dtype=np.float64)
 
 
-def checked_target(value: ArrayLike, dim: int, what: str) -> Float64[np.ndarray, " m"]:
+def checked_target(value: Numbers, dim: int, what: str) -> Float64[np.ndarray, " m"]:
     """A target vector of known length, copied.
 
     Raises:
@@ -42,7 +42,7 @@ def checked_target(value: ArrayLike, dim: int, what: str) -> Float64[np.ndarray,
     return array
 
 
-def checked_rotation(value: ArrayLike, what: str) -> Float64[np.ndarray, "3 3"]:
+def checked_rotation(value: Numbers, what: str) -> Float64[np.ndarray, "3 3"]:
     """A rotation matrix, copied.
 
     Raises:
@@ -64,7 +64,7 @@ def checked_rotation(value: ArrayLike, what: str) -> Float64[np.ndarray, "3 3"]:
 
 
 def _as_array(
-    value: ArrayLike, what: str, error: type[ConfigurationError] | type[TargetError]
+    value: Numbers, what: str, error: type[ConfigurationError] | type[TargetError]
 ) -> Float64[np.ndarray, "..."]:
     try:
         return np.array(value, dtype=np.float64)

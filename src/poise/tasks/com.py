@@ -2,11 +2,11 @@
 
 import numpy as np
 from jaxtyping import Float64
-from numpy.typing import ArrayLike
 
+from poise.checks import Numbers
 from poise.dynamics.dynamics import Dynamics
 from poise.robots.robot import Robot
-from poise.tasks.axes import parse_axes
+from poise.tasks.axes import as_rows, parse_axes
 from poise.tasks.task import Task
 from poise.tasks.vector_target import VectorTarget
 
@@ -26,20 +26,21 @@ class ComTask(Task):
         self,
         axes: str = "position",
         *,
-        kp: ArrayLike = 40.0,
-        kd: ArrayLike | None = None,
-        weight: ArrayLike = 1.0,
+        kp: Numbers = 40.0,
+        kd: Numbers | None = None,
+        weight: Numbers = 1.0,
         name: str = "com",
     ) -> None:
         super().__init__(name, kp=kp, kd=kd, weight=weight)
-        self._rows = parse_axes(axes, {"position": 0})
+        index = parse_axes(axes, {"position": 0})
+        self._size, self._rows = len(index), as_rows(index)
         self._target = VectorTarget(3, f"task {name!r}")
 
     def set_target(
         self,
-        position: ArrayLike,
-        velocity: ArrayLike | None = None,
-        acceleration: ArrayLike | None = None,
+        position: Numbers,
+        velocity: Numbers | None = None,
+        acceleration: Numbers | None = None,
     ) -> None:
         """Sets where the COM should be.
 
@@ -70,7 +71,7 @@ class ComTask(Task):
         self._target.release_hold()
 
     def _resolve(self, robot: Robot) -> int:  # noqa: ARG002
-        return len(self._rows)
+        return self._size
 
     def _evaluate(self, dynamics: Dynamics) -> Float64[np.ndarray, " m"]:
         rows, target = self._rows, self._target

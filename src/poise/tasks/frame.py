@@ -2,12 +2,12 @@
 
 import numpy as np
 from jaxtyping import Float64
-from numpy.typing import ArrayLike
 
+from poise.checks import Numbers
 from poise.dynamics.dynamics import Dynamics
 from poise.dynamics.rotations import rotation_vector
 from poise.robots.robot import Robot
-from poise.tasks.axes import parse_axes
+from poise.tasks.axes import as_rows, parse_axes
 from poise.tasks.checks import checked_rotation
 from poise.tasks.task import Task
 from poise.tasks.vector_target import VectorTarget
@@ -31,6 +31,10 @@ class FrameTask(Task):
         kd: damping [1/s]; critical when None.
         weight: weight of its rows in their level.
         name: what reports call it; the frame and the axes when None.
+
+    Attributes:
+        frame: the frame that should move.
+        turns: whether any of its rows is an orientation.
     """
 
     def __init__(
@@ -38,30 +42,30 @@ class FrameTask(Task):
         frame: str,
         axes: str = "pose",
         *,
-        kp: ArrayLike = 100.0,
-        kd: ArrayLike | None = None,
-        weight: ArrayLike = 1.0,
+        kp: Numbers = 100.0,
+        kd: Numbers | None = None,
+        weight: Numbers = 1.0,
         name: str | None = None,
     ) -> None:
         super().__init__(name or f"{frame} {axes}", kp=kp, kd=kd, weight=weight)
         self.frame = frame
         mask = "position+orientation" if axes == "pose" else axes
-        self._rows = parse_axes(mask, {"position": 0, "orientation": 3})
-        self._turns = bool(self._rows[-1] >= 3)
-        self.unit = ("m, rad" if self._rows[0] < 3 else "rad") if self._turns else "m"
+        index = parse_axes(mask, {"position": 0, "orientation": 3})
+        self._size, self._rows = len(index), as_rows(index)
+        self.turns = bool(index[-1] >= 3)
+        self.unit = ("m, rad" if index[0] < 3 else "rad") if self.turns else "m"
         self._target = VectorTarget(3, f"task {self.name!r}")
         self._orientation: Float64[np.ndarray, "3 3"] | None = None
         self._orientation_held = False
         self._rates = np.zeros(12)
-        self._error = np.zeros(6)
         self._frame_id = -1
 
     def set_target(
         self,
-        position: ArrayLike | None = None,
-        rotation: ArrayLike | None = None,
-        velocity: ArrayLike | None = None,
-        acceleration: ArrayLike | None = None,
+        position: Numbers | None = None,
+        rotation: Numbers | None = None,
+        velocity: Numbers | None = None,
+        acceleration: Numbers | None = None,
     ) -> None:
         """Sets where the frame should be; what is not given stays as it is.
 
@@ -110,12 +114,12 @@ class FrameTask(Task):
 
     def _resolve(self, robot: Robot) -> int:
         self._frame_id = robot.frame_id(self.frame)
-        return len(self._rows)
+        return self._size
 
     def _evaluate(self, dynamics: Dynamics) -> Float64[np.ndarray, " m"]:
-        frame, rows, error = dynamics.frame(self._frame_id), self._rows, self._error
+        frame, rows, error = dynamics.frame(self._frame_id), self._rows, np.zeros(6)
         error[:3] = self._target.error(frame.position)
-        if self._turns:
+        if self.turns:
             if self._orientation is None:
                 self._orientation, self._orientation_held = frame.rotation, True
             error[3:] = rotation_vector(self._orientation, frame.rotation)

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Float64
-from numpy.typing import ArrayLike
 
+from poise.checks import Numbers
 from poise.dynamics.dynamics import Dynamics
 from poise.errors import ConfigurationError
 from poise.robots.robot import Robot
@@ -29,9 +29,9 @@ class JointTask(Task):
         self,
         joints: Sequence[str] | None = None,
         *,
-        kp: ArrayLike = 50.0,
-        kd: ArrayLike | None = None,
-        weight: ArrayLike = 1.0,
+        kp: Numbers = 50.0,
+        kd: Numbers | None = None,
+        weight: Numbers = 1.0,
         name: str = "joints",
     ) -> None:
         super().__init__(name, kp=kp, kd=kd, weight=weight)
@@ -45,9 +45,9 @@ class JointTask(Task):
 
     def set_target(
         self,
-        position: ArrayLike,
-        velocity: ArrayLike | None = None,
-        acceleration: ArrayLike | None = None,
+        position: Numbers,
+        velocity: Numbers | None = None,
+        acceleration: Numbers | None = None,
     ) -> None:
         """Sets where the joints should be.
 
@@ -114,11 +114,11 @@ class PostureTask(JointTask):
 
     def __init__(
         self,
-        posture: ArrayLike | None = None,
+        posture: Numbers | None = None,
         *,
-        kp: ArrayLike = 25.0,
-        kd: ArrayLike | None = None,
-        weight: ArrayLike = 1.0,
+        kp: Numbers = 25.0,
+        kd: Numbers | None = None,
+        weight: Numbers = 1.0,
         name: str = "posture",
     ) -> None:
         super().__init__(None, kp=kp, kd=kd, weight=weight, name=name)

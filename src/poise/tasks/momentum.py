@@ -2,11 +2,11 @@
 
 import numpy as np
 from jaxtyping import Float64
-from numpy.typing import ArrayLike
 
+from poise.checks import Numbers
 from poise.dynamics.dynamics import Dynamics
 from poise.robots.robot import Robot
-from poise.tasks.axes import parse_axes
+from poise.tasks.axes import as_rows, parse_axes
 from poise.tasks.task import Task
 from poise.tasks.vector_target import VectorTarget
 
@@ -15,8 +15,8 @@ class MomentumTask(Task):
     """The angular momentum about the COM follows a target: A_G dv + A_Gdot v = Ldot_ref.
 
     Momentum has no position to hold, so feedback is on the momentum alone:
-    Ldot_ref = target rate + kd (target - actual). Its gain is `kd`; the momentum error stands in
-    `error`, and `error_rate` stays zero.
+    Ldot_ref = target rate + kd (target - actual). Momentum is a velocity, and its error stands in
+    `error_rate`; it stands in `error` too, which is what reports show.
 
     Args:
         axes: "angular", "angular_xy", "z", ... about the world's axes.
@@ -29,18 +29,18 @@ class MomentumTask(Task):
         self,
         axes: str = "angular",
         *,
-        kd: ArrayLike = 5.0,
-        weight: ArrayLike = 1.0,
+        kd: Numbers = 5.0,
+        weight: Numbers = 1.0,
         name: str = "angular momentum",
     ) -> None:
-        # `error` is the momentum itself, so its gain sits where other tasks have kp.
-        super().__init__(name, kp=kd, kd=0.0, weight=weight)
+        super().__init__(name, kp=0.0, kd=kd, weight=weight)
         self.unit = "kg m^2/s"
-        self._rows = parse_axes(axes, {"angular": 0})
+        index = parse_axes(axes, {"angular": 0})
+        self._size, self._rows = len(index), as_rows(index)
         self._target = VectorTarget(3, f"task {name!r}")
         self._target.set(np.zeros(3))
 
-    def set_target(self, momentum: ArrayLike, rate: ArrayLike | None = None) -> None:
+    def set_target(self, momentum: Numbers, rate: Numbers | None = None) -> None:
         """Sets the wanted angular momentum about the COM.
 
         Args:
@@ -53,11 +53,11 @@ class MomentumTask(Task):
         self._target.set(momentum, rate)
 
     def _resolve(self, robot: Robot) -> int:  # noqa: ARG002
-        return len(self._rows)
+        return self._size
 
     def _evaluate(self, dynamics: Dynamics) -> Float64[np.ndarray, " m"]:
         rows = self._rows
         self.jacobian = dynamics.momentum_matrix[3:][rows]
         self.drift = dynamics.momentum_bias[3:][rows]
-        self.error = self._target.error(dynamics.momentum[3:])[rows]
+        self.error = self.error_rate = self._target.error(dynamics.momentum[3:])[rows]
         return self._target.velocity[rows]

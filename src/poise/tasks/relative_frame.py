@@ -2,8 +2,8 @@
 
 import numpy as np
 from jaxtyping import Float64
-from numpy.typing import ArrayLike
 
+from poise.checks import Numbers
 from poise.dynamics.dynamics import Dynamics
 from poise.dynamics.frames import FrameKinematics
 from poise.dynamics.rotations import rotation_vector
@@ -41,9 +41,9 @@ class RelativeFrameTask(Task):
         root: str,
         axes: str = "pose",
         *,
-        kp: ArrayLike = 100.0,
-        kd: ArrayLike | None = None,
-        weight: ArrayLike = 1.0,
+        kp: Numbers = 100.0,
+        kd: Numbers | None = None,
+        weight: Numbers = 1.0,
         name: str | None = None,
     ) -> None:
         super().__init__(name or f"{frame} in {root} {axes}", kp=kp, kd=kd, weight=weight)
@@ -57,9 +57,7 @@ class RelativeFrameTask(Task):
         self._orientation_held = False
         self._ids = (-1, -1)
 
-    def set_target(
-        self, position: ArrayLike | None = None, rotation: ArrayLike | None = None
-    ) -> None:
+    def set_target(self, position: Numbers | None = None, rotation: Numbers | None = None) -> None:
         """Sets where the frame should be in the root; what is not given stays as it is.
 
         Args:

@@ -4,8 +4,8 @@ from abc import ABC, abstractmethod
 
 import numpy as np
 from jaxtyping import Float64
-from numpy.typing import ArrayLike
 
+from poise.checks import Numbers
 from poise.dynamics.dynamics import Dynamics
 from poise.errors import ConfigurationError
 from poise.robots.robot import Robot
@@ -39,7 +39,7 @@ class Task(ABC):
         reference: reference acceleration [unit/s^2].
     """
 
-    def __init__(self, name: str, *, kp: ArrayLike, kd: ArrayLike | None, weight: ArrayLike):
+    def __init__(self, name: str, *, kp: Numbers, kd: Numbers | None, weight: Numbers):
         self.name = name
         self.unit = "m"
         self.dim = 0
@@ -60,6 +60,7 @@ class Task(ABC):
         Raises:
             UnknownNameError: a frame or joint that the robot does not have.
             ConfigurationError: a gain of the wrong length, or the task serves another robot.
+            TargetError: a target or acceleration given before that has the wrong length.
         """
         if self._robot is robot:
             return
@@ -79,6 +80,9 @@ class Task(ABC):
             raise ConfigurationError(
                 f"weight of task {self.name!r} must be positive", got=weight, wanted="> 0"
             )
+        if self._user_acceleration is not None:
+            # Given before the number of rows was known.
+            checked_target(self._user_acceleration, self.dim, f"acceleration of task {self.name!r}")
         self.jacobian: Float64[np.ndarray, "m nv"] = np.zeros((self.dim, robot.nv))
         self.drift: Float64[np.ndarray, " m"] = np.zeros(self.dim)
         self.error: Float64[np.ndarray, " m"] = np.zeros(self.dim)
@@ -100,7 +104,7 @@ class Task(ABC):
             )
         return self._robot
 
-    def set_acceleration(self, acceleration: ArrayLike | None) -> None:
+    def set_acceleration(self, acceleration: Numbers | None) -> None:
         """Replaces the PD reference by a given acceleration; None brings the PD back.
 
         Args:

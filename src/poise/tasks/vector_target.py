@@ -2,8 +2,8 @@
 
 import numpy as np
 from jaxtyping import Float64
-from numpy.typing import ArrayLike
 
+from poise.checks import Numbers
 from poise.tasks.checks import checked_target
 
 
@@ -26,9 +26,9 @@ class VectorTarget:
 
     def set(
         self,
-        position: ArrayLike,
-        velocity: ArrayLike | None = None,
-        acceleration: ArrayLike | None = None,
+        position: Numbers,
+        velocity: Numbers | None = None,
+        acceleration: Numbers | None = None,
     ) -> None:
         """Sets the target; rates that are not given are zero.
 

@@ -93,7 +93,14 @@ class Peer:
         weight = 9.81 * self._run["facts"]["mass"]
         up = np.array([0.0, 0.0, 1.0])
         contact = tsid.Contact6d(
-            fact["frame"], self._robot, fact["frame"], corners, up, fact["friction"], 0.0, 5.0 * weight
+            fact["frame"],
+            self._robot,
+            fact["frame"],
+            corners,
+            up,
+            fact["friction"],
+            0.0,
+            5.0 * weight,
         )
         # Still, with the damping of Poise's contacts.
         contact.setKp(np.zeros(6))

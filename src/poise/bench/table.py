@@ -1,0 +1,43 @@
+"""Results as a table for a terminal."""
+
+from collections.abc import Sequence
+
+from poise.bench.result import PHASES, TickResult
+
+_HEADS = ("p50", "p99", "max", *PHASES, "x direct", "residual")
+
+
+def format_table(results: Sequence[TickResult]) -> str:
+    """One block a stack, one line a method; times in microseconds.
+
+    Args:
+        results: of one benchmark.
+    """
+    width = max(len(r.solver) for r in results)
+    lines: list[str] = []
+    for stack in dict.fromkeys(r.stack for r in results):
+        rows = [r for r in results if r.stack == stack]
+        first = rows[0]
+        lines += [
+            "",
+            f"{first.robot}, {first.joints} joints, {first.contacts} support, stack {stack!r}: "
+            f"{first.variables} variables, {first.rows} rows; {first.ticks} ticks, times in us",
+            "  ".join([" " * width, *(f"{head:>9}" for head in _HEADS)]),
+        ]
+        lines += [_line(row, width) for row in rows]
+    return "\n".join(lines).lstrip("\n")
+
+
+def _line(row: TickResult, width: int) -> str:
+    phases = [row.phases_us[phase] for phase in PHASES]
+    cells = [_time(t) for t in (row.p50_us, row.p99_us, row.max_us, *phases)]
+    cells.append(f"{row.ratio_to_direct:.2f}")
+    cells.append("-" if row.residual_max is None else f"{row.residual_max:.0e}")
+    line = "  ".join([f"{row.solver:{width}}", *(f"{cell:>9}" for cell in cells)])
+    if row.missed_ticks:
+        line += f"  {row.missed_ticks} of {row.ticks} ticks FAILED"
+    return line
+
+
+def _time(microseconds: float | None) -> str:
+    return "-" if microseconds is None else f"{microseconds:.0f}"

@@ -1,0 +1,175 @@
+"""The documentation is right: its code runs, its links lead somewhere, its tables are complete."""
+
+import dataclasses
+import re
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+import poise
+from poise import contacts, hqp, limits, tasks
+from poise.cli.main import main
+from poise.robots import catalog
+from poise.scenarios import parse_scenario, reader, shipped_scenarios, stack_plan
+from poise.scenarios.metrics import METRICS
+from poise.sim import Block, LinkError, Payload, PlantConfig, SensorConfig, ServoConfig
+
+ROOT = Path(__file__).parents[2]
+PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md")])
+BLOCK = re.compile(r"(?:<!-- from (\S+) -->\n)?```(\w+)\n(.*?)```", re.DOTALL)
+LINK = re.compile(r"\]\(([^)\s]+)\)")
+
+
+def name_of(page: Path) -> str:
+    return str(page.relative_to(ROOT))
+
+
+def blocks(page: Path, language: str) -> list[tuple[str, str]]:
+    """The page's blocks of a language: the file they come from, or "", and their text."""
+    found = BLOCK.findall(page.read_text(encoding="utf-8"))
+    return [(source, text) for source, kind, text in found if kind == language]
+
+
+def anchors(page: Path) -> set[str]:
+    headings = re.findall(r"^#+ (.*)$", page.read_text(encoding="utf-8"), re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", h.lower()).replace(" ", "-") for h in headings}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
+def test_links_lead_somewhere(page):
+    for target in LINK.findall(page.read_text(encoding="utf-8")):
+        if target.startswith("http"):
+            continue
+        path, _, anchor = target.partition("#")
+        file = (page.parent / path).resolve() if path else page
+        assert file.exists(), f"{name_of(page)}: {target}"
+        if anchor:
+            assert anchor in anchors(file), f"{name_of(page)}: {target}"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
+def test_blocks_that_come_from_a_file_are_part_of_it(page):
+    for source, text in [*blocks(page, "python"), *blocks(page, "yaml")]:
+        if source:
+            assert text in (ROOT / source).read_text(encoding="utf-8"), f"{name_of(page)}: {source}"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
+def test_python_blocks_run_one_after_the_other(page, tmp_path, monkeypatch):
+    texts = [text for source, text in blocks(page, "python") if not source]
+    if not texts:
+        return
+    # The robot of the user that pages speak of.
+    models = tmp_path / "models"
+    shutil.copytree(ROOT / "examples" / "models", models)
+    for path in list(models.iterdir()):
+        path.rename(models / path.name.replace("walker12", "my_robot"))
+    monkeypatch.chdir(tmp_path)
+    names = {"__name__": "page"}
+    for text in texts:
+        exec(compile(text, name_of(page), "exec"), names)
+
+
+def test_the_quickstart_shows_what_it_says(monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, object] = {}
+    for source, text in blocks(ROOT / "docs" / "quickstart.md", "python"):
+        if not source:
+            exec(compile(text, "quickstart.md", "exec"), names)
+    assert names["command"].status is poise.CommandStatus.BAD_STATE
+    assert np.isfinite(names["command"].torque).all()
+
+
+def test_scenario_blocks_are_read():
+    page = ROOT / "docs" / "scenarios.md"
+    texts = [text for _, text in blocks(page, "yaml")]
+    assert len(texts) >= 6
+    for text in texts:
+        data = {"name": "from the docs", "duration": 10.0} | yaml.safe_load(text)
+        parse_scenario(yaml.safe_dump(data), name_of(page))
+
+
+def missing(page: str, words) -> list[str]:
+    """Which words do not stand as code on a page."""
+    text = (ROOT / "docs" / page).read_text(encoding="utf-8")
+    return [w for w in words if not re.search(rf"`(?:[^`]*\W)?{re.escape(w)}(?:\W[^`]*)?`", text)]
+
+
+def fields_of(*kinds: type) -> list[str]:
+    return [field.name for kind in kinds for field in dataclasses.fields(kind)]
+
+
+def test_scenarios_page_names_every_key_of_the_file():
+    kinds = (PlantConfig, SensorConfig, ServoConfig, Block, LinkError, Payload)
+    keys = [*reader._KEYS, *reader._GOALS, *fields_of(*kinds)]
+    keys += [*stack_plan._TASKS, *stack_plan._CONTACTS]
+    assert missing("scenarios.md", keys) == []
+
+
+def test_scenarios_page_names_every_metric_with_its_unit():
+    text = (ROOT / "docs" / "scenarios.md").read_text(encoding="utf-8")
+    for metric in METRICS.values():
+        row = re.search(
+            rf"^\| `{metric.name}` \|[^|]*\| ([^|]*?) ?\| ([^|]*?) ?\|$", text, re.MULTILINE
+        )
+        assert row is not None, metric.name
+        unit, subject = row.groups()
+        if metric.subject == "task":
+            assert unit == "the task's"
+        else:
+            assert unit == metric.unit
+        assert subject == (metric.subject or ("(axis)" if metric.takes_axis else ""))
+
+
+def test_scenarios_page_names_every_shipped_scenario():
+    assert missing("scenarios.md", shipped_scenarios()) == []
+
+
+def test_scenarios_page_names_every_backend_and_strategy():
+    assert missing("scenarios.md", [*hqp.STRATEGIES, *hqp.ACCURACY]) == []
+
+
+def test_tasks_page_names_every_task_contact_and_limit():
+    kinds = [*tasks.__all__, *contacts.__all__, *limits.__all__]
+    assert missing("tasks.md", [k for k in kinds if k not in ("Task", "Contact")]) == []
+
+
+def test_tasks_page_names_every_argument():
+    kinds = [*(getattr(contacts, n) for n in contacts.__all__), limits.JointLimit]
+    arguments = {a for kind in kinds for a in kind.__init__.__annotations__} - {"dim", "return"}
+    assert missing("tasks.md", sorted(arguments - {"frame", "name"})) == []
+
+
+def test_robots_page_names_every_robot():
+    assert missing("robots.md", (entry.name for entry in catalog())) == []
+
+
+def test_index_names_every_page():
+    text = (ROOT / "docs" / "index.md").read_text(encoding="utf-8")
+    pages = {p.name for p in (ROOT / "docs").glob("*.md")} - {"index.md"}
+    assert pages == set(re.findall(r"\((\w+\.md)\)", text))
+
+
+def test_every_image_is_small_and_shown():
+    shown = "".join(page.read_text(encoding="utf-8") for page in PAGES)
+    for image in [*ROOT.glob("docs/**/*.jpg"), *ROOT.glob("docs/**/*.png")]:
+        assert image.stat().st_size < 400_000, image.name
+        assert name_of(image).removeprefix("docs/") in shown, image.name
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
+def test_poise_commands_have_the_verbs_and_options_they_use(page, capsys):
+    commands = re.findall(r"^(?:\S*/)?poise (.*)$", "".join(t for _, t in blocks(page, "sh")), re.M)
+    for command in commands:
+        words = command.partition("#")[0].split()
+        with pytest.raises(SystemExit) as end:
+            main([words[0], "--help"])
+        assert end.value.code == 0, command
+        usage = capsys.readouterr().out
+        for option in (word for word in words if word.startswith("--")):
+            assert option in usage, command
+        for file in (word for word in words if word.endswith(".yaml")):
+            assert (ROOT / file).is_file(), command

@@ -1,0 +1,125 @@
+"""The files around the code agree with each other and with the code."""
+
+import os
+import re
+import subprocess
+import tomllib
+from importlib.metadata import PackageNotFoundError, requires, version
+from pathlib import Path
+
+import yaml
+from packaging.requirements import Requirement
+
+import poise
+
+ROOT = Path(__file__).parents[2]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+LOCK = re.compile(r"^([A-Za-z0-9._-]+)==(\S+)$")
+
+
+def lock_lines() -> list[str]:
+    lines = (ROOT / "requirements.lock").read_text(encoding="utf-8").splitlines()
+    return [line for line in lines if line and not line.startswith("#")]
+
+
+def normal(name: str) -> str:
+    return re.sub(r"[-_.]+", "-", name).lower()
+
+
+def setup_commands() -> list[str]:
+    section = README.partition("## Set-up")[2].partition("\n## ")[0]
+    return re.findall(r"```sh\n(.*?)\n```", section, re.DOTALL)
+
+
+def test_version_is_the_same_everywhere():
+    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
+    assert poise.__version__ == PROJECT["version"] == citation["version"]
+
+
+def test_changelog_has_an_unreleased_section_and_keeps_its_form():
+    text = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    headings = re.findall(r"^## (.*)$", text, re.MULTILINE)
+    assert headings[0] == "[Unreleased]"
+    assert all(re.fullmatch(r"\[\d+\.\d+\.\d+\] - \d{4}-\d\d-\d\d", h) for h in headings[1:])
+    kinds = {"Added", "Changed", "Deprecated", "Removed", "Fixed", "Security"}
+    assert set(re.findall(r"^### (.*)$", text, re.MULTILINE)) <= kinds
+
+
+def test_citation_has_what_its_format_needs():
+    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
+    assert {"cff-version", "message", "title", "authors"} <= citation.keys()
+    assert citation["license"] == PROJECT["license"]
+    assert len(citation["references"]) == 3
+    for reference in citation["references"]:
+        assert {"type", "title", "authors"} <= reference.keys()
+
+
+def test_lock_is_one_pinned_version_a_line_and_nothing_else():
+    assert [line for line in lock_lines() if not LOCK.match(line)] == []
+    names = [normal(line.split("==")[0]) for line in lock_lines()]
+    assert len(names) == len(set(names))
+    assert "poise" not in names
+
+
+def test_lock_pins_every_requirement_within_its_bounds():
+    pinned = {normal(n): v for n, v in (line.split("==") for line in lock_lines())}
+    wanted = [*PROJECT["dependencies"]]
+    for extra in PROJECT["optional-dependencies"].values():
+        wanted += [r for r in extra if not r.startswith("poise[")]
+    for requirement in map(Requirement, wanted):
+        assert pinned[normal(requirement.name)] in requirement.specifier, requirement
+
+
+def test_lock_is_closed_under_what_its_packages_require():
+    pinned = {normal(line.split("==")[0]) for line in lock_lines()}
+    for name in sorted(pinned):
+        try:
+            needed = requires(name) or []
+        except PackageNotFoundError:
+            continue
+        for requirement in map(Requirement, needed):
+            if requirement.marker is None or requirement.marker.evaluate({"extra": ""}):
+                assert normal(requirement.name) in pinned, f"{name} needs {requirement}"
+
+
+def test_readme_has_two_setup_commands_and_ci_runs_both():
+    commands = setup_commands()
+    assert len(commands) == 2
+    install, develop = commands
+    assert install.endswith(".venv/bin/poise run")
+    assert develop.endswith(".venv/bin/python -m pytest") or " -m pytest -" in develop
+    assert all("\n" not in command for command in commands)
+    script = (ROOT / ".ci" / "run").read_text(encoding="utf-8").splitlines()
+    assert all(command in script for command in commands)
+
+
+def test_setup_commands_use_extras_that_exist():
+    for extra in re.findall(r'"\.\[(\w+)\]"', "".join(setup_commands())):
+        assert extra in PROJECT["optional-dependencies"]
+
+
+def test_ci_scripts_stop_at_the_first_error_and_are_valid_bash():
+    for name in ("run", "lock"):
+        script = ROOT / ".ci" / name
+        assert os.access(script, os.X_OK)
+        text = script.read_text(encoding="utf-8")
+        assert text.startswith("#!/usr/bin/env bash\n")
+        assert "set -euo pipefail" in text
+        subprocess.run(["bash", "-n", str(script)], check=True, timeout=30)
+
+
+def test_readme_names_every_example():
+    examples = {path.name for path in (ROOT / "examples").glob("*.*")}
+    assert {name for name in examples if f"(examples/{name})" not in README} == set()
+
+
+def test_readme_opens_with_one_paragraph_and_a_picture():
+    head = README.split("\n\n")
+    assert head[0] == "# Poise"
+    assert head[1].startswith("Poise is ")
+    assert head[2].startswith("![")
+
+
+def test_installed_version_is_the_projects():
+    assert version("poise") == PROJECT["version"]

@@ -1,0 +1,119 @@
+"""Every example runs, shortened, and prints what it is there to show."""
+
+import re
+import runpy
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+FOLDER = Path(__file__).parents[2] / "examples"
+
+SHORT = {
+    "01_stand.py": ["--seconds", "0.3"],
+    "02_reach.py": ["--seconds", "0.5"],
+    "03_priorities.py": ["--seconds", "0.1"],
+    "04_hierarchical_qp.py": [],
+    "05_dynamics.py": [],
+    "06_own_robot.py": ["--seconds", "0.4"],
+    "07_push_and_log.py": ["--seconds", "0.3"],
+    "08_scenario.py": ["--out", "run"],
+    "09_own_task.py": ["--seconds", "0.2"],
+}
+
+
+@pytest.fixture
+def run(tmp_path, monkeypatch, capsys):
+    def run_example(name: str, *arguments: str) -> str:
+        monkeypatch.chdir(tmp_path)
+        monkeypatch.setattr(sys, "argv", [name, *(arguments or SHORT[name])])
+        runpy.run_path(str(FOLDER / name), run_name="__main__")
+        return capsys.readouterr().out
+
+    return run_example
+
+
+def numbers(pattern: str, text: str) -> list[float]:
+    found = re.search(pattern, text)
+    assert found is not None, text
+    return [float(n) for n in found.groups()]
+
+
+def test_every_example_is_tested():
+    assert sorted(SHORT) == sorted(path.name for path in FOLDER.glob("*.py"))
+
+
+@pytest.mark.parametrize("robot", ["humanoid33", "g1"])
+def test_stand_prints_each_task_with_its_level_and_a_small_error(run, get_robot, robot):
+    get_robot(robot)
+    printed = run("01_stand.py", "--robot", robot, "--seconds", "0.3")
+    assert printed.startswith("status: ok")
+    assert numbers(r"1  com +(\S+) m ", printed)[0] < 1e-4
+    assert numbers(r"2  right_hand pose +(\S+) m, rad", printed)[0] < 1e-4
+    assert re.search(r"3  posture", printed)
+
+
+def test_reach_follows_the_moving_target(run):
+    hand, com = numbers(r"hand (\S+) mm, COM (\S+) mm", run("02_reach.py"))
+    assert hand < 1.0
+    assert com < 1.0
+
+
+def test_priorities_prints_both_orders(run):
+    printed = run("03_priorities.py")
+    below, above = printed.split("hand above balance")
+    assert re.search(r"level 2  com .*\n  level 3  hand ", below)
+    assert re.search(r"level 2  hand .*\n  level 3  com ", above)
+
+
+def test_hierarchical_qp_gives_the_strict_answer_and_says_why(run):
+    printed = run("04_hierarchical_qp.py")
+    assert re.search(r"direct +x = \[1\. 4\.\]", printed)
+    assert "'hand x' misses 1 of its rows" in printed
+    assert "elbow limit" in printed
+
+
+def test_dynamics_falls_freely_with_gravity(run):
+    printed = run("05_dynamics.py")
+    x, y, z = numbers(r"free fall: \[ *(\S+) +(\S+) +(\S+?)\]", printed)
+    assert (x, y) == pytest.approx((0.0, 0.0), abs=1e-6)
+    assert z == pytest.approx(-9.81, abs=1e-6)
+
+
+def test_own_robot_stands_with_its_description(run):
+    printed = run("06_own_robot.py")
+    assert "walker12: 12 joints, 32.0 kg, soles left_sole, right_sole" in printed
+    assert "status: ok" in printed
+
+
+def test_own_robot_prints_a_template_that_names_its_links_and_joints(run, capsys):
+    with pytest.raises(SystemExit) as end:
+        run("06_own_robot.py", "--template")
+    assert end.value.code is None
+    printed = capsys.readouterr().out
+    assert re.search(r"Links: .*left_foot", printed)
+    assert re.search(r"Joints: .*left_knee", printed)
+
+
+def test_push_and_log_leaves_a_log_that_reads_back(run, tmp_path):
+    printed = run("07_push_and_log.py")
+    assert "fallen: False" in printed
+    assert numbers(r"push.mcap: (\d+) samples", printed)[0] == 60
+    assert (tmp_path / "push.mcap").is_file()
+
+
+def test_scenario_holds_its_checks_and_leaves_a_report(tmp_path):
+    # A process of its own, without the checks of shapes that make a whole run slow.
+    command = [sys.executable, str(FOLDER / "08_scenario.py"), *SHORT["08_scenario.py"]]
+    done = subprocess.run(
+        command, cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "FAIL" not in done.stdout
+    left = {path.name for path in (tmp_path / "run").iterdir()}
+    assert {"report.html", "log.mcap", "summary.json"} <= left
+
+
+def test_own_task_brings_the_hands_closer(run):
+    assert numbers(r"hands (\S+) mm apart", run("09_own_task.py"))[0] < 500.0  # from 590 mm
