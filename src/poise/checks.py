@@ -1,7 +1,7 @@
-"""What a user may pass as a number or numbers, and the check of a single one."""
+"""What a user may pass as numbers, and checks of single values."""
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -9,6 +9,19 @@ from poise.errors import ConfigurationError
 
 Numbers = np.ndarray | Sequence[Any] | float | int
 """What becomes an array of floats: an array, nested sequences, or one number."""
+
+T = TypeVar("T")
+
+
+def checked_kind(value: object, kind: type[T], what: str) -> T:
+    """A value of the right kind.
+
+    Raises:
+        ConfigurationError: it is of another.
+    """
+    if not isinstance(value, kind):
+        raise ConfigurationError(f"{what} is of the wrong kind", got=value, wanted=kind.__name__)
+    return value
 
 
 def checked_number(value: float, what: str, *, above: float | None = None) -> float:

@@ -1,7 +1,6 @@
 """Strict reading of a YAML mapping: every value has a kind, and no key goes unread."""
 
 import re
-import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
@@ -12,7 +11,13 @@ from jaxtyping import Float64
 
 from poise.errors import PoiseError
 
+_LONGEST = 3000
+"""No name, number or description is longer [letters]; Python prints no longer whole numbers."""
+
 T = TypeVar("T")
+
+LARGEST = 1e9
+"""No number in a file is larger, whatever its unit: no robot needs it, and its powers overflow."""
 
 
 class Fields:
@@ -76,20 +81,22 @@ class Fields:
         return value.strip()
 
     def number(self, key: str, *, positive: bool = False, minimum: float | None = None) -> float:
-        """A finite number, larger than zero or at least `minimum` if asked for."""
+        """A number up to `LARGEST`, above zero or at least `minimum` if asked for."""
         value = self.raw(key)
         wanted = "a positive number" if positive else "a number"
         wanted += f" of at least {minimum}" if minimum is not None else ""
-        right = isinstance(value, int | float) and not isinstance(value, bool)
-        # A whole number may be too large for a float; NaN fails the comparison.
-        if not right or not -sys.float_info.max <= value <= sys.float_info.max:
+        if not isinstance(value, int | float) or isinstance(value, bool):
             raise self._error(f"{self._name(key)} has the wrong kind", got=value, wanted=wanted)
+        # NaN fails the comparison, which whole numbers too large for a float survive.
+        if not -LARGEST <= value <= LARGEST:
+            wanted += f", finite and at most {LARGEST:g} in size"
+            raise self._error(f"{self._name(key)} is out of range", got=value, wanted=wanted)
         if (positive and value <= 0.0) or (minimum is not None and value < minimum):
             raise self._error(f"{self._name(key)} is out of range", got=value, wanted=wanted)
         return float(value)
 
     def numbers(self, key: str, count: int) -> Float64[np.ndarray, " n"]:
-        """A list of `count` finite numbers."""
+        """A list of `count` numbers."""
         value = self.raw(key)
         if not isinstance(value, list) or len(value) != count:
             raise self._error(
@@ -161,6 +168,8 @@ class _StrictLoader(yaml.SafeLoader):
         # With a tag a text can claim to be a number, which the safe loader does not check.
         if getattr(event, "tag", None) is not None:
             raise yaml.YAMLError(f"the tag {event.tag!r} is not allowed, {event.start_mark}")
+        if isinstance(event, yaml.ScalarEvent) and len(event.value) > _LONGEST:
+            raise yaml.YAMLError(f"a text is longer than {_LONGEST} letters, {event.start_mark}")
         return super().compose_node(parent, index)
 
     def construct_mapping(self, node: Any, deep: bool = False) -> dict[Any, Any]:

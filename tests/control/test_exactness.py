@@ -13,7 +13,6 @@ from poise.limits import JointLimit, TorqueLimit
 from poise.tasks import ComTask, FrameTask, JointTask, MomentumTask, PostureTask
 
 SEEDS = range(6)
-FREE = JointLimit(acceleration_max=1e4)
 
 
 def standing(robot, *, friction=0.7, tasks=None, torque_scale=1.0):
@@ -124,14 +123,14 @@ def test_an_unreachable_hand_never_worsens_the_com(get_robot, seed):
         hand, com = FrameTask("left_hand", "position"), ComTask(kp=200.0)
         stack = standing(robot, tasks=[[com], [hand], [PostureTask()]])
         controller = WholeBodyController(robot, stack)
-        com.set_target(robot.q_home[:3] * 0.0 + Dynamics(robot).com + [0.05, 0.0, -0.02])
+        com.set_target(Dynamics(robot).com + [0.05, 0.0, -0.02])
         if reach:
             hand.set_target([5.0, 3.0, 4.0])
         command = controller.step(state)
         assert command.status.ok
         task = com.jacobian @ command.acceleration + com.drift - com.reference
         residuals[reach] = np.linalg.norm(task)
-    assert residuals[True] <= residuals[False] + 1e-6 * max(1.0, np.linalg.norm(com.reference))
+    assert residuals[True] <= residuals[False] * (1.0 + 1e-6) + 1e-6
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -148,7 +147,9 @@ def test_an_unreachable_hand_never_worsens_a_com_that_is_out_of_reach_itself(get
         hand.set_target([5.0, -3.0, 4.0])
         command = controller.step(state)
         assert command.status.ok
-        residuals.append(np.linalg.norm(com.jacobian @ command.acceleration + com.drift - com.reference))
+        residuals.append(
+            np.linalg.norm(com.jacobian @ command.acceleration + com.drift - com.reference)
+        )
     assert residuals[0] > 1.0
     assert residuals[1] == pytest.approx(residuals[0], rel=1e-5)
 
@@ -177,7 +178,9 @@ def levels_of(robot, stack, state):
     levels = [(base, -dynamics.h[:6], np.ones(6))]
     motion = np.zeros((len(Jc), n))
     motion[:, :nv] = Jc
-    levels.append((motion, np.concatenate([c.reference - c.drift for c in contacts]), np.ones(len(Jc))))
+    levels.append(
+        (motion, np.concatenate([c.reference - c.drift for c in contacts]), np.ones(len(Jc)))
+    )
     for tasks in stack.levels:
         for task in tasks:
             task.evaluate(dynamics)

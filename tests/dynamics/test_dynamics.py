@@ -200,6 +200,37 @@ def test_a_frame_keeps_its_numbers_after_the_next_update(robot):
         assert np.array_equal(kept, then)
 
 
+VECTORS = ("com", "com_velocity", "com_bias", "momentum", "momentum_bias")
+
+
+def test_vectors_keep_their_numbers_after_the_next_update(robot):
+    dynamics = Dynamics(robot)
+    dynamics.update(random_state(robot, 1))
+    kept = {name: getattr(dynamics, name) for name in VECTORS}
+    then = {name: value.copy() for name, value in kept.items()}
+    dynamics.update(random_state(robot, 2))
+    for name in VECTORS:
+        assert np.array_equal(kept[name], then[name]), name
+
+
+@pytest.mark.parametrize("name", [*VECTORS, "M", "h", "com_jacobian", "momentum_matrix"])
+def test_numbers_outlive_the_object_they_came_from(get_robot, name):
+    """A view into Pinocchio's freed memory showed whatever was written there next."""
+    robot = get_robot("humanoid33")
+    state = random_state(robot, 1)
+    expected = getattr(dynamics_at(robot, state.q, state.v), name).copy()
+    for seed in range(20):
+        orphan = getattr(dynamics_at(robot, state.q, state.v), name)
+        others = [dynamics_at(robot, *_other(robot, seed + k)) for k in range(2)]
+        assert np.array_equal(orphan, expected)
+        del others
+
+
+def _other(robot, seed):
+    state = random_state(robot, 100 + seed)
+    return state.q, state.v
+
+
 def test_update_replaces_every_quantity(robot):
     dynamics = Dynamics(robot)
     dynamics.update(random_state(robot, 1))

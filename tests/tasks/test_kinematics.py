@@ -40,7 +40,7 @@ def robot(request, get_robot):
 
 
 def frame_difference(robot, frame, root=None):
-    """Difference of a frame's pose between two configurations, in the world or as `root` sees it."""
+    """Difference of a pose between two configurations, in the world or as `root` sees it."""
 
     def placement(q):
         at = frame_placement(robot, q, frame)

@@ -4,19 +4,15 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from poise.bench.result import PHASES, TickResult
 from poise.report.plots.style import INK, PALETTE, house_style, plain_number
 
-_UNKNOWN = "#CBD2D9"
-"""Colour of what a peer does not tell apart."""
+_BAR = "#9AA5B1"
+"""Colour of the whole tick: none of the phases'."""
 
 
 def write_figure(results: Sequence[TickResult], path: Path) -> Path:
-    """Draws the median tick by phase, with the 99th percentile, one panel a stack.
-
-    The axis is logarithmic in the total; the phases share each bar in proportion.
+    """Draws, a row a stack, how long each tick takes and how its time is shared by the phases.
 
     Args:
         results: of one benchmark.
@@ -33,37 +29,35 @@ def write_figure(results: Sequence[TickResult], path: Path) -> Path:
     with house_style():
         from matplotlib.figure import Figure
 
-        figure: Any = Figure(
-            figsize=(7.2, 0.9 + len(stacks) * (0.9 + 0.32 * tallest)), layout="constrained"
+        height = 1.1 + len(stacks) * (0.6 + 0.36 * tallest)
+        figure: Any = Figure(figsize=(9.0, height), layout="constrained")
+        panels = figure.subplots(
+            len(stacks), 2, squeeze=False, sharex="col", width_ratios=(1.5, 1.0)
         )
-        axes = figure.subplots(len(stacks), 1, squeeze=False, sharex=True)[:, 0]
-        for ax, stack in zip(axes, stacks, strict=True):
-            _panel(ax, [r for r in results if r.stack == stack])
-        axes[-1].set_xlabel("tick from state to command, median [µs]; line to the 99th percentile")
-        figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper right", ncols=5)
+        for (times, shares), stack in zip(panels, stacks, strict=True):
+            rows = [r for r in results if r.stack == stack]
+            _draw_times(times, rows)
+            _draw_shares(shares, rows)
+        longest = max(r.p99_us for r in results)
+        # Room for the words behind the longest line.
+        panels[-1, 0].set_xlim(min(r.p50_us for r in results) / 3.0, 12.0 * longest)
+        panels[-1, 0].set_xlabel("tick, median [µs]; line to the 99th percentile")
+        panels[-1, 1].set_xlabel("share of the tick, medians [%]")
+        handles, labels = panels[0, 1].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside upper right", ncols=len(labels))
         figure.savefig(path, facecolor="white", dpi=150)
     return path
 
 
-def _panel(ax: Any, rows: list[TickResult]) -> None:
-    lowest = min(r.p50_us for r in rows) / 4.0
-    for y, row in enumerate(rows):
-        known = [row.phases_us[phase] for phase in PHASES]
-        if any(value is None for value in known):
-            _bar(ax, y, lowest, row.p50_us, _UNKNOWN, "not told apart")
-        else:
-            shares = np.cumsum([0.0, *(value or 0.0 for value in known)])
-            edges = lowest * (row.p50_us / lowest) ** (shares / shares[-1])
-            for i, phase in enumerate(PHASES):
-                label = phase if y == 0 else None
-                _bar(ax, y, edges[i], edges[i + 1], PALETTE[i], label)
-        ax.plot([row.p50_us, row.p99_us], [y, y], color=INK, linewidth=1.0)
-        failed = f"  {row.missed_ticks} failed" if row.missed_ticks else ""
-        ratio = f"{row.p50_us:.0f} µs, {row.ratio_to_direct:.2f} × direct{failed}"
-        ax.annotate(ratio, (row.p99_us, y), xytext=(5, 0), textcoords="offset points", va="center")
+def _draw_times(ax: Any, rows: list[TickResult]) -> None:
     first = rows[0]
+    for y, row in enumerate(rows):
+        ax.barh(y, row.p50_us, height=0.55, color=_BAR)
+        ax.plot([row.p50_us, row.p99_us], [y, y], color=INK, linewidth=1.0)
+        words = f"{row.p50_us:.0f} µs, {row.ratio_to_direct:.2f} × direct"
+        words += f", {row.missed_ticks} failed" if row.missed_ticks else ""
+        ax.annotate(words, (row.p99_us, y), xytext=(5, 0), textcoords="offset points", va="center")
     ax.set_xscale("log")
-    ax.set_xlim(lowest, 8.0 * max(r.p99_us for r in rows))
     ax.xaxis.set_major_formatter(plain_number)
     ax.set_yticks(range(len(rows)), [r.solver for r in rows])
     ax.invert_yaxis()
@@ -74,5 +68,16 @@ def _panel(ax: Any, rows: list[TickResult]) -> None:
     )
 
 
-def _bar(ax: Any, y: int, left: float, right: float, colour: str, label: str | None) -> None:
-    ax.barh(y, right - left, left=left, height=0.62, color=colour, label=label)
+def _draw_shares(ax: Any, rows: list[TickResult]) -> None:
+    for y, row in enumerate(rows):
+        known = [row.phases_us[phase] or 0.0 for phase in PHASES]
+        left = 0.0
+        for i, value in enumerate(known):
+            share = 100.0 * value / sum(known)
+            label = PHASES[i] if y == 0 else None
+            ax.barh(y, share, left=left, height=0.55, color=PALETTE[i], label=label)
+            left += share
+    ax.set_xlim(0.0, 100.0)
+    ax.set_yticks([])
+    ax.invert_yaxis()
+    ax.grid(visible=False)

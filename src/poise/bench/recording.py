@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from poise.bench.paths import Loop, Path, Point
-from poise.bench.stances import Stance, bench_stack, check_biped, support_sole, swing_sole
+from poise.bench.stances import bench_stack, check_biped, support_sole, swing_sole
 from poise.control import Stack, WholeBodyController, default_stack
 from poise.dynamics import Dynamics, RobotState
 from poise.errors import PoiseError
@@ -47,14 +47,14 @@ class Recording:
 
     Attributes:
         robot: whose run.
-        stance: on two feet or on one.
+        stance: one of `STANCES`.
         states: what the controller was told, one a tick.
         paths: moving targets by task name.
         rotations: orientations that are held, world_R_frame by task name.
     """
 
     robot: Robot
-    stance: Stance
+    stance: str
     states: tuple[RobotState, ...]
     paths: Mapping[str, Path]
     rotations: Mapping[str, Float64[np.ndarray, "3 3"]]
@@ -73,7 +73,7 @@ class Recording:
 
 
 def record_run(
-    robot: Robot, stance: Stance, ticks: int, progress: Progress | None = None
+    robot: Robot, stance: str, ticks: int, progress: Progress | None = None
 ) -> Recording:
     """Runs a robot in simulation and records it while everything moves.
 
@@ -83,7 +83,7 @@ def record_run(
 
     Args:
         robot: a biped.
-        stance: on two feet or on one.
+        stance: one of `STANCES`.
         ticks: how many ticks to record.
         progress: told how far the run is.
 
@@ -131,13 +131,13 @@ def record_run(
     )
 
 
-def _loops_begin(stance: Stance) -> float:
+def _loops_begin(stance: str) -> float:
     """When everything starts to go round [s]."""
     return _RAISE if stance == "double" else _SHIFT + _UNLOAD + _LIFT
 
 
 def _choreograph(
-    robot: Robot, stack: Stack, stance: Stance, begin: float
+    robot: Robot, stack: Stack, stance: str, begin: float
 ) -> tuple[dict[str, Loop], dict[str, Float64[np.ndarray, "3 3"]]]:
     """Moving points and held orientations by task name, from the home posture."""
     dynamics = Dynamics(robot)

@@ -19,7 +19,7 @@ class TickTimes:
         phases: its parts, in the order of `PHASES` [s]; NaN where a peer does not tell them apart.
     """
 
-    total: Float64[np.ndarray, "ticks"]
+    total: Float64[np.ndarray, " ticks"]
     phases: Float64[np.ndarray, "ticks 4"]
 
 

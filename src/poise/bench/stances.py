@@ -1,20 +1,15 @@
 """`bench_stack`: the tasks that a benchmark times, on two feet or on one."""
 
-from typing import Literal
-
 from poise.control import Stack, default_stack
 from poise.errors import ConfigurationError
 from poise.robots.robot import Robot
 from poise.tasks import FrameTask, PostureTask, Task
 
-Stance = Literal["double", "single"]
+STANCES = ("double", "single")
 """Feet on the ground: both, or the right one."""
 
-StackKind = Literal["table1", "default"]
-"""Which stack: the four levels of the paper's table, or Poise's own with a posture level."""
-
-STANCES: tuple[Stance, ...] = ("double", "single")
-STACKS: tuple[StackKind, ...] = ("table1", "default")
+STACKS = ("table1", "default")
+"""Stacks: the four levels of the paper's table, or Poise's own with a posture level."""
 
 
 def swing_sole(robot: Robot) -> str:
@@ -41,7 +36,7 @@ def check_biped(robot: Robot) -> None:
         )
 
 
-def bench_stack(robot: Robot, kind: StackKind, stance: Stance) -> Stack:
+def bench_stack(robot: Robot, kind: str, stance: str) -> Stack:
     """A new stack: the levels to time.
 
     "table1" is Table 1 of Ahn et al. 2024: dynamics and torque limits; contacts, wrench cones and
@@ -51,8 +46,8 @@ def bench_stack(robot: Robot, kind: StackKind, stance: Stance) -> Stack:
 
     Args:
         robot: a biped, see `check_biped`.
-        kind: which stack.
-        stance: on two feet or on one.
+        kind: one of `STACKS`.
+        stance: one of `STANCES`.
     """
     base = default_stack(robot)
     levels = [list(level) for level in base.levels]

@@ -7,7 +7,7 @@ import numpy as np
 from poise.bench.methods import Method
 from poise.bench.recording import Recording
 from poise.bench.result import PHASES, TickTimes
-from poise.bench.stances import StackKind, bench_stack
+from poise.bench.stances import bench_stack
 from poise.control import make_controller
 from poise.control.formulation import PHYSICS_LEVELS
 
@@ -26,9 +26,7 @@ class Subject:
         MissingExtraError: the backend is not installed.
     """
 
-    def __init__(
-        self, recording: Recording, kind: StackKind, method: Method, controller: str
-    ) -> None:
+    def __init__(self, recording: Recording, kind: str, method: Method, controller: str) -> None:
         stack = bench_stack(recording.robot, kind, recording.stance)
         self.name = method.name
         self.controller = make_controller(recording.robot, stack, method.plan(controller))

@@ -5,16 +5,16 @@ from collections.abc import Generator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import get_args
 
 from poise.bench.methods import DEFAULT_METHODS, DIRECT, parse_method
 from poise.bench.peers import PEERS, PeerProcess
 from poise.bench.recording import Progress, Recording, record_run
 from poise.bench.result import TickResult, TickTimes, time_statistics
-from poise.bench.stances import STACKS, StackKind, Stance, check_biped
+from poise.bench.stances import STACKS, STANCES, check_biped
 from poise.bench.subject import Subject
 from poise.control import CONTROLLERS
 from poise.errors import ConfigurationError, UnknownNameError
+from poise.hqp import make_solver
 from poise.robots import load_robot
 
 WARM_UP = 30
@@ -39,15 +39,15 @@ class TickBench:
     """
 
     robot: str = "humanoid33"
-    contacts: Stance = "double"
+    contacts: str = "double"
     controller: str = "whole_body"
-    stacks: tuple[StackKind, ...] = STACKS
+    stacks: tuple[str, ...] = STACKS
     methods: tuple[str, ...] = DEFAULT_METHODS
     peers: Mapping[str, Path] = field(default_factory=dict)
     ticks: int = 500
 
     def __post_init__(self) -> None:
-        _check_choice("unknown contacts", [self.contacts], get_args(Stance))
+        _check_choice("unknown contacts", [self.contacts], STANCES)
         _check_choice("unknown stack", self.stacks, STACKS)
         _check_choice("no such controller", [self.controller], tuple(CONTROLLERS))
         _check_choice("unknown peer", tuple(self.peers), PEERS)
@@ -86,7 +86,9 @@ def bench_tick(plan: TickBench, progress: Progress | None = None) -> list[TickRe
     names = list(dict.fromkeys((DIRECT, *plan.methods)))
     methods = [parse_method(name) for name in names]
     results: list[TickResult] = []
-    # Made once before the run, so that a backend that is missing is found first.
+    for method in methods:
+        # A backend that is missing is found before the run.
+        make_solver(method.strategy, method.backend)
     recording = record_run(robot, plan.contacts, ticks)
     for i, kind in enumerate(plan.stacks):
         with ExitStack() as stack:
@@ -97,7 +99,7 @@ def bench_tick(plan: TickBench, progress: Progress | None = None) -> list[TickRe
             ]
             for done in _interleave(subjects, peers, ticks):
                 if progress is not None:
-                    progress(i * ticks + done, len(plan.stacks) * ticks)
+                    progress(float(i * ticks + done), float(len(plan.stacks) * ticks))
             results += _results(plan, recording, kind, subjects, peers)
     return results
 
@@ -133,7 +135,7 @@ def _collector_paused() -> Generator[None]:
 def _results(
     plan: TickBench,
     recording: Recording,
-    kind: StackKind,
+    kind: str,
     subjects: Sequence[Subject],
     peers: Sequence[PeerProcess],
 ) -> list[TickResult]:

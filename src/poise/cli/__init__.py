@@ -1,0 +1,1 @@
+"""The `poise` command, one module a verb."""

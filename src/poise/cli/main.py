@@ -33,7 +33,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         return options.act(options)
     except PoiseError as error:
-        print(f"poise: {error}", file=sys.stderr)
+        # One line, whatever a name in a file or a library's message has in it.
+        print("poise:", *str(error).split(), file=sys.stderr)
         return BAD_INPUT
     except KeyboardInterrupt:
         print("poise: interrupted", file=sys.stderr)
@@ -42,6 +43,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         # The reader of a pipe, such as `head`, has gone; what is left to say is for nobody.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return OK
+    except OSError as error:
+        # A full disk, or a folder where a file should be written.
+        print(f"poise: {error}", file=sys.stderr)
+        return BAD_INPUT
 
 
 if __name__ == "__main__":

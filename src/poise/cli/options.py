@@ -34,8 +34,11 @@ def make_folder(wanted: str | None, default: str) -> Path:
 
 
 def whole_number(text: str) -> int:
-    """A number >= 0 of the command line."""
-    number = int(text)
-    if number < 0:
-        raise argparse.ArgumentTypeError(f"{text} is below zero")
-    return number
+    """A whole number >= 0 of the command line.
+
+    Raises:
+        argparse.ArgumentTypeError: it is something else.
+    """
+    if not (text.isascii() and text.isdigit()):
+        raise argparse.ArgumentTypeError(f"got {text!r}, wanted 0, 1, 2, ...")
+    return int(text)

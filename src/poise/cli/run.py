@@ -63,8 +63,11 @@ def act(options: argparse.Namespace) -> int:
     write_summary(summary, folder)
     no_video = None
     if not options.no_video:
-        with Bar("drawing the video", " frames") as bar:
-            no_video = write_video(run, folder, bar)
+        try:
+            with Bar("drawing the video", " frames") as bar:
+                no_video = write_video(run, folder, bar)
+        except KeyboardInterrupt:
+            no_video = "No video: interrupted by the user"
     page = write_page(run, summary, folder, no_video)
     if options.json:
         print(json.dumps(summary))
@@ -76,13 +79,13 @@ def act(options: argparse.Namespace) -> int:
 def _overridden(scenario: Any, options: argparse.Namespace) -> Any:
     """The scenario with what the command line says instead of the file."""
     controller = scenario.controller
-    if options.controller:
+    if options.controller is not None:
         controller = replace(controller, name=options.controller)
-    if options.strategy:
+    if options.strategy is not None:
         controller = replace(controller, strategy=options.strategy)
     return replace(
         scenario,
-        robot=options.robot or scenario.robot,
+        robot=scenario.robot if options.robot is None else options.robot,
         seed=scenario.seed if options.seed is None else options.seed,
         controller=controller,
     )

@@ -5,7 +5,7 @@ from abc import ABC, abstractmethod
 import numpy as np
 from jaxtyping import Float64
 
-from poise.checks import checked_number
+from poise.checks import checked_kind, checked_number
 from poise.contacts.load import LoadRamp
 from poise.dynamics.dynamics import Dynamics
 from poise.dynamics.frames import FrameKinematics
@@ -56,7 +56,7 @@ class Contact(ABC):
         dim: int,
         name: str | None,
     ) -> None:
-        self.frame = frame
+        self.frame = checked_kind(frame, str, "frame of a contact")
         self.name = name or frame
         self.friction = checked_number(friction, f"friction of contact {self.name!r}", above=0.0)
         self.damping = checked_number(damping, f"damping of contact {self.name!r} [1/s]")

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 
+from poise.checks import checked_kind
 from poise.contacts.contact import Contact
 from poise.contacts.surface import SurfaceContact
 from poise.errors import ConfigurationError
@@ -39,21 +40,25 @@ class Stack:
         torque_limit: TorqueLimit | None = None,
         joint_limit: JointLimit | None = None,
     ) -> None:
-        for contact in contacts:
-            _check_type(contact, Contact, "a contact of the stack")
-        for i, level in enumerate(levels):
-            if isinstance(level, Task) or not level:
+        for contact in checked_kind(contacts, Sequence, "the contacts of the stack"):
+            checked_kind(contact, Contact, "a contact of the stack")
+        for i, level in enumerate(checked_kind(levels, Sequence, "the levels of the stack")):
+            if not isinstance(level, Sequence) or not level:
                 raise ConfigurationError(
                     f"level {i} of the stack is not a list of tasks",
                     got=level,
                     wanted="a list with at least one task",
                 )
             for task in level:
-                _check_type(task, Task, f"an entry of level {i} of the stack")
+                checked_kind(task, Task, f"an entry of level {i} of the stack")
         self.contacts = tuple(contacts)
         self.levels = tuple(tuple(level) for level in levels)
-        self.torque_limit = torque_limit or TorqueLimit()
-        self.joint_limit = joint_limit or JointLimit()
+        self.torque_limit = checked_kind(
+            torque_limit or TorqueLimit(), TorqueLimit, "torque_limit of the stack"
+        )
+        self.joint_limit = checked_kind(
+            joint_limit or JointLimit(), JointLimit, "joint_limit of the stack"
+        )
         _check_unique([c.frame for c in self.contacts], "two contacts of the stack on one frame")
         _check_unique([c.name for c in self.contacts], "two contacts of the stack with one name")
         _check_unique([t.name for _, t in self.tasks()], "two tasks of the stack with one name")
@@ -121,11 +126,6 @@ def default_stack(robot: Robot) -> Stack:
         contacts=[SurfaceContact(sole) for sole in robot.soles],
         levels=[*levels, [PostureTask()]],
     )
-
-
-def _check_type(value: object, kind: type[Task] | type[Contact], what: str) -> None:
-    if not isinstance(value, kind):
-        raise ConfigurationError(f"{what} is of the wrong kind", got=value, wanted=kind.__name__)
 
 
 def _check_unique(names: list[str], what: str) -> None:

@@ -14,23 +14,31 @@ _LARGEST = 1e6
 """Larger positions and speeds are no robot's [m, rad, m/s, rad/s]; their squares overflow."""
 
 
-def is_usable(state: RobotState, robot: Robot) -> bool:
-    """Whether sizes and types fit, numbers are finite and sane, and the base quaternion is a unit.
+def is_usable(state: object, robot: Robot) -> bool:
+    """Whether kinds and sizes fit, numbers are finite and sane, and the base quaternion is a unit.
 
     Args:
         state: the state as it came.
         robot: the robot it should belong to.
     """
+    if not isinstance(state, RobotState):
+        return False
     q, v = state.q, state.v
-    if q.shape != (robot.nq,) or v.shape != (robot.nv,) or not math.isfinite(state.time):
+    if not (_is_vector(q, robot.nq) and _is_vector(v, robot.nv) and _is_time(state.time)):
         return False
-    # Pinocchio takes nothing else.
-    if q.dtype != np.float64 or v.dtype != np.float64:
-        return False
-    # Half the price of isfinite().all(); NaN fails the comparison, and dot() warns of nothing.
-    if not (q.dot(q) <= _LARGEST**2 and v.dot(v) <= _LARGEST**2):
+    # NaN fails the comparison; and unlike NumPy's sums and products hypot never warns of overflow.
+    if not (math.hypot(*q.tolist()) <= _LARGEST and math.hypot(*v.tolist()) <= _LARGEST):
         return False
     if not robot.floating_base:
         return True
     x, y, z, w = q[3:7].tolist()
     return abs(x * x + y * y + z * z + w * w - 1.0) < 2.0 * _QUATERNION_TOLERANCE
+
+
+def _is_vector(value: object, size: int) -> bool:
+    # Pinocchio takes nothing but doubles.
+    return isinstance(value, np.ndarray) and value.shape == (size,) and value.dtype == np.float64
+
+
+def _is_time(value: object) -> bool:
+    return isinstance(value, float | int) and math.isfinite(value)

@@ -4,6 +4,7 @@ from time import perf_counter
 
 import numpy as np
 
+from poise.checks import checked_kind, checked_number
 from poise.contacts.contact import Contact
 from poise.control.command import Command, CommandStatus
 from poise.control.fallback import Fallback
@@ -52,8 +53,11 @@ class WholeBodyController:
         backend: str | None = None,
         time_limit: float | None = None,
     ) -> None:
-        self.robot = robot
-        self.stack = default_stack(robot) if stack is None else stack
+        if time_limit is not None:
+            checked_number(time_limit, "time_limit of the controller [s]", above=0.0)
+        self.robot = checked_kind(robot, Robot, "the controller's robot")
+        stack = default_stack(robot) if stack is None else stack
+        self.stack = checked_kind(stack, Stack, "the controller's stack")
         self.stack.bind(robot)
         self.dynamics = Dynamics(robot)
         self.timings: dict[str, float] = {}
@@ -172,6 +176,7 @@ class WholeBodyController:
             residuals=tuple(solution.relative_residuals.tolist()),
         )
 
-    def _safe(self, status: CommandStatus, state: RobotState) -> Command:
+    def _safe(self, status: CommandStatus, state: object) -> Command:
         self._last_status = status
-        return Command(status=status, torque=self._fallback.torque(state.v, state.time))
+        v, time = (state.v, state.time) if isinstance(state, RobotState) else (None, None)
+        return Command(status=status, torque=self._fallback.torque(v, time))

@@ -13,7 +13,8 @@ class Dynamics:
     """Mass matrix, nonlinear effects, frames, COM and centroidal momentum of one state.
 
     `update` runs Pinocchio's recursions once; frames are evaluated when first asked for and kept
-    until the next `update`, so that two tasks on one frame cost one evaluation.
+    until the next `update`, so that two tasks on one frame cost one evaluation. The next `update`
+    overwrites the matrices and `h` in place; other vectors and frames keep their numbers.
 
     The equation of motion is
 
@@ -65,12 +66,14 @@ class Dynamics:
         # Pinocchio's own array, both triangles filled, turned from column-major to row-major.
         self.M: Float64[np.ndarray, "nv nv"] = data.M.T
         self.h: Float64[np.ndarray, " nv"] = data.nle
-        self.com: Float64[np.ndarray, "3"] = data.com[0]
-        self.com_velocity: Float64[np.ndarray, "3"] = data.vcom[0]
+        # Copied: elements of Pinocchio's vectors do not keep alive what they are views into, and a
+        # user may keep what was measured.
+        self.com: Float64[np.ndarray, "3"] = data.com[0].copy()
+        self.com_velocity: Float64[np.ndarray, "3"] = data.vcom[0].copy()
         self.com_jacobian: Float64[np.ndarray, "3 nv"] = data.Jcom
-        self.momentum: Float64[np.ndarray, "6"] = data.hg.vector
+        self.momentum: Float64[np.ndarray, "6"] = data.hg.vector.copy()
         self.momentum_matrix: Float64[np.ndarray, "6 nv"] = data.Ag
-        self.momentum_bias: Float64[np.ndarray, "6"] = data.dhg.vector
+        self.momentum_bias: Float64[np.ndarray, "6"] = data.dhg.vector.copy()
         self.com_bias: Float64[np.ndarray, "3"] = self.momentum_bias[:3] / self._mass
 
     def frame(self, frame_id: int) -> FrameKinematics:

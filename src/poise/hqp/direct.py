@@ -6,7 +6,6 @@ import numpy as np
 from jaxtyping import Float64
 
 from poise.hqp.hard import STATIONARITY_TOLERANCE, HardPoint, HardQP
-from poise.hqp.last_level import LastLevelQP
 from poise.hqp.lexicographic import Resolution, Stage, resolve
 from poise.hqp.measure import (
     FEASIBILITY_TOLERANCE,
@@ -17,15 +16,20 @@ from poise.hqp.measure import (
     signed_slacks,
 )
 from poise.hqp.problem import HierarchicalProblem
+from poise.hqp.soft_levels import SoftLevels, can_give
 from poise.hqp.solution import Solution, SolveStatus
 from poise.hqp.status import failure, is_sound
+
+PATIENCE = 20
+"""Solves for which a level that no longer gives is still solved as one that may."""
 
 
 class DirectSolver:
     """Solves with all rows hard, exact whenever everything can be met; else level by level.
 
-    Where only the last level must give, as a posture at the bottom of a stack always must, that
-    level is the cost of one QP over the others (`LastLevelQP`), which the next solve tries first.
+    Levels of equality rows that must give, as a posture at the bottom of a stack always must, are
+    solved one by one over the others (`SoftLevels`), those of the last solve first. What is left,
+    conflicts among inequality rows, goes to the exact resolution (`resolve`).
 
     The workspace persists: a controller keeps one solver and calls `solve` every tick. Nothing
     raises on numbers.
@@ -39,16 +43,17 @@ class DirectSolver:
     def __init__(self, time_limit: float | None = None) -> None:
         self.time_limit = time_limit
         self._hard = HardQP()
-        self._last_level = LastLevelQP()
-        self._last_gives = False
+        self._soft_levels = SoftLevels()
+        self._soft: tuple[int, ...] = ()
+        self._idle = 0
         self._hint: tuple[Stage, ...] = ()
         self._scratch = _Scratch(0, 0)
 
     def reset(self) -> None:
         """Forget the last solution, so that the next solve starts cold."""
         self._hard.reset()
-        self._last_level.reset()
-        self._last_gives = False
+        self._soft_levels.reset()
+        self._soft = ()
         self._hint = ()
 
     def solve(self, problem: HierarchicalProblem) -> Solution:
@@ -61,12 +66,16 @@ class DirectSolver:
         scratch = self._scratch
         if scratch.shape != problem.A.shape:
             self._scratch = _Scratch(problem.n, problem.m)
-        attempts = (self._solve_hard, self._solve_last_level)
-        # Two looks at the same numbers: the way that worked at the last tick comes first.
-        for attempt in attempts[::-1] if self._last_gives else attempts:
-            solution = attempt(problem, start)
+        # The way that worked at the last tick comes first.
+        if not self._soft:
+            solution = self._solve_hard(problem, start)
             if solution is not None:
                 return solution
+        for soft in self._candidates(problem):
+            solution = self._solve_soft(problem, soft, start)
+            if solution is not None:
+                return solution
+        self._soft = ()
         solved = perf_counter()
         if not is_sound(problem):
             return failure(problem, SolveStatus.BAD_PROBLEM, self.name, start)
@@ -79,26 +88,29 @@ class DirectSolver:
         )
         if point is None:
             return None
-        solution = self._accept(problem, point, start, perf_counter())
-        self._last_gives = solution is None
-        return solution
+        return self._accept(problem, point, start, perf_counter())
 
-    def _solve_last_level(self, problem: HierarchicalProblem, start: float) -> Solution | None:
-        """Meet every level but the last, whose slack is least, if that is possible."""
-        found = self._last_level.solve(problem, self.time_limit or 0.0)
+    def _candidates(self, problem: HierarchicalProblem) -> list[tuple[int, ...]]:
+        """Which levels to let give: those of the last solve, the last alone, or all that can."""
+        able = tuple(i for i in range(len(problem.levels)) if can_give(problem, i))
+        known = tuple(i for i in self._soft if i in able)
+        return list(dict.fromkeys(soft for soft in (known, able[-1:], able) if soft))
+
+    def _solve_soft(
+        self, problem: HierarchicalProblem, soft: tuple[int, ...], start: float
+    ) -> Solution | None:
+        """Meet every level but the soft ones, whose slack is least in their order, if possible."""
+        found = self._soft_levels.solve(problem, soft, self.time_limit or 0.0)
         if found is None:
-            self._last_gives = False
             return None
         x, iterations = found
         solved = perf_counter()
         slacks = self._measure(problem, x)
-        hard = problem.n + problem.m - len(problem.levels[-1].lower)
-        if not self._is_met(problem, x, hard):
+        if not self._is_met(problem, x, soft):
             return None
         residuals, scales = self._scratch.norms(problem)
         relative = residuals / scales
-        # Where the last level is met after all, the next solve meets everything at once.
-        self._last_gives = bool(relative[-1] > FEASIBILITY_TOLERANCE)
+        self._remember(soft, relative)
         end = perf_counter()
         return Solution(
             status=SolveStatus.OPTIMAL,
@@ -107,10 +119,20 @@ class DirectSolver:
             residuals=residuals,
             relative_residuals=relative,
             strategy=self.name,
-            relaxed=self._last_gives,
+            relaxed=bool((relative > FEASIBILITY_TOLERANCE).any()),
             iterations=iterations,
-            timings={"last_level": solved - start, "check": end - solved, "total": end - start},
+            timings={"soft": solved - start, "check": end - solved, "total": end - start},
         )
+
+    def _remember(self, soft: tuple[int, ...], relative: Float64[np.ndarray, " p"]) -> None:
+        """Keep the levels that gave for the next solve, and let go of those that no longer do."""
+        giving = tuple(i for i in soft if relative[i] > FEASIBILITY_TOLERANCE)
+        # A conflict that ended may return at the next tick: letting go costs more than keeping.
+        self._idle = self._idle + 1 if len(giving) < len(soft) else 0
+        if self._idle > PATIENCE:
+            self._soft, self._idle = giving, 0
+        else:
+            self._soft = soft
 
     def _measure(
         self, problem: HierarchicalProblem, x: Float64[np.ndarray, " n"]
@@ -126,14 +148,20 @@ class DirectSolver:
         return slacks
 
     def _is_met(
-        self, problem: HierarchicalProblem, x: Float64[np.ndarray, " n"], count: int
+        self,
+        problem: HierarchicalProblem,
+        x: Float64[np.ndarray, " n"],
+        soft: tuple[int, ...] = (),
     ) -> bool:
-        """Whether the first bounds and rows hold, going by the measured slacks."""
-        sizes = np.abs(self._scratch.slacks[:count], out=self._scratch.sizes[:count])
+        """Whether all bounds and rows but the soft levels' hold, by the measured slacks."""
+        sizes = np.abs(self._scratch.slacks, out=self._scratch.sizes)
+        for level in soft:
+            rows = problem.levels[level].slice
+            sizes[problem.n + rows.start : problem.n + rows.stop] *= 0.0
         # NaN fails both comparisons and is sorted out on the slow path.
         return bool(
-            sizes.max(initial=0.0) <= FEASIBILITY_TOLERANCE
-            or (sizes <= FEASIBILITY_TOLERANCE * row_sizes(problem, x)[:count]).all()
+            sizes.max() <= FEASIBILITY_TOLERANCE
+            or (sizes <= FEASIBILITY_TOLERANCE * row_sizes(problem, x)).all()
         )
 
     def _accept(
@@ -143,7 +171,7 @@ class DirectSolver:
         scratch = self._scratch
         n, x, multipliers = problem.n, point.x, point.multipliers
         slacks = self._measure(problem, x)
-        if not self._is_met(problem, x, n + problem.m):
+        if not self._is_met(problem, x):
             return None
         curvature = np.dot(problem.H, x, out=scratch.curvature)
         pull = np.dot(multipliers[n:], problem.A, out=scratch.pull)

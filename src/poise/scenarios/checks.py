@@ -14,6 +14,7 @@ from poise.robots.robot import Robot
 from poise.scenarios.metrics import METRICS
 from poise.scenarios.scenario import CheckPlan
 from poise.scenarios.signals import RunSignals
+from poise.tasks import ComTask
 
 PHYSICS_RESIDUAL = 1e-6
 """Relative residual that dynamics, contacts and limits may have in any run."""
@@ -44,12 +45,14 @@ def validate_checks(checks: Sequence[CheckPlan], stack: Stack, robot: Robot) -> 
     """Finds checks on tasks, soles or levels that do not exist.
 
     Raises:
-        UnknownNameError: no such task or sole.
-        ScenarioError: no such level.
+        UnknownNameError: no such metric, task or sole.
+        ScenarioError: no such level, or nothing that could be measured.
     """
     levels = PHYSICS_LEVELS + len(stack.levels)
     tasks = [task.name for _, task in stack.tasks()]
     for check in checks:
+        if check.metric not in METRICS:
+            raise UnknownNameError("unknown metric", got=check.metric, choices=METRICS)
         kind = METRICS[check.metric].subject
         known = {"task": tasks, "sole": list(robot.soles)}.get(kind)
         if known is not None and check.subject not in known:
@@ -59,6 +62,12 @@ def validate_checks(checks: Sequence[CheckPlan], stack: Stack, robot: Robot) -> 
         if kind == "level" and not 1 <= int(check.subject) <= levels:
             raise ScenarioError(
                 "a check names an unknown level", got=check.subject, wanted=f"1 to {levels}"
+            )
+        if check.metric == "com_error_max" and not any(
+            isinstance(task, ComTask) for _, task in stack.tasks()
+        ):
+            raise ScenarioError(
+                "a check needs a com task in the stack", got=check.metric, choices=tasks
             )
 
 

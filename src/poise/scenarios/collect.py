@@ -4,6 +4,7 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float64
 
+from poise.control.formulation import PHYSICS_LEVELS
 from poise.control.stack import Stack
 from poise.robots.robot import Robot
 from poise.scenarios.signals import RunSignals
@@ -38,7 +39,7 @@ def collect_signals(recorder: Recorder, robot: Robot, stack: Stack) -> RunSignal
     }
     support = support_phases(robot, time, standing, poses)
     zmp = recorder["zmp"]
-    levels = 2 + len(stack.levels)
+    levels = PHYSICS_LEVELS + len(stack.levels)
     return RunSignals(
         time=time,
         q=q,
@@ -53,6 +54,11 @@ def collect_signals(recorder: Recorder, robot: Robot, stack: Stack) -> RunSignal
         sole_heights={name: poses[name][0][:, 2].copy() for name in robot.soles},
         sole_planned=planned,
         wrenches=wrenches,
+        targets={
+            name.removeprefix("target/"): _aligned(recorder, name, time, (3,))
+            for name in recorder.names
+            if name.startswith("target/")
+        },
         task_errors={
             t.name: _aligned(recorder, f"error/{t.name}", time, ()) for _, t in stack.tasks()
         },

@@ -27,7 +27,7 @@ def summarise(run: Run) -> dict[str, object]:
     """
     signals = run.signals
     com_error = np.linalg.norm(signals.com_reference - signals.com, axis=1)
-    total = sum(signals.tick_us.values())
+    total = np.sum(list(signals.tick_us.values()), axis=0)
     return {
         "robot": run.robot.name,
         "controller": run.scenario.controller.name,
@@ -137,12 +137,9 @@ def make_record(run: Run, summary: dict[str, object], no_video: str | None) -> R
         ),
         residuals=signals.residuals,
         level_names=(
-            "1 dynamics, torque limits",
-            "2 contacts, joint limits",
-            *(
-                f"{PHYSICS_LEVELS + i + 1} " + ", ".join(t.name for t in level)
-                for i, level in enumerate(stack.levels)
-            ),
+            "dynamics, torques",
+            "contacts, joints",
+            *(", ".join(task.name for task in level) for level in stack.levels),
         ),
         status=signals.status,
         tick_us=signals.tick_us,
@@ -155,7 +152,7 @@ def make_record(run: Run, summary: dict[str, object], no_video: str | None) -> R
             for c in run.checks
         ),
         summary=summary,
-        replay=make_replay(run.plant, signals),
+        replay=make_replay(run.plant, signals, run.pushes),
         video=VIDEO if no_video == "" else None,
         notes=(no_video,) if no_video else (),
     )

@@ -3,6 +3,8 @@
 from dataclasses import fields as dataclass_fields
 from typing import Any
 
+import numpy as np
+
 from poise.errors import ScenarioError
 from poise.fields import Fields
 from poise.sim.config import PlantConfig, ServoConfig
@@ -10,6 +12,12 @@ from poise.sim.disturbances import Block, LinkError, Payload
 from poise.sim.sensors import SensorConfig
 
 _VECTORS = {"floor_slope": 2, "offset": 3, "com_offset": 3, "center": 2, "size": 3}
+_FARTHEST = 1e2
+"""No place or angle in a plant is farther than this [m, rad]: MuJoCo loses its accuracy there."""
+
+_LARGEST = 1e6
+"""No other number of a plant is larger, whatever its unit."""
+
 _TEXTS = ("actuation", "frame", "link")
 _SECTIONS: dict[str, type] = {"servo": ServoConfig, "sensors": SensorConfig}
 _LISTS: dict[str, type] = {"blocks": Block, "link_errors": LinkError, "payloads": Payload}
@@ -41,14 +49,24 @@ def _read(kind: type, data: object, where: str) -> Any:
         elif name in _TEXTS:
             values[name] = fields.text(name)
         elif name in _VECTORS:
-            values[name] = tuple(fields.numbers(name, _VECTORS[name]).tolist())
+            numbers = fields.numbers(name, _VECTORS[name])
+            _check_size(fields, name, float(np.abs(numbers).max()), _FARTHEST)
+            values[name] = tuple(numbers.tolist())
         else:
             values[name] = fields.number(name)
+            _check_size(fields, name, abs(values[name]), _LARGEST)
     try:
         return kind(**values)
     except TypeError:
         missing = [f.name for f in dataclass_fields(kind) if f.name not in values]
         raise ScenarioError(f"{where} lacks keys", got=sorted(values), choices=missing) from None
+
+
+def _check_size(fields: Fields, key: str, size: float, largest: float) -> None:
+    if size > largest:
+        raise ScenarioError(
+            f"{fields.where}: {key} is out of range", got=size, wanted=f"at most {largest:g}"
+        )
 
 
 def _read_list(kind: type, items: object, where: str) -> tuple[Any, ...]:

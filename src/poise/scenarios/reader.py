@@ -1,10 +1,12 @@
 """Reading a scenario file into a `Scenario`, strictly."""
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
+from jaxtyping import Float64
 
 from poise.control.make import ControllerPlan
 from poise.errors import ScenarioError, UnknownNameError
@@ -40,6 +42,12 @@ _KEYS = (
     "pushes",
     "checks",
 )
+
+_LARGEST = 1e3
+"""No point, shift or angle of a motion is larger than this [m, rad]."""
+
+_NAME = re.compile(r"[\w .+()-]*\w[\w .+()-]*")
+"""A scenario's name becomes the name of a folder."""
 
 T = TypeVar("T")
 
@@ -88,7 +96,7 @@ def parse_scenario(text: str, where: str) -> Scenario:
     fields = Fields(data, where, _KEYS, error=ScenarioError)
     duration = fields.number("duration", positive=True)
     return Scenario(
-        name=fields.text("name"),
+        name=_file_name(fields, "name"),
         description=fields.text("description") if "description" in fields else "",
         robot=fields.text("robot") if "robot" in fields else "humanoid33",
         controller=_controller(fields),
@@ -112,6 +120,17 @@ def _controller(fields: Fields) -> ControllerPlan:
     texts = {k: section.text(k) for k in keys[:3] if k in section}
     limit = section.number("time_limit", positive=True) if "time_limit" in section else None
     return ControllerPlan(**texts, time_limit=limit)
+
+
+def _file_name(fields: Fields, key: str) -> str:
+    name = fields.text(key)
+    if _NAME.fullmatch(name) is None:
+        raise ScenarioError(
+            f"{fields.where}: {key} cannot name a folder",
+            got=name,
+            wanted="letters, digits, spaces and any of _ - . + ( )",
+        )
+    return name
 
 
 def _whole(fields: Fields, key: str) -> int:
@@ -154,18 +173,28 @@ def _motion(fields: Fields) -> Motion:
     kind: MotionKind = _one_key(fields, _GOALS)
     goal: dict[str, Any] = {}
     if kind in ("to", "by", "turn"):
-        goal["vector"] = fields.numbers(kind, 3)
+        goal["vector"] = _vector(fields, kind)
     elif kind == "above":
         value = fields.raw("above")
         goal["soles"] = (fields.text("above"),) if isinstance(value, str) else fields.texts("above")
+        if not goal["soles"]:
+            raise ScenarioError(f"{fields.where}: above is empty", wanted="a sole or several")
     elif kind == "reach":
         section = fields.section("reach", ("direction", "share"))
-        direction = section.numbers("direction", 3)
+        direction = _vector(section, "direction")
         norm = float(np.linalg.norm(direction))
         if norm == 0.0:
-            raise ScenarioError(f"{section.where}: direction is zero", wanted="a direction")
+            raise ScenarioError(
+                f"{section.where}: direction is zero", got=direction.tolist(), wanted="a direction"
+            )
         goal["vector"] = direction / norm
         goal["share"] = section.number("share", positive=True)
+        if goal["share"] > _LARGEST:
+            raise ScenarioError(
+                f"{section.where}: share is out of range",
+                got=goal["share"],
+                wanted="a share of the arm's length, such as 0.9",
+            )
     else:
         section = fields.section("joints")
         goal["joints"] = {joint: section.number(joint) for joint in section}
@@ -176,6 +205,17 @@ def _motion(fields: Fields) -> Motion:
         kind=kind,
         **goal,
     )
+
+
+def _vector(fields: Fields, key: str) -> Float64[np.ndarray, "3"]:
+    vector = fields.numbers(key, 3)
+    if np.abs(vector).max() > _LARGEST:
+        raise ScenarioError(
+            f"{fields.where}: {key} is out of range",
+            got=vector.tolist(),
+            wanted=f"at most {_LARGEST:g} m or rad",
+        )
+    return vector
 
 
 def _contact_change(fields: Fields) -> ContactChange:
@@ -212,12 +252,13 @@ def _check(fields: Fields) -> CheckPlan:
     if name not in METRICS:
         raise UnknownNameError(f"unknown metric in {fields.where}", got=name, choices=METRICS)
     metric = METRICS[name]
-    for key in ("task", "sole", "level"):
-        if (key in fields) != (key == metric.subject):
-            raise ScenarioError(
-                f"{fields.where}: metric {name!r} takes {metric.subject or 'no task, sole or level'}",
-                got=key,
-            )
+    given = [key for key in ("task", "sole", "level") if key in fields]
+    if given != ([metric.subject] if metric.subject else []):
+        raise ScenarioError(
+            f"{fields.where}: metric {name!r} is measured on something else",
+            got=given,
+            wanted=f"the key {metric.subject!r}" if metric.subject else "no task, sole or level",
+        )
     subject = ""
     if metric.subject == "level":
         subject = str(_whole(fields, "level"))

@@ -1,12 +1,15 @@
 """From a run to the motion that the report's 3D replay shows."""
 
+from collections.abc import Sequence
+from typing import Any, Literal
+
 import mujoco
 import numpy as np
 from jaxtyping import Float64, Int
 
 from poise.report import ForceTrack, Geometry, MarkerTrack, Replay
 from poise.scenarios.signals import RunSignals
-from poise.sim import Plant
+from poise.sim import Plant, Push
 
 FRAMES_PER_SECOND = 30.0
 
@@ -14,22 +17,25 @@ CELL = 0.004
 """Meshes are drawn with their vertices merged on a grid of this size [m]: a hand still looks like
 a hand, and a robot of 30 meshes fits into a page."""
 
-_PRIMITIVES = {
+_Primitive = Literal["box", "sphere", "ellipsoid", "cylinder", "capsule"]
+
+_PRIMITIVES: dict[int, _Primitive] = {
     int(mujoco.mjtGeom.mjGEOM_BOX): "box",
     int(mujoco.mjtGeom.mjGEOM_SPHERE): "sphere",
     int(mujoco.mjtGeom.mjGEOM_ELLIPSOID): "ellipsoid",
     int(mujoco.mjtGeom.mjGEOM_CYLINDER): "cylinder",
     int(mujoco.mjtGeom.mjGEOM_CAPSULE): "capsule",
 }
-_SIZES = {"box": 3, "sphere": 1, "ellipsoid": 3, "cylinder": 2, "capsule": 2}
+_SIZES: dict[_Primitive, int] = {"box": 3, "sphere": 1, "ellipsoid": 3, "cylinder": 2, "capsule": 2}
 
 
-def make_replay(plant: Plant, run: RunSignals) -> Replay:
-    """Body poses at 30 frames a second, with shapes, contact forces, COM and ZMP.
+def make_replay(plant: Plant, run: RunSignals, pushes: Sequence[Push] = ()) -> Replay:
+    """Body poses at 30 frames a second, with shapes, contact forces, pushes and targets.
 
     Args:
         plant: for its model; its state is not touched.
         run: what was recorded.
+        pushes: the pushes of the run.
     """
     rows = _frame_rows(run.time)
     model, data = plant.model, mujoco.MjData(plant.model)
@@ -46,10 +52,12 @@ def make_replay(plant: Plant, run: RunSignals) -> Replay:
         position=position,
         quaternion=quaternion,
         geometries=tuple(_geometries(model)),
-        forces=tuple(_contact_forces(plant, run, rows)),
-        markers=(
-            MarkerTrack(name="COM", position=run.com[rows]),
-            MarkerTrack(name="ZMP", position=_on_ground(run.zmp[rows])),
+        forces=(
+            *_contact_forces(plant, run, rows),
+            *(_push_force(plant, run, rows, push) for push in pushes),
+        ),
+        markers=tuple(
+            MarkerTrack(name=name, position=target[rows]) for name, target in run.targets.items()
         ),
     )
 
@@ -57,10 +65,6 @@ def make_replay(plant: Plant, run: RunSignals) -> Replay:
 def _frame_rows(time: Float64[np.ndarray, " T"]) -> Int[np.ndarray, " F"]:
     wanted = np.arange(time[0], time[-1] + 0.5 / FRAMES_PER_SECOND, 1.0 / FRAMES_PER_SECOND)
     return np.unique(np.clip(np.searchsorted(time, wanted), 0, len(time) - 1))
-
-
-def _on_ground(point: Float64[np.ndarray, "F 2"]) -> Float64[np.ndarray, "F 3"]:
-    return np.column_stack((point, np.where(np.isnan(point[:, 0]), np.nan, 0.0)))
 
 
 def _contact_forces(plant: Plant, run: RunSignals, rows: Int[np.ndarray, " F"]) -> list[ForceTrack]:
@@ -79,6 +83,22 @@ def _contact_forces(plant: Plant, run: RunSignals, rows: Int[np.ndarray, " F"]) 
     ]
 
 
+def _push_force(
+    plant: Plant, run: RunSignals, rows: Int[np.ndarray, " F"], push: Push
+) -> ForceTrack:
+    """A push while it acts, at the point where the plant lets it act."""
+    data = mujoco.MjData(plant.model)
+    points, forces = np.full((len(rows), 3), np.nan), np.zeros((len(rows), 3))
+    time = run.time[rows]
+    for i in np.flatnonzero((time >= push.start) & (time < push.start + push.duration)):
+        data.qpos[:] = plant.map.qpos(run.q[rows[i]])
+        mujoco.mj_kinematics(plant.model, data)
+        role = push.body in plant.robot.roles
+        points[i] = data.site(push.body).xpos if role else data.body(push.body).xipos
+        forces[i] = push.force
+    return ForceTrack(name=f"push {push.body}", kind="push", point=points, force=forces)
+
+
 def _geometries(model: mujoco.MjModel) -> list[Geometry]:
     """What is drawn of the robot and the blocks on the floor; the floor has its own grid."""
     shapes: list[Geometry] = []
@@ -87,7 +107,7 @@ def _geometries(model: mujoco.MjModel) -> list[Geometry]:
         red, green, blue, alpha = (float(c) for c in _colour(model, geom))
         if alpha == 0.0 or kind == int(mujoco.mjtGeom.mjGEOM_PLANE):
             continue
-        common = {
+        common: dict[str, Any] = {
             "body": int(model.geom_bodyid[geom]),
             "position": model.geom_pos[geom].copy(),
             "quaternion": model.geom_quat[geom][[1, 2, 3, 0]].copy(),

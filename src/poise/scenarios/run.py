@@ -1,16 +1,20 @@
 """Running a scenario: the loop from state to command to plant, with everything recorded."""
 
+import signal
+import threading
 import time as clock
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import FrameType
 
 import numpy as np
 
 from poise.control import make_controller
 from poise.control.command import Command
 from poise.control.whole_body import WholeBodyController
+from poise.errors import ScenarioError
 from poise.robots import load_robot
 from poise.robots.robot import Robot
 from poise.scenarios.checks import CheckResult, evaluate_checks, validate_checks
@@ -18,8 +22,9 @@ from poise.scenarios.collect import collect_signals
 from poise.scenarios.director import Director
 from poise.scenarios.scenario import Scenario
 from poise.scenarios.signals import RunSignals
-from poise.sim import Plant, Recorder, Viewer, open_viewer
-from poise.tasks import ComTask
+from poise.sim import Plant, Push, Recorder, Viewer, open_viewer
+from poise.sim.recorder import Value
+from poise.tasks import ComTask, FrameTask
 
 Progress = Callable[[float, float], None]
 """Called with the seconds done and the seconds in all."""
@@ -34,6 +39,7 @@ class Run:
         robot: on which robot.
         plant: the plant, as it was left.
         controller: the controller, as it was left.
+        pushes: the pushes that the plant was given.
         signals: what was recorded.
         checks: what held and what did not.
         fell: whether the robot fell.
@@ -45,6 +51,7 @@ class Run:
     robot: Robot
     plant: Plant = field(repr=False)
     controller: WholeBodyController = field(repr=False)
+    pushes: tuple[Push, ...]
     signals: RunSignals = field(repr=False)
     checks: tuple[CheckResult, ...]
     fell: bool
@@ -84,11 +91,19 @@ def run_scenario(
     robot = load_robot(scenario.robot)
     stack = scenario.stack.build() if scenario.stack is not None else None
     controller = make_controller(robot, stack, scenario.controller)
+    if scenario.plant.actuation != "torque":
+        raise ScenarioError(
+            f"controller {scenario.controller.name!r} wants another actuation of the plant",
+            got=scenario.plant.actuation,
+            choices=("torque",),
+        )
     director = Director(scenario, controller.stack, robot)
     validate_checks(scenario.checks, controller.stack, robot)
     plant = Plant(robot, scenario.plant, seed=scenario.seed)
-    for push in scenario.pushes:
+    pushes = tuple(
         plant.push(push.body, push.force_on(robot.mass), push.duration, push.at)
+        for push in scenario.pushes
+    )
     metadata = {
         "scenario": scenario.name,
         "controller": scenario.controller.name,
@@ -98,11 +113,13 @@ def run_scenario(
     with (
         Recorder(plant, log, metadata=metadata) as recorder,
         open_viewer(plant) if view else nullcontext() as viewer,
+        _until_interrupted() as interruption,
     ):
-        loop = _loop(scenario, controller, director, plant, recorder, viewer, progress)
-        with _until_interrupted() as interruption:
-            for _ in loop:
-                pass
+        for _ in _loop(scenario, controller, director, plant, recorder, progress):
+            if viewer is not None:
+                viewer.sync()
+            if interruption.reason or (viewer is not None and not viewer.open):
+                break
     wall = clock.perf_counter() - begin
     signals = collect_signals(recorder, robot, controller.stack)
     ended_early = interruption.reason or _reason(plant, viewer, scenario)
@@ -112,6 +129,7 @@ def run_scenario(
         robot=robot,
         plant=plant,
         controller=controller,
+        pushes=pushes,
         signals=signals,
         checks=checks,
         fell=plant.fallen,
@@ -126,21 +144,18 @@ def _loop(
     director: Director,
     plant: Plant,
     recorder: Recorder,
-    viewer: Viewer | None,
     progress: Progress | None,
-) -> Iterator[None]:
-    """One pass a tick: state, references, command, plant, record."""
+) -> Generator[None]:
+    """One pass a tick: state, references, command, plant, record; at least one."""
     shown = 0.0
     # Half a period of slack: times are multiples of the period, up to rounding.
     end = scenario.duration - 0.5 * scenario.plant.control_dt
-    while plant.time < end and not plant.fallen and (viewer is None or viewer.open):
+    while plant.time < end and not plant.fallen:
         state = plant.state()
         director.advance(state)
         command = controller.step(state)
         plant.step(command)
         _record(recorder, controller, command)
-        if viewer is not None:
-            viewer.sync()
         if progress is not None and plant.time >= shown:
             progress(plant.time, scenario.duration)
             shown = plant.time + 0.05
@@ -150,13 +165,16 @@ def _loop(
 def _record(recorder: Recorder, controller: WholeBodyController, command: Command) -> None:
     stack, formulation = controller.stack, controller.formulation
     suspended = formulation.suspended if formulation is not None else ()
-    extra = {
+    extra: dict[str, Value] = {
         f"error/{task.name}": np.nan if task in suspended else float(np.linalg.norm(task.error))
         for _, task in stack.tasks()
     }
     for _, task in stack.tasks():
         if isinstance(task, ComTask) and task.target_position is not None:
             extra["com_reference"] = task.masked_target()
+        if isinstance(task, FrameTask) and task.unit != "rad" and task.target_position is not None:
+            shown = np.full(3, np.nan) if task in suspended else task.target_position
+            extra[f"target/{task.name}"] = shown
     for contact in stack.contacts:
         extra[f"planned/{contact.frame}"] = float(contact.active)
     if command.status.ok:
@@ -172,13 +190,26 @@ class _Interruption:
 
 
 @contextmanager
-def _until_interrupted() -> Iterator[_Interruption]:
-    """Ends the block at Ctrl-C and says so, so that the report is still written."""
+def _until_interrupted() -> Generator[_Interruption]:
+    """Notes Ctrl-C, so that the run ends after a whole tick and the report is still written.
+
+    A second Ctrl-C interrupts at once. Outside the main thread Python lets nobody listen.
+    """
     interruption = _Interruption()
+    before = signal.getsignal(signal.SIGINT)
+    if threading.current_thread() is not threading.main_thread() or before is None:
+        yield interruption
+        return
+
+    def note(_number: int, _frame: FrameType | None) -> None:
+        interruption.reason = "interrupted by the user"
+        signal.signal(signal.SIGINT, before)
+
+    signal.signal(signal.SIGINT, note)
     try:
         yield interruption
-    except KeyboardInterrupt:
-        interruption.reason = "interrupted by the user"
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def _reason(plant: Plant, viewer: Viewer | None, scenario: Scenario) -> str:

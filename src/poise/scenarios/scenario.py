@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from poise.control.make import ControllerPlan
+from poise.errors import ScenarioError
 from poise.scenarios.stack_plan import StackPlan
 from poise.sim.config import PlantConfig
 
@@ -146,3 +147,22 @@ class Scenario:
     contact_changes: tuple[ContactChange, ...] = ()
     pushes: tuple[PushPlan, ...] = ()
     checks: tuple[CheckPlan, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not self.plant.control_dt <= self.duration < float("inf"):
+            raise ScenarioError(
+                f"duration of scenario {self.name!r} is out of range",
+                got=self.duration,
+                wanted=f"seconds, one control period of {self.plant.control_dt:g} s or more",
+            )
+        times = [(f"a motion of task {m.task!r}", m.at) for m in self.motions]
+        times += [(f"a change of contact {c.contact!r}", c.at) for c in self.contact_changes]
+        times += [(f"a push on {p.body!r}", p.at) for p in self.pushes]
+        times += [(f"the window of a check of {c.metric!r}", c.begin) for c in self.checks]
+        for what, time in times:
+            if not 0.0 <= time < self.duration:
+                raise ScenarioError(
+                    f"{what} begins outside the run",
+                    got=time,
+                    wanted=f"seconds, from 0 to less than the duration of {self.duration:g}",
+                )

@@ -26,6 +26,7 @@ class RunSignals:
         sole_heights: height of each sole's centre above z = 0 [m].
         sole_planned: whether the controller counted on the sole, 0 or 1.
         wrenches: measured wrench of each sole, in the sole's frame [N, N m].
+        targets: where each point that a task moves should be, NaN where nothing asks [m].
         task_errors: norm of each task's error, NaN while it did not act [unit].
         residuals: relative residual of each level.
         status: status of each tick.
@@ -45,6 +46,7 @@ class RunSignals:
     sole_heights: dict[str, Float64[np.ndarray, " T"]] = field(repr=False)
     sole_planned: dict[str, Float64[np.ndarray, " T"]] = field(repr=False)
     wrenches: dict[str, Float64[np.ndarray, "T 6"]] = field(repr=False)
+    targets: dict[str, Float64[np.ndarray, "T 3"]] = field(repr=False)
     task_errors: dict[str, Float64[np.ndarray, " T"]] = field(repr=False)
     residuals: Float64[np.ndarray, "T nl"] = field(repr=False)
     status: tuple[str, ...] = field(repr=False)

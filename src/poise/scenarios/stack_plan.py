@@ -3,7 +3,6 @@
 from collections.abc import Callable
 from typing import Any
 
-
 from poise.contacts import Contact, PointContact, SurfaceContact
 from poise.control.stack import Stack
 from poise.errors import ScenarioError

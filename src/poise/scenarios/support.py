@@ -1,6 +1,7 @@
 """Support polygons: where the soles that carry load stand, and how far inside the ZMP is."""
 
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Float64
@@ -52,7 +53,7 @@ def support_phases(
     changes = 1 + np.flatnonzero((pattern[1:] != pattern[:-1]).any(axis=1))
     starts: Sequence[int] = [0, *changes.tolist(), len(time)]
     phases: list[SupportPhase] = []
-    for a, b in zip(starts[:-1], starts[1:], strict=True):
+    for a, b in pairwise(starts):
         standing = [name for name, on in zip(names, pattern[a], strict=True) if on]
         middle = (a + b) // 2
         corners = [

@@ -5,16 +5,17 @@ from collections.abc import Mapping
 import numpy as np
 from jaxtyping import Int64
 
+from poise.checks import checked_kind
 from poise.errors import ConfigurationError
 
 _LETTERS = {"x": 0, "y": 1, "z": 2}
 
 
-Rows = slice | Int64[np.ndarray, "m"]
+Rows = slice | Int64[np.ndarray, " m"]
 """Which rows of a quantity count: a slice where they are neighbours, which copies nothing."""
 
 
-def as_rows(index: Int64[np.ndarray, "m"]) -> Rows:
+def as_rows(index: Int64[np.ndarray, " m"]) -> Rows:
     """The quickest selection of rows.
 
     Args:
@@ -42,7 +43,7 @@ def parse_axes(axes: str, groups: Mapping[str, int]) -> Int64[np.ndarray, " m"]:
         ConfigurationError: the mask cannot be read, or names an axis twice.
     """
     rows: list[int] = []
-    for term in axes.split("+"):
+    for term in checked_kind(axes, str, "an axis mask").split("+"):
         group, separator, letters = term.strip().partition("_")
         if not separator:
             if group in groups:

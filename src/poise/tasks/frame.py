@@ -3,7 +3,7 @@
 import numpy as np
 from jaxtyping import Float64
 
-from poise.checks import Numbers
+from poise.checks import Numbers, checked_kind
 from poise.dynamics.dynamics import Dynamics
 from poise.dynamics.rotations import rotation_vector
 from poise.robots.robot import Robot
@@ -48,7 +48,7 @@ class FrameTask(Task):
         name: str | None = None,
     ) -> None:
         super().__init__(name or f"{frame} {axes}", kp=kp, kd=kd, weight=weight)
-        self.frame = frame
+        self.frame = checked_kind(frame, str, f"frame of task {self.name!r}")
         mask = "position+orientation" if axes == "pose" else axes
         index = parse_axes(mask, {"position": 0, "orientation": 3})
         self._size, self._rows = len(index), as_rows(index)

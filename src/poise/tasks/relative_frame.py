@@ -3,7 +3,7 @@
 import numpy as np
 from jaxtyping import Float64
 
-from poise.checks import Numbers
+from poise.checks import Numbers, checked_kind
 from poise.dynamics.dynamics import Dynamics
 from poise.dynamics.frames import FrameKinematics
 from poise.dynamics.rotations import rotation_vector
@@ -47,7 +47,8 @@ class RelativeFrameTask(Task):
         name: str | None = None,
     ) -> None:
         super().__init__(name or f"{frame} in {root} {axes}", kp=kp, kd=kd, weight=weight)
-        self.frame, self.root = frame, root
+        self.frame = checked_kind(frame, str, f"frame of task {self.name!r}")
+        self.root = checked_kind(root, str, f"root of task {self.name!r}")
         mask = "position+orientation" if axes == "pose" else axes
         self._rows = parse_axes(mask, {"position": 0, "orientation": 3})
         self._turns = bool(self._rows[-1] >= 3)

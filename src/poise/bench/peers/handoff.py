@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from poise.bench.recording import Recording
-from poise.bench.stances import StackKind, bench_stack
+from poise.bench.stances import bench_stack
 from poise.contacts import SurfaceContact
 from poise.errors import ConfigurationError
 from poise.robots.robot import Robot
@@ -21,7 +21,7 @@ FRAME_PREFIX = "role_"
 URDF, RUN = "robot.urdf", "run.npz"
 
 
-def write_handoff(folder: Path, recording: Recording, kind: StackKind) -> None:
+def write_handoff(folder: Path, recording: Recording, kind: str) -> None:
     """Writes `robot.urdf` and `run.npz`.
 
     Args:
@@ -34,7 +34,7 @@ def write_handoff(folder: Path, recording: Recording, kind: StackKind) -> None:
     """
     robot = recording.robot
     (folder / URDF).write_text(_urdf(robot), encoding="utf-8")
-    arrays = {
+    arrays: dict[str, Any] = {
         "q": np.array([s.q for s in recording.states]),
         "v": np.array([s.v for s in recording.states]),
         "time": np.array([s.time for s in recording.states]),
@@ -52,7 +52,7 @@ def write_handoff(folder: Path, recording: Recording, kind: StackKind) -> None:
     np.savez(folder / RUN, facts=np.array(facts), **arrays)
 
 
-def _facts(recording: Recording, kind: StackKind) -> dict[str, Any]:
+def _facts(recording: Recording, kind: str) -> dict[str, Any]:
     """Joint order, contacts and tasks, with the gains of Poise's own."""
     robot = recording.robot
     stack = bench_stack(robot, kind, recording.stance)

@@ -1,4 +1,4 @@
-"""`PeerProcess`: a peer's worker, run by the peer's own interpreter, asked for ticks over a pipe."""
+"""`PeerProcess`: a peer's worker in the peer's own interpreter, asked for ticks over a pipe."""
 
 import json
 import select
@@ -13,7 +13,6 @@ import numpy as np
 from poise.bench.peers.handoff import RUN, URDF, write_handoff
 from poise.bench.recording import Recording
 from poise.bench.result import PHASES, TickTimes
-from poise.bench.stances import StackKind
 from poise.errors import PoiseError
 
 PEERS = ("tsid", "placo")
@@ -45,7 +44,7 @@ class PeerProcess:
         PoiseError: the worker did not start; the message holds its own last words.
     """
 
-    def __init__(self, name: str, python: Path, recording: Recording, kind: StackKind) -> None:
+    def __init__(self, name: str, python: Path, recording: Recording, kind: str) -> None:
         self.name = name
         ticks = len(recording.states)
         self._seconds = np.full((ticks, 1 + len(PHASES)), np.nan)

@@ -1,0 +1,33 @@
+import sys
+
+import pytest
+
+from poise.cli.main import main
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["tock"], "unknown benchmark"),
+        (["tick", "--robot", "humanoid"], "unknown robot"),
+        (["tick", "--robot", "arm6"], "floating base"),
+        (["tick", "--contacts", "triple"], "double"),
+        (["tick", "--stack", "table2"], "table1"),
+        (["tick", "--controller", "whole"], "whole_body"),
+        (["tick", "--methods", "cascade/gurobi"], "cascade/osqp"),
+        (["tick", "--methods", "fast"], "unknown method"),
+        (["tick", "--ticks", "0"], "at least one tick"),
+        (["tick", "--ticks", "-3"], "at least one tick"),
+        (["tick", "--peers", "tsid=/nowhere/bin/python"], "does not exist"),
+        (["tick", "--peers", "tsid"], "NAME=PATH"),
+        (["tick", "--peers", f"drake={sys.executable}"], "unknown peer"),
+    ],
+)
+def test_bad_input_is_one_line_and_status_2(arguments, words, capsys):
+    assert main(["bench", *arguments]) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    lines = captured.err.splitlines()
+    assert len(lines) == 1
+    assert lines[0].startswith("poise: ")
+    assert words in lines[0]

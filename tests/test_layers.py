@@ -1,0 +1,128 @@
+"""Which part imports which: read from the source, and from what an import leaves in memory."""
+
+import ast
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1] / "src" / "poise"
+
+FLOORS = (
+    {"errors"},
+    {"checks", "fields"},
+    {"robots", "hqp", "balance"},
+    {"dynamics"},
+    {"tasks", "contacts", "limits"},
+    {"control"},
+    {"teleop"},
+    {"sim"},
+    {"report"},
+    {"scenarios"},
+    {"studies", "bench"},
+    {"cli"},
+)
+"""From the ground up. A part imports from the floors below its own, and from itself."""
+
+FLOOR = {name: height for height, names in enumerate(FLOORS) for name in names}
+
+MUJOCO_USERS = ("sim/", "scenarios/replay.py")
+"""The only places that import the simulator; everything else goes through them."""
+
+OPTIONAL = (
+    "mujoco", "matplotlib", "mcap", "tqdm", "imageio", "qpsolvers", "osqp", "proxsuite", "piqp",
+    "clarabel", "quadprog", "example_robot_data",
+)  # fmt: skip
+
+
+def modules():
+    return sorted(ROOT.rglob("*.py"))
+
+
+def imports_of(path):
+    """Every absolute name that a file imports, wherever the import stands in it."""
+    package = ("poise", *path.relative_to(ROOT).parts[:-1])
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            above = package[: len(package) - node.level + 1] if node.level else ()
+            base = ".".join((*above, *([node.module] if node.module else [])))
+            if base == "poise":
+                yield from (f"poise.{alias.name}" for alias in node.names)
+            else:
+                yield base
+
+
+def part_of(name):
+    """The part of Poise that a module name or a file belongs to."""
+    return name.split(".")[1] if name.startswith("poise.") else None
+
+
+def test_every_part_stands_on_a_floor():
+    parts = {p.relative_to(ROOT).parts[0].removesuffix(".py") for p in modules()}
+    assert parts - {"__init__", "__main__"} <= set(FLOOR)
+
+
+@pytest.mark.parametrize("path", modules(), ids=lambda p: str(p.relative_to(ROOT)))
+def test_imports_go_downwards(path):
+    own = path.relative_to(ROOT).parts[0].removesuffix(".py")
+    if own in ("__init__", "__main__"):
+        return
+    for name in imports_of(path):
+        part = part_of(name)
+        if part is None or part == own or part not in FLOOR:
+            continue
+        assert FLOOR[part] < FLOOR[own], f"{own} imports {name}"
+
+
+def test_the_simulator_takes_nothing_from_control_but_the_command():
+    for path in (ROOT / "sim").rglob("*.py"):
+        used = {name for name in imports_of(path) if part_of(name) in ("control", "teleop")}
+        assert used <= {"poise.control.command"}, path
+
+
+def test_whole_packages_are_not_imported_from_inside():
+    for path in modules():
+        assert "poise" not in set(imports_of(path)), path
+
+
+def test_only_the_simulator_imports_mujoco():
+    for path in modules():
+        if any(name.split(".")[0] == "mujoco" for name in imports_of(path)):
+            assert str(path.relative_to(ROOT)).startswith(MUJOCO_USERS), path
+
+
+def loaded_by(code):
+    script = f"import json, sys; {code}; print(json.dumps(sorted(sys.modules)))"
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=True
+    )
+    return set(json.loads(done.stdout.splitlines()[-1]))
+
+
+def test_importing_poise_imports_nothing_optional():
+    loaded = loaded_by("import poise")
+    assert not loaded & set(OPTIONAL)
+    assert not {m for m in loaded if m.startswith(("poise.sim", "poise.scenarios", "poise.report"))}
+
+
+def test_controlling_a_robot_imports_no_simulator_and_no_other_solver():
+    loaded = loaded_by(
+        "import poise, numpy as np; r = poise.load_robot('biped20'); "
+        "c = poise.WholeBodyController(r); "
+        "assert c.step(poise.RobotState(r.q_home, np.zeros(r.nv))).status.ok"
+    )
+    assert not loaded & set(OPTIONAL)
+
+
+def test_importing_poise_prints_nothing():
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-c", "import poise"],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stdout == done.stderr == ""

@@ -1,0 +1,153 @@
+"""The names that users write, and that wrong kinds of things are refused in production too."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import poise
+
+SURFACE = {
+    "ComTask", "Command", "CommandStatus", "Contact", "ControllerStatus", "Dynamics", "FrameTask",
+    "HierarchicalProblem", "JointLimit", "JointTask", "Level", "MomentumTask", "PointContact",
+    "PoiseError", "PostureTask", "RelativeFrameTask", "Robot", "RobotState", "Solution", "Stack",
+    "SurfaceContact", "Task", "TorqueLimit", "WholeBodyController", "default_stack", "load_robot",
+    "scenarios", "sim", "solve",
+}  # fmt: skip
+
+
+def test_the_surface_is_what_it_was():
+    assert set(poise.__all__) == SURFACE
+    assert sorted(poise.__all__, key=str.lower) == sorted(poise.__all__, key=str.lower)
+
+
+@pytest.mark.parametrize("name", sorted(SURFACE - {"sim", "scenarios"}))
+def test_every_name_exists_and_says_what_it_is(name):
+    thing = getattr(poise, name)
+    assert thing.__doc__
+    assert thing.__module__.startswith("poise.")
+
+
+def test_a_name_that_is_not_there_is_an_attribute_error():
+    with pytest.raises(AttributeError, match="nothing_like_this"):
+        _ = poise.nothing_like_this
+
+
+def test_the_version_is_the_packages():
+    from importlib.metadata import version
+
+    assert version("poise") == poise.__version__
+
+
+def test_the_simulator_comes_when_asked_for():
+    pytest.importorskip("mujoco")
+    assert poise.sim.Plant
+    assert poise.scenarios
+
+
+@pytest.mark.parametrize("name", ["g1", "humanoid33"])
+def test_the_example_of_the_design_runs(get_robot, name):
+    """As the README writes it, for a fifth of a second."""
+    pytest.importorskip("mujoco")
+    get_robot(name)
+    robot = poise.load_robot(name)
+    stack = poise.Stack(
+        contacts=[poise.SurfaceContact("left_sole"), poise.SurfaceContact("right_sole")],
+        levels=[
+            [poise.ComTask(kp=40.0), poise.FrameTask("pelvis", axes="orientation")],
+            [poise.FrameTask("right_hand"), poise.MomentumTask(axes="angular_xy")],
+            [poise.PostureTask()],
+        ],
+    )
+    controller = poise.WholeBodyController(robot, stack)
+    plant = poise.sim.Plant(robot)
+    while plant.time < 0.2:
+        command = controller.step(plant.state())
+        assert command.status.ok
+        plant.step(command)
+    state = plant.state()
+    dynamics = poise.Dynamics(robot)
+    height = dynamics.com[2]
+    dynamics.update(state)
+    assert abs(dynamics.com[2] - height) < 0.01
+    assert np.abs(state.v).max() < 0.2
+    text = str(controller.status())
+    assert text.startswith("status: ok")
+    for task in ("com", "pelvis orientation", "right_hand pose", "angular momentum", "posture"):
+        assert task in text
+
+
+WRONG_KINDS = """
+import numpy as np, poise
+from poise import ComTask, FrameTask, JointLimit, PoiseError, PostureTask, Stack, SurfaceContact
+from poise import PointContact, TorqueLimit, WholeBodyController
+
+robot = poise.load_robot("biped20")
+wrong = {
+    "a task among the contacts": lambda: Stack(contacts=[ComTask()]),
+    "a contact among the tasks": lambda: Stack(levels=[[SurfaceContact("left_sole")]]),
+    "a task for a level": lambda: Stack(levels=[ComTask()]),
+    "a contact for the list of contacts": lambda: Stack(contacts=SurfaceContact("left_sole")),
+    "a task for the list of levels": lambda: Stack(levels=ComTask()),
+    "a name for a contact": lambda: Stack(contacts=["left_sole"]),
+    "a word for a gain": lambda: ComTask(kp="high"),
+    "a word for a friction": lambda: SurfaceContact("left_sole", friction="slippery"),
+    "a list for a friction": lambda: PointContact("left_sole", friction=[0.5, 0.5]),
+    "None for a margin": lambda: SurfaceContact("left_sole", margin=None),
+    "a word for a scale": lambda: TorqueLimit("half"),
+    "a word for a horizon": lambda: JointLimit(horizon="long"),
+    "a word for a target": lambda: ComTask().set_target("there"),
+    "ragged numbers for a target": lambda: ComTask().set_target([[0.0], [1.0, 2.0], 3.0]),
+    "None for a target": lambda: ComTask().set_target(None),
+    "a number for axes": lambda: ComTask(3),
+    "a number for a frame": lambda: WholeBodyController(robot, Stack(levels=[[FrameTask(3)]])),
+    "a torque limit for a joint limit": lambda: Stack(joint_limit=TorqueLimit()),
+    "a joint limit for a torque limit": lambda: Stack(torque_limit=JointLimit()),
+    "a list for a stack": lambda: WholeBodyController(robot, [[ComTask()]]),
+    "a name for a robot": lambda: WholeBodyController("biped20"),
+    "words for a posture": lambda: PostureTask(["straight"]),
+}
+failed = []
+for name, make in wrong.items():
+    try:
+        make()
+    except PoiseError as error:
+        if "got" not in str(error):
+            failed.append(f"{name}: the message does not say what it got: {error}")
+    except Exception as error:
+        failed.append(f"{name}: {type(error).__name__}: {error}")
+    else:
+        failed.append(f"{name}: accepted")
+controller = WholeBodyController(robot)
+q, v = robot.q_home, np.zeros(robot.nv)
+for state in (
+    poise.RobotState(q.astype(np.float32), v),
+    poise.RobotState(q, np.zeros(robot.nv, dtype=int)),
+    poise.RobotState(list(q), v),
+    poise.RobotState(None, v),
+    poise.RobotState(q, None),
+    poise.RobotState(q, v, time=None),
+    poise.RobotState(q[:, None], v),
+    None,
+):
+    try:
+        command = controller.step(state)
+    except Exception as error:
+        failed.append(f"step of {state!r}: {type(error).__name__}: {error}")
+    else:
+        if command.status.ok or not np.isfinite(command.torque).all():
+            failed.append(f"step of {state!r}: {command}")
+print(*failed, sep="\\n")
+"""
+"""Run without the tests' shape checking, which would answer first."""
+
+
+def test_wrong_kinds_of_things_are_refused_by_poise_itself():
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-c", WRONG_KINDS],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stdout.strip() == ""
