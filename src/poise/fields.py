@@ -127,7 +127,7 @@ class Fields:
         return f"{self.where}: {key}" if ": " not in self.where else f"{self.where}.{key}"
 
 
-def read_yaml(text: str, where: str, *, error: type[PoiseError]) -> Mapping[str, Any]:
+def read_yaml(text: str, where: str, *, error: type[PoiseError]) -> Mapping[Any, Any]:
     """Parse YAML text whose top is a mapping, with no key given twice.
 
     Raises:

@@ -19,7 +19,7 @@ def test_a_peer_solves_the_same_states_and_its_base_moves_by_newtons_law(peer):
     python = os.environ.get(f"POISE_{peer.upper()}_PYTHON")
     if python is None:
         pytest.skip(f"POISE_{peer.upper()}_PYTHON does not name an environment with {peer}")
-    direct, other = bench_tick(
+    direct, reference, other = bench_tick(
         TickBench(
             stacks=("default",),
             methods=(),
@@ -27,7 +27,8 @@ def test_a_peer_solves_the_same_states_and_its_base_moves_by_newtons_law(peer):
             peers={peer: Path(python)},
         )
     )
-    assert direct.solver == "direct"
+    assert [r.solver for r in (direct, reference)] == ["direct", "direct"]
+    assert [r.schedule for r in (direct, reference, other)] == ["tick", "batch", "batch"]
     assert other.controller == peer
     assert other.solver.startswith(peer)
     assert other.missed_ticks == 0

@@ -23,6 +23,7 @@ KEYS = {
     "solver",
     "stack",
     "contacts",
+    "schedule",
     "variables",
     "rows",
     "p50_us",
@@ -139,6 +140,7 @@ def test_the_table_has_a_line_a_method_and_marks_failures():
         solver="direct",
         stack="table1",
         contacts="double",
+        schedule="tick",
         variables=51,
         rows=124,
         p50_us=100.0,
@@ -154,6 +156,7 @@ def test_the_table_has_a_line_a_method_and_marks_failures():
     peer = replace(
         row,
         solver="peer",
+        schedule="batch",
         missed_ticks=3,
         residual_max=None,
         phases_us=dict.fromkeys(PHASES, None),
@@ -161,6 +164,7 @@ def test_the_table_has_a_line_a_method_and_marks_failures():
     lines = format_table([row, peer]).splitlines()
     assert lines[0].startswith("humanoid33, 33 joints, double support, stack 'table1'")
     assert lines[2].split()[:3] == ["direct", "100", "120"]
-    assert lines[3].split()[4:8] == ["-"] * 4
+    assert lines[3].startswith("peer, in batches")
+    assert lines[3].split()[6:10] == ["-"] * 4
     assert lines[3].endswith("3 of 10 ticks FAILED")
     assert "FAILED" not in lines[2]

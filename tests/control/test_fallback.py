@@ -163,8 +163,16 @@ def test_a_tiny_time_cap_never_raises_and_says_so(robot, strategy):
     for tick in range(20):
         command = controller.step(near_home(robot, tick, time=1e-3 * tick))
         assert is_safe(command, robot)
-        if controller.solution.status is SolveStatus.TIME_LIMIT and not command.status.ok:
-            assert command.status is CommandStatus.TIME_LIMIT
+        late = controller.solution.status is SolveStatus.TIME_LIMIT
+        assert command.status is (CommandStatus.TIME_LIMIT if late else CommandStatus.OK)
+
+
+def test_a_point_that_knows_no_task_yet_is_not_obeyed(robot, controller):
+    controller.step(at_home(robot))
+    force(controller, dataclasses.replace(controller.solution, status=SolveStatus.TIME_LIMIT))
+    command = controller.step(at_home(robot, time=0.001))
+    assert command.status is CommandStatus.TIME_LIMIT
+    assert is_safe(command, robot)
 
 
 def test_a_generous_time_cap_changes_nothing(robot, controller):

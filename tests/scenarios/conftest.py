@@ -1,7 +1,47 @@
+"""Runs of `poise run` in processes of their own, each made once a session."""
+
+import json
+import subprocess
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
 
 pytest.importorskip("mujoco")
 sys.path.insert(0, str(Path(__file__).parent))
+
+
+@dataclass(frozen=True)
+class Outcome:
+    status: int
+    out: str
+    err: str
+    folder: Path
+
+    @property
+    def summary(self):
+        return json.loads((self.folder / "summary.json").read_text())
+
+
+def poise_run(folder, *arguments):
+    """Run `poise run ARGUMENTS --out FOLDER` as a user does."""
+    command = [sys.executable, "-m", "poise.cli.main", "run", *arguments, "--out", str(folder)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=200, check=False)
+    return Outcome(done.returncode, done.stdout, done.stderr, folder)
+
+
+@pytest.fixture(scope="session")
+def shipped_run(tmp_path_factory, get_robot):
+    """The outcome of a shipped scenario on a robot, without the video."""
+    known = {}
+
+    def run(scenario, robot):
+        get_robot(robot)  # skips where its files are not installed
+        if (scenario, robot) not in known:
+            folder = tmp_path_factory.mktemp(f"{scenario}-{robot}")
+            arguments = (scenario, "--robot", robot, "--no-video", "--json")
+            known[scenario, robot] = poise_run(folder, *arguments)
+        return known[scenario, robot]
+
+    return run

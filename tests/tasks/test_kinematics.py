@@ -48,9 +48,7 @@ def frame_difference(robot, frame, root=None):
 
     def difference(minus, plus):
         a, b = placement(minus), placement(plus)
-        return np.concatenate(
-            (b.translation - a.translation, pin.log3(b.rotation @ a.rotation.T))
-        )
+        return np.concatenate((b.translation - a.translation, pin.log3(b.rotation @ a.rotation.T)))
 
     return difference
 

@@ -59,13 +59,17 @@ def _draw_times(ax: Any, rows: list[TickResult]) -> None:
         ax.annotate(words, (row.p99_us, y), xytext=(5, 0), textcoords="offset points", va="center")
     ax.set_xscale("log")
     ax.xaxis.set_major_formatter(plain_number)
-    ax.set_yticks(range(len(rows)), [r.solver for r in rows])
+    ax.set_yticks(range(len(rows)), [_name(r) for r in rows])
     ax.invert_yaxis()
     ax.grid(visible=False, axis="y")
     ax.set_title(
         f"{first.robot}, {first.contacts} support, stack {first.stack}: "
         f"{first.variables} variables, {first.rows} rows"
     )
+
+
+def _name(row: TickResult) -> str:
+    return row.solver if row.schedule == "tick" else f"{row.solver}\nin batches"
 
 
 def _draw_shares(ax: Any, rows: list[TickResult]) -> None:

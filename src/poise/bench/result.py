@@ -34,8 +34,11 @@ class TickResult:
         solver: "direct", "cascade/osqp", ..., or what the peer solves with.
         stack: "table1" or "default"; for a peer, the stack it comes nearest to.
         contacts: "double" or "single".
+        schedule: "tick" where methods take turns tick by tick, which leaves each a cold cache;
+            "batch" where they take turns every `BATCH` ticks, as peers in other processes must.
         variables: unknowns of the problem.
-        rows: two-sided rows, finite bounds on single unknowns among them.
+        rows: two-sided rows, finite bounds on single unknowns among them; None where a peer does
+            not tell.
         p50_us: median tick from state to command [us].
         p99_us: 99th percentile [us].
         max_us: longest tick [us].
@@ -45,7 +48,7 @@ class TickResult:
             contacts with joint limits); for a peer, of the base's equation of motion; None where it
             cannot be told.
         ratio_to_direct: median over the ticks of this method's time by that of `direct` on the
-            same state and stack.
+            same state, stack and schedule.
         relaxed_ticks: ticks on which some level could not be met in full.
         missed_ticks: ticks that fell back to a safe command.
     """
@@ -56,8 +59,9 @@ class TickResult:
     solver: str
     stack: str
     contacts: str
+    schedule: str
     variables: int
-    rows: int
+    rows: int | None
     p50_us: float
     p99_us: float
     max_us: float

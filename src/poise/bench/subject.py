@@ -28,7 +28,7 @@ class Subject:
 
     def __init__(self, recording: Recording, kind: str, method: Method, controller: str) -> None:
         stack = bench_stack(recording.robot, kind, recording.stance)
-        self.name = method.name
+        self.solver = method.name
         self.controller = make_controller(recording.robot, stack, method.plan(controller))
         recording.prepare(stack)
         self._recording, self._stack = recording, stack
@@ -53,6 +53,16 @@ class Subject:
             self._residual[index] = solution.relative_residuals[:PHYSICS_LEVELS].max()
             self._relaxed[index] = solution.relaxed
 
+    def run(self, first: int, count: int) -> None:
+        """Times a batch of ticks in a row.
+
+        Args:
+            first: index of the first state.
+            count: how many states.
+        """
+        for index in range(first, first + count):
+            self.tick(index)
+
     def times(self, warm_up: int) -> TickTimes:
         """Times after the warm-up."""
         return TickTimes(total=self._total[warm_up:], phases=self._phases[warm_up:])
@@ -66,7 +76,7 @@ class Subject:
         bounded = np.isfinite(problem.x_lower) | np.isfinite(problem.x_upper)
         return problem.n, problem.m + int(bounded.sum())
 
-    def accuracy(self, warm_up: int) -> tuple[float, int, int]:
+    def accuracy(self, warm_up: int) -> tuple[float | None, int | None, int]:
         """Largest relative residual of the physics levels, relaxed ticks, missed ticks."""
         return (
             float(self._residual[warm_up:].max()),

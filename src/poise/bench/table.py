@@ -13,7 +13,7 @@ def format_table(results: Sequence[TickResult]) -> str:
     Args:
         results: of one benchmark.
     """
-    width = max(len(r.solver) for r in results)
+    width = max(len(_name(r)) for r in results)
     lines: list[str] = []
     for stack in dict.fromkeys(r.stack for r in results):
         rows = [r for r in results if r.stack == stack]
@@ -33,10 +33,14 @@ def _line(row: TickResult, width: int) -> str:
     cells = [_time(t) for t in (row.p50_us, row.p99_us, row.max_us, *phases)]
     cells.append(f"{row.ratio_to_direct:.2f}")
     cells.append("-" if row.residual_max is None else f"{row.residual_max:.0e}")
-    line = "  ".join([f"{row.solver:{width}}", *(f"{cell:>9}" for cell in cells)])
+    line = "  ".join([f"{_name(row):{width}}", *(f"{cell:>9}" for cell in cells)])
     if row.missed_ticks:
         line += f"  {row.missed_ticks} of {row.ticks} ticks FAILED"
     return line
+
+
+def _name(row: TickResult) -> str:
+    return row.solver if row.schedule == "tick" else f"{row.solver}, in batches"
 
 
 def _time(microseconds: float | None) -> str:

@@ -9,7 +9,7 @@ from pathlib import Path
 from poise.bench.methods import DEFAULT_METHODS, DIRECT, parse_method
 from poise.bench.peers import PEERS, PeerProcess
 from poise.bench.recording import Progress, Recording, record_run
-from poise.bench.result import TickResult, TickTimes, time_statistics
+from poise.bench.result import TickResult, time_statistics
 from poise.bench.stances import STACKS, STANCES, check_biped
 from poise.bench.subject import Subject
 from poise.control import CONTROLLERS
@@ -22,6 +22,9 @@ WARM_UP = 30
 
 BATCH = 20
 """A peer, which is another process, takes its turn after this many ticks of our own."""
+
+Guest = Subject | PeerProcess
+"""Who is timed a batch at a time: peers, and `direct` beside them as their reference."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,7 +71,9 @@ def bench_tick(plan: TickBench, progress: Progress | None = None) -> list[TickRe
     """Records a moving run, then times every method on its states, tick by tick in turn.
 
     The order rotates from tick to tick, so that no method always runs after the same other one.
-    The garbage collector runs between batches, never inside a timed tick.
+    Peers are other processes and take their turn a batch at a time; `direct` is timed once more in
+    the same way, as their reference. The garbage collector runs between batches, never inside a
+    timed tick.
 
     Args:
         plan: what to time.
@@ -97,16 +102,16 @@ def bench_tick(plan: TickBench, progress: Progress | None = None) -> list[TickRe
                 stack.enter_context(PeerProcess(name, python, recording, kind))
                 for name, python in plan.peers.items()
             ]
-            for done in _interleave(subjects, peers, ticks):
+            direct = Subject(recording, kind, methods[0], plan.controller)
+            guests = [direct, *peers] if peers else []
+            for done in _interleave(subjects, guests, ticks):
                 if progress is not None:
                     progress(float(i * ticks + done), float(len(plan.stacks) * ticks))
-            results += _results(plan, recording, kind, subjects, peers)
+            results += _results(recording, kind, plan.controller, subjects, guests)
     return results
 
 
-def _interleave(
-    subjects: Sequence[Subject], peers: Sequence[PeerProcess], ticks: int
-) -> Generator[int]:
+def _interleave(subjects: Sequence[Subject], guests: Sequence[Guest], ticks: int) -> Generator[int]:
     """Times everything; yields the number of ticks done, a batch at a time."""
     with _collector_paused():
         for first in range(0, ticks, BATCH):
@@ -114,8 +119,8 @@ def _interleave(
             for tick in range(first, first + count):
                 for turn in range(len(subjects)):
                     subjects[(tick + turn) % len(subjects)].tick(tick)
-            for peer in peers:
-                peer.run(first, count)
+            for turn in range(len(guests)):
+                guests[(first // BATCH + turn) % len(guests)].run(first, count)
             gc.collect()
             yield first + count
 
@@ -133,45 +138,36 @@ def _collector_paused() -> Generator[None]:
 
 
 def _results(
-    plan: TickBench,
     recording: Recording,
     kind: str,
+    controller: str,
     subjects: Sequence[Subject],
-    peers: Sequence[PeerProcess],
+    guests: Sequence[Guest],
 ) -> list[TickResult]:
-    robot, direct = recording.robot, subjects[0].times(WARM_UP)
-
-    def result(
-        times: TickTimes,
-        controller: str,
-        solver: str,
-        size: tuple[int, int],
-        accuracy: tuple[float | None, int | None, int],
-    ) -> TickResult:
-        residual, relaxed, missed = accuracy
-        return TickResult(
-            robot=robot.name,
-            joints=robot.nj,
-            controller=controller,
-            solver=solver,
-            stack=kind,
-            contacts=plan.contacts,
-            variables=size[0],
-            rows=size[1],
-            residual_max=residual,
-            relaxed_ticks=relaxed,
-            missed_ticks=missed,
-            **time_statistics(times, direct),
-        )
-
-    own = [
-        result(s.times(WARM_UP), plan.controller, s.name, s.size(), s.accuracy(WARM_UP))
-        for s in subjects
-    ]
-    others = [
-        result(p.times(WARM_UP), p.name, p.solver, p.size, p.accuracy(WARM_UP)) for p in peers
-    ]
-    return own + others
+    robot = recording.robot
+    results: list[TickResult] = []
+    for schedule, timed in (("tick", subjects), ("batch", guests)):
+        for one in timed:
+            residual, relaxed, missed = one.accuracy(WARM_UP)
+            variables, rows = one.size()
+            results.append(
+                TickResult(
+                    robot=robot.name,
+                    joints=robot.nj,
+                    controller=one.name if isinstance(one, PeerProcess) else controller,
+                    solver=one.solver,
+                    stack=kind,
+                    contacts=recording.stance,
+                    schedule=schedule,
+                    variables=variables,
+                    rows=rows,
+                    residual_max=residual,
+                    relaxed_ticks=relaxed,
+                    missed_ticks=missed,
+                    **time_statistics(one.times(WARM_UP), timed[0].times(WARM_UP)),
+                )
+            )
+    return results
 
 
 def _check_choice(what: str, names: Sequence[str], choices: Sequence[str]) -> None:

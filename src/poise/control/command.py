@@ -16,7 +16,7 @@ class CommandStatus(Enum):
     SOLVER_FAILED = "solver_failed"
     """The solver returned nothing usable: the last good command, decayed towards damping."""
     TIME_LIMIT = "time_limit"
-    """The solve reached its time cap without a usable point: decayed towards damping."""
+    """The solve reached its time cap before its last level: decayed towards damping."""
     BAD_STATE = "bad_state"
     """The state held NaN or infinity, or had the wrong shape: decayed towards damping."""
 

@@ -22,8 +22,8 @@ is not a number does not hold the last torque for ever [s]."""
 class Fallback:
     """The last good torque, decayed towards damping of the joints; always finite and bounded.
 
-    tau = r tau_last - (1 - r) D v with r = exp(-t / 0.1 s) since the last good command; v and tau are
-    clipped to the joints' limits. Before any good command tau_last is zero.
+    tau = r tau_last - (1 - r) D v with r = exp(-t / 0.1 s) since the last good command; v and tau
+    are clipped to the joints' limits. Before any good command tau_last is zero.
 
     Args:
         robot: whose joints are damped.

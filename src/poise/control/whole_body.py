@@ -20,7 +20,8 @@ from poise.robots.robot import Robot
 _PHYSICS_TOLERANCE = 1e-6
 """Relative residual of dynamics and torque limits above which torques cannot be trusted."""
 
-_USABLE = (SolveStatus.OPTIMAL, SolveStatus.INACCURATE, SolveStatus.TIME_LIMIT)
+_USABLE = (SolveStatus.OPTIMAL, SolveStatus.INACCURATE)
+"""A point cut short by the time cap is not: it may meet the dynamics and know no contact yet."""
 
 
 class WholeBodyController:
@@ -29,8 +30,8 @@ class WholeBodyController:
     Variables are accelerations and contact wrenches, torques follow from the actuated rows; see
     `FullFormulation` for the rows and Ahn et al. 2024, section 2 and Table 1, for their source.
 
-    `step` never raises. On a solver failure, a state that is not finite, or a time cap without a
-    usable point it returns the last good torque decayed towards damping, and says so in the
+    `step` never raises. On a solver failure, a state that is not finite, or a solve cut short by
+    the time cap it returns the last good torque decayed towards damping, and says so in the
     command's status.
 
     Args:

@@ -8,8 +8,8 @@ from importlib import resources
 from pathlib import Path
 
 from poise.errors import MissingExtraError, RobotError
+from poise.fields import Fields, read_text, read_yaml
 from poise.robots.description import KEYS, Description, parse_description
-from poise.robots.fields import Fields, read_text, read_yaml
 from poise.robots.parametric import generate
 from poise.robots.parametric.proportions import MAX_JOINTS, MIN_JOINTS
 
@@ -101,15 +101,16 @@ def open_entry(entry: CatalogEntry) -> tuple[str, Path | None, tuple[Path, ...]]
         raise MissingExtraError(_DATA_PACKAGE, _DATA_EXTRA, f"robot {entry.name!r}")
     path = folder / entry.file
     # The files name their meshes package://example-robot-data/robots/...
-    return read_text(path), path.parent, (folder.parent.parent,)
+    return read_text(path, error=RobotError), path.parent, (folder.parent.parent,)
 
 
 @cache
 def _read_entry(name: str) -> CatalogEntry:
     where = f"{name}.yaml"
     file = resources.files("poise.robots").joinpath("descriptions", where)
-    data = dict(read_yaml(file.read_text(encoding="utf-8"), where))
-    about = Fields(data, where, (*KEYS, "catalog")).section("catalog", _CATALOG_KEYS)
+    data = dict(read_yaml(file.read_text(encoding="utf-8"), where, error=RobotError))
+    fields = Fields(data, where, (*KEYS, "catalog"), error=RobotError)
+    about = fields.section("catalog", _CATALOG_KEYS)
     data.pop("catalog", None)
     description = parse_description(data, where)
     generator = about.text("generator") if "generator" in about else None

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from poise.errors import RobotError
-from poise.robots.fields import Fields
+from poise.fields import Fields
 
 T = TypeVar("T")
 
@@ -117,7 +117,7 @@ def parse_description(data: Mapping[Any, Any], where: str) -> Description:
         RobotError: a fact is missing or has the wrong kind, a key is unknown, a length negative, a
             pattern no regular expression.
     """
-    fields = Fields(data, where, KEYS)
+    fields = Fields(data, where, KEYS, error=RobotError)
     base = _base(fields)
     if base == "floating":
         missing = [key for key in _NEEDED_BY_FLOATING if key not in fields]

@@ -10,11 +10,11 @@ from jaxtyping import Float64
 from scipy.spatial.transform import Rotation
 
 from poise.errors import RobotError, UnknownNameError
+from poise.fields import read_text, read_yaml
 from poise.robots.base import settle_base
 from poise.robots.catalog import catalog_names, find_entry, open_entry
 from poise.robots.description import Description, Mount, match_joints, parse_description
 from poise.robots.document import Document, parse, write_limits
-from poise.robots.fields import read_text, read_yaml
 from poise.robots.figure import add_figure
 from poise.robots.home import home_configuration
 from poise.robots.joint_limits import apply_limits, check_limits, described_limits
@@ -51,7 +51,7 @@ def load_robot(
     path = Path(name_or_path)
     if not path.suffix and not path.is_file():
         raise UnknownNameError("unknown robot", got=str(name_or_path), choices=catalog_names())
-    text = read_text(path)
+    text = read_text(path, error=RobotError)
     document = parse(text, path.name, path.parent)
     facts = _find_description(path, document, description)
     directory = path.parent.resolve()
@@ -72,7 +72,7 @@ def description_template(path: str | Path) -> str:
         RobotError: the file cannot be read.
     """
     path = Path(path)
-    document = parse(read_text(path), path.name, path.parent)
+    document = parse(read_text(path, error=RobotError), path.name, path.parent)
     links, joints = ", ".join(document.links()), ", ".join(document.joints())
     return f"""# Facts about {path.name}: save as {path.stem}{_DESCRIPTION_SUFFIX} beside it.
 # Links: {links}
@@ -110,7 +110,9 @@ def _find_description(
             wanted="that file beside the model, or description=",
             choices=document.links(),
         )
-    return parse_description(read_yaml(read_text(file), file.name), file.name)
+    return parse_description(
+        read_yaml(read_text(file, error=RobotError), file.name, error=RobotError), file.name
+    )
 
 
 def _assemble(

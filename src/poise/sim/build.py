@@ -51,7 +51,7 @@ def build_model(robot: Robot, config: PlantConfig) -> mujoco.MjModel:
     _place_base(spec, robot)
     _set_joints(spec, robot, config)
     for role in soles:
-        _bare_foot(spec, _body(spec, role.link, robot))
+        _bare_foot(_body(spec, role.link, robot))
     _sort_geometry(spec)
     if not any(body.geoms for body in spec.bodies[1:]):
         add_sticks(spec)
@@ -117,8 +117,8 @@ def _set_joints(spec: mujoco.MjSpec, robot: Robot, config: PlantConfig) -> None:
         joint.actfrclimited = mujoco.mjtLimited.mjLIMITED_FALSE
 
 
-def _bare_foot(spec: mujoco.MjSpec, sole: mujoco.MjsBody) -> None:
-    """Take away the document's own collision geometry from everything rigidly one with a sole.
+def _bare_foot(sole: mujoco.MjsBody) -> None:
+    """Switch off the document's own collision geometry on everything rigidly one with a sole.
 
     Contact geometry of our own takes its place, so that the ground meets the foot exactly on the
     plane of the sole.
@@ -130,7 +130,9 @@ def _bare_foot(spec: mujoco.MjSpec, sole: mujoco.MjsBody) -> None:
     while rigid:
         body = rigid.pop()
         for geom in [g for g in body.geoms if g.contype or g.conaffinity]:
-            spec.delete(geom)
+            # Not deleted: in an MJCF the body's mass may come from it.
+            geom.contype, geom.conaffinity = 0, 0
+            geom.group = _HIDDEN_GROUP
         rigid += [child for child in body.bodies if not child.joints]
 
 

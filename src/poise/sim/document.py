@@ -6,6 +6,7 @@ from pathlib import Path
 import mujoco
 
 from poise.errors import RobotError
+from poise.robots.meshes import mesh_path
 from poise.robots.robot import ModelSource
 from poise.sim.meshes import mesh_bytes
 
@@ -60,35 +61,13 @@ def _gather_meshes(root: ET.Element, source: ModelSource) -> dict[str, bytes]:
     names: dict[Path, str] = {}
     assets: dict[str, bytes] = {}
     for element in root.iter("mesh"):
-        path = _resolve(element.get("filename", ""), source)
+        path = mesh_path(element.get("filename", ""), source)
         if path not in names:
             data, suffix = mesh_bytes(path)
             names[path] = f"mesh{len(names):03d}{suffix}"
             assets[names[path]] = data
         element.set("filename", names[path])
     return assets
-
-
-def _resolve(filename: str, source: ModelSource) -> Path:
-    """Find the file that a URDF means by `package://...`, `file://...` or a plain path."""
-    name = filename.removeprefix("file://")
-    if name.startswith("package://"):
-        relative = name.removeprefix("package://")
-        # A package folder may be the one that holds the package, or the package itself.
-        inside = relative.partition("/")[2]
-        candidates = [d / p for d in source.package_dirs for p in (relative, inside)]
-    elif Path(name).is_absolute() or source.directory is None:
-        candidates = [Path(name)]
-    else:
-        candidates = [source.directory / name]
-    for candidate in candidates:
-        if candidate.is_file():
-            return candidate
-    raise RobotError(
-        "a mesh of the robot cannot be found",
-        got=filename,
-        wanted="one of: " + ", ".join(map(str, candidates)),
-    )
 
 
 def _parse_mjcf(source: ModelSource) -> mujoco.MjSpec:

@@ -46,10 +46,18 @@ def _convert(path: Path) -> bytes:
     except (RuntimeError, ValueError) as error:
         raise RobotError(f"a mesh of the robot cannot be read: {error}", got=str(path)) from error
     vertices = np.asarray(model.vertices())
+    if path.suffix.lower() == ".dae" and b"Y_UP" in path.read_bytes():
+        # The library turns such a mesh for readers whose y points up; a URDF's z does.
+        vertices = vertices[:, [0, 2, 1]] * np.array([1.0, -1.0, 1.0])
     corners = np.array(
         [[t[0], t[1], t[2]] for t in (model.tri_indices(i) for i in range(model.num_tris))]
     )
+    faces = vertices[corners]
+    volume = np.einsum("ti,ti->", faces[:, 0], np.cross(faces[:, 1], faces[:, 2]))
+    if volume < 0.0:
+        # Inside out, as a mirrored part is: it would be drawn unlit.
+        faces = faces[:, ::-1]
     triangles = np.zeros(len(corners), dtype=_STL_TRIANGLE)
-    triangles["corners"] = vertices[corners]
+    triangles["corners"] = faces
     count = len(corners).to_bytes(4, "little")
     return b"\0" * 80 + count + triangles.tobytes()

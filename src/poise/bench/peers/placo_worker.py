@@ -48,10 +48,9 @@ class Peer:
         if not any(task["kind"] == "posture" for task in facts["tasks"]):
             self._add_posture({"name": "posture", "kp": 0.0, "kd": 0.0}, _REGULARISATION)
 
-    def size(self) -> tuple[int, int]:
-        """Unknowns and rows of placo's problem; known after a tick."""
-        problem = self._solver.problem
-        return int(problem.n_variables), int(problem.n_equalities + problem.n_inequalities)
+    def size(self) -> tuple[int, None]:
+        """Unknowns of placo's problem; it does not tell its rows."""
+        return len(self._solver.problem.x), None
 
     def tick(self, index: int) -> tuple[list[float], float, bool]:
         """One timed tick: seconds (total, then phases), residual, whether it failed."""

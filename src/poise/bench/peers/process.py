@@ -38,7 +38,6 @@ class PeerProcess:
     Attributes:
         name: name of the peer.
         solver: what it solves with, and its version.
-        size: unknowns and rows of its problem.
 
     Raises:
         PoiseError: the worker did not start; the message holds its own last words.
@@ -74,7 +73,7 @@ class PeerProcess:
             self.close()
             raise
         self.solver = str(hello["solver"])
-        self.size = (int(hello["variables"]), int(hello["rows"]))
+        self._size = (hello["variables"], hello["rows"])
 
     def run(self, first: int, count: int) -> None:
         """Lets the peer do a batch of ticks.
@@ -103,6 +102,10 @@ class PeerProcess:
         """Times after the warm-up."""
         seconds = self._seconds[warm_up:]
         return TickTimes(total=seconds[:, 0].copy(), phases=seconds[:, 1:].copy())
+
+    def size(self) -> tuple[int, int | None]:
+        """Number of unknowns and of rows of the peer's own problem, None where it does not tell."""
+        return self._size
 
     def accuracy(self, warm_up: int) -> tuple[float | None, int | None, int]:
         """Largest relative residual of the base's equation of motion, None, failed ticks."""

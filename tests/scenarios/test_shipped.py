@@ -1,0 +1,59 @@
+"""Every shipped scenario on both robots, through the command line, from file to report."""
+
+import json
+
+import pytest
+
+from poise.scenarios import shipped_scenarios
+from poise.sim import read_log
+
+KEYS = {
+    "robot": str,
+    "controller": str,
+    "scenario": str,
+    "seed": int,
+    "fell": bool,
+    "checks": list,
+    "com_error_max_m": float,
+    "torque_ratio_max": float,
+    "residual_max": list,
+    "missed_ticks": int,
+    "tick_us": dict,
+    "real_time_factor": float,
+}
+
+
+def test_the_scenarios_of_the_documentation_are_shipped():
+    assert {"stand", "squat", "reach", "push", "balance_one_leg"} <= set(shipped_scenarios())
+
+
+@pytest.mark.parametrize("robot", ["humanoid33", "g1"])
+@pytest.mark.parametrize("scenario", shipped_scenarios())
+def test_a_shipped_scenario_holds(shipped_run, scenario, robot):
+    outcome = shipped_run(scenario, robot)
+    assert outcome.status == 0, outcome.out + outcome.err
+    assert outcome.err == ""
+    summary = outcome.summary
+    assert json.loads(outcome.out) == summary
+    assert {key: type(value) for key, value in summary.items()} == KEYS
+    assert (summary["robot"], summary["scenario"]) == (robot, scenario)
+    assert summary["fell"] is False
+    assert summary["missed_ticks"] == 0
+    assert [c for c in summary["checks"] if not c["ok"]] == []
+    assert all(set(c) == {"name", "value", "bound", "ok"} for c in summary["checks"])
+    assert max(summary["residual_max"][:2]) < 1e-6
+    assert set(summary["tick_us"]) == {"p50", "p99", "max"}
+    assert 0.0 < summary["tick_us"]["p50"] <= summary["tick_us"]["p99"] <= summary["tick_us"]["max"]
+    assert 0.0 < summary["torque_ratio_max"] <= 1.0 + 1e-12
+    assert {p.name for p in outcome.folder.iterdir()} == {"report.html", "log.mcap", "summary.json"}
+    assert scenario in (outcome.folder / "report.html").read_text()
+    log = read_log(outcome.folder / "log.mcap")
+    assert log.complete
+    assert log.metadata == {
+        "robot": robot, "scenario": scenario, "controller": "whole_body", "seed": "0"
+    }  # fmt: skip
+    # The log agrees with the summary, and holds the run to its end.
+    time, residuals = log.signal("residuals")
+    assert residuals.shape[1] == len(summary["residual_max"])
+    assert log.end == pytest.approx(time[-1], abs=0.01)
+    assert (residuals[:, :2].max(axis=0) <= summary["residual_max"][:2]).all()
