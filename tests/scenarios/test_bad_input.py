@@ -215,7 +215,7 @@ CASES = {
         check("metric: com_travel, task: com, at_most: 1"), r"\['task'\].*no task"
     ),
     "check on an unknown task": (
-        check("metric: task_error_max, task: head, at_most: 1"), "'head'.*com, pelvis, hand"
+        check("metric: task_error_max, task: head, at_most: 1"), "'head'.*choices: hand, com, pelvis"
     ),
     "check on an unknown sole": (
         check("metric: sole_force_max, sole: left_foot, at_most: 1"), "'left_foot'.*left_sole"

@@ -1,11 +1,13 @@
 """`ControllerStatus`: how each task stands, in words and units."""
 
+from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
 
 from poise.control.command import CommandStatus
 from poise.control.stack import Stack
+from poise.tasks import Task
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -18,6 +20,7 @@ class TaskStatus:
         error: norm of target minus actual [unit].
         unit: unit of `error`.
         residual: norm of the acceleration that could not be met [unit/s^2].
+        suspended: whether a contact holds the task's frame, so that the task does not act.
     """
 
     name: str
@@ -25,6 +28,7 @@ class TaskStatus:
     error: float
     unit: str
     residual: float
+    suspended: bool
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,17 +50,20 @@ class ControllerStatus:
         lines = [f"status: {self.command.value}"]
         lines.append(f"{'level':>5}  {'task':<{width}}  {'error':>22}  residual")
         for t in self.tasks:
-            error = f"{t.error:.3g} {t.unit}"
+            error = "held by a contact" if t.suspended else f"{t.error:.3g} {t.unit}"
             lines.append(f"{t.level:>5}  {t.name:<{width}}  {error:>22}  {t.residual:.2e}")
         return "\n".join([*lines, self.explanation])
 
 
-def task_statuses(stack: Stack, residuals: dict[str, float]) -> tuple[TaskStatus, ...]:
+def task_statuses(
+    stack: Stack, residuals: dict[str, float], suspended: Collection[Task]
+) -> tuple[TaskStatus, ...]:
     """One `TaskStatus` a task of the stack.
 
     Args:
         stack: the tasks, evaluated at the last tick.
         residuals: norm of what each task could not meet, by name.
+        suspended: tasks that did not act.
     """
     return tuple(
         TaskStatus(
@@ -65,6 +72,7 @@ def task_statuses(stack: Stack, residuals: dict[str, float]) -> tuple[TaskStatus
             error=float(np.linalg.norm(task.error)),
             unit=task.unit,
             residual=residuals.get(task.name, 0.0),
+            suspended=task in suspended,
         )
         for level, task in stack.tasks()
     )

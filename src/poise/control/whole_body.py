@@ -14,8 +14,9 @@ from poise.control.state_check import is_usable
 from poise.control.status import ControllerStatus, task_statuses
 from poise.dynamics.dynamics import Dynamics
 from poise.dynamics.state import RobotState
-from poise.hqp import Solution, SolveStatus, make_solver
+from poise.hqp import Solution, Solver, SolveStatus, make_solver
 from poise.robots.robot import Robot
+from poise.tasks import Task
 
 _PHYSICS_TOLERANCE = 1e-6
 """Relative residual of dynamics and torque limits above which torques cannot be trusted."""
@@ -63,7 +64,7 @@ class WholeBodyController:
         self.dynamics = Dynamics(robot)
         self.timings: dict[str, float] = {}
         self._solver_settings = (strategy, backend, time_limit)
-        self._formulations: dict[tuple[Contact, ...], tuple[FullFormulation, object]] = {}
+        self._formulations: dict[tuple[Contact, ...], tuple[FullFormulation, Solver]] = {}
         self._fallback = Fallback(robot, self.stack.torque_limit)
         self._solution: Solution | None = None
         self._formulation: FullFormulation | None = None
@@ -97,6 +98,10 @@ class WholeBodyController:
         for contact in self.stack.contacts:
             contact.advance(state.time)
         formulation, solver = self._formulation_for(self._active_contacts())
+        if formulation is not self._formulation:
+            # A foot that landed holds its place when it is free again, not where it once was.
+            for task in formulation.suspended:
+                task.reset()
         after_dynamics = perf_counter()
         formulation.fill(self.dynamics)
         after_assembly = perf_counter()
@@ -113,17 +118,24 @@ class WholeBodyController:
         return command
 
     def reset(self) -> None:
-        """Forgets the last command and every target that was taken from the robot."""
+        """Forgets the last command, the last solution and targets taken from the robot.
+
+        Contacts stay as loaded as they are.
+        """
         self._fallback = Fallback(self.robot, self.stack.torque_limit)
+        self._solution, self._formulation = None, None
+        for _, solver in self._formulations.values():
+            solver.reset()
         for _, task in self.stack.tasks():
             task.reset()
 
     def status(self) -> ControllerStatus:
         """How each task stood at the last tick: level, error with unit, residual."""
         residuals: dict[str, float] = {}
+        suspended: tuple[Task, ...] = ()
         explanation = "nothing solved yet"
         if self._solution is not None and self._formulation is not None:
-            problem = self._formulation.problem
+            problem, suspended = self._formulation.problem, self._formulation.suspended
             slacks = self._solution.slacks[problem.n :]
             for i, tasks in enumerate(self.stack.levels):
                 row = problem.level(PHYSICS_LEVELS + i).slice.start
@@ -134,14 +146,14 @@ class WholeBodyController:
             explanation = self._solution.explain(problem)
         return ControllerStatus(
             command=self._last_status,
-            tasks=task_statuses(self.stack, residuals),
+            tasks=task_statuses(self.stack, residuals, suspended),
             explanation=explanation,
         )
 
     def _active_contacts(self) -> tuple[Contact, ...]:
         return tuple(c for c in self.stack.contacts if c.active)
 
-    def _formulation_for(self, contacts: tuple[Contact, ...]):
+    def _formulation_for(self, contacts: tuple[Contact, ...]) -> tuple[FullFormulation, Solver]:
         # Kept per set of contacts: switching back to one allocates nothing.
         pair = self._formulations.get(contacts)
         if pair is None:

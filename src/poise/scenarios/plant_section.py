@@ -1,13 +1,14 @@
 """Reading the plant's section of a scenario file into a `PlantConfig`."""
 
+from dataclasses import MISSING
 from dataclasses import fields as dataclass_fields
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 
-from poise.errors import ScenarioError
+from poise.errors import ScenarioError, UnknownNameError
 from poise.fields import Fields
-from poise.sim.config import PlantConfig, ServoConfig
+from poise.sim.config import Actuation, PlantConfig, ServoConfig
 from poise.sim.disturbances import Block, LinkError, Payload
 from poise.sim.sensors import SensorConfig
 
@@ -48,6 +49,10 @@ def _read(kind: type, data: object, where: str) -> Any:
             values[name] = _read_list(_LISTS[name], fields.raw(name), f"{where}.{name}")
         elif name in _TEXTS:
             values[name] = fields.text(name)
+            if name == "actuation" and values[name] not in get_args(Actuation):
+                raise UnknownNameError(
+                    f"unknown actuation in {where}", got=values[name], choices=get_args(Actuation)
+                )
         elif name in _VECTORS:
             numbers = fields.numbers(name, _VECTORS[name])
             _check_size(fields, name, float(np.abs(numbers).max()), _FARTHEST)
@@ -55,11 +60,14 @@ def _read(kind: type, data: object, where: str) -> Any:
         else:
             values[name] = fields.number(name)
             _check_size(fields, name, abs(values[name]), _LARGEST)
-    try:
-        return kind(**values)
-    except TypeError:
-        missing = [f.name for f in dataclass_fields(kind) if f.name not in values]
-        raise ScenarioError(f"{where} lacks keys", got=sorted(values), choices=missing) from None
+    needed = [
+        f.name
+        for f in dataclass_fields(kind)
+        if f.default is MISSING and f.default_factory is MISSING and f.name not in values
+    ]
+    if needed:
+        raise ScenarioError(f"{where} lacks keys", got=sorted(values), choices=needed)
+    return kind(**values)
 
 
 def _check_size(fields: Fields, key: str, size: float, largest: float) -> None:
