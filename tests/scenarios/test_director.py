@@ -136,7 +136,7 @@ def test_reach_ends_on_the_ray_from_the_shoulder_at_a_share_of_the_arm(scene):
     joint = model.getJointId("right_shoulder_pitch")
     data = model.createData()
     pin.forwardKinematics(model, data, s.home.q)
-    chain = [j for j in model.supports[model.frames[s.robot.frame_id("right_hand")].parentJoint]]
+    chain = list(model.supports[model.frames[s.robot.frame_id("right_hand")].parentJoint])
     first = chain.index(joint) if joint in chain else None
     assert first is not None
     # The clavicle belongs to the arm on this robot, so the ray starts there or at the shoulder.
@@ -282,15 +282,21 @@ WRONG = {
     "turning a position": (move("place", "turn", [0, 0, 1]), ScenarioError, "'turn'.*to, by"),
     "shifting an orientation": (move("lean", "by", [0, 0, 1]), ScenarioError, "'by'.*turn"),
     "over no sole": (
-        move("foot", "above", soles=("left_toe",)), UnknownNameError, "'left_toe'.*left_sole"
+        move("foot", "above", soles=("left_toe",)),
+        UnknownNameError,
+        "'left_toe'.*left_sole",
     ),
     "an unknown joint": (
-        move("elbows", "joints", joints={"left_knee": 0.1}), UnknownNameError, "left_knee.*left_elbow"
+        move("elbows", "joints", joints={"left_knee": 0.1}),
+        UnknownNameError,
+        "left_knee.*left_elbow",
     ),
     "degrees": (
-        move("posture", "joints", joints={"left_elbow": -90.0}), ScenarioError, "beyond.*-90.*rad"
+        move("posture", "joints", joints={"left_elbow": -90.0}),
+        ScenarioError,
+        "beyond.*-90.*rad",
     ),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("case", WRONG)

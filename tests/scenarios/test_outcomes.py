@@ -34,6 +34,8 @@ stack:
     - - posture
 """
 
+HARD_PUSH = "pushes: [{body: torso, at: 0.01, duration: 0.1, velocity_change: [3.0, 0.0, 0.0]}]\n"
+
 
 def stand(duration=0.05, more="", robot="humanoid33"):
     return STAND.format(duration=duration, robot=robot) + more
@@ -85,7 +87,7 @@ def test_a_payload_and_a_heavier_plant_are_the_plants_alone():
 def test_a_scenario_without_a_stack_stands_on_the_default_one():
     done = run("name: s\nduration: 0.02\n")
     assert done.ok
-    assert [t.name for _, t in done.controller.stack.tasks()][0] == "com"
+    assert next(t.name for _, t in done.controller.stack.tasks()) == "com"
 
 
 def test_a_robot_that_stands_on_no_sole_runs_too(tmp_path):
@@ -97,8 +99,9 @@ def test_a_robot_that_stands_on_no_sole_runs_too(tmp_path):
 
 
 def test_a_push_that_nobody_could_brake_ends_in_a_fall_and_a_report(tmp_path, scenario_file):
-    more = "pushes: [{body: torso, at: 0.1, duration: 0.1, velocity_change: [3.0, 0.0, 0.0]}]\n"
-    outcome = poise_run(tmp_path / "out", scenario_file(stand(4.0, more)), "--no-video")
+    # Ticks that find nothing feasible are slow: the cap keeps the fall short in wall-clock time.
+    text = stand(4.0, HARD_PUSH + "controller: {time_limit: 0.002}\n")
+    outcome = poise_run(tmp_path / "out", scenario_file(text), "--no-video")
     assert outcome.status == 1
     assert "ended early: the robot fell at" in outcome.err
     assert "FAIL  robot fell" in outcome.out
@@ -132,7 +135,8 @@ def test_a_check_that_could_not_be_measured_does_not_hold():
 
 
 def test_a_solver_without_time_counts_missed_ticks_and_raises_nothing(tmp_path):
-    done = run(stand(0.05, "controller: {time_limit: 1e-9}"), log=tmp_path / "log.mcap")
+    more = HARD_PUSH + "controller: {time_limit: 1e-9}\n"
+    done = run(stand(0.3, more), log=tmp_path / "log.mcap")
     assert CommandStatus.TIME_LIMIT.value in done.signals.status
     summary = summarise(done)
     assert summary["missed_ticks"] == sum(s != "ok" for s in done.signals.status) > 0

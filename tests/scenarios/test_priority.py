@@ -1,13 +1,12 @@
 """A lower level never worsens a higher one: measured on the running robot, and tick by tick."""
 
-
 import numpy as np
 import pytest
 import yaml
 from conftest import poise_run
 
-from poise.control import Stack, WholeBodyController
 from poise.contacts import SurfaceContact
+from poise.control import Stack, WholeBodyController
 from poise.dynamics import RobotState
 from poise.scenarios.reader import SHIPPED
 from poise.sim import read_log
@@ -15,6 +14,9 @@ from poise.tasks import ComTask, FrameTask, PostureTask
 
 UNREACHABLE = (4.0, 5.5)
 """When the reach scenario asks for what no arm reaches [s]."""
+
+MET = 1e-6
+"""A level with a relative residual up to this counts as met everywhere in Poise."""
 
 
 def largest(log, signal, begin, end):
@@ -95,7 +97,8 @@ def test_adding_a_level_never_raises_the_residual_of_one_above(shipped_run, get_
             residuals[levels] = np.array(command.residuals)
         for levels in (2, 3):
             above = residuals[levels - 1]
-            assert (residuals[levels][: len(above)] <= above + 1e-8 + 1e-6 * above).all()
+            growth = residuals[levels][: len(above)] - above
+            assert growth.max() <= MET, (levels, growth)
         missed.append(residuals[3])
     assert np.max(missed, axis=0)[3] > 0.01, "no hand was out of reach"
     assert (np.max(missed, axis=0)[2] > 0.01) == (com_shift > 0.0)

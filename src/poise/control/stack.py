@@ -14,6 +14,9 @@ from poise.tasks.frame import FrameTask
 from poise.tasks.joint import PostureTask
 from poise.tasks.task import Task
 
+_TURNING_JOINTS = 3
+"""Joints it takes to turn a frame in any direction."""
+
 
 class Stack:
     """What a controller is asked to do; the same for every controller.
@@ -112,20 +115,30 @@ def default_stack(robot: Robot) -> Stack:
         robot: whose soles, hands, pelvis and torso the tasks name.
 
     Returns:
-        A new stack: both soles in contact; COM and pelvis orientation; hand poses and torso
-        orientation; posture.
+        A new stack: both soles in contact; COM and pelvis orientation; hand poses and, where the
+        waist has three joints, torso orientation; posture.
     """
     balance: list[Task] = []
     if robot.floating_base:
         balance = [ComTask(kp=60.0), FrameTask(robot.pelvis, "orientation", kp=100.0)]
     upper: list[Task] = [FrameTask(hand, kp=100.0) for hand in robot.hands]
-    if robot.torso != robot.pelvis:
+    if _can_turn_freely(robot, robot.pelvis, robot.torso):
         upper.append(FrameTask(robot.torso, "orientation", kp=100.0))
     levels = [level for level in (balance, upper) if level]
     return Stack(
         contacts=[SurfaceContact(sole) for sole in robot.soles],
         levels=[*levels, [PostureTask()]],
     )
+
+
+def _can_turn_freely(robot: Robot, root: str, frame: str) -> bool:
+    """Whether a frame has three joints to turn with against another; with fewer, both conflict."""
+    model = robot.model
+    chains = [
+        set(model.supports[model.frames[robot.frame_id(name)].parentJoint].tolist())
+        for name in (root, frame)
+    ]
+    return len(chains[1] - chains[0]) >= _TURNING_JOINTS
 
 
 def _check_unique(names: list[str], what: str) -> None:

@@ -21,6 +21,7 @@ from poise.hqp.measure import (
     signed_slacks,
 )
 from poise.hqp.problem import HierarchicalProblem
+from poise.hqp.soft_levels import can_give
 from poise.hqp.solution import Solution, SolveStatus
 from poise.hqp.status import failure, is_sound
 
@@ -30,7 +31,8 @@ class WeightedSolver:
 
     Args:
         backend: a name from `backends.ACCURACY`.
-        ratio: how much dearer the square of a level's slack is than that of the next.
+        ratio: how much dearer the square of a level's slack is than that of the next. With four
+            levels of cost 1e3 is as far as double precision goes, and too far for DAQP.
         time_limit: cap on a solve [s]; None for none.
 
     Raises:
@@ -40,18 +42,18 @@ class WeightedSolver:
     """
 
     def __init__(
-        self, backend: str = "daqp", ratio: float = 1e3, time_limit: float | None = None
+        self, backend: str = "daqp", ratio: float = 1e2, time_limit: float | None = None
     ) -> None:
         if not 1.0 < ratio < np.inf:
             raise ConfigurationError("not a ratio of priorities", got=ratio, wanted="1 < ratio")
         self.backend, self.ratio, self.time_limit = backend, ratio, time_limit
         self.name = f"weighted/{backend}"
         self._make = make_backend(backend)
-        self._workspaces = [self._make(), self._make()]
+        self._workspaces = [self._make() for _ in range(3)]
 
     def reset(self) -> None:
         """Forget the last solution, so that the next solve starts cold."""
-        self._workspaces = [self._make(), self._make()]
+        self._workspaces = [self._make() for _ in range(3)]
 
     def solve(self, problem: HierarchicalProblem) -> Solution:
         """Solve one problem; the answer owns its arrays."""
@@ -59,9 +61,12 @@ class WeightedSolver:
         if not is_sound(problem):
             return failure(problem, SolveStatus.BAD_PROBLEM, self.name, start)
         deadline = np.inf if self.time_limit is None else start + self.time_limit
-        for first_soft in (1, 0):
-            qp = _scalarised(problem, self.ratio, first_soft)
-            point = self._workspaces[first_soft].solve(qp, deadline - perf_counter())
+        makers = (_tasks_as_cost, _slacks_below_first, _slacks_everywhere)
+        for make, workspace in zip(makers, self._workspaces, strict=True):
+            qp = make(problem, self.ratio)
+            if qp is None:
+                continue
+            point = workspace.solve(qp, deadline - perf_counter())
             if point is not None and np.isfinite(point).all():
                 return self._report(problem, point[: problem.n], start)
             if perf_counter() > deadline:
@@ -85,6 +90,51 @@ class WeightedSolver:
             relaxed=bool((relative > FEASIBILITY_TOLERANCE).any()),
             timings={"total": total},
         )
+
+
+def _tasks_as_cost(problem: HierarchicalProblem, ratio: float) -> QP | None:
+    """The usual form on a robot: the lowest levels, of equality rows alone, are terms of the cost.
+
+    Everything above them is hard, so no slack is needed and the QP stays small. None where there
+    is no such level.
+    """
+    count = len(problem.levels)
+    first = count
+    while first > 0 and can_give(problem, first - 1):
+        first -= 1
+    if first == count:
+        return None
+    n, hard = problem.n, problem.levels[first].slice.start
+    # The dearest level weighs one: DAQP takes rows that a large Hessian shrinks for empty ones.
+    unit = ratio ** (first - count)
+    hessian, q = unit * problem.H, unit * problem.g
+    for i, view in enumerate(problem.levels[first:], start=first):
+        weights = ratio ** (first - i) * view.weights**2
+        hessian += view.A.T @ (weights[:, None] * view.A)
+        q -= view.A.T @ (weights * view.lower)
+    rows = np.flatnonzero(np.isfinite(problem.lower) | np.isfinite(problem.upper))
+    rows = rows[rows < n + hard]
+    A = np.vstack([np.eye(n), problem.A[:hard]])[rows]
+    return QP(
+        P=hessian,
+        q=q,
+        A=A,
+        lower=problem.lower[rows],
+        upper=problem.upper[rows],
+        P_pattern=np.ones(hessian.shape, dtype=np.bool_),
+        A_pattern=np.ones(A.shape, dtype=np.bool_),
+        definite=is_definite(problem.H),
+    )
+
+
+def _slacks_below_first(problem: HierarchicalProblem, ratio: float) -> QP:
+    """The first level hard, every other with a slack for each row."""
+    return _scalarised(problem, ratio, 1)
+
+
+def _slacks_everywhere(problem: HierarchicalProblem, ratio: float) -> QP:
+    """Every level with a slack for each row: always feasible."""
+    return _scalarised(problem, ratio, 0)
 
 
 def _scalarised(problem: HierarchicalProblem, ratio: float, first_soft: int) -> QP:

@@ -75,7 +75,7 @@ def write_video(run: Run, directory: Path, progress: Progress | None = None) -> 
             run.signals.time,
             run.signals.q,
             directory / VIDEO,
-            progress=None if progress is None else lambda done, total: progress(done, total),
+            progress=None if progress is None else lambda n, of: progress(float(n), float(of)),
         )
     except (NoOpenGLError, MissingExtraError) as reason:
         return f"No video: {reason}"

@@ -1,0 +1,284 @@
+"""The `poise` command: verbs, help, files, exit status, and one clean line for bad input."""
+
+import json
+import os
+import subprocess
+import sys
+
+import pytest
+
+pytest.importorskip("mujoco")
+
+from poise.cli.main import main
+from poise.robots import catalog
+from poise.scenarios import outputs, shipped_scenarios
+from poise.sim import NoOpenGLError, Plant, read_log
+from poise.sim.opengl import find_opengl
+
+SHORT = """
+name: short
+duration: 0.04
+checks:
+  - {metric: com_error_max, at_most: 0.01}
+"""
+
+
+@pytest.fixture
+def in_folder(tmp_path, monkeypatch):
+    """A folder of its own to work in."""
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.fixture
+def short(in_folder):
+    (in_folder / "short.yaml").write_text(SHORT)
+    return "short.yaml"
+
+
+def files(folder):
+    return {p.name for p in folder.iterdir()}
+
+
+def test_a_run_writes_its_files_beside_one_another_and_says_what_held(in_folder, short, capsys):
+    assert main(["run", short, "--no-video"]) == 0
+    folder = in_folder / "runs" / "short-humanoid33"
+    assert files(folder) == {"report.html", "log.mcap", "summary.json"}
+    out, err = capsys.readouterr()
+    assert err == ""
+    assert "short on humanoid33: all checks hold" in out
+    assert "ok    missed ticks: 0 (<= 0)" in out
+    assert "<= 0.01 m)" in out
+    assert "report: runs/short-humanoid33/report.html" in out
+
+
+def test_json_prints_the_summary_and_nothing_else(in_folder, short, capsys):
+    assert main(["run", short, "--no-video", "--json", "--out", "here", "--seed", "7"]) == 0
+    out, err = capsys.readouterr()
+    assert err == ""
+    assert json.loads(out) == json.loads((in_folder / "here" / "summary.json").read_text())
+    assert json.loads(out)["seed"] == 7
+
+
+def test_robot_controller_and_strategy_of_the_command_line_win(in_folder, short, capsys):
+    more = ["--robot", "biped20", "--controller", "whole_body", "--strategy", "cascade"]
+    assert main(["run", short, "--no-video", "--json", *more]) in (0, 1)
+    assert json.loads(capsys.readouterr().out)["robot"] == "biped20"
+    page = (in_folder / "runs" / "short-biped20" / "report.html").read_text()
+    assert "whole_body (cascade)" in page
+
+
+@pytest.mark.skipif(find_opengl() is None, reason="this machine cannot draw")
+def test_a_video_lies_beside_the_report(in_folder, short, capsys):
+    assert main(["run", short, "--out", "o"]) == 0
+    assert files(in_folder / "o") == {"report.html", "log.mcap", "summary.json", "video.mp4"}
+    assert (in_folder / "o" / "video.mp4").read_bytes()[4:8] == b"ftyp"
+    assert 'src="video.mp4"' in (in_folder / "o" / "report.html").read_text()
+
+
+def test_without_opengl_the_report_comes_and_says_what_to_install(
+    in_folder, short, capsys, monkeypatch
+):
+    def cannot(*_, **__):
+        raise NoOpenGLError("no OpenGL: install libegl1")
+
+    monkeypatch.setattr(outputs, "render_video", cannot)
+    assert main(["run", short, "--out", "o"]) == 0
+    assert "No video: no OpenGL: install libegl1" in capsys.readouterr().err
+    assert files(in_folder / "o") == {"report.html", "log.mcap", "summary.json"}
+    page = (in_folder / "o" / "report.html").read_text()
+    assert "install libegl1" in page
+    assert "<video" not in page
+
+
+def test_ctrl_c_while_the_video_is_drawn_leaves_the_report(in_folder, short, capsys, monkeypatch):
+    def interrupted(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(outputs, "render_video", interrupted)
+    assert main(["run", short, "--out", "o"]) == 0
+    assert "No video: interrupted" in capsys.readouterr().err
+    assert "No video: interrupted" in (in_folder / "o" / "report.html").read_text()
+
+
+def test_a_check_that_fails_gives_status_one(in_folder, capsys):
+    (in_folder / "s.yaml").write_text(SHORT.replace("at_most: 0.01", "at_least: 1.0"))
+    assert main(["run", "s.yaml", "--no-video"]) == 1
+    out = capsys.readouterr().out
+    assert "short on humanoid33: FAILED" in out
+    assert "  FAIL  largest distance of the COM from its reference" in out
+
+
+def test_list_names_every_shipped_scenario(capsys):
+    assert main(["run", "--list"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[0] for line in lines] == list(shipped_scenarios())
+    assert main(["run", "--list", "--json"]) == 0
+    assert set(json.loads(capsys.readouterr().out)) == set(shipped_scenarios())
+
+
+def test_robots_lists_what_can_be_loaded(capsys):
+    assert main(["robots"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert "joints" in lines[0]
+    assert "mass" in lines[0]
+    assert [line.split()[0] for line in lines[1 : 1 + len(catalog())]] == [
+        e.name for e in catalog()
+    ]
+    assert {"humanoid33", "biped20", "arm6", "upper17", "g1", "talos"} <= {
+        e.name for e in catalog()
+    }
+
+
+def test_robots_as_json_has_the_figures(capsys):
+    assert main(["robots", "--json"]) == 0
+    rows = {row["name"]: row for row in json.loads(capsys.readouterr().out)}
+    assert rows["humanoid33"]["joints"] == 33
+    assert rows["humanoid33"]["mass_kg"] == pytest.approx(100.0)
+    assert rows["g1"]["joints"] == 29
+    assert all(isinstance(row["installed"], bool) and row["licence"] for row in rows.values())
+
+
+@pytest.mark.parametrize("verb", [[], ["run"], ["robots"], ["bench"]], ids=lambda v: str(v))
+def test_help_has_an_example(verb, capsys):
+    with pytest.raises(SystemExit) as stop:
+        main([*verb, "--help"])
+    assert stop.value.code == 0
+    assert "example: poise" in capsys.readouterr().out
+
+
+BAD_WORDS = {
+    "unknown scenario": (["squad"], "squad", "squat"),
+    "missing file": (["nowhere/s.yaml"], "nowhere/s.yaml", "stand"),
+    "folder instead of a file": (["."], "'.'", "stand"),
+    "unknown robot": (["stand", "--robot", "g2"], "'g2'", "g1"),
+    "robot that is nothing": (["stand", "--robot", ""], "''", "humanoid33"),
+    "missing robot file": (["stand", "--robot", "no/robot.urdf"], "no/robot.urdf", "No such file"),
+    "unknown controller": (["stand", "--controller", "osc"], "'osc'", "whole_body"),
+    "controller that is nothing": (["stand", "--controller", ""], "''", "whole_body"),
+    "unknown strategy": (["stand", "--strategy", "fast"], "'fast'", "direct"),
+    "out is a file": (["stand", "--out", "taken"], "'taken'", "writable"),
+    "out under a file": (["stand", "--out", "taken/deeper"], "taken/deeper", "writable"),
+    "no soles for this stack": (["stand", "--robot", "arm6"], "left_sole", "choices"),
+    "empty file": (["empty.yaml"], "None", "keys with values"),
+    "binary file": (["binary.yaml"], "binary.yaml", "UTF-8"),
+    "URDF without inertia": (["stand", "--robot", "bare.urdf"], "bare.urdf", ""),
+    "robot file that is no robot": (["stand", "--robot", "empty.yaml"], "empty.yaml", "XML"),
+}
+
+
+def one_line(err):
+    assert err.startswith("poise: ")
+    assert err.count("\n") == 1
+    assert err.endswith("\n")
+    assert "Traceback" not in err
+
+
+@pytest.mark.parametrize("case", BAD_WORDS)
+def test_bad_input_is_one_line_and_status_two_and_nothing_moves(
+    in_folder, capsys, monkeypatch, case
+):
+    def no_step(*_):
+        raise AssertionError("the plant moved")
+
+    monkeypatch.setattr(Plant, "step", no_step)
+    (in_folder / "taken").write_text("")
+    (in_folder / "empty.yaml").write_text("")
+    (in_folder / "binary.yaml").write_bytes(b"\xff\xfe\x00\x9f")
+    (in_folder / "bare.urdf").write_text("<robot name='r'><link name='a'/></robot>")
+    arguments, got, choice = BAD_WORDS[case]
+    assert main(["run", *arguments, "--no-video"]) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    one_line(err)
+    assert got in err
+    assert choice in err
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["run", "stand", "--seed", "-1"],
+        ["run", "stand", "--seed", "one"],
+        ["run", "stand", "--seed", "1.5"],
+        ["run", "--frobnicate"],
+        ["walk"],
+        [],
+    ],
+    ids=str,
+)
+def test_a_command_line_that_cannot_be_read_gives_status_two(arguments, capsys):
+    with pytest.raises(SystemExit) as stop:
+        main(arguments)
+    assert stop.value.code == 2
+    err = capsys.readouterr().err
+    assert "poise" in err
+    assert "Traceback" not in err
+
+
+def test_a_seed_that_is_none_is_told_what_a_seed_is(capsys):
+    with pytest.raises(SystemExit):
+        main(["run", "stand", "--seed", "one"])
+    assert "got 'one', wanted 0, 1, 2" in capsys.readouterr().err
+
+
+def test_a_name_with_a_line_break_still_gives_one_line(in_folder, capsys):
+    (in_folder / "s.yaml").write_text('name: s\nduration: 1\n"a\\nb": 3\n')
+    assert main(["run", "s.yaml"]) == 2
+    one_line(capsys.readouterr().err)
+
+
+def test_a_window_without_a_screen_is_refused_in_one_line(in_folder, short, capsys, monkeypatch):
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    assert main(["run", short, "--view", "--no-video"]) == 2
+    err = capsys.readouterr().err
+    one_line(err)
+    assert "without --view" in err
+
+
+def test_a_folder_where_a_file_should_be_written_is_one_line(in_folder, short, capsys):
+    (in_folder / "o" / "summary.json").mkdir(parents=True)
+    assert main(["run", short, "--no-video", "--out", "o"]) == 2
+    err = capsys.readouterr().err
+    one_line(err)
+    assert "summary.json" in err
+
+
+def poise(*arguments, cwd):
+    command = [sys.executable, "-m", "poise.cli.main", *arguments]
+    environment = {k: v for k, v in os.environ.items() if k not in ("DISPLAY", "WAYLAND_DISPLAY")}
+    return subprocess.run(
+        command, capture_output=True, text=True, cwd=cwd, env=environment, timeout=60, check=False
+    )
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [("squad",), ("stand", "--robot", "g2"), ("bad.yaml",), ("stand", "--out", "/proc/x/y")],
+    ids=str,
+)
+def test_a_real_process_gives_one_line_and_status_two(tmp_path, arguments):
+    (tmp_path / "bad.yaml").write_text("name: s\nduration: 5 s\n")
+    done = poise("run", *arguments, cwd=tmp_path)
+    assert done.returncode == 2
+    assert done.stdout == ""
+    one_line(done.stderr)
+
+
+def test_a_real_process_runs_a_file_to_its_log(tmp_path):
+    (tmp_path / "s.yaml").write_text(SHORT)
+    done = poise("run", "s.yaml", "--no-video", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert done.stderr == ""
+    assert read_log(tmp_path / "runs" / "short-humanoid33" / "log.mcap").complete
+
+
+def test_the_reader_of_a_pipe_may_go_away(tmp_path):
+    command = f"{sys.executable} -m poise.cli.main robots | true"
+    done = subprocess.run(
+        ["bash", "-o", "pipefail", "-c", command], capture_output=True, text=True, timeout=60,
+        check=False,
+    )  # fmt: skip
+    assert done.returncode == 0
+    assert "Traceback" not in done.stderr
