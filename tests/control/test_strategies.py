@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import poise
+from poise.hqp import ACCURACY
 
 
 def run(
@@ -22,21 +23,20 @@ def run(
 
 
 @pytest.mark.parametrize(
-    ("strategy", "backend", "tolerance"),
+    ("strategy", "backend", "levels", "tolerance"),
     [
-        ("direct", None, 1e-9),
-        ("cascade", "daqp", 1e-8),
-        ("cascade", "osqp", 1e-4),
-        ("weighted", "daqp", 0.1),
+        # Dynamics, contacts, balance and hands; only the posture at the bottom has to give.
+        ("direct", None, 4, 1e-9),
+        ("cascade", "daqp", 4, 1e-8),
+        ("cascade", "osqp", 4, ACCURACY["osqp"]),
+        # Not strict: the posture takes from every task, but never from the physics.
+        ("weighted", "daqp", 2, 1e-9),
     ],
 )
-def test_every_strategy_answers_every_tick_and_meets_the_tasks(
-    get_robot, strategy, backend, tolerance
-):
+def test_every_strategy_answers_every_tick(get_robot, strategy, backend, levels, tolerance):
     commands, _ = run(get_robot("humanoid33"), strategy, backend)
     assert all(c.status is poise.CommandStatus.OK for c in commands)
-    # Dynamics, contacts, balance and hands; only the posture at the bottom has to give.
-    assert max(max(c.residuals[:4]) for c in commands) <= tolerance
+    assert max(max(c.residuals[:levels]) for c in commands) <= tolerance
 
 
 def test_weighted_and_direct_agree_roughly_on_the_torques(get_robot):
