@@ -109,10 +109,10 @@ def test_status_prints_level_error_with_unit_and_residual(robot):
     for task in controller.stack.tasks():
         assert task[1].name in text
         assert task[1].unit in text
-    assert text.splitlines()[2].split()[:2] == ["1", "com"]
+    assert text.splitlines()[2].split()[:2] == ["3", "com"]
     assert rows
     com = status.tasks[0]
-    assert (com.name, com.level, com.unit) == ("com", 1, "m")
+    assert (com.name, com.level, com.unit) == ("com", 3, "m")
     assert com.error == pytest.approx(np.linalg.norm(controller.stack.task("com").error))
 
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from poise.control.command import CommandStatus
+from poise.control.formulation import PHYSICS_LEVELS
 from poise.control.stack import Stack
 from poise.tasks import Task
 
@@ -16,7 +17,7 @@ class TaskStatus:
 
     Attributes:
         name: the task's name.
-        level: the user's level, 1 is the most important.
+        level: its level in the hierarchy; 1 and 2 are the physics, the user's begin at 3.
         error: norm of target minus actual [unit].
         unit: unit of `error`.
         residual: norm of the acceleration that could not be met [unit/s^2].
@@ -68,7 +69,7 @@ def task_statuses(
     return tuple(
         TaskStatus(
             name=task.name,
-            level=level + 1,
+            level=PHYSICS_LEVELS + level + 1,
             error=float(np.linalg.norm(task.error)),
             unit=task.unit,
             residual=residuals.get(task.name, 0.0),

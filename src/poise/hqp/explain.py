@@ -74,8 +74,8 @@ def describe(status: str, problem: HierarchicalProblem, conflicts: list[Conflict
         against = f", against {', '.join(opponents)}" if opponents else ", by itself"
         side = "above" if worst.violation > 0.0 else "below"
         lines.append(
-            f"  level {level} ({problem.level(level).name}): {label!r} misses {len(rows)} of its "
-            f"rows, by up to {abs(worst.violation):.3g} {side} its bound{against}"
+            f"  level {level + 1} ({problem.level(level).name}): {label!r} misses {len(rows)} of "
+            f"its rows, by up to {abs(worst.violation):.3g} {side} its bound{against}"
         )
     return "\n".join(lines)
 
