@@ -49,9 +49,9 @@ def test_stand_prints_each_task_with_its_level_and_a_small_error(run, get_robot,
     get_robot(robot)
     printed = run("01_stand.py", "--robot", robot, "--seconds", "0.3")
     assert printed.startswith("status: ok")
-    assert numbers(r"1  com +(\S+) m ", printed)[0] < 1e-4
-    assert numbers(r"2  right_hand pose +(\S+) m, rad", printed)[0] < 1e-4
-    assert re.search(r"3  posture", printed)
+    assert numbers(r"3  com +(\S+) m ", printed)[0] < 1e-4
+    assert numbers(r"4  right_hand pose +(\S+) m, rad", printed)[0] < 1e-4
+    assert re.search(r"5  posture", printed)
 
 
 def test_reach_follows_the_moving_target(run):
@@ -63,8 +63,8 @@ def test_reach_follows_the_moving_target(run):
 def test_priorities_prints_both_orders(run):
     printed = run("03_priorities.py")
     below, above = printed.split("hand above balance")
-    assert re.search(r"level 2  com .*\n  level 3  hand ", below)
-    assert re.search(r"level 2  hand .*\n  level 3  com ", above)
+    assert re.search(r"level 4  com .*\n  level 5  hand ", below)
+    assert re.search(r"level 4  hand .*\n  level 5  com ", above)
 
 
 def test_hierarchical_qp_gives_the_strict_answer_and_says_why(run):

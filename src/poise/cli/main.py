@@ -31,7 +31,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         verb.add_parser(verbs)
     options = parser.parse_args(arguments)
     try:
-        return options.act(options)
+        status = options.act(options)
+        # Here, not at exit, where a reader of a pipe that has gone would be an error.
+        sys.stdout.flush()
     except PoiseError as error:
         # One line, whatever a name in a file or a library's message has in it.
         print("poise:", *str(error).split(), file=sys.stderr)
@@ -47,6 +49,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         # A full disk, or a folder where a file should be written.
         print(f"poise: {error}", file=sys.stderr)
         return BAD_INPUT
+    return status
 
 
 if __name__ == "__main__":

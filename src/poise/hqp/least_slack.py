@@ -33,6 +33,11 @@ _STEP_TOLERANCE = 1e-10
 """A row that a whole step would move by less than this share of its size does not block it."""
 
 
+_CHANGES_A_ROW = 4
+"""Active-set changes, for each row and variable, after which the search ends with the best point
+so far: those seen took less than one, and one that cycles must not hold a controller for long."""
+
+
 @dataclass(frozen=True, slots=True)
 class Rows:
     """Two-sided rows `lower <= A z <= upper`."""
@@ -137,7 +142,7 @@ class _Search:
 
     def run(self, deadline: float) -> LeastSlack:
         """Alternate least-squares steps and changes of the active set until nothing improves."""
-        limit = 50 + 20 * (len(self.side) + len(self.soft_side) + len(self.z))
+        limit = 50 + _CHANGES_A_ROW * (len(self.side) + len(self.soft_side) + len(self.z))
         multipliers, force = np.zeros(0), 0.0
         converged = False
         iteration = 0
