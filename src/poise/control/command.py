@@ -38,7 +38,9 @@ class Command:
         wrenches: wrench [force; moment] on the robot expected at each contact, in the contact's
             frame at its centre [N, N m].
         residuals: norm of what each level could not meet, relative to the level's scale; empty
-            when nothing was solved.
+            when nothing was solved. The first two are physics: a second one above 1e-6 says that
+            contacts and joint limits cannot all be held in this state, as in a fall, whatever the
+            status.
     """
 
     status: CommandStatus
