@@ -25,14 +25,18 @@ from poise.hqp.soft_levels import can_give
 from poise.hqp.solution import Solution, SolveStatus
 from poise.hqp.status import failure, is_sound
 
+SPAN = 1e6
+"""How much dearer the highest level of a cost may be than the final cost below all levels: wider
+costs use up double precision, and DAQP finds no point."""
+
 
 class WeightedSolver:
     """Solves one QP over x and all slacks.
 
     Args:
         backend: a name from `backends.ACCURACY`.
-        ratio: how much dearer the square of a level's slack is than that of the next. With four
-            levels of cost 1e3 is as far as double precision goes, and too far for DAQP.
+        ratio: how much dearer the square of a level's slack is than that of the next; less where
+            that many levels of cost would span more than `SPAN`.
         time_limit: cap on a solve [s]; None for none.
 
     Raises:
@@ -106,6 +110,7 @@ def _tasks_as_cost(problem: HierarchicalProblem, ratio: float) -> QP | None:
         return None
     n, hard = problem.n, problem.levels[first].slice.start
     # The dearest level weighs one: DAQP takes rows that a large Hessian shrinks for empty ones.
+    ratio = min(ratio, SPAN ** (1.0 / (count - first)))
     unit = ratio ** (first - count)
     hessian, q = unit * problem.H, unit * problem.g
     for i, view in enumerate(problem.levels[first:], start=first):
