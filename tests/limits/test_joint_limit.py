@@ -8,7 +8,7 @@ from oracles import dynamics_at, random_state
 
 from poise.errors import ConfigurationError
 from poise.limits import JointLimit
-from poise.limits.joint import largest_viable_acceleration
+from poise.limits.joint import ViableAcceleration
 
 A_MAX, BRAKING, HORIZON = 200.0, 8.0, 0.02
 OVERSHOOT = A_MAX * (0.1 * HORIZON) ** 2 / 2.0
@@ -17,8 +17,8 @@ OVERSHOOT = A_MAX * (0.1 * HORIZON) ** 2 / 2.0
 
 def bounds(q, v, q_min, q_max, v_max, a_max=A_MAX, dt=HORIZON, braking=BRAKING):
     """Both bounds the way `JointLimit` makes them."""
-    upper = largest_viable_acceleration(q, v, q_max, v_max, a_max, dt, braking)
-    lower = -largest_viable_acceleration(-q, -v, -q_min, v_max, a_max, dt, braking)
+    viable = ViableAcceleration(q_min, q_max, v_max, a_max=a_max, dt=dt, braking=braking)
+    upper, lower = viable.bounds(q, v)
     slower = np.where(v > 0.0, upper, lower)
     crossed = lower > upper
     return np.where(crossed, slower, lower), np.where(crossed, slower, upper)
@@ -186,10 +186,8 @@ def test_upper_and_lower_bounds_are_mirror_images(v, at):
 @given(v=st.floats(-10.0, 10.0), s=st.floats(0.0, 1.0))
 def test_the_upper_bound_shrinks_as_the_limit_comes_nearer(v, s):
     q_max, fast, at = np.ones(1), np.full(1, 20.0), np.array([v])
-    near, far = (
-        largest_viable_acceleration(np.array([1.0 - d]), at, q_max, fast, A_MAX, HORIZON, BRAKING)
-        for d in (s, s + 1e-3)
-    )
+    viable = ViableAcceleration(-q_max, q_max, fast, a_max=A_MAX, dt=HORIZON, braking=BRAKING)
+    near, far = (viable.bounds(np.array([1.0 - d]), at)[0] for d in (s, s + 1e-3))
     assert near <= far + 1e-6
 
 

@@ -8,7 +8,7 @@ from jaxtyping import Float64
 from poise.checks import checked_kind, checked_number
 from poise.contacts.load import LoadRamp
 from poise.dynamics.dynamics import Dynamics
-from poise.dynamics.frames import FrameKinematics
+from poise.dynamics.rates import MatrixRates
 from poise.errors import ConfigurationError
 from poise.robots.robot import Robot
 
@@ -144,13 +144,22 @@ class Contact(ABC):
         Args:
             dynamics: the state, up to date.
         """
-        velocity = self._evaluate(dynamics.frame(self._frame_id))
-        np.multiply(velocity, -self.damping, out=self.reference)
+        jacobian, velocity, bias = dynamics.motion_in_own_axes(self._frame_id)
+        self.jacobian, self.drift = jacobian[: self.dim], bias[: self.dim]
+        np.multiply(velocity[: self.dim], -self.damping, out=self.reference)
+
+    def jacobian_rate(
+        self, dynamics: Dynamics, rates: MatrixRates
+    ) -> Float64[np.ndarray, "dim nv"]:
+        """Time derivative of `jacobian` along axes that stay as they are, as those of `drift` do.
+
+        Args:
+            dynamics: the state.
+            rates: derivatives of the robot's matrices for the same state.
+        """
+        rate, R = rates.frame(self._frame_id), dynamics.frame(self._frame_id).rotation.T
+        return np.concatenate((R @ rate[:3], R @ rate[3:]))[: self.dim]
 
     @abstractmethod
     def _make_cone(self, robot: Robot) -> Float64[np.ndarray, "rows dim"]:
         """The constant rows C of C F <= 0."""
-
-    @abstractmethod
-    def _evaluate(self, frame: FrameKinematics) -> Float64[np.ndarray, " dim"]:
-        """Fills jacobian and drift; returns the contact's velocity along its own axes."""

@@ -4,7 +4,6 @@ import numpy as np
 from jaxtyping import Float64
 
 from poise.contacts.contact import Contact
-from poise.dynamics.frames import FrameKinematics
 from poise.robots.robot import Robot
 
 
@@ -38,9 +37,3 @@ class PointContact(Contact):
     def _make_cone(self, robot: Robot) -> Float64[np.ndarray, "rows dim"]:  # noqa: ARG002
         mu = self.friction
         return np.array([[1.0, 0.0, -mu], [-1.0, 0.0, -mu], [0.0, 1.0, -mu], [0.0, -1.0, -mu]])
-
-    def _evaluate(self, frame: FrameKinematics) -> Float64[np.ndarray, " dim"]:
-        contact_R_world = frame.rotation.T
-        np.matmul(contact_R_world, frame.jacobian[:3], out=self.jacobian)
-        np.matmul(contact_R_world, frame.bias[:3], out=self.drift)
-        return contact_R_world @ frame.velocity[:3]

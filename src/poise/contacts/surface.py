@@ -7,7 +7,6 @@ from jaxtyping import Float64
 
 from poise.checks import checked_number
 from poise.contacts.contact import Contact
-from poise.dynamics.frames import FrameKinematics
 from poise.errors import ConfigurationError
 from poise.robots.robot import Robot
 
@@ -58,7 +57,6 @@ class SurfaceContact(Contact):
             frame, friction=friction, damping=damping, min_load=min_load, dim=6, name=name
         )
         self._size = (length, width)
-        self._turn = np.zeros((6, 6))
         for value, what in ((length, "length"), (width, "width"), (torsion, "torsion")):
             if value is not None:
                 checked_number(value, f"{what} of contact {self.name!r} [m]", above=0.0)
@@ -95,11 +93,3 @@ class SurfaceContact(Contact):
                 choices=robot.soles,
             )
         return length, width
-
-    def _evaluate(self, frame: FrameKinematics) -> Float64[np.ndarray, " dim"]:
-        # One plain product each is quicker than a stack of two small ones.
-        turn = self._turn
-        turn[:3, :3] = turn[3:, 3:] = frame.rotation.T
-        np.dot(turn, frame.jacobian, out=self.jacobian)
-        np.dot(turn, frame.bias, out=self.drift)
-        return np.dot(turn, frame.velocity)

@@ -31,10 +31,12 @@ _ContactRows = tuple[
     Contact,
     Float64[np.ndarray, "dim nv"],
     Float64[np.ndarray, " dim"],
+    Float64[np.ndarray, "nv dim"],
     Float64[np.ndarray, " dim"],
     Float64[np.ndarray, " dim"],
 ]
-"""A contact with the views of its rows, Jacobian and reference, and of its wrench's bounds."""
+"""A contact with the views of its rows, Jacobian and reference, of its wrench's columns in the
+dynamics, and of its wrench's bounds."""
 
 
 class FullFormulation:
@@ -92,8 +94,7 @@ class FullFormulation:
         problem = self.problem
         problem.H[nv:, nv:] = WRENCH_COST * np.eye(wrench_dim)
         physics, touch = problem.level(0), problem.level(1)
-        self._mass_rows = physics.A[:, :nv]
-        self._force_rows = physics.A[:, nv:]
+        self._mass_rows, self._actuated_rows = physics.A[:, :nv], physics.A[base:]
         self._cost_mass = problem.H[:nv, :nv]
         self._contact_motion = touch.A[:wrench_dim, :nv]
         self._contact_lower = touch.lower[:wrench_dim]
@@ -106,7 +107,6 @@ class FullFormulation:
         )
         self._contact_rows = self._locate_contacts()
         self._task_rows = self._locate_tasks()
-        self._torque = np.zeros(nv)
 
     def fill(self, dynamics: Dynamics) -> None:
         """Writes one state's rows into the problem.
@@ -127,9 +127,9 @@ class FullFormulation:
         self, x: Float64[np.ndarray, " n"], dynamics: Dynamics
     ) -> Float64[np.ndarray, " nj"]:
         """Joint torques of a solution: the actuated rows (7), M_l dv + h_l - J_c,l^T F [N m]."""
-        np.matmul(self.problem.level(0).A, x, out=self._torque)
-        self._torque += dynamics.h
-        return self._torque[self._base :].copy()
+        torque = np.dot(self._actuated_rows, x)
+        torque += dynamics.h[self._base :]
+        return torque
 
     def acceleration(self, x: Float64[np.ndarray, " n"]) -> Float64[np.ndarray, " nv"]:
         """Generalized acceleration of a solution."""
@@ -145,16 +145,16 @@ class FullFormulation:
         h = dynamics.h
         self._mass_rows[:] = dynamics.M
         self._cost_mass[:] = dynamics.M
-        np.negative(self._contact_motion.T, out=self._force_rows)
         np.negative(h[:base], out=physics.lower[:base])
         physics.upper[:base] = physics.lower[:base]
         np.subtract(limit.lower, h[base:], out=physics.lower[base:])
         np.subtract(limit.upper, h[base:], out=physics.upper[base:])
 
     def _fill_contacts(self, dynamics: Dynamics) -> None:
-        for contact, jacobian, lower, wrench_lower, wrench_upper in self._contact_rows:
+        for contact, jacobian, lower, columns, wrench_lower, wrench_upper in self._contact_rows:
             contact.evaluate(dynamics)
             jacobian[:] = contact.jacobian
+            np.negative(contact.jacobian.T, out=columns)
             np.subtract(contact.reference, contact.drift, out=lower)
             wrench_lower[:] = contact.wrench_lower
             wrench_upper[:] = contact.wrench_upper
@@ -194,6 +194,7 @@ class FullFormulation:
                     contact,
                     self._contact_motion[rows],
                     self._contact_lower[rows],
+                    problem.level(0).A[:, variables],
                     problem.x_lower[variables],
                     problem.x_upper[variables],
                 )

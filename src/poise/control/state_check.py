@@ -1,11 +1,15 @@
 """Whether a state may be used for control at all."""
 
 import math
+from typing import Any, cast
 
 import numpy as np
+from scipy.linalg import blas
 
 from poise.dynamics.state import RobotState
 from poise.robots.robot import Robot
+
+_norm: Any = cast("Any", blas).dnrm2  # SciPy's stubs do not know the wrapped routines
 
 _QUATERNION_TOLERANCE = 1e-3
 """How far the base quaternion's norm may be from one; Pinocchio assumes a unit quaternion."""
@@ -26,8 +30,8 @@ def is_usable(state: object, robot: Robot) -> bool:
     q, v = state.q, state.v
     if not (_is_vector(q, robot.nq) and _is_vector(v, robot.nv) and _is_time(state.time)):
         return False
-    # NaN fails the comparison; and unlike NumPy's sums and products hypot never warns of overflow.
-    if not (math.hypot(*q.tolist()) <= _LARGEST and math.hypot(*v.tolist()) <= _LARGEST):
+    # NaN fails the comparison; and unlike NumPy's sums and products nrm2 never warns of overflow.
+    if not (_norm(q) <= _LARGEST and _norm(v) <= _LARGEST):
         return False
     if not robot.floating_base:
         return True

@@ -2,7 +2,15 @@
 
 from poise.dynamics.dynamics import Dynamics
 from poise.dynamics.frames import FrameKinematics
-from poise.dynamics.rotations import rotation_vector
+from poise.dynamics.rates import MatrixRates
+from poise.dynamics.rotations import rotation_sine, rotation_vector
 from poise.dynamics.state import RobotState
 
-__all__ = ["Dynamics", "FrameKinematics", "RobotState", "rotation_vector"]
+__all__ = [
+    "Dynamics",
+    "FrameKinematics",
+    "MatrixRates",
+    "RobotState",
+    "rotation_sine",
+    "rotation_vector",
+]

@@ -12,9 +12,10 @@ from poise.robots.robot import Robot
 class Dynamics:
     """Mass matrix, nonlinear effects, frames, COM and centroidal momentum of one state.
 
-    `update` runs Pinocchio's recursions once; frames are evaluated when first asked for and kept
-    until the next `update`, so that two tasks on one frame cost one evaluation. The next `update`
-    overwrites the matrices and `h` in place; other vectors and frames keep their numbers.
+    `update` runs Pinocchio's recursions once; frames and momentum are evaluated when first asked
+    for and kept until the next `update`, so that two tasks on one frame cost one evaluation. The
+    next `update` overwrites the matrices and `h` in place; other vectors and frames keep their
+    numbers.
 
     The equation of motion is
 
@@ -34,18 +35,19 @@ class Dynamics:
         com_velocity: its velocity [m/s].
         com_jacobian: maps `v` to the COM's velocity.
         com_bias: acceleration of the COM at zero `dv` [m/s^2].
-        momentum: centroidal momentum, linear [kg m/s] then angular about the COM [kg m^2/s].
-        momentum_matrix: centroidal momentum matrix A_G, maps `v` to `momentum`.
-        momentum_bias: rate of `momentum` at zero `dv` [N, N m].
     """
 
     def __init__(self, robot: Robot) -> None:
         self.robot = robot
         self.state: RobotState = RobotState(robot.q_home, np.zeros(robot.nv))
-        self._data = robot.model.createData()
+        self._data = data = robot.model.createData()
         self._no_acceleration = np.zeros(robot.nv)
         self._frames: dict[int, FrameKinematics] = {}
-        self._mass = robot.mass
+        # Pinocchio's own arrays; M has both triangles filled and is turned to row-major.
+        self.M: Float64[np.ndarray, "nv nv"] = data.M.T
+        self.h: Float64[np.ndarray, " nv"] = data.nle
+        self.com_jacobian: Float64[np.ndarray, "3 nv"] = data.Jcom
+        self._com, self._com_velocity, self._com_bias = data.com[0], data.vcom[0], data.acom[0]
         self.update(self.state)
 
     def update(self, state: RobotState) -> None:
@@ -55,26 +57,37 @@ class Dynamics:
             state: configuration and velocity; must be finite and of the robot's size, which the
                 controllers check.
         """
-        model, data = self.robot.model, self._data
+        model, data, q, v = self.robot.model, self._data, state.q, state.v
         self.state = state
         self._frames.clear()
-        pin.computeAllTerms(model, data, state.q, state.v)
-        # At zero acceleration this yields the drift of the momentum, and of every frame with it.
-        pin.computeCentroidalMomentumTimeVariation(
-            model, data, state.q, state.v, self._no_acceleration
-        )
-        # Pinocchio's own array, both triangles filled, turned from column-major to row-major.
-        self.M: Float64[np.ndarray, "nv nv"] = data.M.T
-        self.h: Float64[np.ndarray, " nv"] = data.nle
-        # Copied: elements of Pinocchio's vectors do not keep alive what they are views into, and a
-        # user may keep what was measured.
-        self.com: Float64[np.ndarray, "3"] = data.com[0].copy()
-        self.com_velocity: Float64[np.ndarray, "3"] = data.vcom[0].copy()
-        self.com_jacobian: Float64[np.ndarray, "3 nv"] = data.Jcom
-        self.momentum: Float64[np.ndarray, "6"] = data.hg.vector.copy()
-        self.momentum_matrix: Float64[np.ndarray, "6 nv"] = data.Ag
-        self.momentum_bias: Float64[np.ndarray, "6"] = data.dhg.vector.copy()
-        self.com_bias: Float64[np.ndarray, "3"] = self.momentum_bias[:3] / self._mass
+        self._momentum_is_known = False
+        # Quicker than Pinocchio's computeAllTerms, which has energies and momentum in it.
+        pin.crba(model, data, q)
+        pin.nonLinearEffects(model, data, q, v)
+        # At zero acceleration the accelerations of frames and COM are their drift.
+        pin.forwardKinematics(model, data, q, v, self._no_acceleration)
+        pin.computeJointJacobians(model, data)
+        pin.centerOfMass(model, data, pin.ACCELERATION, False)
+        pin.jacobianCenterOfMass(model, data, False)
+        # Copied, because a user may keep what was measured.
+        self.com: Float64[np.ndarray, "3"] = self._com.copy()
+        self.com_velocity: Float64[np.ndarray, "3"] = self._com_velocity.copy()
+        self.com_bias: Float64[np.ndarray, "3"] = self._com_bias.copy()
+
+    @property
+    def momentum(self) -> Float64[np.ndarray, "6"]:
+        """Centroidal momentum, linear [kg m/s] then angular about the COM [kg m^2/s]."""
+        return self._with_momentum().hg.vector.copy()
+
+    @property
+    def momentum_matrix(self) -> Float64[np.ndarray, "6 nv"]:
+        """Centroidal momentum matrix A_G, maps `v` to `momentum`."""
+        return self._with_momentum().Ag
+
+    @property
+    def momentum_bias(self) -> Float64[np.ndarray, "6"]:
+        """Rate of `momentum` at zero `dv` [N, N m]."""
+        return self._with_momentum().dhg.vector.copy()
 
     def frame(self, frame_id: int) -> FrameKinematics:
         """Kinematics of a frame, evaluated once a tick.
@@ -91,6 +104,22 @@ class Dynamics:
             self._frames[frame_id] = kinematics
         return kinematics
 
+    def motion_in_own_axes(
+        self, frame_id: int
+    ) -> tuple[Float64[np.ndarray, "6 nv"], Float64[np.ndarray, "6"], Float64[np.ndarray, "6"]]:
+        """Jacobian, velocity and bias of a frame as in `frame`, but along the frame's own axes.
+
+        Args:
+            frame_id: index from `Robot.frame_id`.
+        """
+        model, data = self.robot.model, self._data
+        pin.updateFramePlacement(model, data, frame_id)
+        return (
+            pin.getFrameJacobian(model, data, frame_id, pin.LOCAL),
+            pin.getFrameVelocity(model, data, frame_id, pin.LOCAL).vector,
+            pin.getFrameClassicalAcceleration(model, data, frame_id, pin.LOCAL).vector,
+        )
+
     def joint_position(self, joint_id: int) -> Float64[np.ndarray, "3"]:
         """Origin of a joint in the world [m].
 
@@ -99,13 +128,23 @@ class Dynamics:
         """
         return self._data.oMi[joint_id].translation.copy()
 
+    def _with_momentum(self) -> pin.Data:
+        if not self._momentum_is_known:
+            model, data, state = self.robot.model, self._data, self.state
+            pin.computeCentroidalMap(model, data, state.q)
+            pin.computeCentroidalMomentumTimeVariation(
+                model, data, state.q, state.v, self._no_acceleration
+            )
+            self._momentum_is_known = True
+        return self._data
+
     def _evaluate_frame(self, frame_id: int) -> FrameKinematics:
-        model, data, aligned = self.robot.model, self._data, pin.LOCAL_WORLD_ALIGNED
+        model, data, axes = self.robot.model, self._data, pin.LOCAL_WORLD_ALIGNED
         placement = pin.updateFramePlacement(model, data, frame_id)
         return FrameKinematics(
-            position=placement.translation,
-            rotation=placement.rotation,
-            jacobian=pin.getFrameJacobian(model, data, frame_id, aligned),
-            velocity=pin.getFrameVelocity(model, data, frame_id, aligned).vector,
-            bias=pin.getFrameClassicalAcceleration(model, data, frame_id, aligned).vector,
+            placement.translation,
+            placement.rotation,
+            pin.getFrameJacobian(model, data, frame_id, axes),
+            pin.getFrameVelocity(model, data, frame_id, axes).vector,
+            pin.getFrameClassicalAcceleration(model, data, frame_id, axes).vector,
         )

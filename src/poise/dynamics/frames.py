@@ -1,13 +1,12 @@
 """`FrameKinematics`: where one frame is, how it moves, and how it answers to joint acceleration."""
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float64
 
 
-@dataclass(frozen=True, slots=True)
-class FrameKinematics:
+class FrameKinematics(NamedTuple):
     """Kinematics of one frame at one state.
 
     Spatial vectors put the linear part first and are expressed along the world's axes at the

@@ -1,4 +1,4 @@
-"""Rotation vectors: the logarithm of a rotation, right at zero and at pi."""
+"""How far apart two orientations are, as a vector."""
 
 import numpy as np
 import pinocchio as pin
@@ -22,4 +22,25 @@ def rotation_vector(
     Returns:
         Axis times angle along the world's axes, angle in [0, pi] [rad].
     """
-    return pin.log3(target @ actual.T)
+    return pin.log3(target.dot(actual.T))
+
+
+def rotation_sine(
+    target: Float64[np.ndarray, "3 3"], actual: Float64[np.ndarray, "3 3"]
+) -> Float64[np.ndarray, "3"]:
+    """Axis times the sine of the angle that takes one orientation to another.
+
+    Equation (63) of (Park, Jin, Kang 2022), e_o = r sin(phi), meant for small errors: beyond a
+    right angle it shrinks again, and at pi it is zero.
+
+    Args:
+        target: world_R_target.
+        actual: world_R_actual.
+
+    Returns:
+        Axis times sine along the world's axes.
+    """
+    turn = target @ actual.T
+    return 0.5 * np.array(
+        [turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]]
+    )

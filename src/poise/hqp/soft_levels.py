@@ -16,15 +16,16 @@ alone. The next level is solved in the null space of all equality rows so far: h
 would depend on each other, which rounding turns into a contradiction.
 """
 
-from typing import Any
+from typing import Any, cast
 
-import daqp
 import numpy as np
 from jaxtyping import Float64
-from scipy.linalg import qr
+from scipy.linalg import blas, qr
 
-from poise.hqp.hard import PRIMAL_TOLERANCE
+from poise.hqp.hard import HardQP
 from poise.hqp.problem import HierarchicalProblem
+
+_norm: Any = cast("Any", blas).dnrm2  # SciPy's stubs do not know the wrapped routines
 
 RHO = 1e-5
 """Weight of the final cost and of the proximal term, relative to the level's own curvature."""
@@ -33,7 +34,7 @@ MAX_STEPS = 6
 """Proximal steps; more are only needed where the level is close to losing rank."""
 
 STEP_TOLERANCE = 1e-9
-"""Largest proximal force, relative to the gradient of the level's slack, that counts as none."""
+"""A proximal force this small, relative to the gradient of the level's slack, counts as none."""
 
 ROUNDING = 1e-14
 """A proximal force this small, relative to the terms of that gradient, is rounding."""
@@ -44,7 +45,7 @@ RANK_TOLERANCE = 1e-10
 
 
 class SoftLevels:
-    """DAQP workspaces, one a soft level and one for the final cost, warm from call to call."""
+    """QPs, one a soft level and one for the final cost, warm from call to call."""
 
     def __init__(self) -> None:
         self._stages: dict[int, _Stage] = {}
@@ -156,8 +157,8 @@ class _Stage:
     """The QP of one level, or of the final cost, over the hard rows above it."""
 
     def __init__(self) -> None:
-        self._model = daqp.Model()
-        self._shape = (-1, -1, -1)
+        # The level's curvature stands beside that of the final cost, which RHO makes small.
+        self._qp = HardQP(refines=True)
 
     def least_slack(
         self, problem: HierarchicalProblem, level: int, space: _Space, time_limit: float
@@ -168,33 +169,32 @@ class _Stage:
         A = view.A * view.weights[:, None]
         curvature = A.T @ A
         gradient = A.T @ (view.lower * view.weights)
-        trace = float(np.trace(curvature))
+        trace = float(np.vdot(A, A))
         if not trace > 0.0:
             return None
-        rho = RHO * trace / max(float(np.trace(problem.H)), 1e-300)
+        rho = RHO * trace / max(float(problem.H.diagonal().sum()), 1e-300)
         H = rho * problem.H
         total = curvature + H
         # Constant in x, so that a gradient in z is one at z = 0.
         offset = (0.0 if space.basis is None else total @ space.point) - gradient
-        floor = ROUNDING * float(np.abs(gradient).max()) + 1e-300
+        floor = ROUNDING * _norm(gradient) + 1e-300
         rows = space.hard_rows(problem, level)
-        z = self._first(
+        point = self._qp.solve(
             space.matrix(total), space.vector(offset + rho * problem.g), *rows, time_limit
         )
-        iterations = 0
+        if point is None:
+            return None
+        iterations, x = point.iterations, space.lift(point.x)
         for _ in range(MAX_STEPS):
-            if z is None:
-                return None
-            x = space.lift(z)
             pull = H @ x
-            z, count = self._again(space.vector(offset - pull))
-            iterations += count
-            if z is None:
+            point = self._qp.again(space.vector(offset - pull))
+            if point is None:
                 return None
-            x = space.lift(z)
+            iterations += point.iterations
+            x = space.lift(point.x)
             force = space.vector(H @ x - pull)
             left = space.vector(curvature @ x - gradient)
-            if np.abs(force).max() <= max(STEP_TOLERANCE * float(np.abs(left).max()), floor):
+            if _norm(force) <= max(STEP_TOLERANCE * _norm(left), floor):
                 return x, iterations
         return None
 
@@ -206,33 +206,5 @@ class _Stage:
         H = problem.H
         offset = problem.g if space.basis is None else H @ space.point + problem.g
         rows = space.hard_rows(problem, len(problem.levels))
-        z = self._first(space.matrix(H), space.vector(offset), *rows, time_limit)
-        return None if z is None else (space.lift(z), 0)
-
-    def _first(
-        self,
-        H: Float64[np.ndarray, "f f"],
-        f: Float64[np.ndarray, " f"],
-        A: Float64[np.ndarray, "r f"],
-        lower: Float64[np.ndarray, " k"],
-        upper: Float64[np.ndarray, " k"],
-        time_limit: float,
-    ) -> Float64[np.ndarray, " f"] | None:
-        shape = (*A.shape, len(lower))
-        if shape == self._shape:
-            flag = self._model.update(H, f, A if len(A) else None, upper, lower)
-        else:
-            self._model = daqp.Model()
-            self._model.settings = {"primal_tol": PRIMAL_TOLERANCE, "time_limit": time_limit}
-            flag, _ = self._model.setup(H, f, A, upper, lower)
-            self._shape = shape if flag >= 0 else (-1, -1, -1)
-        if flag < 0:
-            return None
-        z, _, flag, _ = self._model.solve()
-        return z.copy() if flag >= 1 else None
-
-    def _again(self, f: Float64[np.ndarray, " f"]) -> tuple[Float64[np.ndarray, " f"] | None, int]:
-        if self._model.update(None, f) < 0:
-            return None, 0
-        z, _, flag, info = self._model.solve()
-        return (z.copy() if flag >= 1 else None), info["iterations"]
+        point = self._qp.solve(space.matrix(H), space.vector(offset), *rows, time_limit)
+        return None if point is None else (space.lift(point.x), point.iterations)

@@ -1,7 +1,5 @@
 """`JointLimit`: position, velocity and acceleration limits as one pair of acceleration bounds."""
 
-import math
-
 import numpy as np
 from jaxtyping import Float64
 
@@ -105,11 +103,14 @@ class JointLimit:
             )
         self._q_slice = slice(robot.nq - robot.nj, robot.nq)
         self._v_slice = slice(robot.base_dofs, robot.nv)
-        # Upper limits first, lower limits mirrored behind them: one pass serves both.
-        self._q_bound = np.concatenate((q_max, -q_min))
-        self._v_bound = self.velocity_scale * np.concatenate((robot.v_max, robot.v_max))
-        self._q = np.empty(2 * robot.nj)
-        self._v = np.empty(2 * robot.nj)
+        self._viable = ViableAcceleration(
+            q_min,
+            q_max,
+            self.velocity_scale * robot.v_max,
+            a_max=self.acceleration_max,
+            dt=self.horizon,
+            braking=self.braking,
+        )
         self.lower: Float64[np.ndarray, " nj"] = np.zeros(robot.nj)
         self.upper: Float64[np.ndarray, " nj"] = np.zeros(robot.nj)
         self._robot = robot
@@ -120,74 +121,91 @@ class JointLimit:
         Args:
             dynamics: the state, up to date.
         """
-        nj = len(self.upper)
-        q, v = dynamics.state.q[self._q_slice], dynamics.state.v[self._v_slice]
-        self._q[:nj], self._q[nj:] = q, -q
-        self._v[:nj], self._v[nj:] = v, -v
-        bound = largest_viable_acceleration(
-            self._q,
-            self._v,
-            self._q_bound,
-            self._v_bound,
-            self.acceleration_max,
-            self.horizon,
-            self.braking,
-        )
-        self.upper[:] = bound[:nj]
-        np.negative(bound[nj:], out=self.lower)
+        state = dynamics.state
+        v = state.v[self._v_slice]
+        self.upper, self.lower = self._viable.bounds(state.q[self._q_slice], v)
         crossed = self.lower > self.upper
-        if crossed.any():
+        if np.count_nonzero(crossed):
             braking = np.where(v > 0.0, self.upper, self.lower)
             self.lower[crossed] = self.upper[crossed] = braking[crossed]
 
 
-def largest_viable_acceleration(
-    q: Float64[np.ndarray, " m"],
-    v: Float64[np.ndarray, " m"],
-    q_max: Float64[np.ndarray, " m"],
-    v_max: Float64[np.ndarray, " m"],
-    a_max: float,
-    dt: float,
-    braking: float,
-) -> Float64[np.ndarray, " m"]:
-    """Largest acceleration after which a joint can still stop before its upper limit.
+class ViableAcceleration:
+    """Accelerations after which a joint can still stop before its position limits.
 
-    With s = q_max - q this is the larger root of
+    With s = q_max - q the largest one is the larger root of
 
-        dt^2 a^2 + dt (2 v + b dt) a + v^2 - 2 b (s - v dt) = 0
+        dt^2 a^2 + dt (2 v + b dt) a + v^2 - 2 b (s - v dt) = 0,
+
+        a = sqrt(2 b (s - v dt / 2) / dt^2 + b^2 / 4) - (v / dt + b / 2),
 
     as long as the joint may still move towards the limit at dt, that is for s >= v dt / 2. Nearer
     to it the joint must be at rest sooner, which takes -v^2 / 2s; the root would let it swing past
-    the limit and return to it at dt.
+    the limit and return to it at dt. The smallest one is its mirror image.
 
     Args:
-        q: positions [rad].
-        v: velocities [rad/s].
+        q_min: lower position limits [rad].
         q_max: upper position limits [rad].
-        v_max: upper velocity limits [rad/s].
+        v_max: velocity limits [rad/s].
         a_max: acceleration limit [rad/s^2].
         dt: horizon [s].
         braking: b, the deceleration that stopping is planned with [rad/s^2].
-
-    Returns:
-        Upper bounds in [-a_max, a_max] [rad/s^2].
     """
-    s = q_max - q
-    # The discriminant is 8 b dt^2 times (this margin plus b dt^2 / 8).
-    margin = s - (0.5 * dt) * v
-    rest = v * (1.0 / dt)
-    viable = margin + 0.125 * braking * dt * dt
-    np.maximum(viable, 0.0, out=viable)
-    np.sqrt(viable, out=viable)
-    viable *= math.sqrt(2.0 * braking) / dt
-    viable -= rest
-    viable -= 0.5 * braking
-    if margin.min(initial=0.0) < 0.0:
-        near = margin < 0.0
-        viable[near] = _stop_at_once(s[near], v[near], dt)
-    np.minimum(viable, v_max * (1.0 / dt) - rest, out=viable)
-    np.minimum(viable, a_max, out=viable)
-    return np.maximum(viable, -a_max, out=viable)
+
+    def __init__(
+        self,
+        q_min: Float64[np.ndarray, " nj"],
+        q_max: Float64[np.ndarray, " nj"],
+        v_max: Float64[np.ndarray, " nj"],
+        *,
+        a_max: float,
+        dt: float,
+        braking: float,
+    ) -> None:
+        self._q_min, self._q_max, self._dt = q_min, q_max, dt
+        gain, self._at_limit = 2.0 * braking / (dt * dt), 0.25 * braking * braking
+        # Arrays throughout, which NumPy combines quicker than an array and a number. Of pairs, the
+        # first row is towards the upper limit, the second towards the lower one.
+        pair = np.ones((2, len(q_max)))
+        self._per_q, self._per_v = gain * pair[0], 0.5 * gain * dt * pair[0]
+        self._per_dt, self._half_braking = pair[0] / dt, 0.5 * braking * pair[0]
+        self._from_upper = gain * q_max + self._at_limit
+        self._from_lower = -gain * q_min + self._at_limit
+        self._under, self._behind = np.empty_like(pair), np.empty_like(pair)
+        self._under_rows, self._behind_rows = tuple(self._under), tuple(self._behind)
+        self._fastest = (v_max / dt + 0.5 * braking) * pair
+        self._a_max, self._a_min, self._nothing = a_max * pair, -a_max * pair, 0.0 * pair
+
+    def bounds(
+        self, q: Float64[np.ndarray, " nj"], v: Float64[np.ndarray, " nj"]
+    ) -> tuple[Float64[np.ndarray, " nj"], Float64[np.ndarray, " nj"]]:
+        """Upper and lower bounds in [-a_max, a_max] [rad/s^2]; they may cross.
+
+        The next call overwrites them.
+
+        Args:
+            q: positions [rad].
+            v: velocities [rad/s].
+        """
+        motion, rate = q * self._per_q, v * self._per_dt
+        motion += v * self._per_v
+        (upwards, downwards), (ahead, back) = self._under_rows, self._behind_rows
+        np.subtract(self._from_upper, motion, out=upwards)
+        np.add(self._from_lower, motion, out=downwards)
+        np.add(self._half_braking, rate, out=ahead)
+        np.subtract(self._half_braking, rate, out=back)
+        under, behind = self._under, self._behind
+        near = under < self._at_limit
+        root = np.sqrt(np.maximum(under, self._nothing, out=under), out=under)
+        if np.count_nonzero(near):
+            # No root: the joint is within half a horizon of its limit, or beyond it.
+            room, towards = np.array([self._q_max - q, q - self._q_min]), np.array([v, -v])
+            root[near] = _stop_at_once(room[near], towards[near], self._dt) + behind[near]
+        np.minimum(root, self._fastest, out=root)
+        root -= behind
+        np.minimum(root, self._a_max, out=root)
+        np.maximum(root, self._a_min, out=root)
+        return upwards, np.negative(downwards, out=downwards)
 
 
 def _stop_at_once(

@@ -61,3 +61,13 @@ def parse_axes(axes: str, groups: Mapping[str, int]) -> Int64[np.ndarray, " m"]:
     if len(set(rows)) != len(rows):
         raise ConfigurationError("axis named twice in an axis mask", got=axes)
     return np.array(sorted(rows), dtype=np.int64)
+
+
+def split_rows(index: np.ndarray) -> tuple[int, ...]:
+    """Number of position rows and of orientation rows of a pose mask, those that are there.
+
+    Args:
+        index: row indices from `parse_axes`, positions from 0 and orientations from 3.
+    """
+    linear = int(np.count_nonzero(index < 3))
+    return tuple(size for size in (linear, len(index) - linear) if size)

@@ -5,6 +5,7 @@ from jaxtyping import Float64
 
 from poise.checks import Numbers
 from poise.dynamics.dynamics import Dynamics
+from poise.dynamics.rates import MatrixRates
 from poise.robots.robot import Robot
 from poise.tasks.axes import as_rows, parse_axes
 from poise.tasks.task import Task
@@ -69,6 +70,10 @@ class ComTask(Task):
     def reset(self) -> None:
         """Forgets a target that was taken from the robot."""
         self._target.release_hold()
+
+    def jacobian_rate(self, rates: MatrixRates) -> Float64[np.ndarray, "m nv"]:
+        """Exact time derivative of `jacobian`: the momentum's linear rows over the mass."""
+        return (rates.momentum_matrix[:3] / self.robot.mass)[self._rows]
 
     def _resolve(self, robot: Robot) -> int:  # noqa: ARG002
         return self._size

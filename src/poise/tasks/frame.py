@@ -5,9 +5,11 @@ from jaxtyping import Float64
 
 from poise.checks import Numbers, checked_kind
 from poise.dynamics.dynamics import Dynamics
-from poise.dynamics.rotations import rotation_vector
+from poise.dynamics.rates import MatrixRates
+from poise.dynamics.rotations import rotation_sine, rotation_vector
+from poise.errors import UnknownNameError
 from poise.robots.robot import Robot
-from poise.tasks.axes import as_rows, parse_axes
+from poise.tasks.axes import as_rows, parse_axes, split_rows
 from poise.tasks.checks import checked_rotation
 from poise.tasks.task import Task
 from poise.tasks.vector_target import VectorTarget
@@ -16,13 +18,17 @@ _LINEAR = np.array([0, 1, 2, 6, 7, 8])
 _ANGULAR = np.array([3, 4, 5, 9, 10, 11])
 """Where linear and angular parts stand in velocity and acceleration put behind one another."""
 
+ORIENTATION_ERRORS = {"logarithm": rotation_vector, "sine": rotation_sine}
+"""Measures of how far two orientations are apart, by name."""
+
 
 class FrameTask(Task):
     """A frame follows a target pose in the world.
 
     Rows are world axes, position first: J dv + drift = reference with the `LOCAL_WORLD_ALIGNED`
     Jacobian and classical drift. The orientation error is the rotation vector
-    (ln target_R actual_R^T)^vee, right at zero and at pi.
+    (ln target_R actual_R^T)^vee, right at zero and at pi; or its sine, r sin(phi), as eq. (63) of
+    (Park, Jin, Kang 2022) has it for small errors.
 
     Args:
         frame: a role such as "left_hand", or a link or frame of the robot's document.
@@ -31,6 +37,10 @@ class FrameTask(Task):
         kd: damping [1/s]; critical when None.
         weight: weight of its rows in their level.
         name: what reports call it; the frame and the axes when None.
+        orientation_error: one of `ORIENTATION_ERRORS`.
+
+    Raises:
+        UnknownNameError: no such orientation error.
 
     Attributes:
         frame: the frame that should move.
@@ -46,18 +56,28 @@ class FrameTask(Task):
         kd: Numbers | None = None,
         weight: Numbers = 1.0,
         name: str | None = None,
+        orientation_error: str = "logarithm",
     ) -> None:
         super().__init__(name or f"{frame} {axes}", kp=kp, kd=kd, weight=weight)
         self.frame = checked_kind(frame, str, f"frame of task {self.name!r}")
         mask = "position+orientation" if axes == "pose" else axes
         index = parse_axes(mask, {"position": 0, "orientation": 3})
         self._size, self._rows = len(index), as_rows(index)
+        self._blocks = split_rows(index)
+        if orientation_error not in ORIENTATION_ERRORS:
+            raise UnknownNameError(
+                f"no such orientation error of task {self.name!r}",
+                got=orientation_error,
+                choices=ORIENTATION_ERRORS,
+            )
+        self._orientation_error = ORIENTATION_ERRORS[orientation_error]
         self.turns = bool(index[-1] >= 3)
         self.unit = ("m, rad" if index[0] < 3 else "rad") if self.turns else "m"
         self._target = VectorTarget(3, f"task {self.name!r}")
         self._orientation: Float64[np.ndarray, "3 3"] | None = None
         self._orientation_held = False
         self._rates = np.zeros(12)
+        self._velocity, self._acceleration = self._rates[:6], self._rates[6:]
         self._frame_id = -1
 
     def set_target(
@@ -112,6 +132,15 @@ class FrameTask(Task):
         if self._orientation_held:
             self._orientation, self._orientation_held = None, False
 
+    def jacobian_rate(self, rates: MatrixRates) -> Float64[np.ndarray, "m nv"]:
+        """Exact time derivative of `jacobian`."""
+        return rates.frame(self._frame_id)[self._rows]
+
+    @property
+    def blocks(self) -> tuple[int, ...]:
+        """Position rows, then orientation rows."""
+        return self._blocks
+
     def _resolve(self, robot: Robot) -> int:
         self._frame_id = robot.frame_id(self.frame)
         return self._size
@@ -122,9 +151,9 @@ class FrameTask(Task):
         if self.turns:
             if self._orientation is None:
                 self._orientation, self._orientation_held = frame.rotation, True
-            error[3:] = rotation_vector(self._orientation, frame.rotation)
+            error[3:] = self._orientation_error(self._orientation, frame.rotation)
         self.jacobian = frame.jacobian[rows]
         self.drift = frame.bias[rows]
         self.error = error[rows]
-        self.error_rate = (self._rates[:6] - frame.velocity)[rows]
-        return self._rates[6:][rows]
+        self.error_rate = (self._velocity - frame.velocity)[rows]
+        return self._acceleration[rows]

@@ -7,6 +7,7 @@ from jaxtyping import Float64
 
 from poise.checks import Numbers
 from poise.dynamics.dynamics import Dynamics
+from poise.dynamics.rates import MatrixRates
 from poise.errors import ConfigurationError
 from poise.robots.robot import Robot
 from poise.tasks.checks import checked_target
@@ -71,6 +72,18 @@ class JointTask(Task):
         """Forgets a target that was taken from the robot."""
         if self._target is not None:
             self._target.release_hold()
+
+    def jacobian_rate(
+        self,
+        rates: MatrixRates,  # noqa: ARG002
+    ) -> Float64[np.ndarray, "m nv"]:
+        """Zero: joints are their own coordinates."""
+        return np.zeros_like(self._selection)
+
+    @property
+    def blocks(self) -> tuple[int, ...]:
+        """Every joint by itself."""
+        return (1,) * self.dim
 
     def _bound_target(self) -> VectorTarget:
         if self._target is None:

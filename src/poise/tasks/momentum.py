@@ -5,6 +5,7 @@ from jaxtyping import Float64
 
 from poise.checks import Numbers
 from poise.dynamics.dynamics import Dynamics
+from poise.dynamics.rates import MatrixRates
 from poise.robots.robot import Robot
 from poise.tasks.axes import as_rows, parse_axes
 from poise.tasks.task import Task
@@ -51,6 +52,10 @@ class MomentumTask(Task):
             TargetError: wrong shape, NaN or infinite.
         """
         self._target.set(momentum, rate)
+
+    def jacobian_rate(self, rates: MatrixRates) -> Float64[np.ndarray, "m nv"]:
+        """Exact time derivative of `jacobian`."""
+        return rates.momentum_matrix[3:][self._rows]
 
     def _resolve(self, robot: Robot) -> int:  # noqa: ARG002
         return self._size

@@ -6,9 +6,10 @@ from jaxtyping import Float64
 from poise.checks import Numbers, checked_kind
 from poise.dynamics.dynamics import Dynamics
 from poise.dynamics.frames import FrameKinematics
+from poise.dynamics.rates import MatrixRates
 from poise.dynamics.rotations import rotation_vector
 from poise.robots.robot import Robot
-from poise.tasks.axes import parse_axes
+from poise.tasks.axes import parse_axes, split_rows
 from poise.tasks.checks import checked_rotation
 from poise.tasks.task import Task
 from poise.tasks.vector_target import VectorTarget
@@ -51,6 +52,7 @@ class RelativeFrameTask(Task):
         self.root = checked_kind(root, str, f"root of task {self.name!r}")
         mask = "position+orientation" if axes == "pose" else axes
         self._rows = parse_axes(mask, {"position": 0, "orientation": 3})
+        self._blocks = split_rows(self._rows)
         self._turns = bool(self._rows[-1] >= 3)
         self.unit = ("m, rad" if self._rows[0] < 3 else "rad") if self._turns else "m"
         self._target = VectorTarget(3, f"task {self.name!r}")
@@ -81,12 +83,31 @@ class RelativeFrameTask(Task):
         if self._orientation_held:
             self._orientation, self._orientation_held = None, False
 
+    def jacobian_rate(self, rates: MatrixRates) -> Float64[np.ndarray, "m nv"]:
+        """Exact time derivative of `jacobian`."""
+        frame, root = self._kinematics
+        frame_rate, root_rate = (rates.frame(i) for i in self._ids)
+        R, spin = root.rotation.T, _skew(root.velocity[3:])
+        offset = _skew(frame.position - root.position)
+        slip = _skew(frame.velocity[:3] - root.velocity[:3])
+        along, angular = frame.jacobian - root.jacobian, root.jacobian[3:]
+        rate = frame_rate - root_rate
+        rate[:3] += slip @ angular + offset @ root_rate[3:] - spin @ (along[:3] + offset @ angular)
+        rate[3:] -= spin @ along[3:]
+        return np.concatenate((R @ rate[:3], R @ rate[3:]))[self._rows]
+
+    @property
+    def blocks(self) -> tuple[int, ...]:
+        """Position rows, then orientation rows."""
+        return self._blocks
+
     def _resolve(self, robot: Robot) -> int:
         self._ids = (robot.frame_id(self.frame), robot.frame_id(self.root))
         return len(self._rows)
 
     def _evaluate(self, dynamics: Dynamics) -> Float64[np.ndarray, " m"]:
         frame, root = dynamics.frame(self._ids[0]), dynamics.frame(self._ids[1])
+        self._kinematics = (frame, root)
         jacobian, drift, velocity = relative_motion(frame, root)
         root_R_world = root.rotation.T
         rows = self._rows

@@ -7,6 +7,7 @@ from jaxtyping import Float64
 
 from poise.checks import Numbers
 from poise.dynamics.dynamics import Dynamics
+from poise.dynamics.rates import MatrixRates
 from poise.errors import ConfigurationError
 from poise.robots.robot import Robot
 from poise.tasks.checks import checked_gain, checked_target
@@ -50,6 +51,7 @@ class Task(ABC):
                 checked_gain(value, np.size(value), f"{what} of task {name!r}")
         self._robot: Robot | None = None
         self._user_acceleration: Float64[np.ndarray, " m"] | None = None
+        self._user_velocity: Float64[np.ndarray, " m"] | None = None
 
     def bind(self, robot: Robot) -> None:
         """Resolves names on a robot and allocates; controllers call it before the first tick.
@@ -60,7 +62,7 @@ class Task(ABC):
         Raises:
             UnknownNameError: a frame or joint that the robot does not have.
             ConfigurationError: a gain of the wrong length, or the task serves another robot.
-            TargetError: a target or acceleration given before that has the wrong length.
+            TargetError: a target, acceleration or velocity given before that has the wrong length.
         """
         if self._robot is robot:
             return
@@ -83,6 +85,8 @@ class Task(ABC):
         if self._user_acceleration is not None:
             # Given before the number of rows was known.
             checked_target(self._user_acceleration, self.dim, f"acceleration of task {self.name!r}")
+        if self._user_velocity is not None:
+            checked_target(self._user_velocity, self.dim, f"velocity of task {self.name!r}")
         self.jacobian: Float64[np.ndarray, "m nv"] = np.zeros((self.dim, robot.nv))
         self.drift: Float64[np.ndarray, " m"] = np.zeros(self.dim)
         self.error: Float64[np.ndarray, " m"] = np.zeros(self.dim)
@@ -118,6 +122,28 @@ class Task(ABC):
             acceleration = checked_target(acceleration, size, f"acceleration of task {self.name!r}")
         self._user_acceleration = acceleration
 
+    def set_velocity(self, velocity: Numbers | None) -> None:
+        """Replaces the wanted velocity by a given one; None brings the target's back.
+
+        Only controllers that command velocities follow it: `DifferentialIK`. Those that command
+        torques go by accelerations, see `set_acceleration`.
+
+        Args:
+            velocity: wanted velocity J v, one a row [unit/s; kg m^2/s for momentum].
+
+        Raises:
+            TargetError: wrong shape, NaN or infinite.
+        """
+        if velocity is not None:
+            size = self.dim if self._robot is not None else np.size(velocity)
+            velocity = checked_target(velocity, size, f"velocity of task {self.name!r}")
+        self._user_velocity = velocity
+
+    @property
+    def given_velocity(self) -> Float64[np.ndarray, " m"] | None:
+        """What `set_velocity` was given; None for nothing."""
+        return self._user_velocity
+
     def evaluate(self, dynamics: Dynamics) -> None:
         """Fills `jacobian`, `drift`, `error`, `error_rate` and `reference` for one state.
 
@@ -130,10 +156,38 @@ class Task(ABC):
         if self._user_acceleration is not None:
             self.reference = self._user_acceleration
         else:
-            self.reference = feedforward + self.kp * self.error + self.kd * self.error_rate
+            reference = self.kp * self.error
+            reference += self.kd * self.error_rate
+            reference += feedforward
+            self.reference = reference
 
     def reset(self) -> None:  # noqa: B027 - most tasks have nothing to forget
         """Forgets targets that the task took from the robot itself, not those a user set."""
+
+    def jacobian_rate(
+        self,
+        rates: MatrixRates,  # noqa: ARG002
+    ) -> Float64[np.ndarray, "m nv"]:
+        """Exact time derivative of `jacobian`, for the state that was evaluated last.
+
+        Only formulas that differentiate projected Jacobians ask for it; a task of your own can do
+        without.
+
+        Args:
+            rates: derivatives of the robot's matrices for the same state.
+
+        Raises:
+            ConfigurationError: the task has none.
+        """
+        raise ConfigurationError(
+            f"task {self.name!r} has no exact derivative of its Jacobian",
+            wanted='derivative="numerical", or bias="fused", which needs none',
+        )
+
+    @property
+    def blocks(self) -> tuple[int, ...]:
+        """Sizes of the blocks of rows that share a unit and turn into one another as axes turn."""
+        return (self.dim,)
 
     @abstractmethod
     def _resolve(self, robot: Robot) -> int:
