@@ -98,7 +98,7 @@ def test_the_recorded_states_move_and_every_one_differs(recording: Recording):
 
 
 def test_the_recorded_targets_are_those_of_the_run(recording):
-    subject = Subject(recording, "default", parse_method("direct"), "whole_body")
+    subject = Subject(recording, "default", parse_method("whole_body", "direct"))
     for tick in range(len(recording.states)):
         subject.tick(tick)
     stack = subject.controller.stack
@@ -107,7 +107,7 @@ def test_the_recorded_targets_are_those_of_the_run(recording):
 
 
 def test_the_phases_add_up_to_the_tick(recording):
-    subject = Subject(recording, "table1", parse_method("direct"), "whole_body")
+    subject = Subject(recording, "table1", parse_method("whole_body", "direct"))
     for tick in range(len(recording.states)):
         subject.tick(tick)
     times = subject.times(10)

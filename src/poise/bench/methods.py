@@ -1,12 +1,12 @@
-"""`Method`: a way to solve the tick that is timed, by the name the command line gives it."""
+"""`Method`: a controller and the way it solves, by the name the command line gives it."""
 
 from dataclasses import dataclass
 
-from poise.control.make import ControllerPlan
+from poise.control.make import CONTROLLERS, ControllerPlan
 from poise.errors import UnknownNameError
 
 DIRECT = "direct"
-"""What every other method is compared with."""
+"""The whole-body controller's own way, what everything else is compared with."""
 
 DEFAULT_METHODS = (DIRECT, "cascade/osqp", "weighted")
 """The product's own, the paper's way, and one QP with weights."""
@@ -14,41 +14,68 @@ DEFAULT_METHODS = (DIRECT, "cascade/osqp", "weighted")
 BACKENDS = ("osqp", "proxqp", "piqp", "quadprog", "clarabel", "daqp")
 """QP solvers that the cascade and weighted strategies take."""
 
-METHODS = (
-    DIRECT,
-    "weighted",
-    *(f"cascade/{b}" for b in BACKENDS),
-    *(f"weighted/{b}" for b in BACKENDS),
-)
-"""All names a method can have."""
+
+def method_names(controller: str) -> tuple[str, ...]:
+    """All names that a controller's methods can have, its default first.
+
+    Args:
+        controller: one of `CONTROLLERS`.
+    """
+    names = CONTROLLERS[controller].strategies
+    if controller != "whole_body":
+        return names
+    solved = tuple(f"{s}/{b}" for s in ("cascade", "weighted") for b in BACKENDS)
+    return (DIRECT, "weighted", *solved)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Method:
-    """A strategy with its backend.
+    """A controller, a strategy and its backend.
 
     Attributes:
-        name: "direct", "cascade/osqp", "weighted", ...
-        strategy: as `make_solver` takes it.
+        controller: one of `CONTROLLERS`.
+        name: "direct", "cascade/osqp", "fused", ...
+        strategy: as the controller takes it.
         backend: likewise, None for the strategy's own.
     """
 
+    controller: str
     name: str
     strategy: str
     backend: str | None
 
-    def plan(self, controller: str) -> ControllerPlan:
+    def plan(self) -> ControllerPlan:
         """A controller that solves like this."""
-        return ControllerPlan(name=controller, strategy=self.strategy, backend=self.backend)
+        return ControllerPlan(name=self.controller, strategy=self.strategy, backend=self.backend)
 
 
-def parse_method(name: str) -> Method:
+REFERENCE = Method(controller="whole_body", name=DIRECT, strategy=DIRECT, backend=None)
+"""What every other method is compared with."""
+
+
+def parse_method(controller: str, name: str) -> Method:
     """The method of a name.
+
+    Args:
+        controller: one of `CONTROLLERS`.
+        name: one of `method_names(controller)`.
 
     Raises:
         UnknownNameError: no such method.
     """
-    if name not in METHODS:
-        raise UnknownNameError("unknown method", got=name, choices=METHODS)
+    names = method_names(controller)
+    if name not in names:
+        raise UnknownNameError(
+            f"unknown method of controller {controller}", got=name, choices=names
+        )
     strategy, _, backend = name.partition("/")
-    return Method(name=name, strategy=strategy, backend=backend or None)
+    return Method(controller=controller, name=name, strategy=strategy, backend=backend or None)
+
+
+def default_methods(controller: str) -> tuple[str, ...]:
+    """What is timed where nothing else is asked for.
+
+    Args:
+        controller: one of `CONTROLLERS`.
+    """
+    return DEFAULT_METHODS if controller == "whole_body" else method_names(controller)[:1]

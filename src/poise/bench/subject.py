@@ -11,6 +11,9 @@ from poise.bench.stances import bench_stack
 from poise.control import make_controller
 from poise.control.formulation import PHYSICS_LEVELS
 
+RELAXED = 1e-8
+"""Relative residual from which a level counts as not met in full."""
+
 
 class Subject:
     """A controller with its own stack, its times and what its solver left over.
@@ -18,18 +21,17 @@ class Subject:
     Args:
         recording: the run it is timed on.
         kind: which stack.
-        method: how it solves.
-        controller: name of the controller.
+        method: which controller, and how it solves.
 
     Raises:
         UnknownNameError: no such controller or backend.
         MissingExtraError: the backend is not installed.
     """
 
-    def __init__(self, recording: Recording, kind: str, method: Method, controller: str) -> None:
+    def __init__(self, recording: Recording, kind: str, method: Method) -> None:
         stack = bench_stack(recording.robot, kind, recording.stance)
-        self.solver = method.name
-        self.controller = make_controller(recording.robot, stack, method.plan(controller))
+        self.solver, self.name = method.name, method.controller
+        self.controller = make_controller(recording.robot, stack, method.plan())
         recording.prepare(stack)
         self._recording, self._stack = recording, stack
         ticks = len(recording.states)
@@ -46,12 +48,12 @@ class Subject:
         begin = perf_counter()
         command = controller.step(state)
         self._total[index] = perf_counter() - begin
-        timings, solution = controller.timings, controller.solution
+        timings, residuals = controller.timings, command.residuals
         self._phases[index] = [timings[phase] for phase in PHASES]
         self._missed[index] = not command.status.ok
-        if solution is not None:
-            self._residual[index] = solution.relative_residuals[:PHYSICS_LEVELS].max()
-            self._relaxed[index] = solution.relaxed
+        if residuals:
+            self._residual[index] = max(residuals[:PHYSICS_LEVELS])
+            self._relaxed[index] = max(residuals) > RELAXED
 
     def run(self, first: int, count: int) -> None:
         """Times a batch of ticks in a row.
@@ -69,12 +71,7 @@ class Subject:
 
     def size(self) -> tuple[int, int]:
         """Number of variables and of rows, finite bounds on single variables among them."""
-        formulation = self.controller.formulation
-        if formulation is None:
-            return 0, 0
-        problem = formulation.problem
-        bounded = np.isfinite(problem.x_lower) | np.isfinite(problem.x_upper)
-        return problem.n, problem.m + int(bounded.sum())
+        return self.controller.size
 
     def accuracy(self, warm_up: int) -> tuple[float | None, int | None, int]:
         """Largest relative residual of the physics levels, relaxed ticks, missed ticks."""

@@ -2,11 +2,12 @@
 
 import gc
 from collections.abc import Generator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from poise.bench.methods import DEFAULT_METHODS, DIRECT, parse_method
+from poise.bench.collector import collector_paused
+from poise.bench.methods import REFERENCE, default_methods, parse_method
 from poise.bench.peers import PEERS, PeerProcess
 from poise.bench.recording import Progress, Recording, record_run
 from poise.bench.result import TickResult, time_statistics
@@ -36,7 +37,8 @@ class TickBench:
         contacts: "double" or "single" support.
         controller: one of `CONTROLLERS`.
         stacks: "table1", "default", or both.
-        methods: names of methods; `direct` is timed in any case, as the reference.
+        methods: names of the controller's methods, its usual ones when None; the whole-body
+            controller's `direct` is timed in any case, as the reference.
         peers: Python interpreters of other packages' environments by name, see `PEERS`.
         ticks: timed ticks of each method.
     """
@@ -45,7 +47,7 @@ class TickBench:
     contacts: str = "double"
     controller: str = "whole_body"
     stacks: tuple[str, ...] = STACKS
-    methods: tuple[str, ...] = DEFAULT_METHODS
+    methods: tuple[str, ...] | None = None
     peers: Mapping[str, Path] = field(default_factory=dict)
     ticks: int = 500
 
@@ -54,8 +56,8 @@ class TickBench:
         _check_choice("unknown stack", self.stacks, STACKS)
         _check_choice("no such controller", [self.controller], tuple(CONTROLLERS))
         _check_choice("unknown peer", tuple(self.peers), PEERS)
-        for name in self.methods:
-            parse_method(name)
+        for name in self.methods or ():
+            parse_method(self.controller, name)
         if self.ticks < 1:
             raise ConfigurationError("nothing to time", got=self.ticks, wanted="at least one tick")
         for name, interpreter in self.peers.items():
@@ -88,32 +90,35 @@ def bench_tick(plan: TickBench, progress: Progress | None = None) -> list[TickRe
     robot = load_robot(plan.robot)
     check_biped(robot)
     ticks = WARM_UP + plan.ticks
-    names = list(dict.fromkeys((DIRECT, *plan.methods)))
-    methods = [parse_method(name) for name in names]
+    wanted = default_methods(plan.controller) if plan.methods is None else plan.methods
+    methods = list(
+        dict.fromkeys((REFERENCE, *(parse_method(plan.controller, name) for name in wanted)))
+    )
     results: list[TickResult] = []
     for method in methods:
         # A backend that is missing is found before the run.
-        make_solver(method.strategy, method.backend)
+        if method.backend is not None:
+            make_solver(method.strategy, method.backend)
     recording = record_run(robot, plan.contacts, ticks)
     for i, kind in enumerate(plan.stacks):
         with ExitStack() as stack:
-            subjects = [Subject(recording, kind, m, plan.controller) for m in methods]
+            subjects = [Subject(recording, kind, m) for m in methods]
             peers = [
                 stack.enter_context(PeerProcess(name, python, recording, kind))
                 for name, python in plan.peers.items()
             ]
-            direct = Subject(recording, kind, methods[0], plan.controller)
+            direct = Subject(recording, kind, methods[0])
             guests = [direct, *peers] if peers else []
             for done in _interleave(subjects, guests, ticks):
                 if progress is not None:
                     progress(float(i * ticks + done), float(len(plan.stacks) * ticks))
-            results += _results(recording, kind, plan.controller, subjects, guests)
+            results += _results(recording, kind, subjects, guests)
     return results
 
 
 def _interleave(subjects: Sequence[Subject], guests: Sequence[Guest], ticks: int) -> Generator[int]:
     """Times everything; yields the number of ticks done, a batch at a time."""
-    with _collector_paused():
+    with collector_paused():
         for first in range(0, ticks, BATCH):
             count = min(BATCH, ticks - first)
             for tick in range(first, first + count):
@@ -125,22 +130,9 @@ def _interleave(subjects: Sequence[Subject], guests: Sequence[Guest], ticks: int
             yield first + count
 
 
-@contextmanager
-def _collector_paused() -> Generator[None]:
-    was_on = gc.isenabled()
-    gc.collect()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if was_on:
-            gc.enable()
-
-
 def _results(
     recording: Recording,
     kind: str,
-    controller: str,
     subjects: Sequence[Subject],
     guests: Sequence[Guest],
 ) -> list[TickResult]:
@@ -154,7 +146,7 @@ def _results(
                 TickResult(
                     robot=robot.name,
                     joints=robot.nj,
-                    controller=one.name if isinstance(one, PeerProcess) else controller,
+                    controller=one.name,
                     solver=one.solver,
                     stack=kind,
                     contacts=recording.stance,

@@ -2,6 +2,7 @@
 
 import argparse
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -9,8 +10,11 @@ from poise.cli.options import add_output_options, make_folder
 from poise.cli.progress import Bar
 from poise.errors import ConfigurationError, UnknownNameError
 
-_NAMES = ("tick",)
+_NAMES = ("tick", "bias")
 """Benchmarks by name."""
+
+_TICK_ONLY = ("contacts", "controller", "stack", "methods", "peers")
+"""Options that mean nothing to the other benchmark."""
 
 
 def add_parser(verbs: Any) -> None:
@@ -19,37 +23,36 @@ def add_parser(verbs: Any) -> None:
         "bench",
         help="timings, interleaved in one run",
         description="tick: times a controller's tick from state to command, by phase, on a "
-        "recorded moving run. All methods are timed tick by tick in turn on the same states.",
-        epilog="example: poise bench tick --robot talos --peers tsid=peers/tsid/bin/python",
+        "recorded moving run. bias: times the formulas of the bias acceleration on a recorded run "
+        "of a robot on a fixed base. All are timed tick by tick in turn on the same states.",
+        epilog="examples: poise bench tick --robot talos --peers tsid=peers/tsid/bin/python; "
+        "poise bench bias --json",
     )
     parser.add_argument("name", metavar="NAME", help="what to time: " + ", ".join(_NAMES))
     parser.add_argument(
-        "--robot", metavar="R", default="humanoid33", help="a biped (default: %(default)s)"
+        "--robot",
+        metavar="R",
+        help="tick: a biped (default: humanoid33); bias: a robot on a fixed base with hands "
+        "(default: upper17)",
     )
-    parser.add_argument(
-        "--contacts", metavar="C", default="double", help="double or single (default: %(default)s)"
-    )
-    parser.add_argument(
-        "--controller", metavar="C", default="whole_body", help="default: %(default)s"
-    )
-    parser.add_argument(
-        "--stack",
-        metavar="S",
-        default="both",
-        help="table1, default or both (default: %(default)s)",
-    )
+    parser.add_argument("--contacts", metavar="C", help="tick: double (default) or single")
+    parser.add_argument("--controller", metavar="C", help="tick: default: whole_body")
+    parser.add_argument("--stack", metavar="S", help="tick: table1, default or both (default)")
     parser.add_argument(
         "--methods",
         metavar="M,M",
-        help="such as cascade/osqp,cascade/proxqp,weighted; direct is always timed",
+        help="tick: such as cascade/osqp,cascade/proxqp,weighted; direct is always timed",
     )
     parser.add_argument(
         "--peers",
         metavar="P=PYTHON",
-        help="other packages and the Python of their environment: tsid=PATH,placo=PATH",
+        help="tick: other packages and the Python of their environment: tsid=PATH,placo=PATH",
     )
     parser.add_argument(
-        "--ticks", metavar="N", type=int, default=500, help="timed ticks (default: %(default)s)"
+        "--ticks",
+        metavar="N",
+        type=int,
+        help="timed ticks (default: 500 for tick, 1100 for bias)",
     )
     add_output_options(parser, "none is written")
     parser.set_defaults(act=act)
@@ -59,28 +62,63 @@ def act(options: argparse.Namespace) -> int:
     """Runs a benchmark."""
     if options.name not in _NAMES:
         raise UnknownNameError("unknown benchmark", got=options.name, choices=_NAMES)
-    from poise.bench import DEFAULT_METHODS, STACKS, TickBench, bench_tick, format_table
+    if options.name == "bias":
+        _bias(options)
+    else:
+        _tick(options)
+    return 0
 
+
+def _tick(options: argparse.Namespace) -> None:
+    from poise.bench import STACKS, TickBench, bench_tick, format_table
+
+    stack = options.stack or "both"
     plan = TickBench(
-        robot=options.robot,
-        contacts=options.contacts,
-        controller=options.controller,
-        stacks=STACKS if options.stack == "both" else (options.stack,),
-        methods=_words(options.methods) if options.methods else DEFAULT_METHODS,
+        **_given(options, ("robot", "contacts", "controller", "ticks")),
+        stacks=STACKS if stack == "both" else (stack,),
+        methods=_words(options.methods) if options.methods else None,
         peers=_peers(options.peers or ""),
-        ticks=options.ticks,
     )
     folder = make_folder(options.out, ".") if options.out else None
     with Bar("timing", " ticks") as bar:
         results = bench_tick(plan, bar)
-    lines = [json.dumps(result.to_json()) for result in results]
-    print("\n".join(lines) if options.json else format_table(results))
+    lines = _report(options, results, format_table)
     if folder is not None:
         from poise.bench import write_figure
 
-        (folder / "bench.json").write_text("\n".join(lines) + "\n", encoding="utf-8")
+        (folder / "bench.json").write_text(lines, encoding="utf-8")
         write_figure(results, folder / "bench.png")
-    return 0
+
+
+def _bias(options: argparse.Namespace) -> None:
+    for name in _TICK_ONLY:
+        if getattr(options, name) is not None:
+            raise ConfigurationError(
+                f"--{name} belongs to the benchmark tick",
+                got=f"--{name} {getattr(options, name)}",
+                wanted="only --robot, --ticks, --out and --json with bias",
+            )
+    from poise.bench import BiasBench, bench_bias, format_bias_table
+
+    plan = BiasBench(**_given(options, ("robot", "ticks")))
+    folder = make_folder(options.out, ".") if options.out else None
+    with Bar("timing", " ticks") as bar:
+        results = bench_bias(plan, bar)
+    lines = _report(options, results, format_bias_table)
+    if folder is not None:
+        (folder / "bench.json").write_text(lines, encoding="utf-8")
+
+
+def _report(options: argparse.Namespace, results: Sequence[Any], table: Any) -> str:
+    """Prints results; returns them as JSON, one a line."""
+    lines = "".join(json.dumps(result.to_json()) + "\n" for result in results)
+    print(lines if options.json else table(results), end="" if options.json else "\n")
+    return lines
+
+
+def _given(options: argparse.Namespace, names: Sequence[str]) -> dict[str, Any]:
+    """Options that were given; for the others the benchmark's own defaults hold."""
+    return {name: getattr(options, name) for name in names if getattr(options, name) is not None}
 
 
 def _words(text: str) -> tuple[str, ...]:

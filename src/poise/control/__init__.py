@@ -1,7 +1,9 @@
 """The resolvers: from a state and a stack to a command."""
 
 from poise.control.command import Command, CommandStatus
-from poise.control.make import CONTROLLERS, make_controller
+from poise.control.controller import Controller
+from poise.control.make import CONTROLLERS, ControllerPlan, make_controller
+from poise.control.osf import OperationalSpaceController, RankTreatment
 from poise.control.stack import Stack, default_stack
 from poise.control.status import ControllerStatus, TaskStatus
 from poise.control.whole_body import WholeBodyController
@@ -10,7 +12,11 @@ __all__ = [
     "CONTROLLERS",
     "Command",
     "CommandStatus",
+    "Controller",
+    "ControllerPlan",
     "ControllerStatus",
+    "OperationalSpaceController",
+    "RankTreatment",
     "Stack",
     "TaskStatus",
     "WholeBodyController",

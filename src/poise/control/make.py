@@ -1,14 +1,15 @@
 """Controllers by name, as scenario files and the command line choose them."""
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
+from poise.control.controller import Controller
+from poise.control.osf import BIAS_FORMULAS, OperationalSpaceController
 from poise.control.stack import Stack
 from poise.control.whole_body import WholeBodyController
-from poise.errors import UnknownNameError
+from poise.errors import ConfigurationError, UnknownNameError
+from poise.hqp import STRATEGIES
 from poise.robots.robot import Robot
-
-CONTROLLERS = {"whole_body": WholeBodyController}
-"""Controllers by name."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -17,20 +18,77 @@ class ControllerPlan:
 
     Attributes:
         name: one of `CONTROLLERS`.
-        strategy: "direct", "cascade" or "weighted".
-        backend: QP solver of the cascade and weighted strategies.
-        time_limit: cap of one solve [s], None for none.
+        strategy: how it solves, one of the controller's own strategies; its default when None.
+        backend: QP solver of the whole-body controller's cascade and weighted strategies.
+        time_limit: cap of one solve of the whole-body controller [s], None for none.
     """
 
     name: str = "whole_body"
-    strategy: str = "direct"
+    strategy: str | None = None
     backend: str | None = None
     time_limit: float | None = None
 
 
+@dataclass(frozen=True, kw_only=True)
+class ControllerKind:
+    """One kind of controller.
+
+    Attributes:
+        strategies: how it can solve, the default first.
+        make: makes one, with the strategy filled in.
+    """
+
+    strategies: tuple[str, ...]
+    make: Callable[[Robot, Stack | None, ControllerPlan, str], Controller]
+
+
+def _whole_body(
+    robot: Robot, stack: Stack | None, plan: ControllerPlan, strategy: str
+) -> Controller:
+    return WholeBodyController(
+        robot, stack, strategy=strategy, backend=plan.backend, time_limit=plan.time_limit
+    )
+
+
+def _osf(robot: Robot, stack: Stack | None, plan: ControllerPlan, strategy: str) -> Controller:
+    for value, what in ((plan.backend, "backend"), (plan.time_limit, "time_limit")):
+        if value is not None:
+            raise ConfigurationError(
+                f"the operational space formulation has no {what}: it solves in closed form",
+                got=value,
+                wanted=f"no {what}, or controller whole_body",
+            )
+    return OperationalSpaceController(robot, stack, bias=strategy)
+
+
+CONTROLLERS: Mapping[str, ControllerKind] = {
+    "whole_body": ControllerKind(strategies=STRATEGIES, make=_whole_body),
+    "osf": ControllerKind(strategies=BIAS_FORMULAS, make=_osf),
+}
+"""Controllers by name."""
+
+
+def check_plan(plan: ControllerPlan) -> ControllerKind:
+    """The kind of controller that a plan names.
+
+    Raises:
+        UnknownNameError: no such controller or strategy.
+    """
+    if plan.name not in CONTROLLERS:
+        raise UnknownNameError("no such controller", got=plan.name, choices=CONTROLLERS)
+    kind = CONTROLLERS[plan.name]
+    if plan.strategy is not None and plan.strategy not in kind.strategies:
+        raise UnknownNameError(
+            f"no such strategy of controller {plan.name}",
+            got=plan.strategy,
+            choices=kind.strategies,
+        )
+    return kind
+
+
 def make_controller(
     robot: Robot, stack: Stack | None = None, plan: ControllerPlan | None = None
-) -> WholeBodyController:
+) -> Controller:
     """A controller by name.
 
     Args:
@@ -43,12 +101,5 @@ def make_controller(
         PoiseError: the stack does not fit the robot.
     """
     plan = plan or ControllerPlan()
-    if plan.name not in CONTROLLERS:
-        raise UnknownNameError("no such controller", got=plan.name, choices=CONTROLLERS)
-    return CONTROLLERS[plan.name](
-        robot,
-        stack,
-        strategy=plan.strategy,
-        backend=plan.backend,
-        time_limit=plan.time_limit,
-    )
+    kind = check_plan(plan)
+    return kind.make(robot, stack, plan, plan.strategy or kind.strategies[0])

@@ -1,5 +1,6 @@
 """`WholeBodyController`: strictly prioritised torque control over the full dynamics."""
 
+from math import isfinite
 from time import perf_counter
 
 import numpy as np
@@ -82,6 +83,20 @@ class WholeBodyController:
         """Rows of the last tick that was solved."""
         return self._formulation
 
+    @property
+    def suspended(self) -> tuple[Task, ...]:
+        """Tasks that a contact stood in for at the last tick that was solved."""
+        return () if self._formulation is None else self._formulation.suspended
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Number of variables and of rows, finite bounds on single variables among them."""
+        if self._formulation is None:
+            return 0, 0
+        problem = self._formulation.problem
+        bounded = np.isfinite(problem.x_lower) | np.isfinite(problem.x_upper)
+        return problem.n, problem.m + int(bounded.sum())
+
     def step(self, state: RobotState) -> Command:
         """One tick: from state to torques.
 
@@ -151,7 +166,7 @@ class WholeBodyController:
         )
 
     def _active_contacts(self) -> tuple[Contact, ...]:
-        return tuple(c for c in self.stack.contacts if c.active)
+        return tuple([c for c in self.stack.contacts if c.active])
 
     def _formulation_for(self, contacts: tuple[Contact, ...]) -> tuple[FullFormulation, Solver]:
         # Kept per set of contacts: switching back to one allocates nothing.
@@ -168,17 +183,14 @@ class WholeBodyController:
     ) -> Command:
         torque = formulation.torque(solution.x, self.dynamics)
         physics_ok = solution.relative_residuals[0] <= _PHYSICS_TOLERANCE
-        if (
-            solution.status not in _USABLE
-            or not physics_ok
-            or not np.isfinite(np.add.reduce(torque))
-        ):
+        if solution.status not in _USABLE or not physics_ok or not isfinite(np.add.reduce(torque)):
             late = solution.status is SolveStatus.TIME_LIMIT
             return self._safe(
                 CommandStatus.TIME_LIMIT if late else CommandStatus.SOLVER_FAILED, state
             )
         limit = self.stack.torque_limit
-        np.clip(torque, limit.lower, limit.upper, out=torque)
+        np.maximum(torque, limit.lower, out=torque)
+        np.minimum(torque, limit.upper, out=torque)
         self._fallback.remember(torque, state.time)
         self._last_status = CommandStatus.OK
         return Command(

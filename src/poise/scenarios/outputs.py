@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from poise.control.formulation import PHYSICS_LEVELS
+from poise.control.make import ControllerPlan, check_plan
 from poise.errors import MissingExtraError
 from poise.report import Check, Event, RunRecord, SoleTrack, TaskTrack, write_report
 from poise.scenarios.checks import missed_ticks
@@ -101,7 +102,7 @@ def make_record(run: Run, summary: dict[str, object], no_video: str | None) -> R
     stack = run.controller.stack
     return RunRecord(
         robot=robot.name,
-        controller=f"{scenario.controller.name} ({scenario.controller.strategy})",
+        controller=_controller_name(scenario.controller),
         scenario=scenario.name,
         description=scenario.description,
         seed=scenario.seed,
@@ -191,3 +192,8 @@ def _percentile(values: np.ndarray, percent: float) -> float | None:
 
 def _plain(value: float) -> float | None:
     return value if np.isfinite(value) else None
+
+
+def _controller_name(plan: ControllerPlan) -> str:
+    strategy = plan.strategy or check_plan(plan).strategies[0]
+    return f"{plan.name} ({strategy})"

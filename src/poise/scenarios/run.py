@@ -13,7 +13,7 @@ import numpy as np
 
 from poise.control import make_controller
 from poise.control.command import Command
-from poise.control.whole_body import WholeBodyController
+from poise.control.controller import Controller
 from poise.errors import ScenarioError
 from poise.robots import load_robot
 from poise.robots.robot import Robot
@@ -50,7 +50,7 @@ class Run:
     scenario: Scenario
     robot: Robot
     plant: Plant = field(repr=False)
-    controller: WholeBodyController = field(repr=False)
+    controller: Controller = field(repr=False)
     pushes: tuple[Push, ...]
     signals: RunSignals = field(repr=False)
     checks: tuple[CheckResult, ...]
@@ -140,7 +140,7 @@ def run_scenario(
 
 def _loop(
     scenario: Scenario,
-    controller: WholeBodyController,
+    controller: Controller,
     director: Director,
     plant: Plant,
     recorder: Recorder,
@@ -162,9 +162,8 @@ def _loop(
         yield
 
 
-def _record(recorder: Recorder, controller: WholeBodyController, command: Command) -> None:
-    stack, formulation = controller.stack, controller.formulation
-    suspended = formulation.suspended if formulation is not None else ()
+def _record(recorder: Recorder, controller: Controller, command: Command) -> None:
+    stack, suspended = controller.stack, controller.suspended
     extra: dict[str, Value] = {
         f"error/{task.name}": np.nan if task in suspended else float(np.linalg.norm(task.error))
         for _, task in stack.tasks()
