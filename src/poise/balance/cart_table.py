@@ -1,0 +1,85 @@
+"""`CartFlywheelTable`: the smallest model of a biped whose ZMP one controls."""
+
+import math
+
+import numpy as np
+from jaxtyping import Float64
+
+from poise.checks import checked_number
+
+GRAVITY = 9.81
+"""[m/s^2]."""
+
+
+def natural_frequency(height: float, gravity: float = GRAVITY) -> float:
+    """Omega = sqrt(g / H) [1/s].
+
+    Args:
+        height: of the table, which is the height of the COM [m].
+        gravity: [m/s^2].
+
+    Raises:
+        ConfigurationError: not positive.
+    """
+    checked_number(height, "height of the table [m]", above=0.0)
+    return math.sqrt(checked_number(gravity, "gravity of the table [m/s^2]", above=0.0) / height)
+
+
+class CartFlywheelTable:
+    """Cart and flywheel on a table, eq. (24) of Zhang and Kikuuwe, in as many axes as `p` has.
+
+        pdd = u_1,   Ldot = u_2,   r = p - u_1 / omega^2 - u_2 / W
+
+    p is the COM, r the ZMP, L the angular momentum about the COM in the sense that moves the ZMP
+    back (for a robot that walks along x, L is -L_Gx for the axis y and L_Gy for the axis x). With
+    u_2 = 0 it is the cart-table model.
+
+    Args:
+        height: of the table [m].
+        mass: of the cart [kg].
+        position: p at the start [m].
+        gravity: [m/s^2].
+
+    Raises:
+        ConfigurationError: not positive.
+
+    Attributes:
+        omega: sqrt(g / H) [1/s].
+        weight: W = m g [N].
+        position: p [m].
+        velocity: pdot [m/s].
+        momentum: L [kg m^2/s].
+        zmp: r under the last inputs [m].
+    """
+
+    def __init__(
+        self,
+        height: float,
+        mass: float,
+        position: Float64[np.ndarray, " n"],
+        gravity: float = GRAVITY,
+    ) -> None:
+        self.omega = natural_frequency(height, gravity)
+        self.weight = checked_number(mass, "mass of the cart [kg]", above=0.0) * gravity
+        self.position = position.copy()
+        self.velocity = np.zeros_like(position)
+        self.momentum = np.zeros_like(position)
+        self.zmp = position.copy()
+
+    def step(
+        self,
+        acceleration: Float64[np.ndarray, " n"],
+        momentum_rate: Float64[np.ndarray, " n"],
+        dt: float,
+    ) -> None:
+        """Moves on under inputs that stay the same for a while; exact.
+
+        Args:
+            acceleration: u_1 [m/s^2].
+            momentum_rate: u_2 [N m].
+            dt: how long [s].
+        """
+        self.zmp = self.position - acceleration / self.omega**2 - momentum_rate / self.weight
+        self.position = self.position + dt * self.velocity + (0.5 * dt * dt) * acceleration
+        self.velocity = self.velocity + dt * acceleration
+        self.momentum = self.momentum + dt * momentum_rate
