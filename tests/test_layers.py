@@ -16,12 +16,13 @@ FLOORS = (
     {"robots", "hqp", "balance"},
     {"dynamics"},
     {"tasks", "contacts", "limits"},
-    {"control"},
+    {"control", "flops"},
     {"teleop"},
-    {"sim"},
+    {"sim", "fixed_base"},
     {"report"},
     {"scenarios"},
-    {"studies", "bench"},
+    {"bench"},
+    {"studies"},
     {"cli"},
 )
 """From the ground up. A part imports from the floors below its own, and from itself."""

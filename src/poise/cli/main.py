@@ -5,7 +5,7 @@ import os
 import sys
 from collections.abc import Sequence
 
-from poise.cli import bench, robots, run
+from poise.cli import bench, robots, run, study
 from poise.errors import PoiseError
 
 OK, FAILED, BAD_INPUT = 0, 1, 2
@@ -27,7 +27,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         epilog="example: poise run squat --out runs/squat",
     )
     verbs = parser.add_subparsers(metavar="VERB", required=True)
-    for verb in (run, robots, bench):
+    for verb in (run, robots, bench, study):
         verb.add_parser(verbs)
     options = parser.parse_args(arguments)
     try:

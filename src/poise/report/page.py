@@ -2,10 +2,10 @@
 
 import json
 from html import escape
-from importlib.resources import files
 from urllib.parse import quote
 
 from poise.report.cards import cards_html
+from poise.report.document import asset, html_document
 from poise.report.plots.sheet import PlotFigure
 from poise.report.plots.style import number
 from poise.report.record import RunRecord
@@ -52,18 +52,7 @@ def page_html(record: RunRecord, figures: list[PlotFigure]) -> str:
         "© three.js authors).</footer>",
         _scripts(record),
     ]
-    return "\n".join(
-        [
-            '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">',
-            '<meta name="viewport" content="width=device-width, initial-scale=1">',
-            f"<title>{escape(title)} – Poise</title>",
-            # An icon of nothing: without it a browser asks the server for one.
-            '<link rel="icon" href="data:,">',
-            f"<style>\n{_asset('page.css')}</style>\n</head>\n<body>",
-            *(part for part in body if part),
-            "</body>\n</html>\n",
-        ]
-    )
+    return html_document(title, body)
 
 
 def _header(record: RunRecord) -> str:
@@ -172,16 +161,12 @@ def _summary(record: RunRecord) -> str:
 
 
 def _scripts(record: RunRecord) -> str:
-    scripts = [f"<script>\n{_asset('page.js')}</script>"]
+    scripts = [f"<script>\n{asset('page.js')}</script>"]
     if record.replay:
         payload = replay_json(record, record.replay)
         scripts += [
             f'<script type="application/json" id="replay-data">{payload}</script>',
-            f"<script>{_asset('three.bundle.min.js')}</script>",
-            f"<script>\n{_asset('replay.js')}</script>",
+            f"<script>{asset('three.bundle.min.js')}</script>",
+            f"<script>\n{asset('replay.js')}</script>",
         ]
     return "\n".join(scripts)
-
-
-def _asset(name: str) -> str:
-    return files("poise.report").joinpath("assets", name).read_text(encoding="utf-8")
