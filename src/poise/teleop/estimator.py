@@ -1,0 +1,67 @@
+"""`StanceEstimator`: where the robot is, from joints, the torso's attitude and a foot at rest."""
+
+import numpy as np
+from jaxtyping import Float64
+
+from poise.dynamics.dynamics import Dynamics
+from poise.dynamics.state import RobotState
+from poise.robots.robot import Robot
+
+
+class StanceEstimator:
+    """The base from kinematics: the stance sole stays where it was put down.
+
+    Of the state it reads joint angles and velocities, the base's attitude and its angular velocity
+    (an inertial measurement unit has both), and the soles' loads; never the base's position or
+    linear velocity. The position is dead reckoning: it drifts by what the feet slip.
+
+    Args:
+        robot: a biped.
+        soles: names of the left and the right sole.
+        q_start: configuration at the start, whose feet stand on the ground.
+
+    Attributes:
+        dynamics: of the estimated state.
+        anchors: where each sole was last put down, left then right [m].
+        stance: index of the sole that is taken to be at rest.
+    """
+
+    def __init__(
+        self, robot: Robot, soles: tuple[str, str], q_start: Float64[np.ndarray, " nq"]
+    ) -> None:
+        self.dynamics = Dynamics(robot)
+        self._soles = [robot.frame_id(name) for name in soles]
+        self.dynamics.update(RobotState(q_start, np.zeros(robot.nv)))
+        self.anchors = [self.dynamics.frame(i).position.copy() for i in self._soles]
+        self.stance = 1
+
+    def update(self, state: RobotState) -> RobotState:
+        """The state with the base's position and velocity estimated; `dynamics` follows.
+
+        Args:
+            state: as measured.
+        """
+        q, v = state.q.copy(), state.v.copy()
+        q[:3], v[:3] = 0.0, 0.0
+        self.dynamics.update(RobotState(q, v))
+        sole = self.dynamics.frame(self._soles[self.stance])
+        q[:3] = self.anchors[self.stance] - sole.position
+        # The sole's linear velocity is zero; the base's linear velocity turns with the base.
+        v[:3] = -np.linalg.solve(sole.jacobian[:3, :3], sole.jacobian[:3, 3:] @ v[3:])
+        estimate = RobotState(q, v, state.contacts, state.time)
+        self.dynamics.update(estimate)
+        return estimate
+
+    def sole(self, foot: int) -> Float64[np.ndarray, "3"]:
+        """Where a sole's centre is [m]."""
+        return self.dynamics.frame(self._soles[foot]).position
+
+    def put_down(self, foot: int) -> None:
+        """A sole stands on the ground where it is now."""
+        self.anchors[foot] = self.sole(foot).copy()
+
+    def stand_on(self, foot: int) -> None:
+        """From now on this sole is the one at rest; the estimate stays continuous."""
+        if foot != self.stance:
+            self.put_down(foot)
+            self.stance = foot

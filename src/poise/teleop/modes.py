@@ -1,0 +1,107 @@
+"""The five modes of step teleoperation and the events that lead from one to another."""
+
+from dataclasses import dataclass
+from enum import Enum
+
+from poise.errors import ConfigurationError
+
+
+class Mode(Enum):
+    """Which feet carry the robot (Zhang and Kikuuwe, section 3.2)."""
+
+    D = "double support"
+    TL = "shifting to the left foot"
+    TR = "shifting to the right foot"
+    SL = "standing on the left foot"
+    SR = "standing on the right foot"
+
+    @property
+    def support(self) -> int | None:
+        """The foot that carries or shall carry the robot: 0 left, 1 right, None for both."""
+        return _SUPPORT[self]
+
+    @property
+    def single(self) -> bool:
+        """Whether one foot is in the air."""
+        return self in (Mode.SL, Mode.SR)
+
+    @property
+    def transient(self) -> bool:
+        """Whether the weight is on its way to one foot."""
+        return self in (Mode.TL, Mode.TR)
+
+
+_SUPPORT = {Mode.D: None, Mode.TL: 0, Mode.SL: 0, Mode.TR: 1, Mode.SR: 1}
+
+
+class Event(Enum):
+    """What leads from one mode to another, eq. (14)."""
+
+    LIFT_RIGHT = "the right device was lifted"
+    LIFT_LEFT = "the left device was lifted"
+    SHIFTED = "the ZMP is in the foot that shall carry"
+    LANDED = "the foot in the air has landed"
+    CANCEL = "the device was lowered before the foot left the ground"
+
+
+TRANSITIONS: dict[tuple[Mode, Event], Mode] = {
+    (Mode.D, Event.LIFT_RIGHT): Mode.TL,
+    (Mode.D, Event.LIFT_LEFT): Mode.TR,
+    (Mode.TL, Event.SHIFTED): Mode.SL,
+    (Mode.TR, Event.SHIFTED): Mode.SR,
+    (Mode.SL, Event.LANDED): Mode.D,
+    (Mode.SR, Event.LANDED): Mode.D,
+    (Mode.TL, Event.CANCEL): Mode.D,
+    (Mode.TR, Event.CANCEL): Mode.D,
+}
+"""The whole diagram: where each event leads; an event that is not here changes nothing.
+
+`CANCEL` is not in the paper: with it an operator who thinks better of a step keeps both feet."""
+
+
+@dataclass(slots=True)
+class ModeMachine:
+    """Keeps the mode.
+
+    Attributes:
+        mode: the mode now.
+        since: when it began [s].
+    """
+
+    mode: Mode = Mode.D
+    since: float = 0.0
+
+    def advance(self, event: Event, time: float) -> bool:
+        """Takes an event.
+
+        Args:
+            event: what happened.
+            time: when [s].
+
+        Returns:
+            Whether the mode changed.
+        """
+        after = TRANSITIONS.get((self.mode, event))
+        if after is None:
+            return False
+        self.mode, self.since = after, time
+        return True
+
+
+def draw_modes(fmt: str = "mermaid") -> str:
+    """The diagram as text that documentation tools draw.
+
+    Args:
+        fmt: "mermaid" or "dot".
+
+    Raises:
+        ConfigurationError: another format.
+    """
+    edges = [(a.name, b.name, event.value) for (a, event), b in TRANSITIONS.items()]
+    if fmt == "mermaid":
+        return "\n".join(["stateDiagram-v2", *(f"    {a} --> {b}: {e}" for a, b, e in edges)])
+    if fmt == "dot":
+        return "\n".join(
+            ["digraph {", *(f'    {a} -> {b} [label="{e}"]' for a, b, e in edges), "}"]
+        )
+    raise ConfigurationError("no such format of a diagram", got=fmt, choices=("mermaid", "dot"))

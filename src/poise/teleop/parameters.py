@@ -1,0 +1,182 @@
+"""`TeleopParameters`: every number of the step teleoperator, the paper's, or scaled to a robot."""
+
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+
+from poise.balance import natural_frequency
+from poise.checks import checked_number
+from poise.errors import ConfigurationError
+from poise.robots.robot import Robot
+
+_PAPER_HEIGHT, _PAPER_STANCE, _PAPER_HALF_SOLE = 0.765, 0.42, 0.12
+"""Height of the COM, distance of the feet and half the width of a sole of the paper's robot [m]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TeleopParameters:
+    """Numbers of the step teleoperator; the defaults are for `biped20`.
+
+    Names and values are those of Zhang and Kikuuwe, section 3 to 5, where they have one; the others
+    stand for what the paper leaves open, see docs/teleoperation.md.
+
+    Attributes:
+        dt: T, length of a tick [s].
+        kp: k_p of the COM shifter [1/s^2].
+        acceleration_max: a_lim [m/s^2].
+        r_lift: distance of ZMP and reference at which a foot may leave the ground [m].
+        k_v: gain of the linear velocities [1/s].
+        k_omega: gain of the angular velocities [1/s].
+        v_lim: largest linear velocity [m/s].
+        omega_lim: largest angular velocity [rad/s].
+        w_B: weight of the torso's angular velocity in double support.
+        w_S1: weight of the swing foot's velocity in single support.
+        w_S2: weight of the other foot's velocity in double support.
+        w_L: weight of the angular momentum in single support.
+        w_B1: weight of the torso's angular velocity in single support.
+        epsilon: weight of what should not count.
+        momentum_leak: how fast the desired angular momentum is forgotten [1/s].
+        capture_max: largest distance of the divergent component from the support foot's centre at
+            which the other foot may leave the ground [m].
+        ct_zmp_max: likewise of the CT-ZMP [m].
+        lift_height: how far a device is lifted to lift its foot [m].
+        lower_height: how far it may be above the ground to count as lowered again [m].
+        land_load: load at which a foot in the air has landed, over the weight.
+        unload_load: load below which a foot counts as in the air, over the weight.
+        unload_time: how long it must be [s].
+        press_depth: how far below the ground the operator may command a foot [m].
+        shift_timeout: how long a shift may take before both feet are given back [s].
+        zmp_time: time constant with which the measured ZMP is smoothed [s].
+        knee_min: least knee angle; straighter the leg is singular [rad].
+        reach_margin: share of the leg's length that a foot command stays short of.
+        feet_gap: least distance of the soles' edges, side by side [m].
+    """
+
+    dt: float = 0.005
+    kp: float = 40.0
+    acceleration_max: float = 0.8
+    r_lift: float = 0.08
+    k_v: float = 10.0
+    k_omega: float = 10.0
+    v_lim: float = 1.0
+    omega_lim: float = 0.8
+    w_B: float = 100.0
+    w_S1: float = 30.0
+    w_S2: float = 1e4
+    w_L: float = 1.0
+    w_B1: float = 3.0
+    epsilon: float = 1e-3
+    momentum_leak: float = 5.0
+    capture_max: float = 0.06
+    ct_zmp_max: float = 0.12
+    lift_height: float = 0.02
+    lower_height: float = 0.01
+    land_load: float = 0.047
+    unload_load: float = 0.0235
+    unload_time: float = 0.02
+    press_depth: float = 0.05
+    shift_timeout: float = 3.0
+    zmp_time: float = 0.01
+    knee_min: float = 0.08
+    reach_margin: float = 0.02
+    feet_gap: float = 0.01
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            checked_number(
+                getattr(self, field.name), f"{field.name} of the teleoperation", above=0.0
+            )
+        if not self.lower_height < self.lift_height:
+            raise ConfigurationError(
+                "a device counts as lowered higher up than as lifted",
+                got=(self.lower_height, self.lift_height),
+                wanted="lower_height < lift_height",
+            )
+        if not self.unload_load < self.land_load < 0.5:
+            raise ConfigurationError(
+                "loads of lifting and landing do not fit",
+                got=(self.unload_load, self.land_load),
+                wanted="unload_load < land_load < 0.5",
+            )
+
+
+def scaled_parameters(robot: Robot, height: float, stance: float) -> TeleopParameters:
+    """Parameters for a robot, from the paper's by stated rules.
+
+    - `kp` keeps its ratio to omega^2, so that the poles keep theirs to the robot's own time.
+    - `acceleration_max` keeps the first swing of the ZMP, a_lim / omega^2, at its share of half the
+      narrower side of a sole.
+    - `r_lift`, `capture_max` and `ct_zmp_max` keep their ratio to the distance of the feet (with
+      0.27 m between them r_lift is 0.077 m), the latter two no more than half a sole.
+    - lengths and speeds of motions keep their ratio to the COM's height.
+
+    Args:
+        robot: a biped.
+        height: of the COM above the soles [m].
+        stance: distance of the soles, side by side [m].
+
+    Raises:
+        ConfigurationError: a sole smaller than what lifting a foot needs, or no soles.
+    """
+    if len(robot.soles) < 2:
+        raise ConfigurationError(
+            "step teleoperation needs two feet", got=list(robot.soles), wanted="two soles"
+        )
+    half = 0.5 * min(min(s.length, s.width) for s in robot.soles.values())
+    paper, size = TeleopParameters(), height / _PAPER_HEIGHT
+    square = natural_frequency(height) ** 2
+    paper_square = natural_frequency(_PAPER_HEIGHT) ** 2
+    swing = paper.acceleration_max / paper_square / _PAPER_HALF_SOLE
+    r_lift = 0.12 * stance / _PAPER_STANCE
+    if not 0.0 < r_lift < stance:
+        raise ConfigurationError(
+            "the feet stand too close for step teleoperation", got=stance, wanted="> 0 m apart"
+        )
+    near = min(1.0, half / _PAPER_HALF_SOLE)
+    return replace(
+        paper,
+        kp=paper.kp * square / paper_square,
+        acceleration_max=swing * half * square,
+        r_lift=r_lift,
+        capture_max=paper.capture_max * near,
+        ct_zmp_max=paper.ct_zmp_max * near,
+        v_lim=paper.v_lim * size,
+        press_depth=paper.press_depth * size,
+    )
+
+
+def leg_joints(robot: Robot, sole: str) -> list[int]:
+    """Joints from the base to a sole, as indices among the robot's joints.
+
+    Raises:
+        ConfigurationError: fewer than six joints: the foot cannot be placed and turned freely.
+    """
+    model = robot.model
+    parent = model.frames[robot.frame_id(sole)].parentJoint
+    # Joint 0 is the world, joint 1 the floating base.
+    joints = [int(j) - 2 for j in model.supports[parent] if j > 1]
+    if len(joints) < 6:
+        raise ConfigurationError(
+            f"the leg of {sole} has too few joints for step teleoperation",
+            got=[robot.joint_names[j] for j in joints],
+            wanted="six joints or more",
+        )
+    return joints
+
+
+def knee_limits(robot: Robot, joints: list[int], knee_min: float) -> tuple[np.ndarray, np.ndarray]:
+    """Position limits of leg joints, with a knee kept from being straight.
+
+    Args:
+        robot: a biped.
+        joints: the leg's joints, as indices among the robot's.
+        knee_min: least angle of a joint whose name says that it is a knee [rad].
+
+    Returns:
+        Lower and upper limits [rad].
+    """
+    lower, upper = robot.q_min[joints].copy(), robot.q_max[joints].copy()
+    for i, joint in enumerate(joints):
+        if "knee" in robot.joint_names[joint].lower():
+            lower[i] = max(lower[i], knee_min)
+    return lower, upper

@@ -1,0 +1,420 @@
+"""`StepTeleoperator`: from the operator's hands and the robot's sensors to joint velocities."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float64
+
+from poise.balance import BodyRotator, ComShifter, saturate
+from poise.balance.cart_table import GRAVITY
+from poise.checks import checked_kind
+from poise.control.command import Command, CommandStatus
+from poise.control.differential_ik.closed_form import VelocityLevel, solve_levels
+from poise.control.differential_ik.joint_weights import limit_weights
+from poise.control.differential_ik.stance import base_from_joints, constrained
+from poise.control.state_check import is_usable
+from poise.dynamics.dynamics import Dynamics
+from poise.dynamics.rotations import rotation_vector
+from poise.dynamics.state import RobotState
+from poise.errors import ConfigurationError
+from poise.robots.robot import Robot
+from poise.teleop.detectors import LandingDetector, LiftDetector
+from poise.teleop.device import DeviceGuard, DeviceSample, DeviceStatus
+from poise.teleop.estimator import StanceEstimator
+from poise.teleop.modes import Event, Mode, ModeMachine
+from poise.teleop.parameters import TeleopParameters, knee_limits, leg_joints, scaled_parameters
+from poise.teleop.reach import FootRange
+from poise.teleop.rules import Rules
+from poise.teleop.zmp import ZmpSensor
+
+_PAPER_K1, _PAPER_K2, _PAPER_S2 = 4500.0, 7000.0, 100.0
+"""k_1 and k_2 of (39c) and w_S2, as the paper has them; used where `Rules` ask for them."""
+
+_STANCE_SHARE = 1.2
+"""In double support a foot becomes the stance that carries this many times the other's load."""
+
+_LIMIT_TIME = 0.05
+"""Time in which a joint may at most reach its position limit [s]."""
+
+_UPRIGHT_WEIGHT = 100.0
+"""Weight of the torso's angular velocity while the operator asks for an upright torso."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TeleopStatus:
+    """How the last tick stood.
+
+    Attributes:
+        mode: which feet carry the robot.
+        device: what became of the operator's last sample.
+        zmp: measured, x and y [m].
+        zmp_reference: likewise.
+        cart_table_zmp: CT-ZMP, likewise.
+        com: estimated [m].
+        soles: where the soles are, left and right [m].
+        target: where the foot in the air is sent, None with both on the ground [m].
+        loads: normal forces, left and right [N].
+        tilt: angle of the torso against upright [rad].
+    """
+
+    mode: Mode
+    device: DeviceStatus
+    zmp: Float64[np.ndarray, "2"]
+    zmp_reference: Float64[np.ndarray, "2"]
+    cart_table_zmp: Float64[np.ndarray, "2"]
+    com: Float64[np.ndarray, "3"]
+    soles: tuple[Float64[np.ndarray, "3"], Float64[np.ndarray, "3"]]
+    target: Float64[np.ndarray, "3"] | None
+    loads: Float64[np.ndarray, "2"]
+    tilt: float
+
+
+class StepTeleoperator:
+    """The controller of Zhang and Kikuuwe: a person places the feet, feedback keeps the balance.
+
+    Each tick: the state is estimated from joints, attitude and loads; events (14) move the mode on;
+    references (15) follow from mode and device; the COM shifter (37) and the body rotator (39)
+    and saturated P controllers (17) make velocities of them; prioritised differential inverse
+    kinematics (19) to (23) makes joint velocities of the legs. The other joints keep still.
+
+    `step` never raises. A state that cannot be used gives zero velocities and says so.
+
+    Args:
+        robot: a biped with legs of six joints.
+        parameters: scaled to the robot when None.
+        q_start: configuration at the start; the robot's home when None.
+        rules: departures from the paper.
+        rotator: whether the body rotator acts.
+
+    Raises:
+        ConfigurationError: no two feet, legs of too few joints, soles that do not fit.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        parameters: TeleopParameters | None = None,
+        *,
+        q_start: Float64[np.ndarray, " nq"] | None = None,
+        rules: Rules | None = None,
+        rotator: bool = True,
+    ) -> None:
+        self.robot = checked_kind(robot, Robot, "the robot of the teleoperation")
+        if not robot.floating_base or len(robot.soles) < 2:
+            raise ConfigurationError(
+                f"robot {robot.name!r} cannot be walked",
+                got=f"soles {list(robot.soles)}",
+                wanted="a floating base and two soles",
+            )
+        left, right, *_ = robot.soles
+        self.soles = (left, right)
+        q_start = robot.q_home if q_start is None else q_start
+        self.estimator = StanceEstimator(robot, self.soles, q_start)
+        dynamics, anchors = self.estimator.dynamics, self.estimator.anchors
+        self._height = float(dynamics.com[2] - 0.5 * (anchors[0][2] + anchors[1][2]))
+        if parameters is None:
+            stance = abs(float(anchors[0][1] - anchors[1][1]))
+            parameters = scaled_parameters(robot, self._height, stance)
+        self.parameters = p = parameters
+        self.rules = rules or Rules()
+        self._legs = np.array([j for sole in self.soles for j in leg_joints(robot, sole)])
+        self._q_min, self._q_max = knee_limits(robot, self._legs.tolist(), p.knee_min)
+        self._v_max = robot.v_max[self._legs]
+        self._columns = self._legs + robot.base_dofs
+        self._frames = (robot.frame_id(left), robot.frame_id(right))
+        self._torso = robot.frame_id(robot.torso)
+        weight = robot.mass * GRAVITY
+        self._zmp = ZmpSensor(self._frames, self.soles, weight, p.zmp_time, p.dt)
+        self.shifter = ComShifter(self._height, kp=p.kp, acceleration_max=p.acceleration_max)
+        self._rotator = BodyRotator(weight) if rotator else None
+        self._range = FootRange(robot, self.soles, p)
+        self._lifts = (LiftDetector(p), LiftDetector(p))
+        self._landing = LandingDetector(p, weight, arm=self.rules.armed_landing)
+        self._guard = DeviceGuard()
+        self._modes = ModeMachine()
+        self._scales = (np.ones(6), np.ones(8))
+        self._velocity = np.zeros(2)
+        self._momentum = np.zeros(2)
+        self._status: TeleopStatus | None = None
+
+    @property
+    def mode(self) -> Mode:
+        """Which feet carry the robot."""
+        return self._modes.mode
+
+    @property
+    def status(self) -> TeleopStatus | None:
+        """How the last tick stood; None before the first."""
+        return self._status
+
+    @property
+    def resting_sample(self) -> DeviceSample:
+        """A sample that asks for nothing: both devices on the feet where they stand."""
+        left, right = (anchor.copy() for anchor in self.estimator.anchors)
+        return DeviceSample(0.0, left, right)
+
+    def step(self, state: RobotState, sample: DeviceSample | None) -> Command:
+        """One tick.
+
+        Args:
+            state: as measured; of the base only attitude and angular velocity are read.
+            sample: what the device sent since the last tick; None for nothing.
+
+        Returns:
+            Joint velocities.
+        """
+        if not is_usable(state, self.robot):
+            return Command(status=CommandStatus.BAD_STATE, velocity=np.zeros(self.robot.nj))
+        estimate = self.estimator.update(state)
+        dynamics = self.estimator.dynamics
+        self._zmp.update(state, dynamics)
+        device = self._guard.check(sample, state.time)
+        self._move_modes(device, state.time)
+        reference = self._zmp_reference()
+        com, p = dynamics.com, self.parameters
+        acceleration = self.shifter.acceleration(reference, com[:2], self._velocity)
+        self._velocity = self._velocity + p.dt * acceleration
+        ct_zmp = self.shifter.cart_table_zmp(com[:2], acceleration)
+        self._turn(reference, ct_zmp)
+        target = self._foot_target(device)
+        upright = device is not None and device.upright
+        velocity = self._joint_velocities(estimate, target, reference, upright=upright)
+        self._status = self._describe(reference, ct_zmp, target)
+        if not np.isfinite(np.add.reduce(velocity)):
+            return Command(status=CommandStatus.SOLVER_FAILED, velocity=np.zeros(self.robot.nj))
+        return Command(status=CommandStatus.OK, velocity=velocity)
+
+    # Modes -------------------------------------------------------------------------------------
+
+    def _move_modes(self, device: DeviceSample | None, time: float) -> None:
+        before = self._modes.mode
+        event = self._event(device, time)
+        if event is not None and self._modes.advance(event, time):
+            self._enter(before, device)
+        elif before is Mode.D and self.rules.loaded_stance:
+            loads, stance = self._zmp.loads, self.estimator.stance
+            if loads[1 - stance] > _STANCE_SHARE * loads[stance]:
+                self.estimator.stand_on(1 - stance)
+
+    def _event(self, device: DeviceSample | None, time: float) -> Event | None:
+        mode, p = self._modes.mode, self.parameters
+        if mode is Mode.D:
+            return self._lifted(device)
+        support = mode.support
+        assert support is not None
+        swing = 1 - support
+        if mode.single:
+            return Event.LANDED if self._landing.update(float(self._zmp.loads[swing])) else None
+        if self.rules.cancel:
+            lowered = device is None or self._lifts[swing].is_low(self._lift_height(device, swing))
+            if lowered or time - self._modes.since > p.shift_timeout:
+                return Event.CANCEL
+        return Event.SHIFTED if self._has_shifted(support) else None
+
+    def _lifted(self, device: DeviceSample | None) -> Event | None:
+        if device is None:
+            return None
+        up = [self._lifts[i].update(self._lift_height(device, i)) for i in (0, 1)]
+        if all(up):
+            # Both at once: the foot that carries less goes first, the other has to ask again.
+            return Event.LIFT_LEFT if self._zmp.loads[0] < self._zmp.loads[1] else Event.LIFT_RIGHT
+        if up[0]:
+            return Event.LIFT_LEFT
+        return Event.LIFT_RIGHT if up[1] else None
+
+    def _lift_height(self, device: DeviceSample, foot: int) -> float:
+        """How far a device is above its foot's place on the ground [m]."""
+        hand = device.left if foot == 0 else device.right
+        return float(hand[2] - self.estimator.anchors[foot][2])
+
+    def _has_shifted(self, support: int) -> bool:
+        p, dynamics = self.parameters, self.estimator.dynamics
+        reference = self.estimator.anchors[support][:2]
+        if np.linalg.norm(self._zmp.zmp - reference) > p.r_lift:
+            return False
+        if not self.rules.safe_lift:
+            return True
+        com = dynamics.com[:2]
+        acceleration = self.shifter.acceleration(reference, com, self._velocity)
+        ct_zmp = self.shifter.cart_table_zmp(com, acceleration)
+        capture = com + self._velocity / self.shifter.omega
+        return bool(
+            np.linalg.norm(ct_zmp - reference) < p.ct_zmp_max
+            and np.linalg.norm(capture - reference) < p.capture_max
+        )
+
+    def _enter(self, before: Mode, device: DeviceSample | None) -> None:
+        """Starts a mode: stance, detectors, and integrators that would have wound up."""
+        mode, estimator = self._modes.mode, self.estimator
+        if mode is Mode.D:
+            for foot in (0, 1):
+                if before.single and foot != estimator.stance:
+                    estimator.put_down(foot)
+                height = 0.0 if device is None else self._lift_height(device, foot)
+                self._lifts[foot].reset(height)
+            if not self.rules.loaded_stance:
+                estimator.stand_on(0)
+        else:
+            support = mode.support
+            assert support is not None
+            estimator.stand_on(support)
+            self._landing.reset()
+        self._velocity = estimator.dynamics.com_velocity[:2].copy()
+        self._momentum = np.zeros(2)
+
+    # References ----------------------------------------------------------------------------------
+
+    def _zmp_reference(self) -> Float64[np.ndarray, "2"]:
+        """Eq. (15a)."""
+        support = self._modes.mode.support
+        if support is None:
+            return 0.5 * (self.estimator.sole(0) + self.estimator.sole(1))[:2]
+        return self.estimator.anchors[support][:2]
+
+    def _foot_target(self, device: DeviceSample | None) -> Float64[np.ndarray, "3"] | None:
+        """Where the foot in the air is sent, eq. (15d); None with both on the ground."""
+        mode = self._modes.mode
+        if not mode.single:
+            return None
+        support = mode.support
+        assert support is not None
+        swing, p = 1 - support, self.parameters
+        anchor, here = self.estimator.anchors[support], self.estimator.sole(swing)
+        lowest = float(min(anchor[2], self.estimator.anchors[swing][2])) - p.press_depth
+        if device is None:
+            # Nobody commands: straight down, until the ground is felt.
+            return np.array([here[0], here[1], lowest])
+        target = (device.left if swing == 0 else device.right).copy()
+        target[2] = max(target[2], lowest)
+        if self.rules.reachable:
+            forward = self.estimator.dynamics.frame(self._torso).rotation[:2, 0]
+            heading = forward / np.linalg.norm(forward)
+            dynamics = self.estimator.dynamics
+            target = self._range.bring_back(swing, target, anchor, heading, dynamics)
+        return target
+
+    def _turn(self, reference: Float64[np.ndarray, "2"], ct_zmp: Float64[np.ndarray, "2"]) -> None:
+        """Eqs (39a) and (39b): the desired angular momentum."""
+        if self._rotator is None or not self._modes.mode.single:
+            self._momentum = np.zeros(2)
+            return
+        p = self.parameters
+        kept = 1.0 - p.dt * p.momentum_leak if self.rules.leaking_momentum else 1.0
+        rate = self._rotator.momentum_rate(reference, ct_zmp)
+        self._momentum = kept * self._momentum + p.dt * rate
+
+    # Velocities ----------------------------------------------------------------------------------
+
+    def _joint_velocities(
+        self,
+        estimate: RobotState,
+        target: Float64[np.ndarray, "3"] | None,
+        reference: Float64[np.ndarray, "2"],
+        *,
+        upright: bool,
+    ) -> Float64[np.ndarray, " nj"]:
+        """Eqs (17) to (23)."""
+        p, estimator, dynamics = self.parameters, self.estimator, self.estimator.dynamics
+        stance = estimator.stance
+        other = 1 - stance
+        sole = dynamics.frame(self._frames[other])
+        torso = dynamics.frame(self._torso)
+        if target is None:
+            target = estimator.anchors[other] if self.rules.held_feet else sole.position
+        ground = float(estimator.anchors[stance][2])
+        if not self._modes.mode.single:
+            ground = 0.5 * float(estimator.anchors[0][2] + estimator.anchors[1][2])
+        level = np.eye(3)
+        lift = p.k_v * (self._height + ground - float(dynamics.com[2]))
+        v_1 = np.concatenate(
+            (
+                self._velocity,
+                [max(-p.v_lim, min(p.v_lim, lift))],
+                saturate(p.omega_lim, p.k_omega * rotation_vector(level, sole.rotation)),
+            )
+        )
+        v_2 = np.concatenate(
+            (
+                self._momentum,
+                saturate(p.omega_lim, p.k_omega * rotation_vector(level, torso.rotation)),
+                saturate(p.v_lim, p.k_v * (target - sole.position)),
+            )
+        )
+        rows_1, rows_2 = self._jacobians(dynamics, stance, other)
+        q, rate = estimate.q[1:][self._columns], estimate.v[self._columns]
+        legs = solve_levels(
+            [
+                VelocityLevel(rows_1, v_1, np.ones(6), self._scales[0]),
+                VelocityLevel(rows_2, v_2, self._weights(reference, upright), self._scales[1]),
+            ],
+            limit_weights(q, rate, self._q_min, self._q_max),
+        )
+        legs = np.clip(legs, (self._q_min - q) / _LIMIT_TIME, (self._q_max - q) / _LIMIT_TIME)
+        velocity = np.zeros(self.robot.nj)
+        velocity[self._legs] = np.clip(legs, -self._v_max, self._v_max)
+        return velocity
+
+    def _jacobians(
+        self, dynamics: Dynamics, stance: int, other: int
+    ) -> tuple[Float64[np.ndarray, "6 n"], Float64[np.ndarray, "8 n"]]:
+        """J_1 and J_2 of (19) on the legs, the base eliminated by the stance sole, eq. (13)."""
+        columns, base = self._columns, self.robot.base_dofs
+        sole = dynamics.frame(self._frames[other]).jacobian
+        stacked = np.concatenate(
+            (
+                dynamics.com_jacobian,
+                sole[3:],
+                dynamics.momentum_matrix[3:5],
+                dynamics.frame(self._torso).jacobian[3:],
+                sole[:3],
+            )
+        )
+        contact = dynamics.frame(self._frames[stance]).jacobian
+        legs = np.concatenate((np.arange(base), columns))
+        rows = constrained(stacked[:, legs], base_from_joints(contact[:, legs]))
+        return rows[:6], rows[6:]
+
+    def _weights(
+        self, reference: Float64[np.ndarray, "2"], upright: bool
+    ) -> Float64[np.ndarray, "8"]:
+        """W_A, eqs (39c) and (39d)."""
+        p, rules = self.parameters, self.rules
+        weights = np.empty(8)
+        if not self._modes.mode.single:
+            weights[:2], weights[2:5] = p.epsilon, p.w_B
+            weights[5:] = p.w_S2 if rules.firm_feet else _PAPER_S2
+            return weights
+        weights[5:] = p.w_S1
+        if self._rotator is None:
+            weights[:2], weights[2:5] = p.epsilon, p.w_B
+        elif rules.constant_weights:
+            weights[:2], weights[2:5] = p.w_L, p.w_B1
+        else:
+            x, y = (reference - self._zmp.zmp).tolist()
+            weights[0] = max(_PAPER_K1 * y * y, p.epsilon)
+            weights[1] = max(_PAPER_K2 * x * x, p.epsilon)
+            weights[2:5] = p.epsilon
+        if upright:
+            weights[2:5] = _UPRIGHT_WEIGHT
+        return weights
+
+    def _describe(
+        self,
+        reference: Float64[np.ndarray, "2"],
+        ct_zmp: Float64[np.ndarray, "2"],
+        target: Float64[np.ndarray, "3"] | None,
+    ) -> TeleopStatus:
+        dynamics = self.estimator.dynamics
+        upward = float(dynamics.frame(self._torso).rotation[2, 2])
+        return TeleopStatus(
+            mode=self._modes.mode,
+            device=self._guard.status,
+            zmp=self._zmp.zmp,
+            zmp_reference=reference,
+            cart_table_zmp=ct_zmp,
+            com=dynamics.com,
+            soles=(self.estimator.sole(0), self.estimator.sole(1)),
+            target=target,
+            loads=self._zmp.loads.copy(),
+            tilt=float(np.arccos(np.clip(upward, -1.0, 1.0))),
+        )
