@@ -20,6 +20,12 @@ from poise.cli.main import main
         (["tick", "--ticks", "-3"], "at least one tick"),
         (["tick", "--peers", "tsid=/nowhere/bin/python"], "does not exist"),
         (["tick", "--peers", "tsid"], "NAME=PATH"),
+        (["bias", "--robot", "humanoid33"], "fixed base"),
+        (["bias", "--robot", "upper"], "unknown robot"),
+        (["bias", "--ticks", "0"], "at least one tick"),
+        (["bias", "--stack", "both"], "belongs to the benchmark tick"),
+        (["bias", "--methods", "direct"], "belongs to the benchmark tick"),
+        (["bias", "--controller", "osf"], "belongs to the benchmark tick"),
         (["tick", "--peers", f"drake={sys.executable}"], "unknown peer"),
     ],
 )

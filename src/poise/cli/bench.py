@@ -25,7 +25,7 @@ def add_parser(verbs: Any) -> None:
         description="tick: times a controller's tick from state to command, by phase, on a "
         "recorded moving run. bias: times the formulas of the bias acceleration on a recorded run "
         "of a robot on a fixed base. All are timed tick by tick in turn on the same states.",
-        epilog="examples: poise bench tick --robot talos --peers tsid=peers/tsid/bin/python; "
+        epilog="example: poise bench tick --robot talos --peers tsid=peers/tsid/bin/python; "
         "poise bench bias --json",
     )
     parser.add_argument("name", metavar="NAME", help="what to time: " + ", ".join(_NAMES))

@@ -51,7 +51,7 @@ def make_replay(plant: Plant, run: RunSignals, pushes: Sequence[Push] = ()) -> R
         body_names=tuple(model.body(i).name for i in range(model.nbody)),
         position=position,
         quaternion=quaternion,
-        geometries=tuple(_geometries(model)),
+        geometries=tuple(drawn_shapes(model)),
         forces=(
             *_contact_forces(plant, run, rows),
             *(_push_force(plant, run, rows, push) for push in pushes),
@@ -99,8 +99,12 @@ def _push_force(
     return ForceTrack(name=f"push {push.body}", kind="push", point=points, force=forces)
 
 
-def _geometries(model: mujoco.MjModel) -> list[Geometry]:
-    """What is drawn of the robot and the blocks on the floor; the floor has its own grid."""
+def drawn_shapes(model: mujoco.MjModel) -> list[Geometry]:
+    """What is drawn of the robot and the blocks on the floor; the floor has its own grid.
+
+    Args:
+        model: of a plant; a shape's body is its index there.
+    """
     shapes: list[Geometry] = []
     for geom in range(model.ngeom):
         kind = int(model.geom_type[geom])

@@ -146,14 +146,20 @@ class FrameTask(Task):
         return self._size
 
     def _evaluate(self, dynamics: Dynamics) -> Float64[np.ndarray, " m"]:
-        frame, rows, error = dynamics.frame(self._frame_id), self._rows, np.zeros(6)
+        frame, error = dynamics.frame(self._frame_id), np.zeros(6)
         error[:3] = self._target.error(frame.position)
         if self.turns:
             if self._orientation is None:
                 self._orientation, self._orientation_held = frame.rotation, True
             error[3:] = self._orientation_error(self._orientation, frame.rotation)
-        self.jacobian = frame.jacobian[rows]
-        self.drift = frame.bias[rows]
-        self.error = error[rows]
-        self.error_rate = (self._velocity - frame.velocity)[rows]
-        return self._acceleration[rows]
+        parts = (
+            frame.jacobian,
+            frame.bias,
+            error,
+            self._velocity - frame.velocity,
+            self._acceleration,
+        )
+        if self._size < 6:
+            parts = tuple([part[self._rows] for part in parts])
+        self.jacobian, self.drift, self.error, self.error_rate, acceleration = parts
+        return acceleration

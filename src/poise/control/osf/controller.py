@@ -12,6 +12,7 @@ from poise.contacts.contact import Contact
 from poise.control.command import Command, CommandStatus
 from poise.control.fallback import Fallback
 from poise.control.osf.contact_forces import TOLERANCE, ContactForces
+from poise.control.osf.demand import DemandLimit
 from poise.control.osf.formulation import OperationalFormulation
 from poise.control.osf.fused import FusedResolver
 from poise.control.osf.levels import LevelRows
@@ -45,7 +46,8 @@ class OperationalSpaceController:
     formulas). On a floating base contacts stand above all tasks, and `ContactForces` finds the
     wrenches that carry the base, internal forces among them.
 
-    Inequalities are no part of the formulation; they are met as follows. Joints whose acceleration
+    A level that asks for more acceleration of a joint than `demand` is damped. Other inequalities
+    are no part of the formulation; they are met as follows. Joints whose acceleration
     would leave the bounds of the stack's joint limit are held at the bound, above the tasks. Where
     a contact's cone or a torque limit cannot be met by internal forces, tasks are let go from the
     bottom up, the last of them partly, until it is. Tasks can be switched and re-ordered while
@@ -61,6 +63,8 @@ class OperationalSpaceController:
         derivative: for "original" and "proposed": how projected Jacobians are differentiated, one
             of `DERIVATIVES`.
         rank: what happens where a task loses rank; the defaults of `RankTreatment` when None.
+        demand: largest acceleration that one level asks of a joint [rad/s^2], as `DemandLimit` has
+            it; `math.inf` for no bound.
         torque_step: largest change of a torque from tick to tick [N m], one number or one a joint;
             a tenth of the torque limits when None, `math.inf` for no bound.
 
@@ -76,6 +80,7 @@ class OperationalSpaceController:
         bias: str = "fused",
         derivative: str = "exact",
         rank: RankTreatment | None = None,
+        demand: float = 50.0,
         torque_step: Numbers | None = None,
     ) -> None:
         self.robot = checked_kind(robot, Robot, "the controller's robot")
@@ -89,8 +94,13 @@ class OperationalSpaceController:
         exact = bias in ("original", "proposed") and derivative == "exact"
         self._rates = MatrixRates(robot) if exact else None
         rank = checked_kind(rank or RankTreatment(), RankTreatment, "rank of the controller")
+        limit = None
+        if demand != math.inf:
+            limit = DemandLimit(acceleration=demand, base=robot.base_dofs)
         self.resolver: FusedResolver | PaperResolver = (
-            FusedResolver(robot.nv, rank) if bias == "fused" else PaperResolver(bias, rank)
+            FusedResolver(robot.nv, rank, limit)
+            if bias == "fused"
+            else PaperResolver(bias, rank, limit)
         )
         self._scales = RowScales(robot)
         self._wrenches: dict[str, Float64[np.ndarray, " c"]] = {}
@@ -227,7 +237,7 @@ class OperationalSpaceController:
         return ControllerStatus(
             command=self._last_status,
             tasks=task_statuses(self.stack, residuals, self.suspended),
-            explanation=_explain(self.robot, self._held, forces),
+            explanation=_explain(self.robot, self._held, forces, self._bound_error),
         )
 
     def _set_stack(self, stack: Stack) -> None:
@@ -248,7 +258,7 @@ class OperationalSpaceController:
         self._current = self._prepare(self._active_contacts())
         self._missing = np.zeros(len(self._current[0].rows.reference))
         self._held = np.zeros(self.robot.nj, dtype=np.bool_)
-        self._bounds = np.zeros(self.robot.nj)
+        self._bounds, self._bound_error = np.zeros(self.robot.nj), 0.0
 
     def _active_contacts(self) -> tuple[Contact, ...]:
         return tuple(c for c in self.stack.contacts if c.active)
@@ -317,6 +327,9 @@ class OperationalSpaceController:
     ) -> tuple[float, ...]:
         rows = formulation.rows
         target = rows.reference - rows.drift
+        limit, joints = self.stack.joint_limit, acceleration[self.robot.base_dofs :]
+        outside = np.maximum(joints - limit.upper, limit.lower - joints)
+        self._bound_error = max(float(outside.max()), 0.0) / limit.acceleration_max
         self._missing = rows.jacobian @ acceleration
         self._missing -= target
         physics = slice(0, formulation.contact_dim)
@@ -324,7 +337,7 @@ class OperationalSpaceController:
         contact = _relative(self._missing[physics], target[physics])
         return (
             max(forces.base_error, forces.torque_error),
-            max(contact, forces.cone_error),
+            max(contact, forces.cone_error, self._bound_error),
             *levels,
         )
 
@@ -340,7 +353,9 @@ def _relative(missing: Float64[np.ndarray, " m"], target: Float64[np.ndarray, " 
     return math.sqrt(missing.dot(missing)) / max(1.0, math.sqrt(target.dot(target)))
 
 
-def _explain(robot: Robot, held: Bool[np.ndarray, " nj"], forces: ContactForces) -> str:
+def _explain(
+    robot: Robot, held: Bool[np.ndarray, " nj"], forces: ContactForces, bound_error: float
+) -> str:
     notes: list[str] = []
     names = [robot.joint_names[i] for i in np.flatnonzero(held)]
     if names:
@@ -349,6 +364,7 @@ def _explain(robot: Robot, held: Bool[np.ndarray, " nj"], forces: ContactForces)
         (forces.base_error, "base dynamics miss {:.2g} of the weight"),
         (forces.cone_error, "contacts are asked for {:.2g} of the weight outside their cones"),
         (forces.torque_error, "a torque limit is exceeded by {:.2g} of itself"),
+        (bound_error, "joints leave their acceleration bounds by {:.2g} of the largest"),
     ):
         if error > TOLERANCE:
             notes.append(what.format(error))

@@ -6,8 +6,9 @@ import numpy as np
 from jaxtyping import Float64
 from scipy.linalg import lapack
 
+from poise.control.osf.demand import DemandLimit
 from poise.control.osf.levels import LevelRows
-from poise.control.osf.rank import PHYSICS_RANK, RankTreatment
+from poise.control.osf.rank import RankTreatment, rank_of
 from poise.dynamics.dynamics import Dynamics
 
 
@@ -35,13 +36,15 @@ class FusedResolver:
     Args:
         n: number of generalized coordinates.
         rank: what happens where a level below the physics loses rank.
+        demand: what happens where a level asks for too much; None for nothing.
 
     Attributes:
-        regular: number of leading levels that kept their rank at the last state.
+        regular: number of leading levels that kept their rank, and asked for no more than is
+            allowed, at the last state.
     """
 
-    def __init__(self, n: int, rank: RankTreatment) -> None:
-        self._n, self._rank = n, rank
+    def __init__(self, n: int, rank: RankTreatment, demand: DemandLimit | None = None) -> None:
+        self._n, self._rank, self._demand = n, rank, demand
         self._levels: Sequence[slice] = ()
         self.regular = 0
 
@@ -58,7 +61,7 @@ class FusedResolver:
             The generalized acceleration dv; the force is `M dv + h`.
         """
         self._rows, self._target = levels.scaled()
-        self._levels, self._h = levels.slices, dynamics.h
+        self._levels, self._firm, self._h = levels.slices, levels.firm, dynamics.h
         # L^-1 outright, and products with it: the routine that solves with L runs on several
         # threads, and waits for all of them on a machine that is busy.
         factor, _ = lapack.dpotrf(dynamics.M.T, lower=1, clean=1)
@@ -92,11 +95,26 @@ class FusedResolver:
         self._inverse: Float64[np.ndarray, "c c"] = lapack.dtrtri(R, lower=0)[0] if end else R
         self.regular = 0
         for level in self._levels:
-            least = (self._rank if self.regular else PHYSICS_RANK).high
+            least = rank_of(self.regular, self._firm, self._rank).high
             block = (level, level)
             if level.stop > end or not _is_regular(R[block], self._inverse[block], least):
                 break
             self.regular += 1
+        if self._demand is not None:
+            parts = self._each()
+            if not self._demand.is_kept(parts):
+                self.regular = [self._demand.is_kept(part) for part in parts].index(False)
+
+    def _each(self) -> Float64[np.ndarray, "k n"]:
+        """What each regular level adds to the acceleration; zero for those that are firm."""
+        count = self.regular
+        end = self._levels[count - 1].stop if count else 0
+        inverse = self._inverse[:end, :end]
+        wanted = inverse.T.dot(self._target[:end])
+        parts = np.zeros((max(count, 1), end))
+        for i, level in enumerate(self._levels[self._firm : count], start=self._firm):
+            parts[i, level] = wanted[level]
+        return parts.dot(inverse.T).dot(self._tilde[:end]).dot(self._L_inverse)
 
     def _all_regular(self) -> Float64[np.ndarray, " n"]:
         # Gamma = sum J_i^T F_i with F from J M^-1 (Gamma - h) = target, all levels at once.
@@ -123,13 +141,16 @@ class FusedResolver:
         self._left = np.eye(self._basis.shape[1])
         found: list[Float64[np.ndarray, " n"]] = []
         for i, level in enumerate(self._levels[self.regular :], start=self.regular):
-            rank = self._rank if i else PHYSICS_RANK
+            rank = rank_of(i, self._firm, self._rank)
             rows = self._rows[level]
             A = (rows @ self._basis) @ self._left
             squares, V = np.linalg.eigh(A.T @ A)
             share, gain = rank.shares(squares)
-            missing = self._target[level] - rows @ S
-            S = S + self._basis @ (V @ (gain * (V.T @ (A.T @ missing))))
+            pull = V.T @ (A.T @ (self._target[level] - rows @ S))
+            motion = self._basis @ V
+            if self._demand is not None and i >= self._firm:
+                gain = self._demand.tempered(share, gain, pull, motion)
+            S = S + motion @ (gain * pull)
             self._left -= (V * share) @ V.T
             found.append(S)
         return found

@@ -32,6 +32,8 @@ class LevelRows:
             sqrt(J M^-1 J^T) that its block of rows has in the home posture.
         slices: rows of each level.
         rates: derivatives, None where nobody asked for them.
+        firm: number of leading levels that no `DemandLimit` touches: the physics, and joints that
+            are held.
     """
 
     jacobian: Float64[np.ndarray, "t nv"]
@@ -40,6 +42,7 @@ class LevelRows:
     scale: Float64[np.ndarray, " t"]
     slices: list[slice]
     rates: RowRates | None = None
+    firm: int = 1
 
     @staticmethod
     def allocate(sizes: list[int], nv: int) -> "LevelRows":
@@ -90,6 +93,7 @@ class LevelRows:
             scale=_insert(self.scale, scale, first),
             slices=[self.slices[0], slice(first, first + count), *moved],
             rates=rates,
+            firm=2,
         )
 
 

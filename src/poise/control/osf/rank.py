@@ -30,8 +30,8 @@ class RankTreatment:
         high: singular value from which a direction is controlled exactly.
     """
 
-    low: float = 0.05
-    high: float = 0.2
+    low: float = 0.02
+    high: float = 0.1
 
     def __post_init__(self) -> None:
         checked_number(self.low, "low threshold of the rank treatment", above=0.0)
@@ -62,6 +62,25 @@ class RankTreatment:
 
 PHYSICS_RANK = RankTreatment(low=1e-5, high=1e-4)
 """Contacts and the underactuated base give way nowhere; only what is redundant is dropped."""
+
+
+HELD_RANK = RankTreatment(low=0.01, high=0.05)
+"""Joints held at their limits: exact wherever they can move by themselves, which keeps singular
+values above 0.1 on the robots tried. Those that contacts decide, as legs in double support, give
+way before they ask the rest of the robot for the impossible."""
+
+
+def rank_of(level: int, firm: int, tasks: RankTreatment) -> RankTreatment:
+    """The treatment of a level.
+
+    Args:
+        level: its index, the physics first.
+        firm: number of leading levels that are no tasks, as in `LevelRows`.
+        tasks: treatment of the tasks.
+    """
+    if level >= firm:
+        return tasks
+    return HELD_RANK if level else PHYSICS_RANK
 
 
 def invert(

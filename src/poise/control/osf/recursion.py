@@ -8,9 +8,10 @@ from poise.control.osf.bias import (
     bias_original,
     bias_proposed,
 )
+from poise.control.osf.demand import DemandLimit
 from poise.control.osf.levels import LevelRows
 from poise.control.osf.projected_rates import BackwardDifferences, ExactRates
-from poise.control.osf.rank import PHYSICS_RANK, RankTreatment, invert
+from poise.control.osf.rank import RankTreatment, invert, rank_of
 from poise.dynamics.dynamics import Dynamics
 
 BIAS_FORMULAS = ("fused", "original", "proposed", "numerical")
@@ -30,14 +31,17 @@ class PaperResolver:
     Args:
         formula: "original" (23), "proposed" (31) or "numerical" (41).
         rank: what happens where a level below the physics loses rank.
+        demand: what happens where a level asks for too much; None for nothing.
 
     Attributes:
         bias: bias acceleration of each level at the last state.
         tasks: what the recursion found for each level at the last state.
     """
 
-    def __init__(self, formula: str, rank: RankTreatment) -> None:
-        self._formula, self._rank = formula, rank
+    def __init__(
+        self, formula: str, rank: RankTreatment, demand: DemandLimit | None = None
+    ) -> None:
+        self._formula, self._rank, self._demand = formula, rank, demand
         self._rates = BackwardDifferences()
         self._velocities = BackwardDifferences()
         self.bias: list[Float64[np.ndarray, " m"]] = []
@@ -70,8 +74,10 @@ class PaperResolver:
                 J_p_rate = exact.of(J, levels.rates.jacobian[level], N)
             else:
                 J_p_rate = self._rates.of(J_p)
-            rank = self._rank if i else PHYSICS_RANK
-            task = _prioritise(J, J_p, M_inverse, h, drift, J_p_rate @ v, levels.scale[level], rank)
+            rank = rank_of(i, levels.firm, self._rank)
+            # Nothing is projected out of the first level: J_1|p is J_1.
+            drift_p = J_p_rate @ v if i else drift
+            task = _prioritise(J, J_p, M_inverse, h, drift, drift_p, levels.scale[level], rank)
             if i == 0:
                 bias = np.zeros(len(J))
             elif self._formula == "original":
@@ -81,7 +87,10 @@ class PaperResolver:
             else:
                 bias = self._velocities.of((J - J_p) @ v)
             # Eq. (24), then (14), (16) and (15).
-            reference_p = levels.reference[level] - bias
+            reference = levels.reference[level]
+            if self._demand is not None and i >= levels.firm:
+                reference = _moderate(reference, task, S, M_inverse, self._demand, rank)
+            reference_p = reference - bias
             Gamma = Gamma + J_p.T @ (task.Lambda_p @ reference_p + task.mu_p)
             S = S + task.Jbar_p @ (reference_p - task.drift_p)
             if exact is not None:
@@ -97,6 +106,29 @@ class PaperResolver:
     def steps(self) -> list[Float64[np.ndarray, " n"]]:
         """Accelerations of the last state with one more level each time, as `FusedResolver`'s."""
         return self._steps
+
+
+def _moderate(
+    reference: Float64[np.ndarray, " m"],
+    task: PrioritisedTask,
+    S: Float64[np.ndarray, " n"],
+    M_inverse: Float64[np.ndarray, "n n"],
+    demand: DemandLimit,
+    rank: RankTreatment,
+) -> Float64[np.ndarray, " m"]:
+    """The reference acceleration that a `DemandLimit` leaves of one."""
+    known = task.J @ S + task.drift
+    missing = reference - known
+    if demand.is_kept(task.Jbar_p @ missing):
+        return reference
+    response = M_inverse @ (task.J_p.T * task.scale)
+    squares, U = np.linalg.eigh((task.J_p * task.scale[:, None]) @ response)
+    share, gain = rank.shares(squares)
+    singular = np.sqrt(np.maximum(squares, rank.low * rank.low))
+    c = U.T @ (missing * task.scale)
+    tempered = demand.tempered(share, gain, singular * c, (response @ U) / singular)
+    left = np.divide(tempered, gain, out=np.ones_like(gain), where=share > 0.0)
+    return known + (U @ (left * c)) / task.scale
 
 
 def _prioritise(

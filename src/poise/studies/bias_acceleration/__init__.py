@@ -1,6 +1,12 @@
 """The study of (Park, Jin, Kang 2022): what a bias acceleration costs, and what it is worth."""
 
 from poise.studies.bias_acceleration.cost_section import cost_section
+from poise.studies.bias_acceleration.encoder_section import encoder_section
+from poise.studies.bias_acceleration.gravity_section import gravity_section
+from poise.studies.bias_acceleration.humanoid_section import humanoid_section
+from poise.studies.bias_acceleration.model_error_section import model_error_section
+from poise.studies.bias_acceleration.operations_section import operations_section
+from poise.studies.bias_acceleration.timing_section import timing_section
 from poise.studies.plan import Part, StudyPlan
 
 PLAN = StudyPlan(
@@ -10,7 +16,9 @@ PLAN = StudyPlan(
         "The operational space formulation (OSF) controls several tasks in strict priority. A task "
         "below others must know which acceleration those will cause: its bias acceleration. The "
         "paper shows that the original formula for it spends a third to a half of all operations "
-        "on dynamics that cancel, and proposes one that needs the mass matrix only.",
+        "on dynamics that cancel, and proposes one that needs the mass matrix only. Poise's own "
+        "formula, `fused`, takes one step more: the velocity term of the prioritised task, which "
+        "the bias acceleration adds and the torque takes away again, is left out of both.",
     ),
     source="S. H. Park, M. Jin, S. H. Kang, “Efficient Acceleration-Level Formula of Bias "
     "Acceleration Satisfying Time Precedence for Operational Space Formulation”, IEEE Access, "
@@ -18,6 +26,32 @@ PLAN = StudyPlan(
     parts=(
         Part(
             name="cost-model", title="Operations by formula: Figures 1 to 3", compute=cost_section
+        ),
+        Part(
+            name="gravity",
+            title="First study: bias acceleration and gravity, Figure 5",
+            compute=gravity_section,
+        ),
+        Part(
+            name="encoders",
+            title="First study: behind encoders, Figure 6, Tables 2 and 3",
+            compute=encoder_section,
+        ),
+        Part(name="timing", title="Second study: time, Table 4", compute=timing_section),
+        Part(
+            name="operations",
+            title="Beyond the paper: operations of whole resolves",
+            compute=operations_section,
+        ),
+        Part(
+            name="model-error",
+            title="Beyond the paper: where the model is wrong",
+            compute=model_error_section,
+        ),
+        Part(
+            name="humanoid",
+            title="Beyond the paper: a standing humanoid",
+            compute=humanoid_section,
         ),
     ),
 )

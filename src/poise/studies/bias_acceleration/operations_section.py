@@ -74,7 +74,7 @@ def count_resolve(robot: Robot, formula: str, derivative: str, velocity: np.ndar
     Returns:
         Operations [FLOP].
     """
-    dynamics, rates = Dynamics(robot), MatrixRates(robot)
+    dynamics, told, rates = Dynamics(robot), Dynamics(robot), MatrixRates(robot)
     resolver = (
         FusedResolver(robot.nv, RankTreatment())
         if formula == "fused"
@@ -86,12 +86,11 @@ def count_resolve(robot: Robot, formula: str, derivative: str, velocity: np.ndar
         dynamics.update(state)
         rates.update(state)
         rows = _rows(robot, dynamics, rates, counter, exact=derivative == "exact")
-        dynamics.M = counter.array(dynamics.M)
-        dynamics.h = counter.array(dynamics.h)
-        dynamics.state = RobotState(state.q, counter.array(velocity), time=time)
+        told.M, told.h = counter.array(dynamics.M), counter.array(dynamics.h)
+        told.state = RobotState(state.q, counter.array(velocity), time=time)
         counter.reset()
         with counter.solvers_of(fused, rank, recursion):
-            resolver.resolve(rows, dynamics)
+            resolver.resolve(rows, told)
     return round(counter.total)
 
 
@@ -129,9 +128,9 @@ def _findings(counts: dict[str, int]) -> tuple[Finding, ...]:
             ours=100 * (1 - proposed / original),
             unit="%",
             ok=proposed < original,
-            note="Fewer operations, as claimed. Under “paper” stands (46) to (44), corrected. It is "
-            "less here because the code computes J M⁻¹ once where the model charges it three times, "
-            "and full projectors weigh more in it.",
+            note="Fewer operations, as claimed. Under “paper” stands (46) to (44), corrected. It "
+            "is less here because the code computes J M⁻¹ once where the model charges it three "
+            "times, and full projectors weigh more in it.",
         ),
         Finding(
             name="whole resolve: fused to proposed",

@@ -16,10 +16,10 @@ _RATIO = 11.0
 """[%] the paper's, of its own formula."""
 
 _PROSE = (
-    "The robot is `upper17`: five joints of torso, two arms of six. The first torso joint turns by "
-    "15° in 0.55 s on a cubic while the other four are held (task 1), and each hand keeps its pose, "
-    "as if both held a tray (tasks 2 and 3). The run is recorded once, at 1 ms; then every formula "
-    "is timed on its states, tick by tick in turn, in one process.",
+    "The robot is `upper17`: five joints of torso, two arms of six. The first torso joint turns "
+    "by 15° in 0.55 s on a cubic while the other four are held (task 1), and each hand keeps its "
+    "pose, as if both held a tray (tasks 2 and 3). The run is recorded once, at 1 ms; then every "
+    "formula is timed on its states, tick by tick in turn, in one process.",
     "Timed is the sum over tasks 2 and 3 of what a bias acceleration needs beyond what the torque "
     "(17) needs in any case, as in the paper: J|p, Λ|p and its inverse, J̄|p, μ|p + p|p, J̇|p q̇, "
     "M⁻¹, V + G, the reference and the sum of the torques above are there already. So is J̇ q̇, "
@@ -77,7 +77,7 @@ def _ratios(results: dict[str, BiasResult]) -> list[Finding]:
             unit="%",
             ok=proposed < 50,
             note="“remarkable efficiency”: less than half the time. Against the original with a "
-            f"plain inverse it is {number_text(proposed / plain_ratio)}%, because of NumPy's calls.",
+            f"plain inverse: {number_text(proposed / plain_ratio)}%, because of NumPy's calls.",
         ),
         Finding(
             name="Table 4: fused to original, time",
@@ -86,7 +86,7 @@ def _ratios(results: dict[str, BiasResult]) -> list[Finding]:
             unit="%",
             ok=fused <= _RATIO,
             note="At most the paper's ratio for its own formula. Against the original with a plain "
-            f"inverse it is {number_text(fused / plain_ratio)}%, because of NumPy's calls.",
+            f"inverse: {number_text(fused / plain_ratio)}%, because of NumPy's calls.",
         ),
     ]
 

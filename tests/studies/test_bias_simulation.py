@@ -1,0 +1,177 @@
+"""The simulated parts of the study of the bias acceleration, in their quick version."""
+
+import json
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from poise.dynamics import Dynamics, RobotState
+from poise.fixed_base import Encoder, Gravity
+from poise.robots import load_robot
+from poise.studies.bias_acceleration.cup import (
+    KP,
+    PAPER_GRAVITY,
+    CupRun,
+    carry_cup,
+    level_start,
+)
+from poise.studies.bias_acceleration.old_gravity import OldGravityResolver
+from poise.studies.bias_acceleration.operations_section import count_resolve
+from poise.studies.bias_acceleration.side_by_side import compare_along
+
+pytest.importorskip("matplotlib")
+pytest.importorskip("mujoco")
+
+SHARE = 0.05
+
+
+@pytest.fixture(scope="module")
+def exact():
+    return carry_cup(CupRun(formula="original", share=SHARE))
+
+
+@pytest.fixture(scope="module")
+def along(exact):
+    return compare_along(exact, KP)
+
+
+def test_the_cup_starts_level_and_left_of_the_middle():
+    robot = load_robot("arm6")
+    dynamics = Dynamics(robot)
+    dynamics.update(RobotState(level_start(robot), np.zeros(6)))
+    hand = dynamics.frame(robot.frame_id("hand"))
+    assert hand.position[1] == pytest.approx(-0.2, abs=1e-12)
+    assert abs(hand.rotation[2, 2]) == pytest.approx(1.0, abs=1e-12)
+
+
+def test_the_task_is_met_to_rounding_right_after_each_torque(exact):
+    assert exact.sigma.max() < 1e-12
+    assert exact.regular
+    assert exact.held == 0
+    # Between ticks the torque is held, so that some error is left.
+    assert 1e-9 < exact.tilt.max() < 1e-5
+
+
+def test_formulas_agree_on_the_same_states(along):
+    size = np.abs(along.bias["original"]).max()
+    assert along.bias_difference("proposed").max() < 1e-12 * size
+    assert along.torque_difference("proposed") < 1e-13
+    assert along.torque_difference("fused") < 1e-13
+
+
+def test_the_bias_acceleration_is_a_prediction_of_what_differences_see_a_tick_later(along):
+    predicted, seen = along.bias["original"], along.bias["numerical"]
+    size = np.linalg.norm(predicted, axis=1).max()
+    late = np.linalg.norm(seen[1:] - predicted[:-1], axis=1)
+    assert late.max() < 0.005 * size
+    # At the start the acceleration jumps: there the difference knows nothing of it yet.
+    assert np.linalg.norm(seen[0] - predicted[0]) == pytest.approx(size, rel=0.1)
+
+
+def test_the_bias_acceleration_knows_no_gravity(exact, along):
+    swept = np.linspace(PAPER_GRAVITY, 9.8, len(exact.time))
+    told = compare_along(exact, KP, gravity=swept)
+    size = np.abs(along.bias["original"]).max()
+    assert np.abs(told.bias["original"] - along.bias["original"]).max() < 1e-12 * size
+    # The torque does.
+    assert np.abs(told.torque["original"] - along.torque["original"]).max() > 10.0
+
+
+def test_exact_derivatives_change_the_bias_but_not_the_torque():
+    trace = carry_cup(CupRun(formula="original", encoder=Encoder(), share=SHARE))
+    numerical = compare_along(trace, KP)
+    exact = compare_along(trace, KP, derivative="exact")
+    for name in ("original", "proposed"):
+        assert np.abs(exact.bias[name] - numerical.bias[name]).max() > 1e-8
+        scale = np.abs(numerical.torque[name]).max()
+        assert np.abs(exact.torque[name] - numerical.torque[name]).max() < 1e-12 * scale
+
+
+def test_a_bias_term_that_was_not_told_of_mars_spoils_the_second_task_only():
+    mars = CupRun(formula="original", derivative="exact", share=SHARE, gravity=Gravity(first=-3.71))
+    told = carry_cup(mars)
+    robot = load_robot("arm6")
+    same = carry_cup(mars, resolver=OldGravityResolver(robot, -3.71))
+    old = carry_cup(mars, resolver=OldGravityResolver(robot, PAPER_GRAVITY))
+    np.testing.assert_allclose(same.torque, told.torque, atol=1e-9)
+    assert told.sigma.max() < 1e-12
+    assert old.sigma.max() > 1.0
+    assert old.distance.max() < 1e-4
+
+
+def test_whole_resolves_are_counted_in_full():
+    robot = load_robot("humanoid24")
+    v = np.linspace(-1.0, 1.0, robot.nv)
+    counts = {
+        name: count_resolve(robot, name, "numerical", v)
+        for name in ("original", "proposed", "numerical", "fused")
+    }
+    assert counts["fused"] < counts["proposed"] < counts["original"]
+    # No code can do with less than the factor of M and one product of it with all rows.
+    n, rows = 30, 12
+    assert counts["fused"] > n**3 / 3 + rows * n * n
+    assert count_resolve(robot, "proposed", "exact", v) > counts["proposed"]
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory):
+    """The quick study from the command line, in a process whose loops are not type-checked."""
+    folder = tmp_path_factory.mktemp("study")
+    start = "import sys; from poise.cli.main import main; sys.exit(main(sys.argv[1:]))"
+    command = [sys.executable, "-W", "error", "-c", start, "study", "bias-acceleration"]
+    done = subprocess.run(
+        [*command, "--quick", "--json", "--out", str(folder)],
+        capture_output=True,
+        text=True,
+        check=False,
+        env=os.environ | {"OPENBLAS_NUM_THREADS": "1"},
+    )
+    assert done.stderr == ""
+    rows = [json.loads(line) for line in done.stdout.splitlines()]
+    assert rows == json.loads((folder / "study.json").read_text())
+    return folder, {row["name"]: row for row in rows}, len(rows)
+
+
+def test_every_part_has_a_result_and_findings_have_names_of_their_own(study):
+    _, found, count = study
+    assert not [name for name in found if name.startswith("part ")]
+    assert len(found) == count
+
+
+def test_the_page_and_every_figure_are_there_with_units_on_the_axes(study):
+    folder, _, _ = study
+    page = (folder / "study.html").read_text()
+    for name, units in (
+        ("figure-5", ("[m/s²]", "[°/s²]", "time [s]")),
+        ("figure-6", ("[°/s²]", "[0.001°]", "time [s]")),
+        ("figure-model-error", ("[mm]", "[°]", "[-]")),
+        ("figure-humanoid", ("[mm]", "[%]", "time [s]")),
+    ):
+        svg = (folder / f"{name}.svg").read_text()
+        assert [unit for unit in units if unit not in svg] == []
+        assert f'<figure id="{name}"' in page
+
+
+def test_what_the_paper_claims_holds(study):
+    _, found, _ = study
+    # How long things take depends on who else uses the machine.
+    assert [name for name, row in found.items() if not row["ok"] and "time" not in name] == []
+
+
+def test_tables_2_and_3_stand_beside_the_papers(study):
+    _, found, _ = study
+    assert found["Table 2: greatest d_P"]["ours"] < 1e-10
+    assert found["Table 2: greatest d_N"]["paper"] == 246.94
+    assert found["Table 3: greatest σ, numerical to original"]["ours"] > 100
+    assert found["Table 3: greatest tilt, numerical to original, over the gains tried"]["ours"] > 10
+
+
+def test_original_proposed_and_fused_carry_the_cup_alike(study):
+    _, found, _ = study
+    for what in ("σ", "tilt"):
+        same = [found[f"Table 3: greatest {what}, {f}"]["ours"] for f in ("proposed", "fused")]
+        original = found[f"Table 3: greatest {what}, original"]["ours"]
+        assert same == pytest.approx([original] * 2, rel=0.02)
