@@ -9,11 +9,12 @@ import pytest
 import poise
 
 SURFACE = {
-    "ComTask", "Command", "CommandStatus", "Contact", "ControllerStatus", "Dynamics", "FrameTask",
-    "HierarchicalProblem", "JointLimit", "JointTask", "Level", "MomentumTask", "PointContact",
-    "PoiseError", "PostureTask", "RelativeFrameTask", "Robot", "RobotState", "Solution", "Stack",
-    "SurfaceContact", "Task", "TorqueLimit", "WholeBodyController", "default_stack", "load_robot",
-    "scenarios", "sim", "solve",
+    "ComTask", "Command", "CommandStatus", "Contact", "ControllerStatus", "DifferentialIK",
+    "Dynamics", "FrameTask", "HierarchicalProblem", "JointLimit", "JointTask", "Level",
+    "MomentumTask", "OperationalSpaceController", "PointContact", "PoiseError", "PostureTask",
+    "RelativeFrameTask", "Robot", "RobotState", "Solution", "Stack", "SurfaceContact", "Task",
+    "TorqueLimit", "WholeBodyController", "default_stack", "load_robot", "scenarios", "sim",
+    "solve",
 }  # fmt: skip
 
 

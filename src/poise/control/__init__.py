@@ -2,6 +2,7 @@
 
 from poise.control.command import Command, CommandStatus
 from poise.control.controller import Controller
+from poise.control.differential_ik import DifferentialIK
 from poise.control.make import CONTROLLERS, ControllerPlan, make_controller
 from poise.control.osf import OperationalSpaceController, RankTreatment
 from poise.control.stack import Stack, default_stack
@@ -15,6 +16,7 @@ __all__ = [
     "Controller",
     "ControllerPlan",
     "ControllerStatus",
+    "DifferentialIK",
     "OperationalSpaceController",
     "RankTreatment",
     "Stack",

@@ -1,10 +1,9 @@
 """`Fallback`: a safe torque for the ticks that have no answer."""
 
-import math
-
 import numpy as np
 from jaxtyping import Float64
 
+from poise.control.fading import Fading
 from poise.limits.torque import TorqueLimit
 from poise.robots.robot import Robot
 
@@ -13,10 +12,6 @@ DECAY_TIME = 0.1
 
 DAMPING_SHARE = 0.3
 """Damping torque at a joint's velocity limit, as a share of its torque limit."""
-
-_MIN_TICK = 1e-3
-"""Least time that a tick without an answer counts, so that a clock that stands still, jumps back or
-is not a number does not hold the last torque for ever [s]."""
 
 
 class Fallback:
@@ -36,14 +31,12 @@ class Fallback:
         self._damping = DAMPING_SHARE * robot.tau_max / robot.v_max
         self._v_max = robot.v_max
         self._torque = np.zeros(robot.nj)
-        self._time = 0.0
-        self._ticks = 0
+        self._fading = Fading(DECAY_TIME)
 
     def remember(self, torque: Float64[np.ndarray, " nj"], time: float) -> None:
         """Copies a good torque, with the time it was given for [s]."""
         self._torque[:] = torque
-        self._time = time
-        self._ticks = 0
+        self._fading.restart(time)
 
     def torque(self, v: object, time: object) -> Float64[np.ndarray, " nj"]:
         """The safe torque; each call counts as a tick.
@@ -56,11 +49,7 @@ class Fallback:
         Returns:
             Joint torques [N m].
         """
-        self._ticks += 1
-        elapsed = self._ticks * _MIN_TICK
-        if isinstance(time, float | int) and math.isfinite(time):
-            elapsed = max(elapsed, time - self._time)
-        remain = math.exp(-elapsed / DECAY_TIME)
+        remain = self._fading.tick(time)
         joints = np.zeros(len(self._torque))
         size = self._base + len(joints)
         if isinstance(v, np.ndarray) and v.shape == (size,) and v.dtype.kind in "fiu":

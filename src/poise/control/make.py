@@ -2,8 +2,10 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Literal
 
 from poise.control.controller import Controller
+from poise.control.differential_ik import METHODS, DifferentialIK
 from poise.control.osf import BIAS_FORMULAS, OperationalSpaceController
 from poise.control.stack import Stack
 from poise.control.whole_body import WholeBodyController
@@ -21,12 +23,15 @@ class ControllerPlan:
         strategy: how it solves, one of the controller's own strategies; its default when None.
         backend: QP solver of the whole-body controller's cascade and weighted strategies.
         time_limit: cap of one solve of the whole-body controller [s], None for none.
+        dt: control period, which a controller that commands velocities has to know [s]; a scenario
+            puts its plant's in.
     """
 
     name: str = "whole_body"
     strategy: str | None = None
     backend: str | None = None
     time_limit: float | None = None
+    dt: float = 1e-3
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,10 +41,12 @@ class ControllerKind:
     Attributes:
         strategies: how it can solve, the default first.
         make: makes one, with the strategy filled in.
+        actuation: what it commands, and what a plant must take.
     """
 
     strategies: tuple[str, ...]
     make: Callable[[Robot, Stack | None, ControllerPlan, str], Controller]
+    actuation: Literal["torque", "velocity"] = "torque"
 
 
 def _whole_body(
@@ -51,19 +58,33 @@ def _whole_body(
 
 
 def _osf(robot: Robot, stack: Stack | None, plan: ControllerPlan, strategy: str) -> Controller:
+    _refuse_solver_settings(plan, "the operational space formulation", "it solves in closed form")
+    return OperationalSpaceController(robot, stack, bias=strategy)
+
+
+def _differential_ik(
+    robot: Robot, stack: Stack | None, plan: ControllerPlan, strategy: str
+) -> Controller:
+    _refuse_solver_settings(plan, "differential inverse kinematics", "its problems are small")
+    return DifferentialIK(robot, stack, dt=plan.dt, method=strategy)
+
+
+def _refuse_solver_settings(plan: ControllerPlan, controller: str, why: str) -> None:
     for value, what in ((plan.backend, "backend"), (plan.time_limit, "time_limit")):
         if value is not None:
             raise ConfigurationError(
-                f"the operational space formulation has no {what}: it solves in closed form",
+                f"{controller} has no {what}: {why}",
                 got=value,
                 wanted=f"no {what}, or controller whole_body",
             )
-    return OperationalSpaceController(robot, stack, bias=strategy)
 
 
 CONTROLLERS: Mapping[str, ControllerKind] = {
     "whole_body": ControllerKind(strategies=STRATEGIES, make=_whole_body),
     "osf": ControllerKind(strategies=BIAS_FORMULAS, make=_osf),
+    "differential_ik": ControllerKind(
+        strategies=METHODS, make=_differential_ik, actuation="velocity"
+    ),
 }
 """Controllers by name."""
 

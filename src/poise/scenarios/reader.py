@@ -95,6 +95,7 @@ def parse_scenario(text: str, where: str) -> Scenario:
     data = read_yaml(text, where, error=ScenarioError)
     fields = Fields(data, where, _KEYS, error=ScenarioError)
     duration = fields.number("duration", positive=True)
+    plant = fields.raw("plant") if "plant" in fields else {}
     return Scenario(
         name=_file_name(fields, "name"),
         description=fields.text("description") if "description" in fields else "",
@@ -102,7 +103,8 @@ def parse_scenario(text: str, where: str) -> Scenario:
         controller=_controller(fields),
         duration=duration,
         seed=_whole(fields, "seed") if "seed" in fields else 0,
-        plant=read_plant(fields.raw("plant") if "plant" in fields else {}, f"{where}: plant"),
+        plant=read_plant(plant, f"{where}: plant"),
+        actuation_given="actuation" in plant,
         stack=StackPlan(fields.raw("stack"), f"{where}: stack") if "stack" in fields else None,
         motions=_entries(fields, "motions", _motion),
         contact_changes=_entries(fields, "contacts", _contact_change),
@@ -117,7 +119,7 @@ def _controller(fields: Fields) -> ControllerPlan:
         return ControllerPlan(name=data)
     keys = ("name", "strategy", "backend", "time_limit")
     section = fields.section("controller", keys)
-    texts = {k: section.text(k) for k in keys[:3] if k in section}
+    texts: dict[str, Any] = {k: section.text(k) for k in keys[:3] if k in section}
     limit = section.number("time_limit", positive=True) if "time_limit" in section else None
     return ControllerPlan(**texts, time_limit=limit)
 

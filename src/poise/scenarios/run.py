@@ -5,7 +5,7 @@ import threading
 import time as clock
 from collections.abc import Callable, Generator
 from contextlib import contextmanager, nullcontext
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import FrameType
 
@@ -14,6 +14,7 @@ import numpy as np
 from poise.control import make_controller
 from poise.control.command import Command
 from poise.control.controller import Controller
+from poise.control.make import CONTROLLERS, check_plan
 from poise.errors import ScenarioError
 from poise.robots import load_robot
 from poise.robots.robot import Robot
@@ -88,15 +89,11 @@ def run_scenario(
     Raises:
         PoiseError: the scenario does not fit its robot.
     """
+    scenario = _with_actuation(scenario)
     robot = load_robot(scenario.robot)
     stack = scenario.stack.build() if scenario.stack is not None else None
-    controller = make_controller(robot, stack, scenario.controller)
-    if scenario.plant.actuation != "torque":
-        raise ScenarioError(
-            f"controller {scenario.controller.name!r} wants another actuation of the plant",
-            got=scenario.plant.actuation,
-            choices=("torque",),
-        )
+    plan = replace(scenario.controller, dt=scenario.plant.control_dt)
+    controller = make_controller(robot, stack, plan)
     director = Director(scenario, controller.stack, robot)
     validate_checks(scenario.checks, controller.stack, robot)
     plant = Plant(robot, scenario.plant, seed=scenario.seed)
@@ -136,6 +133,22 @@ def run_scenario(
         ended_early=ended_early,
         wall_seconds=wall,
     )
+
+
+def _with_actuation(scenario: Scenario) -> Scenario:
+    """The scenario on a plant that takes what its controller commands."""
+    actuation = check_plan(scenario.controller).actuation
+    if not scenario.actuation_given:
+        return replace(scenario, plant=replace(scenario.plant, actuation=actuation))
+    if scenario.plant.actuation != actuation:
+        raise ScenarioError(
+            f"controller {scenario.controller.name!r} wants another actuation of the plant",
+            got=scenario.plant.actuation,
+            wanted=f"actuation {actuation}, or a controller that commands "
+            f"{scenario.plant.actuation}",
+            choices=[n for n, k in CONTROLLERS.items() if k.actuation == scenario.plant.actuation],
+        )
+    return scenario
 
 
 def _loop(

@@ -128,6 +128,8 @@ class Scenario:
         duration: how long it lasts [s].
         seed: seed of everything random.
         plant: the plant.
+        actuation_given: whether the plant's actuation was asked for by name; where it was not, the
+            controller's own is taken.
         stack: contacts, limits and tasks; None for the default stack of the robot.
         motions: how targets move, by time.
         contact_changes: contacts loaded and unloaded, by time.
@@ -142,6 +144,7 @@ class Scenario:
     duration: float = 5.0
     seed: int = 0
     plant: PlantConfig = field(default_factory=PlantConfig)
+    actuation_given: bool = True
     stack: StackPlan | None = None
     motions: tuple[Motion, ...] = ()
     contact_changes: tuple[ContactChange, ...] = ()

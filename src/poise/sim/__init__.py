@@ -21,11 +21,13 @@ from poise.sim.overlays import run_markers
 from poise.sim.plant import Plant
 from poise.sim.recorder import Recorder, RecorderConfig
 from poise.sim.sensors import SensorConfig
+from poise.sim.touches import BlockWatch
 from poise.sim.video import VideoConfig, render_video
 from poise.sim.viewer import NoDisplayError, Viewer, open_viewer
 
 __all__ = [
     "Actuation",
+    "BlockWatch",
     "Block",
     "Camera",
     "CameraConfig",

@@ -6,24 +6,22 @@ from jaxtyping import Float64
 from poise.limits.joint import JointLimit
 from poise.robots.robot import Robot
 
-RETURN_TIME = 0.1
-"""Time constant with which a joint beyond its limit comes back [s]; in one period it would jerk,
-and encoder noise over a period is a large velocity."""
-
 
 class VelocityBounds:
     """Bounds on joint velocities that keep position and velocity limits.
 
-        max(-v_max, (q_min - q) / dt) <= u <= min(v_max, (q_max - q) / dt)
+    In a time T, the control period or longer, no joint may go farther than its limit,
 
-    A joint beyond a limit may only come back, and does, at its distance over `RETURN_TIME`. Bounds
-    never cross. Limits are those of the robot, narrowed by the margin and the velocity scale of the
-    stack's `JointLimit`.
+        (q_min - q) / T <= u <= (q_max - q) / T     and     |u| <= v_max
+
+    so that it slows down before a limit with T as time constant and, beyond it, comes back with the
+    same. Bounds never cross: a joint that is beyond a limit by far comes back at v_max. Limits are
+    those of the robot, narrowed by the margin and the velocity scale of the stack's `JointLimit`.
 
     Args:
         robot: the robot.
         limit: position margin and velocity scale.
-        dt: control period [s].
+        limit_time: T [s].
 
     Attributes:
         q_min: lower position limits, margin included [rad].
@@ -31,22 +29,17 @@ class VelocityBounds:
         v_max: velocity limits [rad/s].
     """
 
-    def __init__(self, robot: Robot, limit: JointLimit, dt: float) -> None:
+    def __init__(self, robot: Robot, limit: JointLimit, limit_time: float) -> None:
         self.q_min: Float64[np.ndarray, " nj"] = robot.q_min + limit.position_margin
         self.q_max: Float64[np.ndarray, " nj"] = robot.q_max - limit.position_margin
         self.v_max: Float64[np.ndarray, " nj"] = limit.velocity_scale * robot.v_max
-        self._dt, self._return_time = dt, max(dt, RETURN_TIME)
+        self._rate = 1.0 / limit_time
 
     def at(
         self, q: Float64[np.ndarray, " nj"]
     ) -> tuple[Float64[np.ndarray, " nj"], Float64[np.ndarray, " nj"]]:
         """Lower and upper bounds [rad/s] at joint positions [rad]."""
-        return -self._towards(q - self.q_min), self._towards(self.q_max - q)
+        return self._slow((self.q_min - q) * self._rate), self._slow((self.q_max - q) * self._rate)
 
-    def _towards(self, room: Float64[np.ndarray, " nj"]) -> Float64[np.ndarray, " nj"]:
-        """Fastest velocity towards a limit that is `room` away."""
-        fastest = room / self._dt
-        beyond = room < 0.0
-        if beyond.any():
-            fastest[beyond] = room[beyond] / self._return_time
-        return np.minimum(self.v_max, np.maximum(-self.v_max, fastest))
+    def _slow(self, velocity: Float64[np.ndarray, " nj"]) -> Float64[np.ndarray, " nj"]:
+        return np.minimum(np.maximum(velocity, -self.v_max), self.v_max)

@@ -72,12 +72,13 @@ def solve_levels(
         jacobian = level.jacobian * shrink
         missing = level.velocity - jacobian @ z
         rows = jacobian if free is None else jacobian @ free
-        filled = None
-        if i < exact or i < len(levels) - 1:
+        last = i == len(levels) - 1
+        if i < exact:
             step, filled = right_inverse(rows, missing, level.scale, rank)
-        if i >= exact:
+        else:
             step = robust_step(rows, missing, level.weight)
+            filled = None if last else right_inverse(rows, missing, level.scale, rank)[1]
         z += step if free is None else free @ step
-        if filled is not None:
+        if filled is not None and not last:
             free = np.eye(len(z)) - filled if free is None else free - free @ filled
     return shrink * z

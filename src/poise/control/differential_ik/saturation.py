@@ -15,4 +15,4 @@ def saturated(velocity: Float64[np.ndarray, " m"], largest: float) -> Float64[np
         velocity: x.
         largest: x_lim, positive, in its unit.
     """
-    return velocity * (largest / max(largest, math.sqrt(velocity @ velocity)))
+    return velocity * (largest / max(largest, math.sqrt(velocity.dot(velocity))))
