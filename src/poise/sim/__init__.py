@@ -27,8 +27,8 @@ from poise.sim.viewer import NoDisplayError, Viewer, open_viewer
 
 __all__ = [
     "Actuation",
-    "BlockWatch",
     "Block",
+    "BlockWatch",
     "Camera",
     "CameraConfig",
     "LinkError",
