@@ -14,7 +14,8 @@ class FootRange:
     """Keeps a swing foot within the leg's reach and beside the other foot.
 
     Reach is a sphere around the hip, with the length of the leg straight, less a margin; a command
-    beyond it is shortened along the ground. Beside means: to its own side of the support foot, across the heading of the torso, by no less than the
+    beyond it is shortened along the ground. Beside means: to its own side of the support foot,
+    across the heading of the torso, by no less than the
     width of a sole and a gap; legs never cross.
 
     Args:
