@@ -20,7 +20,8 @@ class TaskStatus:
         level: its level in the hierarchy; 1 and 2 are the physics, the user's begin at 3.
         error: norm of target minus actual [unit].
         unit: unit of `error`.
-        residual: norm of the acceleration that could not be met [unit/s^2].
+        residual: norm of the acceleration that could not be met [unit/s^2]; of the velocity, for a
+            controller that commands velocities [unit/s].
         suspended: whether a contact holds the task's frame, so that the task does not act.
     """
 

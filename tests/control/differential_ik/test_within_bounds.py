@@ -82,7 +82,7 @@ def bounds(get_robot):
     robot = get_robot("biped20")
     limit = JointLimit()
     limit.bind(robot)
-    return robot, VelocityBounds(robot, limit, 0.01)
+    return robot, VelocityBounds(robot, limit, 0.01, np.arange(robot.nj))
 
 
 def test_bounds_are_limits_over_the_time(bounds):

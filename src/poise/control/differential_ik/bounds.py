@@ -1,7 +1,7 @@
 """`VelocityBounds`: position and velocity limits as one pair of velocity bounds."""
 
 import numpy as np
-from jaxtyping import Float64
+from jaxtyping import Float64, Int64
 
 from poise.limits.joint import JointLimit
 from poise.robots.robot import Robot
@@ -22,6 +22,7 @@ class VelocityBounds:
         robot: the robot.
         limit: position margin and velocity scale.
         limit_time: T [s].
+        joints: indices of the joints that may move.
 
     Attributes:
         q_min: lower position limits, margin included [rad].
@@ -29,17 +30,24 @@ class VelocityBounds:
         v_max: velocity limits [rad/s].
     """
 
-    def __init__(self, robot: Robot, limit: JointLimit, limit_time: float) -> None:
-        self.q_min: Float64[np.ndarray, " nj"] = robot.q_min + limit.position_margin
-        self.q_max: Float64[np.ndarray, " nj"] = robot.q_max - limit.position_margin
-        self.v_max: Float64[np.ndarray, " nj"] = limit.velocity_scale * robot.v_max
+    def __init__(
+        self,
+        robot: Robot,
+        limit: JointLimit,
+        limit_time: float,
+        joints: Int64[np.ndarray, " n"],
+    ) -> None:
+        self.q_min: Float64[np.ndarray, " n"] = robot.q_min[joints] + limit.position_margin
+        self.q_max: Float64[np.ndarray, " n"] = robot.q_max[joints] - limit.position_margin
+        self.v_max: Float64[np.ndarray, " n"] = limit.velocity_scale * robot.v_max[joints]
+        self._slowest = -self.v_max
         self._rate = 1.0 / limit_time
 
     def at(
-        self, q: Float64[np.ndarray, " nj"]
-    ) -> tuple[Float64[np.ndarray, " nj"], Float64[np.ndarray, " nj"]]:
-        """Lower and upper bounds [rad/s] at joint positions [rad]."""
+        self, q: Float64[np.ndarray, " n"]
+    ) -> tuple[Float64[np.ndarray, " n"], Float64[np.ndarray, " n"]]:
+        """Lower and upper bounds [rad/s] at positions of these joints [rad]."""
         return self._slow((self.q_min - q) * self._rate), self._slow((self.q_max - q) * self._rate)
 
-    def _slow(self, velocity: Float64[np.ndarray, " nj"]) -> Float64[np.ndarray, " nj"]:
-        return np.minimum(np.maximum(velocity, -self.v_max), self.v_max)
+    def _slow(self, velocity: Float64[np.ndarray, " n"]) -> Float64[np.ndarray, " n"]:
+        return np.minimum(np.maximum(velocity, self._slowest), self.v_max)

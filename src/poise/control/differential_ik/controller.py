@@ -109,7 +109,10 @@ class DifferentialIK:
         self._speeds = _checked_speeds(speeds or {}, self.stack)
         self._joints = _joint_indices(robot, joints)
         limit_time = checked_number(limit_time, "limit_time of the controller [s]")
-        self._bounds = VelocityBounds(robot, self.stack.joint_limit, max(self.dt, limit_time))
+        self._bounds = VelocityBounds(
+            robot, self.stack.joint_limit, max(self.dt, limit_time), self._joints
+        )
+        self._q_index = self._joints + (robot.nq - robot.nj)
         self._home = HomeJacobians(robot, self.stack)
         self._stances = [c for c in self.stack.contacts if c.dim == 6]
         if robot.floating_base and not self._stances:
@@ -278,8 +281,8 @@ class DifferentialIK:
     def _solve(self, state: RobotState) -> Float64[np.ndarray, " n"] | None:
         """Velocities of the joints that may move; None where the QP has no answer."""
         formulation, hierarchy = self._current
-        joints = state.q[self.robot.nq - self.robot.nj :]
-        lower, upper = (bound[self._joints] for bound in self._bounds.at(joints))
+        bounds, joints = self._bounds, state.q[self._q_index]
+        lower, upper = bounds.at(joints)
         if hierarchy is not None:
             solution = hierarchy.solve(lower, upper)
             usable = solution.status in (SolveStatus.OPTIMAL, SolveStatus.INACCURATE)
@@ -288,12 +291,7 @@ class DifferentialIK:
                 return None
             return np.minimum(np.maximum(solution.x, lower), upper)
         # By the last command: the sign of a measured velocity is noise where a joint rests.
-        self._joint_weight = limit_weights(
-            joints[self._joints],
-            self._last,
-            self._bounds.q_min[self._joints],
-            self._bounds.q_max[self._joints],
-        )
+        self._joint_weight = limit_weights(joints, self._last, bounds.q_min, bounds.q_max)
         u, self._held = solve_within_bounds(
             formulation.levels,
             self._joint_weight,

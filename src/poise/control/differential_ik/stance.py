@@ -33,6 +33,4 @@ def constrained(
         jacobian: maps the whole velocity v = [v_base; u].
         base_map: X.
     """
-    reduced = jacobian[:, :BASE] @ base_map
-    reduced += jacobian[:, BASE:]
-    return reduced
+    return jacobian[:, :BASE] @ base_map + jacobian[:, BASE:]

@@ -60,16 +60,18 @@ def solve_within_bounds(
     """
     levels = list(levels)
     u, held = _hold(levels, joint_weight, lower, upper, exact, rank)
+    if not held.any():
+        return u, held
     missed = _missed(levels[:exact], u)
     depth = len(levels) - 1
-    while held.any() and missed > _MISSED and depth >= exact:
+    while missed > _MISSED and depth >= exact:
         # A lower level may have spent the joints that an exact one needed.
         other, other_held = _hold(levels[:depth], joint_weight, lower, upper, exact, rank)
         other_missed = _missed(levels[:exact], other)
         if other_missed < missed - _MISSED:
             u, held, missed = other, other_held, other_missed
         depth -= 1
-    if held.any() and _missed(levels[:1], u) > _SLIPPED:
+    if _missed(levels[:1], u) > _SLIPPED:
         u = _slowed(levels, joint_weight, lower, upper, exact, rank)
     return u, held
 
