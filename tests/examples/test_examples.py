@@ -20,6 +20,7 @@ SHORT = {
     "07_push_and_log.py": ["--seconds", "0.3"],
     "08_scenario.py": ["--out", "run"],
     "09_own_task.py": ["--seconds", "0.2"],
+    "10_operational_space.py": [],
 }
 
 
@@ -72,6 +73,13 @@ def test_hierarchical_qp_gives_the_strict_answer_and_says_why(run):
     assert re.search(r"direct +x = \[1\. 4\.\]", printed)
     assert "'hand x' misses 1 of its rows" in printed
     assert "elbow limit" in printed
+
+
+def test_operational_space_switches_within_its_bound(run):
+    printed = run("10_operational_space.py")
+    assert printed.startswith("status: ok")
+    assert numbers(r"in a tick: (\S+) N m", printed)[0] <= 5.0
+    assert numbers(r"left sole: (\S+) N", printed)[0] > 400.0
 
 
 def test_dynamics_falls_freely_with_gravity(run):

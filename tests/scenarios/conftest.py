@@ -36,12 +36,13 @@ def shipped_run(tmp_path_factory, get_robot):
     """The outcome of a shipped scenario on a robot, without the video."""
     known = {}
 
-    def run(scenario, robot):
+    def run(scenario, robot, *options):
         get_robot(robot)  # skips where its files are not installed
-        if (scenario, robot) not in known:
+        key = (scenario, robot, *options)
+        if key not in known:
             folder = tmp_path_factory.mktemp(f"{scenario}-{robot}")
-            arguments = (scenario, "--robot", robot, "--no-video", "--json")
-            known[scenario, robot] = poise_run(folder, *arguments)
-        return known[scenario, robot]
+            arguments = (scenario, "--robot", robot, "--no-video", "--json", *options)
+            known[key] = poise_run(folder, *arguments)
+        return known[key]
 
     return run

@@ -27,8 +27,12 @@ def test_the_scenarios_of_the_documentation_are_shipped():
     assert {"stand", "squat", "reach", "push", "balance_one_leg"} <= set(shipped_scenarios())
 
 
+BIPEDS = [name for name in shipped_scenarios() if name != "reach_arm"]
+"""Scenarios of a robot on two feet."""
+
+
 @pytest.mark.parametrize("robot", ["humanoid33", "g1"])
-@pytest.mark.parametrize("scenario", shipped_scenarios())
+@pytest.mark.parametrize("scenario", BIPEDS)
 def test_a_shipped_scenario_holds(shipped_run, scenario, robot):
     outcome = shipped_run(scenario, robot)
     assert outcome.status == 0, outcome.out + outcome.err
@@ -57,3 +61,23 @@ def test_a_shipped_scenario_holds(shipped_run, scenario, robot):
     assert residuals.shape[1] == len(summary["residual_max"])
     assert log.end == pytest.approx(time[-1], abs=0.01)
     assert (residuals[:, :2].max(axis=0) <= summary["residual_max"][:2]).all()
+
+
+def assert_holds(outcome):
+    assert outcome.status == 0, outcome.out + outcome.err
+    assert outcome.summary["fell"] is False
+    assert outcome.summary["missed_ticks"] == 0
+    assert max(outcome.summary["residual_max"][:2]) < 1e-6
+    assert outcome.summary["controller"] == "osf"
+
+
+@pytest.mark.parametrize("robot", ["arm6", "panda", "ur5"])
+def test_an_arm_reaches_under_the_operational_space_formulation(shipped_run, robot):
+    assert_holds(shipped_run("reach_arm", robot))
+
+
+@pytest.mark.parametrize(("scenario", "robot"), [("squat", "g1"), ("reach", "humanoid33")])
+def test_a_humanoid_scenario_holds_under_the_operational_space_formulation(
+    shipped_run, scenario, robot
+):
+    assert_holds(shipped_run(scenario, robot, "--controller", "osf"))

@@ -1,5 +1,6 @@
 """`Contact`: a place where the robot touches the world and may push against it."""
 
+import math
 from abc import ABC, abstractmethod
 
 import numpy as np
@@ -74,6 +75,7 @@ class Contact(ABC):
         self.wrench_upper: Float64[np.ndarray, " dim"] = np.full(dim, np.inf)
         self.wrench_lower[2] = 0.0
         self._load = LoadRamp()
+        self._bounded_load = math.nan
         self._robot: Robot | None = None
 
     def bind(self, robot: Robot) -> None:
@@ -132,6 +134,9 @@ class Contact(ABC):
             time: time of the state [s].
         """
         load = self._load.advance(time)
+        if load == self._bounded_load:
+            return
+        self._bounded_load = load
         # During a ramp the weight is the scale: a foot seldom carries more while it is unloaded.
         factor = MAX_LOAD_FACTOR if load >= 1.0 else load
         self.wrench_upper[2] = factor * self._weight
