@@ -19,8 +19,9 @@ FLOORS = (
     {"control", "flops"},
     {"teleop"},
     {"sim", "fixed_base"},
-    {"report"},
+    {"report", "teleop_sim"},
     {"scenarios"},
+    {"live"},
     {"bench"},
     {"studies"},
     {"cli"},
@@ -34,7 +35,7 @@ MUJOCO_USERS = ("sim/", "scenarios/replay.py")
 
 OPTIONAL = (
     "mujoco", "matplotlib", "mcap", "tqdm", "imageio", "qpsolvers", "osqp", "proxsuite", "piqp",
-    "clarabel", "quadprog", "example_robot_data",
+    "clarabel", "quadprog", "example_robot_data", "viser", "websockets", "pygame",
 )  # fmt: skip
 
 

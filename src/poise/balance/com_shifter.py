@@ -82,8 +82,26 @@ class ComShifter:
             position: of the COM [m].
             velocity: of the COM [m/s].
         """
-        wanted = self.kp * (reference - position) - self.kd * velocity
+        wanted = self.unlimited(reference, position, velocity)
         return np.clip(wanted, -self.acceleration_max, self.acceleration_max)
+
+    def unlimited(
+        self,
+        reference: Float64[np.ndarray, " n"],
+        position: Float64[np.ndarray, " n"],
+        velocity: Float64[np.ndarray, " n"],
+    ) -> Float64[np.ndarray, " n"]:
+        """The COM's acceleration before saturation.
+
+        Under the gain rule its CT-ZMP is r_ref + k_s (xi - r_ref) with the divergent component
+        xi = p + pdot / omega and k_s = 1 + k_p / omega^2: the regulator (33) without its limits.
+
+        Args:
+            reference: of the ZMP [m].
+            position: of the COM [m].
+            velocity: of the COM [m/s].
+        """
+        return self.kp * (reference - position) - self.kd * velocity
 
     def cart_table_zmp(
         self, position: Float64[np.ndarray, " n"], acceleration: Float64[np.ndarray, " n"]

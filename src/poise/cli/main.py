@@ -5,7 +5,7 @@ import os
 import sys
 from collections.abc import Sequence
 
-from poise.cli import bench, robots, run, study
+from poise.cli import bench, robots, run, study, teleop
 from poise.errors import PoiseError
 
 OK, FAILED, BAD_INPUT = 0, 1, 2
@@ -27,7 +27,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         epilog="example: poise run squat --out runs/squat",
     )
     verbs = parser.add_subparsers(metavar="VERB", required=True)
-    for verb in (run, robots, bench, study):
+    for verb in (run, robots, teleop, bench, study):
         verb.add_parser(verbs)
     options = parser.parse_args(arguments)
     try:

@@ -5,7 +5,11 @@ from importlib import import_module
 from poise.errors import UnknownNameError
 from poise.studies.plan import StudyPlan
 
-_MODULES = {"bias-acceleration": "poise.studies.bias_acceleration"}
+_MODULES = {
+    "bias-acceleration": "poise.studies.bias_acceleration",
+    "step-teleoperation": "poise.studies.step_teleoperation",
+    "bad-operator": "poise.studies.bad_operator",
+}
 """Where each study's `PLAN` is."""
 
 STUDIES = tuple(_MODULES)

@@ -2,6 +2,9 @@
 
 from poise.teleop.parameters import TeleopParameters
 
+_STUCK_TIME = 0.3
+"""A foot that still carries so long after it should have been lifted stays on the ground [s]."""
+
 
 class LiftDetector:
     """Whether a device has just been lifted: a rising edge with hysteresis.
@@ -41,22 +44,32 @@ class LandingDetector:
         parameters: loads and time.
         weight: of the robot [N].
         arm: whether the foot has to be without load for a while first.
+
+    Attributes:
+        load: from which on a foot counts as on the ground [N].
     """
 
     def __init__(self, parameters: TeleopParameters, weight: float, *, arm: bool) -> None:
-        self._land = parameters.land_load * weight
+        self.load = parameters.land_load * weight
         self._unload = parameters.unload_load * weight
         self._time, self._dt, self._arm = parameters.unload_time, parameters.dt, arm
         self.reset()
 
     def reset(self) -> None:
         """The foot is about to leave the ground."""
-        self._unloaded, self._armed = 0.0, not self._arm
+        self._unloaded, self._since, self._armed = 0.0, 0.0, not self._arm
 
-    def update(self, load: float) -> bool:
-        """Takes the load on the foot [N]."""
+    def update(self, load: float, *, lifting: bool) -> bool:
+        """Takes one tick.
+
+        Args:
+            load: on the foot [N].
+            lifting: whether the foot is being sent upwards. A foot that scrapes over the ground
+                while it is lifted has not landed.
+        """
+        self._since += self._dt
         if not self._armed:
             self._unloaded = self._unloaded + self._dt if load < self._unload else 0.0
             self._armed = self._unloaded >= self._time
-            return False
-        return load > self._land
+            return load > self.load and self._since > _STUCK_TIME
+        return load > self.load and not (self._arm and lifting)

@@ -9,6 +9,9 @@ from poise.checks import checked_number
 from poise.errors import ConfigurationError
 from poise.robots.robot import Robot
 
+_PAPER_MASS = 65.0
+"""Of the paper's robot [kg]."""
+
 _PAPER_HEIGHT, _PAPER_STANCE, _PAPER_HALF_SOLE = 0.765, 0.42, 0.12
 """Height of the COM, distance of the feet and half the width of a sole of the paper's robot [m]."""
 
@@ -27,6 +30,7 @@ class TeleopParameters:
         r_lift: distance of ZMP and reference at which a foot may leave the ground [m].
         k_v: gain of the linear velocities [1/s].
         k_omega: gain of the angular velocities [1/s].
+        k_level: gain with which a stance sole is levelled [1/s].
         v_lim: largest linear velocity [m/s].
         omega_lim: largest angular velocity [rad/s].
         w_B: weight of the torso's angular velocity in double support.
@@ -47,8 +51,19 @@ class TeleopParameters:
         press_depth: how far below the ground the operator may command a foot [m].
         shift_timeout: how long a shift may take before both feet are given back [s].
         zmp_time: time constant with which the measured ZMP is smoothed [s].
+        clear_height: height from which on a foot in the air is not held firmly [m].
+        swing_time: time constant with which the swing foot's velocity is smoothed [s].
+        support_margin: how far from the soles' edge the CT-ZMP is kept [m].
+        lift_speed: largest vertical speed of the COM [m/s].
+        lift_acceleration: largest vertical acceleration of the COM [m/s^2].
+        lower_speed: largest speed of a foot downwards [m/s].
+        tilt_soft: tilt of the torso at which its attitude weighs twice as much [rad].
+        velocity_leak: how fast the COM's commanded velocity leaks into the measured one [1/s].
+        press_speed: how fast a foot without load goes down in double support [m/s].
         knee_min: least knee angle; straighter the leg is singular [rad].
         reach_margin: share of the leg's length that a foot command stays short of.
+        stoop_max: how far the COM may come down for the legs to reach, over its height.
+        step_max: largest distance of the feet forward or sideways that can be commanded [m].
         feet_gap: least distance of the soles' edges, side by side [m].
     """
 
@@ -58,6 +73,7 @@ class TeleopParameters:
     r_lift: float = 0.08
     k_v: float = 10.0
     k_omega: float = 10.0
+    k_level: float = 8.0
     v_lim: float = 1.0
     omega_lim: float = 0.8
     w_B: float = 100.0
@@ -77,9 +93,20 @@ class TeleopParameters:
     press_depth: float = 0.05
     shift_timeout: float = 3.0
     zmp_time: float = 0.01
+    clear_height: float = 0.04
+    swing_time: float = 0.05
+    support_margin: float = 0.02
+    lift_speed: float = 0.3
+    lift_acceleration: float = 1.5
+    lower_speed: float = 0.3
+    tilt_soft: float = 0.2
+    velocity_leak: float = 5.0
+    press_speed: float = 0.1
     knee_min: float = 0.08
     reach_margin: float = 0.02
+    stoop_max: float = 0.2
     feet_gap: float = 0.01
+    step_max: float = 0.46
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -104,10 +131,14 @@ def scaled_parameters(robot: Robot, height: float, stance: float) -> TeleopParam
     """Parameters for a robot, from the paper's by stated rules.
 
     - `kp` keeps its ratio to omega^2, so that the poles keep theirs to the robot's own time.
-    - `acceleration_max` keeps the first swing of the ZMP, a_lim / omega^2, at its share of half the
-      narrower side of a sole.
-    - `r_lift`, `capture_max` and `ct_zmp_max` keep their ratio to the distance of the feet (with
-      0.27 m between them r_lift is 0.077 m), the latter two no more than half a sole.
+    - `acceleration_max` keeps the first swing of the ZMP, a_lim / omega^2, in its ratio to the
+      COM's height: that swing goes towards the foot that is about to be unloaded, where
+      there is room.
+    - `r_lift` keeps its ratio to the distance of the feet (with 0.27 m between them it is 0.077 m),
+      and is no more than half the narrower side of a sole, which it is in the paper.
+    - `capture_max`, `ct_zmp_max` and `support_margin` keep their ratio to half a sole.
+    - `w_L` goes with 1 / (m h)^2, so that angular momentum weighs as much as before beside the
+      swing foot's velocity.
     - lengths and speeds of motions keep their ratio to the COM's height.
 
     Args:
@@ -126,8 +157,7 @@ def scaled_parameters(robot: Robot, height: float, stance: float) -> TeleopParam
     paper, size = TeleopParameters(), height / _PAPER_HEIGHT
     square = natural_frequency(height) ** 2
     paper_square = natural_frequency(_PAPER_HEIGHT) ** 2
-    swing = paper.acceleration_max / paper_square / _PAPER_HALF_SOLE
-    r_lift = 0.12 * stance / _PAPER_STANCE
+    r_lift = min(0.12 * stance / _PAPER_STANCE, half)
     if not 0.0 < r_lift < stance:
         raise ConfigurationError(
             "the feet stand too close for step teleoperation", got=stance, wanted="> 0 m apart"
@@ -136,12 +166,16 @@ def scaled_parameters(robot: Robot, height: float, stance: float) -> TeleopParam
     return replace(
         paper,
         kp=paper.kp * square / paper_square,
-        acceleration_max=swing * half * square,
+        acceleration_max=paper.acceleration_max * size * square / paper_square,
         r_lift=r_lift,
         capture_max=paper.capture_max * near,
         ct_zmp_max=paper.ct_zmp_max * near,
         v_lim=paper.v_lim * size,
         press_depth=paper.press_depth * size,
+        clear_height=paper.clear_height * size,
+        step_max=paper.step_max * size,
+        support_margin=paper.support_margin * near,
+        w_L=paper.w_L * (_PAPER_MASS / robot.mass / size) ** 2,
     )
 
 
@@ -170,6 +204,14 @@ def knee_limits(robot: Robot, joints: list[int], knee_min: float) -> tuple[np.nd
     Args:
         robot: a biped.
         joints: the leg's joints, as indices among the robot's.
+        clear_height: height from which on a foot in the air is not held firmly [m].
+        swing_time: time constant with which the swing foot's velocity is smoothed [s].
+        support_margin: how far from the soles' edge the CT-ZMP is kept [m].
+        lift_speed: largest vertical speed of the COM [m/s].
+        lift_acceleration: largest vertical acceleration of the COM [m/s^2].
+        lower_speed: largest speed of a foot downwards [m/s].
+        tilt_soft: tilt of the torso at which its attitude weighs twice as much [rad].
+        velocity_leak: how fast the COM's commanded velocity leaks into the measured one [1/s].
         knee_min: least angle of a joint whose name says that it is a knee [rad].
 
     Returns:

@@ -12,6 +12,9 @@ class Rules:
     Attributes:
         firm_feet: in double support the other foot's velocity weighs 1e4 in place of 100: with 100
             the "+I" of the SR-inverse lets the feet drift apart until a sole rolls.
+        firm_lift: a foot near the ground is held as firmly as one on it, in place of softly as soon
+            as the mode is single support: while it is still at the ground, the angular momentum
+            would drag it along.
         leaking_momentum: the desired angular momentum (39a) is forgotten with time, in place of a
             pure integral, which drives the torso in a limit cycle.
         constant_weights: angular momentum and torso have constant weights in single support, in
@@ -27,9 +30,32 @@ class Rules:
             it is (15d), which has no feedback.
         armed_landing: landing is looked for after the foot has been without load for a while.
         reachable: commands beyond the leg's reach or into the other foot are brought back.
+        supported: the CT-ZMP is kept within the soles that carry, in place of (37) wherever the COM
+            is; a_lim does not hold for braking, where it makes a COM that is fast overshoot; and it
+            shortens both axes alike, so that the COM goes straight from foot to foot.
+        steady_com: the COM's velocity is set to the measured one where contacts change only, in
+            place of at every change of mode, which an operator who cannot decide makes often.
+        gentle: the COM's height and the foot's way down have a speed and an acceleration of their
+            own, in place of v_lim: at 1 m/s down the robot falls faster than it can carry.
+        level_stance: a stance sole that is measured to be tilted is turned back slowly, in place of
+            being taken to be level: a robot that has tipped onto an edge would stay there.
+        rescue: a foot in the air is put down at once where it is, whatever the operator wants, when
+            the divergent component has left the sole that carries.
+        lift_first: a foot goes sideways or forward only as far as it is clear of the ground.
+        bounded_tilt: the torso's attitude weighs the more the further it leans, in place of leaning
+            as far as the angular momentum wants, which takes the joints to their limits.
+        felt_velocity: the commanded velocity of the COM leaks into the measured one: while a sole
+            rocks on its edge the COM moves by itself, which an integral does not notice.
+        press_down: in double support a foot that carries nothing goes on down: one that has only
+            just touched with an edge would be held in the air, and the weight is shifted to it.
+        smooth_swing: the swing foot's velocity is smoothed over a few ticks: where it jumps, as
+            with the saturation (17c) or a device that jitters, the ZMP jumps too.
+        stooping: the COM comes down as far as the legs need to reach their feet, in place of a
+            constant height (15b): with it long steps can be taken, and feet far apart stay put.
     """
 
     firm_feet: bool = True
+    firm_lift: bool = True
     leaking_momentum: bool = True
     constant_weights: bool = True
     safe_lift: bool = True
@@ -38,10 +64,22 @@ class Rules:
     held_feet: bool = True
     armed_landing: bool = True
     reachable: bool = True
+    supported: bool = True
+    steady_com: bool = True
+    gentle: bool = True
+    level_stance: bool = True
+    rescue: bool = True
+    lift_first: bool = True
+    bounded_tilt: bool = True
+    felt_velocity: bool = True
+    press_down: bool = True
+    smooth_swing: bool = True
+    stooping: bool = True
 
 
 PAPER_RULES = Rules(
     firm_feet=False,
+    firm_lift=False,
     leaking_momentum=False,
     constant_weights=False,
     safe_lift=False,
@@ -50,5 +88,16 @@ PAPER_RULES = Rules(
     held_feet=False,
     armed_landing=False,
     reachable=False,
+    supported=False,
+    steady_com=False,
+    gentle=False,
+    level_stance=False,
+    rescue=False,
+    lift_first=False,
+    bounded_tilt=False,
+    felt_velocity=False,
+    press_down=False,
+    smooth_swing=False,
+    stooping=False,
 )
 """The paper's rules taken literally."""

@@ -1,5 +1,6 @@
 """`StepTeleoperator`: from the operator's hands and the robot's sensors to joint velocities."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -7,6 +8,7 @@ from jaxtyping import Float64
 
 from poise.balance import BodyRotator, ComShifter, saturate
 from poise.balance.cart_table import GRAVITY
+from poise.balance.support import SupportPolygon, sole_rectangle
 from poise.checks import checked_kind
 from poise.control.command import Command, CommandStatus
 from poise.control.differential_ik.closed_form import VelocityLevel, solve_levels
@@ -18,6 +20,7 @@ from poise.dynamics.rotations import rotation_vector
 from poise.dynamics.state import RobotState
 from poise.errors import ConfigurationError
 from poise.robots.robot import Robot
+from poise.teleop.com_driver import ComDriver, ShifterDriver
 from poise.teleop.detectors import LandingDetector, LiftDetector
 from poise.teleop.device import DeviceGuard, DeviceSample, DeviceStatus
 from poise.teleop.estimator import StanceEstimator
@@ -85,6 +88,7 @@ class StepTeleoperator:
         q_start: configuration at the start; the robot's home when None.
         rules: departures from the paper.
         rotator: whether the body rotator acts.
+        driver: moves the COM; the COM shifter when None.
 
     Raises:
         ConfigurationError: no two feet, legs of too few joints, soles that do not fit.
@@ -98,6 +102,7 @@ class StepTeleoperator:
         q_start: Float64[np.ndarray, " nq"] | None = None,
         rules: Rules | None = None,
         rotator: bool = True,
+        driver: ComDriver | None = None,
     ) -> None:
         self.robot = checked_kind(robot, Robot, "the robot of the teleoperation")
         if not robot.floating_base or len(robot.soles) < 2:
@@ -116,6 +121,7 @@ class StepTeleoperator:
             stance = abs(float(anchors[0][1] - anchors[1][1]))
             parameters = scaled_parameters(robot, self._height, stance)
         self.parameters = p = parameters
+        _check_soles(robot, self.soles, p)
         self.rules = rules or Rules()
         self._legs = np.array([j for sole in self.soles for j in leg_joints(robot, sole)])
         self._q_min, self._q_max = knee_limits(robot, self._legs.tolist(), p.knee_min)
@@ -125,7 +131,8 @@ class StepTeleoperator:
         self._torso = robot.frame_id(robot.torso)
         weight = robot.mass * GRAVITY
         self._zmp = ZmpSensor(self._frames, self.soles, weight, p.zmp_time, p.dt)
-        self.shifter = ComShifter(self._height, kp=p.kp, acceleration_max=p.acceleration_max)
+        shifter = ComShifter(self._height, kp=p.kp, acceleration_max=p.acceleration_max)
+        self.driver = ShifterDriver(shifter) if driver is None else driver
         self._rotator = BodyRotator(weight) if rotator else None
         self._range = FootRange(robot, self.soles, p)
         self._lifts = (LiftDetector(p), LiftDetector(p))
@@ -133,8 +140,9 @@ class StepTeleoperator:
         self._guard = DeviceGuard()
         self._modes = ModeMachine()
         self._scales = (np.ones(6), np.ones(8))
-        self._velocity = np.zeros(2)
-        self._momentum = np.zeros(2)
+        self._velocity, self._acceleration = np.zeros(2), np.zeros(2)
+        self._momentum, self._swing_velocity, self._lift = np.zeros(2), np.zeros(3), 0.0
+        self._rescuing = False
         self._status: TeleopStatus | None = None
 
     @property
@@ -163,18 +171,19 @@ class StepTeleoperator:
         Returns:
             Joint velocities.
         """
-        if not is_usable(state, self.robot):
+        known = _without_base_motion(state)
+        if known is None or not is_usable(known, self.robot):
             return Command(status=CommandStatus.BAD_STATE, velocity=np.zeros(self.robot.nj))
-        estimate = self.estimator.update(state)
+        estimate = self.estimator.update(known)
         dynamics = self.estimator.dynamics
         self._zmp.update(state, dynamics)
         device = self._guard.check(sample, state.time)
         self._move_modes(device, state.time)
+        self._press_down()
         reference = self._zmp_reference()
-        com, p = dynamics.com, self.parameters
-        acceleration = self.shifter.acceleration(reference, com[:2], self._velocity)
-        self._velocity = self._velocity + p.dt * acceleration
-        ct_zmp = self.shifter.cart_table_zmp(com[:2], acceleration)
+        com = dynamics.com
+        self._drive(reference, com[:2])
+        ct_zmp = com[:2] - self._acceleration / self.driver.omega**2
         self._turn(reference, ct_zmp)
         target = self._foot_target(device)
         upright = device is not None and device.upright
@@ -196,6 +205,16 @@ class StepTeleoperator:
             if loads[1 - stance] > _STANCE_SHARE * loads[stance]:
                 self.estimator.stand_on(1 - stance)
 
+    def _press_down(self) -> None:
+        """Sends the other foot down in double support until it carries something."""
+        p, estimator = self.parameters, self.estimator
+        other = 1 - estimator.stance
+        if self._modes.mode.single or not self.rules.press_down:
+            return
+        lowest = float(estimator.sole(other)[2]) - p.press_depth
+        if self._zmp.loads[other] < self._landing.load and estimator.anchors[other][2] > lowest:
+            estimator.anchors[other][2] -= p.dt * p.press_speed
+
     def _event(self, device: DeviceSample | None, time: float) -> Event | None:
         mode, p = self._modes.mode, self.parameters
         if mode is Mode.D:
@@ -204,12 +223,20 @@ class StepTeleoperator:
         assert support is not None
         swing = 1 - support
         if mode.single:
-            return Event.LANDED if self._landing.update(float(self._zmp.loads[swing])) else None
+            load = float(self._zmp.loads[swing])
+            lifting = self._is_sent_up(device, swing)
+            return Event.LANDED if self._landing.update(load, lifting=lifting) else None
         if self.rules.cancel:
             lowered = device is None or self._lifts[swing].is_low(self._lift_height(device, swing))
             if lowered or time - self._modes.since > p.shift_timeout:
                 return Event.CANCEL
         return Event.SHIFTED if self._has_shifted(support) else None
+
+    def _is_sent_up(self, device: DeviceSample | None, swing: int) -> bool:
+        if device is None or self._rescuing:
+            return False
+        hand = device.left if swing == 0 else device.right
+        return float(hand[2] - self.estimator.sole(swing)[2]) > self.parameters.lower_height
 
     def _lifted(self, device: DeviceSample | None) -> Event | None:
         if device is None:
@@ -235,12 +262,13 @@ class StepTeleoperator:
         if not self.rules.safe_lift:
             return True
         com = dynamics.com[:2]
-        acceleration = self.shifter.acceleration(reference, com, self._velocity)
-        ct_zmp = self.shifter.cart_table_zmp(com, acceleration)
-        capture = com + self._velocity / self.shifter.omega
-        return bool(
-            np.linalg.norm(ct_zmp - reference) < p.ct_zmp_max
-            and np.linalg.norm(capture - reference) < p.capture_max
+        ct_zmp = com - self._acceleration / self.driver.omega**2
+        if np.linalg.norm(ct_zmp - reference) > p.ct_zmp_max:
+            return False
+        # As commanded, and as it is: the robot lags behind a command that has just turned.
+        return all(
+            float(np.linalg.norm(com + velocity / self.driver.omega - reference)) < p.capture_max
+            for velocity in (self._velocity, dynamics.com_velocity[:2])
         )
 
     def _enter(self, before: Mode, device: DeviceSample | None) -> None:
@@ -259,8 +287,11 @@ class StepTeleoperator:
             assert support is not None
             estimator.stand_on(support)
             self._landing.reset()
-        self._velocity = estimator.dynamics.com_velocity[:2].copy()
-        self._momentum = np.zeros(2)
+        if before.single or mode.single or not self.rules.steady_com:
+            measured = estimator.dynamics.com_velocity[:2].copy()
+            self._velocity = self.driver.restart(self._velocity, measured)
+        self._momentum, self._swing_velocity = np.zeros(2), np.zeros(3)
+        self._rescuing = False
 
     # References ----------------------------------------------------------------------------------
 
@@ -281,17 +312,75 @@ class StepTeleoperator:
         swing, p = 1 - support, self.parameters
         anchor, here = self.estimator.anchors[support], self.estimator.sole(swing)
         lowest = float(min(anchor[2], self.estimator.anchors[swing][2])) - p.press_depth
-        if device is None:
-            # Nobody commands: straight down, until the ground is felt.
+        self._rescuing = self._rescuing or self._is_falling()
+        if device is None or self._rescuing:
+            # Nobody commands, or nobody may: straight down, until the ground is felt.
             return np.array([here[0], here[1], lowest])
         target = (device.left if swing == 0 else device.right).copy()
         target[2] = max(target[2], lowest)
+        if self.rules.lift_first:
+            # A foot that still touches would be dragged over the ground.
+            ground = min(float(a[2]) for a in self.estimator.anchors)
+            clear = min(1.0, max(0.0, (float(here[2]) - ground) / p.clear_height))
+            target[:2] = here[:2] + clear * (target[:2] - here[:2])
         if self.rules.reachable:
             forward = self.estimator.dynamics.frame(self._torso).rotation[:2, 0]
             heading = forward / np.linalg.norm(forward)
             dynamics = self.estimator.dynamics
-            target = self._range.bring_back(swing, target, anchor, heading, dynamics)
+            lower = (
+                max(0.0, float(dynamics.com[2]) - self._lowest_com())
+                if self.rules.stooping
+                else 0.0
+            )
+            target = self._range.bring_back(swing, target, anchor, heading, dynamics, lower=lower)
         return target
+
+    def _drive(self, reference: Float64[np.ndarray, "2"], com: Float64[np.ndarray, "2"]) -> None:
+        """The COM's next velocity, by the driver, within what the soles can support."""
+        p, before = self.parameters, self._velocity
+        if self.rules.felt_velocity:
+            measured = self.estimator.dynamics.com_velocity[:2]
+            before = before + p.dt * p.velocity_leak * (measured - before)
+        self._velocity, self._acceleration = self.driver.drive(reference, com, before, p.dt)
+        if not (self.rules.supported and isinstance(self.driver, ShifterDriver)):
+            return
+        omega = self.driver.omega
+        free = self.driver.shifter.unlimited(reference, com, before)
+        # Both axes by one factor: the COM goes straight from foot to foot, and not along one axis
+        # first, beside the soles. And a_lim is for setting off; a COM that is on its way must be
+        # braked by what the soles give.
+        most = float(np.abs(free).max())
+        limit = self.driver.shifter.acceleration_max
+        setting_off = float(free @ before) >= 0.0 and most > limit
+        acceleration = free * (limit / most) if setting_off else free
+        ct_zmp = com - acceleration / omega**2
+        kept = np.array(self._support().nearest((float(ct_zmp[0]), float(ct_zmp[1]))))
+        self._acceleration = omega**2 * (com - kept)
+        self._velocity = before + p.dt * self._acceleration
+
+    def _support(self) -> SupportPolygon:
+        """Of the soles on the ground, with a margin.
+
+        In double support that is both, whatever their load: a foot that happens to carry nothing
+        carries as soon as the ZMP moves towards it.
+        """
+        p, dynamics, estimator = self.parameters, self.estimator.dynamics, self.estimator
+        corners: list[tuple[float, float]] = []
+        for foot in (0, 1):
+            if foot == estimator.stance or not self._modes.mode.single:
+                frame = dynamics.frame(self._frames[foot])
+                sole = self.robot.soles[self.soles[foot]]
+                size = (sole.length, sole.width)
+                corners += sole_rectangle(frame.position, frame.rotation, size)
+        return SupportPolygon(corners, p.support_margin)
+
+    def _is_falling(self) -> bool:
+        """Whether the divergent component has left the sole that carries."""
+        if not self.rules.rescue:
+            return False
+        dynamics = self.estimator.dynamics
+        capture = dynamics.com[:2] + dynamics.com_velocity[:2] / self.driver.omega
+        return self._support().depth((float(capture[0]), float(capture[1]))) < 0.0
 
     def _turn(self, reference: Float64[np.ndarray, "2"], ct_zmp: Float64[np.ndarray, "2"]) -> None:
         """Eqs (39a) and (39b): the desired angular momentum."""
@@ -321,15 +410,14 @@ class StepTeleoperator:
         torso = dynamics.frame(self._torso)
         if target is None:
             target = estimator.anchors[other] if self.rules.held_feet else sole.position
-        ground = float(estimator.anchors[stance][2])
-        if not self._modes.mode.single:
-            ground = 0.5 * float(estimator.anchors[0][2] + estimator.anchors[1][2])
         level = np.eye(3)
-        lift = p.k_v * (self._height + ground - float(dynamics.com[2]))
+        lift = self._com_lift(
+            p.k_v * (self._com_height(target, reference) - float(dynamics.com[2]))
+        )
         v_1 = np.concatenate(
             (
                 self._velocity,
-                [max(-p.v_lim, min(p.v_lim, lift))],
+                [lift],
                 saturate(p.omega_lim, p.k_omega * rotation_vector(level, sole.rotation)),
             )
         )
@@ -337,10 +425,11 @@ class StepTeleoperator:
             (
                 self._momentum,
                 saturate(p.omega_lim, p.k_omega * rotation_vector(level, torso.rotation)),
-                saturate(p.v_lim, p.k_v * (target - sole.position)),
+                self._foot_velocity(target - sole.position),
             )
         )
-        rows_1, rows_2 = self._jacobians(dynamics, stance, other)
+        rows_1, rows_2, drift = self._jacobians(dynamics, stance, other)
+        v_1, v_2 = v_1 - drift[:6], v_2 - drift[6:]
         q, rate = estimate.q[1:][self._columns], estimate.v[self._columns]
         legs = solve_levels(
             [
@@ -354,10 +443,61 @@ class StepTeleoperator:
         velocity[self._legs] = np.clip(legs, -self._v_max, self._v_max)
         return velocity
 
+    def _foot_velocity(self, missing: Float64[np.ndarray, "3"]) -> Float64[np.ndarray, "3"]:
+        """Eq. (17c), smoothed [m/s]."""
+        p = self.parameters
+        wanted = saturate(p.v_lim, p.k_v * missing)
+        if self.rules.gentle and not self._rescuing:
+            wanted[2] = max(wanted[2], -p.lower_speed)
+        if not (self.rules.smooth_swing and self._modes.mode.single):
+            return wanted
+        share = p.dt / (p.swing_time + p.dt)
+        self._swing_velocity = self._swing_velocity + share * (wanted - self._swing_velocity)
+        return self._swing_velocity
+
+    def _com_lift(self, wanted: float) -> float:
+        """Velocity of the COM's height, saturated (17a), and steady [m/s]."""
+        p = self.parameters
+        if not self.rules.gentle:
+            return max(-p.v_lim, min(p.v_lim, wanted))
+        wanted = max(-p.lift_speed, min(p.lift_speed, wanted))
+        change = p.dt * p.lift_acceleration
+        self._lift = max(self._lift - change, min(self._lift + change, wanted))
+        return self._lift
+
+    def _com_height(
+        self, target: Float64[np.ndarray, "3"], reference: Float64[np.ndarray, "2"]
+    ) -> float:
+        """Eq. (15b), lower where a leg could not reach its foot, now or at the end [m]."""
+        estimator, dynamics = self.estimator, self.estimator.dynamics
+        nominal = self._height + self._ground()
+        if not self.rules.stooping:
+            return nominal
+        stance, com = estimator.stance, dynamics.com
+        too_high = max(
+            self._range.too_high(foot, place, dynamics, shift)
+            for foot, place in ((stance, estimator.anchors[stance]), (1 - stance, target))
+            for shift in (np.zeros(2), reference - com[:2])
+        )
+        return max(min(nominal, float(com[2]) - too_high), self._lowest_com())
+
+    def _lowest_com(self) -> float:
+        return (1.0 - self.parameters.stoop_max) * self._height + self._ground()
+
+    def _ground(self) -> float:
+        """Height of the ground that carries: of the stance foot, or the middle of both feet [m]."""
+        anchors = self.estimator.anchors
+        if self._modes.mode.single:
+            return float(anchors[self.estimator.stance][2])
+        return 0.5 * float(anchors[0][2] + anchors[1][2])
+
     def _jacobians(
         self, dynamics: Dynamics, stance: int, other: int
-    ) -> tuple[Float64[np.ndarray, "6 n"], Float64[np.ndarray, "8 n"]]:
-        """J_1 and J_2 of (19) on the legs, the base eliminated by the stance sole, eq. (13)."""
+    ) -> tuple[Float64[np.ndarray, "6 n"], Float64[np.ndarray, "8 n"], Float64[np.ndarray, "14"]]:
+        """J_1 and J_2 of (19) on the legs, the base eliminated by the stance sole, eq. (13).
+
+        And what the rows do by themselves while a stance sole that is not level is turned back.
+        """
         columns, base = self._columns, self.robot.base_dofs
         sole = dynamics.frame(self._frames[other]).jacobian
         stacked = np.concatenate(
@@ -369,10 +509,19 @@ class StepTeleoperator:
                 sole[:3],
             )
         )
-        contact = dynamics.frame(self._frames[stance]).jacobian
+        frame = dynamics.frame(self._frames[stance])
+        contact = frame.jacobian
         legs = np.concatenate((np.arange(base), columns))
         rows = constrained(stacked[:, legs], base_from_joints(contact[:, legs]))
-        return rows[:6], rows[6:]
+        drift = np.zeros(len(rows))
+        if self.rules.level_stance:
+            p = self.parameters
+            tilt = rotation_vector(np.eye(3), frame.rotation)
+            tilt[2] = 0.0
+            turn = saturate(p.omega_lim, p.k_level * tilt)
+            base_motion = np.linalg.solve(contact[:, :base], np.concatenate((np.zeros(3), turn)))
+            drift = stacked[:, :base] @ base_motion
+        return rows[:6], rows[6:], drift
 
     def _weights(
         self, reference: Float64[np.ndarray, "2"], upright: bool
@@ -384,11 +533,13 @@ class StepTeleoperator:
             weights[:2], weights[2:5] = p.epsilon, p.w_B
             weights[5:] = p.w_S2 if rules.firm_feet else _PAPER_S2
             return weights
-        weights[5:] = p.w_S1
+        weights[5:] = self._swing_weight()
         if self._rotator is None:
             weights[:2], weights[2:5] = p.epsilon, p.w_B
         elif rules.constant_weights:
             weights[:2], weights[2:5] = p.w_L, p.w_B1
+            if self.rules.bounded_tilt:
+                weights[2:5] *= 1.0 + (self._tilt() / p.tilt_soft) ** 4
         else:
             x, y = (reference - self._zmp.zmp).tolist()
             weights[0] = max(_PAPER_K1 * y * y, p.epsilon)
@@ -398,6 +549,16 @@ class StepTeleoperator:
             weights[2:5] = _UPRIGHT_WEIGHT
         return weights
 
+    def _swing_weight(self) -> float:
+        """Weight of the swing foot: firm on the ground, the paper's from `clear_height` on."""
+        p, estimator = self.parameters, self.estimator
+        if not self.rules.firm_lift:
+            return p.w_S1
+        ground = min(float(anchor[2]) for anchor in estimator.anchors)
+        height = float(estimator.sole(1 - estimator.stance)[2]) - ground
+        share = min(1.0, max(0.0, height / p.clear_height))
+        return p.w_S2 ** (1.0 - share) * p.w_S1**share
+
     def _describe(
         self,
         reference: Float64[np.ndarray, "2"],
@@ -405,7 +566,6 @@ class StepTeleoperator:
         target: Float64[np.ndarray, "3"] | None,
     ) -> TeleopStatus:
         dynamics = self.estimator.dynamics
-        upward = float(dynamics.frame(self._torso).rotation[2, 2])
         return TeleopStatus(
             mode=self._modes.mode,
             device=self._guard.status,
@@ -416,5 +576,33 @@ class StepTeleoperator:
             soles=(self.estimator.sole(0), self.estimator.sole(1)),
             target=target,
             loads=self._zmp.loads.copy(),
-            tilt=float(np.arccos(np.clip(upward, -1.0, 1.0))),
+            tilt=self._tilt(),
         )
+
+    def _tilt(self) -> float:
+        """Angle of the torso against upright [rad]."""
+        upward = float(self.estimator.dynamics.frame(self._torso).rotation[2, 2])
+        return math.acos(max(-1.0, min(1.0, upward)))
+
+
+def _check_soles(robot: Robot, names: tuple[str, str], parameters: TeleopParameters) -> None:
+    narrowest = 0.5 * min(min(robot.soles[n].length, robot.soles[n].width) for n in names)
+    if parameters.r_lift > narrowest + 1e-9:
+        raise ConfigurationError(
+            "r_lift is larger than half a sole: the ZMP might be outside the other foot at a lift",
+            got=parameters.r_lift,
+            wanted=f"at most {narrowest:.4g} m",
+        )
+
+
+def _without_base_motion(state: object) -> RobotState | None:
+    """The state less what no sensor gives: where the base is and how fast it goes along."""
+    if not isinstance(state, RobotState) or not _are_arrays(state.q, state.v):
+        return None
+    q, v = state.q.copy(), state.v.copy()
+    q[:3], v[:3] = 0.0, 0.0
+    return RobotState(q, v, state.contacts, state.time)
+
+
+def _are_arrays(*values: object) -> bool:
+    return all(isinstance(value, np.ndarray) and value.ndim == 1 for value in values)

@@ -1,0 +1,101 @@
+"""`SupportPolygon`: where the ZMP can be, and the nearest point of it."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float64
+
+Point = tuple[float, float]
+
+
+class SupportPolygon:
+    """Convex hull of the corners of soles, shrunk.
+
+    Written for eight corners in a control tick: plain numbers are faster there than arrays.
+
+    Args:
+        corners: of the soles that carry [m].
+        margin: how far the edge is taken inwards [m].
+    """
+
+    def __init__(self, corners: Sequence[Point], margin: float) -> None:
+        self._vertices = _hull(corners)
+        self._margin = margin
+
+    def depth(self, point: Point) -> float:
+        """How far a point is inside the shrunk polygon; negative outside [m]."""
+        x, y = point
+        inside = [nx * x + ny * y - c for nx, ny, c in self._edges()]
+        return min(inside) if inside else float("-inf")
+
+    def nearest(self, point: Point) -> Point:
+        """The point itself if it is inside, else the nearest of the edge."""
+        if not self._vertices or self.depth(point) >= 0.0:
+            return point
+        edges = self._edges()
+        corners = [_meet(a, b) for a, b in zip(edges[-1:] + edges[:-1], edges, strict=True)]
+        best, least = point, float("inf")
+        for (ax, ay), (bx, by) in zip(corners, corners[1:] + corners[:1], strict=True):
+            ex, ey = bx - ax, by - ay
+            square = ex * ex + ey * ey
+            along = ((point[0] - ax) * ex + (point[1] - ay) * ey) / square if square else 0.0
+            along = min(1.0, max(0.0, along))
+            near = (ax + along * ex, ay + along * ey)
+            distance = (near[0] - point[0]) ** 2 + (near[1] - point[1]) ** 2
+            if distance < least:
+                best, least = near, distance
+        return best
+
+    def _edges(self) -> list[tuple[float, float, float]]:
+        """Inward unit normal and offset of each edge, moved inwards."""
+        edges: list[tuple[float, float, float]] = []
+        vertices = self._vertices
+        for (ax, ay), (bx, by) in zip(vertices, vertices[1:] + vertices[:1], strict=True):
+            nx, ny = ay - by, bx - ax
+            length = float(np.hypot(nx, ny))
+            nx, ny = nx / length, ny / length
+            edges.append((nx, ny, nx * ax + ny * ay + self._margin))
+        return edges
+
+
+def sole_rectangle(
+    position: Float64[np.ndarray, "3"], rotation: Float64[np.ndarray, "3 3"], size: Point
+) -> list[Point]:
+    """Corners of a sole, seen from above [m].
+
+    Args:
+        position: of its centre [m].
+        rotation: world_R_sole.
+        size: length and width [m].
+    """
+    ax, ay = 0.5 * size[0] * float(rotation[0, 0]), 0.5 * size[0] * float(rotation[1, 0])
+    bx, by = 0.5 * size[1] * float(rotation[0, 1]), 0.5 * size[1] * float(rotation[1, 1])
+    x, y = float(position[0]), float(position[1])
+    signs = ((1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0))
+    return [(x + s * ax + t * bx, y + s * ay + t * by) for s, t in signs]
+
+
+def _hull(points: Sequence[Point]) -> list[Point]:
+    """Andrew's monotone chain, counter-clockwise; collinear points are left out."""
+    ordered = sorted(set(points))
+    if len(ordered) < 3:
+        return []
+    chains: list[list[Point]] = []
+    for run in (ordered, ordered[::-1]):
+        chain: list[Point] = []
+        for p in run:
+            while len(chain) > 1 and _turn(chain[-2], chain[-1], p) <= 1e-12:
+                chain.pop()
+            chain.append(p)
+        chains.append(chain[:-1])
+    return chains[0] + chains[1]
+
+
+def _turn(a: Point, b: Point, c: Point) -> float:
+    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+
+
+def _meet(a: tuple[float, float, float], b: tuple[float, float, float]) -> Point:
+    """Where two edges' lines meet."""
+    det = a[0] * b[1] - a[1] * b[0]
+    return ((a[2] * b[1] - a[1] * b[2]) / det, (a[0] * b[2] - a[2] * b[0]) / det)

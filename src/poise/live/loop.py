@@ -1,0 +1,296 @@
+"""`LiveLoop`: device, controller and plant in real time, in a thread of their own."""
+
+import queue
+import threading
+import time as clock
+from collections import deque
+from collections.abc import Callable
+
+import numpy as np
+from jaxtyping import Float64
+
+from poise.dynamics.dynamics import Dynamics
+from poise.dynamics.state import RobotState
+from poise.errors import ConfigurationError
+from poise.live.hands import LiveHands
+from poise.live.inputs import OperatorInputs
+from poise.live.snapshot import Snapshot, distance_inside, support_polygon
+from poise.live.takes import Takes
+from poise.robots.robot import Robot
+from poise.robots.stance import standing_posture
+from poise.sim import Plant, PlantConfig
+from poise.teleop import RecordedDevice, Recording, StepTeleoperator
+from poise.teleop_sim import TELEOP_PLANT, teleop_setup
+
+FRAMES_PER_SECOND = 25.0
+SLOW = 0.25
+"""Speed of slow motion."""
+
+PUSHES = {
+    "left": (0.0, 1.0, 0.0),
+    "right": (0.0, -1.0, 0.0),
+    "forward": (1.0, 0.0, 0.0),
+    "back": (-1.0, 0.0, 0.0),
+}
+"""Where a push goes."""
+
+_PUSH_SPEED, _PUSH_TIME = 0.08, 0.1
+"""A push changes the robot's velocity by this [m/s] within this time [s]."""
+
+_LATE = 0.1
+"""Further behind the clock than this [s] the loop gives up catching up."""
+
+_FLUSH_EVERY = 0.25
+_ENDLESS = 1e9
+"""Duration of a take that goes on [s]."""
+
+_LOW = 0.94
+"""Height of the COM at the start over that at home: with bent knees the feet reach farther."""
+
+
+class LiveLoop:
+    """Runs the robot against the clock and never waits for anybody who looks.
+
+    Orders (`push`, `pause`, ...) are carried out between ticks. An error ends the thread, finishes
+    the recording and stays in `error`.
+
+    Args:
+        robot: a biped.
+        inputs: what the operator does.
+        takes: where the run is recorded.
+        recording: plays this in place of a person when given.
+        plant: with velocity actuation.
+        seed: of the sensor noise.
+
+    Raises:
+        ConfigurationError: the robot cannot be walked.
+        RecordingError: the recording is of another robot.
+
+    Attributes:
+        snapshot: the newest picture of the run; None before the first tick.
+        error: what ended the thread, if anything went wrong.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        inputs: OperatorInputs,
+        takes: Takes,
+        *,
+        recording: Recording | None = None,
+        plant: PlantConfig = TELEOP_PLANT,
+        seed: int = 0,
+    ) -> None:
+        self.robot, self.takes = robot, takes
+        self._inputs, self._recording, self._seed = inputs, recording, seed
+        self._config, self._dt = plant, plant.control_dt
+        self._weight = robot.mass
+        self._q_start = _start_posture(robot)
+        self.plant = Plant(robot, plant, seed=seed)
+        self.error: Exception | None = None
+        self._orders: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
+        self._stop = threading.Event()
+        self._paused, self._speed = False, 1.0
+        self._progress: deque[tuple[float, float]] = deque()
+        self._start()
+        self.snapshot: Snapshot | None = None
+        self._thread = threading.Thread(target=self._run, name="poise teleop loop", daemon=True)
+
+    # What others may ask for, from any thread ----------------------------------------------------
+
+    def start(self) -> None:
+        """Starts the thread."""
+        self.takes.begin(self._setup())
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Ends the thread; the recording is finished when this returns."""
+        self._stop.set()
+        if self._thread.is_alive():
+            self._thread.join()
+        self.takes.finish()
+
+    @property
+    def running(self) -> bool:
+        """Whether the thread is alive."""
+        return self._thread.is_alive()
+
+    def push(self, direction: str) -> None:
+        """Pushes the torso.
+
+        Args:
+            direction: one of `PUSHES`.
+        """
+        force = self._weight * _PUSH_SPEED / _PUSH_TIME * np.array(PUSHES[direction])
+        self._orders.put(lambda: self._push(force, _PUSH_TIME))
+
+    def pause(self, on: bool) -> None:
+        """Lets time stand still, or go on."""
+
+        def act() -> None:
+            self._paused = on
+
+        self._orders.put(act)
+
+    def slow(self, on: bool) -> None:
+        """Slow motion, or real time."""
+
+        def act() -> None:
+            self._speed = SLOW if on else 1.0
+
+        self._orders.put(act)
+
+    def reset(self) -> None:
+        """Puts the robot back to its start, and begins a new take."""
+
+        def act() -> None:
+            self._paused = False
+            self._start()
+            self.takes.begin(self._setup())
+
+        self._orders.put(act)
+
+    # The thread ----------------------------------------------------------------------------------
+
+    def _run(self) -> None:
+        try:
+            self._loop()
+        except Exception as error:  # Whatever it is, the one who waits for the run has to see it.
+            self.error = error
+            self.takes.finish()
+
+    def _loop(self) -> None:
+        due = show = flush = clock.perf_counter()
+        while not self._stop.is_set():
+            while not self._orders.empty():
+                self._orders.get()()
+            still = self._paused or self.plant.fallen
+            if not still:
+                self._tick()
+            now = clock.perf_counter()
+            if now >= show:
+                self._measure(now)
+                self.snapshot = self._picture()
+                show = max(show + 1.0 / FRAMES_PER_SECOND, now)
+            if now >= flush:
+                self.takes.flush()
+                flush = now + _FLUSH_EVERY
+            if still:
+                self._progress.clear()
+                due = clock.perf_counter() + 0.01
+            else:
+                due += self._dt / self._speed
+            ahead = due - clock.perf_counter()
+            if ahead > 0.0:
+                clock.sleep(ahead)
+            elif ahead < -_LATE:
+                due = clock.perf_counter()
+
+    def _tick(self) -> None:
+        tick, plant = round(self.plant.time / self._dt), self.plant
+        state, sample = plant.state(), self._device.sample(plant.time)
+        if isinstance(self._device, RecordedDevice):
+            for force, seconds in self._device.pushes:
+                self._push(force, seconds)
+        self.takes.sample(tick, sample)
+        plant.step(self.controller.step(state, sample))
+        if plant.fallen:
+            self.takes.flush()
+
+    def _push(self, force: Float64[np.ndarray, "3"], duration: float) -> None:
+        if self.plant.fallen:
+            return
+        self.takes.push(round(self.plant.time / self._dt), force, duration)
+        x, y, z = force.tolist()
+        self.plant.push(self.robot.torso, (x, y, z), duration)
+
+    def _start(self) -> None:
+        """Robot, controller and device as at the beginning."""
+        self.plant.reset(self._q_start)
+        self.controller = StepTeleoperator(self.robot, q_start=self._q_start)
+        self._hands = LiveHands(self._inputs, self.controller)
+        self._device = (
+            self._hands
+            if self._recording is None
+            else self._recording.device(robot=self.robot.name, dt=self._dt)
+        )
+
+    def _setup(self) -> dict[str, object]:
+        return teleop_setup(
+            self.controller,
+            self._config,
+            seed=self._seed,
+            duration=_ENDLESS,
+            q_start=self._q_start,
+        )
+
+    # What is shown -------------------------------------------------------------------------------
+
+    def _measure(self, now: float) -> None:
+        """Keeps a second's worth of progress."""
+        self._progress.append((now, self.plant.time))
+        while now - self._progress[0][0] > 1.0:
+            self._progress.popleft()
+
+    @property
+    def _factor(self) -> float:
+        if len(self._progress) < 2:
+            return 1.0
+        (began, first), (now, last) = self._progress[0], self._progress[-1]
+        # Negative across a reset.
+        return max(0.0, (last - first) / (now - began) / self._speed)
+
+    def _picture(self) -> Snapshot | None:
+        controller, plant = self.controller, self.plant
+        status = controller.status
+        if status is None:
+            return self.snapshot
+        offset = self._offset()
+        self._hands.offset = offset
+        flat = offset[:2]
+        polygon = support_polygon(controller, status)
+        return Snapshot(
+            time=plant.time,
+            mode=status.mode,
+            device=status.device,
+            zmp=status.zmp + flat,
+            zmp_reference=status.zmp_reference + flat,
+            com=status.com + offset,
+            soles=np.array(status.soles) + offset,
+            hands=np.array(self._hands.places) + offset,
+            target=None if status.target is None else status.target + offset,
+            polygon=polygon + flat,
+            margin=distance_inside(polygon, status.zmp),
+            loads=status.loads.copy(),
+            tilt=status.tilt,
+            bodies=plant.data.xpos.copy(),
+            turns=plant.data.xquat.copy(),
+            fallen=plant.fallen,
+            paused=self._paused,
+            speed=self._speed,
+            real_time_factor=self._factor,
+            take=self.takes.path.name,
+        )
+
+    def _offset(self) -> Float64[np.ndarray, "3"]:
+        """From the controller's dead reckoning to the simulator's truth, at the stance sole [m]."""
+        stance = self.controller.estimator.stance
+        site = self.plant.data.site(self.controller.soles[stance])
+        return site.xpos - self.controller.estimator.sole(stance)
+
+
+def _start_posture(robot: Robot) -> Float64[np.ndarray, " nq"]:
+    """Standing a little lower than at home.
+
+    Raises:
+        ConfigurationError: the robot has no feet.
+    """
+    if not robot.floating_base or len(robot.soles) < 2:
+        raise ConfigurationError(
+            f"robot {robot.name!r} cannot be walked",
+            got=f"soles {list(robot.soles)}",
+            wanted="a floating base and two soles",
+        )
+    dynamics = Dynamics(robot)
+    dynamics.update(RobotState(robot.q_home, np.zeros(robot.nv)))
+    return standing_posture(robot, com_height=_LOW * float(dynamics.com[2]))

@@ -1,0 +1,112 @@
+"""`Takes`: every live run on the disk, from reset to reset, while it goes on."""
+
+import re
+import threading
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float64
+
+from poise.teleop import DeviceSample, RecordingWriter, read_recording
+from poise.teleop.recording import RowKind
+
+SUFFIX = ".teleop"
+
+
+class Takes:
+    """Records into numbered files of a folder; what is there already stays.
+
+    Args:
+        folder: made when it is not there.
+        robot: the robot's name.
+        dt: length of a tick [s].
+    """
+
+    def __init__(self, folder: Path, *, robot: str, dt: float) -> None:
+        self.folder, self._robot, self._dt = folder, robot, dt
+        folder.mkdir(parents=True, exist_ok=True)
+        self._writer: RecordingWriter | None = None
+        # Held while files change hands; noting a sample does not wait for it.
+        self._lock = threading.RLock()
+        self._setup: dict[str, Any] = {}
+        self._ticks = 0
+        self.path = folder
+
+    @property
+    def files(self) -> list[str]:
+        """Names of the recordings that are there."""
+        return sorted(p.name for p in self.folder.glob(f"*{SUFFIX}"))
+
+    def begin(self, setup: dict[str, Any]) -> None:
+        """Begins the next take and finishes the one before.
+
+        Args:
+            setup: what a replay needs, see `teleop_setup`.
+        """
+        with self._lock:
+            self.finish()
+            self.path = self.folder / f"take-{self._next('take'):03}{SUFFIX}"
+            self._setup, self._ticks = setup, 0
+            self._writer = self._open(self.path, setup)
+
+    def sample(self, tick: int, sample: DeviceSample | None) -> None:
+        """Notes a tick, and what came before it."""
+        self._ticks = tick + 1
+        if self._writer is not None and sample is not None:
+            self._writer.sample(tick, sample)
+
+    def push(self, tick: int, force: Float64[np.ndarray, "3"], duration: float) -> None:
+        """Notes a push on the torso [N], [s]."""
+        if self._writer is not None:
+            self._writer.push(tick, force, duration)
+
+    def flush(self) -> None:
+        """Whatever happens to this process, what was noted so far is on the disk."""
+        if self._writer is not None:
+            self._writer.flush()
+
+    def finish(self) -> None:
+        """Closes the take; one in which nothing happened leaves no file."""
+        with self._lock:
+            if self._writer is None:
+                return
+            self._writer.close()
+            self._writer = None
+            if len(read_recording(self.path, allow_partial=True).rows) == 0:
+                self.path.unlink()
+            else:
+                # The header was written before anybody knew how long the take would be.
+                self._copy(self.path.with_suffix(".part"), self._ticks).replace(self.path)
+
+    def keep(self) -> Path:
+        """Writes a finished copy of the take so far; another thread may go on recording.
+
+        Returns:
+            The copy.
+        """
+        with self._lock:
+            ticks = self._ticks
+            self.flush()
+            return self._copy(self.folder / f"kept-{self._next('kept'):03}{SUFFIX}", ticks)
+
+    def _copy(self, path: Path, ticks: int) -> Path:
+        """The take up to a tick, with the duration that it has by then."""
+        recording = read_recording(self.path, allow_partial=True)
+        setup = self._setup | {"duration": ticks * self._dt}
+        with self._open(path, setup) as writer:
+            for row in recording.rows[recording.rows["tick"] < ticks]:
+                left, right = row["left"].astype(np.float64), row["right"].astype(np.float64)
+                if row["kind"] == RowKind.PUSH:
+                    writer.push(int(row["tick"]), left, float(right[0]))
+                else:
+                    sample = DeviceSample(float(row["time"]), left, right, bool(row["upright"]))
+                    writer.sample(int(row["tick"]), sample)
+        return path
+
+    def _open(self, path: Path, setup: dict[str, Any]) -> RecordingWriter:
+        return RecordingWriter(path, robot=self._robot, dt=self._dt, setup=setup)
+
+    def _next(self, kind: str) -> int:
+        found = (re.fullmatch(rf"{kind}-(\d+)\{SUFFIX}", name) for name in self.files)
+        return 1 + max((int(match[1]) for match in found if match), default=0)

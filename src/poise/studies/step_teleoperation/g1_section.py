@@ -1,0 +1,56 @@
+"""Scenarios 1 to 3 on G1, with parameters scaled by the stated rules."""
+
+from dataclasses import fields
+
+from poise.robots import load_robot
+from poise.robots.catalog import find_entry
+from poise.studies.finding import Finding
+from poise.studies.plan import Progress, StudyOptions
+from poise.studies.progress import Steps
+from poise.studies.section import Section, Table
+from poise.studies.step_teleoperation.runs import fall_note, run_script, script_parameters
+from poise.studies.step_teleoperation.switch_section import AFTER
+from poise.teleop import TeleopParameters
+from poise.teleop_sim.scripts import lift_one_foot, over_an_obstacle, switch_feet
+
+
+def g1_section(options: StudyOptions, progress: Progress) -> Section:
+    """The section."""
+    entry = find_entry("g1")
+    if entry is None or not entry.installed:
+        return Section(prose=("G1 is not installed (extra `robots`): nothing was run.",))
+    robot = load_robot("g1")
+    scripts = [over_an_obstacle(robot), lift_one_foot(robot)]
+    scripts += [switch_feet(robot, after) for after in AFTER[: 1 if options.quick else None]]
+    steps = Steps(progress, len(scripts))
+    findings, rows = [], []
+    for script in scripts:
+        steps.next()
+        run = run_script(robot, script)
+        touched = bool(run.log.touched.any())
+        findings.append(
+            Finding(
+                name=f"G1, {script.name}: largest angle of the torso",
+                paper=None,
+                ours=float(run.log.tilt.max()),
+                unit="rad",
+                ok=not run.fell and not touched,
+                note="asked: no fall" + (", no touch" if script.blocks else ""),
+            )
+        )
+        rows.append((script.name, fall_note(run), "yes" if touched else "no"))
+    steps.finish()
+    paper, ours = TeleopParameters(), script_parameters(robot, scripts[1])
+    changed = [f.name for f in fields(paper) if getattr(paper, f.name) != getattr(ours, f.name)]
+    return Section(
+        prose=("Soles of G1 are 0.17 by 0.06 m, a quarter of the paper's in width.",),
+        findings=tuple(findings),
+        tables=(
+            Table(title="G1", header=("scenario", "robot", "touched a block"), rows=tuple(rows)),
+            Table(
+                title="Parameters that differ, as scaled for scenario 2",
+                header=("parameter", "biped20", "G1"),
+                rows=tuple((n, getattr(paper, n), getattr(ours, n)) for n in changed),
+            ),
+        ),
+    )

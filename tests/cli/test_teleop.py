@@ -1,0 +1,127 @@
+"""`poise teleop`: what it prints, what it leaves, and one clean line for bad input."""
+
+import json
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+import time
+from importlib.util import find_spec
+
+import pytest
+
+from poise.cli import teleop
+from poise.cli.main import main
+from poise.errors import MissingExtraError
+
+needs_page = pytest.mark.skipif(
+    find_spec("viser") is None or find_spec("mujoco") is None,
+    reason="the extra teleop is not installed",
+)
+
+
+def refused(capsys, *arguments):
+    """The one line of bad input."""
+    assert main(["teleop", "--no-open", "--port", "0", "--seconds", "1", *arguments]) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.startswith("poise: ")
+    assert err.count("\n") == 1
+    return err
+
+
+@pytest.fixture
+def in_folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@needs_page
+def test_it_says_where_to_drive_where_to_watch_and_how_to_step(in_folder, capsys):
+    assert main(["teleop", "--no-open", "--port", "0", "--seconds", "0.5"]) == 0
+    out, err = capsys.readouterr()
+    assert err == ""
+    assert re.search(r"drive: http://127\.0\.0\.1:\d+/\?token=\S{16,}", out)
+    assert re.search(r"watch: http://127\.0\.0\.1:\d+/\n", out)
+    assert "To step: hold Q or E" in out
+    assert "nobody drove" in out
+
+
+@needs_page
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--robot", "arm6"), "cannot be walked"),
+        (("--robot", "no_such_robot"), "no_such_robot"),
+        (("--port", "99999"), "0 to 65535"),
+        (("--device", "no_such_file"), "browser, gamepad, or the file"),
+        (("--seconds", "0"), "--seconds"),
+        (("--seconds", "nan"), "--seconds"),
+    ],
+)
+def test_bad_input_is_one_line(in_folder, capsys, arguments, words):
+    assert words in refused(capsys, *arguments)
+
+
+@needs_page
+def test_a_port_in_use_is_one_line(in_folder, capsys):
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        assert f"cannot listen on port {port}" in refused(capsys, "--port", str(port))
+
+
+@needs_page
+@pytest.mark.skipif(find_spec("pygame") is None, reason="pygame is not installed")
+def test_no_gamepad_is_one_line(in_folder, capsys):
+    assert "no gamepad on this machine" in refused(capsys, "--device", "gamepad")
+
+
+@needs_page
+@pytest.mark.parametrize("content", [b"", b"no recording", b"{}" + b" " * 20000])
+def test_a_file_that_is_no_recording_is_one_line(in_folder, capsys, content):
+    (in_folder / "x.teleop").write_bytes(content)
+    assert "x.teleop" in refused(capsys, "--device", "x.teleop")
+
+
+def test_without_the_extra_the_line_says_how_to_install_it(in_folder, capsys, monkeypatch):
+    def missing(options):
+        raise MissingExtraError("viser", "teleop", "Live teleoperation")
+
+    monkeypatch.setattr(teleop, "act", missing)
+    assert 'pip install "poise[teleop]"' in refused(capsys)
+
+
+@needs_page
+def test_a_run_that_is_terminated_leaves_a_finished_recording_that_plays(in_folder, capsys):
+    pytest.importorskip("websockets")
+    from websockets.sync.client import connect
+
+    from poise.teleop import read_recording
+
+    command = [sys.executable, "-m", "poise.cli.main", "teleop", "--no-open", "--port", "0"]
+    environment = os.environ | {"OMP_NUM_THREADS": "1"}
+    with subprocess.Popen(
+        [*command, "--out", "out"], stdout=subprocess.PIPE, text=True, env=environment
+    ) as process:
+        assert process.stdout is not None
+        lines = [process.stdout.readline() for _ in range(5)]
+        url = lines[1].split()[-1]
+        channel = url.replace("http", "ws").replace("/?", "/control?")
+        with connect(channel, proxy=None, max_queue=None) as operator:
+            end = time.monotonic() + 1.5
+            while time.monotonic() < end:
+                operator.send(json.dumps({"beat": 0.0, "lift": [False, True]}))
+                time.sleep(0.03)
+            process.send_signal(signal.SIGTERM)
+            assert process.wait(timeout=60) == 0
+        assert "take-001.teleop" in process.stdout.read()
+    recording = read_recording(in_folder / "out" / "take-001.teleop")
+    assert len(recording.rows) > 20
+    assert main(
+        ["teleop", "--no-open", "--port", "0", "--seconds", "1", "--device",
+         "out/take-001.teleop"]
+    ) == 0  # fmt: skip
