@@ -47,6 +47,7 @@ class LandingDetector:
 
     Attributes:
         load: from which on a foot counts as on the ground [N].
+        armed: whether the foot has left the ground.
     """
 
     def __init__(self, parameters: TeleopParameters, weight: float, *, arm: bool) -> None:
@@ -57,7 +58,7 @@ class LandingDetector:
 
     def reset(self) -> None:
         """The foot is about to leave the ground."""
-        self._unloaded, self._since, self._armed = 0.0, 0.0, not self._arm
+        self._unloaded, self._since, self.armed = 0.0, 0.0, not self._arm
 
     def update(self, load: float, *, lifting: bool) -> bool:
         """Takes one tick.
@@ -68,8 +69,8 @@ class LandingDetector:
                 while it is lifted has not landed.
         """
         self._since += self._dt
-        if not self._armed:
+        if not self.armed:
             self._unloaded = self._unloaded + self._dt if load < self._unload else 0.0
-            self._armed = self._unloaded >= self._time
+            self.armed = self._unloaded >= self._time
             return load > self.load and self._since > _STUCK_TIME
         return load > self.load and not (self._arm and lifting)

@@ -43,6 +43,7 @@ class TeleopParameters:
         capture_max: largest distance of the divergent component from the support foot's centre at
             which the other foot may leave the ground [m].
         ct_zmp_max: likewise of the CT-ZMP [m].
+        shift_time: how long all this must hold [s].
         lift_height: how far a device is lifted to lift its foot [m].
         lower_height: how far it may be above the ground to count as lowered again [m].
         land_load: load at which a foot in the air has landed, over the weight.
@@ -57,6 +58,7 @@ class TeleopParameters:
         lift_speed: largest vertical speed of the COM [m/s].
         lift_acceleration: largest vertical acceleration of the COM [m/s^2].
         lower_speed: largest speed of a foot downwards [m/s].
+        touch_speed: likewise at the height of the ground [m/s].
         tilt_soft: tilt of the torso at which its attitude weighs twice as much [rad].
         velocity_leak: how fast the COM's commanded velocity leaks into the measured one [1/s].
         press_speed: how fast a foot without load goes down in double support [m/s].
@@ -85,6 +87,7 @@ class TeleopParameters:
     momentum_leak: float = 5.0
     capture_max: float = 0.06
     ct_zmp_max: float = 0.12
+    shift_time: float = 0.01
     lift_height: float = 0.02
     lower_height: float = 0.01
     land_load: float = 0.047
@@ -99,6 +102,7 @@ class TeleopParameters:
     lift_speed: float = 0.3
     lift_acceleration: float = 1.5
     lower_speed: float = 0.3
+    touch_speed: float = 0.15
     tilt_soft: float = 0.2
     velocity_leak: float = 5.0
     press_speed: float = 0.1
@@ -136,7 +140,8 @@ def scaled_parameters(robot: Robot, height: float, stance: float) -> TeleopParam
       there is room.
     - `r_lift` keeps its ratio to the distance of the feet (with 0.27 m between them it is 0.077 m),
       and is no more than half the narrower side of a sole, which it is in the paper.
-    - `capture_max`, `ct_zmp_max` and `support_margin` keep their ratio to half a sole.
+    - `capture_max`, `ct_zmp_max` and `support_margin` keep their ratio to half a sole; so do
+      `lower_speed` and `touch_speed`: what a landing foot kicks the COM by has to stay within it.
     - `w_L` goes with 1 / (m h)^2, so that angular momentum weighs as much as before beside the
       swing foot's velocity.
     - lengths and speeds of motions keep their ratio to the COM's height.
@@ -175,6 +180,8 @@ def scaled_parameters(robot: Robot, height: float, stance: float) -> TeleopParam
         clear_height=paper.clear_height * size,
         step_max=paper.step_max * size,
         support_margin=paper.support_margin * near,
+        lower_speed=paper.lower_speed * near,
+        touch_speed=paper.touch_speed * near,
         w_L=paper.w_L * (_PAPER_MASS / robot.mass / size) ** 2,
     )
 
@@ -204,14 +211,6 @@ def knee_limits(robot: Robot, joints: list[int], knee_min: float) -> tuple[np.nd
     Args:
         robot: a biped.
         joints: the leg's joints, as indices among the robot's.
-        clear_height: height from which on a foot in the air is not held firmly [m].
-        swing_time: time constant with which the swing foot's velocity is smoothed [s].
-        support_margin: how far from the soles' edge the CT-ZMP is kept [m].
-        lift_speed: largest vertical speed of the COM [m/s].
-        lift_acceleration: largest vertical acceleration of the COM [m/s^2].
-        lower_speed: largest speed of a foot downwards [m/s].
-        tilt_soft: tilt of the torso at which its attitude weighs twice as much [rad].
-        velocity_leak: how fast the COM's commanded velocity leaks into the measured one [1/s].
         knee_min: least angle of a joint whose name says that it is a knee [rad].
 
     Returns:

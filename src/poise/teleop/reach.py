@@ -4,15 +4,15 @@ import numpy as np
 from jaxtyping import Float64
 
 from poise.dynamics.dynamics import Dynamics
-from poise.dynamics.state import RobotState
 from poise.robots.robot import Robot
-from poise.teleop.parameters import TeleopParameters, knee_limits, leg_joints
+from poise.teleop.leg_geometry import leg_geometry
+from poise.teleop.parameters import TeleopParameters
 
 _ROLL_SHARE = 0.8
 """Share of the ankle's roll that may be used for standing with the feet apart."""
 
-_HIP = 2
-"""The third joint of a leg has the hip's other two at or near its origin."""
+_LEAN_SHARE = 0.9
+"""Share of the ankle's pitch that the shank may lean forward by."""
 
 
 class FootRange:
@@ -32,25 +32,15 @@ class FootRange:
     """
 
     def __init__(self, robot: Robot, soles: tuple[str, str], parameters: TeleopParameters) -> None:
-        self._hips: list[int] = []
-        self._reach: list[float] = []
-        self._ankles: list[Float64[np.ndarray, "3"]] = []
-        sides: list[float] = []
-        for name in soles:
-            joints = leg_joints(robot, name)
-            # Pinocchio counts the world and the floating base before the joints.
-            hip, ankle = joints[_HIP] + 2, joints[-1] + 2
-            straight = _with_straight_leg(robot, joints, parameters.knee_min)
-            length = np.linalg.norm(straight.joint_position(ankle) - straight.joint_position(hip))
-            sole = straight.frame(robot.frame_id(name))
-            arm = straight.joint_position(ankle) - sole.position
-            self._hips.append(hip)
-            self._reach.append((1.0 - parameters.reach_margin) * float(length))
-            self._ankles.append(sole.rotation.T @ arm)
-            # A level sole beside the hip takes as much roll of the ankle as the leg leans.
-            roll = _ROLL_SHARE * float(min(-robot.q_min[joints[-1]], robot.q_max[joints[-1]]))
-            lean = self._reach[-1] * float(np.sin(min(max(roll, 0.0), 0.5 * np.pi)))
-            sides.append(lean + abs(float(straight.joint_position(hip)[1])))
+        self._pelvis = robot.frame_id(robot.pelvis)
+        self._legs = [leg_geometry(robot, name, parameters.knee_min) for name in soles]
+        self._reach = [(1.0 - parameters.reach_margin) * leg.length for leg in self._legs]
+        # A level sole beside the hip takes as much roll of the ankle as the leg leans.
+        sides = [
+            reach * float(np.sin(min(_ROLL_SHARE * leg.roll_max, 0.5 * np.pi)))
+            + abs(float(leg.hip[1]))
+            for leg, reach in zip(self._legs, self._reach, strict=True)
+        ]
         widths = [robot.soles[name].width for name in soles]
         self._apart = 0.5 * sum(widths) + parameters.feet_gap
         self._step_max = parameters.step_max
@@ -84,7 +74,7 @@ class FootRange:
         ahead = min(max(ahead, -self._step_max), self._step_max)
         target[:2] = support[:2] + aside * across + ahead * heading
         # Across the ground only: how far down a foot gets is for the ground and the knee to say.
-        hip, arm = dynamics.joint_position(self._hips[foot]), self._ankles[foot]
+        hip, arm = self._hip(foot, dynamics), self._legs[foot].ankle
         drop = float(hip[2] - arm[2] - max(target[2], support[2])) - lower
         room = np.sqrt(max(self._reach[foot] ** 2 - drop * drop, 0.0))
         way = target[:2] + arm[:2] - hip[:2]
@@ -108,16 +98,38 @@ class FootRange:
             dynamics: of the estimated state.
             shift: how far the hip will have gone along the ground [m].
         """
-        way = place + self._ankles[foot] - dynamics.joint_position(self._hips[foot])
+        way = place + self._legs[foot].ankle - self._hip(foot, dynamics)
         way[:2] -= shift
         across = float(way[:2] @ way[:2])
         return float(-way[2]) - float(np.sqrt(max(self._reach[foot] ** 2 - across, 0.0)))
 
+    def too_low(
+        self,
+        foot: int,
+        place: Float64[np.ndarray, "3"],
+        heading: Float64[np.ndarray, "2"],
+        dynamics: Dynamics,
+    ) -> float:
+        """How far the hip is too low for the ankle to keep the sole level; negative for room [m].
 
-def _with_straight_leg(robot: Robot, joints: list[int], knee_min: float) -> Dynamics:
-    q = robot.q_home.copy()
-    lower, upper = knee_limits(robot, joints, knee_min)
-    q[7 + np.array(joints)] = np.clip(0.0, lower, upper)
-    dynamics = Dynamics(robot)
-    dynamics.update(RobotState(q, np.zeros(robot.nv)))
-    return dynamics
+        A leg that bends leans its shank forward, the more so the further the hip is ahead.
+
+        Args:
+            foot: 0 left, 1 right.
+            place: of the sole [m].
+            heading: unit vector forward, x and y.
+            dynamics: of the estimated state.
+        """
+        leg = self._legs[foot]
+        way = self._hip(foot, dynamics) - place - leg.ankle
+        lean = _LEAN_SHARE * leg.lean_max
+        ahead = float(way[:2] @ heading)
+        aside = float(way[:2] @ np.array([-heading[1], heading[0]]))
+        # The shank as far forward as it goes, and the thigh from its knee to the hip.
+        thigh = leg.thigh**2 - (ahead - leg.shank * float(np.sin(lean))) ** 2 - aside * aside
+        lowest = leg.shank * float(np.cos(lean)) + float(np.sqrt(max(thigh, 0.0)))
+        return lowest - float(way[2])
+
+    def _hip(self, foot: int, dynamics: Dynamics) -> Float64[np.ndarray, "3"]:
+        pelvis = dynamics.frame(self._pelvis)
+        return pelvis.position + pelvis.rotation @ self._legs[foot].hip

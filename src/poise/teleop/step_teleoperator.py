@@ -39,6 +39,9 @@ _STANCE_SHARE = 1.2
 _LIMIT_TIME = 0.05
 """Time in which a joint may at most reach its position limit [s]."""
 
+_CALM = 0.8
+"""Share of the deepest place in the sole from which on the swing foot has all its speed."""
+
 _UPRIGHT_WEIGHT = 100.0
 """Weight of the torso's angular velocity while the operator asks for an upright torso."""
 
@@ -142,7 +145,7 @@ class StepTeleoperator:
         self._scales = (np.ones(6), np.ones(8))
         self._velocity, self._acceleration = np.zeros(2), np.zeros(2)
         self._momentum, self._swing_velocity, self._lift = np.zeros(2), np.zeros(3), 0.0
-        self._rescuing = False
+        self._rescuing, self._pressing, self._shifted = False, False, 0.0
         self._status: TeleopStatus | None = None
 
     @property
@@ -200,20 +203,29 @@ class StepTeleoperator:
         event = self._event(device, time)
         if event is not None and self._modes.advance(event, time):
             self._enter(before, device)
-        elif before is Mode.D and self.rules.loaded_stance:
+        if not self._modes.mode.single and self.rules.loaded_stance:
             loads, stance = self._zmp.loads, self.estimator.stance
             if loads[1 - stance] > _STANCE_SHARE * loads[stance]:
                 self.estimator.stand_on(1 - stance)
 
     def _press_down(self) -> None:
-        """Sends the other foot down in double support until it carries something."""
+        """Sends the other foot down in double support until it carries something.
+
+        It is taken to stand where it is as soon as it carries: pressed further it would tip the
+        robot over the edge of the sole at rest.
+        """
         p, estimator = self.parameters, self.estimator
         other = 1 - estimator.stance
         if self._modes.mode.single or not self.rules.press_down:
             return
-        lowest = float(estimator.sole(other)[2]) - p.press_depth
-        if self._zmp.loads[other] < self._landing.load and estimator.anchors[other][2] > lowest:
-            estimator.anchors[other][2] -= p.dt * p.press_speed
+        anchor, height = estimator.anchors[other], float(estimator.sole(other)[2])
+        if self._zmp.loads[other] < self._landing.load:
+            anchor[2] = max(
+                min(anchor[2], height) - p.dt * p.press_speed, height - p.press_speed / p.k_v
+            )
+            self._pressing = True
+        elif self._pressing:
+            anchor[2], self._pressing = height, False
 
     def _event(self, device: DeviceSample | None, time: float) -> Event | None:
         mode, p = self._modes.mode, self.parameters
@@ -225,12 +237,21 @@ class StepTeleoperator:
         if mode.single:
             load = float(self._zmp.loads[swing])
             lifting = self._is_sent_up(device, swing)
-            return Event.LANDED if self._landing.update(load, lifting=lifting) else None
-        if self.rules.cancel:
-            lowered = device is None or self._lifts[swing].is_low(self._lift_height(device, swing))
-            if lowered or time - self._modes.since > p.shift_timeout:
-                return Event.CANCEL
-        return Event.SHIFTED if self._has_shifted(support) else None
+            landed = self._landing.update(load, lifting=lifting)
+            if self.rules.cancel and not self._landing.armed:
+                landed = landed or self._is_given_back(device, swing) or self._rescuing
+            return Event.LANDED if landed else None
+        if self.rules.cancel and (
+            self._is_given_back(device, swing) or time - self._modes.since > p.shift_timeout
+        ):
+            return Event.CANCEL
+        self._shifted = self._shifted + p.dt if self._has_shifted(support) else 0.0
+        wanted = p.shift_time if self.rules.safe_lift else 0.0
+        return Event.SHIFTED if self._shifted > wanted else None
+
+    def _is_given_back(self, device: DeviceSample | None, swing: int) -> bool:
+        """Whether nobody wants a foot in the air that is still on the ground."""
+        return device is None or self._lifts[swing].is_low(self._lift_height(device, swing))
 
     def _is_sent_up(self, device: DeviceSample | None, swing: int) -> bool:
         if device is None or self._rescuing:
@@ -285,13 +306,14 @@ class StepTeleoperator:
         else:
             support = mode.support
             assert support is not None
-            estimator.stand_on(support)
+            if mode.single or not self.rules.loaded_stance:
+                estimator.stand_on(support)
             self._landing.reset()
         if before.single or mode.single or not self.rules.steady_com:
             measured = estimator.dynamics.com_velocity[:2].copy()
             self._velocity = self.driver.restart(self._velocity, measured)
         self._momentum, self._swing_velocity = np.zeros(2), np.zeros(3)
-        self._rescuing = False
+        self._rescuing, self._shifted = False, 0.0
 
     # References ----------------------------------------------------------------------------------
 
@@ -317,16 +339,16 @@ class StepTeleoperator:
             # Nobody commands, or nobody may: straight down, until the ground is felt.
             return np.array([here[0], here[1], lowest])
         target = (device.left if swing == 0 else device.right).copy()
-        target[2] = max(target[2], lowest)
+        # One that has not left the ground yet would push the robot over.
+        on_ground = self.rules.cancel and not self._landing.armed
+        target[2] = max(target[2], float(here[2]) if on_ground else lowest)
         if self.rules.lift_first:
             # A foot that still touches would be dragged over the ground.
             ground = min(float(a[2]) for a in self.estimator.anchors)
             clear = min(1.0, max(0.0, (float(here[2]) - ground) / p.clear_height))
             target[:2] = here[:2] + clear * (target[:2] - here[:2])
         if self.rules.reachable:
-            forward = self.estimator.dynamics.frame(self._torso).rotation[:2, 0]
-            heading = forward / np.linalg.norm(forward)
-            dynamics = self.estimator.dynamics
+            dynamics, heading = self.estimator.dynamics, self._heading()
             lower = (
                 max(0.0, float(dynamics.com[2]) - self._lowest_com())
                 if self.rules.stooping
@@ -378,9 +400,13 @@ class StepTeleoperator:
         """Whether the divergent component has left the sole that carries."""
         if not self.rules.rescue:
             return False
-        dynamics = self.estimator.dynamics
-        capture = dynamics.com[:2] + dynamics.com_velocity[:2] / self.driver.omega
+        capture = self._capture()
         return self._support().depth((float(capture[0]), float(capture[1]))) < 0.0
+
+    def _capture(self) -> Float64[np.ndarray, "2"]:
+        """The divergent component p + pdot / omega [m]."""
+        dynamics = self.estimator.dynamics
+        return dynamics.com[:2] + dynamics.com_velocity[:2] / self.driver.omega
 
     def _turn(self, reference: Float64[np.ndarray, "2"], ct_zmp: Float64[np.ndarray, "2"]) -> None:
         """Eqs (39a) and (39b): the desired angular momentum."""
@@ -448,12 +474,34 @@ class StepTeleoperator:
         p = self.parameters
         wanted = saturate(p.v_lim, p.k_v * missing)
         if self.rules.gentle and not self._rescuing:
-            wanted[2] = max(wanted[2], -p.lower_speed)
+            wanted[2] = max(wanted[2], -self._lowering_speed())
         if not (self.rules.smooth_swing and self._modes.mode.single):
             return wanted
+        wanted[:2] *= self._calm()
         share = p.dt / (p.swing_time + p.dt)
         self._swing_velocity = self._swing_velocity + share * (wanted - self._swing_velocity)
         return self._swing_velocity
+
+    def _calm(self) -> float:
+        """Share of its speed that the swing foot may have: less the nearer the robot is to tipping.
+
+        Swinging a leg takes angular momentum, which is then missing for the balance.
+        """
+        capture = self._capture()
+        support = self._support()
+        centre = self.estimator.anchors[self.estimator.stance]
+        most = support.depth((float(centre[0]), float(centre[1])))
+        depth = support.depth((float(capture[0]), float(capture[1])))
+        return min(1.0, max(0.0, depth / (_CALM * most)))
+
+    def _lowering_speed(self) -> float:
+        """How fast the foot in the air may come down: slowly where the ground may be [m/s]."""
+        p, estimator = self.parameters, self.estimator
+        other = 1 - estimator.stance
+        ground = max(float(anchor[2]) for anchor in estimator.anchors)
+        height = float(estimator.sole(other)[2]) - ground
+        share = min(1.0, max(0.0, height / p.clear_height))
+        return p.touch_speed + share * (p.lower_speed - p.touch_speed)
 
     def _com_lift(self, wanted: float) -> float:
         """Velocity of the COM's height, saturated (17a), and steady [m/s]."""
@@ -479,7 +527,19 @@ class StepTeleoperator:
             for foot, place in ((stance, estimator.anchors[stance]), (1 - stance, target))
             for shift in (np.zeros(2), reference - com[:2])
         )
-        return max(min(nominal, float(com[2]) - too_high), self._lowest_com())
+        # A leg that carries bends no further than its ankle lets the sole stay level.
+        heading = self._heading()
+        too_low = max(
+            self._range.too_low(foot, estimator.anchors[foot], heading, dynamics)
+            for foot in ((stance,) if self._modes.mode.single else (0, 1))
+        )
+        lowest = max(float(com[2]) + too_low, self._lowest_com())
+        return min(nominal, max(float(com[2]) - too_high, lowest))
+
+    def _heading(self) -> Float64[np.ndarray, "2"]:
+        """Where the torso faces, along the ground."""
+        forward = self.estimator.dynamics.frame(self._torso).rotation[:2, 0]
+        return forward / np.linalg.norm(forward)
 
     def _lowest_com(self) -> float:
         return (1.0 - self.parameters.stoop_max) * self._height + self._ground()

@@ -11,7 +11,7 @@ TELEOP_PLANT = PlantConfig(
     actuation="velocity",
     control_dt=5e-3,
     physics_dt=1e-3,
-    servo=ServoConfig(stiffness=70.0, damping=3.5),
+    servo=ServoConfig(stiffness=70.0, damping=2.5),
 )
 """Velocity servos with position feedback; physics 1 ms, control 5 ms, as Zhang and Kikuuwe have it.
 
