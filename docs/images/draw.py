@@ -1,6 +1,6 @@
-"""Draws the pictures of the README: a moment of four scenarios, and the report of the main job.
+"""Draws the pictures of the README: moments of scenarios, and the report of the main job.
 
-    for name in squat reach push balance_one_leg; do poise run $name; done
+    for name in over_an_obstacle squat reach push balance_one_leg; do poise run $name; done
     python docs/images/draw.py
 
 The moments need OpenGL, the report a chromium on the path.
@@ -16,12 +16,17 @@ import numpy as np
 from PIL import Image
 
 import poise
+from poise.teleop_sim.scripts import over_an_obstacle
 
 HERE = Path(__file__).parent
 ROBOT = "humanoid33"
 RUNS = Path("runs")
 MOMENTS = {"balance_one_leg": 5.5, "squat": 2.7, "reach": 2.8, "push": 1.25}
 """When each scenario shows best what it is about [s]."""
+
+MAIN = "over_an_obstacle-biped20"
+STEPS = (0.5, 2.6, 4.2, 6.5, 9.3, 11.0, 13.9)
+"""Moments of the main job [s]."""
 
 
 def draw_moments() -> None:
@@ -42,9 +47,22 @@ def draw_moments() -> None:
     _save(Image.fromarray(np.concatenate(frames, axis=1)), "scenarios.jpg")
 
 
+def draw_obstacle() -> None:
+    """The main job, moment by moment."""
+    robot = poise.load_robot("biped20")
+    log = poise.sim.read_log(RUNS / MAIN / "log.mcap")
+    plant = poise.sim.Plant(robot, poise.sim.PlantConfig(blocks=over_an_obstacle(robot).blocks))
+    config = poise.sim.CameraConfig(
+        width=230, height=420, azimuth=140.0, elevation=-12.0, distance=1.45, antialiasing=4
+    )
+    with poise.sim.Camera(robot, plant.model, config) as camera:
+        frames = [camera.picture(_at(log, "q", t)) for t in STEPS]
+    _save(Image.fromarray(np.concatenate(frames, axis=1)), "obstacle.jpg")
+
+
 def draw_report() -> None:
     """The main job's page, as a browser shows it."""
-    folder = RUNS / f"balance_one_leg-{ROBOT}"
+    folder = RUNS / MAIN
     browser = shutil.which("chromium") or shutil.which("chromium-browser")
     if browser is None:
         sys.exit("no chromium on the path")
@@ -69,5 +87,6 @@ def _save(image: Image.Image, name: str) -> None:
 
 
 if __name__ == "__main__":
+    draw_obstacle()
     draw_moments()
     draw_report()

@@ -95,11 +95,15 @@ def signals():
     return RunSignals(
         time=time, q=np.zeros((n, 9)), torque=torque, torque_max=np.array([60.0, 50.0]),
         com=com, com_reference=reference, zmp=np.zeros((n, 2)),
+        zmp_reference=np.linspace([0.0, 0.0], [0.3, 0.4], n),
         zmp_margin=np.array([NAN, 0.03, 0.02, -0.01, *[0.05] * 7]), support=(),
-        sole_forces={"s": np.linspace(0.0, 100.0, n)}, sole_heights={"s": np.linspace(0.1, 0.0, n)},
+        sole_forces={"s": np.linspace(0.0, 100.0, n)}, 
+        sole_positions={"s": np.linspace([0.0, 0.0, 0.1], np.zeros(3), n)},
         sole_planned={"s": np.ones(n)}, wrenches={"s": np.zeros((n, 6))}, targets={},
         task_errors={"hand": np.array([NAN, 0.3, *[0.1] * 8, 0.05])},
         residuals=residuals, status=("ok",) * n, tick_us={"solve": np.ones(n)},
+        clearance=np.array([NAN, 0.2, 0.03, *[0.1] * (n - 3)]), beyond=np.linspace(-0.5, 0.02, n),
+        modes=(),
     )  # fmt: skip
 
 
@@ -118,6 +122,9 @@ CASES = [
     ("residual_max", "1", None, 1e-9),
     ("residual_max", "2", None, 2e-3),
     ("zmp_margin_min", "", None, -0.01),
+    ("zmp_error_max", "", None, 0.5),
+    ("clearance_min", "", None, 0.03),
+    ("beyond_blocks_end", "", None, 0.02),
 ]
 
 

@@ -10,8 +10,8 @@ from typing import Any
 from poise.cli.options import add_output_options, make_folder, whole_number
 from poise.cli.progress import Bar
 
-DEFAULT_SCENARIO = "balance_one_leg"
-"""What runs with no argument: it shows balance, contact changes and every level at work."""
+DEFAULT_SCENARIO = "over_an_obstacle"
+"""What runs with no argument: a robot is walked over two blocks by hand."""
 
 
 def add_parser(verbs: Any) -> None:

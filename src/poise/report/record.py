@@ -38,6 +38,7 @@ class RunRecord:
         com: centre of mass in the world [m].
         com_reference: where it should be [m].
         zmp: zero moment point on the ground [m], NaN in flight.
+        zmp_reference: where it should be, None where nothing asks [m].
         support: support polygons, in order of time.
         soles: the soles and what they carried.
         residuals: what each level could not meet, relative to the level's scale [-].
@@ -73,6 +74,7 @@ class RunRecord:
     com: Float64[np.ndarray, "T 3"] = field(repr=False)
     com_reference: Float64[np.ndarray, "T 3"] = field(repr=False)
     zmp: Float64[np.ndarray, "T 2"] = field(repr=False)
+    zmp_reference: Float64[np.ndarray, "T 2"] | None = field(default=None, repr=False)
     support: tuple[SupportPhase, ...] = field(default=(), repr=False)
     soles: tuple[SoleTrack, ...] = field(default=(), repr=False)
     residuals: Float64[np.ndarray, "T nl"] = field(repr=False)
@@ -118,6 +120,8 @@ class RunRecord:
             "residuals": (self.residuals.shape, (T, levels)),
             "status": ((len(self.status),), (T,)),
         }
+        if self.zmp_reference is not None:
+            shapes["zmp_reference"] = (self.zmp_reference.shape, (T, 2))
         if self.joint_groups:
             shapes["joint_groups"] = ((len(self.joint_groups),), (nj,))
         if self.level_names:

@@ -72,7 +72,13 @@ def validate_checks(checks: Sequence[CheckPlan], stack: Stack, robot: Robot) -> 
 
 
 def evaluate_checks(
-    checks: Sequence[CheckPlan], run: RunSignals, stack: Stack, fell: bool, ended_early: str
+    checks: Sequence[CheckPlan],
+    run: RunSignals,
+    stack: Stack,
+    fell: bool,
+    ended_early: str,
+    *,
+    physics: bool = True,
 ) -> tuple[CheckResult, ...]:
     """Measures everything that must hold of a run.
 
@@ -82,6 +88,7 @@ def evaluate_checks(
         stack: the controller's stack.
         fell: whether the robot fell.
         ended_early: why the run stopped before its end, "" where it did not.
+        physics: whether the controller has levels of physics; one by hand has none.
 
     Returns:
         The checks of every run first, then the scenario's.
@@ -92,7 +99,8 @@ def evaluate_checks(
         _result("run ended early", float(bool(ended_early)), "<=", 0.0, ""),
         _result("missed ticks", float(missed), "<=", 0.0, ""),
     ]
-    for level, name in ((1, "dynamics and torque limits"), (2, "contacts and joint limits")):
+    names = ("dynamics and torque limits", "contacts and joint limits")
+    for level, name in enumerate(names if physics else (), 1):
         plan = CheckPlan(
             metric="residual_max", relation="<=", bound=PHYSICS_RESIDUAL, subject=str(level)
         )

@@ -1,27 +1,35 @@
 """From the recorder's signals to `RunSignals`."""
 
+from collections.abc import Mapping, Sequence
+
 import numpy as np
 import pinocchio as pin
 from jaxtyping import Float64
 
-from poise.control.formulation import PHYSICS_LEVELS
 from poise.control.stack import Stack
 from poise.robots.robot import Robot
 from poise.scenarios.signals import RunSignals
 from poise.scenarios.support import support_phases, zmp_margins
-from poise.sim import Recorder
+from poise.sim import Block, Recorder
+
+_TICK = "tick_us/"
+"""Signals of this name are times of a tick's phases."""
 
 TOUCHING = 1.0
 """A sole that carries more than this counts as standing [N]."""
 
 
-def collect_signals(recorder: Recorder, robot: Robot, stack: Stack) -> RunSignals:
+def collect_signals(
+    recorder: Recorder, robot: Robot, stack: Stack, levels: int, blocks: Sequence[Block] = ()
+) -> RunSignals:
     """Arrays with one row a tick, from what was recorded.
 
     Args:
         recorder: of a run with at least one tick.
         robot: the robot.
         stack: the controller's stack.
+        levels: how many levels its commands have residuals of.
+        blocks: on the floor.
 
     Returns:
         The run's signals; ticks with nothing to measure hold NaN.
@@ -39,7 +47,8 @@ def collect_signals(recorder: Recorder, robot: Robot, stack: Stack) -> RunSignal
     }
     support = support_phases(robot, time, standing, poses)
     zmp = recorder["zmp"]
-    levels = PHYSICS_LEVELS + len(stack.levels)
+    soles = {name: position for name, (position, _) in poses.items()}
+    timed = [name for name in recorder.names if name.startswith(_TICK)]
     return RunSignals(
         time=time,
         q=q,
@@ -48,10 +57,11 @@ def collect_signals(recorder: Recorder, robot: Robot, stack: Stack) -> RunSignal
         com=recorder["com"],
         com_reference=_aligned(recorder, "com_reference", time, (3,)),
         zmp=zmp,
+        zmp_reference=_aligned(recorder, "zmp_reference", time, (2,)),
         zmp_margin=zmp_margins(time, zmp, support),
         support=support,
         sole_forces={name: wrench[:, 2].copy() for name, wrench in wrenches.items()},
-        sole_heights={name: poses[name][0][:, 2].copy() for name in robot.soles},
+        sole_positions=soles,
         sole_planned=planned,
         wrenches=wrenches,
         targets={
@@ -64,10 +74,10 @@ def collect_signals(recorder: Recorder, robot: Robot, stack: Stack) -> RunSignal
         },
         residuals=_aligned(recorder, "residuals", time, (levels,)),
         status=_statuses(recorder, time),
-        tick_us={
-            phase: _aligned(recorder, f"tick_us/{phase}", time, ())
-            for phase in ("dynamics", "assembly", "solve", "command")
-        },
+        tick_us={n.removeprefix(_TICK): _aligned(recorder, n, time, ()) for n in timed},
+        clearance=_aligned(recorder, "clearance", time, ()),
+        beyond=_beyond(robot, soles, blocks, len(time)),
+        modes=recorder.notes("mode"),
     )
 
 
@@ -92,6 +102,20 @@ def _sole_poses(
         placement = data.oMf[frame]
         positions[i], rotations[i] = placement.translation, placement.rotation
     return positions, rotations
+
+
+def _beyond(
+    robot: Robot,
+    soles: Mapping[str, Float64[np.ndarray, "T 3"]],
+    blocks: Sequence[Block],
+    ticks: int,
+) -> Float64[np.ndarray, " T"]:
+    """How far the hindmost heel is ahead of the last block; soles and blocks lie along x."""
+    if not blocks or not soles:
+        return np.full(ticks, np.nan)
+    end = max(block.center[0] + 0.5 * block.size[0] for block in blocks)
+    heels = [soles[name][:, 0] - 0.5 * sole.length for name, sole in robot.soles.items()]
+    return np.min(heels, axis=0) - end
 
 
 def _statuses(recorder: Recorder, time: Float64[np.ndarray, " T"]) -> tuple[str, ...]:

@@ -90,7 +90,7 @@ def _sole_force_max(
 def _sole_height_min(
     run: RunSignals, sole: str, _: int | None, rows: Bool[np.ndarray, " T"]
 ) -> float:
-    heights = run.sole_heights[sole][rows]
+    heights = run.sole_positions[sole][rows, 2]
     return float(heights.min()) if len(heights) else float("nan")
 
 
@@ -104,6 +104,21 @@ def _zmp_margin_min(run: RunSignals, _: str, __: int | None, rows: Bool[np.ndarr
     margin = run.zmp_margin[rows]
     finite = margin[np.isfinite(margin)]
     return float(finite.min()) if finite.size else float("nan")
+
+
+def _clearance_min(run: RunSignals, _: str, __: int | None, rows: Bool[np.ndarray, " T"]) -> float:
+    return -_largest(-run.clearance[rows])
+
+
+def _beyond_blocks_end(
+    run: RunSignals, _: str, __: int | None, rows: Bool[np.ndarray, " T"]
+) -> float:
+    beyond = run.beyond[rows]
+    return float(beyond[-1]) if len(beyond) else float("nan")
+
+
+def _zmp_error_max(run: RunSignals, _: str, __: int | None, rows: Bool[np.ndarray, " T"]) -> float:
+    return _largest(np.linalg.norm(run.zmp_reference[rows] - run.zmp[rows], axis=1))
 
 
 METRICS = {
@@ -188,6 +203,30 @@ METRICS = {
             takes_axis=False,
             describe="least distance of the ZMP from the edge of the support polygon",
             measure=_zmp_margin_min,
+        ),
+        Metric(
+            name="zmp_error_max",
+            unit="m",
+            subject="",
+            takes_axis=False,
+            describe="largest distance of the ZMP from its reference",
+            measure=_zmp_error_max,
+        ),
+        Metric(
+            name="clearance_min",
+            unit="m",
+            subject="",
+            takes_axis=False,
+            describe="least distance of the robot from a block, 0.2 m at most",
+            measure=_clearance_min,
+        ),
+        Metric(
+            name="beyond_blocks_end",
+            unit="m",
+            subject="",
+            takes_axis=False,
+            describe="how far the hindmost heel ends ahead of the last block",
+            measure=_beyond_blocks_end,
         ),
     )
 }

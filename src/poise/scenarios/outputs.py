@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 
 from poise.control.formulation import PHYSICS_LEVELS
-from poise.control.make import ControllerPlan, check_plan
 from poise.errors import MissingExtraError
 from poise.report import Check, Event, RunRecord, SoleTrack, TaskTrack, write_report
 from poise.scenarios.checks import missed_ticks
+from poise.scenarios.controllers import is_by_hand, strategy_of
 from poise.scenarios.replay import make_replay
 from poise.scenarios.run import Progress, Run
 from poise.sim import NoOpenGLError, render_video
@@ -102,7 +102,7 @@ def make_record(run: Run, summary: dict[str, object], no_video: str | None) -> R
     stack = run.controller.stack
     return RunRecord(
         robot=robot.name,
-        controller=_controller_name(scenario.controller),
+        controller=f"{scenario.controller.name} ({strategy_of(scenario.controller)})",
         scenario=scenario.name,
         description=scenario.description,
         seed=scenario.seed,
@@ -127,6 +127,7 @@ def make_record(run: Run, summary: dict[str, object], no_video: str | None) -> R
         com=signals.com,
         com_reference=signals.com_reference,
         zmp=signals.zmp,
+        zmp_reference=signals.zmp_reference,
         support=signals.support,
         soles=tuple(
             SoleTrack(
@@ -137,7 +138,9 @@ def make_record(run: Run, summary: dict[str, object], no_video: str | None) -> R
             for name in robot.soles
         ),
         residuals=signals.residuals,
-        level_names=(
+        level_names=()
+        if is_by_hand(scenario.controller)
+        else (
             "dynamics, torques",
             "contacts, joints",
             *(", ".join(task.name for task in level) for level in stack.levels),
@@ -177,6 +180,8 @@ def _events(run: Run) -> list[Event]:
         Event(time=motion.at, label=f"{motion.task} moves", duration=motion.over)
         for motion in scenario.motions
     ]
+    # The first mode is where the run begins, no event.
+    events += [Event(time=time, label=mode) for time, mode in run.signals.modes[1:]]
     return sorted((e for e in events if e.time <= run.signals.time[-1]), key=lambda e: e.time)
 
 
@@ -192,8 +197,3 @@ def _percentile(values: np.ndarray, percent: float) -> float | None:
 
 def _plain(value: float) -> float | None:
     return value if np.isfinite(value) else None
-
-
-def _controller_name(plan: ControllerPlan) -> str:
-    strategy = plan.strategy or check_plan(plan).strategies[0]
-    return f"{plan.name} ({strategy})"

@@ -11,6 +11,7 @@ from jaxtyping import Float64
 from poise.control.make import ControllerPlan
 from poise.errors import ScenarioError, UnknownNameError
 from poise.fields import Fields, read_text, read_yaml
+from poise.scenarios.hands_section import read_hands
 from poise.scenarios.metrics import METRICS
 from poise.scenarios.plant_section import read_plant
 from poise.scenarios.scenario import (
@@ -37,6 +38,7 @@ _KEYS = (
     "seed",
     "plant",
     "stack",
+    "hands",
     "motions",
     "contacts",
     "pushes",
@@ -106,6 +108,7 @@ def parse_scenario(text: str, where: str) -> Scenario:
         plant=read_plant(plant, f"{where}: plant"),
         actuation_given="actuation" in plant,
         stack=StackPlan(fields.raw("stack"), f"{where}: stack") if "stack" in fields else None,
+        hands=read_hands(fields.raw("hands"), f"{where}: hands") if "hands" in fields else None,
         motions=_entries(fields, "motions", _motion),
         contact_changes=_entries(fields, "contacts", _contact_change),
         pushes=_entries(fields, "pushes", _push),

@@ -11,19 +11,19 @@ from types import FrameType
 
 import numpy as np
 
-from poise.control import make_controller
 from poise.control.command import Command
 from poise.control.controller import Controller
-from poise.control.make import CONTROLLERS, check_plan
-from poise.errors import ScenarioError
+from poise.control.formulation import PHYSICS_LEVELS
 from poise.robots import load_robot
 from poise.robots.robot import Robot
+from poise.scenarios.by_hand import ByHand
 from poise.scenarios.checks import CheckResult, evaluate_checks, validate_checks
 from poise.scenarios.collect import collect_signals
+from poise.scenarios.controllers import controller_of, is_by_hand, with_actuation
 from poise.scenarios.director import Director
 from poise.scenarios.scenario import Scenario
 from poise.scenarios.signals import RunSignals
-from poise.sim import Plant, Push, Recorder, Viewer, open_viewer
+from poise.sim import BlockWatch, Plant, Push, Recorder, Viewer, open_viewer
 from poise.sim.recorder import Value
 from poise.tasks import ComTask, FrameTask
 
@@ -89,14 +89,17 @@ def run_scenario(
     Raises:
         PoiseError: the scenario does not fit its robot.
     """
-    scenario = _with_actuation(scenario)
+    scenario = with_actuation(scenario)
     robot = load_robot(scenario.robot)
-    stack = scenario.stack.build() if scenario.stack is not None else None
-    plan = replace(scenario.controller, dt=scenario.plant.control_dt)
-    controller = make_controller(robot, stack, plan)
+    controller = controller_of(scenario, robot)
     director = Director(scenario, controller.stack, robot)
     validate_checks(scenario.checks, controller.stack, robot)
+    if isinstance(controller, ByHand):
+        blocks = scenario.plant.blocks + controller.blocks
+        scenario = replace(scenario, plant=replace(scenario.plant, blocks=blocks))
     plant = Plant(robot, scenario.plant, seed=scenario.seed)
+    if isinstance(controller, ByHand):
+        plant.reset(controller.q_start)
     pushes = tuple(
         plant.push(push.body, push.force_on(robot.mass), push.duration, push.at)
         for push in scenario.pushes
@@ -118,9 +121,13 @@ def run_scenario(
             if interruption.reason or (viewer is not None and not viewer.open):
                 break
     wall = clock.perf_counter() - begin
-    signals = collect_signals(recorder, robot, controller.stack)
+    stack, by_hand = controller.stack, is_by_hand(scenario.controller)
+    levels = 0 if by_hand else PHYSICS_LEVELS + len(stack.levels)
+    signals = collect_signals(recorder, robot, stack, levels, scenario.plant.blocks)
     ended_early = interruption.reason or _reason(plant, viewer, scenario)
-    checks = evaluate_checks(scenario.checks, signals, controller.stack, plant.fallen, ended_early)
+    checks = evaluate_checks(
+        scenario.checks, signals, stack, plant.fallen, ended_early, physics=not by_hand
+    )
     return Run(
         scenario=scenario,
         robot=robot,
@@ -135,22 +142,6 @@ def run_scenario(
     )
 
 
-def _with_actuation(scenario: Scenario) -> Scenario:
-    """The scenario on a plant that takes what its controller commands."""
-    actuation = check_plan(scenario.controller).actuation
-    if not scenario.actuation_given:
-        return replace(scenario, plant=replace(scenario.plant, actuation=actuation))
-    if scenario.plant.actuation != actuation:
-        raise ScenarioError(
-            f"controller {scenario.controller.name!r} wants another actuation of the plant",
-            got=scenario.plant.actuation,
-            wanted=f"actuation {actuation}, or a controller that commands "
-            f"{scenario.plant.actuation}",
-            choices=[n for n, k in CONTROLLERS.items() if k.actuation == scenario.plant.actuation],
-        )
-    return scenario
-
-
 def _loop(
     scenario: Scenario,
     controller: Controller,
@@ -160,6 +151,7 @@ def _loop(
     progress: Progress | None,
 ) -> Generator[None]:
     """One pass a tick: state, references, command, plant, record; at least one."""
+    watch = BlockWatch(plant) if plant.config.blocks else None
     shown = 0.0
     # Half a period of slack: times are multiples of the period, up to rounding.
     end = scenario.duration - 0.5 * scenario.plant.control_dt
@@ -168,14 +160,16 @@ def _loop(
         director.advance(state)
         command = controller.step(state)
         plant.step(command)
-        _record(recorder, controller, command)
+        _record(recorder, controller, command, watch)
         if progress is not None and plant.time >= shown:
             progress(plant.time, scenario.duration)
             shown = plant.time + 0.05
         yield
 
 
-def _record(recorder: Recorder, controller: Controller, command: Command) -> None:
+def _record(
+    recorder: Recorder, controller: Controller, command: Command, watch: BlockWatch | None
+) -> None:
     stack, suspended = controller.stack, controller.suspended
     extra: dict[str, Value] = {
         f"error/{task.name}": np.nan if task in suspended else float(np.linalg.norm(task.error))
@@ -189,11 +183,17 @@ def _record(recorder: Recorder, controller: Controller, command: Command) -> Non
             extra[f"target/{task.name}"] = shown
     for contact in stack.contacts:
         extra[f"planned/{contact.frame}"] = float(contact.active)
+    if isinstance(controller, ByHand):
+        extra |= controller.signals()
+    if watch is not None:
+        extra["clearance"] = watch.clearance()
     if command.status.ok:
         extra |= {f"tick_us/{phase}": 1e6 * s for phase, s in controller.timings.items()}
     else:
         extra |= {f"tick_us/{phase}": np.nan for phase in controller.timings}
     recorder.record(command, **extra)
+    if isinstance(controller, ByHand):
+        recorder.note("mode", controller.mode)
 
 
 @dataclass

@@ -8,6 +8,7 @@ from jaxtyping import Float64
 
 from poise.control.make import ControllerPlan
 from poise.errors import ScenarioError
+from poise.scenarios.by_hand import HandsPlan
 from poise.scenarios.stack_plan import StackPlan
 from poise.sim.config import PlantConfig
 
@@ -131,6 +132,7 @@ class Scenario:
         actuation_given: whether the plant's actuation was asked for by name; where it was not, the
             controller's own is taken.
         stack: contacts, limits and tasks; None for the default stack of the robot.
+        hands: what the operator of a robot that is walked by hand does; None for other robots.
         motions: how targets move, by time.
         contact_changes: contacts loaded and unloaded, by time.
         pushes: pushes, by time.
@@ -146,6 +148,7 @@ class Scenario:
     plant: PlantConfig = field(default_factory=PlantConfig)
     actuation_given: bool = True
     stack: StackPlan | None = None
+    hands: HandsPlan | None = None
     motions: tuple[Motion, ...] = ()
     contact_changes: tuple[ContactChange, ...] = ()
     pushes: tuple[PushPlan, ...] = ()

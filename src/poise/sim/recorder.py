@@ -78,6 +78,7 @@ class Recorder:
         self._config = config if config is not None else RecorderConfig()
         self._signals: dict[str, Signal] = {}
         self._statuses: list[tuple[float, str]] = []
+        self._notes: dict[str, list[tuple[float, str]]] = {}
         self._next_log, self._next_scene = -math.inf, -math.inf
         self._log: McapLog | None = None
         if path is not None:
@@ -139,6 +140,26 @@ class Recorder:
             self._statuses.append((time, news))
         if self._log is not None:
             self._write(self._log, time, news, values)
+
+    def note(self, topic: str, text: str) -> None:
+        """Notes a text of the plant's present time, where it differs from the last of its topic.
+
+        Args:
+            topic: such as `mode`; the log has it under that name.
+            text: the text.
+        """
+        notes = self._notes.setdefault(topic, [])
+        if notes and notes[-1][1] == text:
+            return
+        time = self._plant.time
+        notes.append((time, text))
+        if self._log is not None:
+            stamp = round(time * 1e9)
+            self._log.put((f"/{topic}", "poise.Signal", stamp, {"time": time, "value": text}))
+
+    def notes(self, topic: str) -> tuple[tuple[float, str], ...]:
+        """What was noted under a topic, with its times [s]."""
+        return tuple(self._notes.get(topic, ()))
 
     def times(self, name: str) -> Float64[np.ndarray, " n"]:
         """Times of a signal's samples [s].

@@ -17,8 +17,6 @@ LIFT_EVENT = 0.565
 
 _PAPER_ROBOT = "biped20"
 _PAPER_STANCE, _PAPER_HEIGHT = 0.42, 0.765
-_LOW = 0.94
-"""Height of the COM in scenarios 1 and 3 over its height at home: legs reach farther."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,7 +70,7 @@ def over_an_obstacle(robot: Robot) -> Script:
         points=points,
         duration=14.0,
         feet_apart=_home_stance(robot),
-        com_height=_LOW * _home_height(robot),
+        com_height=_home_height(robot),
         blocks=blocks,
     )
 
@@ -118,7 +116,7 @@ def switch_feet(robot: Robot, after: float) -> Script:
         points=points,
         duration=ground + after + 3.0,
         feet_apart=_stance(robot),
-        com_height=_LOW * _home_height(robot),
+        com_height=_home_height(robot),
     )
 
 

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float64, Int
 
 from poise.report.plots.sheet import WIDTH, PlotFigure, TimeSheet, legend_beside, time_span
-from poise.report.plots.style import LIMIT, SUPPORT, TIME_COLOURS, ZMP
+from poise.report.plots.style import COM, LIMIT, REFERENCE, SUPPORT, TIME_COLOURS, ZMP
 from poise.report.plots.support import support_over_time
 from poise.report.plots.svg import inline_svg
 from poise.report.record import RunRecord
@@ -67,6 +67,10 @@ def _over_time(record: RunRecord) -> PlotFigure:
         bounds = (record.time[kept], low[kept, i], high[kept, i])
         ax.fill_between(*bounds, color=SUPPORT, alpha=0.16, linewidth=0, label="support")
         sheet.plot(ax, record.zmp[:, i], color=ZMP, label="ZMP")
+        if record.zmp_reference is not None and np.isfinite(record.zmp_reference).any():
+            dashed = {"color": REFERENCE, "linestyle": (0, (4, 2)), "linewidth": 1.0}
+            sheet.plot(ax, record.zmp_reference[:, i], label="reference", **dashed)
+            sheet.plot(ax, record.com[:, i], color=COM, label="COM")
         ax.set_ylabel(f"{name} [m]")
     sheet.plot(sheet.axes[2], margin, color=ZMP, label="margin")
     sheet.axes[2].axhline(0.0, color=LIMIT, linewidth=1.0, label="edge")

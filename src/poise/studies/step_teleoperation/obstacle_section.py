@@ -8,7 +8,7 @@ from poise.studies.finding import Finding
 from poise.studies.plan import Progress, StudyOptions
 from poise.studies.section import Section
 from poise.studies.step_teleoperation.plots import one_legend, paint_zmp
-from poise.studies.step_teleoperation.runs import edge_distance, run_script
+from poise.studies.step_teleoperation.runs import beyond, edge_distance, run_script
 from poise.studies.step_teleoperation.snapshots import snapshots
 from poise.teleop_sim.scripts import over_an_obstacle
 
@@ -20,9 +20,7 @@ def obstacle_section(options: StudyOptions, progress: Progress) -> Section:
     run = run_script(robot, script)
     progress(1.0, 2.0)
     log = run.log
-    back = max(block.center[0] + 0.5 * block.size[0] for block in script.blocks)
-    half = 0.5 * min(sole.length for sole in robot.soles.values())
-    beyond = [float(log.soles[-1, foot, 0]) - half - back for foot in (0, 1)]
+    ahead = beyond(robot, log, script)
 
     def paint(canvas: Any) -> None:
         panels = canvas.subplots(2, 1, sharex=True)
@@ -52,15 +50,13 @@ def obstacle_section(options: StudyOptions, progress: Progress) -> Section:
         prose=(
             "Right foot, then left foot over two blocks, 5 and 8 cm high, right across the way. "
             "The paper does not give the blocks; a foot of 0.30 m has to land beyond both, which "
-            "makes "
-            "a step of 0.43 m. The feet begin 0.27 m apart and the COM at 94% of its home "
-            "height, because legs reach farther then, and it comes down further where they have "
-            "to (rule `stooping`).",
+            "makes a step of 0.43 m. The feet begin 0.27 m apart, where legs reach farthest; the "
+            "COM comes down where they have to (rule `stooping`).",
             *notes,
         ),
         findings=(
             Finding(name="scenario 1: both feet beyond both blocks", paper=None,
-                    ours=1e3 * min(beyond), unit="mm", ok=stood and min(beyond) > 0.0,
+                    ours=1e3 * ahead, unit="mm", ok=stood and ahead > 0.0,
                     note="distance of the nearer heel behind the second block at the end"),
             Finding(name="scenario 1: nearest that the robot came to a block", paper=None,
                     ours=None if run.clearance is None else 1e3 * run.clearance, unit="mm",

@@ -60,6 +60,16 @@ def edge_distance(robot: Robot, log: TeleopLog) -> Float64[np.ndarray, " T"]:
     return out
 
 
+def beyond(robot: Robot, log: TeleopLog, script: Script) -> float:
+    """How far the hindmost heel ends ahead of a script's last block; negative for short of it [m].
+
+    Soles and blocks lie along x.
+    """
+    end = max(block.center[0] + 0.5 * block.size[0] for block in script.blocks)
+    halves = [0.5 * sole.length for sole in list(robot.soles.values())[:2]]
+    return min(float(log.soles[-1, i, 0]) - half for i, half in enumerate(halves)) - end
+
+
 def fall_note(run: TeleopRun) -> str:
     """What became of the robot, for a table."""
     return f"fell at {run.log.time[-1]:.2f} s" if run.fell else "stood"

@@ -77,7 +77,7 @@ def switch_section(options: StudyOptions, progress: Progress) -> Section:
     return Section(
         prose=(
             "The right foot is put down, then the left one is lifted, with three times between. "
-            "Feet 0.42 m apart, COM at 94% of its home height so that the legs reach.",
+            "Feet 0.42 m apart, COM 0.765 m high.",
             *notes,
         ),
         findings=findings,
