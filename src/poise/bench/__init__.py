@@ -7,6 +7,8 @@ from poise.bench.peers import PEERS
 from poise.bench.result import PHASES, TickResult
 from poise.bench.stances import STACKS, STANCES, bench_stack
 from poise.bench.table import format_table
+from poise.bench.teleop import TeleopBench, TeleopResult, bench_teleop
+from poise.bench.teleop_table import format_teleop_table
 from poise.bench.tick import TickBench, bench_tick
 
 __all__ = [
@@ -16,12 +18,16 @@ __all__ = [
     "STANCES",
     "BiasBench",
     "BiasResult",
+    "TeleopBench",
+    "TeleopResult",
     "TickBench",
     "TickResult",
     "bench_bias",
     "bench_stack",
+    "bench_teleop",
     "bench_tick",
     "format_bias_table",
     "format_table",
+    "format_teleop_table",
     "write_figure",
 ]

@@ -16,6 +16,12 @@ _NAMES = ("tick", "bias")
 _TICK_ONLY = ("contacts", "controller", "stack", "methods", "peers")
 """Options that mean nothing to the other benchmark."""
 
+_TELEOP = "teleop"
+"""A controller that is no resolver of tasks: it walks, and is timed on a walk."""
+
+_TASKS_ONLY = ("contacts", "stack", "methods", "peers")
+"""Options that mean nothing to it."""
+
 
 def add_parser(verbs: Any) -> None:
     """Adds the verb to the command line."""
@@ -23,20 +29,27 @@ def add_parser(verbs: Any) -> None:
         "bench",
         help="timings, interleaved in one run",
         description="tick: times a controller's tick from state to command, by phase, on a "
-        "recorded moving run. bias: times the formulas of the bias acceleration on a recorded run "
-        "of a robot on a fixed base. All are timed tick by tick in turn on the same states.",
+        "recorded moving run. tick --controller teleop: times the step teleoperator on a recorded "
+        "walk over an obstacle, and the whole simulation of that walk against real time. bias: "
+        "times the formulas of the bias acceleration on a recorded run of a robot on a fixed base. "
+        "Whatever is compared is timed tick by tick in turn on the same states.",
         epilog="example: poise bench tick --robot talos --peers tsid=peers/tsid/bin/python; "
-        "poise bench bias --json",
+        "poise bench tick --controller teleop; poise bench bias --json",
     )
     parser.add_argument("name", metavar="NAME", help="what to time: " + ", ".join(_NAMES))
     parser.add_argument(
         "--robot",
         metavar="R",
-        help="tick: a biped (default: humanoid33); bias: a robot on a fixed base with hands "
-        "(default: upper17)",
+        help="tick: a biped (default: humanoid33; with --controller teleop: biped20); bias: a "
+        "robot on a fixed base with hands (default: upper17)",
     )
     parser.add_argument("--contacts", metavar="C", help="tick: double (default) or single")
-    parser.add_argument("--controller", metavar="C", help="tick: default: whole_body")
+    parser.add_argument(
+        "--controller",
+        metavar="C",
+        help="tick: whole_body (default), osf, differential_ik, or teleop, which takes only "
+        "--robot, --ticks, --out and --json beside it",
+    )
     parser.add_argument("--stack", metavar="S", help="tick: table1, default or both (default)")
     parser.add_argument(
         "--methods",
@@ -52,7 +65,8 @@ def add_parser(verbs: Any) -> None:
         "--ticks",
         metavar="N",
         type=int,
-        help="timed ticks (default: 500 for tick, 1100 for bias)",
+        help="timed ticks (default: 500 for tick, one walk with --controller teleop, 1100 for "
+        "bias)",
     )
     add_output_options(parser, "none is written")
     parser.set_defaults(act=act)
@@ -64,6 +78,8 @@ def act(options: argparse.Namespace) -> int:
         raise UnknownNameError("unknown benchmark", got=options.name, choices=_NAMES)
     if options.name == "bias":
         _bias(options)
+    elif options.controller == _TELEOP:
+        _teleop(options)
     else:
         _tick(options)
     return 0
@@ -71,7 +87,12 @@ def act(options: argparse.Namespace) -> int:
 
 def _tick(options: argparse.Namespace) -> None:
     from poise.bench import STACKS, TickBench, bench_tick, format_table
+    from poise.control import CONTROLLERS
 
+    if options.controller is not None and options.controller not in CONTROLLERS:
+        raise UnknownNameError(
+            "no such controller", got=options.controller, choices=(*CONTROLLERS, _TELEOP)
+        )
     stack = options.stack or "both"
     plan = TickBench(
         **_given(options, ("robot", "contacts", "controller", "ticks")),
@@ -91,20 +112,42 @@ def _tick(options: argparse.Namespace) -> None:
 
 
 def _bias(options: argparse.Namespace) -> None:
-    for name in _TICK_ONLY:
-        if getattr(options, name) is not None:
-            raise ConfigurationError(
-                f"--{name} belongs to the benchmark tick",
-                got=f"--{name} {getattr(options, name)}",
-                wanted="only --robot, --ticks, --out and --json with bias",
-            )
+    _refuse(options, _TICK_ONLY, "belongs to the benchmark tick", "bias")
     from poise.bench import BiasBench, bench_bias, format_bias_table
 
     plan = BiasBench(**_given(options, ("robot", "ticks")))
+    _run(options, plan, bench_bias, format_bias_table)
+
+
+def _teleop(options: argparse.Namespace) -> None:
+    _refuse(options, _TASKS_ONLY, "belongs to controllers of tasks", "--controller teleop")
+    from poise.bench import TeleopBench, bench_teleop, format_teleop_table
+
+    plan = TeleopBench(**_given(options, ("robot", "ticks")))
+    _run(options, plan, bench_teleop, format_teleop_table)
+
+
+def _refuse(options: argparse.Namespace, names: Sequence[str], why: str, benchmark: str) -> None:
+    """Refuses options that mean nothing to a benchmark.
+
+    Raises:
+        ConfigurationError: one of them was given.
+    """
+    for name in names:
+        if getattr(options, name) is not None:
+            raise ConfigurationError(
+                f"--{name} {why}",
+                got=f"--{name} {getattr(options, name)}",
+                wanted=f"only --robot, --ticks, --out and --json with {benchmark}",
+            )
+
+
+def _run(options: argparse.Namespace, plan: Any, bench: Any, table: Any) -> None:
+    """Times, prints, and writes `bench.json` where a folder is wanted."""
     folder = make_folder(options.out, ".") if options.out else None
     with Bar("timing", " ticks") as bar:
-        results = bench_bias(plan, bar)
-    lines = _report(options, results, format_bias_table)
+        results = bench(plan, bar)
+    lines = _report(options, results, table)
     if folder is not None:
         (folder / "bench.json").write_text(lines, encoding="utf-8")
 
