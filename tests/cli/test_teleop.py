@@ -8,6 +8,7 @@ import socket
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from importlib.util import find_spec
 
 import pytest
@@ -56,6 +57,7 @@ def test_it_says_where_to_drive_where_to_watch_and_how_to_step(in_folder, capsys
         (("--robot", "arm6"), "cannot be walked"),
         (("--robot", "no_such_robot"), "no_such_robot"),
         (("--port", "99999"), "0 to 65535"),
+        (("--terrain", "swamp"), "flat, obstacle, steps, bumps"),
         (("--device", "no_such_file"), "browser, gamepad, or the file"),
         (("--seconds", "0"), "--seconds"),
         (("--seconds", "nan"), "--seconds"),
@@ -63,6 +65,39 @@ def test_it_says_where_to_drive_where_to_watch_and_how_to_step(in_folder, capsys
 )
 def test_bad_input_is_one_line(in_folder, capsys, arguments, words):
     assert words in refused(capsys, *arguments)
+
+
+@needs_page
+@pytest.mark.parametrize("asked", [None, "flat"])
+def test_a_recording_is_played_on_its_own_terrain_unless_another_is_asked_for(
+    in_folder, monkeypatch, asked
+):
+    from poise import live
+    from poise.robots import load_robot
+    from poise.teleop import ScriptedDevice, WayPoint
+    from poise.teleop_sim import TELEOP_PLANT, run_teleop
+    from poise.teleop_sim.terrain import terrain_blocks
+
+    blocks = terrain_blocks("bumps", load_robot("biped20"), seed=3)
+    run_teleop(
+        load_robot("biped20"),
+        lambda c: ScriptedDevice(
+            [WayPoint(at=0.0, left=(0.0, 0.0, 0.0))], c.resting_sample.left, c.resting_sample.right
+        ),
+        replace(TELEOP_PLANT, blocks=blocks),
+        duration=0.1,
+        recording=in_folder / "x.teleop",
+    )
+    seen, session = [], live.LiveSession
+
+    def made(*arguments, **options):
+        seen.append(options["plant"].blocks)
+        return session(*arguments, **options)
+
+    monkeypatch.setattr(live, "LiveSession", made)
+    line = ["teleop", "--no-open", "--port", "0", "--seconds", "0.3", "--device", "x.teleop"]
+    assert main(line + ([] if asked is None else ["--terrain", asked])) == 0
+    assert seen == [blocks if asked is None else ()]
 
 
 @needs_page

@@ -34,9 +34,8 @@ def front(session):
     return session.front
 
 
-def get(front, path, host=None):
+def get(front, path, **headers):
     """Status and text of a page."""
-    headers = {} if host is None else {"Host": host}
     request = Request(f"http://127.0.0.1:{front.port}{path}", headers=headers)
     try:
         with urlopen(request, timeout=60) as response:
@@ -72,7 +71,12 @@ def test_recordings_are_for_who_has_the_token(front, session):
 
 
 def test_a_foreign_host_name_is_refused(front):
-    assert get(front, "/", host="evil.example:8080")[0] == 403
+    assert get(front, "/", Host="evil.example:8080")[0] == 403
+
+
+@pytest.mark.parametrize("path", ["/", "/view"])
+def test_a_page_of_another_origin_cannot_read_this_one(front, path):
+    assert get(front, path, Origin="http://evil.example")[0] == 403
 
 
 @pytest.mark.parametrize("channel", ["control", "scene"])
@@ -260,6 +264,32 @@ def test_a_port_in_use_is_said(run_session, front, tmp_path):
         run_session(tmp_path, port=front.port),
     ):
         pass
+
+
+def test_what_lies_on_the_floor_is_drawn_where_it_is(live, get_robot, monkeypatch):
+    from dataclasses import replace
+
+    from poise.live.scene import Scene
+    from poise.sim import Plant
+    from poise.teleop_sim import TELEOP_PLANT
+    from poise.teleop_sim.terrain import terrain_blocks
+
+    robot, drawn = get_robot("biped20"), []
+    blocks = terrain_blocks("steps", robot)
+    draw = Scene._draw_shape
+
+    def note(self, name, shape):
+        drawn.append((name, shape))
+        draw(self, name, shape)
+
+    monkeypatch.setattr(Scene, "_draw_shape", note)
+    scene = Scene(Plant(robot, replace(TELEOP_PLANT, blocks=blocks)))
+    scene.stop()
+    still = [shape for name, shape in drawn if name.startswith("/robot/0/")]
+    assert [shape.shape for shape in still] == ["box"] * len(blocks)
+    for shape, block in zip(still, blocks, strict=True):
+        assert shape.position == pytest.approx([*block.center, 0.5 * block.size[2]])
+        assert shape.size == pytest.approx([0.5 * side for side in block.size])
 
 
 def test_another_viser_is_refused_with_its_name(live, session, monkeypatch):

@@ -1,6 +1,7 @@
 """The robot against the clock: orders, recordings, and what is left when it ends."""
 
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from poise.live.takes import Takes
 from poise.sim import PlantConfig, ServoConfig
 from poise.teleop import DeviceStatus, Mode, RecordingError, read_recording
 from poise.teleop_sim import TELEOP_PLANT, noisy, replay_teleop
+from poise.teleop_sim.terrain import terrain_blocks
 
 
 @pytest.fixture
@@ -24,8 +26,8 @@ def start(get_robot, tmp_path):
     """Starts loops on biped20, and stops them."""
     loops = []
 
-    def make(operator=None, **options):
-        robot = get_robot("biped20")
+    def make(operator=None, name="biped20", **options):
+        robot = get_robot(name)
         takes = Takes(tmp_path / "takes", robot=robot.name, dt=TELEOP_PLANT.control_dt)
         loop = LiveLoop(robot, operator or OperatorInputs(), takes, **options)
         loops.append(loop)
@@ -51,8 +53,9 @@ def drive(loop, operator, pad, until, what):
 def test_a_step_and_its_recording_gives_the_same_commands_again(start, tmp_path):
     operator = OperatorInputs()
     loop = start(operator, plant=noisy(), seed=5)
+    wait_for(lambda: loop.snapshot.time > 0.5, "some time")
     loop.reset()
-    wait_for(lambda: loop.snapshot.take == "take-001.teleop", "the reset")
+    wait_for(lambda: loop.snapshot.time < 0.5, "the reset")
     heard = listen_to(loop)
     first = loop.plant.time
     lift = Pad(lift=(False, True))
@@ -64,6 +67,32 @@ def test_a_step_and_its_recording_gives_the_same_commands_again(start, tmp_path)
     assert first < 1.0
     assert same_commands(replay_teleop(tmp_path / "takes" / name), heard)
     assert (np.asarray(read_recording(tmp_path / "takes" / name).rows["kind"]) == 1).sum() == 1
+
+
+@pytest.mark.parametrize("name", ["biped20", "g1"])
+def test_each_foot_makes_a_step_forward(start, name):
+    operator = OperatorInputs()
+    loop = start(operator, name=name)
+    for foot, standing in ((1, Mode.SL), (0, Mode.SR)):
+        lift = (foot == 0, foot == 1)
+        first = loop.snapshot.soles[foot][0]
+        drive(loop, operator, Pad(lift=lift), lambda s, m=standing: s.mode is m, "the lift")
+        forward = Pad(lift=lift, move=(1.0, 0.0))
+        goal = first + 0.08
+        drive(loop, operator, forward, lambda s, f=foot, x=goal: s.soles[f][0] > x, "the way")
+        drive(loop, operator, Pad(), lambda s: s.mode is Mode.D, "double support")
+        assert loop.snapshot.soles[foot][2] == pytest.approx(0.0, abs=5e-3)
+    assert not loop.snapshot.fallen
+
+
+def test_a_live_run_on_stairs_is_recorded_with_them(start, get_robot, tmp_path):
+    operator = OperatorInputs()
+    plant = replace(TELEOP_PLANT, blocks=terrain_blocks("steps", get_robot("biped20")))
+    loop = start(operator, plant=plant)
+    drive(loop, operator, Pad(), lambda s: s.time > 0.2, "some time")
+    loop.stop()
+    run = replay_teleop(tmp_path / "takes" / "take-001.teleop")
+    assert run.plant.config == plant
 
 
 def test_a_browser_that_closes_in_mid_step_brings_the_foot_down(start):

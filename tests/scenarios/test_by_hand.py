@@ -86,7 +86,10 @@ CASES = {
         changed("step_teleoperation", "step"),
         "no such controller.*whole_body.*step_teleoperation",
     ),
-    "motions": (OWN + "motions: [{task: com, at: 0, over: 1, by: [0, 0, 0]}]\n", "takes no motions"),
+    "motions": (
+        OWN + "motions: [{task: com, at: 0, over: 1, by: [0, 0, 0]}]\n",
+        "takes no motions",
+    ),
     "an unknown script": (OWN.replace(POINTS, "  script: dance\n"), "dance.*over_an_obstacle"),
     "script and points": (changed("hands:\n", "hands:\n  script: switch_feet\n"), "one of the two"),
     "neither": (OWN.replace(POINTS, "  points: []\n"), "one of the two"),

@@ -97,7 +97,7 @@ def signals():
         com=com, com_reference=reference, zmp=np.zeros((n, 2)),
         zmp_reference=np.linspace([0.0, 0.0], [0.3, 0.4], n),
         zmp_margin=np.array([NAN, 0.03, 0.02, -0.01, *[0.05] * 7]), support=(),
-        sole_forces={"s": np.linspace(0.0, 100.0, n)}, 
+        sole_forces={"s": np.linspace(0.0, 100.0, n)},
         sole_positions={"s": np.linspace([0.0, 0.0, 0.1], np.zeros(3), n)},
         sole_planned={"s": np.ones(n)}, wrenches={"s": np.zeros((n, 6))}, targets={},
         task_errors={"hand": np.array([NAN, 0.3, *[0.1] * 8, 0.05])},

@@ -51,9 +51,13 @@ def test_a_sole_smaller_than_the_lift_radius_is_refused(get_robot):
         StepTeleoperator(replace(robot, soles=small), TeleopParameters(r_lift=0.12))
 
 
-def test_gains_that_break_38_are_refused(get_robot):
+@pytest.mark.parametrize("share", [0.5, 1.0])
+def test_gains_that_break_38_are_refused(get_robot, share):
+    robot = get_robot("biped20")
+    square = StepTeleoperator(robot).driver.omega ** 2
     with pytest.raises(ConfigurationError, match=r"k_p.*omega\^2"):
-        StepTeleoperator(get_robot("biped20"), TeleopParameters(kp=10.0))
+        StepTeleoperator(robot, replace(scaled_parameters(robot, 0.765, 0.27), kp=share * square))
+    assert StepTeleoperator(robot, TeleopParameters(kp=1.01 * square, r_lift=0.07))
 
 
 @pytest.mark.parametrize(

@@ -19,20 +19,19 @@ class SupportPolygon:
     """
 
     def __init__(self, corners: Sequence[Point], margin: float) -> None:
-        self._vertices = _hull(corners)
-        self._margin = margin
+        self._edges = _inward_edges(_hull(corners), margin)
 
     def depth(self, point: Point) -> float:
         """How far a point is inside the shrunk polygon; negative outside [m]."""
         x, y = point
-        inside = [nx * x + ny * y - c for nx, ny, c in self._edges()]
+        inside = [nx * x + ny * y - c for nx, ny, c in self._edges]
         return min(inside) if inside else float("-inf")
 
     def nearest(self, point: Point) -> Point:
         """The point itself if it is inside, else the nearest of the edge."""
-        if not self._vertices or self.depth(point) >= 0.0:
+        edges = self._edges
+        if not edges or self.depth(point) >= 0.0:
             return point
-        edges = self._edges()
         corners = [_meet(a, b) for a, b in zip(edges[-1:] + edges[:-1], edges, strict=True)]
         best, least = point, float("inf")
         for (ax, ay), (bx, by) in zip(corners, corners[1:] + corners[:1], strict=True):
@@ -46,16 +45,17 @@ class SupportPolygon:
                 best, least = near, distance
         return best
 
-    def _edges(self) -> list[tuple[float, float, float]]:
-        """Inward unit normal and offset of each edge, moved inwards."""
-        edges: list[tuple[float, float, float]] = []
-        vertices = self._vertices
-        for (ax, ay), (bx, by) in zip(vertices, vertices[1:] + vertices[:1], strict=True):
-            nx, ny = ay - by, bx - ax
-            length = float(np.hypot(nx, ny))
-            nx, ny = nx / length, ny / length
-            edges.append((nx, ny, nx * ax + ny * ay + self._margin))
-        return edges
+    def towards(self, start: Point, point: Point) -> Point:
+        """The last point inside on the way from a start that is inside; else the nearest."""
+        (x, y), (ex, ey) = start, (point[0] - start[0], point[1] - start[1])
+        share = 1.0
+        for nx, ny, c in self._edges:
+            inside, rate = nx * x + ny * y - c, nx * ex + ny * ey
+            if inside < 0.0:
+                return self.nearest(point)
+            if rate < 0.0:
+                share = min(share, -inside / rate)
+        return (x + share * ex, y + share * ey)
 
 
 def sole_rectangle(
@@ -89,6 +89,17 @@ def _hull(points: Sequence[Point]) -> list[Point]:
             chain.append(p)
         chains.append(chain[:-1])
     return chains[0] + chains[1]
+
+
+def _inward_edges(vertices: list[Point], margin: float) -> list[tuple[float, float, float]]:
+    """Inward unit normal and offset of each edge, moved inwards."""
+    edges: list[tuple[float, float, float]] = []
+    for (ax, ay), (bx, by) in zip(vertices, vertices[1:] + vertices[:1], strict=True):
+        nx, ny = ay - by, bx - ax
+        length = float(np.hypot(nx, ny))
+        nx, ny = nx / length, ny / length
+        edges.append((nx, ny, nx * ax + ny * ay + margin))
+    return edges
 
 
 def _turn(a: Point, b: Point, c: Point) -> float:

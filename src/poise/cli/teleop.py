@@ -5,6 +5,7 @@ import math
 import signal
 import sys
 import webbrowser
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +25,7 @@ def add_parser(verbs: Any) -> None:
         "foot), or drag the vertical arrow of a foot's handle up; the robot shifts its weight and "
         "lifts the foot; move it with the arrow keys; let go, and the foot comes down. Whoever has "
         "the address without its token can watch. Ctrl-C ends; every run is recorded.",
-        epilog="example: poise teleop --robot biped20",
+        epilog="example: poise teleop --robot biped20 --terrain steps",
     )
     parser.add_argument(
         "--robot", metavar="R", default="biped20", help="a biped (default: %(default)s)"
@@ -35,6 +36,12 @@ def add_parser(verbs: Any) -> None:
         default="browser",
         help="where the hands come from: browser (its mouse, keys, or a gamepad at its computer), "
         "gamepad (one at this machine), or the file of a recording (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--terrain",
+        metavar="T",
+        help="what lies on the floor: flat, obstacle, steps, or bumps, whose places the seed draws "
+        "(default: flat; with a recording, what it was made on)",
     )
     parser.add_argument(
         "--port",
@@ -65,6 +72,7 @@ def act(options: argparse.Namespace) -> int:
 
     recording = _recording(options.device)
     robot = load_robot(options.robot)
+    plant = _plant(options, robot, recording)
     folder = make_folder(options.out, f"runs/teleop-{Path(robot.name).stem}")
     session = LiveSession(
         robot,
@@ -72,6 +80,7 @@ def act(options: argparse.Namespace) -> int:
         port=options.port,
         gamepad=options.device == "gamepad",
         recording=recording,
+        plant=plant,
         seed=options.seed,
     )
     # Whoever ends the process ends it as Ctrl-C does: the recording is finished first.
@@ -86,6 +95,8 @@ def act(options: argparse.Namespace) -> int:
         signal.signal(signal.SIGTERM, before)
     found = session.takes.files
     print(f"recordings in {folder}: {', '.join(found) if found else 'none, nobody drove'}")
+    if session.loop.log.problem:
+        print(f"poise: the log for Foxglove: {session.loop.log.problem}", file=sys.stderr)
     return 0
 
 
@@ -98,6 +109,28 @@ def _greet(session: Any, robot: str, options: argparse.Namespace) -> None:
     print("Ctrl-C ends.", flush=True)
     if not options.no_open and not webbrowser.open(session.front.drive_url):
         print("no browser could be opened here: open the first address yourself", file=sys.stderr)
+
+
+def _plant(options: argparse.Namespace, robot: Any, recording: Any) -> Any:
+    """The plant of the recording if one is played; the terrain that was asked for lies on it."""
+    from poise.teleop import RecordingError
+    from poise.teleop_sim import TELEOP_PLANT
+    from poise.teleop_sim.plant import plant_from_json
+    from poise.teleop_sim.terrain import terrain_blocks
+
+    plant = TELEOP_PLANT
+    if recording is not None and "plant" in recording.setup:
+        try:
+            plant = plant_from_json(recording.setup["plant"])
+        except (KeyError, TypeError) as error:
+            raise RecordingError(
+                f"the recording {recording.path.name} is of a plant that cannot be",
+                got=f"{type(error).__name__}: {error}",
+                wanted="one that poise has written",
+            ) from None
+    if options.terrain is None:
+        return plant
+    return replace(plant, blocks=terrain_blocks(options.terrain, robot, seed=options.seed))
 
 
 def _recording(device: str) -> Any:

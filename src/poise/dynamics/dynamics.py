@@ -60,7 +60,7 @@ class Dynamics:
         model, data, q, v = self.robot.model, self._data, state.q, state.v
         self.state = state
         self._frames.clear()
-        self._momentum_is_known = False
+        self._momentum_is_known = self._momentum_map_is_known = False
         # Quicker than Pinocchio's computeAllTerms, which has energies and momentum in it.
         pin.crba(model, data, q)
         pin.nonLinearEffects(model, data, q, v)
@@ -82,7 +82,10 @@ class Dynamics:
     @property
     def momentum_matrix(self) -> Float64[np.ndarray, "6 nv"]:
         """Centroidal momentum matrix A_G, maps `v` to `momentum`."""
-        return self._with_momentum().Ag
+        if not self._momentum_map_is_known:
+            pin.computeCentroidalMap(self.robot.model, self._data, self.state.q)
+            self._momentum_map_is_known = True
+        return self._data.Ag
 
     @property
     def momentum_bias(self) -> Float64[np.ndarray, "6"]:
@@ -131,7 +134,6 @@ class Dynamics:
     def _with_momentum(self) -> pin.Data:
         if not self._momentum_is_known:
             model, data, state = self.robot.model, self._data, self.state
-            pin.computeCentroidalMap(model, data, state.q)
             pin.computeCentroidalMomentumTimeVariation(
                 model, data, state.q, state.v, self._no_acceleration
             )

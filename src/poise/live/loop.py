@@ -9,15 +9,12 @@ from collections.abc import Callable
 import numpy as np
 from jaxtyping import Float64
 
-from poise.dynamics.dynamics import Dynamics
-from poise.dynamics.state import RobotState
-from poise.errors import ConfigurationError
 from poise.live.hands import LiveHands
 from poise.live.inputs import OperatorInputs
+from poise.live.log import LOG_SUFFIX, LiveLog
 from poise.live.snapshot import Snapshot, distance_inside, support_polygon
 from poise.live.takes import Takes
 from poise.robots.robot import Robot
-from poise.robots.stance import standing_posture
 from poise.sim import Plant, PlantConfig
 from poise.teleop import RecordedDevice, Recording, StepTeleoperator
 from poise.teleop_sim import TELEOP_PLANT, teleop_setup
@@ -44,9 +41,6 @@ _FLUSH_EVERY = 0.25
 _ENDLESS = 1e9
 """Duration of a take that goes on [s]."""
 
-_LOW = 0.94
-"""Height of the COM at the start over that at home: with bent knees the feet reach farther."""
-
 
 class LiveLoop:
     """Runs the robot against the clock and never waits for anybody who looks.
@@ -68,6 +62,7 @@ class LiveLoop:
 
     Attributes:
         snapshot: the newest picture of the run; None before the first tick.
+        log: of each take, beside its recording.
         error: what ended the thread, if anything went wrong.
     """
 
@@ -85,8 +80,8 @@ class LiveLoop:
         self._inputs, self._recording, self._seed = inputs, recording, seed
         self._config, self._dt = plant, plant.control_dt
         self._weight = robot.mass
-        self._q_start = _start_posture(robot)
         self.plant = Plant(robot, plant, seed=seed)
+        self.log = LiveLog(self.plant)
         self.error: Exception | None = None
         self._orders: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
         self._stop = threading.Event()
@@ -100,7 +95,7 @@ class LiveLoop:
 
     def start(self) -> None:
         """Starts the thread."""
-        self.takes.begin(self._setup())
+        self._begin_take()
         self._thread.start()
 
     def stop(self) -> None:
@@ -108,7 +103,7 @@ class LiveLoop:
         self._stop.set()
         if self._thread.is_alive():
             self._thread.join()
-        self.takes.finish()
+        self._finish_take()
 
     @property
     def running(self) -> bool:
@@ -146,7 +141,7 @@ class LiveLoop:
         def act() -> None:
             self._paused = False
             self._start()
-            self.takes.begin(self._setup())
+            self._begin_take()
 
         self._orders.put(act)
 
@@ -157,7 +152,7 @@ class LiveLoop:
             self._loop()
         except Exception as error:  # Whatever it is, the one who waits for the run has to see it.
             self.error = error
-            self.takes.finish()
+            self._finish_take()
 
     def _loop(self) -> None:
         due = show = flush = clock.perf_counter()
@@ -193,7 +188,9 @@ class LiveLoop:
             for force, seconds in self._device.pushes:
                 self._push(force, seconds)
         self.takes.sample(tick, sample)
-        plant.step(self.controller.step(state, sample))
+        command = self.controller.step(state, sample)
+        plant.step(command)
+        self.log.note(self.controller, command, self._hands.offset, driven=sample is not None)
         if plant.fallen:
             self.takes.flush()
 
@@ -206,8 +203,8 @@ class LiveLoop:
 
     def _start(self) -> None:
         """Robot, controller and device as at the beginning."""
-        self.plant.reset(self._q_start)
-        self.controller = StepTeleoperator(self.robot, q_start=self._q_start)
+        self.plant.reset()
+        self.controller = StepTeleoperator(self.robot)
         self._hands = LiveHands(self._inputs, self.controller)
         self._device = (
             self._hands
@@ -215,14 +212,19 @@ class LiveLoop:
             else self._recording.device(robot=self.robot.name, dt=self._dt)
         )
 
-    def _setup(self) -> dict[str, object]:
-        return teleop_setup(
+    def _begin_take(self) -> None:
+        setup = teleop_setup(
             self.controller,
             self._config,
             seed=self._seed,
             duration=_ENDLESS,
-            q_start=self._q_start,
         )
+        self.takes.begin(setup)
+        self.log.begin(self.takes.path.with_suffix(LOG_SUFFIX))
+
+    def _finish_take(self) -> None:
+        self.takes.finish()
+        self.log.finish()
 
     # What is shown -------------------------------------------------------------------------------
 
@@ -277,20 +279,3 @@ class LiveLoop:
         stance = self.controller.estimator.stance
         site = self.plant.data.site(self.controller.soles[stance])
         return site.xpos - self.controller.estimator.sole(stance)
-
-
-def _start_posture(robot: Robot) -> Float64[np.ndarray, " nq"]:
-    """Standing a little lower than at home.
-
-    Raises:
-        ConfigurationError: the robot has no feet.
-    """
-    if not robot.floating_base or len(robot.soles) < 2:
-        raise ConfigurationError(
-            f"robot {robot.name!r} cannot be walked",
-            got=f"soles {list(robot.soles)}",
-            wanted="a floating base and two soles",
-        )
-    dynamics = Dynamics(robot)
-    dynamics.update(RobotState(robot.q_home, np.zeros(robot.nv)))
-    return standing_posture(robot, com_height=_LOW * float(dynamics.com[2]))

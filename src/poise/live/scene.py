@@ -24,8 +24,9 @@ HANDLE_SCALE = 0.22
 """Length of a handle's arrows [m]."""
 HANDLE_ABOVE = np.array([0.0, 0.0, 0.06])
 """A handle is drawn this far above the sole that it moves [m], in the middle of the foot."""
-CAMERA = (np.array([2.3, 1.6, 1.2]), np.array([0.0, 0.0, 0.72]))
-"""Where a page looks from at first, and at what [m]."""
+CAMERA = (np.array([-2.3, 1.1, 1.3]), np.array([0.0, 0.0, 0.65]))
+"""Where a page looks from at first, and at what [m]: from behind, so that left is left and the
+arrow up goes away from the eye."""
 
 SECRET_HEADER, ROLE_HEADER = "X-Poise-Secret", "X-Poise-Role"
 OPERATOR = "operator"
@@ -67,7 +68,7 @@ class Scene:
         self._draw_world()
         self._bodies = self._draw_robot(plant)
         self._draw_marks()
-        self._polygon = np.zeros((0, 2))
+        self._polygon = np.zeros((0, 3))
 
     @property
     def port(self) -> int:
@@ -94,24 +95,24 @@ class Scene:
             self._zmp.position = (*now.zmp, 0.5 * _POLE)
             self._zmp_reference.position = (*now.zmp_reference, 0.5 * _POLE)
             self._com.position = now.com
-            self._com_ground.position = (*now.com[:2], _LINE_Z)
+            ground = _ground(now) + _LINE_Z
+            self._com_ground.position = (*now.com[:2], ground)
             self._com_reference.position = (*now.zmp_reference, now.com[2])
             self._target.visible = now.target is not None
             if now.target is not None:
                 self._target.position = now.target
-            self._show_polygon(now.polygon)
+            self._show_polygon(np.insert(now.polygon, 2, ground, axis=1))
             with self._lock:
                 clients = list(self._clients.values())
             for client in clients:
                 client.show(now.hands, held)
 
-    def _show_polygon(self, polygon: Float64[np.ndarray, "h 2"]) -> None:
-        if polygon.shape == self._polygon.shape and np.allclose(
-            polygon, self._polygon, rtol=0.0, atol=1e-3
+    def _show_polygon(self, corners: Float64[np.ndarray, "h 3"]) -> None:
+        if corners.shape == self._polygon.shape and np.allclose(
+            corners, self._polygon, rtol=0.0, atol=1e-3
         ):
             return
-        self._polygon = polygon
-        corners = np.column_stack((polygon, np.full(len(polygon), _LINE_Z)))
+        self._polygon = corners
         self._edges.points = np.stack((corners, np.roll(corners, -1, axis=0)), axis=1)
 
     # Who comes -----------------------------------------------------------------------------------
@@ -227,6 +228,12 @@ class Scene:
         self._edges = scene.add_line_segments(
             "/marks/polygon", np.zeros((1, 2, 3)), colors=_GROUND, thickness=_LINE
         )
+
+
+def _ground(now: Snapshot) -> float:
+    """Height of the higher foot that stands: marks shall not be inside the block below it [m]."""
+    both = now.mode.support is None or not now.mode.single
+    return float(now.soles[:, 2].max() if both else now.soles[now.mode.support, 2])
 
 
 class _Handles:

@@ -4,16 +4,13 @@ from poise.teleop.com_driver import ComDriver, PreviewDriver, ShifterDriver
 from poise.teleop.device import DeviceGuard, DeviceSample, DeviceStatus
 from poise.teleop.modes import Event, Mode, draw_modes
 from poise.teleop.parameters import TeleopParameters, scaled_parameters
-from poise.teleop.recording import (
-    RecordedDevice,
-    Recording,
-    RecordingError,
-    RecordingWriter,
-    read_recording,
-)
+from poise.teleop.recording import RecordedDevice, Recording, read_recording
+from poise.teleop.recording_format import RecordingError
+from poise.teleop.recording_writer import RecordingWriter
 from poise.teleop.rules import PAPER_RULES, Rules
 from poise.teleop.scripted import Device, ScriptedDevice, WayPoint
-from poise.teleop.step_teleoperator import StepTeleoperator, TeleopStatus
+from poise.teleop.status import TeleopStatus
+from poise.teleop.step_teleoperator import StepTeleoperator
 
 __all__ = [
     "PAPER_RULES",

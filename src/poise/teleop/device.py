@@ -26,6 +26,10 @@ class DeviceSample:
     right: Float64[np.ndarray, "3"]
     upright: bool = False
 
+    def hand(self, foot: int) -> Float64[np.ndarray, "3"]:
+        """Position commanded for a sole: 0 left, 1 right [m]."""
+        return self.left if foot == 0 else self.right
+
 
 class DeviceStatus(Enum):
     """What became of the last sample."""

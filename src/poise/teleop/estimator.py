@@ -1,6 +1,7 @@
 """`StanceEstimator`: where the robot is, from joints, the torso's attitude and a foot at rest."""
 
 import numpy as np
+import pinocchio as pin
 from jaxtyping import Float64
 
 from poise.dynamics.dynamics import Dynamics
@@ -30,6 +31,7 @@ class StanceEstimator:
         self, robot: Robot, soles: tuple[str, str], q_start: Float64[np.ndarray, " nq"]
     ) -> None:
         self.dynamics = Dynamics(robot)
+        self._model, self._data = robot.model, robot.model.createData()
         self._soles = [robot.frame_id(name) for name in soles]
         self.dynamics.update(RobotState(q_start, np.zeros(robot.nv)))
         self.anchors = [self.dynamics.frame(i).position.copy() for i in self._soles]
@@ -43,11 +45,10 @@ class StanceEstimator:
         """
         q, v = state.q.copy(), state.v.copy()
         q[:3], v[:3] = 0.0, 0.0
-        self.dynamics.update(RobotState(q, v))
-        sole = self.dynamics.frame(self._soles[self.stance])
-        q[:3] = self.anchors[self.stance] - sole.position
+        position, jacobian = self._stance_sole(q)
+        q[:3] = self.anchors[self.stance] - position
         # The sole's linear velocity is zero; the base's linear velocity turns with the base.
-        v[:3] = -np.linalg.solve(sole.jacobian[:3, :3], sole.jacobian[:3, 3:] @ v[3:])
+        v[:3] = -np.linalg.solve(jacobian[:3, :3], jacobian[:3, 3:] @ v[3:])
         estimate = RobotState(q, v, state.contacts, state.time)
         self.dynamics.update(estimate)
         return estimate
@@ -65,3 +66,12 @@ class StanceEstimator:
         if foot != self.stance:
             self.put_down(foot)
             self.stance = foot
+
+    def _stance_sole(
+        self, q: Float64[np.ndarray, " nq"]
+    ) -> tuple[Float64[np.ndarray, "3"], Float64[np.ndarray, "6 nv"]]:
+        """Where the sole at rest would be, and its Jacobian, without the rest of `dynamics`."""
+        model, data, frame_id = self._model, self._data, self._soles[self.stance]
+        pin.computeJointJacobians(model, data, q)
+        position = pin.updateFramePlacement(model, data, frame_id).translation
+        return position, pin.getFrameJacobian(model, data, frame_id, pin.LOCAL_WORLD_ALIGNED)

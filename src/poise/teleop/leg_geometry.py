@@ -54,7 +54,7 @@ def leg_geometry(robot: Robot, sole: str, knee_min: float) -> LegGeometry:
         ConfigurationError: the leg has too few joints.
     """
     joints = leg_joints(robot, sole)
-    lower, upper = knee_limits(robot, joints, knee_min)
+    lower, upper = knee_limits(robot, [joints], knee_min)
     q = robot.q_home.copy()
     q[7 + np.array(joints)] = np.clip(0.0, lower, upper)
     dynamics = Dynamics(robot)

@@ -1,13 +1,18 @@
 """`TeleopParameters`: every number of the step teleoperator, the paper's, or scaled to a robot."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
+from jaxtyping import Float64
 
 from poise.balance import natural_frequency
 from poise.checks import checked_number
 from poise.errors import ConfigurationError
 from poise.robots.robot import Robot
+
+_KNEE = 3
+"""Place of the knee among the joints of a leg."""
 
 _PAPER_MASS = 65.0
 """Of the paper's robot [kg]."""
@@ -61,7 +66,7 @@ class TeleopParameters:
         touch_speed: likewise at the height of the ground [m/s].
         tilt_soft: tilt of the torso at which its attitude weighs twice as much [rad].
         velocity_leak: how fast the COM's commanded velocity leaks into the measured one [1/s].
-        press_speed: how fast a foot without load goes down in double support [m/s].
+        press_speed: largest speed of a foot without load downwards in double support [m/s].
         knee_min: least knee angle; straighter the leg is singular [rad].
         reach_margin: share of the leg's length that a foot command stays short of.
         stoop_max: how far the COM may come down for the legs to reach, over its height.
@@ -93,7 +98,7 @@ class TeleopParameters:
     land_load: float = 0.047
     unload_load: float = 0.0235
     unload_time: float = 0.02
-    press_depth: float = 0.05
+    press_depth: float = 0.08
     shift_timeout: float = 3.0
     zmp_time: float = 0.01
     clear_height: float = 0.04
@@ -140,11 +145,11 @@ def scaled_parameters(robot: Robot, height: float, stance: float) -> TeleopParam
       there is room.
     - `r_lift` keeps its ratio to the distance of the feet (with 0.27 m between them it is 0.077 m),
       and is no more than half the narrower side of a sole, which it is in the paper.
-    - `capture_max`, `ct_zmp_max` and `support_margin` keep their ratio to half a sole; so do
-      `lower_speed` and `touch_speed`: what a landing foot kicks the COM by has to stay within it.
+    - `capture_max`, `ct_zmp_max` and `support_margin` keep their ratio to half a sole; so does
+      `touch_speed`: what a landing foot kicks the COM by has to stay within it.
     - `w_L` goes with 1 / (m h)^2, so that angular momentum weighs as much as before beside the
       swing foot's velocity.
-    - lengths and speeds of motions keep their ratio to the COM's height.
+    - `v_lim`, `press_depth`, `clear_height` and `step_max` keep their ratio to the COM's height.
 
     Args:
         robot: a biped.
@@ -180,7 +185,6 @@ def scaled_parameters(robot: Robot, height: float, stance: float) -> TeleopParam
         clear_height=paper.clear_height * size,
         step_max=paper.step_max * size,
         support_margin=paper.support_margin * near,
-        lower_speed=paper.lower_speed * near,
         touch_speed=paper.touch_speed * near,
         w_L=paper.w_L * (_PAPER_MASS / robot.mass / size) ** 2,
     )
@@ -205,19 +209,23 @@ def leg_joints(robot: Robot, sole: str) -> list[int]:
     return joints
 
 
-def knee_limits(robot: Robot, joints: list[int], knee_min: float) -> tuple[np.ndarray, np.ndarray]:
-    """Position limits of leg joints, with a knee kept from being straight.
+def knee_limits(
+    robot: Robot, legs: Sequence[Sequence[int]], knee_min: float
+) -> tuple[Float64[np.ndarray, " n"], Float64[np.ndarray, " n"]]:
+    """Position limits of the joints of legs, with the knees kept from being straight.
+
+    The knee is the joint behind the hip's three.
 
     Args:
         robot: a biped.
-        joints: the leg's joints, as indices among the robot's.
-        knee_min: least angle of a joint whose name says that it is a knee [rad].
+        legs: of each leg the joints, as indices among the robot's.
+        knee_min: least angle of a knee [rad].
 
     Returns:
         Lower and upper limits [rad].
     """
-    lower, upper = robot.q_min[joints].copy(), robot.q_max[joints].copy()
-    for i, joint in enumerate(joints):
-        if "knee" in robot.joint_names[joint].lower():
-            lower[i] = max(lower[i], knee_min)
-    return lower, upper
+    lower, upper = robot.q_min.copy(), robot.q_max.copy()
+    for leg in legs:
+        lower[leg[_KNEE]] = max(lower[leg[_KNEE]], knee_min)
+    joints = [joint for leg in legs for joint in leg]
+    return lower[joints], upper[joints]

@@ -46,13 +46,23 @@ class FootRange:
         self._step_max = parameters.step_max
         self._aside_max = max(self._apart, min(parameters.step_max, *sides))
 
+    def hip(self, foot: int, dynamics: Dynamics) -> Float64[np.ndarray, "3"]:
+        """Where the hip of a foot's leg is [m].
+
+        Args:
+            foot: 0 left, 1 right.
+            dynamics: of the estimated state.
+        """
+        pelvis = dynamics.frame(self._pelvis)
+        return pelvis.position + pelvis.rotation @ self._legs[foot].hip
+
     def bring_back(
         self,
         foot: int,
         target: Float64[np.ndarray, "3"],
         support: Float64[np.ndarray, "3"],
+        hip: Float64[np.ndarray, "3"],
         heading: Float64[np.ndarray, "2"],
-        dynamics: Dynamics,
         *,
         lower: float = 0.0,
     ) -> Float64[np.ndarray, "3"]:
@@ -62,8 +72,8 @@ class FootRange:
             foot: 0 left, 1 right.
             target: commanded [m].
             support: centre of the other sole [m].
+            hip: of the foot's leg, see `hip` [m].
             heading: unit vector forward, x and y.
-            dynamics: of the estimated state.
             lower: how far the body may still come down for it [m].
         """
         target = target.copy()
@@ -74,7 +84,7 @@ class FootRange:
         ahead = min(max(ahead, -self._step_max), self._step_max)
         target[:2] = support[:2] + aside * across + ahead * heading
         # Across the ground only: how far down a foot gets is for the ground and the knee to say.
-        hip, arm = self._hip(foot, dynamics), self._legs[foot].ankle
+        arm = self._legs[foot].ankle
         drop = float(hip[2] - arm[2] - max(target[2], support[2])) - lower
         room = np.sqrt(max(self._reach[foot] ** 2 - drop * drop, 0.0))
         way = target[:2] + arm[:2] - hip[:2]
@@ -87,7 +97,7 @@ class FootRange:
         self,
         foot: int,
         place: Float64[np.ndarray, "3"],
-        dynamics: Dynamics,
+        hip: Float64[np.ndarray, "3"],
         shift: Float64[np.ndarray, "2"],
     ) -> float:
         """How far the hip is too high for the foot to be at a place; negative for room left [m].
@@ -95,10 +105,10 @@ class FootRange:
         Args:
             foot: 0 left, 1 right.
             place: of the sole [m].
-            dynamics: of the estimated state.
+            hip: of the foot's leg [m].
             shift: how far the hip will have gone along the ground [m].
         """
-        way = place + self._legs[foot].ankle - self._hip(foot, dynamics)
+        way = place + self._legs[foot].ankle - hip
         way[:2] -= shift
         across = float(way[:2] @ way[:2])
         return float(-way[2]) - float(np.sqrt(max(self._reach[foot] ** 2 - across, 0.0)))
@@ -107,8 +117,8 @@ class FootRange:
         self,
         foot: int,
         place: Float64[np.ndarray, "3"],
+        hip: Float64[np.ndarray, "3"],
         heading: Float64[np.ndarray, "2"],
-        dynamics: Dynamics,
     ) -> float:
         """How far the hip is too low for the ankle to keep the sole level; negative for room [m].
 
@@ -117,11 +127,11 @@ class FootRange:
         Args:
             foot: 0 left, 1 right.
             place: of the sole [m].
+            hip: of the foot's leg [m].
             heading: unit vector forward, x and y.
-            dynamics: of the estimated state.
         """
         leg = self._legs[foot]
-        way = self._hip(foot, dynamics) - place - leg.ankle
+        way = hip - place - leg.ankle
         lean = _LEAN_SHARE * leg.lean_max
         ahead = float(way[:2] @ heading)
         aside = float(way[:2] @ np.array([-heading[1], heading[0]]))
@@ -129,7 +139,3 @@ class FootRange:
         thigh = leg.thigh**2 - (ahead - leg.shank * float(np.sin(lean))) ** 2 - aside * aside
         lowest = leg.shank * float(np.cos(lean)) + float(np.sqrt(max(thigh, 0.0)))
         return lowest - float(way[2])
-
-    def _hip(self, foot: int, dynamics: Dynamics) -> Float64[np.ndarray, "3"]:
-        pelvis = dynamics.frame(self._pelvis)
-        return pelvis.position + pelvis.rotation @ self._legs[foot].hip

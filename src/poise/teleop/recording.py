@@ -1,150 +1,25 @@
-"""A recording of a teleoperated run: everything that came from outside, a row an event.
+"""`Recording`: a recorded run, read through a memory map, and as a device."""
 
-The file is one line of JSON, the header, padded with spaces to `HEADER_BYTES` and a new line, and
-behind it rows of `ROW`, little-endian, without gaps. It is written while the run goes on and read
-through a memory map, so its length does not matter.
-"""
-
-import json
 import os
 from dataclasses import dataclass, field
-from enum import IntEnum
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float64
 
-from poise.errors import ConfigurationError, PoiseError
 from poise.teleop.device import DeviceSample
+from poise.teleop.recording_format import (
+    HEADER_BYTES,
+    ROW,
+    UNFINISHED,
+    RecordingError,
+    RowKind,
+    read_header,
+)
 
-FORMAT, VERSION = "poise teleoperation", 1
-HEADER_BYTES = 16384
-"""Length of the header with its new line: room for a world of some fifty blocks."""
-
-_UNFINISHED = -1
 _AT_ONCE = 100_000
 """Rows that are checked at a time."""
-
-
-class RowKind(IntEnum):
-    """What a row holds."""
-
-    SAMPLE = 0
-    """What the device sent: time, left, right, upright."""
-    PUSH = 1
-    """A push on the torso: left is the force [N], right[0] how long [s]."""
-
-
-ROW = np.dtype(
-    [
-        ("tick", "<i8"),
-        ("kind", "<u1"),
-        ("upright", "<u1"),
-        ("time", "<f8"),
-        ("left", "<f8", (3,)),
-        ("right", "<f8", (3,)),
-    ]
-)
-"""A row: the tick before which it came, counted from zero, and what came."""
-
-
-class RecordingError(PoiseError):
-    """A recording that cannot be read or does not belong to this robot."""
-
-
-class RecordingWriter:
-    """Writes a recording while the run goes on; a context manager.
-
-    Args:
-        path: the file, replaced if it is there; by convention `*.teleop`.
-        robot: the robot's name.
-        dt: length of a tick [s].
-        setup: whatever else the run needs to be run again, as JSON: see `run_teleop`.
-
-    Raises:
-        ConfigurationError: the set-up is too long or no JSON.
-
-    Attributes:
-        setup: what the header will hold; what is known at the end only can be put in before
-            `close`.
-    """
-
-    def __init__(
-        self, path: Path, *, robot: str, dt: float, setup: dict[str, Any] | None = None
-    ) -> None:
-        self.setup: dict[str, Any] = dict(setup or {})
-        self._header: dict[str, Any] = {
-            "format": FORMAT,
-            "version": VERSION,
-            "robot": robot,
-            "dt": float(dt),
-            "rows": _UNFINISHED,
-            "setup": self.setup,
-        }
-        text = _header_text(self._header)
-        path.parent.mkdir(parents=True, exist_ok=True)
-        self._file = path.open("wb")
-        self._file.write(text)
-        self._rows = 0
-
-    def sample(self, tick: int, sample: DeviceSample) -> None:
-        """Notes a sample that came before a tick, good or bad."""
-        self._write(
-            tick, RowKind.SAMPLE, sample.time, sample.left, sample.right, upright=sample.upright
-        )
-
-    def push(self, tick: int, force: Float64[np.ndarray, "3"], duration: float) -> None:
-        """Notes a push on the torso that began before a tick.
-
-        Args:
-            tick: counted from zero.
-            force: in the world [N].
-            duration: [s].
-        """
-        self._write(tick, RowKind.PUSH, 0.0, force, np.array([duration, 0.0, 0.0]))
-
-    def flush(self) -> None:
-        """Hands every row to the operating system: a run that is killed later loses none."""
-        self._file.flush()
-
-    def close(self) -> None:
-        """Writes how many rows there are; without it the file counts as truncated."""
-        if self._file.closed:
-            return
-        self._header["rows"] = self._rows
-        self._file.seek(0)
-        self._file.write(_header_text(self._header))
-        self._file.close()
-
-    def __enter__(self) -> "RecordingWriter":
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
-
-    def _write(
-        self,
-        tick: int,
-        kind: RowKind,
-        time: float,
-        left: np.ndarray,
-        right: np.ndarray,
-        *,
-        upright: bool = False,
-    ) -> None:
-        row = np.zeros(1, dtype=ROW)
-        row["tick"], row["kind"], row["upright"], row["time"] = tick, kind, upright, time
-        # A device may send anything: what is no point is kept as one that is refused again.
-        row["left"], row["right"] = _point(left), _point(right)
-        self._file.write(row.tobytes())
-        self._rows += 1
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -234,11 +109,11 @@ def read_recording(path: Path, *, allow_partial: bool = False) -> Recording:
     Raises:
         RecordingError: no recording, another version, truncated, or ticks that go backwards.
     """
-    header = _read_header(path)
+    header = read_header(path)
     size = os.path.getsize(path) - HEADER_BYTES
     whole, rest = divmod(size, ROW.itemsize)
     if (rest or whole != header["rows"]) and not allow_partial:
-        promised = "unfinished" if header["rows"] == _UNFINISHED else f"{header['rows']} rows"
+        promised = "unfinished" if header["rows"] == UNFINISHED else f"{header['rows']} rows"
         raise RecordingError(
             f"the recording {path.name} is truncated or was not finished",
             got=f"{whole} rows and {rest} bytes",
@@ -253,55 +128,6 @@ def read_recording(path: Path, *, allow_partial: bool = False) -> Recording:
     return Recording(
         path=path, robot=header["robot"], dt=header["dt"], setup=header["setup"], rows=rows
     )
-
-
-def _header_text(header: dict[str, Any]) -> bytes:
-    try:
-        text = json.dumps(header, allow_nan=False)
-    except (TypeError, ValueError) as error:
-        raise ConfigurationError(f"the set-up of a recording is no JSON: {error}") from None
-    encoded = text.encode()
-    if len(encoded) >= HEADER_BYTES:
-        raise ConfigurationError(
-            "the set-up of a recording is too long",
-            got=f"{len(encoded)} bytes",
-            wanted=f"less than {HEADER_BYTES}",
-        )
-    return encoded.ljust(HEADER_BYTES - 1) + b"\n"
-
-
-def _read_header(path: Path) -> dict[str, Any]:
-    try:
-        with path.open("rb") as file:
-            head = file.read(HEADER_BYTES)
-    except OSError as error:
-        raise RecordingError(f"the recording {path} cannot be read: {error.strerror}") from None
-    wanted = f"a file that a {FORMAT} run has left"
-    try:
-        header = json.loads(head)
-    except (UnicodeDecodeError, json.JSONDecodeError):
-        raise RecordingError(f"{path.name} is no recording", wanted=wanted) from None
-    if not isinstance(header, dict) or header.get("format") != FORMAT:
-        raise RecordingError(f"{path.name} is no recording", wanted=wanted)
-    if header.get("version") != VERSION:
-        raise RecordingError(
-            f"the recording {path.name} is of another version",
-            got=header.get("version"),
-            wanted=str(VERSION),
-        )
-    kinds = {"robot": str, "dt": float, "rows": int, "setup": dict}
-    for key, kind in kinds.items():
-        if not isinstance(header.get(key), kind):
-            raise RecordingError(
-                f"the header of the recording {path.name} is broken",
-                got=header.get(key),
-                wanted=f"{key} as {kind.__name__}",
-            )
-    if not header["dt"] > 0.0:
-        raise RecordingError(
-            f"the header of the recording {path.name} is broken", got=header["dt"], wanted="dt > 0"
-        )
-    return header
 
 
 def _check_rows(path: Path, rows: np.ndarray) -> None:
@@ -319,9 +145,3 @@ def _check_rows(path: Path, rows: np.ndarray) -> None:
                 got=f"tick {int(ticks[index])}, kind {int(part['kind'][index])}",
             )
         last = ticks[-1]
-
-
-def _point(value: object) -> np.ndarray:
-    if isinstance(value, np.ndarray) and value.shape == (3,) and value.dtype == np.float64:
-        return value
-    return np.full(3, np.nan)

@@ -4,7 +4,6 @@ from poise.control.differential_ik.closed_form import VelocityLevel, solve_level
 from poise.control.differential_ik.controller import METHODS, DifferentialIK
 from poise.control.differential_ik.joint_weights import limit_weights
 from poise.control.differential_ik.row_weights import ROW_WEIGHT, RowWeights
-from poise.control.differential_ik.saturation import saturated
 from poise.control.differential_ik.stance import base_from_joints, constrained
 from poise.control.differential_ik.within_bounds import solve_within_bounds
 
@@ -17,7 +16,6 @@ __all__ = [
     "base_from_joints",
     "constrained",
     "limit_weights",
-    "saturated",
     "solve_levels",
     "solve_within_bounds",
 ]

@@ -6,11 +6,11 @@ from itertools import accumulate, pairwise
 import numpy as np
 from jaxtyping import Float64, Int64
 
+from poise.balance import saturate
 from poise.contacts.contact import Contact
 from poise.control.differential_ik.closed_form import VelocityLevel
 from poise.control.differential_ik.home import HomeJacobians
 from poise.control.differential_ik.row_weights import RowWeights
-from poise.control.differential_ik.saturation import saturated
 from poise.control.differential_ik.stance import base_from_joints, constrained
 from poise.control.held import is_held
 from poise.control.stack import Stack
@@ -110,7 +110,7 @@ class VelocityFormulation:
                 self.velocity[rows] = task.given_velocity
                 continue
             for block, largest in blocks:
-                self.velocity[block] = saturated(self.velocity[block], largest)
+                self.velocity[block] = saturate(largest, self.velocity[block])
 
     def _reduce(self, dynamics: Dynamics) -> None:
         reduced = self._full

@@ -59,9 +59,16 @@ function isSoftware() {
   return /swiftshader|llvmpipe|software/i.test(name);
 }
 
+// What the connection has to say comes before what the robot has.
+let notice = "";
 function say(text) {
-  part("banner").textContent = text;
-  part("banner").hidden = text === "";
+  notice = text;
+  warn("");
+}
+
+function warn(text) {
+  put("banner", notice || text);
+  part("banner").hidden = (notice || text) === "";
 }
 
 function kept(name) {
@@ -114,13 +121,15 @@ function words(s) {
   if (!("mode" in s)) return;
   for (const chip of part("modes").children) chip.classList.toggle("now", chip.dataset.mode === s.mode);
   put("mode-text", s.fallen ? "fallen: press Reset" : s.modeText, s.fallen);
+  warn(s.fallen ? `The robot has fallen. ${driving ? "Press Reset" : "Its operator has to press Reset"}.` : "");
   put("margin", `${(100 * s.margin).toFixed(1)} cm`);
   part("margin-bar").value = Math.max(0, s.margin);
   // Between two samples the last one holds: that is no news.
   const device = s.device === "STALE" ? "ok" : s.deviceText;
   const fed = s.source === "browser" ? (s.driven ? device : "nobody drives") : `${s.source}: ${device}`;
   put("device", fed, !["OK", "STALE"].includes(s.device));
-  put("factor", `${s.realTimeFactor.toFixed(2)}${s.speed < 1 ? ` of ${s.speed} x` : ""}`, s.realTimeFactor < 0.95);
+  const slow = s.realTimeFactor < 0.95, speed = s.speed < 1 ? ` of ${s.speed} x` : "";
+  put("factor", `${s.realTimeFactor.toFixed(2)}${speed}${slow ? ", slow" : ""}`, slow);
   put("time", `${s.time.toFixed(1)} s`);
   put("take", s.take);
   part("pause").classList.toggle("on", s.paused);
@@ -189,8 +198,10 @@ function press(event, down) {
   if (event.key === "q" || event.key === "Q") hold("left", down);
   else if (event.key === "e" || event.key === "E") hold("right", down);
   else if (event.key.startsWith("Arrow")) {
-    if (down) keys.arrows.add(event.key);
-    else keys.arrows.delete(event.key);
+    if (down) {
+      keys.arrows.add(event.key);
+      if (driving && !keys.left && !keys.right) put("said", "Arrows move the foot that you hold: hold Q or E as well.");
+    } else keys.arrows.delete(event.key);
   } else return;
   event.preventDefault();
 }
