@@ -1,0 +1,83 @@
+"""`Assignment`: which rows of a task LQP 1 can meet, and which only LQP 2."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Int64
+
+from poise.dynamics import Partition
+from poise.errors import ConfigurationError
+from poise.robots.robot import Robot
+from poise.tasks import (
+    ComTask,
+    FrameTask,
+    JointTask,
+    MomentumTask,
+    RelativeFrameTask,
+    Task,
+)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Assignment:
+    """Where the rows of one task go, section 3.4 of Ahn et al. 2024.
+
+    Attributes:
+        task: the task.
+        first: rows that the reduced robot decides: LQP 1.
+        second: rows that need the unconstrained chain's own joints: LQP 2, which knows the rest.
+        through_centroids: whether the first rows move with the centroids, too.
+    """
+
+    task: Task
+    first: Int64[np.ndarray, " m1"]
+    second: Int64[np.ndarray, " m2"]
+    through_centroids: bool = False
+
+
+def assign(task: Task, robot: Robot, partition: Partition) -> Assignment:
+    """Assigns the rows of a task by what they need, without asking the user.
+
+    - COM and momentum need the unconstrained chain through its centroids only: LQP 1 (22).
+    - A frame that no joint of the unconstrained chain moves, and a frame seen from another where
+      no such joint stands between the two: LQP 1.
+    - Other frames: LQP 2, with the acceleration of everything else known (23).
+    - A task of joints is split, joint by joint.
+
+    Args:
+        task: a task bound to the robot.
+        robot: the robot.
+        partition: its chains.
+
+    Raises:
+        ConfigurationError: a kind of task that is not known here.
+    """
+    rows, none = np.arange(task.dim), np.arange(0)
+    if isinstance(task, ComTask | MomentumTask):
+        return Assignment(task=task, first=rows, second=none, through_centroids=True)
+    if isinstance(task, JointTask):
+        names = robot.joint_names if task.joints is None else task.joints
+        free = set(partition.unconstrained)
+        in_u = np.array([name in free for name in names], dtype=np.bool_)
+        return Assignment(task=task, first=rows[~in_u], second=rows[in_u])
+    if isinstance(task, FrameTask):
+        needed = _movers(robot, task.frame)
+    elif isinstance(task, RelativeFrameTask):
+        needed = _movers(robot, task.frame) ^ _movers(robot, task.root)
+    else:
+        raise ConfigurationError(
+            f"task {task.name!r} cannot be assigned to one of the two reduced problems",
+            got=type(task).__name__,
+            wanted="ComTask, FrameTask, JointTask, MomentumTask, PostureTask, RelativeFrameTask or "
+            "a task derived from one, or controller whole_body",
+        )
+    if needed & set(partition.u.index.tolist()):
+        return Assignment(task=task, first=none, second=rows)
+    return Assignment(task=task, first=rows, second=none)
+
+
+def _movers(robot: Robot, frame: str) -> set[int]:
+    """Coordinates that move a frame in the world."""
+    model = robot.model
+    joints = model.supports[model.frames[robot.frame_id(frame)].parentJoint].tolist()
+    return {model.idx_vs[j] + k for j in joints if j > 0 for k in range(model.nvs[j])}

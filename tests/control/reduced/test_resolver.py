@@ -1,0 +1,329 @@
+"""LQP 1 and what follows from it, against the whole problem at the same states."""
+
+import numpy as np
+import pytest
+from oracles import near_home, random_state
+from stances import HUMANOIDS, relative, stances
+
+from poise.contacts import PointContact, SurfaceContact
+from poise.control import Stack
+from poise.control.formulation import FullFormulation
+from poise.control.reduced import ReducedResolver, assign
+from poise.dynamics import Dynamics, Partitions
+from poise.errors import ConfigurationError
+from poise.hqp import CascadeSolver, make_solver
+from poise.hqp.lexicographic import resolve
+from poise.limits import TorqueLimit
+from poise.tasks import (
+    ComTask,
+    FrameTask,
+    JointTask,
+    MomentumTask,
+    PostureTask,
+    RelativeFrameTask,
+    Task,
+)
+
+SEEDS = range(8)
+STANCES = ("double support", "left support", "hand contact", "one foot and one hand")
+TOLERANCE = 1e-9
+RESOLVED = 1e-6
+"""What two exact resolutions of one hierarchy with levels that give may differ by."""
+
+
+def balance(robot):
+    return [ComTask(kp=40.0), FrameTask(robot.pelvis, "orientation")]
+
+
+def stack_of(robot, frames, levels, scale=1.0):
+    contacts = [SurfaceContact(f) if f in robot.soles else PointContact(f) for f in frames]
+    stack = Stack(contacts, [level for level in levels if level], torque_limit=TorqueLimit(scale))
+    stack.bind(robot)
+    return stack
+
+
+class Both:
+    """The reduced and the whole problem of one stack."""
+
+    def __init__(self, robot, frames, levels, scale=1.0, strategy="direct"):
+        self.robot, self.dynamics = robot, Dynamics(robot)
+        self.stack = stack_of(robot, frames, levels, scale)
+        self.resolver = ReducedResolver(
+            robot,
+            self.stack,
+            self.stack.contacts,
+            Partitions(robot).of(frames),
+            lambda: make_solver(strategy),
+        )
+        self.whole = FullFormulation(robot, self.stack, self.stack.contacts)
+        self._strategy = strategy
+
+    def at(self, state):
+        for _, task in self.stack.tasks():
+            task.reset()
+        self.dynamics.update(state)
+        answer = self.resolver.resolve(self.dynamics)
+        self.whole.fill(self.dynamics)
+        return answer
+
+    def solve_whole(self):
+        # A new solver: one that had to let a level give stays on a less accurate way for a while.
+        return make_solver(self._strategy).solve(self.whole.problem)
+
+    def of(self, x):
+        """Accelerations, all wrenches and torques in a point of the whole problem."""
+        nv = self.robot.nv
+        return x[:nv], x[nv:], self.whole.torque(x, self.dynamics)
+
+    def point(self, answer):
+        """An answer as a point of the whole problem."""
+        wrenches = [answer.wrenches[c.name] for c in self.stack.contacts]
+        return np.concatenate((answer.acceleration, *wrenches))
+
+    def residuals(self, x):
+        problem = self.whole.problem
+        values = problem.A @ x
+        n = problem.n
+        slack = values - np.clip(values, problem.lower[n:], problem.upper[n:])
+        return np.array([np.linalg.norm(v.weights * slack[v.slice]) for v in problem.levels])
+
+
+def free_hands(robot, frames):
+    return [FrameTask(h, "position") for h in robot.hands if h not in frames]
+
+
+@pytest.mark.parametrize("stance", STANCES)
+@pytest.mark.parametrize("name", HUMANOIDS)
+@pytest.mark.parametrize("hands", ["no hands", "hands below", "hands above"])
+def test_answers_are_those_of_the_whole_problem(get_robot, name, stance, hands):
+    """With tasks of the unconstrained chain and without, whichever chain's task ranks higher."""
+    robot = get_robot(name)
+    frames = stances(robot)[stance]
+    levels = [balance(robot), free_hands(robot, frames)]
+    levels = {"no hands": levels[:1], "hands below": levels, "hands above": levels[::-1]}[hands]
+    both, compared = Both(robot, frames, levels), 0
+    for seed in SEEDS:
+        answer = both.at(near_home(robot, seed, spread=0.1, speed=0.05))
+        whole = both.solve_whole()
+        assert answer.first.ok
+        if answer.second is not None or whole.relaxed:
+            continue
+        compared += 1
+        dv, F, torque = both.of(whole.x)
+        assert relative(answer.acceleration, dv) < TOLERANCE
+        assert relative(both.point(answer)[robot.nv :], F) < TOLERANCE
+        assert relative(answer.torque, torque) < TOLERANCE
+    assert compared > 0
+
+
+@pytest.mark.parametrize("stance", STANCES[:3])
+@pytest.mark.parametrize("name", ["humanoid33", "g1"])
+def test_levels_that_must_give_give_what_they_give_in_the_whole_problem(get_robot, name, stance):
+    """A posture below everything: both hierarchies resolved exactly, level by level."""
+    robot = get_robot(name)
+    frames = stances(robot)[stance]
+    both = Both(robot, frames, [balance(robot), free_hands(robot, frames), [PostureTask()]])
+    for seed in SEEDS[:3]:
+        answer = both.at(near_home(robot, seed, spread=0.1, speed=0.05))
+        if answer.second is not None:
+            continue
+        first, part = both.resolver.first, both.resolver.reduced.partition
+        resolution = resolve(first.problem, np.inf, ())
+        expected = resolve(both.whole.problem, np.inf, ())
+        assert resolution.complete
+        assert expected.complete
+        x = first.acceleration(resolution.x)
+        dv = part.merge(x[: part.na], both.resolver.chain.recover(x))
+        point = np.concatenate((dv, resolution.x[len(x) :]))
+        for actual, wanted in zip(both.of(point), both.of(expected.x), strict=True):
+            assert relative(actual, wanted) < RESOLVED
+        assert np.abs(both.residuals(point) - both.residuals(expected.x)).max() < RESOLVED
+
+
+@pytest.mark.parametrize("name", ["humanoid33", "g1"])
+def test_a_hand_that_its_limits_hold_back_takes_nothing_from_the_levels_above(get_robot, name):
+    """LQP 1 does not know the arm's limits: the hand may miss more than in the whole problem."""
+    robot = get_robot(name)
+    frames = stances(robot)["double support"]
+    hand = FrameTask(robot.hands[0], "position", kp=20.0)
+    both = Both(robot, frames, [balance(robot), [hand]])
+    hand.set_target([3.0, 2.0, 2.0])
+    seconds = 0
+    for seed in SEEDS:
+        answer = both.at(near_home(robot, seed, spread=0.1, speed=0.05))
+        seconds += answer.second is not None
+        residuals = both.residuals(both.point(answer))
+        assert residuals[:3].max() < 1e-6
+        if answer.second is None:
+            assert residuals[3] < 1e-6
+    assert 0 < seconds < len(SEEDS)
+
+
+def test_where_the_chain_cannot_follow_the_whole_problem_answers(get_robot):
+    """TALOS stands at the torque limits of its arms: what LQP 1 decided would take more."""
+    robot = get_robot("talos")
+    frames = stances(robot)["double support"]
+    both, wholes = Both(robot, frames, [balance(robot), free_hands(robot, frames)]), 0
+    for seed in range(20):
+        answer = both.at(near_home(robot, seed, spread=0.1, speed=0.05))
+        if answer.whole is not None:
+            wholes += 1
+            assert np.array_equal(both.point(answer), answer.whole.x)
+        assert both.residuals(both.point(answer))[:2].max() < 1e-6
+        assert (np.abs(answer.torque) <= both.stack.torque_limit.upper + 1e-6).all()
+    assert wholes > 0
+
+
+@pytest.mark.parametrize("seed", [74, 65, 75])
+@pytest.mark.parametrize("name", ["humanoid33", "g1"])
+def test_a_nearly_straight_arm_costs_no_accuracy(get_robot, name, seed):
+    """The inverse square of what it can still do would be in the energy, and was."""
+    robot = get_robot(name)
+    frames = stances(robot)["one foot and one hand"]
+    both = Both(robot, frames, [balance(robot), free_hands(robot, frames)])
+    answer = both.at(near_home(robot, seed, spread=0.1, speed=0.05))
+    assert answer.second is None
+    problem = both.resolver.first.problem
+    assert np.linalg.cond(problem.H) < 1e9
+    exact = both.of(resolve(both.whole.problem, np.inf, ()).x)
+    for actual, wanted in zip(both.of(both.point(answer)), exact, strict=True):
+        assert relative(actual, wanted) < TOLERANCE
+
+
+@pytest.mark.parametrize("name", ["humanoid33", "g1"])
+def test_exactly_straight_arms_leave_rows_for_the_rest_of_the_robot(get_robot, name):
+    robot = get_robot(name)
+    frames = stances(robot)["double support"]
+    both = Both(robot, frames, [balance(robot), free_hands(robot, frames)])
+    state = near_home(robot, 0, spread=0.02, speed=0.0)
+    for i, joint in enumerate(robot.joint_names):
+        if "hip" not in joint and "knee" not in joint and "ankle" not in joint:
+            state.q[7 + i] = 0.0
+    answer = both.at(state)
+    assert np.isfinite(answer.acceleration).all()
+    expected = both.residuals(resolve(both.whole.problem, np.inf, ()).x)
+    assert np.abs(both.residuals(both.point(answer)) - expected).max() < RESOLVED
+
+
+def test_torque_limits_of_both_chains_hold_and_base_dynamics_stay_exact(get_robot):
+    """The second problem, or the whole one, is called where an arm has too little torque."""
+    robot = get_robot("humanoid33")
+    frames = stances(robot)["double support"]
+    hand = FrameTask(robot.hands[0], "position", kp=100.0)
+    both = Both(robot, frames, [balance(robot), [hand]], scale=0.25)
+    hand.set_target(Dynamics(robot).frame(robot.frame_id(robot.hands[0])).position + [0.8, 0, 0.8])
+    seconds = wholes = 0
+    for seed in SEEDS:
+        answer = both.at(near_home(robot, seed, spread=0.02, speed=0.02))
+        seconds += answer.second is not None
+        wholes += answer.whole is not None
+        residuals = both.residuals(both.point(answer))
+        assert residuals[0] < 1e-6
+        limit = both.stack.torque_limit.upper
+        assert (np.abs(answer.torque) <= limit + 1e-6).all()
+        torque = both.of(both.point(answer))[2]
+        assert relative(answer.torque, torque) < TOLERANCE
+    assert seconds > 0
+
+
+@pytest.mark.parametrize("strategy", ["direct", "weighted"])
+def test_every_strategy_solves_it(get_robot, strategy):
+    robot = get_robot("humanoid33")
+    frames = stances(robot)["double support"]
+    both = Both(robot, frames, [balance(robot), free_hands(robot, frames)], strategy=strategy)
+    answer = both.at(near_home(robot, 0, spread=0.05, speed=0.05))
+    residuals = both.residuals(both.point(answer))
+    # Weights meet no level exactly, in the whole problem neither.
+    assert (residuals <= 1.1 * both.solve_whole().residuals + 1e-4).all()
+
+
+def test_the_cascade_solves_it(get_robot):
+    pytest.importorskip("osqp")
+    robot = get_robot("humanoid33")
+    frames = stances(robot)["double support"]
+    stack = stack_of(robot, frames, [balance(robot), free_hands(robot, frames)])
+    partition = Partitions(robot).of(frames)
+    resolver = ReducedResolver(robot, stack, stack.contacts, partition, CascadeSolver)
+    dynamics = Dynamics(robot)
+    dynamics.update(near_home(robot, 0, spread=0.05, speed=0.05))
+    answer = resolver.resolve(dynamics)
+    assert answer.first.relative_residuals.max() < 1e-3
+
+
+@pytest.mark.parametrize("stance", ["flight", "everything", "hanging by a hand"])
+def test_no_contact_and_no_unconstrained_chain_are_solved_too(get_robot, stance):
+    robot = get_robot("humanoid33")
+    frames = stances(robot)[stance]
+    both = Both(robot, frames, [free_hands(robot, frames)])
+    answer = both.at(near_home(robot, 0, spread=0.1, speed=0.05))
+    whole = both.solve_whole()
+    assert answer.second is None
+    for actual, wanted in zip(both.of(both.point(answer)), both.of(whole.x), strict=True):
+        assert np.abs(actual - wanted).max(initial=0.0) < 1e-7 * np.abs(whole.x).max()
+
+
+@pytest.mark.parametrize("name", ["upper17", "arm6"])
+def test_a_fixed_base_is_solved_too(get_robot, name):
+    robot = get_robot(name)
+    both = Both(robot, (), [[FrameTask(robot.hands[0])]])
+    answer = both.at(random_state(robot, 0, speed=0.2))
+    whole = both.solve_whole()
+    if answer.second is None and not whole.relaxed:
+        assert relative(answer.acceleration, whole.x) < TOLERANCE
+
+
+def test_a_state_without_inertia_or_numbers_gives_a_solution_that_failed(get_robot):
+    robot = get_robot("humanoid33")
+    frames = stances(robot)["double support"]
+    both = Both(robot, frames, [balance(robot), free_hands(robot, frames)])
+    state = near_home(robot, 0)
+    state.v[:] = np.nan
+    both.dynamics.update(state)
+    assert not both.resolver.resolve(both.dynamics).first.ok
+    assert both.at(near_home(robot, 0)).first.ok
+
+
+def assigned(robot, frames, task):
+    task.bind(robot)
+    assignment = assign(task, robot, Partitions(robot).of(frames))
+    return assignment.first.tolist(), assignment.second.tolist()
+
+
+def test_tasks_go_where_what_they_need_is_decided(get_robot):
+    robot = get_robot("humanoid33")
+    both = tuple(robot.soles)
+    one = both[:1]
+    six = list(range(6))
+    assert assigned(robot, both, ComTask()) == ([0, 1, 2], [])
+    assert assigned(robot, both, MomentumTask("angular_xy")) == ([0, 1], [])
+    assert assigned(robot, both, FrameTask(robot.pelvis)) == (six, [])
+    assert assigned(robot, both, FrameTask("left_hand")) == ([], six)
+    # The swing foot is decided by LQP 1 in double support, and by the chain in single support.
+    assert assigned(robot, both, FrameTask("right_sole")) == (six, [])
+    assert assigned(robot, one, FrameTask("right_sole")) == ([], six)
+    assert assigned(robot, both, RelativeFrameTask("left_sole", "right_sole")) == (six, [])
+    assert assigned(robot, both, RelativeFrameTask("left_hand", "right_hand")) == ([], six)
+    held = (*both, "left_hand")
+    assert assigned(robot, held, FrameTask("torso")) == (six, [])
+    assert assigned(robot, held, RelativeFrameTask("left_hand", "torso")) == (six, [])
+    joints = ["left_knee", "neck_yaw", "right_knee"]
+    assert assigned(robot, both, JointTask(joints)) == ([0, 2], [1])
+    first, second = assigned(robot, both, PostureTask())
+    assert (len(first), len(second)) == (12, 21)
+
+
+class _Unknown(Task):
+    def __init__(self):
+        super().__init__("mine", kp=1.0, kd=None, weight=1.0)
+
+    def _resolve(self, robot):
+        return 1
+
+    def _evaluate(self, dynamics):
+        return np.zeros(1)
+
+
+def test_a_kind_of_task_that_is_not_known_is_refused(get_robot):
+    robot = get_robot("humanoid33")
+    with pytest.raises(ConfigurationError, match=r"mine.*controller whole_body"):
+        assigned(robot, robot.soles, _Unknown())

@@ -1,0 +1,42 @@
+"""Where a humanoid may touch the world, for tests of the reduced dynamics."""
+
+import numpy as np
+
+HUMANOIDS = ("humanoid33", "g1", "talos")
+
+
+def stances(robot):
+    """Frames in contact, by the name of the stance."""
+    left, right = robot.soles
+    left_hand, right_hand = robot.hands
+    return {
+        "double support": (left, right),
+        "left support": (left,),
+        "right support": (right,),
+        "hand contact": (left, right, left_hand),
+        "one foot and one hand": (left, right_hand),
+        "hanging by a hand": (right_hand,),
+        "flight": (),
+        "everything": (left, right, left_hand, right_hand),
+    }
+
+
+STANCES = (
+    "double support", "left support", "right support", "hand contact", "one foot and one hand",
+    "hanging by a hand", "flight", "everything",
+)  # fmt: skip
+
+
+def contact_rows(robot, dynamics, frames):
+    """Jacobian and drift of all contacts, along their own axes."""
+    jacobians, drifts = [np.zeros((0, robot.nv))], [np.zeros(0)]
+    for frame in frames:
+        jacobian, _, drift = dynamics.motion_in_own_axes(robot.frame_id(frame))
+        jacobians.append(jacobian)
+        drifts.append(drift)
+    return np.concatenate(jacobians), np.concatenate(drifts)
+
+
+def relative(actual, expected):
+    """Largest difference, relative to the largest number that was expected."""
+    return float(np.abs(actual - expected).max() / np.abs(expected).max())
