@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from poise.hqp import CascadeSolver, DirectSolver, HierarchicalProblem, certify_point
+from poise.hqp.lexicographic import resolve
 
 SIZES = (8, 10, 6, 5, 12)
 """Rows a level: dynamics, limits, then three levels of tasks that want more than there is."""
@@ -61,3 +62,37 @@ def test_a_level_that_can_be_met_again_is_met_at_once() -> None:
     assert max(s.relative_residuals.max() for s in solutions) <= 1e-9
     assert "hard" in solutions[-1].timings
     np.testing.assert_allclose(solutions[0].x, solutions[-1].x, atol=1e-6)
+
+
+def last_level_gives(seed: int) -> HierarchicalProblem:
+    """10 variables; a last level of low rank in conflict with itself, inequalities near."""
+    rng = np.random.default_rng(seed)
+    problem = HierarchicalProblem.allocate(10, (4, 6, 4), bounds_level=1)
+    inside = rng.standard_normal(10)
+    problem.x_lower[:], problem.x_upper[:] = inside - 3.0, inside + 3.0
+    first, limits, last = problem.levels
+    for view in (first, limits, last):
+        view.A[:] = rng.standard_normal(view.A.shape)
+    first.lower[:] = first.upper[:] = first.A @ inside
+    limits.lower[:], limits.upper[:] = limits.A @ inside - 0.2, limits.A @ inside + 0.2
+    last.A[2] *= 0.02
+    last.A[3] = last.A[0]
+    wanted = last.A @ (inside + 0.1 * rng.standard_normal(10))
+    wanted[3] += 1.0
+    last.lower[:] = last.upper[:] = wanted
+    root = rng.standard_normal((10, 10))
+    problem.H[:] = 0.1 * np.eye(10) + root @ root.T / 10.0
+    problem.g[:] = 3.0 * rng.standard_normal(10)
+    return problem
+
+
+def test_the_final_cost_chooses_where_inequalities_push_on_the_last_level() -> None:
+    fast = 0
+    for seed in range(60):
+        problem = last_level_gives(seed)
+        solution, exact = DirectSolver().solve(problem), resolve(problem, np.inf, ())
+        assert solution.ok
+        fast += "soft" in solution.timings
+        cost, least = (0.5 * x @ problem.H @ x + problem.g @ x for x in (solution.x, exact.x))
+        assert cost == pytest.approx(least, abs=1e-5)
+    assert fast >= 30

@@ -10,7 +10,9 @@ whose first minimiser is off by O(rho). Proximal steps remove that error: with
     x+ = argmin |W (A x - b)|^2 / 2 + rho (x - x0)^T H (x - x0) / 2
 
 the slack converges to the least one at a rate of rho / (rho + lambda), and what the level leaves
-open keeps the choice of the final cost, because H (x+ - x0) is orthogonal to it. When a step no
+open keeps the choice of the final cost, because H (x+ - x0) is orthogonal to it; unless a hard row
+of inequality pushes, whose force may change from step to step: then the final cost chooses
+anew. When a step no
 longer moves x, its own multipliers certify the level: its gradient is balanced by the hard rows
 alone. The next level is solved in the null space of all equality rows so far: held as rows they
 would depend on each other, which rounding turns into a contradiction.
@@ -73,9 +75,9 @@ class SoftLevels:
             found = stage.least_slack(problem, level, space, time_limit)
             if found is None:
                 return None
-            x, iterations = found
+            x, iterations, pushed = found
             total += iterations
-            if level == len(problem.levels) - 1:
+            if level == len(problem.levels) - 1 and not pushed:
                 return x, total
             space = _Space(problem, level, x)
         stage = self._stages.setdefault(len(problem.levels), _Stage())
@@ -162,9 +164,10 @@ class _Stage:
 
     def least_slack(
         self, problem: HierarchicalProblem, level: int, space: _Space, time_limit: float
-    ) -> tuple[Float64[np.ndarray, " n"], int] | None:
+    ) -> tuple[Float64[np.ndarray, " n"], int, bool] | None:
+        """Point, iterations, and whether a row of inequality pushed on the way; None for none."""
         if space.fixed:
-            return space.point, 0
+            return space.point, 0, False
         view = problem.levels[level]
         A = view.A * view.weights[:, None]
         curvature = A.T @ A
@@ -185,6 +188,8 @@ class _Stage:
         if point is None:
             return None
         iterations, x = point.iterations, space.lift(point.x)
+        one_sided = rows[1] < rows[2]
+        pushed = bool(point.multipliers[one_sided].any())
         for _ in range(MAX_STEPS):
             pull = H @ x
             point = self._qp.again(space.vector(offset - pull))
@@ -192,10 +197,11 @@ class _Stage:
                 return None
             iterations += point.iterations
             x = space.lift(point.x)
+            pushed = pushed or bool(point.multipliers[one_sided].any())
             force = space.vector(H @ x - pull)
             left = space.vector(curvature @ x - gradient)
             if _norm(force) <= max(STEP_TOLERANCE * _norm(left), floor):
-                return x, iterations
+                return x, iterations, pushed
         return None
 
     def final_cost(
