@@ -12,10 +12,9 @@ whose first minimiser is off by O(rho). Proximal steps remove that error: with
 the slack converges to the least one at a rate of rho / (rho + lambda), and what the level leaves
 open keeps the choice of the final cost, because H (x+ - x0) is orthogonal to it; unless a hard row
 of inequality pushes, whose force may change from step to step: then the final cost chooses
-anew. When a step no
-longer moves x, its own multipliers certify the level: its gradient is balanced by the hard rows
-alone. The next level is solved in the null space of all equality rows so far: held as rows they
-would depend on each other, which rounding turns into a contradiction.
+anew. When a step no longer moves x, its own multipliers certify the level: its gradient is balanced
+by the hard rows alone. The next level is solved in the null space of all equality rows so far: held
+as rows they would depend on each other, which rounding turns into a contradiction.
 """
 
 from typing import Any, cast

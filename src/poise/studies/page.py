@@ -5,6 +5,7 @@ from html import escape
 
 from poise.report.document import html_document
 from poise.studies.figure import Figure
+from poise.studies.film import Film
 from poise.studies.finding import Finding, number_text
 from poise.studies.section import Cell, Section, Table
 from poise.studies.study import Study, Unfinished
@@ -120,6 +121,7 @@ def _section(section: Section) -> str:
         f'<section id="{escape(section.name)}"><h2>{escape(section.title)}</h2>'
         f'<div class="description">{_paragraphs(section.prose)}</div>'
         + "".join(_figure(figure) for figure in section.figures)
+        + "".join(_film(film) for film in section.films)
         + findings
         + "".join(_table(table) for table in section.tables)
         + "</section>"
@@ -147,6 +149,14 @@ def _findings(findings: tuple[Finding, ...]) -> str:
 def _mark(ok: bool) -> str:
     kind, words = ("good", "✓ holds") if ok else ("bad", "✗ failed")
     return f'<td class="mark {kind}">{words}</td>'
+
+
+def _film(film: Film) -> str:
+    name = escape(film.file_name)
+    return (
+        f"<figure><h3>{escape(film.title)}</h3>"
+        f'<video controls preload="metadata" src="{name}"></video></figure>'
+    )
 
 
 def _figure(figure: Figure) -> str:

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 from poise.errors import ConfigurationError
 from poise.studies.figure import Figure
+from poise.studies.film import Film
 from poise.studies.finding import Finding
 
 Cell = str | int | float | None
@@ -45,6 +46,7 @@ class Section:
         findings: numbers beside the paper's.
         figures: drawings.
         tables: numbers that are no findings.
+        films: videos, which lie beside the page.
         name: id of the part, given by the plan.
         title: heading, given by the plan.
     """
@@ -53,5 +55,6 @@ class Section:
     findings: tuple[Finding, ...] = ()
     figures: tuple[Figure, ...] = ()
     tables: tuple[Table, ...] = ()
+    films: tuple[Film, ...] = ()
     name: str = ""
     title: str = ""

@@ -12,15 +12,15 @@ JSON, PAGE = "study.json", "study.html"
 
 
 def write_study(study: Study, folder: Path) -> Path:
-    """Writes what there is of a study; the page needs no network and no other file.
+    """Writes what there is of a study; the page needs no network, and no other file but the videos.
 
     The same study gives the same bytes. A file that is there already is replaced in one step, so
     that an interruption leaves the former one.
 
     Args:
         study: complete, or as far as it came.
-        folder: where `study.json`, `study.html` and a file `NAME.svg` for each figure go; made if
-            it does not exist.
+        folder: where `study.json`, `study.html`, a file `NAME.svg` for each figure and `NAME.mp4`
+            for each video go; made if it does not exist.
 
     Returns:
         Path of the page.
@@ -31,11 +31,13 @@ def write_study(study: Study, folder: Path) -> Path:
     for section in study.sections:
         for figure in section.figures:
             _replace(folder / f"{figure.name}.svg", figure.to_file())
+        for film in section.films:
+            _replace(folder / film.file_name, film.data)
     _replace(folder / PAGE, page_html(study))
     return folder / PAGE
 
 
-def _replace(path: Path, text: str) -> None:
+def _replace(path: Path, content: str | bytes) -> None:
     beside = path.with_name(path.name + ".part")
-    beside.write_text(text, encoding="utf-8", newline="\n")
+    beside.write_bytes(content.encode() if isinstance(content, str) else content)
     os.replace(beside, path)

@@ -8,6 +8,7 @@ from poise.studies.finding import Finding
 from poise.studies.plan import Progress, StudyOptions
 from poise.studies.progress import Steps
 from poise.studies.section import Section, Table
+from poise.studies.step_teleoperation.films import films
 from poise.studies.step_teleoperation.plots import one_legend, paint_zmp
 from poise.studies.step_teleoperation.runs import edge_distance, first, lift_off, run_script
 from poise.studies.step_teleoperation.snapshots import snapshots
@@ -91,6 +92,9 @@ def lift_section(options: StudyOptions, progress: Progress) -> Section:
         ),
         findings=tuple(findings),
         figures=(*pictures, figure),
+        films=()
+        if options.quick
+        else films([("scenario-2", "Scenario 2, by the COM shifter", shifter)]),
         tables=(
             Table(
                 title="Lifting one foot",

@@ -7,6 +7,7 @@ from poise.studies.figure import draw
 from poise.studies.finding import Finding
 from poise.studies.plan import Progress, StudyOptions
 from poise.studies.section import Section
+from poise.studies.step_teleoperation.films import films
 from poise.studies.step_teleoperation.plots import one_legend, paint_zmp
 from poise.studies.step_teleoperation.runs import beyond, edge_distance, run_script
 from poise.studies.step_teleoperation.snapshots import snapshots
@@ -70,4 +71,5 @@ def obstacle_section(options: StudyOptions, progress: Progress) -> Section:
                     note="zero is on the edge: a foot that lifts or lands passes it"),
         ),
         figures=(*pictures, figure),
+        films=() if options.quick else films([("scenario-1", "Scenario 1", run)]),
     )  # fmt: skip

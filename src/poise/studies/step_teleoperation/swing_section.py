@@ -11,6 +11,7 @@ from poise.studies.finding import Finding
 from poise.studies.plan import Progress, StudyOptions
 from poise.studies.progress import Steps
 from poise.studies.section import Section, Table
+from poise.studies.step_teleoperation.films import films
 from poise.studies.step_teleoperation.runs import edge_distance, fall_note, run_script
 from poise.studies.step_teleoperation.snapshots import snapshots
 from poise.teleop_sim import TeleopRun
@@ -44,6 +45,7 @@ def swing_section(options: StudyOptions, progress: Progress) -> Section:
     findings: list[Finding] = []
     rows: list[tuple[str | float | None, ...]] = []
     notes: tuple[str, ...] = ()
+    shown: list[tuple[str, str, TeleopRun]] = []
     for way in WAYS:
         axis = WAYS.index(way)
         script = swing_fast(robot, way, 2 if options.quick else 3)
@@ -69,6 +71,10 @@ def swing_section(options: StudyOptions, progress: Progress) -> Section:
                 azimuth=90.0,
             )
             figures[-1:-1] = pictures
+        shown += [
+            (f"scenario-4-{way}-{name}", f"Scenario 4, {way}, rotator {name}", run)
+            for name, run in (("on", on), ("off", off))
+        ]
     steps.finish()
     return Section(
         prose=(
@@ -80,6 +86,7 @@ def swing_section(options: StudyOptions, progress: Progress) -> Section:
         ),
         findings=tuple(findings),
         figures=tuple(figures),
+        films=() if options.quick else films(shown),
         tables=(
             Table(
                 title="A fast swing",

@@ -10,6 +10,7 @@ from poise.studies.finding import Finding
 from poise.studies.plan import Progress, StudyOptions
 from poise.studies.progress import Steps
 from poise.studies.section import Section, Table
+from poise.studies.step_teleoperation.films import films
 from poise.studies.step_teleoperation.plots import one_legend, paint_zmp
 from poise.studies.step_teleoperation.runs import edge_distance, fall_note, first, run_script
 from poise.studies.step_teleoperation.snapshots import snapshots
@@ -82,6 +83,9 @@ def switch_section(options: StudyOptions, progress: Progress) -> Section:
         ),
         findings=findings,
         figures=(*pictures, figure),
+        films=()
+        if options.quick
+        else films([("scenario-3", "Scenario 3, second timing", runs[1])]),
         tables=(
             Table(
                 title="Switching the support foot",
