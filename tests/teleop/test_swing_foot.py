@@ -1,5 +1,7 @@
 """Where a foot in the air is sent, and how fast it may go there."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from standing import PARAMETERS, biped, footing
@@ -142,3 +144,15 @@ def test_with_both_feet_on_the_ground_the_other_is_held_where_it_was_put_down(ge
     assert target(robot).place(now, None, **arguments).tolist() == now.anchors[1].tolist()
     loose = target(robot, Rules(held_feet=False)).place(now, None, **arguments)
     assert loose.tolist() == now.sole(1).tolist()
+
+
+def test_a_sole_with_no_ground_left_under_it_stops_the_swing_and_raises_nothing(get_robot):
+    robot = get_robot("biped20")
+    half = 0.5 * min(robot.soles["left_sole"].length, robot.soles["left_sole"].width)
+    # At exactly half a sole the deepest place in it is on its edge.
+    for margin in (half, 2.0 * half):
+        now = replace(footing(robot), margin=margin)
+        velocity = FootVelocity(PARAMETERS, Rules())
+        answer = velocity.towards(now, now.sole(1) + [0.3, 0.0, 0.04], hurry=False)
+        assert np.isfinite(answer).all()
+        assert answer[:2].tolist() == [0.0, 0.0]

@@ -63,4 +63,7 @@ def _calm(footing: Footing) -> float:
     """
     x, y = footing.anchors[footing.stance][:2].tolist()
     most = footing.support.depth((x, y))
+    if most <= 0.0:
+        # A sole tilted so far that no ground is left under it.
+        return 0.0
     return min(1.0, max(0.0, footing.capture_depth / (_CALM * most)))
