@@ -12,6 +12,7 @@ from oracles import near_home
 from poise.contacts import SurfaceContact
 from poise.control import CommandStatus, Stack, WholeBodyController
 from poise.control.fallback import DAMPING_SHARE, DECAY_TIME
+from poise.control.whole_body import WholeResolver
 from poise.dynamics import RobotState
 from poise.hqp import SolveStatus
 from poise.limits import TorqueLimit
@@ -108,8 +109,8 @@ def test_the_last_torque_fades_into_damping_whatever_the_clock_does(robot, contr
 
 
 def force(controller, solution):
-    formulation = controller.formulation
-    controller._formulation_for = lambda contacts: (formulation, Always(solution))
+    resolver = WholeResolver(controller.formulation, Always(solution))
+    controller._resolver_for = lambda contacts: resolver
 
 
 class Always:

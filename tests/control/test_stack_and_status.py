@@ -63,10 +63,14 @@ def test_a_contact_that_is_released_leaves_the_problem_and_comes_back(robot):
 def test_switching_contacts_back_and_forth_reuses_the_workspaces(robot):
     stack = default_stack(robot)
     controller = WholeBodyController(robot, stack)
+    prepared = len(controller._resolvers)
+    formulations = []
     for tick in range(6):
         (stack.contacts[1].release if tick % 2 else stack.contacts[1].engage)(0.0)
         assert controller.step(home(robot, 0.01 * tick)).status.ok
-    assert len(controller._formulations) == 2
+        formulations.append(controller.formulation)
+    assert formulations == formulations[:2] * 3
+    assert len(controller._resolvers) == prepared == 4
 
 
 def test_a_foot_task_waits_while_its_foot_is_in_contact(robot):

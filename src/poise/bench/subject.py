@@ -9,7 +9,7 @@ from poise.bench.recording import Recording
 from poise.bench.result import PHASES, TickTimes
 from poise.bench.stances import bench_stack
 from poise.control import make_controller
-from poise.control.formulation import PHYSICS_LEVELS
+from poise.control.resolver import PHYSICS_LEVELS
 
 RELAXED = 1e-8
 """Relative residual from which a level counts as not met in full."""

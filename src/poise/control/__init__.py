@@ -5,6 +5,7 @@ from poise.control.controller import Controller
 from poise.control.differential_ik import DifferentialIK
 from poise.control.make import CONTROLLERS, ControllerPlan, make_controller
 from poise.control.osf import OperationalSpaceController, RankTreatment
+from poise.control.reduced import ReducedController
 from poise.control.stack import Stack, default_stack
 from poise.control.status import ControllerStatus, TaskStatus
 from poise.control.whole_body import WholeBodyController
@@ -19,6 +20,7 @@ __all__ = [
     "DifferentialIK",
     "OperationalSpaceController",
     "RankTreatment",
+    "ReducedController",
     "Stack",
     "TaskStatus",
     "WholeBodyController",

@@ -7,20 +7,19 @@ import numpy as np
 from jaxtyping import Float64
 
 from poise.contacts.contact import Contact
+from poise.control.held import is_held
+from poise.control.resolver import PHYSICS_LEVELS
 from poise.control.stack import Stack
 from poise.dynamics.dynamics import Dynamics
 from poise.hqp import HierarchicalProblem
 from poise.robots.robot import Robot
-from poise.tasks import FrameTask, Task
+from poise.tasks import Task
 
 WRENCH_COST = 1e-4
 """Final cost of a wrench component against the acceleration energy.
 
 It only chooses among the internal forces that every level leaves free; it stands in the final
 cost, below all levels, so it takes nothing from a task."""
-
-PHYSICS_LEVELS = 2
-"""Levels that stand above the user's: dynamics with torque limits, contacts with joint limits."""
 
 _TaskRows = tuple[
     Task, Float64[np.ndarray, "m nv"], Float64[np.ndarray, " m"], Float64[np.ndarray, " m"]
@@ -63,6 +62,7 @@ class FullFormulation:
 
     Attributes:
         problem: the hierarchical problem, filled by `fill`.
+        levels: the stack's levels of tasks.
         suspended: tasks that a contact stands in for.
     """
 
@@ -102,9 +102,8 @@ class FullFormulation:
         joints = slice(base, nv)
         self._joint_lower, self._joint_upper = problem.x_lower[joints], problem.x_upper[joints]
         self._fill_cones(touch.A, touch.lower, touch.upper, wrench_dim)
-        self.suspended = tuple(
-            t for _, t in stack.tasks() if isinstance(t, FrameTask) and self._is_held(t)
-        )
+        self.levels = stack.levels
+        self.suspended = tuple(t for _, t in stack.tasks() if is_held(t, contacts))
         self._contact_rows = self._locate_contacts()
         self._task_rows = self._locate_tasks()
 
@@ -180,10 +179,6 @@ class FullFormulation:
             lower[rows], upper[rows] = -np.inf, 0.0
             row = rows.stop
 
-    def _is_held(self, task: FrameTask) -> bool:
-        # A point contact decides where its frame is, but not how it is turned.
-        return any(c.frame == task.frame and not (task.turns and c.dim < 6) for c in self._contacts)
-
     def _locate_contacts(self) -> list[_ContactRows]:
         problem, nv = self.problem, self._nv
         located: list[_ContactRows] = []
@@ -203,7 +198,7 @@ class FullFormulation:
 
     def _locate_tasks(self) -> list[_TaskRows]:
         located: list[_TaskRows] = []
-        for i, tasks in enumerate(self._stack.levels):
+        for i, tasks in enumerate(self.levels):
             view, row = self.problem.level(PHYSICS_LEVELS + i), 0
             for task in tasks:
                 rows = slice(row, row + task.dim)

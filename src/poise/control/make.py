@@ -7,6 +7,7 @@ from typing import Literal
 from poise.control.controller import Controller
 from poise.control.differential_ik import METHODS, DifferentialIK
 from poise.control.osf import BIAS_FORMULAS, OperationalSpaceController
+from poise.control.reduced import ReducedController
 from poise.control.stack import Stack
 from poise.control.whole_body import WholeBodyController
 from poise.errors import ConfigurationError, UnknownNameError
@@ -21,8 +22,8 @@ class ControllerPlan:
     Attributes:
         name: one of `CONTROLLERS`.
         strategy: how it solves, one of the controller's own strategies; its default when None.
-        backend: QP solver of the whole-body controller's cascade and weighted strategies.
-        time_limit: cap of one solve of the whole-body controller [s], None for none.
+        backend: QP solver of the cascade and weighted strategies.
+        time_limit: cap of one solve of a controller by quadratic programs [s], None for none.
         dt: control period, which a controller that commands velocities has to know [s]; a scenario
             puts its plant's in.
     """
@@ -57,6 +58,12 @@ def _whole_body(
     )
 
 
+def _reduced(robot: Robot, stack: Stack | None, plan: ControllerPlan, strategy: str) -> Controller:
+    return ReducedController(
+        robot, stack, strategy=strategy, backend=plan.backend, time_limit=plan.time_limit
+    )
+
+
 def _osf(robot: Robot, stack: Stack | None, plan: ControllerPlan, strategy: str) -> Controller:
     _refuse_solver_settings(plan, "the operational space formulation", "it solves in closed form")
     return OperationalSpaceController(robot, stack, bias=strategy)
@@ -81,6 +88,7 @@ def _refuse_solver_settings(plan: ControllerPlan, controller: str, why: str) -> 
 
 CONTROLLERS: Mapping[str, ControllerKind] = {
     "whole_body": ControllerKind(strategies=STRATEGIES, make=_whole_body),
+    "reduced": ControllerKind(strategies=STRATEGIES, make=_reduced),
     "osf": ControllerKind(strategies=BIAS_FORMULAS, make=_osf),
     "differential_ik": ControllerKind(
         strategies=METHODS, make=_differential_ik, actuation="velocity"

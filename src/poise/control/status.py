@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from poise.control.command import CommandStatus
-from poise.control.formulation import PHYSICS_LEVELS
+from poise.control.resolver import PHYSICS_LEVELS
 from poise.control.stack import Stack
 from poise.tasks import Task
 

@@ -216,6 +216,12 @@ class HierarchicalProblem:
         """Number of variables and number of rows."""
         return self.n, self.m
 
+    @property
+    def size(self) -> tuple[int, int]:
+        """Number of variables and of rows, finite bounds on single variables among them."""
+        bounded = np.isfinite(self.x_lower) | np.isfinite(self.x_upper)
+        return self.n, self.m + int(np.count_nonzero(bounded))
+
     def label(self, row_index: int) -> str:
         """Return the label of a stacked row: the first n are the simple bounds."""
         left = row_index

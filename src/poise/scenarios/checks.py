@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 
 from poise.control.command import CommandStatus
-from poise.control.formulation import PHYSICS_LEVELS
+from poise.control.resolver import PHYSICS_LEVELS
 from poise.control.stack import Stack
 from poise.errors import ScenarioError, UnknownNameError
 from poise.robots.robot import Robot

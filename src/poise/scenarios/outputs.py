@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from poise.control.formulation import PHYSICS_LEVELS
+from poise.control.resolver import PHYSICS_LEVELS
 from poise.errors import MissingExtraError
 from poise.report import Check, Event, RunRecord, SoleTrack, TaskTrack, write_report
 from poise.scenarios.checks import missed_ticks

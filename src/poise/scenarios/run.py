@@ -13,7 +13,7 @@ import numpy as np
 
 from poise.control.command import Command
 from poise.control.controller import Controller
-from poise.control.formulation import PHYSICS_LEVELS
+from poise.control.resolver import PHYSICS_LEVELS
 from poise.robots import load_robot
 from poise.robots.robot import Robot
 from poise.scenarios.by_hand import ByHand

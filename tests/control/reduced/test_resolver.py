@@ -62,7 +62,8 @@ class Both:
         for _, task in self.stack.tasks():
             task.reset()
         self.dynamics.update(state)
-        answer = self.resolver.resolve(self.dynamics)
+        self.resolver.assemble(self.dynamics)
+        answer = self.resolver.solve()
         self.whole.fill(self.dynamics)
         return answer
 
@@ -105,8 +106,8 @@ def test_answers_are_those_of_the_whole_problem(get_robot, name, stance, hands):
     for seed in SEEDS:
         answer = both.at(near_home(robot, seed, spread=0.1, speed=0.05))
         whole = both.solve_whole()
-        assert answer.first.ok
-        if answer.second is not None or whole.relaxed:
+        assert both.resolver.first_solution.ok
+        if both.resolver.second_solution is not None or whole.relaxed:
             continue
         compared += 1
         dv, F, torque = both.of(whole.x)
@@ -125,7 +126,7 @@ def test_levels_that_must_give_give_what_they_give_in_the_whole_problem(get_robo
     both = Both(robot, frames, [balance(robot), free_hands(robot, frames), [PostureTask()]])
     for seed in SEEDS[:3]:
         answer = both.at(near_home(robot, seed, spread=0.1, speed=0.05))
-        if answer.second is not None:
+        if both.resolver.second_solution is not None:
             continue
         first, part = both.resolver.first, both.resolver.reduced.partition
         resolution = resolve(first.problem, np.inf, ())
@@ -151,10 +152,10 @@ def test_a_hand_that_its_limits_hold_back_takes_nothing_from_the_levels_above(ge
     seconds = 0
     for seed in SEEDS:
         answer = both.at(near_home(robot, seed, spread=0.1, speed=0.05))
-        seconds += answer.second is not None
+        seconds += both.resolver.second_solution is not None
         residuals = both.residuals(both.point(answer))
         assert residuals[:3].max() < 1e-6
-        if answer.second is None:
+        if both.resolver.second_solution is None:
             assert residuals[3] < 1e-6
     assert 0 < seconds < len(SEEDS)
 
@@ -166,9 +167,9 @@ def test_where_the_chain_cannot_follow_the_whole_problem_answers(get_robot):
     both, wholes = Both(robot, frames, [balance(robot), free_hands(robot, frames)]), 0
     for seed in range(20):
         answer = both.at(near_home(robot, seed, spread=0.1, speed=0.05))
-        if answer.whole is not None:
+        if both.resolver.whole_solution is not None:
             wholes += 1
-            assert np.array_equal(both.point(answer), answer.whole.x)
+            assert np.array_equal(both.point(answer), both.resolver.whole_solution.x)
         assert both.residuals(both.point(answer))[:2].max() < 1e-6
         assert (np.abs(answer.torque) <= both.stack.torque_limit.upper + 1e-6).all()
     assert wholes > 0
@@ -182,7 +183,7 @@ def test_a_nearly_straight_arm_costs_no_accuracy(get_robot, name, seed):
     frames = stances(robot)["one foot and one hand"]
     both = Both(robot, frames, [balance(robot), free_hands(robot, frames)])
     answer = both.at(near_home(robot, seed, spread=0.1, speed=0.05))
-    assert answer.second is None
+    assert both.resolver.second_solution is None
     problem = both.resolver.first.problem
     assert np.linalg.cond(problem.H) < 1e9
     exact = both.of(resolve(both.whole.problem, np.inf, ()).x)
@@ -215,8 +216,8 @@ def test_torque_limits_of_both_chains_hold_and_base_dynamics_stay_exact(get_robo
     seconds = wholes = 0
     for seed in SEEDS:
         answer = both.at(near_home(robot, seed, spread=0.02, speed=0.02))
-        seconds += answer.second is not None
-        wholes += answer.whole is not None
+        seconds += both.resolver.second_solution is not None
+        wholes += both.resolver.whole_solution is not None
         residuals = both.residuals(both.point(answer))
         assert residuals[0] < 1e-6
         limit = both.stack.torque_limit.upper
@@ -246,8 +247,9 @@ def test_the_cascade_solves_it(get_robot):
     resolver = ReducedResolver(robot, stack, stack.contacts, partition, CascadeSolver)
     dynamics = Dynamics(robot)
     dynamics.update(near_home(robot, 0, spread=0.05, speed=0.05))
-    answer = resolver.resolve(dynamics)
-    assert answer.first.relative_residuals.max() < 1e-3
+    resolver.assemble(dynamics)
+    resolver.solve()
+    assert resolver.first_solution.relative_residuals.max() < 1e-3
 
 
 @pytest.mark.parametrize("stance", ["flight", "everything", "hanging by a hand"])
@@ -257,7 +259,7 @@ def test_no_contact_and_no_unconstrained_chain_are_solved_too(get_robot, stance)
     both = Both(robot, frames, [free_hands(robot, frames)])
     answer = both.at(near_home(robot, 0, spread=0.1, speed=0.05))
     whole = both.solve_whole()
-    assert answer.second is None
+    assert both.resolver.second_solution is None
     for actual, wanted in zip(both.of(both.point(answer)), both.of(whole.x), strict=True):
         assert np.abs(actual - wanted).max(initial=0.0) < 1e-7 * np.abs(whole.x).max()
 
@@ -268,7 +270,7 @@ def test_a_fixed_base_is_solved_too(get_robot, name):
     both = Both(robot, (), [[FrameTask(robot.hands[0])]])
     answer = both.at(random_state(robot, 0, speed=0.2))
     whole = both.solve_whole()
-    if answer.second is None and not whole.relaxed:
+    if both.resolver.second_solution is None and not whole.relaxed:
         assert relative(answer.acceleration, whole.x) < TOLERANCE
 
 
@@ -279,8 +281,9 @@ def test_a_state_without_inertia_or_numbers_gives_a_solution_that_failed(get_rob
     state = near_home(robot, 0)
     state.v[:] = np.nan
     both.dynamics.update(state)
-    assert not both.resolver.resolve(both.dynamics).first.ok
-    assert both.at(near_home(robot, 0)).first.ok
+    both.resolver.assemble(both.dynamics)
+    assert not both.resolver.solve().status.ok
+    assert both.at(near_home(robot, 0)).status.ok
 
 
 def assigned(robot, frames, task):

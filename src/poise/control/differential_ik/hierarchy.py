@@ -5,7 +5,7 @@ from jaxtyping import Float64
 
 from poise.control.differential_ik.formulation import VelocityFormulation
 from poise.control.differential_ik.row_weights import ROW_WEIGHT
-from poise.control.formulation import PHYSICS_LEVELS
+from poise.control.resolver import PHYSICS_LEVELS
 from poise.hqp import DirectSolver, HierarchicalProblem, Solution
 
 

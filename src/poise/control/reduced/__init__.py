@@ -2,13 +2,14 @@
 
 from poise.control.reduced.assignment import Assignment, assign
 from poise.control.reduced.constraint_chain import ConstraintChainProblem
-from poise.control.reduced.resolver import ReducedAnswer, ReducedResolver
+from poise.control.reduced.controller import ReducedController
+from poise.control.reduced.resolver import ReducedResolver
 from poise.control.reduced.unconstrained_chain import UnconstrainedChainProblem
 
 __all__ = [
     "Assignment",
     "ConstraintChainProblem",
-    "ReducedAnswer",
+    "ReducedController",
     "ReducedResolver",
     "UnconstrainedChainProblem",
     "assign",
