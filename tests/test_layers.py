@@ -12,7 +12,7 @@ ROOT = Path(__file__).parents[1] / "src" / "poise"
 
 FLOORS = (
     {"errors"},
-    {"checks", "fields"},
+    {"checks", "fields", "linalg"},
     {"robots", "hqp", "balance"},
     {"dynamics"},
     {"tasks", "contacts", "limits"},

@@ -12,8 +12,8 @@ SURFACE = {
     "ComTask", "Command", "CommandStatus", "Contact", "ControllerStatus", "DifferentialIK",
     "Dynamics", "FrameTask", "HierarchicalProblem", "JointLimit", "JointTask", "Level",
     "MomentumTask", "OperationalSpaceController", "PointContact", "PoiseError", "PostureTask",
-    "ReducedController", "RelativeFrameTask", "Robot", "RobotState", "Solution", "Stack", "SurfaceContact", "Task",
-    "TorqueLimit", "WholeBodyController", "default_stack", "load_robot", "scenarios", "sim",
+    "ReducedController", "RelativeFrameTask", "Robot", "RobotState", "Solution", "Stack",
+    "SurfaceContact", "Task", "TorqueLimit", "WholeBodyController", "default_stack", "load_robot", "scenarios", "sim",
     "solve",
 }  # fmt: skip
 

@@ -6,11 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float64
 
+from poise.dynamics.chain_coordinates import CENTROID_DIM
 from poise.dynamics.selection import Selection
 from poise.robots.robot import Robot
-
-CENTROID_DIM = 6
-"""Coordinates of a centroid, that is of a wrench. Chains of no more joints gain nothing by one."""
 
 
 @dataclass(frozen=True, kw_only=True)

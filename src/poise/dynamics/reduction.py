@@ -1,11 +1,18 @@
 """`ReducedDynamics`: the equation of motion with centroids in place of the unconstrained chain."""
 
 import numpy as np
-from jaxtyping import Float64
-from scipy.linalg import lapack
+from jaxtyping import Float64, Int64
 
+from poise.dynamics.chain_coordinates import (
+    CENTROID_DIM,
+    ChainFactors,
+    find_coordinates,
+    from_coordinates,
+    to_coordinates,
+)
 from poise.dynamics.dynamics import Dynamics
-from poise.dynamics.partition import CENTROID_DIM, HangingChain, Partition
+from poise.dynamics.partition import Partition
+from poise.linalg import compiled
 from poise.robots.robot import Robot
 
 
@@ -56,31 +63,25 @@ class ReducedDynamics:
         M_uu: block of the robot's mass matrix.
         h_a: nonlinear effects of a [N, N m].
         h_u: nonlinear effects of u [N m].
-        J_z: maps dv_u to z.
-        Jbar_z: maps z to the dv_u that makes it with the least energy.
-        N_z: spans the motions inside the chains that leave z as it is and that nobody else feels,
-            J_z N_z = 0, of unit energy: N_z^T M_uu N_z = I. Every dv_u is Jbar_z z + N_z p.
+        factors: what turns motions of u into z and what is left, `to_coordinates`.
     """
 
     def __init__(self, robot: Robot, partition: Partition) -> None:
-        self.partition = partition
-        self._base = slice(0, robot.base_dofs)
-        na, nu, nz = partition.na, partition.nu, partition.nz
-        self.M: Float64[np.ndarray, "nr nr"] = np.eye(partition.nr)
+        self.partition = part = partition
+        na, nu = part.na, part.nu
+        self.M: Float64[np.ndarray, "nr nr"] = np.eye(part.nr)
         self.M_aa: Float64[np.ndarray, "na na"] = self.M[:na, :na]
         self.C: Float64[np.ndarray, "na nz"] = self.M[:na, na:]
-        self._C_transposed = self.M[na:, :na]
-        self._product = np.zeros((na, nz))
         self.M_au: Float64[np.ndarray, "na nu"] = np.zeros((na, nu))
         self.M_uu: Float64[np.ndarray, "nu nu"] = np.zeros((nu, nu))
         self.h_a: Float64[np.ndarray, " na"] = np.zeros(na)
         self.h_u: Float64[np.ndarray, " nu"] = np.zeros(nu)
-        self.J_z: Float64[np.ndarray, "nz nu"] = np.zeros((nz, nu))
-        self.Jbar_z: Float64[np.ndarray, "nu nz"] = np.zeros((nu, nz))
-        self.N_z: Float64[np.ndarray, "nu np"] = np.zeros((nu, nu - nz))
-        self._A: Float64[np.ndarray, "six nu"] = np.zeros((CENTROID_DIM, nu))
-        # LAPACK factors column-major arrays in place.
-        self._factor = np.zeros((nu, nu), order="F")
+        ends = [(chain.u.start, chain.u.stop) for chain in part.chains]
+        self.factors = ChainFactors.allocate(np.array(ends, dtype=np.int64).reshape(-1, 2))
+        self._has_base = robot.floating_base
+        self._coupled = _carriers(robot, part)
+        self._A = np.zeros((CENTROID_DIM, nu))
+        self._X = np.zeros((len(self._coupled), nu))
 
     def update(self, dynamics: Dynamics) -> None:
         """Computes everything for a state, in place.
@@ -88,20 +89,39 @@ class ReducedDynamics:
         Args:
             dynamics: the state, up to date.
         """
-        a, u = self.partition.a, self.partition.u
-        M = dynamics.M
-        a.block(a, M, self.M_aa)
-        a.entries(dynamics.h, self.h_a)
-        if not self.partition.chains:
+        part = self.partition
+        if not part.chains:
+            part.a.block(part.a, dynamics.M, self.M_aa)
+            part.a.entries(dynamics.h, self.h_a)
             return
-        a.block(u, M, self.M_au)
-        u.block(u, M, self.M_uu)
-        u.entries(dynamics.h, self.h_u)
-        u.columns(M[self._base] if self._base.stop else dynamics.momentum_matrix, self._A)
-        self._find_centroids()
-        np.dot(self.M_au, self.Jbar_z, out=self._product)
-        self.C[:] = self._product
-        self._C_transposed[:] = self._product.T
+        _reduce(
+            dynamics.M,
+            dynamics.h,
+            dynamics.M[:CENTROID_DIM] if self._has_base else dynamics.momentum_matrix,
+            (part.a.index, part.u.index, self._coupled),
+            (self.M, self.M_au, self.M_uu, self.h_a, self.h_u),
+            self.factors,
+            (self._A, self._X),
+        )
+
+    @property
+    def Jbar_z(self) -> Float64[np.ndarray, "nu nz"]:
+        """Maps z to the dv_u that makes it with the least energy."""
+        return self._basis()[:, : self.partition.nz]
+
+    @property
+    def N_z(self) -> Float64[np.ndarray, "nu np"]:
+        """Spans the motions inside the chains that leave z as it is: J_z N_z = 0.
+
+        Nobody else feels them. They have unit energy, N_z^T M_uu N_z = I. Every dv_u is
+        Jbar_z z + N_z p.
+        """
+        return self._basis()[:, self.partition.nz :]
+
+    @property
+    def J_z(self) -> Float64[np.ndarray, "nz nu"]:
+        """Maps dv_u to z."""
+        return self.Jbar_z.T.dot(self.M_uu)
 
     def reduced_jacobian(
         self, jacobian: Float64[np.ndarray, "m nv"], out: Float64[np.ndarray, "m nr"]
@@ -115,11 +135,13 @@ class ReducedDynamics:
             jacobian: maps `dv`.
             out: receives what maps (dv_a, z).
         """
-        self.partition.a.columns(jacobian, out)
-        if not self.partition.chains:
-            return
-        parts = [jacobian[:, run].dot(self.Jbar_z[place]) for run, place in self.partition.u.runs]
-        out[:, self.partition.na :] = parts[0] if len(parts) == 1 else sum(parts)
+        part = self.partition
+        part.a.columns(jacobian, out)
+        if part.chains:
+            rows = np.empty((len(jacobian), part.nu))
+            part.u.columns(jacobian, rows)
+            to_coordinates(rows, self.factors, coordinates := np.empty_like(rows))
+            out[:, part.na :] = coordinates[:, : part.nz]
 
     def reduce(self, dv: Float64[np.ndarray, " nv"]) -> Float64[np.ndarray, " nr"]:
         """Acceleration of the reduced robot, (dv_a, z), of an acceleration of the robot.
@@ -177,31 +199,68 @@ class ReducedDynamics:
         torque += self.h_u
         return torque
 
-    def _find_centroids(self) -> None:
-        """J_z, Jbar_z and N_z, one chain after the other, from M_uu and the rows of A."""
-        # M_uu is symmetric: transposed, it is the column-major array that LAPACK wants.
-        self._factor.T[:] = self.M_uu
-        factor, failed = lapack.dpotrf(self._factor, lower=1, clean=1, overwrite_a=1)
-        if failed:
-            self.J_z.fill(np.nan)
-            self.Jbar_z.fill(np.nan)
-            self.N_z.fill(np.nan)
-            return
-        # The triangular inverse and products: triangular solves wait for other threads.
-        L_inverse = lapack.dtrtri(factor, lower=1, overwrite_c=1)[0]
-        for chain in self.partition.chains:
-            self._find_centroid(chain, L_inverse[chain.u, chain.u])
-        np.dot(self.Jbar_z.T, self.M_uu, out=self.J_z)
+    def _basis(self) -> Float64[np.ndarray, "nu nu"]:
+        """[Jbar_z, N_z]."""
+        basis = np.empty_like(self.M_uu)
+        for column, unit in zip(basis.T, np.eye(len(basis)), strict=True):
+            from_coordinates(unit, self.factors, dv_u := np.empty(len(unit)))
+            column[:] = dv_u
+        return basis
 
-    def _find_centroid(self, chain: HangingChain, L_inverse: Float64[np.ndarray, "k k"]) -> None:
-        # Orthogonal factors stay orthogonal where A loses rank, and cost nothing in accuracy.
-        tilde = self._A[:, chain.u].dot(L_inverse.T)
-        packed, tau, _, _ = lapack.dgeqrf(tilde.T, overwrite_a=1)
-        # A positive diagonal of R makes Q unique, so that z does not turn over between two ticks.
-        signs = np.copysign(1.0, packed.diagonal())
-        square = np.zeros(L_inverse.shape, order="F")
-        square[:, :CENTROID_DIM] = packed
-        Q = L_inverse.T.dot(lapack.dorgqr(square, tau, overwrite_a=1)[0])
-        np.multiply(Q[:, :CENTROID_DIM], signs, out=self.Jbar_z[chain.u, chain.z])
-        inside = slice(chain.u.start - chain.z.start, chain.u.stop - chain.z.stop)
-        self.N_z[chain.u, inside] = Q[:, CENTROID_DIM:]
+
+def _carriers(robot: Robot, partition: Partition) -> Int64[np.ndarray, " k"]:
+    """Places in `a` of the coordinates that carry a hanging chain; no others feel it."""
+    model = robot.model
+    carrying: set[int] = set()
+    for chain in partition.chains:
+        for joint in model.supports[model.getJointId(chain.body)].tolist():
+            carrying.update(range(model.idx_vs[joint], model.idx_vs[joint] + model.nvs[joint]))
+    return np.flatnonzero(np.isin(partition.a.index, sorted(carrying)))
+
+
+_Index = tuple[Int64[np.ndarray, " na"], Int64[np.ndarray, " nu"], Int64[np.ndarray, " k"]]
+_Matrices = tuple[
+    Float64[np.ndarray, "nr nr"],
+    Float64[np.ndarray, "na nu"],
+    Float64[np.ndarray, "nu nu"],
+    Float64[np.ndarray, " na"],
+    Float64[np.ndarray, " nu"],
+]
+
+
+@compiled
+def _reduce(
+    M: Float64[np.ndarray, "nv nv"],
+    h: Float64[np.ndarray, " nv"],
+    wrench: Float64[np.ndarray, "six nv"],
+    index: _Index,
+    matrices: _Matrices,
+    factors: ChainFactors,
+    scratch: tuple[Float64[np.ndarray, "six nu"], Float64[np.ndarray, "k nu"]],
+) -> None:
+    a, u, coupled = index
+    M_r, M_au, M_uu, h_a, h_u = matrices
+    A, X = scratch
+    na, nu = len(a), len(u)
+    for i in range(na):
+        h_a[i] = h[a[i]]
+        for j in range(na):
+            M_r[i, j] = M[a[i], a[j]]
+        for j in range(nu):
+            M_au[i, j] = M[a[i], u[j]]
+    for i in range(nu):
+        h_u[i] = h[u[i]]
+        for j in range(nu):
+            M_uu[i, j] = M[u[i], u[j]]
+        for j in range(CENTROID_DIM):
+            A[j, i] = wrench[j, u[i]]
+        for j in range(len(coupled)):
+            X[j, i] = M_au[coupled[j], i]
+    sound = find_coordinates(M_uu, A, X, factors)
+    if not sound:
+        X[:] = np.nan
+        factors.L[:] = np.nan
+    for i in range(len(coupled)):
+        for k in range(len(M_r) - na):
+            value = X[i, factors.order[k]]
+            M_r[coupled[i], na + k] = M_r[na + k, coupled[i]] = value

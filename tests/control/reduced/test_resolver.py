@@ -10,7 +10,6 @@ from poise.control import Stack
 from poise.control.formulation import FullFormulation
 from poise.control.reduced import ReducedResolver, assign
 from poise.dynamics import Dynamics, Partitions
-from poise.errors import ConfigurationError
 from poise.hqp import CascadeSolver, make_solver
 from poise.hqp.lexicographic import resolve
 from poise.limits import TorqueLimit
@@ -125,7 +124,7 @@ def test_levels_that_must_give_give_what_they_give_in_the_whole_problem(get_robo
     frames = stances(robot)[stance]
     both = Both(robot, frames, [balance(robot), free_hands(robot, frames), [PostureTask()]])
     for seed in SEEDS[:3]:
-        answer = both.at(near_home(robot, seed, spread=0.1, speed=0.05))
+        both.at(near_home(robot, seed, spread=0.1, speed=0.05))
         if both.resolver.second_solution is not None:
             continue
         first, part = both.resolver.first, both.resolver.reduced.partition
@@ -315,18 +314,54 @@ def test_tasks_go_where_what_they_need_is_decided(get_robot):
     assert (len(first), len(second)) == (12, 21)
 
 
-class _Unknown(Task):
-    def __init__(self):
-        super().__init__("mine", kp=1.0, kd=None, weight=1.0)
+class _Own(Task):
+    """Rows that the library does not know: `rows(dynamics)` gives Jacobian and drift."""
+
+    def __init__(self, rows):
+        super().__init__("mine", kp=30.0, kd=None, weight=np.array([2.0, 1.0, 0.5]))
+        self._rows = rows
 
     def _resolve(self, robot):
-        return 1
+        return 3
 
     def _evaluate(self, dynamics):
-        return np.zeros(1)
+        self.jacobian, self.drift = self._rows(dynamics)
+        self.error = np.array([0.01, -0.02, 0.005])
+        self.error_rate = -self.jacobian @ dynamics.state.v
+        return np.zeros(3)
 
 
-def test_a_kind_of_task_that_is_not_known_is_refused(get_robot):
+def of_com(dynamics):
+    return dynamics.com_jacobian.copy(), dynamics.com_bias
+
+
+def of_hand_against_com(dynamics):
+    hand = dynamics.frame(dynamics.robot.frame_id("left_hand"))
+    return hand.jacobian[:3] - dynamics.com_jacobian, hand.bias[:3] - dynamics.com_bias
+
+
+def of_sole(dynamics):
+    foot = dynamics.frame(dynamics.robot.frame_id("left_sole"))
+    return foot.jacobian[:3], foot.bias[:3]
+
+
+@pytest.mark.parametrize("rows", [of_com, of_hand_against_com, of_sole])
+@pytest.mark.parametrize("above", [True, False])
+def test_a_users_own_kind_of_task_is_solved_whatever_it_needs(get_robot, rows, above):
+    """The centroids alone, both chains at once, or no unconstrained chain at all."""
     robot = get_robot("humanoid33")
-    with pytest.raises(ConfigurationError, match=r"mine.*controller whole_body"):
-        assigned(robot, robot.soles, _Unknown())
+    frames = stances(robot)["left support" if rows is not of_sole else "double support"]
+    if rows is of_sole:
+        frames = frames[1:]
+    pelvis, hands = FrameTask(robot.pelvis, "orientation"), free_hands(robot, frames)
+    levels = [[_Own(rows), pelvis], hands] if above else [[pelvis], hands, [_Own(rows)]]
+    both, compared = Both(robot, frames, levels), 0
+    for seed in SEEDS[:4]:
+        answer = both.at(near_home(robot, seed, spread=0.1, speed=0.05))
+        whole = both.solve_whole()
+        if both.resolver.second_solution is not None or whole.relaxed:
+            continue
+        compared += 1
+        for actual, wanted in zip(both.of(both.point(answer)), both.of(whole.x), strict=True):
+            assert relative(actual, wanted) < TOLERANCE
+    assert compared > 0

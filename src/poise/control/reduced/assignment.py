@@ -6,7 +6,6 @@ import numpy as np
 from jaxtyping import Int64
 
 from poise.dynamics import Partition
-from poise.errors import ConfigurationError
 from poise.robots.robot import Robot
 from poise.tasks import (
     ComTask,
@@ -43,14 +42,13 @@ def assign(task: Task, robot: Robot, partition: Partition) -> Assignment:
       no such joint stands between the two: LQP 1.
     - Other frames: LQP 2, with the acceleration of everything else known (23).
     - A task of joints is split, joint by joint.
+    - A kind of task that is not known here: LQP 2. What of its rows the chain's own joints cannot
+      decide `ChainElimination` leaves to LQP 1, which may be all of them.
 
     Args:
         task: a task bound to the robot.
         robot: the robot.
         partition: its chains.
-
-    Raises:
-        ConfigurationError: a kind of task that is not known here.
     """
     rows, none = np.arange(task.dim), np.arange(0)
     if isinstance(task, ComTask | MomentumTask):
@@ -65,12 +63,8 @@ def assign(task: Task, robot: Robot, partition: Partition) -> Assignment:
     elif isinstance(task, RelativeFrameTask):
         needed = _movers(robot, task.frame) ^ _movers(robot, task.root)
     else:
-        raise ConfigurationError(
-            f"task {task.name!r} cannot be assigned to one of the two reduced problems",
-            got=type(task).__name__,
-            wanted="ComTask, FrameTask, JointTask, MomentumTask, PostureTask, RelativeFrameTask or "
-            "a task derived from one, or controller whole_body",
-        )
+        # Nothing is known of it but its rows, which may need anything.
+        needed = set(range(robot.nv))
     if needed & set(partition.u.index.tolist()):
         return Assignment(task=task, first=none, second=rows)
     return Assignment(task=task, first=rows, second=none)

@@ -4,16 +4,18 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
-from jaxtyping import Float64
+from jaxtyping import Float64, Int64
 
 from poise.contacts.contact import Contact
 from poise.control.formulation import WRENCH_COST
-from poise.control.reduced.assignment import Assignment
+from poise.control.reduced.eliminate import Eliminated
 from poise.control.reduced.elimination import ChainElimination
-from poise.control.reduced.rows import locate_rows
+from poise.control.reduced.task_rows import TaskRows
+from poise.control.resolver import PHYSICS_LEVELS
 from poise.control.stack import Stack
 from poise.dynamics import Dynamics, ReducedDynamics
 from poise.hqp import HierarchicalProblem, LevelView
+from poise.linalg import compiled
 from poise.robots.robot import Robot
 
 
@@ -39,7 +41,7 @@ class ConstraintChainProblem:
         robot: the robot.
         stack: contacts, limits and tasks, bound to the robot.
         contacts: those contacts of the stack that are active.
-        assignments: of the tasks that act, level by level.
+        tasks: the rows of the tasks that act.
         reduced: the reduced dynamics for these contacts, updated by the caller.
         shape: how many unknowns s and how many rows in each level the unconstrained chain leaves
             over, `ChainElimination.shape`.
@@ -53,7 +55,7 @@ class ConstraintChainProblem:
         robot: Robot,
         stack: Stack,
         contacts: Sequence[Contact],
-        assignments: Sequence[Sequence[Assignment]],
+        tasks: TaskRows,
         reduced: ReducedDynamics,
         shape: Sequence[int],
     ) -> None:
@@ -73,12 +75,12 @@ class ConstraintChainProblem:
             [na, n - motion.stop + sum(len(c.cone) for c in contacts)]
             + [
                 sum(len(a.first) for a in level) + k
-                for level, k in zip(assignments, left, strict=True)
+                for level, k in zip(tasks.levels, left, strict=True)
             ],
             names=[
                 "dynamics",
                 "contacts",
-                *(", ".join(a.task.name for a in level) for level in assignments),
+                *(", ".join(a.task.name for a in level) for level in tasks.levels),
             ],
             labels=[
                 [("base dynamics", base), *((f"torque limit of {j}", 1) for j in names)],
@@ -89,7 +91,7 @@ class ConstraintChainProblem:
                         *((f"task {a.task.name}", len(a.first)) for a in level),
                         ("unconstrained chain", k),
                     ]
-                    for level, k in zip(assignments, left, strict=True)
+                    for level, k in zip(tasks.levels, left, strict=True)
                 ),
             ],
             bounds_level=1,
@@ -98,13 +100,16 @@ class ConstraintChainProblem:
         bounds += [("acceleration of the unconstrained chain", part.nz + kept)]
         bounds += [(f"normal force of contact {c.name}", c.dim) for c in contacts]
         problem.labels[:1] = [(name, count) for name, count in bounds if count]
-        self._chain_energy = np.zeros((motion.stop, motion.stop))
-        wrench_dim = n - motion.stop
+        self._wrench_dim = wrench_dim = n - motion.stop
         problem.H[motion.stop :, motion.stop :] = WRENCH_COST * np.eye(wrench_dim)
         self._fill_cones(problem.level(1), wrench_dim)
-        self._task_rows = locate_rows(
-            problem.levels[2:], [[(a, a.first) for a in level] for level in assignments]
-        )
+        self._jacobian = np.zeros((wrench_dim, robot.nv))
+        self._contact_rows = [
+            (c, self._jacobian[rows := slice(w.start - motion.stop, w.stop - motion.stop)], rows, w)
+            for c, w in zip(contacts, self._wrenches, strict=True)
+        ]
+        self._tasks = tasks
+        self._index = part.a.index, tasks.first, self._places(tasks, left), self._centroid(tasks)
 
     def fill(self, dynamics: Dynamics, chain: ChainElimination) -> None:
         """Writes one state's rows into the problem.
@@ -113,21 +118,25 @@ class ConstraintChainProblem:
             dynamics: the state; the reduced dynamics, the tasks and the joint limit are up to date.
             chain: the unconstrained chain, up to date, with as many rows left as told.
         """
-        self._fill_dynamics(chain)
-        for view, (rows, values) in zip(self.problem.levels[2:], chain.demands, strict=True):
-            if len(values):
-                view.A[-len(values) :, : rows.shape[1]] = rows
-                view.lower[-len(values) :] = view.upper[-len(values) :] = values
-        self._fill_contacts(dynamics)
-        na, nr, a = self._na, self._nr, self._reduced.partition.a
-        for assignment, rows, A, lower, upper in self._task_rows:
-            task = assignment.task
-            if assignment.through_centroids:
-                self._reduced.reduced_jacobian(task.jacobian[rows], A[:, :nr])
-            else:
-                a.columns(task.jacobian[rows], A[:, :na])
-            np.subtract(task.reference[rows], task.drift[rows], out=lower)
-            upper[:] = lower
+        problem, tasks = self.problem, self._tasks
+        touch = problem.level(1)
+        for contact, jacobian, rows, variables in self._contact_rows:
+            contact.evaluate(dynamics)
+            jacobian[:] = contact.jacobian
+            np.subtract(contact.reference, contact.drift, out=touch.lower[rows])
+            problem.x_lower[variables] = contact.wrench_lower
+            problem.x_upper[variables] = contact.wrench_upper
+        touch.upper[: self._wrench_dim] = touch.lower[: self._wrench_dim]
+        torque, joint = self._stack.torque_limit, self._stack.joint_limit
+        _fill(
+            self._index,
+            (self._reduced.M, self._reduced.h_a, self._jacobian),
+            (tasks.J, tasks.target),
+            (chain.out, chain.used, chain.kept, chain.centroid_rows),
+            (torque.lower, torque.upper, joint.lower, joint.upper),
+            self._base,
+            (problem.A, problem.lower, problem.upper, problem.H, problem.g),
+        )
 
     def acceleration(self, x: Float64[np.ndarray, " n"]) -> Float64[np.ndarray, " k"]:
         """What a solution decides of the accelerations: (dv_a, z, s)."""
@@ -143,38 +152,6 @@ class ConstraintChainProblem:
         """Wrench at each active contact in a solution, by the contact's name [N, N m]."""
         return {c.name: x[s] for c, s in zip(self._contacts, self._wrenches, strict=True)}
 
-    def _fill_dynamics(self, chain: ChainElimination) -> None:
-        base, na, nr = self._base, self._na, self._nr
-        reduced, physics = self._reduced, self.problem.level(0)
-        torque, joint = self._stack.torque_limit, self._stack.joint_limit
-        physics.A[:, :nr] = reduced.M[:na]
-        energy = self.problem.H[self._motion, self._motion]
-        np.dot(chain.G.T, chain.G, out=self._chain_energy)
-        energy[:] = self._chain_energy
-        energy[:nr, :nr] += reduced.M
-        np.negative(chain.c.dot(chain.G), out=self.problem.g[self._motion])
-        h = reduced.h_a
-        np.negative(h[:base], out=physics.lower[:base])
-        physics.upper[:base] = physics.lower[:base]
-        np.subtract(torque.lower[self._joints], h[base:], out=physics.lower[base:])
-        np.subtract(torque.upper[self._joints], h[base:], out=physics.upper[base:])
-        self.problem.x_lower[base:na] = joint.lower[self._joints]
-        self.problem.x_upper[base:na] = joint.upper[self._joints]
-
-    def _fill_contacts(self, dynamics: Dynamics) -> None:
-        problem, na, first = self.problem, self._na, self._motion.stop
-        physics, touch, a = problem.level(0), problem.level(1), self._reduced.partition.a
-        for contact, variables in zip(self._contacts, self._wrenches, strict=True):
-            contact.evaluate(dynamics)
-            rows = slice(variables.start - first, variables.stop - first)
-            jacobian = touch.A[rows, :na]
-            a.columns(contact.jacobian, jacobian)
-            np.negative(jacobian.T, out=physics.A[:, variables])
-            np.subtract(contact.reference, contact.drift, out=touch.lower[rows])
-            touch.upper[rows] = touch.lower[rows]
-            problem.x_lower[variables] = contact.wrench_lower
-            problem.x_upper[variables] = contact.wrench_upper
-
     def _fill_cones(self, touch: LevelView, row: int) -> None:
         # Constant: the cones stand in the contacts' own frames.
         for contact, variables in zip(self._contacts, self._wrenches, strict=True):
@@ -182,3 +159,114 @@ class ConstraintChainProblem:
             touch.A[rows, variables] = contact.cone
             touch.lower[rows], touch.upper[rows] = -np.inf, 0.0
             row = rows.stop
+
+    def _places(self, tasks: TaskRows, left: Sequence[int]) -> Int64[np.ndarray, " k"]:
+        """Rows of the problem for the tasks' first rows, then those for what the levels leave."""
+        firsts: list[int] = []
+        leftovers: list[int] = []
+        for view, level, k in zip(
+            self.problem.levels[PHYSICS_LEVELS:], tasks.levels, left, strict=True
+        ):
+            row = view.slice.start
+            for assignment in level:
+                count = len(assignment.first)
+                firsts += range(row, row + count)
+                self.problem.weights[self.problem.n + row : self.problem.n + row + count] = (
+                    assignment.task.weight[assignment.first]
+                )
+                row += count
+            leftovers += range(row, row + k)
+        return np.array(firsts + leftovers, dtype=np.int64)
+
+    def _centroid(self, tasks: TaskRows) -> Int64[np.ndarray, " first"]:
+        """For each of the tasks' first rows, its place among those of the centroids, or -1."""
+        places = np.full(len(tasks.first), -1, dtype=np.int64)
+        places[np.isin(tasks.first, tasks.centroid)] = np.arange(len(tasks.centroid))
+        return places
+
+
+_Index = tuple[
+    Int64[np.ndarray, " na"],
+    Int64[np.ndarray, " first"],
+    Int64[np.ndarray, " places"],
+    Int64[np.ndarray, " first"],
+]
+_Robot = tuple[
+    Float64[np.ndarray, "nr nr"], Float64[np.ndarray, " na"], Float64[np.ndarray, "w nv"]
+]
+_Chain = tuple[Eliminated, int, int, Float64[np.ndarray, "centroid nu"]]
+_Limits = tuple[
+    Float64[np.ndarray, " nj"],
+    Float64[np.ndarray, " nj"],
+    Float64[np.ndarray, " nj"],
+    Float64[np.ndarray, " nj"],
+]
+_Problem = tuple[
+    Float64[np.ndarray, "m n"],
+    Float64[np.ndarray, " nm"],
+    Float64[np.ndarray, " nm"],
+    Float64[np.ndarray, "n n"],
+    Float64[np.ndarray, " n"],
+]
+
+
+@compiled
+def _fill(
+    index: _Index,
+    robot: _Robot,
+    tasks: tuple[Float64[np.ndarray, "t nv"], Float64[np.ndarray, " t"]],
+    chain: _Chain,
+    limits: _Limits,
+    base: int,
+    problem: _Problem,
+) -> None:
+    a, first, places, centroid = index
+    M_r, h_a, J_c = robot
+    J, target = tasks
+    eliminated, used, kept, centroid_rows = chain
+    tau_min, tau_max, dv_min, dv_max = limits
+    A, lower, upper, H, g = problem
+    na, nr, n = len(a), len(M_r), len(g)
+    motion, nz = nr + kept, nr - na
+    # Level 1: [M_aa C] [dv_a; z] - J_c,a^T F.
+    for i in range(na):
+        for j in range(nr):
+            A[i, j] = M_r[i, j]
+        for j in range(len(J_c)):
+            A[i, motion + j] = -J_c[j, a[i]]
+            A[na + j, i] = J_c[j, a[i]]
+        joint = a[i] - base
+        if joint < 0:
+            lower[n + i] = upper[n + i] = -h_a[i]
+        else:
+            lower[n + i] = tau_min[joint] - h_a[i]
+            upper[n + i] = tau_max[joint] - h_a[i]
+            lower[i], upper[i] = dv_min[joint], dv_max[joint]
+    # Tasks of the reduced robot.
+    for k in range(len(first)):
+        row, place = first[k], places[k]
+        for i in range(na):
+            A[place, i] = J[row, a[i]]
+        if centroid[k] >= 0:
+            for i in range(nz):
+                A[place, na + i] = centroid_rows[centroid[k], i]
+        lower[n + place] = upper[n + place] = target[row]
+    # What tasks of the unconstrained chain leave.
+    for k in range(len(places) - len(first)):
+        place = places[len(first) + k]
+        for i in range(motion):
+            A[place, i] = eliminated.rows[k, i]
+        lower[n + place] = upper[n + place] = eliminated.values[k]
+    # The energy of the reduced robot, and |c - G x|^2 / 2 of the motion inside the chain.
+    G, c = eliminated.G, eliminated.c
+    for i in range(motion):
+        g[i] = 0.0
+        for j in range(motion):
+            H[i, j] = M_r[i, j] if i < nr and j < nr else 0.0
+    for k in range(used):
+        for i in range(motion):
+            share = G[k, i]
+            if share != 0.0:
+                g[i] -= share * c[k]
+                for j in range(motion):
+                    H[i, j] += share * G[k, j]

@@ -1,33 +1,13 @@
 """`ChainElimination`: what tasks of the unconstrained chain ask of the reduced robot."""
 
-from collections.abc import Sequence
-from typing import NamedTuple
-
 import numpy as np
-from jaxtyping import Float64
-from scipy.linalg import lapack
+from jaxtyping import Float64, Int64
 
-from poise.control.reduced.assignment import Assignment
+from poise.control.reduced.eliminate import Eliminated, eliminate, restore
+from poise.control.reduced.task_rows import TaskRows
 from poise.dynamics import ReducedDynamics
-
-RANK_TOLERANCE = 1e-8
-"""Pivots smaller than this, relative to the first, are no motion that a task can use."""
-
-WEAK = 1e-2
-"""Pivots smaller than this stay unknowns: eliminated, their inverse squares would be in the energy,
-and a nearly straight arm cost LQP 1 its accuracy."""
-
-
-class LevelDemand(NamedTuple):
-    """What is left of one level for LQP 1: rows x = values, with weights in them.
-
-    Attributes:
-        rows: coefficients of (dv_a, z, s), or of its beginning.
-        values: right-hand sides.
-    """
-
-    rows: Float64[np.ndarray, "k n"]
-    values: Float64[np.ndarray, " k"]
+from poise.dynamics.chain_coordinates import ChainFactors, from_coordinates, to_coordinates
+from poise.linalg import compiled
 
 
 class ChainElimination:
@@ -48,42 +28,59 @@ class ChainElimination:
     use up the freedom, nothing is left of their levels. Directions in which an arm hardly moves,
     near a singular posture, are not eliminated but join x as unknowns s, with their rows.
 
+    A task that turns out to move with the centroids alone, N = 0, is left to LQP 1 as it is.
+
     Args:
         reduced: the reduced dynamics, updated by the caller.
-        levels: the tasks that act, level by level.
+        rows: the rows of the tasks, updated by the caller.
 
     Attributes:
-        demands: what each level leaves for LQP 1, at the last state.
-        G: how p answers to x = (dv_a, z, s).
-        c: p at x = 0.
+        out: G, c and the rows that are left, with room for more than are there.
+        centroid_rows: for the rows of tasks that move with the centroids, coefficients of (z, p).
+        used: number of p that tasks or unknowns s have taken.
         kept: number of unknowns s.
     """
 
-    def __init__(self, reduced: ReducedDynamics, levels: Sequence[Sequence[Assignment]]) -> None:
-        self._reduced = reduced
-        self._levels = [[a for a in level if len(a.second)] for level in levels]
+    def __init__(self, reduced: ReducedDynamics, rows: TaskRows) -> None:
+        self._reduced, self._rows = reduced, rows
         part = reduced.partition
-        self._inside, self._nr = part.nu - part.nz, part.nr
-        self._nothing = LevelDemand(np.zeros((0, part.nr)), np.zeros(0))
-        self.demands: list[LevelDemand] = [self._nothing] * len(self._levels)
-        self.kept = 0
-        self.G: Float64[np.ndarray, "np n"] = np.zeros((self._inside, part.nr))
-        self.c: Float64[np.ndarray, " np"] = np.zeros(self._inside)
+        inside, m = part.nu - part.nz, len(rows.second)
+        width, all_rows = part.nr + inside, m + len(rows.centroid)
+        self.used = self.kept = 0
+        self._index = part.a.index, part.u.index, np.concatenate((rows.second, rows.centroid))
+        self._X, self._Y = np.zeros((all_rows, part.nu)), np.zeros((all_rows, part.nu))
+        self._E, self._e = np.zeros((m, width)), np.zeros(m)
+        self._P = np.zeros((m, inside))
+        self.centroid_rows: Float64[np.ndarray, "k nu"] = self._Y[m:]
+        self.out = Eliminated(
+            G=np.zeros((inside, width)),
+            c=np.zeros(inside),
+            V=np.zeros((inside, inside)),
+            tau=np.zeros(inside),
+            rows=np.zeros((m, width)),
+            values=np.zeros(m),
+            left=np.zeros(len(rows.levels), dtype=np.int64),
+            shares=np.zeros(2 * m + width),
+        )
+        self._zp = np.zeros(part.nu)
 
     def update(self) -> None:
         """Eliminates p for the state of the reduced dynamics and of the tasks."""
-        self.kept = 0
-        self.G = np.zeros((self._inside, self._nr))
-        self.c[:] = 0.0
-        Z = np.eye(self._inside)
-        for i, level in enumerate(self._levels):
-            if level:
-                Z, self.demands[i] = self._eliminate(level, Z)
+        rows, part = self._rows, self._reduced.partition
+        if part.nu:
+            self.used, self.kept = _eliminate(
+                (rows.J, rows.target, rows.weight, rows.second_ends),
+                self._index,
+                part.nz,
+                self._reduced.factors,
+                (self._X, self._Y, self._E, self._P, self._e),
+                self.out,
+            )
 
     @property
     def shape(self) -> tuple[int, ...]:
         """Number of unknowns s, then of rows left in each level."""
-        return (self.kept, *(len(demand.values) for demand in self.demands))
+        return (self.kept, *self.out.left.tolist())
 
     def recover(self, x: Float64[np.ndarray, " n"]) -> Float64[np.ndarray, " nu"]:
         """Acceleration of the unconstrained chain for what LQP 1 decided.
@@ -94,109 +91,78 @@ class ChainElimination:
         Returns:
             dv_u = Jbar_z z + N_z (c - G x).
         """
-        p = self.c - self.G.dot(x)
-        dv_u = self._reduced.Jbar_z.dot(x[self._reduced.partition.na : self._nr])
-        dv_u += self._reduced.N_z.dot(p)
+        dv_u = np.empty(len(self._zp))
+        na, nz = self._reduced.partition.na, self._reduced.partition.nz
+        _recover(x, na, nz, self.used, self.out, self._reduced.factors, self._zp, dv_u)
         return dv_u
 
-    def _eliminate(
-        self, level: list[Assignment], Z: Float64[np.ndarray, "np d"]
-    ) -> tuple[Float64[np.ndarray, "np e"], LevelDemand]:
-        T, N, r = self._rows(level)
-        split = _split(N.dot(Z))
-        # What is missing at x, given p so far: E x - e.
-        E, e = self._missing(T, N, r)
-        if split is None:
-            return Z, LevelDemand(E, e)
-        strong, T1_inverse = split.strong, split.T1_inverse
-        answer = Z.dot(split.V[:, :strong].dot(T1_inverse.dot(split.U[:, :strong].T)))
-        self.G += answer.dot(E)
-        self.c += answer.dot(e)
-        if split.rank > strong:
-            self.G = np.hstack((self.G, -Z.dot(split.V[:, strong : split.rank])))
-            self.kept += split.rank - strong
-        demand, rest = self._nothing, split.U[:, strong:].T
-        if len(rest):
-            E, e = self._missing(T, N, r)
-            demand = LevelDemand(rest.dot(E), rest.dot(e))
-        return Z.dot(split.V[:, split.rank :]), demand
 
-    def _missing(
-        self,
-        T: Float64[np.ndarray, "m nr"],
-        N: Float64[np.ndarray, "m np"],
-        r: Float64[np.ndarray, " m"],
-    ) -> tuple[Float64[np.ndarray, "m n"], Float64[np.ndarray, " m"]]:
-        E = N.dot(self.G)
-        np.negative(E, out=E)
-        E[:, : self._nr] += T
-        return E, r - N.dot(self.c)
-
-    def _rows(
-        self, level: list[Assignment]
-    ) -> tuple[Float64[np.ndarray, "m nr"], Float64[np.ndarray, "m np"], Float64[np.ndarray, " m"]]:
-        """Weighted rows of a level: T, N and r."""
-        reduced, part = self._reduced, self._reduced.partition
-        m = sum(len(a.second) for a in level)
-        T, J_u, r = np.empty((m, self._nr)), np.empty((m, part.nu)), np.empty(m)
-        first = 0
-        for a in level:
-            task, place = a.task, slice(first, first + len(a.second))
-            weight = task.weight[a.second]
-            jacobian = task.jacobian[a.second] * weight[:, None]
-            part.a.columns(jacobian, T[place])
-            part.u.columns(jacobian, J_u[place])
-            r[place] = weight * (task.reference[a.second] - task.drift[a.second])
-            first = place.stop
-        T[:, part.na :] = J_u.dot(reduced.Jbar_z)
-        return T, J_u.dot(reduced.N_z), r
+_Rows = tuple[
+    Float64[np.ndarray, "m nv"],
+    Float64[np.ndarray, " m"],
+    Float64[np.ndarray, " m"],
+    Int64[np.ndarray, " k"],
+]
+_Index = tuple[Int64[np.ndarray, " na"], Int64[np.ndarray, " nu"], Int64[np.ndarray, " c"]]
+_Scratch = tuple[
+    Float64[np.ndarray, "c nu"],
+    Float64[np.ndarray, "c nu"],
+    Float64[np.ndarray, "s n"],
+    Float64[np.ndarray, "s np"],
+    Float64[np.ndarray, " s"],
+]
 
 
-class _Split(NamedTuple):
-    """Complete orthogonal decomposition U T V^T; T is lower triangular, its first pivots strong.
-
-    Attributes:
-        U: orthogonal; the first `rank` columns are reached.
-        V: orthogonal; the first `rank` columns reach them.
-        T1_inverse: inverse of the strong part of T.
-        strong: number of strong pivots.
-        rank: number of pivots that are not zero.
-    """
-
-    U: Float64[np.ndarray, "m m"]
-    V: Float64[np.ndarray, "d d"]
-    T1_inverse: Float64[np.ndarray, "k k"]
-    strong: int
-    rank: int
-
-
-def _split(A: Float64[np.ndarray, "m d"]) -> _Split | None:
-    """Splits rows into what their freedom reaches and what it does not; None where A is zero."""
-    if not A.size:
-        return None
-    packed, pivots, tau, _, _ = lapack.dgeqp3(A)
-    sizes = np.abs(packed.diagonal())
-    rank = int(np.count_nonzero(sizes > RANK_TOLERANCE * sizes[0])) if sizes[0] > 0.0 else 0
-    if not rank:
-        return None
-    unpivoted = np.empty((rank, A.shape[1]))
-    unpivoted[:, pivots - 1] = np.triu(packed[:rank])
-    U = _orthogonal(packed, tau)
-    packed, tau, _, _ = lapack.dgeqrf(unpivoted.T)
-    sizes = np.abs(packed.diagonal())
-    # A leading block, because T is triangular.
-    weak = np.flatnonzero(sizes < WEAK * sizes.max())
-    strong = int(weak[0]) if len(weak) else rank
-    # unpivoted^T = V S with S upper triangular, so that T = S^T.
-    S_inverse = lapack.dtrtri(np.triu(packed[:strong, :strong]), lower=0)[0]
-    return _Split(U, _orthogonal(packed, tau), S_inverse.T, strong, rank)
+@compiled
+def _eliminate(
+    task_rows: _Rows,
+    index: _Index,
+    nz: int,
+    factors: ChainFactors,
+    scratch: _Scratch,
+    out: Eliminated,
+) -> tuple[int, int]:
+    J, target, weight, ends = task_rows
+    a, u, chosen = index
+    X, Y, E, P, e = scratch
+    na, m = len(a), len(e)
+    for i in range(len(chosen)):
+        row = chosen[i]
+        # Rows that only move with the centroids are LQP 1's, which weighs them itself.
+        share = weight[row] if i < m else 1.0
+        for j in range(len(u)):
+            X[i, j] = share * J[row, u[j]]
+    to_coordinates(X, factors, Y)
+    E[:, na + nz :] = 0.0
+    for i in range(m):
+        row = chosen[i]
+        e[i] = weight[row] * target[row]
+        for j in range(na):
+            E[i, j] = weight[row] * J[row, a[j]]
+        for j in range(nz):
+            E[i, na + j] = Y[i, j]
+        for j in range(P.shape[1]):
+            P[i, j] = Y[i, nz + j]
+    return eliminate(E, P, e, na + nz, ends, out)
 
 
-def _orthogonal(
-    packed: Float64[np.ndarray, "m d"], tau: Float64[np.ndarray, " k"]
-) -> Float64[np.ndarray, "m m"]:
-    """The whole orthogonal factor of LAPACK's packed reflectors."""
-    m = len(packed)
-    square = np.zeros((m, m), order="F")
-    square[:, : len(tau)] = packed[:, : len(tau)]
-    return lapack.dorgqr(square, tau, overwrite_a=1)[0]
+@compiled
+def _recover(
+    x: Float64[np.ndarray, " n"],
+    na: int,
+    nz: int,
+    used: int,
+    out: Eliminated,
+    factors: ChainFactors,
+    zp: Float64[np.ndarray, " nu"],
+    dv_u: Float64[np.ndarray, " nu"],
+) -> None:
+    for i in range(nz):
+        zp[i] = x[na + i]
+    p = zp[nz:]
+    p[:] = out.c
+    for k in range(used):
+        for i in range(len(x)):
+            p[k] -= out.G[k, i] * x[i]
+    restore(p, out.V, out.tau, used)
+    from_coordinates(zp, factors, dv_u)

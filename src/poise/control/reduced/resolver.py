@@ -1,10 +1,8 @@
 """`ReducedResolver`: LQP 1, then the unconstrained chain, then both chains' torques."""
 
 from collections.abc import Callable, Sequence
-from math import sqrt
 
 import numpy as np
-from jaxtyping import Float64
 
 from poise.contacts.contact import Contact
 from poise.control.formulation import FullFormulation
@@ -12,6 +10,8 @@ from poise.control.held import is_held
 from poise.control.reduced.assignment import assign
 from poise.control.reduced.constraint_chain import ConstraintChainProblem
 from poise.control.reduced.elimination import ChainElimination
+from poise.control.reduced.joining import ChainJoining
+from poise.control.reduced.task_rows import TaskRows
 from poise.control.reduced.unconstrained_chain import UnconstrainedChainProblem
 from poise.control.resolver import PHYSICS_LEVELS, Answer
 from poise.control.stack import Stack
@@ -23,9 +23,6 @@ from poise.tasks import Task
 
 _TOLERANCE = 1e-8
 """Relative residual above which LQP 2 does not keep to the centroids, or to its limits."""
-
-_SLOP = 1e-9
-"""Excess of an acceleration bound that is rounding, as a solver's own [rad/s^2]."""
 
 
 class ReducedResolver:
@@ -50,12 +47,12 @@ class ReducedResolver:
     Attributes:
         reduced: the reduced dynamics.
         chain: the unconstrained chain, eliminated.
-        first: LQP 1 of the last state, None before.
+        tasks: the rows of the tasks that act.
         second: LQP 2; None without an unconstrained chain.
+        first_solution: solution of LQP 1, None before the first solve.
+        second_solution: solution of LQP 2; None where the last solve did not need it.
+        whole: the whole problem; None before it is needed.
         suspended: frame tasks that a contact stands in for; they have no rows.
-
-    Raises:
-        ConfigurationError: a task that cannot be assigned to one of the two.
     """
 
     def __init__(
@@ -71,31 +68,37 @@ class ReducedResolver:
         self.suspended: tuple[Task, ...] = tuple(
             t for _, t in stack.tasks() if is_held(t, contacts)
         )
-        self._assignments = [
-            [assign(t, robot, partition) for t in level if t not in self.suspended]
-            for level in stack.levels
-        ]
-        self._levels = [[a.task for a in level] for level in self._assignments]
-        self._tasks = [task for level in self._levels for task in level]
-        self._joints_u = partition.u.index - robot.base_dofs
+        self.tasks = TaskRows(
+            robot.nv,
+            [
+                [assign(t, robot, partition) for t in level if t not in self.suspended]
+                for level in stack.levels
+            ],
+        )
         self.reduced = ReducedDynamics(robot, partition)
-        self.chain = ChainElimination(self.reduced, self._assignments)
+        self.chain = ChainElimination(self.reduced, self.tasks)
         # One for each shape: it changes only where tasks of the unconstrained chain lose rank.
         self._firsts: dict[tuple[int, ...], tuple[ConstraintChainProblem, Solver]] = {}
-        self.first: ConstraintChainProblem | None = None
         self.second: UnconstrainedChainProblem | None = None
         self.first_solution: Solution | None = None
         self.second_solution: Solution | None = None
         self.whole: WholeResolver | None = None
-        self._acceleration = np.zeros(robot.nv)
+        self._solved_whole = False
+        self._joining = ChainJoining(robot.base_dofs, self.reduced, stack)
+        self._current = self._first_for(self.chain.shape)
         if partition.nu:
-            self.second = UnconstrainedChainProblem(robot, stack, self._assignments, self.reduced)
+            self.second = UnconstrainedChainProblem(robot, stack, self.tasks, self.reduced)
             self._second_solver = make_solver()
+
+    @property
+    def first(self) -> ConstraintChainProblem:
+        """LQP 1 of the last state."""
+        return self._current[0]
 
     @property
     def size(self) -> tuple[int, int]:
         """Variables and rows of LQP 1, and of LQP 2 where the last state needed it."""
-        n, m = (0, 0) if self.first is None else self.first.problem.size
+        n, m = self.first.problem.size
         if self.second is not None and self.second_solution is not None:
             n2, m2 = self.second.problem.size
             n, m = n + n2, m + m2
@@ -110,33 +113,34 @@ class ReducedResolver:
         self._dynamics = dynamics
         self.reduced.update(dynamics)
         self._stack.joint_limit.evaluate(dynamics)
-        for task in self._tasks:
-            task.evaluate(dynamics)
+        self.tasks.update(dynamics)
         self.chain.update()
-        self.first, self._first_solver = self._first_for(self.chain.shape)
+        self._current = self._first_for(self.chain.shape)
         self.first.fill(dynamics, self.chain)
 
     def solve(self) -> Answer:
         """Solves what was assembled; nothing raises on numbers."""
-        reduced, base, problem = self.reduced, self._robot.base_dofs, self.first
-        part = reduced.partition
+        problem, solver = self._current
         self.second_solution, self._solved_whole = None, False
-        self.first_solution = first = self._first_solver.solve(problem.problem)
-        x = problem.acceleration(first.x)
-        torque_a, wrenches = problem.torque(first.x), problem.wrenches(first.x)
-        if self.second is None:
-            return self._answer(x, torque_a[base:], wrenches)
-        dv_a, dv_u = x[: part.na], self.chain.recover(x)
-        torque_u = reduced.torques_u(dv_a, dv_u)
-        if first.ok and not self._is_within_limits(dv_u, torque_u):
-            self.second.fill(x[: part.nr])
+        self.first_solution = first = solver.solve(problem.problem)
+        x, torque_a = problem.acceleration(first.x), problem.torque(first.x)
+        joined = self._joining.join(x, torque_a, self.chain.recover(x))
+        physics = first.relative_residuals[:PHYSICS_LEVELS]
+        if self.second is not None and first.ok and not joined.within:
+            self.second.fill(x[: self.reduced.partition.nr])
             self.second_solution = second = self._second_solver.solve(self.second.problem)
             if not second.ok or max(second.relative_residuals[:PHYSICS_LEVELS]) > _TOLERANCE:
                 return self._solve_whole()
-            dv_u = second.x
-            torque_u = reduced.torques_u(dv_a, dv_u)
-        dv, torque = part.merge(dv_a, dv_u), part.merge(torque_a, torque_u)[base:]
-        return self._answer(dv, torque, wrenches)
+            joined = self._joining.join(x, torque_a, second.x)
+            physics = np.maximum(physics, second.relative_residuals[:PHYSICS_LEVELS])
+        residuals = (*physics.tolist(), *self.tasks.measure(joined.acceleration).tolist())
+        return Answer(
+            first.status,
+            joined.acceleration,
+            joined.torque,
+            problem.wrenches(first.x),
+            residuals,
+        )
 
     def reset(self) -> None:
         """Forgets the last solutions."""
@@ -150,49 +154,20 @@ class ReducedResolver:
 
     def task_residuals(self) -> dict[str, float]:
         """Norm of what each task could not meet at the last solve [unit/s^2]."""
-        return {
-            task.name: float(np.linalg.norm(self._missing(task)))
-            for level in self._levels
-            for task in level
-        }
+        if self.whole is not None and self._solved_whole:
+            return self.whole.task_residuals()
+        return self.tasks.missing()
 
     def explain(self) -> str:
         """Which rows conflict and with what, in words."""
         if self.whole is not None and self._solved_whole:
             return self.whole.explain()
-        if self.first is None or self.first_solution is None:
+        if self.first_solution is None:
             return "nothing solved yet"
         words = [self.first_solution.explain(self.first.problem)]
         if self.second is not None and self.second_solution is not None:
             words.append(self.second_solution.explain(self.second.problem))
         return "; ".join(words)
-
-    def _missing(self, task: Task) -> Float64[np.ndarray, " m"]:
-        missing = task.jacobian.dot(self._acceleration)
-        missing += task.drift
-        missing -= task.reference
-        return missing
-
-    def _answer(
-        self,
-        dv: Float64[np.ndarray, " nv"],
-        torque: Float64[np.ndarray, " nj"],
-        wrenches: dict[str, Float64[np.ndarray, " m"]],
-    ) -> Answer:
-        self._acceleration = dv
-        first, second = self.first_solution, self.second_solution
-        physics = first.relative_residuals[:PHYSICS_LEVELS]
-        if second is not None:
-            physics = np.maximum(physics, second.relative_residuals[:PHYSICS_LEVELS])
-        residuals = physics.tolist()
-        for level in self._levels:
-            missing = aimed = 0.0
-            for task in level:
-                one = task.weight * self._missing(task)
-                other = task.weight * (task.reference - task.drift)
-                missing, aimed = missing + one.dot(one), aimed + other.dot(other)
-            residuals.append(sqrt(missing) / max(1.0, sqrt(aimed)))
-        return Answer(first.status, dv, torque, wrenches, tuple(residuals))
 
     def _solve_whole(self) -> Answer:
         # Not made before it is needed, which may be never.
@@ -202,9 +177,7 @@ class ReducedResolver:
             )
         self._solved_whole = True
         self.whole.assemble(self._dynamics)
-        answer = self.whole.solve()
-        self._acceleration = answer.acceleration
-        return answer
+        return self.whole.solve()
 
     @property
     def whole_solution(self) -> Solution | None:
@@ -215,18 +188,7 @@ class ReducedResolver:
         pair = self._firsts.get(shape)
         if pair is None:
             problem = ConstraintChainProblem(
-                self._robot, self._stack, self._contacts, self._assignments, self.reduced, shape
+                self._robot, self._stack, self._contacts, self.tasks, self.reduced, shape
             )
             pair = self._firsts[shape] = (problem, self._make_solver())
         return pair
-
-    def _is_within_limits(
-        self, dv_u: Float64[np.ndarray, " nu"], torque_u: Float64[np.ndarray, " nu"]
-    ) -> bool:
-        torque, joint, u = self._stack.torque_limit, self._stack.joint_limit, self._joints_u
-        return bool(
-            (torque_u >= torque.lower[u]).all()
-            and (torque_u <= torque.upper[u]).all()
-            and (dv_u >= joint.lower[u] - _SLOP).all()
-            and (dv_u <= joint.upper[u] + _SLOP).all()
-        )

@@ -1,12 +1,9 @@
 """`UnconstrainedChainProblem`: LQP 2, the unconstrained chain under a known reduced motion."""
 
-from collections.abc import Sequence
-
 import numpy as np
 from jaxtyping import Float64
 
-from poise.control.reduced.assignment import Assignment
-from poise.control.reduced.rows import locate_rows
+from poise.control.reduced.task_rows import TaskRows
 from poise.control.stack import Stack
 from poise.dynamics import ReducedDynamics
 from poise.hqp import HierarchicalProblem
@@ -32,7 +29,7 @@ class UnconstrainedChainProblem:
     Args:
         robot: the robot.
         stack: contacts, limits and tasks, bound to the robot.
-        assignments: of the tasks that act, level by level.
+        tasks: the rows of the tasks that act, updated by the caller.
         reduced: the reduced dynamics, updated by the caller; its partition must have a chain.
 
     Attributes:
@@ -43,7 +40,7 @@ class UnconstrainedChainProblem:
         self,
         robot: Robot,
         stack: Stack,
-        assignments: Sequence[Sequence[Assignment]],
+        tasks: TaskRows,
         reduced: ReducedDynamics,
     ) -> None:
         self._stack, self._reduced = stack, reduced
@@ -54,24 +51,28 @@ class UnconstrainedChainProblem:
         names = part.unconstrained
         self.problem = problem = HierarchicalProblem.allocate(
             part.nu,
-            [part.nz + part.nu, 0] + [sum(len(a.second) for a in level) for level in assignments],
+            [part.nz + part.nu, 0] + np.diff(tasks.second_ends).tolist(),
             names=[
                 "centroids",
                 "joint limits",
-                *(", ".join(a.task.name for a in level if len(a.second)) for level in assignments),
+                *(", ".join(a.task.name for a in level if len(a.second)) for level in tasks.levels),
             ],
             labels=[
                 [("acceleration of a centroid", part.nz)]
                 + [(f"torque limit of {j}", 1) for j in names],
                 [],
-                *([(f"task {a.task.name}", len(a.second)) for a in level] for level in assignments),
+                *(
+                    [(f"task {a.task.name}", len(a.second)) for a in level]
+                    for level in tasks.levels
+                ),
             ],
             bounds_level=1,
         )
         problem.labels[:1] = [(f"joint limit of {j}", 1) for j in names]
-        self._task_rows = locate_rows(
-            problem.levels[2:], [[(a, a.second) for a in level] for level in assignments]
-        )
+        self._tasks = tasks
+        self._rows = problem.A[part.nz + part.nu :]
+        self._values = slice(part.nu + part.nz + part.nu, None)
+        problem.weights[self._values] = tasks.weight[tasks.second]
 
     def fill(self, x: Float64[np.ndarray, " nr"]) -> None:
         """Writes one state's rows into the problem.
@@ -94,12 +95,8 @@ class UnconstrainedChainProblem:
         np.subtract(torque.upper[joints], carried, out=physics.upper[nz:])
         problem.x_lower[:] = joint.lower[joints]
         problem.x_upper[:] = joint.upper[joints]
-        known = self._known
-        part.a.scatter(dv_a, known)
-        for assignment, rows, A, lower, upper in self._task_rows:
-            task = assignment.task
-            jacobian = task.jacobian[rows]
-            part.u.columns(jacobian, A)
-            np.subtract(task.reference[rows], task.drift[rows], out=lower)
-            lower -= jacobian.dot(known)
-            upper[:] = lower
+        part.a.scatter(dv_a, self._known)
+        J = self._tasks.J[self._tasks.second]
+        part.u.columns(J, self._rows)
+        values = self._tasks.target[self._tasks.second] - J.dot(self._known)
+        problem.lower[self._values] = problem.upper[self._values] = values

@@ -1,0 +1,180 @@
+"""The elimination of `ChainElimination`, compiled."""
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float64, Int64
+
+from poise.linalg import compiled
+from poise.linalg.householder import make_reflection, reflect, reflect_columns, reflect_rows
+
+RANK_TOLERANCE = 1e-8
+"""Pivots smaller than this, relative to the first, are no motion that a task can use."""
+
+WEAK = 1e-2
+"""Pivots smaller than this stay unknowns: eliminated, their inverse squares would be in the energy,
+and a nearly straight arm cost LQP 1 its accuracy."""
+
+ROUNDING = 1e-12
+"""Coefficients smaller than this, relative to the largest of their level, are rounding."""
+
+
+class Eliminated(NamedTuple):
+    """What the elimination leaves; `G` and the rows have room for every p as an unknown.
+
+    Attributes:
+        G: how p answers to (dv_a, z, s), in the coordinates that V turns it into.
+        c: p at zero, likewise.
+        V: vectors of the reflections that turn p, each from its own place on.
+        tau: their factors.
+        rows: what the levels leave for LQP 1, one below the other: coefficients of (dv_a, z, s).
+        values: right-hand sides.
+        left: how many rows each level leaves.
+        shares: scratch.
+    """
+
+    G: Float64[np.ndarray, "np n"]
+    c: Float64[np.ndarray, " np"]
+    V: Float64[np.ndarray, "np np"]
+    tau: Float64[np.ndarray, " np"]
+    rows: Float64[np.ndarray, "m n"]
+    values: Float64[np.ndarray, " m"]
+    left: Int64[np.ndarray, " levels"]
+    shares: Float64[np.ndarray, " s"]
+
+
+@compiled
+def eliminate(
+    E: Float64[np.ndarray, "m n"],
+    P: Float64[np.ndarray, "m np"],
+    e: Float64[np.ndarray, " m"],
+    nr: int,
+    ends: Int64[np.ndarray, " k"],
+    out: Eliminated,
+) -> tuple[int, int]:
+    """Solves weighted rows E x + P p = e for p, level by level, as far as they determine it.
+
+    Args:
+        E: coefficients of x = (dv_a, z), with zeros for the unknowns s; overwritten.
+        P: coefficients of p; overwritten.
+        e: right-hand sides; overwritten.
+        nr: number of coordinates (dv_a, z).
+        ends: where each level ends; the first entry is zero.
+        out: receives what is left.
+
+    Returns:
+        How many p are determined or unknowns s, and how many are unknowns s.
+    """
+    G, c, V, tau, rows, values, left, shares = out
+    G[:], c[:] = 0.0, 0.0
+    done = kept = total = 0
+    for level in range(len(left)):
+        begin, end = ends[level], ends[level + 1]
+        rank = _find_reached(P[begin:end], E[begin:end, :nr], e[begin:end], done, shares)
+        largest = 0.0
+        for k in range(rank):
+            row, place = begin + k, done + k
+            v = V[place, : P.shape[1] - place]
+            tau[place] = make_reflection(P[row, place:], v)
+            reflect_rows(P[row + 1 : begin + rank, place:], v, tau[place])
+            reflect_rows(P[end:, place:], v, tau[place])
+            largest = max(largest, P[row, place])
+        strong = 0
+        # A leading block, because what the reflections leave is lower triangular.
+        while strong < rank and P[begin + strong, done + strong] >= WEAK * largest:
+            strong += 1
+        width = nr + kept + rank - strong
+        for k in range(end - begin):
+            row, place = begin + k, done + k
+            for j in range(done + min(k, rank)):
+                share = P[row, j]
+                if share != 0.0:
+                    e[row] -= share * c[j]
+                    for i in range(width):
+                        E[row, i] -= share * G[j, i]
+            if k < strong:
+                c[place] = e[row] / P[row, place]
+                for i in range(width):
+                    G[place, i] = E[row, i] / P[row, place]
+                continue
+            if k < rank:
+                unknown = nr + kept + k - strong
+                G[place, unknown] = -1.0
+                E[row, unknown] += P[row, place]
+            rows[total], values[total] = E[row], e[row]
+            total += 1
+        left[level] = end - begin - strong
+        kept += rank - strong
+        done += rank
+    return done, kept
+
+
+@compiled
+def restore(
+    p: Float64[np.ndarray, " np"],
+    V: Float64[np.ndarray, "np np"],
+    tau: Float64[np.ndarray, " np"],
+    done: int,
+) -> None:
+    """Turns p back into the coordinates that it had before the elimination, in place.
+
+    Args:
+        p: overwritten.
+        V: of `Eliminated`.
+        tau: of `Eliminated`.
+        done: how many of p are determined.
+    """
+    for k in range(done - 1, -1, -1):
+        reflect(p[k:], V[k, : len(p) - k], tau[k])
+
+
+@compiled
+def _find_reached(
+    P: Float64[np.ndarray, "m np"],
+    E: Float64[np.ndarray, "m nr"],
+    e: Float64[np.ndarray, " m"],
+    done: int,
+    shares: Float64[np.ndarray, " s"],
+) -> int:
+    """Turns a level's rows so that the first ones are all that the freedom left can reach.
+
+    Args:
+        P: coefficients of p, of which the first `done` are spoken for.
+        E: coefficients of the rest of the robot, turned with them.
+        e: right-hand sides, likewise.
+        done: how many of p the levels above have taken.
+        shares: scratch.
+
+    Returns:
+        How many rows are reached; the others have no coefficient left.
+    """
+    m, inside = P.shape
+    if m == 0:
+        return 0
+    scale = max(np.abs(P).max() if inside else 0.0, np.abs(E).max())
+    vector, column = shares[: 2 * m].reshape(2, m)
+    shares = shares[2 * m :]
+    first, rank = 0.0, 0
+    while rank < min(m, inside - done):
+        best, size = done, -1.0
+        for j in range(done, inside):
+            square = 0.0
+            for i in range(rank, m):
+                square += P[i, j] * P[i, j]
+            if square > size:
+                best, size = j, square
+        size = np.sqrt(size)
+        first = max(first, size)
+        # Written so that NaN ends it.
+        if not size > max(RANK_TOLERANCE * first, ROUNDING * scale):
+            break
+        v = vector[: m - rank]
+        column[: m - rank] = P[rank:, best]
+        tau = make_reflection(column[: m - rank], v)
+        reflect_columns(P[rank:], v, tau, shares)
+        P[rank + 1 :, best] = 0.0
+        reflect_columns(E[rank:], v, tau, shares)
+        reflect(e[rank:], v, tau)
+        rank += 1
+    P[rank:, done:] = 0.0
+    return rank

@@ -1,0 +1,9 @@
+"""Small dense linear algebra, compiled when first called, for what is done every tick.
+
+Python's own time for a call into NumPy or LAPACK is that of some thousand operations, as many as
+most of these functions do. They work in place and allocate nothing.
+"""
+
+from poise.linalg.compiling import compiled
+
+__all__ = ["compiled"]
