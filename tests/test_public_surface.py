@@ -13,8 +13,8 @@ SURFACE = {
     "Dynamics", "FrameTask", "HierarchicalProblem", "JointLimit", "JointTask", "Level",
     "MomentumTask", "OperationalSpaceController", "PointContact", "PoiseError", "PostureTask",
     "ReducedController", "RelativeFrameTask", "Robot", "RobotState", "Solution", "Stack",
-    "SurfaceContact", "Task", "TorqueLimit", "WholeBodyController", "default_stack", "load_robot", "scenarios", "sim",
-    "solve",
+    "SurfaceContact", "Task", "TorqueLimit", "WholeBodyController", "default_stack",
+    "load_robot", "scenarios", "sim", "solve",
 }  # fmt: skip
 
 
