@@ -10,7 +10,7 @@ from hypothesis.extra import numpy as hnp
 from oracles import near_home
 
 from poise.contacts import SurfaceContact
-from poise.control import CommandStatus, Stack, WholeBodyController
+from poise.control import CommandStatus, ReducedController, Stack, WholeBodyController
 from poise.control.fallback import DAMPING_SHARE, DECAY_TIME
 from poise.control.whole_body import WholeResolver
 from poise.dynamics import RobotState
@@ -24,8 +24,16 @@ def robot(get_robot):
     return get_robot("humanoid33")
 
 
+KINDS = pytest.mark.parametrize("kind", [WholeBodyController, ReducedController])
+
+
+@pytest.fixture(params=[WholeBodyController, ReducedController])
+def controller(robot, request):
+    return request.param(robot)
+
+
 @pytest.fixture
-def controller(robot):
+def whole(robot):
     return WholeBodyController(robot)
 
 
@@ -133,31 +141,29 @@ class Always:
         (SolveStatus.BAD_PROBLEM, CommandStatus.SOLVER_FAILED),
     ],
 )
-def test_a_solver_that_failed_is_not_obeyed(robot, controller, status, wanted):
-    good = controller.step(at_home(robot))
-    solution = dataclasses.replace(
-        controller.solution, status=status, x=0.0 * controller.solution.x
-    )
-    force(controller, solution)
-    command = controller.step(at_home(robot, time=0.001))
+def test_a_solver_that_failed_is_not_obeyed(robot, whole, status, wanted):
+    good = whole.step(at_home(robot))
+    solution = dataclasses.replace(whole.solution, status=status, x=0.0 * whole.solution.x)
+    force(whole, solution)
+    command = whole.step(at_home(robot, time=0.001))
     assert command.status is wanted
     assert is_safe(command, robot)
     assert np.abs(command.torque - good.torque).max() < 0.05 * np.abs(good.torque).max()
 
 
-def test_a_solver_that_breaks_physics_is_not_obeyed(robot, controller):
-    controller.step(at_home(robot))
-    wrong = controller.solution.relative_residuals.copy()
+def test_a_solver_that_breaks_physics_is_not_obeyed(robot, whole):
+    whole.step(at_home(robot))
+    wrong = whole.solution.relative_residuals.copy()
     wrong[0] = 1e-3
-    force(controller, dataclasses.replace(controller.solution, relative_residuals=wrong))
-    assert controller.step(at_home(robot)).status is CommandStatus.SOLVER_FAILED
+    force(whole, dataclasses.replace(whole.solution, relative_residuals=wrong))
+    assert whole.step(at_home(robot)).status is CommandStatus.SOLVER_FAILED
 
 
-def test_a_solver_that_returns_nan_is_not_obeyed(robot, controller):
-    controller.step(at_home(robot))
-    x = np.full_like(controller.solution.x, np.nan)
-    force(controller, dataclasses.replace(controller.solution, x=x))
-    command = controller.step(at_home(robot))
+def test_a_solver_that_returns_nan_is_not_obeyed(robot, whole):
+    whole.step(at_home(robot))
+    x = np.full_like(whole.solution.x, np.nan)
+    force(whole, dataclasses.replace(whole.solution, x=x))
+    command = whole.step(at_home(robot))
     assert command.status is CommandStatus.SOLVER_FAILED
     assert is_safe(command, robot)
 
@@ -173,27 +179,28 @@ def test_a_tiny_time_cap_never_raises_and_says_so(robot, strategy):
         assert command.status is (CommandStatus.TIME_LIMIT if late else CommandStatus.OK)
 
 
-def test_a_point_that_knows_no_task_yet_is_not_obeyed(robot, controller):
-    controller.step(at_home(robot))
-    force(controller, dataclasses.replace(controller.solution, status=SolveStatus.TIME_LIMIT))
-    command = controller.step(at_home(robot, time=0.001))
+def test_a_point_that_knows_no_task_yet_is_not_obeyed(robot, whole):
+    whole.step(at_home(robot))
+    force(whole, dataclasses.replace(whole.solution, status=SolveStatus.TIME_LIMIT))
+    command = whole.step(at_home(robot, time=0.001))
     assert command.status is CommandStatus.TIME_LIMIT
     assert is_safe(command, robot)
 
 
 def test_a_generous_time_cap_changes_nothing(robot, controller):
     state = near_home(robot, 0)
-    command = WholeBodyController(robot, time_limit=10.0).step(state)
+    command = type(controller)(robot, time_limit=10.0).step(state)
     assert np.abs(command.torque - controller.step(state).torque).max() < 1e-9
 
 
-def test_a_fallback_keeps_a_scaled_torque_limit(robot):
+@KINDS
+def test_a_fallback_keeps_a_scaled_torque_limit(robot, kind):
     stack = Stack(
         contacts=[SurfaceContact(s) for s in robot.soles],
         levels=[[PostureTask()]],
         torque_limit=TorqueLimit(0.1),
     )
-    controller = WholeBodyController(robot, stack)
+    controller = kind(robot, stack)
     v = np.full(robot.nv, np.nan)
     v[6:] = 5.0 * robot.v_max
     for tick in range(1000):
@@ -222,16 +229,17 @@ def test_a_command_keeps_its_numbers_after_the_next_tick(robot, controller):
 garbage = st.floats(allow_nan=True, allow_infinity=True, width=64)
 
 
+@KINDS
 @settings(
-    max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+    max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 @given(data=st.data())
-def test_no_state_makes_a_step_raise(get_robot, data):
+def test_no_state_makes_a_step_raise(get_robot, kind, data):
     robot = get_robot("biped20")
     stack = Stack(
         contacts=[SurfaceContact(s) for s in robot.soles], levels=[[ComTask()], [PostureTask()]]
     )
-    controller = WholeBodyController(robot, stack)
+    controller = kind(robot, stack)
     sizes = st.sampled_from([robot.nq, robot.nq, robot.nq, robot.nv, 0, 1, 100])
     for _ in range(3):
         q = data.draw(hnp.arrays(np.float64, data.draw(sizes), elements=garbage))
@@ -241,20 +249,21 @@ def test_no_state_makes_a_step_raise(get_robot, data):
         assert str(controller.status())
 
 
-@settings(max_examples=60, deadline=None)
+@KINDS
+@settings(max_examples=40, deadline=None)
 @given(
     seed=st.integers(0, 2**31),
     spread=st.floats(0.0, 3.0),
     speed=st.sampled_from([0.0, 1.0, 10.0, 1e3]),
     offset=st.sampled_from([0.0, 1.0, 10.0, 1e4]),
 )
-def test_no_finite_state_makes_a_step_raise(get_robot, seed, spread, speed, offset):
+def test_no_finite_state_makes_a_step_raise(get_robot, kind, seed, spread, speed, offset):
     """Sizes fit and everything is finite: joints outside their limits, speeds no robot reaches."""
     robot = get_robot("biped20")
     stack = Stack(
         contacts=[SurfaceContact(s) for s in robot.soles], levels=[[ComTask()], [PostureTask()]]
     )
-    controller = WholeBodyController(robot, stack)
+    controller = kind(robot, stack)
     rng = np.random.default_rng(seed)
     state = near_home(robot, seed, spread=spread, speed=speed)
     q = state.q.copy()

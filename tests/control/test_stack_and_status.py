@@ -7,6 +7,7 @@ from oracles import near_home
 from poise.contacts import PointContact, SurfaceContact
 from poise.control import (
     CommandStatus,
+    ReducedController,
     Stack,
     WholeBodyController,
     default_stack,
@@ -24,24 +25,29 @@ def robot(get_robot):
     return get_robot("humanoid33")
 
 
+@pytest.fixture(params=[WholeBodyController, ReducedController])
+def kind(request):
+    return request.param
+
+
 def home(robot, time=0.0):
     return RobotState(robot.q_home, np.zeros(robot.nv), time=time)
 
 
 @pytest.mark.parametrize("name", catalog_names())
-def test_the_default_stack_of_every_robot_builds_and_solves(get_robot, name):
+def test_the_default_stack_of_every_robot_builds_and_solves(get_robot, kind, name):
     robot = get_robot(name)
-    controller = WholeBodyController(robot)
+    controller = kind(robot)
     command = controller.step(home(robot))
     assert command.status.ok
     assert np.isfinite(command.torque).all()
     assert command.torque.shape == (robot.nj,)
 
 
-def test_a_contact_that_is_released_leaves_the_problem_and_comes_back(robot):
+def test_a_contact_that_is_released_leaves_the_problem_and_comes_back(robot, kind):
     stack = default_stack(robot)
     left, right = stack.contacts
-    controller = WholeBodyController(robot, stack)
+    controller = kind(robot, stack)
     weight = robot.mass * 9.81
     assert set(controller.step(home(robot, 0.0)).wrenches) == {"left_sole", "right_sole"}
     right.release(0.1)
@@ -73,19 +79,19 @@ def test_switching_contacts_back_and_forth_reuses_the_workspaces(robot):
     assert len(controller._resolvers) == prepared == 4
 
 
-def test_a_foot_task_waits_while_its_foot_is_in_contact(robot):
+def test_a_foot_task_waits_while_its_foot_is_in_contact(robot, kind):
     foot = FrameTask("right_sole", name="foot")
     stack = Stack(
         contacts=[SurfaceContact(s) for s in robot.soles],
         levels=[[ComTask("xy")], [foot], [PostureTask()]],
     )
-    controller = WholeBodyController(robot, stack)
+    controller = kind(robot, stack)
     command = controller.step(home(robot, 0.0))
-    assert controller.formulation.suspended == (foot,)
+    assert controller.suspended == (foot,)
     assert command.residuals[3] == 0.0
     stack.contact("right_sole").release(0.0)
     controller.step(home(robot, 0.01))
-    assert controller.formulation.suspended == ()
+    assert controller.suspended == ()
     # Its target is the pose at lift-off, not that of the first tick.
     assert np.abs(foot.error).max() < 1e-12
     assert controller.status().tasks[1].name == "foot"
@@ -101,8 +107,8 @@ def test_a_point_contact_suspends_position_tasks_only(robot):
     assert [t.name for t in controller.formulation.suspended] == ["position"]
 
 
-def test_status_prints_level_error_with_unit_and_residual(robot):
-    controller = WholeBodyController(robot)
+def test_status_prints_level_error_with_unit_and_residual(robot, kind):
+    controller = kind(robot)
     assert "nothing solved yet" in str(controller.status())
     controller.stack.task("com").set_target([0.1, 0.0, 0.8])
     controller.step(near_home(robot, 0))
@@ -120,13 +126,13 @@ def test_status_prints_level_error_with_unit_and_residual(robot):
     assert com.error == pytest.approx(np.linalg.norm(controller.stack.task("com").error))
 
 
-def test_status_reports_what_a_task_could_not_have(robot):
+def test_status_reports_what_a_task_could_not_have(robot, kind):
     hand = FrameTask("left_hand", "position", name="hand", kp=400.0)
     stack = Stack(
         contacts=[SurfaceContact(s) for s in robot.soles],
         levels=[[ComTask()], [hand], [PostureTask()]],
     )
-    controller = WholeBodyController(robot, stack)
+    controller = kind(robot, stack)
     hand.set_target([5.0, 0.0, 3.0])
     command = controller.step(home(robot))
     task = controller.status().tasks[1]
@@ -136,8 +142,8 @@ def test_status_reports_what_a_task_could_not_have(robot):
     assert "hand" in controller.status().explanation
 
 
-def test_reset_forgets_held_targets_and_the_last_command(robot):
-    controller = WholeBodyController(robot)
+def test_reset_forgets_held_targets_and_the_last_command(robot, kind):
+    controller = kind(robot)
     controller.step(home(robot))
     held = controller.stack.task("com").target_position
     controller.reset()
@@ -149,8 +155,8 @@ def test_reset_forgets_held_targets_and_the_last_command(robot):
     assert np.abs(controller.stack.task("com").target_position - held).max() > 1e-4
 
 
-def test_timings_cover_every_phase(robot):
-    controller = WholeBodyController(robot)
+def test_timings_cover_every_phase(robot, kind):
+    controller = kind(robot)
     controller.step(home(robot))
     assert set(controller.timings) == {"dynamics", "assembly", "solve", "command"}
     assert all(t >= 0.0 for t in controller.timings.values())
@@ -192,14 +198,14 @@ def test_an_empty_level_is_refused():
         Stack(levels=[[ComTask()], []])
 
 
-def test_unknown_names_are_refused_before_the_first_tick(robot):
+def test_unknown_names_are_refused_before_the_first_tick(robot, kind):
     for stack in (
         Stack(levels=[[FrameTask("left_hnad")]]),
         Stack(levels=[[JointTask(["nojoint"])]]),
         Stack(contacts=[SurfaceContact("left_foot_sole")]),
     ):
         with pytest.raises(UnknownNameError, match="choices"):
-            WholeBodyController(robot, stack)
+            kind(robot, stack)
 
 
 def test_unknown_strategies_and_controllers_are_refused(robot):
@@ -219,9 +225,9 @@ def test_a_stack_serves_one_robot(get_robot):
 
 
 @pytest.mark.parametrize("time_limit", [0.0, -1.0, float("nan")])
-def test_a_time_cap_that_is_no_time_is_refused(robot, time_limit):
+def test_a_time_cap_that_is_no_time_is_refused(robot, kind, time_limit):
     with pytest.raises(ConfigurationError, match="time_limit"):
-        WholeBodyController(robot, time_limit=time_limit)
+        kind(robot, time_limit=time_limit)
 
 
 def test_controllers_are_made_by_name(robot):

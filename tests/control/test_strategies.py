@@ -8,9 +8,9 @@ from poise.hqp import ACCURACY
 
 
 def run(
-    robot: poise.Robot, strategy: str, backend: str | None
-) -> tuple[list[poise.Command], poise.WholeBodyController]:
-    controller = poise.WholeBodyController(robot, strategy=strategy, backend=backend)
+    robot: poise.Robot, strategy: str, backend: str | None, kind=poise.WholeBodyController
+) -> tuple[list[poise.Command], poise.WholeBodyController | poise.ReducedController]:
+    controller = kind(robot, strategy=strategy, backend=backend)
     plant = poise.sim.Plant(robot)
     commands = []
     controller.dynamics.update(plant.state())
@@ -33,8 +33,9 @@ def run(
         ("weighted", "daqp", 2, 1e-9),
     ],
 )
-def test_every_strategy_answers_every_tick(get_robot, strategy, backend, levels, tolerance):
-    commands, _ = run(get_robot("humanoid33"), strategy, backend)
+@pytest.mark.parametrize("kind", [poise.WholeBodyController, poise.ReducedController])
+def test_every_strategy_answers_every_tick(get_robot, kind, strategy, backend, levels, tolerance):
+    commands, _ = run(get_robot("humanoid33"), strategy, backend, kind)
     assert all(c.status is poise.CommandStatus.OK for c in commands)
     assert max(max(c.residuals[:levels]) for c in commands) <= tolerance
 
