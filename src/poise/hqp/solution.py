@@ -85,4 +85,6 @@ class Solution:
         Args:
             problem: the problem as it was when it was solved.
         """
+        if self.status is SolveStatus.BAD_PROBLEM:
+            return f"{self.status.value}: numbers that are not finite, or bounds that cross"
         return describe(self.status.value, problem, self.conflicts(problem))
