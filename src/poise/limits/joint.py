@@ -1,11 +1,14 @@
 """`JointLimit`: position, velocity and acceleration limits as one pair of acceleration bounds."""
 
+from math import sqrt
+
 import numpy as np
 from jaxtyping import Float64
 
 from poise.checks import checked_number
 from poise.dynamics.dynamics import Dynamics
 from poise.errors import ConfigurationError
+from poise.linalg import compiled
 from poise.robots.robot import Robot
 
 _STOP_SHARE = 0.1
@@ -122,12 +125,7 @@ class JointLimit:
             dynamics: the state, up to date.
         """
         state = dynamics.state
-        v = state.v[self._v_slice]
-        self.upper, self.lower = self._viable.bounds(state.q[self._q_slice], v)
-        crossed = self.lower > self.upper
-        if np.count_nonzero(crossed):
-            braking = np.where(v > 0.0, self.upper, self.lower)
-            self.lower[crossed] = self.upper[crossed] = braking[crossed]
+        self._viable.bounds(state.q[self._q_slice], state.v[self._v_slice], self.lower, self.upper)
 
 
 class ViableAcceleration:
@@ -141,7 +139,8 @@ class ViableAcceleration:
 
     as long as the joint may still move towards the limit at dt, that is for s >= v dt / 2. Nearer
     to it the joint must be at rest sooner, which takes -v^2 / 2s; the root would let it swing past
-    the limit and return to it at dt. The smallest one is its mirror image.
+    the limit and return to it at dt. The smallest one is its mirror image. Where the two cross,
+    both become the one that brakes.
 
     Args:
         q_min: lower position limits [rad].
@@ -162,58 +161,62 @@ class ViableAcceleration:
         dt: float,
         braking: float,
     ) -> None:
-        self._q_min, self._q_max, self._dt = q_min, q_max, dt
-        gain, self._at_limit = 2.0 * braking / (dt * dt), 0.25 * braking * braking
-        # Arrays throughout, which NumPy combines quicker than an array and a number. Of pairs, the
-        # first row is towards the upper limit, the second towards the lower one.
-        pair = np.ones((2, len(q_max)))
-        self._per_q, self._per_v = gain * pair[0], 0.5 * gain * dt * pair[0]
-        self._per_dt, self._half_braking = pair[0] / dt, 0.5 * braking * pair[0]
-        self._from_upper = gain * q_max + self._at_limit
-        self._from_lower = -gain * q_min + self._at_limit
-        self._under, self._behind = np.empty_like(pair), np.empty_like(pair)
-        self._under_rows, self._behind_rows = tuple(self._under), tuple(self._behind)
-        self._fastest = (v_max / dt + 0.5 * braking) * pair
-        self._a_max, self._a_min, self._nothing = a_max * pair, -a_max * pair, 0.0 * pair
+        self._limits = q_min, q_max, v_max
+        self._settings = float(a_max), float(dt), float(braking)
 
     def bounds(
-        self, q: Float64[np.ndarray, " nj"], v: Float64[np.ndarray, " nj"]
-    ) -> tuple[Float64[np.ndarray, " nj"], Float64[np.ndarray, " nj"]]:
-        """Upper and lower bounds in [-a_max, a_max] [rad/s^2]; they may cross.
-
-        The next call overwrites them.
+        self,
+        q: Float64[np.ndarray, " nj"],
+        v: Float64[np.ndarray, " nj"],
+        lower: Float64[np.ndarray, " nj"],
+        upper: Float64[np.ndarray, " nj"],
+    ) -> None:
+        """Bounds in [-a_max, a_max], which never cross.
 
         Args:
             q: positions [rad].
             v: velocities [rad/s].
+            lower: receives the lower bounds [rad/s^2].
+            upper: receives the upper bounds [rad/s^2].
         """
-        motion, rate = q * self._per_q, v * self._per_dt
-        motion += v * self._per_v
-        (upwards, downwards), (ahead, back) = self._under_rows, self._behind_rows
-        np.subtract(self._from_upper, motion, out=upwards)
-        np.add(self._from_lower, motion, out=downwards)
-        np.add(self._half_braking, rate, out=ahead)
-        np.subtract(self._half_braking, rate, out=back)
-        under, behind = self._under, self._behind
-        near = under < self._at_limit
-        root = np.sqrt(np.maximum(under, self._nothing, out=under), out=under)
-        if np.count_nonzero(near):
-            # No root: the joint is within half a horizon of its limit, or beyond it.
-            room, towards = np.array([self._q_max - q, q - self._q_min]), np.array([v, -v])
-            root[near] = _stop_at_once(room[near], towards[near], self._dt) + behind[near]
-        np.minimum(root, self._fastest, out=root)
-        root -= behind
-        np.minimum(root, self._a_max, out=root)
-        np.maximum(root, self._a_min, out=root)
-        return upwards, np.negative(downwards, out=downwards)
+        _bounds(q, v, self._limits, self._settings, lower, upper)
 
 
-def _stop_at_once(
-    s: Float64[np.ndarray, " k"], v: Float64[np.ndarray, " k"], dt: float
-) -> Float64[np.ndarray, " k"]:
-    """What joints that are within half a horizon of their limit, or beyond it, may do."""
-    approach = np.maximum(v, 0.0)
-    distance = np.maximum(s, 0.5 * _STOP_SHARE * dt * approach + _TINY)
+@compiled
+def _bounds(
+    q: Float64[np.ndarray, " nj"],
+    v: Float64[np.ndarray, " nj"],
+    limits: tuple[
+        Float64[np.ndarray, " nj"], Float64[np.ndarray, " nj"], Float64[np.ndarray, " nj"]
+    ],
+    settings: tuple[float, float, float],
+    lower: Float64[np.ndarray, " nj"],
+    upper: Float64[np.ndarray, " nj"],
+) -> None:
+    q_min, q_max, v_max = limits
+    for i in range(len(q)):
+        upper[i] = _largest(q_max[i] - q[i], v[i], v_max[i], settings)
+        lower[i] = -_largest(q[i] - q_min[i], -v[i], v_max[i], settings)
+        if lower[i] > upper[i]:
+            lower[i] = upper[i] = upper[i] if v[i] > 0.0 else lower[i]
+
+
+@compiled
+def _largest(s: float, v: float, v_max: float, settings: tuple[float, float, float]) -> float:
+    """The largest acceleration of a joint at a distance s from a limit, towards which it moves."""
+    a_max, dt, b = settings
+    if s < 0.5 * v * dt:
+        a = _stop_at_once(s, v, dt)
+    else:
+        a = sqrt(2.0 * b * (s - 0.5 * v * dt) / (dt * dt) + 0.25 * b * b) - (v / dt + 0.5 * b)
+    return max(-a_max, min(a, (v_max - v) / dt, a_max))
+
+
+@compiled
+def _stop_at_once(s: float, v: float, dt: float) -> float:
+    """What a joint that is within half a horizon of its limit, or beyond it, may do."""
+    approach = max(v, 0.0)
+    distance = max(s, 0.5 * _STOP_SHARE * dt * approach + _TINY)
     stop = -0.5 * approach * approach / distance
     # Beyond the limit: back to it at dt, counting the speed at which the joint returns already.
-    return stop + (2.0 / (dt * dt)) * (np.minimum(s, 0.0) + dt * (approach - v))
+    return stop + (2.0 / (dt * dt)) * (min(s, 0.0) + dt * (approach - v))

@@ -1,7 +1,10 @@
 """`compiled`: turns a function of arrays and numbers into machine code."""
 
+import hashlib
 import inspect
 from collections.abc import Callable
+from pathlib import Path
+from types import FunctionType
 from typing import Any, ParamSpec, TypeVar, cast
 
 import numba
@@ -16,17 +19,31 @@ _FAST = {"reassoc", "contract", "nsz", "arcp"}
 def compiled(function: Callable[P, R]) -> Callable[P, R]:
     """Compiles a function at its first call, and keeps the machine code on disk for later runs.
 
-    Compiled functions may call each other; the code kept for one is made anew when its own file
-    changes, but not when that of another one it calls does.
+    Compiled functions may call each other. The code that was kept is made anew when the file of a
+    function changes, or that of any compiled function or a number that its file imports.
 
     Args:
         function: of arrays and numbers, in the part of Python that Numba compiles.
     """
     # Tests wrap functions in checks of their annotations, which cannot be compiled.
-    plain = inspect.unwrap(function)
+    plain = cast("FunctionType", inspect.unwrap(function))
     njit = cast("Any", numba).njit
     try:
-        return njit(cache=True, fastmath=_FAST, error_model="numpy")(plain)
+        dispatcher = njit(cache=True, fastmath=_FAST, error_model="numpy")(plain)
     except RuntimeError:
         # No folder to keep it in, as for a package that lies in an archive.
         return njit(fastmath=_FAST, error_model="numpy")(plain)
+    dispatcher.stamp = _stamp(plain)
+    # Numba looks at the function's own file only, and would go on with what its callees once were.
+    dispatcher._cache._cache_file._source_stamp = dispatcher.stamp
+    return dispatcher
+
+
+def _stamp(plain: FunctionType) -> str:
+    """Names the source that a function is compiled from, callees in other files included."""
+    digest = hashlib.sha256(Path(plain.__code__.co_filename).read_bytes())
+    for name, value in sorted(plain.__globals__.items()):
+        known = value if isinstance(value, int | float) else getattr(value, "stamp", None)
+        if isinstance(known, int | float | str):
+            digest.update(f"{name}={known!r};".encode())
+    return digest.hexdigest()

@@ -31,6 +31,7 @@ class Eliminated(NamedTuple):
         values: right-hand sides.
         left: how many rows each level leaves.
         shares: scratch.
+        before: scratch, as large as the coefficients of p.
     """
 
     G: Float64[np.ndarray, "np n"]
@@ -41,6 +42,7 @@ class Eliminated(NamedTuple):
     values: Float64[np.ndarray, " m"]
     left: Int64[np.ndarray, " levels"]
     shares: Float64[np.ndarray, " s"]
+    before: Float64[np.ndarray, "m np"]
 
 
 @compiled
@@ -65,24 +67,24 @@ def eliminate(
     Returns:
         How many p are determined or unknowns s, and how many are unknowns s.
     """
-    G, c, V, tau, rows, values, left, shares = out
+    G, c, V, tau, rows, values, left, shares, before = out
     G[:], c[:] = 0.0, 0.0
     done = kept = total = 0
     for level in range(len(left)):
         begin, end = ends[level], ends[level + 1]
-        rank = _find_reached(P[begin:end], E[begin:end, :nr], e[begin:end], done, shares)
-        largest = 0.0
-        for k in range(rank):
-            row, place = begin + k, done + k
-            v = V[place, : P.shape[1] - place]
-            tau[place] = make_reflection(P[row, place:], v)
-            reflect_rows(P[row + 1 : begin + rank, place:], v, tau[place])
-            reflect_rows(P[end:, place:], v, tau[place])
-            largest = max(largest, P[row, place])
-        strong = 0
-        # A leading block, because what the reflections leave is lower triangular.
-        while strong < rank and P[begin + strong, done + strong] >= WEAK * largest:
-            strong += 1
+        block = P[begin:end]
+        free = P.shape[1] - done
+        kept_rows = before[: end - begin]
+        kept_rows[:] = block
+        rank = strong = end - begin
+        floor = ROUNDING * max(_largest(block), _largest(E[begin:end, :nr]))
+        # Mostly the freedom left reaches every row, and no other order of rows is needed.
+        if rank > free or _rotate(block, done, rank, floor, V, tau) < rank:
+            block[:] = kept_rows
+            rank = _find_reached(block, E[begin:end, :nr], e[begin:end], done, floor, shares)
+            strong = _rotate(block, done, rank, floor, V, tau)
+        for place in range(done, done + rank):
+            reflect_rows(P[end:, place:], V[place, : P.shape[1] - place], tau[place])
         width = nr + kept + rank - strong
         for k in range(end - begin):
             row, place = begin + k, done + k
@@ -129,11 +131,48 @@ def restore(
 
 
 @compiled
+def _rotate(
+    P: Float64[np.ndarray, "m np"],
+    done: int,
+    rank: int,
+    floor: float,
+    V: Float64[np.ndarray, "np np"],
+    tau: Float64[np.ndarray, " np"],
+) -> int:
+    """Turns p so that the first rows of a level become lower triangular, in place.
+
+    Args:
+        P: coefficients of p, of which the first `done` are spoken for.
+        done: how many of p the levels above have taken.
+        rank: how many rows.
+        floor: pivots up to this are rounding.
+        V: receives the reflections' vectors.
+        tau: receives their factors.
+
+    Returns:
+        How many of the first pivots are strong.
+    """
+    largest = 0.0
+    for k in range(rank):
+        place = done + k
+        v = V[place, : P.shape[1] - place]
+        tau[place] = make_reflection(P[k, place:], v)
+        reflect_rows(P[k + 1 : rank, place:], v, tau[place])
+        largest = max(largest, P[k, place])
+    strong = 0
+    # A leading block, because the rest is triangular. Written so that NaN ends it.
+    while strong < rank and P[strong, done + strong] > max(WEAK * largest, floor):
+        strong += 1
+    return strong
+
+
+@compiled
 def _find_reached(
     P: Float64[np.ndarray, "m np"],
     E: Float64[np.ndarray, "m nr"],
     e: Float64[np.ndarray, " m"],
     done: int,
+    floor: float,
     shares: Float64[np.ndarray, " s"],
 ) -> int:
     """Turns a level's rows so that the first ones are all that the freedom left can reach.
@@ -143,15 +182,13 @@ def _find_reached(
         E: coefficients of the rest of the robot, turned with them.
         e: right-hand sides, likewise.
         done: how many of p the levels above have taken.
+        floor: coefficients up to this are rounding.
         shares: scratch.
 
     Returns:
         How many rows are reached; the others have no coefficient left.
     """
     m, inside = P.shape
-    if m == 0:
-        return 0
-    scale = max(np.abs(P).max() if inside else 0.0, np.abs(E).max())
     vector, column = shares[: 2 * m].reshape(2, m)
     shares = shares[2 * m :]
     first, rank = 0.0, 0
@@ -166,7 +203,7 @@ def _find_reached(
         size = np.sqrt(size)
         first = max(first, size)
         # Written so that NaN ends it.
-        if not size > max(RANK_TOLERANCE * first, ROUNDING * scale):
+        if not size > max(RANK_TOLERANCE * first, floor):
             break
         v = vector[: m - rank]
         column[: m - rank] = P[rank:, best]
@@ -178,3 +215,13 @@ def _find_reached(
         rank += 1
     P[rank:, done:] = 0.0
     return rank
+
+
+@compiled
+def _largest(X: Float64[np.ndarray, "m n"]) -> float:
+    """Largest absolute entry."""
+    largest = 0.0
+    for row in range(len(X)):
+        for column in range(X.shape[1]):
+            largest = max(largest, abs(X[row, column]))
+    return largest

@@ -61,6 +61,7 @@ class ChainElimination:
             values=np.zeros(m),
             left=np.zeros(len(rows.levels), dtype=np.int64),
             shares=np.zeros(2 * m + width),
+            before=np.zeros((m, inside)),
         )
         self._zp = np.zeros(part.nu)
 
