@@ -84,6 +84,8 @@ class TorqueController(ABC, Generic[R]):
         # Made now, so that what is wrong is refused before the first tick.
         for contacts in self._contact_sets():
             self._resolver_for(contacts)
+        # What is compiled is compiled now.
+        self.stack.joint_limit.evaluate(self.dynamics)
 
     @property
     def suspended(self) -> tuple[Task, ...]:

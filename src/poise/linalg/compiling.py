@@ -2,6 +2,7 @@
 
 import hashlib
 import inspect
+import logging
 from collections.abc import Callable
 from pathlib import Path
 from types import FunctionType
@@ -37,6 +38,19 @@ def compiled(function: Callable[P, R]) -> Callable[P, R]:
     # Numba looks at the function's own file only, and would go on with what its callees once were.
     dispatcher._cache._cache_file._source_stamp = dispatcher.stamp
     return dispatcher
+
+
+def say_if_slow(function: Callable[..., object], what: str) -> None:
+    """Logs that something is about to be compiled, unless its machine code is there already.
+
+    Args:
+        function: a compiled function, about to be called for the first time.
+        what: what it belongs to.
+    """
+    dispatcher = cast("Any", function)
+    if not dispatcher.signatures and not dispatcher._cache._cache_file._load_index():
+        # A warning is what Python shows where nobody has set logging up.
+        logging.getLogger("poise").warning("compiling %s, once: this takes some seconds", what)
 
 
 def _stamp(plain: FunctionType) -> str:

@@ -1,11 +1,13 @@
 """`ReducedController`: strictly prioritised torque control over the reduced robot."""
 
 from poise.contacts.contact import Contact
+from poise.control.reduced.elimination import announce
 from poise.control.reduced.resolver import ReducedResolver
 from poise.control.stack import Stack
 from poise.control.torque_controller import TorqueController
-from poise.dynamics import Partitions
+from poise.dynamics import Dynamics, Partitions
 from poise.robots.robot import Robot
+from poise.tasks import PostureTask
 
 
 class ReducedController(TorqueController[ReducedResolver]):
@@ -28,6 +30,7 @@ class ReducedController(TorqueController[ReducedResolver]):
     ) -> None:
         self._partitions = Partitions(robot)
         super().__init__(robot, stack, strategy=strategy, backend=backend, time_limit=time_limit)
+        self._rehearse()
 
     @property
     def resolver(self) -> ReducedResolver | None:
@@ -37,3 +40,15 @@ class ReducedController(TorqueController[ReducedResolver]):
     def _make_resolver(self, contacts: tuple[Contact, ...]) -> ReducedResolver:
         partition = self._partitions.of([c.frame for c in contacts])
         return ReducedResolver(self.robot, self.stack, contacts, partition, self._make_solver)
+
+    def _rehearse(self) -> None:
+        """Runs everything compiled once, so that the first tick finds it ready."""
+        announce()
+        # Without contacts the chain that hangs freely is as long as it can be.
+        stack = Stack(levels=[[PostureTask()]])
+        stack.bind(self.robot)
+        resolver = ReducedResolver(
+            self.robot, stack, (), self._partitions.of(()), self._make_solver
+        )
+        resolver.assemble(Dynamics(self.robot))
+        resolver.solve()

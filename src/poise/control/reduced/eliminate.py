@@ -75,12 +75,12 @@ def eliminate(
         block = P[begin:end]
         free = P.shape[1] - done
         kept_rows = before[: end - begin]
-        kept_rows[:] = block
+        _copy(block, kept_rows)
         rank = strong = end - begin
         floor = ROUNDING * max(_largest(block), _largest(E[begin:end, :nr]))
         # Mostly the freedom left reaches every row, and no other order of rows is needed.
         if rank > free or _rotate(block, done, rank, floor, V, tau) < rank:
-            block[:] = kept_rows
+            _copy(kept_rows, block)
             rank = _find_reached(block, E[begin:end, :nr], e[begin:end], done, floor, shares)
             strong = _rotate(block, done, rank, floor, V, tau)
         for place in range(done, done + rank):
@@ -103,7 +103,8 @@ def eliminate(
                 unknown = nr + kept + k - strong
                 G[place, unknown] = -1.0
                 E[row, unknown] += P[row, place]
-            rows[total], values[total] = E[row], e[row]
+            _copy(E[row : row + 1], rows[total : total + 1])
+            values[total] = e[row]
             total += 1
         left[level] = end - begin - strong
         kept += rank - strong
@@ -189,8 +190,7 @@ def _find_reached(
         How many rows are reached; the others have no coefficient left.
     """
     m, inside = P.shape
-    vector, column = shares[: 2 * m].reshape(2, m)
-    shares = shares[2 * m :]
+    vector, column, shares = shares[:m], shares[m : 2 * m], shares[2 * m :]
     first, rank = 0.0, 0
     while rank < min(m, inside - done):
         best, size = done, -1.0
@@ -205,9 +205,10 @@ def _find_reached(
         # Written so that NaN ends it.
         if not size > max(RANK_TOLERANCE * first, floor):
             break
-        v = vector[: m - rank]
-        column[: m - rank] = P[rank:, best]
-        tau = make_reflection(column[: m - rank], v)
+        for i in range(rank, m):
+            column[i] = P[i, best]
+        v = vector[rank:m]
+        tau = make_reflection(column[rank:m], v)
         reflect_columns(P[rank:], v, tau, shares)
         P[rank + 1 :, best] = 0.0
         reflect_columns(E[rank:], v, tau, shares)
@@ -225,3 +226,11 @@ def _largest(X: Float64[np.ndarray, "m n"]) -> float:
         for column in range(X.shape[1]):
             largest = max(largest, abs(X[row, column]))
     return largest
+
+
+@compiled
+def _copy(X: Float64[np.ndarray, "m n"], out: Float64[np.ndarray, "m n"]) -> None:
+    # An assignment of arrays takes seconds to compile, for the sake of its error message.
+    for row in range(len(X)):
+        for column in range(X.shape[1]):
+            out[row, column] = X[row, column]

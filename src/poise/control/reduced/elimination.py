@@ -7,7 +7,7 @@ from poise.control.reduced.eliminate import Eliminated, eliminate, restore
 from poise.control.reduced.task_rows import TaskRows
 from poise.dynamics import ReducedDynamics
 from poise.dynamics.chain_coordinates import ChainFactors, from_coordinates, to_coordinates
-from poise.linalg import compiled
+from poise.linalg import compiled, say_if_slow
 
 
 class ChainElimination:
@@ -98,6 +98,11 @@ class ChainElimination:
         return dv_u
 
 
+def announce() -> None:
+    """Logs that the reduced controller is about to be compiled, unless it already was."""
+    say_if_slow(_eliminate, "the reduced controller")
+
+
 _Rows = tuple[
     Float64[np.ndarray, "m nv"],
     Float64[np.ndarray, " m"],
@@ -161,7 +166,8 @@ def _recover(
     for i in range(nz):
         zp[i] = x[na + i]
     p = zp[nz:]
-    p[:] = out.c
+    for k in range(len(p)):
+        p[k] = out.c[k]
     for k in range(used):
         for i in range(len(x)):
             p[k] -= out.G[k, i] * x[i]
