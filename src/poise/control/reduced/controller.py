@@ -28,6 +28,7 @@ class ReducedController(TorqueController[ReducedResolver]):
         backend: str | None = None,
         time_limit: float | None = None,
     ) -> None:
+        announce()
         self._partitions = Partitions(robot)
         super().__init__(robot, stack, strategy=strategy, backend=backend, time_limit=time_limit)
         self._rehearse()
@@ -43,7 +44,6 @@ class ReducedController(TorqueController[ReducedResolver]):
 
     def _rehearse(self) -> None:
         """Runs everything compiled once, so that the first tick finds it ready."""
-        announce()
         # Without contacts the chain that hangs freely is as long as it can be.
         stack = Stack(levels=[[PostureTask()]])
         stack.bind(self.robot)

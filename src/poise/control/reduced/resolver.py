@@ -24,6 +24,13 @@ from poise.tasks import Task
 _TOLERANCE = 1e-8
 """Relative residual above which LQP 2 does not keep to the centroids, or to its limits."""
 
+PATIENCE = 20
+"""Ticks for which the whole problem is solved at once after the reduced one was of no use: an arm
+at its limit seldom leaves it within a tick, and three problems in one cost more than either way."""
+
+_TYPICAL = 0
+"""Seed of the coefficients from which the usual shape of LQP 1 is told beforehand."""
+
 
 class ReducedResolver:
     """Section 4.2 of Ahn et al. 2024 with exact dynamics, for one set of active contacts.
@@ -35,7 +42,7 @@ class ReducedResolver:
     their limits, which LQP 1 does not know. Then LQP 2 decides them within their limits, under what
     LQP 1 decided. And where they cannot move so, because the centroids of LQP 1 take more torque or
     acceleration than they have, what LQP 1 decided is worth nothing, and the whole problem is
-    solved after all, `FullFormulation`.
+    solved after all, `FullFormulation`, and stays so for `PATIENCE` ticks.
 
     Args:
         robot: the robot.
@@ -83,9 +90,9 @@ class ReducedResolver:
         self.first_solution: Solution | None = None
         self.second_solution: Solution | None = None
         self.whole: WholeResolver | None = None
-        self._solved_whole = False
+        self._solved_whole, self._whole_ticks = False, 0
         self._joining = ChainJoining(robot.base_dofs, self.reduced, stack)
-        self._current = self._first_for(self.chain.shape)
+        self._current = self._prepare()
         if partition.nu:
             self.second = UnconstrainedChainProblem(robot, stack, self.tasks, self.reduced)
             self._second_solver = make_solver()
@@ -97,7 +104,9 @@ class ReducedResolver:
 
     @property
     def size(self) -> tuple[int, int]:
-        """Variables and rows of LQP 1, and of LQP 2 where the last state needed it."""
+        """Variables and rows of LQP 1, and of LQP 2 or the whole problem where it took them."""
+        if self.whole is not None and self._solved_whole:
+            return self.whole.size
         n, m = self.first.problem.size
         if self.second is not None and self.second_solution is not None:
             n2, m2 = self.second.problem.size
@@ -111,6 +120,10 @@ class ReducedResolver:
             dynamics: the state, up to date.
         """
         self._dynamics = dynamics
+        self._solved_whole = self._whole_ticks > 0
+        if self.whole is not None and self._solved_whole:
+            self.whole.assemble(dynamics)
+            return
         self.reduced.update(dynamics)
         self._stack.joint_limit.evaluate(dynamics)
         self.tasks.update(dynamics)
@@ -120,8 +133,11 @@ class ReducedResolver:
 
     def solve(self) -> Answer:
         """Solves what was assembled; nothing raises on numbers."""
+        self.second_solution = None
+        if self.whole is not None and self._solved_whole:
+            self._whole_ticks -= 1
+            return self.whole.solve()
         problem, solver = self._current
-        self.second_solution, self._solved_whole = None, False
         self.first_solution = first = solver.solve(problem.problem)
         x, torque_a = problem.acceleration(first.x), problem.torque(first.x)
         joined = self._joining.join(x, torque_a, self.chain.recover(x))
@@ -151,6 +167,7 @@ class ReducedResolver:
         if self.whole is not None:
             self.whole.reset()
         self.first_solution = self.second_solution = None
+        self._whole_ticks = 0
 
     def task_residuals(self) -> dict[str, float]:
         """Norm of what each task could not meet at the last solve [unit/s^2]."""
@@ -175,7 +192,7 @@ class ReducedResolver:
             self.whole = WholeResolver(
                 FullFormulation(self._robot, self._stack, self._contacts), self._make_solver()
             )
-        self._solved_whole = True
+        self._solved_whole, self._whole_ticks = True, PATIENCE
         self.whole.assemble(self._dynamics)
         return self.whole.solve()
 
@@ -183,6 +200,14 @@ class ReducedResolver:
     def whole_solution(self) -> Solution | None:
         """Solution of the whole problem at the last state; None where it was not needed."""
         return self.whole.solution if self.whole is not None and self._solved_whole else None
+
+    def _prepare(self) -> tuple[ConstraintChainProblem, Solver]:
+        """LQP 1 as it is where no task loses rank, so that the first tick finds it ready."""
+        self.reduced.update(Dynamics(self._robot))
+        # No task is asked: it might take what it finds for its target.
+        self.tasks.J[:] = np.random.default_rng(_TYPICAL).normal(size=self.tasks.J.shape)
+        self.chain.update()
+        return self._first_for(self.chain.shape)
 
     def _first_for(self, shape: tuple[int, ...]) -> tuple[ConstraintChainProblem, Solver]:
         pair = self._firsts.get(shape)
