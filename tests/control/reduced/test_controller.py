@@ -116,9 +116,7 @@ def test_a_task_between_frames_of_both_chains_is_exact(get_robot):
 def test_a_chain_that_its_limits_lock_keeps_them(get_robot):
     """Every joint of the upper body stands still and may not accelerate; the hands should."""
     robot = get_robot("humanoid33")
-    controllers = both(
-        robot, robot.soles, with_posture, joint_limit={"velocity_scale": 1e-9}
-    )
+    controllers = both(robot, robot.soles, with_posture, joint_limit={"velocity_scale": 1e-9})
     for controller in controllers:
         for name in robot.hands:
             task = controller.stack.task(f"{name} pose")

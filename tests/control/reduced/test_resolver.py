@@ -60,6 +60,7 @@ class Both:
     def at(self, state):
         for _, task in self.stack.tasks():
             task.reset()
+        self.resolver.reset()
         self.dynamics.update(state)
         self.resolver.assemble(self.dynamics)
         answer = self.resolver.solve()
@@ -141,22 +142,49 @@ def test_levels_that_must_give_give_what_they_give_in_the_whole_problem(get_robo
 
 
 @pytest.mark.parametrize("name", ["humanoid33", "g1"])
-def test_a_hand_that_its_limits_hold_back_takes_nothing_from_the_levels_above(get_robot, name):
-    """LQP 1 does not know the arm's limits: the hand may miss more than in the whole problem."""
+def test_a_hand_that_its_limits_hold_back_misses_as_much_as_in_the_whole_problem(get_robot, name):
+    """LQP 1 does not know the arm's limits, and what it decided is not obeyed where they count."""
     robot = get_robot(name)
     frames = stances(robot)["double support"]
     hand = FrameTask(robot.hands[0], "position", kp=20.0)
     both = Both(robot, frames, [balance(robot), [hand]])
     hand.set_target([3.0, 2.0, 2.0])
-    seconds = 0
+    limited = 0
     for seed in SEEDS:
         answer = both.at(near_home(robot, seed, spread=0.1, speed=0.05))
-        seconds += both.resolver.second_solution is not None
-        residuals = both.residuals(both.point(answer))
-        assert residuals[:3].max() < 1e-6
-        if both.resolver.second_solution is None:
-            assert residuals[3] < 1e-6
-    assert 0 < seconds < len(SEEDS)
+        limited += both.resolver.second_solution is not None
+        expected = both.residuals(resolve(both.whole.problem, np.inf, ()).x)
+        assert np.abs(both.residuals(both.point(answer)) - expected).max() < RESOLVED
+    assert 0 < limited < len(SEEDS)
+
+
+def test_an_arm_that_can_give_way_within_its_limits_does(get_robot):
+    """LQP 2: the hand stays where it should be, and the elbow moves as it may."""
+    robot = get_robot("humanoid33")
+    frames = stances(robot)["double support"]
+    both = Both(robot, frames, [balance(robot), free_hands(robot, frames)])
+    found = 0
+    for seed in range(60):
+        state = near_home(robot, seed, spread=0.1, speed=0.05)
+        both.at(state)
+        free = both.resolver.chain.recover(both.resolver.first_solution.x[:24])
+        joint = robot.joint_index("left_shoulder_yaw")
+        limit = both.stack.joint_limit
+        both.dynamics.update(state)
+        both.resolver.assemble(both.dynamics)
+        place = both.resolver.reduced.partition.unconstrained.index("left_shoulder_yaw")
+        # Tightened behind the limit's back, just short of what the joint would have done.
+        limit.evaluate = lambda dynamics: None
+        limit.upper[joint] = limit.lower[joint] = 0.9 * free[place]
+        answer = both.resolver.solve()
+        del limit.evaluate
+        if both.resolver.second_solution is None or both.resolver.whole_solution is not None:
+            continue
+        found += 1
+        assert answer.acceleration[6 + joint] == pytest.approx(0.9 * free[place], abs=1e-8)
+        assert max(answer.residuals) < 1e-8
+        assert both.residuals(both.point(answer)).max() < 1e-6
+    assert found > 0
 
 
 def test_where_the_chain_cannot_follow_the_whole_problem_answers(get_robot):

@@ -22,7 +22,7 @@ from poise.robots.robot import Robot
 from poise.tasks import Task
 
 _TOLERANCE = 1e-8
-"""Relative residual above which LQP 2 does not keep to the centroids, or to its limits."""
+"""Relative residual, or increase of one, above which LQP 2 is no solution."""
 
 PATIENCE = 20
 """Ticks for which the whole problem is solved at once after the reduced one was of no use: an arm
@@ -39,10 +39,10 @@ class ReducedResolver:
     the unconstrained chain ask of them (`ChainElimination`), so that the order of the levels is
     that of the stack whichever chain their tasks are in. The unconstrained chain's joints then
     follow in closed form. That is the solution of the whole problem, unless those joints exceed
-    their limits, which LQP 1 does not know. Then LQP 2 decides them within their limits, under what
-    LQP 1 decided. And where they cannot move so, because the centroids of LQP 1 take more torque or
-    acceleration than they have, what LQP 1 decided is worth nothing, and the whole problem is
-    solved after all, `FullFormulation`, and stays so for `PATIENCE` ticks.
+    their limits, which LQP 1 does not know. Then LQP 2 looks for other motions of the chain under
+    what LQP 1 decided, within the limits. If that costs no level anything, it is a solution, of a
+    little more energy. If it does, what LQP 1 decided is worth nothing: the whole problem is solved
+    after all, `FullFormulation`, and stays so for `PATIENCE` ticks.
 
     Args:
         robot: the robot.
@@ -142,20 +142,23 @@ class ReducedResolver:
         x, torque_a = problem.acceleration(first.x), problem.torque(first.x)
         joined = self._joining.join(x, torque_a, self.chain.recover(x))
         physics = first.relative_residuals[:PHYSICS_LEVELS]
+        levels = self.tasks.measure(joined.acceleration).tolist()
         if self.second is not None and first.ok and not joined.within:
             self.second.fill(x[: self.reduced.partition.nr])
             self.second_solution = second = self._second_solver.solve(self.second.problem)
-            if not second.ok or max(second.relative_residuals[:PHYSICS_LEVELS]) > _TOLERANCE:
-                return self._solve_whole()
             joined = self._joining.join(x, torque_a, second.x)
+            costs = max(second.relative_residuals[:PHYSICS_LEVELS])
+            for free, limited in zip(levels, self.tasks.measure(joined.acceleration), strict=True):
+                costs = max(costs, limited - free)
+            if not (second.ok and costs <= _TOLERANCE):
+                return self._solve_whole()
             physics = np.maximum(physics, second.relative_residuals[:PHYSICS_LEVELS])
-        residuals = (*physics.tolist(), *self.tasks.measure(joined.acceleration).tolist())
         return Answer(
             first.status,
             joined.acceleration,
             joined.torque,
             problem.wrenches(first.x),
-            residuals,
+            (*physics.tolist(), *levels),
         )
 
     def reset(self) -> None:
