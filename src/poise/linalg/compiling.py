@@ -17,6 +17,10 @@ _FAST = {"reassoc", "contract", "nsz", "arcp"}
 """Freedoms that let sums run in vector registers; NaN and infinity keep their meaning."""
 
 
+_DISABLED = bool(cast("Any", numba).config.DISABLE_JIT)
+"""Numba's own switch, NUMBA_DISABLE_JIT: everything runs as plain Python."""
+
+
 def compiled(function: Callable[P, R]) -> Callable[P, R]:
     """Compiles a function at its first call, and keeps the machine code on disk for later runs.
 
@@ -28,6 +32,8 @@ def compiled(function: Callable[P, R]) -> Callable[P, R]:
     """
     # Tests wrap functions in checks of their annotations, which cannot be compiled.
     plain = cast("FunctionType", inspect.unwrap(function))
+    if _DISABLED:
+        return cast("Callable[P, R]", plain)
     njit = cast("Any", numba).njit
     try:
         dispatcher = njit(cache=True, fastmath=_FAST, error_model="numpy")(plain)
@@ -48,6 +54,8 @@ def say_if_slow(function: Callable[..., object], what: str) -> None:
         what: what it belongs to.
     """
     dispatcher = cast("Any", function)
+    if _DISABLED:
+        return
     if not dispatcher.signatures and not dispatcher._cache._cache_file._load_index():
         # A warning is what Python shows where nobody has set logging up.
         logging.getLogger("poise").warning("compiling %s, once: this takes some seconds", what)
