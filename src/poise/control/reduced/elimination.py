@@ -69,7 +69,7 @@ class ChainElimination:
         """Eliminates p for the state of the reduced dynamics and of the tasks."""
         rows, part = self._rows, self._reduced.partition
         if part.nu:
-            self.used, self.kept = _eliminate(
+            used, kept = _eliminate(
                 (rows.J, rows.target, rows.weight, rows.second_ends),
                 self._index,
                 part.nz,
@@ -77,6 +77,7 @@ class ChainElimination:
                 (self._X, self._Y, self._E, self._P, self._e),
                 self.out,
             )
+            self.used, self.kept = int(used), int(kept)
 
     @property
     def shape(self) -> tuple[int, ...]:
