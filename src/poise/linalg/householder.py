@@ -61,8 +61,14 @@ def reflect_rows(X: Float64[np.ndarray, "m n"], v: Float64[np.ndarray, " n"], ta
         v: the reflection's vector.
         tau: and its factor.
     """
+    # Not by `reflect`: making a view of a row takes as long as reflecting a short one.
     for row in range(len(X)):
-        reflect(X[row], v, tau)
+        share = 0.0
+        for i in range(len(v)):
+            share += v[i] * X[row, i]
+        share *= tau
+        for i in range(len(v)):
+            X[row, i] -= share * v[i]
 
 
 @compiled
