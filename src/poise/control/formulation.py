@@ -52,7 +52,7 @@ class FullFormulation:
         cost      dv^T M dv / 2, the acceleration energy (27)
 
     Wrenches act on the robot, which turns the sign of the paper's F_c. A frame task on a frame in
-    contact is suspended, its rows free: the contact already decides how that frame moves. A point
+    contact is suspended and has no rows: the contact already decides how that frame moves. A point
     contact leaves its frame free to turn and suspends position tasks only.
 
     Args:
@@ -62,12 +62,16 @@ class FullFormulation:
 
     Attributes:
         problem: the hierarchical problem, filled by `fill`.
-        levels: the stack's levels of tasks.
+        levels: the tasks that act, level by level; a level may be empty.
         suspended: tasks that a contact stands in for.
     """
 
     def __init__(self, robot: Robot, stack: Stack, contacts: Sequence[Contact]) -> None:
         self._robot, self._stack, self._contacts = robot, stack, tuple(contacts)
+        self.suspended = tuple(t for _, t in stack.tasks() if is_held(t, contacts))
+        self.levels = tuple(
+            tuple(t for t in level if t not in self.suspended) for level in stack.levels
+        )
         nv, base = robot.nv, robot.base_dofs
         starts = nv + np.concatenate(([0], np.cumsum([c.dim for c in contacts]))).astype(int)
         self._wrench_slices = [slice(int(a), int(b)) for a, b in pairwise(starts)]
@@ -76,8 +80,8 @@ class FullFormulation:
         self.problem = HierarchicalProblem.allocate(
             n,
             [nv, wrench_dim + sum(len(c.cone) for c in contacts)]
-            + [sum(t.dim for t in level) for level in stack.levels],
-            names=["dynamics", "contacts", *(_level_name(level) for level in stack.levels)],
+            + [sum(t.dim for t in level) for level in self.levels],
+            names=["dynamics", "contacts", *(_level_name(level) for level in self.levels)],
             labels=[
                 [
                     ("base dynamics", base),
@@ -85,7 +89,7 @@ class FullFormulation:
                 ],
                 [(f"motion of contact {c.name}", c.dim) for c in contacts]
                 + [(f"wrench cone of contact {c.name}", len(c.cone)) for c in contacts],
-                *([(f"task {t.name}", t.dim) for t in level] for level in stack.levels),
+                *([(f"task {t.name}", t.dim) for t in level] for level in self.levels),
             ],
             bounds_level=1,
         )
@@ -102,8 +106,6 @@ class FullFormulation:
         joints = slice(base, nv)
         self._joint_lower, self._joint_upper = problem.x_lower[joints], problem.x_upper[joints]
         self._fill_cones(touch.A, touch.lower, touch.upper, wrench_dim)
-        self.levels = stack.levels
-        self.suspended = tuple(t for _, t in stack.tasks() if is_held(t, contacts))
         self._contact_rows = self._locate_contacts()
         self._task_rows = self._locate_tasks()
 
@@ -203,9 +205,6 @@ class FullFormulation:
             for task in tasks:
                 rows = slice(row, row + task.dim)
                 row = rows.stop
-                if task in self.suspended:
-                    view.lower[rows], view.upper[rows] = -np.inf, np.inf
-                    continue
                 view.weights[rows] = task.weight
                 located.append((task, view.A[rows, : self._nv], view.lower[rows], view.upper[rows]))
         return located

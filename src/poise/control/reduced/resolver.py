@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 
 import numpy as np
+from jaxtyping import Float64
 
 from poise.contacts.contact import Contact
 from poise.control.formulation import FullFormulation
@@ -24,6 +25,11 @@ from poise.tasks import Task
 _TOLERANCE = 1e-8
 """Relative residual, or increase of one, above which LQP 2 is no solution."""
 
+_MORE_ENERGY = 1e-3
+"""Share of the acceleration energy by which LQP 2 may exceed that of LQP 1, which no solution is
+below. Beyond, a chain may swing its elbows about for the sake of a centroid that the whole problem
+would have chosen elsewhere."""
+
 PATIENCE = 20
 """Ticks for which the whole problem is solved at once after the reduced one was of no use: an arm
 at its limit seldom leaves it within a tick, and three problems in one cost more than either way."""
@@ -40,8 +46,8 @@ class ReducedResolver:
     that of the stack whichever chain their tasks are in. The unconstrained chain's joints then
     follow in closed form. That is the solution of the whole problem, unless those joints exceed
     their limits, which LQP 1 does not know. Then LQP 2 looks for other motions of the chain under
-    what LQP 1 decided, within the limits. If that costs no level anything, it is a solution, of a
-    little more energy. If it does, what LQP 1 decided is worth nothing: the whole problem is solved
+    what LQP 1 decided, within the limits. If that costs no level anything, and hardly more energy,
+    it is the solution. If it does, what LQP 1 decided is worth nothing: the whole problem is solved
     after all, `FullFormulation`, and stays so for `PATIENCE` ticks.
 
     Args:
@@ -146,11 +152,12 @@ class ReducedResolver:
         if self.second is not None and first.ok and not joined.within:
             self.second.fill(x[: self.reduced.partition.nr])
             self.second_solution = second = self._second_solver.solve(self.second.problem)
-            joined = self._joining.join(x, torque_a, second.x)
+            free, joined = joined.acceleration, self._joining.join(x, torque_a, second.x)
             costs = max(second.relative_residuals[:PHYSICS_LEVELS])
-            for free, limited in zip(levels, self.tasks.measure(joined.acceleration), strict=True):
-                costs = max(costs, limited - free)
-            if not (second.ok and costs <= _TOLERANCE):
+            for before, after in zip(levels, self.tasks.measure(joined.acceleration), strict=True):
+                costs = max(costs, after - before)
+            energy = self._energy(joined.acceleration) / self._energy(free)
+            if not (second.ok and costs <= _TOLERANCE and energy <= 1.0 + _MORE_ENERGY):
                 return self._solve_whole()
             physics = np.maximum(physics, second.relative_residuals[:PHYSICS_LEVELS])
         return Answer(
@@ -188,6 +195,10 @@ class ReducedResolver:
         if self.second is not None and self.second_solution is not None:
             words.append(self.second_solution.explain(self.second.problem))
         return "; ".join(words)
+
+    def _energy(self, dv: Float64[np.ndarray, " nv"]) -> float:
+        """Twice the acceleration energy (27), above zero."""
+        return float(dv.dot(self._dynamics.M).dot(dv)) + 1e-300
 
     def _solve_whole(self) -> Answer:
         # Not made before it is needed, which may be never.
