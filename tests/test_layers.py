@@ -17,7 +17,7 @@ FLOORS = (
     {"dynamics"},
     {"tasks", "contacts", "limits"},
     {"control", "flops"},
-    {"teleop"},
+    {"teleop", "walking"},
     {"sim", "fixed_base"},
     {"report", "teleop_sim"},
     {"scenarios"},

@@ -1,7 +1,9 @@
 """Peers run where their environments are named: POISE_TSID_PYTHON and POISE_PLACO_PYTHON."""
 
+import json
 import os
 import stat
+import subprocess
 import sys
 from pathlib import Path
 
@@ -9,7 +11,7 @@ import pinocchio as pin
 import pytest
 
 from poise.bench import TickBench, bench_tick
-from poise.bench.peers import PeerProcess
+from poise.bench.peers import PEERS, PeerProcess
 from poise.bench.peers.handoff import FRAME_PREFIX, URDF, write_handoff
 from poise.errors import PoiseError
 
@@ -63,3 +65,21 @@ def test_a_worker_that_dies_is_said_with_its_last_words(tmp_path, recording):
     script.chmod(script.stat().st_mode | stat.S_IXUSR)
     with pytest.raises(PoiseError, match="ended unexpectedly: all is lost"):
         PeerProcess("placo", script, recording, "table1")
+
+
+def test_without_an_interpreter_it_says_what_to_install_and_times_the_rest():
+    environment = {k: v for k, v in os.environ.items() if not k.startswith("POISE_")}
+    command = [sys.executable, "-m", "poise.cli.main", "bench", "peers", "--ticks", "10", "--json"]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, env=environment)
+    rows = [json.loads(line) for line in done.stdout.splitlines()]
+    assert [(r["controller"], r["solver"]) for r in rows] == [
+        ("whole_body", "direct"),
+        ("reduced", "direct"),
+    ]
+    whole, reduced = rows
+    assert whole["ratio_to_whole"] == 1.0
+    assert reduced["ratio_to_whole"] == pytest.approx(reduced["p50_us"] / whole["p50_us"], rel=0.5)
+    assert reduced["variables"] < whole["variables"] == 51
+    for name in PEERS:
+        assert f"peers/{name}/bin/pip install" in done.stderr
+        assert f"--peers {name}=peers/{name}/bin/python" in done.stderr

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from poise.bench import PHASES, TickResult, bench_stack, format_table
-from poise.bench.methods import parse_method
+from poise.bench.methods import parse_method, timed_methods
 from poise.bench.recording import Recording
 from poise.bench.subject import Subject
 from poise.control import WholeBodyController
@@ -29,10 +29,13 @@ KEYS = {
     "p50_us",
     "p99_us",
     "max_us",
+    "cpu_p50_us",
+    "cpu_p99_us",
     "phases_us",
     "ticks",
     "residual_max",
     "ratio_to_direct",
+    "ratio_to_whole",
     "relaxed_ticks",
     "missed_ticks",
 }
@@ -64,6 +67,8 @@ def test_a_line_a_method_and_stack_with_every_key_and_files_in_out(tmp_path):
         assert row["missed_ticks"] == 0
         assert 0.0 < row["p50_us"] <= row["p99_us"] <= row["max_us"]
         assert row["ratio_to_direct"] > 0.0
+        assert row["ratio_to_whole"] == 1.0
+        assert 0.0 < row["cpu_p50_us"] <= row["cpu_p99_us"]
         assert 0.0 <= row["residual_max"] < 1e-3
         assert sum(row["phases_us"].values()) == pytest.approx(row["p50_us"], rel=0.3)
     assert [r["ratio_to_direct"] for r in rows[::2]] == [1.0, 1.0]
@@ -110,7 +115,7 @@ def test_the_phases_add_up_to_the_tick(recording):
     subject = Subject(recording, "table1", parse_method("whole_body", "direct"))
     for tick in range(len(recording.states)):
         subject.tick(tick)
-    times = subject.times(10)
+    times = subject.times(slice(10, None))
     parts = times.phases.sum(axis=1)
     assert (parts <= times.total).all()
     # What is left is the check of the state, which the tests' own shape checks make slower.
@@ -146,25 +151,44 @@ def test_the_table_has_a_line_a_method_and_marks_failures():
         p50_us=100.0,
         p99_us=120.0,
         max_us=150.0,
+        cpu_p50_us=99.0,
+        cpu_p99_us=119.0,
         phases_us=dict.fromkeys(PHASES, 25.0),
         ticks=10,
         residual_max=1e-15,
         ratio_to_direct=1.0,
+        ratio_to_whole=1.0,
         relaxed_ticks=0,
         missed_ticks=0,
     )
+    reduced = replace(row, controller="reduced", ratio_to_whole=0.5)
     peer = replace(
         row,
+        controller="tsid",
         solver="peer",
         schedule="batch",
         missed_ticks=3,
         residual_max=None,
+        ratio_to_whole=None,
+        cpu_p99_us=None,
         phases_us=dict.fromkeys(PHASES, None),
     )
-    lines = format_table([row, peer]).splitlines()
+    lines = format_table([row, reduced, peer]).splitlines()
     assert lines[0].startswith("humanoid33, 33 joints, double support, stack 'table1'")
-    assert lines[2].split()[:3] == ["direct", "100", "120"]
-    assert lines[3].startswith("peer, in batches")
-    assert lines[3].split()[6:10] == ["-"] * 4
-    assert lines[3].endswith("3 of 10 ticks FAILED")
+    assert lines[2].split()[:4] == ["whole_body", "direct", "100", "120"]
+    assert lines[3].split()[:2] == ["reduced", "direct"]
+    assert lines[3].split()[10:12] == ["1.00", "0.50"]
+    assert lines[4].startswith("peer, in batches")
+    assert lines[4].split()[6:11] == ["-"] * 5
+    assert lines[4].endswith("3 of 10 ticks FAILED")
     assert "FAILED" not in lines[2]
+
+
+def test_the_reduced_controller_stands_beside_the_full_one_method_by_method():
+    names = [(m.controller, m.name) for m in timed_methods("reduced", None)]
+    assert names == [
+        ("whole_body", "direct"),
+        ("whole_body", "cascade/osqp"),
+        ("reduced", "direct"),
+        ("reduced", "cascade/osqp"),
+    ]

@@ -21,6 +21,7 @@ SHORT = {
     "08_scenario.py": ["--out", "run"],
     "09_own_task.py": ["--seconds", "0.2"],
     "10_operational_space.py": [],
+    "11_walk.py": ["--steps", "1"],
 }
 
 
@@ -121,6 +122,12 @@ def test_scenario_holds_its_checks_and_leaves_a_report(tmp_path):
     assert "FAIL" not in done.stdout
     left = {path.name for path in (tmp_path / "run").iterdir()}
     assert {"report.html", "log.mcap", "summary.json"} <= left
+
+
+def test_walk_makes_its_steps_and_says_how_well(run):
+    printed = run("11_walk.py")
+    assert "walk finished after 2 steps" in printed
+    assert numbers(r"COM within (\S+) mm", printed)[0] < 10.0
 
 
 def test_own_task_brings_the_hands_closer(run):

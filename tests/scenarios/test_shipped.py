@@ -3,6 +3,7 @@
 import json
 
 import pytest
+from conftest import poise_run
 
 from poise.scenarios import shipped_scenarios
 from poise.sim import read_log
@@ -27,8 +28,12 @@ def test_the_scenarios_of_the_documentation_are_shipped():
     assert {"stand", "squat", "reach", "push", "balance_one_leg"} <= set(shipped_scenarios())
 
 
-BIPEDS = [n for n in shipped_scenarios() if n not in ("reach_arm", "over_an_obstacle")]
-"""Scenarios of a robot on two feet that is commanded torques."""
+BIPEDS = [
+    name
+    for name in shipped_scenarios()
+    if name not in ("reach_arm", "over_an_obstacle") and not name.startswith("walk")
+]
+"""Scenarios of a robot on two feet that is commanded torques; walks are long, and come below."""
 
 
 @pytest.mark.parametrize("robot", ["humanoid33", "g1"])
@@ -61,6 +66,33 @@ def test_a_shipped_scenario_holds(shipped_run, scenario, robot):
     assert residuals.shape[1] == len(summary["residual_max"])
     assert log.end == pytest.approx(time[-1], abs=0.01)
     assert (residuals[:, :2].max(axis=0) <= summary["residual_max"][:2]).all()
+
+
+SHORT = """
+walk:
+  strides: [{steps: 3, length: 0.1}]
+  gait: {step_time: 0.8, crouch: 0.02, shift_time: 0.8, settle_time: 1.0}
+duration: 5.1
+plant: {control_dt: 0.002}
+name: short_walk
+motions: [{task: left_hand, at: 0.1, over: 1.0, by: [0.06, 0.0, 0.1]}]
+checks:
+  - {metric: steps_made, at_least: 4}
+  - {metric: com_error_rms, at_most: 0.005}
+  - {metric: task_error_rms, task: left_foot, at_most: 0.005}
+"""
+
+
+def test_a_walk_of_a_file_leaves_its_figures(tmp_path):
+    file = tmp_path / "short_walk.yaml"
+    file.write_text(SHORT)
+    outcome = poise_run(tmp_path / "run", str(file), "--no-video", "--json")
+    assert outcome.status == 0, outcome.out + outcome.err
+    assert outcome.summary["missed_ticks"] == 0
+    log = read_log(outcome.folder / "log.mcap")
+    assert log.signal("zmp_reference")[1].shape[1] == 2
+    assert (log.signal("tick_us/walk")[1] > 0.0).all()
+    assert "walk finished" in (outcome.folder / "report.html").read_text()
 
 
 def assert_holds(outcome):

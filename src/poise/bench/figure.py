@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from poise.bench.result import PHASES, TickResult
+from poise.bench.table import method_name
 from poise.report.plots.style import INK, PALETTE, house_style, plain_number
 
 _BAR = "#9AA5B1"
@@ -62,14 +63,11 @@ def _draw_times(ax: Any, rows: list[TickResult]) -> None:
     ax.set_yticks(range(len(rows)), [_name(r) for r in rows])
     ax.invert_yaxis()
     ax.grid(visible=False, axis="y")
-    ax.set_title(
-        f"{first.robot}, {first.contacts} support, stack {first.stack}: "
-        f"{first.variables} variables, {first.rows} rows"
-    )
+    ax.set_title(f"{first.robot}, {first.contacts} support, stack {first.stack}")
 
 
 def _name(row: TickResult) -> str:
-    return row.solver if row.schedule == "tick" else f"{row.solver}\nin batches"
+    return method_name(row).replace(", ", "\n")
 
 
 def _draw_shares(ax: Any, rows: list[TickResult]) -> None:

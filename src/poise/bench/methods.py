@@ -1,6 +1,7 @@
 """`Method`: a controller and the way it solves, by the name the command line gives it."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 from poise.control.make import CONTROLLERS, ControllerPlan
 from poise.errors import UnknownNameError
@@ -10,6 +11,12 @@ DIRECT = "direct"
 
 DEFAULT_METHODS = (DIRECT, "cascade/osqp", "weighted")
 """The product's own, the paper's way, and one QP with weights."""
+
+COMPARED_METHODS = (DIRECT, "cascade/osqp")
+"""What the reduced controller is compared by: the product's own way and the paper's."""
+
+BY_PROGRAMS = ("whole_body", "reduced")
+"""Controllers by quadratic programs: they solve in the same ways."""
 
 BACKENDS = ("osqp", "proxqp", "piqp", "quadprog", "clarabel", "daqp")
 """QP solvers that the cascade and weighted strategies take."""
@@ -22,7 +29,7 @@ def method_names(controller: str) -> tuple[str, ...]:
         controller: one of `CONTROLLERS`.
     """
     names = CONTROLLERS[controller].strategies
-    if controller != "whole_body":
+    if controller not in BY_PROGRAMS:
         return names
     solved = tuple(f"{s}/{b}" for s in ("cascade", "weighted") for b in BACKENDS)
     return (DIRECT, "weighted", *solved)
@@ -78,4 +85,25 @@ def default_methods(controller: str) -> tuple[str, ...]:
     Args:
         controller: one of `CONTROLLERS`.
     """
+    if controller == "reduced":
+        return COMPARED_METHODS
     return DEFAULT_METHODS if controller == "whole_body" else method_names(controller)[:1]
+
+
+def timed_methods(controller: str, names: Sequence[str] | None) -> tuple[Method, ...]:
+    """Everything that is timed: what was asked for, and what it is compared with.
+
+    The reference comes first. Each method of the reduced controller has the whole-body
+    controller's of the same name beside it.
+
+    Args:
+        controller: one of `CONTROLLERS`.
+        names: of the controller's methods, its usual ones when None.
+
+    Raises:
+        UnknownNameError: no such method.
+    """
+    names = default_methods(controller) if names is None else names
+    wanted = [parse_method(controller, name) for name in names]
+    beside = [replace(m, controller="whole_body") for m in wanted if controller == "reduced"]
+    return tuple(dict.fromkeys((REFERENCE, *beside, *wanted)))

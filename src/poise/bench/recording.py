@@ -6,9 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float64
 
+from poise.bench.methods import REFERENCE, Method
 from poise.bench.paths import Loop, Path, Point
 from poise.bench.stances import bench_stack, check_biped, support_sole, swing_sole
-from poise.control import Stack, WholeBodyController, default_stack
+from poise.control import Command, Stack, default_stack, make_controller
 from poise.dynamics import Dynamics, RobotState
 from poise.errors import PoiseError
 from poise.robots.robot import Robot
@@ -18,6 +19,9 @@ from poise.tasks import ComTask, FrameTask
 
 Progress = Callable[[float, float], None]
 """Called with what is done and what there is in all."""
+
+Alter = Callable[[RobotState, Command], Command]
+"""Changes a command for a state before the plant gets it."""
 
 SWELL = 0.4
 """The motion reaches its full size after this long; recording starts then [s]."""
@@ -73,19 +77,27 @@ class Recording:
 
 
 def record_run(
-    robot: Robot, stance: str, ticks: int, progress: Progress | None = None
+    robot: Robot,
+    stance: str,
+    ticks: int,
+    progress: Progress | None = None,
+    *,
+    method: Method = REFERENCE,
+    alter: Alter | None = None,
 ) -> Recording:
     """Runs a robot in simulation and records it while everything moves.
 
     On two feet the COM and both hands go round; on one foot the weight is shifted and the left
     foot lifted first, then COM, hands and foot go round. What happens before is not recorded. The
-    controller is Poise's default with strategy `direct`, at the plant's own period.
+    levels are those of the robot's default stack, at the plant's own period.
 
     Args:
         robot: a biped.
         stance: one of `STANCES`.
         ticks: how many ticks to record.
         progress: told how far the run is.
+        method: which controller runs the robot.
+        alter: changes each command before the plant gets it.
 
     Raises:
         ConfigurationError: the robot has no two soles to stand on.
@@ -96,7 +108,7 @@ def record_run(
     # Both contacts, whatever the stance: the swing foot is unloaded on the way.
     levels = bench_stack(robot, "default", stance).levels
     stack = Stack(default_stack(robot).contacts, levels)
-    controller = WholeBodyController(robot, stack)
+    controller = make_controller(robot, stack, method.plan())
     begin = _loops_begin(stance)
     loops, rotations = _choreograph(robot, stack, stance, begin)
     states: list[RobotState] = []
@@ -117,7 +129,8 @@ def record_run(
             states.append(state)
             for name, point in due.items():
                 points[name].append(point)
-        plant.step(controller.step(state))
+        command = controller.step(state)
+        plant.step(command if alter is None else alter(state, command))
         if plant.fallen:
             raise PoiseError(f"{robot.name} fell at {plant.time:.3f} s while recording the run")
         if progress is not None:

@@ -4,10 +4,13 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float64
+from jaxtyping import Float64, Int64
 
 PHASES = ("dynamics", "assembly", "solve", "command")
 """Parts of a tick, in the order in which they happen."""
+
+Ticks = slice | Int64[np.ndarray, " counted"]
+"""Which of the ticks of a recording count."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -16,10 +19,12 @@ class TickTimes:
 
     Attributes:
         total: from state to command [s].
+        cpu: processor time of the same [s]; NaN where a peer does not tell it.
         phases: its parts, in the order of `PHASES` [s]; NaN where a peer does not tell them apart.
     """
 
     total: Float64[np.ndarray, " ticks"]
+    cpu: Float64[np.ndarray, " ticks"]
     phases: Float64[np.ndarray, "ticks 4"]
 
 
@@ -30,7 +35,7 @@ class TickResult:
     Attributes:
         robot: name of the robot.
         joints: its actuated joints.
-        controller: "whole_body", or the peer's name.
+        controller: "whole_body", "reduced", ..., or the peer's name.
         solver: "direct", "cascade/osqp", ..., or what the peer solves with.
         stack: "table1" or "default"; for a peer, the stack it comes nearest to.
         contacts: "double" or "single".
@@ -42,6 +47,9 @@ class TickResult:
         p50_us: median tick from state to command [us].
         p99_us: 99th percentile [us].
         max_us: longest tick [us].
+        cpu_p50_us: median processor time of a tick, without the times at which another process had
+            the core [us]; None where a peer does not tell it.
+        cpu_p99_us: 99th percentile of the same [us].
         phases_us: median of each phase [us]; None where a peer does not tell phases apart.
         ticks: timed ticks.
         residual_max: largest relative residual of the physics levels (dynamics with torque limits,
@@ -49,6 +57,8 @@ class TickResult:
             cannot be told.
         ratio_to_direct: median over the ticks of this method's time by that of `direct` on the
             same state, stack and schedule.
+        ratio_to_whole: the same by that of the whole-body controller's method of the same name;
+            None where that was not timed.
         relaxed_ticks: ticks on which some level could not be met in full.
         missed_ticks: ticks that fell back to a safe command.
     """
@@ -65,10 +75,13 @@ class TickResult:
     p50_us: float
     p99_us: float
     max_us: float
+    cpu_p50_us: float | None
+    cpu_p99_us: float | None
     phases_us: dict[str, float | None]
     ticks: int
     residual_max: float | None
     ratio_to_direct: float
+    ratio_to_whole: float | None
     relaxed_ticks: int | None
     missed_ticks: int
 
@@ -77,12 +90,15 @@ class TickResult:
         return asdict(self)
 
 
-def time_statistics(times: TickTimes, direct: TickTimes) -> dict[str, Any]:
+def time_statistics(
+    times: TickTimes, direct: TickTimes, whole: TickTimes | None = None
+) -> dict[str, Any]:
     """The fields of a result that follow from the times.
 
     Args:
         times: of the method.
         direct: of `direct`, on the same states.
+        whole: of the whole-body controller's method of the same name, likewise.
     """
     total = 1e6 * times.total
     medians = 1e6 * np.median(times.phases, axis=0)
@@ -90,13 +106,27 @@ def time_statistics(times: TickTimes, direct: TickTimes) -> dict[str, Any]:
         "p50_us": _short(float(np.median(total))),
         "p99_us": _short(float(np.percentile(total, 99))),
         "max_us": _short(float(total.max())),
+        "cpu_p50_us": _quantile(times.cpu, 50.0),
+        "cpu_p99_us": _quantile(times.cpu, 99.0),
         "phases_us": {
             name: None if np.isnan(value) else _short(float(value))
             for name, value in zip(PHASES, medians, strict=True)
         },
         "ticks": len(total),
-        "ratio_to_direct": round(float(np.median(times.total / direct.total)), 3),
+        "ratio_to_direct": median_ratio(times, direct),
+        "ratio_to_whole": None if whole is None else median_ratio(times, whole),
     }
+
+
+def median_ratio(times: TickTimes, reference: TickTimes) -> float:
+    """Median, over the ticks, of one method's time by another's on the same states."""
+    return round(float(np.median(times.total / reference.total)), 3)
+
+
+def _quantile(seconds: Float64[np.ndarray, " ticks"], percent: float) -> float | None:
+    if np.isnan(seconds).any():
+        return None
+    return _short(1e6 * float(np.percentile(seconds, percent)))
 
 
 def _short(microseconds: float) -> float:

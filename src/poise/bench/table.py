@@ -3,8 +3,11 @@
 from collections.abc import Sequence
 
 from poise.bench.result import PHASES, TickResult
+from poise.control import CONTROLLERS
 
-_HEADS = ("p50", "p99", "max", *PHASES, "x direct", "residual")
+_HEADS = (
+    "p50", "p99", "max", "cpu p99", *PHASES, "x direct", "x whole", "variables", "rows", "residual",
+)  # fmt: skip
 
 
 def format_table(results: Sequence[TickResult]) -> str:
@@ -13,7 +16,7 @@ def format_table(results: Sequence[TickResult]) -> str:
     Args:
         results: of one benchmark.
     """
-    width = max(len(_name(r)) for r in results)
+    width = max(len(method_name(r)) for r in results)
     lines: list[str] = []
     for stack in dict.fromkeys(r.stack for r in results):
         rows = [r for r in results if r.stack == stack]
@@ -21,7 +24,7 @@ def format_table(results: Sequence[TickResult]) -> str:
         lines += [
             "",
             f"{first.robot}, {first.joints} joints, {first.contacts} support, stack {stack!r}: "
-            f"{first.variables} variables, {first.rows} rows; {first.ticks} ticks, times in us",
+            f"{first.ticks} ticks, times in us",
             "  ".join([" " * width, *(f"{head:>9}" for head in _HEADS)]),
         ]
         lines += [_line(row, width) for row in rows]
@@ -30,17 +33,22 @@ def format_table(results: Sequence[TickResult]) -> str:
 
 def _line(row: TickResult, width: int) -> str:
     phases = [row.phases_us[phase] for phase in PHASES]
-    cells = [_time(t) for t in (row.p50_us, row.p99_us, row.max_us, *phases)]
+    cells = [_time(t) for t in (row.p50_us, row.p99_us, row.max_us, row.cpu_p99_us, *phases)]
     cells.append(f"{row.ratio_to_direct:.2f}")
+    cells.append("-" if row.ratio_to_whole is None else f"{row.ratio_to_whole:.2f}")
+    cells += [str(row.variables), "-" if row.rows is None else str(row.rows)]
     cells.append("-" if row.residual_max is None else f"{row.residual_max:.0e}")
-    line = "  ".join([f"{_name(row):{width}}", *(f"{cell:>9}" for cell in cells)])
+    line = "  ".join([f"{method_name(row):{width}}", *(f"{cell:>9}" for cell in cells)])
     if row.missed_ticks:
         line += f"  {row.missed_ticks} of {row.ticks} ticks FAILED"
     return line
 
 
-def _name(row: TickResult) -> str:
-    return row.solver if row.schedule == "tick" else f"{row.solver}, in batches"
+def method_name(row: TickResult) -> str:
+    """Which controller, how it solves, and on what schedule it was timed."""
+    own = row.controller in CONTROLLERS
+    name = f"{row.controller} {row.solver}" if own else row.solver
+    return name if row.schedule == "tick" else f"{name}, in batches"
 
 
 def _time(microseconds: float | None) -> str:

@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from poise.bench.collector import collector_paused
-from poise.bench.methods import REFERENCE, default_methods, parse_method
+from poise.bench.methods import DIRECT, parse_method, timed_methods
 from poise.bench.peers import PEERS, PeerProcess
 from poise.bench.recording import Progress, Recording, record_run
-from poise.bench.result import TickResult, time_statistics
+from poise.bench.result import TickResult, Ticks, time_statistics
 from poise.bench.stances import STACKS, STANCES, check_biped
 from poise.bench.subject import Subject
 from poise.control import CONTROLLERS
@@ -21,11 +21,13 @@ from poise.robots import load_robot
 WARM_UP = 30
 """Ticks before those that count: caches, workspaces and warm starts settle."""
 
+_COUNTED = slice(WARM_UP, None)
+
 BATCH = 20
 """A peer, which is another process, takes its turn after this many ticks of our own."""
 
 Guest = Subject | PeerProcess
-"""Who is timed a batch at a time: peers, and `direct` beside them as their reference."""
+"""Who is timed a batch at a time: peers, and every `direct` beside them as their reference."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,7 +40,8 @@ class TickBench:
         controller: one of `CONTROLLERS`.
         stacks: "table1", "default", or both.
         methods: names of the controller's methods, its usual ones when None; the whole-body
-            controller's `direct` is timed in any case, as the reference.
+            controller's `direct` is timed in any case, as the reference, and beside a method of
+            the reduced controller the whole-body controller's of the same name.
         peers: Python interpreters of other packages' environments by name, see `PEERS`.
         ticks: timed ticks of each method.
     """
@@ -73,16 +76,16 @@ def bench_tick(plan: TickBench, progress: Progress | None = None) -> list[TickRe
     """Records a moving run, then times every method on its states, tick by tick in turn.
 
     The order rotates from tick to tick, so that no method always runs after the same other one.
-    Peers are other processes and take their turn a batch at a time; `direct` is timed once more in
-    the same way, as their reference. The garbage collector runs between batches, never inside a
-    timed tick.
+    Peers are other processes and take their turn a batch at a time; every `direct` is timed once
+    more in the same way, as their reference. The garbage collector runs between batches, never
+    inside a timed tick.
 
     Args:
         plan: what to time.
         progress: told how many of all ticks are done; a tick is one pass through all methods.
 
     Returns:
-        One result a stack and method, `direct` first.
+        One result a stack and method, the whole-body controller's `direct` first.
 
     Raises:
         PoiseError: bad input, a backend or peer that cannot run, or a robot that fell.
@@ -90,10 +93,7 @@ def bench_tick(plan: TickBench, progress: Progress | None = None) -> list[TickRe
     robot = load_robot(plan.robot)
     check_biped(robot)
     ticks = WARM_UP + plan.ticks
-    wanted = default_methods(plan.controller) if plan.methods is None else plan.methods
-    methods = list(
-        dict.fromkeys((REFERENCE, *(parse_method(plan.controller, name) for name in wanted)))
-    )
+    methods = timed_methods(plan.controller, plan.methods)
     results: list[TickResult] = []
     for method in methods:
         # A backend that is missing is found before the run.
@@ -107,8 +107,8 @@ def bench_tick(plan: TickBench, progress: Progress | None = None) -> list[TickRe
                 stack.enter_context(PeerProcess(name, python, recording, kind))
                 for name, python in plan.peers.items()
             ]
-            direct = Subject(recording, kind, methods[0])
-            guests = [direct, *peers] if peers else []
+            own = [Subject(recording, kind, m) for m in methods if m.name == DIRECT]
+            guests = [*own, *peers] if peers else []
             for done in _interleave(subjects, guests, ticks):
                 if progress is not None:
                     progress(float(i * ticks + done), float(len(plan.stacks) * ticks))
@@ -136,29 +136,59 @@ def _results(
     subjects: Sequence[Subject],
     guests: Sequence[Guest],
 ) -> list[TickResult]:
-    robot = recording.robot
     results: list[TickResult] = []
     for schedule, timed in (("tick", subjects), ("batch", guests)):
-        for one in timed:
-            residual, relaxed, missed = one.accuracy(WARM_UP)
-            variables, rows = one.size()
-            results.append(
-                TickResult(
-                    robot=robot.name,
-                    joints=robot.nj,
-                    controller=one.name,
-                    solver=one.solver,
-                    stack=kind,
-                    contacts=recording.stance,
-                    schedule=schedule,
-                    variables=variables,
-                    rows=rows,
-                    residual_max=residual,
-                    relaxed_ticks=relaxed,
-                    missed_ticks=missed,
-                    **time_statistics(one.times(WARM_UP), timed[0].times(WARM_UP)),
-                )
+        if timed:
+            results += tick_results(recording, kind, schedule, timed)
+    return results
+
+
+def tick_results(
+    recording: Recording,
+    kind: str,
+    schedule: str,
+    timed: Sequence[Guest],
+    counted: Mapping[str, Ticks] | None = None,
+) -> list[TickResult]:
+    """Results of those that were timed on one schedule, the first of which is the reference.
+
+    Args:
+        recording: the run that they were timed on.
+        kind: the stack.
+        schedule: "tick" or "batch".
+        timed: after the last tick.
+        counted: the ticks that count, by the name of the method; all after the warm-up when None.
+            The first of `timed` must have been timed on all of them.
+    """
+    robot, first = recording.robot, timed[0]
+    ways = {one.solver: one for one in timed if one.name == "whole_body"}
+    results: list[TickResult] = []
+    for one in timed:
+        ticks = _COUNTED if counted is None else counted[one.solver]
+        residual, relaxed, missed = one.accuracy(ticks)
+        variables, rows = one.size()
+        whole = ways.get(one.solver)
+        results.append(
+            TickResult(
+                robot=robot.name,
+                joints=robot.nj,
+                controller=one.name,
+                solver=one.solver,
+                stack=kind,
+                contacts=recording.stance,
+                schedule=schedule,
+                variables=variables,
+                rows=rows,
+                residual_max=residual,
+                relaxed_ticks=relaxed,
+                missed_ticks=missed,
+                **time_statistics(
+                    one.times(ticks),
+                    first.times(ticks),
+                    None if whole is None else whole.times(ticks),
+                ),
             )
+        )
     return results
 
 

@@ -2,7 +2,9 @@
 
 import argparse
 import json
-from collections.abc import Sequence
+import os
+import sys
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -10,17 +12,21 @@ from poise.cli.options import add_output_options, make_folder
 from poise.cli.progress import Bar
 from poise.errors import ConfigurationError, UnknownNameError
 
-_NAMES = ("tick", "bias")
-"""Benchmarks by name."""
-
-_TICK_ONLY = ("contacts", "controller", "stack", "methods", "peers")
-"""Options that mean nothing to the other benchmark."""
-
 _TELEOP = "teleop"
 """A controller that is no resolver of tasks: it walks, and is timed on a walk."""
 
-_TASKS_ONLY = ("contacts", "stack", "methods", "peers")
-"""Options that mean nothing to it."""
+_OWN = {
+    "tick": ("robot", "contacts", "controller", "stack", "methods", "peers", "ticks"),
+    "dof": ("joints", "contacts", "stack", "ticks"),
+    "peers": ("robot", "contacts", "stack", "peers", "ticks"),
+    "bias": ("robot", "ticks"),
+}
+"""Benchmarks by name, and the options that mean something to each."""
+
+_OWN_TELEOP = ("robot", "ticks", "controller")
+"""Likewise for the step teleoperator."""
+
+_OPTIONS = ("robot", "joints", "contacts", "controller", "stack", "methods", "peers", "ticks")
 
 
 def add_parser(verbs: Any) -> None:
@@ -30,27 +36,42 @@ def add_parser(verbs: Any) -> None:
         help="timings, interleaved in one run",
         description="tick: times a controller's tick from state to command, by phase, on a "
         "recorded moving run. tick --controller teleop: times the step teleoperator on a recorded "
-        "walk over an obstacle, and the whole simulation of that walk against real time. bias: "
-        "times the formulas of the bias acceleration on a recorded run of a robot on a fixed base. "
-        "Whatever is compared is timed tick by tick in turn on the same states.",
-        epilog="example: poise bench tick --robot talos --peers tsid=peers/tsid/bin/python; "
-        "poise bench tick --controller teleop; poise bench bias --json",
+        "walk over an obstacle, and the whole simulation of that walk against real time. dof: "
+        "times the full and the reduced controller on robots of 20 to 60 joints. peers: times "
+        "TSID and placo beside both. bias: times the formulas of the bias acceleration on a "
+        "recorded run of a robot on a fixed base. Whatever is compared is timed in turn on the "
+        "same states.",
+        epilog="example: poise bench tick --controller reduced; "
+        "poise bench tick --controller teleop; poise bench dof --joints 33,60; "
+        "poise bench peers --peers tsid=peers/tsid/bin/python; poise bench bias --json",
     )
-    parser.add_argument("name", metavar="NAME", help="what to time: " + ", ".join(_NAMES))
+    parser.add_argument("name", metavar="NAME", help="what to time: " + ", ".join(_OWN))
     parser.add_argument(
         "--robot",
         metavar="R",
-        help="tick: a biped (default: humanoid33; with --controller teleop: biped20); bias: a "
-        "robot on a fixed base with hands (default: upper17)",
+        help="tick, peers: a biped (default: humanoid33; with --controller teleop: biped20); bias: "
+        "a robot on a fixed base with hands (default: upper17)",
     )
-    parser.add_argument("--contacts", metavar="C", help="tick: double (default) or single")
+    parser.add_argument(
+        "--joints",
+        metavar="N,N",
+        help="dof: joints of the robots, 20 to 60 (default: ten of them)",
+    )
+    parser.add_argument(
+        "--contacts",
+        metavar="C",
+        help="tick, peers: double (default) or single; dof: double, single or double,single "
+        "(default)",
+    )
     parser.add_argument(
         "--controller",
         metavar="C",
-        help="tick: whole_body (default), osf, differential_ik, or teleop, which takes only "
-        "--robot, --ticks, --out and --json beside it",
+        help="tick: whole_body (default), reduced, osf, differential_ik, or teleop, which takes "
+        "only --robot, --ticks, --out and --json beside it",
     )
-    parser.add_argument("--stack", metavar="S", help="tick: table1, default or both (default)")
+    parser.add_argument(
+        "--stack", metavar="S", help="table1, default or both (tick: both; dof, peers: table1)"
+    )
     parser.add_argument(
         "--methods",
         metavar="M,M",
@@ -59,14 +80,15 @@ def add_parser(verbs: Any) -> None:
     parser.add_argument(
         "--peers",
         metavar="P=PYTHON",
-        help="tick: other packages and the Python of their environment: tsid=PATH,placo=PATH",
+        help="tick, peers: other packages and the Python of their environment: "
+        "tsid=PATH,placo=PATH",
     )
     parser.add_argument(
         "--ticks",
         metavar="N",
         type=int,
-        help="timed ticks (default: 500 for tick, one walk with --controller teleop, 1100 for "
-        "bias)",
+        help="timed ticks (default: 500 for tick and peers, 300 for dof, one walk with "
+        "--controller teleop, 1100 for bias)",
     )
     add_output_options(parser, "none is written")
     parser.set_defaults(act=act)
@@ -74,45 +96,94 @@ def add_parser(verbs: Any) -> None:
 
 def act(options: argparse.Namespace) -> int:
     """Runs a benchmark."""
-    if options.name not in _NAMES:
-        raise UnknownNameError("unknown benchmark", got=options.name, choices=_NAMES)
-    if options.name == "bias":
-        _bias(options)
-    elif options.controller == _TELEOP:
-        _teleop(options)
-    else:
-        _tick(options)
+    if options.name not in _OWN:
+        raise UnknownNameError("unknown benchmark", got=options.name, choices=_OWN)
+    teleop = options.name == "tick" and options.controller == _TELEOP
+    _refuse_foreign(options, teleop)
+    runs: dict[str, Callable[[argparse.Namespace], None]] = {
+        "tick": _teleop if teleop else _tick,
+        "dof": _dof,
+        "peers": _peers,
+        "bias": _bias,
+    }
+    runs[options.name](options)
     return 0
 
 
+def _refuse_foreign(options: argparse.Namespace, teleop: bool) -> None:
+    """Refuses options that mean nothing to a benchmark.
+
+    Raises:
+        ConfigurationError: one of them was given.
+    """
+    own = _OWN_TELEOP if teleop else _OWN[options.name]
+    for name in _OPTIONS:
+        if name in own or getattr(options, name) is None:
+            continue
+        others = [other for other, names in _OWN.items() if name in names]
+        why = "controllers of tasks" if teleop else f"the benchmark {' or '.join(others)}"
+        what = "--controller teleop" if teleop else options.name
+        raise ConfigurationError(
+            f"--{name} belongs to {why}",
+            got=f"--{name} {getattr(options, name)}",
+            wanted=", ".join(f"--{n}" for n in (*own, "out", "json")) + f" with {what}",
+        )
+
+
 def _tick(options: argparse.Namespace) -> None:
-    from poise.bench import STACKS, TickBench, bench_tick, format_table
+    from poise.bench import TickBench, bench_tick
     from poise.control import CONTROLLERS
 
     if options.controller is not None and options.controller not in CONTROLLERS:
         raise UnknownNameError(
             "no such controller", got=options.controller, choices=(*CONTROLLERS, _TELEOP)
         )
-    stack = options.stack or "both"
     plan = TickBench(
         **_given(options, ("robot", "contacts", "controller", "ticks")),
-        stacks=STACKS if stack == "both" else (stack,),
+        stacks=_stacks(options.stack or "both"),
         methods=_words(options.methods) if options.methods else None,
-        peers=_peers(options.peers or ""),
+        peers=_interpreters(options.peers or ""),
     )
-    folder = make_folder(options.out, ".") if options.out else None
-    with Bar("timing", " ticks") as bar:
-        results = bench_tick(plan, bar)
-    lines = _report(options, results, format_table)
-    if folder is not None:
-        from poise.bench import write_figure
+    _run_ticks(options, plan, bench_tick)
 
-        (folder / "bench.json").write_text(lines, encoding="utf-8")
+
+def _peers(options: argparse.Namespace) -> None:
+    from poise.bench import PEERS, bench_tick, how_to_install, peers_bench
+
+    peers = _interpreters(options.peers) if options.peers else _interpreters_of_environment(PEERS)
+    plan = peers_bench(
+        peers,
+        **_given(options, ("robot", "contacts", "ticks")),
+        stacks=_stacks(options.stack or "table1"),
+    )
+    _run_ticks(options, plan, bench_tick)
+    for name in PEERS:
+        if name not in peers:
+            print(how_to_install(name), file=sys.stderr)
+
+
+def _run_ticks(options: argparse.Namespace, plan: Any, bench: Any) -> None:
+    """Times, prints, and writes `bench.json` and a figure where a folder is wanted."""
+    from poise.bench import format_table, write_figure
+
+    results, folder = _run(options, plan, bench, format_table)
+    if folder is not None:
         write_figure(results, folder / "bench.png")
 
 
+def _dof(options: argparse.Namespace) -> None:
+    from poise.bench import DofBench, bench_dof, format_dof_table, speed_targets
+
+    given = _given(options, ("ticks", "stack"))
+    if options.joints is not None:
+        given["joints"] = _numbers(options.joints)
+    if options.contacts is not None:
+        given["contacts"] = _words(options.contacts)
+    plan = DofBench(**given)
+    _run(options, plan, bench_dof, format_dof_table, speed_targets)
+
+
 def _bias(options: argparse.Namespace) -> None:
-    _refuse(options, _TICK_ONLY, "belongs to the benchmark tick", "bias")
     from poise.bench import BiasBench, bench_bias, format_bias_table
 
     plan = BiasBench(**_given(options, ("robot", "ticks")))
@@ -120,43 +191,36 @@ def _bias(options: argparse.Namespace) -> None:
 
 
 def _teleop(options: argparse.Namespace) -> None:
-    _refuse(options, _TASKS_ONLY, "belongs to controllers of tasks", "--controller teleop")
     from poise.bench import TeleopBench, bench_teleop, format_teleop_table
 
     plan = TeleopBench(**_given(options, ("robot", "ticks")))
     _run(options, plan, bench_teleop, format_teleop_table)
 
 
-def _refuse(options: argparse.Namespace, names: Sequence[str], why: str, benchmark: str) -> None:
-    """Refuses options that mean nothing to a benchmark.
+def _run(
+    options: argparse.Namespace, plan: Any, bench: Any, table: Any, more: Any = None
+) -> tuple[Any, Path | None]:
+    """Times, prints, and writes `bench.json` where a folder is wanted.
 
-    Raises:
-        ConfigurationError: one of them was given.
+    Args:
+        options: of the command line.
+        plan: what to time.
+        bench: times it.
+        table: makes a table of the results.
+        more: makes further lines of JSON of them.
+
+    Returns:
+        The results, and the folder.
     """
-    for name in names:
-        if getattr(options, name) is not None:
-            raise ConfigurationError(
-                f"--{name} {why}",
-                got=f"--{name} {getattr(options, name)}",
-                wanted=f"only --robot, --ticks, --out and --json with {benchmark}",
-            )
-
-
-def _run(options: argparse.Namespace, plan: Any, bench: Any, table: Any) -> None:
-    """Times, prints, and writes `bench.json` where a folder is wanted."""
     folder = make_folder(options.out, ".") if options.out else None
     with Bar("timing", " ticks") as bar:
         results = bench(plan, bar)
-    lines = _report(options, results, table)
+    objects = [*results, *(more(results) if more is not None else ())]
+    lines = "".join(json.dumps(one.to_json()) + "\n" for one in objects)
+    print(lines if options.json else table(results), end="" if options.json else "\n")
     if folder is not None:
         (folder / "bench.json").write_text(lines, encoding="utf-8")
-
-
-def _report(options: argparse.Namespace, results: Sequence[Any], table: Any) -> str:
-    """Prints results; returns them as JSON, one a line."""
-    lines = "".join(json.dumps(result.to_json()) + "\n" for result in results)
-    print(lines if options.json else table(results), end="" if options.json else "\n")
-    return lines
+    return results, folder
 
 
 def _given(options: argparse.Namespace, names: Sequence[str]) -> dict[str, Any]:
@@ -168,7 +232,34 @@ def _words(text: str) -> tuple[str, ...]:
     return tuple(word.strip() for word in text.split(",") if word.strip())
 
 
-def _peers(text: str) -> dict[str, Path]:
+def _numbers(text: str) -> tuple[int, ...]:
+    """Reads `20,33,60`.
+
+    Raises:
+        ConfigurationError: a part that is no whole number.
+    """
+    words = _words(text)
+    for word in words:
+        if not (word.isascii() and word.isdigit()):
+            raise ConfigurationError(
+                "a number of joints is not a number", got=word, wanted="such as 20,33,60"
+            )
+    return tuple(int(word) for word in words)
+
+
+def _stacks(name: str) -> tuple[str, ...]:
+    from poise.bench import STACKS
+
+    return STACKS if name == "both" else (name,)
+
+
+def _interpreters_of_environment(names: Sequence[str]) -> dict[str, Path]:
+    """Peers whose Python the environment names: POISE_TSID_PYTHON, POISE_PLACO_PYTHON."""
+    found = {name: os.environ.get(f"POISE_{name.upper()}_PYTHON") for name in names}
+    return {name: Path(path) for name, path in found.items() if path}
+
+
+def _interpreters(text: str) -> dict[str, Path]:
     """Reads `name=path,name=path`.
 
     Raises:

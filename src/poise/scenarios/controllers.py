@@ -9,6 +9,7 @@ from poise.errors import ScenarioError, UnknownNameError
 from poise.robots.robot import Robot
 from poise.scenarios.by_hand import NAME, ByHand
 from poise.scenarios.scenario import Scenario
+from poise.walking import walking_stack
 
 _STRATEGY = "com_shifter"
 """How `ByHand` keeps the balance."""
@@ -34,6 +35,7 @@ def with_actuation(scenario: Scenario) -> Scenario:
         ScenarioError: the controller does not fit the scenario or its plant.
     """
     plan, plant = scenario.controller, scenario.plant
+    _check_walk(scenario)
     actuation = "velocity" if _check_by_hand(scenario) else _kind(plan).actuation
     if not scenario.actuation_given:
         return replace(scenario, plant=replace(plant, actuation=actuation))
@@ -57,6 +59,8 @@ def controller_of(scenario: Scenario, robot: Robot) -> Controller:
     if scenario.hands is not None:
         return ByHand(robot, scenario.hands, scenario.plant.control_dt)
     stack = scenario.stack.build() if scenario.stack is not None else None
+    if stack is None and scenario.walk is not None:
+        stack = walking_stack(robot)
     return make_controller(robot, stack, replace(scenario.controller, dt=scenario.plant.control_dt))
 
 
@@ -64,6 +68,19 @@ def _kind(plan: ControllerPlan) -> ControllerKind:
     if plan.name not in CONTROLLERS:
         raise UnknownNameError("no such controller", got=plan.name, choices=(*CONTROLLERS, NAME))
     return check_plan(plan)
+
+
+def _check_walk(scenario: Scenario) -> None:
+    """A walk is kept up by forces, which a controller that commands velocities does not know."""
+    plan = scenario.controller
+    if scenario.walk is None:
+        return
+    if is_by_hand(plan) or _kind(plan).actuation != "torque":
+        raise ScenarioError(
+            f"controller {plan.name!r} cannot follow the walk of scenario {scenario.name!r}",
+            got=plan.name,
+            choices=[n for n, k in CONTROLLERS.items() if k.actuation == "torque"],
+        )
 
 
 def _check_by_hand(scenario: Scenario) -> bool:

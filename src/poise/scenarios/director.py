@@ -1,6 +1,7 @@
 """`Director`: tells the tasks and contacts of a running controller what the scenario wants."""
 
-from collections.abc import Iterable
+import time as clock
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +17,7 @@ from poise.scenarios.motion import Blend, Course
 from poise.scenarios.reach import reach_point, require_arm
 from poise.scenarios.scenario import ContactChange, Motion, Scenario
 from poise.tasks import ComTask, FrameTask, JointTask, Task
+from poise.walking import CarriedTarget, Walker
 
 TOUCHDOWN_PATIENCE = 1.0
 """A contact that waits for touchdown is loaded after this long at the latest [s]."""
@@ -29,6 +31,7 @@ class _Running:
     motion: Motion
     course: Course
     rotation: Float64[np.ndarray, "3 3"] | None = None
+    carried: CarriedTarget | None = None
 
 
 class Director:
@@ -39,9 +42,13 @@ class Director:
         stack: the controller's stack, bound.
         robot: the robot.
 
+    Attributes:
+        walker: what leads the feet and the balance of a robot that walks; None for others.
+        walk_seconds: how long the walker took in the last `advance` [s].
+
     Raises:
         UnknownNameError: the scenario names a task, contact, sole or joint that does not exist.
-        ScenarioError: a goal that does not fit its task.
+        ScenarioError: a goal that does not fit its task, or something that the walk leads.
     """
 
     def __init__(self, scenario: Scenario, stack: Stack, robot: Robot) -> None:
@@ -58,6 +65,11 @@ class Director:
         for change in self._changes:
             _require(change.contact, contacts, "a contact change names an unknown contact")
         self._tasks, self._contacts = tasks, contacts
+        walk = scenario.walk
+        self.walker = None if walk is None else walk.walker(robot, stack, scenario.plant.blocks)
+        self.walk_seconds = 0.0
+        if self.walker is not None:
+            _check_beside_walk(scenario, self.walker, tasks)
 
     def advance(self, state: RobotState) -> None:
         """Applies everything that is due at the state's time."""
@@ -73,6 +85,10 @@ class Director:
         for running in self._running:
             _follow(running, time)
         self._running = [r for r in self._running if not r.course.blend.done(time)]
+        if self.walker is not None:
+            begin = clock.perf_counter()
+            self.walker.advance(state)
+            self.walk_seconds = clock.perf_counter() - begin
 
     def _apply(self, change: ContactChange, state: RobotState) -> bool:
         if state.time < change.at:
@@ -107,9 +123,10 @@ class Director:
                 rotation = self._dynamics.frame(self._robot.frame_id(task.frame)).rotation
             # From rest: rates of two rotation vectors about different axes do not add up.
             return _Running(task, motion, Course(blend, np.zeros(3), motion.vector), rotation)
-        start = self._point_of(task)
+        carried = None if self.walker is None else self.walker.carried.get(task.name)
+        start = self._point_of(task) if carried is None else carried.target_position
         goal = self._goal(motion, task, start)
-        return _Running(task, motion, _course(blend, start, goal, old))
+        return _Running(task, motion, _course(blend, start, goal, old), carried=carried)
 
     def _posture_of(self, task: JointTask, state: RobotState) -> Float64[np.ndarray, " m"]:
         if task.target_position is not None:
@@ -163,7 +180,9 @@ def _course(
 def _follow(running: _Running, time: float) -> None:
     position, velocity, acceleration = running.course.sample(time)
     task, zero = running.task, np.zeros(3)
-    if running.rotation is not None and isinstance(task, FrameTask):
+    if running.carried is not None:
+        running.carried.set_target(position, velocity, acceleration)
+    elif running.rotation is not None and isinstance(task, FrameTask):
         task.set_target(
             rotation=pin.exp3(position) @ running.rotation,
             velocity=np.concatenate((zero, velocity)),
@@ -222,6 +241,29 @@ def _check_goal(motion: Motion, task: Task, robot: Robot) -> None:
         for joint, angle in motion.joints.items():
             _require(joint, names, f"a motion of task {task.name!r}: unknown joint")
             _check_angle(joint, angle, robot)
+
+
+def _check_beside_walk(scenario: Scenario, walker: Walker, tasks: Mapping[str, Task]) -> None:
+    """Refuses motions and contact changes that the walk leads itself."""
+    for motion in scenario.motions:
+        task = tasks[motion.task]
+        if walker.leads(task):
+            raise ScenarioError(
+                "a motion of a task that the walk leads",
+                got=motion.task,
+                choices=[t.name for t in tasks.values() if not walker.leads(t)],
+            )
+        if motion.task in walker.carried and motion.kind != "by":
+            raise ScenarioError(
+                f"a motion of task {motion.task!r}, which goes along with the walk",
+                got=motion.kind,
+                wanted='a shift "by", or a walk that does not carry the task',
+            )
+    for change in scenario.contact_changes:
+        if walker.holds(change.contact):
+            raise ScenarioError(
+                "a contact change of a sole that walks", got=change.contact, wanted="no change"
+            )
 
 
 def _check_angle(joint: str, angle: float, robot: Robot) -> None:

@@ -43,6 +43,18 @@ def _com_error_max(
     return _largest(size)
 
 
+def _root_mean_square(values: Float64[np.ndarray, "..."]) -> float:
+    finite = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(finite**2))) if finite.size else float("nan")
+
+
+def _com_error_rms(
+    run: RunSignals, _: str, axis: int | None, rows: Bool[np.ndarray, " T"]
+) -> float:
+    error = run.com_reference[rows] - run.com[rows]
+    return _root_mean_square(np.linalg.norm(error, axis=1) if axis is None else error[:, axis])
+
+
 def _com_travel(run: RunSignals, _: str, axis: int | None, rows: Bool[np.ndarray, " T"]) -> float:
     com = run.com[rows]
     if not len(com):
@@ -66,6 +78,12 @@ def _task_error_max(
     run: RunSignals, task: str, _: int | None, rows: Bool[np.ndarray, " T"]
 ) -> float:
     return _largest(run.task_errors[task][rows])
+
+
+def _task_error_rms(
+    run: RunSignals, task: str, _: int | None, rows: Bool[np.ndarray, " T"]
+) -> float:
+    return _root_mean_square(run.task_errors[task][rows])
 
 
 def _task_error_end(
@@ -117,6 +135,13 @@ def _beyond_blocks_end(
     return float(beyond[-1]) if len(beyond) else float("nan")
 
 
+def _steps_made(run: RunSignals, _: str, __: int | None, rows: Bool[np.ndarray, " T"]) -> float:
+    if not rows.any():
+        return float("nan")
+    standing = [planned[rows] > 0.5 for planned in run.sole_planned.values()]
+    return float(sum(np.count_nonzero(on[1:] & ~on[:-1]) for on in standing))
+
+
 def _zmp_error_max(run: RunSignals, _: str, __: int | None, rows: Bool[np.ndarray, " T"]) -> float:
     return _largest(np.linalg.norm(run.zmp_reference[rows] - run.zmp[rows], axis=1))
 
@@ -131,6 +156,14 @@ METRICS = {
             takes_axis=True,
             describe="largest distance of the COM from its reference",
             measure=_com_error_max,
+        ),
+        Metric(
+            name="com_error_rms",
+            unit="m",
+            subject="",
+            takes_axis=True,
+            describe="root mean square distance of the COM from its reference",
+            measure=_com_error_rms,
         ),
         Metric(
             name="com_travel",
@@ -155,6 +188,14 @@ METRICS = {
             takes_axis=False,
             describe="largest error of a task",
             measure=_task_error_max,
+        ),
+        Metric(
+            name="task_error_rms",
+            unit="",
+            subject="task",
+            takes_axis=False,
+            describe="root mean square error of a task",
+            measure=_task_error_rms,
         ),
         Metric(
             name="task_error_end",
@@ -211,6 +252,14 @@ METRICS = {
             takes_axis=False,
             describe="largest distance of the ZMP from its reference",
             measure=_zmp_error_max,
+        ),
+        Metric(
+            name="steps_made",
+            unit="",
+            subject="",
+            takes_axis=False,
+            describe="how often a sole was put down and counted on",
+            measure=_steps_made,
         ),
         Metric(
             name="clearance_min",

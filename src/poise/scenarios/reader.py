@@ -23,6 +23,7 @@ from poise.scenarios.scenario import (
     Scenario,
 )
 from poise.scenarios.stack_plan import StackPlan
+from poise.scenarios.walk_section import read_walk
 
 SHIPPED = Path(__file__).parent / "shipped"
 """Folder of the scenarios that come with Poise."""
@@ -39,6 +40,7 @@ _KEYS = (
     "plant",
     "stack",
     "hands",
+    "walk",
     "motions",
     "contacts",
     "pushes",
@@ -109,6 +111,7 @@ def parse_scenario(text: str, where: str) -> Scenario:
         actuation_given="actuation" in plant,
         stack=StackPlan(fields.raw("stack"), f"{where}: stack") if "stack" in fields else None,
         hands=read_hands(fields.raw("hands"), f"{where}: hands") if "hands" in fields else None,
+        walk=read_walk(fields.raw("walk"), f"{where}: walk") if "walk" in fields else None,
         motions=_entries(fields, "motions", _motion),
         contact_changes=_entries(fields, "contacts", _contact_change),
         pushes=_entries(fields, "pushes", _push),

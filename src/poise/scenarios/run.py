@@ -160,7 +160,7 @@ def _loop(
         director.advance(state)
         command = controller.step(state)
         plant.step(command)
-        _record(recorder, controller, command, watch)
+        _record(recorder, controller, command, watch, director)
         if progress is not None and plant.time >= shown:
             progress(plant.time, scenario.duration)
             shown = plant.time + 0.05
@@ -168,7 +168,11 @@ def _loop(
 
 
 def _record(
-    recorder: Recorder, controller: Controller, command: Command, watch: BlockWatch | None
+    recorder: Recorder,
+    controller: Controller,
+    command: Command,
+    watch: BlockWatch | None,
+    director: Director,
 ) -> None:
     stack, suspended = controller.stack, controller.suspended
     extra: dict[str, Value] = {
@@ -191,9 +195,15 @@ def _record(
         extra |= {f"tick_us/{phase}": 1e6 * s for phase, s in controller.timings.items()}
     else:
         extra |= {f"tick_us/{phase}": np.nan for phase in controller.timings}
+    walker = director.walker
+    if walker is not None:
+        extra["zmp_reference"] = np.array(walker.zmp)
+        extra["tick_us/walk"] = 1e6 * director.walk_seconds
     recorder.record(command, **extra)
     if isinstance(controller, ByHand):
         recorder.note("mode", controller.mode)
+    if walker is not None:
+        recorder.note("mode", f"walk {walker.status.value}")
 
 
 @dataclass

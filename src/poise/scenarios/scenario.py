@@ -10,6 +10,7 @@ from poise.control.make import ControllerPlan
 from poise.errors import ScenarioError
 from poise.scenarios.by_hand import HandsPlan
 from poise.scenarios.stack_plan import StackPlan
+from poise.scenarios.walk_section import WalkPlan
 from poise.sim.config import PlantConfig
 
 MotionKind = Literal["to", "by", "above", "reach", "turn", "joints"]
@@ -133,6 +134,7 @@ class Scenario:
             controller's own is taken.
         stack: contacts, limits and tasks; None for the default stack of the robot.
         hands: what the operator of a robot that is walked by hand does; None for other robots.
+        walk: where the robot walks; None for one that stays.
         motions: how targets move, by time.
         contact_changes: contacts loaded and unloaded, by time.
         pushes: pushes, by time.
@@ -149,6 +151,7 @@ class Scenario:
     actuation_given: bool = True
     stack: StackPlan | None = None
     hands: HandsPlan | None = None
+    walk: WalkPlan | None = None
     motions: tuple[Motion, ...] = ()
     contact_changes: tuple[ContactChange, ...] = ()
     pushes: tuple[PushPlan, ...] = ()

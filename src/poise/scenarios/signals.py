@@ -34,7 +34,8 @@ class RunSignals:
         tick_us: time of each tick by phase [us].
         clearance: distance of the robot from the nearest block, NaN without blocks [m].
         beyond: how far the hindmost heel is ahead of the last block, NaN without blocks [m].
-        modes: when a robot that is walked by hand changed its mode [s], and to which.
+        modes: when a robot that is walked by hand changed its mode [s], or a walk its status, and
+            to which.
     """
 
     time: Float64[np.ndarray, " T"]

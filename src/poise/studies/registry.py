@@ -8,6 +8,7 @@ from poise.studies.plan import StudyPlan
 _MODULES = {
     "bias-acceleration": "poise.studies.bias_acceleration",
     "step-teleoperation": "poise.studies.step_teleoperation",
+    "reduced-dynamics": "poise.studies.reduced_dynamics",
     "bad-operator": "poise.studies.bad_operator",
 }
 """Where each study's `PLAN` is."""

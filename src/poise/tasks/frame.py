@@ -10,7 +10,7 @@ from poise.dynamics.rotations import rotation_sine, rotation_vector
 from poise.errors import UnknownNameError
 from poise.robots.robot import Robot
 from poise.tasks.axes import as_rows, parse_axes, split_rows
-from poise.tasks.checks import checked_rotation
+from poise.tasks.checks import checked_rotation, checked_target
 from poise.tasks.task import Task
 from poise.tasks.vector_target import VectorTarget
 
@@ -100,8 +100,12 @@ class FrameTask(Task):
         Raises:
             TargetError: wrong shape, NaN, or not a rotation.
         """
-        rates = VectorTarget(6, f"task {self.name!r}")
-        rates.set(np.zeros(6), velocity, acceleration)
+        new = np.zeros(12)
+        if velocity is not None:
+            new[:6] = checked_target(velocity, 6, f"target velocity of task {self.name!r}")
+        if acceleration is not None:
+            what = f"target acceleration of task {self.name!r}"
+            new[6:] = checked_target(acceleration, 6, what)
         orientation = None
         if rotation is not None:
             orientation = checked_rotation(rotation, f"target rotation of task {self.name!r}")
@@ -110,7 +114,6 @@ class FrameTask(Task):
         if orientation is not None:
             self._orientation = orientation
             self._orientation_held = False
-        new = np.concatenate((rates.velocity, rates.acceleration))
         if position is not None or rotation is None:
             self._rates[_LINEAR] = new[_LINEAR]
         if rotation is not None or position is None:

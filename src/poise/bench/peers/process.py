@@ -12,7 +12,7 @@ import numpy as np
 
 from poise.bench.peers.handoff import RUN, URDF, write_handoff
 from poise.bench.recording import Recording
-from poise.bench.result import PHASES, TickTimes
+from poise.bench.result import PHASES, Ticks, TickTimes
 from poise.errors import PoiseError
 
 PEERS = ("tsid", "placo")
@@ -98,19 +98,23 @@ class PeerProcess:
         self._residual[batch] = np.array(answer["residuals"], dtype=np.float64)
         self._failed[batch] = answer["failed"]
 
-    def times(self, warm_up: int) -> TickTimes:
-        """Times after the warm-up."""
-        seconds = self._seconds[warm_up:]
-        return TickTimes(total=seconds[:, 0].copy(), phases=seconds[:, 1:].copy())
+    def times(self, counted: Ticks) -> TickTimes:
+        """Times of the ticks that count."""
+        seconds = self._seconds[counted]
+        return TickTimes(
+            total=seconds[:, 0].copy(),
+            cpu=np.full(len(seconds), np.nan),
+            phases=seconds[:, 1:].copy(),
+        )
 
     def size(self) -> tuple[int, int | None]:
         """Number of unknowns and of rows of the peer's own problem, None where it does not tell."""
         return self._size
 
-    def accuracy(self, warm_up: int) -> tuple[float | None, int | None, int]:
+    def accuracy(self, counted: Ticks) -> tuple[float | None, int | None, int]:
         """Largest relative residual of the base's equation of motion, None, failed ticks."""
-        residual = float(self._residual[warm_up:].max())
-        failed = int(self._failed[warm_up:].sum())
+        residual = float(self._residual[counted].max())
+        failed = int(self._failed[counted].sum())
         return None if np.isnan(residual) else residual, None, failed
 
     def close(self) -> None:
