@@ -83,10 +83,12 @@ checks:
 """
 
 
-def test_a_walk_of_a_file_leaves_its_figures(tmp_path):
+@pytest.mark.parametrize("controller", ["whole_body", "reduced"])
+def test_a_walk_of_a_file_leaves_its_figures(tmp_path, controller):
     file = tmp_path / "short_walk.yaml"
     file.write_text(SHORT)
-    outcome = poise_run(tmp_path / "run", str(file), "--no-video", "--json")
+    options = ("--controller", controller, "--no-video", "--json")
+    outcome = poise_run(tmp_path / "run", str(file), *options)
     assert outcome.status == 0, outcome.out + outcome.err
     assert outcome.summary["missed_ticks"] == 0
     log = read_log(outcome.folder / "log.mcap")

@@ -1,0 +1,123 @@
+"""The least squares of a level whose rows contradict each other.
+
+Each row that depends on the pivots is a combination C of them, and misses its bound by e where the
+pivots meet theirs. If they give u instead, the others give w = C u + e, and |u|^2 + |w|^2 is to be
+least. Pivots that the contradiction does not touch have no coefficient in C, so that no rounding
+reaches them, however large the slack of the others is.
+"""
+
+import numpy as np
+from jaxtyping import Float64
+
+from poise.hqp.lexls.reflections import copy, length_of, reflect, reflect_rows, turn_row
+from poise.hqp.lexls.tolerances import CANCELLATION, DEPENDENCE_TOLERANCE
+from poise.hqp.lexls.workspace import Work
+from poise.linalg import compiled
+
+
+@compiled
+def share_slack(work: Work, begin: int, end: int, first: int, rank: int) -> None:
+    """Shares a level's slack out among its rows.
+
+    Args:
+        work: whose slack of the dependent rows is what they miss where all pivots are met.
+        begin: the level's first row.
+        end: where its rows end.
+        first: its first coordinate.
+        rank: how many pivots it has.
+    """
+    _combine(work, begin, end, first, rank)
+    u, w = work.slack[begin : begin + rank], work.slack[begin + rank : end]
+    if len(w) < rank:
+        _solve_wide(work, begin + rank, end, first, u)
+    else:
+        _solve_tall(work, begin + rank, end, first, u)
+    # The balance u = -C^T w, which the solver of u met but for rounding of the largest of them.
+    balance, terms, noise = work.left[:rank], work.kept[:rank], work.goal[:rank]
+    balance[:], terms[:], noise[:] = 0.0, 0.0, 0.0
+    for i in range(len(w)):
+        C = work.R[begin + rank + i, first : first + rank]
+        total, size = w[i], abs(w[i])
+        for j in range(rank):
+            total += C[j] * u[j]
+            size += abs(C[j] * u[j])
+        w[i] = total if abs(total) > CANCELLATION * size else 0.0
+        for j in range(rank):
+            balance[j] -= C[j] * w[i]
+            terms[j] += abs(C[j] * w[i])
+            noise[j] += abs(C[j]) * size
+    for j in range(rank):
+        if abs(balance[j]) <= CANCELLATION * terms[j]:
+            u[j] = 0.0
+        elif abs(u[j] - balance[j]) > CANCELLATION * noise[j]:
+            u[j] = balance[j]
+
+
+@compiled
+def _combine(work: Work, begin: int, end: int, first: int, rank: int) -> None:
+    """Writes each dependent row as a combination of the pivots, over its own part of R."""
+    for row in range(begin + rank, end):
+        C, size = work.R[row, first : first + rank], work.size[row]
+        for k in range(rank - 1, -1, -1):
+            pivot = work.R[begin + k, first : first + rank]
+            # What is left of a coefficient that is zero is rounding of the row.
+            if abs(C[k]) <= DEPENDENCE_TOLERANCE * size:
+                C[k] = 0.0
+                continue
+            share = C[k] / pivot[k]
+            C[k] = share
+            for j in range(k):
+                C[j] -= share * pivot[j]
+
+
+@compiled
+def _solve_wide(work: Work, begin: int, end: int, first: int, u: Float64[np.ndarray, " r"]) -> None:
+    """Few rows depend on many pivots: (u, w) is the shortest solution of C u - w = -e."""
+    rank, count = len(u), end - begin
+    T, V, size = work.T, work.S, rank + count
+    step, taus = work.goal[:size], work.kept
+    for i in range(count):
+        copy(T[i, :rank], work.R[begin + i, first : first + rank])
+        T[i, rank:size] = 0.0
+        T[i, rank + i] = -1.0
+        step[i] = -work.slack[begin + i]
+    for i in range(count):
+        tail, v = T[i, i:size], V[i, : size - i]
+        taus[i] = turn_row(tail, v, length_of(tail))
+        reflect_rows(T, i + 1, count, i, v, taus[i])
+    for i in range(count):
+        row, total = T[i], step[i]
+        for j in range(i):
+            total -= row[j] * step[j]
+        step[i] = total / row[i]
+    step[count:] = 0.0
+    for i in range(count - 1, -1, -1):
+        reflect(step[i:], V[i, : size - i], taus[i])
+    copy(u, step[:rank])
+
+
+@compiled
+def _solve_tall(work: Work, begin: int, end: int, first: int, u: Float64[np.ndarray, " r"]) -> None:
+    """Many rows depend on few pivots: u is the least-squares solution of C u = -e, u = 0."""
+    rank, count = len(u), end - begin
+    T, size = work.T, rank + count
+    right, v = work.goal[:size], work.left
+    for i in range(count):
+        C = work.R[begin + i, first : first + rank]
+        for j in range(rank):
+            T[j, i] = C[j]
+        right[i] = -work.slack[begin + i]
+    right[count:] = 0.0
+    for j in range(rank):
+        T[j, count:size] = 0.0
+        T[j, count + j] = 1.0
+    for j in range(rank):
+        tail = T[j, j:size]
+        tau = turn_row(tail, v[: size - j], length_of(tail))
+        reflect_rows(T, j + 1, rank, j, v[: size - j], tau)
+        reflect(right[j:], v[: size - j], tau)
+    for j in range(rank - 1, -1, -1):
+        u[j] = right[j] / T[j, j]
+        column = T[j]
+        for i in range(j):
+            right[i] -= u[j] * column[i]

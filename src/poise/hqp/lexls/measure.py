@@ -1,0 +1,107 @@
+"""What a point amounts to, and whether the search may be believed: on the problem's own numbers."""
+
+from math import sqrt
+
+from poise.hqp.lexls.combinations import add_rows
+from poise.hqp.lexls.reflections import length_of
+from poise.hqp.lexls.workspace import Problem, Work
+from poise.linalg import compiled
+
+
+@compiled
+def measure(problem: Problem, work: Work) -> None:
+    """Slacks of all rows, residuals of all levels, and their scales."""
+    n, levels = len(work.x), len(work.residuals)
+    for i in range(len(work.values)):
+        value = work.values[i]
+        work.slacks[i] = max(value - problem.upper[i], 0.0) - max(problem.lower[i] - value, 0.0)
+    for level in range(levels):
+        square = scale = 0.0
+        if problem.bounds_level == level:
+            for i in range(n):
+                square += _square(work.slacks[i] * problem.weights[i])
+                scale += _square(_least(problem, i) * problem.weights[i])
+        for i in range(n + problem.starts[level], n + problem.starts[level + 1]):
+            square += _square(work.slacks[i] * problem.weights[i])
+            scale += _square(_least(problem, i) * problem.weights[i])
+        work.residuals[level] = sqrt(square)
+        work.relative[level] = work.residuals[level] / max(sqrt(scale), 1.0)
+
+
+@compiled
+def _square(number: float) -> float:
+    return number * number
+
+
+@compiled
+def _least(problem: Problem, i: int) -> float:
+    """Slack of a row at x = 0."""
+    return max(problem.lower[i], 0.0) + max(-problem.upper[i], 0.0)
+
+
+@compiled
+def check(problem: Problem, work: Work) -> None:
+    """Checks the optimum that the search claims, on the problem's own rows.
+
+    Args:
+        problem: the problem.
+        work: whose `errors` are found.
+    """
+    work.errors[0], work.errors[1] = _row_error(problem, work), 0.0
+    levels = len(work.rank)
+    for level in range(levels):
+        if work.begin[level] < work.begin[level + 1]:
+            work.force[:] = 0.0
+            work.errors[1] = max(work.errors[1], _imbalance(problem, work, level, 0.0))
+    size = 0.0
+    for i in range(len(work.hx)):
+        work.force[i] = work.hx[i]
+        size = max(size, abs(problem.g[i]), abs(problem.H[i, i]) * _reach(work))
+    work.errors[1] = max(work.errors[1], _imbalance(problem, work, levels, size))
+
+
+@compiled
+def _row_error(problem: Problem, work: Work) -> float:
+    """How far active rows are from where their slack says they are, relatively."""
+    worst, size = 0.0, _reach(work)
+    for place in range(work.begin[len(work.rank)]):
+        index = work.order[place]
+        weight = problem.weights[index]
+        miss = abs(work.values[index] * weight - work.bound[place] - work.slack[place])
+        scale = abs(work.bound[place]) + work.size[place] * size
+        # Written so that NaN is an error, too.
+        if not miss <= worst * scale:
+            worst = miss / scale
+    return worst
+
+
+@compiled
+def _reach(work: Work) -> float:
+    """How far x is, or would be if it met the rows that are active one by one."""
+    reach = length_of(work.x)
+    for place in range(work.begin[len(work.rank)]):
+        if work.size[place] > 0.0:
+            reach = max(reach, abs(work.bound[place]) / work.size[place])
+    return reach
+
+
+@compiled
+def _imbalance(problem: Problem, work: Work, level: int, size: float) -> float:
+    """What is left of a force where a level's multipliers push against it, relatively."""
+    n, force, found = len(work.x), work.force, work.multipliers[level]
+    count = 0
+    for place in range(work.begin[len(work.rank)]):
+        index = work.order[place]
+        push = found[index]
+        size = max(size, abs(push) * work.norms[index])
+        if index < n:
+            force[index] += push
+        elif push != 0.0:
+            work.chosen[count] = index - n
+            count += 1
+    add_rows(force, problem.A, found, work.chosen, count, n)
+    left = 0.0
+    for j in range(n):
+        if not abs(force[j]) <= left:
+            left = abs(force[j])
+    return left / size if left > 0.0 else left

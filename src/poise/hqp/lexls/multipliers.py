@@ -1,0 +1,166 @@
+"""Multipliers at the optimum of an active set, level by level, and what they say about it."""
+
+from math import sqrt
+
+import numpy as np
+
+from poise.hqp.lexls.final_cost import find_gradient
+from poise.hqp.lexls.reflections import copy, length_of, reflect
+from poise.hqp.lexls.tolerances import DUAL_TOLERANCE, FEASIBILITY_TOLERANCE
+from poise.hqp.lexls.workspace import DOUBT, RELEASED, Problem, Work
+from poise.linalg import compiled
+
+EQUALITY = 2
+"""The side of a row that has no side: it is always active."""
+
+
+@compiled
+def release(problem: Problem, work: Work, careful: bool) -> bool:
+    """Finds multipliers at the optimum of the active set, and lets go of what pulls there.
+
+    A level's slack is its own multiplier, and the levels above hold against it. Of a row's
+    multipliers, highest level first, the first that is not zero must push; the others are free.
+
+    Args:
+        problem: the problem.
+        work: whose point is the optimum of its active set.
+        careful: whether to let go of the first row that pulls, not of the one that pulls most.
+
+    Returns:
+        Whether something was let go.
+    """
+    levels = len(work.rank)
+    work.state[RELEASED], work.state[DOUBT] = -1, 0
+    active = work.begin[levels]
+    for place in range(active):
+        index = work.order[place]
+        work.firm[index] = 1 if work.side[index] == EQUALITY else 0
+    work.multipliers[:] = 0.0
+    for level in range(levels + 1):
+        found = work.multipliers[level]
+        if level < levels:
+            size = _own_push(problem, work, level, found)
+            if size < 0.0:
+                return True
+            if size == 0.0:
+                continue
+            above = work.begin[level]
+        else:
+            size = _cost_push(problem, work)
+            above = active
+        _balance(work, level, found)
+        if _check_pushes(work, found, above, size, careful):
+            return True
+        if level < levels:
+            for place in range(work.begin[level], work.begin[level + 1]):
+                if work.slack[place] != 0.0:
+                    work.firm[work.order[place]] = 1
+    for level in range(levels + 1):
+        for place in range(active):
+            index = work.order[place]
+            work.multipliers[level, index] *= problem.weights[index]
+    return False
+
+
+@compiled
+def _own_push(problem: Problem, work: Work, level: int, found: np.ndarray) -> float:
+    """A level's slack and the force it makes; returns its size, less than zero if rows let go."""
+    begin, end, first = work.begin[level], work.begin[level + 1], work.first[level]
+    square, wrong = 0.0, False
+    for place in range(begin, end):
+        slack = work.slack[place]
+        if slack == 0.0:
+            continue
+        index = work.order[place]
+        found[index] = slack
+        square += slack * slack * work.size[place] * work.size[place]
+        side = work.side[index]
+        if side != EQUALITY and slack * side < 0.0:
+            wrong = True
+            _let_go(problem, work, index)
+    if wrong:
+        return -1.0
+    if square == 0.0:
+        return 0.0
+    force = work.force[:first]
+    force[:] = 0.0
+    for place in range(begin, end):
+        slack = work.slack[place]
+        if slack != 0.0:
+            row = work.R[place]
+            for j in range(first):
+                force[j] += slack * row[j]
+    return sqrt(square)
+
+
+@compiled
+def _let_go(problem: Problem, work: Work, index: int) -> None:
+    """Makes a row inactive whose slack has the wrong sign, unless it has gone right through."""
+    value = work.values[index]
+    room = FEASIBILITY_TOLERANCE * work.norms[index] * length_of(work.x)
+    side = 0
+    if value > problem.upper[index] + room:
+        side = 1
+    elif value < problem.lower[index] - room:
+        side = -1
+    work.side[index] = side
+    work.firm[index] = 0
+
+
+@compiled
+def _cost_push(problem: Problem, work: Work) -> float:
+    """The final cost's force in y; returns the size of what cancels in it."""
+    taken = work.first[len(work.rank)]
+    find_gradient(problem, work.x, work.hx)
+    size = 0.0
+    for i in range(len(work.hx)):
+        size = max(size, abs(problem.g[i]), abs(work.hx[i] - problem.g[i]))
+    copy(work.force, work.hx)
+    for k in range(taken):
+        reflect(work.force[k:], work.V[k, k:], work.tau[k])
+    return size
+
+
+@compiled
+def _balance(work: Work, level: int, found: np.ndarray) -> None:
+    """Multipliers of the levels above that balance the force; only pivots push."""
+    force = work.force
+    for upper in range(level - 1, -1, -1):
+        begin, first = work.begin[upper], work.first[upper]
+        for k in range(work.rank[upper] - 1, -1, -1):
+            column = first + k
+            if force[column] == 0.0:
+                continue
+            row = work.R[begin + k]
+            push = -force[column] / row[column]
+            found[work.order[begin + k]] = push
+            for j in range(column):
+                force[j] += push * row[j]
+
+
+@compiled
+def _check_pushes(work: Work, found: np.ndarray, above: int, size: float, careful: bool) -> bool:
+    """Lets go of one row above a level that pulls; returns whether there was one."""
+    for place in range(above):
+        size = max(size, abs(found[work.order[place]]) * work.size[place])
+    noise = DUAL_TOLERANCE * size
+    worst, most = -1, 0.0
+    for place in range(above):
+        index = work.order[place]
+        push = found[index] * work.size[place] * work.side[index]
+        if work.firm[index] != 0 or not push < -noise:
+            continue
+        if work.locked[index] != 0:
+            work.state[DOUBT] = 1
+            continue
+        if worst < 0 or (index < worst if careful else push < most):
+            worst, most = index, push
+    if worst >= 0:
+        work.side[worst] = 0
+        work.state[RELEASED] = worst
+        return True
+    for place in range(above):
+        index = work.order[place]
+        if abs(found[index]) * work.size[place] > noise:
+            work.firm[index] = 1
+    return False

@@ -1,0 +1,353 @@
+"""The algorithm of `lexls` in plain NumPy, to be read and to be compared with.
+
+It follows Escande, Mansard, Wieber 2014 ("Hierarchical quadratic programming: Fast online
+humanoid-robot motion generation") and Dimitrov, Sherikov, Wieber 2015 ("Efficient resolution of
+potentially conflicting linear constraints in robotics"): one active set for all levels, one
+factorisation a step. `kernel.py` is the same with loops written out, and with less work done twice.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import scipy.linalg
+from jaxtyping import Bool, Float64, Int64
+
+from poise.hqp.lexls.tolerances import (
+    CANCELLATION,
+    DEPENDENCE_TOLERANCE,
+    DUAL_TOLERANCE,
+    FEASIBILITY_TOLERANCE,
+    FLAT_TOLERANCE,
+    PATIENCE,
+    RANK_TOLERANCE,
+    SLACK_TOLERANCE,
+    changes_allowed,
+)
+from poise.hqp.problem import HierarchicalProblem
+
+EQUALITY = 2
+"""The side of a row that has no side: it is always active."""
+
+
+@dataclass(slots=True)
+class _LevelFactor:
+    """What one level's active rows are in the coordinates y = Q^T x.
+
+    Attributes:
+        rows: active rows; the first `rank` of them are the pivots.
+        first: how many coordinates the levels above have taken.
+        rank: how many this level takes.
+        R: the rows in y, times their weights: zero from column `first + rank` on.
+        slack: weighted slack of the rows at the optimum.
+    """
+
+    rows: Int64[np.ndarray, " k"]
+    first: int
+    rank: int
+    R: Float64[np.ndarray, "k n"]
+    slack: Float64[np.ndarray, " k"] = field(default_factory=lambda: np.zeros(0))
+
+    @property
+    def triangle(self) -> Float64[np.ndarray, "r r"]:
+        """The pivots' own lower triangle."""
+        return self.R[: self.rank, self.first : self.first + self.rank]
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """Where the search ended.
+
+    Attributes:
+        x: the point.
+        side: of every bound and row: 1 active at its upper bound, -1 at its lower one,
+            2 an equality, 0 inactive.
+        multipliers: of every level, then of the final cost, over bounds and rows.
+        changes: of the active set, or factorisations.
+        converged: whether the conditions hold that make x the optimum.
+    """
+
+    x: Float64[np.ndarray, " n"]
+    side: Int64[np.ndarray, " nm"]
+    multipliers: Float64[np.ndarray, "p1 nm"]
+    changes: int
+    converged: bool
+
+
+def search(problem: HierarchicalProblem, side: Int64[np.ndarray, " nm"] | None = None) -> Found:
+    """Solve a sound problem.
+
+    Args:
+        problem: finite coefficients, bounds that do not cross.
+        side: active set to begin with, as in `Found`.
+    """
+    return _Search(problem, side).run()
+
+
+class _Search:
+    def __init__(self, problem: HierarchicalProblem, side: Int64[np.ndarray, " nm"] | None) -> None:
+        self.problem = problem
+        n, m = problem.n, problem.m
+        self.a = np.vstack([np.eye(n), problem.A])
+        self.norms = np.linalg.norm(self.a, axis=1)
+        self.lower, self.upper = problem.lower, problem.upper
+        self.side = np.zeros(n + m, dtype=np.int64) if side is None else side.copy()
+        self.side[(self.side == 1) & (self.upper == np.inf)] = 0
+        self.side[(self.side == -1) & (self.lower == -np.inf)] = 0
+        self.side[self.side == EQUALITY] = 0
+        self.side[problem.equality] = EQUALITY
+        # Rows whose multiplier has the right sign already may have any sign further down.
+        self.firm = problem.equality.copy()
+        # Rows that came back at once when they were let go, until the point has moved.
+        self.locked = np.zeros(n + m, dtype=np.bool_)
+        self.released = -1
+        self.multipliers = np.zeros((len(problem.levels) + 1, n + m))
+        self.blocked = self.doubt = False
+
+    def run(self) -> Found:
+        """Move to the optimum of one active set after the other."""
+        self.x, self.values = np.zeros(self.problem.n), np.zeros(len(self.norms))
+        x = self._optimum()
+        values = self.a @ x
+        violated = self._violated(x, values)
+        # Slack makes any point one to begin from. This one is often the optimum already.
+        if not violated.any() or self._violated(self.x, self.values).sum() >= violated.sum():
+            self.x, self.values = x, values
+        found = self._violated(self.x, self.values)
+        self.side[found] = np.where(self.values[found] > self.upper[found], 1, -1)
+        changes, idle, limit = 1, 0, changes_allowed(self.problem.n, self.problem.m)
+        settled = not violated.any()
+        while changes < limit:
+            if not settled:
+                moved = self._advance()
+                changes += 1
+                idle = 0 if moved else idle + 1
+                if moved:
+                    self.locked[:] = False
+                if self.blocked:
+                    continue
+            settled = False
+            if not self._release(careful=idle > PATIENCE):
+                return Found(self.x, self.side, self.multipliers, changes, not self.doubt)
+        return Found(self.x, self.side, self.multipliers, changes, False)
+
+    def _violated(
+        self, x: Float64[np.ndarray, " n"], values: Float64[np.ndarray, " nm"]
+    ) -> Bool[np.ndarray, " nm"]:
+        """Which inactive rows miss their bounds at a point by more than rounding."""
+        room = FEASIBILITY_TOLERANCE * self.norms * float(np.linalg.norm(x))
+        outside = (values > self.upper + room) | (values < self.lower - room)
+        return outside & (self.side == 0)
+
+    def _advance(self) -> bool:
+        """Go towards the optimum of the active set until a row stops it; return if x moved."""
+        target = self._optimum()
+        goal = self.a @ target
+        size = max(float(np.linalg.norm(target)), float(np.linalg.norm(self.x)))
+        room = FEASIBILITY_TOLERANCE * self.norms * size
+        rate = goal - self.values
+        length, stop = 1.0, -1
+        for row in np.flatnonzero(self.side == 0):
+            over = goal[row] > self.upper[row] + room[row]
+            under = goal[row] < self.lower[row] - room[row]
+            if not (over or under):
+                continue
+            bound = self.upper[row] if over else self.lower[row]
+            share = max((bound - self.values[row]) / rate[row], 0.0)
+            if share < length:
+                length, stop = share, int(row)
+        self.blocked = stop >= 0
+        if self.blocked:
+            if stop == self.released:
+                self.locked[stop] = True
+            self.side[stop] = 1 if rate[stop] > 0.0 else -1
+            self.firm[stop] = False
+        step = length * (target - self.x)
+        moved = float(np.linalg.norm(step)) > 1e-12 * size
+        self.x = target if not self.blocked else self.x + step
+        self.values = goal if not self.blocked else self.values + length * rate
+        return moved
+
+    # --- the optimum of an active set ---------------------------------------------------------
+
+    def _optimum(self) -> Float64[np.ndarray, " n"]:
+        """The lexicographic optimum with the active rows as equalities, all others left out."""
+        problem = self.problem
+        n = problem.n
+        self.Q = np.eye(n)
+        self.factors: list[_LevelFactor] = []
+        y, first = np.zeros(n), 0
+        for level in range(len(problem.levels)):
+            factor = self._factor(level, first)
+            self._solve_level(factor, y)
+            self.factors.append(factor)
+            first += factor.rank
+        self._solve_cost(first, y)
+        return self.Q @ y
+
+    def _factor(self, level: int, first: int) -> _LevelFactor:
+        """Turn the free coordinates so that a level's rows become a trapezoid, pivot by pivot."""
+        problem, Q = self.problem, self.Q
+        rows = np.flatnonzero((problem.level_of == level) & (self.side != 0))
+        rows = rows[np.argsort(~self.firm[rows], kind="stable")]
+        weights = problem.weights[rows]
+        R = (self.a[rows] @ Q) * weights[:, None]
+        sizes = self.norms[rows] * weights
+        rank, firm = 0, int(np.count_nonzero(self.firm[rows]))
+        for end in (firm, len(rows)):
+            while rank < end and first + rank < problem.n:
+                left = np.linalg.norm(R[rank:end, first + rank :], axis=1)
+                left /= np.maximum(sizes[rank:end], 1e-300)
+                # Large rows first, so that the others are combinations with small coefficients.
+                worth = np.where(left > RANK_TOLERANCE, sizes[rank:end] * left**2, 0.0)
+                best = rank + int(worth.argmax())
+                if not worth[best - rank] > 0.0:
+                    break
+                swap = [rank, best], [best, rank]
+                R[swap[0]], rows[swap[0]], sizes[swap[0]] = (
+                    R[swap[1]],
+                    rows[swap[1]],
+                    sizes[swap[1]],
+                )
+                v = R[rank, first + rank :].copy()
+                v[0] += np.copysign(np.linalg.norm(v), v[0])
+                v /= np.linalg.norm(v)
+                for matrix in (R, Q):
+                    part = matrix[:, first + rank :]
+                    part -= np.outer(part @ v, 2.0 * v)
+                rank += 1
+        return _LevelFactor(rows, first, rank, R)
+
+    def _solve_level(self, factor: _LevelFactor, y: Float64[np.ndarray, " n"]) -> None:
+        """Give a level the least slack that is left to it."""
+        rows, first, rank = factor.rows, factor.first, factor.rank
+        weights = self.problem.weights[rows]
+        bounds = np.where(self.side[rows] > 0, self.upper[rows], self.lower[rows]) * weights
+        factor.R[rank:, first + rank :] = 0.0
+        rest = bounds - factor.R[:, :first] @ y[:first]
+        own = factor.R[:rank, first : first + rank]
+        others = factor.R[rank:, first : first + rank]
+        z = scipy.linalg.solve_triangular(own, rest[:rank], lower=True) if rank else np.zeros(0)
+        missed = others @ z - rest[rank:]
+        sizes = self.norms[rows] * weights
+        size = np.abs(bounds) + sizes * np.hypot(np.linalg.norm(y[:first]), np.linalg.norm(z))
+        missed[np.abs(missed) <= SLACK_TOLERANCE * size[rank:]] = 0.0
+        given, factor.slack = np.zeros(rank), np.concatenate([np.zeros(rank), missed])
+        if missed.any() and rank:
+            C = self._combine(own, others, sizes[rank:])
+            # The pivots give u, and the others what they miss then: both together the least.
+            given = np.linalg.lstsq(
+                np.vstack([C, np.eye(rank)]), np.append(-missed, given), rcond=None
+            )[0]
+            rest_of = C @ given + missed
+            terms = np.abs(C) @ np.abs(given) + np.abs(missed)
+            rest_of[np.abs(rest_of) <= CANCELLATION * terms] = 0.0
+            balance, noise = -C.T @ rest_of, np.abs(C).T @ np.abs(rest_of)
+            rough = np.abs(given - balance) > CANCELLATION * (np.abs(C).T @ terms)
+            given = np.where(rough, balance, given)
+            given[np.abs(balance) <= CANCELLATION * noise] = 0.0
+            factor.slack = np.concatenate([given, rest_of])
+            z = scipy.linalg.solve_triangular(own, rest[:rank] + given, lower=True)
+        y[first : first + rank] = z
+
+    def _combine(
+        self,
+        own: Float64[np.ndarray, "r r"],
+        others: Float64[np.ndarray, "k r"],
+        sizes: Float64[np.ndarray, " k"],
+    ) -> Float64[np.ndarray, "k r"]:
+        """Write dependent rows as combinations of the pivots."""
+        C = others.copy()
+        for k in range(len(own) - 1, -1, -1):
+            C[np.abs(C[:, k]) <= DEPENDENCE_TOLERANCE * sizes, k] = 0.0
+            C[:, k] /= own[k, k]
+            C[:, :k] -= np.outer(C[:, k], own[k, :k])
+        return C
+
+    def _solve_cost(self, first: int, y: Float64[np.ndarray, " n"]) -> None:
+        """Minimise the final cost over the coordinates that no level has taken."""
+        problem = self.problem
+        if first == problem.n:
+            return
+        Z = self.Q[:, first:]
+        H = Z.T @ problem.H @ Z
+        g = Z.T @ (problem.H @ (self.Q[:, :first] @ y[:first]) + problem.g)
+        values, vectors = np.linalg.eigh(H)
+        curved = values > FLAT_TOLERANCE * max(np.abs(problem.H).max(), 1e-300)
+        vectors = vectors[:, curved]
+        y[first:] = -vectors @ ((vectors.T @ g) / values[curved])
+
+    # --- multipliers --------------------------------------------------------------------------
+
+    def _release(self, careful: bool) -> bool:
+        """Let go of what pulls at the optimum of the active set; return whether there was any."""
+        problem, side = self.problem, self.side
+        count = len(problem.levels)
+        self.multipliers[:] = 0.0
+        self.released, self.doubt = -1, False
+        inequality = (side == 1) | (side == -1)
+        firm = side == EQUALITY
+        for level in range(count + 1):
+            found = self.multipliers[level]
+            if level == count:
+                size = self._cost_push()
+            else:
+                factor = self.factors[level]
+                found[factor.rows] = factor.slack
+                mine = factor.rows[inequality[factor.rows]]
+                wrong = mine[found[mine] * side[mine] < 0.0]
+                if len(wrong):
+                    self._let_go(wrong)
+                    return True
+                if not factor.slack.any():
+                    continue
+                size = self._level_push(factor)
+            self._balance(level)
+            pushes = found * self.norms * problem.weights
+            if level < count:
+                pushes[problem.level_of == level] = 0.0
+            noise = DUAL_TOLERANCE * max(size, float(np.abs(pushes).max()))
+            signed = pushes * side
+            pulling = inequality & ~firm & (signed < -noise)
+            # Kept although they pull: the point may be optimal, but this does not say so.
+            self.doubt |= bool((pulling & self.locked).any())
+            wrong = np.flatnonzero(pulling & ~self.locked)
+            if len(wrong):
+                row = int(wrong[0] if careful else wrong[signed[wrong].argmin()])
+                side[row] = 0
+                self.released = row
+                return True
+            own = (problem.level_of == level) & (found != 0.0)
+            firm |= inequality & ((np.abs(pushes) > noise) | own)
+            self.firm = firm.copy()
+        # Weighted rows push with weighted multipliers.
+        self.multipliers *= problem.weights
+        return False
+
+    def _level_push(self, factor: _LevelFactor) -> float:
+        """The force of a level's slack, in y; return its size before anything cancels in it."""
+        self.force = factor.R[:, : factor.first].T @ factor.slack
+        weights = self.problem.weights[factor.rows]
+        return float(np.linalg.norm(factor.slack * self.norms[factor.rows] * weights))
+
+    def _cost_push(self) -> float:
+        """The force of the final cost, in y; return the size of what cancels in it."""
+        curvature = self.problem.H @ self.x
+        self.force = self.Q.T @ (curvature + self.problem.g)
+        return max(float(np.abs(curvature).max()), float(np.abs(self.problem.g).max()))
+
+    def _balance(self, level: int) -> None:
+        """Find multipliers of the levels above that balance the force; only pivots push."""
+        found, rest = self.multipliers[level], self.force
+        for factor in reversed(self.factors[:level]):
+            own = slice(factor.first, factor.first + factor.rank)
+            push = scipy.linalg.solve_triangular(factor.triangle, -rest[own], lower=True, trans=1)
+            found[factor.rows[: factor.rank]] = push
+            rest[: factor.first] += factor.R[: factor.rank, : factor.first].T @ push
+
+    def _let_go(self, rows: Int64[np.ndarray, " k"]) -> None:
+        """Make rows inactive whose slack has the wrong sign; some may have gone right through."""
+        values = self.values[rows]
+        room = FEASIBILITY_TOLERANCE * self.norms[rows] * np.linalg.norm(self.x)
+        above, below = values > self.upper[rows] + room, values < self.lower[rows] - room
+        self.side[rows] = above.astype(np.int64) - below.astype(np.int64)
+        self.firm[rows] = False

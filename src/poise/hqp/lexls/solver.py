@@ -1,0 +1,256 @@
+"""`LexicographicSolver`: the compiled search in a workspace that persists."""
+
+from collections.abc import Sequence
+from math import isfinite
+from time import perf_counter
+
+import numpy as np
+from jaxtyping import Float64, Int64
+
+from poise.errors import ConfigurationError, ProblemError
+from poise.hqp.level import Level, Numbers
+from poise.hqp.lexls.search import CONVERGED, UNSOUND, search
+from poise.hqp.lexls.solution import LexicographicSolution
+from poise.hqp.lexls.tolerances import OPTIMALITY_TOLERANCE, changes_allowed
+from poise.hqp.lexls.workspace import BEGUN, CHANGES, DOUBT, Work, cut, float_count, int_count
+from poise.hqp.problem import HierarchicalProblem
+from poise.hqp.solution import Solution, SolveStatus
+from poise.hqp.status import failure
+
+RELAXED = 1e-9
+"""Relative residual above which a level counts as not met."""
+
+CHUNK = 8
+"""Changes of the active set between two looks at the clock."""
+
+
+class LexicographicSolver:
+    """Solves hierarchies by one active set and one factorisation for all levels.
+
+    The workspace persists: a controller keeps one solver and calls `solve` or `run` every tick, and
+    each call begins with the active set of the last. As long as that stays the same, one
+    factorisation ends it. Nothing raises on numbers.
+
+    The first solver ever made on a machine compiles the search, which takes about half a minute and
+    is kept on disk; making one is never cheap, so do not make one in a control loop.
+
+    Args:
+        time_limit: cap on a solve [s]; None for none.
+        max_changes: cap on the changes of the active set in a solve; by default one that grows
+            with the problem.
+
+    Raises:
+        ConfigurationError: a cap that is not positive.
+    """
+
+    name = "lexls"
+
+    def __init__(self, time_limit: float | None = None, max_changes: int | None = None) -> None:
+        if max_changes is not None and max_changes < 1:
+            raise ConfigurationError("max_changes must be positive", got=max_changes, wanted=">= 1")
+        self.time_limit = time_limit
+        self._max_changes = max_changes
+        self._shape: tuple[int, ...] = ()
+        self._fitted: HierarchicalProblem | None = None
+        self._compile()
+
+    def _compile(self) -> None:
+        """Make a tiny solve, so that nothing is compiled in a control loop."""
+        self.run(HierarchicalProblem([Level([[1.0]], 1.0, 2.0)]))
+        self._shape = ()
+
+    def reset(self) -> None:
+        """Forget the last active set, so that the next solve starts cold."""
+        if self._shape:
+            self._ints[:] = 0
+            self._work.x[:] = 0.0
+
+    def begin_with(self, problem: HierarchicalProblem, sides: Int64[np.ndarray, " nm"]) -> None:
+        """Make the next solve, of a problem of this shape, begin with an active set.
+
+        Args:
+            problem: a problem of that shape.
+            sides: as in `LexicographicSolution`; only good for a start, never believed.
+        """
+        self._fit(problem)
+        self._work.side[:] = np.clip(sides, -1, 2)
+
+    def run(self, problem: HierarchicalProblem) -> SolveStatus:
+        """Solve one problem without making anything: the answer stays in the workspace.
+
+        Args:
+            problem: of any shape; a new shape sets the workspace up anew.
+
+        Returns:
+            The status; the answer is in `x`, `slacks`, `residuals`, `relative_residuals`,
+            `multipliers`, `sides` and `changes` until the next call.
+        """
+        self._fit(problem)
+        work = self._work
+        work.state[BEGUN] = 0
+        limit, found, late = self._limit, UNSOUND, False
+        if self.time_limit is None:
+            found = self._search(problem, limit)
+        else:
+            deadline, allowed = perf_counter() + self.time_limit, 0
+            while True:
+                allowed = min(allowed + CHUNK, limit)
+                found = self._search(problem, allowed)
+                late = perf_counter() > deadline
+                if found in (CONVERGED, UNSOUND) or late or allowed == limit:
+                    break
+        if found == UNSOUND:
+            work.side[:] = 0
+            return SolveStatus.BAD_PROBLEM
+        if not isfinite(work.x.sum()):
+            self.reset()
+            return SolveStatus.FAILED
+        if found == CONVERGED:
+            exact = work.errors.max() <= OPTIMALITY_TOLERANCE and work.state[DOUBT] == 0
+            return SolveStatus.OPTIMAL if exact else SolveStatus.INACCURATE
+        return SolveStatus.TIME_LIMIT if late else SolveStatus.INACCURATE
+
+    def solve(self, problem: HierarchicalProblem) -> Solution:
+        """Solve one problem; the answer owns its arrays.
+
+        Args:
+            problem: of any shape; a new shape sets the workspace up anew.
+
+        Returns:
+            A `LexicographicSolution`, or a plain failure where there is no point.
+        """
+        start = perf_counter()
+        status = self.run(problem)
+        if status in (SolveStatus.BAD_PROBLEM, SolveStatus.FAILED):
+            return failure(problem, status, self.name, start)
+        work = self._work
+        return LexicographicSolution(
+            status=status,
+            x=work.x.copy(),
+            slacks=work.slacks.copy(),
+            residuals=work.residuals.copy(),
+            relative_residuals=work.relative.copy(),
+            multipliers=work.multipliers[-1].copy(),
+            level_multipliers=work.multipliers[:-1].copy(),
+            sides=work.side.copy(),
+            strategy=self.name,
+            relaxed=bool(work.relative.max() > RELAXED),
+            iterations=int(work.state[CHANGES]),
+            timings={"total": perf_counter() - start},
+        )
+
+    @property
+    def x(self) -> Float64[np.ndarray, " n"]:
+        """The point, as the last `run` left it."""
+        return self._work.x
+
+    @property
+    def slacks(self) -> Float64[np.ndarray, " nm"]:
+        """Signed distance of bounds and rows outside their interval, as the last `run` left it."""
+        return self._work.slacks
+
+    @property
+    def residuals(self) -> Float64[np.ndarray, " p"]:
+        """`|W w|` of each level, as the last `run` left it."""
+        return self._work.residuals
+
+    @property
+    def relative_residuals(self) -> Float64[np.ndarray, " p"]:
+        """The same divided by each level's scale, see `Solution`."""
+        return self._work.relative
+
+    @property
+    def multipliers(self) -> Float64[np.ndarray, "p1 nm"]:
+        """Multipliers of each level, then of the final cost, as the last `run` left them."""
+        return self._work.multipliers
+
+    @property
+    def sides(self) -> Int64[np.ndarray, " nm"]:
+        """The active set, see `LexicographicSolution`, as the last `run` left it."""
+        return self._work.side
+
+    @property
+    def changes(self) -> int:
+        """How many factorisations the last `run` took."""
+        return int(self._work.state[CHANGES])
+
+    def _fit(self, problem: HierarchicalProblem) -> None:
+        """Set the workspace up if the problem has another shape than the last."""
+        if problem is self._fitted and self._shape:
+            return
+        starts = [view.slice.start for view in problem.levels]
+        shape = (problem.n, problem.m, *starts, problem.bounds_level)
+        self._fitted = problem
+        if shape == self._shape:
+            return
+        self._shape = shape
+        size = problem.n, problem.m, len(starts)
+        self._floats = np.zeros(float_count(*size))
+        self._ints = np.zeros(int_count(*size), dtype=np.int64)
+        self._starts = np.array([*starts, problem.m], dtype=np.int64)
+        self._work: Work = cut(self._floats, self._ints, *size)
+        self._limit = self._max_changes or changes_allowed(problem.n, problem.m)
+
+    def _search(self, problem: HierarchicalProblem, changes: int) -> int:
+        return search(
+            problem.A,
+            problem.lower,
+            problem.upper,
+            problem.weights,
+            problem.H,
+            problem.g,
+            self._starts,
+            problem.bounds_level,
+            self._floats,
+            self._ints,
+            changes,
+        )
+
+
+def solve(
+    levels: Sequence[Level],
+    cost: tuple[Numbers, Numbers] | None = None,
+    warm_start: Int64[np.ndarray, " nm"] | None = None,
+    *,
+    x_lower: Numbers | None = None,
+    x_upper: Numbers | None = None,
+    bounds_level: int = 0,
+) -> Solution:
+    """Solve a hierarchy of two-sided rows once, lexicographically and exactly.
+
+        >>> import numpy as np
+        >>> from poise.hqp.lexls import Level, solve
+        >>> limit = Level(np.array([[1.0, 0.0]]), -np.inf, 1.0)
+        >>> task = Level(np.array([[1.0, 0.0], [0.0, 1.0]]), [3.0, 4.0], [3.0, 4.0])
+        >>> solution = solve([limit, task])
+        >>> solution.x
+        array([1., 4.])
+        >>> solution.residuals
+        array([0., 2.])
+        >>> solution.level_multipliers[1]
+        array([ 0.,  0.,  2., -2.,  0.])
+
+    Args:
+        levels: highest priority first.
+        cost: (H, g) of the final cost `x^T H x / 2 + g^T x`; the least |x| by default.
+        warm_start: active set to begin with: `sides` of a similar problem's solution.
+        x_lower: simple lower bounds on x; none by default.
+        x_upper: simple upper bounds on x; none by default.
+        bounds_level: the level to whose slack the simple bounds count.
+
+    Raises:
+        ProblemError: the problem cannot be right, see `HierarchicalProblem`, or `warm_start` has
+            not one entry a bound and row.
+    """
+    H, g = (None, None) if cost is None else cost
+    problem = HierarchicalProblem(levels, H, g, x_lower, x_upper, bounds_level)
+    solver = LexicographicSolver()
+    if warm_start is not None:
+        if warm_start.shape != problem.lower.shape:
+            raise ProblemError(
+                "warm_start is not an active set of this problem",
+                got=warm_start.shape,
+                wanted=f"{problem.lower.shape}",
+            )
+        solver.begin_with(problem, warm_start)
+    return solver.solve(problem)

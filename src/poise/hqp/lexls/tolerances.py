@@ -1,0 +1,39 @@
+"""What counts as zero in `lexls`, and when it gives up."""
+
+RANK_TOLERANCE = 1e-9
+"""A row depends on those before it where less than this share of it lies outside them."""
+
+SLACK_TOLERANCE = 1e-12
+"""Slack below this, relative to the numbers that cancel in it, is rounding."""
+
+DEPENDENCE_TOLERANCE = 1e-13
+"""A dependent row has no share of a pivot where less than this of it lies along the pivot's own
+coordinate."""
+
+CANCELLATION = 1e-13
+"""Sums below this, relative to their terms, are zero: in the least squares of a level."""
+
+FEASIBILITY_TOLERANCE = 1e-11
+"""A row may leave its interval by this much relative to |a| |x|; more than `SLACK_TOLERANCE`, or
+rows would be let go and called back for ever."""
+
+DUAL_TOLERANCE = 1e-10
+"""Multipliers of the wrong sign below this, relative to the forces that balance, are zero."""
+
+FLAT_TOLERANCE = 1e-12
+"""Curvatures of the final cost below this, relative to its largest coefficient, are zero."""
+
+MOVE_TOLERANCE = 1e-12
+"""A step shorter than this, relative to the point, is none."""
+
+OPTIMALITY_TOLERANCE = 1e-8
+"""Relative error of active rows, and of forces that should balance, up to which an answer counts as
+exact."""
+
+PATIENCE = 20
+"""Changes without a step after which rows are let go by their number, which cannot cycle."""
+
+
+def changes_allowed(n: int, m: int) -> int:
+    """Changes of the active set after which a search ends with the point that it has."""
+    return 50 + 10 * (n + m)
