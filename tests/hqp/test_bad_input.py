@@ -73,7 +73,7 @@ def test_numbers_spoiled_after_allocation_are_refused_by_solve_and_survived_by_a
 @pytest.mark.parametrize("strategy", ["direct", "cascade", "weighted"])
 @pytest.mark.parametrize("spoil", ["A", "lower", "upper", "H", "g", "weights", "cross"])
 def test_no_strategy_raises_or_returns_nan_on_spoiled_numbers(strategy, spoil):
-    solver = make_solver(strategy, "daqp")
+    solver = make_solver(strategy, None if strategy == "direct" else "daqp")
     good = HierarchicalProblem([Level(I2, [1.0, 0.0], [1.0, 2.0]), Level([[1.0, 1.0]], 5, 5)])
     assert solver.solve(good).x[0] == pytest.approx(1.0, abs=2e-3)
     if spoil == "cross":
@@ -92,7 +92,7 @@ def test_unknown_names_list_the_choices():
         make_solver("newton")
     with pytest.raises(UnknownNameError, match="osqp"):
         make_solver("cascade", "osqq")
-    with pytest.raises(UnknownNameError, match="daqp"):
+    with pytest.raises(UnknownNameError, match="no backends"):
         make_solver("direct", "osqp")
 
 

@@ -10,6 +10,7 @@ import daqp
 import numpy as np
 
 from poise.hqp import CascadeSolver, DirectSolver, HierarchicalProblem, WeightedSolver
+from poise.hqp.lexls import LexicographicSolver
 
 EQUALITIES = (18, 0, 6, 9)
 
@@ -67,7 +68,8 @@ def bare_daqp():
 def main():
     measure("daqp alone", bare_daqp(), 1000, conflict=False)
     for conflict in (False, True):
-        measure("direct", DirectSolver().solve, 500, conflict=conflict)
+        measure("direct", LexicographicSolver().solve, 500, conflict=conflict)
+        measure("DirectSolver", DirectSolver().solve, 500, conflict=conflict)
         for backend in ("osqp", "daqp", "proxqp"):
             solver = CascadeSolver(backend)
             measure(solver.name, solver.solve, 60, conflict=conflict)

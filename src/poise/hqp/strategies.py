@@ -4,7 +4,6 @@ from typing import Protocol, runtime_checkable
 
 from poise.errors import UnknownNameError
 from poise.hqp.cascade import CascadeSolver
-from poise.hqp.direct import DirectSolver
 from poise.hqp.problem import HierarchicalProblem
 from poise.hqp.solution import Solution
 from poise.hqp.weighted import WeightedSolver
@@ -35,7 +34,7 @@ def make_solver(
 
     Args:
         strategy: one of `STRATEGIES`.
-        backend: QP solver of the cascade and weighted strategies; `direct` knows only "daqp".
+        backend: QP solver of the cascade and weighted strategies.
         time_limit: cap on each solve [s].
 
     Raises:
@@ -43,9 +42,12 @@ def make_solver(
         MissingExtraError: the backend is not installed.
     """
     if strategy == "direct":
-        if backend not in (None, "daqp"):
-            raise UnknownNameError("direct has no such backend", got=backend, choices=["daqp"])
-        return DirectSolver(time_limit)
+        if backend is not None:
+            raise UnknownNameError("direct has no backends", got=backend, choices=["None"])
+        # Imported by those who use it: it is compiled when the first one is made.
+        from poise.hqp.lexls import LexicographicSolver
+
+        return LexicographicSolver(time_limit)
     if strategy == "cascade":
         return CascadeSolver(backend or "osqp", time_limit)
     if strategy == "weighted":

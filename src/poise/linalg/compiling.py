@@ -58,7 +58,7 @@ def say_if_slow(function: Callable[..., object], what: str) -> None:
         return
     if not dispatcher.signatures and not dispatcher._cache._cache_file._load_index():
         # A warning is what Python shows where nobody has set logging up.
-        logging.getLogger("poise").warning("compiling %s, once: this takes some seconds", what)
+        logging.getLogger("poise").warning("compiling %s, once: this may take a minute", what)
 
 
 def _stamp(plain: FunctionType) -> str:

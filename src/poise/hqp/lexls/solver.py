@@ -16,6 +16,7 @@ from poise.hqp.lexls.workspace import BEGUN, CHANGES, DOUBT, Work, cut, float_co
 from poise.hqp.problem import HierarchicalProblem
 from poise.hqp.solution import Solution, SolveStatus
 from poise.hqp.status import failure
+from poise.linalg import say_if_slow
 
 RELAXED = 1e-9
 """Relative residual above which a level counts as not met."""
@@ -56,6 +57,7 @@ class LexicographicSolver:
 
     def _compile(self) -> None:
         """Make a tiny solve, so that nothing is compiled in a control loop."""
+        say_if_slow(search, "the hierarchical solver")
         self.run(HierarchicalProblem([Level([[1.0]], 1.0, 2.0)]))
         self._shape = ()
 
