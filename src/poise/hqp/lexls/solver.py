@@ -21,6 +21,10 @@ from poise.linalg import say_if_slow
 RELAXED = 1e-9
 """Relative residual above which a level counts as not met."""
 
+WARM = 2
+"""Changes from the active set of the last solve, in times the number of variables, after which the
+search begins anew from none."""
+
 CHUNK = 8
 """Changes of the active set between two looks at the clock."""
 
@@ -89,18 +93,14 @@ class LexicographicSolver:
         """
         self._fit(problem)
         work = self._work
-        work.state[BEGUN] = 0
-        limit, found, late = self._limit, UNSOUND, False
-        if self.time_limit is None:
-            found = self._search(problem, limit)
-        else:
-            deadline, allowed = perf_counter() + self.time_limit, 0
-            while True:
-                allowed = min(allowed + CHUNK, limit)
-                found = self._search(problem, allowed)
-                late = perf_counter() > deadline
-                if found in (CONVERGED, UNSOUND) or late or allowed == limit:
-                    break
+        deadline = None if self.time_limit is None else perf_counter() + self.time_limit
+        warm = bool(work.side.any())
+        limit = min(self._limit, WARM * problem.n) if warm else self._limit
+        found, late = self._change(problem, limit, deadline)
+        if warm and found not in (CONVERGED, UNSOUND) and not late:
+            # An active set from which the search goes astray is worse than none.
+            self.reset()
+            found, late = self._change(problem, self._limit, deadline)
         if found == UNSOUND:
             work.side[:] = 0
             return SolveStatus.BAD_PROBLEM
@@ -192,6 +192,21 @@ class LexicographicSolver:
         self._starts = np.array([*starts, problem.m], dtype=np.int64)
         self._work: Work = cut(self._floats, self._ints, *size)
         self._limit = self._max_changes or changes_allowed(problem.n, problem.m)
+
+    def _change(
+        self, problem: HierarchicalProblem, limit: int, deadline: float | None
+    ) -> tuple[int, bool]:
+        """Search until something is found, up to a number of changes, and whether time ran out."""
+        self._work.state[BEGUN] = 0
+        if deadline is None:
+            return self._search(problem, limit), False
+        allowed = 0
+        while True:
+            allowed = min(allowed + CHUNK, limit)
+            found = self._search(problem, allowed)
+            late = perf_counter() > deadline
+            if found in (CONVERGED, UNSOUND) or late or allowed == limit:
+                return found, late
 
     def _search(self, problem: HierarchicalProblem, changes: int) -> int:
         return search(
