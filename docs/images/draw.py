@@ -1,6 +1,7 @@
 """Draws the pictures of the README: moments of scenarios, and the report of the main job.
 
     for name in over_an_obstacle squat reach push balance_one_leg; do poise run $name; done
+    poise run walk --controller reduced --robot g1
     python docs/images/draw.py
 
 The moments need OpenGL, the report a chromium on the path.
@@ -25,6 +26,10 @@ MOMENTS = {"balance_one_leg": 5.5, "squat": 2.7, "reach": 2.8, "push": 1.25}
 """When each scenario shows best what it is about [s]."""
 
 MAIN = "over_an_obstacle-biped20"
+WALK = "walk-g1"
+WALK_STEPS = (2.2, 3.5, 4.3, 5.1, 9.4, 9.9, 12.6)
+"""Moments of the walk, the push among them [s]."""
+
 STEPS = (0.5, 2.6, 4.2, 6.5, 9.3, 11.0, 13.9)
 """Moments of the main job [s]."""
 
@@ -60,6 +65,19 @@ def draw_obstacle() -> None:
     _save(Image.fromarray(np.concatenate(frames, axis=1)), "obstacle.jpg")
 
 
+def draw_walk() -> None:
+    """G1 under the reduced controller, step by step; the camera goes along."""
+    robot = poise.load_robot("g1")
+    log = poise.sim.read_log(RUNS / WALK / "log.mcap")
+    plant = poise.sim.Plant(robot)
+    config = poise.sim.CameraConfig(
+        width=230, height=360, azimuth=120.0, elevation=-10.0, distance=1.5, antialiasing=4
+    )
+    with poise.sim.Camera(robot, plant.model, config) as camera:
+        frames = [camera.picture(_at(log, "q", t)) for t in WALK_STEPS]
+    _save(Image.fromarray(np.concatenate(frames, axis=1)), "walk.jpg")
+
+
 def draw_report() -> None:
     """The main job's page, as a browser shows it."""
     folder = RUNS / MAIN
@@ -89,4 +107,5 @@ def _save(image: Image.Image, name: str) -> None:
 if __name__ == "__main__":
     draw_obstacle()
     draw_moments()
+    draw_walk()
     draw_report()
