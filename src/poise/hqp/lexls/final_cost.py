@@ -24,21 +24,24 @@ def solve_cost(problem: Problem, work: Work, taken: int) -> None:
     free = n - taken
     _make_basis(work, taken, free)
     _reduce_hessian(problem, work, free)
-    force, target = work.force, work.target
-    find_gradient(problem, target, work.hx)
-    for k in range(free):
-        direction, push = work.Z[k], 0.0
-        for j in range(n):
-            push -= direction[j] * work.hx[j]
-        force[k] = push
-    rank = _factor_hessian(problem, work, free)
-    _solve_factored(work, rank)
-    for k in range(rank):
-        place = work.pivot[k]
-        direction, share = work.Z[place], force[k]
-        work.y[taken + place] = share
-        for j in range(n):
-            target[j] += share * direction[j]
+    force, target, rank = work.force, work.target, free
+    # A second step takes off what the first one loses where curvatures lie far apart.
+    for step in range(2):
+        find_gradient(problem, target, work.hx)
+        for k in range(rank):
+            direction, push = work.Z[k if step == 0 else work.pivot[k]], 0.0
+            for j in range(n):
+                push -= direction[j] * work.hx[j]
+            force[k] = push
+        if step == 0:
+            rank = _factor_hessian(problem, work, free)
+        _solve_factored(work, rank)
+        for k in range(rank):
+            place = work.pivot[k]
+            direction, share = work.Z[place], force[k]
+            work.y[taken + place] += share
+            for j in range(n):
+                target[j] += share * direction[j]
 
 
 @compiled
