@@ -100,17 +100,31 @@ def _solve_wide(work: Work, begin: int, end: int, first: int, u: Float64[np.ndar
 def _solve_tall(work: Work, begin: int, end: int, first: int, u: Float64[np.ndarray, " r"]) -> None:
     """Many rows depend on few pivots: u is the least-squares solution of C u = -e, u = 0."""
     rank, count = len(u), end - begin
-    T, size = work.T, rank + count
-    right, v = work.goal[:size], work.left
     for i in range(count):
         C = work.R[begin + i, first : first + rank]
         for j in range(rank):
-            T[j, i] = C[j]
-        right[i] = -work.slack[begin + i]
+            work.T[j, i] = C[j]
+        work.right[i] = -work.slack[begin + i]
+    solve_damped(work, count, 1.0, u)
+
+
+@compiled
+def solve_damped(work: Work, count: int, damping: float, u: Float64[np.ndarray, " r"]) -> None:
+    """Least squares of the columns in T, and of damping times u = 0.
+
+    Args:
+        work: whose T and right side are overwritten.
+        count: how many rows the columns have.
+        damping: of all u.
+        u: receives the solution.
+    """
+    rank, T = len(u), work.T
+    size = count + rank
+    right, v = work.right[:size], work.vector
     right[count:] = 0.0
     for j in range(rank):
         T[j, count:size] = 0.0
-        T[j, count + j] = 1.0
+        T[j, count + j] = damping
     for j in range(rank):
         tail = T[j, j:size]
         tau = turn_row(tail, v[: size - j], length_of(tail))

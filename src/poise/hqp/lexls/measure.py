@@ -2,10 +2,54 @@
 
 from math import sqrt
 
+import numpy as np
+
 from poise.hqp.lexls.combinations import add_rows
-from poise.hqp.lexls.reflections import length_of
+from poise.hqp.lexls.reflections import length_of, reflect
 from poise.hqp.lexls.workspace import Problem, Work
 from poise.linalg import compiled
+
+
+@compiled
+def find_values(problem: Problem, x: np.ndarray, values: np.ndarray) -> None:
+    """Values of all bounds and rows at a point.
+
+    Args:
+        problem: the problem.
+        x: the point.
+        values: receives them.
+    """
+    n = len(x)
+    for i in range(n):
+        values[i] = x[i]
+    for i in range(len(problem.A)):
+        row, total = problem.A[i], 0.0
+        for j in range(n):
+            total += row[j] * x[j]
+        values[n + i] = total
+
+
+@compiled
+def residual_of(problem: Problem, values: np.ndarray, level: int) -> float:
+    """`|W w|` of a level.
+
+    Args:
+        problem: the problem.
+        values: of all bounds and rows.
+        level: which.
+    """
+    n, square = len(problem.g), 0.0
+    if problem.bounds_level == level:
+        for i in range(n):
+            square += _square(_slack(problem, values, i) * problem.weights[i])
+    for i in range(n + problem.starts[level], n + problem.starts[level + 1]):
+        square += _square(_slack(problem, values, i) * problem.weights[i])
+    return sqrt(square)
+
+
+@compiled
+def _slack(problem: Problem, values: np.ndarray, i: int) -> float:
+    return max(values[i] - problem.upper[i], 0.0) - max(problem.lower[i] - values[i], 0.0)
 
 
 @compiled
@@ -13,18 +57,15 @@ def measure(problem: Problem, work: Work) -> None:
     """Slacks of all rows, residuals of all levels, and their scales."""
     n, levels = len(work.x), len(work.residuals)
     for i in range(len(work.values)):
-        value = work.values[i]
-        work.slacks[i] = max(value - problem.upper[i], 0.0) - max(problem.lower[i] - value, 0.0)
+        work.slacks[i] = _slack(problem, work.values, i)
     for level in range(levels):
-        square = scale = 0.0
+        scale = 0.0
         if problem.bounds_level == level:
             for i in range(n):
-                square += _square(work.slacks[i] * problem.weights[i])
                 scale += _square(_least(problem, i) * problem.weights[i])
         for i in range(n + problem.starts[level], n + problem.starts[level + 1]):
-            square += _square(work.slacks[i] * problem.weights[i])
             scale += _square(_least(problem, i) * problem.weights[i])
-        work.residuals[level] = sqrt(square)
+        work.residuals[level] = residual_of(problem, work.values, level)
         work.relative[level] = work.residuals[level] / max(sqrt(scale), 1.0)
 
 
@@ -51,13 +92,27 @@ def check(problem: Problem, work: Work) -> None:
     levels = len(work.rank)
     for level in range(levels):
         if work.begin[level] < work.begin[level + 1]:
-            work.force[:] = 0.0
+            _find_easing(work, level)
             work.errors[1] = max(work.errors[1], _imbalance(problem, work, level, 0.0))
     size = 0.0
     for i in range(len(work.hx)):
         work.force[i] = work.hx[i]
         size = max(size, abs(problem.g[i]), abs(problem.H[i, i]) * _reach(work))
     work.errors[1] = max(work.errors[1], _imbalance(problem, work, levels, size))
+
+
+@compiled
+def _find_easing(work: Work, level: int) -> None:
+    """The force with which damping holds a level's coordinates back."""
+    force, first = work.force, work.first[level]
+    end = first + work.rank[level]
+    force[:] = 0.0
+    if work.eased[level] == 0.0:
+        return
+    for k in range(first, end):
+        force[k] = work.eased[level] * work.y[k]
+    for k in range(end - 1, -1, -1):
+        reflect(force[k:], work.V[k, k:], work.tau[k])
 
 
 @compiled

@@ -13,9 +13,12 @@ from poise.linalg import compiled
 EQUALITY = 2
 """The side of a row that has no side: it is always active."""
 
+STRONGEST, FIRST = 2.0, 3.0
+"""What `release` takes instead of a share, to let go of one row: which."""
+
 
 @compiled
-def release(problem: Problem, work: Work, careful: bool) -> bool:
+def release(problem: Problem, work: Work, share: float) -> bool:
     """Finds multipliers at the optimum of the active set, and lets go of what pulls there.
 
     A level's slack is its own multiplier, and the levels above hold against it. Of a row's
@@ -23,8 +26,9 @@ def release(problem: Problem, work: Work, careful: bool) -> bool:
 
     Args:
         problem: the problem.
-        work: whose point is the optimum of its active set.
-        careful: whether to let go of the first row that pulls, not of the one that pulls most.
+        work: whose target is the optimum of its active set.
+        share: rows that pull at least this share of the strongest pull are let go, or
+            `STRONGEST`, or `FIRST`.
 
     Returns:
         Whether something was let go.
@@ -49,7 +53,7 @@ def release(problem: Problem, work: Work, careful: bool) -> bool:
             size = _cost_push(problem, work)
             above = active
         _balance(work, level, found)
-        if _check_pushes(work, found, above, size, careful):
+        if _check_pushes(work, found, above, size, share):
             return True
         if level < levels:
             for place in range(work.begin[level], work.begin[level + 1]):
@@ -96,8 +100,8 @@ def _own_push(problem: Problem, work: Work, level: int, found: np.ndarray) -> fl
 @compiled
 def _let_go(problem: Problem, work: Work, index: int) -> None:
     """Makes a row inactive whose slack has the wrong sign, unless it has gone right through."""
-    value = work.values[index]
-    room = FEASIBILITY_TOLERANCE * work.norms[index] * length_of(work.x)
+    value = work.goal[index]
+    room = FEASIBILITY_TOLERANCE * work.norms[index] * length_of(work.target)
     side = 0
     if value > problem.upper[index] + room:
         side = 1
@@ -111,7 +115,7 @@ def _let_go(problem: Problem, work: Work, index: int) -> None:
 def _cost_push(problem: Problem, work: Work) -> float:
     """The final cost's force in y; returns the size of what cancels in it."""
     taken = work.first[len(work.rank)]
-    find_gradient(problem, work.x, work.hx)
+    find_gradient(problem, work.target, work.hx)
     size = 0.0
     for i in range(len(work.hx)):
         size = max(size, abs(problem.g[i]), abs(work.hx[i] - problem.g[i]))
@@ -139,12 +143,12 @@ def _balance(work: Work, level: int, found: np.ndarray) -> None:
 
 
 @compiled
-def _check_pushes(work: Work, found: np.ndarray, above: int, size: float, careful: bool) -> bool:
-    """Lets go of one row above a level that pulls; returns whether there was one."""
+def _check_pushes(work: Work, found: np.ndarray, above: int, size: float, share: float) -> bool:
+    """Lets go of rows above a level that pull; returns whether there were any."""
     for place in range(above):
         size = max(size, abs(found[work.order[place]]) * work.size[place])
     noise = DUAL_TOLERANCE * size
-    worst, most = -1, 0.0
+    count, first, strongest, most = 0, -1, -1, 0.0
     for place in range(above):
         index = work.order[place]
         push = found[index] * work.size[place] * work.side[index]
@@ -153,11 +157,20 @@ def _check_pushes(work: Work, found: np.ndarray, above: int, size: float, carefu
         if work.locked[index] != 0:
             work.state[DOUBT] = 1
             continue
-        if worst < 0 or (index < worst if careful else push < most):
-            worst, most = index, push
-    if worst >= 0:
-        work.side[worst] = 0
-        work.state[RELEASED] = worst
+        work.chosen[count], work.rest[count] = index, push
+        count += 1
+        if push < most:
+            strongest, most = index, push
+        if first < 0 or index < first:
+            first = index
+    if count > 0:
+        if share > 1.0:
+            work.state[RELEASED] = first if share == FIRST else strongest
+            work.side[work.state[RELEASED]] = 0
+        else:
+            for i in range(count):
+                if work.rest[i] <= share * most:
+                    work.side[work.chosen[i]] = work.firm[work.chosen[i]] = 0
         return True
     for place in range(above):
         index = work.order[place]

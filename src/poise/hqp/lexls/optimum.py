@@ -1,5 +1,6 @@
 """The lexicographic optimum of an active set: its rows are equalities, all others are left out."""
 
+from poise.hqp.lexls.damping import damp, find_easing
 from poise.hqp.lexls.factor import factor_level
 from poise.hqp.lexls.final_cost import solve_cost
 from poise.hqp.lexls.least_squares import share_slack
@@ -25,7 +26,7 @@ def find_optimum(problem: Problem, work: Work) -> None:
     work.begin[0] = work.first[0] = 0
     for level in range(start, levels):
         factor_level(problem, work, level)
-        _solve_level(work, level)
+        _solve_level(problem, work, level)
     taken = work.first[levels]
     work.state[FREE] = n - taken
     work.y[taken:] = 0.0
@@ -64,7 +65,7 @@ def _note(work: Work, begin: int, end: int) -> bool:
 
 
 @compiled
-def _solve_level(work: Work, level: int) -> None:
+def _solve_level(problem: Problem, work: Work, level: int) -> None:
     """Gives a level the least slack that is left to it."""
     begin, end = work.begin[level], work.begin[level + 1]
     first, rank = work.first[level], work.rank[level]
@@ -76,6 +77,10 @@ def _solve_level(work: Work, level: int) -> None:
             left -= head[j] * above[j]
         rest[row] = left
         slack[row] = 0.0
+    work.eased[level] = find_easing(problem, work, level)
+    if work.eased[level] > 0.0:
+        damp(work, begin, end, first, rank, work.eased[level])
+        return
     _solve_pivots(work, begin, first, rank)
     size, met = length_of(y[: first + rank]), True
     for row in range(begin + rank, end):

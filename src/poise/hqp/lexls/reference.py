@@ -3,30 +3,34 @@
 It follows Escande, Mansard, Wieber 2014 ("Hierarchical quadratic programming: Fast online
 humanoid-robot motion generation") and Dimitrov, Sherikov, Wieber 2015 ("Efficient resolution of
 potentially conflicting linear constraints in robotics"): one active set for all levels, one
-factorisation a step. `kernel.py` is the same with loops written out, and with less work done twice.
+factorisation a step. `search.py` is the same with loops written out, and with less work done twice.
 """
 
 from dataclasses import dataclass, field
 
 import numpy as np
 import scipy.linalg
-from jaxtyping import Bool, Float64, Int64
+from jaxtyping import Float64, Int64
 
+from poise.hqp.lexls.multipliers import EQUALITY, FIRST, STRONGEST
 from poise.hqp.lexls.tolerances import (
+    ADD_SHARES,
     CANCELLATION,
     DEPENDENCE_TOLERANCE,
+    DROP_SHARE,
+    DROP_SHARES,
     DUAL_TOLERANCE,
     FEASIBILITY_TOLERANCE,
     FLAT_TOLERANCE,
+    MOST_LEAPS,
+    MOVE_TOLERANCE,
     PATIENCE,
     RANK_TOLERANCE,
+    SAME_TOLERANCE,
     SLACK_TOLERANCE,
     changes_allowed,
 )
 from poise.hqp.problem import HierarchicalProblem
-
-EQUALITY = 2
-"""The side of a row that has no side: it is always active."""
 
 
 @dataclass(slots=True)
@@ -73,19 +77,29 @@ class Found:
     converged: bool
 
 
-def search(problem: HierarchicalProblem, side: Int64[np.ndarray, " nm"] | None = None) -> Found:
+def search(
+    problem: HierarchicalProblem,
+    side: Int64[np.ndarray, " nm"] | None = None,
+    damping: float = 0.0,
+) -> Found:
     """Solve a sound problem.
 
     Args:
         problem: finite coefficients, bounds that do not cross.
         side: active set to begin with, as in `Found`.
+        damping: of all levels.
     """
-    return _Search(problem, side).run()
+    return _Search(problem, side, damping).run()
 
 
 class _Search:
-    def __init__(self, problem: HierarchicalProblem, side: Int64[np.ndarray, " nm"] | None) -> None:
-        self.problem = problem
+    def __init__(
+        self,
+        problem: HierarchicalProblem,
+        side: Int64[np.ndarray, " nm"] | None,
+        damping: float,
+    ) -> None:
+        self.problem, self.damping = problem, damping
         n, m = problem.n, problem.m
         self.a = np.vstack([np.eye(n), problem.A])
         self.norms = np.linalg.norm(self.a, axis=1)
@@ -104,44 +118,86 @@ class _Search:
         self.blocked = self.doubt = False
 
     def run(self) -> Found:
-        """Move to the optimum of one active set after the other."""
-        self.x, self.values = np.zeros(self.problem.n), np.zeros(len(self.norms))
-        x = self._optimum()
-        values = self.a @ x
-        violated = self._violated(x, values)
-        # Slack makes any point one to begin from. This one is often the optimum already.
-        if not violated.any() or self._violated(self.x, self.values).sum() >= violated.sum():
-            self.x, self.values = x, values
-        found = self._violated(self.x, self.values)
-        self.side[found] = np.where(self.values[found] > self.upper[found], 1, -1)
-        changes, idle, limit = 1, 0, changes_allowed(self.problem.n, self.problem.m)
-        settled = not violated.any()
+        """Go to the optimum of one active set after the other."""
+        changes, limit = 0, changes_allowed(self.problem.n, self.problem.m)
+        self.x, self.idle = np.zeros(self.problem.n), 0
+        self.values = self.a @ self.x
         while changes < limit:
-            if not settled:
-                moved = self._advance()
-                changes += 1
-                idle = 0 if moved else idle + 1
-                if moved:
-                    self.locked[:] = False
-                if self.blocked:
-                    continue
-            settled = False
-            if not self._release(careful=idle > PATIENCE):
-                return Found(self.x, self.side, self.multipliers, changes, not self.doubt)
+            self.target = self._optimum()
+            self.goal = self.a @ self.target
+            optimal = self._leap(changes) if changes < MOST_LEAPS else self._step()
+            changes += 1
+            if optimal:
+                x, side, found = self.target, self.side, self.multipliers
+                return Found(x, side, found, changes, not self.doubt)
         return Found(self.x, self.side, self.multipliers, changes, False)
 
-    def _violated(
+    # --- leaps --------------------------------------------------------------------------------
+
+    def _leap(self, turn: int) -> bool:
+        """Change many rows at once; return whether there was nothing to change."""
+        violations = self._violations(self.target, self.goal)
+        pulled = self._release(DROP_SHARES[turn % len(DROP_SHARES)])
+        if not pulled and not violations.any():
+            return True
+        if self._is_better():
+            self.x, self.values = self.target, self.goal
+        if turn + 1 < MOST_LEAPS:
+            self._activate(violations, ADD_SHARES[turn % len(ADD_SHARES)])
+        else:
+            # Slack makes any point one to go on from, if only what it violates is active.
+            self._activate(self._violations(self.x, self.values), 0.0)
+        return False
+
+    def _violations(
         self, x: Float64[np.ndarray, " n"], values: Float64[np.ndarray, " nm"]
-    ) -> Bool[np.ndarray, " nm"]:
-        """Which inactive rows miss their bounds at a point by more than rounding."""
-        room = FEASIBILITY_TOLERANCE * self.norms * float(np.linalg.norm(x))
-        outside = (values > self.upper + room) | (values < self.lower - room)
-        return outside & (self.side == 0)
+    ) -> Float64[np.ndarray, " nm"]:
+        """How far, signed, a point violates each inactive row."""
+        far = np.maximum(values - self.upper, 0.0) - np.maximum(self.lower - values, 0.0)
+        room = FEASIBILITY_TOLERANCE * self.norms * np.linalg.norm(x)
+        far[(np.abs(far) <= room) | (self.side != 0)] = 0.0
+        return far / np.where(self.norms > 0.0, self.norms, 1.0)
+
+    def _activate(self, violations: Float64[np.ndarray, " nm"], share: float) -> None:
+        """Make rows active that are violated by at least this share of the largest violation."""
+        sizes = np.abs(violations)
+        found = (sizes > 0.0) & (sizes >= share * sizes.max())
+        self.side[found] = np.sign(violations[found]).astype(np.int64)
+        self.firm[found] = False
+
+    def _is_better(self) -> bool:
+        """Whether the target meets the levels better than the point."""
+        problem = self.problem
+        for level in range(len(problem.levels)):
+            mine = problem.level_of == level
+            old, new = (
+                float(np.linalg.norm((v - v.clip(self.lower, self.upper))[mine] * w))
+                for v, w in (
+                    (self.values, problem.weights[mine]),
+                    (self.goal, problem.weights[mine]),
+                )
+            )
+            if abs(old - new) > SAME_TOLERANCE * max(old, new):
+                return new < old
+        return True
+
+    # --- single steps -------------------------------------------------------------------------
+
+    def _step(self) -> bool:
+        """Go on to the optimum of the active set; return whether there is nothing to let go."""
+        moved = self._advance()
+        self.idle = 0 if moved else self.idle + 1
+        if moved:
+            self.locked[:] = False
+        if self.blocked:
+            return False
+        if self.idle == 0:
+            return not self._release(DROP_SHARE)
+        return not self._release(FIRST if self.idle > PATIENCE else STRONGEST)
 
     def _advance(self) -> bool:
         """Go towards the optimum of the active set until a row stops it; return if x moved."""
-        target = self._optimum()
-        goal = self.a @ target
+        target, goal = self.target, self.goal
         size = max(float(np.linalg.norm(target)), float(np.linalg.norm(self.x)))
         room = FEASIBILITY_TOLERANCE * self.norms * size
         rate = goal - self.values
@@ -162,7 +218,7 @@ class _Search:
             self.side[stop] = 1 if rate[stop] > 0.0 else -1
             self.firm[stop] = False
         step = length * (target - self.x)
-        moved = float(np.linalg.norm(step)) > 1e-12 * size
+        moved = float(np.linalg.norm(step)) > MOVE_TOLERANCE * size
         self.x = target if not self.blocked else self.x + step
         self.values = goal if not self.blocked else self.values + length * rate
         return moved
@@ -225,6 +281,16 @@ class _Search:
         factor.R[rank:, first + rank :] = 0.0
         rest = bounds - factor.R[:, :first] @ y[:first]
         own = factor.R[:rank, first : first + rank]
+        least = float(np.linalg.svd(own, compute_uv=False).min(initial=self.damping))
+        if least < self.damping:
+            both, ease = factor.R[:, first : first + rank], self.damping**2 - least**2
+            system = np.vstack([both, np.sqrt(ease) * np.eye(rank)])
+            z = np.linalg.lstsq(system, np.append(rest, np.zeros(rank)), rcond=None)[0]
+            y[first : first + rank] = z
+            terms = np.abs(both) @ np.abs(z) + np.abs(rest)
+            factor.slack = both @ z - rest
+            factor.slack[np.abs(factor.slack) <= SLACK_TOLERANCE * terms] = 0.0
+            return
         others = factor.R[rank:, first : first + rank]
         z = scipy.linalg.solve_triangular(own, rest[:rank], lower=True) if rank else np.zeros(0)
         missed = others @ z - rest[rank:]
@@ -278,8 +344,13 @@ class _Search:
 
     # --- multipliers --------------------------------------------------------------------------
 
-    def _release(self, careful: bool) -> bool:
-        """Let go of what pulls at the optimum of the active set; return whether there was any."""
+    def _release(self, share: float) -> bool:
+        """Let go of what pulls at the optimum of the active set; return whether there was any.
+
+        Args:
+            share: rows that pull at least this share of the strongest pull, or `STRONGEST`, or
+                `FIRST`.
+        """
         problem, side = self.problem, self.side
         count = len(problem.levels)
         self.multipliers[:] = 0.0
@@ -312,9 +383,13 @@ class _Search:
             self.doubt |= bool((pulling & self.locked).any())
             wrong = np.flatnonzero(pulling & ~self.locked)
             if len(wrong):
-                row = int(wrong[0] if careful else wrong[signed[wrong].argmin()])
-                side[row] = 0
-                self.released = row
+                if share > 1.0:
+                    row = wrong[0] if share == FIRST else wrong[signed[wrong].argmin()]
+                    wrong, self.released = np.array([row]), int(row)
+                else:
+                    wrong = wrong[signed[wrong] <= share * signed[wrong].min()]
+                    self.firm[wrong] = False
+                side[wrong] = 0
                 return True
             own = (problem.level_of == level) & (found != 0.0)
             firm |= inequality & ((np.abs(pushes) > noise) | own)
@@ -331,7 +406,7 @@ class _Search:
 
     def _cost_push(self) -> float:
         """The force of the final cost, in y; return the size of what cancels in it."""
-        curvature = self.problem.H @ self.x
+        curvature = self.problem.H @ self.target
         self.force = self.Q.T @ (curvature + self.problem.g)
         return max(float(np.abs(curvature).max()), float(np.abs(self.problem.g).max()))
 
@@ -346,8 +421,8 @@ class _Search:
 
     def _let_go(self, rows: Int64[np.ndarray, " k"]) -> None:
         """Make rows inactive whose slack has the wrong sign; some may have gone right through."""
-        values = self.values[rows]
-        room = FEASIBILITY_TOLERANCE * self.norms[rows] * np.linalg.norm(self.x)
+        values = self.goal[rows]
+        room = FEASIBILITY_TOLERANCE * self.norms[rows] * np.linalg.norm(self.target)
         above, below = values > self.upper[rows] + room, values < self.lower[rows] - room
         self.side[rows] = above.astype(np.int64) - below.astype(np.int64)
         self.firm[rows] = False

@@ -3,11 +3,18 @@
 import numpy as np
 from jaxtyping import Float64, Int64
 
-from poise.hqp.lexls.measure import check, measure
-from poise.hqp.lexls.multipliers import EQUALITY, release
+from poise.hqp.lexls.leaps import leap
+from poise.hqp.lexls.measure import check, find_values, measure
+from poise.hqp.lexls.multipliers import EQUALITY, FIRST, STRONGEST, release
 from poise.hqp.lexls.optimum import find_optimum
-from poise.hqp.lexls.reflections import copy, length_of
-from poise.hqp.lexls.tolerances import FEASIBILITY_TOLERANCE, MOVE_TOLERANCE, PATIENCE
+from poise.hqp.lexls.reflections import length_of
+from poise.hqp.lexls.tolerances import (
+    DROP_SHARE,
+    FEASIBILITY_TOLERANCE,
+    MOST_LEAPS,
+    MOVE_TOLERANCE,
+    PATIENCE,
+)
 from poise.hqp.lexls.workspace import (
     BEGUN,
     BLOCKED,
@@ -32,6 +39,7 @@ def search(
     weights: Float64[np.ndarray, " nm"],
     H: Float64[np.ndarray, "n n"],
     g: Float64[np.ndarray, " n"],
+    damping: Float64[np.ndarray, " p"],
     starts: Int64[np.ndarray, " p1"],
     bounds_level: int,
     floats: Float64[np.ndarray, " f"],
@@ -47,6 +55,7 @@ def search(
         weights: likewise.
         H: likewise.
         g: likewise.
+        damping: likewise.
         starts: likewise.
         bounds_level: likewise.
         floats: see `cut`; receives the answer.
@@ -57,7 +66,7 @@ def search(
         `CONVERGED`, `UNFINISHED` or `UNSOUND`.
     """
     m, n = A.shape
-    problem = Problem(A, lower, upper, weights, H, g, starts, bounds_level)
+    problem = Problem(A, lower, upper, weights, H, g, damping, starts, bounds_level)
     work = cut(floats, ints, n, m, len(starts) - 1)
     state = work.state
     if state[BEGUN] == 0:
@@ -70,17 +79,9 @@ def search(
     while state[CHANGES] < changes:
         state[CHANGES] += 1
         find_optimum(problem, work)
-        _find_values(problem, work.target, work.goal)
-        if state[CHANGES] == 1:
-            if not _begin(problem, work):
-                continue
-        elif _advance(problem, work):
-            state[IDLE] = 0
-            for i in range(len(work.locked)):
-                work.locked[i] = 0
-        else:
-            state[IDLE] += 1
-        if state[BLOCKED] == 0 and not release(problem, work, state[IDLE] > PATIENCE):
+        find_values(problem, work.target, work.goal)
+        leaping = state[CHANGES] <= MOST_LEAPS
+        if leap(problem, work) if leaping else _step(problem, work):
             found = CONVERGED
             check(problem, work)
             break
@@ -89,36 +90,20 @@ def search(
 
 
 @compiled
-def _begin(problem: Problem, work: Work) -> bool:
-    """Chooses where to begin; returns whether all rows are met at the optimum already."""
-    violated = _find_violated(problem, work, work.target, work.goal, False)
-    if violated > 0:
-        _find_values(problem, work.x, work.values)
-    # Slack makes any point one to begin from. The last one is seldom far, if there is one.
-    if violated == 0 or _find_violated(problem, work, work.x, work.values, False) >= violated:
-        copy(work.x, work.target)
-        copy(work.values, work.goal)
-    if violated > 0:
-        _find_violated(problem, work, work.x, work.values, True)
-    return violated == 0
-
-
-@compiled
-def _find_violated(
-    problem: Problem, work: Work, x: np.ndarray, values: np.ndarray, activate: bool
-) -> int:
-    """Counts the inactive rows that a point violates, and makes them active if told to."""
-    size, count = FEASIBILITY_TOLERANCE * length_of(x), 0
-    for i in range(len(values)):
-        if work.side[i] != 0:
-            continue
-        room = size * work.norms[i]
-        above = values[i] > problem.upper[i] + room
-        if above or values[i] < problem.lower[i] - room:
-            count += 1
-            if activate:
-                work.side[i] = 1 if above else -1
-    return count
+def _step(problem: Problem, work: Work) -> bool:
+    """Goes towards the optimum of the active set, and lets go of a row there; returns if none."""
+    if _advance(problem, work):
+        work.state[IDLE] = 0
+        for i in range(len(work.locked)):
+            work.locked[i] = 0
+    else:
+        work.state[IDLE] += 1
+    if work.state[BLOCKED] != 0:
+        return False
+    idle, share = work.state[IDLE], DROP_SHARE
+    if idle > 0:
+        share = FIRST if idle > PATIENCE else STRONGEST
+    return not release(problem, work, share)
 
 
 @compiled
@@ -149,19 +134,6 @@ def _prepare(problem: Problem, work: Work) -> bool:
             work.firm[i] = 0
         work.locked[i] = 0
     return bool(total < np.inf)
-
-
-@compiled
-def _find_values(problem: Problem, x: np.ndarray, values: np.ndarray) -> None:
-    """Values of all bounds and rows at a point."""
-    n = len(x)
-    for i in range(n):
-        values[i] = x[i]
-    for i in range(len(problem.A)):
-        row, total = problem.A[i], 0.0
-        for j in range(n):
-            total += row[j] * x[j]
-        values[n + i] = total
 
 
 @compiled

@@ -43,14 +43,25 @@ class LexicographicSolver:
         time_limit: cap on a solve [s]; None for none.
         max_changes: cap on the changes of the active set in a solve; by default one that grows
             with the problem.
+        damping: of each level, or of all; 0 for none. Where the least singular value s of a
+            level's weighted rows, over what the levels above leave, is less than its damping d, it
+            no longer minimises `|W w|^2` alone but `|W w|^2 + (d^2 - s^2) |z|^2`, with z the
+            coordinates of x that the level takes. So z is bounded near singularities, the levels
+            above lose nothing, and away from singularities the answer is exact.
 
     Raises:
-        ConfigurationError: a cap that is not positive.
+        ConfigurationError: a cap that is not positive, a damping that is negative or not finite.
     """
 
     name = "lexls"
 
-    def __init__(self, time_limit: float | None = None, max_changes: int | None = None) -> None:
+    def __init__(
+        self,
+        time_limit: float | None = None,
+        max_changes: int | None = None,
+        damping: Numbers = 0.0,
+    ) -> None:
+        self._wanted_damping = _check_damping(damping)
         if max_changes is not None and max_changes < 1:
             raise ConfigurationError("max_changes must be positive", got=max_changes, wanted=">= 1")
         self.time_limit = time_limit
@@ -62,7 +73,8 @@ class LexicographicSolver:
     def _compile(self) -> None:
         """Make a tiny solve, so that nothing is compiled in a control loop."""
         say_if_slow(search, "the hierarchical solver")
-        self.run(HierarchicalProblem([Level([[1.0]], 1.0, 2.0)]))
+        level = Level([[1.0]], 1.0, 2.0)
+        self.run(HierarchicalProblem([level] * max(self._wanted_damping.size, 1)))
         self._shape = ()
 
     def reset(self) -> None:
@@ -89,7 +101,10 @@ class LexicographicSolver:
 
         Returns:
             The status; the answer is in `x`, `slacks`, `residuals`, `relative_residuals`,
-            `multipliers`, `sides` and `changes` until the next call.
+            `multipliers`, `sides`, `eased` and `changes` until the next call.
+
+        Raises:
+            ConfigurationError: the first problem of a shape has not as many levels as `damping`.
         """
         self._fit(problem)
         work = self._work
@@ -120,6 +135,9 @@ class LexicographicSolver:
 
         Returns:
             A `LexicographicSolution`, or a plain failure where there is no point.
+
+        Raises:
+            ConfigurationError: as for `run`.
         """
         start = perf_counter()
         status = self.run(problem)
@@ -135,6 +153,7 @@ class LexicographicSolver:
             multipliers=work.multipliers[-1].copy(),
             level_multipliers=work.multipliers[:-1].copy(),
             sides=work.side.copy(),
+            eased=work.eased.copy(),
             strategy=self.name,
             relaxed=bool(work.relative.max() > RELAXED),
             iterations=int(work.state[CHANGES]),
@@ -172,6 +191,11 @@ class LexicographicSolver:
         return self._work.side
 
     @property
+    def eased(self) -> Float64[np.ndarray, " p"]:
+        """Square of the damping that each level needed, as the last `run` left it."""
+        return self._work.eased
+
+    @property
     def changes(self) -> int:
         """How many factorisations the last `run` took."""
         return int(self._work.state[CHANGES])
@@ -182,15 +206,23 @@ class LexicographicSolver:
             return
         starts = [view.slice.start for view in problem.levels]
         shape = (problem.n, problem.m, *starts, problem.bounds_level)
-        self._fitted = problem
         if shape == self._shape:
+            self._fitted = problem
             return
+        if self._wanted_damping.size not in (1, len(starts)):
+            raise ConfigurationError(
+                "damping has not one entry a level",
+                got=self._wanted_damping.size,
+                wanted=f"1 or {len(starts)}",
+            )
         self._shape = shape
+        self._damping = np.broadcast_to(self._wanted_damping, len(starts)).copy()
         size = problem.n, problem.m, len(starts)
         self._floats = np.zeros(float_count(*size))
         self._ints = np.zeros(int_count(*size), dtype=np.int64)
         self._starts = np.array([*starts, problem.m], dtype=np.int64)
         self._work: Work = cut(self._floats, self._ints, *size)
+        self._fitted = problem
         self._limit = self._max_changes or changes_allowed(problem.n, problem.m)
 
     def _change(
@@ -216,6 +248,7 @@ class LexicographicSolver:
             problem.weights,
             problem.H,
             problem.g,
+            self._damping,
             self._starts,
             problem.bounds_level,
             self._floats,
@@ -232,6 +265,7 @@ def solve(
     x_lower: Numbers | None = None,
     x_upper: Numbers | None = None,
     bounds_level: int = 0,
+    damping: Numbers = 0.0,
 ) -> Solution:
     """Solve a hierarchy of two-sided rows once, lexicographically and exactly.
 
@@ -254,14 +288,16 @@ def solve(
         x_lower: simple lower bounds on x; none by default.
         x_upper: simple upper bounds on x; none by default.
         bounds_level: the level to whose slack the simple bounds count.
+        damping: of each level, or of all, near singularities; see `LexicographicSolver`.
 
     Raises:
         ProblemError: the problem cannot be right, see `HierarchicalProblem`, or `warm_start` has
             not one entry a bound and row.
+        ConfigurationError: `damping` cannot be one, or has not one entry a level.
     """
     H, g = (None, None) if cost is None else cost
     problem = HierarchicalProblem(levels, H, g, x_lower, x_upper, bounds_level)
-    solver = LexicographicSolver()
+    solver = LexicographicSolver(damping=damping)
     if warm_start is not None:
         if warm_start.shape != problem.lower.shape:
             raise ProblemError(
@@ -271,3 +307,12 @@ def solve(
             )
         solver.begin_with(problem, warm_start)
     return solver.solve(problem)
+
+
+def _check_damping(damping: Numbers) -> Float64[np.ndarray, " p"]:
+    found = np.atleast_1d(np.asarray(damping, dtype=np.float64))
+    if found.ndim != 1 or found.size == 0 or not np.isfinite(found).all() or found.min() < 0.0:
+        raise ConfigurationError(
+            "damping cannot be that", got=damping, wanted="a finite number >= 0, or one a level"
+        )
+    return found

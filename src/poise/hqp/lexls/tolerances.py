@@ -23,6 +23,12 @@ DUAL_TOLERANCE = 1e-10
 FLAT_TOLERANCE = 1e-12
 """Curvatures of the final cost below this, relative to its largest coefficient, are zero."""
 
+SAME_TOLERANCE = 1e-9
+"""Residuals of which none is larger by more than this, relative to it, are the same."""
+
+SINGULAR_TOLERANCE = 1e-6
+"""How well, relatively, the least singular value of a level that may be damped is found."""
+
 MOVE_TOLERANCE = 1e-12
 """A step shorter than this, relative to the point, is none."""
 
@@ -32,6 +38,21 @@ exact."""
 
 PATIENCE = 20
 """Changes without a step after which rows are let go by their number, which cannot cycle."""
+
+
+ADD_SHARES = (0.5, 0.7, 0.6, 0.9, 0.8)
+"""Of each leap in turn: rows violated by at least this share of the largest violation are added."""
+
+DROP_SHARES = (0.0, 0.5, 0.0, 0.2, 0.0, 0.7, 0.1)
+"""Likewise, rows that pull by at least this share of the strongest pull are let go. Because the
+shares come in turn, and their numbers have no common divisor, few leaps go round in a circle."""
+
+
+DROP_SHARE = 0.3
+"""Likewise of single steps, as long as the point moves; else only one row is let go."""
+
+MOST_LEAPS = 25
+"""Leaps after which the search goes step by step."""
 
 
 def changes_allowed(n: int, m: int) -> int:

@@ -27,6 +27,7 @@ class Problem(NamedTuple):
         weights: likewise.
         H: final cost.
         g: likewise.
+        damping: of each level, 0 for none.
         starts: where each level's rows begin in A, and where the last one's end.
         bounds_level: to which level the bounds of the variables belong.
     """
@@ -37,6 +38,7 @@ class Problem(NamedTuple):
     weights: Float64[np.ndarray, " nm"]
     H: Float64[np.ndarray, "n n"]
     g: Float64[np.ndarray, " n"]
+    damping: Float64[np.ndarray, " p"]
     starts: Int64[np.ndarray, " p1"]
     bounds_level: int
 
@@ -62,13 +64,16 @@ class Work(NamedTuple):
         kept: the same when it was computed last, not updated.
         residuals: of each level.
         relative: likewise, divided by its scale.
+        eased: square of the damping that each level needed.
         slacks: of all bounds and rows at x.
         multipliers: of each level, then of the final cost, over all bounds and rows.
         errors: how far, relatively, active rows are from where they should be, and forces from
             balance.
         V: vectors of the reflections, each from its own place on.
         R: active rows, times their weights, in y.
-        T: the system of a level's least squares.
+        right: right side of a level's least squares.
+        vector: a reflection that solves it.
+        T: its system.
         S: vectors of the reflections that solve it.
         Z: basis of what no level has taken, one direction a row.
         ZT: the same, transposed.
@@ -104,12 +109,15 @@ class Work(NamedTuple):
     kept: Float64[np.ndarray, " nm"]
     residuals: Float64[np.ndarray, " p"]
     relative: Float64[np.ndarray, " p"]
+    eased: Float64[np.ndarray, " p"]
     slacks: Float64[np.ndarray, " nm"]
     multipliers: Float64[np.ndarray, "p1 nm"]
     errors: Float64[np.ndarray, "2"]
+    right: Float64[np.ndarray, " nmn"]
+    vector: Float64[np.ndarray, " nmn"]
     V: Float64[np.ndarray, "n n"]
     R: Float64[np.ndarray, "nm n"]
-    T: Float64[np.ndarray, "n nm"]
+    T: Float64[np.ndarray, "n nmn"]
     S: Float64[np.ndarray, "n nm"]
     Z: Float64[np.ndarray, "n n"]
     ZT: Float64[np.ndarray, "n n"]
@@ -131,7 +139,8 @@ class Work(NamedTuple):
 def float_count(n: int, m: int, levels: int) -> int:
     """How many floats `cut` needs."""
     nm = n + m
-    return 6 * n + 10 * nm + 2 * levels + (levels + 1) * nm + 2 + 5 * n * n + 3 * n * nm
+    vectors = 6 * n + 10 * nm + 3 * levels + (levels + 1) * nm + 2 + 2 * (nm + n)
+    return vectors + 5 * n * n + 2 * n * nm + n * (nm + n)
 
 
 def int_count(n: int, m: int, levels: int) -> int:
@@ -153,17 +162,18 @@ def cut(
         levels: number of levels.
     """
     nm, p1 = n + m, levels + 1
+    nmn, nn = nm + n, n * n
     a = 6 * n
     b = a + 9 * nm
-    c = b + 2 * levels
+    c = b + 3 * levels
     d = c + nm
     o = d + p1 * nm
-    e = o + 2
-    f = e + n * n
+    r = o + 2
+    e = r + 2 * nmn
+    f = e + nn
     g = f + nm * n
-    k = g + n * nm
+    k = g + n * nmn
     h = k + n * nm
-    nn = n * n
     i = 6 * nm
     j = i + 2 * p1
     return Work(
@@ -183,13 +193,16 @@ def cut(
         floats[a + 7 * nm : a + 8 * nm],
         floats[a + 8 * nm : b],
         floats[b : b + levels],
-        floats[b + levels : c],
+        floats[b + levels : b + 2 * levels],
+        floats[b + 2 * levels : c],
         floats[c:d],
         floats[d:o].reshape((p1, nm)),
-        floats[o:e],
+        floats[o:r],
+        floats[r : r + nmn],
+        floats[r + nmn : e],
         floats[e:f].reshape((n, n)),
         floats[f:g].reshape((nm, n)),
-        floats[g:k].reshape((n, nm)),
+        floats[g:k].reshape((n, nmn)),
         floats[k:h].reshape((n, nm)),
         floats[h : h + nn].reshape((n, n)),
         floats[h + nn : h + 2 * nn].reshape((n, n)),

@@ -1,0 +1,89 @@
+"""Leaps from active set to active set, several rows at a time, until one is right or many were not.
+
+Rows that pull are let go and rows that are violated are made active, both at once, as in block
+pivoting (Portugal, Judice, Vicente 1994, "A comparison of block pivoting and interior-point
+algorithms for linear least squares problems with nonnegative variables"). Nothing says that a leap
+leads nearer. But where nothing pulls and nothing is violated is the optimum, and mostly a leap gets
+there in a few factorisations, where single steps take one for each row.
+"""
+
+import numpy as np
+
+from poise.hqp.lexls.measure import find_values, residual_of
+from poise.hqp.lexls.multipliers import release
+from poise.hqp.lexls.reflections import copy, length_of
+from poise.hqp.lexls.tolerances import (
+    ADD_SHARES,
+    DROP_SHARES,
+    FEASIBILITY_TOLERANCE,
+    MOST_LEAPS,
+    SAME_TOLERANCE,
+)
+from poise.hqp.lexls.workspace import CHANGES, Problem, Work
+from poise.linalg import compiled
+
+
+@compiled
+def leap(problem: Problem, work: Work) -> bool:
+    """Changes the active set; returns whether its optimum is that of the problem.
+
+    Args:
+        problem: the problem.
+        work: whose target is the optimum of its active set; its point becomes the better of both.
+    """
+    turn = work.state[CHANGES] - 1
+    largest = _find_violations(problem, work, work.target, work.goal)
+    pulled = release(problem, work, DROP_SHARES[turn % len(DROP_SHARES)])
+    if not pulled and largest == 0.0:
+        copy(work.x, work.target)
+        copy(work.values, work.goal)
+        return True
+    if turn == 0:
+        find_values(problem, work.x, work.values)
+    if _is_better(problem, work):
+        copy(work.x, work.target)
+        copy(work.values, work.goal)
+    if turn + 1 < MOST_LEAPS:
+        if largest > 0.0:
+            _activate(work, ADD_SHARES[turn % len(ADD_SHARES)] * largest)
+    elif _find_violations(problem, work, work.x, work.values) > 0.0:
+        # Slack makes any point one to go on from, if only what it violates is active.
+        _activate(work, 0.0)
+    return False
+
+
+@compiled
+def _find_violations(problem: Problem, work: Work, x: np.ndarray, values: np.ndarray) -> float:
+    """How far, signed, a point violates each inactive row; returns the largest."""
+    size, largest = FEASIBILITY_TOLERANCE * length_of(x), 0.0
+    for i in range(len(values)):
+        work.slacks[i] = 0.0
+        if work.side[i] != 0:
+            continue
+        over = max(values[i] - problem.upper[i], problem.lower[i] - values[i])
+        if over > size * work.norms[i]:
+            far = over / work.norms[i] if work.norms[i] > 0.0 else over
+            work.slacks[i] = far if values[i] > problem.upper[i] else -far
+            largest = max(largest, far)
+    return largest
+
+
+@compiled
+def _activate(work: Work, least: float) -> None:
+    """Makes rows active that are violated by at least so much."""
+    for i in range(len(work.slacks)):
+        far = work.slacks[i]
+        if far != 0.0 and abs(far) >= least:
+            work.side[i] = 1 if far > 0.0 else -1
+            work.firm[i] = 0
+
+
+@compiled
+def _is_better(problem: Problem, work: Work) -> bool:
+    """Whether the target meets the levels better than the point."""
+    for level in range(len(work.rank)):
+        old = residual_of(problem, work.values, level)
+        new = residual_of(problem, work.goal, level)
+        if abs(old - new) > SAME_TOLERANCE * max(old, new):
+            return new < old
+    return True
