@@ -1,22 +1,19 @@
-"""`TorqueController`: the tick that controllers by quadratic programs have in common."""
+"""`TorqueController`: what controllers of torques by quadratic programs have in common."""
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from itertools import chain, combinations
 from math import isfinite
-from time import perf_counter
 from typing import Generic, TypeVar
 
 import numpy as np
 
-from poise.checks import checked_kind, checked_number
+from poise.checks import checked_number
 from poise.contacts.contact import Contact
 from poise.control.command import Command, CommandStatus
 from poise.control.fallback import Fallback
 from poise.control.resolver import Answer, Resolver
-from poise.control.stack import Stack, default_stack
-from poise.control.state_check import is_usable
-from poise.control.status import ControllerStatus, task_statuses
-from poise.dynamics.dynamics import Dynamics
+from poise.control.stack import Stack
+from poise.control.ticking import TickingController
 from poise.dynamics.state import RobotState
 from poise.hqp import Solver, SolveStatus, make_solver
 from poise.robots.robot import Robot
@@ -34,7 +31,7 @@ _PREPARED_CONTACTS = 3
 R = TypeVar("R", bound=Resolver)
 
 
-class TorqueController(ABC, Generic[R]):
+class TorqueController(TickingController[Answer], Generic[R]):
     """Tasks in strict priority in, joint torques out; a subclass says how rows are resolved.
 
     `step` never raises. On a solver failure, a state that is not finite, or a solve cut short by
@@ -47,13 +44,6 @@ class TorqueController(ABC, Generic[R]):
         strategy: how the hierarchy is solved: "direct", "cascade" or "weighted".
         backend: QP solver of the cascade and weighted strategies.
         time_limit: cap of one solve [s]; none when None.
-
-    Attributes:
-        robot: the robot.
-        stack: contacts, limits and tasks.
-        dynamics: of the last tick's state.
-        timings: seconds that the four parts of the last tick took: dynamics, assembly, solve,
-            command.
 
     Raises:
         PoiseError: a name that the robot does not have, or a setting that cannot be right.
@@ -70,20 +60,15 @@ class TorqueController(ABC, Generic[R]):
     ) -> None:
         if time_limit is not None:
             checked_number(time_limit, "time_limit of the controller [s]", above=0.0)
-        self.robot = checked_kind(robot, Robot, "the controller's robot")
-        stack = default_stack(robot) if stack is None else stack
-        self.stack = checked_kind(stack, Stack, "the controller's stack")
-        self.stack.bind(robot)
-        self.dynamics = Dynamics(robot)
-        self.timings: dict[str, float] = {}
+        super().__init__(robot, stack)
         self._solver_settings = (strategy, backend, time_limit)
         self._fallback = Fallback(robot, self.stack.torque_limit)
         self._resolvers: dict[tuple[Contact, ...], R] = {}
         self._last: R | None = None
-        self._last_status = CommandStatus.OK
         # Made now, so that what is wrong is refused before the first tick.
         for contacts in self._contact_sets():
             self._resolver_for(contacts)
+        self._current = self._resolver_for(self._active_contacts())
         # What is compiled is compiled now.
         self.stack.joint_limit.evaluate(self.dynamics)
 
@@ -97,64 +82,16 @@ class TorqueController(ABC, Generic[R]):
         """Number of variables and of rows, finite bounds on single variables among them."""
         return (0, 0) if self._last is None else self._last.size
 
-    def step(self, state: RobotState) -> Command:
-        """One tick: from state to torques.
-
-        Args:
-            state: the robot's state.
-
-        Returns:
-            Torques with the status that says how they came about.
-        """
-        if not is_usable(state, self.robot):
-            return self._safe(CommandStatus.BAD_STATE, state)
-        begin = perf_counter()
-        self.dynamics.update(state)
-        for contact in self.stack.contacts:
-            contact.advance(state.time)
-        resolver = self._resolver_for(self._active_contacts())
-        if resolver is not self._last:
-            # A foot that landed holds its place when it is free again, not where it once was.
-            for task in resolver.suspended:
-                task.reset()
-        after_dynamics = perf_counter()
-        resolver.assemble(self.dynamics)
-        after_assembly = perf_counter()
-        answer = resolver.solve()
-        after_solve = perf_counter()
-        self._last = resolver
-        command = self._command(answer, state)
-        self.timings = {
-            "dynamics": after_dynamics - begin,
-            "assembly": after_assembly - after_dynamics,
-            "solve": after_solve - after_assembly,
-            "command": perf_counter() - after_solve,
-        }
-        return command
-
     def reset(self) -> None:
         """Forgets the last command, the last solution and targets taken from the robot.
 
         Contacts stay as loaded as they are.
         """
+        super().reset()
         self._fallback = Fallback(self.robot, self.stack.torque_limit)
         self._last = None
         for resolver in self._resolvers.values():
             resolver.reset()
-        for _, task in self.stack.tasks():
-            task.reset()
-
-    def status(self) -> ControllerStatus:
-        """How each task stood at the last tick: level, error with unit, residual."""
-        residuals: dict[str, float] = {}
-        explanation = "nothing solved yet"
-        if self._last is not None:
-            residuals, explanation = self._last.task_residuals(), self._last.explain()
-        return ControllerStatus(
-            command=self._last_status,
-            tasks=task_statuses(self.stack, residuals, self.suspended),
-            explanation=explanation,
-        )
 
     @abstractmethod
     def _make_resolver(self, contacts: tuple[Contact, ...]) -> R:
@@ -184,6 +121,18 @@ class TorqueController(ABC, Generic[R]):
             resolver = self._resolvers[contacts] = self._make_resolver(contacts)
         return resolver
 
+    def _switch(self) -> tuple[Task, ...]:
+        self._current = self._resolver_for(self._active_contacts())
+        return () if self._current is self._last else self._current.suspended
+
+    def _assemble(self) -> None:
+        self._current.assemble(self.dynamics)
+
+    def _solve(self) -> Answer:
+        answer = self._current.solve()
+        self._last = self._current
+        return answer
+
     def _command(self, answer: Answer, state: RobotState) -> Command:
         torque = answer.torque
         physics_ok = answer.residuals[0] <= _PHYSICS_TOLERANCE
@@ -196,7 +145,6 @@ class TorqueController(ABC, Generic[R]):
         np.maximum(torque, limit.lower, out=torque)
         np.minimum(torque, limit.upper, out=torque)
         self._fallback.remember(torque, state.time)
-        self._last_status = CommandStatus.OK
         return Command(
             status=CommandStatus.OK,
             torque=torque,
@@ -206,6 +154,11 @@ class TorqueController(ABC, Generic[R]):
         )
 
     def _safe(self, status: CommandStatus, state: object) -> Command:
-        self._last_status = status
         v, time = (state.v, state.time) if isinstance(state, RobotState) else (None, None)
         return Command(status=status, torque=self._fallback.torque(v, time))
+
+    def _task_residuals(self) -> dict[str, float]:
+        return {} if self._last is None else self._last.task_residuals()
+
+    def _explain(self) -> str:
+        return "nothing solved yet" if self._last is None else self._last.explain()

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from time import perf_counter
 
 import numpy as np
 from jaxtyping import Float64, Int64
@@ -20,13 +19,11 @@ from poise.control.differential_ik.joint_weights import limit_weights
 from poise.control.differential_ik.row_weights import RowWeights
 from poise.control.differential_ik.within_bounds import solve_within_bounds
 from poise.control.osf.rank import RankTreatment
-from poise.control.stack import Stack, default_stack
-from poise.control.state_check import is_usable
-from poise.control.status import ControllerStatus, task_statuses
-from poise.dynamics.dynamics import Dynamics
+from poise.control.stack import Stack
+from poise.control.ticking import TickingController
 from poise.dynamics.state import RobotState
 from poise.errors import ConfigurationError, UnknownNameError
-from poise.hqp import SolveStatus
+from poise.hqp import HierarchicalProblem, SolveStatus
 from poise.robots.robot import Robot
 from poise.tasks import Task
 from poise.tasks.checks import checked_gain
@@ -41,7 +38,7 @@ _BOUND_TOLERANCE = 1e-6
 """How far outside its bounds a QP may leave a joint before its answer is refused [rad/s]."""
 
 
-class DifferentialIK:
+class DifferentialIK(TickingController[Float64[np.ndarray, " n"] | None]):
     """Tasks in strict priority in, joint velocities out: prioritised differential kinematics.
 
     After Zhang and Kikuuwe, "COM Shifter and Body Rotator for Step-by-Step Teleoperation of Bipedal
@@ -93,19 +90,14 @@ class DifferentialIK:
         limit_time: float = 0.1,
         rank: RankTreatment | None = None,
     ) -> None:
-        self.robot = checked_kind(robot, Robot, "the controller's robot")
+        super().__init__(robot, stack)
         self.dt = checked_number(dt, "dt of the controller [s]", above=0.0)
         if method not in METHODS:
             raise UnknownNameError("no such method", got=method, choices=METHODS)
         self.method = method
         self.rank = checked_kind(rank or RANK, RankTreatment, "rank of the controller")
-        stack = default_stack(robot) if stack is None else stack
-        self.stack = checked_kind(stack, Stack, "the controller's stack")
-        self.stack.bind(robot)
         _check_gains(self.stack)
         self.weights = RowWeights(self.stack)
-        self.dynamics = Dynamics(robot)
-        self.timings: dict[str, float] = {}
         self._speeds = _checked_speeds(speeds or {}, self.stack)
         self._joints = _joint_indices(robot, joints)
         limit_time = checked_number(limit_time, "limit_time of the controller [s]")
@@ -139,6 +131,12 @@ class DifferentialIK:
     def formulation(self) -> VelocityFormulation:
         """Rows of the last tick."""
         return self._current[0]
+
+    @property
+    def problem(self) -> HierarchicalProblem | None:
+        """The hierarchical problem of the last tick by "hqp"; None in closed form."""
+        hierarchy = self._current[1]
+        return None if hierarchy is None else hierarchy.problem
 
     @property
     def suspended(self) -> tuple[Task, ...]:
@@ -180,50 +178,13 @@ class DifferentialIK:
             )
         self._named = contact
 
-    def step(self, state: RobotState) -> Command:
-        """One tick: from state to joint velocities.
-
-        Args:
-            state: the robot's state.
-
-        Returns:
-            Joint velocities with the status that says how they came about.
-        """
-        if not is_usable(state, self.robot):
-            return self._safe(CommandStatus.BAD_STATE, state)
-        begin = perf_counter()
-        self.dynamics.update(state)
-        for contact in self.stack.contacts:
-            contact.advance(state.time)
-        current = self._prepare()
-        if current is not self._current:
-            # A foot that landed holds its place when it is free again, not where it once was.
-            for task in current[0].suspended:
-                task.reset()
-            self._current = current
-        after_dynamics = perf_counter()
-        # What a user asks for may be beyond all numbers; the check of the result finds it.
-        with np.errstate(all="ignore"):
-            self.formulation.fill(self.dynamics)
-            after_assembly = perf_counter()
-            u = self._solve(state)
-            after_solve = perf_counter()
-            command = self._command(state, u)
-        self.timings = {
-            "dynamics": after_dynamics - begin,
-            "assembly": after_assembly - after_dynamics,
-            "solve": after_solve - after_assembly,
-            "command": perf_counter() - after_solve,
-        }
-        return command
-
     def reset(self) -> None:
         """Forgets the last command and targets taken from the robot.
 
         Contacts stay as loaded as they are.
         """
+        super().reset()
         self._fallback = VelocityFallback(self.robot)
-        self._last_status = CommandStatus.OK
         self._missing = np.zeros(len(self.formulation.velocity))
         self._last = np.zeros(len(self._joints))
         self._held = np.zeros(len(self._joints), dtype=np.bool_)
@@ -231,20 +192,11 @@ class DifferentialIK:
         for _, hierarchy in self._prepared.values():
             if hierarchy is not None:
                 hierarchy.reset()
-        for _, task in self.stack.tasks():
-            task.reset()
 
-    def status(self) -> ControllerStatus:
-        """How each task stood at the last tick: level, error with unit, residual [unit/s]."""
-        residuals = {
-            task.name: float(np.linalg.norm(self._missing[rows]))
-            for task, rows in self.formulation.task_rows
-        }
-        return ControllerStatus(
-            command=self._last_status,
-            tasks=task_statuses(self.stack, residuals, self.suspended),
-            explanation=self._explain(),
-        )
+    def _tick(self, state: RobotState) -> Command:
+        # What a user asks for may be beyond all numbers; the check of the result finds it.
+        with np.errstate(all="ignore"):
+            return super()._tick(state)
 
     def _prepare(self) -> tuple[VelocityFormulation, VelocityHierarchy | None]:
         # Kept per stance and set of contacts: switching back to one allocates nothing.
@@ -278,10 +230,20 @@ class DifferentialIK:
         # In flight the last stance stands for lack of a better one.
         return next((c for c in active if c.dim == 6), self._stance)
 
-    def _solve(self, state: RobotState) -> Float64[np.ndarray, " n"] | None:
+    def _switch(self) -> tuple[Task, ...]:
+        current = self._prepare()
+        if current is self._current:
+            return ()
+        self._current = current
+        return current[0].suspended
+
+    def _assemble(self) -> None:
+        self.formulation.fill(self.dynamics)
+
+    def _solve(self) -> Float64[np.ndarray, " n"] | None:
         """Velocities of the joints that may move; None where the QP has no answer."""
         formulation, hierarchy = self._current
-        bounds, joints = self._bounds, state.q[self._q_index]
+        bounds, joints = self._bounds, self.dynamics.state.q[self._q_index]
         lower, upper = bounds.at(joints)
         if hierarchy is not None:
             solution = hierarchy.solve(lower, upper)
@@ -302,17 +264,16 @@ class DifferentialIK:
         )
         return u
 
-    def _command(self, state: RobotState, u: Float64[np.ndarray, " n"] | None) -> Command:
-        if u is None or not math.isfinite(np.add.reduce(u)):
+    def _command(self, answer: Float64[np.ndarray, " n"] | None, state: RobotState) -> Command:
+        if answer is None or not math.isfinite(np.add.reduce(answer)):
             return self._safe(CommandStatus.SOLVER_FAILED, state)
         formulation = self.formulation
-        self._missing = formulation.jacobian @ u
+        self._missing = formulation.jacobian @ answer
         self._missing -= formulation.velocity
         velocity = np.zeros(self.robot.nj)
-        velocity[self._joints] = u
-        self._last = u
+        velocity[self._joints] = answer
+        self._last = answer
         self._fallback.remember(velocity, state.time)
-        self._last_status = CommandStatus.OK
         return Command(status=CommandStatus.OK, velocity=velocity, residuals=self._residuals())
 
     def _residuals(self) -> tuple[float, ...]:
@@ -325,6 +286,12 @@ class DifferentialIK:
             found.append(math.sqrt(missing.dot(missing)) / max(1.0, asked))
             start = stop
         return tuple(found)
+
+    def _task_residuals(self) -> dict[str, float]:
+        return {
+            task.name: float(np.linalg.norm(self._missing[rows]))
+            for task, rows in self.formulation.task_rows
+        }
 
     def _explain(self) -> str:
         formulation, hierarchy = self._current
@@ -339,7 +306,6 @@ class DifferentialIK:
         return "; ".join(notes) or "contacts and limits hold"
 
     def _safe(self, status: CommandStatus, state: object) -> Command:
-        self._last_status = status
         time = state.time if isinstance(state, RobotState) else None
         return Command(status=status, velocity=self._fallback.velocity(time))
 

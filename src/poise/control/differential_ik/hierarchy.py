@@ -6,7 +6,7 @@ from jaxtyping import Float64
 from poise.control.differential_ik.formulation import VelocityFormulation
 from poise.control.differential_ik.row_weights import ROW_WEIGHT
 from poise.control.resolver import PHYSICS_LEVELS
-from poise.hqp import DirectSolver, HierarchicalProblem, Solution
+from poise.hqp import HierarchicalProblem, Solution, make_solver
 
 
 class VelocityHierarchy:
@@ -42,7 +42,7 @@ class VelocityHierarchy:
         self.problem.labels[:1] = [(f"limit of {name}", 1) for name in joint_names]
         self.solution: Solution | None = None
         self._rows = formulation
-        self._solver = DirectSolver()
+        self._solver = make_solver()
 
     def solve(self, lower: Float64[np.ndarray, " n"], upper: Float64[np.ndarray, " n"]) -> Solution:
         """Solves for the rows as they are.

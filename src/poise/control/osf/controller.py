@@ -2,10 +2,9 @@
 
 import math
 from collections.abc import Sequence
-from time import perf_counter
 
 import numpy as np
-from jaxtyping import Bool, Float64
+from jaxtyping import Float64
 
 from poise.checks import Numbers, checked_kind
 from poise.contacts.contact import Contact
@@ -21,10 +20,8 @@ from poise.control.osf.recursion import BIAS_FORMULAS, DERIVATIVES, PaperResolve
 from poise.control.osf.scales import RowScales
 from poise.control.osf.shedding import shed
 from poise.control.osf.torque_step import TorqueStep
-from poise.control.stack import Stack, default_stack
-from poise.control.state_check import is_usable
-from poise.control.status import ControllerStatus, task_statuses
-from poise.dynamics.dynamics import Dynamics
+from poise.control.stack import Stack
+from poise.control.ticking import TickingController
 from poise.dynamics.rates import MatrixRates
 from poise.dynamics.state import RobotState
 from poise.errors import ConfigurationError, UnknownNameError
@@ -39,7 +36,7 @@ _SLACK = 1e-6
 """How far outside its bounds a joint's acceleration may be by rounding [rad/s^2]."""
 
 
-class OperationalSpaceController:
+class OperationalSpaceController(TickingController[Float64[np.ndarray, " nv"]]):
     """The operational space formulation with strict priorities, on any robot.
 
     Torques come in closed form from `FusedResolver` (or, for comparison, from the paper's own
@@ -83,14 +80,11 @@ class OperationalSpaceController:
         demand: float = 50.0,
         torque_step: Numbers | None = None,
     ) -> None:
-        self.robot = checked_kind(robot, Robot, "the controller's robot")
+        super().__init__(robot, stack)
         if bias not in BIAS_FORMULAS:
             raise UnknownNameError("no such bias formula", got=bias, choices=BIAS_FORMULAS)
         if derivative not in DERIVATIVES:
             raise UnknownNameError("no such derivative", got=derivative, choices=DERIVATIVES)
-        stack = default_stack(robot) if stack is None else stack
-        self.dynamics = Dynamics(robot)
-        self.timings: dict[str, float] = {}
         exact = bias in ("original", "proposed") and derivative == "exact"
         self._rates = MatrixRates(robot) if exact else None
         rank = checked_kind(rank or RankTreatment(), RankTreatment, "rank of the controller")
@@ -104,10 +98,9 @@ class OperationalSpaceController:
         )
         self._scales = RowScales(robot)
         self._wrenches: dict[str, Float64[np.ndarray, " c"]] = {}
-        self._set_stack(checked_kind(stack, Stack, "the controller's stack"))
+        self._set_stack(self.stack)
         self._torque_step = TorqueStep(robot, torque_step)
         self._fallback = Fallback(robot, self.stack.torque_limit)
-        self._last_status = CommandStatus.OK
 
     @property
     def suspended(self) -> tuple[Task, ...]:
@@ -173,72 +166,14 @@ class OperationalSpaceController:
         for _, forces in self._prepared.values():
             forces.set_references(self._wrenches)
 
-    def step(self, state: RobotState) -> Command:
-        """One tick: from state to torques.
-
-        Args:
-            state: the robot's state.
-
-        Returns:
-            Torques with the status that says how they came about.
-        """
-        if not is_usable(state, self.robot):
-            return self._safe(CommandStatus.BAD_STATE, state)
-        begin = perf_counter()
-        self.dynamics.update(state)
-        for contact in self.stack.contacts:
-            contact.advance(state.time)
-        current = self._prepare(self._active_contacts())
-        if current is not self._current:
-            # A foot that landed holds its place when it is free again, not where it once was.
-            for task in current[0].suspended:
-                task.reset()
-            self._current = current
-        after_dynamics = perf_counter()
-        formulation, forces = current
-        if self._rates is not None:
-            self._rates.update(state)
-        formulation.fill(self.dynamics, self._rates)
-        self.stack.joint_limit.evaluate(self.dynamics)
-        after_assembly = perf_counter()
-        jacobian = formulation.rows.jacobian[: formulation.contact_dim]
-        acceleration = self._resolve(formulation.rows)
-        if not forces.solve(acceleration, self.dynamics, jacobian):
-            acceleration = shed(
-                self.resolver.steps(), lambda a: forces.solve(a, self.dynamics, jacobian)
-            )
-        after_solve = perf_counter()
-        command = self._command(state, acceleration)
-        self.timings = {
-            "dynamics": after_dynamics - begin,
-            "assembly": after_assembly - after_dynamics,
-            "solve": after_solve - after_assembly,
-            "command": perf_counter() - after_solve,
-        }
-        return command
-
     def reset(self) -> None:
         """Forgets the last command and targets taken from the robot.
 
         Contacts stay as loaded as they are.
         """
+        super().reset()
         self._fallback = Fallback(self.robot, self.stack.torque_limit)
         self._torque_step.reset()
-        for _, task in self.stack.tasks():
-            task.reset()
-
-    def status(self) -> ControllerStatus:
-        """How each task stood at the last tick: level, error with unit, residual."""
-        formulation, forces = self._current
-        residuals = {
-            task.name: float(np.linalg.norm(self._missing[rows]))
-            for task, rows in formulation.task_rows
-        }
-        return ControllerStatus(
-            command=self._last_status,
-            tasks=task_statuses(self.stack, residuals, self.suspended),
-            explanation=_explain(self.robot, self._held, forces, self._bound_error),
-        )
 
     def _set_stack(self, stack: Stack) -> None:
         if not stack.levels:
@@ -277,6 +212,29 @@ class OperationalSpaceController:
             self._prepared[contacts] = pair
         return pair
 
+    def _switch(self) -> tuple[Task, ...]:
+        current = self._prepare(self._active_contacts())
+        if current is self._current:
+            return ()
+        self._current = current
+        return current[0].suspended
+
+    def _assemble(self) -> None:
+        if self._rates is not None:
+            self._rates.update(self.dynamics.state)
+        self._current[0].fill(self.dynamics, self._rates)
+        self.stack.joint_limit.evaluate(self.dynamics)
+
+    def _solve(self) -> Float64[np.ndarray, " nv"]:
+        formulation, forces = self._current
+        jacobian = formulation.rows.jacobian[: formulation.contact_dim]
+        acceleration = self._resolve(formulation.rows)
+        if not forces.solve(acceleration, self.dynamics, jacobian):
+            acceleration = shed(
+                self.resolver.steps(), lambda a: forces.solve(a, self.dynamics, jacobian)
+            )
+        return acceleration
+
     def _resolve(self, rows: LevelRows) -> Float64[np.ndarray, " nv"]:
         """Accelerations of all levels, with joints held that would leave their limits."""
         limit, base = self.stack.joint_limit, self.robot.base_dofs
@@ -300,23 +258,22 @@ class OperationalSpaceController:
             )
         return acceleration
 
-    def _command(self, state: RobotState, acceleration: Float64[np.ndarray, " nv"]) -> Command:
+    def _command(self, answer: Float64[np.ndarray, " nv"], state: RobotState) -> Command:
         formulation, forces = self._current
         if not np.isfinite(np.add.reduce(forces.torque)):
             return self._safe(CommandStatus.SOLVER_FAILED, state)
         limit = self.stack.torque_limit
         torque, _ = self._torque_step.limited(np.clip(forces.torque, limit.lower, limit.upper))
         self._fallback.remember(torque, state.time)
-        self._last_status = CommandStatus.OK
         return Command(
             status=CommandStatus.OK,
             torque=torque.copy(),
-            acceleration=acceleration,
+            acceleration=answer,
             wrenches={
                 c.name: forces.wrench[rows]
                 for c, rows in zip(forces.contacts, forces.slices, strict=True)
             },
-            residuals=self._measure(formulation, forces, acceleration),
+            residuals=self._measure(formulation, forces, answer),
         )
 
     def _measure(
@@ -342,30 +299,32 @@ class OperationalSpaceController:
         )
 
     def _safe(self, status: CommandStatus, state: object) -> Command:
-        self._last_status = status
         v, time = (state.v, state.time) if isinstance(state, RobotState) else (None, None)
         torque = self._fallback.torque(v, time)
         self._torque_step.remember(torque)
         return Command(status=status, torque=torque)
 
+    def _task_residuals(self) -> dict[str, float]:
+        return {
+            task.name: float(np.linalg.norm(self._missing[rows]))
+            for task, rows in self._current[0].task_rows
+        }
+
+    def _explain(self) -> str:
+        forces, notes = self._current[1], list[str]()
+        names = [self.robot.joint_names[i] for i in np.flatnonzero(self._held)]
+        if names:
+            notes.append("held at their limits: " + ", ".join(names))
+        for error, what in (
+            (forces.base_error, "base dynamics miss {:.2g} of the weight"),
+            (forces.cone_error, "contacts are asked for {:.2g} of the weight outside their cones"),
+            (forces.torque_error, "a torque limit is exceeded by {:.2g} of itself"),
+            (self._bound_error, "joints leave their acceleration bounds by {:.2g} of the largest"),
+        ):
+            if error > TOLERANCE:
+                notes.append(what.format(error))
+        return "; ".join(notes) or "contacts and limits hold"
+
 
 def _relative(missing: Float64[np.ndarray, " m"], target: Float64[np.ndarray, " m"]) -> float:
     return math.sqrt(missing.dot(missing)) / max(1.0, math.sqrt(target.dot(target)))
-
-
-def _explain(
-    robot: Robot, held: Bool[np.ndarray, " nj"], forces: ContactForces, bound_error: float
-) -> str:
-    notes: list[str] = []
-    names = [robot.joint_names[i] for i in np.flatnonzero(held)]
-    if names:
-        notes.append("held at their limits: " + ", ".join(names))
-    for error, what in (
-        (forces.base_error, "base dynamics miss {:.2g} of the weight"),
-        (forces.cone_error, "contacts are asked for {:.2g} of the weight outside their cones"),
-        (forces.torque_error, "a torque limit is exceeded by {:.2g} of itself"),
-        (bound_error, "joints leave their acceleration bounds by {:.2g} of the largest"),
-    ):
-        if error > TOLERANCE:
-            notes.append(what.format(error))
-    return "; ".join(notes) or "contacts and limits hold"
