@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from poise.hqp import CascadeSolver, DirectSolver, certify_point
+from poise.hqp import CascadeSolver, certify_point, make_solver
 from poise.hqp.measure import level_scales
 
 from .random_problems import random_problem
@@ -16,7 +16,7 @@ OPTIMALITY = {"direct": 1e-8, "cascade": 1e-6}  # of forces that do not balance,
 @pytest.mark.parametrize("first", range(0, 2000, BATCH))
 @pytest.mark.parametrize("feasible", [True, False], ids=["feasible", "degenerate"])
 def test_direct_and_cascade_agree_and_are_optimal(feasible, first):
-    direct, cascade = DirectSolver(), CascadeSolver("daqp")
+    direct, cascade = make_solver(), CascadeSolver("daqp")
     failures = []
     for seed in range(first, first + BATCH):
         problem = random_problem(seed, feasible=feasible)

@@ -3,7 +3,6 @@ import pytest
 
 from poise.errors import ConfigurationError, ProblemError, UnknownNameError
 from poise.hqp import (
-    DirectSolver,
     HierarchicalProblem,
     Level,
     SolveStatus,
@@ -66,7 +65,7 @@ def test_numbers_spoiled_after_allocation_are_refused_by_solve_and_survived_by_a
     spoiled.A[0, 0] = np.nan
     with pytest.raises(ProblemError, match="not finite"):
         solve(spoiled)
-    solution = DirectSolver().solve(spoiled)
+    solution = make_solver().solve(spoiled)
     assert solution.status is SolveStatus.BAD_PROBLEM
 
 

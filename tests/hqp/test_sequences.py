@@ -1,9 +1,8 @@
 """Warm starts: a solver that has seen other problems answers like a fresh one."""
 
 import numpy as np
-import pytest
 
-from poise.hqp import CascadeSolver, DirectSolver, HierarchicalProblem
+from poise.hqp import CascadeSolver, HierarchicalProblem, make_solver
 
 from .random_problems import random_problem
 
@@ -26,48 +25,32 @@ def moving_problem(problem, coefficients, time):
         problem.x_upper[:] = np.inf
 
 
-@pytest.mark.parametrize("make", [DirectSolver, lambda: CascadeSolver("osqp")])
-def test_a_warm_sequence_equals_fresh_solves(make):
+def test_a_warm_cascade_equals_fresh_ones():
     rng = np.random.default_rng(0)
     problem = HierarchicalProblem.allocate(8, [4, 5, 6])
     coefficients = [rng.standard_normal(view.A.shape) for view in problem.levels]
-    warm, states = make(), set()
-    exact = isinstance(warm, DirectSolver)
+    warm, states = CascadeSolver("osqp"), set()
     for tick in range(200):
         moving_problem(problem, coefficients, 0.02 * tick)
-        a, b = warm.solve(problem), make().solve(problem)
+        a, b = warm.solve(problem), CascadeSolver("osqp").solve(problem)
         assert a.ok
-        tolerance = 1e-8 if exact else 1e-3
-        np.testing.assert_allclose(a.relative_residuals, b.relative_residuals, atol=tolerance)
-        if exact:
-            np.testing.assert_allclose(a.x, b.x, atol=1e-6)
+        np.testing.assert_allclose(a.relative_residuals, b.relative_residuals, atol=1e-3)
         states.add(a.relaxed)
     assert states == {True, False}
 
 
 def test_one_solver_through_problems_of_many_shapes_equals_fresh_ones():
-    warm = DirectSolver()
+    warm = make_solver()
     for seed in range(150):
         problem = random_problem(seed, feasible=seed % 3 != 0)
-        a, b = warm.solve(problem), DirectSolver().solve(problem)
+        a, b = warm.solve(problem), make_solver().solve(problem)
         np.testing.assert_allclose(a.x, b.x, atol=1e-7 * (1 + np.abs(b.x).max()))
 
 
 def test_a_row_may_turn_from_equality_to_inequality_and_back():
     problem = HierarchicalProblem.allocate(2, [1])
     problem.A[0] = [1.0, 1.0]
-    solver = DirectSolver()
+    solver = make_solver()
     for lower, upper, expected in [(2.0, 2.0, 1.0), (-1.0, 5.0, 0.0), (4.0, 4.0, 2.0)]:
         problem.level(0).lower[0], problem.level(0).upper[0] = lower, upper
         np.testing.assert_allclose(solver.solve(problem).x, [expected, expected], atol=1e-12)
-
-
-def test_a_solution_owns_its_arrays():
-    problem = random_problem(1, feasible=True)
-    solver = DirectSolver()
-    first = solver.solve(problem)
-    kept = [first.x.copy(), first.multipliers.copy(), first.slacks.copy()]
-    problem.g += 1.0
-    solver.solve(problem)
-    for array, copy in zip([first.x, first.multipliers, first.slacks], kept, strict=True):
-        np.testing.assert_array_equal(array, copy)

@@ -9,7 +9,7 @@ from time import perf_counter
 import daqp
 import numpy as np
 
-from poise.hqp import CascadeSolver, DirectSolver, HierarchicalProblem, WeightedSolver
+from poise.hqp import CascadeSolver, HierarchicalProblem, WeightedSolver
 from poise.hqp.lexls import LexicographicSolver
 
 EQUALITIES = (18, 0, 6, 9)
@@ -69,7 +69,6 @@ def main():
     measure("daqp alone", bare_daqp(), 1000, conflict=False)
     for conflict in (False, True):
         measure("direct", LexicographicSolver().solve, 500, conflict=conflict)
-        measure("DirectSolver", DirectSolver().solve, 500, conflict=conflict)
         for backend in ("osqp", "daqp", "proxqp"):
             solver = CascadeSolver(backend)
             measure(solver.name, solver.solve, 60, conflict=conflict)

@@ -2,7 +2,6 @@
 
 from poise.hqp.backends import ACCURACY
 from poise.hqp.cascade import CascadeSolver
-from poise.hqp.direct import DirectSolver
 from poise.hqp.explain import Conflict
 from poise.hqp.level import Level
 from poise.hqp.optimality import Certificate, certify_point
@@ -17,7 +16,6 @@ __all__ = [
     "CascadeSolver",
     "Certificate",
     "Conflict",
-    "DirectSolver",
     "HierarchicalProblem",
     "Level",
     "LevelView",

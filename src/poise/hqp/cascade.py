@@ -98,7 +98,7 @@ class CascadeSolver:
     def _solve_level(self, space: Reduction, level: int, deadline: float) -> bool:
         """Solve one level, or the final cost after the last; return whether the backend did."""
         problem = space.problem
-        indices = space.level_rows(level, level)
+        indices = space.level_rows(level)
         if space.freedom == 0:
             space.hold(indices, problem.lower[indices] == problem.upper[indices])
             return True
@@ -209,7 +209,7 @@ def _forced_rows(
 
 def _level_qp(space: Reduction, level: int, slop: float) -> QP:
     """Set up a level's QP in (z, w), the slack in the user's weighted units."""
-    indices = space.level_rows(level, level)
+    indices = space.level_rows(level)
     weights = space.problem.weights[indices]
     soft, held = space.rows(indices), space.held_rows(slop)
     d, k, h = space.freedom, len(indices), len(held.lower)

@@ -6,10 +6,7 @@ from jaxtyping import Float64
 from poise.hqp.problem import HierarchicalProblem
 
 FEASIBILITY_TOLERANCE = 1e-9
-"""Largest violation, relative to the row's size at the point, of a row that counts as met.
-
-DAQP satisfies active rows to rounding and others to its own tolerance, which is set below this.
-"""
+"""Largest violation, relative to the row's size at the point, of a row that counts as met."""
 
 
 def row_values(

@@ -30,6 +30,9 @@ _NEGLIGIBLE_SLACK = 1e-8
 _CLEAR_MULTIPLIER = 1e-7
 """Multipliers above this share of the largest are certainly positive."""
 
+_DEPENDENCE_TOLERANCE = 1e-9
+"""Rows of which no more than this share lies outside the free ones depend on them."""
+
 
 @dataclass(frozen=True, slots=True)
 class Certificate:
@@ -127,8 +130,11 @@ class _Certifier:
             error, pushes = float(np.linalg.norm(target)), np.zeros(0)
         else:
             scaled = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+            outside = null.T @ (columns / scaled)
+            # Rounding times a huge multiplier would balance anything.
+            outside[:, np.linalg.norm(outside, axis=0) <= _DEPENDENCE_TOLERANCE] = 0.0
             pushes, error = scipy.optimize.nnls(
-                null.T @ (columns / scaled), target / size, maxiter=30 * len(scaled) + 300
+                outside, target / size, maxiter=30 * len(scaled) + 300
             )
             error, pushes = error * size, pushes * size / scaled
         np.add.at(found, np.concatenate([upper, lower]), pushes * signs)
@@ -145,7 +151,8 @@ def _null_space(
     kept = norms > 0.0
     if not kept.any():
         return np.eye(rows.shape[1])
-    return scipy.linalg.null_space(rows[kept] / norms[kept, None], rcond=1e-9)
+    unit = rows[kept] / norms[kept, None]
+    return scipy.linalg.null_space(unit, rcond=_DEPENDENCE_TOLERANCE)
 
 
 def _signed_columns(

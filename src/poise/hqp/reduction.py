@@ -1,22 +1,31 @@
 """The affine space that is left, `x = point + basis y`, and the inequalities still held in it."""
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import scipy.linalg
 from jaxtyping import Bool, Float64, Int
 
-from poise.hqp.least_slack import RANK_TOLERANCE, Rows
 from poise.hqp.problem import HierarchicalProblem
 
 _linalg: Any = scipy.linalg  # its stubs do not tell the modes of qr apart
+
+_RANK_TOLERANCE = 1e-10
+"""Rows of which a projection leaves less than this share depend on what was projected out: what is
+left of an exactly dependent row after two projections is near 1e-15."""
 
 _INDEPENDENCE_TOLERANCE = 1e-9
 """Pivots of unit rows below this are zero: such a row is a combination of the rows before it."""
 
 
-_PREDICTION_SLOP = 1e-11
-"""Rows that depend on fixed ones are met to rounding, which must not look like a conflict."""
+@dataclass(frozen=True, slots=True)
+class Rows:
+    """Two-sided rows `lower <= A y <= upper`."""
+
+    A: Float64[np.ndarray, "k d"]
+    lower: Float64[np.ndarray, " k"]
+    upper: Float64[np.ndarray, " k"]
 
 
 class Reduction:
@@ -27,7 +36,6 @@ class Reduction:
         basis: orthonormal directions in which x may still move.
         held: stacked indices of the inequalities that must keep holding.
         fixed: which stacked rows hold as equalities, at their value at `point`.
-        trusted: whether `point` meets the held inequalities; False while one is predicted.
     """
 
     def __init__(self, problem: HierarchicalProblem) -> None:
@@ -41,22 +49,20 @@ class Reduction:
         self.basis = np.eye(n)
         self.held = np.zeros(0, dtype=np.int64)
         self.fixed = np.zeros(n + problem.m, dtype=np.bool_)
-        self.trusted = True
 
     @property
     def freedom(self) -> int:
         """Number of directions left."""
         return self.basis.shape[1]
 
-    def level_rows(self, first: int, last: int) -> Int[np.ndarray, " k"]:
-        """Return the stacked indices of the bounded rows of levels `first` to `last` inclusive."""
-        of = self.problem.level_of
-        return np.flatnonzero((of >= first) & (of <= last) & self.bounded)
+    def level_rows(self, level: int) -> Int[np.ndarray, " k"]:
+        """Return the stacked indices of a level's bounded rows."""
+        return np.flatnonzero((self.problem.level_of == level) & self.bounded)
 
     def rows(self, indices: Int[np.ndarray, " k"]) -> Rows:
         """Return rows in y. What projection left of dependent rows is set to zero exactly."""
         A = self.coefficients[indices] @ self.basis
-        gone = np.linalg.norm(A, axis=1) <= RANK_TOLERANCE * self.norms[indices]
+        gone = np.linalg.norm(A, axis=1) <= _RANK_TOLERANCE * self.norms[indices]
         A[gone] = 0.0
         offset = self.coefficients[indices] @ self.point
         return Rows(A, self.problem.lower[indices] - offset, self.problem.upper[indices] - offset)
@@ -68,11 +74,7 @@ class Reduction:
             slop: further widening, relative to the rows' size.
         """
         rows = self.rows(self.held)
-        if not self.trusted:
-            slop = max(slop, _PREDICTION_SLOP)
         room = slop * np.maximum(1.0, self.norms[self.held] * float(np.linalg.norm(self.point)))
-        if not self.trusted:
-            return Rows(rows.A, rows.lower - room, rows.upper + room)
         return Rows(rows.A, np.minimum(rows.lower, 0.0) - room, np.maximum(rows.upper, 0.0) + room)
 
     def move(self, y: Float64[np.ndarray, " d"]) -> None:

@@ -46,7 +46,7 @@ class Solution:
             is zero; positive at an upper bound, negative at a lower one. None where the strategy
             has none. Rows that a level had to give up count as equalities here.
         strategy: name of the strategy, with the backend after a slash where there is one.
-        relaxed: whether something had to give, so that levels were resolved one by one.
+        relaxed: whether something had to give.
         iterations: solver iterations, all QPs together.
         timings: seconds by phase; "total" is the whole solve.
     """

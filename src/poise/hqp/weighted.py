@@ -21,7 +21,6 @@ from poise.hqp.measure import (
     signed_slacks,
 )
 from poise.hqp.problem import HierarchicalProblem
-from poise.hqp.soft_levels import can_give
 from poise.hqp.solution import Solution, SolveStatus
 from poise.hqp.status import failure, is_sound
 
@@ -104,7 +103,7 @@ def _tasks_as_cost(problem: HierarchicalProblem, ratio: float) -> QP | None:
     """
     count = len(problem.levels)
     first = count
-    while first > 0 and can_give(problem, first - 1):
+    while first > 0 and _can_be_cost(problem, first - 1):
         first -= 1
     if first == count:
         return None
@@ -129,6 +128,16 @@ def _tasks_as_cost(problem: HierarchicalProblem, ratio: float) -> QP | None:
         P_pattern=np.ones(hessian.shape, dtype=np.bool_),
         A_pattern=np.ones(A.shape, dtype=np.bool_),
         definite=is_definite(problem.H),
+    )
+
+
+def _can_be_cost(problem: HierarchicalProblem, level: int) -> bool:
+    """Whether a level can be a term of the cost: equality rows alone, below the simple bounds."""
+    view = problem.levels[level]
+    return (
+        level > problem.bounds_level
+        and len(view.lower) > 0
+        and bool((view.lower == view.upper).all())
     )
 
 

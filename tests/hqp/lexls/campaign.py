@@ -1,7 +1,10 @@
-"""20,000 random hierarchies of all kinds: `python -m tests.hqp.lexls.campaign [PROBLEMS]`.
+"""20,000 random hierarchies of all kinds.
 
-Every answer's optimality conditions are checked; of every tenth problem, `direct` and the cascade
-on DAQP are asked too, and no level may be better met by them than by `lexls`.
+`python -m tests.hqp.lexls.campaign 20000 daqp quadprog piqp clarabel osqp`: how many, and backends.
+
+Every answer's optimality conditions are checked, and every problem is given to the cascade, too, on
+these backends or on all that are installed: no level may be better met by them than by `lexls`.
+ProxQP takes minutes for some problems whose levels have units of their own.
 """
 
 import sys
@@ -10,7 +13,8 @@ from time import perf_counter
 
 import numpy as np
 
-from poise.hqp import CascadeSolver, DirectSolver
+from poise.errors import MissingExtraError
+from poise.hqp import ACCURACY, CascadeSolver
 from poise.hqp.lexls import LexicographicSolver
 
 from .conditions import worst_violation
@@ -20,7 +24,18 @@ TOLERANCE = 1e-8
 AGREEMENT = 1e-6
 
 
-def examine(family, seeds, solver):
+def cascades(backends):
+    """The cascade on each of these backends that is installed."""
+    found = []
+    for backend in backends:
+        try:
+            found.append(CascadeSolver(backend))
+        except MissingExtraError as error:
+            print(error)
+    return found
+
+
+def examine(family, seeds, solver, others):
     """Solve a family cold; return statuses, silent failures, lost levels, changes and times."""
     statuses, silent, lost, changes, spent = Counter(), [], [], [], []
     for seed in seeds:
@@ -35,34 +50,39 @@ def examine(family, seeds, solver):
             continue
         if not worst_violation(problem, solver.x, solver.multipliers) <= TOLERANCE:
             silent.append(seed)
-        if seed % 10 == 0 and loses(problem, solver.relative_residuals):
-            lost.append(seed)
+        lost += [(seed, name) for name in beaten_by(problem, solver.relative_residuals, others)]
     return statuses, silent, lost, changes, spent
 
 
-def loses(problem, residuals):
-    """Whether another method meets some level better, all levels above it as well as `lexls`."""
-    for other in (DirectSolver(), CascadeSolver("daqp")):
-        solution = other.solve(problem)
-        if not solution.ok:
-            continue
-        for ours, theirs in zip(residuals, solution.relative_residuals, strict=True):
-            if ours > theirs + AGREEMENT * max(1.0, theirs):
-                return True
-            # What it gains below with what it gives up here is no gain; nor is rounding of that.
-            if ours < theirs - 1e-10 * max(1.0, theirs):
-                break
+def beaten_by(problem, residuals, others):
+    """Which methods meet some level better, all levels above it as well as `lexls`."""
+    return [
+        other.name
+        for other in others
+        if (solution := other.solve(problem)).ok and _beats(solution.relative_residuals, residuals)
+    ]
+
+
+def _beats(theirs, ours):
+    for their, our in zip(theirs, ours, strict=True):
+        if our > their + AGREEMENT * max(1.0, their):
+            return True
+        # What it gains below with what it gives up here is no gain; nor is rounding of that.
+        if our < their - 1e-10 * max(1.0, their):
+            return False
     return False
 
 
-def main(problems=20_000):
+def main(problems=20_000, *backends):
     """Print one line a family and one for all."""
-    solver, count = LexicographicSolver(), -(-problems // len(FAMILIES))
-    total = Counter()
+    solver, others = LexicographicSolver(), cascades(backends or tuple(ACCURACY))
+    print("against", ", ".join(other.name for other in others), flush=True)
+    total, count = Counter(), -(-int(problems) // len(FAMILIES))
     for family in FAMILIES:
-        statuses, silent, lost, changes, spent = examine(family, range(count), solver)
+        statuses, silent, lost, changes, spent = examine(family, range(count), solver, others)
         total += statuses
         total["silent"] += len(silent)
+        total["lost"] += len(lost)
         print(
             f"{family.__name__:18} {dict(statuses)} silent {silent[:5]} lost {lost[:5]} "
             f"changes {np.percentile(changes, [50, 99, 100])} "
@@ -73,4 +93,4 @@ def main(problems=20_000):
 
 
 if __name__ == "__main__":
-    main(*map(int, sys.argv[1:]))
+    main(*sys.argv[1:])

@@ -1,0 +1,32 @@
+"""The certificate itself: what it must refuse."""
+
+import numpy as np
+import pytest
+
+from poise.hqp import HierarchicalProblem, Level, certify_point, solve
+
+from .random_problems import random_problem
+
+
+def test_a_row_that_depends_on_others_to_rounding_excuses_nothing():
+    """Its share of the last level's direction, times a multiplier of 1e14, would balance it."""
+    problem = HierarchicalProblem(
+        [
+            Level([[1.0, 0.0]], 0.0, 0.0),
+            Level([[1.0, 1e-14]], -np.inf, 0.0),
+            Level([[0.0, 1.0]], 1.0, 1.0),
+        ]
+    )
+    assert certify_point(problem, np.array([0.0, 1.0])).worst < 1e-12
+    assert certify_point(problem, np.array([0.0, 0.0])).worst > 0.1
+
+
+@pytest.mark.parametrize("feasible", [True, False])
+def test_points_beside_the_optimum_are_refused(feasible):
+    rng = np.random.default_rng(0)
+    for seed in range(100):
+        problem = random_problem(seed, feasible=feasible)
+        x = solve(problem).x
+        assert certify_point(problem, x).worst < 1e-8
+        beside = x + 1e-3 * (1.0 + np.abs(x).max()) * rng.standard_normal(len(x))
+        assert certify_point(problem, beside).worst > 1e-5
