@@ -8,7 +8,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from poise.cli.options import add_output_options, make_folder
+from poise.cli.bench_hqp import act_hqp, add_hqp_options
+from poise.cli.options import add_output_options, make_folder, words_of
 from poise.cli.progress import Bar
 from poise.errors import ConfigurationError, UnknownNameError
 
@@ -20,13 +21,14 @@ _OWN = {
     "dof": ("joints", "contacts", "stack", "ticks"),
     "peers": ("robot", "contacts", "stack", "peers", "ticks"),
     "bias": ("robot", "ticks"),
+    "hqp": ("problems", "sequences", "methods", "count", "save"),
 }
 """Benchmarks by name, and the options that mean something to each."""
 
 _OWN_TELEOP = ("robot", "ticks", "controller")
 """Likewise for the step teleoperator."""
 
-_OPTIONS = ("robot", "joints", "contacts", "controller", "stack", "methods", "peers", "ticks")
+_OPTIONS = tuple(dict.fromkeys(option for own in _OWN.values() for option in own))
 
 
 def add_parser(verbs: Any) -> None:
@@ -39,11 +41,13 @@ def add_parser(verbs: Any) -> None:
         "walk over an obstacle, and the whole simulation of that walk against real time. dof: "
         "times the full and the reduced controller on robots of 20 to 60 joints. peers: times "
         "TSID and placo beside both. bias: times the formulas of the bias acceleration on a "
-        "recorded run of a robot on a fixed base. Whatever is compared is timed in turn on the "
-        "same states.",
+        "recorded run of a robot on a fixed base. hqp: races solvers on hierarchical problems of "
+        "robots, of inverse kinematics and of chance, and judges their answers. Whatever is "
+        "compared is timed in turn on the same states.",
         epilog="example: poise bench tick --controller reduced; "
         "poise bench tick --controller teleop; poise bench dof --joints 33,60; "
-        "poise bench peers --peers tsid=peers/tsid/bin/python; poise bench bias --json",
+        "poise bench peers --peers tsid=peers/tsid/bin/python; poise bench bias --json; "
+        "poise bench hqp --methods daqp-hierarchical,cascade/osqp --out bench",
     )
     parser.add_argument("name", metavar="NAME", help="what to time: " + ", ".join(_OWN))
     parser.add_argument(
@@ -75,7 +79,9 @@ def add_parser(verbs: Any) -> None:
     parser.add_argument(
         "--methods",
         metavar="M,M",
-        help="tick: such as cascade/osqp,cascade/proxqp,weighted; direct is always timed",
+        help="tick: such as cascade/osqp,cascade/proxqp,weighted; direct is always timed; hqp: "
+        "likewise, or daqp-hard, daqp-hierarchical, lexls/solve (default: all that are installed); "
+        "lexls is always timed",
     )
     parser.add_argument(
         "--peers",
@@ -90,6 +96,7 @@ def add_parser(verbs: Any) -> None:
         help="timed ticks (default: 500 for tick and peers, 300 for dof, one walk with "
         "--controller teleop, 1100 for bias)",
     )
+    add_hqp_options(parser)
     add_output_options(parser, "none is written")
     parser.set_defaults(act=act)
 
@@ -105,6 +112,7 @@ def act(options: argparse.Namespace) -> int:
         "dof": _dof,
         "peers": _peers,
         "bias": _bias,
+        "hqp": act_hqp,
     }
     runs[options.name](options)
     return 0
@@ -141,7 +149,7 @@ def _tick(options: argparse.Namespace) -> None:
     plan = TickBench(
         **_given(options, ("robot", "contacts", "controller", "ticks")),
         stacks=_stacks(options.stack or "both"),
-        methods=_words(options.methods) if options.methods else None,
+        methods=words_of(options.methods) if options.methods else None,
         peers=_interpreters(options.peers or ""),
     )
     _run_ticks(options, plan, bench_tick)
@@ -178,7 +186,7 @@ def _dof(options: argparse.Namespace) -> None:
     if options.joints is not None:
         given["joints"] = _numbers(options.joints)
     if options.contacts is not None:
-        given["contacts"] = _words(options.contacts)
+        given["contacts"] = words_of(options.contacts)
     plan = DofBench(**given)
     _run(options, plan, bench_dof, format_dof_table, speed_targets)
 
@@ -228,17 +236,13 @@ def _given(options: argparse.Namespace, names: Sequence[str]) -> dict[str, Any]:
     return {name: getattr(options, name) for name in names if getattr(options, name) is not None}
 
 
-def _words(text: str) -> tuple[str, ...]:
-    return tuple(word.strip() for word in text.split(",") if word.strip())
-
-
 def _numbers(text: str) -> tuple[int, ...]:
     """Reads `20,33,60`.
 
     Raises:
         ConfigurationError: a part that is no whole number.
     """
-    words = _words(text)
+    words = words_of(text)
     for word in words:
         if not (word.isascii() and word.isdigit()):
             raise ConfigurationError(
@@ -266,7 +270,7 @@ def _interpreters(text: str) -> dict[str, Path]:
         ConfigurationError: a part without a path.
     """
     peers: dict[str, Path] = {}
-    for word in _words(text):
+    for word in words_of(text):
         name, separator, path = word.partition("=")
         if not separator or not path:
             raise ConfigurationError(

@@ -33,6 +33,11 @@ def make_folder(wanted: str | None, default: str) -> Path:
     return folder
 
 
+def words_of(text: str) -> tuple[str, ...]:
+    """Reads `a,b,c`: words with commas between them."""
+    return tuple(word.strip() for word in text.split(",") if word.strip())
+
+
 def whole_number(text: str) -> int:
     """A whole number >= 0 of the command line.
 
