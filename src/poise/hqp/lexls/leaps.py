@@ -16,10 +16,21 @@ from poise.hqp.lexls.tolerances import (
     ADD_SHARES,
     DROP_SHARES,
     FEASIBILITY_TOLERANCE,
+    LEAP_PATIENCE,
     MOST_LEAPS,
     SAME_TOLERANCE,
 )
-from poise.hqp.lexls.workspace import CHANGES, Problem, Work
+from poise.hqp.lexls.workspace import (
+    CHANGES,
+    EQUALITY,
+    FEWEST,
+    LEAPS,
+    PHASE,
+    SINCE,
+    STEPPING,
+    Problem,
+    Work,
+)
 from poise.linalg import compiled
 
 
@@ -31,25 +42,45 @@ def leap(problem: Problem, work: Work) -> bool:
         problem: the problem.
         work: whose target is the optimum of its active set; its point becomes the better of both.
     """
-    turn = work.state[CHANGES] - 1
+    state = work.state
+    turn = state[LEAPS]
+    state[LEAPS] += 1
     largest = _find_violations(problem, work, work.target, work.goal)
-    pulled = release(problem, work, DROP_SHARES[turn % len(DROP_SHARES)])
-    if not pulled and largest == 0.0:
+    wrong = 0
+    for i in range(len(work.slacks)):
+        wrong += 1 if work.slacks[i] != 0.0 else 0
+    wrong += release(problem, work, DROP_SHARES[turn % len(DROP_SHARES)])
+    if wrong == 0:
         copy(work.x, work.target)
         copy(work.values, work.goal)
         return True
-    if turn == 0:
+    if state[CHANGES] == 1:
         find_values(problem, work.x, work.values)
     if _is_better(problem, work):
         copy(work.x, work.target)
         copy(work.values, work.goal)
-    if turn + 1 < MOST_LEAPS:
+    state[SINCE] += 1
+    if turn == 0 or wrong < state[FEWEST]:
+        state[FEWEST], state[SINCE] = wrong, 0
+    if turn + 1 < MOST_LEAPS and state[SINCE] < LEAP_PATIENCE:
         if largest > 0.0:
             _activate(work, ADD_SHARES[turn % len(ADD_SHARES)] * largest)
-    elif _find_violations(problem, work, work.x, work.values) > 0.0:
-        # Slack makes any point one to go on from, if only what it violates is active.
-        _activate(work, 0.0)
+    else:
+        state[PHASE] = STEPPING
+        _begin_steps(problem, work)
     return False
+
+
+@compiled
+def _begin_steps(problem: Problem, work: Work) -> None:
+    """Makes active what the point violates, and nothing that it keeps away from."""
+    size = FEASIBILITY_TOLERANCE * length_of(work.x)
+    for i in range(len(work.values)):
+        value, room = work.values[i], size * work.norms[i]
+        if work.side[i] != EQUALITY and (problem.lower[i] + room < value < problem.upper[i] - room):
+            work.side[i] = work.firm[i] = 0
+    if _find_violations(problem, work, work.x, work.values) > 0.0:
+        _activate(work, 0.0)
 
 
 @compiled

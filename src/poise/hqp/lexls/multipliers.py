@@ -7,18 +7,15 @@ import numpy as np
 from poise.hqp.lexls.final_cost import find_gradient
 from poise.hqp.lexls.reflections import copy, length_of, reflect
 from poise.hqp.lexls.tolerances import DUAL_TOLERANCE, FEASIBILITY_TOLERANCE
-from poise.hqp.lexls.workspace import DOUBT, RELEASED, Problem, Work
+from poise.hqp.lexls.workspace import DOUBT, EQUALITY, RELEASED, Problem, Work
 from poise.linalg import compiled
-
-EQUALITY = 2
-"""The side of a row that has no side: it is always active."""
 
 STRONGEST, FIRST = 2.0, 3.0
 """What `release` takes instead of a share, to let go of one row: which."""
 
 
 @compiled
-def release(problem: Problem, work: Work, share: float) -> bool:
+def release(problem: Problem, work: Work, share: float) -> int:
     """Finds multipliers at the optimum of the active set, and lets go of what pulls there.
 
     A level's slack is its own multiplier, and the levels above hold against it. Of a row's
@@ -31,7 +28,7 @@ def release(problem: Problem, work: Work, share: float) -> bool:
             `STRONGEST`, or `FIRST`.
 
     Returns:
-        Whether something was let go.
+        How many rows were let go.
     """
     levels = len(work.rank)
     work.state[RELEASED], work.state[DOUBT] = -1, 0
@@ -45,7 +42,7 @@ def release(problem: Problem, work: Work, share: float) -> bool:
         if level < levels:
             size = _own_push(problem, work, level, found)
             if size < 0.0:
-                return True
+                return int(-size)
             if size == 0.0:
                 continue
             above = work.begin[level]
@@ -53,8 +50,9 @@ def release(problem: Problem, work: Work, share: float) -> bool:
             size = _cost_push(problem, work)
             above = active
         _balance(work, level, found)
-        if _check_pushes(work, found, above, size, share):
-            return True
+        count = _check_pushes(work, found, above, size, share)
+        if count > 0:
+            return count
         if level < levels:
             for place in range(work.begin[level], work.begin[level + 1]):
                 if work.slack[place] != 0.0:
@@ -63,14 +61,14 @@ def release(problem: Problem, work: Work, share: float) -> bool:
         for place in range(active):
             index = work.order[place]
             work.multipliers[level, index] *= problem.weights[index]
-    return False
+    return 0
 
 
 @compiled
 def _own_push(problem: Problem, work: Work, level: int, found: np.ndarray) -> float:
-    """A level's slack and the force it makes; returns its size, less than zero if rows let go."""
+    """A level's slack and the force it makes; returns its size, or minus how many rows let go."""
     begin, end, first = work.begin[level], work.begin[level + 1], work.first[level]
-    square, wrong = 0.0, False
+    square, wrong = 0.0, 0
     for place in range(begin, end):
         slack = work.slack[place]
         if slack == 0.0:
@@ -80,10 +78,10 @@ def _own_push(problem: Problem, work: Work, level: int, found: np.ndarray) -> fl
         square += slack * slack * work.size[place] * work.size[place]
         side = work.side[index]
         if side != EQUALITY and slack * side < 0.0:
-            wrong = True
+            wrong += 1
             _let_go(problem, work, index)
-    if wrong:
-        return -1.0
+    if wrong > 0:
+        return -float(wrong)
     if square == 0.0:
         return 0.0
     force = work.force[:first]
@@ -143,8 +141,8 @@ def _balance(work: Work, level: int, found: np.ndarray) -> None:
 
 
 @compiled
-def _check_pushes(work: Work, found: np.ndarray, above: int, size: float, share: float) -> bool:
-    """Lets go of rows above a level that pull; returns whether there were any."""
+def _check_pushes(work: Work, found: np.ndarray, above: int, size: float, share: float) -> int:
+    """Lets go of rows above a level that pull; returns how many."""
     for place in range(above):
         size = max(size, abs(found[work.order[place]]) * work.size[place])
     noise = DUAL_TOLERANCE * size
@@ -167,13 +165,15 @@ def _check_pushes(work: Work, found: np.ndarray, above: int, size: float, share:
         if share > 1.0:
             work.state[RELEASED] = first if share == FIRST else strongest
             work.side[work.state[RELEASED]] = 0
-        else:
-            for i in range(count):
-                if work.rest[i] <= share * most:
-                    work.side[work.chosen[i]] = work.firm[work.chosen[i]] = 0
-        return True
+            return 1
+        gone = 0
+        for i in range(count):
+            if work.rest[i] <= share * most:
+                work.side[work.chosen[i]] = work.firm[work.chosen[i]] = 0
+                gone += 1
+        return gone
     for place in range(above):
         index = work.order[place]
         if abs(found[index]) * work.size[place] > noise:
             work.firm[index] = 1
-    return False
+    return 0

@@ -12,24 +12,28 @@ import numpy as np
 import scipy.linalg
 from jaxtyping import Float64, Int64
 
-from poise.hqp.lexls.multipliers import EQUALITY, FIRST, STRONGEST
+from poise.hqp.lexls.multipliers import FIRST, STRONGEST
+from poise.hqp.lexls.reference_guess import guess
 from poise.hqp.lexls.tolerances import (
     ADD_SHARES,
     CANCELLATION,
+    COLD_CHANGES,
     DEPENDENCE_TOLERANCE,
-    DROP_SHARE,
     DROP_SHARES,
     DUAL_TOLERANCE,
     FEASIBILITY_TOLERANCE,
     FLAT_TOLERANCE,
+    LEAP_PATIENCE,
     MOST_LEAPS,
     MOVE_TOLERANCE,
     PATIENCE,
     RANK_TOLERANCE,
     SAME_TOLERANCE,
     SLACK_TOLERANCE,
+    WARM_CHANGES,
     changes_allowed,
 )
+from poise.hqp.lexls.workspace import EQUALITY
 from poise.hqp.problem import HierarchicalProblem
 
 
@@ -115,38 +119,70 @@ class _Search:
         self.locked = np.zeros(n + m, dtype=np.bool_)
         self.released = -1
         self.multipliers = np.zeros((len(problem.levels) + 1, n + m))
-        self.blocked = self.doubt = False
+        self.blocked = self.doubt = self.stepping = False
+        self.fewest = self.since = 0
 
     def run(self) -> Found:
         """Go to the optimum of one active set after the other."""
-        changes, limit = 0, changes_allowed(self.problem.n, self.problem.m)
-        self.x, self.idle = np.zeros(self.problem.n), 0
+        limit = changes_allowed(self.problem.n, self.problem.m)
+        cold = not ((self.side == 1) | (self.side == -1)).any()
+        enough = COLD_CHANGES if cold else WARM_CHANGES
+        go_on = self._leap if cold else self._begin
+        self.x, self.idle, self.leaps = np.zeros(self.problem.n), 0, 0
         self.values = self.a @ self.x
-        while changes < limit:
+        for changes in range(1, limit + 1):
             self.target = self._optimum()
             self.goal = self.a @ self.target
-            optimal = self._leap(changes) if changes < MOST_LEAPS else self._step()
-            changes += 1
-            if optimal:
+            if go_on():
                 x, side, found = self.target, self.side, self.multipliers
                 return Found(x, side, found, changes, not self.doubt)
-        return Found(self.x, self.side, self.multipliers, changes, False)
+            if changes == enough:
+                self.side = guess(self.problem)
+                self.firm = self.problem.equality.copy()
+                self.idle, self.leaps, self.released = 0, 0, -1
+                self.locked[:], self.stepping = False, False
+            go_on = self._step if self.stepping else self._leap
+        return Found(self.x, self.side, self.multipliers, limit, False)
+
+    def _begin(self) -> bool:
+        """Choose where to step from; return whether the target is the optimum."""
+        self.stepping = True
+        missed = np.count_nonzero(self._violations(self.target, self.goal))
+        if missed == 0 or np.count_nonzero(self._violations(self.x, self.values)) >= missed:
+            self.x, self.values = self.target, self.goal
+        if missed == 0:
+            return not self._release(STRONGEST)
+        self._activate(self._violations(self.x, self.values), 0.0)
+        return False
 
     # --- leaps --------------------------------------------------------------------------------
 
-    def _leap(self, turn: int) -> bool:
+    def _leap(self) -> bool:
         """Change many rows at once; return whether there was nothing to change."""
+        turn, before = self.leaps, self.side.copy()
+        self.leaps += 1
         violations = self._violations(self.target, self.goal)
         pulled = self._release(DROP_SHARES[turn % len(DROP_SHARES)])
         if not pulled and not violations.any():
             return True
         if self._is_better():
             self.x, self.values = self.target, self.goal
-        if turn + 1 < MOST_LEAPS:
+        wrong = np.count_nonzero(violations) + np.count_nonzero(
+            (before != 0) & (self.side != before)
+        )
+        self.since = self.since + 1
+        if turn == 0 or wrong < self.fewest:
+            self.fewest, self.since = wrong, 0
+        if turn + 1 < MOST_LEAPS and self.since < LEAP_PATIENCE:
             self._activate(violations, ADD_SHARES[turn % len(ADD_SHARES)])
-        else:
-            # Slack makes any point one to go on from, if only what it violates is active.
-            self._activate(self._violations(self.x, self.values), 0.0)
+            return False
+        self.stepping = True
+        # What the point violates is active, and nothing that it keeps away from.
+        room = FEASIBILITY_TOLERANCE * self.norms * np.linalg.norm(self.x)
+        inside = (self.values > self.lower + room) & (self.values < self.upper - room)
+        inside &= self.side != EQUALITY
+        self.side[inside], self.firm[inside] = 0, False
+        self._activate(self._violations(self.x, self.values), 0.0)
         return False
 
     def _violations(
@@ -191,8 +227,6 @@ class _Search:
             self.locked[:] = False
         if self.blocked:
             return False
-        if self.idle == 0:
-            return not self._release(DROP_SHARE)
         return not self._release(FIRST if self.idle > PATIENCE else STRONGEST)
 
     def _advance(self) -> bool:

@@ -3,24 +3,32 @@
 import numpy as np
 from jaxtyping import Float64, Int64
 
+from poise.hqp.lexls.guess import guess
 from poise.hqp.lexls.leaps import leap
 from poise.hqp.lexls.measure import check, find_values, measure
-from poise.hqp.lexls.multipliers import EQUALITY, FIRST, STRONGEST, release
+from poise.hqp.lexls.multipliers import FIRST, STRONGEST, release
 from poise.hqp.lexls.optimum import find_optimum
-from poise.hqp.lexls.reflections import length_of
+from poise.hqp.lexls.reflections import copy, length_of
 from poise.hqp.lexls.tolerances import (
-    DROP_SHARE,
+    COLD_CHANGES,
     FEASIBILITY_TOLERANCE,
-    MOST_LEAPS,
     MOVE_TOLERANCE,
     PATIENCE,
+    WARM_CHANGES,
 )
 from poise.hqp.lexls.workspace import (
+    BEGINNING,
     BEGUN,
     BLOCKED,
     CHANGES,
+    ENOUGH,
+    EQUALITY,
     IDLE,
+    LEAPING,
+    LEAPS,
+    PHASE,
     RELEASED,
+    STEPPING,
     Problem,
     Work,
     cut,
@@ -70,23 +78,79 @@ def search(
     work = cut(floats, ints, n, m, len(starts) - 1)
     state = work.state
     if state[BEGUN] == 0:
-        if not _prepare(problem, work):
+        cold = _prepare(problem, work)
+        if cold < 0:
             return UNSOUND
         for place in range(len(state)):
             state[place] = 0
         state[BEGUN], state[RELEASED] = 1, -1
+        state[PHASE] = LEAPING if cold == 1 else BEGINNING
+        state[ENOUGH] = COLD_CHANGES if cold == 1 else WARM_CHANGES
     found = UNFINISHED
     while state[CHANGES] < changes:
         state[CHANGES] += 1
         find_optimum(problem, work)
         find_values(problem, work.target, work.goal)
-        leaping = state[CHANGES] <= MOST_LEAPS
-        if leap(problem, work) if leaping else _step(problem, work):
+        if state[PHASE] == BEGINNING:
+            state[PHASE] = STEPPING
+            optimal = _begin(problem, work)
+        elif state[PHASE] == LEAPING:
+            optimal = leap(problem, work)
+        else:
+            optimal = _step(problem, work)
+        if optimal:
             found = CONVERGED
             check(problem, work)
             break
+        if state[CHANGES] == state[ENOUGH]:
+            guess(problem, work)
+            _forget(work)
+            state[PHASE] = LEAPING
     measure(problem, work)
     return found
+
+
+@compiled
+def _forget(work: Work) -> None:
+    """Forgets what steps and leaps keep in mind."""
+    work.state[IDLE] = work.state[BLOCKED] = work.state[LEAPS] = 0
+    work.state[RELEASED] = -1
+    for i in range(len(work.locked)):
+        work.locked[i] = 0
+
+
+@compiled
+def _begin(problem: Problem, work: Work) -> bool:
+    """Chooses where to begin; returns whether that is the optimum."""
+    missed = _count_violated(problem, work, work.target, work.goal, False)
+    if missed > 0:
+        find_values(problem, work.x, work.values)
+    # Slack makes any point one to begin from. The last one is seldom far.
+    if missed == 0 or _count_violated(problem, work, work.x, work.values, False) >= missed:
+        copy(work.x, work.target)
+        copy(work.values, work.goal)
+    if missed > 0:
+        _count_violated(problem, work, work.x, work.values, True)
+        return False
+    return release(problem, work, STRONGEST) == 0
+
+
+@compiled
+def _count_violated(
+    problem: Problem, work: Work, x: np.ndarray, values: np.ndarray, activate: bool
+) -> int:
+    """Counts the inactive rows that a point violates, and makes them active if told to."""
+    size, count = FEASIBILITY_TOLERANCE * length_of(x), 0
+    for i in range(len(values)):
+        if work.side[i] != 0:
+            continue
+        room = size * work.norms[i]
+        above = values[i] > problem.upper[i] + room
+        if above or values[i] < problem.lower[i] - room:
+            count += 1
+            if activate:
+                work.side[i] = 1 if above else -1
+    return count
 
 
 @compiled
@@ -100,17 +164,15 @@ def _step(problem: Problem, work: Work) -> bool:
         work.state[IDLE] += 1
     if work.state[BLOCKED] != 0:
         return False
-    idle, share = work.state[IDLE], DROP_SHARE
-    if idle > 0:
-        share = FIRST if idle > PATIENCE else STRONGEST
-    return not release(problem, work, share)
+    share = FIRST if work.state[IDLE] > PATIENCE else STRONGEST
+    return release(problem, work, share) == 0
 
 
 @compiled
-def _prepare(problem: Problem, work: Work) -> bool:
-    """Norms and sides of all rows; returns whether all numbers can be right."""
+def _prepare(problem: Problem, work: Work) -> int:
+    """Norms and sides of all rows; returns if no inequality is active, or -1 for wrong numbers."""
     m, n = problem.A.shape
-    total = 0.0
+    total, cold = 0.0, 1
     for i in range(n):
         work.norms[i] = 1.0
         total += abs(problem.g[i])
@@ -124,7 +186,7 @@ def _prepare(problem: Problem, work: Work) -> bool:
         low, up, side = problem.lower[i], problem.upper[i], work.side[i]
         # Written so that NaN is refused.
         if not (low <= up and low < np.inf and up > -np.inf and problem.weights[i] > 0.0):
-            return False
+            return -1
         total += problem.weights[i]
         if low == up:
             work.side[i], work.firm[i] = EQUALITY, 1
@@ -132,8 +194,10 @@ def _prepare(problem: Problem, work: Work) -> bool:
             work.side[i] = 0
         if work.side[i] == 0:
             work.firm[i] = 0
+        elif work.side[i] != EQUALITY:
+            cold = 0
         work.locked[i] = 0
-    return bool(total < np.inf)
+    return cold if total < np.inf else -1
 
 
 @compiled

@@ -21,10 +21,6 @@ from poise.linalg import say_if_slow
 RELAXED = 1e-9
 """Relative residual above which a level counts as not met."""
 
-WARM = 2
-"""Changes from the active set of the last solve, in times the number of variables, after which the
-search begins anew from none."""
-
 CHUNK = 8
 """Changes of the active set between two looks at the clock."""
 
@@ -109,13 +105,7 @@ class LexicographicSolver:
         self._fit(problem)
         work = self._work
         deadline = None if self.time_limit is None else perf_counter() + self.time_limit
-        warm = bool(work.side.any())
-        limit = min(self._limit, WARM * problem.n) if warm else self._limit
-        found, late = self._change(problem, limit, deadline)
-        if warm and found not in (CONVERGED, UNSOUND) and not late:
-            # An active set from which the search goes astray is worse than none.
-            self.reset()
-            found, late = self._change(problem, self._limit, deadline)
+        found, late = self._change(problem, self._limit, deadline)
         if found == UNSOUND:
             work.side[:] = 0
             return SolveStatus.BAD_PROBLEM

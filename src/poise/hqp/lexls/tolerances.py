@@ -48,11 +48,33 @@ DROP_SHARES = (0.0, 0.5, 0.0, 0.2, 0.0, 0.7, 0.1)
 shares come in turn, and their numbers have no common divisor, few leaps go round in a circle."""
 
 
-DROP_SHARE = 0.3
-"""Likewise of single steps, as long as the point moves; else only one row is let go."""
+HARD, SOFT = 1e-12, 1e-8
+"""What slack costs least in a guess, of the levels above and of the level at hand, relative to what
+its rows do to x."""
+
+MET_TOLERANCE = 1e-6
+"""Slack of a level below this, relative to its rows and to x, is none in a guess."""
+
+FIRM_SHARE = 1e-6
+"""In a guess, rows with less than this share of a level's largest multiplier are not in its way."""
+
+GUESS_TOLERANCE = 1e-9
+"""Violations below this, relative to the way from the final cost's optimum, are none in a guess."""
+
+RIDGE = 1e-9
+"""What a guess adds to the final cost's curvatures, relative to their mean."""
+
+FLOOR = 1e-15
+"""Pivots of a guess are at least this, relative to their rows: some depend on others."""
+
+COLD_CHANGES, WARM_CHANGES = 2, 8
+"""Changes from no active set, or from that of the last solve, after which a guess costs less."""
 
 MOST_LEAPS = 25
 """Leaps after which the search goes step by step."""
+
+LEAP_PATIENCE = 4
+"""Leaps without fewer wrong rows than ever before, after which it does so, too."""
 
 
 def changes_allowed(n: int, m: int) -> int:

@@ -11,10 +11,18 @@ from jaxtyping import Float64, Int64
 
 from poise.linalg import compiled
 
-CHANGES, IDLE, RELEASED, BLOCKED, BEGUN, DOUBT, FREE = range(7)
+CHANGES, PHASE, ENOUGH, LEAPS, FEWEST, SINCE, IDLE, RELEASED, BLOCKED, BEGUN, DOUBT, FREE = range(
+    12
+)
 """Places of the numbers in `Work.state`; the last is how many coordinates no level has taken."""
 
-STATES = 8
+STATES = 12
+
+BEGINNING, LEAPING, STEPPING = range(3)
+"""Phases of the search."""
+
+EQUALITY = 2
+"""The side of a row that has no side: it is always active."""
 
 
 class Problem(NamedTuple):
@@ -79,6 +87,7 @@ class Work(NamedTuple):
         ZT: the same, transposed.
         HZ: H times each of them, one a row.
         C: final cost over that basis, and its Cholesky factor.
+        G: factor of what `guess` solves.
         side: of all bounds and rows: 1 upper, -1 lower, 2 equality, 0 inactive.
         firm: whether an active row's multiplier may have either sign further down.
         locked: whether a row came back at once when it was let go.
@@ -123,6 +132,7 @@ class Work(NamedTuple):
     ZT: Float64[np.ndarray, "n n"]
     HZ: Float64[np.ndarray, "n n"]
     C: Float64[np.ndarray, "n n"]
+    G: Float64[np.ndarray, "g g"]
     side: Int64[np.ndarray, " nm"]
     firm: Int64[np.ndarray, " nm"]
     locked: Int64[np.ndarray, " nm"]
@@ -140,7 +150,7 @@ def float_count(n: int, m: int, levels: int) -> int:
     """How many floats `cut` needs."""
     nm = n + m
     vectors = 6 * n + 10 * nm + 3 * levels + (levels + 1) * nm + 2 + 2 * (nm + n)
-    return vectors + 5 * n * n + 2 * n * nm + n * (nm + n)
+    return vectors + 5 * n * n + 2 * n * nm + n * (nm + n) + min(3 * n, nm) ** 2
 
 
 def int_count(n: int, m: int, levels: int) -> int:
@@ -174,6 +184,8 @@ def cut(
     g = f + nm * n
     k = g + n * nmn
     h = k + n * nm
+    u = h + 4 * nn
+    q = min(3 * n, nm)
     i = 6 * nm
     j = i + 2 * p1
     return Work(
@@ -207,7 +219,8 @@ def cut(
         floats[h : h + nn].reshape((n, n)),
         floats[h + nn : h + 2 * nn].reshape((n, n)),
         floats[h + 2 * nn : h + 3 * nn].reshape((n, n)),
-        floats[h + 3 * nn : h + 4 * nn].reshape((n, n)),
+        floats[h + 3 * nn : u].reshape((n, n)),
+        floats[u : u + q * q].reshape((q, q)),
         ints[:nm],
         ints[nm : 2 * nm],
         ints[2 * nm : 3 * nm],

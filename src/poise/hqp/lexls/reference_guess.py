@@ -1,0 +1,154 @@
+"""`guess.py` in plain NumPy, to be read and to be compared with."""
+
+import numpy as np
+import scipy.linalg
+from jaxtyping import Bool, Float64, Int64
+
+from poise.hqp.lexls.tolerances import (
+    FIRM_SHARE,
+    FLOOR,
+    GUESS_TOLERANCE,
+    HARD,
+    MET_TOLERANCE,
+    RIDGE,
+    SOFT,
+)
+from poise.hqp.lexls.workspace import EQUALITY
+from poise.hqp.problem import HierarchicalProblem
+
+
+def guess(problem: HierarchicalProblem) -> Int64[np.ndarray, " nm"]:
+    """Guess the sides of all rows, from none.
+
+    Args:
+        problem: the problem.
+    """
+    return _Guess(problem).run()
+
+
+class _Guess:
+    def __init__(self, problem: HierarchicalProblem) -> None:
+        self.problem = problem
+        n, trace = problem.n, float(np.trace(problem.H))
+        ridge = RIDGE * trace / n if trace > 0.0 else 1.0
+        C = np.linalg.cholesky(problem.H + ridge * np.eye(n))
+        a = np.vstack([np.eye(n), problem.A])
+        self.M = scipy.linalg.solve_triangular(C, a.T, lower=True).T
+        self.size = np.linalg.norm(self.M, axis=1)
+        self.values_0 = a @ -scipy.linalg.cho_solve((C, True), problem.g)
+        self.D, self.shift = np.zeros(len(a)), np.zeros(len(a))
+        self.side = np.zeros(len(a), dtype=np.int64)
+        self.firm = problem.equality.copy()
+        self.active: list[int] = []
+        self.pushes = np.zeros(len(a))
+        self.y = np.zeros(n)
+
+    def run(self) -> Int64[np.ndarray, " nm"]:
+        """Add level after level."""
+        problem = self.problem
+        left = 2 * len(self.side)
+        for level in range(len(problem.levels)):
+            mine = problem.level_of == level
+            sizes = self.size[mine] * problem.weights[mine]
+            if not (sizes > 0.0).any():
+                continue
+            unit = float(np.mean(sizes[sizes > 0.0] ** 2)) / problem.weights[mine] ** 2
+            self.D[mine] = SOFT * unit
+            self._add_equalities(mine)
+            while left > 0:
+                left -= 1
+                self.y = -self.M.T @ self.pushes
+                row = self._most_violated(problem.level_of <= level)
+                if row < 0 or len(self.active) == self._room():
+                    break
+                self._enter(row)
+            self._settle(mine)
+            self.D[mine] = HARD * unit
+        self.side[problem.equality] = EQUALITY
+        return self.side
+
+    def _room(self) -> int:
+        return min(3 * self.problem.n, len(self.side))
+
+    def _add_equalities(self, mine: Bool[np.ndarray, " nm"]) -> None:
+        rows = np.flatnonzero(mine & self.problem.equality & (self.size > 0.0))
+        rows = rows[: self._room() - len(self.active)]
+        self.side[rows] = EQUALITY
+        self.active += rows.tolist()
+        found = self._solve()
+        while (wrong := (found * self.side < 0.0) & ~self.firm).any():
+            for row in np.flatnonzero(wrong).tolist():
+                self._drop(row)
+            found = self._solve()
+        self.pushes = found
+
+    def _solve(self) -> Float64[np.ndarray, " nm"]:
+        """Multipliers of the active rows, zero for the others."""
+        rows, found = np.array(self.active, dtype=np.int64), np.zeros(len(self.side))
+        if len(rows) == 0:
+            return found
+        problem = self.problem
+        bound = np.where(self.side > 0, problem.upper, problem.lower) + self.shift
+        L = self._factor(rows)
+        found[rows] = scipy.linalg.cho_solve((L, True), (self.values_0 - bound)[rows])
+        return found
+
+    def _factor(self, rows: Int64[np.ndarray, " k"]) -> Float64[np.ndarray, "k k"]:
+        """Cholesky factor of the active rows' system, with pivots that are not too small."""
+        M, L = self.M[rows], np.zeros((len(rows), len(rows)))
+        for k in range(len(rows)):
+            if k > 0:
+                L[k, :k] = scipy.linalg.solve_triangular(L[:k, :k], M[:k] @ M[k], lower=True)
+            square = self.size[rows[k]] ** 2
+            left = square + self.D[rows[k]] - L[k, :k] @ L[k, :k]
+            L[k, k] = np.sqrt(max(left, FLOOR * square))
+        return L
+
+    def _most_violated(self, allowed: Bool[np.ndarray, " nm"]) -> int:
+        """The inactive row that is violated most, relative to its size; or -1."""
+        values = self.values_0 + self.M @ self.y
+        over = np.maximum(values - self.problem.upper, self.problem.lower - values)
+        open_to = allowed & (self.side == 0) & (self.size > 0.0)
+        over[~open_to] = -np.inf
+        share = over / np.where(self.size > 0.0, self.size, 1.0)
+        row = int(share.argmax())
+        if not share[row] > GUESS_TOLERANCE * np.linalg.norm(self.y):
+            return -1
+        self.sign = 1 if values[row] > self.problem.upper[row] else -1
+        return row
+
+    def _enter(self, row: int) -> None:
+        """Make a violated row active, and let go of those whose multipliers turn on the way."""
+        self.side[row] = self.sign
+        self.active.append(row)
+        while True:
+            step = self._solve() - self.pushes
+            turning = ((self.pushes + step) * self.side < 0.0) & ~self.firm
+            turning[row] = False
+            if not turning.any():
+                self.pushes += step
+                return
+            rows = np.flatnonzero(turning)
+            shares = self.pushes[rows] / -step[rows]
+            self.pushes += shares.min() * step
+            self._drop(int(rows[shares.argmin()]))
+
+    def _drop(self, row: int) -> None:
+        self.active.remove(row)
+        self.side[row], self.pushes[row] = 0, 0.0
+
+    def _settle(self, mine: Bool[np.ndarray, " nm"]) -> None:
+        """Hold what a level reached: where it has slack, its rows and those in its way stay."""
+        weights = self.problem.weights
+        active = np.zeros(len(self.side), dtype=np.bool_)
+        active[self.active] = True
+        own = mine & active
+        given = self.D * self.pushes
+        slack = float(np.linalg.norm((given * weights)[own]))
+        size = float((self.size * weights)[own].max(initial=0.0))
+        if not slack > MET_TOLERANCE * size * np.linalg.norm(self.y):
+            return
+        strength = np.abs(self.pushes) * self.size
+        self.firm |= active & (strength > FIRM_SHARE * strength[own].max())
+        self.firm |= own & (np.abs(given) * weights > FIRM_SHARE * slack)
+        self.shift[own] += given[own]
