@@ -206,7 +206,7 @@ def test_the_answer_of_solve_owns_its_arrays(solver):
 
 
 def test_a_cap_on_changes_ends_with_a_finite_point_that_is_not_called_optimal():
-    problem = humanoid(0)
+    problem = humanoid(88)
     needed = LexicographicSolver().solve(problem).iterations
     assert needed > 5
     solution = LexicographicSolver(max_changes=5).solve(problem)
@@ -216,7 +216,7 @@ def test_a_cap_on_changes_ends_with_a_finite_point_that_is_not_called_optimal():
 
 
 def test_a_time_limit_ends_with_a_finite_point_that_is_not_called_optimal():
-    problem = humanoid(0)
+    problem = humanoid(88)
     solution = LexicographicSolver(time_limit=1e-6).solve(problem)
     assert solution.status is SolveStatus.TIME_LIMIT
     assert np.isfinite(solution.x).all()

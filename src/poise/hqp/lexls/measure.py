@@ -6,7 +6,8 @@ import numpy as np
 
 from poise.hqp.lexls.combinations import add_rows
 from poise.hqp.lexls.reflections import length_of, reflect
-from poise.hqp.lexls.workspace import Problem, Work
+from poise.hqp.lexls.tolerances import OPTIMALITY_TOLERANCE
+from poise.hqp.lexls.workspace import DOUBT, Problem, Work
 from poise.linalg import compiled
 
 
@@ -53,11 +54,17 @@ def _slack(problem: Problem, values: np.ndarray, i: int) -> float:
 
 
 @compiled
-def measure(problem: Problem, work: Work) -> None:
-    """Slacks of all rows, residuals of all levels, and their scales."""
+def measure(problem: Problem, work: Work) -> bool:
+    """Slacks of all rows, residuals of all levels; returns whether all that was found is finite."""
     n, levels = len(work.x), len(work.residuals)
+    total = 0.0
+    for j in range(n):
+        total += abs(work.x[j])
     for i in range(len(work.values)):
         work.slacks[i] = _slack(problem, work.values, i)
+        total += abs(work.slacks[i])
+        for level in range(levels + 1):
+            total += abs(work.multipliers[level, i])
     for level in range(levels):
         scale = 0.0
         if problem.bounds_level == level:
@@ -67,6 +74,8 @@ def measure(problem: Problem, work: Work) -> None:
             scale += _square(_least(problem, i) * problem.weights[i])
         work.residuals[level] = residual_of(problem, work.values, level)
         work.relative[level] = work.residuals[level] / max(sqrt(scale), 1.0)
+        total += work.residuals[level]
+    return bool(total < np.inf)
 
 
 @compiled
@@ -99,6 +108,13 @@ def check(problem: Problem, work: Work) -> None:
         work.force[i] = work.hx[i]
         size = max(size, abs(problem.g[i]), abs(problem.H[i, i]) * _reach(work))
     work.errors[1] = max(work.errors[1], _imbalance(problem, work, levels, size))
+
+
+@compiled
+def is_sound(work: Work) -> bool:
+    """Whether what `check` found lets the search be believed, and no row was kept that pulls."""
+    error = max(work.errors[0], work.errors[1])
+    return bool(error <= OPTIMALITY_TOLERANCE and work.state[DOUBT] == 0)
 
 
 @compiled

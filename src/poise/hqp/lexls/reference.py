@@ -133,10 +133,12 @@ class _Search:
         for changes in range(1, limit + 1):
             self.target = self._optimum()
             self.goal = self.a @ self.target
-            if go_on():
+            optimal = go_on()
+            if optimal and not (self.doubt and changes < enough):
                 x, side, found = self.target, self.side, self.multipliers
                 return Found(x, side, found, changes, not self.doubt)
-            if changes == enough:
+            if optimal or changes == enough:
+                enough = 0
                 self.side = guess(self.problem)
                 self.firm = self.problem.equality.copy()
                 self.idle, self.leaps, self.released = 0, 0, -1

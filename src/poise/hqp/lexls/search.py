@@ -5,12 +5,13 @@ from jaxtyping import Float64, Int64
 
 from poise.hqp.lexls.guess import guess
 from poise.hqp.lexls.leaps import leap
-from poise.hqp.lexls.measure import check, find_values, measure
+from poise.hqp.lexls.measure import check, find_values, is_sound, measure
 from poise.hqp.lexls.multipliers import FIRST, STRONGEST, release
 from poise.hqp.lexls.optimum import find_optimum
 from poise.hqp.lexls.reflections import copy, length_of
 from poise.hqp.lexls.tolerances import (
     COLD_CHANGES,
+    FAR,
     FEASIBILITY_TOLERANCE,
     MOVE_TOLERANCE,
     PATIENCE,
@@ -23,6 +24,7 @@ from poise.hqp.lexls.workspace import (
     CHANGES,
     ENOUGH,
     EQUALITY,
+    GUESSED,
     IDLE,
     LEAPING,
     LEAPS,
@@ -35,8 +37,9 @@ from poise.hqp.lexls.workspace import (
 )
 from poise.linalg import compiled
 
-CONVERGED, UNFINISHED, UNSOUND = range(3)
-"""How a call ended; the last: the numbers cannot be a problem."""
+CONVERGED, DOUBTFUL, UNFINISHED, UNSOUND, LOST = range(5)
+"""How a call ended: at an optimum, at what may be none, at the cap, with numbers that cannot be a
+problem, with an answer that is no number."""
 
 
 @compiled
@@ -71,7 +74,7 @@ def search(
         changes: of the active set, all calls together, after which to stop.
 
     Returns:
-        `CONVERGED`, `UNFINISHED` or `UNSOUND`.
+        `CONVERGED` or one of those below it.
     """
     m, n = A.shape
     problem = Problem(A, lower, upper, weights, H, g, damping, starts, bounds_level)
@@ -99,15 +102,16 @@ def search(
         else:
             optimal = _step(problem, work)
         if optimal:
-            found = CONVERGED
             check(problem, work)
-            break
-        if state[CHANGES] == state[ENOUGH]:
+            found = CONVERGED if is_sound(work) else DOUBTFUL
+            if found == CONVERGED or state[GUESSED] == 1:
+                break
+        if optimal or state[CHANGES] == state[ENOUGH]:
             guess(problem, work)
             _forget(work)
-            state[PHASE] = LEAPING
-    measure(problem, work)
-    return found
+            state[PHASE], state[GUESSED] = LEAPING, 1
+            found = UNFINISHED
+    return found if measure(problem, work) else LOST
 
 
 @compiled
@@ -123,10 +127,12 @@ def _forget(work: Work) -> None:
 def _begin(problem: Problem, work: Work) -> bool:
     """Chooses where to begin; returns whether that is the optimum."""
     missed = _count_violated(problem, work, work.target, work.goal, False)
-    if missed > 0:
-        find_values(problem, work.x, work.values)
     # Slack makes any point one to begin from. The last one is seldom far.
-    if missed == 0 or _count_violated(problem, work, work.x, work.values, False) >= missed:
+    near = missed > 0 and length_of(work.x) <= FAR * length_of(work.target)
+    if near:
+        find_values(problem, work.x, work.values)
+        near = _count_violated(problem, work, work.x, work.values, False) < missed
+    if not near:
         copy(work.x, work.target)
         copy(work.values, work.goal)
     if missed > 0:

@@ -1,7 +1,6 @@
 """`LexicographicSolver`: the compiled search in a workspace that persists."""
 
 from collections.abc import Sequence
-from math import isfinite
 from time import perf_counter
 
 import numpy as np
@@ -9,10 +8,10 @@ from jaxtyping import Float64, Int64
 
 from poise.errors import ConfigurationError, ProblemError
 from poise.hqp.level import Level, Numbers
-from poise.hqp.lexls.search import CONVERGED, UNSOUND, search
+from poise.hqp.lexls.search import CONVERGED, LOST, UNFINISHED, UNSOUND, search
 from poise.hqp.lexls.solution import LexicographicSolution
-from poise.hqp.lexls.tolerances import OPTIMALITY_TOLERANCE, changes_allowed
-from poise.hqp.lexls.workspace import BEGUN, CHANGES, DOUBT, Work, cut, float_count, int_count
+from poise.hqp.lexls.tolerances import changes_allowed
+from poise.hqp.lexls.workspace import BEGUN, CHANGES, Work, cut, float_count, int_count
 from poise.hqp.problem import HierarchicalProblem
 from poise.hqp.solution import Solution, SolveStatus
 from poise.hqp.status import failure
@@ -21,7 +20,7 @@ from poise.linalg import say_if_slow
 RELAXED = 1e-9
 """Relative residual above which a level counts as not met."""
 
-CHUNK = 8
+CHUNK = 4
 """Changes of the active set between two looks at the clock."""
 
 
@@ -109,12 +108,11 @@ class LexicographicSolver:
         if found == UNSOUND:
             work.side[:] = 0
             return SolveStatus.BAD_PROBLEM
-        if not isfinite(work.x.sum()):
+        if found == LOST:
             self.reset()
             return SolveStatus.FAILED
         if found == CONVERGED:
-            exact = work.errors.max() <= OPTIMALITY_TOLERANCE and work.state[DOUBT] == 0
-            return SolveStatus.OPTIMAL if exact else SolveStatus.INACCURATE
+            return SolveStatus.OPTIMAL
         return SolveStatus.TIME_LIMIT if late else SolveStatus.INACCURATE
 
     def solve(self, problem: HierarchicalProblem) -> Solution:
@@ -226,8 +224,8 @@ class LexicographicSolver:
         while True:
             allowed = min(allowed + CHUNK, limit)
             found = self._search(problem, allowed)
-            late = perf_counter() > deadline
-            if found in (CONVERGED, UNSOUND) or late or allowed == limit:
+            late = found == UNFINISHED and perf_counter() > deadline
+            if found != UNFINISHED or late or allowed == limit:
                 return found, late
 
     def _search(self, problem: HierarchicalProblem, changes: int) -> int:

@@ -29,6 +29,9 @@ SAME_TOLERANCE = 1e-9
 SINGULAR_TOLERANCE = 1e-6
 """How well, relatively, the least singular value of a level that may be damped is found."""
 
+FAR = 1e6
+"""A point this many times as far as the optimum of the active set is none to begin from."""
+
 MOVE_TOLERANCE = 1e-12
 """A step shorter than this, relative to the point, is none."""
 

@@ -16,7 +16,7 @@ CHANGES, PHASE, ENOUGH, LEAPS, FEWEST, SINCE, IDLE, RELEASED, BLOCKED, BEGUN, DO
 )
 """Places of the numbers in `Work.state`; the last is how many coordinates no level has taken."""
 
-STATES = 12
+STATES = 13
 
 BEGINNING, LEAPING, STEPPING = range(3)
 """Phases of the search."""
