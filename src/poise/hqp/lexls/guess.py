@@ -31,7 +31,7 @@ from poise.hqp.lexls.tolerances import (
     MET_TOLERANCE,
     SOFT,
 )
-from poise.hqp.lexls.workspace import EQUALITY, Problem, Work
+from poise.hqp.lexls.workspace import EQUALITY, UNKNOWN, Problem, Work
 from poise.linalg import compiled
 
 
@@ -64,7 +64,7 @@ def guess(problem: Problem, work: Work) -> None:
         _settle(problem, work, level, count)
         _price(problem, work, level, HARD, unit)
     for i in range(n + len(problem.A)):
-        work.factored[i] = -1
+        work.factored[i] = UNKNOWN
         if problem.lower[i] == problem.upper[i]:
             work.side[i] = EQUALITY
 

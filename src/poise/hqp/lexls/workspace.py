@@ -11,9 +11,8 @@ from jaxtyping import Float64, Int64
 
 from poise.linalg import compiled
 
-CHANGES, PHASE, ENOUGH, LEAPS, FEWEST, SINCE, IDLE, RELEASED, BLOCKED, BEGUN, DOUBT, FREE = range(
-    12
-)
+CHANGES, PHASE, ENOUGH, GUESSED, LEAPS, FEWEST, SINCE = range(7)
+IDLE, RELEASED, BLOCKED, BEGUN, DOUBT, FREE = range(7, 13)
 """Places of the numbers in `Work.state`; the last is how many coordinates no level has taken."""
 
 STATES = 13
@@ -23,6 +22,9 @@ BEGINNING, LEAPING, STEPPING = range(3)
 
 EQUALITY = 2
 """The side of a row that has no side: it is always active."""
+
+UNKNOWN = -9
+"""In `Work.factored`: no side, so that the row's level is factored anew."""
 
 
 class Problem(NamedTuple):
