@@ -36,8 +36,11 @@ def failure(
     x = np.zeros(problem.n)
     if status is not SolveStatus.BAD_PROBLEM:
         slacks = signed_slacks(problem, row_values(problem, x))
-        residuals = level_norms(problem, slacks)
-        relative = residuals / level_scales(problem)
+        # Squares of bounds near the largest number are none.
+        with np.errstate(over="ignore"):
+            largest = np.finfo(np.float64).max
+            residuals = np.minimum(level_norms(problem, slacks), largest)
+            relative = residuals / np.minimum(level_scales(problem), largest)
     return Solution(
         status=status,
         x=x,

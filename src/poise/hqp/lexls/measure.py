@@ -133,8 +133,10 @@ def _find_easing(work: Work, level: int) -> None:
 
 @compiled
 def _row_error(problem: Problem, work: Work) -> float:
-    """How far active rows are from where their slack says they are, relatively."""
+    """How far rows are from where they should be, relatively; inactive ones inside their bounds."""
     worst, size = 0.0, _reach(work)
+    for i in range(len(work.slacks)):
+        work.slacks[i] = 1.0
     for place in range(work.begin[len(work.rank)]):
         index = work.order[place]
         weight = problem.weights[index]
@@ -143,6 +145,12 @@ def _row_error(problem: Problem, work: Work) -> float:
         # Written so that NaN is an error, too.
         if not miss <= worst * scale:
             worst = miss / scale
+        work.slacks[index] = 0.0
+    for i in range(len(work.slacks)):
+        if work.slacks[i] != 0.0:
+            miss = abs(_slack(problem, work.values, i))
+            if not miss <= worst * work.norms[i] * size:
+                worst = miss / (work.norms[i] * size) if work.norms[i] * size > 0.0 else np.inf
     return worst
 
 
