@@ -27,30 +27,39 @@ def share_slack(work: Work, begin: int, end: int, first: int, rank: int) -> None
         rank: how many pivots it has.
     """
     _combine(work, begin, end, first, rank)
-    u, w = work.slack[begin : begin + rank], work.slack[begin + rank : end]
-    if len(w) < rank:
-        _solve_wide(work, begin + rank, end, first, u)
+    count = end - begin - rank
+    if count < rank:
+        _solve_wide(work, begin + rank, end, first, rank)
     else:
-        _solve_tall(work, begin + rank, end, first, u)
-    # The balance u = -C^T w, which the solver of u met but for rounding of the largest of them.
-    balance, terms, noise = work.left[:rank], work.kept[:rank], work.goal[:rank]
-    balance[:], terms[:], noise[:] = 0.0, 0.0, 0.0
-    for i in range(len(w)):
+        _solve_tall(work, begin + rank, end, first, rank)
+    found, u = work.right[: rank + count], work.slack[begin : begin + rank]
+    for i in range(count):
+        work.vector[i] = length_of(work.R[begin + rank + i, first : first + rank])
+        # What depends on nothing has no part in the rounding of the others.
+        if work.vector[i] == 0.0:
+            found[rank + i] = 0.0
+    norm = length_of(found)
+    copy(u, found[:rank])
+    # Each is taken from the solver, or from the others, wherever less is lost by rounding.
+    balance, noise = work.left[:rank], work.kept[:rank]
+    balance[:], noise[:] = 0.0, 0.0
+    for i in range(count):
         C = work.R[begin + rank + i, first : first + rank]
-        total, size = w[i], abs(w[i])
+        total = work.slack[begin + rank + i]
+        size = abs(total)
         for j in range(rank):
             total += C[j] * u[j]
             size += abs(C[j] * u[j])
-        w[i] = total if abs(total) > CANCELLATION * size else 0.0
+        if size > norm and work.vector[i] > 0.0:
+            total, size = found[rank + i], norm
+        w = total if abs(total) > CANCELLATION * size else 0.0
+        work.slack[begin + rank + i] = w
         for j in range(rank):
-            balance[j] -= C[j] * w[i]
-            terms[j] += abs(C[j] * w[i])
+            balance[j] -= C[j] * w
             noise[j] += abs(C[j]) * size
     for j in range(rank):
-        if abs(balance[j]) <= CANCELLATION * terms[j]:
-            u[j] = 0.0
-        elif abs(u[j] - balance[j]) > CANCELLATION * noise[j]:
-            u[j] = balance[j]
+        best = u[j] if noise[j] > norm else balance[j]
+        u[j] = best if abs(best) > CANCELLATION * min(noise[j], norm) else 0.0
 
 
 @compiled
@@ -71,11 +80,11 @@ def _combine(work: Work, begin: int, end: int, first: int, rank: int) -> None:
 
 
 @compiled
-def _solve_wide(work: Work, begin: int, end: int, first: int, u: Float64[np.ndarray, " r"]) -> None:
+def _solve_wide(work: Work, begin: int, end: int, first: int, rank: int) -> None:
     """Few rows depend on many pivots: (u, w) is the shortest solution of C u - w = -e."""
-    rank, count = len(u), end - begin
+    count = end - begin
     T, V, size = work.T, work.S, rank + count
-    step, taus = work.goal[:size], work.kept
+    step, taus = work.right[:size], work.kept
     for i in range(count):
         copy(T[i, :rank], work.R[begin + i, first : first + rank])
         T[i, rank:size] = 0.0
@@ -93,19 +102,30 @@ def _solve_wide(work: Work, begin: int, end: int, first: int, u: Float64[np.ndar
     step[count:] = 0.0
     for i in range(count - 1, -1, -1):
         reflect(step[i:], V[i, : size - i], taus[i])
-    copy(u, step[:rank])
 
 
 @compiled
-def _solve_tall(work: Work, begin: int, end: int, first: int, u: Float64[np.ndarray, " r"]) -> None:
+def _solve_tall(work: Work, begin: int, end: int, first: int, rank: int) -> None:
     """Many rows depend on few pivots: u is the least-squares solution of C u = -e, u = 0."""
-    rank, count = len(u), end - begin
+    count = end - begin
     for i in range(count):
         C = work.R[begin + i, first : first + rank]
         for j in range(rank):
             work.T[j, i] = C[j]
         work.right[i] = -work.slack[begin + i]
-    solve_damped(work, count, 1.0, u)
+    solve_damped(work, count, 1.0, work.goal[:rank])
+    # What is left over, turned back, is (-w, -u): rounded as a whole, not one by one.
+    found, size = work.right[: count + rank], count + rank
+    found[:rank] = 0.0
+    for j in range(rank - 1, -1, -1):
+        v = work.vector[: size - j]
+        v[0] = 1.0
+        copy(v[1:], work.T[j, j + 1 : size])
+        reflect(found[j:], v, work.force[j])
+    for i in range(size):
+        work.vector[i] = -found[i]
+    copy(found[:rank], work.vector[count:size])
+    copy(found[rank:], work.vector[:count])
 
 
 @compiled
@@ -118,7 +138,7 @@ def solve_damped(work: Work, count: int, damping: float, u: Float64[np.ndarray, 
         damping: of all u.
         u: receives the solution.
     """
-    rank, T = len(u), work.T
+    rank, T, taus = len(u), work.T, work.force
     size = count + rank
     right, v = work.right[:size], work.vector
     right[count:] = 0.0
@@ -127,11 +147,15 @@ def solve_damped(work: Work, count: int, damping: float, u: Float64[np.ndarray, 
         T[j, count + j] = damping
     for j in range(rank):
         tail = T[j, j:size]
-        tau = turn_row(tail, v[: size - j], length_of(tail))
-        reflect_rows(T, j + 1, rank, j, v[: size - j], tau)
-        reflect(right[j:], v[: size - j], tau)
+        taus[j] = turn_row(tail, v[: size - j], length_of(tail))
+        reflect_rows(T, j + 1, rank, j, v[: size - j], taus[j])
+        reflect(right[j:], v[: size - j], taus[j])
+        # Where the column is zero now, its reflection is kept.
+        copy(tail[1:], v[1 : size - j])
+    for j in range(rank):
+        u[j] = right[j]
     for j in range(rank - 1, -1, -1):
-        u[j] = right[j] / T[j, j]
+        u[j] /= T[j, j]
         column = T[j]
         for i in range(j):
-            right[i] -= u[j] * column[i]
+            u[i] -= u[j] * column[i]

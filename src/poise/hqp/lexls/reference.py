@@ -333,22 +333,11 @@ class _Search:
         sizes = self.norms[rows] * weights
         size = np.abs(bounds) + sizes * np.hypot(np.linalg.norm(y[:first]), np.linalg.norm(z))
         missed[np.abs(missed) <= SLACK_TOLERANCE * size[rank:]] = 0.0
-        given, factor.slack = np.zeros(rank), np.concatenate([np.zeros(rank), missed])
+        factor.slack = np.concatenate([np.zeros(rank), missed])
         if missed.any() and rank:
             C = self._combine(own, others, sizes[rank:])
-            # The pivots give u, and the others what they miss then: both together the least.
-            given = np.linalg.lstsq(
-                np.vstack([C, np.eye(rank)]), np.append(-missed, given), rcond=None
-            )[0]
-            rest_of = C @ given + missed
-            terms = np.abs(C) @ np.abs(given) + np.abs(missed)
-            rest_of[np.abs(rest_of) <= CANCELLATION * terms] = 0.0
-            balance, noise = -C.T @ rest_of, np.abs(C).T @ np.abs(rest_of)
-            rough = np.abs(given - balance) > CANCELLATION * (np.abs(C).T @ terms)
-            given = np.where(rough, balance, given)
-            given[np.abs(balance) <= CANCELLATION * noise] = 0.0
-            factor.slack = np.concatenate([given, rest_of])
-            z = scipy.linalg.solve_triangular(own, rest[:rank] + given, lower=True)
+            factor.slack = self._share(C, missed)
+            z = scipy.linalg.solve_triangular(own, rest[:rank] + factor.slack[:rank], lower=True)
         y[first : first + rank] = z
 
     def _combine(
@@ -364,6 +353,28 @@ class _Search:
             C[:, k] /= own[k, k]
             C[:, :k] -= np.outer(C[:, k], own[k, :k])
         return C
+
+    def _share(
+        self, C: Float64[np.ndarray, "k r"], missed: Float64[np.ndarray, " k"]
+    ) -> Float64[np.ndarray, " rk"]:
+        """If the pivots give u, the others miss w = C u + missed: (u, w), the least of all."""
+        count, rank = C.shape
+        Q = np.linalg.qr(np.vstack([C, np.eye(rank)]), mode="complete")[0][:, rank:]
+        # What the columns of C over I leave of it: rounded as a whole, not one by one.
+        both = Q @ (Q[:count].T @ missed)
+        w, u = both[:count], both[count:]
+        # What depends on nothing has no part in the rounding of the others.
+        tied = C.any(axis=1)
+        norm = float(np.linalg.norm(np.append(w[tied], u)))
+        sums, sizes = C @ u + missed, np.abs(C) @ np.abs(u) + np.abs(missed)
+        # Each is taken from there, or from the others, wherever less is lost by rounding.
+        lost = np.where(tied, np.minimum(sizes, norm), sizes)
+        w = np.where(tied & (sizes > norm), w, sums)
+        w[np.abs(w) <= CANCELLATION * lost] = 0.0
+        noise = np.abs(C).T @ lost
+        u = np.where(noise > norm, u, -C.T @ w)
+        u[np.abs(u) <= CANCELLATION * np.minimum(noise, norm)] = 0.0
+        return np.concatenate([u, w])
 
     def _solve_cost(self, first: int, y: Float64[np.ndarray, " n"]) -> None:
         """Minimise the final cost over the coordinates that no level has taken."""
