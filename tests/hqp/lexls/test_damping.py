@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-import scipy.linalg
 
 from poise.errors import ConfigurationError
 from poise.hqp import HierarchicalProblem, Level
 from poise.hqp.lexls import LexicographicSolver, reference, solve
 
+from .conditions import worst_violation
 from .families import nearly_dependent
 
 DAMPING = 1e-2
@@ -40,7 +40,7 @@ def test_away_from_singularities_the_answer_is_the_same_to_the_last_bit():
 
 
 def test_levels_above_lose_nothing():
-    ok = eased = 0
+    eased = 0
     for seed in range(60):
         problem = nearly_dependent(seed)
         last = len(problem.levels) - 1
@@ -48,35 +48,36 @@ def test_levels_above_lose_nothing():
         damping[last] = 0.1
         exact, damped = LexicographicSolver(), LexicographicSolver(damping=damping)
         assert exact.run(problem).ok
-        # Which rows a damped level keeps may depend on the way there: some end in doubt.
-        ok += damped.run(problem).ok
+        assert damped.run(problem).ok
         eased += damped.eased[last] > 0.0
         np.testing.assert_allclose(
             exact.residuals[:last], damped.residuals[:last], rtol=1e-9, atol=1e-9
         )
-    assert ok >= 55
     assert eased >= 20
 
 
-def test_the_stated_conditions_hold_where_a_level_is_damped():
+def test_the_conditions_hold_for_the_bounds_that_damping_moved():
     eased = 0
-    for seed in range(40):
+    for seed in range(100):
         problem = nearly_dependent(seed)
         solution = LexicographicSolver(damping=0.05).solve(problem)
-        if not solution.ok:
-            continue
-        a = np.vstack([np.eye(problem.n), problem.A])
-        free = np.eye(problem.n)
-        for level, found in enumerate(solution.level_multipliers):
-            active = a[(problem.level_of == level) & (solution.sides != 0)]
-            reach = scipy.linalg.orth((active @ free).T, rcond=1e-8)
-            P = free @ reach @ reach.T @ free.T
-            np.testing.assert_allclose(
-                a.T @ found, -solution.eased[level] * P @ solution.x, atol=1e-7
-            )
-            free = free @ scipy.linalg.null_space(active @ free, rcond=1e-8)
+        assert solution.ok
         eased += (solution.eased > 0.0).any()
-    assert eased > 10
+        problem.lower += solution.shift
+        problem.upper += solution.shift
+        multipliers = np.vstack([solution.level_multipliers, solution.multipliers])
+        assert worst_violation(problem, solution.x, multipliers) <= 1e-8
+    assert eased > 30
+
+
+def test_limits_do_not_keep_a_damped_search_from_its_end():
+    # The hand is asked further out than the arm reaches, one joint as fast as it may be.
+    solver = LexicographicSolver(damping=[0.0, DAMPING, 0.0])
+    for bend in np.linspace(-0.05, 0.05, 101):
+        limits, rest = Level(np.zeros((0, 2)), 0.0, 0.0), Level(np.eye(2), 0.1, 0.1)
+        problem = HierarchicalProblem([limits, hand_task(bend), rest], x_lower=-2.0, x_upper=2.0)
+        assert solver.run(problem).ok
+        assert solver.changes < 10
 
 
 @pytest.mark.parametrize("seed", range(10))

@@ -1,11 +1,18 @@
-"""Damping of a level near a singularity: its coordinates stay bounded, those above untouched."""
+"""Damping of levels near singularities: their targets move to where a bounded step reaches.
+
+What is damped must not depend on the active set, or the search would chase a problem that changes
+with every row. So damping looks at the equalities alone, once, before the search begins, and moves
+their bounds. What the search then solves is an ordinary problem.
+"""
 
 from math import sqrt
 
+from poise.hqp.lexls.factor import factor_level
 from poise.hqp.lexls.least_squares import solve_damped
+from poise.hqp.lexls.optimum import solve_level
 from poise.hqp.lexls.reflections import length_of
-from poise.hqp.lexls.tolerances import SINGULAR_TOLERANCE, SLACK_TOLERANCE
-from poise.hqp.lexls.workspace import Problem, Work
+from poise.hqp.lexls.tolerances import SINGULAR_TOLERANCE
+from poise.hqp.lexls.workspace import EQUALITY, Problem, Work
 from poise.linalg import compiled
 
 _ROUNDS = 30
@@ -13,14 +20,36 @@ _ROUNDS = 30
 
 
 @compiled
-def find_easing(problem: Problem, work: Work, level: int) -> float:
-    """Square of the damping that a level needs: what its least singular value lacks.
+def ease(problem: Problem, work: Work) -> None:
+    """Moves the bounds of equalities whose level is nearer to a singularity than its damping.
 
     Args:
         problem: the problem.
-        work: in which the level is factored.
-        level: which.
+        work: whose shift is found; sides are as they were.
     """
+    sides = work.chosen
+    for i in range(len(work.side)):
+        sides[i], work.shift[i] = work.side[i], 0.0
+        if work.side[i] != EQUALITY:
+            work.side[i] = 0
+    work.begin[0] = work.first[0] = 0
+    for level in range(len(work.rank)):
+        factor_level(problem, work, level)
+        work.eased[level] = _lack(problem, work, level)
+        if work.eased[level] == 0.0:
+            solve_level(work, level)
+            continue
+        _damp(work, level)
+        for place in range(work.begin[level], work.begin[level + 1]):
+            index = work.order[place]
+            work.shift[index] = work.slack[place] / problem.weights[index]
+    for i in range(len(work.side)):
+        work.side[i] = sides[i]
+
+
+@compiled
+def _lack(problem: Problem, work: Work, level: int) -> float:
+    """Square of the damping that a level needs: what its least singular value lacks."""
     damping, rank = problem.damping[level], work.rank[level]
     if damping == 0.0 or rank == 0:
         return 0.0
@@ -55,28 +84,21 @@ def _least_singular_value(work: Work, begin: int, first: int, rank: int) -> floa
 
 
 @compiled
-def damp(work: Work, begin: int, end: int, first: int, rank: int, square: float) -> None:
-    """Lets a level use its coordinates z no more than worth it: |R z - rest|^2 + square |z|^2.
-
-    Args:
-        work: whose y and slack are found.
-        begin: the level's first row.
-        end: where its rows end.
-        first: its first coordinate.
-        rank: how many it has.
-        square: square of the damping.
-    """
-    z, count = work.y[first : first + rank], end - begin
-    for i in range(count):
-        own = work.R[begin + i, first : first + rank]
+def _damp(work: Work, level: int) -> None:
+    """Gives a level coordinates z and slack: the least |slack|^2 + eased |z|^2."""
+    begin, end = work.begin[level], work.begin[level + 1]
+    first, rank = work.first[level], work.rank[level]
+    above, z = work.y[:first], work.y[first : first + rank]
+    for i in range(end - begin):
+        row, left = work.R[begin + i], work.bound[begin + i]
+        for j in range(first):
+            left -= row[j] * above[j]
+        work.rest[begin + i] = work.right[i] = left
         for j in range(rank):
-            work.T[j, i] = own[j]
-        work.right[i] = work.rest[begin + i]
-    solve_damped(work, count, sqrt(square), z)
-    for row in range(begin, end):
-        own, left = work.R[row, first : first + rank], -work.rest[row]
-        size = abs(left)
+            work.T[j, i] = row[first + j]
+    solve_damped(work, end - begin, sqrt(work.eased[level]), z)
+    for place in range(begin, end):
+        own, left = work.R[place, first : first + rank], -work.rest[place]
         for j in range(rank):
             left += own[j] * z[j]
-            size += abs(own[j] * z[j])
-        work.slack[row] = left if abs(left) > SLACK_TOLERANCE * size else 0.0
+        work.slack[place] = left

@@ -85,7 +85,7 @@ def _enter(problem: Problem, work: Work, index: int, place: int) -> int:
     weight = problem.weights[index]
     bound = problem.upper[index] if work.side[index] > 0 else problem.lower[index]
     work.order[place] = index
-    work.bound[place] = bound * weight
+    work.bound[place] = (bound + work.shift[index]) * weight
     work.size[place] = work.norms[index] * weight
     return place + 1
 

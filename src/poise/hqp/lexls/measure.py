@@ -5,7 +5,7 @@ from math import sqrt
 import numpy as np
 
 from poise.hqp.lexls.combinations import add_rows
-from poise.hqp.lexls.reflections import length_of, reflect
+from poise.hqp.lexls.reflections import length_of
 from poise.hqp.lexls.tolerances import OPTIMALITY_TOLERANCE
 from poise.hqp.lexls.workspace import DOUBT, Problem, Work
 from poise.linalg import compiled
@@ -101,7 +101,7 @@ def check(problem: Problem, work: Work) -> None:
     levels = len(work.rank)
     for level in range(levels):
         if work.begin[level] < work.begin[level + 1]:
-            _find_easing(work, level)
+            work.force[:] = 0.0
             work.errors[1] = max(work.errors[1], _imbalance(problem, work, level, 0.0))
     size = 0.0
     for i in range(len(work.hx)):
@@ -115,20 +115,6 @@ def is_sound(work: Work) -> bool:
     """Whether what `check` found lets the search be believed, and no row was kept that pulls."""
     error = max(work.errors[0], work.errors[1])
     return bool(error <= OPTIMALITY_TOLERANCE and work.state[DOUBT] == 0)
-
-
-@compiled
-def _find_easing(work: Work, level: int) -> None:
-    """The force with which damping holds a level's coordinates back."""
-    force, first = work.force, work.first[level]
-    end = first + work.rank[level]
-    force[:] = 0.0
-    if work.eased[level] == 0.0:
-        return
-    for k in range(first, end):
-        force[k] = work.eased[level] * work.y[k]
-    for k in range(end - 1, -1, -1):
-        reflect(force[k:], work.V[k, k:], work.tau[k])
 
 
 @compiled

@@ -1,6 +1,5 @@
 """The lexicographic optimum of an active set: its rows are equalities, all others are left out."""
 
-from poise.hqp.lexls.damping import damp, find_easing
 from poise.hqp.lexls.factor import factor_level
 from poise.hqp.lexls.final_cost import solve_cost
 from poise.hqp.lexls.least_squares import share_slack
@@ -26,7 +25,7 @@ def find_optimum(problem: Problem, work: Work) -> None:
     work.begin[0] = work.first[0] = 0
     for level in range(start, levels):
         factor_level(problem, work, level)
-        _solve_level(problem, work, level)
+        solve_level(work, level)
     taken = work.first[levels]
     work.state[FREE] = n - taken
     work.y[taken:] = 0.0
@@ -65,8 +64,13 @@ def _note(work: Work, begin: int, end: int) -> bool:
 
 
 @compiled
-def _solve_level(problem: Problem, work: Work, level: int) -> None:
-    """Gives a level the least slack that is left to it."""
+def solve_level(work: Work, level: int) -> None:
+    """Gives a level the least slack that is left to it.
+
+    Args:
+        work: in which the level is factored, and those above it are solved.
+        level: which.
+    """
     begin, end = work.begin[level], work.begin[level + 1]
     first, rank = work.first[level], work.rank[level]
     y, rest, slack = work.y, work.rest, work.slack
@@ -77,10 +81,6 @@ def _solve_level(problem: Problem, work: Work, level: int) -> None:
             left -= head[j] * above[j]
         rest[row] = left
         slack[row] = 0.0
-    work.eased[level] = find_easing(problem, work, level)
-    if work.eased[level] > 0.0:
-        damp(work, begin, end, first, rank, work.eased[level])
-        return
     _solve_pivots(work, begin, first, rank)
     size, met = length_of(y[: first + rank]), True
     for row in range(begin + rank, end):

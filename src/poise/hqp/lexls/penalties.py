@@ -38,7 +38,7 @@ def get_ready(problem: Problem, work: Work) -> None:
         _solve_lower(work, row)
         work.slacks[i], work.size[i] = value, length_of(row)
         work.side[i] = work.firm[i] = 0
-        work.slack[i] = 0.0
+        work.slack[i] = work.shift[i]
 
 
 @compiled

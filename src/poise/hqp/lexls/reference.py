@@ -103,7 +103,7 @@ class _Search:
         side: Int64[np.ndarray, " nm"] | None,
         damping: float,
     ) -> None:
-        self.problem, self.damping = problem, damping
+        self.problem = problem
         n, m = problem.n, problem.m
         self.a = np.vstack([np.eye(n), problem.A])
         self.norms = np.linalg.norm(self.a, axis=1)
@@ -121,6 +121,8 @@ class _Search:
         self.multipliers = np.zeros((len(problem.levels) + 1, n + m))
         self.blocked = self.doubt = self.stepping = False
         self.fewest = self.since = 0
+        if damping > 0.0:
+            self._ease(damping)
 
     def run(self) -> Found:
         """Go to the optimum of one active set after the other."""
@@ -129,17 +131,17 @@ class _Search:
         enough = COLD_CHANGES if cold else WARM_CHANGES
         go_on = self._leap if cold else self._begin
         self.x, self.idle, self.leaps = np.zeros(self.problem.n), 0, 0
-        self.values = self.a @ self.x
+        self.values, guessed = self.a @ self.x, False
         for changes in range(1, limit + 1):
             self.target = self._optimum()
             self.goal = self.a @ self.target
             optimal = go_on()
-            if optimal and not (self.doubt and changes < enough):
+            if optimal and (guessed or not self.doubt):
                 x, side, found = self.target, self.side, self.multipliers
                 return Found(x, side, found, changes, not self.doubt)
             if optimal or changes == enough:
-                enough = 0
-                self.side = guess(self.problem)
+                guessed = True
+                self.side = guess(self.problem, self.lower, self.upper)
                 self.firm = self.problem.equality.copy()
                 self.idle, self.leaps, self.released = 0, 0, -1
                 self.locked[:], self.stepping = False, False
@@ -209,7 +211,7 @@ class _Search:
         for level in range(len(problem.levels)):
             mine = problem.level_of == level
             old, new = (
-                float(np.linalg.norm((v - v.clip(self.lower, self.upper))[mine] * w))
+                float(np.linalg.norm((v - v.clip(problem.lower, problem.upper))[mine] * w))
                 for v, w in (
                     (self.values, problem.weights[mine]),
                     (self.goal, problem.weights[mine]),
@@ -258,6 +260,30 @@ class _Search:
         self.x = target if not self.blocked else self.x + step
         self.values = goal if not self.blocked else self.values + length * rate
         return moved
+
+    # --- damping ------------------------------------------------------------------------------
+
+    def _ease(self, damping: float) -> None:
+        """Move the bounds of equalities whose level is nearer to a singularity than its damping."""
+        problem, side, shift = self.problem, self.side, np.zeros(len(self.side))
+        self.side, self.Q = np.where(problem.equality, EQUALITY, 0), np.eye(problem.n)
+        y, first = np.zeros(problem.n), 0
+        for level in range(len(problem.levels)):
+            factor = self._factor(level, first)
+            rows, rank = factor.rows, factor.rank
+            least = float(np.linalg.svd(factor.triangle, compute_uv=False).min(initial=damping))
+            if least < damping:
+                own, weights = factor.R[:, first : first + rank], problem.weights[rows]
+                rest = problem.lower[rows] * weights - factor.R[:, :first] @ y[:first]
+                system = np.vstack([own, np.sqrt(damping**2 - least**2) * np.eye(rank)])
+                z = np.linalg.lstsq(system, np.append(rest, np.zeros(rank)), rcond=None)[0]
+                y[first : first + rank] = z
+                shift[rows] = (own @ z - rest) / weights
+            else:
+                self._solve_level(factor, y)
+            first += rank
+        self.side = side
+        self.lower, self.upper = problem.lower + shift, problem.upper + shift
 
     # --- the optimum of an active set ---------------------------------------------------------
 
@@ -317,16 +343,6 @@ class _Search:
         factor.R[rank:, first + rank :] = 0.0
         rest = bounds - factor.R[:, :first] @ y[:first]
         own = factor.R[:rank, first : first + rank]
-        least = float(np.linalg.svd(own, compute_uv=False).min(initial=self.damping))
-        if least < self.damping:
-            both, ease = factor.R[:, first : first + rank], self.damping**2 - least**2
-            system = np.vstack([both, np.sqrt(ease) * np.eye(rank)])
-            z = np.linalg.lstsq(system, np.append(rest, np.zeros(rank)), rcond=None)[0]
-            y[first : first + rank] = z
-            terms = np.abs(both) @ np.abs(z) + np.abs(rest)
-            factor.slack = both @ z - rest
-            factor.slack[np.abs(factor.slack) <= SLACK_TOLERANCE * terms] = 0.0
-            return
         others = factor.R[rank:, first : first + rank]
         z = scipy.linalg.solve_triangular(own, rest[:rank], lower=True) if rank else np.zeros(0)
         missed = others @ z - rest[rank:]

@@ -17,18 +17,29 @@ from poise.hqp.lexls.workspace import EQUALITY
 from poise.hqp.problem import HierarchicalProblem
 
 
-def guess(problem: HierarchicalProblem) -> Int64[np.ndarray, " nm"]:
+def guess(
+    problem: HierarchicalProblem,
+    lower: Float64[np.ndarray, " nm"],
+    upper: Float64[np.ndarray, " nm"],
+) -> Int64[np.ndarray, " nm"]:
     """Guess the sides of all rows, from none.
 
     Args:
         problem: the problem.
+        lower: its lower bounds, moved by damping.
+        upper: likewise.
     """
-    return _Guess(problem).run()
+    return _Guess(problem, lower, upper).run()
 
 
 class _Guess:
-    def __init__(self, problem: HierarchicalProblem) -> None:
-        self.problem = problem
+    def __init__(
+        self,
+        problem: HierarchicalProblem,
+        lower: Float64[np.ndarray, " nm"],
+        upper: Float64[np.ndarray, " nm"],
+    ) -> None:
+        self.problem, self.lower, self.upper = problem, lower, upper
         n, trace = problem.n, float(np.trace(problem.H))
         ridge = RIDGE * trace / n if trace > 0.0 else 1.0
         C = np.linalg.cholesky(problem.H + ridge * np.eye(n))
@@ -87,8 +98,7 @@ class _Guess:
         rows, found = np.array(self.active, dtype=np.int64), np.zeros(len(self.side))
         if len(rows) == 0:
             return found
-        problem = self.problem
-        bound = np.where(self.side > 0, problem.upper, problem.lower) + self.shift
+        bound = np.where(self.side > 0, self.upper, self.lower) + self.shift
         L = self._factor(rows)
         found[rows] = scipy.linalg.cho_solve((L, True), (self.values_0 - bound)[rows])
         return found

@@ -3,6 +3,7 @@
 import numpy as np
 from jaxtyping import Float64, Int64
 
+from poise.hqp.lexls.damping import ease
 from poise.hqp.lexls.guess import guess
 from poise.hqp.lexls.leaps import leap
 from poise.hqp.lexls.measure import check, find_values, is_sound, measure
@@ -84,6 +85,8 @@ def search(
         cold = _prepare(problem, work)
         if cold < 0:
             return UNSOUND
+        if np.any(damping):
+            ease(problem, work)
         for place in range(len(state)):
             state[place] = 0
         state[BEGUN], state[RELEASED] = 1, -1
@@ -106,7 +109,7 @@ def search(
             found = CONVERGED if is_sound(work) else DOUBTFUL
             if found == CONVERGED or state[GUESSED] == 1:
                 break
-        if optimal or state[CHANGES] == state[ENOUGH]:
+        if optimal or (state[CHANGES] == state[ENOUGH] and state[GUESSED] == 0):
             guess(problem, work)
             _forget(work)
             state[PHASE], state[GUESSED] = LEAPING, 1

@@ -29,19 +29,20 @@ class LexicographicSolution(Solution):
     first, the first that is not zero is positive at the upper bound and negative at the lower one;
     those after it may have either sign, for there the row is an equality.
 
-    Where level k had to be damped, `-eased[k] P_k x` stands in the place of zero, with P_k the
-    projection on what the level's active rows determine among what those above it leave open.
+    They hold for the bounds that damping moved: a row's slack is counted from there.
 
     Attributes:
         level_multipliers: of each level over the n bounds and m rows.
         sides: the active set: 1 at or above the upper bound, -1 at or below the lower one, 2 for
             an equality, 0 for a row that is not active. What `warm_start` takes.
         eased: square of the damping that each level needed, see `LexicographicSolver`.
+        shift: by how much damping moved the bounds of equalities; zero where nothing is damped.
     """
 
     level_multipliers: Float64[np.ndarray, "p nm"]
     sides: Int64[np.ndarray, " nm"]
     eased: Float64[np.ndarray, " p"]
+    shift: Float64[np.ndarray, " nm"]
 
     def conflicts(self, problem: HierarchicalProblem) -> list[Conflict]:
         """List the rows that could not be met, with what pushes against them.

@@ -39,10 +39,10 @@ class LexicographicSolver:
         max_changes: cap on the changes of the active set in a solve; by default one that grows
             with the problem.
         damping: of each level, or of all; 0 for none. Where the least singular value s of a
-            level's weighted rows, over what the levels above leave, is less than its damping d, it
-            no longer minimises `|W w|^2` alone but `|W w|^2 + (d^2 - s^2) |z|^2`, with z the
-            coordinates of x that the level takes. So z is bounded near singularities, the levels
-            above lose nothing, and away from singularities the answer is exact.
+            level's weighted equalities, over what those above leave, is less than its damping d,
+            they want no more than the z with the least `|W w|^2 + (d^2 - s^2) |z|^2` reaches, z
+            being the coordinates of x that they take. So x is bounded near singularities, the
+            levels above lose nothing, and away from singularities the answer is exact.
 
     Raises:
         ConfigurationError: a cap that is not positive, a damping that is negative or not finite.
@@ -57,6 +57,8 @@ class LexicographicSolver:
         damping: Numbers = 0.0,
     ) -> None:
         self._wanted_damping = _check_damping(damping)
+        if time_limit is not None and not time_limit > 0.0:
+            raise ConfigurationError("time_limit must be positive", got=time_limit, wanted="> 0 s")
         if max_changes is not None and max_changes < 1:
             raise ConfigurationError("max_changes must be positive", got=max_changes, wanted=">= 1")
         self.time_limit = time_limit
@@ -96,7 +98,7 @@ class LexicographicSolver:
 
         Returns:
             The status; the answer is in `x`, `slacks`, `residuals`, `relative_residuals`,
-            `multipliers`, `sides`, `eased` and `changes` until the next call.
+            `multipliers`, `sides`, `eased`, `shift` and `changes` until the next call.
 
         Raises:
             ConfigurationError: the first problem of a shape has not as many levels as `damping`.
@@ -142,6 +144,7 @@ class LexicographicSolver:
             level_multipliers=work.multipliers[:-1].copy(),
             sides=work.side.copy(),
             eased=work.eased.copy(),
+            shift=work.shift.copy(),
             strategy=self.name,
             relaxed=bool(work.relative.max() > RELAXED),
             iterations=int(work.state[CHANGES]),
@@ -182,6 +185,11 @@ class LexicographicSolver:
     def eased(self) -> Float64[np.ndarray, " p"]:
         """Square of the damping that each level needed, as the last `run` left it."""
         return self._work.eased
+
+    @property
+    def shift(self) -> Float64[np.ndarray, " nm"]:
+        """By how much damping moved the bounds of equalities, as the last `run` left it."""
+        return self._work.shift
 
     @property
     def changes(self) -> int:

@@ -75,6 +75,7 @@ class Work(NamedTuple):
         residuals: of each level.
         relative: likewise, divided by its scale.
         eased: square of the damping that each level needed.
+        shift: by how much damping moved the bounds of equalities.
         slacks: of all bounds and rows at x.
         multipliers: of each level, then of the final cost, over all bounds and rows.
         errors: how far, relatively, active rows are from where they should be, and forces from
@@ -121,6 +122,7 @@ class Work(NamedTuple):
     residuals: Float64[np.ndarray, " p"]
     relative: Float64[np.ndarray, " p"]
     eased: Float64[np.ndarray, " p"]
+    shift: Float64[np.ndarray, " nm"]
     slacks: Float64[np.ndarray, " nm"]
     multipliers: Float64[np.ndarray, "p1 nm"]
     errors: Float64[np.ndarray, "2"]
@@ -151,7 +153,7 @@ class Work(NamedTuple):
 def float_count(n: int, m: int, levels: int) -> int:
     """How many floats `cut` needs."""
     nm = n + m
-    vectors = 6 * n + 10 * nm + 3 * levels + (levels + 1) * nm + 2 + 2 * (nm + n)
+    vectors = 6 * n + 11 * nm + 3 * levels + (levels + 1) * nm + 2 + 2 * (nm + n)
     return vectors + 5 * n * n + 2 * n * nm + n * (nm + n) + min(3 * n, nm) ** 2
 
 
@@ -177,7 +179,7 @@ def cut(
     nmn, nn = nm + n, n * n
     a = 6 * n
     b = a + 9 * nm
-    c = b + 3 * levels
+    c = b + 3 * levels + nm
     d = c + nm
     o = d + p1 * nm
     r = o + 2
@@ -208,7 +210,8 @@ def cut(
         floats[a + 8 * nm : b],
         floats[b : b + levels],
         floats[b + levels : b + 2 * levels],
-        floats[b + 2 * levels : c],
+        floats[b + 2 * levels : b + 3 * levels],
+        floats[b + 3 * levels : c],
         floats[c:d],
         floats[d:o].reshape((p1, nm)),
         floats[o:r],
