@@ -4,6 +4,6 @@ Python's own time for a call into NumPy or LAPACK is that of some thousand opera
 most of these functions do. They work in place and allocate nothing.
 """
 
-from poise.linalg.compiling import compiled, say_if_slow
+from poise.linalg.compiling import compiled, part, say_if_slow
 
-__all__ = ["compiled", "say_if_slow"]
+__all__ = ["compiled", "part", "say_if_slow"]

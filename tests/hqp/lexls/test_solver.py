@@ -6,6 +6,8 @@ import tracemalloc
 
 import numpy as np
 import pytest
+from numba.core.runtime import rtsys
+from numba.core.runtime._nrt_python import memsys_disable_stats, memsys_enable_stats
 
 from poise.errors import ConfigurationError, ProblemError
 from poise.hqp import HierarchicalProblem, Solver, SolveStatus
@@ -193,6 +195,26 @@ def test_nothing_is_allocated_after_set_up(solver):
     assert sum(entry.count_diff for entry in grown) == 0
 
 
+def test_the_search_allocates_nothing_however_long_it_is(solver):
+    def allocations(problem):
+        solver.run(problem)
+        solver.reset()
+        before = rtsys.get_allocation_stats()
+        solver.run(problem)
+        after = rtsys.get_allocation_stats()
+        assert after.alloc - before.alloc == after.free - before.free
+        return solver.changes, after.alloc - before.alloc
+
+    memsys_enable_stats()
+    try:
+        short, long = allocations(random_problem(0, feasible=True)), allocations(humanoid(88))
+    finally:
+        memsys_disable_stats()
+    assert long[0] > short[0] + 10
+    # One header for each array handed over, and not one more in between.
+    assert short[1] == long[1] <= 11
+
+
 def test_the_answer_of_solve_owns_its_arrays(solver):
     problem = random_problem(1, feasible=False)
     first = solver.solve(problem)
@@ -213,6 +235,12 @@ def test_a_cap_on_changes_ends_with_a_finite_point_that_is_not_called_optimal():
     assert solution.status is SolveStatus.INACCURATE
     assert solution.iterations == 5
     assert np.isfinite(solution.x).all()
+
+
+@pytest.mark.parametrize("limit", [0.0, -1.0, np.nan])
+def test_a_time_limit_that_cannot_be_is_refused(limit):
+    with pytest.raises(ConfigurationError, match="time_limit"):
+        LexicographicSolver(time_limit=limit)
 
 
 def test_a_time_limit_ends_with_a_finite_point_that_is_not_called_optimal():

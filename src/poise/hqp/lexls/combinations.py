@@ -3,10 +3,10 @@
 import numpy as np
 from jaxtyping import Float64, Int64
 
-from poise.linalg import compiled
+from poise.linalg import part
 
 
-@compiled
+@part
 def add_rows(
     total: Float64[np.ndarray, " n"],
     rows: Float64[np.ndarray, "m n"],

@@ -13,13 +13,13 @@ from poise.hqp.lexls.optimum import solve_level
 from poise.hqp.lexls.reflections import length_of
 from poise.hqp.lexls.tolerances import SINGULAR_TOLERANCE
 from poise.hqp.lexls.workspace import EQUALITY, Problem, Work
-from poise.linalg import compiled
+from poise.linalg import part
 
 _ROUNDS = 30
 """Of the inverse iteration at most; two or three are enough near a singularity."""
 
 
-@compiled
+@part
 def ease(problem: Problem, work: Work) -> None:
     """Moves the bounds of equalities whose level is nearer to a singularity than its damping.
 
@@ -47,7 +47,7 @@ def ease(problem: Problem, work: Work) -> None:
         work.side[i] = sides[i]
 
 
-@compiled
+@part
 def _lack(problem: Problem, work: Work, level: int) -> float:
     """Square of the damping that a level needs: what its least singular value lacks."""
     damping, rank = problem.damping[level], work.rank[level]
@@ -58,7 +58,7 @@ def _lack(problem: Problem, work: Work, level: int) -> float:
     return damping * damping - least * least if least < damping else 0.0
 
 
-@compiled
+@part
 def _least_singular_value(work: Work, begin: int, first: int, rank: int) -> float:
     """Of the pivots' triangle L, by inverse iteration with L L^T."""
     v, least = work.vector[:rank], 0.0
@@ -83,7 +83,7 @@ def _least_singular_value(work: Work, begin: int, first: int, rank: int) -> floa
     return least
 
 
-@compiled
+@part
 def _damp(work: Work, level: int) -> None:
     """Gives a level coordinates z and slack: the least |slack|^2 + eased |z|^2."""
     begin, end = work.begin[level], work.begin[level + 1]

@@ -8,13 +8,13 @@ does with its own coordinates leaves those above untouched.
 from poise.hqp.lexls.reflections import length_of, reflect_rows, turn_row
 from poise.hqp.lexls.tolerances import RANK_TOLERANCE
 from poise.hqp.lexls.workspace import Problem, Work
-from poise.linalg import compiled
+from poise.linalg import part
 
 _CANCELLED = 1e-5
 """Squares that became smaller than this by subtraction are computed anew."""
 
 
-@compiled
+@part
 def factor_level(problem: Problem, work: Work, level: int) -> None:
     """Turns the coordinates that the levels above have left so that a level's rows are a trapezoid.
 
@@ -59,7 +59,7 @@ def factor_level(problem: Problem, work: Work, level: int) -> None:
     work.first[level + 1] = column
 
 
-@compiled
+@part
 def _gather(problem: Problem, work: Work, level: int, place: int, firm: int) -> int:
     """Copies a level's active rows, times their weights; returns where the next ones go."""
     n = len(work.x)
@@ -79,7 +79,7 @@ def _gather(problem: Problem, work: Work, level: int, place: int, firm: int) -> 
     return place
 
 
-@compiled
+@part
 def _enter(problem: Problem, work: Work, index: int, place: int) -> int:
     """Notes which row stands at a place; returns the next place."""
     weight = problem.weights[index]
@@ -90,7 +90,7 @@ def _enter(problem: Problem, work: Work, index: int, place: int) -> int:
     return place + 1
 
 
-@compiled
+@part
 def _swap(work: Work, a: int, b: int) -> None:
     """Lets two active rows of a level change places."""
     row_a, row_b = work.R[a], work.R[b]
@@ -103,7 +103,7 @@ def _swap(work: Work, a: int, b: int) -> None:
     work.kept[a], work.kept[b] = work.kept[b], work.kept[a]
 
 
-@compiled
+@part
 def _update_left(work: Work, begin: int, end: int, column: int) -> None:
     """Takes what the last pivot saw of each row out of what is left of it."""
     for row in range(begin, end):

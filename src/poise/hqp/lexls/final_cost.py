@@ -8,10 +8,10 @@ from poise.hqp.lexls.combinations import add_rows
 from poise.hqp.lexls.reflections import reflect_rows
 from poise.hqp.lexls.tolerances import FLAT_TOLERANCE
 from poise.hqp.lexls.workspace import Problem, Work
-from poise.linalg import compiled
+from poise.linalg import part
 
 
-@compiled
+@part
 def solve_cost(problem: Problem, work: Work, taken: int) -> None:
     """Moves the target to the least final cost that leaves all levels as they are.
 
@@ -44,7 +44,7 @@ def solve_cost(problem: Problem, work: Work, taken: int) -> None:
                 target[j] += share * direction[j]
 
 
-@compiled
+@part
 def find_gradient(problem: Problem, x: np.ndarray, out: np.ndarray) -> None:
     """H x + g.
 
@@ -61,7 +61,7 @@ def find_gradient(problem: Problem, x: np.ndarray, out: np.ndarray) -> None:
         out[i] = total
 
 
-@compiled
+@part
 def _make_basis(work: Work, taken: int, free: int) -> None:
     """What Q makes of the unit vectors of the coordinates that are left."""
     Z, n = work.Z, len(work.x)
@@ -75,7 +75,7 @@ def _make_basis(work: Work, taken: int, free: int) -> None:
             work.ZT[j, k] = Z[k, j]
 
 
-@compiled
+@part
 def _reduce_hessian(problem: Problem, work: Work, free: int) -> None:
     """The upper triangle of C = Z^T H Z; H is mostly zeros where it is a mass matrix."""
     n = len(work.x)
@@ -99,7 +99,7 @@ def _reduce_hessian(problem: Problem, work: Work, free: int) -> None:
             work.C[k, o] = total
 
 
-@compiled
+@part
 def _factor_hessian(problem: Problem, work: Work, free: int) -> int:
     """Cholesky factor with pivots, in place and transposed; returns the rank."""
     C, pivot, force = work.C, work.pivot, work.force
@@ -131,7 +131,7 @@ def _factor_hessian(problem: Problem, work: Work, free: int) -> int:
     return free
 
 
-@compiled
+@part
 def _exchange(C: np.ndarray, a: int, b: int, free: int) -> None:
     """Exchanges two rows and columns, a < b, of which the upper triangle is kept."""
     for i in range(a):
@@ -143,7 +143,7 @@ def _exchange(C: np.ndarray, a: int, b: int, free: int) -> None:
     C[a, a], C[b, b] = C[b, b], C[a, a]
 
 
-@compiled
+@part
 def _solve_factored(work: Work, rank: int) -> None:
     """Solves U^T U z = force for the curved directions; the flat ones stay where they are."""
     C, z = work.C, work.force

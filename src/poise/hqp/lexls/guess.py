@@ -1,7 +1,7 @@
 """A guess of the active set, from none: level by level, by a dual active-set method with penalties.
 
-Every row may be violated at a price: next to nothing for the level at hand, and so much for those
-above that they hardly are. Then no row can be impossible, each step adds the row that is violated
+Every row may be violated at a price: high for the level at hand, and so much higher for those above
+that they hardly ever are. Then no row can be impossible, each step adds the row that is violated
 most (Goldfarb, Idnani 1983, "A numerically stable dual method for solving strictly convex quadratic
 programs"), and costs as little as a product of matrix and vector. Penalties and exact rows differ
 in the last digits of x, and seldom in the active set: where the search begins with this one, it
@@ -32,10 +32,10 @@ from poise.hqp.lexls.tolerances import (
     SOFT,
 )
 from poise.hqp.lexls.workspace import EQUALITY, UNKNOWN, Problem, Work
-from poise.linalg import compiled
+from poise.linalg import part
 
 
-@compiled
+@part
 def guess(problem: Problem, work: Work) -> None:
     """Chooses the sides of all rows anew.
 
@@ -69,7 +69,7 @@ def guess(problem: Problem, work: Work) -> None:
             work.side[i] = EQUALITY
 
 
-@compiled
+@part
 def _ends(problem: Problem, level: int) -> tuple[int, int, int]:
     """Where a level's bounds end, and where its rows begin and end, among bounds and rows."""
     n = len(problem.g)
@@ -77,7 +77,7 @@ def _ends(problem: Problem, level: int) -> tuple[int, int, int]:
     return bounds, n + problem.starts[level], n + problem.starts[level + 1]
 
 
-@compiled
+@part
 def _price(problem: Problem, work: Work, level: int, share: float, unit: float) -> float:
     """Sets D of a level's rows, to a share of what is usual there; returns that, or what it was."""
     bounds, begin, end = _ends(problem, level)
@@ -95,7 +95,7 @@ def _price(problem: Problem, work: Work, level: int, share: float, unit: float) 
     return unit
 
 
-@compiled
+@part
 def _add_equalities(problem: Problem, work: Work, level: int, count: int) -> int:
     """Makes a level's equalities active, as far as there is room."""
     bounds, begin, end = _ends(problem, level)
@@ -110,7 +110,7 @@ def _add_equalities(problem: Problem, work: Work, level: int, count: int) -> int
     return count
 
 
-@compiled
+@part
 def _most_violated(problem: Problem, work: Work, level: int) -> int:
     """The inactive row, down to a level, that is violated most, relative to its size; or -1."""
     n, worst = len(work.x), -1
@@ -129,7 +129,7 @@ def _most_violated(problem: Problem, work: Work, level: int) -> int:
     return worst
 
 
-@compiled
+@part
 def _enter(problem: Problem, work: Work, index: int, count: int) -> int:
     """Makes a violated row active, and lets go of those whose multipliers turn on the way."""
     work.side[index] = 1 if work.goal[index] > problem.upper[index] else -1
@@ -154,7 +154,7 @@ def _enter(problem: Problem, work: Work, index: int, count: int) -> int:
         count = _drop(work, drop, count)
 
 
-@compiled
+@part
 def _drop(work: Work, place: int, count: int) -> int:
     """Lets go of a row; returns how many are left."""
     work.side[work.order[place]] = 0
@@ -162,7 +162,7 @@ def _drop(work: Work, place: int, count: int) -> int:
     return count - 1
 
 
-@compiled
+@part
 def _drop_wrong(work: Work, count: int) -> int:
     """Lets go of rows whose multipliers have the wrong sign, until none has."""
     wrong = True
@@ -176,7 +176,7 @@ def _drop_wrong(work: Work, count: int) -> int:
     return count
 
 
-@compiled
+@part
 def _settle(problem: Problem, work: Work, level: int, count: int) -> None:
     """Holds what a level reached: where it has slack, its rows and those in its way stay active."""
     bounds, begin, end = _ends(problem, level)

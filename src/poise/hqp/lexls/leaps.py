@@ -31,10 +31,10 @@ from poise.hqp.lexls.workspace import (
     Problem,
     Work,
 )
-from poise.linalg import compiled
+from poise.linalg import part
 
 
-@compiled
+@part
 def leap(problem: Problem, work: Work) -> bool:
     """Changes the active set; returns whether its optimum is that of the problem.
 
@@ -71,7 +71,7 @@ def leap(problem: Problem, work: Work) -> bool:
     return False
 
 
-@compiled
+@part
 def _begin_steps(problem: Problem, work: Work) -> None:
     """Makes active what the point violates, and nothing that it keeps away from."""
     size = FEASIBILITY_TOLERANCE * length_of(work.x)
@@ -83,7 +83,7 @@ def _begin_steps(problem: Problem, work: Work) -> None:
         _activate(work, 0.0)
 
 
-@compiled
+@part
 def _find_violations(problem: Problem, work: Work, x: np.ndarray, values: np.ndarray) -> float:
     """How far, signed, a point violates each inactive row; returns the largest."""
     size, largest = FEASIBILITY_TOLERANCE * length_of(x), 0.0
@@ -99,7 +99,7 @@ def _find_violations(problem: Problem, work: Work, x: np.ndarray, values: np.nda
     return largest
 
 
-@compiled
+@part
 def _activate(work: Work, least: float) -> None:
     """Makes rows active that are violated by at least so much."""
     for i in range(len(work.slacks)):
@@ -109,7 +109,7 @@ def _activate(work: Work, least: float) -> None:
             work.firm[i] = 0
 
 
-@compiled
+@part
 def _is_better(problem: Problem, work: Work) -> bool:
     """Whether the target meets the levels better than the point."""
     for level in range(len(work.rank)):

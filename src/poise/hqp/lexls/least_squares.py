@@ -12,10 +12,10 @@ from jaxtyping import Float64
 from poise.hqp.lexls.reflections import copy, length_of, reflect, reflect_rows, turn_row
 from poise.hqp.lexls.tolerances import CANCELLATION, DEPENDENCE_TOLERANCE
 from poise.hqp.lexls.workspace import Work
-from poise.linalg import compiled
+from poise.linalg import part
 
 
-@compiled
+@part
 def share_slack(work: Work, begin: int, end: int, first: int, rank: int) -> None:
     """Shares a level's slack out among its rows.
 
@@ -62,7 +62,7 @@ def share_slack(work: Work, begin: int, end: int, first: int, rank: int) -> None
         u[j] = best if abs(best) > CANCELLATION * min(noise[j], norm) else 0.0
 
 
-@compiled
+@part
 def _combine(work: Work, begin: int, end: int, first: int, rank: int) -> None:
     """Writes each dependent row as a combination of the pivots, over its own part of R."""
     for row in range(begin + rank, end):
@@ -79,7 +79,7 @@ def _combine(work: Work, begin: int, end: int, first: int, rank: int) -> None:
                 C[j] -= share * pivot[j]
 
 
-@compiled
+@part
 def _solve_wide(work: Work, begin: int, end: int, first: int, rank: int) -> None:
     """Few rows depend on many pivots: (u, w) is the shortest solution of C u - w = -e."""
     count = end - begin
@@ -104,7 +104,7 @@ def _solve_wide(work: Work, begin: int, end: int, first: int, rank: int) -> None
         reflect(step[i:], V[i, : size - i], taus[i])
 
 
-@compiled
+@part
 def _solve_tall(work: Work, begin: int, end: int, first: int, rank: int) -> None:
     """Many rows depend on few pivots: u is the least-squares solution of C u = -e, u = 0."""
     count = end - begin
@@ -128,7 +128,7 @@ def _solve_tall(work: Work, begin: int, end: int, first: int, rank: int) -> None
     copy(found[rank:], work.vector[:count])
 
 
-@compiled
+@part
 def solve_damped(work: Work, count: int, damping: float, u: Float64[np.ndarray, " r"]) -> None:
     """Least squares of the columns in T, and of damping times u = 0.
 

@@ -8,10 +8,10 @@ from poise.hqp.lexls.combinations import add_rows
 from poise.hqp.lexls.reflections import length_of
 from poise.hqp.lexls.tolerances import OPTIMALITY_TOLERANCE
 from poise.hqp.lexls.workspace import DOUBT, Problem, Work
-from poise.linalg import compiled
+from poise.linalg import part
 
 
-@compiled
+@part
 def find_values(problem: Problem, x: np.ndarray, values: np.ndarray) -> None:
     """Values of all bounds and rows at a point.
 
@@ -30,7 +30,7 @@ def find_values(problem: Problem, x: np.ndarray, values: np.ndarray) -> None:
         values[n + i] = total
 
 
-@compiled
+@part
 def residual_of(problem: Problem, values: np.ndarray, level: int) -> float:
     """`|W w|` of a level.
 
@@ -48,12 +48,12 @@ def residual_of(problem: Problem, values: np.ndarray, level: int) -> float:
     return sqrt(square)
 
 
-@compiled
+@part
 def _slack(problem: Problem, values: np.ndarray, i: int) -> float:
     return max(values[i] - problem.upper[i], 0.0) - max(problem.lower[i] - values[i], 0.0)
 
 
-@compiled
+@part
 def measure(problem: Problem, work: Work) -> bool:
     """Slacks of all rows, residuals of all levels; returns whether all that was found is finite."""
     n, levels = len(work.x), len(work.residuals)
@@ -78,18 +78,18 @@ def measure(problem: Problem, work: Work) -> bool:
     return bool(total < np.inf)
 
 
-@compiled
+@part
 def _square(number: float) -> float:
     return number * number
 
 
-@compiled
+@part
 def _least(problem: Problem, i: int) -> float:
     """Slack of a row at x = 0."""
     return max(problem.lower[i], 0.0) + max(-problem.upper[i], 0.0)
 
 
-@compiled
+@part
 def check(problem: Problem, work: Work) -> None:
     """Checks the optimum that the search claims, on the problem's own rows.
 
@@ -110,14 +110,14 @@ def check(problem: Problem, work: Work) -> None:
     work.errors[1] = max(work.errors[1], _imbalance(problem, work, levels, size))
 
 
-@compiled
+@part
 def is_sound(work: Work) -> bool:
     """Whether what `check` found lets the search be believed, and no row was kept that pulls."""
     error = max(work.errors[0], work.errors[1])
     return bool(error <= OPTIMALITY_TOLERANCE and work.state[DOUBT] == 0)
 
 
-@compiled
+@part
 def _row_error(problem: Problem, work: Work) -> float:
     """How far rows are from where they should be, relatively; inactive ones inside their bounds."""
     worst, size = 0.0, _reach(work)
@@ -140,7 +140,7 @@ def _row_error(problem: Problem, work: Work) -> float:
     return worst
 
 
-@compiled
+@part
 def _reach(work: Work) -> float:
     """How far x is, or would be if it met the rows that are active one by one."""
     reach = length_of(work.x)
@@ -150,7 +150,7 @@ def _reach(work: Work) -> float:
     return reach
 
 
-@compiled
+@part
 def _imbalance(problem: Problem, work: Work, level: int, size: float) -> float:
     """What is left of a force where a level's multipliers push against it, relatively."""
     n, force, found = len(work.x), work.force, work.multipliers[level]

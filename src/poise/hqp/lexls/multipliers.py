@@ -8,13 +8,13 @@ from poise.hqp.lexls.final_cost import find_gradient
 from poise.hqp.lexls.reflections import copy, length_of, reflect
 from poise.hqp.lexls.tolerances import DUAL_TOLERANCE, FEASIBILITY_TOLERANCE
 from poise.hqp.lexls.workspace import DOUBT, EQUALITY, RELEASED, Problem, Work
-from poise.linalg import compiled
+from poise.linalg import part
 
 STRONGEST, FIRST = 2.0, 3.0
 """What `release` takes instead of a share, to let go of one row: which."""
 
 
-@compiled
+@part
 def release(problem: Problem, work: Work, share: float) -> int:
     """Finds multipliers at the optimum of the active set, and lets go of what pulls there.
 
@@ -64,7 +64,7 @@ def release(problem: Problem, work: Work, share: float) -> int:
     return 0
 
 
-@compiled
+@part
 def _own_push(problem: Problem, work: Work, level: int, found: np.ndarray) -> float:
     """A level's slack and the force it makes; returns its size, or minus how many rows let go."""
     begin, end, first = work.begin[level], work.begin[level + 1], work.first[level]
@@ -95,7 +95,7 @@ def _own_push(problem: Problem, work: Work, level: int, found: np.ndarray) -> fl
     return sqrt(square)
 
 
-@compiled
+@part
 def _let_go(problem: Problem, work: Work, index: int) -> None:
     """Makes a row inactive whose slack has the wrong sign, unless it has gone right through."""
     value = work.goal[index]
@@ -109,7 +109,7 @@ def _let_go(problem: Problem, work: Work, index: int) -> None:
     work.firm[index] = 0
 
 
-@compiled
+@part
 def _cost_push(problem: Problem, work: Work) -> float:
     """The final cost's force in y; returns the size of what cancels in it."""
     taken = work.first[len(work.rank)]
@@ -123,7 +123,7 @@ def _cost_push(problem: Problem, work: Work) -> float:
     return size
 
 
-@compiled
+@part
 def _balance(work: Work, level: int, found: np.ndarray) -> None:
     """Multipliers of the levels above that balance the force; only pivots push."""
     force = work.force
@@ -140,7 +140,7 @@ def _balance(work: Work, level: int, found: np.ndarray) -> None:
                 force[j] += push * row[j]
 
 
-@compiled
+@part
 def _check_pushes(work: Work, found: np.ndarray, above: int, size: float, share: float) -> int:
     """Lets go of rows above a level that pull; returns how many."""
     for place in range(above):

@@ -6,13 +6,13 @@ from poise.hqp.lexls.least_squares import share_slack
 from poise.hqp.lexls.reflections import copy, length_of, reflect
 from poise.hqp.lexls.tolerances import SLACK_TOLERANCE
 from poise.hqp.lexls.workspace import CHANGES, FREE, Problem, Work
-from poise.linalg import compiled
+from poise.linalg import part
 
 FIRM = 8
 """What tells the code of a firm row's side from another's."""
 
 
-@compiled
+@part
 def find_optimum(problem: Problem, work: Work) -> None:
     """Factors the active rows and finds their optimum.
 
@@ -36,7 +36,7 @@ def find_optimum(problem: Problem, work: Work) -> None:
         solve_cost(problem, work, taken)
 
 
-@compiled
+@part
 def _first_changed(problem: Problem, work: Work) -> int:
     """The first level whose active rows are not as they were factored, and notes how they are.
 
@@ -52,7 +52,7 @@ def _first_changed(problem: Problem, work: Work) -> int:
     return 0 if work.state[CHANGES] == 1 else first
 
 
-@compiled
+@part
 def _note(work: Work, begin: int, end: int) -> bool:
     """Notes sides and firmness of rows; returns whether they were others."""
     changed = False
@@ -63,7 +63,7 @@ def _note(work: Work, begin: int, end: int) -> bool:
     return changed
 
 
-@compiled
+@part
 def solve_level(work: Work, level: int) -> None:
     """Gives a level the least slack that is left to it.
 
@@ -98,7 +98,7 @@ def solve_level(work: Work, level: int) -> None:
         _solve_pivots(work, begin, first, rank)
 
 
-@compiled
+@part
 def _solve_pivots(work: Work, begin: int, first: int, rank: int) -> None:
     """Meets a level's pivots, one after the other."""
     z = work.y[first : first + rank]

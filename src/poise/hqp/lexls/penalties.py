@@ -8,10 +8,10 @@ from jaxtyping import Float64
 from poise.hqp.lexls.reflections import length_of
 from poise.hqp.lexls.tolerances import FLOOR, RIDGE
 from poise.hqp.lexls.workspace import Problem, Work
-from poise.linalg import compiled
+from poise.linalg import part
 
 
-@compiled
+@part
 def get_ready(problem: Problem, work: Work) -> None:
     """Finds C, all rows M with their sizes, x_0 and the rows' values there; no row is active."""
     n = len(work.x)
@@ -41,7 +41,7 @@ def get_ready(problem: Problem, work: Work) -> None:
         work.slack[i] = work.shift[i]
 
 
-@compiled
+@part
 def _factor_cost(problem: Problem, work: Work) -> None:
     """C of H, a little of whose trace is added to its diagonal, for it may be singular."""
     n, C, trace = len(work.x), work.C, 0.0
@@ -62,7 +62,7 @@ def _factor_cost(problem: Problem, work: Work) -> None:
                 row[j] = total / other[j]
 
 
-@compiled
+@part
 def _solve_lower(work: Work, x: Float64[np.ndarray, " n"]) -> None:
     """C^-1 x, in place."""
     for k in range(len(x)):
@@ -72,14 +72,14 @@ def _solve_lower(work: Work, x: Float64[np.ndarray, " n"]) -> None:
         x[k] = total / row[k]
 
 
-@compiled
+@part
 def factor_rows(problem: Problem, work: Work, count: int) -> None:
     """Factors the system of the first rows of `order` anew."""
     for k in range(count):
         add_row(problem, work, k)
 
 
-@compiled
+@part
 def add_row(problem: Problem, work: Work, place: int) -> None:
     """Factors one more row of the system, the one that stands at a place in `order`.
 
@@ -107,7 +107,7 @@ def add_row(problem: Problem, work: Work, place: int) -> None:
     work.rest[place] = right / row[place]
 
 
-@compiled
+@part
 def remove_row(work: Work, place: int, count: int) -> None:
     """Takes a row out of the system, and out of `order`; rotations mend the factor.
 
@@ -132,7 +132,7 @@ def remove_row(work: Work, place: int, count: int) -> None:
         rest[k], rest[k + 1] = c * a + s * b, c * b - s * a
 
 
-@compiled
+@part
 def find_lambda(work: Work, count: int, out: Float64[np.ndarray, " nm"]) -> None:
     """Multipliers of the first rows of `order`.
 
@@ -150,7 +150,7 @@ def find_lambda(work: Work, count: int, out: Float64[np.ndarray, " nm"]) -> None
             out[j] -= row[j] * out[k]
 
 
-@compiled
+@part
 def find_point(problem: Problem, work: Work, count: int) -> None:
     """C^T (x - x_0) and the values of all rows that the multipliers amount to.
 

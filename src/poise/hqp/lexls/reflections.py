@@ -5,10 +5,10 @@ from math import sqrt
 import numpy as np
 from jaxtyping import Float64
 
-from poise.linalg import compiled
+from poise.linalg import part
 
 
-@compiled
+@part
 def turn_row(x: Float64[np.ndarray, " n"], v: Float64[np.ndarray, " n"], length: float) -> float:
     """The reflection that turns a row into (-+length, 0, ..., 0), away from its first number.
 
@@ -30,14 +30,14 @@ def turn_row(x: Float64[np.ndarray, " n"], v: Float64[np.ndarray, " n"], length:
     return (end - first) / end
 
 
-@compiled
+@part
 def copy(to: Float64[np.ndarray, " n"], x: Float64[np.ndarray, " n"]) -> None:
     """Copies numbers; NumPy's way would compile the words of an error that cannot happen."""
     for i in range(len(to)):
         to[i] = x[i]
 
 
-@compiled
+@part
 def length_of(x: Float64[np.ndarray, " n"]) -> float:
     """The length of a vector."""
     square = 0.0
@@ -46,7 +46,7 @@ def length_of(x: Float64[np.ndarray, " n"]) -> float:
     return sqrt(square)
 
 
-@compiled
+@part
 def reflect(x: Float64[np.ndarray, " n"], v: Float64[np.ndarray, " n"], tau: float) -> None:
     """X <- (I - tau v v^T) x.
 
@@ -63,7 +63,7 @@ def reflect(x: Float64[np.ndarray, " n"], v: Float64[np.ndarray, " n"], tau: flo
         x[i] -= share * v[i]
 
 
-@compiled
+@part
 def reflect_rows(
     X: Float64[np.ndarray, "m n"],
     begin: int,

@@ -36,7 +36,7 @@ from poise.hqp.lexls.workspace import (
     Work,
     cut,
 )
-from poise.linalg import compiled
+from poise.linalg import compiled, part
 
 CONVERGED, DOUBTFUL, UNFINISHED, UNSOUND, LOST = range(5)
 """How a call ended: at an optimum, at what may be none, at the cap, with numbers that cannot be a
@@ -117,7 +117,7 @@ def search(
     return found if measure(problem, work) else LOST
 
 
-@compiled
+@part
 def _forget(work: Work) -> None:
     """Forgets what steps and leaps keep in mind."""
     work.state[IDLE] = work.state[BLOCKED] = work.state[LEAPS] = 0
@@ -126,7 +126,7 @@ def _forget(work: Work) -> None:
         work.locked[i] = 0
 
 
-@compiled
+@part
 def _begin(problem: Problem, work: Work) -> bool:
     """Chooses where to begin; returns whether that is the optimum."""
     missed = _count_violated(problem, work, work.target, work.goal, False)
@@ -144,7 +144,7 @@ def _begin(problem: Problem, work: Work) -> bool:
     return release(problem, work, STRONGEST) == 0
 
 
-@compiled
+@part
 def _count_violated(
     problem: Problem, work: Work, x: np.ndarray, values: np.ndarray, activate: bool
 ) -> int:
@@ -162,7 +162,7 @@ def _count_violated(
     return count
 
 
-@compiled
+@part
 def _step(problem: Problem, work: Work) -> bool:
     """Goes towards the optimum of the active set, and lets go of a row there; returns if none."""
     if _advance(problem, work):
@@ -177,7 +177,7 @@ def _step(problem: Problem, work: Work) -> bool:
     return release(problem, work, share) == 0
 
 
-@compiled
+@part
 def _prepare(problem: Problem, work: Work) -> int:
     """Norms and sides of all rows; returns if no inequality is active, or -1 for wrong numbers."""
     m, n = problem.A.shape
@@ -209,7 +209,7 @@ def _prepare(problem: Problem, work: Work) -> int:
     return cold if total < np.inf else -1
 
 
-@compiled
+@part
 def _advance(problem: Problem, work: Work) -> bool:
     """Goes towards the optimum of the active set until a row stops it; returns if x moved."""
     x, target, values, goal = work.x, work.target, work.values, work.goal

@@ -40,7 +40,7 @@ OPTIMALITY_TOLERANCE = 1e-8
 exact."""
 
 PATIENCE = 20
-"""Changes without a step after which rows are let go by their number, which cannot cycle."""
+"""Changes without a step after which rows are let go by their number, so as not to go in circles."""
 
 
 ADD_SHARES = (0.5, 0.7, 0.6, 0.9, 0.8)
@@ -52,8 +52,8 @@ shares come in turn, and their numbers have no common divisor, few leaps go roun
 
 
 HARD, SOFT = 1e-12, 1e-8
-"""What slack costs least in a guess, of the levels above and of the level at hand, relative to what
-its rows do to x."""
+"""How much rows give way in a guess, of the levels above and of the level at hand, relative to what
+they do to x: D over |M|^2."""
 
 MET_TOLERANCE = 1e-6
 """Slack of a level below this, relative to its rows and to x, is none in a guess."""
