@@ -40,7 +40,7 @@ OPTIMALITY_TOLERANCE = 1e-8
 exact."""
 
 PATIENCE = 20
-"""Changes without a step after which rows are let go by their number, so as not to go in circles."""
+"""Changes without a step after which rows are let go by number, so as not to go in circles."""
 
 
 ADD_SHARES = (0.5, 0.7, 0.6, 0.9, 0.8)
