@@ -85,6 +85,8 @@ def _stamp(plain: FunctionType) -> str:
     digest = hashlib.sha256(Path(plain.__code__.co_filename).read_bytes())
     for name, value in sorted(plain.__globals__.items()):
         known = value if isinstance(value, int | float | tuple) else getattr(value, "stamp", None)
+        # A named tuple is handed over by the order of its fields.
+        known = getattr(value, "_fields", known)
         if isinstance(known, int | float | str | tuple):
             digest.update(f"{name}={known!r};".encode())
     return digest.hexdigest()

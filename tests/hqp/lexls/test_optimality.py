@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from poise.hqp import CascadeSolver, certify_point
+from poise.hqp import CascadeSolver, HierarchicalProblem, Level, certify_point
 from poise.hqp.lexls import LexicographicSolver
 from poise.hqp.lexls.reference import search
 from poise.hqp.measure import level_scales
@@ -67,3 +67,17 @@ def test_residuals_equal_those_of_the_cascade():
         ours, theirs = SOLVER.solve(problem), cascade.solve(problem)
         gap = np.abs(ours.residuals - theirs.residuals) / level_scales(problem)
         assert gap.max() <= 1e-7, seed
+
+
+def test_a_final_cost_without_curvature_where_the_answer_lies_is_no_cause_of_doubt():
+    for seed in range(100):
+        rng = np.random.default_rng([seed, 11])
+        n = int(rng.integers(2, 8))
+        root = rng.standard_normal((n, min(2, n - 1)))
+        lower = 1e3 * rng.standard_normal(n)
+        empty = Level(np.zeros((0, n)), 0.0, 0.0)
+        problem = HierarchicalProblem([empty], root @ root.T, 0.0, x_lower=lower)
+        solution = LexicographicSolver().solve(problem)
+        assert solution.ok, seed
+        multipliers = np.vstack([solution.level_multipliers, solution.multipliers])
+        assert worst_violation(problem, solution.x, multipliers) <= 1e-8

@@ -12,6 +12,7 @@ from numba.core.runtime._nrt_python import memsys_disable_stats, memsys_enable_s
 from poise.errors import ConfigurationError, ProblemError
 from poise.hqp import HierarchicalProblem, Solver, SolveStatus
 from poise.hqp.lexls import Level, LexicographicSolver, solve
+from poise.hqp.measure import level_norms, row_values, signed_slacks
 
 from ..random_problems import random_problem
 from ..test_sequences import moving_problem
@@ -131,7 +132,7 @@ def test_bad_input_is_refused():
         solve([])
     with pytest.raises(ProblemError, match="not symmetric"):
         solve([Level(np.eye(2), 0.0, 1.0)], ([[1.0, 1.0], [0.0, 1.0]], 0.0))
-    with pytest.raises(ProblemError, match="warm_start"):
+    with pytest.raises(ProblemError, match="active set"):
         solve([Level([[1.0]], 0.0, 1.0)], warm_start=np.zeros(5, dtype=np.int64))
     with pytest.raises(ConfigurationError, match="max_changes"):
         LexicographicSolver(max_changes=0)
@@ -235,6 +236,19 @@ def test_a_cap_on_changes_ends_with_a_finite_point_that_is_not_called_optimal():
     assert solution.status is SolveStatus.INACCURATE
     assert solution.iterations == 5
     assert np.isfinite(solution.x).all()
+    np.testing.assert_array_equal(solution.level_multipliers, 0.0)
+
+
+def test_a_capped_answer_is_no_worse_than_the_point_it_began_with():
+    capped = LexicographicSolver(max_changes=1)
+    for seed in range(30):
+        capped.run(humanoid(seed))
+        moved = humanoid(seed)
+        moved.lower[moved.n :] += 0.1
+        moved.upper[moved.n :] += 0.1
+        before = level_norms(moved, signed_slacks(moved, row_values(moved, capped.x.copy())))
+        capped.run(moved)
+        assert tuple(capped.residuals) <= tuple(before * (1.0 + 1e-9) + 1e-12), seed
 
 
 @pytest.mark.parametrize("limit", [0.0, -1.0, np.nan])

@@ -9,7 +9,7 @@ there in a few factorisations, where single steps take one for each row.
 
 import numpy as np
 
-from poise.hqp.lexls.measure import find_values, residual_of
+from poise.hqp.lexls.measure import find_values, is_better
 from poise.hqp.lexls.multipliers import release
 from poise.hqp.lexls.reflections import copy, length_of
 from poise.hqp.lexls.tolerances import (
@@ -18,7 +18,6 @@ from poise.hqp.lexls.tolerances import (
     FEASIBILITY_TOLERANCE,
     LEAP_PATIENCE,
     MOST_LEAPS,
-    SAME_TOLERANCE,
 )
 from poise.hqp.lexls.workspace import (
     CHANGES,
@@ -56,7 +55,7 @@ def leap(problem: Problem, work: Work) -> bool:
         return True
     if state[CHANGES] == 1:
         find_values(problem, work.x, work.values)
-    if _is_better(problem, work):
+    if is_better(problem, work):
         copy(work.x, work.target)
         copy(work.values, work.goal)
     state[SINCE] += 1
@@ -107,14 +106,3 @@ def _activate(work: Work, least: float) -> None:
         if far != 0.0 and abs(far) >= least:
             work.side[i] = 1 if far > 0.0 else -1
             work.firm[i] = 0
-
-
-@part
-def _is_better(problem: Problem, work: Work) -> bool:
-    """Whether the target meets the levels better than the point."""
-    for level in range(len(work.rank)):
-        old = residual_of(problem, work.values, level)
-        new = residual_of(problem, work.goal, level)
-        if abs(old - new) > SAME_TOLERANCE * max(old, new):
-            return new < old
-    return True

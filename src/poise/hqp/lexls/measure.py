@@ -6,7 +6,7 @@ import numpy as np
 
 from poise.hqp.lexls.combinations import add_rows
 from poise.hqp.lexls.reflections import length_of
-from poise.hqp.lexls.tolerances import OPTIMALITY_TOLERANCE
+from poise.hqp.lexls.tolerances import OPTIMALITY_TOLERANCE, SAME_TOLERANCE
 from poise.hqp.lexls.workspace import DOUBT, Problem, Work
 from poise.linalg import part
 
@@ -111,6 +111,18 @@ def check(problem: Problem, work: Work) -> None:
 
 
 @part
+def is_better(problem: Problem, work: Work) -> bool:
+    """Whether the target meets the levels better than the point, or as well."""
+    for level in range(len(work.rank)):
+        old = residual_of(problem, work.values, level)
+        new = residual_of(problem, work.goal, level)
+        # Written so that what is no number is no better.
+        if not abs(old - new) <= SAME_TOLERANCE * max(old, new):
+            return bool(new < old)
+    return True
+
+
+@part
 def is_sound(work: Work) -> bool:
     """Whether what `check` found lets the search be believed, and no row was kept that pulls."""
     error = max(work.errors[0], work.errors[1])
@@ -129,13 +141,17 @@ def _row_error(problem: Problem, work: Work) -> float:
         miss = abs(work.values[index] * weight - work.bound[place] - work.slack[place])
         scale = abs(work.bound[place]) + work.size[place] * size
         # Written so that NaN is an error, too.
-        if not miss <= worst * scale:
+        if not (miss < np.inf and abs(work.bound[place]) < np.inf):
+            return np.inf
+        if miss > worst * scale:
             worst = miss / scale
         work.slacks[index] = 0.0
     for i in range(len(work.slacks)):
         if work.slacks[i] != 0.0:
             miss = abs(_slack(problem, work.values, i))
-            if not miss <= worst * work.norms[i] * size:
+            if not miss < np.inf:
+                return np.inf
+            if miss > worst * work.norms[i] * size:
                 worst = miss / (work.norms[i] * size) if work.norms[i] * size > 0.0 else np.inf
     return worst
 
@@ -167,6 +183,7 @@ def _imbalance(problem: Problem, work: Work, level: int, size: float) -> float:
     add_rows(force, problem.A, found, work.chosen, count, n)
     left = 0.0
     for j in range(n):
-        if not abs(force[j]) <= left:
-            left = abs(force[j])
+        if not abs(force[j]) < np.inf:
+            return np.inf
+        left = max(left, abs(force[j]))
     return left / size if left > 0.0 else left

@@ -114,9 +114,10 @@ def _cost_push(problem: Problem, work: Work) -> float:
     """The final cost's force in y; returns the size of what cancels in it."""
     taken = work.first[len(work.rank)]
     find_gradient(problem, work.target, work.hx)
-    size = 0.0
+    # Not what is left of H x: that is rounding where x lies in the kernel of H.
+    reach, size = length_of(work.target), 0.0
     for i in range(len(work.hx)):
-        size = max(size, abs(problem.g[i]), abs(work.hx[i] - problem.g[i]))
+        size = max(size, abs(problem.g[i]), abs(problem.H[i, i]) * reach)
     copy(work.force, work.hx)
     for k in range(taken):
         reflect(work.force[k:], work.V[k, k:], work.tau[k])

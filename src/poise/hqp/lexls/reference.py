@@ -21,6 +21,7 @@ from poise.hqp.lexls.tolerances import (
     DEPENDENCE_TOLERANCE,
     DROP_SHARES,
     DUAL_TOLERANCE,
+    FAR,
     FEASIBILITY_TOLERANCE,
     FLAT_TOLERANCE,
     LEAP_PATIENCE,
@@ -151,10 +152,11 @@ class _Search:
     def _begin(self) -> bool:
         """Choose where to step from; return whether the target is the optimum."""
         self.stepping = True
-        missed = np.count_nonzero(self._violations(self.target, self.goal))
-        if missed == 0 or np.count_nonzero(self._violations(self.x, self.values)) >= missed:
+        missed = self._violations(self.target, self.goal).any()
+        far = np.linalg.norm(self.x) > FAR * np.linalg.norm(self.target)
+        if not missed or far or self._is_better():
             self.x, self.values = self.target, self.goal
-        if missed == 0:
+        if not missed:
             return not self._release(STRONGEST)
         self._activate(self._violations(self.x, self.values), 0.0)
         return False
@@ -239,7 +241,7 @@ class _Search:
         size = max(float(np.linalg.norm(target)), float(np.linalg.norm(self.x)))
         room = FEASIBILITY_TOLERANCE * self.norms * size
         rate = goal - self.values
-        length, stop = 1.0, -1
+        length, stop, side = 1.0, -1, 0
         for row in np.flatnonzero(self.side == 0):
             over = goal[row] > self.upper[row] + room[row]
             under = goal[row] < self.lower[row] - room[row]
@@ -248,12 +250,12 @@ class _Search:
             bound = self.upper[row] if over else self.lower[row]
             share = max((bound - self.values[row]) / rate[row], 0.0)
             if share < length:
-                length, stop = share, int(row)
+                length, stop, side = share, int(row), 1 if over else -1
         self.blocked = stop >= 0
         if self.blocked:
             if stop == self.released:
                 self.locked[stop] = True
-            self.side[stop] = 1 if rate[stop] > 0.0 else -1
+            self.side[stop] = side
             self.firm[stop] = False
         step = length * (target - self.x)
         moved = float(np.linalg.norm(step)) > MOVE_TOLERANCE * size
@@ -469,9 +471,10 @@ class _Search:
 
     def _cost_push(self) -> float:
         """The force of the final cost, in y; return the size of what cancels in it."""
-        curvature = self.problem.H @ self.target
-        self.force = self.Q.T @ (curvature + self.problem.g)
-        return max(float(np.abs(curvature).max()), float(np.abs(self.problem.g).max()))
+        H, g = self.problem.H, self.problem.g
+        self.force = self.Q.T @ (H @ self.target + g)
+        reach = float(np.linalg.norm(self.target))
+        return max(float(np.abs(np.diag(H)).max()) * reach, float(np.abs(g).max()))
 
     def _balance(self, level: int) -> None:
         """Find multipliers of the levels above that balance the force; only pivots push."""

@@ -6,7 +6,7 @@ from jaxtyping import Float64, Int64
 from poise.hqp.lexls.damping import ease
 from poise.hqp.lexls.guess import guess
 from poise.hqp.lexls.leaps import leap
-from poise.hqp.lexls.measure import check, find_values, is_sound, measure
+from poise.hqp.lexls.measure import check, find_values, is_better, is_sound, measure
 from poise.hqp.lexls.multipliers import FIRST, STRONGEST, release
 from poise.hqp.lexls.optimum import find_optimum
 from poise.hqp.lexls.reflections import copy, length_of
@@ -89,6 +89,7 @@ def search(
             ease(problem, work)
         for place in range(len(state)):
             state[place] = 0
+        work.multipliers[:] = 0.0
         state[BEGUN], state[RELEASED] = 1, -1
         state[PHASE] = LEAPING if cold == 1 else BEGINNING
         state[ENOUGH] = COLD_CHANGES if cold == 1 else WARM_CHANGES
@@ -114,6 +115,9 @@ def search(
             _forget(work)
             state[PHASE], state[GUESSED] = LEAPING, 1
             found = UNFINISHED
+    if found == UNFINISHED:
+        # Those of some active set on the way say nothing about the point.
+        work.multipliers[:] = 0.0
     return found if measure(problem, work) else LOST
 
 
@@ -134,7 +138,7 @@ def _begin(problem: Problem, work: Work) -> bool:
     near = missed > 0 and length_of(work.x) <= FAR * length_of(work.target)
     if near:
         find_values(problem, work.x, work.values)
-        near = _count_violated(problem, work, work.x, work.values, False) < missed
+        near = not is_better(problem, work)
     if not near:
         copy(work.x, work.target)
         copy(work.values, work.goal)
@@ -214,26 +218,26 @@ def _advance(problem: Problem, work: Work) -> bool:
     """Goes towards the optimum of the active set until a row stops it; returns if x moved."""
     x, target, values, goal = work.x, work.target, work.values, work.goal
     size = max(length_of(target), length_of(x))
-    length, stop = 1.0, -1
+    length, stop, side = 1.0, -1, 0
     for i in range(len(values)):
         if work.side[i] != 0:
             continue
         room = FEASIBILITY_TOLERANCE * work.norms[i] * size
         if goal[i] > problem.upper[i] + room:
-            bound = problem.upper[i]
+            bound, towards = problem.upper[i], 1
         elif goal[i] < problem.lower[i] - room:
-            bound = problem.lower[i]
+            bound, towards = problem.lower[i], -1
         else:
             continue
         share = max((bound - values[i]) / (goal[i] - values[i]), 0.0)
         if share < length:
-            length, stop = share, i
+            length, stop, side = share, i, towards
     work.state[BLOCKED] = 0
     if stop >= 0:
         work.state[BLOCKED] = 1
         if stop == work.state[RELEASED]:
             work.locked[stop] = 1
-        work.side[stop] = 1 if goal[stop] > values[stop] else -1
+        work.side[stop] = side
         work.firm[stop] = 0
     square = 0.0
     for j in range(len(x)):

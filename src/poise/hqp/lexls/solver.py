@@ -20,9 +20,6 @@ from poise.linalg import say_if_slow
 RELAXED = 1e-9
 """Relative residual above which a level counts as not met."""
 
-CHUNK = 4
-"""Changes of the active set between two looks at the clock."""
-
 
 class LexicographicSolver:
     """Solves hierarchies by one active set and one factorisation for all levels.
@@ -86,7 +83,17 @@ class LexicographicSolver:
         Args:
             problem: a problem of that shape.
             sides: as in `LexicographicSolution`; only good for a start, never believed.
+
+        Raises:
+            ProblemError: not one entry a bound and row.
+            ConfigurationError: as for `run`.
         """
+        if sides.shape != problem.lower.shape:
+            raise ProblemError(
+                "sides are not an active set of this problem",
+                got=sides.shape,
+                wanted=f"{problem.lower.shape}",
+            )
         self._fit(problem)
         self._work.side[:] = np.clip(sides, -1, 2)
 
@@ -228,13 +235,13 @@ class LexicographicSolver:
         self._work.state[BEGUN] = 0
         if deadline is None:
             return self._search(problem, limit), False
-        allowed = 0
-        while True:
-            allowed = min(allowed + CHUNK, limit)
+        for allowed in range(1, limit + 1):
             found = self._search(problem, allowed)
-            late = found == UNFINISHED and perf_counter() > deadline
-            if found != UNFINISHED or late or allowed == limit:
-                return found, late
+            if found != UNFINISHED:
+                return found, False
+            if perf_counter() > deadline:
+                return found, True
+        return UNFINISHED, False
 
     def _search(self, problem: HierarchicalProblem, changes: int) -> int:
         return search(
@@ -295,12 +302,6 @@ def solve(
     problem = HierarchicalProblem(levels, H, g, x_lower, x_upper, bounds_level)
     solver = LexicographicSolver(damping=damping)
     if warm_start is not None:
-        if warm_start.shape != problem.lower.shape:
-            raise ProblemError(
-                "warm_start is not an active set of this problem",
-                got=warm_start.shape,
-                wanted=f"{problem.lower.shape}",
-            )
         solver.begin_with(problem, warm_start)
     return solver.solve(problem)
 
