@@ -44,7 +44,7 @@ def leap(problem: Problem, work: Work) -> bool:
     state = work.state
     turn = state[LEAPS]
     state[LEAPS] += 1
-    largest = _find_violations(problem, work, work.target, work.goal)
+    largest = find_violations(problem, work, work.target, work.goal)
     wrong = 0
     for i in range(len(work.slacks)):
         wrong += 1 if work.slacks[i] != 0.0 else 0
@@ -63,7 +63,7 @@ def leap(problem: Problem, work: Work) -> bool:
         state[FEWEST], state[SINCE] = wrong, 0
     if turn + 1 < MOST_LEAPS and state[SINCE] < LEAP_PATIENCE:
         if largest > 0.0:
-            _activate(work, ADD_SHARES[turn % len(ADD_SHARES)] * largest)
+            activate(work, ADD_SHARES[turn % len(ADD_SHARES)] * largest)
     else:
         state[PHASE] = STEPPING
         _begin_steps(problem, work)
@@ -78,13 +78,23 @@ def _begin_steps(problem: Problem, work: Work) -> None:
         value, room = work.values[i], size * work.norms[i]
         if work.side[i] != EQUALITY and (problem.lower[i] + room < value < problem.upper[i] - room):
             work.side[i] = work.firm[i] = 0
-    if _find_violations(problem, work, work.x, work.values) > 0.0:
-        _activate(work, 0.0)
+    if find_violations(problem, work, work.x, work.values) > 0.0:
+        activate(work, 0.0)
 
 
 @part
-def _find_violations(problem: Problem, work: Work, x: np.ndarray, values: np.ndarray) -> float:
-    """How far, signed, a point violates each inactive row; returns the largest."""
+def find_violations(problem: Problem, work: Work, x: np.ndarray, values: np.ndarray) -> float:
+    """How far, signed, a point violates each inactive row, relative to its size.
+
+    Args:
+        problem: the problem.
+        work: whose slacks receive it.
+        x: the point.
+        values: of all bounds and rows there.
+
+    Returns:
+        The largest.
+    """
     size, largest = FEASIBILITY_TOLERANCE * length_of(x), 0.0
     for i in range(len(values)):
         work.slacks[i] = 0.0
@@ -99,8 +109,13 @@ def _find_violations(problem: Problem, work: Work, x: np.ndarray, values: np.nda
 
 
 @part
-def _activate(work: Work, least: float) -> None:
-    """Makes rows active that are violated by at least so much."""
+def activate(work: Work, least: float) -> None:
+    """Makes rows active that are violated by at least so much.
+
+    Args:
+        work: in which `find_violations` looked for them.
+        least: how much.
+    """
     for i in range(len(work.slacks)):
         far = work.slacks[i]
         if far != 0.0 and abs(far) >= least:

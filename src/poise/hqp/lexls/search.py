@@ -5,7 +5,7 @@ from jaxtyping import Float64, Int64
 
 from poise.hqp.lexls.damping import ease
 from poise.hqp.lexls.guess import guess
-from poise.hqp.lexls.leaps import leap
+from poise.hqp.lexls.leaps import activate, find_violations, leap
 from poise.hqp.lexls.measure import check, find_values, is_better, is_sound, measure
 from poise.hqp.lexls.multipliers import FIRST, STRONGEST, release
 from poise.hqp.lexls.optimum import find_optimum
@@ -133,37 +133,20 @@ def _forget(work: Work) -> None:
 @part
 def _begin(problem: Problem, work: Work) -> bool:
     """Chooses where to begin; returns whether that is the optimum."""
-    missed = _count_violated(problem, work, work.target, work.goal, False)
+    missed = find_violations(problem, work, work.target, work.goal) > 0.0
     # Slack makes any point one to begin from. The last one is seldom far.
-    near = missed > 0 and length_of(work.x) <= FAR * length_of(work.target)
+    near = missed and length_of(work.x) <= FAR * length_of(work.target)
     if near:
         find_values(problem, work.x, work.values)
         near = not is_better(problem, work)
     if not near:
         copy(work.x, work.target)
         copy(work.values, work.goal)
-    if missed > 0:
-        _count_violated(problem, work, work.x, work.values, True)
+    if missed:
+        if find_violations(problem, work, work.x, work.values) > 0.0:
+            activate(work, 0.0)
         return False
     return release(problem, work, STRONGEST) == 0
-
-
-@part
-def _count_violated(
-    problem: Problem, work: Work, x: np.ndarray, values: np.ndarray, activate: bool
-) -> int:
-    """Counts the inactive rows that a point violates, and makes them active if told to."""
-    size, count = FEASIBILITY_TOLERANCE * length_of(x), 0
-    for i in range(len(values)):
-        if work.side[i] != 0:
-            continue
-        room = size * work.norms[i]
-        above = values[i] > problem.upper[i] + room
-        if above or values[i] < problem.lower[i] - room:
-            count += 1
-            if activate:
-                work.side[i] = 1 if above else -1
-    return count
 
 
 @part
