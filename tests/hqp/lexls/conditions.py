@@ -14,6 +14,9 @@ import numpy as np
 _CLEAR = 1e-10
 """Pushes above this share of the largest have a sign."""
 
+_ROUNDING = 1e-14
+"""Slack below this, relative to the numbers that cancel in its row, is none."""
+
 
 def worst_violation(problem, x, multipliers):
     """By how much the conditions fail, relatively; `multipliers` has the final cost's last."""
@@ -47,7 +50,9 @@ def worst_violation(problem, x, multipliers):
             )
         if scale > 0.0:
             worst = max(worst, np.abs(force).max() / scale)
-        signed = ~free & ((np.abs(pushes) > _CLEAR * scale) | (mine & (found != 0.0)))
+        # A row's own slack has a sign beyond the rounding of its own numbers.
+        own = mine & (np.abs(found / problem.weights**2) > _ROUNDING * size)
+        signed = ~free & ((np.abs(pushes) > _CLEAR * scale) | own)
         for side, limit in ((1, problem.upper), (-1, problem.lower)):
             pushing = signed & (found * side > 0.0)
             gap = (values - limit)[pushing] * side

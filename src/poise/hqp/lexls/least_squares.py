@@ -35,11 +35,9 @@ def share_slack(work: Work, begin: int, end: int, first: int, rank: int) -> None
     found, u = work.right[: rank + count], work.slack[begin : begin + rank]
     for i in range(count):
         work.vector[i] = length_of(work.R[begin + rank + i, first : first + rank])
-        # What depends on nothing has no part in the rounding of the others.
-        if work.vector[i] == 0.0:
-            found[rank + i] = 0.0
     norm = length_of(found)
-    copy(u, found[:rank])
+    for j in range(rank):
+        u[j] = found[j] if abs(found[j]) > CANCELLATION * norm else 0.0
     # Each is taken from the solver, or from the others, wherever less is lost by rounding.
     balance, noise = work.left[:rank], work.kept[:rank]
     balance[:], noise[:] = 0.0, 0.0
@@ -80,6 +78,12 @@ def _combine(work: Work, begin: int, end: int, first: int, rank: int) -> None:
 
 
 @part
+def _contradiction(work: Work, row: int, first: int, rank: int) -> float:
+    """-e; what depends on nothing has no part in it, nor in its rounding."""
+    return -work.slack[row] if length_of(work.R[row, first : first + rank]) > 0.0 else 0.0
+
+
+@part
 def _solve_wide(work: Work, begin: int, end: int, first: int, rank: int) -> None:
     """Few rows depend on many pivots: (u, w) is the shortest solution of C u - w = -e."""
     count = end - begin
@@ -89,7 +93,7 @@ def _solve_wide(work: Work, begin: int, end: int, first: int, rank: int) -> None
         copy(T[i, :rank], work.R[begin + i, first : first + rank])
         T[i, rank:size] = 0.0
         T[i, rank + i] = -1.0
-        step[i] = -work.slack[begin + i]
+        step[i] = _contradiction(work, begin + i, first, rank)
     for i in range(count):
         tail, v = T[i, i:size], V[i, : size - i]
         taus[i] = turn_row(tail, v, length_of(tail))
@@ -112,7 +116,7 @@ def _solve_tall(work: Work, begin: int, end: int, first: int, rank: int) -> None
         C = work.R[begin + i, first : first + rank]
         for j in range(rank):
             work.T[j, i] = C[j]
-        work.right[i] = -work.slack[begin + i]
+        work.right[i] = _contradiction(work, begin + i, first, rank)
     solve_damped(work, count, 1.0, work.goal[:rank])
     # What is left over, turned back, is (-w, -u): rounded as a whole, not one by one.
     found, size = work.right[: count + rank], count + rank

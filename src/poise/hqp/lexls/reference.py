@@ -379,11 +379,11 @@ class _Search:
         count, rank = C.shape
         Q = np.linalg.qr(np.vstack([C, np.eye(rank)]), mode="complete")[0][:, rank:]
         # What the columns of C over I leave of it: rounded as a whole, not one by one.
-        both = Q @ (Q[:count].T @ missed)
-        w, u = both[:count], both[count:]
-        # What depends on nothing has no part in the rounding of the others.
+        # What depends on nothing has no part in it, nor in its rounding.
         tied = C.any(axis=1)
-        norm = float(np.linalg.norm(np.append(w[tied], u)))
+        both = Q @ (Q[:count].T @ np.where(tied, missed, 0.0))
+        w, u, norm = both[:count], both[count:], float(np.linalg.norm(both))
+        u[np.abs(u) <= CANCELLATION * norm] = 0.0
         sums, sizes = C @ u + missed, np.abs(C) @ np.abs(u) + np.abs(missed)
         # Each is taken from there, or from the others, wherever less is lost by rounding.
         lost = np.where(tied, np.minimum(sizes, norm), sizes)
