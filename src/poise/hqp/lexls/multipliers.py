@@ -114,10 +114,13 @@ def _cost_push(problem: Problem, work: Work) -> float:
     """The final cost's force in y; returns the size of what cancels in it."""
     taken = work.first[len(work.rank)]
     find_gradient(problem, work.target, work.hx)
-    # Not what is left of H x: that is rounding where x lies in the kernel of H.
-    reach, size = length_of(work.target), 0.0
+    size = 0.0
     for i in range(len(work.hx)):
-        size = max(size, abs(problem.g[i]), abs(problem.H[i, i]) * reach)
+        # Not what is left of H x: that is rounding where x lies in the kernel of H.
+        row, terms = problem.H[i], abs(problem.g[i])
+        for j in range(len(work.hx)):
+            terms += abs(row[j] * work.target[j])
+        size = max(size, terms)
     copy(work.force, work.hx)
     for k in range(taken):
         reflect(work.force[k:], work.V[k, k:], work.tau[k])

@@ -473,8 +473,7 @@ class _Search:
         """The force of the final cost, in y; return the size of what cancels in it."""
         H, g = self.problem.H, self.problem.g
         self.force = self.Q.T @ (H @ self.target + g)
-        reach = float(np.linalg.norm(self.target))
-        return max(float(np.abs(np.diag(H)).max()) * reach, float(np.abs(g).max()))
+        return float((np.abs(H) @ np.abs(self.target) + np.abs(g)).max())
 
     def _balance(self, level: int) -> None:
         """Find multipliers of the levels above that balance the force; only pivots push."""
