@@ -16,6 +16,7 @@ from poise.hqp.lexls.multipliers import FIRST, STRONGEST
 from poise.hqp.lexls.reference_guess import guess
 from poise.hqp.lexls.tolerances import (
     ADD_SHARES,
+    ASTRAY,
     CANCELLATION,
     COLD_CHANGES,
     DEPENDENCE_TOLERANCE,
@@ -147,6 +148,12 @@ class _Search:
                 self.idle, self.leaps, self.released = 0, 0, -1
                 self.locked[:], self.stepping = False, False
             go_on = self._step if self.stepping else self._leap
+            if changes == ASTRAY:
+                self.side = np.where(self.side == EQUALITY, EQUALITY, 0)
+                self.idle, self.released, self.locked[:] = 0, -1, False
+                # Not from the point at which the search did not get on.
+                self.x, self.values = np.zeros(self.problem.n), np.zeros(len(self.side))
+                go_on = self._begin
         return Found(self.x, self.side, self.multipliers, limit, False)
 
     def _begin(self) -> bool:

@@ -11,6 +11,7 @@ from poise.hqp.lexls.multipliers import FIRST, STRONGEST, release
 from poise.hqp.lexls.optimum import find_optimum
 from poise.hqp.lexls.reflections import copy, length_of
 from poise.hqp.lexls.tolerances import (
+    ASTRAY,
     COLD_CHANGES,
     FAR,
     FEASIBILITY_TOLERANCE,
@@ -115,6 +116,13 @@ def search(
             _forget(work)
             state[PHASE], state[GUESSED] = LEAPING, 1
             found = UNFINISHED
+        if state[CHANGES] == ASTRAY:
+            _forget(work)
+            for i in range(len(work.side)):
+                work.side[i] = EQUALITY if work.side[i] == EQUALITY else 0
+            # Not from the point at which the search did not get on.
+            work.x[:] = 0.0
+            state[PHASE] = BEGINNING
     if found == UNFINISHED:
         # Those of some active set on the way say nothing about the point.
         work.multipliers[:] = 0.0

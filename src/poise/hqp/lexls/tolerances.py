@@ -73,6 +73,9 @@ FLOOR = 1e-15
 COLD_CHANGES, WARM_CHANGES = 2, 8
 """Changes from no active set, or from that of the last solve, after which a guess costs less."""
 
+ASTRAY = 100
+"""Changes after which a search begins anew, from no active set, by single steps alone."""
+
 MOST_LEAPS = 25
 """Leaps after which the search goes step by step."""
 
