@@ -5,6 +5,7 @@ from typing import Any
 
 from poise.bench.hqp.bench import HqpRace
 from poise.bench.hqp.methods import REFERENCE
+from poise.bench.hqp.problem_set import FAMILIES
 from poise.bench.hqp.race import COLD, WARM, Lap
 from poise.bench.hqp.result import HqpResult, lap_figures
 
@@ -21,7 +22,8 @@ def format_hqp_table(race: HqpRace) -> str:
     Args:
         race: what came out.
     """
-    families = list(dict.fromkeys(one.family for one in race.sequences))
+    raced = {one.family for one in race.sequences}
+    families = [family for family in FAMILIES if family in raced]
     parts = [_family(race, family) for family in families]
     return "\n\n".join([*parts, _by_sequence(race)])
 
