@@ -28,4 +28,4 @@ USUAL_SEQUENCES = (
     "ik-humanoid-conflict",
 )
 """Some of every family, from every scenario that is quickly simulated, on robots that need no
-further package: made in half a minute and raced in two or three."""
+further package."""

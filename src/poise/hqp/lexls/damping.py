@@ -16,7 +16,7 @@ from poise.hqp.lexls.workspace import EQUALITY, Problem, Work
 from poise.linalg import part
 
 _ROUNDS = 30
-"""Of the inverse iteration at most; two or three are enough near a singularity."""
+"""Of the inverse iteration at most."""
 
 
 @part

@@ -28,7 +28,7 @@ class LexicographicSolver:
     each call begins with the active set of the last. As long as that stays the same, one
     factorisation ends it. Nothing raises on numbers.
 
-    The first solver ever made on a machine compiles the search, which takes about half a minute and
+    The first solver ever made on a machine compiles the search, which takes about a minute and
     is kept on disk; making one is never cheap, so do not make one in a control loop.
 
     Args:
