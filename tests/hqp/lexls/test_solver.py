@@ -208,7 +208,7 @@ def test_the_search_allocates_nothing_however_long_it_is(solver):
 
     memsys_enable_stats()
     try:
-        short, long = allocations(random_problem(0, feasible=True)), allocations(humanoid(88))
+        short, long = allocations(random_problem(0, feasible=True)), allocations(humanoid(222))
     finally:
         memsys_disable_stats()
     assert long[0] > short[0] + 10
@@ -229,7 +229,7 @@ def test_the_answer_of_solve_owns_its_arrays(solver):
 
 
 def test_a_cap_on_changes_ends_with_a_finite_point_that_is_not_called_optimal():
-    problem = humanoid(88)
+    problem = humanoid(222)
     needed = LexicographicSolver().solve(problem).iterations
     assert needed > 5
     solution = LexicographicSolver(max_changes=5).solve(problem)
@@ -258,7 +258,7 @@ def test_a_time_limit_that_cannot_be_is_refused(limit):
 
 
 def test_a_time_limit_ends_with_a_finite_point_that_is_not_called_optimal():
-    problem = humanoid(88)
+    problem = humanoid(222)
     solution = LexicographicSolver(time_limit=1e-6).solve(problem)
     assert solution.status is SolveStatus.TIME_LIMIT
     assert np.isfinite(solution.x).all()

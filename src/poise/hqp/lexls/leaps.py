@@ -9,7 +9,7 @@ there in a few factorisations, where single steps take one for each row.
 
 import numpy as np
 
-from poise.hqp.lexls.measure import find_values, is_better
+from poise.hqp.lexls.measure import is_better
 from poise.hqp.lexls.multipliers import release
 from poise.hqp.lexls.reflections import copy, length_of
 from poise.hqp.lexls.tolerances import (
@@ -20,7 +20,6 @@ from poise.hqp.lexls.tolerances import (
     MOST_LEAPS,
 )
 from poise.hqp.lexls.workspace import (
-    CHANGES,
     EQUALITY,
     FEWEST,
     LEAPS,
@@ -45,21 +44,16 @@ def leap(problem: Problem, work: Work) -> bool:
     turn = state[LEAPS]
     state[LEAPS] += 1
     largest = find_violations(problem, work, work.target, work.goal)
-    wrong = 0
-    for i in range(len(work.slacks)):
-        wrong += 1 if work.slacks[i] != 0.0 else 0
-    wrong += release(problem, work, DROP_SHARES[turn % len(DROP_SHARES)])
+    wrong = count_violations(work) + release(problem, work, DROP_SHARES[turn % len(DROP_SHARES)])
     if wrong == 0:
         copy(work.x, work.target)
         copy(work.values, work.goal)
         return True
-    if state[CHANGES] == 1:
-        find_values(problem, work.x, work.values)
     if is_better(problem, work):
         copy(work.x, work.target)
         copy(work.values, work.goal)
     state[SINCE] += 1
-    if turn == 0 or wrong < state[FEWEST]:
+    if wrong < state[FEWEST]:
         state[FEWEST], state[SINCE] = wrong, 0
     if turn + 1 < MOST_LEAPS and state[SINCE] < LEAP_PATIENCE:
         if largest > 0.0:
@@ -106,6 +100,15 @@ def find_violations(problem: Problem, work: Work, x: np.ndarray, values: np.ndar
             work.slacks[i] = far if values[i] > problem.upper[i] else -far
             largest = max(largest, far)
     return largest
+
+
+@part
+def count_violations(work: Work) -> int:
+    """How many rows `find_violations` found."""
+    count = 0
+    for i in range(len(work.slacks)):
+        count += 1 if work.slacks[i] != 0.0 else 0
+    return count
 
 
 @part

@@ -36,6 +36,7 @@ def release(problem: Problem, work: Work, share: float) -> int:
     for place in range(active):
         index = work.order[place]
         work.firm[index] = 1 if work.side[index] == EQUALITY else 0
+        work.needed[index] = 0
     work.multipliers[:] = 0.0
     for level in range(levels + 1):
         found = work.multipliers[level]
@@ -50,7 +51,7 @@ def release(problem: Problem, work: Work, share: float) -> int:
             size = _cost_push(problem, work)
             above = active
         _balance(work, level, found)
-        count = _check_pushes(work, found, above, size, share)
+        count = _check_pushes(work, level, above, size, share)
         if count > 0:
             return count
         if level < levels:
@@ -80,6 +81,8 @@ def _own_push(problem: Problem, work: Work, level: int, found: np.ndarray) -> fl
         if side != EQUALITY and slack * side < 0.0:
             wrong += 1
             _let_go(problem, work, index)
+        elif work.firm[index] == 0:
+            work.needed[index] = 1 + level
     if wrong > 0:
         return -float(wrong)
     if square == 0.0:
@@ -145,8 +148,9 @@ def _balance(work: Work, level: int, found: np.ndarray) -> None:
 
 
 @part
-def _check_pushes(work: Work, found: np.ndarray, above: int, size: float, share: float) -> int:
+def _check_pushes(work: Work, level: int, above: int, size: float, share: float) -> int:
     """Lets go of rows above a level that pull; returns how many."""
+    found = work.multipliers[level]
     for place in range(above):
         size = max(size, abs(found[work.order[place]]) * work.size[place])
     noise = DUAL_TOLERANCE * size
@@ -154,6 +158,8 @@ def _check_pushes(work: Work, found: np.ndarray, above: int, size: float, share:
     for place in range(above):
         index = work.order[place]
         push = found[index] * work.size[place] * work.side[index]
+        if work.firm[index] == 0 and push > noise:
+            work.needed[index] = 1 + min(level, len(work.rank) - 1)
         if work.firm[index] != 0 or not push < -noise:
             continue
         if work.locked[index] != 0:

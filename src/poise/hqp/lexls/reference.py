@@ -22,10 +22,10 @@ from poise.hqp.lexls.tolerances import (
     DEPENDENCE_TOLERANCE,
     DROP_SHARES,
     DUAL_TOLERANCE,
-    FAR,
     FEASIBILITY_TOLERANCE,
     FLAT_TOLERANCE,
     LEAP_PATIENCE,
+    MANY,
     MOST_LEAPS,
     MOVE_TOLERANCE,
     PATIENCE,
@@ -35,7 +35,7 @@ from poise.hqp.lexls.tolerances import (
     WARM_CHANGES,
     changes_allowed,
 )
-from poise.hqp.lexls.workspace import EQUALITY
+from poise.hqp.lexls.workspace import EQUALITY, GUESS, LAST, NONE
 from poise.hqp.problem import HierarchicalProblem
 
 
@@ -121,51 +121,60 @@ class _Search:
         self.locked = np.zeros(n + m, dtype=np.bool_)
         self.released = -1
         self.multipliers = np.zeros((len(problem.levels) + 1, n + m))
-        self.blocked = self.doubt = self.stepping = False
-        self.fewest = self.since = 0
+        self.needed = np.zeros(n + m, dtype=np.int64)
+        self.x, self.values = np.zeros(n), np.zeros(n + m)
+        self.blocked = self.doubt = self.leaping = False
+        self.fewest = self.since = self.idle = self.leaps = 0
+        known = bool((np.abs(self.side) == 1).any())
+        self.origin, self.enough = LAST, WARM_CHANGES if known else COLD_CHANGES
         if damping > 0.0:
             self._ease(damping)
 
     def run(self) -> Found:
         """Go to the optimum of one active set after the other."""
         limit = changes_allowed(self.problem.n, self.problem.m)
-        cold = not ((self.side == 1) | (self.side == -1)).any()
-        enough = COLD_CHANGES if cold else WARM_CHANGES
-        go_on = self._leap if cold else self._begin
-        self.x, self.idle, self.leaps = np.zeros(self.problem.n), 0, 0
-        self.values, guessed = self.a @ self.x, False
+        go_on = self._begin
         for changes in range(1, limit + 1):
+            self.changes = changes
             self.target = self._optimum()
             self.goal = self.a @ self.target
             optimal = go_on()
-            if optimal and (guessed or not self.doubt):
+            if optimal and (self.origin == NONE or not self.doubt):
                 x, side, found = self.target, self.side, self.multipliers
                 return Found(x, side, found, changes, not self.doubt)
-            if optimal or changes == enough:
-                guessed = True
-                self.side = guess(self.problem, self.lower, self.upper)
-                self.firm = self.problem.equality.copy()
-                self.idle, self.leaps, self.released = 0, 0, -1
-                self.locked[:], self.stepping = False, False
-            go_on = self._step if self.stepping else self._leap
-            if changes == ASTRAY:
+            if self.origin == LAST and (optimal or changes == self.enough):
+                self.side = guess(self.problem, self.lower, self.upper, self.side, self.needed)
+                self.origin = GUESS
+            elif self.origin == GUESS and (optimal or changes >= ASTRAY):
                 self.side = np.where(self.side == EQUALITY, EQUALITY, 0)
-                self.idle, self.released, self.locked[:] = 0, -1, False
-                # Not from the point at which the search did not get on.
-                self.x, self.values = np.zeros(self.problem.n), np.zeros(len(self.side))
-                go_on = self._begin
+                self.origin = NONE
+            else:
+                go_on = self._leap if self.leaping else self._step
+                continue
+            self.firm = self.problem.equality.copy()
+            self.idle, self.leaps, self.since, self.released = 0, 0, 0, -1
+            self.locked[:] = False
+            go_on = self._begin
         return Found(self.x, self.side, self.multipliers, limit, False)
 
     def _begin(self) -> bool:
-        """Choose where to step from; return whether the target is the optimum."""
-        self.stepping = True
-        missed = self._violations(self.target, self.goal).any()
-        far = np.linalg.norm(self.x) > FAR * np.linalg.norm(self.target)
-        if not missed or far or self._is_better():
+        """Choose how to go on by how much is wrong; return whether nothing is."""
+        violations, before = self._violations(self.target, self.goal), self.side.copy()
+        self._release(0.0)
+        pulling = np.count_nonzero((before != 0) & (self.side != before))
+        wrong = np.count_nonzero(violations) + pulling
+        # Slack makes any point one to begin from.
+        if wrong == 0 or self.origin == NONE or self._is_better():
             self.x, self.values = self.target, self.goal
-        if not missed:
-            return not self._release(STRONGEST)
-        self._activate(self._violations(self.x, self.values), 0.0)
+        self.leaping = wrong > MANY and self.origin != NONE
+        if not self.leaping:
+            self._activate(self._violations(self.x, self.values), 0.0)
+            return bool(wrong == 0)
+        if self.origin == LAST:
+            # One leap may do where rows are only missing.
+            self.enough = self.changes + (pulling == 0)
+        self.leaps, self.fewest = 1, wrong
+        self._activate(violations, ADD_SHARES[0])
         return False
 
     # --- leaps --------------------------------------------------------------------------------
@@ -184,12 +193,12 @@ class _Search:
             (before != 0) & (self.side != before)
         )
         self.since = self.since + 1
-        if turn == 0 or wrong < self.fewest:
+        if wrong < self.fewest:
             self.fewest, self.since = wrong, 0
         if turn + 1 < MOST_LEAPS and self.since < LEAP_PATIENCE:
             self._activate(violations, ADD_SHARES[turn % len(ADD_SHARES)])
             return False
-        self.stepping = True
+        self.leaping = False
         # What the point violates is active, and nothing that it keeps away from.
         room = FEASIBILITY_TOLERANCE * self.norms * np.linalg.norm(self.x)
         inside = (self.values > self.lower + room) & (self.values < self.upper - room)
@@ -429,6 +438,7 @@ class _Search:
         self.released, self.doubt = -1, False
         inequality = (side == 1) | (side == -1)
         firm = side == EQUALITY
+        self.needed[side != 0] = 0
         for level in range(count + 1):
             found = self.multipliers[level]
             if level == count:
@@ -437,7 +447,9 @@ class _Search:
                 factor = self.factors[level]
                 found[factor.rows] = factor.slack
                 mine = factor.rows[inequality[factor.rows]]
-                wrong = mine[found[mine] * side[mine] < 0.0]
+                pushing = found[mine] * side[mine]
+                self.needed[mine[(pushing > 0.0) & ~firm[mine]]] = level + 1
+                wrong = mine[pushing < 0.0]
                 if len(wrong):
                     self._let_go(wrong)
                     return True
@@ -450,6 +462,7 @@ class _Search:
                 pushes[problem.level_of == level] = 0.0
             noise = DUAL_TOLERANCE * max(size, float(np.abs(pushes).max()))
             signed = pushes * side
+            self.needed[inequality & ~firm & (signed > noise)] = min(level + 1, count)
             pulling = inequality & ~firm & (signed < -noise)
             # Kept although they pull: the point may be optimal, but this does not say so.
             self.doubt |= bool((pulling & self.locked).any())

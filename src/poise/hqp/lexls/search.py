@@ -5,16 +5,17 @@ from jaxtyping import Float64, Int64
 
 from poise.hqp.lexls.damping import ease
 from poise.hqp.lexls.guess import guess
-from poise.hqp.lexls.leaps import activate, find_violations, leap
+from poise.hqp.lexls.leaps import activate, count_violations, find_violations, leap
 from poise.hqp.lexls.measure import check, find_values, is_better, is_sound, measure
 from poise.hqp.lexls.multipliers import FIRST, STRONGEST, release
 from poise.hqp.lexls.optimum import find_optimum
 from poise.hqp.lexls.reflections import copy, length_of
 from poise.hqp.lexls.tolerances import (
+    ADD_SHARES,
     ASTRAY,
     COLD_CHANGES,
-    FAR,
     FEASIBILITY_TOLERANCE,
+    MANY,
     MOVE_TOLERANCE,
     PATIENCE,
     WARM_CHANGES,
@@ -26,12 +27,17 @@ from poise.hqp.lexls.workspace import (
     CHANGES,
     ENOUGH,
     EQUALITY,
-    GUESSED,
+    FEWEST,
+    GUESS,
     IDLE,
+    LAST,
     LEAPING,
     LEAPS,
+    NONE,
+    ORIGIN,
     PHASE,
     RELEASED,
+    SINCE,
     STEPPING,
     Problem,
     Work,
@@ -83,8 +89,8 @@ def search(
     work = cut(floats, ints, n, m, len(starts) - 1)
     state = work.state
     if state[BEGUN] == 0:
-        cold = _prepare(problem, work)
-        if cold < 0:
+        known = _prepare(problem, work)
+        if known < 0:
             return UNSOUND
         if np.any(damping):
             ease(problem, work)
@@ -92,15 +98,14 @@ def search(
             state[place] = 0
         work.multipliers[:] = 0.0
         state[BEGUN], state[RELEASED] = 1, -1
-        state[PHASE] = LEAPING if cold == 1 else BEGINNING
-        state[ENOUGH] = COLD_CHANGES if cold == 1 else WARM_CHANGES
+        state[PHASE] = BEGINNING
+        state[ENOUGH] = WARM_CHANGES if known > 0 else COLD_CHANGES
     found = UNFINISHED
     while state[CHANGES] < changes:
         state[CHANGES] += 1
         find_optimum(problem, work)
         find_values(problem, work.target, work.goal)
         if state[PHASE] == BEGINNING:
-            state[PHASE] = STEPPING
             optimal = _begin(problem, work)
         elif state[PHASE] == LEAPING:
             optimal = leap(problem, work)
@@ -109,20 +114,19 @@ def search(
         if optimal:
             check(problem, work)
             found = CONVERGED if is_sound(work) else DOUBTFUL
-            if found == CONVERGED or state[GUESSED] == 1:
+            if found == CONVERGED or state[ORIGIN] == NONE:
                 break
-        if optimal or (state[CHANGES] == state[ENOUGH] and state[GUESSED] == 0):
+        if state[ORIGIN] == LAST and (optimal or state[CHANGES] == state[ENOUGH]):
             guess(problem, work)
-            _forget(work)
-            state[PHASE], state[GUESSED] = LEAPING, 1
-            found = UNFINISHED
-        if state[CHANGES] == ASTRAY:
-            _forget(work)
+            state[ORIGIN] = GUESS
+        elif state[ORIGIN] == GUESS and (optimal or state[CHANGES] >= ASTRAY):
             for i in range(len(work.side)):
                 work.side[i] = EQUALITY if work.side[i] == EQUALITY else 0
-            # Not from the point at which the search did not get on.
-            work.x[:] = 0.0
-            state[PHASE] = BEGINNING
+            state[ORIGIN] = NONE
+        else:
+            continue
+        _forget(work)
+        state[PHASE], found = BEGINNING, UNFINISHED
     if found == UNFINISHED:
         # Those of some active set on the way say nothing about the point.
         work.multipliers[:] = 0.0
@@ -132,7 +136,7 @@ def search(
 @part
 def _forget(work: Work) -> None:
     """Forgets what steps and leaps keep in mind."""
-    work.state[IDLE] = work.state[BLOCKED] = work.state[LEAPS] = 0
+    work.state[IDLE] = work.state[BLOCKED] = work.state[LEAPS] = work.state[SINCE] = 0
     work.state[RELEASED] = -1
     for i in range(len(work.locked)):
         work.locked[i] = 0
@@ -140,21 +144,28 @@ def _forget(work: Work) -> None:
 
 @part
 def _begin(problem: Problem, work: Work) -> bool:
-    """Chooses where to begin; returns whether that is the optimum."""
-    missed = find_violations(problem, work, work.target, work.goal) > 0.0
-    # Slack makes any point one to begin from. The last one is seldom far.
-    near = missed and length_of(work.x) <= FAR * length_of(work.target)
-    if near:
+    """Chooses how to go on by how much is wrong with an active set; returns whether nothing is."""
+    state = work.state
+    largest = find_violations(problem, work, work.target, work.goal)
+    violated, pulling = count_violations(work), release(problem, work, 0.0)
+    wrong = violated + pulling
+    if wrong > 0 and state[CHANGES] == 1:
         find_values(problem, work.x, work.values)
-        near = not is_better(problem, work)
-    if not near:
+    # Slack makes any point one to begin from.
+    if wrong == 0 or state[ORIGIN] == NONE or is_better(problem, work):
         copy(work.x, work.target)
         copy(work.values, work.goal)
-    if missed:
+    state[PHASE] = STEPPING
+    if wrong <= MANY or state[ORIGIN] == NONE:
         if find_violations(problem, work, work.x, work.values) > 0.0:
             activate(work, 0.0)
-        return False
-    return release(problem, work, STRONGEST) == 0
+        return wrong == 0
+    if state[ORIGIN] == LAST:
+        # One leap may do where rows are only missing.
+        state[ENOUGH] = state[CHANGES] + (1 if pulling == 0 else 0)
+    state[PHASE], state[LEAPS], state[FEWEST] = LEAPING, 1, wrong
+    activate(work, ADD_SHARES[0] * largest)
+    return False
 
 
 @part
@@ -174,9 +185,9 @@ def _step(problem: Problem, work: Work) -> bool:
 
 @part
 def _prepare(problem: Problem, work: Work) -> int:
-    """Norms and sides of all rows; returns if no inequality is active, or -1 for wrong numbers."""
+    """Norms and sides of all rows; returns how many inequalities are active, or -1 if unsound."""
     m, n = problem.A.shape
-    total, cold = 0.0, 1
+    total, known = 0.0, 0
     for i in range(n):
         work.norms[i] = 1.0
         total += abs(problem.g[i])
@@ -199,9 +210,9 @@ def _prepare(problem: Problem, work: Work) -> int:
         if work.side[i] == 0:
             work.firm[i] = 0
         elif work.side[i] != EQUALITY:
-            cold = 0
+            known += 1
         work.locked[i] = 0
-    return cold if total < np.inf else -1
+    return known if total < np.inf else -1
 
 
 @part

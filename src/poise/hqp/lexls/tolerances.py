@@ -29,9 +29,6 @@ SAME_TOLERANCE = 1e-9
 SINGULAR_TOLERANCE = 1e-6
 """How well, relatively, the least singular value of a level that may be damped is found."""
 
-FAR = 1e6
-"""A point this many times as far as the optimum of the active set is none to begin from."""
-
 MOVE_TOLERANCE = 1e-12
 """A step shorter than this, relative to the point, is none."""
 
@@ -51,14 +48,20 @@ DROP_SHARES = (0.0, 0.5, 0.0, 0.2, 0.0, 0.7, 0.1)
 shares come in turn, and their numbers have no common divisor, few leaps go round in a circle."""
 
 
-HARD, SOFT = 1e-12, 1e-8
+HARD, SOFT = 1e-13, 1e-7
 """How much rows give way in a guess, of the levels above and of the level at hand, relative to what
 they do to x: D over |M|^2."""
+
+MET_SHARE = 0.1
+"""A level of a guess whose slack a correction leaves more of than this cannot be met."""
+
+CORRECTIONS = 2
+"""How often a guess corrects the levels above one that cannot be met."""
 
 MET_TOLERANCE = 1e-6
 """Slack of a level below this, relative to its rows and to x, is none in a guess."""
 
-FIRM_SHARE = 1e-6
+FIRM_SHARE = 1e-8
 """In a guess, rows with less than this share of a level's largest multiplier are not in its way."""
 
 GUESS_TOLERANCE = 1e-9
@@ -70,11 +73,14 @@ RIDGE = 1e-9
 FLOOR = 1e-15
 """Pivots of a guess are at least this, relative to their rows: some depend on others."""
 
-COLD_CHANGES, WARM_CHANGES = 2, 8
+MANY = 2
+"""Wrong rows up to which single steps are the way to go on."""
+
+COLD_CHANGES, WARM_CHANGES = 3, 8
 """Changes from no active set, or from that of the last solve, after which a guess costs less."""
 
 ASTRAY = 100
-"""Changes after which a search begins anew, from no active set, by single steps alone."""
+"""Changes after which a search that a guess did not help begins anew, from no active set."""
 
 MOST_LEAPS = 25
 """Leaps after which the search goes step by step."""

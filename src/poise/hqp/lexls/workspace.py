@@ -9,9 +9,10 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float64, Int64
 
+from poise.hqp.lexls.system import system_count
 from poise.linalg import compiled
 
-CHANGES, PHASE, ENOUGH, GUESSED, LEAPS, FEWEST, SINCE = range(7)
+CHANGES, PHASE, ENOUGH, ORIGIN, LEAPS, FEWEST, SINCE = range(7)
 IDLE, RELEASED, BLOCKED, BEGUN, DOUBT, FREE = range(7, 13)
 """Places of the numbers in `Work.state`; the last is how many coordinates no level has taken."""
 
@@ -19,6 +20,9 @@ STATES = 13
 
 BEGINNING, LEAPING, STEPPING = range(3)
 """Phases of the search."""
+
+LAST, GUESS, NONE = range(3)
+"""Where the active set came from that it began with: the last solve, a guess, nothing."""
 
 EQUALITY = 2
 """The side of a row that has no side: it is always active."""
@@ -72,11 +76,11 @@ class Work(NamedTuple):
         rest: scratch of a level's active rows.
         left: share of each active row outside those before it, squared.
         kept: the same when it was computed last, not updated.
+        shift: by how much damping moved the bounds of equalities.
+        slacks: of all bounds and rows at x.
         residuals: of each level.
         relative: likewise, divided by its scale.
         eased: square of the damping that each level needed.
-        shift: by how much damping moved the bounds of equalities.
-        slacks: of all bounds and rows at x.
         multipliers: of each level, then of the final cost, over all bounds and rows.
         errors: how far, relatively, active rows are from where they should be, and forces from
             balance.
@@ -90,11 +94,12 @@ class Work(NamedTuple):
         ZT: the same, transposed.
         HZ: H times each of them, one a row.
         C: final cost over that basis, and its Cholesky factor.
-        G: factor of what `guess` solves.
+        system: everything of `System` that nothing else keeps.
         side: of all bounds and rows: 1 upper, -1 lower, 2 equality, 0 inactive.
         firm: whether an active row's multiplier may have either sign further down.
         locked: whether a row came back at once when it was let go.
         order: bound or row of each active row.
+        needed: how many levels an active row was without use, counted from one; 0 for unknown.
         factored: sides and firmness of all bounds and rows when they were factored.
         chosen: scratch for a list of rows or columns.
         begin: where each level's active rows begin.
@@ -119,11 +124,11 @@ class Work(NamedTuple):
     rest: Float64[np.ndarray, " nm"]
     left: Float64[np.ndarray, " nm"]
     kept: Float64[np.ndarray, " nm"]
+    shift: Float64[np.ndarray, " nm"]
+    slacks: Float64[np.ndarray, " nm"]
     residuals: Float64[np.ndarray, " p"]
     relative: Float64[np.ndarray, " p"]
     eased: Float64[np.ndarray, " p"]
-    shift: Float64[np.ndarray, " nm"]
-    slacks: Float64[np.ndarray, " nm"]
     multipliers: Float64[np.ndarray, "p1 nm"]
     errors: Float64[np.ndarray, "2"]
     right: Float64[np.ndarray, " nmn"]
@@ -136,11 +141,12 @@ class Work(NamedTuple):
     ZT: Float64[np.ndarray, "n n"]
     HZ: Float64[np.ndarray, "n n"]
     C: Float64[np.ndarray, "n n"]
-    G: Float64[np.ndarray, "g g"]
+    system: Float64[np.ndarray, " g"]
     side: Int64[np.ndarray, " nm"]
     firm: Int64[np.ndarray, " nm"]
     locked: Int64[np.ndarray, " nm"]
     order: Int64[np.ndarray, " nm"]
+    needed: Int64[np.ndarray, " nm"]
     factored: Int64[np.ndarray, " nm"]
     chosen: Int64[np.ndarray, " nm"]
     begin: Int64[np.ndarray, " p1"]
@@ -150,16 +156,21 @@ class Work(NamedTuple):
     state: Int64[np.ndarray, " s"]
 
 
+ROWS, ROW_INTS, SQUARES = 11, 7, 5
+"""How many vectors of `Work` are as long as there are bounds and rows, floats and integers, and how
+many matrices have as many rows and columns as there are variables."""
+
+
 def float_count(n: int, m: int, levels: int) -> int:
     """How many floats `cut` needs."""
     nm = n + m
-    vectors = 6 * n + 11 * nm + 3 * levels + (levels + 1) * nm + 2 + 2 * (nm + n)
-    return vectors + 5 * n * n + 2 * n * nm + n * (nm + n) + min(3 * n, nm) ** 2
+    vectors = 6 * n + ROWS * nm + 3 * levels + (levels + 1) * nm + 2 + 2 * (nm + n)
+    return vectors + SQUARES * n * n + 2 * n * nm + n * (nm + n) + system_count(n, m)
 
 
 def int_count(n: int, m: int, levels: int) -> int:
     """How many integers `cut` needs."""
-    return 6 * (n + m) + 2 * (levels + 1) + levels + n + STATES
+    return ROW_INTS * (n + m) + 2 * (levels + 1) + levels + n + STATES
 
 
 @compiled
@@ -176,64 +187,67 @@ def cut(
         levels: number of levels.
     """
     nm, p1 = n + m, levels + 1
-    nmn, nn = nm + n, n * n
     a = 6 * n
-    b = a + 9 * nm
-    c = b + 3 * levels + nm
-    d = c + nm
-    o = d + p1 * nm
-    r = o + 2
-    e = r + 2 * nmn
-    f = e + nn
+    b = a + ROWS * nm
+    c = b + 3 * levels
+    d = c + p1 * nm
+    e = d + 2 + 2 * (nm + n)
+    f = e + SQUARES * n * n
     g = f + nm * n
-    k = g + n * nmn
-    h = k + n * nm
-    u = h + 4 * nn
-    q = min(3 * n, nm)
-    i = 6 * nm
+    h = g + n * (nm + n)
+    k = h + n * nm
+    variables = floats[:a].reshape((6, n))
+    rows = floats[a:b].reshape((ROWS, nm))
+    measures = floats[b:c].reshape((3, levels))
+    mixed = floats[d + 2 : e].reshape((2, nm + n))
+    squares = floats[e:f].reshape((SQUARES, n, n))
+    i = ROW_INTS * nm
+    sides = ints[:i].reshape((ROW_INTS, nm))
+    places = ints[i : i + 2 * p1].reshape((2, p1))
     j = i + 2 * p1
     return Work(
-        floats[:n],
-        floats[n : 2 * n],
-        floats[2 * n : 3 * n],
-        floats[3 * n : 4 * n],
-        floats[4 * n : 5 * n],
-        floats[5 * n : a],
-        floats[a : a + nm],
-        floats[a + nm : a + 2 * nm],
-        floats[a + 2 * nm : a + 3 * nm],
-        floats[a + 3 * nm : a + 4 * nm],
-        floats[a + 4 * nm : a + 5 * nm],
-        floats[a + 5 * nm : a + 6 * nm],
-        floats[a + 6 * nm : a + 7 * nm],
-        floats[a + 7 * nm : a + 8 * nm],
-        floats[a + 8 * nm : b],
-        floats[b : b + levels],
-        floats[b + levels : b + 2 * levels],
-        floats[b + 2 * levels : b + 3 * levels],
-        floats[b + 3 * levels : c],
-        floats[c:d],
-        floats[d:o].reshape((p1, nm)),
-        floats[o:r],
-        floats[r : r + nmn],
-        floats[r + nmn : e],
-        floats[e:f].reshape((n, n)),
+        variables[0],
+        variables[1],
+        variables[2],
+        variables[3],
+        variables[4],
+        variables[5],
+        rows[0],
+        rows[1],
+        rows[2],
+        rows[3],
+        rows[4],
+        rows[5],
+        rows[6],
+        rows[7],
+        rows[8],
+        rows[9],
+        rows[10],
+        measures[0],
+        measures[1],
+        measures[2],
+        floats[c:d].reshape((p1, nm)),
+        floats[d : d + 2],
+        mixed[0],
+        mixed[1],
+        squares[0],
         floats[f:g].reshape((nm, n)),
-        floats[g:k].reshape((n, nmn)),
-        floats[k:h].reshape((n, nm)),
-        floats[h : h + nn].reshape((n, n)),
-        floats[h + nn : h + 2 * nn].reshape((n, n)),
-        floats[h + 2 * nn : h + 3 * nn].reshape((n, n)),
-        floats[h + 3 * nn : u].reshape((n, n)),
-        floats[u : u + q * q].reshape((q, q)),
-        ints[:nm],
-        ints[nm : 2 * nm],
-        ints[2 * nm : 3 * nm],
-        ints[3 * nm : 4 * nm],
-        ints[4 * nm : 5 * nm],
-        ints[5 * nm : i],
-        ints[i : i + p1],
-        ints[i + p1 : j],
+        floats[g:h].reshape((n, nm + n)),
+        floats[h:k].reshape((n, nm)),
+        squares[1],
+        squares[2],
+        squares[3],
+        squares[4],
+        floats[k:],
+        sides[0],
+        sides[1],
+        sides[2],
+        sides[3],
+        sides[4],
+        sides[5],
+        sides[6],
+        places[0],
+        places[1],
         ints[j : j + levels],
         ints[j + levels : j + levels + n],
         ints[j + levels + n : j + levels + n + STATES],
