@@ -6,9 +6,11 @@ It solves the problems in `problems/` and prints what the picture says in number
 """
 
 from collections import Counter
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from timeit import repeat
+from time import perf_counter
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -21,20 +23,22 @@ from poise.bench.hqp import load_sequence
 from poise.hqp import HierarchicalProblem
 from poise.hqp.lexls import LexicographicSolver
 from poise.hqp.lexls.guess import guess
+from poise.hqp.lexls.leaps import leap
+from poise.hqp.lexls.measure import find_values
 from poise.hqp.lexls.optimum import find_optimum
-from poise.hqp.lexls.search import CONVERGED
-from poise.hqp.lexls.tolerances import COLD_CHANGES, WARM_CHANGES
+from poise.hqp.lexls.search import CONVERGED, UNFINISHED
+from poise.hqp.lexls.tolerances import ASTRAY, COLD_CHANGES, MANY, WARM_CHANGES
 from poise.hqp.lexls.workspace import (
-    BEGINNING,
     BEGUN,
     CHANGES,
-    ENOUGH,
     EQUALITY,
     FREE,
-    GUESSED,
+    GUESS,
+    LAST,
     LEAPING,
+    NONE,
+    ORIGIN,
     PHASE,
-    STEPPING,
     Problem,
     Work,
 )
@@ -46,21 +50,26 @@ PROBLEMS = HERE.parents[1] / "problems"
 EXAMPLE, NUMBER = "push-humanoid33", 2
 WORDS = {"contacts": "contacts, cones, ...", "com, pelvis, momentum": "com, pelvis, ..."}
 SLACK = "#C81E1E"
-UPRIGHT = {"rotation": 90, "ha": "right", "va": "top"}
+UPRIGHT: dict[str, Any] = {"rotation": 90, "ha": "right", "va": "top"}
 NOTHING = 1e-9
 """Of a row's length, below which a coefficient is drawn as zero."""
 
 FAINT = 1e-4
 """Likewise, what is drawn faintest."""
 
-MANY = 10
+SHOWN = 10
 """Sequences are shown whose cold problems take more single steps than this, in the median."""
 
-STEPS, LEAPS, ALL = "single steps alone", "leaps, then steps", "with a guess, as it is"
-WAYS = {STEPS: (BEGINNING, False), LEAPS: (LEAPING, False), ALL: (LEAPING, True)}
-FIRST = "in the first factorisation"
-EASY = {LEAPING: "by a leap before the guess", STEPPING: "by steps before the guess"}
-HARD = {LEAPING: "by a leap after the guess", STEPPING: "by steps after the guess"}
+STEPS, LEAPS_ALONE, ALL = "single steps alone", "without a guess", "as it is"
+WAYS = {STEPS: NONE, LEAPS_ALONE: GUESS, ALL: LAST}
+"""Where the search is told that its active set came from: what may still follow depends on that."""
+
+AT_ONCE, FEW_STEPS, ONE_LEAP = "at once", "by steps before a guess", "by one leap"
+RIGHT, MORE_STEPS, MORE_LEAPS = "by a right guess", "by steps after it", "by leaps after it"
+ANEW, NOT_OPTIMAL = "anew by steps", "not optimal"
+
+REPEATS = 30
+"""How often what is timed runs; the quickest counts."""
 
 
 # --- the factorisation ------------------------------------------------------------------------
@@ -152,7 +161,7 @@ def what_became(rows: int, rank: int) -> str:
 
 
 def count_ends() -> dict[str, Counter[str]]:
-    """In which phase the searches of the problem set end, from a cold and from a warm start."""
+    """How the searches of the problem set end, from a cold and from a warm start."""
     solver, ends = LexicographicSolver(), {"cold": Counter(), "warm": Counter()}
     for path in sorted(PROBLEMS.glob("*.npz")):
         sequence = load_sequence(path)
@@ -162,88 +171,118 @@ def count_ends() -> dict[str, Counter[str]]:
             for k, problem in enumerate(sequence.problems):
                 if start == "cold" or k == 0:
                     solver.reset()
-                ok = solver.run(problem).ok
+                end = follow(solver, problem)
                 if start == "cold" or k > 0:
-                    found[end_of(solver) if ok else "not optimal"] += 1
+                    found[end] += 1
     return ends
 
 
-def end_of(solver: LexicographicSolver) -> str:
-    """In which phase the last search ended."""
+def follow(solver: LexicographicSolver, problem: HierarchicalProblem) -> str:
+    """Solves a problem, change by change, and says how its search ended."""
+    solver._fit(problem)
     state = solver._work.state
+    state[BEGUN] = 0
+    guessed, found = 0, UNFINISHED
+    for changes in range(1, solver._limit + 1):
+        found = solver._search(problem, changes)
+        if found != UNFINISHED:
+            break
+        if state[ORIGIN] == GUESS and guessed == 0:
+            guessed = changes
+    if found != CONVERGED:
+        return NOT_OPTIMAL
     if solver.changes == 1:
-        return FIRST
-    return (HARD if state[GUESSED] else EASY)[int(state[PHASE])]
+        return AT_ONCE
+    if state[ORIGIN] == NONE:
+        return ANEW
+    if state[ORIGIN] == LAST:
+        return ONE_LEAP if state[PHASE] == LEAPING else FEW_STEPS
+    if solver.changes == guessed + 1:
+        return RIGHT
+    return MORE_LEAPS if state[PHASE] == LEAPING else MORE_STEPS
 
 
 def draw_search(ax: Axes, ends: dict[str, Counter[str]]) -> None:
-    """The phases, one below the other, and the share of searches that end in each."""
+    """The ways, from above to below, and the share of searches that end in each."""
     ax.set(xlim=(0, 100), ylim=(0, 100))
     ax.axis("off")
-    ax.set_title("The search, and the share that ends where", x=0.0)
-    box(ax, 0, 77, 30, 17, "cold\nequalities are active;\nleaps", PALETTE[0])
-    box(ax, 34, 77, 30, 17, "warm\nthe last active set;\nsingle steps", PALETTE[0])
-    box(
-        ax,
-        0,
-        50,
-        64,
-        14,
-        "guess, from none, level by level:\ndual method with penalties",
-        PALETTE[1],
-    )
-    box(
-        ax,
-        0,
-        28,
-        64,
-        14,
-        "leaps: lets go of what pulls and\nadds what is violated, many rows at once",
-        PALETTE[2],
-    )
-    box(
-        ax,
-        0,
-        3,
-        64,
-        14,
-        "single steps: goes as far as the next row\nthat is in the way, or lets go of one",
-        PALETTE[3],
-    )
-    arrow(ax, 15, 77, 64.5, f"{COLD_CHANGES} factorisations,\nor doubt")
-    arrow(ax, 49, 77, 64.5, f"{WARM_CHANGES} factorisations,\nor doubt")
-    arrow(ax, 32, 50, 42.5, "")
-    arrow(ax, 32, 28, 17.5, "no progress")
+    ax.set_title("The search, and where it ends", x=0.0)
+    draw_ways_on(ax)
     lines = {
-        89: ("at once", [FIRST]),
-        81: ("then", list(EASY.values())),
-        35: ("", [HARD[LEAPING]]),
-        10: ("", [HARD[STEPPING]]),
+        91: (AT_ONCE, [AT_ONCE]),
+        70: ("by steps", [FEW_STEPS]),
+        65: ("by the leap", [ONE_LEAP]),
+        45.5: ("by the guess", [RIGHT]),
+        25: ("by steps", [MORE_STEPS]),
+        20: ("by leaps", [MORE_LEAPS]),
+        3: ("anew", [ANEW, NOT_OPTIMAL]),
     }
-    for right, (start, found) in zip((74, 88), ends.items(), strict=True):
-        ax.text(right, 96, f"{found.total()}\n{start}", ha="right", weight="bold")
+    for right, (start, found) in zip((72, 81), ends.items(), strict=True):
+        ax.text(right, 99, f"{found.total()}\n{start}", ha="right", va="bottom", weight="bold")
         for height, (_, keys) in lines.items():
             share = sum(found[key] for key in keys) / found.total()
             ax.text(right, height, f"{100 * share:.0f}%", ha="right", va="center")
     for height, (word, _) in lines.items():
-        ax.text(90, height, word, va="center", color=MUTED)
+        ax.text(83, height, word, va="center", color=MUTED)
 
 
-def box(ax: Axes, x: float, y: float, width: float, height: float, text: str, colour: str) -> None:
+def draw_ways_on(ax: Axes) -> None:
+    """The boxes and what leads from one to the next."""
+    few = f"1 or {MANY} rows wrong" if MANY == 2 else f"up to {MANY} rows wrong"
+    steps = "single steps,\none row at a time"
+    after = f"cold after {COLD_CHANGES}, warm after {WARM_CHANGES}\nfactorisations, or in doubt"
+    box(ax, (0, 85), (64, 12), "cold: the equalities are active\nwarm: the last active set", 0)
+    box(ax, (0, 62), (28, 12), steps, 3)
+    box(ax, (38, 62), (15, 12), "one leap", 2)
+    box(ax, (0, 39), (64, 13), "guess, level by level:\ndual method with penalties", 1)
+    box(ax, (0, 16), (26, 12), steps, 3)
+    box(ax, (38, 16), (26, 12), "leaps, many\nrows at a time", 2)
+    box(ax, (0, -1), (64, 7), "anew: the equalities, single steps alone", 3)
+    arrow(ax, (13, 85), (13, 74), few)
+    arrow(ax, (45, 85), (45, 74), "more,\nnone pulls")
+    arrow(ax, (59, 85), (59, 52), "more,\nsome pull", 79.5)
+    arrow(ax, (13, 62), (13, 52), after)
+    arrow(ax, (45, 62), (45, 52), "")
+    arrow(ax, (13, 39), (13, 28), few)
+    arrow(ax, (51, 39), (51, 28), "more")
+    arrow(ax, (38, 20.5), (26, 20.5), "")
+    ax.text(32, 21.5, "no\nprogress", ha="center", va="bottom", color=MUTED, fontsize=8)
+    arrow(ax, (13, 16), (13, 6), f"after {ASTRAY} factorisations, or in doubt")
+    arrow(ax, (58, 16), (58, 6), "")
+
+
+def box(
+    ax: Axes, corner: tuple[float, float], size: tuple[float, float], text: str, colour: int
+) -> None:
     """A phase."""
+    (x, y), (width, height) = corner, size
     style = "round,pad=0,rounding_size=2"
     ax.add_patch(
         FancyBboxPatch(
-            (x, y), width, height, boxstyle=style, fc="white", ec=colour, lw=1.4, clip_on=False
+            corner,
+            width,
+            height,
+            boxstyle=style,
+            fc="white",
+            ec=PALETTE[colour],
+            lw=1.4,
+            clip_on=False,
         )
     )
     ax.text(x + width / 2, y + height / 2, text, ha="center", va="center", linespacing=1.25)
 
 
-def arrow(ax: Axes, x: float, top: float, bottom: float, text: str) -> None:
+def arrow(
+    ax: Axes,
+    begin: tuple[float, float],
+    end: tuple[float, float],
+    text: str,
+    height: float | None = None,
+) -> None:
     """From one phase to the next, and why."""
-    ax.annotate("", (x, bottom), (x, top), arrowprops={"arrowstyle": "-|>", "color": INK, "lw": 1})
-    ax.text(x + 1.5, (top + bottom) / 2, text, va="center", color=MUTED, fontsize=8)
+    ax.annotate("", end, begin, arrowprops={"arrowstyle": "-|>", "color": INK, "lw": 1})
+    middle = (begin[1] + end[1]) / 2 if height is None else height
+    ax.text(begin[0] + 1.2, middle, text, va="center", color=MUTED, fontsize=8)
 
 
 def count_ways() -> dict[str, dict[str, float]]:
@@ -252,27 +291,23 @@ def count_ways() -> dict[str, dict[str, float]]:
     for path in sorted(PROBLEMS.glob("*.npz")):
         problems = load_sequence(path).problems
         counts = {
-            way: float(np.median([search(solver, problem, *WAYS[way]) for problem in problems]))
+            way: float(np.median([search(solver, problem, WAYS[way]) for problem in problems]))
             for way in WAYS
         }
-        if counts[STEPS] > MANY:
+        if counts[STEPS] > SHOWN:
             found[path.stem] = counts
     return dict(sorted(found.items(), key=lambda item: item[1][STEPS]))
 
 
-def search(
-    solver: LexicographicSolver, problem: HierarchicalProblem, phase: int, may_guess: bool
-) -> int:
-    """How many factorisations a cold search takes that begins in a phase."""
+def search(solver: LexicographicSolver, problem: HierarchicalProblem, origin: int) -> int:
+    """How many factorisations a cold search takes that is told where its active set came from."""
     solver.reset()
     solver._fit(problem)
     state = solver._work.state
     state[BEGUN] = 0
     # Sets the search up and ends at once.
     solver._search(problem, 0)
-    state[PHASE] = phase
-    if not may_guess:
-        state[ENOUGH], state[GUESSED] = 0, 1
+    state[ORIGIN] = origin
     if solver._search(problem, solver._limit) != CONVERGED:
         raise RuntimeError("a search that is counted should end at the optimum")
     return solver.changes
@@ -296,31 +331,64 @@ def draw_ways(ax: Axes, ways: dict[str, dict[str, float]]) -> None:
 
 
 @compiled
+def run_nothing(problem: Problem, work: Work) -> None:
+    """What it takes to hand everything to a compiled function."""
+
+
+@compiled
 def run_guess(problem: Problem, work: Work) -> None:
     """The guess, which only compiled functions may call."""
     guess(problem, work)
 
 
 @compiled
+def run_leap(problem: Problem, work: Work) -> None:
+    """Likewise the leap before it."""
+    find_optimum(problem, work)
+    find_values(problem, work.target, work.goal)
+    leap(problem, work)
+
+
+@compiled
 def run_factoring(problem: Problem, work: Work) -> None:
     """Likewise the factorisation."""
+    work.state[CHANGES] = 1  # So that every level is factored anew.
     find_optimum(problem, work)
 
 
 def time_guess() -> list[float]:
-    """How many factorisations a guess takes the time of, for the first problem of each sequence."""
-    solver, ratios = LexicographicSolver(), []
+    """How many factorisations a guess takes the time of, after one leap of a cold search.
+
+    The factorisation is that of the active set which is right. The first problem of each sequence
+    counts where more is wrong than what steps would do for.
+    """
+    before, after, ratios = LexicographicSolver(), LexicographicSolver(), []
     for path in sorted(PROBLEMS.glob("*.npz")):
         problem = load_sequence(path).problems[0]
-        solver.reset()
-        solver.run(problem)
+        for solver in (before, after):
+            solver._fit(problem)
+            solver.reset()
+        after.run(problem)
+        if before._search(problem, 1) != UNFINISHED or before._work.state[PHASE] != LEAPING:
+            continue
         numbers = (problem.A, problem.lower, problem.upper, problem.weights, problem.H, problem.g)
-        whole = Problem(*numbers, solver._damping, solver._starts, problem.bounds_level)
-        solver._work.state[CHANGES] = 1  # So that every level is factored anew.
-        factoring = min(repeat(partial(run_factoring, whole, solver._work), number=1, repeat=9))
-        guessing = min(repeat(partial(run_guess, whole, solver._work), number=1, repeat=9))
-        ratios.append(guessing / factoring)
+        whole = Problem(*numbers, before._damping, before._starts, problem.bounds_level)
+        run_leap(whole, before._work)
+        floats, ints, spent = before._floats.copy(), before._ints.copy(), []
+        for _ in range(REPEATS):
+            before._floats[:], before._ints[:] = floats, ints
+            works = ((run_nothing, before), (run_factoring, after), (run_guess, before))
+            spent.append([seconds(partial(run, whole, solver._work)) for run, solver in works])
+        nothing, factoring, guessing = np.min(spent, axis=0)
+        ratios.append((guessing - nothing) / (factoring - nothing))
     return sorted(ratios)
+
+
+def seconds(run: Callable[[], None]) -> float:
+    """How long a call takes."""
+    begin = perf_counter()
+    run()
+    return perf_counter() - begin
 
 
 def main() -> None:
@@ -331,7 +399,10 @@ def main() -> None:
     for name, counts in ways.items():
         print(f"{name:32}", *(f"{way} {count:g}" for way, count in counts.items()), sep="  ")
     ratios = time_guess()
-    print(f"a guess: {ratios[0]:.1f} to {ratios[-1]:.1f} factorisations, median", end=" ")
+    print(
+        f"{len(ratios)} guesses: {ratios[0]:.1f} to {ratios[-1]:.1f} factorisations, median",
+        end=" ",
+    )
     print(f"{np.median(ratios):.1f}")
     path = HERE / "lexls.png"
     with house_style():

@@ -2,8 +2,8 @@
 
 A few hundred recorded ticks are replayed until there are as many as asked for, 100,000 by default.
 On a core that others use, the largest time is theirs: so the worst of the ticks' own times is
-printed beside it, a tick's own time being the least of its replays, with the number of ticks whose own
-time is over five medians.
+printed beside it, a tick's own time being the least of its replays, and how many ticks take more
+than five medians.
 """
 
 import gc
@@ -47,7 +47,9 @@ def replay(problems, ticks):
 
 def main(ticks=100_000):
     """Print one line a sequence."""
-    print(f"{'':32}{'p50':>7}{'p99':>7}{'p99.99':>8}{'max':>8}   own: {'p50':>6}{'max':>7}  ratio  over 5")
+    print(
+        f"{'':32}{'p50':>7}{'p99':>7}{'p99.99':>8}{'max':>8}  own:{'p50':>6}{'max':>7} ratio over"
+    )
     for name in SEQUENCES:
         spent = replay(make_sequence(name, RECORDED).problems, ticks)
         own = spent.min(axis=0)

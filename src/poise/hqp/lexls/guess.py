@@ -81,9 +81,9 @@ def guess(problem: Problem, work: Work) -> None:
                     count = converge(system, top, end, count)
         held = _settle(system, problem.weights, bounds, begin, end, count)
     for i in range(n + len(problem.A)):
-        work.factored[i] = UNKNOWN
+        work.factored[i], work.firm[i] = UNKNOWN, 0
         if problem.lower[i] == problem.upper[i]:
-            work.side[i] = EQUALITY
+            work.side[i], work.firm[i] = EQUALITY, 1
 
 
 @part

@@ -1,22 +1,25 @@
-"""Leaps from active set to active set, several rows at a time, until one is right or many were not.
+"""Exchanges of one row after the other, and leaps of many rows at once, from set to set.
 
-Rows that pull are let go and rows that are violated are made active, both at once, as in block
-pivoting (Portugal, Judice, Vicente 1994, "A comparison of block pivoting and interior-point
-algorithms for linear least squares problems with nonnegative variables"). Nothing says that a leap
-leads nearer. But where nothing pulls and nothing is violated is the optimum, and mostly a leap gets
-there in a few factorisations, where single steps take one for each row.
+Both look at the optimum of the active set alone, not at a point on the way. An exchange lets go of
+what pulls before anything else is made active, one row at a time, as dual methods do: where a tick
+violates a row or two, it mostly ends within three. A leap lets rows go that pull and makes rows
+active that are violated, all at once, as in block pivoting (Portugal, Judice, Vicente 1994, "A
+comparison of block pivoting and interior-point algorithms for linear least squares problems with
+nonnegative variables"). Nothing says that either leads nearer. But where nothing pulls and nothing
+is violated is the optimum, and mostly they get there in fewer factorisations than single steps.
 """
 
 import numpy as np
 
 from poise.hqp.lexls.measure import is_better
-from poise.hqp.lexls.multipliers import release
+from poise.hqp.lexls.multipliers import STRONGEST, release
 from poise.hqp.lexls.reflections import copy, length_of
 from poise.hqp.lexls.tolerances import (
     ADD_SHARES,
     DROP_SHARES,
     FEASIBILITY_TOLERANCE,
     LEAP_PATIENCE,
+    MOST_EXCHANGES,
     MOST_LEAPS,
 )
 from poise.hqp.lexls.workspace import (
@@ -60,12 +63,33 @@ def leap(problem: Problem, work: Work) -> bool:
             activate(work, ADD_SHARES[turn % len(ADD_SHARES)] * largest)
     else:
         state[PHASE] = STEPPING
-        _begin_steps(problem, work)
+        begin_steps(problem, work)
     return False
 
 
 @part
-def _begin_steps(problem: Problem, work: Work) -> None:
+def exchange(problem: Problem, work: Work) -> bool:
+    """Lets the row go that pulls most, or else makes the one active that is violated most."""
+    state = work.state
+    largest = find_violations(problem, work, work.target, work.goal)
+    pulling = release(problem, work, STRONGEST)
+    optimal = largest == 0.0 and pulling == 0
+    if optimal or is_better(problem, work):
+        copy(work.x, work.target)
+        copy(work.values, work.goal)
+    if optimal:
+        return True
+    state[LEAPS] += 1
+    if state[LEAPS] == MOST_EXCHANGES:
+        state[PHASE] = STEPPING
+        begin_steps(problem, work)
+    elif pulling == 0:
+        activate(work, largest)
+    return False
+
+
+@part
+def begin_steps(problem: Problem, work: Work) -> None:
     """Makes active what the point violates, and nothing that it keeps away from."""
     size = FEASIBILITY_TOLERANCE * length_of(work.x)
     for i in range(len(work.values)):

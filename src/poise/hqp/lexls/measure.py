@@ -6,7 +6,7 @@ import numpy as np
 
 from poise.hqp.lexls.combinations import add_rows
 from poise.hqp.lexls.reflections import length_of
-from poise.hqp.lexls.tolerances import OPTIMALITY_TOLERANCE, SAME_TOLERANCE
+from poise.hqp.lexls.tolerances import OPTIMALITY_TOLERANCE, SAME_TOLERANCE, SLACK_TOLERANCE
 from poise.hqp.lexls.workspace import DOUBT, Problem, Work
 from poise.linalg import part
 
@@ -113,11 +113,18 @@ def check(problem: Problem, work: Work) -> None:
 @part
 def is_better(problem: Problem, work: Work) -> bool:
     """Whether the target meets the levels better than the point, or as well."""
+    n, reach = len(problem.g), max(length_of(work.x), length_of(work.target))
     for level in range(len(work.rank)):
         old = residual_of(problem, work.values, level)
         new = residual_of(problem, work.goal, level)
-        # Written so that what is no number is no better.
-        if not abs(old - new) <= SAME_TOLERANCE * max(old, new):
+        size = 0.0
+        for i in range(n if problem.bounds_level == level else 0):
+            size = max(size, problem.weights[i])
+        for i in range(n + problem.starts[level], n + problem.starts[level + 1]):
+            size = max(size, work.norms[i] * problem.weights[i])
+        # A level that both meet is met to rounding. Written so that what is no number is no better.
+        room = max(SAME_TOLERANCE * max(old, new), SLACK_TOLERANCE * size * reach)
+        if not abs(old - new) <= room:
             return bool(new < old)
     return True
 

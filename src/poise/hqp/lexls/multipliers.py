@@ -56,13 +56,21 @@ def release(problem: Problem, work: Work, share: float) -> int:
             return count
         if level < levels:
             for place in range(work.begin[level], work.begin[level + 1]):
-                if work.slack[place] != 0.0:
+                if _is_clear(work, place, size):
                     work.firm[work.order[place]] = 1
     for level in range(levels + 1):
         for place in range(active):
             index = work.order[place]
             work.multipliers[level, index] *= problem.weights[index]
     return 0
+
+
+@part
+def _is_clear(work: Work, place: int, size: float) -> bool:
+    """Whether a row's own slack is more than rounding, by what it pushes or in its own unit."""
+    slack = abs(work.slack[place])
+    own = abs(work.bound[place]) + work.size[place] * length_of(work.target)
+    return slack * work.size[place] > DUAL_TOLERANCE * size or slack > DUAL_TOLERANCE * own
 
 
 @part

@@ -129,7 +129,6 @@ def factor_rows(system: System, begin: int, count: int) -> None:
     """Factors the system of the first rows of `order` anew.
 
     Args:
-        problem: the system.
         system: whose system.
         begin: the first row whose price is another.
         count: how many rows the system has.
@@ -144,7 +143,6 @@ def add_row(system: System, place: int) -> None:
     """Factors one more row of the system, the one that stands at a place in `order`.
 
     Args:
-        problem: the system.
         system: whose G holds the factor, and whose rest the right side divided by it.
         place: where; those before it are factored.
     """
@@ -171,7 +169,6 @@ def solve_rest(system: System, count: int) -> None:
     """Divides the right sides by the factor anew, their slack being another.
 
     Args:
-        problem: the system.
         system: whose rest is found.
         count: how many rows the system has.
     """
@@ -238,7 +235,6 @@ def find_point(system: System, count: int) -> None:
     """C^T (x - x_0) and the values of all rows that the multipliers amount to.
 
     Args:
-        problem: the system.
         system: whose y and goal are found.
         count: how many rows are active.
     """

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import scipy.linalg
-from jaxtyping import Float64, Int64
+from jaxtyping import Bool, Float64, Int64
 
 from poise.hqp.lexls.multipliers import FIRST, STRONGEST
 from poise.hqp.lexls.reference_guess import guess
@@ -26,6 +26,7 @@ from poise.hqp.lexls.tolerances import (
     FLAT_TOLERANCE,
     LEAP_PATIENCE,
     MANY,
+    MOST_EXCHANGES,
     MOST_LEAPS,
     MOVE_TOLERANCE,
     PATIENCE,
@@ -123,7 +124,7 @@ class _Search:
         self.multipliers = np.zeros((len(problem.levels) + 1, n + m))
         self.needed = np.zeros(n + m, dtype=np.int64)
         self.x, self.values = np.zeros(n), np.zeros(n + m)
-        self.blocked = self.doubt = self.leaping = False
+        self.blocked = self.doubt = False
         self.fewest = self.since = self.idle = self.leaps = 0
         known = bool((np.abs(self.side) == 1).any())
         self.origin, self.enough = LAST, WARM_CHANGES if known else COLD_CHANGES
@@ -133,12 +134,12 @@ class _Search:
     def run(self) -> Found:
         """Go to the optimum of one active set after the other."""
         limit = changes_allowed(self.problem.n, self.problem.m)
-        go_on = self._begin
+        self.go_on = self._begin
         for changes in range(1, limit + 1):
             self.changes = changes
             self.target = self._optimum()
             self.goal = self.a @ self.target
-            optimal = go_on()
+            optimal = self.go_on()
             if optimal and (self.origin == NONE or not self.doubt):
                 x, side, found = self.target, self.side, self.multipliers
                 return Found(x, side, found, changes, not self.doubt)
@@ -149,12 +150,11 @@ class _Search:
                 self.side = np.where(self.side == EQUALITY, EQUALITY, 0)
                 self.origin = NONE
             else:
-                go_on = self._leap if self.leaping else self._step
                 continue
             self.firm = self.problem.equality.copy()
             self.idle, self.leaps, self.since, self.released = 0, 0, 0, -1
             self.locked[:] = False
-            go_on = self._begin
+            self.go_on = self._begin
         return Found(self.x, self.side, self.multipliers, limit, False)
 
     def _begin(self) -> bool:
@@ -164,20 +164,39 @@ class _Search:
         pulling = np.count_nonzero((before != 0) & (self.side != before))
         wrong = np.count_nonzero(violations) + pulling
         # Slack makes any point one to begin from.
-        if wrong == 0 or self.origin == NONE or self._is_better():
+        if wrong == 0 or self._is_better():
             self.x, self.values = self.target, self.goal
-        self.leaping = wrong > MANY and self.origin != NONE
-        if not self.leaping:
+        self.go_on, self.leaps = self._step, 1
+        if 0 < wrong <= MANY and pulling == 0 and self.origin != NONE:
+            self.go_on = self._exchange
+            self._activate(violations, 0.0)
+        elif wrong <= MANY or self.origin == NONE:
             self._activate(self._violations(self.x, self.values), 0.0)
-            return bool(wrong == 0)
-        if self.origin == LAST:
-            # One leap may do where rows are only missing.
-            self.enough = self.changes + (pulling == 0)
-        self.leaps, self.fewest = 1, wrong
-        self._activate(violations, ADD_SHARES[0])
-        return False
+        else:
+            if self.origin == LAST:
+                # One leap may do where rows are only missing.
+                self.enough = self.changes + (pulling == 0)
+            self.go_on, self.fewest = self._leap, wrong
+            self._activate(violations, ADD_SHARES[0])
+        return bool(wrong == 0)
 
-    # --- leaps --------------------------------------------------------------------------------
+    # --- exchanges and leaps ------------------------------------------------------------------
+
+    def _exchange(self) -> bool:
+        """Let the row go that pulls most, or else add the one that is violated most."""
+        violations = self._violations(self.target, self.goal)
+        pulled = self._release(STRONGEST)
+        optimal = not pulled and not violations.any()
+        if optimal or self._is_better():
+            self.x, self.values = self.target, self.goal
+        if optimal:
+            return True
+        self.leaps += 1
+        if self.leaps == MOST_EXCHANGES:
+            self._begin_steps()
+        elif not pulled:
+            self._activate(violations, 1.0)
+        return False
 
     def _leap(self) -> bool:
         """Change many rows at once; return whether there was nothing to change."""
@@ -198,14 +217,17 @@ class _Search:
         if turn + 1 < MOST_LEAPS and self.since < LEAP_PATIENCE:
             self._activate(violations, ADD_SHARES[turn % len(ADD_SHARES)])
             return False
-        self.leaping = False
-        # What the point violates is active, and nothing that it keeps away from.
+        self._begin_steps()
+        return False
+
+    def _begin_steps(self) -> None:
+        """Make active what the point violates, and nothing that it keeps away from."""
+        self.go_on = self._step
         room = FEASIBILITY_TOLERANCE * self.norms * np.linalg.norm(self.x)
         inside = (self.values > self.lower + room) & (self.values < self.upper - room)
         inside &= self.side != EQUALITY
         self.side[inside], self.firm[inside] = 0, False
         self._activate(self._violations(self.x, self.values), 0.0)
-        return False
 
     def _violations(
         self, x: Float64[np.ndarray, " n"], values: Float64[np.ndarray, " nm"]
@@ -226,8 +248,10 @@ class _Search:
     def _is_better(self) -> bool:
         """Whether the target meets the levels better than the point."""
         problem = self.problem
+        reach = max(float(np.linalg.norm(self.x)), float(np.linalg.norm(self.target)))
         for level in range(len(problem.levels)):
             mine = problem.level_of == level
+            size = float((self.norms * problem.weights)[mine].max(initial=0.0))
             old, new = (
                 float(np.linalg.norm((v - v.clip(problem.lower, problem.upper))[mine] * w))
                 for v, w in (
@@ -235,7 +259,9 @@ class _Search:
                     (self.goal, problem.weights[mine]),
                 )
             )
-            if abs(old - new) > SAME_TOLERANCE * max(old, new):
+            # A level that both meet is met to rounding.
+            room = max(SAME_TOLERANCE * max(old, new), SLACK_TOLERANCE * size * reach)
+            if abs(old - new) > room:
                 return new < old
         return True
 
@@ -476,12 +502,22 @@ class _Search:
                     self.firm[wrong] = False
                 side[wrong] = 0
                 return True
-            own = (problem.level_of == level) & (found != 0.0)
-            firm |= inequality & ((np.abs(pushes) > noise) | own)
+            firm |= inequality & (np.abs(pushes) > noise)
+            if level < count:
+                own = self.factors[level]
+                firm[own.rows] |= inequality[own.rows] & self._is_clear(own, size)
             self.firm = firm.copy()
         # Weighted rows push with weighted multipliers.
         self.multipliers *= problem.weights
         return False
+
+    def _is_clear(self, factor: _LevelFactor, size: float) -> Bool[np.ndarray, " k"]:
+        """Whether rows' own slack is more than rounding, by what they push or in their own unit."""
+        rows, weights = factor.rows, self.problem.weights[factor.rows]
+        sizes, slack = self.norms[rows] * weights, np.abs(factor.slack)
+        bounds = np.where(self.side[rows] > 0, self.upper[rows], self.lower[rows]) * weights
+        own = np.abs(bounds) + sizes * np.linalg.norm(self.target)
+        return (slack * sizes > DUAL_TOLERANCE * size) | (slack > DUAL_TOLERANCE * own)
 
     def _level_push(self, factor: _LevelFactor) -> float:
         """The force of a level's slack, in y; return its size before anything cancels in it."""

@@ -192,7 +192,7 @@ class _Guess:
     def _drop(self, row: int) -> None:
         self.active.remove(row)
         self.side[row], self.pushes[row] = 0, 0.0
-        self.gap[row] = 0.0
+        self.gap[row] = self.settled[row]
 
     def _settle(self, mine: Bool[np.ndarray, " nm"]) -> None:
         """Hold what a level reached: where it has slack, its rows and those in its way stay."""

@@ -5,7 +5,7 @@ from jaxtyping import Float64, Int64
 
 from poise.hqp.lexls.damping import ease
 from poise.hqp.lexls.guess import guess
-from poise.hqp.lexls.leaps import activate, count_violations, find_violations, leap
+from poise.hqp.lexls.leaps import activate, count_violations, exchange, find_violations, leap
 from poise.hqp.lexls.measure import check, find_values, is_better, is_sound, measure
 from poise.hqp.lexls.multipliers import FIRST, STRONGEST, release
 from poise.hqp.lexls.optimum import find_optimum
@@ -27,6 +27,7 @@ from poise.hqp.lexls.workspace import (
     CHANGES,
     ENOUGH,
     EQUALITY,
+    EXCHANGING,
     FEWEST,
     GUESS,
     IDLE,
@@ -109,6 +110,8 @@ def search(
             optimal = _begin(problem, work)
         elif state[PHASE] == LEAPING:
             optimal = leap(problem, work)
+        elif state[PHASE] == EXCHANGING:
+            optimal = exchange(problem, work)
         else:
             optimal = _step(problem, work)
         if optimal:
@@ -152,10 +155,14 @@ def _begin(problem: Problem, work: Work) -> bool:
     if wrong > 0 and state[CHANGES] == 1:
         find_values(problem, work.x, work.values)
     # Slack makes any point one to begin from.
-    if wrong == 0 or state[ORIGIN] == NONE or is_better(problem, work):
+    if wrong == 0 or is_better(problem, work):
         copy(work.x, work.target)
         copy(work.values, work.goal)
     state[PHASE] = STEPPING
+    if 0 < wrong <= MANY and pulling == 0 and state[ORIGIN] != NONE:
+        state[PHASE], state[LEAPS] = EXCHANGING, 1
+        activate(work, 0.0)
+        return False
     if wrong <= MANY or state[ORIGIN] == NONE:
         if find_violations(problem, work, work.x, work.values) > 0.0:
             activate(work, 0.0)

@@ -48,7 +48,7 @@ DROP_SHARES = (0.0, 0.5, 0.0, 0.2, 0.0, 0.7, 0.1)
 shares come in turn, and their numbers have no common divisor, few leaps go round in a circle."""
 
 
-HARD, SOFT = 1e-13, 1e-7
+HARD, SOFT = 1e-14, 1e-8
 """How much rows give way in a guess, of the levels above and of the level at hand, relative to what
 they do to x: D over |M|^2."""
 
@@ -81,6 +81,9 @@ COLD_CHANGES, WARM_CHANGES = 3, 8
 
 ASTRAY = 100
 """Changes after which a search that a guess did not help begins anew, from no active set."""
+
+MOST_EXCHANGES = 4
+"""Exchanges after which the search goes step by step."""
 
 MOST_LEAPS = 25
 """Leaps after which the search goes step by step."""
