@@ -27,11 +27,18 @@ from poise.hqp.lexls.leaps import leap
 from poise.hqp.lexls.measure import find_values
 from poise.hqp.lexls.optimum import find_optimum
 from poise.hqp.lexls.search import CONVERGED, UNFINISHED
-from poise.hqp.lexls.tolerances import ASTRAY, COLD_CHANGES, MANY, WARM_CHANGES
+from poise.hqp.lexls.tolerances import (
+    ASTRAY,
+    COLD_CHANGES,
+    MANY,
+    MOST_EXCHANGES,
+    WARM_CHANGES,
+)
 from poise.hqp.lexls.workspace import (
     BEGUN,
     CHANGES,
     EQUALITY,
+    EXCHANGING,
     FREE,
     GUESS,
     LAST,
@@ -39,6 +46,7 @@ from poise.hqp.lexls.workspace import (
     NONE,
     ORIGIN,
     PHASE,
+    STEPPING,
     Problem,
     Work,
 )
@@ -64,9 +72,20 @@ STEPS, LEAPS_ALONE, ALL = "single steps alone", "without a guess", "as it is"
 WAYS = {STEPS: NONE, LEAPS_ALONE: GUESS, ALL: LAST}
 """Where the search is told that its active set came from: what may still follow depends on that."""
 
-AT_ONCE, FEW_STEPS, ONE_LEAP = "at once", "by steps before a guess", "by one leap"
-RIGHT, MORE_STEPS, MORE_LEAPS = "by a right guess", "by steps after it", "by leaps after it"
-ANEW, NOT_OPTIMAL = "anew by steps", "not optimal"
+AT_ONCE, RIGHT, ANEW, NOT_OPTIMAL = "at once", "by a right guess", "anew by steps", "not optimal"
+BEFORE = {
+    EXCHANGING: "by exchanges before a guess",
+    STEPPING: "by steps before a guess",
+    LEAPING: "by one leap",
+}
+"""How a search ends before the guess, by its phase."""
+
+AFTER = {
+    EXCHANGING: "by exchanges after it",
+    STEPPING: "by steps after it",
+    LEAPING: "by leaps after it",
+}
+"""Likewise, where something is wrong with the guess."""
 
 REPEATS = 30
 """How often what is timed runs; the quickest counts."""
@@ -196,10 +215,8 @@ def follow(solver: LexicographicSolver, problem: HierarchicalProblem) -> str:
     if state[ORIGIN] == NONE:
         return ANEW
     if state[ORIGIN] == LAST:
-        return ONE_LEAP if state[PHASE] == LEAPING else FEW_STEPS
-    if solver.changes == guessed + 1:
-        return RIGHT
-    return MORE_LEAPS if state[PHASE] == LEAPING else MORE_STEPS
+        return BEFORE[state[PHASE]]
+    return RIGHT if solver.changes == guessed + 1 else AFTER[state[PHASE]]
 
 
 def draw_search(ax: Axes, ends: dict[str, Counter[str]]) -> None:
@@ -210,12 +227,14 @@ def draw_search(ax: Axes, ends: dict[str, Counter[str]]) -> None:
     draw_ways_on(ax)
     lines = {
         91: (AT_ONCE, [AT_ONCE]),
-        70: ("by steps", [FEW_STEPS]),
-        65: ("by the leap", [ONE_LEAP]),
+        72.5: ("by exchanges", [BEFORE[EXCHANGING]]),
+        68: ("by steps", [BEFORE[STEPPING]]),
+        63.5: ("by the leap", [BEFORE[LEAPING]]),
         45.5: ("by the guess", [RIGHT]),
-        25: ("by steps", [MORE_STEPS]),
-        20: ("by leaps", [MORE_LEAPS]),
-        3: ("anew", [ANEW, NOT_OPTIMAL]),
+        26.5: ("by exchanges", [AFTER[EXCHANGING]]),
+        22: ("by steps", [AFTER[STEPPING]]),
+        17.5: ("by leaps", [AFTER[LEAPING]]),
+        2.5: ("anew", [ANEW, NOT_OPTIMAL]),
     }
     for right, (start, found) in zip((72, 81), ends.items(), strict=True):
         ax.text(right, 99, f"{found.total()}\n{start}", ha="right", va="bottom", weight="bold")
@@ -228,27 +247,41 @@ def draw_search(ax: Axes, ends: dict[str, Counter[str]]) -> None:
 
 def draw_ways_on(ax: Axes) -> None:
     """The boxes and what leads from one to the next."""
-    few = f"1 or {MANY} rows wrong" if MANY == 2 else f"up to {MANY} rows wrong"
-    steps = "single steps,\none row at a time"
+    few = f"1 or {MANY} wrong" if MANY == 2 else f"up to {MANY} wrong"
+    pull, none, later = f"{few},\nsome pull", f"{few},\nnone pulls", f"after\n{MOST_EXCHANGES}"
     after = f"cold after {COLD_CHANGES}, warm after {WARM_CHANGES}\nfactorisations, or in doubt"
     box(ax, (0, 85), (64, 12), "cold: the equalities are active\nwarm: the last active set", 0)
-    box(ax, (0, 62), (28, 12), steps, 3)
-    box(ax, (38, 62), (15, 12), "one leap", 2)
+    box(ax, (0, 62), (16, 12), "exchanges,\none by one", 4)
+    box(ax, (24, 62), (12, 12), "single\nsteps", 3)
+    box(ax, (43, 62), (13, 12), "one leap", 2)
     box(ax, (0, 39), (64, 13), "guess, level by level:\ndual method with penalties", 1)
-    box(ax, (0, 16), (26, 12), steps, 3)
-    box(ax, (38, 16), (26, 12), "leaps, many\nrows at a time", 2)
+    box(ax, (0, 16), (16, 12), "exchanges,\none by one", 4)
+    box(ax, (24, 16), (12, 12), "single\nsteps", 3)
+    box(ax, (43, 16), (21, 12), "leaps, many\nrows at a time", 2)
     box(ax, (0, -1), (64, 7), "anew: the equalities, single steps alone", 3)
-    arrow(ax, (13, 85), (13, 74), few)
-    arrow(ax, (45, 85), (45, 74), "more,\nnone pulls")
-    arrow(ax, (59, 85), (59, 52), "more,\nsome pull", 79.5)
-    arrow(ax, (13, 62), (13, 52), after)
-    arrow(ax, (45, 62), (45, 52), "")
-    arrow(ax, (13, 39), (13, 28), few)
-    arrow(ax, (51, 39), (51, 28), "more")
-    arrow(ax, (38, 20.5), (26, 20.5), "")
-    ax.text(32, 21.5, "no\nprogress", ha="center", va="bottom", color=MUTED, fontsize=8)
-    arrow(ax, (13, 16), (13, 6), f"after {ASTRAY} factorisations, or in doubt")
-    arrow(ax, (58, 16), (58, 6), "")
+    arrow(ax, (4, 85), (4, 74), none)
+    arrow(ax, (26, 85), (26, 74), pull)
+    arrow(ax, (46, 85), (46, 74), "more,\nnone pulls")
+    arrow(ax, (60, 85), (60, 52), "more,\nsome pull", 79.5)
+    arrow(ax, (4, 62), (4, 52), after)
+    arrow(ax, (35, 62), (35, 52), "")
+    arrow(ax, (49, 62), (49, 52), "")
+    arrow(ax, (4, 39), (4, 28), none)
+    arrow(ax, (26, 39), (26, 28), pull)
+    arrow(ax, (53, 39), (53, 28), "more")
+    for height in (65, 19):
+        arrow(ax, (16, height), (24, height), "")
+        above(ax, 20, height, later)
+    arrow(ax, (43, 19), (36, 19), "")
+    above(ax, 39.5, 19, "stuck")
+    arrow(ax, (4, 16), (4, 6), "in doubt")
+    arrow(ax, (26, 16), (26, 6), f"after {ASTRAY} factorisations,\nor in doubt")
+    arrow(ax, (60, 16), (60, 6), "")
+
+
+def above(ax: Axes, middle: float, height: float, text: str) -> None:
+    """What stands above an arrow to the side."""
+    ax.text(middle, height + 1, text, ha="center", va="bottom", color=MUTED, fontsize=8)
 
 
 def box(

@@ -27,7 +27,8 @@ SAME_TOLERANCE = 1e-9
 """Residuals of which none is larger by more than this, relative to it, are the same."""
 
 SINGULAR_TOLERANCE = 1e-6
-"""How well, relatively, the least singular value of a level that may be damped is found."""
+"""Relative change at which the search for the least singular value of a level that may be damped
+ends; where several lie close together, it finds one that is some percent too large."""
 
 MOVE_TOLERANCE = 1e-12
 """A step shorter than this, relative to the point, is none."""
