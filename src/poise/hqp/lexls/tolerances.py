@@ -77,7 +77,7 @@ FLOOR = 1e-15
 MANY = 2
 """Wrong rows up to which single steps are the way to go on."""
 
-COLD_CHANGES, WARM_CHANGES = 3, 8
+COLD_CHANGES, WARM_CHANGES = 3, 12
 """Changes from no active set, or from that of the last solve, after which a guess costs less."""
 
 ASTRAY = 100
