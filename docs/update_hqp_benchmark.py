@@ -1,4 +1,4 @@
-"""Runs `poise bench hqp` and puts its tables and its figure into the documentation.
+"""Runs `python -m benchmarks hqp` and puts its tables and its figure into the documentation.
 
     OPENBLAS_NUM_THREADS=1 python docs/update_hqp_benchmark.py
 

@@ -3,7 +3,7 @@
 import argparse
 from pathlib import Path
 
-from poise.scenarios import load_scenario, run_scenario, summarise, write_page, write_summary
+from poise.apps.scenarios import load_scenario, run_scenario, summarise, write_page, write_summary
 
 parser = argparse.ArgumentParser(description=__doc__)
 parser.add_argument("--out", type=Path, default=Path("runs/wave"))

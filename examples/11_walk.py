@@ -5,7 +5,7 @@ import argparse
 import numpy as np
 
 import poise
-from poise.walking import Gait, Stride, Walker, plan_footsteps
+from poise.locomotion import Gait, Stride, Walker, plan_footsteps
 
 parser = argparse.ArgumentParser(description=__doc__)
 parser.add_argument("--robot", default="humanoid33", help="a name in `poise robots`, or a file")

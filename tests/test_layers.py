@@ -12,25 +12,20 @@ ROOT = Path(__file__).parents[1] / "src" / "poise"
 
 FLOORS = (
     {"errors"},
-    {"checks", "fields", "linalg"},
-    {"robots", "hqp", "balance"},
+    {"_checks", "_fields", "_compiled"},
+    {"robots", "hqp"},
     {"dynamics"},
-    {"tasks", "contacts", "limits"},
-    {"control", "flops"},
-    {"teleop", "walking"},
-    {"sim", "fixed_base"},
-    {"report", "teleop_sim"},
-    {"scenarios"},
-    {"live"},
-    {"bench"},
-    {"studies"},
+    {"stack"},
+    {"control"},
+    {"locomotion", "sim"},
+    {"apps"},
     {"cli"},
 )
 """From the ground up. A part imports from the floors below its own, and from itself."""
 
 FLOOR = {name: height for height, names in enumerate(FLOORS) for name in names}
 
-MUJOCO_USERS = ("sim/", "scenarios/replay.py")
+MUJOCO_USERS = ("sim/", "apps/scenarios/_replay.py")
 """The only places that import the simulator; everything else goes through them."""
 
 OPTIONAL = (
@@ -82,8 +77,8 @@ def test_imports_go_downwards(path):
 
 def test_the_simulator_takes_nothing_from_control_but_the_command():
     for path in (ROOT / "sim").rglob("*.py"):
-        used = {name for name in imports_of(path) if part_of(name) in ("control", "teleop")}
-        assert used <= {"poise.control.command"}, path
+        used = {name for name in imports_of(path) if part_of(name) in ("control", "locomotion")}
+        assert used <= {"poise.control"}, path
 
 
 def test_whole_packages_are_not_imported_from_inside():
@@ -108,7 +103,7 @@ def loaded_by(code):
 def test_importing_poise_imports_nothing_optional():
     loaded = loaded_by("import poise")
     assert not loaded & set(OPTIONAL)
-    assert not {m for m in loaded if m.startswith(("poise.sim", "poise.scenarios", "poise.report"))}
+    assert not {m for m in loaded if m.startswith(("poise.sim", "poise.apps"))}
 
 
 def test_controlling_a_robot_imports_no_simulator_and_no_other_solver():

@@ -17,7 +17,7 @@ import numpy as np
 from PIL import Image
 
 import poise
-from poise.teleop_sim.scripts import over_an_obstacle
+from poise.apps.teleoperation import over_an_obstacle
 
 HERE = Path(__file__).parent
 ROBOT = "humanoid33"

@@ -19,21 +19,16 @@ from matplotlib.figure import Figure
 from matplotlib.patches import FancyBboxPatch, Rectangle
 from PIL import Image
 
-from poise.bench.hqp import load_sequence
-from poise.hqp import HierarchicalProblem
-from poise.hqp.lexls import LexicographicSolver
+from benchmarks.hqp.problem_set import load_sequence
+from poise._compiled import compiled
+from poise.apps.report._plots._style import INK, LINE, MUTED, PALETTE, house_style
 from poise.hqp.lexls.guess import guess
 from poise.hqp.lexls.leaps import leap
 from poise.hqp.lexls.measure import find_values
 from poise.hqp.lexls.optimum import find_optimum
 from poise.hqp.lexls.search import CONVERGED, UNFINISHED
-from poise.hqp.lexls.tolerances import (
-    ASTRAY,
-    COLD_CHANGES,
-    MANY,
-    MOST_EXCHANGES,
-    WARM_CHANGES,
-)
+from poise.hqp.lexls.solver import LexicographicSolver
+from poise.hqp.lexls.tolerances import ASTRAY, COLD_CHANGES, MANY, MOST_EXCHANGES, WARM_CHANGES
 from poise.hqp.lexls.workspace import (
     BEGUN,
     CHANGES,
@@ -50,8 +45,7 @@ from poise.hqp.lexls.workspace import (
     Problem,
     Work,
 )
-from poise.linalg import compiled
-from poise.report.plots.style import INK, LINE, MUTED, PALETTE, house_style
+from poise.hqp.problem import HierarchicalProblem
 
 HERE = Path(__file__).parent
 PROBLEMS = HERE.parents[1] / "problems"

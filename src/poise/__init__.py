@@ -6,7 +6,6 @@ Tasks in strict priority in, joint torques out, with contacts and limits respect
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from poise.contacts import Contact, PointContact, SurfaceContact
 from poise.control import (
     Command,
     CommandStatus,
@@ -14,27 +13,32 @@ from poise.control import (
     DifferentialIK,
     OperationalSpaceController,
     ReducedController,
-    Stack,
     WholeBodyController,
-    default_stack,
 )
 from poise.dynamics import Dynamics, RobotState
 from poise.errors import PoiseError
 from poise.hqp import HierarchicalProblem, Level, Solution, solve
-from poise.limits import JointLimit, TorqueLimit
 from poise.robots import Robot, load_robot
-from poise.tasks import (
+from poise.stack import (
     ComTask,
+    Contact,
     FrameTask,
+    JointLimit,
     JointTask,
     MomentumTask,
+    PointContact,
     PostureTask,
     RelativeFrameTask,
+    Stack,
+    SurfaceContact,
     Task,
+    TorqueLimit,
+    default_stack,
 )
 
 if TYPE_CHECKING:
-    from poise import scenarios, sim
+    from poise import sim
+    from poise.apps import scenarios
 
 __version__ = "0.1.0"
 
@@ -74,8 +78,12 @@ __all__ = [
 ]
 
 
+_LATER = {"sim": "poise.sim", "scenarios": "poise.apps.scenarios"}
+"""Packages by the name that they have here, which take more than the core needs."""
+
+
 def __getattr__(name: str) -> Any:
     """The simulator's side is imported when first asked for: the core runs without it."""
-    if name in ("sim", "scenarios"):
-        return import_module(f"poise.{name}")
+    if name in _LATER:
+        return import_module(_LATER[name])
     raise AttributeError(f"module 'poise' has no attribute {name!r}")

@@ -9,11 +9,11 @@ import pytest
 
 pytest.importorskip("mujoco")
 
+from poise.apps.scenarios import _outputs as outputs
+from poise.apps.scenarios import shipped_scenarios
 from poise.cli.main import main
 from poise.robots import catalog
-from poise.scenarios import outputs, shipped_scenarios
-from poise.sim import NoOpenGLError, Plant, read_log
-from poise.sim.opengl import find_opengl
+from poise.sim import NoOpenGLError, Plant, find_opengl, read_log
 
 SHORT = """
 name: short
@@ -139,7 +139,7 @@ def test_robots_as_json_has_the_figures(capsys):
     assert all(isinstance(row["installed"], bool) and row["licence"] for row in rows.values())
 
 
-@pytest.mark.parametrize("verb", [[], ["run"], ["robots"], ["bench"]], ids=lambda v: str(v))
+@pytest.mark.parametrize("verb", [[], ["run"], ["robots"], ["teleop"]], ids=lambda v: str(v))
 def test_help_has_an_example(verb, capsys):
     with pytest.raises(SystemExit) as stop:
         main([*verb, "--help"])

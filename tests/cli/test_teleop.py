@@ -13,7 +13,7 @@ from importlib.util import find_spec
 
 import pytest
 
-from poise.cli import teleop
+from poise.cli import _teleop as teleop
 from poise.cli.main import main
 from poise.errors import MissingExtraError
 
@@ -72,11 +72,10 @@ def test_bad_input_is_one_line(in_folder, capsys, arguments, words):
 def test_a_recording_is_played_on_its_own_terrain_unless_another_is_asked_for(
     in_folder, monkeypatch, asked
 ):
-    from poise import live
+    from poise.apps import live
+    from poise.apps.teleoperation import TELEOP_PLANT, run_teleop, terrain_blocks
+    from poise.locomotion import ScriptedDevice, WayPoint
     from poise.robots import load_robot
-    from poise.teleop import ScriptedDevice, WayPoint
-    from poise.teleop_sim import TELEOP_PLANT, run_teleop
-    from poise.teleop_sim.terrain import terrain_blocks
 
     blocks = terrain_blocks("bumps", load_robot("biped20"), seed=3)
     run_teleop(
@@ -135,7 +134,7 @@ def test_a_run_that_is_terminated_leaves_a_finished_recording_that_plays(in_fold
     pytest.importorskip("websockets")
     from websockets.sync.client import connect
 
-    from poise.teleop import read_recording
+    from poise.locomotion import read_recording
 
     command = [sys.executable, "-m", "poise.cli.main", "teleop", "--no-open", "--port", "0"]
     environment = os.environ | {"OMP_NUM_THREADS": "1"}

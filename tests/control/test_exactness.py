@@ -6,11 +6,21 @@ import pytest
 from oracles import near_home, random_state
 from scipy.linalg import null_space
 
-from poise.contacts import PointContact, SurfaceContact
-from poise.control import Stack, WholeBodyController, default_stack
+from poise.control import WholeBodyController
 from poise.dynamics import Dynamics, RobotState
-from poise.limits import JointLimit, TorqueLimit
-from poise.tasks import ComTask, FrameTask, JointTask, MomentumTask, PostureTask
+from poise.stack import (
+    ComTask,
+    FrameTask,
+    JointLimit,
+    JointTask,
+    MomentumTask,
+    PointContact,
+    PostureTask,
+    Stack,
+    SurfaceContact,
+    TorqueLimit,
+    default_stack,
+)
 
 SEEDS = range(6)
 

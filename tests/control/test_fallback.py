@@ -9,14 +9,12 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from oracles import near_home
 
-from poise.contacts import SurfaceContact
-from poise.control import CommandStatus, ReducedController, Stack, WholeBodyController
-from poise.control.fallback import DAMPING_SHARE, DECAY_TIME
-from poise.control.whole_body import WholeResolver
+from poise.control import CommandStatus, ReducedController, WholeBodyController
+from poise.control._fallback import DAMPING_SHARE, DECAY_TIME
+from poise.control._whole_body import WholeResolver
 from poise.dynamics import RobotState
-from poise.hqp import SolveStatus
-from poise.limits import TorqueLimit
-from poise.tasks import ComTask, PostureTask
+from poise.hqp.solution import SolveStatus
+from poise.stack import ComTask, PostureTask, Stack, SurfaceContact, TorqueLimit
 
 
 @pytest.fixture

@@ -4,20 +4,26 @@ import numpy as np
 import pytest
 from oracles import near_home
 
-from poise.contacts import PointContact, SurfaceContact
 from poise.control import (
     CommandStatus,
+    ControllerPlan,
     ReducedController,
-    Stack,
     WholeBodyController,
-    default_stack,
     make_controller,
 )
-from poise.control.make import ControllerPlan
 from poise.dynamics import RobotState
 from poise.errors import ConfigurationError, PoiseError, UnknownNameError
-from poise.robots.catalog import catalog_names
-from poise.tasks import ComTask, FrameTask, JointTask, PostureTask
+from poise.robots._catalog import catalog_names
+from poise.stack import (
+    ComTask,
+    FrameTask,
+    JointTask,
+    PointContact,
+    PostureTask,
+    Stack,
+    SurfaceContact,
+    default_stack,
+)
 
 
 @pytest.fixture

@@ -4,8 +4,8 @@ import ast
 import re
 from pathlib import Path
 
-from poise.hqp import SolveStatus
 from poise.hqp.lexls import solver, tolerances
+from poise.hqp.solution import SolveStatus
 
 PAGE = Path(__file__).parents[2] / "docs" / "lexls.md"
 ROW = re.compile(r"^\| `([A-Z_]+)` \| ([^|]*) \| ([^|]*) \|$", re.MULTILINE)

@@ -6,10 +6,17 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from poise.contacts import PointContact, SurfaceContact
 from poise.dynamics import Dynamics, MatrixRates, RobotState
-from poise.robots.robot import Robot
-from poise.tasks import ComTask, FrameTask, JointTask, MomentumTask, RelativeFrameTask
+from poise.robots import Robot
+from poise.stack import (
+    ComTask,
+    FrameTask,
+    JointTask,
+    MomentumTask,
+    PointContact,
+    RelativeFrameTask,
+    SurfaceContact,
+)
 
 _STEP = 1e-6
 

@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 
-from poise.hqp import CascadeSolver, certify_point, make_solver
+from poise.hqp.cascade import CascadeSolver
 from poise.hqp.measure import level_scales
+from poise.hqp.optimality import certify_point
+from poise.hqp.strategies import make_solver
 
 from .random_problems import random_problem
 

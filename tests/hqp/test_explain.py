@@ -1,6 +1,8 @@
 import numpy as np
 
-from poise.hqp import HierarchicalProblem, Level, solve
+from poise.hqp.level import Level
+from poise.hqp.problem import HierarchicalProblem
+from poise.hqp.strategies import solve
 
 
 def robot_in_a_corner():

@@ -2,7 +2,9 @@
 
 import numpy as np
 
-from poise.hqp import CascadeSolver, HierarchicalProblem, make_solver
+from poise.hqp.cascade import CascadeSolver
+from poise.hqp.problem import HierarchicalProblem
+from poise.hqp.strategies import make_solver
 
 from .random_problems import random_problem
 

@@ -6,17 +6,14 @@ import numpy as np
 import pytest
 
 from poise.errors import MissingExtraError
-from poise.hqp import (
-    CascadeSolver,
-    HierarchicalProblem,
-    Level,
-    SolveStatus,
-    WeightedSolver,
-    certify_point,
-    make_solver,
-    solve,
-)
+from poise.hqp.cascade import CascadeSolver
+from poise.hqp.level import Level
 from poise.hqp.measure import level_scales
+from poise.hqp.optimality import certify_point
+from poise.hqp.problem import HierarchicalProblem
+from poise.hqp.solution import SolveStatus
+from poise.hqp.strategies import make_solver, solve
+from poise.hqp.weighted import WeightedSolver
 
 from .random_problems import random_problem
 

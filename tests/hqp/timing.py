@@ -9,8 +9,10 @@ from time import perf_counter
 import daqp
 import numpy as np
 
-from poise.hqp import CascadeSolver, HierarchicalProblem, WeightedSolver
-from poise.hqp.lexls import LexicographicSolver
+from poise.hqp.cascade import CascadeSolver
+from poise.hqp.lexls.solver import LexicographicSolver
+from poise.hqp.problem import HierarchicalProblem
+from poise.hqp.weighted import WeightedSolver
 
 EQUALITIES = (18, 0, 6, 9)
 

@@ -12,8 +12,8 @@ from time import perf_counter
 
 import numpy as np
 
-from poise.bench.hqp import make_sequence
-from poise.hqp.lexls import LexicographicSolver
+from benchmarks.hqp.problem_sources import make_sequence
+from poise.hqp.lexls.solver import LexicographicSolver
 
 SEQUENCES = (
     "stand-humanoid33",

@@ -167,7 +167,7 @@ def test_robots_whose_data_is_not_installed_are_listed_and_name_the_extra(monkey
 
 
 def fresh_catalog(catalog_function):
-    from poise.robots.catalog import _read_entry
+    from poise.robots._catalog import _read_entry
 
     _read_entry.cache_clear()
     entries = catalog_function()

@@ -7,10 +7,10 @@ from scipy.spatial.transform import Rotation
 
 from poise.errors import ConfigurationError, UnknownNameError
 from poise.robots import load_robot
-from poise.robots.parametric import generate
-from poise.robots.parametric.humanoid import TELEOPERATED_BIPED, TOCABI_CLASS
-from poise.robots.parametric.proportions import Proportions, share_joints
-from poise.robots.parametric.shapes import box, combined_inertia, drum, rod, sphere
+from poise.robots._parametric import generate
+from poise.robots._parametric._humanoid import TELEOPERATED_BIPED, TOCABI_CLASS
+from poise.robots._parametric._proportions import Proportions, share_joints
+from poise.robots._parametric._solids import box, combined_inertia, drum, rod, sphere
 
 PARAMETRIC = ("humanoid20", "humanoid33", "humanoid45", "humanoid60", "biped20")
 

@@ -7,9 +7,8 @@ import pytest
 mujoco = pytest.importorskip("mujoco")
 
 from poise.robots import catalog  # noqa: E402
-from poise.sim.build import build_model  # noqa: E402
-from poise.sim.config import PlantConfig  # noqa: E402
-from poise.sim.mapping import StateMap  # noqa: E402
+from poise.sim import PlantConfig, StateMap  # noqa: E402
+from poise.sim._build import build_model  # noqa: E402
 
 FLOATING = [e.name for e in catalog() if e.description.base == "floating"]
 FIXED = [e.name for e in catalog() if e.description.base == "fixed"]

@@ -3,7 +3,7 @@
 import numpy as np
 import pinocchio as pin
 
-from poise.robots.robot import FrameRole, ModelSource, Robot, Sole
+from poise.robots import FrameRole, ModelSource, Robot, Sole
 
 THIGH, SHANK, ANKLE = 0.35, 0.35, 0.08
 SOLE_LENGTH, SOLE_WIDTH = 0.22, 0.12
@@ -145,12 +145,12 @@ def random_state(robot, rng):
 
 
 def torque(values):
-    from poise.control.command import Command, CommandStatus
+    from poise.control import Command, CommandStatus
 
     return Command(status=CommandStatus.OK, torque=np.asarray(values, dtype=np.float64))
 
 
 def velocity(values):
-    from poise.control.command import Command, CommandStatus
+    from poise.control import Command, CommandStatus
 
     return Command(status=CommandStatus.OK, velocity=np.asarray(values, dtype=np.float64))

@@ -7,17 +7,8 @@ import pytest
 from small_biped import document, torque, velocity
 
 from poise.errors import ConfigurationError, PoiseError, RobotError, TargetError, UnknownNameError
-from poise.robots.robot import ModelSource
-from poise.sim import (
-    Block,
-    LinkError,
-    Payload,
-    Plant,
-    PlantConfig,
-    Push,
-    SensorConfig,
-    ServoConfig,
-)
+from poise.robots import ModelSource
+from poise.sim import Block, LinkError, Payload, Plant, PlantConfig, Push, SensorConfig, ServoConfig
 
 NAN, INF = float("nan"), float("inf")
 

@@ -8,12 +8,10 @@ from stances import HUMANOIDS, stances
 
 mujoco = pytest.importorskip("mujoco")
 
-from poise.contacts import PointContact, SurfaceContact  # noqa: E402
-from poise.control import ReducedController, Stack  # noqa: E402
-from poise.sim.build import build_model  # noqa: E402
-from poise.sim.config import PlantConfig  # noqa: E402
-from poise.sim.mapping import StateMap  # noqa: E402
-from poise.tasks import ComTask, FrameTask, MomentumTask  # noqa: E402
+from poise.control import ReducedController  # noqa: E402
+from poise.sim import PlantConfig, StateMap  # noqa: E402
+from poise.sim._build import build_model  # noqa: E402
+from poise.stack import ComTask, FrameTask, MomentumTask, PointContact, Stack, SurfaceContact  # noqa: E402
 
 TOLERANCE = 1e-7
 

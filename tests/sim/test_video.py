@@ -16,10 +16,10 @@ from poise.sim import (
     VideoConfig,
     find_opengl,
     open_viewer,
-    opengl,
     render_video,
     run_markers,
 )
+from poise.sim import _camera as opengl
 
 SMALL = CameraConfig(width=320, height=180)
 
@@ -136,7 +136,7 @@ def test_a_recorded_run_is_drawn_with_its_forces(plant, biped):
 
 
 def test_slow_motion_has_more_pictures(plant, biped, opengl_here):
-    from poise.sim.video import frame_indices
+    from poise.sim._video import frame_indices
 
     times = np.arange(0.0, 1.0, 1e-3)
     assert len(frame_indices(times, VideoConfig(speed=0.5))) == 60

@@ -5,8 +5,8 @@ from unchecked import run_unchecked
 
 pytest.importorskip("mujoco")
 
-from poise.studies.bad_operator.falls_section import run_trials
-from poise.studies.bad_operator.trial import Trial, run_trial
+from studies.bad_operator.falls_section import run_trials
+from studies.bad_operator.trial import Trial, run_trial
 
 
 def test_outcomes_do_not_depend_on_the_processes():
@@ -22,9 +22,9 @@ def test_outcomes_do_not_depend_on_the_processes():
 FALL = """
 import json, sys
 from pathlib import Path
-from poise.studies.bad_operator.trial import Trial, run_trial
-from poise.teleop import PAPER_RULES, read_recording
-from poise.teleop_sim import replay_teleop
+from studies.bad_operator.trial import Trial, run_trial
+from poise.locomotion import PAPER_RULES, read_recording
+from poise.apps.teleoperation import replay_teleop
 for seed in range(200_010, 200_020):
     trial = Trial(seed=seed, seconds=15.0, folder=Path(sys.argv[1]), rules=PAPER_RULES)
     outcome = run_trial(trial)
@@ -57,8 +57,8 @@ OPERATOR = """
 import json
 import numpy as np
 from poise.robots import load_robot
-from poise.teleop_sim.bad_operator import BadOperator
-from poise.teleop_sim.run import run_teleop
+from poise.apps.teleoperation._bad_operator import BadOperator
+from poise.apps.teleoperation import run_teleop
 samples = []
 
 def noted(controller):

@@ -7,9 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from poise.cli.progress import Bar
-from poise.studies import STUDIES, StudyOptions, load_study, write_study
-from poise.studies.bias_acceleration.cost_section import cost_section
+from poise.cli._progress import Bar
+from studies.bias_acceleration.cost_section import cost_section
+from studies.plan import StudyOptions
+from studies.registry import STUDIES, load_study
+from studies.write import write_study
 
 pytest.importorskip("matplotlib")
 

@@ -8,19 +8,14 @@ import sys
 import numpy as np
 import pytest
 
+from benchmarks.fixed_base.encoder import Encoder
+from benchmarks.fixed_base.gravity import Gravity
 from poise.dynamics import Dynamics, RobotState
-from poise.fixed_base import Encoder, Gravity
 from poise.robots import load_robot
-from poise.studies.bias_acceleration.cup import (
-    KP,
-    PAPER_GRAVITY,
-    CupRun,
-    carry_cup,
-    level_start,
-)
-from poise.studies.bias_acceleration.old_gravity import OldGravityResolver
-from poise.studies.bias_acceleration.operations_section import count_resolve
-from poise.studies.bias_acceleration.side_by_side import compare_along
+from studies.bias_acceleration.cup import KP, PAPER_GRAVITY, CupRun, carry_cup, level_start
+from studies.bias_acceleration.old_gravity import OldGravityResolver
+from studies.bias_acceleration.operations_section import count_resolve
+from studies.bias_acceleration.side_by_side import compare_along
 
 pytest.importorskip("matplotlib")
 pytest.importorskip("mujoco")
@@ -120,8 +115,8 @@ def test_whole_resolves_are_counted_in_full():
 def study(tmp_path_factory):
     """The quick study from the command line, in a process whose loops are not type-checked."""
     folder = tmp_path_factory.mktemp("study")
-    start = "import sys; from poise.cli.main import main; sys.exit(main(sys.argv[1:]))"
-    command = [sys.executable, "-W", "error", "-c", start, "study", "bias-acceleration"]
+    start = "import sys; from studies.__main__ import main; sys.exit(main(sys.argv[1:]))"
+    command = [sys.executable, "-W", "error", "-c", start, "bias-acceleration"]
     done = subprocess.run(
         [*command, "--quick", "--json", "--out", str(folder)],
         capture_output=True,

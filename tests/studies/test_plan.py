@@ -8,20 +8,12 @@ import numpy as np
 import pytest
 
 from poise.errors import ConfigurationError, MissingExtraError, UnknownNameError
-from poise.studies import (
-    STUDIES,
-    Figure,
-    Finding,
-    Part,
-    Section,
-    StudyOptions,
-    StudyPlan,
-    Table,
-    draw,
-    load_study,
-    write_study,
-)
-from poise.studies.finding import number_text, with_unit
+from studies.figure import Figure, draw
+from studies.finding import Finding, number_text, with_unit
+from studies.plan import Part, StudyOptions, StudyPlan
+from studies.registry import STUDIES, load_study
+from studies.section import Section, Table
+from studies.write import write_study
 
 pytest.importorskip("matplotlib")
 
@@ -254,9 +246,9 @@ def test_without_matplotlib_nothing_is_computed(monkeypatch):
 
 def test_importing_studies_imports_neither_matplotlib_nor_a_study():
     script = (
-        "import sys, poise.studies; "
+        "import sys, studies; "
         "print([m for m in sys.modules if m in ('matplotlib', 'mujoco') "
-        "or m.startswith('poise.studies.bias')])"
+        "or m.startswith('studies.bias')])"
     )
     done = subprocess.run(
         [sys.executable, "-c", script], capture_output=True, text=True, check=True

@@ -9,33 +9,33 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from poise.bench.methods import timed_methods
-from poise.bench.schedule import Turns, take_turns
-from poise.bench.walk_recording import WalkRecording
-from poise.bench.walk_subject import WalkSubject
+from benchmarks.methods import timed_methods
+from benchmarks.schedule import Turns, take_turns
+from benchmarks.walk_recording import WalkRecording
+from benchmarks.walk_subject import WalkSubject
 from poise.control import Command, CommandStatus
 from poise.dynamics import RobotState
+from poise.locomotion import Stride, plan_footsteps
 from poise.robots import load_robot
-from poise.studies import StudyOptions
-from poise.studies.reduced_dynamics import PLAN, walk_run
-from poise.studies.reduced_dynamics.accuracy_section import accuracy_section
-from poise.studies.reduced_dynamics.answers import QUANTITIES, Answer, Judge
-from poise.studies.reduced_dynamics.base_section import base_section
-from poise.studies.reduced_dynamics.difference_section import difference_section
-from poise.studies.reduced_dynamics.order_section import order_section
-from poise.studies.reduced_dynamics.paper_form import PaperTorques
-from poise.studies.reduced_dynamics.sequential import Sequential
-from poise.studies.reduced_dynamics.sizes_section import sizes_section
-from poise.studies.reduced_dynamics.timing_section import timing_section
-from poise.walking import Stride, plan_footsteps
-from tests.bench.test_dof import robot as dof_robot
+from studies.plan import StudyOptions
+from studies.reduced_dynamics import PLAN, walk_run
+from studies.reduced_dynamics.accuracy_section import accuracy_section
+from studies.reduced_dynamics.answers import QUANTITIES, Answer, Judge
+from studies.reduced_dynamics.base_section import base_section
+from studies.reduced_dynamics.difference_section import difference_section
+from studies.reduced_dynamics.order_section import order_section
+from studies.reduced_dynamics.paper_form import PaperTorques
+from studies.reduced_dynamics.sequential import Sequential
+from studies.reduced_dynamics.sizes_section import sizes_section
+from studies.reduced_dynamics.timing_section import timing_section
+from tests.benchmarks.test_dof import robot as dof_robot
 
 for package in ("matplotlib", "mujoco", "osqp"):
     pytest.importorskip(package)
 
 TRACKING = """
 import json
-from poise.studies.reduced_dynamics.tracking_section import _VARIANTS, _findings, _run, _stand
+from studies.reduced_dynamics.tracking_section import _VARIANTS, _findings, _run, _stand
 from poise.robots import load_robot
 robot = load_robot("humanoid33")
 curves = [_run(_stand, robot, v, 60, lambda share: None) for v in _VARIANTS]
@@ -96,7 +96,7 @@ def test_both_stances_occur(run):
      order_section],
 )  # fmt: skip
 def test_a_part_says_its_findings_and_comes_to_its_end(installed, section, monkeypatch):
-    module = import_module("poise.studies.reduced_dynamics.order_section")
+    module = import_module("studies.reduced_dynamics.order_section")
     monkeypatch.setattr(module, "_DEMANDS", (10.0,))
     monkeypatch.setattr(module, "_QUICK_EVERY", 20)
     seen = []
@@ -205,7 +205,7 @@ def test_figure_5_compares_with_the_numbers_of_the_paper(monkeypatch):
         for n, own in ((20, 1.0), (45, 0.5))
         for r in dof_robot(n, 200.0, 200.0 * own, 5e3, 5e3 * own, contacts="single")
     ]
-    module = import_module("poise.studies.reduced_dynamics.dof_section")
+    module = import_module("studies.reduced_dynamics.dof_section")
     monkeypatch.setattr(module, "bench_dof", lambda plan, progress: results)
     section = module.dof_section(OPTIONS, lambda done, total: None)
     found = {f.name: f for f in section.findings}

@@ -3,7 +3,7 @@
 import pytest
 from unchecked import run_unchecked
 
-from poise.studies.step_teleoperation import PLAN
+from studies.step_teleoperation import PLAN
 
 for package in ("matplotlib", "mujoco"):
     pytest.importorskip(package)
@@ -11,9 +11,9 @@ for package in ("matplotlib", "mujoco"):
 COMPUTE = """
 import json, sys
 from importlib import import_module
-from poise.studies import StudyOptions
+from studies import StudyOptions
 name = sys.argv[1]
-section = getattr(import_module(f"poise.studies.step_teleoperation.{name}"), name)
+section = getattr(import_module(f"studies.step_teleoperation.{name}"), name)
 seen = []
 result = section(StudyOptions(quick=True), lambda done, total: seen.append((done, total)))
 print(json.dumps({

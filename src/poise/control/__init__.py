@@ -1,29 +1,50 @@
 """The resolvers: from a state and a stack to a command."""
 
-from poise.control.command import Command, CommandStatus
-from poise.control.controller import Controller
-from poise.control.differential_ik import DifferentialIK
-from poise.control.make import CONTROLLERS, ControllerPlan, make_controller
-from poise.control.osf import OperationalSpaceController, RankTreatment
-from poise.control.reduced import ReducedController
-from poise.control.stack import Stack, default_stack
-from poise.control.status import ControllerStatus, TaskStatus
-from poise.control.whole_body import WholeBodyController
+from poise.control._command import Command, CommandStatus
+from poise.control._controller import Controller
+from poise.control._differential_ik import (
+    DifferentialIK,
+    VelocityLevel,
+    base_from_joints,
+    constrained,
+    limit_weights,
+    solve_levels,
+)
+from poise.control._make import (
+    CONTROLLERS,
+    ControllerKind,
+    ControllerPlan,
+    check_plan,
+    make_controller,
+)
+from poise.control._osf import OperationalSpaceController, RankTreatment
+from poise.control._reduced import ReducedController
+from poise.control._resolver import PHYSICS_LEVELS
+from poise.control._state_check import is_usable
+from poise.control._status import ControllerStatus, TaskStatus
+from poise.control._whole_body import WholeBodyController
 
 __all__ = [
     "CONTROLLERS",
+    "PHYSICS_LEVELS",
     "Command",
     "CommandStatus",
     "Controller",
+    "ControllerKind",
     "ControllerPlan",
     "ControllerStatus",
     "DifferentialIK",
     "OperationalSpaceController",
     "RankTreatment",
     "ReducedController",
-    "Stack",
     "TaskStatus",
+    "VelocityLevel",
     "WholeBodyController",
-    "default_stack",
+    "base_from_joints",
+    "check_plan",
+    "constrained",
+    "is_usable",
+    "limit_weights",
     "make_controller",
+    "solve_levels",
 ]

@@ -1,15 +1,14 @@
 """Everything about one state of a robot, computed once a tick."""
 
-from poise.dynamics.dynamics import Dynamics
-from poise.dynamics.frames import FrameKinematics
-from poise.dynamics.partition import HangingChain, Partition, Partitions
-from poise.dynamics.rates import MatrixRates
-from poise.dynamics.reduction import ReducedDynamics
-from poise.dynamics.rotations import rotation_sine, rotation_vector
-from poise.dynamics.selection import Selection
-from poise.dynamics.state import RobotState
+from poise.dynamics._chain_coordinates import ChainFactors, from_coordinates, to_coordinates
+from poise.dynamics._dynamics import Dynamics, FrameKinematics, RobotState
+from poise.dynamics._partition import HangingChain, Partition, Partitions, Selection
+from poise.dynamics._rates import MatrixRates
+from poise.dynamics._reduction import ReducedDynamics
+from poise.dynamics._vectors import rotation_sine, rotation_vector, saturate
 
 __all__ = [
+    "ChainFactors",
     "Dynamics",
     "FrameKinematics",
     "HangingChain",
@@ -19,6 +18,9 @@ __all__ = [
     "ReducedDynamics",
     "RobotState",
     "Selection",
+    "from_coordinates",
     "rotation_sine",
     "rotation_vector",
+    "saturate",
+    "to_coordinates",
 ]

@@ -1,8 +1,10 @@
 """Robots: what a robot is, how one is loaded, and the catalog of names."""
 
-from poise.robots.catalog import CatalogEntry, catalog
-from poise.robots.loader import description_template, load_robot
-from poise.robots.robot import FrameRole, ModelSource, Robot, Sole
+from poise.robots._catalog import CatalogEntry, catalog
+from poise.robots._loader import description_template, load_robot
+from poise.robots._meshes import mesh_path
+from poise.robots._posture import standing_posture
+from poise.robots._robot import FrameRole, ModelSource, Robot, Sole
 
 __all__ = [
     "CatalogEntry",
@@ -13,4 +15,6 @@ __all__ = [
     "catalog",
     "description_template",
     "load_robot",
+    "mesh_path",
+    "standing_posture",
 ]

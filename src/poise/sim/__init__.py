@@ -10,20 +10,18 @@ from poise.errors import MissingExtraError
 if find_spec("mujoco") is None:
     raise MissingExtraError("mujoco", "sim", "Simulation")
 
-from poise.sim.camera import Camera, CameraConfig
-from poise.sim.config import Actuation, PlantConfig, ServoConfig
-from poise.sim.disturbances import Block, LinkError, Payload, Push
-from poise.sim.log_reader import Log, read_log
-from poise.sim.mapping import StateMap
-from poise.sim.markers import Marker, force_marker
-from poise.sim.opengl import NoOpenGLError, find_opengl
-from poise.sim.overlays import run_markers
-from poise.sim.plant import Plant
-from poise.sim.recorder import Recorder, RecorderConfig
-from poise.sim.sensors import SensorConfig
-from poise.sim.touches import BlockWatch
-from poise.sim.video import VideoConfig, render_video
-from poise.sim.viewer import NoDisplayError, Viewer, open_viewer
+from poise.sim._camera import Camera, CameraConfig, Marker, NoOpenGLError, find_opengl, force_marker
+from poise.sim._config import Actuation, PlantConfig, ServoConfig
+from poise.sim._disturbances import Block, LinkError, Payload, Push
+from poise.sim._foxglove import Scene
+from poise.sim._log import Log, McapLog, read_log
+from poise.sim._mapping import StateMap
+from poise.sim._plant import Plant
+from poise.sim._recorder import Recorder, RecorderConfig, Value
+from poise.sim._sensors import SensorConfig
+from poise.sim._touches import BlockWatch
+from poise.sim._video import VideoConfig, render_video, run_markers
+from poise.sim._viewer import NoDisplayError, Viewer, open_viewer
 
 __all__ = [
     "Actuation",
@@ -34,6 +32,7 @@ __all__ = [
     "LinkError",
     "Log",
     "Marker",
+    "McapLog",
     "NoDisplayError",
     "NoOpenGLError",
     "Payload",
@@ -42,9 +41,11 @@ __all__ = [
     "Push",
     "Recorder",
     "RecorderConfig",
+    "Scene",
     "SensorConfig",
     "ServoConfig",
     "StateMap",
+    "Value",
     "VideoConfig",
     "Viewer",
     "find_opengl",

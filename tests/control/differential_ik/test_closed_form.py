@@ -5,9 +5,8 @@ import pytest
 from scipy.linalg import null_space
 from scipy.optimize import minimize
 
-from poise.control.differential_ik import VelocityLevel, solve_levels
-from poise.control.differential_ik.closed_form import RANK
-from poise.control.differential_ik.inverses import right_inverse, robust_step
+from poise.control import VelocityLevel, solve_levels
+from poise.control._differential_ik._closed_form import RANK, right_inverse, robust_step
 
 
 def level(rng, m, n, jacobian=None):

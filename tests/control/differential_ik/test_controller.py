@@ -5,14 +5,23 @@ import pinocchio as pin
 import pytest
 from oracles import near_home
 
-from poise.contacts import PointContact, SurfaceContact
-from poise.control import CommandStatus, Controller, Stack
-from poise.control.differential_ik import METHODS, ROW_WEIGHT, DifferentialIK
-from poise.control.differential_ik.fallback import STOP_TIME
+from poise.control import CommandStatus, Controller, DifferentialIK
+from poise.control._differential_ik._controller import METHODS
+from poise.control._differential_ik._formulation import ROW_WEIGHT
+from poise.control._fallback import STOP_TIME
 from poise.dynamics import Dynamics, RobotState
 from poise.errors import ConfigurationError, PoiseError, TargetError, UnknownNameError
-from poise.limits import JointLimit
-from poise.tasks import ComTask, FrameTask, JointTask, MomentumTask, PostureTask
+from poise.stack import (
+    ComTask,
+    FrameTask,
+    JointLimit,
+    JointTask,
+    MomentumTask,
+    PointContact,
+    PostureTask,
+    Stack,
+    SurfaceContact,
+)
 
 BIPEDS = ("biped20", "humanoid33", "g1")
 LEFT, RIGHT = "left_sole", "right_sole"

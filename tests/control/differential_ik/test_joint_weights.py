@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from poise.control.differential_ik.joint_weights import LARGEST_WEIGHT, limit_weights
+from poise.control import limit_weights
+from poise.control._differential_ik._bounds import LARGEST_WEIGHT
 
 
 def weight(q, rate, q_min=-1.0, q_max=3.0):

@@ -4,11 +4,10 @@ from dataclasses import replace
 
 import pytest
 
+from poise.apps.scenarios import load_scenario, parse_scenario, run_scenario
 from poise.cli.main import main
-from poise.control import DifferentialIK, make_controller
-from poise.control.make import CONTROLLERS, ControllerPlan
+from poise.control import CONTROLLERS, ControllerPlan, DifferentialIK, make_controller
 from poise.errors import ConfigurationError, ScenarioError, UnknownNameError
-from poise.scenarios import load_scenario, parse_scenario, run_scenario
 
 SQUAT = """
 name: a quick squat

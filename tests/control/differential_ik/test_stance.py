@@ -5,9 +5,9 @@ import pinocchio as pin
 import pytest
 from oracles import random_state
 
-from poise.contacts import SurfaceContact
-from poise.control.differential_ik import base_from_joints, constrained
+from poise.control import base_from_joints, constrained
 from poise.dynamics import Dynamics
+from poise.stack import SurfaceContact
 
 ROBOTS = ("biped20", "humanoid33", "g1")
 FEET = ("left_sole", "right_sole")

@@ -3,10 +3,13 @@
 import numpy as np
 import pytest
 
-from poise.control.differential_ik import VelocityLevel, solve_levels, solve_within_bounds
-from poise.control.differential_ik.bounds import VelocityBounds
-from poise.hqp import HierarchicalProblem, Level, solve
-from poise.limits import JointLimit
+from poise.control import VelocityLevel, solve_levels
+from poise.control._differential_ik._bounds import VelocityBounds
+from poise.control._differential_ik._within_bounds import solve_within_bounds
+from poise.hqp.level import Level
+from poise.hqp.problem import HierarchicalProblem
+from poise.hqp.strategies import solve
+from poise.stack import JointLimit
 
 
 def levels_of(rng, n, sizes):

@@ -7,17 +7,13 @@ import numpy as np
 import pinocchio as pin
 import yaml
 
-from poise.contacts import SurfaceContact
-from poise.control import Stack
-from poise.control.osf.formulation import OperationalFormulation
-from poise.control.osf.scales import RowScales
-from poise.dynamics import Dynamics
-from poise.dynamics.rates import MatrixRates
+from poise.control._osf._formulation import OperationalFormulation
+from poise.control._osf._scales import RowScales
+from poise.dynamics import Dynamics, MatrixRates
 from poise.robots import load_robot
-from poise.sim.build import build_model
-from poise.sim.config import PlantConfig
-from poise.sim.mapping import StateMap
-from poise.tasks import ComTask, FrameTask, PostureTask
+from poise.sim import PlantConfig, StateMap
+from poise.sim._build import build_model
+from poise.stack import ComTask, FrameTask, PostureTask, Stack, SurfaceContact
 
 FLOATING = ("humanoid33", "g1")
 FIXED = ("arm6", "upper17", "panda", "humanoid33 fixed")

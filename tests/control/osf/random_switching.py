@@ -2,9 +2,15 @@
 
 import numpy as np
 
-from poise.contacts import SurfaceContact
-from poise.control import Stack
-from poise.tasks import ComTask, FrameTask, JointTask, MomentumTask, PostureTask
+from poise.stack import (
+    ComTask,
+    FrameTask,
+    JointTask,
+    MomentumTask,
+    PostureTask,
+    Stack,
+    SurfaceContact,
+)
 
 PERIOD = 0.1
 """Time between two hierarchies [s]."""

@@ -9,17 +9,19 @@ from hypothesis import strategies as st
 from oracles import near_home, random_state
 from osf_world import stack_for
 
-from poise.contacts import PointContact, SurfaceContact
-from poise.control import CommandStatus, OperationalSpaceController, RankTreatment, Stack
+from poise.control import CommandStatus, OperationalSpaceController, RankTreatment
 from poise.dynamics import RobotState
 from poise.errors import ConfigurationError, UnknownNameError
-from poise.tasks import (
+from poise.stack import (
     ComTask,
     FrameTask,
     JointTask,
     MomentumTask,
+    PointContact,
     PostureTask,
     RelativeFrameTask,
+    Stack,
+    SurfaceContact,
 )
 
 

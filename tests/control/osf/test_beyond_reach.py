@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 from osf_world import missing
 
-from poise.contacts import SurfaceContact
-from poise.control import OperationalSpaceController, Stack
+from poise.control import OperationalSpaceController
 from poise.sim import Plant
-from poise.tasks import ComTask, FrameTask, PostureTask
+from poise.stack import ComTask, FrameTask, PostureTask, Stack, SurfaceContact
 
 pytestmark = pytest.mark.usefixtures("unchecked")
 

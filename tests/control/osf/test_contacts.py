@@ -7,13 +7,20 @@ import pytest
 from oracles import near_home
 from osf_world import Mujoco, contact_force, missing, reload_with, stack_for
 
-from poise.contacts import PointContact, SurfaceContact
-from poise.control import OperationalSpaceController, Stack
+from poise.control import OperationalSpaceController
 from poise.dynamics import RobotState
 from poise.errors import ConfigurationError, TargetError
-from poise.limits import JointLimit, TorqueLimit
 from poise.sim import Plant
-from poise.tasks import ComTask, FrameTask, PostureTask
+from poise.stack import (
+    ComTask,
+    FrameTask,
+    JointLimit,
+    PointContact,
+    PostureTask,
+    Stack,
+    SurfaceContact,
+    TorqueLimit,
+)
 
 SEEDS = range(8)
 

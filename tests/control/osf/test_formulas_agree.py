@@ -19,14 +19,12 @@ from osf_world import (
     stack_for,
 )
 
-from poise.control import OperationalSpaceController, Stack
-from poise.control.osf.demand import DemandLimit
-from poise.control.osf.fused import FusedResolver
-from poise.control.osf.rank import RankTreatment
-from poise.control.osf.recursion import PaperResolver
+from poise.control import OperationalSpaceController, RankTreatment
+from poise.control._osf._fused import FusedResolver
+from poise.control._osf._limits import DemandLimit
+from poise.control._osf._recursion import PaperResolver
 from poise.dynamics import RobotState
-from poise.limits import JointLimit
-from poise.tasks import FrameTask, JointTask
+from poise.stack import FrameTask, JointLimit, JointTask, Stack
 
 STATES = 170
 """States a robot: 1,020 in all."""

@@ -7,11 +7,17 @@ import pytest
 from oracles import near_home
 from osf_world import missing
 
-from poise.contacts import SurfaceContact
-from poise.control import OperationalSpaceController, Stack
-from poise.limits import JointLimit
+from poise.control import OperationalSpaceController
 from poise.sim import Plant
-from poise.tasks import ComTask, FrameTask, JointTask, PostureTask
+from poise.stack import (
+    ComTask,
+    FrameTask,
+    JointLimit,
+    JointTask,
+    PostureTask,
+    Stack,
+    SurfaceContact,
+)
 
 
 @pytest.mark.usefixtures("unchecked")

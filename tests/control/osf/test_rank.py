@@ -7,15 +7,21 @@ from hypothesis import strategies as st
 from oracles import near_home, random_state
 from osf_world import Rows, dense_recursion, missing, random_references, stack_for
 
-from poise.contacts import SurfaceContact
-from poise.control import OperationalSpaceController, Stack
-from poise.control.osf.demand import DemandLimit
-from poise.control.osf.fused import FusedResolver
-from poise.control.osf.rank import RankTreatment
-from poise.control.osf.recursion import PaperResolver
+from poise.control import OperationalSpaceController, RankTreatment
+from poise.control._osf._fused import FusedResolver
+from poise.control._osf._limits import DemandLimit
+from poise.control._osf._recursion import PaperResolver
 from poise.dynamics import RobotState
 from poise.errors import ConfigurationError
-from poise.tasks import ComTask, FrameTask, JointTask, MomentumTask, PostureTask
+from poise.stack import (
+    ComTask,
+    FrameTask,
+    JointTask,
+    MomentumTask,
+    PostureTask,
+    Stack,
+    SurfaceContact,
+)
 
 SEEDS = range(10)
 

@@ -8,11 +8,18 @@ import pytest
 from oracles import near_home
 from stances import relative, stances
 
-from poise.contacts import PointContact, SurfaceContact
-from poise.control import ReducedController, Stack, WholeBodyController
+from poise.control import ReducedController, WholeBodyController
 from poise.dynamics import RobotState
-from poise.limits import JointLimit
-from poise.tasks import ComTask, FrameTask, PostureTask, RelativeFrameTask
+from poise.stack import (
+    ComTask,
+    FrameTask,
+    JointLimit,
+    PointContact,
+    PostureTask,
+    RelativeFrameTask,
+    Stack,
+    SurfaceContact,
+)
 
 SAME = 1e-6
 """What two exact resolutions of one hierarchy with levels that give may differ by."""

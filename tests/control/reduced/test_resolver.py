@@ -5,21 +5,25 @@ import pytest
 from oracles import near_home, random_state
 from stances import HUMANOIDS, relative, stances
 
-from poise.contacts import PointContact, SurfaceContact
-from poise.control import Stack
-from poise.control.formulation import FullFormulation
-from poise.control.reduced import ReducedResolver, assign
+from poise.control._formulation import FullFormulation
+from poise.control._reduced._resolver import ReducedResolver
+from poise.control._reduced._task_rows import assign
 from poise.dynamics import Dynamics, Partitions
-from poise.hqp import CascadeSolver, certify_point, make_solver
-from poise.limits import TorqueLimit
-from poise.tasks import (
+from poise.hqp.cascade import CascadeSolver
+from poise.hqp.optimality import certify_point
+from poise.hqp.strategies import make_solver
+from poise.stack import (
     ComTask,
     FrameTask,
     JointTask,
     MomentumTask,
+    PointContact,
     PostureTask,
     RelativeFrameTask,
+    Stack,
+    SurfaceContact,
     Task,
+    TorqueLimit,
 )
 
 SEEDS = range(8)

@@ -14,8 +14,9 @@ from time import perf_counter
 import numpy as np
 
 from poise.errors import MissingExtraError
-from poise.hqp import ACCURACY, CascadeSolver
-from poise.hqp.lexls import LexicographicSolver
+from poise.hqp.backends import ACCURACY
+from poise.hqp.cascade import CascadeSolver
+from poise.hqp.lexls.solver import LexicographicSolver
 
 from .conditions import worst_violation
 from .families import FAMILIES

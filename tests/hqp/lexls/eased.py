@@ -9,8 +9,8 @@ from time import perf_counter
 
 import numpy as np
 
-from poise.bench.hqp import load_sequence
-from poise.hqp.lexls import LexicographicSolver
+from benchmarks.hqp.problem_set import load_sequence
+from poise.hqp.lexls.solver import LexicographicSolver
 
 PROBLEMS = Path(__file__).parents[3] / "problems"
 DAMPINGS = (1e-3, 1e-2, 1e-1)

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from poise.hqp import HierarchicalProblem, Level
+from poise.hqp.level import Level
+from poise.hqp.problem import HierarchicalProblem
 
 from ..random_problems import random_problem
 

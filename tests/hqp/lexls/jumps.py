@@ -4,9 +4,9 @@ from collections import Counter
 
 import numpy as np
 
-from poise.bench.hqp import make_sequence
-from poise.hqp import WeightedSolver
-from poise.hqp.lexls import LexicographicSolver
+from benchmarks.hqp.problem_sources import make_sequence
+from poise.hqp.lexls.solver import LexicographicSolver
+from poise.hqp.weighted import WeightedSolver
 
 SEQUENCES = ("ik-humanoid-overstretched", "push-humanoid33", "walk-touch-down-humanoid33")
 TICKS = 31

@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 
 from poise.errors import ConfigurationError
-from poise.hqp import HierarchicalProblem, Level
-from poise.hqp.lexls import LexicographicSolver, reference, solve
+from poise.hqp.level import Level
+from poise.hqp.lexls import reference
+from poise.hqp.lexls.solver import LexicographicSolver, solve
+from poise.hqp.problem import HierarchicalProblem
 
 from .conditions import worst_violation
 from .families import nearly_dependent

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from poise.hqp.lexls import LexicographicSolver
 from poise.hqp.lexls.reference import search
+from poise.hqp.lexls.solver import LexicographicSolver
 from poise.hqp.lexls.tolerances import COLD_CHANGES
 
 from .conditions import worst_violation

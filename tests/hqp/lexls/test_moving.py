@@ -3,8 +3,11 @@
 import numpy as np
 import pytest
 
-from poise.hqp import CascadeSolver, HierarchicalProblem, Level, certify_point
-from poise.hqp.lexls import LexicographicSolver
+from poise.hqp.cascade import CascadeSolver
+from poise.hqp.level import Level
+from poise.hqp.lexls.solver import LexicographicSolver
+from poise.hqp.optimality import certify_point
+from poise.hqp.problem import HierarchicalProblem
 
 from .conditions import worst_violation
 

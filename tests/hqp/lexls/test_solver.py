@@ -10,9 +10,12 @@ from numba.core.runtime import rtsys
 from numba.core.runtime._nrt_python import memsys_disable_stats, memsys_enable_stats
 
 from poise.errors import ConfigurationError, ProblemError
-from poise.hqp import HierarchicalProblem, Solver, SolveStatus
-from poise.hqp.lexls import Level, LexicographicSolver, solve
+from poise.hqp.level import Level
+from poise.hqp.lexls.solver import LexicographicSolver, solve
 from poise.hqp.measure import level_norms, row_values, signed_slacks
+from poise.hqp.problem import HierarchicalProblem
+from poise.hqp.solution import SolveStatus
+from poise.hqp.strategies import Solver
 
 from ..random_problems import random_problem
 from ..test_sequences import moving_problem

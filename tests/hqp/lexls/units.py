@@ -4,8 +4,9 @@ from collections import Counter
 
 import numpy as np
 
-from poise.hqp import HierarchicalProblem, Level
-from poise.hqp.lexls import LexicographicSolver
+from poise.hqp.level import Level
+from poise.hqp.lexls.solver import LexicographicSolver
+from poise.hqp.problem import HierarchicalProblem
 
 SPANS = (8, 10, 12, 14, 16)
 """Powers of ten that the units of a level's rows span."""

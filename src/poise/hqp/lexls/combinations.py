@@ -3,7 +3,7 @@
 import numpy as np
 from jaxtyping import Float64, Int64
 
-from poise.linalg import part
+from poise._compiled import part
 
 
 @part

@@ -7,13 +7,13 @@ their bounds. What the search then solves is an ordinary problem.
 
 from math import sqrt
 
+from poise._compiled import part
 from poise.hqp.lexls.factor import factor_level
 from poise.hqp.lexls.least_squares import solve_damped
 from poise.hqp.lexls.optimum import solve_level
 from poise.hqp.lexls.reflections import length_of
 from poise.hqp.lexls.tolerances import SINGULAR_TOLERANCE
 from poise.hqp.lexls.workspace import EQUALITY, Problem, Work
-from poise.linalg import part
 
 _ROUNDS = 30
 """Of the inverse iteration at most."""

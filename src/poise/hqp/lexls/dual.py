@@ -7,10 +7,10 @@ and the way goes on from there (Goldfarb, Idnani 1983).
 
 from math import sqrt
 
+from poise._compiled import part
 from poise.hqp.lexls.penalties import add_row, find_lambda, find_point, remove_row
 from poise.hqp.lexls.system import System
 from poise.hqp.lexls.tolerances import GUESS_TOLERANCE
-from poise.linalg import part
 
 
 @part

@@ -5,10 +5,10 @@ it and the levels above it take. So the levels can be solved one after the other
 does with its own coordinates leaves those above untouched.
 """
 
+from poise._compiled import part
 from poise.hqp.lexls.reflections import length_of, reflect_rows, turn_row
 from poise.hqp.lexls.tolerances import RANK_TOLERANCE
 from poise.hqp.lexls.workspace import Problem, Work
-from poise.linalg import part
 
 _CANCELLED = 1e-5
 """Squares that became smaller than this by subtraction are computed anew."""

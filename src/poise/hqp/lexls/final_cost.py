@@ -4,11 +4,11 @@ from math import sqrt
 
 import numpy as np
 
+from poise._compiled import part
 from poise.hqp.lexls.combinations import add_rows
 from poise.hqp.lexls.reflections import reflect_rows
 from poise.hqp.lexls.tolerances import FLAT_TOLERANCE
 from poise.hqp.lexls.workspace import Problem, Work
-from poise.linalg import part
 
 
 @part

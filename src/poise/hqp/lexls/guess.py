@@ -21,19 +21,12 @@ from math import sqrt
 import numpy as np
 from jaxtyping import Float64
 
+from poise._compiled import part
 from poise.hqp.lexls.dual import converge, drop_wrong
 from poise.hqp.lexls.penalties import factor_rows, get_ready, solve_rest
 from poise.hqp.lexls.system import System, cut_system
-from poise.hqp.lexls.tolerances import (
-    CORRECTIONS,
-    FIRM_SHARE,
-    HARD,
-    MET_SHARE,
-    MET_TOLERANCE,
-    SOFT,
-)
+from poise.hqp.lexls.tolerances import CORRECTIONS, FIRM_SHARE, HARD, MET_SHARE, MET_TOLERANCE, SOFT
 from poise.hqp.lexls.workspace import EQUALITY, UNKNOWN, Problem, Work
-from poise.linalg import part
 
 
 @part

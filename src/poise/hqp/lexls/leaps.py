@@ -11,6 +11,7 @@ is violated is the optimum, and mostly they get there in fewer factorisations th
 
 import numpy as np
 
+from poise._compiled import part
 from poise.hqp.lexls.measure import is_better
 from poise.hqp.lexls.multipliers import STRONGEST, release
 from poise.hqp.lexls.reflections import copy, length_of
@@ -22,17 +23,7 @@ from poise.hqp.lexls.tolerances import (
     MOST_EXCHANGES,
     MOST_LEAPS,
 )
-from poise.hqp.lexls.workspace import (
-    EQUALITY,
-    FEWEST,
-    LEAPS,
-    PHASE,
-    SINCE,
-    STEPPING,
-    Problem,
-    Work,
-)
-from poise.linalg import part
+from poise.hqp.lexls.workspace import EQUALITY, FEWEST, LEAPS, PHASE, SINCE, STEPPING, Problem, Work
 
 
 @part

@@ -9,10 +9,10 @@ reaches them, however large the slack of the others is.
 import numpy as np
 from jaxtyping import Float64
 
+from poise._compiled import part
 from poise.hqp.lexls.reflections import copy, length_of, reflect, reflect_rows, turn_row
 from poise.hqp.lexls.tolerances import CANCELLATION, DEPENDENCE_TOLERANCE
 from poise.hqp.lexls.workspace import Work
-from poise.linalg import part
 
 
 @part

@@ -4,11 +4,11 @@ from math import sqrt
 
 import numpy as np
 
+from poise._compiled import part
 from poise.hqp.lexls.combinations import add_rows
 from poise.hqp.lexls.reflections import length_of
 from poise.hqp.lexls.tolerances import OPTIMALITY_TOLERANCE, SAME_TOLERANCE, SLACK_TOLERANCE
 from poise.hqp.lexls.workspace import DOUBT, Problem, Work
-from poise.linalg import part
 
 
 @part

@@ -4,11 +4,11 @@ from math import sqrt
 
 import numpy as np
 
+from poise._compiled import part
 from poise.hqp.lexls.final_cost import find_gradient
 from poise.hqp.lexls.reflections import copy, length_of, reflect
 from poise.hqp.lexls.tolerances import DUAL_TOLERANCE, FEASIBILITY_TOLERANCE
 from poise.hqp.lexls.workspace import DOUBT, EQUALITY, RELEASED, Problem, Work
-from poise.linalg import part
 
 STRONGEST, FIRST = 2.0, 3.0
 """What `release` takes instead of a share, to let go of one row: which."""

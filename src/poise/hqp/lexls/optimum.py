@@ -1,12 +1,12 @@
 """The lexicographic optimum of an active set: its rows are equalities, all others are left out."""
 
+from poise._compiled import part
 from poise.hqp.lexls.factor import factor_level
 from poise.hqp.lexls.final_cost import solve_cost
 from poise.hqp.lexls.least_squares import share_slack
 from poise.hqp.lexls.reflections import copy, length_of, reflect
 from poise.hqp.lexls.tolerances import SLACK_TOLERANCE
 from poise.hqp.lexls.workspace import CHANGES, FREE, Problem, Work
-from poise.linalg import part
 
 FIRM = 8
 """What tells the code of a firm row's side from another's."""

@@ -5,10 +5,10 @@ from math import hypot, sqrt
 import numpy as np
 from jaxtyping import Float64, Int64
 
+from poise._compiled import part
 from poise.hqp.lexls.system import System
 from poise.hqp.lexls.tolerances import FLOOR, RIDGE
 from poise.hqp.lexls.workspace import EQUALITY, Problem, Work
-from poise.linalg import part
 
 
 @part

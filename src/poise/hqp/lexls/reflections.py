@@ -5,7 +5,7 @@ from math import sqrt
 import numpy as np
 from jaxtyping import Float64
 
-from poise.linalg import part
+from poise._compiled import part
 
 
 @part

@@ -3,6 +3,7 @@
 import numpy as np
 from jaxtyping import Float64, Int64
 
+from poise._compiled import compiled, part
 from poise.hqp.lexls.damping import ease
 from poise.hqp.lexls.guess import guess
 from poise.hqp.lexls.leaps import activate, count_violations, exchange, find_violations, leap
@@ -44,7 +45,6 @@ from poise.hqp.lexls.workspace import (
     Work,
     cut,
 )
-from poise.linalg import compiled, part
 
 CONVERGED, DOUBTFUL, UNFINISHED, UNSOUND, LOST = range(5)
 """How a call ended: at an optimum, at what may be none, at the cap, with numbers that cannot be a

@@ -6,6 +6,7 @@ from time import perf_counter
 import numpy as np
 from jaxtyping import Float64, Int64
 
+from poise._compiled import say_if_slow
 from poise.errors import ConfigurationError, ProblemError
 from poise.hqp.level import Level, Numbers
 from poise.hqp.lexls.search import CONVERGED, LOST, UNFINISHED, UNSOUND, search
@@ -15,7 +16,6 @@ from poise.hqp.lexls.workspace import BEGUN, CHANGES, Work, cut, float_count, in
 from poise.hqp.problem import HierarchicalProblem
 from poise.hqp.solution import Solution, SolveStatus
 from poise.hqp.status import failure
-from poise.linalg import say_if_slow
 
 RELAXED = 1e-9
 """Relative residual above which a level counts as not met."""

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float64, Int64
 
-from poise.linalg import part
+from poise._compiled import part
 
 _VECTORS = 8
 

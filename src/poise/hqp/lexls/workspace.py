@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float64, Int64
 
+from poise._compiled import compiled
 from poise.hqp.lexls.system import system_count
-from poise.linalg import compiled
 
 CHANGES, PHASE, ENOUGH, ORIGIN, LEAPS, FEWEST, SINCE = range(7)
 IDLE, RELEASED, BLOCKED, BEGUN, DOUBT, FREE = range(7, 13)

@@ -1,0 +1,145 @@
+"""`RigidPlant`: the true robot, integrated from its equation of motion."""
+
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+from jaxtyping import Float64
+
+from benchmarks.fixed_base.gravity import Gravity
+from poise._checks import checked_number
+from poise.errors import ConfigurationError
+from poise.robots import Robot
+
+STEP = 1e-4
+"""Step of the integration [s]."""
+
+
+class RigidPlant:
+    """M(q) dv + h(q, v) = torque, by the classic fourth-order Runge-Kutta method.
+
+    There is no contact and no friction, and joints have no stops. Links may be heavier or lighter
+    than the robot's model says; rotor inertias stay, because a data sheet tells them well.
+
+    Args:
+        robot: the robot; it is not changed.
+        q: joint angles at time zero, at rest [rad].
+        gravity: vertical gravity over time.
+        inertia_scale: factor on mass and rotational inertia of every link.
+        step: step of the integration [s].
+
+    Attributes:
+        robot: the true robot: `robot` with gravity and inertias of the plant.
+        time: [s].
+        q: joint angles [rad].
+        v: joint velocities [rad/s].
+
+    Raises:
+        ConfigurationError: a floating base, a joint without an angle, or a number out of range.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        q: Float64[np.ndarray, " n"],
+        *,
+        gravity: Gravity | None = None,
+        inertia_scale: float = 1.0,
+        step: float = STEP,
+    ) -> None:
+        if robot.floating_base or robot.nq != robot.nv:
+            raise ConfigurationError(
+                "this plant takes robots on a fixed base whose joints have an angle each",
+                got=robot.name,
+                wanted="a robot such as arm6 or upper17",
+            )
+        if q.shape != (robot.nq,) or not np.all(np.isfinite(q)):
+            raise ConfigurationError(
+                "the plant's start is no posture of the robot",
+                got=q,
+                wanted=f"{robot.nq} finite joint angles [rad]",
+            )
+        self._gravity = gravity or Gravity()
+        self._step = checked_number(step, "step of the plant [s]", above=0.0)
+        scale = checked_number(inertia_scale, "inertia_scale of the plant", above=0.0)
+        self.robot = with_gravity(robot, self._gravity.at(0.0))
+        model = self.robot.model
+        for i in range(1, model.njoints):
+            link = model.inertias[i]
+            model.inertias[i] = pin.Inertia(scale * link.mass, link.lever, scale * link.inertia)
+        self._data = model.createData()
+        self.time, self.q, self.v = 0.0, q.copy(), np.zeros(robot.nv)
+
+    @property
+    def gravity(self) -> float:
+        """Vertical gravity now [m/s^2]."""
+        return self._gravity.at(self.time)
+
+    def acceleration(self, torque: Float64[np.ndarray, " n"]) -> Float64[np.ndarray, " n"]:
+        """Joint accelerations right now under torques.
+
+        Args:
+            torque: [N m].
+
+        Returns:
+            Accelerations [rad/s^2].
+        """
+        return self._derivative(self.time, self.q, self.v, torque)
+
+    def advance(self, torque: Float64[np.ndarray, " n"], duration: float) -> None:
+        """Integrates with torques held.
+
+        Args:
+            torque: [N m].
+            duration: a whole number of steps [s].
+        """
+        f, h = self._derivative, self._step
+        steps = round(duration / h)
+        start = self.time
+        for i in range(steps):
+            t, q, v = start + i * h, self.q, self.v
+            a1 = f(t, q, v, torque)
+            v2 = v + (0.5 * h) * a1
+            a2 = f(t + 0.5 * h, q + (0.5 * h) * v, v2, torque)
+            v3 = v + (0.5 * h) * a2
+            a3 = f(t + 0.5 * h, q + (0.5 * h) * v2, v3, torque)
+            v4 = v + h * a3
+            a4 = f(t + h, q + h * v3, v4, torque)
+            self.q = q + (h / 6.0) * (v + 2.0 * (v2 + v3) + v4)
+            self.v = v + (h / 6.0) * (a1 + 2.0 * (a2 + a3) + a4)
+        self.time = start + steps * h
+
+    def _derivative(
+        self,
+        time: float,
+        q: Float64[np.ndarray, " n"],
+        v: Float64[np.ndarray, " n"],
+        torque: Float64[np.ndarray, " n"],
+    ) -> Float64[np.ndarray, " n"]:
+        model = self.robot.model
+        if not self._gravity.constant:
+            set_gravity(self.robot, self._gravity.at(time))
+        # Copied: the workspace is overwritten by the next stage.
+        return pin.aba(model, self._data, q, v, torque).copy()
+
+
+def with_gravity(robot: Robot, vertical: float) -> Robot:
+    """The same robot with a model of its own, in another gravity.
+
+    Args:
+        robot: the robot; it is not changed.
+        vertical: vertical gravity, negative downwards [m/s^2].
+    """
+    own = replace(robot, model=robot.model.copy())
+    set_gravity(own, vertical)
+    return own
+
+
+def set_gravity(robot: Robot, vertical: float) -> None:
+    """Changes the gravity of a robot from `with_gravity`; never of one that others share.
+
+    Args:
+        robot: the robot.
+        vertical: vertical gravity, negative downwards [m/s^2].
+    """
+    robot.model.gravity.linear = np.array([0.0, 0.0, vertical])

@@ -1,0 +1,146 @@
+"""`python -m benchmarks hqp`: a race of methods for hierarchical problems."""
+
+import argparse
+import json
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from poise.cli import Bar, make_folder, words_of
+from poise.errors import ConfigurationError, MissingExtraError, UnknownNameError
+
+_RACING = ("problems", "sequences", "methods", "count", "out", "json")
+"""Options of a race; with `--save` only `--count` means something."""
+
+MADE = 31
+"""Problems of a sequence that is made, where `--count` says nothing: warm starts count 30."""
+
+
+def add_hqp_options(parser: argparse.ArgumentParser) -> None:
+    """Adds what only this benchmark takes.
+
+    Args:
+        parser: of the benchmarks.
+    """
+    parser.add_argument(
+        "--problems",
+        metavar="FOLDER",
+        help="hqp: race on the sequences saved there, not on new ones",
+    )
+    parser.add_argument(
+        "--sequences",
+        metavar="S,S",
+        help="hqp: names of sequences (default: all of FOLDER, or a selection that is quickly "
+        "made; all: every one that can be made)",
+    )
+    parser.add_argument(
+        "--count",
+        metavar="N",
+        type=int,
+        help=f"hqp: most problems of a sequence (default: {MADE}, or all of those in FOLDER)",
+    )
+    parser.add_argument(
+        "--save", metavar="FOLDER", help="hqp: make all sequences and save them, race nothing"
+    )
+
+
+def act_hqp(options: argparse.Namespace) -> None:
+    """Races, or saves the problems.
+
+    Args:
+        options: of the command line.
+
+    Raises:
+        PoiseError: bad input.
+    """
+    if options.count is not None and options.count < 2:
+        raise ConfigurationError("too few problems", got=options.count, wanted="--count 2 or more")
+    if options.save is not None:
+        _save(options)
+    else:
+        _race(options)
+
+
+def _save(options: argparse.Namespace) -> None:
+    from benchmarks.hqp.problem_sources import save_all
+
+    for name in _RACING:
+        if name != "count" and getattr(options, name):
+            raise ConfigurationError(
+                "--save makes problems and races nothing", got=f"--{name}", wanted="--count"
+            )
+    folder = make_folder(options.save, ".")
+    with Bar("making problems", "") as bar:
+        paths = save_all(folder, options.count or MADE, bar)
+    print(f"{len(paths)} sequences in {folder}")
+
+
+def _race(options: argparse.Namespace) -> None:
+    from benchmarks.hqp.bench import HqpBench, bench_hqp
+    from benchmarks.hqp.figure import write_profile_figure
+    from benchmarks.hqp.methods import what_is_missing
+    from benchmarks.hqp.table import format_hqp_table
+
+    methods = words_of(options.methods) if options.methods is not None else None
+    plan = HqpBench(methods=methods)
+    folder = make_folder(options.out, ".") if options.out else None
+    sequences = _loaded(options) if options.problems else _made(options)
+    with Bar("racing", " problems") as bar:
+        race = bench_hqp(sequences, plan, bar)
+    lines = "".join(json.dumps(result.to_json()) + "\n" for result in race.results)
+    print(lines if options.json else format_hqp_table(race), end="" if options.json else "\n")
+    if folder is not None:
+        (folder / "hqp.json").write_text(lines, encoding="utf-8")
+        write_profile_figure(race.laps, folder / "hqp.png")
+    if methods is None:
+        for reason in what_is_missing():
+            print(f"left out: {reason}", file=sys.stderr)
+
+
+def _loaded(options: argparse.Namespace) -> list[Any]:
+    """Sequences of a folder, as many of their problems as are wanted."""
+    from benchmarks.hqp.problem_set import load_folder
+
+    sequences = {one.name: one for one in load_folder(Path(options.problems))}
+    wanted = _names(options.sequences, tuple(sequences), tuple(sequences))
+    return [
+        replace(sequences[name], problems=sequences[name].problems[: options.count])
+        for name in wanted
+    ]
+
+
+def _made(options: argparse.Namespace) -> list[Any]:
+    """New sequences; of the usual ones those for which all is installed."""
+    from benchmarks.hqp.problem_sources import make_sequence, sequence_names
+    from benchmarks.hqp.usual_sequences import USUAL_SEQUENCES
+
+    wanted = _names(options.sequences, sequence_names(), USUAL_SEQUENCES)
+    made: list[Any] = []
+    with Bar("making problems", " sequences") as bar:
+        for i, name in enumerate(wanted):
+            bar(float(i), float(len(wanted)))
+            try:
+                made.append(make_sequence(name, options.count or MADE))
+            except MissingExtraError as reason:
+                if options.sequences is not None:
+                    raise
+                print(f"left out {name}: {reason}", file=sys.stderr)
+    return made
+
+
+def _names(text: str | None, choices: tuple[str, ...], usual: tuple[str, ...]) -> tuple[str, ...]:
+    """Reads `a,b` or `all`.
+
+    Raises:
+        UnknownNameError: a name that is none of the choices.
+    """
+    if text is None:
+        return usual
+    names = choices if text == "all" else words_of(text)
+    for name in names:
+        if name not in choices:
+            raise UnknownNameError(
+                "unknown sequence of problems", got=name, choices=(*choices, "all")
+            )
+    return tuple(dict.fromkeys(names))

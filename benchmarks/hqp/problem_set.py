@@ -1,0 +1,186 @@
+"""`ProblemSequence`: hierarchical problems with a name, and the files that they are kept in.
+
+One compressed `.npz` a sequence, which NumPy alone reads with `allow_pickle=False`; what every key
+means stands in `docs/problem_set.md`.
+"""
+
+import re
+import zipfile
+import zlib
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.hqp.packed import INTEGERS, TEXTS, pack_problems, unpack_problems
+from poise.errors import ConfigurationError, ProblemError, UnknownNameError
+from poise.hqp.problem import HierarchicalProblem
+
+FAMILIES = ("recorded", "random", "inverse kinematics")
+"""Where problems come from."""
+
+FORMAT = 1
+"""Number of the file format: raised when a key changes its meaning."""
+
+_NAME = re.compile(r"[a-z0-9]+(?:-[a-z0-9]+)*")
+"""Names are stems of file names."""
+
+_HEADER = {"name": "U", "family": "U", "description": "U", "poise": "U", "consecutive": "b"}
+"""Keys that say something about the whole file, and their kinds of array."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ProblemSequence:
+    """Problems of one origin, in order.
+
+    Attributes:
+        name: unique, in small letters, digits and single hyphens; stem of the file's name.
+        family: one of `FAMILIES`.
+        description: one sentence for tables and files.
+        consecutive: whether neighbours are one tick apart, so that warm starts make sense.
+        problems: at least one; all of the same shape where they are consecutive.
+
+    Raises:
+        ConfigurationError: a name that is none, no problems, or shapes that change between ticks.
+        UnknownNameError: no such family.
+    """
+
+    name: str
+    family: str
+    description: str
+    consecutive: bool
+    problems: tuple[HierarchicalProblem, ...]
+
+    def __post_init__(self) -> None:
+        if not _NAME.fullmatch(self.name):
+            raise ConfigurationError(
+                "not a name for a problem sequence",
+                got=self.name,
+                wanted="small letters, digits and single hyphens",
+            )
+        if self.family not in FAMILIES:
+            raise UnknownNameError("unknown family of problems", got=self.family, choices=FAMILIES)
+        if not self.problems:
+            raise ConfigurationError(f"sequence {self.name!r} has no problems", got=0, wanted="1")
+        shapes = {_rows(problem) for problem in self.problems}
+        if self.consecutive and len(shapes) > 1:
+            raise ConfigurationError(
+                f"consecutive problems of {self.name!r} differ in shape",
+                got=sorted(shapes),
+                wanted="one number of variables, and one of rows for each level",
+            )
+
+    def __len__(self) -> int:
+        return len(self.problems)
+
+
+def save_sequence(sequence: ProblemSequence, folder: Path) -> Path:
+    """Writes a sequence to `folder/NAME.npz`; two saves of equal numbers give equal bytes.
+
+    Args:
+        sequence: what to write.
+        folder: made if it is not there.
+
+    Returns:
+        The file.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / f"{sequence.name}.npz"
+    arrays = {
+        "format": np.array(FORMAT),
+        "name": np.array(sequence.name),
+        "family": np.array(sequence.family),
+        "description": np.array(sequence.description),
+        "poise": np.array(version("poise")),
+        "consecutive": np.array(sequence.consecutive),
+        **pack_problems(sequence.problems),
+    }
+    # What np.savez_compressed does, with nothing pickled and the smallest size.
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as file:
+        for key, array in arrays.items():
+            with file.open(f"{key}.npy", "w") as part:
+                np.lib.format.write_array(part, array, allow_pickle=False)
+    return path
+
+
+def load_sequence(path: Path) -> ProblemSequence:
+    """Reads what `save_sequence` wrote; the numbers are the same bit for bit.
+
+    Args:
+        path: of the file.
+
+    Raises:
+        ProblemError: no such file, not an `.npz`, another format, missing keys, arrays that do not
+            fit each other, or numbers that cannot be a problem.
+    """
+    arrays = _read(path)
+    _check_keys(arrays, path)
+    try:
+        return ProblemSequence(
+            name=str(arrays["name"]),
+            family=str(arrays["family"]),
+            description=str(arrays["description"]),
+            consecutive=bool(arrays["consecutive"]),
+            problems=unpack_problems(arrays),
+        )
+    except (ProblemError, ConfigurationError, UnknownNameError) as error:
+        raise ProblemError(
+            f"{path} is not a problem sequence: {error.what}", got=error.got, wanted=error.wanted
+        ) from error
+
+
+def load_folder(folder: Path) -> tuple[ProblemSequence, ...]:
+    """Reads every `.npz` of a folder, in the order of their names.
+
+    Args:
+        folder: with at least one.
+
+    Raises:
+        ProblemError: there is none, or one that cannot be read.
+    """
+    paths = sorted(folder.glob("*.npz"))
+    if not paths:
+        raise ProblemError(
+            "no problem sequences", got=str(folder), wanted="a folder with .npz files"
+        )
+    return tuple(load_sequence(path) for path in paths)
+
+
+def _rows(problem: HierarchicalProblem) -> tuple[int, ...]:
+    return (problem.n, *(len(view.lower) for view in problem.levels))
+
+
+def _read(path: Path) -> dict[str, np.ndarray]:
+    wanted = "an .npz file written by save_sequence"
+    try:
+        with path.open("rb") as stream:
+            file = np.load(stream, allow_pickle=False)
+            if isinstance(file, np.ndarray):
+                raise ProblemError("not a problem sequence", got=str(path), wanted=wanted)
+            return {key: file[key] for key in file.files}
+    # What NumPy and zipfile raise on a file that is missing, cut short, or something else.
+    except (OSError, ValueError, EOFError, zipfile.BadZipFile, zlib.error) as error:
+        raise ProblemError(
+            f"cannot read a problem sequence: {error}", got=str(path), wanted=wanted
+        ) from error
+
+
+def _check_keys(arrays: dict[str, np.ndarray], path: Path) -> None:
+    number = arrays.get("format")
+    if number is None or number.shape != () or number.dtype.kind != "i" or number != FORMAT:
+        raise ProblemError(
+            f"{path} has another format",
+            got=None if number is None else number.tolist(),
+            wanted=f"format {FORMAT}",
+        )
+    kinds = _HEADER | dict.fromkeys(TEXTS, "U") | dict.fromkeys(INTEGERS, "i")
+    for key, kind in kinds.items():
+        array = arrays.get(key)
+        dimensions = 0 if key in _HEADER else 1
+        if array is None or array.dtype.kind != kind or array.ndim != dimensions:
+            raise ProblemError(
+                f"{path} has no usable {key!r}",
+                got=None if array is None else f"{array.dtype} with {array.ndim} dimensions",
+                wanted=f"an array of kind {kind!r} with {dimensions} dimensions",
+            )

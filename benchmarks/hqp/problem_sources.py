@@ -1,0 +1,78 @@
+"""Everything that `python -m benchmarks hqp` can make problems of, by name."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from benchmarks.hqp import (
+    drifting,
+    humanoid_kinematics,
+    moving,
+    planar_arm,
+    random_families,
+    recorded,
+    singular_arm,
+)
+from benchmarks.hqp.problem_set import ProblemSequence, save_sequence
+from benchmarks.hqp.source import Progress, Source
+from poise.errors import UnknownNameError
+
+SOURCES: Mapping[str, Source] = {
+    source.name: source
+    for source in (
+        *recorded.SOURCES,
+        *moving.SOURCES,
+        *random_families.SOURCES,
+        *drifting.SOURCES,
+        *planar_arm.SOURCES,
+        *singular_arm.SOURCES,
+        *humanoid_kinematics.SOURCES,
+    )
+}
+"""What each sequence is and how it is made."""
+
+
+def sequence_names() -> tuple[str, ...]:
+    """Names of all sequences that can be made, family by family."""
+    return tuple(SOURCES)
+
+
+def make_sequence(name: str, count: int, progress: Progress | None = None) -> ProblemSequence:
+    """Makes a sequence; the same one every time on one machine.
+
+    Recorded ones are simulated for it, which takes seconds.
+
+    Args:
+        name: one of `sequence_names()`.
+        count: how many problems; a recorded sequence has fewer where its phase is shorter.
+        progress: told how far it is.
+
+    Raises:
+        UnknownNameError: no such sequence.
+        ConfigurationError: `count` is not positive.
+        MissingExtraError: the robot or the simulator is not installed.
+    """
+    if name not in SOURCES:
+        raise UnknownNameError("unknown problem sequence", got=name, choices=SOURCES)
+    return SOURCES[name].sequence(count, progress)
+
+
+def save_all(folder: Path, count: int, progress: Progress | None = None) -> tuple[Path, ...]:
+    """Makes and saves every sequence.
+
+    Args:
+        folder: where to; made if it is not there.
+        count: how many problems of each.
+        progress: told how many sequences are done.
+
+    Returns:
+        The files, in the order of `sequence_names()`.
+
+    Raises:
+        PoiseError: a robot or the simulator is not installed.
+    """
+    paths: list[Path] = []
+    for source in SOURCES.values():
+        paths.append(save_sequence(source.sequence(count), folder))
+        if progress is not None:
+            progress(len(paths), len(SOURCES))
+    return tuple(paths)

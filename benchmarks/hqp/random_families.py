@@ -1,0 +1,132 @@
+"""Families of random hierarchies: in each, one thing goes from harmless to hard."""
+
+from collections.abc import Callable, Generator
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from benchmarks.hqp.random_problems import Knobs, random_hierarchy
+from benchmarks.hqp.source import Progress, Source
+from poise.hqp.problem import HierarchicalProblem
+
+Turn = Callable[[Knobs, int], Knobs]
+"""Sets the knobs of problem number so and so of a family."""
+
+RANK_SHARES = (0.9, 0.5, 0.7, 1.0)
+CONDITIONS = (1e2, 1e6, 1e4, 1e1, 1e3, 1e5)
+BLOCKED = (1, 6, 2, 4)
+ACTIVE_SHARES = (0.1, 0.6, 0.2, 0.0, 0.4)
+CONTRADICTIONS = (1e-3, 1e-1, 1e1)
+"""What the problems of a family go through, again and again; short sequences have the range."""
+
+
+def base_knobs(rng: np.random.Generator) -> Knobs:
+    """A humanoid's size: 20 to 80 variables, 50 to 200 rows, 2 to 6 levels; nothing is hard.
+
+    Equalities take a quarter to 0.35 of the variables' freedom, so that there is room for blocked
+    rows and active bounds in every family.
+
+    Args:
+        rng: chooses.
+    """
+    n, levels = int(rng.integers(20, 81)), int(rng.integers(1, 6))
+    equalities = _split(rng, int(n * rng.uniform(0.25, 0.35)), levels)
+    rows = int(rng.integers(max(50, n + 12), min(200, 3 * n + 30) + 1))
+    rest = rows - sum(equalities)
+    inequalities = _split(rng, rest // 2, levels)
+    return Knobs(
+        variables=n,
+        limits=rest - sum(inequalities),
+        equalities=equalities,
+        inequalities=inequalities,
+        active=n // 10,
+    )
+
+
+def turn_rank(knobs: Knobs, number: int) -> Knobs:
+    """Rank of each level's equalities, as a share of their number."""
+    return replace(knobs, rank=RANK_SHARES[number % len(RANK_SHARES)])
+
+
+def turn_condition(knobs: Knobs, number: int) -> Knobs:
+    """Condition number of each level's equalities."""
+    return replace(knobs, condition=CONDITIONS[number % len(CONDITIONS)])
+
+
+def turn_conflict(knobs: Knobs, number: int) -> Knobs:
+    """Equalities that limits keep from being met."""
+    blocked = min(BLOCKED[number % len(BLOCKED)], sum(knobs.equalities))
+    return replace(knobs, blocked=blocked, active=max(knobs.active, 2 * blocked))
+
+
+def turn_contradiction(knobs: Knobs, number: int) -> Knobs:
+    """Slack of each level's equalities, that contradict each other and differ in weight."""
+    size = CONTRADICTIONS[number % len(CONTRADICTIONS)]
+    return replace(knobs, rank=0.6, contradiction=size, weight_range=10.0)
+
+
+def turn_active(knobs: Knobs, number: int) -> Knobs:
+    """Active inequalities, as a share of the variables."""
+    share = ACTIVE_SHARES[number % len(ACTIVE_SHARES)]
+    return replace(knobs, active=int(share * knobs.variables))
+
+
+def family_knobs(turn: Turn, seed: int, number: int) -> Knobs:
+    """Knobs of one problem of a family.
+
+    Args:
+        turn: what the family is about.
+        seed: of the family.
+        number: of the problem.
+    """
+    return turn(base_knobs(_rng(seed, number)), number)
+
+
+def random_problems(
+    turn: Turn, seed: int, count: int, progress: Progress | None = None
+) -> Generator[HierarchicalProblem]:
+    """Problems of a family; the first ones are the same however many there are.
+
+    Args:
+        turn: what the family is about.
+        seed: of the family.
+        count: how many.
+        progress: told how many are done.
+    """
+    for number in range(count):
+        rng = _rng(seed, number)
+        yield random_hierarchy(rng, turn(base_knobs(rng), number)).problem
+        if progress is not None:
+            progress(number + 1, count)
+
+
+def _rng(seed: int, number: int) -> np.random.Generator:
+    return np.random.default_rng([seed, number])
+
+
+def _split(rng: np.random.Generator, total: int, parts: int) -> tuple[int, ...]:
+    """Random sizes, none of them zero where that is possible."""
+    sizes = np.ones(parts, dtype=np.int64)
+    sizes += rng.multinomial(total - parts, np.full(parts, 1.0 / parts))
+    return tuple(sizes.tolist())
+
+
+def _source(name: str, seed: int, turn: Turn, about: str) -> Source:
+    return Source(
+        name=f"random-{name}",
+        family="random",
+        description=f"Random: {about}.",
+        consecutive=False,
+        make=partial(random_problems, turn, seed),
+    )
+
+
+SOURCES = (
+    _source("rank", 1, turn_rank, "each level's equalities have rank 1 to 0.5 of their number"),
+    _source("condition", 2, turn_condition, "each level's condition number is 1e1 to 1e6"),
+    _source("conflict", 3, turn_conflict, "limits keep 1 to 6 task rows from being met"),
+    _source("contradiction", 4, turn_contradiction, "weighted equalities contradict each other"),
+    _source("active", 5, turn_active, "0 to 0.6 n inequalities hold the optimum"),
+)
+"""Sequences of independent random hierarchies."""

@@ -1,0 +1,167 @@
+"""`PeerProcess`: a peer's worker in the peer's own interpreter, asked for ticks over a pipe."""
+
+import json
+import select
+import subprocess
+import tempfile
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+
+from benchmarks.peers.handoff import RUN, URDF, write_handoff
+from benchmarks.recording import Recording
+from benchmarks.result import PHASES, Ticks, TickTimes
+from poise.errors import PoiseError
+
+PEERS = ("tsid", "placo")
+"""Packages that a worker exists for."""
+
+_WORKER = Path(__file__).with_name("worker.py")
+
+_PATIENCE = 60.0
+"""A worker that has not answered for this long is given up [s]."""
+
+
+class PeerProcess:
+    """A peer that ticks on the recorded states when it is asked to; a context manager.
+
+    The worker measures its own ticks, with the same clock, from state to torques.
+
+    Args:
+        name: one of `PEERS`.
+        python: interpreter of the environment that has the peer.
+        recording: the run.
+        kind: the stack that its problem should come near to.
+
+    Attributes:
+        name: name of the peer.
+        solver: what it solves with, and its version.
+
+    Raises:
+        PoiseError: the worker did not start; the message holds its own last words.
+    """
+
+    def __init__(self, name: str, python: Path, recording: Recording, kind: str) -> None:
+        self.name = name
+        ticks = len(recording.states)
+        self._seconds = np.full((ticks, 1 + len(PHASES)), np.nan)
+        self._residual = np.zeros(ticks)
+        self._failed = np.zeros(ticks, dtype=np.bool_)
+        self._folder = tempfile.TemporaryDirectory(prefix="poise-peer-")
+        folder = Path(self._folder.name)
+        self._process: subprocess.Popen[str] | None = None
+        self._words = (folder / "words.txt").open("w+", encoding="utf-8")
+        try:
+            write_handoff(folder, recording, kind)
+            command = [python, _WORKER, name, folder / URDF, folder / RUN]
+            self._process = subprocess.Popen(
+                [str(part) for part in command],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=self._words,
+                text=True,
+            )
+            hello = self._answer()
+        except OSError as error:
+            self.close()
+            raise PoiseError(
+                f"peer {name!r} did not start ({error.strerror})", got=str(python)
+            ) from None
+        except PoiseError:
+            self.close()
+            raise
+        self.solver = str(hello["solver"])
+        self._size = (hello["variables"], hello["rows"])
+
+    def run(self, first: int, count: int) -> None:
+        """Lets the peer do a batch of ticks.
+
+        Args:
+            first: index of the first state.
+            count: how many states.
+
+        Raises:
+            PoiseError: the peer died or does not answer.
+        """
+        if self._process is None or self._process.stdin is None:
+            raise PoiseError(f"peer {self.name!r} is closed")
+        try:
+            self._process.stdin.write(json.dumps({"first": first, "count": count}) + "\n")
+            self._process.stdin.flush()
+        except BrokenPipeError:
+            raise self._death() from None
+        answer = self._answer()
+        batch = slice(first, first + count)
+        self._seconds[batch] = np.array(answer["seconds"], dtype=np.float64)
+        self._residual[batch] = np.array(answer["residuals"], dtype=np.float64)
+        self._failed[batch] = answer["failed"]
+
+    def times(self, counted: Ticks) -> TickTimes:
+        """Times of the ticks that count."""
+        seconds = self._seconds[counted]
+        return TickTimes(
+            total=seconds[:, 0].copy(),
+            cpu=np.full(len(seconds), np.nan),
+            phases=seconds[:, 1:].copy(),
+        )
+
+    def size(self) -> tuple[int, int | None]:
+        """Number of unknowns and of rows of the peer's own problem, None where it does not tell."""
+        return self._size
+
+    def accuracy(self, counted: Ticks) -> tuple[float | None, int | None, int]:
+        """Largest relative residual of the base's equation of motion, None, failed ticks."""
+        residual = float(self._residual[counted].max())
+        failed = int(self._failed[counted].sum())
+        return None if np.isnan(residual) else residual, None, failed
+
+    def close(self) -> None:
+        """Ends the worker and removes what it was given."""
+        if self._process is not None:
+            for pipe in (self._process.stdin, self._process.stdout):
+                if pipe is not None:
+                    pipe.close()
+            try:
+                # The end of its input is the worker's sign to go.
+                self._process.wait(timeout=5.0)
+            except subprocess.TimeoutExpired:
+                self._process.kill()
+                self._process.wait()
+            self._process = None
+        self._words.close()
+        self._folder.cleanup()
+
+    def __enter__(self) -> "PeerProcess":
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def _answer(self) -> dict[str, Any]:
+        process = self._process
+        if process is None or process.stdout is None:
+            raise PoiseError(f"peer {self.name!r} is closed")
+        ready, _, _ = select.select([process.stdout], [], [], _PATIENCE)
+        if not ready:
+            process.kill()
+            raise PoiseError(f"peer {self.name!r} did not answer for {_PATIENCE:g} s")
+        line = process.stdout.readline()
+        if not line:
+            raise self._death()
+        answer = json.loads(line)
+        if "error" in answer:
+            raise PoiseError(f"peer {self.name!r} cannot run: {answer['error']}")
+        return answer
+
+    def _death(self) -> PoiseError:
+        self._words.flush()
+        words = Path(self._words.name).read_text(encoding="utf-8").strip().splitlines()
+        last = words[-1].strip() if words else "it said nothing"
+        return PoiseError(f"peer {self.name!r} ended unexpectedly: {last}")

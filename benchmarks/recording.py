@@ -1,0 +1,220 @@
+"""`record_run`: a moving run, recorded once, so that every method is timed on the same states."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float64
+
+from benchmarks.methods import REFERENCE, Method
+from benchmarks.paths import Loop, Path, Point
+from benchmarks.stances import bench_stack, check_biped, support_sole, swing_sole
+from poise.apps.scenarios._director import Blend
+from poise.control import Command, make_controller
+from poise.dynamics import Dynamics, RobotState
+from poise.errors import PoiseError
+from poise.robots import Robot
+from poise.sim import Plant
+from poise.stack import ComTask, FrameTask, Stack, default_stack
+
+Progress = Callable[[float, float], None]
+"""Called with what is done and what there is in all."""
+
+Alter = Callable[[RobotState, Command], Command]
+"""Changes a command for a state before the plant gets it."""
+
+SWELL = 0.4
+"""The motion reaches its full size after this long; recording starts then [s]."""
+
+_RAISE = 0.8
+"""How long the hands take to where they have room to go round [s]."""
+
+_SHIFT, _UNLOAD, _LIFT = 1.8, 0.2, 0.6
+"""Single support: how long the weight shifts, the foot is unloaded, the foot is lifted [s]."""
+
+_COM_SHARE = np.array([0.015, 0.02, 0.015])
+"""Amplitude of the COM on two feet, as a share of its height; a third of it on one foot."""
+
+_HAND_SHARE = 0.03
+"""Radius of the hands' circles, as a share of the height of the COM."""
+
+_RAISE_SHARE = np.array([0.05, 0.0, 0.05])
+"""Where the hands go first, from hanging arms that have no way to go down, as a share likewise."""
+
+_FOOT_SHARE = 0.08
+"""How far the swing foot is lifted, as a share of the height of the COM."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Recording:
+    """States and targets of a run, tick by tick.
+
+    Attributes:
+        robot: whose run.
+        stance: one of `STANCES`.
+        states: what the controller was told, one a tick.
+        paths: moving targets by task name.
+        rotations: orientations that are held, world_R_frame by task name.
+    """
+
+    robot: Robot
+    stance: str
+    states: tuple[RobotState, ...]
+    paths: Mapping[str, Path]
+    rotations: Mapping[str, Float64[np.ndarray, "3 3"]]
+
+    def prepare(self, stack: Stack) -> None:
+        """Gives a bound stack the targets that stay the same."""
+        _hold(stack, self.rotations)
+
+    def aim(self, stack: Stack, tick: int) -> None:
+        """Gives a bound stack the moving targets of a tick."""
+        for _, task in stack.tasks():
+            path = self.paths.get(task.name)
+            if path is not None:
+                point = (path.position[tick], path.velocity[tick], path.acceleration[tick])
+                _set_point(task, point)
+
+
+def record_run(
+    robot: Robot,
+    stance: str,
+    ticks: int,
+    progress: Progress | None = None,
+    *,
+    method: Method = REFERENCE,
+    alter: Alter | None = None,
+) -> Recording:
+    """Runs a robot in simulation and records it while everything moves.
+
+    On two feet the COM and both hands go round; on one foot the weight is shifted and the left
+    foot lifted first, then COM, hands and foot go round. What happens before is not recorded. The
+    levels are those of the robot's default stack, at the plant's own period.
+
+    Args:
+        robot: a biped.
+        stance: one of `STANCES`.
+        ticks: how many ticks to record.
+        progress: told how far the run is.
+        method: which controller runs the robot.
+        alter: changes each command before the plant gets it.
+
+    Raises:
+        ConfigurationError: the robot has no two soles to stand on.
+        PoiseError: the robot fell.
+    """
+    check_biped(robot)
+    plant = Plant(robot)
+    # Both contacts, whatever the stance: the swing foot is unloaded on the way.
+    levels = bench_stack(robot, "default", stance).levels
+    stack = Stack(default_stack(robot).contacts, levels)
+    controller = make_controller(robot, stack, method.plan())
+    begin = _loops_begin(stance)
+    loops, rotations = _choreograph(robot, stack, stance, begin)
+    states: list[RobotState] = []
+    points: dict[str, list[Point]] = {name: [] for name in loops}
+    _hold(stack, rotations)
+    released = stance == "double"
+    total = begin + SWELL + ticks * plant.config.control_dt
+    while len(states) < ticks:
+        time = plant.time
+        if not released and time >= _SHIFT:
+            stack.contact(swing_sole(robot)).release(_UNLOAD)
+            released = True
+        due = {name: loop.at(time) for name, loop in loops.items()}
+        for name, point in due.items():
+            _set_point(stack.task(name), point)
+        state = plant.state()
+        if time >= begin + SWELL:
+            states.append(state)
+            for name, point in due.items():
+                points[name].append(point)
+        command = controller.step(state)
+        plant.step(command if alter is None else alter(state, command))
+        if plant.fallen:
+            raise PoiseError(f"{robot.name} fell at {plant.time:.3f} s while recording the run")
+        if progress is not None:
+            progress(plant.time, total)
+    return Recording(
+        robot=robot,
+        stance=stance,
+        states=tuple(states),
+        paths={name: Path.of(column) for name, column in points.items()},
+        rotations=rotations,
+    )
+
+
+def _loops_begin(stance: str) -> float:
+    """When everything starts to go round [s]."""
+    return _RAISE if stance == "double" else _SHIFT + _UNLOAD + _LIFT
+
+
+def _choreograph(
+    robot: Robot, stack: Stack, stance: str, begin: float
+) -> tuple[dict[str, Loop], dict[str, Float64[np.ndarray, "3 3"]]]:
+    """Moving points and held orientations by task name, from the home posture."""
+    dynamics = Dynamics(robot)
+    height = float(dynamics.com[2])
+    swell = Blend(begin, SWELL)
+    loops: dict[str, Loop] = {}
+    rotations: dict[str, Float64[np.ndarray, "3 3"]] = {}
+    for _, task in stack.tasks():
+        if isinstance(task, ComTask):
+            way, scale = np.zeros(3), 1.0
+            if stance == "single":
+                sole = dynamics.frame(robot.frame_id(support_sole(robot))).position
+                way[:2], scale = sole[:2] - dynamics.com[:2], 1.0 / 3.0
+            loops[task.name] = Loop(
+                centre=dynamics.com.copy(),
+                way=way,
+                shift=Blend(0.0, _SHIFT),
+                amplitude=scale * height * _COM_SHARE,
+                phase=np.array([0.0, 0.5 * np.pi, 0.0]),
+                frequency=0.5,
+                swell=swell,
+            )
+        elif isinstance(task, FrameTask):
+            frame = dynamics.frame(robot.frame_id(task.frame))
+            rotations[task.name] = frame.rotation.copy()
+            if task.frame in robot.hands or task.frame in robot.soles:
+                loops[task.name] = _limb_loop(robot, task.frame, frame.position, height, swell)
+    return loops, rotations
+
+
+def _limb_loop(
+    robot: Robot, name: str, position: Float64[np.ndarray, "3"], height: float, swell: Blend
+) -> Loop:
+    if name in robot.soles:
+        way, shift = np.array([0.0, 0.0, _FOOT_SHARE]), Blend(_SHIFT + _UNLOAD, _LIFT)
+        amplitude = 0.5 * _FOOT_SHARE * np.array([1.0, 0.0, 0.5])
+    else:
+        way, shift = _RAISE_SHARE, Blend(0.0, _RAISE)
+        amplitude = _HAND_SHARE * np.array([1.0, 0.5, 1.0])
+    return Loop(
+        centre=position.copy(),
+        way=height * way,
+        shift=shift,
+        amplitude=height * amplitude,
+        phase=np.array([0.0, 0.0, 0.5 * np.pi]),
+        frequency=0.7,
+        swell=swell,
+    )
+
+
+def _hold(stack: Stack, rotations: Mapping[str, Float64[np.ndarray, "3 3"]]) -> None:
+    for _, task in stack.tasks():
+        if isinstance(task, FrameTask) and task.name in rotations:
+            task.set_target(rotation=rotations[task.name])
+
+
+def _set_point(task: object, point: Point) -> None:
+    position, velocity, acceleration = point
+    if isinstance(task, ComTask):
+        task.set_target(position, velocity, acceleration)
+    elif isinstance(task, FrameTask):
+        still = np.zeros(3)
+        task.set_target(
+            position=position,
+            velocity=np.concatenate((velocity, still)),
+            acceleration=np.concatenate((acceleration, still)),
+        )

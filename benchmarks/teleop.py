@@ -1,0 +1,219 @@
+"""`bench_teleop`: times the control step of the step teleoperator, and its whole simulation."""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from time import perf_counter, process_time
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float64
+
+from benchmarks.collector import collector_paused
+from benchmarks.recording import Progress
+from benchmarks.teleop_recording import SCENARIO, Walk, WalkTick, record_walk
+from poise.apps.teleoperation import TeleopRun, run_teleop
+from poise.errors import ConfigurationError, PoiseError
+from poise.locomotion import Device, StepTeleoperator
+from poise.robots import load_robot
+
+WARM_UP = 30
+"""Ticks before those that count, in every pass: a controller that has just been made."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TeleopBench:
+    """What to time; checked when made.
+
+    Attributes:
+        robot: name or path of a biped with legs of six joints.
+        ticks: timed ticks; the walk is gone through from its start as often as it takes. All of
+            one pass when None.
+    """
+
+    robot: str = "biped20"
+    ticks: int | None = None
+
+    def __post_init__(self) -> None:
+        if self.ticks is not None and self.ticks < 1:
+            raise ConfigurationError("nothing to time", got=self.ticks, wanted="at least one tick")
+
+
+@dataclass(frozen=True, kw_only=True)
+class TeleopResult:
+    """What the control step of one robot needs.
+
+    Attributes:
+        robot: name of the robot.
+        joints: its actuated joints.
+        controller: "teleop".
+        scenario: the script that was walked.
+        period_us: the control period T [us].
+        p50_us: median step, from state and device sample to joint velocities [us].
+        p99_us: 99th percentile [us].
+        max_us: longest step [us].
+        share_of_period: p50_us by period_us.
+        ticks: timed steps.
+        single_support: share of them with one foot in the air.
+        missed_ticks: steps without a usable command.
+        simulated_s: length of the simulated walk [s].
+        real_time_factor: simulated over elapsed time of the walk: sensors, hands, controller,
+            physics, log and distances to the blocks; no video.
+        real_time_factor_cpu: simulated over processor time of the walk, all threads: about what
+            it would be with nobody else on the machine.
+        simulation_p50_us: median step within the simulation, which leaves it other caches [us].
+    """
+
+    robot: str
+    joints: int
+    controller: str
+    scenario: str
+    period_us: float
+    p50_us: float
+    p99_us: float
+    max_us: float
+    share_of_period: float
+    ticks: int
+    single_support: float
+    missed_ticks: int
+    simulated_s: float
+    real_time_factor: float
+    real_time_factor_cpu: float
+    simulation_p50_us: float
+
+    def to_json(self) -> dict[str, Any]:
+        """The result as JSON holds it."""
+        return asdict(self)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class StepTimes:
+    """One pass.
+
+    Attributes:
+        seconds: each step [s].
+        single: whether one foot was in the air after it.
+        missed: whether it gave no usable command.
+    """
+
+    seconds: Float64[np.ndarray, " ticks"]
+    single: Sequence[bool]
+    missed: Sequence[bool]
+
+
+def bench_teleop(plan: TeleopBench, progress: Progress | None = None) -> list[TeleopResult]:
+    """Walks a robot over an obstacle, then times the controller on the same states and samples.
+
+    The controller has a memory (modes, integrators, filters), so every pass goes from the start
+    with a new one, and follows the recorded walk: equal inputs give equal commands. The garbage
+    collector runs between passes, never inside one.
+
+    Args:
+        plan: what to time.
+        progress: told how many of all ticks are done, those of the recording among them.
+
+    Returns:
+        One result.
+
+    Raises:
+        PoiseError: the robot cannot be walked, or fell.
+    """
+    robot = load_robot(plan.robot)
+    walk = Walk.over_an_obstacle(robot)
+    wanted = walk.ticks - WARM_UP if plan.ticks is None else plan.ticks
+    length = min(wanted + WARM_UP, walk.ticks)
+    passes = _passes(wanted, length)
+    total = length + sum(passes)
+    run, processor = _simulate(walk, length)
+
+    def tell(done: float, _: float) -> None:
+        if progress is not None:
+            progress(done, float(total))
+
+    recorded = record_walk(walk, length, tell)
+    timed: list[StepTimes] = []
+    done = length
+    for count in passes:
+        with collector_paused():
+            timed.append(time_steps(walk, recorded[:count]))
+        done += count
+        tell(float(done), float(total))
+    return [_result(walk, run, processor, timed)]
+
+
+def time_steps(walk: Walk, recorded: Sequence[WalkTick]) -> StepTimes:
+    """Times a new controller on a recorded walk, from its start.
+
+    Args:
+        walk: whose controller.
+        recorded: its first ticks.
+    """
+    controller = walk.controller()
+    seconds = np.zeros(len(recorded))
+    single: list[bool] = []
+    missed: list[bool] = []
+    for i, tick in enumerate(recorded):
+        begin = perf_counter()
+        command = controller.step(tick.state, tick.sample)
+        seconds[i] = perf_counter() - begin
+        single.append(controller.mode.single)
+        missed.append(not command.status.ok)
+    return StepTimes(seconds=seconds, single=single, missed=missed)
+
+
+def _passes(wanted: int, length: int) -> list[int]:
+    """Ticks of each pass, its warm-up among them, so that all in all the wanted ones count."""
+    whole, rest = divmod(wanted, length - WARM_UP)
+    return [length] * whole + ([rest + WARM_UP] if rest else [])
+
+
+def _simulate(walk: Walk, ticks: int) -> tuple[TeleopRun, float]:
+    """The walk as scenarios and studies run it, and its processor time without set-up [s]."""
+    begin = process_time()
+
+    def hands(controller: StepTeleoperator) -> Device:
+        # Asked for when everything else is made: what follows is the run.
+        nonlocal begin
+        begin = process_time()
+        return walk.script.device(controller)
+
+    duration = ticks * walk.plant.control_dt
+    run = run_teleop(walk.robot, hands, walk.plant, duration=duration, q_start=walk.q_start)
+    seconds = process_time() - begin
+    if run.fell:
+        raise PoiseError(f"{walk.robot.name} fell at {run.plant.time:.3f} s of the walk to time")
+    return run, seconds
+
+
+def _result(
+    walk: Walk, run: TeleopRun, processor: float, passes: Sequence[StepTimes]
+) -> TeleopResult:
+    times = 1e6 * np.concatenate([each.seconds[WARM_UP:] for each in passes])
+    period, median = 1e6 * walk.plant.control_dt, float(np.median(times))
+    return TeleopResult(
+        robot=walk.robot.name,
+        joints=walk.robot.nj,
+        controller="teleop",
+        scenario=SCENARIO,
+        period_us=_short(period),
+        p50_us=_short(median),
+        p99_us=_short(float(np.percentile(times, 99))),
+        max_us=_short(float(times.max())),
+        share_of_period=round(median / period, 4),
+        ticks=len(times),
+        single_support=round(float(np.mean(_counted([each.single for each in passes]))), 3),
+        missed_ticks=sum(_counted([each.missed for each in passes])),
+        simulated_s=round(run.plant.time, 3),
+        real_time_factor=round(run.real_time_factor, 2),
+        real_time_factor_cpu=round(run.plant.time / processor, 2),
+        simulation_p50_us=_short(run.tick_us),
+    )
+
+
+def _counted(columns: Sequence[Sequence[bool]]) -> list[bool]:
+    """What counts of every pass, in a row."""
+    return [value for column in columns for value in column[WARM_UP:]]
+
+
+def _short(microseconds: float) -> float:
+    # A clock call takes some 50 ns: further digits say nothing.
+    return round(microseconds, 1)

@@ -1,0 +1,198 @@
+"""`bench_tick`: times a controller's tick by phase, all methods interleaved in one run."""
+
+import gc
+from collections.abc import Generator, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from benchmarks.collector import collector_paused
+from benchmarks.methods import DIRECT, parse_method, timed_methods
+from benchmarks.peers.process import PEERS, PeerProcess
+from benchmarks.recording import Progress, Recording, record_run
+from benchmarks.result import TickResult, Ticks, time_statistics
+from benchmarks.stances import STACKS, STANCES, check_biped
+from benchmarks.subject import Subject
+from poise.control import CONTROLLERS
+from poise.errors import ConfigurationError, UnknownNameError
+from poise.hqp.strategies import make_solver
+from poise.robots import load_robot
+
+WARM_UP = 30
+"""Ticks before those that count: caches, workspaces and warm starts settle."""
+
+_COUNTED = slice(WARM_UP, None)
+
+BATCH = 20
+"""A peer, which is another process, takes its turn after this many ticks of our own."""
+
+Guest = Subject | PeerProcess
+"""Who is timed a batch at a time: peers, and every `direct` beside them as their reference."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TickBench:
+    """What to time; checked when made.
+
+    Attributes:
+        robot: name or path of a biped.
+        contacts: "double" or "single" support.
+        controller: one of `CONTROLLERS`.
+        stacks: "table1", "default", or both.
+        methods: names of the controller's methods, its usual ones when None; the whole-body
+            controller's `direct` is timed in any case, as the reference, and beside a method of
+            the reduced controller the whole-body controller's of the same name.
+        peers: Python interpreters of other packages' environments by name, see `PEERS`.
+        ticks: timed ticks of each method.
+    """
+
+    robot: str = "humanoid33"
+    contacts: str = "double"
+    controller: str = "whole_body"
+    stacks: tuple[str, ...] = STACKS
+    methods: tuple[str, ...] | None = None
+    peers: Mapping[str, Path] = field(default_factory=dict)
+    ticks: int = 500
+
+    def __post_init__(self) -> None:
+        _check_choice("unknown contacts", [self.contacts], STANCES)
+        _check_choice("unknown stack", self.stacks, STACKS)
+        _check_choice("no such controller", [self.controller], tuple(CONTROLLERS))
+        _check_choice("unknown peer", tuple(self.peers), PEERS)
+        for name in self.methods or ():
+            parse_method(self.controller, name)
+        if self.ticks < 1:
+            raise ConfigurationError("nothing to time", got=self.ticks, wanted="at least one tick")
+        for name, interpreter in self.peers.items():
+            if not interpreter.is_file():
+                raise ConfigurationError(
+                    f"the Python interpreter of peer {name!r} does not exist",
+                    got=str(interpreter),
+                    wanted="a path such as peers/tsid/bin/python",
+                )
+
+
+def bench_tick(plan: TickBench, progress: Progress | None = None) -> list[TickResult]:
+    """Records a moving run, then times every method on its states, tick by tick in turn.
+
+    The order rotates from tick to tick, so that no method always runs after the same other one.
+    Peers are other processes and take their turn a batch at a time; every `direct` is timed once
+    more in the same way, as their reference. The garbage collector runs between batches, never
+    inside a timed tick.
+
+    Args:
+        plan: what to time.
+        progress: told how many of all ticks are done; a tick is one pass through all methods.
+
+    Returns:
+        One result a stack and method, the whole-body controller's `direct` first.
+
+    Raises:
+        PoiseError: bad input, a backend or peer that cannot run, or a robot that fell.
+    """
+    robot = load_robot(plan.robot)
+    check_biped(robot)
+    ticks = WARM_UP + plan.ticks
+    methods = timed_methods(plan.controller, plan.methods)
+    results: list[TickResult] = []
+    for method in methods:
+        # A backend that is missing is found before the run.
+        if method.backend is not None:
+            make_solver(method.strategy, method.backend)
+    recording = record_run(robot, plan.contacts, ticks)
+    for i, kind in enumerate(plan.stacks):
+        with ExitStack() as stack:
+            subjects = [Subject(recording, kind, m) for m in methods]
+            peers = [
+                stack.enter_context(PeerProcess(name, python, recording, kind))
+                for name, python in plan.peers.items()
+            ]
+            own = [Subject(recording, kind, m) for m in methods if m.name == DIRECT]
+            guests = [*own, *peers] if peers else []
+            for done in _interleave(subjects, guests, ticks):
+                if progress is not None:
+                    progress(float(i * ticks + done), float(len(plan.stacks) * ticks))
+            results += _results(recording, kind, subjects, guests)
+    return results
+
+
+def _interleave(subjects: Sequence[Subject], guests: Sequence[Guest], ticks: int) -> Generator[int]:
+    """Times everything; yields the number of ticks done, a batch at a time."""
+    with collector_paused():
+        for first in range(0, ticks, BATCH):
+            count = min(BATCH, ticks - first)
+            for tick in range(first, first + count):
+                for turn in range(len(subjects)):
+                    subjects[(tick + turn) % len(subjects)].tick(tick)
+            for turn in range(len(guests)):
+                guests[(first // BATCH + turn) % len(guests)].run(first, count)
+            gc.collect()
+            yield first + count
+
+
+def _results(
+    recording: Recording,
+    kind: str,
+    subjects: Sequence[Subject],
+    guests: Sequence[Guest],
+) -> list[TickResult]:
+    results: list[TickResult] = []
+    for schedule, timed in (("tick", subjects), ("batch", guests)):
+        if timed:
+            results += tick_results(recording, kind, schedule, timed)
+    return results
+
+
+def tick_results(
+    recording: Recording,
+    kind: str,
+    schedule: str,
+    timed: Sequence[Guest],
+    counted: Mapping[str, Ticks] | None = None,
+) -> list[TickResult]:
+    """Results of those that were timed on one schedule, the first of which is the reference.
+
+    Args:
+        recording: the run that they were timed on.
+        kind: the stack.
+        schedule: "tick" or "batch".
+        timed: after the last tick.
+        counted: the ticks that count, by the name of the method; all after the warm-up when None.
+            The first of `timed` must have been timed on all of them.
+    """
+    robot, first = recording.robot, timed[0]
+    ways = {one.solver: one for one in timed if one.name == "whole_body"}
+    results: list[TickResult] = []
+    for one in timed:
+        ticks = _COUNTED if counted is None else counted[one.solver]
+        residual, relaxed, missed = one.accuracy(ticks)
+        variables, rows = one.size()
+        whole = ways.get(one.solver)
+        results.append(
+            TickResult(
+                robot=robot.name,
+                joints=robot.nj,
+                controller=one.name,
+                solver=one.solver,
+                stack=kind,
+                contacts=recording.stance,
+                schedule=schedule,
+                variables=variables,
+                rows=rows,
+                residual_max=residual,
+                relaxed_ticks=relaxed,
+                missed_ticks=missed,
+                **time_statistics(
+                    one.times(ticks),
+                    first.times(ticks),
+                    None if whole is None else whole.times(ticks),
+                ),
+            )
+        )
+    return results
+
+
+def _check_choice(what: str, names: Sequence[str], choices: Sequence[str]) -> None:
+    for name in names:
+        if name not in choices:
+            raise UnknownNameError(what, got=name, choices=choices)

@@ -1,0 +1,197 @@
+"""`record_walk`: a walk, recorded once, and `WalkLead`, which leads any stack along it again."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float64, Int64
+
+from benchmarks.methods import REFERENCE, Method
+from benchmarks.paths import Loop
+from benchmarks.recording import Alter, Progress
+from poise.apps.scenarios._director import Blend
+from poise.control import make_controller
+from poise.dynamics import RobotState
+from poise.errors import PoiseError, UnknownNameError
+from poise.locomotion import Gait, Stride, Walker, plan_footsteps
+from poise.locomotion._walking._footsteps import FootstepPlan
+from poise.locomotion._walking._walker import WalkStatus
+from poise.robots import Robot
+from poise.sim import Plant
+from poise.stack import ComTask, FrameTask, MomentumTask, PostureTask, Stack, SurfaceContact, Task
+
+WALK_STACKS = ("table1", "hands_first", "posture")
+"""Stacks of a walk, see `walk_stack`."""
+
+_STEP_LENGTH = 0.15
+"""Length of each step [m]."""
+
+_HAND_RADIUS, _HAND_FREQUENCY, _HAND_SWELL = 0.03, 0.7, 1.0
+"""The hands go round, beside what they are carried along [m, 1/s, s]."""
+
+
+def walk_stack(robot: Robot, kind: str) -> Stack:
+    """A new stack that a walker can lead.
+
+    "table1" is that of Ahn et al. 2024, Table 1: COM and pelvis orientation, then the poses of the
+    end effectors, hands and the foot in the air. "hands_first" has the hands above COM and pelvis.
+    "posture" adds to "table1" what keeps a robot that walks on and on in its posture: torso,
+    posture and angular momentum on two levels below everything.
+
+    Args:
+        robot: on two soles.
+        kind: one of `WALK_STACKS`.
+
+    Raises:
+        UnknownNameError: no such stack.
+    """
+    if kind not in WALK_STACKS:
+        raise UnknownNameError("unknown stack of a walk", got=kind, choices=WALK_STACKS)
+    soles = list(robot.soles)[:2]
+    balance: list[Task] = [
+        ComTask(kp=40.0),
+        FrameTask(robot.pelvis, "orientation", kp=100.0, name="pelvis"),
+    ]
+    feet: list[Task] = [FrameTask(sole, kp=300.0, name=sole) for sole in soles]
+    hands: list[Task] = [FrameTask(hand, kp=100.0, name=hand) for hand in robot.hands]
+    levels: list[list[Task]] = [balance, [*feet, *hands]]
+    if kind == "hands_first":
+        levels = [hands, balance, feet]
+    if kind == "posture":
+        levels.append([FrameTask(robot.torso, "orientation", kp=50.0, name="torso")])
+        momentum = MomentumTask("angular", kd=5.0, weight=0.1, name="momentum")
+        levels.append([PostureTask(), momentum])
+    return Stack([SurfaceContact(sole) for sole in soles], levels)
+
+
+class WalkLead:
+    """A walker with hands that move, over one stack: everything a tick is told besides the state.
+
+    Args:
+        robot: the robot.
+        plan: the steps.
+        stack: one of `walk_stack`.
+    """
+
+    def __init__(self, robot: Robot, plan: FootstepPlan, stack: Stack) -> None:
+        self.robot, self.stack, self._push = robot, stack, 0.0
+        self.walker = Walker(robot, plan, stack)
+        hands = [name for name in self.walker.carried if name in robot.hands]
+        self._loops = {
+            name: Loop(
+                centre=self.walker.carried[name].target_position.copy(),
+                way=np.zeros(3),
+                shift=Blend(0.0, 1.0),
+                amplitude=_HAND_RADIUS * np.array([1.0, 0.5, 1.0]),
+                phase=np.array([0.0, 0.0, 0.5 * np.pi]),
+                frequency=_HAND_FREQUENCY,
+                swell=Blend(0.0, _HAND_SWELL),
+            )
+            for name in hands
+        }
+
+    def advance(self, state: RobotState) -> WalkStatus:
+        """Sets targets and loads of contacts for a state."""
+        for name, loop in self._loops.items():
+            position, velocity, acceleration = loop.at(state.time)
+            acceleration[2] += self._push
+            self.walker.carried[name].set_target(position, velocity, acceleration)
+        return self.walker.advance(state)
+
+    def push_hands(self, acceleration: float) -> None:
+        """Asks a further acceleration of the hands from the next state on, up [m/s^2]."""
+        self._push = acceleration
+
+    def pass_by(self, state: RobotState) -> None:
+        """The same where no controller steps, which would move the loads of contacts on."""
+        self.advance(state)
+        for contact in self.stack.contacts:
+            contact.advance(state.time)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class WalkRecording:
+    """States of a walk, tick by tick.
+
+    Attributes:
+        robot: whose walk.
+        plan: its steps.
+        states: what the controller was told.
+        feet: number of feet with contacts that were active at each tick.
+        com_error: distance of the COM from its target [m].
+        hand_error: distance of the left hand from its target [m].
+    """
+
+    robot: Robot
+    plan: FootstepPlan
+    states: tuple[RobotState, ...]
+    feet: Int64[np.ndarray, " ticks"]
+    com_error: Float64[np.ndarray, " ticks"]
+    hand_error: Float64[np.ndarray, " ticks"]
+
+    def lead(self, kind: str) -> WalkLead:
+        """What leads a new stack of this kind along the recorded states.
+
+        Given the states, a walker sets the same targets and loads again: it remembers nothing else.
+        """
+        return WalkLead(self.robot, self.plan, walk_stack(self.robot, kind))
+
+    def ticks(self, stance: str) -> Int64[np.ndarray, " n"]:
+        """Ticks in "double" or "single" support."""
+        return np.flatnonzero(self.feet == (2 if stance == "double" else 1)).astype(np.int64)
+
+
+def record_walk(
+    robot: Robot,
+    steps: int,
+    progress: Progress | None = None,
+    *,
+    method: Method = REFERENCE,
+    alter: Alter | None = None,
+    seconds: float = math.inf,
+) -> WalkRecording:
+    """Lets a robot walk straight ahead in simulation, its hands going round, and records it.
+
+    Args:
+        robot: on two soles, with a hand.
+        steps: how many, besides one that closes the feet.
+        progress: told how far the walk is [s].
+        method: which controller walks, on stack "posture".
+        alter: changes each command before the plant gets it.
+        seconds: the recording ends here at the latest [s].
+
+    Raises:
+        PoiseError: the robot cannot walk, or fell.
+    """
+    plan = plan_footsteps(robot, [Stride(steps=steps, length=_STEP_LENGTH)], Gait())
+    lead = WalkLead(robot, plan, walk_stack(robot, "posture"))
+    controller = make_controller(robot, lead.stack, method.plan())
+    com, hand = lead.stack.task("com"), lead.stack.task(next(iter(robot.hands)))
+    plant = Plant(robot)
+    states: list[RobotState] = []
+    rows: list[tuple[int, float, float]] = []
+    end = min(plan.duration, seconds)
+    while plant.time < end:
+        state = plant.state()
+        status = lead.advance(state)
+        command = controller.step(state)
+        plant.step(command if alter is None else alter(state, command))
+        states.append(state)
+        errors = [float(np.linalg.norm(task.error[:3])) for task in (com, hand)]
+        rows.append((sum(c.active for c in lead.stack.contacts), errors[0], errors[1]))
+        if plant.fallen or not status.ok:
+            raise PoiseError(
+                f"{robot.name} did not walk to the end of the recording",
+                got=f"{'a fall' if plant.fallen else status.value} at {plant.time:.3f} s",
+            )
+        if progress is not None and len(states) % 100 == 0:
+            progress(plant.time, end)
+    feet, com_error, hand_error = zip(*rows, strict=True)
+    return WalkRecording(
+        robot=robot,
+        plan=plan,
+        states=tuple(states),
+        feet=np.array(feet, dtype=np.int64),
+        com_error=np.array(com_error),
+        hand_error=np.array(hand_error),
+    )

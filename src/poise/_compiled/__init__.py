@@ -1,0 +1,22 @@
+"""Small dense linear algebra, compiled when first called, for what is done every tick.
+
+Python's own time for a call into NumPy or LAPACK is that of some thousand operations, as many as
+most of these functions do. They work in place and allocate nothing.
+"""
+
+from poise._compiled._compiling import compiled, part, say_if_slow
+from poise._compiled._householder import make_reflection, reflect, reflect_columns, reflect_rows
+from poise._compiled._triangular import factor, solve_rows, solve_transposed
+
+__all__ = [
+    "compiled",
+    "factor",
+    "make_reflection",
+    "part",
+    "reflect",
+    "reflect_columns",
+    "reflect_rows",
+    "say_if_slow",
+    "solve_rows",
+    "solve_transposed",
+]

@@ -1,0 +1,1 @@
+"""What people run: scenarios, their reports, and a person at the controls."""

@@ -1,0 +1,25 @@
+"""A person at the controls: the simulated robot in real time, and a page to drive it from."""
+
+from importlib.util import find_spec
+
+from poise.errors import MissingExtraError
+
+if find_spec("viser") is None:
+    raise MissingExtraError("viser", "teleop", "Live teleoperation")
+
+from poise.apps.live._gamepad import HostGamepad
+from poise.apps.live._inputs import LiveHands, OperatorInputs, Pad
+from poise.apps.live._log import Takes
+from poise.apps.live._loop import LiveLoop, Snapshot
+from poise.apps.live._session import LiveSession
+
+__all__ = [
+    "HostGamepad",
+    "LiveHands",
+    "LiveLoop",
+    "LiveSession",
+    "OperatorInputs",
+    "Pad",
+    "Snapshot",
+    "Takes",
+]

@@ -1,0 +1,259 @@
+"""`TimeSheet`: a figure of rows over one time axis, with events on top and legends beside.
+
+Fewer points for a plot without losing a peak: the least and the greatest of every bucket.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float64
+
+from poise.apps.report._plots._style import EVENT, inline_svg, plain, plain_number, power_of_ten
+from poise.apps.report._record import Event, RunRecord
+
+
+def decimate(
+    time: Float64[np.ndarray, " T"], values: Float64[np.ndarray, " T"], buckets: int = 500
+) -> tuple[Float64[np.ndarray, " n"], Float64[np.ndarray, " n"]]:
+    """Keep the least and the greatest value of every bucket, at their own times.
+
+    A bucket with nothing but NaN stays a gap. Short signals come back as they are.
+
+    Args:
+        time: times [s].
+        values: one value a time; NaN where there is none.
+        buckets: how many buckets of equal count at most; two points come from each.
+
+    Returns:
+        Times [s] and values that are left.
+    """
+    if len(time) <= 2 * buckets:
+        return time, values
+    padded = _padded(values, buckets)
+    low = np.argmin(np.where(np.isnan(padded), np.inf, padded), axis=1)
+    high = np.argmax(np.where(np.isnan(padded), -np.inf, padded), axis=1)
+    starts = np.arange(len(padded)) * padded.shape[1]
+    picked = np.stack([np.minimum(low, high) + starts, np.maximum(low, high) + starts], axis=1)
+    index = np.unique(np.minimum(picked, len(time) - 1))
+    return time[index], values[index]
+
+
+def bucket_max(
+    values: Float64[np.ndarray, "T n"], buckets: int = 600
+) -> tuple[Float64[np.ndarray, "m n"], int]:
+    """Greatest value of every bucket of rows, NaN where a bucket holds nothing else.
+
+    Args:
+        values: one row a time.
+        buckets: how many buckets of equal count at most.
+
+    Returns:
+        One row a bucket, or `values` where it is short enough; and how many rows of `values` the
+        buckets stand for, which is more than there are where the last bucket is not full.
+    """
+    if len(values) <= buckets:
+        return values, len(values)
+    padded = np.stack([_padded(column, buckets) for column in values.T], axis=2)
+    greatest = np.max(np.where(np.isnan(padded), -np.inf, padded), axis=1)
+    return np.where(np.isneginf(greatest), np.nan, greatest), padded.shape[0] * padded.shape[1]
+
+
+def _padded(values: Float64[np.ndarray, " T"], buckets: int) -> Float64[np.ndarray, "b w"]:
+    """The signal as rows of equal length, the last ones filled up with NaN."""
+    width = -(-len(values) // buckets)
+    full = np.full(-(-len(values) // width) * width, np.nan)
+    full[: len(values)] = values
+    return full.reshape(-1, width)
+
+
+WIDTH = 12.0
+"""Width of every figure [in]: 1152 px, so that a 9 pt label is 12 px high on the page."""
+LEFT, RIGHT = 1.25, 2.1
+"""Margins [in], the same in all figures: time runs in line down the page, legends stand right."""
+BOTTOM, GAP = 0.5, 0.34
+_EVENT_ROW = 0.165
+_EVENT_ROWS_MAX = 3
+_CHARACTER = 0.072
+"""Width of a character of an event's label [in]."""
+_SHORT_LOG = 300.0
+"""A logarithmic axis over less than this ratio also has labels at 2 and 5 of each decade."""
+_LEAST_LOG = 1e-17
+"""Least value on a logarithmic axis: below rounding, zero is drawn here."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlotFigure:
+    """A finished plot.
+
+    Attributes:
+        name: its id in the page.
+        title: its heading.
+        short_title: the heading in a word or two, for the page's menu.
+        how_to_read: one sentence for the reader.
+        svg: the drawing.
+        time_axes: boxes (left, right, top, bottom as fractions of the drawing, first and last time
+            [s]) in which a time cursor can be drawn.
+        folded: whether the page shows it only on demand.
+    """
+
+    name: str
+    title: str
+    short_title: str
+    how_to_read: str
+    svg: str
+    time_axes: tuple[tuple[float, ...], ...] = ()
+    folded: bool = False
+
+
+class TimeSheet:
+    """Rows of axes over the record's time.
+
+    Args:
+        record: the run.
+        heights: height of each row [in].
+    """
+
+    def __init__(self, record: RunRecord, heights: Sequence[float]) -> None:
+        from matplotlib.figure import Figure
+
+        self._record = record
+        self.start, self.end = time_span(record)
+        inner = WIDTH - LEFT - RIGHT
+        labels = _place_labels(record.events, self.start, self.end, inner)
+        rows = 1 + max((row for _, row, _ in labels), default=-1)
+        top = 0.12 + rows * _EVENT_ROW
+        height = top + sum(heights) + GAP * (len(heights) - 1) + BOTTOM
+        self.figure: Any = Figure(figsize=(WIDTH, height))
+        self.axes: list[Any] = []
+        above = height - top
+        for row_height in heights:
+            above -= row_height
+            box = (LEFT / WIDTH, above / height, inner / WIDTH, row_height / height)
+            ax = self.figure.add_axes(box)
+            ax.set_xlim(self.start, self.end)
+            ax.tick_params(labelbottom=False, length=3)
+            self.axes.append(ax)
+            above -= GAP
+        self.axes[-1].tick_params(labelbottom=True)
+        self.axes[-1].set_xlabel("time [s]")
+        self._draw_events(labels, heights[0])
+
+    def plot(self, ax: Any, values: Float64[np.ndarray, " T"], **style: Any) -> Any:
+        """Draw a signal of the record, decimated; a single sample becomes a dot."""
+        time, kept = decimate(self._record.time, values)
+        marker = "o" if len(time) == 1 else None
+        (line,) = ax.plot(time, kept, marker=marker, markersize=4, **style)
+        return line
+
+    def finish(
+        self, name: str, title: str, how_to_read: str, *, short: str, folded: bool = False
+    ) -> PlotFigure:
+        """Write the figure; nothing may be drawn on it afterwards."""
+        boxes: list[tuple[float, ...]] = []
+        for ax in self.axes:
+            x0, y0, x1, y1 = ax.get_position().extents
+            box = (x0, x1, 1.0 - y1, 1.0 - y0, self.start, self.end)
+            boxes.append(tuple(round(float(v), 5) for v in box))
+        return PlotFigure(
+            name=name,
+            title=title,
+            short_title=short,
+            how_to_read=how_to_read,
+            svg=inline_svg(self.figure, name, title),
+            time_axes=tuple(boxes),
+            folded=folded,
+        )
+
+    def _draw_events(self, labels: Sequence[tuple[Event, int, str]], first_height: float) -> None:
+        for event in self._record.events:
+            for ax in self.axes:
+                ax.axvline(event.time, color=EVENT, linewidth=0.8, linestyle=(0, (4, 2)), zorder=1)
+                if event.duration > 0.0:
+                    end = event.time + event.duration
+                    ax.axvspan(event.time, end, color=EVENT, alpha=0.16, linewidth=0, zorder=0)
+        for event, row, side in labels:
+            self.axes[0].text(
+                event.time,
+                1.0 + (0.05 + row * _EVENT_ROW) / first_height,
+                plain(event.label),
+                transform=self.axes[0].get_xaxis_transform(),
+                fontsize=8,
+                color="#52606D",
+                ha=side,
+                va="bottom",
+            )
+
+
+def time_span(record: RunRecord) -> tuple[float, float]:
+    """First and last time of the plots [s]; half a second about a single sample."""
+    start, end = float(record.time[0]), float(record.time[-1])
+    return (start, end) if end > start else (start - 0.5, end + 0.5)
+
+
+def legend_beside(ax: Any, title: str = "") -> None:
+    """Put the legend right of the axes, where it covers nothing."""
+    handles, labels = ax.get_legend_handles_labels()
+    if handles:
+        legend = ax.legend(
+            handles,
+            labels,
+            loc="upper left",
+            bbox_to_anchor=(1.015, 1.0),
+            title=title or None,
+            title_fontsize=8.5,
+            alignment="left",
+        )
+        legend.set_in_layout(False)
+
+
+def log_axis(ax: Any, low: float, high: float) -> None:
+    """Make the values' axis logarithmic between two bounds, with plain labels."""
+    from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
+
+    ax.set_yscale("log")
+    ax.set_ylim(low, high)
+    ax.yaxis.set_major_locator(FixedLocator(log_ticks(low, high)))
+    short = high < _SHORT_LOG * low
+    ax.yaxis.set_major_formatter(FuncFormatter(plain_number if short else power_of_ten))
+    ax.yaxis.set_minor_locator(NullLocator())
+
+
+def log_ticks(low: float, high: float) -> list[float]:
+    """Round numbers between two bounds: decades, or 1, 2 and 5 where there are few of them."""
+    first, last = int(np.floor(np.log10(low))), int(np.ceil(np.log10(high)))
+    each = max(1, (last - first) // 6)
+    steps = (1, 2, 5) if high < _SHORT_LOG * low else (1,)
+    ticks = [s * 10.0**d for d in range(first, last + 1, each) for s in steps]
+    return [t for t in ticks if low <= t <= high]
+
+
+def above_zero(values: Float64[np.ndarray, "*s"]) -> Float64[np.ndarray, "*s"]:
+    """Values for a logarithmic axis: zero becomes a number below rounding."""
+    return np.maximum(np.abs(values), _LEAST_LOG)
+
+
+def _place_labels(
+    events: Sequence[Event], start: float, end: float, width: float
+) -> list[tuple[Event, int, str]]:
+    """Find a row and a side for each event's label; one that fits nowhere gets none.
+
+    Returns:
+        Event, row counted from the axes upwards, and side ("left": the text starts at the event).
+    """
+    taken = [-np.inf] * _EVENT_ROWS_MAX
+    placed: list[tuple[Event, int, str]] = []
+    for event in sorted(events, key=lambda e: e.time):
+        if not start <= event.time <= end:
+            continue
+        x = (event.time - start) / (end - start) * width
+        length = _CHARACTER * len(plain(event.label)) + 0.08
+        side = "left" if x + length <= width + RIGHT else "right"
+        first = x if side == "left" else x - length
+        for row, last in enumerate(taken):
+            if first >= last:
+                taken[row] = first + length
+                placed.append((event, row, side))
+                break
+    return placed

@@ -1,0 +1,189 @@
+"""Colours, fonts and words that all plots share.
+
+A matplotlib figure as SVG that can stand inside the page.
+"""
+
+import io
+import re
+from collections.abc import Generator
+from contextlib import contextmanager
+from html import escape
+from math import log10
+from typing import Any
+from warnings import catch_warnings, filterwarnings
+
+from poise.errors import MissingExtraError
+
+_PAGE_FONT = "var(--font)"
+_LONG_NUMBER = re.compile(r"-?\d+\.\d{3,}")
+_PATH_DATA = re.compile(r' d="[^"]*"')
+_ID = re.compile(r' id="([^"]+)"')
+
+
+def inline_svg(figure: Any, name: str, label: str) -> str:
+    """Write a figure as an SVG element with the page's font, short numbers and ids of its own.
+
+    Args:
+        figure: a `matplotlib.figure.Figure`.
+        name: prefix of all ids, unique in the page.
+        label: what the figure shows, for screen readers.
+
+    Returns:
+        The `<svg>` element.
+    """
+    buffer = io.StringIO()
+    figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
+    text = buffer.getvalue()
+    text = text[text.index("<svg") :]
+    text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
+    text = re.sub(
+        r'<svg[^>]*viewBox="([^"]*)"[^>]*>',
+        rf'<svg viewBox="\1" role="img" aria-label="{escape(label)}">',
+        text,
+        count=1,
+    )
+    text = _PATH_DATA.sub(lambda m: _LONG_NUMBER.sub(_shorten, m.group().replace("\n", "")), text)
+    text = text.replace("xlink:href", "href").replace(f"'{FONT}'", _PAGE_FONT)
+    return _own_ids(text, name)
+
+
+def _shorten(match: re.Match[str]) -> str:
+    # A hundredth of a point is far below a pixel on any screen.
+    return f"{float(match.group()):.2f}".rstrip("0").rstrip(".")
+
+
+def _own_ids(text: str, name: str) -> str:
+    """Keep the ids that something refers to, under a prefix, and drop the others."""
+    used = set(re.findall(r'(?:url\(#|href="#)([^)"]+)', text))
+
+    def rename(match: re.Match[str]) -> str:
+        return f' id="{name}-{match.group(1)}"' if match.group(1) in used else ""
+
+    text = _ID.sub(rename, text)
+    return re.sub(r'(url\(#|href="#)', rf"\g<1>{name}-", text)
+
+
+# Okabe and Ito's colours, which stay apart for colour-blind readers; yellow is left out because
+# it vanishes on white, and black because it is the text's.
+PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#7A5C3E")
+DASHES = ("-", (0, (5, 1.5)), (0, (1, 1)), (0, (6, 1.5, 1, 1.5)))
+"""Line styles: the palette comes round with the next one."""
+
+COM = "#0072B2"
+ZMP = "#D55E00"
+REFERENCE = "#52606D"
+SUPPORT = "#009E73"
+GOOD = "#009E73"
+BAD = "#D55E00"
+INK = "#1F2933"
+MUTED = "#616E7C"
+LINE = "#CBD2D9"
+EVENT = "#7B8794"
+LIMIT = "#1F2933"
+"""Lines that must not be crossed: dark, because no signal is."""
+TIME_COLOURS = "cividis"
+"""Colour map for time: even in lightness, and made for colour-blind readers."""
+LOAD_COLOURS = "YlOrRd"
+"""Colour map for loads: pale at rest, darker all the way to the limit."""
+
+FONT = "DejaVu Sans"
+_RC: dict[str, Any] = {
+    "font.family": FONT,
+    "font.size": 9.0,
+    "axes.labelsize": 9.0,
+    "axes.titlesize": 10.0,
+    "axes.titleweight": "bold",
+    "axes.titlelocation": "left",
+    "axes.titlepad": 6.0,
+    "axes.edgecolor": "#9AA5B1",
+    "axes.labelcolor": INK,
+    "axes.linewidth": 0.8,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "axes.unicode_minus": True,
+    "grid.color": "#E4E7EB",
+    "grid.linewidth": 0.7,
+    "text.color": INK,
+    "text.parse_math": False,
+    "xtick.color": MUTED,
+    "ytick.color": MUTED,
+    "xtick.labelsize": 8.5,
+    "ytick.labelsize": 8.5,
+    "legend.fontsize": 8.5,
+    "legend.frameon": False,
+    "legend.borderaxespad": 0.0,
+    "legend.handlelength": 1.8,
+    "lines.linewidth": 1.3,
+    "lines.solid_joinstyle": "round",
+    "figure.facecolor": "none",
+    "axes.facecolor": "none",
+    "savefig.facecolor": "none",
+    "svg.fonttype": "none",
+    "svg.hashsalt": "poise",
+    "path.simplify": True,
+    "path.simplify_threshold": 0.25,
+}
+
+
+@contextmanager
+def house_style() -> Generator[None]:
+    """Draw in the report's style, whatever the user's own matplotlib settings are.
+
+    Raises:
+        MissingExtraError: matplotlib is not installed.
+    """
+    try:
+        from matplotlib import style
+    except ImportError:
+        raise MissingExtraError("matplotlib", "sim", "the report of a run") from None
+    with catch_warnings(), style.context(["default", _RC]):
+        # The browser draws the text with its own fonts, so a glyph missing here is not missing.
+        filterwarnings("ignore", message="Glyph .* missing from")
+        yield
+
+
+def line_style(index: int) -> dict[str, Any]:
+    """Colour and dashes of the line with this number, for `Axes.plot`."""
+    dashes = DASHES[(index // len(PALETTE)) % len(DASHES)]
+    return {"color": PALETTE[index % len(PALETTE)], "linestyle": dashes}
+
+
+def plain(text: str, limit: int = 26) -> str:
+    """A user's text as a label: one line, printable, not too long, never hidden by matplotlib."""
+    printable = "".join(c if c.isprintable() else " " for c in text)
+    line = " ".join(printable.split())
+    if len(line) > limit:
+        line = line[: limit - 1] + "…"
+    # matplotlib leaves out of the legend whatever starts with an underscore.
+    return f" {line}" if line.startswith("_") else line
+
+
+def number(value: float | int) -> str:
+    """A number as a reader likes it: three or four figures, powers of ten only where needed."""
+    if value != value:
+        return "–"
+    if value in (float("inf"), float("-inf")):
+        return "∞" if value > 0 else "−∞"
+    if value == 0:
+        return "0"
+    size = abs(value)
+    if size >= 1e5 or size < 1e-3:
+        mantissa, exponent = f"{value:.2e}".split("e")
+        text = f"{float(mantissa):g}e{int(exponent)}"
+    elif size >= 100:
+        text = f"{value:.0f}"
+    else:
+        text = f"{value:.3g}"
+    return text.replace("-", "−")
+
+
+def plain_number(value: float, _position: int = 0) -> str:
+    """Label of a tick as a plain number."""
+    return number(value)
+
+
+def power_of_ten(value: float, _position: int = 0) -> str:
+    """Label of a decade on a logarithmic axis."""
+    return "10" + str(round(log10(value))).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))

@@ -1,0 +1,204 @@
+"""Torques as shares of their limits: all joints as a heat map, the highest ones as lines.
+
+Which joints belong together: given by the record, or guessed from their names.
+Joint positions: the joints that come nearest to their limits.
+"""
+
+import re
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float64
+
+from poise.apps.report._plots._sheet import PlotFigure, TimeSheet, bucket_max, legend_beside
+from poise.apps.report._plots._style import (
+    INK,
+    LIMIT,
+    LINE,
+    LOAD_COLOURS,
+    MUTED,
+    line_style,
+    number,
+    plain,
+)
+from poise.apps.report._record import RunRecord
+
+_PARTS = (
+    ("leg", ("hip", "knee", "ankle", "leg", "thigh", "foot", "toe")),
+    ("arm", ("shoulder", "elbow", "wrist", "arm", "hand", "grip", "finger", "thumb")),
+    ("head", ("head", "neck", "eye")),
+    ("waist", ("waist", "torso", "chest", "spine", "back", "trunk", "lumbar", "abdomen")),
+)
+_SIDES = (
+    ("left", re.compile(r"(^|_|\b)(left|l)(_|\d|\b)|^[lL](?=[A-Z][a-z])|Left", re.ASCII)),
+    ("right", re.compile(r"(^|_|\b)(right|r)(_|\d|\b)|^[rR](?=[A-Z][a-z])|Right", re.ASCII)),
+)
+
+
+def grouped_order(
+    names: Sequence[str], groups: Sequence[str] = ()
+) -> tuple[list[int], list[tuple[str, int]]]:
+    """Order joints so that those of one group stand together.
+
+    Args:
+        names: the joints.
+        groups: group of each joint; empty to guess it from the name.
+
+    Returns:
+        Indices of the joints in their new order, and each group's name with its number of joints.
+    """
+    of_joint = list(groups) or [guess_group(name) for name in names]
+    order: list[int] = []
+    counts: list[tuple[str, int]] = []
+    for group in dict.fromkeys(of_joint):
+        members = [i for i, g in enumerate(of_joint) if g == group]
+        order.extend(members)
+        counts.append((group, len(members)))
+    return order, counts
+
+
+def guess_group(name: str) -> str:
+    """Group of a joint by what its name says, "other" where it says nothing."""
+    lower = name.lower()
+    part = next((part for part, words in _PARTS if any(w in lower for w in words)), "other")
+    if part in ("leg", "arm"):
+        side = next((side for side, pattern in _SIDES if pattern.search(name)), "")
+        return f"{side} {part}".strip()
+    return part
+
+
+def short_names(names: Sequence[str]) -> list[str]:
+    """Names as labels, without the ending "_joint" that says nothing where all joints have it."""
+    ending = "_joint"
+    if all(name.endswith(ending) for name in names):
+        names = [name.removesuffix(ending) for name in names]
+    return [plain(name, 21) for name in names]
+
+
+_LINES = 6
+
+
+def joints_figure(record: RunRecord) -> PlotFigure | None:
+    """Distance of the six tightest joints to the nearer of their limits."""
+    if not record.joint_names:
+        return None
+    margin = limit_margin(record)
+    sheet = TimeSheet(record, [2.1])
+    ax = sheet.axes[0]
+    names = short_names(record.joint_names)
+    least = np.where(np.isfinite(margin), margin, np.inf).min(axis=0)
+    for place, i in enumerate(np.argsort(least, kind="stable")[:_LINES]):
+        if np.isfinite(least[i]):
+            label = names[i]
+            sheet.plot(ax, margin[:, i], label=label, **line_style(place))
+    ax.axhline(0.0, color=LIMIT, linewidth=1.1, zorder=1)
+    low, high = ax.get_ylim()
+    ax.set_ylim(min(low, -0.03 * (high - low)), high)
+    ax.set_ylabel("distance to limit [rad]")
+    legend_beside(ax, title="nearest to a limit")
+    return sheet.finish(
+        "joints",
+        "Joint positions near their limits",
+        "How far each of the tightest joints is from the nearer of its two limits; the dark line "
+        "at zero is the limit itself, and below it the limit is broken.",
+        short="Joint limits",
+    )
+
+
+def limit_margin(record: RunRecord) -> Float64[np.ndarray, "T nj"]:
+    """Distance of each joint to its nearer position limit [rad], negative beyond it."""
+    return np.minimum(record.position - record.position_min, record.position_max - record.position)
+
+
+_LINES = 6
+_ROW = 0.155
+"""Height of a joint in the heat map [in]: its name is still readable."""
+
+
+def torque_figure(record: RunRecord) -> PlotFigure | None:
+    """Heat map of all joints over time, and lines of the six that come nearest to their limits."""
+    if not record.joint_names:
+        return None
+    ratio = torque_ratio(record)
+    sheet = TimeSheet(record, [max(_ROW * len(record.joint_names), 0.6), 2.1])
+    _heat_map(sheet, record, np.abs(ratio))
+    _highest(sheet, record, ratio)
+    return sheet.finish(
+        "torque",
+        "Joint torques as a share of their limits",
+        "Above, every joint is a row and dark red is at its limit; below are the joints that "
+        "came nearest to their limits, drawn as dark lines at −1 and 1.",
+        short="Torques",
+    )
+
+
+def torque_ratio(record: RunRecord) -> Float64[np.ndarray, "T nj"]:
+    """Torque over its limit [-]; NaN for a joint without a limit."""
+    limit = np.where(record.torque_max > 0.0, record.torque_max, np.nan)
+    limit = np.where(np.isfinite(limit), limit, np.nan)
+    return record.torque / limit
+
+
+def _heat_map(sheet: TimeSheet, record: RunRecord, ratio: Float64[np.ndarray, "T nj"]) -> None:
+    ax = sheet.axes[0]
+    order, groups = grouped_order(record.joint_names, record.joint_groups)
+    names = short_names(record.joint_names)
+    buckets, rows = bucket_max(ratio[:, order])
+    end = sheet.start + (sheet.end - sheet.start) * rows / len(ratio)
+    image = ax.imshow(
+        buckets.T,
+        aspect="auto",
+        extent=(sheet.start, end, len(order) - 0.5, -0.5),
+        cmap=LOAD_COLOURS,
+        vmin=0.0,
+        vmax=1.0,
+        interpolation="nearest",
+        zorder=0.5,
+    )
+    ax.set_xlim(sheet.start, sheet.end)
+    ax.grid(visible=False)
+    ax.set_yticks(range(len(order)), [names[i] for i in order])
+    ax.tick_params(axis="y", labelsize=6.8, length=0, pad=2)
+    first = 0
+    for name, count in groups:
+        if first:
+            ax.axhline(first - 0.5, color="white", linewidth=2.5)
+        middle = first + count / 2.0 - 0.5
+        ax.annotate(
+            plain(name),
+            (1.0, middle),
+            xytext=(6, 0),
+            textcoords="offset points",
+            xycoords=ax.get_yaxis_transform(),
+            va="center",
+            fontsize=8,
+            color=MUTED,
+        )
+        first += count
+    _colour_bar(sheet, image)
+
+
+def _colour_bar(sheet: TimeSheet, image: object) -> None:
+    box = sheet.axes[0].get_position()
+    height = min(box.height, 2.0 / sheet.figure.get_figheight())
+    place = sheet.figure.add_axes((0.945, box.y1 - height, 0.01, height))
+    bar = sheet.figure.colorbar(image, cax=place)
+    bar.set_label("torque / limit [-]")
+    bar.outline.set_visible(False)
+
+
+def _highest(sheet: TimeSheet, record: RunRecord, ratio: Float64[np.ndarray, "T nj"]) -> None:
+    ax = sheet.axes[1]
+    names = short_names(record.joint_names)
+    filled = np.where(np.isfinite(ratio), np.abs(ratio), 0.0).max(axis=0)
+    for place, i in enumerate(np.argsort(-filled, kind="stable")[:_LINES]):
+        limit = record.torque_max[i]
+        label = f"{names[i]} ({number(float(limit))})"
+        sheet.plot(ax, ratio[:, i], label=label, **line_style(place))
+    for bound in (-1.0, 1.0):
+        ax.axhline(bound, color=LIMIT, linewidth=1.1, zorder=1)
+    ax.axhline(0.0, color=LINE, linewidth=0.8, zorder=0)
+    low, high = ax.get_ylim()
+    ax.set_ylim(min(low, -1.08), max(high, 1.08))
+    ax.set_ylabel("torque / limit [-]", color=INK)
+    legend_beside(ax, title="highest (limit [N m])")

@@ -1,0 +1,129 @@
+"""The replay's data as compact JSON: typed arrays in base64, meshes quantised to 16 bits."""
+
+import base64
+import json
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float64, Shaped
+
+from poise.apps.report._record import RunRecord, SupportPhase
+from poise.apps.report._replay import Geometry, Replay
+
+_QUATERNION_SCALE = 32767
+"""A quaternion's parts as 16-bit integers: wrong by at most 2e-5."""
+_STEPS = 65535
+"""Steps between a mesh's least and greatest coordinate: a hundredth of a millimetre on a body."""
+
+
+def replay_json(record: RunRecord, replay: Replay) -> str:
+    """Everything the page's 3D replay draws, as one JSON object that is safe inside a script.
+
+    Args:
+        record: the run; COM, ZMP and support polygons come from its ticks.
+        replay: the motion of the bodies.
+
+    Returns:
+        JSON without any "<".
+    """
+    ticks = _nearest(record.time, replay.time)
+    meshes, geometries = _geometries(replay.geometries)
+    payload = {
+        "bodies": len(replay.body_names),
+        "time": _floats(replay.time),
+        "position": _floats(replay.position),
+        "quaternion": _encode(_quantised(replay.quaternion)),
+        "com": _floats(record.com[ticks]),
+        "zmp": _floats(record.zmp[ticks]),
+        "geometries": geometries,
+        "meshes": meshes,
+        "phases": [_phase(p, record) for p in record.support],
+        "forces": [
+            {"name": f.name, "kind": f.kind, "point": _floats(f.point), "force": _floats(f.force)}
+            for f in replay.forces
+        ],
+        "markers": [{"name": m.name, "position": _floats(m.position)} for m in replay.markers],
+        "events": [
+            {"time": e.time, "duration": e.duration, "label": e.label} for e in record.events
+        ],
+    }
+    text = json.dumps(payload, separators=(",", ":"), allow_nan=False)
+    return text.replace("<", "\\u003c")
+
+
+def _nearest(
+    time: Float64[np.ndarray, " T"], wanted: Float64[np.ndarray, " F"]
+) -> Shaped[np.ndarray, " F"]:
+    """Index of the tick nearest to each frame."""
+    after = np.clip(np.searchsorted(time, wanted), 1, max(len(time) - 1, 1))
+    after = np.minimum(after, len(time) - 1)
+    before = np.maximum(after - 1, 0)
+    return np.where(wanted - time[before] <= time[after] - wanted, before, after)
+
+
+def _quantised(quaternion: Float64[np.ndarray, "F B 4"]) -> Shaped[np.ndarray, "F B 4"]:
+    return np.round(quaternion * _QUATERNION_SCALE).astype("<i2")
+
+
+def _geometries(
+    geometries: tuple[Geometry, ...],
+) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+    """Meshes, each once however often it is used, and the geometries that use them."""
+    meshes: list[dict[str, Any]] = []
+    known: dict[bytes, int] = {}
+    placed: list[dict[str, Any]] = []
+    for geometry in geometries:
+        entry: dict[str, Any] = {
+            "body": geometry.body,
+            "shape": geometry.shape,
+            "size": _short(geometry.size),
+            "position": _short(geometry.position),
+            "quaternion": _short(geometry.quaternion),
+            "rgba": _short(geometry.rgba),
+        }
+        if geometry.vertices is not None and geometry.faces is not None:
+            key = geometry.vertices.tobytes() + geometry.faces.tobytes()
+            if key not in known:
+                known[key] = len(meshes)
+                meshes.append(_mesh(geometry.vertices, geometry.faces))
+            entry["mesh"] = known[key]
+        placed.append(entry)
+    return meshes, placed
+
+
+def _mesh(
+    vertices: Float64[np.ndarray, "nvert 3"], faces: Shaped[np.ndarray, "nface 3"]
+) -> dict[str, Any]:
+    low = vertices.min(axis=0) if len(vertices) else np.zeros(3)
+    high = vertices.max(axis=0) if len(vertices) else np.zeros(3)
+    step = np.maximum((high - low) / _STEPS, 1e-12)  # [m]
+    wide = len(vertices) > _STEPS
+    return {
+        "low": _short(low, 9),
+        "step": [float(s) for s in step],
+        "vertices": _encode(np.round((vertices - low) / step).astype("<u2")),
+        "faces": _encode(faces.astype("<u4" if wide else "<u2")),
+        "wide": wide,
+    }
+
+
+def _phase(phase: SupportPhase, record: RunRecord) -> dict[str, Any]:
+    first, last = float(record.time[0]), float(record.time[-1])
+    return {
+        "start": float(np.clip(phase.start, first, last)),
+        "end": float(np.clip(phase.end, first, last)),
+        "vertices": [_short(v) for v in phase.vertices],
+    }
+
+
+def _short(values: Any, digits: int = 6) -> list[float]:
+    """Plain numbers without figures that nobody can see."""
+    return [round(float(v), digits) for v in values]
+
+
+def _floats(values: Float64[np.ndarray, "..."]) -> str:
+    return _encode(values.astype("<f4"))
+
+
+def _encode(values: Shaped[np.ndarray, "..."]) -> str:
+    return base64.b64encode(np.ascontiguousarray(values).tobytes()).decode("ascii")

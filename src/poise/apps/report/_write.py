@@ -1,0 +1,72 @@
+"""`write_report`: from the record of a run to `report.html`."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+from poise.apps.report._page import page_html
+from poise.apps.report._plots import (
+    PlotFigure,
+    com_figure,
+    forces_figure,
+    house_style,
+    joints_figure,
+    residuals_figure,
+    tick_figures,
+    torque_figure,
+    tracking_figures,
+    zmp_figures,
+)
+from poise.apps.report._record import RunRecord
+
+_Drawing = Callable[[RunRecord], list[PlotFigure] | PlotFigure | None]
+_PLOTS: tuple[_Drawing, ...] = (
+    tracking_figures,
+    com_figure,
+    zmp_figures,
+    forces_figure,
+    torque_figure,
+    joints_figure,
+    residuals_figure,
+    tick_figures,
+)
+"""The plots, in the page's order."""
+
+
+def write_report(run: RunRecord, directory: Path) -> Path:
+    """Write one self-contained page about a run; it needs no network and no server.
+
+    The same record gives the same bytes.
+
+    Args:
+        run: what happened.
+        directory: where `report.html` goes; made if it does not exist. A video named in the
+            record is looked for beside the page.
+
+    Returns:
+        Path of the page.
+
+    Raises:
+        MissingExtraError: matplotlib is not installed.
+    """
+    page = page_html(run, draw_plots(run))
+    directory.mkdir(parents=True, exist_ok=True)
+    path = directory / "report.html"
+    path.write_text(page, encoding="utf-8", newline="\n")
+    return path
+
+
+def draw_plots(run: RunRecord) -> list[PlotFigure]:
+    """All plots for which the record has something to show.
+
+    Raises:
+        MissingExtraError: matplotlib is not installed.
+    """
+    figures: list[PlotFigure] = []
+    with house_style():
+        for draw in _PLOTS:
+            drawn = draw(run)
+            if isinstance(drawn, PlotFigure):
+                figures.append(drawn)
+            elif drawn is not None:
+                figures.extend(drawn)
+    return figures

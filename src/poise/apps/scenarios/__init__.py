@@ -1,0 +1,24 @@
+"""Scenarios: a file that says robot, controller, references, disturbances and checks; its run."""
+
+from poise.apps.scenarios._outputs import LOG, summarise, write_page, write_summary, write_video
+from poise.apps.scenarios._reader import load_scenario, parse_scenario, shipped_scenarios
+from poise.apps.scenarios._replay import drawn_shapes
+from poise.apps.scenarios._run import Run, run_scenario
+from poise.apps.scenarios._scenario import Scenario
+from poise.apps.scenarios._signals import sole_corners
+
+__all__ = [
+    "LOG",
+    "Run",
+    "Scenario",
+    "drawn_shapes",
+    "load_scenario",
+    "parse_scenario",
+    "run_scenario",
+    "shipped_scenarios",
+    "sole_corners",
+    "summarise",
+    "write_page",
+    "write_summary",
+    "write_video",
+]

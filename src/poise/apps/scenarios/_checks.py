@@ -1,0 +1,148 @@
+"""Checks: what a scenario demands of its run, and what every run must hold."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from poise.apps.scenarios._metrics import METRICS
+from poise.apps.scenarios._scenario import CheckPlan
+from poise.apps.scenarios._signals import RunSignals
+from poise.control import PHYSICS_LEVELS, CommandStatus
+from poise.errors import ScenarioError, UnknownNameError
+from poise.robots import Robot
+from poise.stack import ComTask, Stack
+
+PHYSICS_RESIDUAL = 1e-6
+"""Relative residual that dynamics, contacts and limits may have in any run."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CheckResult:
+    """A check with what was measured.
+
+    Attributes:
+        name: what was checked, in words.
+        value: what was measured, NaN where it could not be.
+        bound: what it was compared with.
+        relation: how a good value stands to the bound.
+        unit: unit of value and bound.
+        ok: whether it held; a value that could not be measured does not hold.
+    """
+
+    name: str
+    value: float
+    bound: float
+    relation: Literal["<=", ">="]
+    unit: str
+    ok: bool
+
+
+def validate_checks(checks: Sequence[CheckPlan], stack: Stack, robot: Robot) -> None:
+    """Finds checks on tasks, soles or levels that do not exist.
+
+    Raises:
+        UnknownNameError: no such metric, task or sole.
+        ScenarioError: no such level, or nothing that could be measured.
+    """
+    levels = PHYSICS_LEVELS + len(stack.levels)
+    tasks = [task.name for _, task in stack.tasks()]
+    for check in checks:
+        if check.metric not in METRICS:
+            raise UnknownNameError("unknown metric", got=check.metric, choices=METRICS)
+        kind = METRICS[check.metric].subject
+        known = {"task": tasks, "sole": list(robot.soles)}.get(kind)
+        if known is not None and check.subject not in known:
+            raise UnknownNameError(
+                f"a check names an unknown {kind}", got=check.subject, choices=known
+            )
+        if kind == "level" and not 1 <= int(check.subject) <= levels:
+            raise ScenarioError(
+                "a check names an unknown level", got=check.subject, wanted=f"1 to {levels}"
+            )
+        if check.metric == "com_error_max" and not any(
+            isinstance(task, ComTask) for _, task in stack.tasks()
+        ):
+            raise ScenarioError(
+                "a check needs a com task in the stack", got=check.metric, choices=tasks
+            )
+
+
+def evaluate_checks(
+    checks: Sequence[CheckPlan],
+    run: RunSignals,
+    stack: Stack,
+    fell: bool,
+    ended_early: str,
+    *,
+    physics: bool = True,
+) -> tuple[CheckResult, ...]:
+    """Measures everything that must hold of a run.
+
+    Args:
+        checks: the scenario's own.
+        run: what was recorded.
+        stack: the controller's stack.
+        fell: whether the robot fell.
+        ended_early: why the run stopped before its end, "" where it did not.
+        physics: whether the controller has levels of physics; one by hand has none.
+
+    Returns:
+        The checks of every run first, then the scenario's.
+    """
+    missed = missed_ticks(run)
+    results = [
+        _result("robot fell", float(fell), "<=", 0.0, ""),
+        _result("run ended early", float(bool(ended_early)), "<=", 0.0, ""),
+        _result("missed ticks", float(missed), "<=", 0.0, ""),
+    ]
+    names = ("dynamics and torque limits", "contacts and joint limits")
+    for level, name in enumerate(names if physics else (), 1):
+        plan = CheckPlan(
+            metric="residual_max", relation="<=", bound=PHYSICS_RESIDUAL, subject=str(level)
+        )
+        results.append(_measured(plan, run, stack, f"residual of level {level}, {name}"))
+    results += [_measured(plan, run, stack, _describe(plan)) for plan in checks]
+    return tuple(results)
+
+
+def missed_ticks(run: RunSignals) -> int:
+    """Ticks that fell back to a safe command, whatever the clock said."""
+    return sum(status != CommandStatus.OK.value for status in run.status)
+
+
+def _measured(plan: CheckPlan, run: RunSignals, stack: Stack, name: str) -> CheckResult:
+    metric = METRICS[plan.metric]
+    rows = (run.time >= plan.begin) & (run.time <= plan.end)
+    value = metric.measure(run, plan.subject, plan.axis, rows)
+    unit = stack.task(plan.subject).unit if metric.subject == "task" else metric.unit
+    return _result(name, value, plan.relation, plan.bound, unit)
+
+
+def _result(
+    name: str, value: float, relation: Literal["<=", ">="], bound: float, unit: str
+) -> CheckResult:
+    holds = value <= bound if relation == "<=" else value >= bound
+    return CheckResult(
+        name=name,
+        value=value,
+        bound=bound,
+        relation=relation,
+        unit=unit,
+        ok=bool(np.isfinite(value) and holds),
+    )
+
+
+def _describe(plan: CheckPlan) -> str:
+    parts = [METRICS[plan.metric].describe]
+    if plan.subject:
+        parts.append(
+            f"of {plan.subject!r}" if METRICS[plan.metric].subject != "level" else plan.subject
+        )
+    if plan.axis is not None:
+        parts.append(f"along {'xyz'[plan.axis]}")
+    if plan.begin > 0.0 or np.isfinite(plan.end):
+        until = f"{plan.end:g} s" if np.isfinite(plan.end) else "the end"
+        parts.append(f"from {plan.begin:g} s until {until}")
+    return " ".join(parts)

@@ -1,0 +1,126 @@
+"""Which controller a scenario runs: one of `poise.control`'s, or hands that walk the robot."""
+
+from dataclasses import replace
+
+from poise.apps.scenarios._by_hand import NAME, ByHand
+from poise.apps.scenarios._scenario import Scenario
+from poise.control import (
+    CONTROLLERS,
+    Controller,
+    ControllerKind,
+    ControllerPlan,
+    check_plan,
+    make_controller,
+)
+from poise.errors import ScenarioError, UnknownNameError
+from poise.locomotion import walking_stack
+from poise.robots import Robot
+
+_STRATEGY = "com_shifter"
+"""How `ByHand` keeps the balance."""
+
+
+def is_by_hand(plan: ControllerPlan) -> bool:
+    """Whether hands walk the robot."""
+    return plan.name == NAME
+
+
+def strategy_of(plan: ControllerPlan) -> str:
+    """How the controller of a checked plan solves."""
+    if is_by_hand(plan):
+        return _STRATEGY
+    return plan.strategy or check_plan(plan).strategies[0]
+
+
+def with_actuation(scenario: Scenario) -> Scenario:
+    """The scenario on a plant that takes what its controller commands.
+
+    Raises:
+        UnknownNameError: no such controller or strategy.
+        ScenarioError: the controller does not fit the scenario or its plant.
+    """
+    plan, plant = scenario.controller, scenario.plant
+    _check_walk(scenario)
+    actuation = "velocity" if _check_by_hand(scenario) else _kind(plan).actuation
+    if not scenario.actuation_given:
+        return replace(scenario, plant=replace(plant, actuation=actuation))
+    if plant.actuation != actuation:
+        fitting = [n for n, k in CONTROLLERS.items() if k.actuation == plant.actuation]
+        raise ScenarioError(
+            f"controller {plan.name!r} wants another actuation of the plant",
+            got=plant.actuation,
+            wanted=f"actuation {actuation}, or a controller that commands {plant.actuation}",
+            choices=fitting,
+        )
+    return scenario
+
+
+def controller_of(scenario: Scenario, robot: Robot) -> Controller:
+    """Makes the controller of a scenario that `with_actuation` has passed.
+
+    Raises:
+        PoiseError: the scenario does not fit the robot.
+    """
+    if scenario.hands is not None:
+        return ByHand(robot, scenario.hands, scenario.plant.control_dt)
+    stack = scenario.stack.build() if scenario.stack is not None else None
+    if stack is None and scenario.walk is not None:
+        stack = walking_stack(robot)
+    return make_controller(robot, stack, replace(scenario.controller, dt=scenario.plant.control_dt))
+
+
+def _kind(plan: ControllerPlan) -> ControllerKind:
+    if plan.name not in CONTROLLERS:
+        raise UnknownNameError("no such controller", got=plan.name, choices=(*CONTROLLERS, NAME))
+    return check_plan(plan)
+
+
+def _check_walk(scenario: Scenario) -> None:
+    """A walk is kept up by forces, which a controller that commands velocities does not know."""
+    plan = scenario.controller
+    if scenario.walk is None:
+        return
+    if is_by_hand(plan) or _kind(plan).actuation != "torque":
+        raise ScenarioError(
+            f"controller {plan.name!r} cannot follow the walk of scenario {scenario.name!r}",
+            got=plan.name,
+            choices=[n for n, k in CONTROLLERS.items() if k.actuation == "torque"],
+        )
+
+
+def _check_by_hand(scenario: Scenario) -> bool:
+    """Whether hands walk the robot, and then whether they can."""
+    plan = scenario.controller
+    if not is_by_hand(plan):
+        _kind(plan)
+        if scenario.hands is not None:
+            raise ScenarioError(
+                f"controller {plan.name!r} does not heed the hands of scenario {scenario.name!r}",
+                got=plan.name,
+                wanted=f"controller {NAME}",
+            )
+        return False
+    if scenario.hands is None:
+        raise ScenarioError(
+            f"controller {NAME} needs hands, and scenario {scenario.name!r} has none",
+            wanted="the section hands in the scenario's file",
+        )
+    if plan.strategy not in (None, _STRATEGY):
+        raise UnknownNameError(
+            f"no such strategy of controller {NAME}", got=plan.strategy, choices=(_STRATEGY,)
+        )
+    for value, what in ((plan.backend, "backend"), (plan.time_limit, "time_limit")):
+        if value is not None:
+            raise ScenarioError(
+                f"controller {NAME} has no {what}: it solves in closed form", got=value
+            )
+    given = {
+        "stack": scenario.stack is not None,
+        "motions": bool(scenario.motions),
+        "contacts": bool(scenario.contact_changes),
+    }
+    for what in (name for name, there in given.items() if there):
+        raise ScenarioError(
+            f"controller {NAME} takes no {what}: it follows the hands", wanted=f"no {what}"
+        )
+    return True

@@ -1,0 +1,421 @@
+"""`Director`: tells the tasks and contacts of a running controller what the scenario wants.
+
+`Blend` and `Course`: smooth ways from one value to another.
+How far an arm reaches, from the robot's own kinematics.
+"""
+
+import time as clock
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+import pinocchio as pin
+from jaxtyping import Float64
+
+from poise.apps.scenarios._scenario import ContactChange, Motion, Scenario
+from poise.dynamics import Dynamics, RobotState
+from poise.errors import ScenarioError, UnknownNameError
+from poise.locomotion import CarriedTarget, Walker
+from poise.robots import Robot
+from poise.stack import ComTask, FrameTask, JointTask, Stack, Task
+
+_SHORTEST = 1e-6
+"""A way shorter than this [s] is a step: no control period is, and its rates would overflow."""
+
+
+@dataclass(frozen=True, slots=True)
+class Blend:
+    """A quintic from zero to one: position, velocity and acceleration are continuous.
+
+    s(t) = 10 r^3 - 15 r^4 + 6 r^5 with r = (t - start) / duration in [0, 1]; the minimum-jerk
+    motion of Flash and Hogan (1985).
+
+    Attributes:
+        start: when it begins [s].
+        duration: how long it takes [s]; zero for a step.
+    """
+
+    start: float
+    duration: float
+
+    def sample(self, time: float) -> tuple[float, float, float]:
+        """Share of the way, its rate [1/s] and its second rate [1/s^2] at a time [s]."""
+        if self.done(time):
+            return 1.0, 0.0, 0.0
+        r = self.phase(time)
+        share = r**3 * (10.0 - 15.0 * r + 6.0 * r * r)
+        rate = 30.0 * r * r * (1.0 - r) ** 2 / self.duration
+        second = 60.0 * r * (1.0 - r) * (1.0 - 2.0 * r) / self.duration**2
+        return share, rate, second
+
+    def phase(self, time: float) -> float:
+        """Share of the duration that is over, zero before the start."""
+        return 1.0 if self.done(time) else max(time - self.start, 0.0) / self.duration
+
+    def done(self, time: float) -> bool:
+        """Whether the way is behind."""
+        return self.duration < _SHORTEST or time >= self.start + self.duration
+
+
+@dataclass(frozen=True, slots=True)
+class Course:
+    """A point that goes from a start, with the rates it has there, along a way to rest.
+
+    p(t) = start + way s(t) + T velocity a(r) + T^2 acceleration b(r) with `Blend`'s s and r, its
+    duration T, a = r - 6 r^3 + 8 r^4 - 3 r^5 and b = (r^2 - 3 r^3 + 3 r^4 - r^5) / 2: the quintic
+    with given position, velocity and acceleration at both ends.
+
+    Attributes:
+        blend: when, and for how long.
+        start: where it begins [unit].
+        way: from there to the goal [unit].
+        velocity: rate at the start [unit/s].
+        acceleration: second rate at the start [unit/s^2].
+    """
+
+    blend: Blend
+    start: Float64[np.ndarray, " m"]
+    way: Float64[np.ndarray, " m"]
+    velocity: Float64[np.ndarray, " m"] | float = field(default=0.0)
+    acceleration: Float64[np.ndarray, " m"] | float = field(default=0.0)
+
+    @property
+    def goal(self) -> Float64[np.ndarray, " m"]:
+        """Where it ends [unit]."""
+        return self.start + self.way
+
+    def sample(
+        self, time: float
+    ) -> tuple[Float64[np.ndarray, " m"], Float64[np.ndarray, " m"], Float64[np.ndarray, " m"]]:
+        """Position, velocity and acceleration at a time [s]."""
+        share, rate, second = self.blend.sample(time)
+        position, velocity = self.start + share * self.way, rate * self.way
+        acceleration = second * self.way
+        if self.blend.done(time):
+            return position, velocity, acceleration
+        r, T = self.blend.phase(time), self.blend.duration
+        v, a = T * self.velocity, T * T * self.acceleration
+        position = position + v * (r - 6.0 * r**3 + 8.0 * r**4 - 3.0 * r**5)
+        position = position + a * (0.5 * r * r * (1.0 - r) ** 3)
+        velocity = velocity + v / T * (1.0 - 18.0 * r * r + 32.0 * r**3 - 15.0 * r**4)
+        velocity = velocity + a / T * (r - 4.5 * r * r + 6.0 * r**3 - 2.5 * r**4)
+        acceleration = acceleration + v / T**2 * (-36.0 * r + 96.0 * r * r - 60.0 * r**3)
+        acceleration = acceleration + a / T**2 * (1.0 - 9.0 * r + 18.0 * r * r - 10.0 * r**3)
+        return position, velocity, acceleration
+
+
+def reach_point(
+    robot: Robot,
+    dynamics: Dynamics,
+    hand: str,
+    direction: Float64[np.ndarray, "3"],
+    share: float,
+) -> Float64[np.ndarray, "3"]:
+    """A point along a direction from the shoulder, at a share of the arm's length.
+
+    The shoulder is the first joint between torso and hand; the arm's length is the sum of its
+    links' lengths, an upper bound that offsets between joint axes keep from being reached exactly.
+
+    Args:
+        robot: the robot.
+        dynamics: its state, up to date.
+        hand: frame of the hand.
+        direction: unit vector in the world.
+        share: share of the arm's length; above one is out of reach.
+
+    Returns:
+        The point in the world [m].
+
+    Raises:
+        ScenarioError: the frame has no arm of its own.
+    """
+    chain = require_arm(robot, hand)
+    model = robot.model
+    hand_frame = model.frames[robot.frame_id(hand)]
+    length = float(np.linalg.norm(hand_frame.placement.translation))
+    length += sum(float(np.linalg.norm(model.jointPlacements[j].translation)) for j in chain[1:])
+    shoulder = dynamics.joint_position(chain[0])
+    return shoulder + share * length * direction
+
+
+def require_arm(robot: Robot, hand: str) -> list[int]:
+    """Pinocchio's indices of the joints from the torso to a hand, shoulder first.
+
+    Args:
+        robot: the robot.
+        hand: frame of the hand.
+
+    Raises:
+        ScenarioError: the frame has no arm of its own.
+    """
+    model = robot.model
+    torso = model.frames[robot.frame_id(robot.torso)].parentJoint
+    torso_chain = set(model.supports[torso].tolist())
+    hand_joint = model.frames[robot.frame_id(hand)].parentJoint
+    chain = [j for j in model.supports[hand_joint].tolist() if j not in torso_chain]
+    if not chain:
+        raise ScenarioError(
+            "no joint between torso and frame to reach with",
+            got=hand,
+            wanted="a frame at the end of an arm",
+            choices=robot.hands,
+        )
+    return chain
+
+
+TOUCHDOWN_PATIENCE = 1.0
+"""A contact that waits for touchdown is loaded after this long at the latest [s]."""
+
+
+@dataclass(slots=True)
+class _Running:
+    """A motion under way: of a point, a posture, or a rotation vector on top of `rotation`."""
+
+    task: Task
+    motion: Motion
+    course: Course
+    rotation: Float64[np.ndarray, "3 3"] | None = None
+    carried: CarriedTarget | None = None
+
+
+class Director:
+    """Moves targets and contacts of a stack along a scenario; call `advance` before each tick.
+
+    Args:
+        scenario: what should happen when.
+        stack: the controller's stack, bound.
+        robot: the robot.
+
+    Attributes:
+        walker: what leads the feet and the balance of a robot that walks; None for others.
+        walk_seconds: how long the walker took in the last `advance` [s].
+
+    Raises:
+        UnknownNameError: the scenario names a task, contact, sole or joint that does not exist.
+        ScenarioError: a goal that does not fit its task, or something that the walk leads.
+    """
+
+    def __init__(self, scenario: Scenario, stack: Stack, robot: Robot) -> None:
+        self._stack, self._robot = stack, robot
+        self._dynamics = Dynamics(robot)
+        self._motions = sorted(scenario.motions, key=lambda m: m.at)
+        self._changes = sorted(scenario.contact_changes, key=lambda c: c.at)
+        self._running: list[_Running] = []
+        tasks = {task.name: task for _, task in stack.tasks()}
+        contacts = {contact.name: contact for contact in stack.contacts}
+        for motion in self._motions:
+            _require(motion.task, tasks, "a motion names an unknown task")
+            _check_goal(motion, tasks[motion.task], robot)
+        for change in self._changes:
+            _require(change.contact, contacts, "a contact change names an unknown contact")
+        self._tasks, self._contacts = tasks, contacts
+        walk = scenario.walk
+        self.walker = None if walk is None else walk.walker(robot, stack, scenario.plant.blocks)
+        self.walk_seconds = 0.0
+        if self.walker is not None:
+            _check_beside_walk(scenario, self.walker, tasks)
+
+    def advance(self, state: RobotState) -> None:
+        """Applies everything that is due at the state's time."""
+        time = state.time
+        self._changes = [c for c in self._changes if not self._apply(c, state)]
+        while self._motions and self._motions[0].at <= time:
+            motion = self._motions.pop(0)
+            replaced = [r for r in self._running if _replaces(motion, r.motion)]
+            for old in replaced:
+                _follow(old, motion.at)
+            self._running = [r for r in self._running if r not in replaced]
+            self._running.append(self._begin(motion, state, replaced[-1] if replaced else None))
+        for running in self._running:
+            _follow(running, time)
+        self._running = [r for r in self._running if not r.course.blend.done(time)]
+        if self.walker is not None:
+            begin = clock.perf_counter()
+            self.walker.advance(state)
+            self.walk_seconds = clock.perf_counter() - begin
+
+    def _apply(self, change: ContactChange, state: RobotState) -> bool:
+        if state.time < change.at:
+            return False
+        contact = self._contacts[change.contact]
+        if not change.load:
+            contact.release(change.over)
+            return True
+        measured = state.contacts.get(contact.frame)
+        touched = measured is not None and measured[2] >= change.touchdown
+        if touched or change.touchdown == 0.0 or state.time >= change.at + TOUCHDOWN_PATIENCE:
+            contact.engage(change.over)
+            return True
+        return False
+
+    def _begin(self, motion: Motion, state: RobotState, old: _Running | None) -> _Running:
+        """Starts a motion, where the one that it replaces is and as fast as that goes."""
+        self._dynamics.update(state)
+        task = self._tasks[motion.task]
+        blend = Blend(motion.at, motion.over)
+        if isinstance(task, JointTask):
+            start = self._posture_of(task, state)
+            # Joints that are not named still arrive where the replaced motion was taking them.
+            goal = start.copy() if old is None else old.course.goal
+            names = task.joints or self._robot.joint_names
+            for joint, angle in motion.joints.items():
+                goal[names.index(joint)] = angle
+            return _Running(task, motion, _course(blend, start, goal, old))
+        if motion.kind == "turn" and isinstance(task, FrameTask):
+            rotation = task.target_rotation
+            if rotation is None or self._rests_on_contact(task):
+                rotation = self._dynamics.frame(self._robot.frame_id(task.frame)).rotation
+            # From rest: rates of two rotation vectors about different axes do not add up.
+            return _Running(task, motion, Course(blend, np.zeros(3), motion.vector), rotation)
+        carried = None if self.walker is None else self.walker.carried.get(task.name)
+        start = self._point_of(task) if carried is None else carried.target_position
+        goal = self._goal(motion, task, start)
+        return _Running(task, motion, _course(blend, start, goal, old), carried=carried)
+
+    def _posture_of(self, task: JointTask, state: RobotState) -> Float64[np.ndarray, " m"]:
+        if task.target_position is not None:
+            return task.target_position.copy()
+        names = task.joints or self._robot.joint_names
+        first = self._robot.nq - self._robot.nj
+        return state.q[[first + self._robot.joint_index(n) for n in names]]
+
+    def _point_of(self, task: Task) -> Float64[np.ndarray, "3"]:
+        if isinstance(task, ComTask):
+            target = task.target_position
+            return (self._dynamics.com if target is None else target).copy()
+        frame_task = _as_frame(task)
+        target = frame_task.target_position
+        if target is None or self._rests_on_contact(frame_task):
+            target = self._dynamics.frame(self._robot.frame_id(frame_task.frame)).position
+        return target.copy()
+
+    def _rests_on_contact(self, task: FrameTask) -> bool:
+        # A frame in contact is where the contact holds it, whatever its old target.
+        return any(c.frame == task.frame and c.active for c in self._stack.contacts)
+
+    def _goal(
+        self, motion: Motion, task: Task, start: Float64[np.ndarray, "3"]
+    ) -> Float64[np.ndarray, "3"]:
+        if motion.kind == "to":
+            return motion.vector
+        if motion.kind == "by":
+            return start + motion.vector
+        if motion.kind == "reach":
+            return reach_point(
+                self._robot, self._dynamics, _as_frame(task).frame, motion.vector, motion.share
+            )
+        ids = [self._robot.frame_id(sole) for sole in motion.soles]
+        middle = np.mean([self._dynamics.frame(i).position for i in ids], axis=0)
+        return np.array([middle[0], middle[1], start[2]])
+
+
+def _course(
+    blend: Blend,
+    start: Float64[np.ndarray, " m"],
+    goal: Float64[np.ndarray, " m"],
+    old: _Running | None,
+) -> Course:
+    if old is None:
+        return Course(blend, start, goal - start)
+    _, velocity, acceleration = old.course.sample(blend.start)
+    return Course(blend, start, goal - start, velocity, acceleration)
+
+
+def _follow(running: _Running, time: float) -> None:
+    position, velocity, acceleration = running.course.sample(time)
+    task, zero = running.task, np.zeros(3)
+    if running.carried is not None:
+        running.carried.set_target(position, velocity, acceleration)
+    elif running.rotation is not None and isinstance(task, FrameTask):
+        task.set_target(
+            rotation=pin.exp3(position) @ running.rotation,
+            velocity=np.concatenate((zero, velocity)),
+            acceleration=np.concatenate((zero, acceleration)),
+        )
+    elif isinstance(task, FrameTask):
+        task.set_target(
+            position=position,
+            velocity=np.concatenate((velocity, zero)),
+            acceleration=np.concatenate((acceleration, zero)),
+        )
+    elif isinstance(task, ComTask | JointTask):
+        task.set_target(position, velocity, acceleration)
+
+
+def _replaces(new: Motion, old: Motion) -> bool:
+    """A later motion of the same quantity takes over where the earlier one is."""
+    return new.task == old.task and (new.kind == "turn") == (old.kind == "turn")
+
+
+def _require(name: str, known: Iterable[str], what: str) -> None:
+    if name not in known:
+        raise UnknownNameError(what, got=name, choices=known)
+
+
+def _as_frame(task: Task) -> FrameTask:
+    if not isinstance(task, FrameTask):
+        raise ScenarioError(
+            f"task {task.name!r} has no point to move", wanted="a com or frame task"
+        )
+    return task
+
+
+def _check_goal(motion: Motion, task: Task, robot: Robot) -> None:
+    """Refuses before the first tick what `_begin` could not do, or what would move nothing."""
+    allowed: tuple[str, ...] = ()
+    points = ("to", "by", "above", "reach")
+    if isinstance(task, JointTask):
+        allowed = ("joints",)
+    elif isinstance(task, ComTask):
+        allowed = ("to", "by", "above")
+    elif isinstance(task, FrameTask):
+        allowed = {"m": points, "rad": ("turn",)}.get(task.unit, (*points, "turn"))
+    if motion.kind not in allowed:
+        raise ScenarioError(
+            f"a motion of task {task.name!r} cannot be given like this",
+            got=motion.kind,
+            choices=allowed,
+        )
+    for sole in motion.soles:
+        robot.frame_id(sole)
+    if motion.kind == "reach" and isinstance(task, FrameTask):
+        require_arm(robot, task.frame)
+    if isinstance(task, JointTask):
+        names = task.joints or robot.joint_names
+        for joint, angle in motion.joints.items():
+            _require(joint, names, f"a motion of task {task.name!r}: unknown joint")
+            _check_angle(joint, angle, robot)
+
+
+def _check_beside_walk(scenario: Scenario, walker: Walker, tasks: Mapping[str, Task]) -> None:
+    """Refuses motions and contact changes that the walk leads itself."""
+    for motion in scenario.motions:
+        task = tasks[motion.task]
+        if walker.leads(task):
+            raise ScenarioError(
+                "a motion of a task that the walk leads",
+                got=motion.task,
+                choices=[t.name for t in tasks.values() if not walker.leads(t)],
+            )
+        if motion.task in walker.carried and motion.kind != "by":
+            raise ScenarioError(
+                f"a motion of task {motion.task!r}, which goes along with the walk",
+                got=motion.kind,
+                wanted='a shift "by", or a walk that does not carry the task',
+            )
+    for change in scenario.contact_changes:
+        if walker.holds(change.contact):
+            raise ScenarioError(
+                "a contact change of a sole that walks", got=change.contact, wanted="no change"
+            )
+
+
+def _check_angle(joint: str, angle: float, robot: Robot) -> None:
+    i = robot.joint_index(joint)
+    low, high = float(robot.q_min[i]), float(robot.q_max[i])
+    if not low <= angle <= high:
+        raise ScenarioError(
+            f"a motion takes joint {joint!r} beyond its limits",
+            got=angle,
+            wanted=f"{low:g} to {high:g} rad",
+        )

@@ -1,0 +1,272 @@
+"""From the recorder's signals to `RunSignals`.
+
+`RunSignals`: what was recorded of a run, as arrays with one row a tick.
+Support polygons: where the soles that carry load stand, and how far inside the ZMP is.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+import numpy as np
+import pinocchio as pin
+from jaxtyping import Float64
+from scipy.spatial import ConvexHull
+
+from poise.apps.report import SupportPhase
+from poise.robots import Robot, Sole
+from poise.sim import Block, Recorder
+from poise.stack import Stack
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RunSignals:
+    """Recorded signals of one run, T ticks.
+
+    Attributes:
+        time: time of each tick [s].
+        q: true configuration [m, rad].
+        torque: torque as applied [N m].
+        torque_max: torque limits [N m].
+        com: true centre of mass [m].
+        com_reference: where it should be, NaN where nothing asks [m].
+        zmp: zero moment point [m].
+        zmp_reference: where it should be, NaN where nothing asks [m].
+        zmp_margin: distance of the ZMP from the edge of the support polygon, negative outside [m].
+        support: support polygons over time.
+        sole_forces: normal force of each sole [N].
+        sole_positions: each sole's centre [m].
+        sole_planned: whether the controller counted on the sole, 0 or 1.
+        wrenches: measured wrench of each sole, in the sole's frame [N, N m].
+        targets: where each point that a task moves should be, NaN where nothing asks [m].
+        task_errors: norm of each task's error, NaN while it did not act [unit].
+        residuals: relative residual of each level.
+        status: status of each tick.
+        tick_us: time of each tick by phase [us].
+        clearance: distance of the robot from the nearest block, NaN without blocks [m].
+        beyond: how far the hindmost heel is ahead of the last block, NaN without blocks [m].
+        modes: when a robot that is walked by hand changed its mode [s], or a walk its status, and
+            to which.
+    """
+
+    time: Float64[np.ndarray, " T"]
+    q: Float64[np.ndarray, "T nq"] = field(repr=False)
+    torque: Float64[np.ndarray, "T nj"] = field(repr=False)
+    torque_max: Float64[np.ndarray, " nj"] = field(repr=False)
+    com: Float64[np.ndarray, "T 3"] = field(repr=False)
+    com_reference: Float64[np.ndarray, "T 3"] = field(repr=False)
+    zmp: Float64[np.ndarray, "T 2"] = field(repr=False)
+    zmp_reference: Float64[np.ndarray, "T 2"] = field(repr=False)
+    zmp_margin: Float64[np.ndarray, " T"] = field(repr=False)
+    support: tuple[SupportPhase, ...] = field(repr=False)
+    sole_forces: dict[str, Float64[np.ndarray, " T"]] = field(repr=False)
+    sole_positions: dict[str, Float64[np.ndarray, "T 3"]] = field(repr=False)
+    sole_planned: dict[str, Float64[np.ndarray, " T"]] = field(repr=False)
+    wrenches: dict[str, Float64[np.ndarray, "T 6"]] = field(repr=False)
+    targets: dict[str, Float64[np.ndarray, "T 3"]] = field(repr=False)
+    task_errors: dict[str, Float64[np.ndarray, " T"]] = field(repr=False)
+    residuals: Float64[np.ndarray, "T nl"] = field(repr=False)
+    status: tuple[str, ...] = field(repr=False)
+    tick_us: dict[str, Float64[np.ndarray, " T"]] = field(repr=False)
+    clearance: Float64[np.ndarray, " T"] = field(repr=False)
+    beyond: Float64[np.ndarray, " T"] = field(repr=False)
+    modes: tuple[tuple[float, str], ...] = field(repr=False)
+
+
+def sole_corners(
+    sole: Sole, position: Float64[np.ndarray, "3"], rotation: Float64[np.ndarray, "3 3"]
+) -> Float64[np.ndarray, "4 2"]:
+    """Corners of a sole on the ground plane.
+
+    Args:
+        sole: the sole.
+        position: its centre in the world [m].
+        rotation: world_R_sole.
+
+    Returns:
+        Corners in the world, x and y [m].
+    """
+    half = 0.5 * np.array([sole.length, sole.width, 0.0])
+    signs = np.array([[1.0, 1.0, 0.0], [-1.0, 1.0, 0.0], [-1.0, -1.0, 0.0], [1.0, -1.0, 0.0]])
+    return (position + (signs * half) @ rotation.T)[:, :2]
+
+
+def support_phases(
+    robot: Robot,
+    time: Float64[np.ndarray, " T"],
+    planned: Mapping[str, Float64[np.ndarray, " T"]],
+    poses: Mapping[str, tuple[Float64[np.ndarray, "T 3"], Float64[np.ndarray, "T 3 3"]]],
+) -> tuple[SupportPhase, ...]:
+    """One polygon for each interval with the same soles on the ground.
+
+    Args:
+        robot: whose soles.
+        time: time of each tick [s].
+        planned: whether each sole counts as standing, 0 or 1 a tick.
+        poses: position [m] and rotation of each sole in the world, a tick.
+
+    Returns:
+        Phases in order of time; a polygon is taken at the middle of its interval.
+    """
+    if not planned:
+        return ()
+    names = list(planned)
+    pattern = np.stack([planned[name] > 0.5 for name in names], axis=1)
+    changes = 1 + np.flatnonzero((pattern[1:] != pattern[:-1]).any(axis=1))
+    starts: Sequence[int] = [0, *changes.tolist(), len(time)]
+    phases: list[SupportPhase] = []
+    for a, b in pairwise(starts):
+        standing = [name for name, on in zip(names, pattern[a], strict=True) if on]
+        middle = (a + b) // 2
+        corners = [
+            sole_corners(robot.soles[n], poses[n][0][middle], poses[n][1][middle]) for n in standing
+        ]
+        phases.append(
+            SupportPhase(
+                start=float(time[a]),
+                end=float(time[b]) if b < len(time) else float(time[-1]) + 1e-9,
+                vertices=_hull(np.concatenate(corners)) if corners else np.zeros((0, 2)),
+                label=" + ".join(standing) or "flight",
+            )
+        )
+    return tuple(phases)
+
+
+def zmp_margins(
+    time: Float64[np.ndarray, " T"],
+    zmp: Float64[np.ndarray, "T 2"],
+    phases: Sequence[SupportPhase],
+) -> Float64[np.ndarray, " T"]:
+    """Distance of the ZMP from the nearest edge of its phase's polygon, negative outside [m]."""
+    margins = np.full(len(time), np.nan)
+    for phase in phases:
+        rows = (time >= phase.start) & (time < phase.end)
+        if len(phase.vertices) < 3 or not rows.any():
+            continue
+        a = phase.vertices
+        edge = np.roll(a, -1, axis=0) - a
+        # Vertices go around counter-clockwise, so the inward normal is the edge turned left.
+        normal = np.stack((-edge[:, 1], edge[:, 0]), axis=1)
+        normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+        distance = np.einsum("tej,ej->te", zmp[rows][:, None, :] - a[None], normal)
+        margins[rows] = distance.min(axis=1)
+    return margins
+
+
+def _hull(points: Float64[np.ndarray, "k 2"]) -> Float64[np.ndarray, "h 2"]:
+    return points[ConvexHull(points).vertices]
+
+
+_TICK = "tick_us/"
+"""Signals of this name are times of a tick's phases."""
+
+TOUCHING = 1.0
+"""A sole that carries more than this counts as standing [N]."""
+
+
+def collect_signals(
+    recorder: Recorder, robot: Robot, stack: Stack, levels: int, blocks: Sequence[Block] = ()
+) -> RunSignals:
+    """Arrays with one row a tick, from what was recorded.
+
+    Args:
+        recorder: of a run with at least one tick.
+        robot: the robot.
+        stack: the controller's stack.
+        levels: how many levels its commands have residuals of.
+        blocks: on the floor.
+
+    Returns:
+        The run's signals; ticks with nothing to measure hold NaN.
+    """
+    time, q = recorder.times("q"), recorder["q"]
+    poses = {name: _sole_poses(robot, name, q) for name in robot.soles}
+    planned = {
+        name: recorder[f"planned/{name}"] if f"planned/{name}" in recorder else np.zeros(len(time))
+        for name in robot.soles
+    }
+    wrenches = {name: recorder[f"wrench/{name}"] for name in robot.soles}
+    # A foot that touches down early carries load before the controller counts on it.
+    standing = {
+        name: np.maximum(planned[name], wrenches[name][:, 2] > TOUCHING) for name in robot.soles
+    }
+    support = support_phases(robot, time, standing, poses)
+    zmp = recorder["zmp"]
+    soles = {name: position for name, (position, _) in poses.items()}
+    timed = [name for name in recorder.names if name.startswith(_TICK)]
+    return RunSignals(
+        time=time,
+        q=q,
+        torque=recorder["torque"],
+        torque_max=robot.tau_max,
+        com=recorder["com"],
+        com_reference=_aligned(recorder, "com_reference", time, (3,)),
+        zmp=zmp,
+        zmp_reference=_aligned(recorder, "zmp_reference", time, (2,)),
+        zmp_margin=zmp_margins(time, zmp, support),
+        support=support,
+        sole_forces={name: wrench[:, 2].copy() for name, wrench in wrenches.items()},
+        sole_positions=soles,
+        sole_planned=planned,
+        wrenches=wrenches,
+        targets={
+            name.removeprefix("target/"): _aligned(recorder, name, time, (3,))
+            for name in recorder.names
+            if name.startswith("target/")
+        },
+        task_errors={
+            t.name: _aligned(recorder, f"error/{t.name}", time, ()) for _, t in stack.tasks()
+        },
+        residuals=_aligned(recorder, "residuals", time, (levels,)),
+        status=_statuses(recorder, time),
+        tick_us={n.removeprefix(_TICK): _aligned(recorder, n, time, ()) for n in timed},
+        clearance=_aligned(recorder, "clearance", time, ()),
+        beyond=_beyond(robot, soles, blocks, len(time)),
+        modes=recorder.notes("mode"),
+    )
+
+
+def _aligned(
+    recorder: Recorder, name: str, time: Float64[np.ndarray, " T"], shape: tuple[int, ...]
+) -> Float64[np.ndarray, "T ..."]:
+    """A signal on every tick, NaN where it was not recorded."""
+    values = np.full((len(time), *shape), np.nan)
+    if name in recorder:
+        values[np.searchsorted(time, recorder.times(name))] = recorder[name]
+    return values
+
+
+def _sole_poses(
+    robot: Robot, sole: str, q: Float64[np.ndarray, "T nq"]
+) -> tuple[Float64[np.ndarray, "T 3"], Float64[np.ndarray, "T 3 3"]]:
+    model, frame = robot.model, robot.frame_id(sole)
+    data = model.createData()
+    positions, rotations = np.empty((len(q), 3)), np.empty((len(q), 3, 3))
+    for i, qi in enumerate(q):
+        pin.framesForwardKinematics(model, data, qi)
+        placement = data.oMf[frame]
+        positions[i], rotations[i] = placement.translation, placement.rotation
+    return positions, rotations
+
+
+def _beyond(
+    robot: Robot,
+    soles: Mapping[str, Float64[np.ndarray, "T 3"]],
+    blocks: Sequence[Block],
+    ticks: int,
+) -> Float64[np.ndarray, " T"]:
+    """How far the hindmost heel is ahead of the last block; soles and blocks lie along x."""
+    if not blocks or not soles:
+        return np.full(ticks, np.nan)
+    end = max(block.center[0] + 0.5 * block.size[0] for block in blocks)
+    heels = [soles[name][:, 0] - 0.5 * sole.length for name, sole in robot.soles.items()]
+    return np.min(heels, axis=0) - end
+
+
+def _statuses(recorder: Recorder, time: Float64[np.ndarray, " T"]) -> tuple[str, ...]:
+    changes = recorder.statuses
+    if not changes:
+        return ("none",) * len(time)
+    starts = np.array([t for t, _ in changes])
+    index = np.searchsorted(starts, time, side="right") - 1
+    return tuple(changes[max(int(i), 0)][1] for i in index)

@@ -1,0 +1,137 @@
+"""`BadOperator`: hands that do what no careful person does, at random."""
+
+from collections.abc import Callable
+
+import numpy as np
+from jaxtyping import Float64
+
+from poise.locomotion import DeviceSample, StepTeleoperator
+
+_PAUSE = (0.05, 0.75)
+"""Time from one whim to the next [s]: two and a half a second."""
+
+
+class BadOperator:
+    """Two devices moved at random, seen from the robot's feet.
+
+    Whims: lift, lower, lower early, step, jump, jitter, tap, lift both, freeze, reach too far,
+    cross the legs, send rubbish. Each is drawn by chance, for a foot drawn at random; lifting,
+    lowering and stepping twice as often as the others.
+
+    Args:
+        controller: whose feet the operator looks at.
+        seed: of everything random.
+    """
+
+    def __init__(self, controller: StepTeleoperator, seed: int) -> None:
+        self._controller, self._rng = controller, np.random.default_rng(seed)
+        start = controller.resting_sample
+        self._hands = [start.left.copy(), start.right.copy()]
+        self._from = [hand.copy() for hand in self._hands]
+        self._to = [hand.copy() for hand in self._hands]
+        self._begin, self._end = [0.0, 0.0], [0.0, 0.0]
+        self._next, self._jitter_until, self._jitter = 0.5, 0.0, 0.0
+        self._silent_until, self._rubbish = 0.0, 0
+        self._whims: tuple[Callable[[int, float], None], ...] = (
+            self._lift, self._lift, self._lower, self._lower, self._lower_early, self._step,
+            self._step, self._jump, self._shake, self._tap, self._lift_both, self._freeze,
+            self._reach_too_far, self._cross, self._send_rubbish,
+        )  # fmt: skip
+
+    def sample(self, time: float) -> DeviceSample | None:
+        """What the hands do now; drawn tick by tick, so ask once a tick."""
+        if time >= self._next:
+            whim = self._whims[int(self._rng.integers(len(self._whims)))]
+            whim(int(self._rng.integers(2)), time)
+            self._next = time + float(self._rng.uniform(*_PAUSE))
+        for foot in (0, 1):
+            self._hands[foot] = self._on_the_way(foot, time)
+        shake = self._rng.uniform(-1.0, 1.0, (2, 3))
+        if time < self._silent_until:
+            return None
+        left, right = (hand.copy() for hand in self._hands)
+        if time < self._jitter_until:
+            left, right = left + self._jitter * shake[0], right + self._jitter * shake[1]
+        if self._rubbish > 0:
+            self._rubbish -= 1
+            return DeviceSample(time - 1.0, np.full(3, np.nan), right)
+        return DeviceSample(time, left, right)
+
+    def _on_the_way(self, foot: int, time: float) -> Float64[np.ndarray, "3"]:
+        begin, end = self._begin[foot], self._end[foot]
+        share = 1.0 if time >= end else (time - begin) / (end - begin)
+        return self._from[foot] + share * (self._to[foot] - self._from[foot])
+
+    def _go(self, foot: int, place: Float64[np.ndarray, "3"], time: float, seconds: float) -> None:
+        self._from[foot], self._to[foot] = self._hands[foot].copy(), place
+        self._begin[foot], self._end[foot] = time, time + seconds
+
+    def _sole(self, foot: int) -> Float64[np.ndarray, "3"]:
+        status = self._controller.status
+        return (self._hands[foot] if status is None else status.soles[foot]).copy()
+
+    def _seconds(self) -> float:
+        return float(self._rng.uniform(0.1, 0.6))
+
+    def _lift(self, foot: int, time: float) -> None:
+        place = self._sole(foot)
+        place[2] = self._rng.uniform(0.02, 0.2)
+        self._go(foot, place, time, self._seconds())
+
+    def _lower(self, foot: int, time: float) -> None:
+        place = self._hands[foot].copy()
+        place[2] = self._rng.uniform(-0.08, 0.0)
+        self._go(foot, place, time, self._seconds())
+
+    def _lower_early(self, foot: int, time: float) -> None:
+        """Up, and down again before the foot can have left the ground."""
+        self._lift(foot, time)
+        self._hands[foot] = self._to[foot].copy()
+        self._lower(foot, time)
+
+    def _step(self, foot: int, time: float) -> None:
+        place = self._hands[foot].copy()
+        place[:2] += self._rng.normal(0.0, 0.12, 2)
+        place[2] = self._rng.uniform(0.0, 0.15)
+        self._go(foot, place, time, self._seconds())
+
+    def _jump(self, foot: int, time: float) -> None:
+        place = self._hands[foot] + self._rng.uniform(-0.3, 0.3, 3)
+        self._go(foot, place, time, 1e-3)
+
+    def _shake(self, foot: int, time: float) -> None:
+        del foot
+        self._jitter = float(self._rng.uniform(0.005, 0.1))
+        self._jitter_until = time + float(self._rng.uniform(0.2, 1.5))
+
+    def _tap(self, foot: int, time: float) -> None:
+        place = self._sole(foot)
+        place[2] = self._rng.uniform(0.02, 0.08)
+        self._hands[foot] = place.copy()
+        place[2] = -0.01
+        self._go(foot, place, time, float(self._rng.uniform(0.05, 0.3)))
+
+    def _lift_both(self, foot: int, time: float) -> None:
+        self._lift(foot, time)
+        self._lift(1 - foot, time)
+
+    def _freeze(self, foot: int, time: float) -> None:
+        del foot
+        self._silent_until = time + float(self._rng.uniform(0.1, 2.0))
+
+    def _reach_too_far(self, foot: int, time: float) -> None:
+        angle = float(self._rng.uniform(0.0, 2.0 * np.pi))
+        reach = float(self._rng.uniform(0.4, 1.0))
+        place = self._sole(foot) + reach * np.array([np.cos(angle), np.sin(angle), 0.0])
+        place[2] = self._rng.uniform(-0.05, 0.4)
+        self._go(foot, place, time, self._seconds())
+
+    def _cross(self, foot: int, time: float) -> None:
+        place = self._sole(1 - foot)
+        place[1] += (-1.0 if foot == 0 else 1.0) * self._rng.uniform(0.0, 0.3)
+        place[2] = self._rng.uniform(0.0, 0.1)
+        self._go(foot, place, time, self._seconds())
+
+    def _send_rubbish(self, foot: int, time: float) -> None:
+        del foot, time
+        self._rubbish = int(self._rng.integers(1, 40))

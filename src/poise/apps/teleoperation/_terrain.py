@@ -1,0 +1,107 @@
+"""Grounds to walk on: blocks on the floor, by name, in the size of the robot."""
+
+from typing import Literal, get_args
+
+import numpy as np
+from jaxtyping import Float64
+
+from poise.apps.teleoperation._scripts import over_an_obstacle
+from poise.dynamics import Dynamics, RobotState
+from poise.errors import UnknownNameError
+from poise.robots import Robot
+from poise.sim import Block
+
+Terrain = Literal["flat", "obstacle", "steps", "bumps"]
+"""Name of a ground."""
+
+TERRAINS: tuple[Terrain, ...] = get_args(Terrain)
+"""All grounds that there are."""
+
+_FULL_HEIGHT = 0.765
+"""Height of the COM of a robot on which lengths here are as they stand [m]."""
+
+_STAIRS = (0.05, 0.08, 0.04)
+"""Heights of the stairs [m]: up by 5 cm and 3 cm, down by 4 cm twice.
+
+Down by less than up: a foot is sent no deeper than 5 cm below the other one, and wants to press."""
+
+_GAP, _TREAD = 0.05, 1.3
+"""Room before the first stair [m], and depth of a stair over a sole's length."""
+
+_WIDTH = 6.0
+"""Width of the stairs over the distance of the feet."""
+
+_BUMPS = 60
+_BUMP_HEIGHT, _BUMP_SIDE = (0.01, 0.02), (0.05, 0.15)
+"""Least and largest height and side of a bump [m]."""
+_FIELD = ((-0.6, 2.4), (-0.8, 0.8))
+"""Where bumps lie, forward and sideways [m]."""
+_CLEAR = 0.02
+"""Room between a sole at the start and the nearest bump [m]."""
+
+
+def terrain_blocks(name: str, robot: Robot, *, seed: int = 0) -> tuple[Block, ...]:
+    """The blocks of a ground, for a robot that stands at the origin as at home.
+
+    - flat: none.
+    - obstacle: the two blocks of the paper's scenario 1, across the way.
+    - steps: three stairs, up by 5 cm and 3 cm, down by 4 cm twice, each 1.3 soles deep.
+    - bumps: boxes 1 to 2 cm high at random places, none under the feet at the start.
+
+    Lengths are for a robot whose COM is at 0.765 m, and go with its height.
+
+    Args:
+        name: one of `TERRAINS`.
+        robot: a biped.
+        seed: of the bumps.
+
+    Raises:
+        UnknownNameError: no such ground.
+    """
+    match name:
+        case "flat":
+            return ()
+        case "obstacle":
+            return over_an_obstacle(robot).blocks
+        case "steps":
+            return _steps(robot)
+        case "bumps":
+            return _bumps(robot, np.random.default_rng(seed))
+        case _:
+            raise UnknownNameError("no such terrain", got=name, choices=TERRAINS)
+
+
+def _steps(robot: Robot) -> tuple[Block, ...]:
+    size, soles = _home(robot)
+    length = max(sole.length for sole in robot.soles.values())
+    depth = _TREAD * length
+    front = float(soles[:, 0].max()) + 0.5 * length + _GAP * size
+    width = _WIDTH * float(np.ptp(soles[:, 1]))
+    return tuple(
+        Block(center=(front + (i + 0.5) * depth, 0.0), size=(depth, width, height * size))
+        for i, height in enumerate(_STAIRS)
+    )
+
+
+def _bumps(robot: Robot, rng: np.random.Generator) -> tuple[Block, ...]:
+    size, soles = _home(robot)
+    half = 0.5 * np.array([(sole.length, sole.width) for sole in list(robot.soles.values())[:2]])
+    blocks: list[Block] = []
+    while len(blocks) < _BUMPS:
+        x, y = (size * float(rng.uniform(*side)) for side in _FIELD)
+        length, width = (size * rng.uniform(*_BUMP_SIDE, 2)).tolist()
+        height, yaw = size * float(rng.uniform(*_BUMP_HEIGHT)), float(rng.uniform(0.0, np.pi))
+        # However it is turned, a bump is within this of its middle.
+        apart = 0.5 * float(np.hypot(length, width)) + _CLEAR * size
+        outside = np.maximum(np.abs(np.array([x, y]) - soles) - half, 0.0)
+        if float(np.linalg.norm(outside, axis=1).min()) > apart:
+            blocks.append(Block(center=(x, y), size=(length, width, height), yaw=yaw))
+    return tuple(blocks)
+
+
+def _home(robot: Robot) -> tuple[float, Float64[np.ndarray, "2 2"]]:
+    """Size of the robot, and where its soles are at home, x and y [m]."""
+    dynamics = Dynamics(robot)
+    dynamics.update(RobotState(robot.q_home, np.zeros(robot.nv)))
+    soles = [dynamics.frame(robot.frame_id(name)).position[:2] for name in list(robot.soles)[:2]]
+    return float(dynamics.com[2]) / _FULL_HEIGHT, np.array(soles)

@@ -1,5 +1,0 @@
-"""Other packages' whole-body controllers, each in an environment and a process of its own."""
-
-from poise.bench.peers.process import PEERS, PeerProcess
-
-__all__ = ["PEERS", "PeerProcess"]

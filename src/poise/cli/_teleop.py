@@ -1,0 +1,151 @@
+"""`poise teleop`: a person walks the simulated robot, live, in a browser."""
+
+import argparse
+import math
+import signal
+import sys
+import webbrowser
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from poise.cli._options import make_folder, whole_number
+from poise.errors import ConfigurationError
+
+_PORT = 8080
+
+
+def add_parser(verbs: Any) -> None:
+    """Adds the verb to the command line."""
+    parser = verbs.add_parser(
+        "teleop",
+        help="a person walks the robot step by step, in a browser",
+        description="Starts a simulated biped in real time and a page on 127.0.0.1 to drive it "
+        "from. To step: open the address that is printed, hold key Q (left foot) or E (right "
+        "foot), or drag the vertical arrow of a foot's handle up; the robot shifts its weight and "
+        "lifts the foot; move it with the arrow keys; let go, and the foot comes down. Whoever has "
+        "the address without its token can watch. Ctrl-C ends; every run is recorded.",
+        epilog="example: poise teleop --robot biped20 --terrain steps",
+    )
+    parser.add_argument(
+        "--robot", metavar="R", default="biped20", help="a biped (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--device",
+        metavar="D",
+        default="browser",
+        help="where the hands come from: browser (its mouse, keys, or a gamepad at its computer), "
+        "gamepad (one at this machine), or the file of a recording (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--terrain",
+        metavar="T",
+        help="what lies on the floor: flat, obstacle, steps, or bumps, whose places the seed draws "
+        "(default: flat; with a recording, what it was made on)",
+    )
+    parser.add_argument(
+        "--port",
+        metavar="N",
+        type=whole_number,
+        default=_PORT,
+        help="port of the page, 0 for any that is free (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--seed", metavar="N", type=whole_number, default=0, help="seed (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--seconds", metavar="S", type=float, default=math.inf, help="end by itself after this"
+    )
+    parser.add_argument("--no-open", action="store_true", help="do not open the page in a browser")
+    parser.add_argument(
+        "--out", metavar="DIR", help="folder to write into (default: runs/teleop-ROBOT)"
+    )
+    parser.set_defaults(act=act)
+
+
+def act(options: argparse.Namespace) -> int:
+    """Runs until somebody ends it."""
+    if not options.seconds > 0.0:
+        raise ConfigurationError("--seconds is out of range", got=options.seconds, wanted="> 0")
+    from poise.apps.live import LiveSession
+    from poise.robots import load_robot
+
+    recording = _recording(options.device)
+    robot = load_robot(options.robot)
+    plant = _plant(options, robot, recording)
+    folder = make_folder(options.out, f"runs/teleop-{Path(robot.name).stem}")
+    session = LiveSession(
+        robot,
+        folder,
+        port=options.port,
+        gamepad=options.device == "gamepad",
+        recording=recording,
+        plant=plant,
+        seed=options.seed,
+    )
+    # Whoever ends the process ends it as Ctrl-C does: the recording is finished first.
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        with session:
+            _greet(session, robot.name, options)
+            session.wait(options.seconds)
+    except KeyboardInterrupt:
+        pass
+    finally:
+        signal.signal(signal.SIGTERM, before)
+    found = session.takes.files
+    print(f"recordings in {folder}: {', '.join(found) if found else 'none, nobody drove'}")
+    if session.loop.log.problem:
+        print(f"poise: the log for Foxglove: {session.loop.log.problem}", file=sys.stderr)
+    return 0
+
+
+def _greet(session: Any, robot: str, options: argparse.Namespace) -> None:
+    """Says where the page is; flushed, so that it is there when the output is a pipe."""
+    print(f"{robot} is running.")
+    print(f"  drive: {session.front.drive_url}")
+    print(f"  watch: {session.front.watch_url}")
+    print("To step: hold Q or E in the page, or drag a foot's handle up; let go to step down.")
+    print("Ctrl-C ends.", flush=True)
+    if not options.no_open and not webbrowser.open(session.front.drive_url):
+        print("no browser could be opened here: open the first address yourself", file=sys.stderr)
+
+
+def _plant(options: argparse.Namespace, robot: Any, recording: Any) -> Any:
+    """The plant of the recording if one is played; the terrain that was asked for lies on it."""
+    from poise.apps.teleoperation import TELEOP_PLANT, plant_from_json, terrain_blocks
+    from poise.locomotion import RecordingError
+
+    plant = TELEOP_PLANT
+    if recording is not None and "plant" in recording.setup:
+        try:
+            plant = plant_from_json(recording.setup["plant"])
+        except (KeyError, TypeError) as error:
+            raise RecordingError(
+                f"the recording {recording.path.name} is of a plant that cannot be",
+                got=f"{type(error).__name__}: {error}",
+                wanted="one that poise has written",
+            ) from None
+    if options.terrain is None:
+        return plant
+    return replace(plant, blocks=terrain_blocks(options.terrain, robot, seed=options.seed))
+
+
+def _recording(device: str) -> Any:
+    """The recording that a device names, None for a person."""
+    if device in ("browser", "gamepad"):
+        return None
+    from poise.locomotion import RecordingError, read_recording
+
+    path = Path(device)
+    if not path.is_file():
+        raise ConfigurationError(
+            "no such device", got=device, wanted="browser, gamepad, or the file of a recording"
+        )
+    try:
+        return read_recording(path)
+    except RecordingError as error:
+        # What a run that was killed has left can be played as far as it goes.
+        recording = read_recording(path, allow_partial=True)
+        print(f"poise: {error.what}; playing what there is", file=sys.stderr)
+        return recording

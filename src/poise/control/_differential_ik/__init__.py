@@ -1,0 +1,25 @@
+"""Prioritised differential inverse kinematics: joint velocities for robots that take them."""
+
+from poise.control._differential_ik._bounds import limit_weights
+from poise.control._differential_ik._closed_form import VelocityLevel, solve_levels
+from poise.control._differential_ik._controller import METHODS, DifferentialIK
+from poise.control._differential_ik._formulation import (
+    ROW_WEIGHT,
+    RowWeights,
+    base_from_joints,
+    constrained,
+)
+from poise.control._differential_ik._within_bounds import solve_within_bounds
+
+__all__ = [
+    "METHODS",
+    "ROW_WEIGHT",
+    "DifferentialIK",
+    "RowWeights",
+    "VelocityLevel",
+    "base_from_joints",
+    "constrained",
+    "limit_weights",
+    "solve_levels",
+    "solve_within_bounds",
+]

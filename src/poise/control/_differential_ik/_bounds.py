@@ -1,0 +1,92 @@
+"""`limit_weights`: joints near a limit move less, by Chan and Dubey's weights.
+
+`VelocityBounds`: position and velocity limits as one pair of velocity bounds.
+"""
+
+import numpy as np
+from jaxtyping import Float64, Int64
+
+from poise.robots import Robot
+from poise.stack import JointLimit
+
+
+class VelocityBounds:
+    """Bounds on joint velocities that keep position and velocity limits.
+
+    In a time T, the control period or longer, no joint may go farther than its limit,
+
+        (q_min - q) / T <= u <= (q_max - q) / T     and     |u| <= v_max
+
+    so that it slows down before a limit with T as time constant and, beyond it, comes back with the
+    same. Bounds never cross: a joint that is beyond a limit by far comes back at v_max. Limits are
+    those of the robot, narrowed by the margin and the velocity scale of the stack's `JointLimit`.
+
+    Args:
+        robot: the robot.
+        limit: position margin and velocity scale.
+        limit_time: T [s].
+        joints: indices of the joints that may move.
+
+    Attributes:
+        q_min: lower position limits, margin included [rad].
+        q_max: upper position limits.
+        v_max: velocity limits [rad/s].
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        limit: JointLimit,
+        limit_time: float,
+        joints: Int64[np.ndarray, " n"],
+    ) -> None:
+        self.q_min: Float64[np.ndarray, " n"] = robot.q_min[joints] + limit.position_margin
+        self.q_max: Float64[np.ndarray, " n"] = robot.q_max[joints] - limit.position_margin
+        self.v_max: Float64[np.ndarray, " n"] = limit.velocity_scale * robot.v_max[joints]
+        self._slowest = -self.v_max
+        self._rate = 1.0 / limit_time
+
+    def at(
+        self, q: Float64[np.ndarray, " n"]
+    ) -> tuple[Float64[np.ndarray, " n"], Float64[np.ndarray, " n"]]:
+        """Lower and upper bounds [rad/s] at positions of these joints [rad]."""
+        return self._slow((self.q_min - q) * self._rate), self._slow((self.q_max - q) * self._rate)
+
+    def _slow(self, velocity: Float64[np.ndarray, " n"]) -> Float64[np.ndarray, " n"]:
+        return np.minimum(np.maximum(velocity, self._slowest), self.v_max)
+
+
+LARGEST_WEIGHT = 1e4
+"""Weight of a joint at or beyond a limit that moves outwards: it moves a hundredth as far as it
+would, and the weight is still a number that one can divide by."""
+
+
+def limit_weights(
+    q: Float64[np.ndarray, " n"],
+    rate: Float64[np.ndarray, " n"],
+    q_min: Float64[np.ndarray, " n"],
+    q_max: Float64[np.ndarray, " n"],
+) -> Float64[np.ndarray, " n"]:
+    """Diagonal of W_B: one, and more for a joint that moves towards its nearer limit.
+
+    Equation (23) of Zhang and Kikuuwe, after Chan and Dubey 1995,
+
+        W_B = (q_max - q_min)^2 / (4 (q_max - q) (q - q_min))    moving away from the middle
+        W_B = 1                                                  moving towards it, or at rest
+
+    which goes to infinity at the limit and says nothing beyond it. Here it ends at
+    `LARGEST_WEIGHT`, which also holds beyond a limit for a joint that moves further out.
+
+    Args:
+        q: joint positions [rad].
+        rate: joint velocities [rad/s].
+        q_min: lower limits [rad].
+        q_max: upper limits [rad].
+    """
+    above, below, span = q - q_min, q_max - q, q_max - q_min
+    square, room = span * span, 4.0 * above * below
+    inside = room * LARGEST_WEIGHT > square
+    weight = np.full(len(q), LARGEST_WEIGHT)
+    np.divide(square, room, out=weight, where=inside)
+    weight[(above - below) * rate <= 0.0] = 1.0
+    return weight

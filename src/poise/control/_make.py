@@ -1,0 +1,134 @@
+"""Controllers by name, as scenario files and the command line choose them."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+from poise.control._controller import Controller
+from poise.control._differential_ik import METHODS, DifferentialIK
+from poise.control._osf import BIAS_FORMULAS, OperationalSpaceController
+from poise.control._reduced import ReducedController
+from poise.control._whole_body import WholeBodyController
+from poise.errors import ConfigurationError, UnknownNameError
+from poise.hqp import STRATEGIES
+from poise.robots import Robot
+from poise.stack import Stack
+
+
+@dataclass(frozen=True, kw_only=True)
+class ControllerPlan:
+    """Which controller, and how it solves.
+
+    Attributes:
+        name: one of `CONTROLLERS`.
+        strategy: how it solves, one of the controller's own strategies; its default when None.
+        backend: QP solver of the cascade and weighted strategies.
+        time_limit: cap of one solve of a controller by quadratic programs [s], None for none.
+        dt: control period, which a controller that commands velocities has to know [s]; a scenario
+            puts its plant's in.
+    """
+
+    name: str = "whole_body"
+    strategy: str | None = None
+    backend: str | None = None
+    time_limit: float | None = None
+    dt: float = 1e-3
+
+
+@dataclass(frozen=True, kw_only=True)
+class ControllerKind:
+    """One kind of controller.
+
+    Attributes:
+        strategies: how it can solve, the default first.
+        make: makes one, with the strategy filled in.
+        actuation: what it commands, and what a plant must take.
+    """
+
+    strategies: tuple[str, ...]
+    make: Callable[[Robot, Stack | None, ControllerPlan, str], Controller]
+    actuation: Literal["torque", "velocity"] = "torque"
+
+
+def _whole_body(
+    robot: Robot, stack: Stack | None, plan: ControllerPlan, strategy: str
+) -> Controller:
+    return WholeBodyController(
+        robot, stack, strategy=strategy, backend=plan.backend, time_limit=plan.time_limit
+    )
+
+
+def _reduced(robot: Robot, stack: Stack | None, plan: ControllerPlan, strategy: str) -> Controller:
+    return ReducedController(
+        robot, stack, strategy=strategy, backend=plan.backend, time_limit=plan.time_limit
+    )
+
+
+def _osf(robot: Robot, stack: Stack | None, plan: ControllerPlan, strategy: str) -> Controller:
+    _refuse_solver_settings(plan, "the operational space formulation", "it solves in closed form")
+    return OperationalSpaceController(robot, stack, bias=strategy)
+
+
+def _differential_ik(
+    robot: Robot, stack: Stack | None, plan: ControllerPlan, strategy: str
+) -> Controller:
+    _refuse_solver_settings(plan, "differential inverse kinematics", "its problems are small")
+    return DifferentialIK(robot, stack, dt=plan.dt, method=strategy)
+
+
+def _refuse_solver_settings(plan: ControllerPlan, controller: str, why: str) -> None:
+    for value, what in ((plan.backend, "backend"), (plan.time_limit, "time_limit")):
+        if value is not None:
+            raise ConfigurationError(
+                f"{controller} has no {what}: {why}",
+                got=value,
+                wanted=f"no {what}, or controller whole_body",
+            )
+
+
+CONTROLLERS: Mapping[str, ControllerKind] = {
+    "whole_body": ControllerKind(strategies=STRATEGIES, make=_whole_body),
+    "reduced": ControllerKind(strategies=STRATEGIES, make=_reduced),
+    "osf": ControllerKind(strategies=BIAS_FORMULAS, make=_osf),
+    "differential_ik": ControllerKind(
+        strategies=METHODS, make=_differential_ik, actuation="velocity"
+    ),
+}
+"""Controllers by name."""
+
+
+def check_plan(plan: ControllerPlan) -> ControllerKind:
+    """The kind of controller that a plan names.
+
+    Raises:
+        UnknownNameError: no such controller or strategy.
+    """
+    if plan.name not in CONTROLLERS:
+        raise UnknownNameError("no such controller", got=plan.name, choices=CONTROLLERS)
+    kind = CONTROLLERS[plan.name]
+    if plan.strategy is not None and plan.strategy not in kind.strategies:
+        raise UnknownNameError(
+            f"no such strategy of controller {plan.name}",
+            got=plan.strategy,
+            choices=kind.strategies,
+        )
+    return kind
+
+
+def make_controller(
+    robot: Robot, stack: Stack | None = None, plan: ControllerPlan | None = None
+) -> Controller:
+    """A controller by name.
+
+    Args:
+        robot: the robot.
+        stack: contacts, limits and tasks; the robot's default stack when None.
+        plan: which controller; the defaults of `ControllerPlan` when None.
+
+    Raises:
+        UnknownNameError: no such controller, strategy or backend.
+        PoiseError: the stack does not fit the robot.
+    """
+    plan = plan or ControllerPlan()
+    kind = check_plan(plan)
+    return kind.make(robot, stack, plan, plan.strategy or kind.strategies[0])

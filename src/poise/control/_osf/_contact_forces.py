@@ -1,0 +1,207 @@
+"""`ContactForces`: which wrenches and torques bring an acceleration about."""
+
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+
+import numpy as np
+from jaxtyping import Float64
+from scipy.linalg import lapack
+
+from poise.dynamics import Dynamics
+from poise.hqp import HierarchicalProblem, make_solver
+from poise.robots import Robot
+from poise.stack import GRAVITY, Contact, Stack
+
+TOLERANCE = 1e-6
+"""Violation of a cone or limit, relative to the weight or the limit, that counts as none."""
+
+_LEAST_LOAD = 1e-3
+"""Share of the weight below which a contact that is being unloaded weighs no less."""
+
+_RANGE_TOLERANCE = 1e-10
+"""Eigenvalue, relative to the largest, below which points do not carry a wrench of the base."""
+
+_TIME_LIMIT = 2e-3
+"""Cap of the search for wrenches where cones and limits conflict [s]."""
+
+
+class ContactForces:
+    """Splits M dv + h = S^T tau + J_c^T F into joint torques and contact wrenches.
+
+    The base rows say what the wrenches must add up to, J_c,u^T F = M_u dv + h_u; what they leave
+    open are internal forces, which press contacts against each other and move nothing. Those are
+    chosen nearest to a reference, in the metric W = sum C^T C with the rows C of each contact's
+    cone over their share of the normal force: a wrench is far from zero when it is far out in its
+    cone, and a contact that is being unloaded carries less. Where that leaves a cone or a torque
+    limit, a small hierarchical problem takes its place: base dynamics, then cones, then torque
+    limits, then the same metric.
+
+    Args:
+        robot: the robot.
+        stack: whose torque limits hold.
+        contacts: active contacts, evaluated before each solve.
+
+    Attributes:
+        contacts: active contacts.
+        slices: where each contact's wrench stands in `wrench`.
+        torque: joint torques, within their limits or not [N m].
+        wrench: wrenches of all contacts behind one another [N, N m].
+        reference: wrenches that the internal forces should come near [N, N m].
+        base_error: largest base force that the contacts do not carry, over the weight.
+        cone_error: largest violation of a cone or normal force bound, over the weight.
+        torque_error: largest violation of a torque limit, over the limit.
+    """
+
+    def __init__(self, robot: Robot, stack: Stack, contacts: Sequence[Contact]) -> None:
+        self.contacts, self._limit = tuple(contacts), stack.torque_limit
+        self._base, self._weight = robot.base_dofs, robot.mass * GRAVITY
+        ends = np.cumsum([0, *(c.dim for c in contacts)]).tolist()
+        self.slices = [slice(a, b) for a, b in pairwise(ends)]
+        self.torque: Float64[np.ndarray, " nj"] = np.zeros(robot.nj)
+        self.wrench: Float64[np.ndarray, " c"] = np.zeros(ends[-1])
+        self.reference: Float64[np.ndarray, " c"] = np.zeros(ends[-1])
+        self.base_error = self.cone_error = self.torque_error = 0.0
+        # A surface carries any wrench of the base, so that its equations have full rank.
+        self._carried = any(c.dim == 6 for c in contacts)
+        self._cone = _stacked_cones(self.contacts, self.slices)
+        normals = np.eye(ends[-1])[[rows.start + 2 for rows in self.slices]]
+        self._bounded_rows = np.concatenate((self._cone, normals, -normals))
+        self._bounds = np.zeros(len(self._bounded_rows))
+        self._per_torque = 1.0 / self._limit.upper
+        self._metrics = [_metric(c) for c in self.contacts]
+        self._cost = np.zeros((ends[-1], ends[-1]))
+        self._cost_inverse = np.zeros_like(self._cost)
+        self._loads: tuple[float, ...] = ()
+        self._problem = _make_problem(self._base, self._cone, robot.nj) if contacts else None
+        self._solver = make_solver("direct", time_limit=_TIME_LIMIT)
+
+    def solve(
+        self,
+        acceleration: Float64[np.ndarray, " nv"],
+        dynamics: Dynamics,
+        jacobian: Float64[np.ndarray, "c nv"],
+    ) -> bool:
+        """Wrenches and torques of one acceleration.
+
+        Args:
+            acceleration: dv, which the contacts must allow.
+            dynamics: the state.
+            jacobian: of all contacts, J_c.
+
+        Returns:
+            Whether all cones and limits hold.
+        """
+        force = dynamics.M.dot(acceleration)
+        force += dynamics.h
+        self._jacobian, self._force = jacobian, force
+        if self.contacts:
+            self._read_bounds()
+            self._nearest()
+        self._measure()
+        if self._problem is not None and not self.ok:
+            self._solve_bounded(self._problem)
+            self._measure()
+        return self.ok
+
+    def set_references(self, wrenches: Mapping[str, Float64[np.ndarray, " c"]]) -> None:
+        """Fills `reference` from wrenches by the names of contacts; zero for those without."""
+        for contact, rows in zip(self.contacts, self.slices, strict=True):
+            self.reference[rows] = wrenches.get(contact.name, 0.0)
+
+    @property
+    def ok(self) -> bool:
+        """Whether all cones and limits hold at the last solve."""
+        return max(self.base_error, self.cone_error, self.torque_error) <= TOLERANCE
+
+    def _read_bounds(self) -> None:
+        # Bounds of the normal forces move during a ramp only.
+        upper = [float(c.wrench_upper[2]) for c in self.contacts]
+        lower = [float(c.wrench_lower[2]) for c in self.contacts]
+        loads = (*upper, *lower)
+        if loads == self._loads:
+            return
+        self._loads = loads
+        self._bounds[len(self._cone) :] = *upper, *(-value for value in lower)
+        for rows, metric, most in zip(self.slices, self._metrics, upper, strict=True):
+            load = min(1.0, max(_LEAST_LOAD, most / self._weight))
+            self._cost[rows, rows] = metric / (load * load)
+        self._cost_inverse = np.linalg.inv(self._cost)
+
+    def _nearest(self) -> None:
+        """Wrenches nearest to the reference that carry the base."""
+        A_T = self._jacobian[:, : self._base]
+        weighted = self._cost_inverse.dot(A_T)
+        missing = self._force[: self._base] - self.reference.dot(A_T)
+        system = A_T.T.dot(weighted)
+        if self._carried:
+            _, multiplier, _ = lapack.dposv(system, missing)
+        else:
+            # The formulation asks for none of the wrenches that points cannot carry.
+            multiplier = np.linalg.lstsq(system, missing, rcond=_RANGE_TOLERANCE)[0]
+        self.wrench = weighted.dot(multiplier)
+        self.wrench += self.reference
+
+    def _solve_bounded(self, problem: HierarchicalProblem) -> None:
+        """Wrenches nearest to the reference within cones and torque limits."""
+        base = self._base
+        dynamics, torque = problem.level(0), problem.level(2)
+        dynamics.A[:] = self._jacobian[:, :base].T
+        dynamics.lower[:] = dynamics.upper[:] = self._force[:base]
+        torque.A[:] = self._jacobian[:, base:].T
+        np.subtract(self._force[base:], self._limit.upper, out=torque.lower)
+        np.subtract(self._force[base:], self._limit.lower, out=torque.upper)
+        for contact, rows in zip(self.contacts, self.slices, strict=True):
+            problem.x_lower[rows] = contact.wrench_lower
+            problem.x_upper[rows] = contact.wrench_upper
+        problem.H[:] = self._cost
+        np.matmul(self._cost, -self.reference, out=problem.g)
+        solution = self._solver.solve(problem)
+        if np.isfinite(np.add.reduce(solution.x)):
+            self.wrench = solution.x
+
+    def _measure(self) -> None:
+        base = self._base
+        rest = self._force - self.wrench.dot(self._jacobian)
+        self.torque = rest[base:]
+        self.torque_error = max(_largest(self.torque * self._per_torque) - 1.0, 0.0)
+        if base:
+            self.base_error = _largest(rest[:base]) / self._weight
+        if self.contacts:
+            outside = self._bounded_rows.dot(self.wrench)
+            outside -= self._bounds
+            self.cone_error = max(float(outside.max()), 0.0) / self._weight
+
+
+def _largest(values: Float64[np.ndarray, " m"]) -> float:
+    return max(float(values.max()), -float(values.min()))
+
+
+def _metric(contact: Contact) -> Float64[np.ndarray, "dim dim"]:
+    """C^T C with the rows of the cone over their share of the normal force."""
+    rows = contact.cone / -contact.cone[:, 2:3]
+    return rows.T @ rows
+
+
+def _stacked_cones(
+    contacts: Sequence[Contact], slices: Sequence[slice]
+) -> Float64[np.ndarray, "rows c"]:
+    height = sum(len(c.cone) for c in contacts)
+    cone, row = np.zeros((height, sum(c.dim for c in contacts))), 0
+    for contact, columns in zip(contacts, slices, strict=True):
+        cone[row : row + len(contact.cone), columns] = contact.cone
+        row += len(contact.cone)
+    return cone
+
+
+def _make_problem(base: int, cone: Float64[np.ndarray, "rows c"], nj: int) -> HierarchicalProblem:
+    rows, size = cone.shape
+    problem = HierarchicalProblem.allocate(
+        size,
+        [base, rows, nj],
+        names=["base dynamics", "contacts", "torque limits"],
+        labels=[[("base", base)], [("cones", rows)], [("torques", nj)]],
+        bounds_level=1,
+    )
+    cones = problem.level(1)
+    cones.A[:], cones.lower[:], cones.upper[:] = cone, -np.inf, 0.0
+    return problem

@@ -1,0 +1,102 @@
+"""`UnconstrainedChainProblem`: LQP 2, the unconstrained chain under a known reduced motion."""
+
+import numpy as np
+from jaxtyping import Float64
+
+from poise.control._reduced._task_rows import TaskRows
+from poise.dynamics import ReducedDynamics
+from poise.hqp import HierarchicalProblem
+from poise.robots import Robot
+from poise.stack import Stack
+
+
+class UnconstrainedChainProblem:
+    """LQP 2 of Ahn et al. 2024, (29) and (30), for a partition with an unconstrained chain.
+
+    Variables are dv_u; dv_a and z are known from LQP 1:
+
+        level 1   J_z dv_u = z                                       the centroids (30)
+                  tau_min <= M_ua dv_a + M_uu dv_u + h_u <= tau_max  exact, unlike (17)
+        level 2   bounds on the accelerations of these joints
+        level 3.. J_u dv_u = reference - drift - J_a dv_a            rows assigned to LQP 2
+        cost      dv_u^T M_uu dv_u / 2
+
+    What the rest of the robot does, the base first of all, is in the torques and in the tasks
+    as it is. The other term of the energy, dv_a^T M_au dv_u, is fixed by z, so the cost is the
+    whole robot's. Where limits and centroids contradict each other the residuals of the first two
+    levels say so, and the answer must not be used: base dynamics need the z of LQP 1.
+
+    Args:
+        robot: the robot.
+        stack: contacts, limits and tasks, bound to the robot.
+        tasks: the rows of the tasks that act, updated by the caller.
+        reduced: the reduced dynamics, updated by the caller; its partition must have a chain.
+
+    Attributes:
+        problem: the hierarchical problem, filled by `fill`.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        stack: Stack,
+        tasks: TaskRows,
+        reduced: ReducedDynamics,
+    ) -> None:
+        self._stack, self._reduced = stack, reduced
+        part = reduced.partition
+        self._joints = part.u.index - robot.base_dofs
+        self._nz = part.nz
+        self._known = np.zeros(robot.nv)
+        names = part.unconstrained
+        self.problem = problem = HierarchicalProblem.allocate(
+            part.nu,
+            [part.nz + part.nu, 0] + np.diff(tasks.second_ends).tolist(),
+            names=[
+                "centroids",
+                "joint limits",
+                *(", ".join(a.task.name for a in level if len(a.second)) for level in tasks.levels),
+            ],
+            labels=[
+                [("acceleration of a centroid", part.nz)]
+                + [(f"torque limit of {j}", 1) for j in names],
+                [],
+                *(
+                    [(f"task {a.task.name}", len(a.second)) for a in level]
+                    for level in tasks.levels
+                ),
+            ],
+            bounds_level=1,
+        )
+        problem.labels[:1] = [(f"joint limit of {j}", 1) for j in names]
+        self._tasks = tasks
+        self._rows = problem.A[part.nz + part.nu :]
+        self._values = slice(part.nu + part.nz + part.nu, None)
+        problem.weights[self._values] = tasks.weight[tasks.second]
+
+    def fill(self, x: Float64[np.ndarray, " nr"]) -> None:
+        """Writes one state's rows into the problem.
+
+        Args:
+            x: acceleration (dv_a, z) of the reduced robot, from LQP 1; the tasks, the joint limit
+                and the reduced dynamics are up to date.
+        """
+        reduced, problem = self._reduced, self.problem
+        part, nz = reduced.partition, self._nz
+        dv_a, z = x[: part.na], x[part.na :]
+        physics, joints = problem.level(0), self._joints
+        torque, joint = self._stack.torque_limit, self._stack.joint_limit
+        physics.A[:nz] = reduced.J_z
+        physics.lower[:nz] = physics.upper[:nz] = z
+        physics.A[nz:] = problem.H[:] = reduced.M_uu
+        carried = dv_a.dot(reduced.M_au)
+        carried += reduced.h_u
+        np.subtract(torque.lower[joints], carried, out=physics.lower[nz:])
+        np.subtract(torque.upper[joints], carried, out=physics.upper[nz:])
+        problem.x_lower[:] = joint.lower[joints]
+        problem.x_upper[:] = joint.upper[joints]
+        part.a.scatter(dv_a, self._known)
+        J = self._tasks.J[self._tasks.second]
+        part.u.columns(J, self._rows)
+        values = self._tasks.target[self._tasks.second] - J.dot(self._known)
+        problem.lower[self._values] = problem.upper[self._values] = values

@@ -1,0 +1,79 @@
+"""`ControllerStatus`: how each task stands, in words and units."""
+
+from collections.abc import Collection
+from dataclasses import dataclass
+
+import numpy as np
+
+from poise.control._command import CommandStatus
+from poise.control._resolver import PHYSICS_LEVELS
+from poise.stack import Stack, Task
+
+
+@dataclass(frozen=True, kw_only=True)
+class TaskStatus:
+    """How one task stands.
+
+    Attributes:
+        name: the task's name.
+        level: its level in the hierarchy; 1 and 2 are the physics, the user's begin at 3.
+        error: norm of target minus actual [unit].
+        unit: unit of `error`.
+        residual: norm of the acceleration that could not be met [unit/s^2]; of the velocity, for a
+            controller that commands velocities [unit/s].
+        suspended: whether a contact holds the task's frame, so that the task does not act.
+    """
+
+    name: str
+    level: int
+    error: float
+    unit: str
+    residual: float
+    suspended: bool
+
+
+@dataclass(frozen=True, kw_only=True)
+class ControllerStatus:
+    """How the last tick came out; printing it gives a table.
+
+    Attributes:
+        command: status of the last command.
+        tasks: each task, most important first.
+        explanation: which rows conflict and with what, in words.
+    """
+
+    command: CommandStatus
+    tasks: tuple[TaskStatus, ...]
+    explanation: str
+
+    def __str__(self) -> str:
+        width = max([len(t.name) for t in self.tasks], default=4)
+        lines = [f"status: {self.command.value}"]
+        lines.append(f"{'level':>5}  {'task':<{width}}  {'error':>22}  residual")
+        for t in self.tasks:
+            error = "held by a contact" if t.suspended else f"{t.error:.3g} {t.unit}"
+            lines.append(f"{t.level:>5}  {t.name:<{width}}  {error:>22}  {t.residual:.2e}")
+        return "\n".join([*lines, self.explanation])
+
+
+def task_statuses(
+    stack: Stack, residuals: dict[str, float], suspended: Collection[Task]
+) -> tuple[TaskStatus, ...]:
+    """One `TaskStatus` a task of the stack.
+
+    Args:
+        stack: the tasks, evaluated at the last tick.
+        residuals: norm of what each task could not meet, by name.
+        suspended: tasks that did not act.
+    """
+    return tuple(
+        TaskStatus(
+            name=task.name,
+            level=PHYSICS_LEVELS + level + 1,
+            error=float(np.linalg.norm(task.error)),
+            unit=task.unit,
+            residual=residuals.get(task.name, 0.0),
+            suspended=task in suspended,
+        )
+        for level, task in stack.tasks()
+    )

@@ -1,0 +1,278 @@
+"""`Partition`: which joints carry contacts, and which hang on them freely.
+
+`Selection`: some of the coordinates of the velocity vector, in an order of their own.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from jaxtyping import Float64, Int64
+
+from poise.dynamics._chain_coordinates import CENTROID_DIM
+from poise.robots import Robot
+
+
+class Selection:
+    """Some of the coordinates of `v`, copied out of vectors and matrices.
+
+    Neighbours are copied together as slices. A humanoid's legs, or its whole upper body, are one
+    run of neighbours, and copying runs is quicker than picking single coordinates.
+
+    Args:
+        index: the coordinates, in the selection's order.
+
+    Attributes:
+        index: the coordinates, in the selection's order.
+        runs: runs of neighbours: where each lies in `v`, and where in the selection.
+    """
+
+    def __init__(self, index: Iterable[int]) -> None:
+        self.index: Int64[np.ndarray, " k"] = np.array([*index], dtype=np.int64)
+        self.index.flags.writeable = False
+        breaks = np.flatnonzero(np.diff(self.index) != 1) + 1
+        edges = (0, *breaks.tolist(), len(self.index)) if len(self.index) else ()
+        self.runs = tuple(
+            (slice(first := int(self.index[a]), first + b - a), slice(a, b))
+            for a, b in pairwise(edges)
+        )
+
+    def __len__(self) -> int:
+        """Number of coordinates."""
+        return len(self.index)
+
+    def entries(self, source: Float64[np.ndarray, " nv"], out: Float64[np.ndarray, " k"]) -> None:
+        """Copies the entries of a vector.
+
+        Args:
+            source: in the order of `v`.
+            out: receives the entries, in the selection's order.
+        """
+        for run, place in self.runs:
+            out[place] = source[run]
+
+    def columns(self, source: Float64[np.ndarray, "m nv"], out: Float64[np.ndarray, "m k"]) -> None:
+        """Copies the columns of a matrix, such as a Jacobian.
+
+        Args:
+            source: its columns in the order of `v`.
+            out: receives the columns, in the selection's order.
+        """
+        for run, place in self.runs:
+            out[:, place] = source[:, run]
+
+    def block(
+        self,
+        columns: "Selection",
+        source: Float64[np.ndarray, "nv nv"],
+        out: Float64[np.ndarray, "k c"],
+    ) -> None:
+        """Copies the block of a square matrix with this selection's rows.
+
+        Args:
+            columns: the columns of the block.
+            source: rows and columns in the order of `v`.
+            out: receives the block, rows and columns in the order of their selections.
+        """
+        for rows, row_place in self.runs:
+            for run, place in columns.runs:
+                out[row_place, place] = source[rows, run]
+
+    def scatter(self, entries: Float64[np.ndarray, " k"], out: Float64[np.ndarray, " nv"]) -> None:
+        """Writes entries where they belong in a vector, the reverse of `entries`.
+
+        Args:
+            entries: in the selection's order.
+            out: in the order of `v`; other entries are left as they are.
+        """
+        for run, place in self.runs:
+            out[run] = entries[place]
+
+
+@dataclass(frozen=True, kw_only=True)
+class HangingChain:
+    """The unconstrained joints that hang on one body; branches of their own count as one.
+
+    All that the rest of the robot feels of them is one wrench on that body, so that one centroid
+    stands in for all of them exactly. Joints on two bodies with a joint between them need two.
+
+    Attributes:
+        body: the joint that carries the body: the base's, a constraint chain's, or "universe" on
+            a robot with a fixed base.
+        joints: names of the joints.
+        u: where the joints lie in the order of `Partition.u`.
+        z: where the centroid lies among the centroids.
+    """
+
+    body: str
+    joints: tuple[str, ...]
+    u: slice
+    z: slice
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Partition:
+    """The chains of a robot for one set of contacts, section 3.1 of Ahn et al. 2024.
+
+    - virtual chain: the floating base;
+    - constraint chain: every joint between the base and a contact. A joint that also carries
+      unconstrained ones, such as the waist under a free arm while a hand is in contact (Figure
+      1b), belongs here;
+    - unconstrained chain: all other joints, as one `HangingChain` for each body they hang on.
+      Where six joints or fewer hang on a body they are kept: they stay coordinates of their own,
+      because a centroid has as many.
+
+    Coordinates `a` are those of the virtual and the constraint chain with the kept joints, `u` the
+    rest, and `z` the centroids, six for each hanging chain.
+
+    No contact at all leaves the base alone in `a`, and everything else in `u`. Where contacts
+    constrain every joint, or leave only kept ones, `u` is empty and the reduced robot is the whole
+    one. With a fixed base `a` has no base, and without contacts nothing but kept joints.
+
+    Attributes:
+        a: virtual chain, constraint chain and kept joints, in the order of `v`.
+        u: the unconstrained chain, one hanging chain after the other.
+        chains: the hanging chains, in the order of `u`.
+        constraint: names of the joints of the constraint chain.
+        kept: names of the unconstrained joints that are kept as they are.
+    """
+
+    a: Selection
+    u: Selection
+    chains: tuple[HangingChain, ...]
+    constraint: tuple[str, ...]
+    kept: tuple[str, ...]
+
+    @property
+    def unconstrained(self) -> tuple[str, ...]:
+        """Names of the joints of `u`, in its order."""
+        return tuple(name for chain in self.chains for name in chain.joints)
+
+    @property
+    def na(self) -> int:
+        """Number of coordinates `a`."""
+        return len(self.a)
+
+    @property
+    def nu(self) -> int:
+        """Number of coordinates `u`."""
+        return len(self.u)
+
+    @property
+    def nz(self) -> int:
+        """Number of coordinates of the centroids."""
+        return CENTROID_DIM * len(self.chains)
+
+    @property
+    def nr(self) -> int:
+        """Number of coordinates of the reduced robot, (a, z)."""
+        return self.na + self.nz
+
+    def merge(
+        self, a: Float64[np.ndarray, " na"], u: Float64[np.ndarray, " nu"]
+    ) -> Float64[np.ndarray, " nv"]:
+        """Puts entries of `a` and of `u` together in the order of `v`."""
+        merged = np.empty(self.na + self.nu)
+        self.a.scatter(a, merged)
+        self.u.scatter(u, merged)
+        return merged
+
+
+class Partitions:
+    """The partitions of one robot, each made once.
+
+    Contact sets that constrain the same joints share one partition, so that what is kept for a
+    partition serves all of them.
+
+    Args:
+        robot: the robot.
+    """
+
+    def __init__(self, robot: Robot) -> None:
+        self._robot = robot
+        self._by_frames: dict[frozenset[str], Partition] = {}
+        self._by_joints: dict[frozenset[int], Partition] = {}
+
+    def of(self, frames: Iterable[str]) -> Partition:
+        """The partition for a set of contacts.
+
+        Args:
+            frames: the frames in contact; their order does not matter.
+
+        Returns:
+            The same object whenever the same joints are constrained.
+
+        Raises:
+            UnknownNameError: the robot has no such frame; the message lists those that exist.
+        """
+        frames = frozenset(frames)
+        partition = self._by_frames.get(frames)
+        if partition is None:
+            carrying = self._carrying(frames)
+            partition = self._by_joints.get(carrying)
+            if partition is None:
+                partition = _make_partition(self._robot, carrying)
+                self._by_joints[carrying] = partition
+            self._by_frames[frames] = partition
+        return partition
+
+    def _carrying(self, frames: frozenset[str]) -> frozenset[int]:
+        """Joints between the world and a contact, the universe and a floating base included."""
+        model = self._robot.model
+        carrying = {0, 1} if self._robot.floating_base else {0}
+        for name in sorted(frames):
+            joint = model.frames[self._robot.frame_id(name)].parentJoint
+            carrying.update(model.supports[joint].tolist())
+        return frozenset(carrying)
+
+
+def _make_partition(robot: Robot, carrying: frozenset[int]) -> Partition:
+    hanging = _hanging(robot, carrying)
+    reduced = {body: joints for body, joints in hanging.items() if len(joints) > CENTROID_DIM}
+    u = [i for joints in reduced.values() for i in joints]
+    kept = sorted(i for body, joints in hanging.items() if body not in reduced for i in joints)
+    a = [i for i in range(robot.nv) if i not in set(u)]
+    constraint = [i for i in a if i >= robot.base_dofs and i not in set(kept)]
+    return Partition(
+        a=Selection(a),
+        u=Selection(u),
+        chains=_chains(robot, reduced),
+        constraint=_names(robot, constraint),
+        kept=_names(robot, kept),
+    )
+
+
+def _hanging(robot: Robot, carrying: frozenset[int]) -> dict[int, list[int]]:
+    """Coordinates of all joints that do not carry a contact, by the body that they hang on."""
+    model = robot.model
+    body_of: dict[int, int] = {}
+    hanging: dict[int, list[int]] = {}
+    # Parents come before their children.
+    for joint in range(1, model.njoints):
+        if joint not in carrying:
+            parent = int(model.parents[joint])
+            body = body_of[joint] = body_of.get(parent, parent)
+            first = model.idx_vs[joint]
+            hanging.setdefault(body, []).extend(range(first, first + model.nvs[joint]))
+    return hanging
+
+
+def _chains(robot: Robot, reduced: dict[int, list[int]]) -> tuple[HangingChain, ...]:
+    chains: list[HangingChain] = []
+    first = 0
+    for k, (body, joints) in enumerate(reduced.items()):
+        chains.append(
+            HangingChain(
+                body=robot.model.names[body],
+                joints=_names(robot, joints),
+                u=slice(first, first + len(joints)),
+                z=slice(CENTROID_DIM * k, CENTROID_DIM * (k + 1)),
+            )
+        )
+        first += len(joints)
+    return tuple(chains)
+
+
+def _names(robot: Robot, coordinates: list[int]) -> tuple[str, ...]:
+    return tuple(robot.joint_names[i - robot.base_dofs] for i in coordinates)

@@ -1,0 +1,50 @@
+"""A person's hands on the robot's feet: step-by-step teleoperation of bipeds."""
+
+from poise.locomotion._stepping._com import ComDriver, PreviewDriver, ShifterDriver
+from poise.locomotion._stepping._device import (
+    Device,
+    DeviceGuard,
+    DeviceSample,
+    DeviceStatus,
+    ScriptedDevice,
+    WayPoint,
+)
+from poise.locomotion._stepping._modes import Event, Mode, draw_modes
+from poise.locomotion._stepping._parameters import TeleopParameters, scaled_parameters
+from poise.locomotion._stepping._recording import (
+    RecordedDevice,
+    Recording,
+    RecordingError,
+    RecordingWriter,
+    RowKind,
+    read_recording,
+)
+from poise.locomotion._stepping._rules import PAPER_RULES, Rules
+from poise.locomotion._stepping._step_teleoperator import StepTeleoperator, TeleopStatus
+
+__all__ = [
+    "PAPER_RULES",
+    "ComDriver",
+    "Device",
+    "DeviceGuard",
+    "DeviceSample",
+    "DeviceStatus",
+    "Event",
+    "Mode",
+    "PreviewDriver",
+    "RecordedDevice",
+    "Recording",
+    "RecordingError",
+    "RecordingWriter",
+    "RowKind",
+    "Rules",
+    "ScriptedDevice",
+    "ShifterDriver",
+    "StepTeleoperator",
+    "TeleopParameters",
+    "TeleopStatus",
+    "WayPoint",
+    "draw_modes",
+    "read_recording",
+    "scaled_parameters",
+]

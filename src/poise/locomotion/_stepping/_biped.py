@@ -1,0 +1,200 @@
+"""`Biped`: of a robot what the step teleoperator looks up once, and not every tick.
+
+`LegGeometry`: a leg as hip, knee and ankle, with what limits where its sole can be.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float64, Int64
+
+from poise.dynamics import Dynamics, RobotState
+from poise.errors import ConfigurationError
+from poise.locomotion._pendulum import GRAVITY
+from poise.locomotion._stepping._parameters import TeleopParameters, knee_limits, leg_joints
+from poise.robots import Robot
+
+_HIP_JOINTS = 3
+"""The first three joints of a leg are the hip's, in any order."""
+
+_PITCH, _ROLL = 1, 0
+"""Axes of the ankle in the body: across the leg and along the foot."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LegGeometry:
+    """A leg seen as a chain of thigh and shank between hip and ankle.
+
+    The hip is the point nearest to the axes of its three joints, where they meet if they do.
+
+    Attributes:
+        hip: in the pelvis's frame [m].
+        ankle: origin of the last joint, in the sole's frame [m].
+        length: from hip to ankle with the knee as straight as it may be [m].
+        thigh: from hip to knee [m].
+        shank: from knee to ankle [m].
+        lean_max: how far the shank can lean forward over a level sole [rad].
+        roll_max: how far it can lean to either side [rad].
+    """
+
+    hip: Float64[np.ndarray, "3"]
+    ankle: Float64[np.ndarray, "3"]
+    length: float
+    thigh: float
+    shank: float
+    lean_max: float
+    roll_max: float
+
+
+def leg_geometry(robot: Robot, sole: str, knee_min: float) -> LegGeometry:
+    """Measures a leg, with its joints as near to zero as they go.
+
+    Args:
+        robot: a biped.
+        sole: of the leg.
+        knee_min: least angle of the knee [rad].
+
+    Raises:
+        ConfigurationError: the leg has too few joints.
+    """
+    joints = leg_joints(robot, sole)
+    lower, upper = knee_limits(robot, [joints], knee_min)
+    q = robot.q_home.copy()
+    q[7 + np.array(joints)] = np.clip(0.0, lower, upper)
+    dynamics = Dynamics(robot)
+    dynamics.update(RobotState(q, np.zeros(robot.nv)))
+    # Pinocchio counts the world and the floating base before the joints.
+    origins = np.array([dynamics.joint_position(j + 2) for j in joints])
+    foot, pelvis = (
+        dynamics.frame(robot.frame_id(sole)),
+        dynamics.frame(robot.frame_id(robot.pelvis)),
+    )
+    axes = foot.jacobian[3:, robot.base_dofs + np.array(joints)].T
+    hip = _nearest_to_lines(origins[:_HIP_JOINTS], axes[:_HIP_JOINTS])
+    knee, ankle = origins[_HIP_JOINTS], origins[-1]
+    return LegGeometry(
+        hip=pelvis.rotation.T @ (hip - pelvis.position),
+        ankle=foot.rotation.T @ (ankle - foot.position),
+        length=float(np.linalg.norm(ankle - hip)),
+        thigh=float(np.linalg.norm(knee - hip)),
+        shank=float(np.linalg.norm(ankle - knee)),
+        lean_max=_range_about(axes @ foot.rotation, _PITCH, lower, upper)[0],
+        roll_max=min(_range_about(axes @ foot.rotation, _ROLL, lower, upper)),
+    )
+
+
+def _nearest_to_lines(
+    points: Float64[np.ndarray, "k 3"], directions: Float64[np.ndarray, "k 3"]
+) -> Float64[np.ndarray, "3"]:
+    """The point with the least sum of squared distances from lines."""
+    across = np.eye(3) - directions[:, :, None] * directions[:, None, :]
+    return np.linalg.solve(across.sum(axis=0), np.einsum("kij,kj->i", across, points))
+
+
+def _range_about(
+    axes: Float64[np.ndarray, "n 3"],
+    axis: int,
+    lower: Float64[np.ndarray, " n"],
+    upper: Float64[np.ndarray, " n"],
+) -> tuple[float, float]:
+    """How far the leg can turn over the sole about an axis of it, one way and the other [rad].
+
+    It is the last joint about that axis, in front of the sole, that decides: what it turns the sole
+    by, the leg turns back by.
+    """
+    joint = max(range(_HIP_JOINTS + 1, len(axes)), key=lambda j: abs(float(axes[j, axis])))
+    forward, back = -float(lower[joint]), float(upper[joint])
+    if axes[joint, axis] < 0.0:
+        forward, back = back, forward
+    return max(forward, 0.0), max(back, 0.0)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Biped:
+    """Two feet, the joints of two legs, and a torso.
+
+    Attributes:
+        robot: all of it.
+        soles: names of the left and the right sole.
+        frames: their frames.
+        sizes: their lengths and widths [m].
+        torso: its frame.
+        weight: m g [N].
+        legs: the legs' joints among the robot's, the left leg's first.
+        q_min: lower limits of these, knees kept from being straight [rad].
+        q_max: upper limits [rad].
+        v_max: velocity limits [rad/s].
+    """
+
+    robot: Robot
+    soles: tuple[str, str]
+    frames: tuple[int, int]
+    sizes: tuple[tuple[float, float], tuple[float, float]]
+    torso: int
+    weight: float
+    legs: Int64[np.ndarray, " n"]
+    q_min: Float64[np.ndarray, " n"]
+    q_max: Float64[np.ndarray, " n"]
+    v_max: Float64[np.ndarray, " n"]
+
+
+def two_soles(robot: Robot) -> tuple[str, str]:
+    """Names of the left and the right sole.
+
+    Args:
+        robot: any.
+
+    Raises:
+        ConfigurationError: no floating base, or no two soles.
+    """
+    if not robot.floating_base or len(robot.soles) < 2:
+        raise ConfigurationError(
+            f"robot {robot.name!r} cannot be walked",
+            got=f"soles {list(robot.soles)}",
+            wanted="a floating base and two soles",
+        )
+    left, right, *_ = robot.soles
+    return left, right
+
+
+def biped_of(robot: Robot, parameters: TeleopParameters) -> Biped:
+    """Looks up what a robot walks with.
+
+    Args:
+        robot: a biped.
+        parameters: for the robot.
+
+    Raises:
+        ConfigurationError: soles too small for `r_lift`, or legs of too few joints.
+    """
+    left, right = soles = two_soles(robot)
+    _check_soles(robot, soles, parameters.r_lift)
+    both = [leg_joints(robot, sole) for sole in soles]
+    q_min, q_max = knee_limits(robot, both, parameters.knee_min)
+    legs = [joint for leg in both for joint in leg]
+    return Biped(
+        robot=robot,
+        soles=soles,
+        frames=(robot.frame_id(left), robot.frame_id(right)),
+        sizes=(_size(robot, left), _size(robot, right)),
+        torso=robot.frame_id(robot.torso),
+        weight=robot.mass * GRAVITY,
+        legs=np.array(legs),
+        q_min=q_min,
+        q_max=q_max,
+        v_max=robot.v_max[legs],
+    )
+
+
+def _size(robot: Robot, name: str) -> tuple[float, float]:
+    return robot.soles[name].length, robot.soles[name].width
+
+
+def _check_soles(robot: Robot, names: tuple[str, str], r_lift: float) -> None:
+    narrowest = 0.5 * min(min(_size(robot, name)) for name in names)
+    if r_lift > narrowest + 1e-9:
+        raise ConfigurationError(
+            "r_lift is larger than half a sole: the ZMP might be outside the other foot at a lift",
+            got=r_lift,
+            wanted=f"at most {narrowest:.4g} m",
+        )

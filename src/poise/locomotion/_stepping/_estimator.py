@@ -1,0 +1,138 @@
+"""`StanceEstimator`: where the robot is, from joints, the torso's attitude and a foot at rest.
+
+`ZmpSensor`: the ZMP from the load cells of the soles.
+"""
+
+import numpy as np
+import pinocchio as pin
+from jaxtyping import Float64
+
+from poise.dynamics import Dynamics, RobotState
+from poise.robots import Robot
+
+_LEAST_LOAD = 0.02
+"""Share of the weight below which the soles say nothing about the ZMP."""
+
+
+class ZmpSensor:
+    """Centre of pressure of both soles, smoothed.
+
+    A wrench [f; m] at a sole's centre presses at (-m_y, m_x) / f_z in the sole's plane, which is
+    what cells at its four corners measure. While nothing presses, the last value holds.
+
+    Args:
+        frames: frames of the left and the right sole.
+        names: their names in the measured contacts.
+        weight: of the robot [N].
+        time_constant: of the smoothing [s].
+        dt: length of a tick [s].
+
+    Attributes:
+        zmp: x and y [m].
+        loads: normal forces, left and right [N].
+    """
+
+    def __init__(
+        self,
+        frames: tuple[int, int],
+        names: tuple[str, str],
+        weight: float,
+        time_constant: float,
+        dt: float,
+    ) -> None:
+        self._frames, self._names, self._least = frames, names, _LEAST_LOAD * weight
+        self._share = dt / (time_constant + dt)
+        self.zmp: Float64[np.ndarray, "2"] = np.zeros(2)
+        self.loads: Float64[np.ndarray, "2"] = np.zeros(2)
+        self._fresh = True
+
+    def update(self, state: RobotState, dynamics: Dynamics) -> None:
+        """Reads one measurement.
+
+        Args:
+            state: with the soles' wrenches.
+            dynamics: of the estimated state, which says where the soles are.
+        """
+        pressure, nothing = np.zeros(3), np.zeros(6)
+        for i, (frame_id, name) in enumerate(zip(self._frames, self._names, strict=True)):
+            wrench = state.contacts.get(name, nothing)
+            load = float(wrench[2])
+            self.loads[i] = load = load if load > 0.0 else 0.0
+            if load > self._least:
+                frame = dynamics.frame(frame_id)
+                offset = np.array([-wrench[4] / load, wrench[3] / load, 0.0])
+                pressure += load * (frame.position + frame.rotation @ offset)
+        total = float(sum(load for load in self.loads if load > self._least))
+        if total <= 0.0:
+            return
+        centre = pressure[:2] / total
+        self.zmp = centre if self._fresh else self.zmp + self._share * (centre - self.zmp)
+        self._fresh = False
+
+
+class StanceEstimator:
+    """The base from kinematics: the stance sole stays where it was put down.
+
+    Of the state it reads joint angles and velocities, the base's attitude and its angular velocity
+    (an inertial measurement unit has both), and the soles' loads; never the base's position or
+    linear velocity. The position is dead reckoning: it drifts by what the feet slip.
+
+    Args:
+        robot: a biped.
+        soles: names of the left and the right sole.
+        q_start: configuration at the start, whose feet stand on the ground.
+
+    Attributes:
+        dynamics: of the estimated state.
+        anchors: where each sole was last put down, left then right [m].
+        stance: index of the sole that is taken to be at rest.
+    """
+
+    def __init__(
+        self, robot: Robot, soles: tuple[str, str], q_start: Float64[np.ndarray, " nq"]
+    ) -> None:
+        self.dynamics = Dynamics(robot)
+        self._model, self._data = robot.model, robot.model.createData()
+        self._soles = [robot.frame_id(name) for name in soles]
+        self.dynamics.update(RobotState(q_start, np.zeros(robot.nv)))
+        self.anchors = [self.dynamics.frame(i).position.copy() for i in self._soles]
+        self.stance = 1
+
+    def update(self, state: RobotState) -> RobotState:
+        """The state with the base's position and velocity estimated; `dynamics` follows.
+
+        Args:
+            state: as measured.
+        """
+        q, v = state.q.copy(), state.v.copy()
+        q[:3], v[:3] = 0.0, 0.0
+        position, jacobian = self._stance_sole(q)
+        q[:3] = self.anchors[self.stance] - position
+        # The sole's linear velocity is zero; the base's linear velocity turns with the base.
+        v[:3] = -np.linalg.solve(jacobian[:3, :3], jacobian[:3, 3:] @ v[3:])
+        estimate = RobotState(q, v, state.contacts, state.time)
+        self.dynamics.update(estimate)
+        return estimate
+
+    def sole(self, foot: int) -> Float64[np.ndarray, "3"]:
+        """Where a sole's centre is [m]."""
+        return self.dynamics.frame(self._soles[foot]).position
+
+    def put_down(self, foot: int) -> None:
+        """A sole stands on the ground where it is now."""
+        self.anchors[foot] = self.sole(foot).copy()
+
+    def stand_on(self, foot: int) -> None:
+        """From now on this sole is the one at rest; the estimate stays continuous."""
+        if foot != self.stance:
+            self.put_down(foot)
+            self.stance = foot
+
+    def _stance_sole(
+        self, q: Float64[np.ndarray, " nq"]
+    ) -> tuple[Float64[np.ndarray, "3"], Float64[np.ndarray, "6 nv"]]:
+        """Where the sole at rest would be, and its Jacobian, without the rest of `dynamics`."""
+        model, data, frame_id = self._model, self._data, self._soles[self.stance]
+        pin.computeJointJacobians(model, data, q)
+        position = pin.updateFramePlacement(model, data, frame_id).translation
+        return position, pin.getFrameJacobian(model, data, frame_id, pin.LOCAL_WORLD_ALIGNED)

@@ -1,0 +1,145 @@
+"""`FootVelocity`: how fast the foot goes that is not the stance.
+
+`FootTarget`: where the foot is sent that is not the stance.
+"""
+
+import numpy as np
+from jaxtyping import Float64
+
+from poise.dynamics import saturate
+from poise.locomotion._stepping._device import DeviceSample
+from poise.locomotion._stepping._footing import Footing
+from poise.locomotion._stepping._parameters import TeleopParameters
+from poise.locomotion._stepping._reach import FootRange
+from poise.locomotion._stepping._rules import Rules
+
+
+class FootTarget:
+    """Eq. (15d): after the device while in the air, and held while on the ground.
+
+    Args:
+        reach: of the legs.
+        parameters: depths and heights.
+        rules: departures from the paper.
+
+    Attributes:
+        rescuing: whether the foot in the air is put down, whatever the operator wants.
+    """
+
+    def __init__(self, reach: FootRange, parameters: TeleopParameters, rules: Rules) -> None:
+        self._range, self._parameters, self._rules = reach, parameters, rules
+        self.rescuing = False
+
+    def restart(self) -> None:
+        """Another mode has begun."""
+        self.rescuing = False
+
+    def place(
+        self,
+        footing: Footing,
+        device: DeviceSample | None,
+        *,
+        has_left: bool,
+        room_below: float,
+    ) -> Float64[np.ndarray, "3"]:
+        """The place [m].
+
+        Args:
+            footing: of the tick.
+            device: the operator's hands, None while they are lost.
+            has_left: whether the foot in the air has left the ground.
+            room_below: how far the body may still come down for it [m].
+        """
+        here = footing.sole(footing.other)
+        if not footing.mode.single:
+            return footing.anchors[footing.other] if self._rules.held_feet else here
+        if self._rules.rescue and footing.capture_depth < 0.0:
+            # The divergent component has left the sole that carries: the robot is falling.
+            self.rescuing = True
+        lowest = footing.lowest_ground - self._parameters.press_depth
+        if device is None or self.rescuing:
+            # Nobody commands, or nobody may: straight down, until the ground is felt.
+            return np.array([here[0], here[1], lowest])
+        # One that has not left the ground yet would push the robot over.
+        down = lowest if has_left or not self._rules.cancel else float(here[2])
+        return self._followed(footing, device, down, room_below)
+
+    def _followed(
+        self, footing: Footing, device: DeviceSample, lowest: float, room_below: float
+    ) -> Float64[np.ndarray, "3"]:
+        """The operator's hand, where a foot can be and no lower than it may [m]."""
+        swing, here = footing.other, footing.sole(footing.other)
+        target = device.hand(swing).copy()
+        target[2] = max(float(target[2]), lowest)
+        if self._rules.lift_first:
+            # A foot that still touches would be dragged over the ground.
+            clear = footing.clearance(footing.lowest_ground, self._parameters.clear_height)
+            target[:2] = here[:2] + clear * (target[:2] - here[:2])
+        if not self._rules.reachable:
+            return target
+        hip = self._range.hip(swing, footing.dynamics)
+        support = footing.anchors[footing.stance]
+        return self._range.bring_back(
+            swing, target, support, hip, footing.heading, lower=room_below
+        )
+
+
+_CALM = 0.8
+"""Share of the deepest place in the sole from which on the swing foot has all its speed."""
+
+
+class FootVelocity:
+    """Eq. (17c), gently down and smoothed.
+
+    Args:
+        parameters: gains, speeds and times.
+        rules: departures from the paper.
+    """
+
+    def __init__(self, parameters: TeleopParameters, rules: Rules) -> None:
+        self._parameters, self._rules = parameters, rules
+        self._share = parameters.dt / (parameters.swing_time + parameters.dt)
+        self.restart()
+
+    def restart(self) -> None:
+        """Another mode has begun."""
+        self._smoothed: Float64[np.ndarray, "3"] = np.zeros(3)
+
+    def towards(
+        self, footing: Footing, target: Float64[np.ndarray, "3"], *, hurry: bool
+    ) -> Float64[np.ndarray, "3"]:
+        """The velocity [m/s].
+
+        Args:
+            footing: of the tick.
+            target: where the foot is sent [m].
+            hurry: whether it has to be down as soon as it can.
+        """
+        p = self._parameters
+        wanted = saturate(p.v_lim, p.k_v * (target - footing.sole(footing.other)))
+        if self._rules.gentle and not hurry:
+            wanted[2] = max(float(wanted[2]), -self._lowering_speed(footing))
+        if not (self._rules.smooth_swing and footing.mode.single):
+            return wanted
+        wanted[:2] *= _calm(footing)
+        self._smoothed = self._smoothed + self._share * (wanted - self._smoothed)
+        return self._smoothed
+
+    def _lowering_speed(self, footing: Footing) -> float:
+        """How fast the foot may come down: slowly where the ground may be [m/s]."""
+        p = self._parameters
+        clear = footing.clearance(footing.highest_ground, p.clear_height)
+        return p.touch_speed + clear * (p.lower_speed - p.touch_speed)
+
+
+def _calm(footing: Footing) -> float:
+    """Share of its speed that the swing foot may have: less the nearer the robot is to tipping.
+
+    Swinging a leg takes angular momentum, which is then missing for the balance.
+    """
+    x, y = footing.anchors[footing.stance][:2].tolist()
+    most = footing.support.depth((x, y))
+    if most <= 0.0:
+        # A sole tilted so far that no ground is left under it.
+        return 0.0
+    return min(1.0, max(0.0, footing.capture_depth / (_CALM * most)))

@@ -1,0 +1,188 @@
+"""`Footing`: how the robot stands in one tick, once mode and stance are settled.
+
+`StanceChoice`: which foot is taken to be at rest, and where the feet count as standing.
+"""
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Float64
+
+from poise.dynamics import Dynamics
+from poise.locomotion._stepping._biped import Biped
+from poise.locomotion._stepping._estimator import StanceEstimator, ZmpSensor
+from poise.locomotion._stepping._modes import Mode
+from poise.locomotion._stepping._parameters import TeleopParameters
+from poise.locomotion._stepping._rules import Rules
+from poise.locomotion._support import SupportPolygon, sole_rectangle
+
+_STANCE_SHARE = 1.2
+"""In double support a foot becomes the stance that carries this many times the other's load."""
+
+
+class StanceChoice:
+    """Keeps the estimator's stance and the feet's places up to date.
+
+    Args:
+        estimator: whose.
+        sensor: says what the feet carry.
+        parameters: loads and speeds.
+        rules: departures from the paper.
+        weight: of the robot [N].
+    """
+
+    def __init__(
+        self,
+        estimator: StanceEstimator,
+        sensor: ZmpSensor,
+        parameters: TeleopParameters,
+        rules: Rules,
+        weight: float,
+    ) -> None:
+        self._estimator, self._sensor = estimator, sensor
+        self._parameters, self._rules = parameters, rules
+        self._least_load = parameters.land_load * weight
+        self._pressing = False
+
+    def begin(self, before: Mode, mode: Mode) -> None:
+        """A mode has begun: a foot that has landed has a new place, one that is lifted no weight.
+
+        Args:
+            before: the mode that has ended.
+            mode: the one that has begun.
+        """
+        estimator = self._estimator
+        if mode is Mode.D and before.single:
+            estimator.put_down(1 - estimator.stance)
+        if mode.single or not self._rules.loaded_stance:
+            estimator.stand_on(mode.support or 0)
+
+    def follow(self, mode: Mode) -> None:
+        """Each tick with both feet on the ground: the one that carries more is the stance.
+
+        Args:
+            mode: now.
+        """
+        if mode.single:
+            return
+        estimator, loads = self._estimator, self._sensor.loads
+        stance = estimator.stance
+        if self._rules.loaded_stance and loads[1 - stance] > _STANCE_SHARE * loads[stance]:
+            estimator.stand_on(1 - stance)
+        if self._rules.press_down:
+            self._press(1 - estimator.stance)
+
+    def _press(self, foot: int) -> None:
+        """Sends a foot down until it carries something.
+
+        It is taken to stand where it is as soon as it carries: pressed further it would tip the
+        robot over the edge of the sole at rest.
+        """
+        p = self._parameters
+        anchor, height = self._estimator.anchors[foot], float(self._estimator.sole(foot)[2])
+        if self._sensor.loads[foot] < self._least_load:
+            lower = min(float(anchor[2]), height) - p.dt * p.press_speed
+            anchor[2] = max(lower, height - p.press_speed / p.k_v)
+            self._pressing = True
+        elif self._pressing:
+            anchor[2], self._pressing = height, False
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Footing:
+    """Estimated state, mode and stance of a tick, and what follows from them, computed once.
+
+    Attributes:
+        biped: the robot.
+        dynamics: of the estimated state.
+        mode: which feet carry the robot.
+        stance: the foot that is taken to be at rest; the support foot in single support.
+        anchors: where each sole was last put down, left then right [m].
+        omega: sqrt(g / H) [1/s].
+        margin: how far from the soles' edge support ends [m].
+    """
+
+    biped: Biped
+    dynamics: Dynamics
+    mode: Mode
+    stance: int
+    anchors: list[Float64[np.ndarray, "3"]]
+    omega: float
+    margin: float
+
+    @property
+    def other(self) -> int:
+        """The foot that is not the stance: the swing foot in single support."""
+        return 1 - self.stance
+
+    def sole(self, foot: int) -> Float64[np.ndarray, "3"]:
+        """Where a sole's centre is [m]."""
+        return self.dynamics.frame(self.biped.frames[foot]).position
+
+    @cached_property
+    def zmp_reference(self) -> Float64[np.ndarray, "2"]:
+        """Eq. (15a): between the feet, or where the foot that shall carry was put down [m]."""
+        support = self.mode.support
+        if support is None:
+            return 0.5 * (self.sole(0) + self.sole(1))[:2]
+        return self.anchors[support][:2]
+
+    @cached_property
+    def heading(self) -> Float64[np.ndarray, "2"]:
+        """Where the torso faces, along the ground."""
+        forward = self.dynamics.frame(self.biped.torso).rotation[:2, 0]
+        return forward / np.linalg.norm(forward)
+
+    @cached_property
+    def tilt(self) -> float:
+        """Angle of the torso against upright [rad]."""
+        upward = float(self.dynamics.frame(self.biped.torso).rotation[2, 2])
+        return math.acos(max(-1.0, min(1.0, upward)))
+
+    @cached_property
+    def support(self) -> SupportPolygon:
+        """Of the soles on the ground, with a margin.
+
+        In double support that is both, whatever their load: a foot that happens to carry nothing
+        carries as soon as the ZMP moves towards it.
+        """
+        corners: list[tuple[float, float]] = []
+        for foot in (self.stance,) if self.mode.single else (0, 1):
+            frame = self.dynamics.frame(self.biped.frames[foot])
+            corners += sole_rectangle(frame.position, frame.rotation, self.biped.sizes[foot])
+        return SupportPolygon(corners, self.margin)
+
+    @cached_property
+    def capture_depth(self) -> float:
+        """How far the divergent component p + pdot / omega is inside the support [m]."""
+        dynamics = self.dynamics
+        x, y = (dynamics.com[:2] + dynamics.com_velocity[:2] / self.omega).tolist()
+        return self.support.depth((x, y))
+
+    @property
+    def ground(self) -> float:
+        """Height of the ground that carries: of the stance foot, or the middle of both feet [m]."""
+        if self.mode.single:
+            return float(self.anchors[self.stance][2])
+        return 0.5 * float(self.anchors[0][2] + self.anchors[1][2])
+
+    @property
+    def lowest_ground(self) -> float:
+        """Height of the lower of the places where the feet were put down [m]."""
+        return min(float(anchor[2]) for anchor in self.anchors)
+
+    @property
+    def highest_ground(self) -> float:
+        """Height of the higher of them [m]."""
+        return max(float(anchor[2]) for anchor in self.anchors)
+
+    def clearance(self, ground: float, clear: float) -> float:
+        """How clear of a ground the foot that is not the stance is, from 0 on it to 1 [].
+
+        Args:
+            ground: its height [m].
+            clear: height above it from which on the foot is clear [m].
+        """
+        return min(1.0, max(0.0, (float(self.sole(self.other)[2]) - ground) / clear))

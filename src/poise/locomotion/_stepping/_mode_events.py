@@ -1,0 +1,221 @@
+"""`ModeEvents`: keeps the mode, and decides from hands and loads when it ends.
+
+Detectors of lifted devices and landed feet.
+"""
+
+import numpy as np
+
+from poise.locomotion._stepping._com import ComMotion
+from poise.locomotion._stepping._device import DeviceSample
+from poise.locomotion._stepping._estimator import StanceEstimator, ZmpSensor
+from poise.locomotion._stepping._modes import Event, Mode, ModeMachine
+from poise.locomotion._stepping._parameters import TeleopParameters
+from poise.locomotion._stepping._rules import Rules
+
+_STUCK_TIME = 0.3
+"""A foot that still carries so long after it should have been lifted stays on the ground [s]."""
+
+
+class LiftDetector:
+    """Whether a device has just been lifted: a rising edge with hysteresis.
+
+    Args:
+        parameters: lift and lower heights.
+    """
+
+    def __init__(self, parameters: TeleopParameters) -> None:
+        self._lift, self._lower = parameters.lift_height, parameters.lower_height
+        # A device that is up at the start has to come down first.
+        self._up = True
+
+    def update(self, height: float) -> bool:
+        """Takes the device's height above its foot's place on the ground [m]."""
+        if height < self._lower:
+            self._up = False
+            return False
+        if height > self._lift and not self._up:
+            self._up = True
+            return True
+        return False
+
+    def is_low(self, height: float) -> bool:
+        """Whether a height counts as lowered [m]."""
+        return height < self._lower
+
+    def reset(self, height: float) -> None:
+        """Starts over: a device that is up now has to come down first."""
+        self._up = height > self._lower
+
+
+class LandingDetector:
+    """Whether the foot in the air has landed.
+
+    Args:
+        parameters: loads and time.
+        weight: of the robot [N].
+        arm: whether the foot has to be without load for a while first.
+
+    Attributes:
+        load: from which on a foot counts as on the ground [N].
+        armed: whether the foot has left the ground.
+    """
+
+    def __init__(self, parameters: TeleopParameters, weight: float, *, arm: bool) -> None:
+        self.load = parameters.land_load * weight
+        self._unload = parameters.unload_load * weight
+        self._time, self._dt, self._arm = parameters.unload_time, parameters.dt, arm
+        self.reset()
+
+    def reset(self) -> None:
+        """The foot is about to leave the ground."""
+        self._unloaded, self._since, self.armed = 0.0, 0.0, not self._arm
+
+    def update(self, load: float, *, lifting: bool) -> bool:
+        """Takes one tick.
+
+        Args:
+            load: on the foot [N].
+            lifting: whether the foot is being sent upwards. A foot that scrapes over the ground
+                while it is lifted has not landed.
+        """
+        self._since += self._dt
+        if not self.armed:
+            self._unloaded = self._unloaded + self._dt if load < self._unload else 0.0
+            self.armed = self._unloaded >= self._time
+            return load > self.load and self._since > _STUCK_TIME
+        return load > self.load and not (self._arm and lifting)
+
+
+class ModeEvents:
+    """The events (14), and those that the paper leaves open.
+
+    Args:
+        estimator: says where the feet are.
+        sensor: says what they carry.
+        com: says where the COM is going.
+        parameters: distances, loads and times.
+        rules: departures from the paper.
+        weight: of the robot [N].
+    """
+
+    def __init__(
+        self,
+        estimator: StanceEstimator,
+        sensor: ZmpSensor,
+        com: ComMotion,
+        parameters: TeleopParameters,
+        rules: Rules,
+        weight: float,
+    ) -> None:
+        self._estimator, self._sensor, self._com = estimator, sensor, com
+        self._parameters, self._rules = parameters, rules
+        self._lifts = (LiftDetector(parameters), LiftDetector(parameters))
+        self._landing = LandingDetector(parameters, weight, arm=rules.armed_landing)
+        self._machine, self._shifted = ModeMachine(), 0.0
+
+    @property
+    def mode(self) -> Mode:
+        """Which feet carry the robot."""
+        return self._machine.mode
+
+    @property
+    def foot_has_left(self) -> bool:
+        """Whether the foot that is lifted has left the ground."""
+        return self._landing.armed
+
+    def advance(self, device: DeviceSample | None, time: float, *, rescuing: bool) -> bool:
+        """Moves the mode on if something happened.
+
+        Args:
+            device: the operator's hands, None while they are lost.
+            time: now [s].
+            rescuing: whether the foot in the air is put down whatever the operator wants.
+
+        Returns:
+            Whether another mode has begun.
+        """
+        event = self._event(device, time, rescuing=rescuing)
+        return event is not None and self._machine.advance(event, time)
+
+    def begin(self, device: DeviceSample | None) -> None:
+        """Starts the detectors of a mode that has just begun; the feet's places are known."""
+        self._shifted = 0.0
+        if self.mode is not Mode.D:
+            self._landing.reset()
+            return
+        for foot, lift in enumerate(self._lifts):
+            lift.reset(0.0 if device is None else self._lift_height(device, foot))
+
+    def _event(self, device: DeviceSample | None, time: float, *, rescuing: bool) -> Event | None:
+        support = self.mode.support
+        if support is None:
+            return self._lifted(device)
+        swing = 1 - support
+        if self.mode.single:
+            return self._landed(device, swing, rescuing=rescuing)
+        late = time - self._machine.since > self._parameters.shift_timeout
+        if self._rules.cancel and (self._is_given_back(device, swing) or late):
+            return Event.CANCEL
+        return self._shift(support)
+
+    def _lifted(self, device: DeviceSample | None) -> Event | None:
+        """Eqs (14a) and (14b): a device has been lifted in double support."""
+        if device is None:
+            return None
+        left, right = (
+            lift.update(self._lift_height(device, foot)) for foot, lift in enumerate(self._lifts)
+        )
+        if left and right:
+            # Both at once: the foot that carries less goes first, the other has to ask again.
+            loads = self._sensor.loads
+            return Event.LIFT_LEFT if loads[0] < loads[1] else Event.LIFT_RIGHT
+        if left:
+            return Event.LIFT_LEFT
+        return Event.LIFT_RIGHT if right else None
+
+    def _landed(self, device: DeviceSample | None, swing: int, *, rescuing: bool) -> Event | None:
+        """The foot in the air has landed, or has not left the ground and need not any more."""
+        load = float(self._sensor.loads[swing])
+        lifting = not rescuing and self._is_sent_up(device, swing)
+        if self._landing.update(load, lifting=lifting):
+            return Event.LANDED
+        if self._rules.cancel and not self._landing.armed:
+            unwanted = rescuing or self._is_given_back(device, swing)
+            return Event.LANDED if unwanted else None
+        return None
+
+    def _shift(self, support: int) -> Event | None:
+        """The weight is on the foot that shall carry, for long enough."""
+        p = self._parameters
+        self._shifted = self._shifted + p.dt if self._has_shifted(support) else 0.0
+        wanted = p.shift_time if self._rules.safe_lift else 0.0
+        return Event.SHIFTED if self._shifted > wanted else None
+
+    def _has_shifted(self, support: int) -> bool:
+        p, dynamics = self._parameters, self._estimator.dynamics
+        place, com = self._estimator.anchors[support][:2], dynamics.com[:2]
+        if np.linalg.norm(self._sensor.zmp - place) > p.r_lift:
+            return False
+        if not self._rules.safe_lift:
+            return True
+        if np.linalg.norm(self._com.cart_table_zmp(com) - place) > p.ct_zmp_max:
+            return False
+        # As commanded, and as it is: the robot lags behind a command that has just turned.
+        return all(
+            float(np.linalg.norm(com + velocity / self._com.omega - place)) < p.capture_max
+            for velocity in (self._com.velocity, dynamics.com_velocity[:2])
+        )
+
+    def _is_given_back(self, device: DeviceSample | None, swing: int) -> bool:
+        """Whether nobody wants a foot in the air that is still on the ground."""
+        return device is None or self._lifts[swing].is_low(self._lift_height(device, swing))
+
+    def _is_sent_up(self, device: DeviceSample | None, swing: int) -> bool:
+        if device is None:
+            return False
+        above = float(device.hand(swing)[2] - self._estimator.sole(swing)[2])
+        return above > self._parameters.lower_height
+
+    def _lift_height(self, device: DeviceSample, foot: int) -> float:
+        """How far a device is above its foot's place on the ground [m]."""
+        return float(device.hand(foot)[2] - self._estimator.anchors[foot][2])

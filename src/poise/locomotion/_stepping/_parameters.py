@@ -1,0 +1,231 @@
+"""`TeleopParameters`: every number of the step teleoperator, the paper's, or scaled to a robot."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+from jaxtyping import Float64
+
+from poise._checks import checked_number
+from poise.errors import ConfigurationError
+from poise.locomotion._pendulum import natural_frequency
+from poise.robots import Robot
+
+_KNEE = 3
+"""Place of the knee among the joints of a leg."""
+
+_PAPER_MASS = 65.0
+"""Of the paper's robot [kg]."""
+
+_PAPER_HEIGHT, _PAPER_STANCE, _PAPER_HALF_SOLE = 0.765, 0.42, 0.12
+"""Height of the COM, distance of the feet and half the width of a sole of the paper's robot [m]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TeleopParameters:
+    """Numbers of the step teleoperator; the defaults are for `biped20`.
+
+    Names and values are those of Zhang and Kikuuwe, section 3 to 5, where they have one; the others
+    stand for what the paper leaves open, see docs/teleoperation.md.
+
+    Attributes:
+        dt: T, length of a tick [s].
+        kp: k_p of the COM shifter [1/s^2].
+        acceleration_max: a_lim [m/s^2].
+        r_lift: distance of ZMP and reference at which a foot may leave the ground [m].
+        k_v: gain of the linear velocities [1/s].
+        k_omega: gain of the angular velocities [1/s].
+        k_level: gain with which a stance sole is levelled [1/s].
+        v_lim: largest linear velocity [m/s].
+        omega_lim: largest angular velocity [rad/s].
+        w_B: weight of the torso's angular velocity in double support.
+        w_S1: weight of the swing foot's velocity in single support.
+        w_S2: weight of the other foot's velocity in double support.
+        w_L: weight of the angular momentum in single support.
+        w_B1: weight of the torso's angular velocity in single support.
+        epsilon: weight of what should not count.
+        momentum_leak: how fast the desired angular momentum is forgotten [1/s].
+        capture_max: largest distance of the divergent component from the support foot's centre at
+            which the other foot may leave the ground [m].
+        ct_zmp_max: likewise of the CT-ZMP [m].
+        shift_time: how long all this must hold [s].
+        lift_height: how far a device is lifted to lift its foot [m].
+        lower_height: how far it may be above the ground to count as lowered again [m].
+        land_load: load at which a foot in the air has landed, over the weight.
+        unload_load: load below which a foot counts as in the air, over the weight.
+        unload_time: how long it must be [s].
+        press_depth: how far below the ground the operator may command a foot [m].
+        shift_timeout: how long a shift may take before both feet are given back [s].
+        zmp_time: time constant with which the measured ZMP is smoothed [s].
+        clear_height: height from which on a foot in the air is not held firmly [m].
+        swing_time: time constant with which the swing foot's velocity is smoothed [s].
+        support_margin: how far from the soles' edge the CT-ZMP is kept [m].
+        lift_speed: largest vertical speed of the COM [m/s].
+        lift_acceleration: largest vertical acceleration of the COM [m/s^2].
+        lower_speed: largest speed of a foot downwards [m/s].
+        touch_speed: likewise at the height of the ground [m/s].
+        tilt_soft: tilt of the torso at which its attitude weighs twice as much [rad].
+        velocity_leak: how fast the COM's commanded velocity leaks into the measured one [1/s].
+        press_speed: largest speed of a foot without load downwards in double support [m/s].
+        knee_min: least knee angle; straighter the leg is singular [rad].
+        reach_margin: share of the leg's length that a foot command stays short of.
+        stoop_max: how far the COM may come down for the legs to reach, over its height.
+        step_max: largest distance of the feet forward or sideways that can be commanded [m].
+        feet_gap: least distance of the soles' edges, side by side [m].
+    """
+
+    dt: float = 0.005
+    kp: float = 40.0
+    acceleration_max: float = 0.8
+    r_lift: float = 0.08
+    k_v: float = 10.0
+    k_omega: float = 10.0
+    k_level: float = 8.0
+    v_lim: float = 1.0
+    omega_lim: float = 0.8
+    w_B: float = 100.0
+    w_S1: float = 30.0
+    w_S2: float = 1e4
+    w_L: float = 1.0
+    w_B1: float = 3.0
+    epsilon: float = 1e-3
+    momentum_leak: float = 5.0
+    capture_max: float = 0.06
+    ct_zmp_max: float = 0.12
+    shift_time: float = 0.01
+    lift_height: float = 0.02
+    lower_height: float = 0.01
+    land_load: float = 0.047
+    unload_load: float = 0.0235
+    unload_time: float = 0.02
+    press_depth: float = 0.08
+    shift_timeout: float = 3.0
+    zmp_time: float = 0.01
+    clear_height: float = 0.04
+    swing_time: float = 0.05
+    support_margin: float = 0.02
+    lift_speed: float = 0.3
+    lift_acceleration: float = 1.5
+    lower_speed: float = 0.3
+    touch_speed: float = 0.15
+    tilt_soft: float = 0.2
+    velocity_leak: float = 5.0
+    press_speed: float = 0.1
+    knee_min: float = 0.08
+    reach_margin: float = 0.02
+    stoop_max: float = 0.2
+    feet_gap: float = 0.01
+    step_max: float = 0.46
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            checked_number(
+                getattr(self, field.name), f"{field.name} of the teleoperation", above=0.0
+            )
+        if not self.lower_height < self.lift_height:
+            raise ConfigurationError(
+                "a device counts as lowered higher up than as lifted",
+                got=(self.lower_height, self.lift_height),
+                wanted="lower_height < lift_height",
+            )
+        if not self.unload_load < self.land_load < 0.5:
+            raise ConfigurationError(
+                "loads of lifting and landing do not fit",
+                got=(self.unload_load, self.land_load),
+                wanted="unload_load < land_load < 0.5",
+            )
+
+
+def scaled_parameters(robot: Robot, height: float, stance: float) -> TeleopParameters:
+    """Parameters for a robot, from the paper's by stated rules.
+
+    - `kp` keeps its ratio to omega^2, so that the poles keep theirs to the robot's own time.
+    - `acceleration_max` keeps the first swing of the ZMP, a_lim / omega^2, in its ratio to the
+      COM's height: that swing goes towards the foot that is about to be unloaded, where
+      there is room.
+    - `r_lift` keeps its ratio to the distance of the feet (with 0.27 m between them it is 0.077 m),
+      and is no more than half the narrower side of a sole, which it is in the paper.
+    - `capture_max`, `ct_zmp_max` and `support_margin` keep their ratio to half a sole; so does
+      `touch_speed`: what a landing foot kicks the COM by has to stay within it.
+    - `w_L` goes with 1 / (m h)^2, so that angular momentum weighs as much as before beside the
+      swing foot's velocity.
+    - `v_lim`, `press_depth`, `clear_height` and `step_max` keep their ratio to the COM's height.
+
+    Args:
+        robot: a biped.
+        height: of the COM above the soles [m].
+        stance: distance of the soles, side by side [m].
+
+    Raises:
+        ConfigurationError: a sole smaller than what lifting a foot needs, or no soles.
+    """
+    if len(robot.soles) < 2:
+        raise ConfigurationError(
+            "step teleoperation needs two feet", got=list(robot.soles), wanted="two soles"
+        )
+    half = 0.5 * min(min(s.length, s.width) for s in robot.soles.values())
+    paper, size = TeleopParameters(), height / _PAPER_HEIGHT
+    square = natural_frequency(height) ** 2
+    paper_square = natural_frequency(_PAPER_HEIGHT) ** 2
+    r_lift = min(0.12 * stance / _PAPER_STANCE, half)
+    if not 0.0 < r_lift < stance:
+        raise ConfigurationError(
+            "the feet stand too close for step teleoperation", got=stance, wanted="> 0 m apart"
+        )
+    near = min(1.0, half / _PAPER_HALF_SOLE)
+    return replace(
+        paper,
+        kp=paper.kp * square / paper_square,
+        acceleration_max=paper.acceleration_max * size * square / paper_square,
+        r_lift=r_lift,
+        capture_max=paper.capture_max * near,
+        ct_zmp_max=paper.ct_zmp_max * near,
+        v_lim=paper.v_lim * size,
+        press_depth=paper.press_depth * size,
+        clear_height=paper.clear_height * size,
+        step_max=paper.step_max * size,
+        support_margin=paper.support_margin * near,
+        touch_speed=paper.touch_speed * near,
+        w_L=paper.w_L * (_PAPER_MASS / robot.mass / size) ** 2,
+    )
+
+
+def leg_joints(robot: Robot, sole: str) -> list[int]:
+    """Joints from the base to a sole, as indices among the robot's joints.
+
+    Raises:
+        ConfigurationError: fewer than six joints: the foot cannot be placed and turned freely.
+    """
+    model = robot.model
+    parent = model.frames[robot.frame_id(sole)].parentJoint
+    # Joint 0 is the world, joint 1 the floating base.
+    joints = [int(j) - 2 for j in model.supports[parent] if j > 1]
+    if len(joints) < 6:
+        raise ConfigurationError(
+            f"the leg of {sole} has too few joints for step teleoperation",
+            got=[robot.joint_names[j] for j in joints],
+            wanted="six joints or more",
+        )
+    return joints
+
+
+def knee_limits(
+    robot: Robot, legs: Sequence[Sequence[int]], knee_min: float
+) -> tuple[Float64[np.ndarray, " n"], Float64[np.ndarray, " n"]]:
+    """Position limits of the joints of legs, with the knees kept from being straight.
+
+    The knee is the joint behind the hip's three.
+
+    Args:
+        robot: a biped.
+        legs: of each leg the joints, as indices among the robot's.
+        knee_min: least angle of a knee [rad].
+
+    Returns:
+        Lower and upper limits [rad].
+    """
+    lower, upper = robot.q_min.copy(), robot.q_max.copy()
+    for leg in legs:
+        lower[leg[_KNEE]] = max(lower[leg[_KNEE]], knee_min)
+    joints = [joint for leg in legs for joint in leg]
+    return lower[joints], upper[joints]

@@ -1,0 +1,141 @@
+"""`FootRange`: where the feet can go, and how far the body must come down for them to."""
+
+import numpy as np
+from jaxtyping import Float64
+
+from poise.dynamics import Dynamics
+from poise.locomotion._stepping._biped import leg_geometry
+from poise.locomotion._stepping._parameters import TeleopParameters
+from poise.robots import Robot
+
+_ROLL_SHARE = 0.8
+"""Share of the ankle's roll that may be used for standing with the feet apart."""
+
+_LEAN_SHARE = 0.9
+"""Share of the ankle's pitch that the shank may lean forward by."""
+
+
+class FootRange:
+    """Keeps a swing foot within the leg's reach and beside the other foot.
+
+    Reach is a sphere around the hip for the ankle, whose place follows from the sole's, which is
+    kept level. Its radius is the leg's length with the knee as straight as it may be, less a
+    margin; a command beyond it is shortened along the ground. Beside means: to its own side of the
+    support foot, across the heading of the torso, by no less than the width of a sole and a gap, so
+    that legs never cross, and by no more than `step_max`, which also holds along the heading, nor
+    than the ankles' roll allows.
+
+    Args:
+        robot: a biped.
+        soles: names of the left and the right sole.
+        parameters: margins.
+    """
+
+    def __init__(self, robot: Robot, soles: tuple[str, str], parameters: TeleopParameters) -> None:
+        self._pelvis = robot.frame_id(robot.pelvis)
+        self._legs = [leg_geometry(robot, name, parameters.knee_min) for name in soles]
+        self._reach = [(1.0 - parameters.reach_margin) * leg.length for leg in self._legs]
+        # A level sole beside the hip takes as much roll of the ankle as the leg leans.
+        sides = [
+            reach * float(np.sin(min(_ROLL_SHARE * leg.roll_max, 0.5 * np.pi)))
+            + abs(float(leg.hip[1]))
+            for leg, reach in zip(self._legs, self._reach, strict=True)
+        ]
+        widths = [robot.soles[name].width for name in soles]
+        self._apart = 0.5 * sum(widths) + parameters.feet_gap
+        self._step_max = parameters.step_max
+        self._aside_max = max(self._apart, min(parameters.step_max, *sides))
+
+    def hip(self, foot: int, dynamics: Dynamics) -> Float64[np.ndarray, "3"]:
+        """Where the hip of a foot's leg is [m].
+
+        Args:
+            foot: 0 left, 1 right.
+            dynamics: of the estimated state.
+        """
+        pelvis = dynamics.frame(self._pelvis)
+        return pelvis.position + pelvis.rotation @ self._legs[foot].hip
+
+    def bring_back(
+        self,
+        foot: int,
+        target: Float64[np.ndarray, "3"],
+        support: Float64[np.ndarray, "3"],
+        hip: Float64[np.ndarray, "3"],
+        heading: Float64[np.ndarray, "2"],
+        *,
+        lower: float = 0.0,
+    ) -> Float64[np.ndarray, "3"]:
+        """The nearest position that the foot can be sent to.
+
+        Args:
+            foot: 0 left, 1 right.
+            target: commanded [m].
+            support: centre of the other sole [m].
+            hip: of the foot's leg, see `hip` [m].
+            heading: unit vector forward, x and y.
+            lower: how far the body may still come down for it [m].
+        """
+        target = target.copy()
+        across = np.array([-heading[1], heading[0]]) * (1.0 if foot == 0 else -1.0)
+        way = target[:2] - support[:2]
+        aside, ahead = float(way @ across), float(way @ heading)
+        aside = min(max(aside, self._apart), self._aside_max)
+        ahead = min(max(ahead, -self._step_max), self._step_max)
+        target[:2] = support[:2] + aside * across + ahead * heading
+        # Across the ground only: how far down a foot gets is for the ground and the knee to say.
+        arm = self._legs[foot].ankle
+        drop = float(hip[2] - arm[2] - max(target[2], support[2])) - lower
+        room = np.sqrt(max(self._reach[foot] ** 2 - drop * drop, 0.0))
+        way = target[:2] + arm[:2] - hip[:2]
+        distance = float(np.linalg.norm(way))
+        if distance > room:
+            target[:2] -= way * (1.0 - room / distance)
+        return target
+
+    def too_high(
+        self,
+        foot: int,
+        place: Float64[np.ndarray, "3"],
+        hip: Float64[np.ndarray, "3"],
+        shift: Float64[np.ndarray, "2"],
+    ) -> float:
+        """How far the hip is too high for the foot to be at a place; negative for room left [m].
+
+        Args:
+            foot: 0 left, 1 right.
+            place: of the sole [m].
+            hip: of the foot's leg [m].
+            shift: how far the hip will have gone along the ground [m].
+        """
+        way = place + self._legs[foot].ankle - hip
+        way[:2] -= shift
+        across = float(way[:2] @ way[:2])
+        return float(-way[2]) - float(np.sqrt(max(self._reach[foot] ** 2 - across, 0.0)))
+
+    def too_low(
+        self,
+        foot: int,
+        place: Float64[np.ndarray, "3"],
+        hip: Float64[np.ndarray, "3"],
+        heading: Float64[np.ndarray, "2"],
+    ) -> float:
+        """How far the hip is too low for the ankle to keep the sole level; negative for room [m].
+
+        A leg that bends leans its shank forward, the more so the further the hip is ahead.
+
+        Args:
+            foot: 0 left, 1 right.
+            place: of the sole [m].
+            hip: of the foot's leg [m].
+            heading: unit vector forward, x and y.
+        """
+        leg = self._legs[foot]
+        way = hip - place - leg.ankle
+        lean = _LEAN_SHARE * leg.lean_max
+        ahead = float(way[:2] @ heading)
+        aside = float(way[:2] @ np.array([-heading[1], heading[0]]))
+        # The shank as far forward as it goes, and the thigh from its knee to the hip.
+        thigh = leg.thigh**2 - (ahead - leg.shank * float(np.sin(lean))) ** 2 - aside * aside
+        lowest = leg.shank * float(np.cos(lean)) + float(np.sqrt(max(thigh, 0.0)))
+        return lowest - float(way[2])

@@ -1,0 +1,349 @@
+"""`Recording`: a recorded run, read through a memory map, and as a device.
+
+The file of a recording: a header of one line of JSON, and rows of numbers.
+`RecordingWriter`: keeps everything that comes from outside a run, a row an event.
+
+The header is padded with spaces to `HEADER_BYTES` and a new line, and behind it are rows of `ROW`,
+little-endian, without gaps. It is written while the run goes on and read through a memory map, so
+its length does not matter.
+"""
+
+import json
+import os
+from dataclasses import dataclass, field
+from enum import IntEnum
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float64
+
+from poise.errors import ConfigurationError, PoiseError
+from poise.locomotion._stepping._device import DeviceSample
+
+FORMAT, VERSION = "poise teleoperation", 1
+HEADER_BYTES = 16384
+"""Length of the header with its new line: room for a world of some fifty blocks."""
+
+UNFINISHED = -1
+"""Number of rows in the header of a file that was not closed."""
+
+
+class RowKind(IntEnum):
+    """What a row holds."""
+
+    SAMPLE = 0
+    """What the device sent: time, left, right, upright."""
+    PUSH = 1
+    """A push on the torso: left is the force [N], right[0] how long [s]."""
+
+
+ROW = np.dtype(
+    [
+        ("tick", "<i8"),
+        ("kind", "<u1"),
+        ("upright", "<u1"),
+        ("time", "<f8"),
+        ("left", "<f8", (3,)),
+        ("right", "<f8", (3,)),
+    ]
+)
+"""A row: the tick before which it came, counted from zero, and what came."""
+
+
+class RecordingError(PoiseError):
+    """A recording that cannot be read or does not belong to this robot."""
+
+
+def header_text(header: dict[str, Any]) -> bytes:
+    """A header as it stands in the file.
+
+    Args:
+        header: as JSON.
+
+    Raises:
+        ConfigurationError: it is too long or no JSON.
+    """
+    try:
+        text = json.dumps(header, allow_nan=False)
+    except (TypeError, ValueError) as error:
+        raise ConfigurationError(f"the set-up of a recording is no JSON: {error}") from None
+    encoded = text.encode()
+    if len(encoded) >= HEADER_BYTES:
+        raise ConfigurationError(
+            "the set-up of a recording is too long",
+            got=f"{len(encoded)} bytes",
+            wanted=f"less than {HEADER_BYTES}",
+        )
+    return encoded.ljust(HEADER_BYTES - 1) + b"\n"
+
+
+def read_header(path: Path) -> dict[str, Any]:
+    """The header of a file, checked.
+
+    Args:
+        path: the file.
+
+    Raises:
+        RecordingError: no recording, another version, or a header that is broken.
+    """
+    try:
+        with path.open("rb") as file:
+            head = file.read(HEADER_BYTES)
+    except OSError as error:
+        raise RecordingError(f"the recording {path} cannot be read: {error.strerror}") from None
+    wanted = f"a file that a {FORMAT} run has left"
+    try:
+        header = json.loads(head)
+    except (UnicodeDecodeError, json.JSONDecodeError):
+        raise RecordingError(f"{path.name} is no recording", wanted=wanted) from None
+    if not isinstance(header, dict) or header.get("format") != FORMAT:
+        raise RecordingError(f"{path.name} is no recording", wanted=wanted)
+    if header.get("version") != VERSION:
+        raise RecordingError(
+            f"the recording {path.name} is of another version",
+            got=header.get("version"),
+            wanted=str(VERSION),
+        )
+    kinds = {"robot": str, "dt": float, "rows": int, "setup": dict}
+    for key, kind in kinds.items():
+        if not isinstance(header.get(key), kind):
+            raise RecordingError(
+                f"the header of the recording {path.name} is broken",
+                got=header.get(key),
+                wanted=f"{key} as {kind.__name__}",
+            )
+    if not header["dt"] > 0.0:
+        raise RecordingError(
+            f"the header of the recording {path.name} is broken", got=header["dt"], wanted="dt > 0"
+        )
+    return header
+
+
+class RecordingWriter:
+    """Writes a recording while the run goes on; a context manager.
+
+    Args:
+        path: the file, replaced if it is there; by convention `*.teleop`.
+        robot: the robot's name.
+        dt: length of a tick [s].
+        setup: whatever else the run needs to be run again, as JSON: see `run_teleop`.
+
+    Raises:
+        ConfigurationError: the set-up is too long or no JSON.
+
+    Attributes:
+        setup: what the header will hold; what is known at the end only can be put in before
+            `close`.
+    """
+
+    def __init__(
+        self, path: Path, *, robot: str, dt: float, setup: dict[str, Any] | None = None
+    ) -> None:
+        self.setup: dict[str, Any] = dict(setup or {})
+        self._header: dict[str, Any] = {
+            "format": FORMAT,
+            "version": VERSION,
+            "robot": robot,
+            "dt": float(dt),
+            "rows": UNFINISHED,
+            "setup": self.setup,
+        }
+        text = header_text(self._header)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        self._file = path.open("wb")
+        self._file.write(text)
+        self._rows = 0
+
+    def sample(self, tick: int, sample: DeviceSample) -> None:
+        """Notes a sample that came before a tick, good or bad."""
+        self._write(
+            tick, RowKind.SAMPLE, sample.time, sample.left, sample.right, upright=sample.upright
+        )
+
+    def push(self, tick: int, force: Float64[np.ndarray, "3"], duration: float) -> None:
+        """Notes a push on the torso that began before a tick.
+
+        Args:
+            tick: counted from zero.
+            force: in the world [N].
+            duration: [s].
+        """
+        self._write(tick, RowKind.PUSH, 0.0, force, np.array([duration, 0.0, 0.0]))
+
+    def flush(self) -> None:
+        """Hands every row to the operating system: a run that is killed later loses none."""
+        self._file.flush()
+
+    def close(self) -> None:
+        """Writes how many rows there are; without it the file counts as truncated."""
+        if self._file.closed:
+            return
+        self._header["rows"] = self._rows
+        self._file.seek(0)
+        self._file.write(header_text(self._header))
+        self._file.close()
+
+    def __enter__(self) -> "RecordingWriter":
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def _write(
+        self,
+        tick: int,
+        kind: RowKind,
+        time: float,
+        left: np.ndarray,
+        right: np.ndarray,
+        *,
+        upright: bool = False,
+    ) -> None:
+        row = np.zeros(1, dtype=ROW)
+        row["tick"], row["kind"], row["upright"], row["time"] = tick, kind, upright, time
+        # A device may send anything: what is no point is kept as one that is refused again.
+        row["left"], row["right"] = _point(left), _point(right)
+        self._file.write(row.tobytes())
+        self._rows += 1
+
+
+def _point(value: object) -> np.ndarray:
+    if isinstance(value, np.ndarray) and value.shape == (3,) and value.dtype == np.float64:
+        return value
+    return np.full(3, np.nan)
+
+
+_AT_ONCE = 100_000
+"""Rows that are checked at a time."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Recording:
+    """A recording, opened; its rows stay on the disk.
+
+    Attributes:
+        path: the file.
+        robot: the robot's name.
+        dt: length of a tick [s].
+        setup: what else the run needs.
+        rows: of `ROW`, memory-mapped.
+    """
+
+    path: Path
+    robot: str
+    dt: float
+    setup: dict[str, Any] = field(repr=False)
+    rows: np.ndarray = field(repr=False)
+
+    @property
+    def duration(self) -> float:
+        """Time of the last row [s]."""
+        return float(self.rows["tick"][-1] + 1) * self.dt if len(self.rows) else 0.0
+
+    def device(self, *, robot: str, dt: float) -> "RecordedDevice":
+        """The recording as a device.
+
+        Args:
+            robot: name of the robot that it shall drive.
+            dt: length of its ticks [s].
+
+        Raises:
+            RecordingError: another robot or another tick.
+        """
+        if robot != self.robot:
+            raise RecordingError(
+                f"the recording {self.path.name} is from another robot",
+                got=self.robot,
+                wanted=robot,
+            )
+        if dt != self.dt:
+            raise RecordingError(
+                f"the recording {self.path.name} has another length of a tick",
+                got=f"{self.dt} s",
+                wanted=f"{dt} s",
+            )
+        return RecordedDevice(self)
+
+
+class RecordedDevice:
+    """Gives the samples of a recording at the ticks at which they came.
+
+    Gaps stay gaps, and what was refused then is refused now: the guard decides again.
+
+    Args:
+        recording: where they are.
+    """
+
+    def __init__(self, recording: Recording) -> None:
+        self._rows, self._dt, self._next = recording.rows, recording.dt, 0
+        self.pushes: list[tuple[Float64[np.ndarray, "3"], float]] = []
+        """Pushes that came with the last sample: force [N] and duration [s]."""
+
+    def sample(self, time: float) -> DeviceSample | None:
+        """What came before the tick at a time [s]; ticks are asked for in order."""
+        tick, found = round(time / self._dt), None
+        self.pushes = []
+        while self._next < len(self._rows) and self._rows[self._next]["tick"] <= tick:
+            row = self._rows[self._next]
+            self._next += 1
+            left, right = row["left"].astype(np.float64), row["right"].astype(np.float64)
+            if row["kind"] == RowKind.PUSH:
+                self.pushes.append((left, float(right[0])))
+            else:
+                found = DeviceSample(float(row["time"]), left, right, bool(row["upright"]))
+        return found
+
+
+def read_recording(path: Path, *, allow_partial: bool = False) -> Recording:
+    """Opens a recording.
+
+    Args:
+        path: the file.
+        allow_partial: whether a file that was not finished counts, up to its last whole row.
+
+    Raises:
+        RecordingError: no recording, another version, truncated, or ticks that go backwards.
+    """
+    header = read_header(path)
+    size = os.path.getsize(path) - HEADER_BYTES
+    whole, rest = divmod(size, ROW.itemsize)
+    if (rest or whole != header["rows"]) and not allow_partial:
+        promised = "unfinished" if header["rows"] == UNFINISHED else f"{header['rows']} rows"
+        raise RecordingError(
+            f"the recording {path.name} is truncated or was not finished",
+            got=f"{whole} rows and {rest} bytes",
+            wanted=f"{promised}; what there is can be read with allow_partial=True",
+        )
+    rows = (
+        np.memmap(path, dtype=ROW, mode="r", offset=HEADER_BYTES, shape=(whole,))
+        if whole
+        else np.zeros(0, dtype=ROW)
+    )
+    _check_rows(path, rows)
+    return Recording(
+        path=path, robot=header["robot"], dt=header["dt"], setup=header["setup"], rows=rows
+    )
+
+
+def _check_rows(path: Path, rows: np.ndarray) -> None:
+    last = 0
+    for begin in range(0, len(rows), _AT_ONCE):
+        part = rows[begin : begin + _AT_ONCE]
+        ticks = part["tick"]
+        steps = np.diff(ticks, prepend=last)
+        bad = np.flatnonzero((steps < 0) | (part["kind"] > RowKind.PUSH))
+        if len(bad):
+            index = int(bad[0])
+            raise RecordingError(
+                f"row {begin + index} of the recording {path.name} cannot be: its tick goes "
+                "backwards, or it is of no known kind",
+                got=f"tick {int(ticks[index])}, kind {int(part['kind'][index])}",
+            )
+        last = ticks[-1]

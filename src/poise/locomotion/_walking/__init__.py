@@ -1,0 +1,32 @@
+"""Walking: footsteps, references, and the walker that leads a stack along them."""
+
+from poise.locomotion._walking._footsteps import (
+    Footstep,
+    FootstepPlan,
+    Gait,
+    Ground,
+    Placement,
+    Platform,
+    Stride,
+)
+from poise.locomotion._walking._lead import CarriedTarget, walking_stack
+from poise.locomotion._walking._plan import plan_footsteps
+from poise.locomotion._walking._reference import WalkReference
+from poise.locomotion._walking._walker import Walker, WalkSettings, WalkStatus
+
+__all__ = [
+    "CarriedTarget",
+    "Footstep",
+    "FootstepPlan",
+    "Gait",
+    "Ground",
+    "Placement",
+    "Platform",
+    "Stride",
+    "WalkReference",
+    "WalkSettings",
+    "WalkStatus",
+    "Walker",
+    "plan_footsteps",
+    "walking_stack",
+]

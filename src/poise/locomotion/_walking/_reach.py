@@ -1,0 +1,124 @@
+"""Whether the legs reach where a walk needs them: inverse kinematics before anything moves."""
+
+import math
+
+import numpy as np
+import pinocchio as pin
+from jaxtyping import Float64
+
+from poise.errors import ConfigurationError
+from poise.locomotion._walking._footsteps import FootstepPlan, Placement
+from poise.locomotion._walking._reference import WalkReference
+from poise.robots import Robot
+
+_ITERATIONS, _DAMPING = 25, 1e-6
+_LONGEST_TURN = 0.3
+"""Longest step of the search in a joint [rad]."""
+
+_MISS = 0.01
+"""A foot this far from its place, or a joint this far beyond its limit, is out of reach [m, rad]:
+the pelvis, taken to go along with the COM, is not known better."""
+
+_STRAIGHT = 0.99
+"""Share of a straight leg that a foothold may use which is moved to catch the robot."""
+
+
+class LegReach:
+    """Puts a foot where it should stand, with the base where the walk has it.
+
+    Args:
+        robot: the robot.
+        plan: its steps.
+    """
+
+    def __init__(self, robot: Robot, plan: FootstepPlan) -> None:
+        self._robot, self._plan = robot, plan
+        self._model, self._data = robot.model, robot.model.createData()
+        pin.framesForwardKinematics(self._model, self._data, plan.q)
+        self._frames = [robot.frame_id(name) for name in plan.soles]
+        self._chains = [
+            [j for j in self._model.supports[self._model.frames[f].parentJoint].tolist() if j > 1]
+            for f in self._frames
+        ]
+        self._base = pin.XYZQUATToSE3(plan.q[:7])
+        self._base_from_com = self._base.translation - np.array(plan.com)
+
+    def check(self, reference: WalkReference) -> None:
+        """Looks at every foot when it comes down and when it leaves.
+
+        Raises:
+            ConfigurationError: a foot is out of reach; the message says after which step, and of
+                which joint.
+        """
+        plan = self._plan
+        for foot, name in enumerate(plan.soles):
+            for begin, end, done in _stands(plan, foot):
+                place = plan.placements(done)[foot]
+                for time in (begin, end):
+                    problem = self._miss(foot, place, *reference.at(time))
+                    if problem:
+                        raise ConfigurationError(
+                            f"{name} of robot {self._robot.name!r} is out of reach"
+                            f" {f'after step {done}' if done else 'before its first step'}",
+                            got=problem,
+                            wanted="shorter steps, another width, or more crouch",
+                        )
+
+    def longest_step(self, reference: WalkReference) -> float:
+        """How far ahead of the other a foot may come down with the COM half way between [m]."""
+        hip = self._data.oMi[self._chains[0][0]].translation
+        neutral = self._model.createData()
+        pin.framesForwardKinematics(self._model, neutral, pin.neutral(self._model))
+        first, last = (neutral.oMi[self._chains[0][k]].translation for k in (0, -1))
+        length = _STRAIGHT * float(np.linalg.norm(last - first))
+        ankle = self._data.oMi[self._chains[0][-1]].translation[2] - self._plan.start[0].position[2]
+        height = reference.height + hip[2] - self._plan.com[2] - ankle
+        return 2.0 * math.sqrt(max(length**2 - height**2, 0.0))
+
+    def _miss(
+        self,
+        foot: int,
+        place: Placement,
+        com: Float64[np.ndarray, "3 3"],
+        way: Float64[np.ndarray, "3 4"],
+    ) -> str:
+        """What is wrong with a foot's place at one moment; "" if nothing is."""
+        turn = pin.utils.rotate("z", float(way[0, 3]))
+        base = pin.SE3(turn @ self._base.rotation, com[0] + turn @ self._base_from_com)
+        goal = pin.SE3(pin.utils.rotate("z", place.yaw), np.array(place.position))
+        q = self._plan.q.copy()
+        q[:7] = pin.SE3ToXYZQUAT(base)
+        model, data, chain = self._model, self._data, self._chains[foot]
+        rows = [model.joints[j].idx_v for j in chain]
+        places = [model.joints[j].idx_q for j in chain]
+        error = np.full(6, np.inf)
+        for _ in range(_ITERATIONS):
+            pin.computeJointJacobians(model, data, q)
+            placement = pin.updateFramePlacement(model, data, self._frames[foot])
+            error = pin.log6(placement.actInv(goal)).vector
+            if float(np.abs(error).max()) < 1e-3:
+                break
+            J = pin.getFrameJacobian(model, data, self._frames[foot], pin.LOCAL)[:, rows]
+            step = J.T @ np.linalg.solve(J @ J.T + _DAMPING * np.eye(6), error)
+            q[places] += step * min(1.0, _LONGEST_TURN / float(np.abs(step).max()))
+        if float(np.linalg.norm(error[:3])) > _MISS:
+            return f"{float(np.linalg.norm(error[:3])):.3f} m short"
+        first = self._robot.nq - self._robot.nj
+        for k in places:
+            low, high = self._robot.q_min[k - first], self._robot.q_max[k - first]
+            if not low - _MISS <= q[k] <= high + _MISS:
+                joint = self._robot.joint_names[k - first]
+                return f"joint {joint!r} at {q[k]:.2f} of {low:.2f} to {high:.2f} rad"
+        return ""
+
+
+def _stands(plan: FootstepPlan, foot: int) -> list[tuple[float, float, int]]:
+    """When a foot stands: from, until, and after how many steps of the plan."""
+    stands: list[tuple[float, float, int]] = []
+    begin, done = 0.0, 0
+    for i, step in enumerate(plan.steps):
+        if step.foot == foot:
+            stands.append((begin, plan.lift_off(i), done))
+            begin, done = plan.touchdown(i), i + 1
+    stands.append((begin, plan.duration, done))
+    return stands

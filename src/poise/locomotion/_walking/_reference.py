@@ -1,0 +1,156 @@
+"""`WalkReference`: where ZMP, centre of mass and body should be all through a walk."""
+
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float64
+from scipy.interpolate import make_interp_spline
+
+from poise.locomotion._pendulum import natural_frequency
+from poise.locomotion._preview import PreviewControl
+from poise.locomotion._walking._footsteps import FootstepPlan
+
+_DT = 0.005
+"""Grid of the references [s]; between its points they are interpolated linearly."""
+
+_AHEAD = 3.0
+"""How far the preview looks ahead [s]: what is farther has 1e-4 of its weight."""
+
+_CLOSE = 0.3
+"""How long the ZMP takes from the last foot to the middle at the end [s]."""
+
+
+class ReferencePoint(NamedTuple):
+    """References at one moment.
+
+    Attributes:
+        com: position [m], velocity [m/s] and acceleration [m/s^2] of the COM, a row each.
+        way: how far the body has gone along x, y, z [m] and turned [rad] since the beginning, and
+            the rates of that, a row each.
+    """
+
+    com: Float64[np.ndarray, "3 3"]
+    way: Float64[np.ndarray, "3 4"]
+
+
+class WalkReference:
+    """References of a plan, computed once.
+
+    The ZMP stands in the middle of the foot that carries and goes over to the next while both
+    stand. `PreviewControl` gives the horizontal motion of the COM from it. Its height follows the
+    lower foot, its heading the mean of both.
+
+    Args:
+        plan: the steps.
+
+    Attributes:
+        omega: natural frequency of the COM over the ground [1/s].
+        height: of the COM above the ground while walking [m].
+        time: grid [s].
+        zmp: reference of the ZMP on the grid [m].
+        com: position, velocity and acceleration of the COM on the grid [m, s].
+        way: how far the body has gone and turned on the grid, with the rates of that.
+    """
+
+    def __init__(self, plan: FootstepPlan) -> None:
+        feet = 0.5 * sum(p.position[2] for p in plan.start)
+        standing = plan.com[2] - feet
+        self.height = standing - plan.gait.crouch
+        self.omega = natural_frequency(self.height)
+        self.time: Float64[np.ndarray, " T"] = np.arange(0.0, plan.duration + _DT, _DT)
+        self.zmp: Float64[np.ndarray, "T 2"] = _zmp(plan, self.time)
+        rise = np.concatenate([_rise(plan, self.time), _heading(plan, self.time)], axis=2)
+        com = _preview(self.height, np.array(plan.com[:2]), self.zmp)
+        crouch = -plan.gait.crouch * _least_jerk(self.time, plan.gait.shift_time)
+        self.com: Float64[np.ndarray, "T 3 3"] = np.concatenate(
+            [com, rise[:, :, :1] + crouch[:, :, None]], axis=2
+        )
+        self.com[:, 0, 2] += standing
+        self.way: Float64[np.ndarray, "T 3 4"] = np.concatenate([com, rise], axis=2)
+        self.way[:, 0] -= self.way[0, 0]
+        flat = np.concatenate([self.com.reshape(-1, 9), self.way.reshape(-1, 12)], axis=1)
+        self._table = np.ascontiguousarray(flat)
+        self._last = len(self.time) - 2
+
+    def at(self, time: float) -> ReferencePoint:
+        """The references at a time from the beginning of the walk [s]; the last ones after it."""
+        grid = max(time, 0.0) / _DT
+        k = min(int(grid), self._last)
+        before = self._table[k]
+        row = before + min(grid - k, 1.0) * (self._table[k + 1] - before)
+        return ReferencePoint(row[:9].reshape(3, 3), row[9:].reshape(3, 4))
+
+
+def _zmp(plan: FootstepPlan, time: Float64[np.ndarray, " T"]) -> Float64[np.ndarray, "T 2"]:
+    """From the middle over to each foot that carries, and back to the middle."""
+    knots = [(0.5 * plan.gait.shift_time, plan.com[:2])]
+    for i, step in enumerate(plan.steps):
+        stance = plan.placements(i)[1 - step.foot].position[:2]
+        knots += [(plan.lift_off(i), stance), (plan.touchdown(i), stance)]
+    left, right = (np.array(p.position[:2]) for p in plan.placements(plan.count))
+    x, y = (0.5 * (left + right)).tolist()
+    knots.append((plan.touchdown(plan.count - 1) + _CLOSE, (x, y)))
+    at, points = np.array([t for t, _ in knots]), np.array([p for _, p in knots])
+    return np.stack([np.interp(time, at, points[:, axis]) for axis in (0, 1)], axis=1)
+
+
+def _rise(plan: FootstepPlan, time: Float64[np.ndarray, " T"]) -> Float64[np.ndarray, "T 3 1"]:
+    """Height of the lower of the two feet that stand: the farther leg has to reach it.
+
+    It changes while one foot is in the air, so up after the lower foot has left the ground, and
+    down before the lower one comes to it.
+    """
+    rise = np.zeros((len(time), 3, 1))
+    lows = [min(p.position[2] for p in plan.placements(i)) for i in range(plan.count + 1)]
+    rise[:, 0] = lows[0]
+    for i, (before, after) in enumerate(pairwise(lows)):
+        if after != before:
+            share = _least_jerk(time - plan.lift_off(i), plan.gait.swing_time)
+            rise[:, :, 0] += (after - before) * share
+    return rise
+
+
+def _heading(plan: FootstepPlan, time: Float64[np.ndarray, " T"]) -> Float64[np.ndarray, "T 3 1"]:
+    """Mean heading of the feet, smoothly from one stand to the next."""
+    half = 0.5 * plan.gait.double_support
+    at = [plan.lift_off(0) - half]
+    at += [plan.touchdown(i) + half for i in range(plan.count)]
+    means = [0.5 * sum(place.yaw for place in plan.placements(i)) for i in range(plan.count + 1)]
+    rest = [(1, 0.0), (2, 0.0)]
+    spline = make_interp_spline(at, np.array(means), k=5, bc_type=(rest, rest))
+    inside = np.clip(time, at[0], at[-1])
+    moving = (time > at[0]) & (time < at[-1])
+    heading = np.stack(
+        [spline(inside), moving * spline(inside, nu=1), moving * spline(inside, nu=2)]
+    )
+    return heading.T[:, :, None]
+
+
+def _preview(
+    height: float, start: Float64[np.ndarray, "2"], zmp: Float64[np.ndarray, "T 2"]
+) -> Float64[np.ndarray, "T 3 2"]:
+    """The COM that preview control makes of a ZMP reference, from rest."""
+    control = PreviewControl(height, _DT, round(_AHEAD / _DT))
+    ahead = np.concatenate([zmp[1:], np.repeat(zmp[-1:], control.length, axis=0)])
+    pull = np.stack([np.correlate(ahead[:, k], control.f, "valid") for k in (0, 1)], axis=1)
+    # A window that ends too soon pulls a little less than a reference at rest needs.
+    pull *= 1.0 / control.dc_gain
+    closed = control.A - np.outer(control.b, control.K)
+    state = np.zeros((3, 2))
+    state[0] = start
+    states = np.empty((len(zmp), 3, 2))
+    driven = control.b[:, None]
+    for k in range(len(zmp)):
+        states[k] = state
+        state = closed @ state + driven * pull[k]
+    return states
+
+
+def _least_jerk(time: Float64[np.ndarray, " T"], over: float) -> Float64[np.ndarray, "T 3"]:
+    """Share of a way from rest to rest, zero before time zero and one in the end, and its rates."""
+    r = np.clip(time / over, 0.0, 1.0)
+    share = r**3 * (10.0 - 15.0 * r + 6.0 * r * r)
+    rate = 30.0 * r * r * (1.0 - r) ** 2 / over
+    second = 60.0 * r * (1.0 - r) * (1.0 - 2.0 * r) / over**2
+    return np.stack([share, rate, second], axis=1)

@@ -1,0 +1,407 @@
+"""`Walker`: leads the tasks and contacts of a running controller along a footstep plan.
+
+`WalkSettings`: how a walker keeps its balance and feels the ground.
+`WalkStatus`: how a walk stands.
+`WalkSense`: what a walker needs to know of the robot's state.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from enum import Enum
+
+import numpy as np
+import pinocchio as pin
+from jaxtyping import Float64
+
+from poise._checks import checked_number
+from poise.dynamics import RobotState
+from poise.errors import ConfigurationError
+from poise.locomotion._support import Point, SupportPolygon, sole_rectangle
+from poise.locomotion._walking._feedback import DcmFeedback, PlanShift, StepCatcher
+from poise.locomotion._walking._footsteps import FootstepPlan, Placement
+from poise.locomotion._walking._lead import CarriedTarget, find_led
+from poise.locomotion._walking._reach import LegReach
+from poise.locomotion._walking._reference import WalkReference
+from poise.locomotion._walking._swing import SwingFoot
+from poise.robots import Robot
+from poise.stack import Stack, Task
+
+
+@dataclass(frozen=True, kw_only=True)
+class WalkSettings:
+    """Feedback, touchdown and limits of a walker.
+
+    Attributes:
+        dcm_gain: how fast an error of the divergent component of motion dies out [1/s].
+        zmp_margin: how far inside the soles' edges the ZMP that corrects it stays [m].
+        touchdown_force: share of the robot's weight at which a foot counts as down.
+        touchdown_depth: how far below the expected ground a foot aims [m].
+        early: share of the swing after which ground counts as ground.
+        search_depth: how far below the expected ground a late foot looks for it [m].
+        patience: how long a foot may be late [s].
+        adjust: farthest that a foothold moves from its plan to catch the robot [m]; 0 for never.
+        com_bound: distance of the divergent component from its reference, over the height of the
+            COM, beyond which the walk is given up.
+    """
+
+    dcm_gain: float = 4.0
+    zmp_margin: float = 0.01
+    touchdown_force: float = 0.05
+    touchdown_depth: float = 0.003
+    early: float = 0.5
+    search_depth: float = 0.04
+    patience: float = 0.4
+    adjust: float = 0.2
+    com_bound: float = 0.4
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            zero = field.name in ("zmp_margin", "touchdown_depth", "search_depth", "adjust")
+            checked_number(
+                getattr(self, field.name),
+                f"{field.name} of the walk's settings",
+                above=None if zero else 0.0,
+            )
+        for name in ("touchdown_force", "early"):
+            if getattr(self, name) >= 1.0:
+                raise ConfigurationError(
+                    f"{name} of the walk's settings is out of range",
+                    got=getattr(self, name),
+                    wanted="a share below one",
+                )
+
+
+class WalkStatus(Enum):
+    """How a walk stands, or why it ended."""
+
+    READY = "ready"
+    """No state has come yet."""
+    WALKING = "walking"
+    """The plan is being followed."""
+    FINISHED = "finished"
+    """All steps are made; the robot stands."""
+    MISPLACED = "misplaced"
+    """The feet were not where the plan begins: nothing was moved."""
+    FOOT_LOST = "foot_lost"
+    """A foot found no ground: it is held, and the robot balances on the other."""
+    COM_LOST = "com_lost"
+    """The COM ran away from its reference: the foot comes down where it is."""
+
+    @property
+    def ok(self) -> bool:
+        """Whether nothing went wrong."""
+        return self in (WalkStatus.READY, WalkStatus.WALKING, WalkStatus.FINISHED)
+
+
+class WalkSense:
+    """Centre of mass and soles of a state; a fifth of what a controller computes.
+
+    Args:
+        robot: the robot.
+        soles: names of its soles.
+
+    Attributes:
+        com: centre of mass [m].
+        com_velocity: its velocity [m/s].
+    """
+
+    def __init__(self, robot: Robot, soles: tuple[str, str]) -> None:
+        self._model, self._data = robot.model, robot.model.createData()
+        self._ids = [robot.frame_id(name) for name in soles]
+        self.com: Float64[np.ndarray, "3"] = self._data.com[0]
+        self.com_velocity: Float64[np.ndarray, "3"] = self._data.vcom[0]
+
+    def update(self, state: RobotState) -> None:
+        """Takes a state in."""
+        pin.centerOfMass(self._model, self._data, state.q, state.v, False)
+
+    def sole(self, foot: int) -> tuple[Float64[np.ndarray, "3"], Float64[np.ndarray, "3 3"]]:
+        """Position [m] and rotation of a sole in the world."""
+        placement = pin.updateFramePlacement(self._model, self._data, self._ids[foot])
+        return placement.translation, placement.rotation
+
+
+_GRAVITY = 9.81
+_ENGAGE, _RELEASE = 0.4, 0.5
+"""Shares of the double support in which the landed foot is loaded and the next one unloaded."""
+
+_LATE = 0.25
+"""Share of the double support that a late foot may use up before the clock of the walk waits."""
+
+_MISPLACED = 0.03
+"""How far a sole may be from where the plan begins [m]."""
+
+_LONGEST_TICK = 0.05
+"""A clock that jumps farther than this moves the walk on no farther [s]."""
+
+
+class Walker:
+    """Walks: call `advance` with each state, before the controller's `step`.
+
+    It only sets targets of tasks and loads of contacts of the stack: the COM task (its target, and
+    the acceleration that keeps the balance), the frame task of the foot in the air, the contacts
+    of both soles, and every other frame task, which goes along with the body. It never raises
+    while it runs; what goes wrong is a status, after which the robot stands still as well as it
+    can: no foot is lifted any more, and no target moves.
+
+    Args:
+        robot: the robot.
+        plan: its steps.
+        stack: the controller's stack: a `ComTask` of all axes, a `FrameTask` of the pose of each
+            sole, and a contact on each.
+        settings: feedback, touchdown and limits.
+        carry: names of frame tasks that go along with the body; all that are on no sole when None.
+
+    Attributes:
+        plan: the steps.
+        settings: feedback, touchdown and limits.
+        reference: ZMP, COM and body of the plan.
+        status: how the walk stands.
+        carried: targets that go along with the body, by the name of their task.
+
+    Raises:
+        ConfigurationError: the stack lacks something, or a leg does not reach.
+        UnknownNameError: no such frame task to carry.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        plan: FootstepPlan,
+        stack: Stack,
+        settings: WalkSettings | None = None,
+        *,
+        carry: Sequence[str] | None = None,
+    ) -> None:
+        self.plan, self.settings = plan, settings or WalkSettings()
+        self.reference = WalkReference(plan)
+        legs = LegReach(robot, plan)
+        legs.check(self.reference)
+        stack.bind(robot)
+        self._led = find_led(robot, plan, stack, carry)
+        self.carried: dict[str, CarriedTarget] = self._led.carried
+        self.status = WalkStatus.READY
+        omega = self.reference.omega
+        self._sense = WalkSense(robot, plan.soles)
+        self._weight = robot.mass * _GRAVITY
+        self._feedback = DcmFeedback(omega, self.settings.dcm_gain)
+        self._shift = PlanShift(omega)
+        self._catcher = StepCatcher(
+            plan,
+            omega,
+            self.settings.adjust,
+            self.settings.zmp_margin,
+            legs.longest_step(self.reference),
+        )
+        self._clock = 0.0
+        self._time: float | None = None
+        self._step = 0
+        self._swing: SwingFoot | None = None
+        self._stance = plan.start[0]
+        self._released = False
+        self._waited = 0.0
+        self._support = SupportPolygon([], 0.0)
+        self._middle: Point = (0.0, 0.0)
+
+    @property
+    def clock(self) -> float:
+        """Time of the plan [s]; it waits for a foot that is late."""
+        return self._clock
+
+    @property
+    def steps_made(self) -> int:
+        """How many steps are behind."""
+        return self._step
+
+    @property
+    def dcm_error(self) -> Point:
+        """How far the divergent component of motion is from its reference [m]."""
+        return self._feedback.error
+
+    @property
+    def zmp(self) -> Point:
+        """Where the ZMP should be, feedback included [m]."""
+        return self._feedback.zmp
+
+    @property
+    def off_plan(self) -> Point:
+        """How far the last foothold is beside its plan [m]."""
+        return self._shift.settled
+
+    def leads(self, task: Task) -> bool:
+        """Whether the walk sets a task's target by itself: the COM's and the feet's."""
+        return task is self._led.com or task in self._led.feet
+
+    def holds(self, contact: str) -> bool:
+        """Whether the walk loads and unloads a contact of that name."""
+        return any(contact == c.name for c in self._led.contacts)
+
+    def advance(self, state: RobotState) -> WalkStatus:
+        """Sets what the next tick should do.
+
+        Args:
+            state: of the robot; one that is not finite is passed over.
+
+        Returns:
+            How the walk stands.
+        """
+        if not math.isfinite(float(state.q.sum()) + float(state.v.sum())):
+            return self.status
+        self._sense.update(state)
+        dt = 0.0 if self._time is None else min(max(state.time - self._time, 0.0), _LONGEST_TICK)
+        self._time = state.time
+        if self.status is WalkStatus.READY:
+            self._begin()
+        if self.status is WalkStatus.MISPLACED:
+            return self.status
+        if self._swing is not None:
+            self._fly(self._swing, state, dt)
+        elif self.status.ok:
+            self._stand(dt)
+        self._keep_balance(dt)
+        return self.status
+
+    def _begin(self) -> None:
+        self.status = WalkStatus.WALKING
+        for foot, place in enumerate(self.plan.start):
+            position, _ = self._sense.sole(foot)
+            if math.dist(position.tolist(), place.position) > _MISPLACED:
+                self.status = WalkStatus.MISPLACED
+        self._stand_on((0, 1))
+
+    def _stand(self, dt: float) -> None:
+        """Both feet on the ground: unload the next one, and lift it when it is due."""
+        plan = self.plan
+        self._clock += dt
+        if self._step >= plan.count:
+            if self._clock >= plan.duration:
+                self.status = WalkStatus.FINISHED
+            return
+        foot, lift = plan.steps[self._step].foot, plan.lift_off(self._step)
+        ramp = _RELEASE * plan.gait.double_support
+        if not self._released and self._clock >= lift - ramp:
+            self._led.contacts[foot].release(ramp)
+            self._released = True
+            # The tick that finds the contact gone comes before the next state: it holds the foot.
+            self._led.feet[foot].set_target(*self._sense.sole(foot))
+        if self._clock >= lift and not self._led.contacts[foot].active:
+            self._lift(foot)
+
+    def _lift(self, foot: int) -> None:
+        step, plan = self.plan.steps[self._step], self.plan
+        position, rotation = self._sense.sole(foot)
+        x, y, z = step.goal.position
+        low = Placement(position=(x, y, z - self.settings.touchdown_depth), yaw=step.goal.yaw)
+        time = max(plan.touchdown(self._step) - self._clock, 0.5 * plan.gait.swing_time)
+        self._swing = SwingFoot(
+            position, rotation, low, step.shape, time, self.settings.search_depth
+        )
+        self._waited = 0.0
+        self._stand_on((1 - foot,))
+
+    def _fly(self, swing: SwingFoot, state: RobotState, dt: float) -> None:
+        """One foot in the air: move it, and put it down when it feels the ground."""
+        plan, foot = self.plan, self.plan.steps[self._step].foot
+        if self.status.ok:
+            late = self._clock - plan.touchdown(self._step)
+            if late < _LATE * plan.gait.double_support:
+                self._clock += dt
+            else:
+                self._waited += dt
+            if self._waited > self.settings.patience:
+                self._stop(WalkStatus.FOOT_LOST)
+        coming, settled = self._shift.coming, self._shift.settled
+        swing.advance(dt, (settled[0] + coming[0], settled[1] + coming[1]))
+        if self._is_down(swing, state, foot):
+            self._land(foot)
+            return
+        self._led.feet[foot].set_target(
+            swing.position, swing.rotation, swing.velocity, swing.acceleration
+        )
+
+    def _is_down(self, swing: SwingFoot, state: RobotState, foot: int) -> bool:
+        wrench = state.contacts.get(self.plan.soles[foot])
+        if wrench is None:
+            # Nothing is measured: the foot is down when it should be.
+            return swing.share >= 1.0
+        loaded = bool(wrench[2] >= self.settings.touchdown_force * self._weight)
+        return loaded and swing.share >= self.settings.early
+
+    def _land(self, foot: int) -> None:
+        self._led.contacts[foot].engage(_ENGAGE * self.plan.gait.double_support)
+        position, _ = self._sense.sole(foot)
+        goal = self.plan.steps[self._step].goal.position
+        self._shift.land((float(position[0]) - goal[0], float(position[1]) - goal[1]))
+        self._swing, self._released = None, False
+        self._step += 1
+        self._stand_on((0, 1))
+
+    def _stand_on(self, feet: tuple[int, ...]) -> None:
+        corners: list[Point] = []
+        for foot in feet:
+            position, rotation = self._sense.sole(foot)
+            corners += sole_rectangle(position, rotation, self.plan.sizes[foot])
+            x, y, z = position.tolist()
+            yaw = math.atan2(float(rotation[1, 0]), float(rotation[0, 0]))
+            self._stance = Placement(position=(x, y, z), yaw=yaw)
+        self._support = SupportPolygon(corners, self.settings.zmp_margin)
+        self._middle = (
+            sum(x for x, _ in corners) / len(corners),
+            sum(y for _, y in corners) / len(corners),
+        )
+
+    def _stop(self, status: WalkStatus) -> None:
+        """Gives the walk up: a foot in the air comes down, and the robot stands."""
+        self.status = status
+        if self._swing is not None and status is WalkStatus.FOOT_LOST:
+            self._swing.stop_here()
+        elif self._swing is None and self._released:
+            foot = self.plan.steps[self._step].foot
+            self._led.contacts[foot].engage(_ENGAGE * self.plan.gait.double_support)
+
+    def _keep_balance(self, dt: float) -> None:
+        com, way = self.reference.at(self._clock)
+        shift, sense = self._shift, self._sense
+        left = math.inf
+        if self._step < self.plan.count:
+            half = 0.5 * self.plan.gait.double_support
+            left = max(self.plan.touchdown(self._step) + half - self._clock, 0.0)
+        shift.advance(dt, left)
+        beside = np.array((shift.com, shift.velocity, shift.acceleration))
+        com[:, :2] += beside
+        way[:, :2] += beside
+        if not self.status.ok:
+            com[0, :2] = self._middle
+            com[1:], way[1:] = 0.0, 0.0
+        position, velocity, acceleration = com.tolist()
+        x, y, z = sense.com.tolist()
+        vx, vy, vz = sense.com_velocity.tolist()
+        ax, ay = self._feedback.acceleration(
+            (x, y), (vx, vy), (position, velocity, acceleration), self._support
+        )
+        task = self._led.com
+        az = acceleration[2] + task.kp[2] * (position[2] - z) + task.kd[2] * (velocity[2] - vz)
+        task.set_target(com[0], com[1], com[2])
+        task.set_acceleration(np.array([ax, ay, az]))
+        self._carry(way)
+        if self.status is WalkStatus.WALKING:
+            self._catch(position, acceleration, left, dt)
+
+    def _catch(
+        self, position: list[float], acceleration: list[float], left: float, dt: float
+    ) -> None:
+        error = self._feedback.error
+        if math.hypot(*error) > self.settings.com_bound * self.reference.height:
+            self._stop(WalkStatus.COM_LOST)
+        elif self._swing is not None and self.settings.adjust > 0.0:
+            square = self.reference.omega**2
+            zmp = (position[0] - acceleration[0] / square, position[1] - acceleration[1] / square)
+            self._catcher.advance(self._step, self._stance, error, zmp, self._shift, left, dt)
+
+    def _carry(self, way: Float64[np.ndarray, "3 4"]) -> None:
+        turn = float(way[0, 3])
+        cos, sin = math.cos(turn), math.sin(turn)
+        spin = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+        for target in self.carried.values():
+            target.write(way, spin)

@@ -1,1 +1,0 @@
-"""The plots of the report, a file for each subject; all of them need matplotlib."""

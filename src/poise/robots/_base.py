@@ -1,0 +1,120 @@
+"""The root of a robot's document, brought into one form whether it is free or fixed."""
+
+import xml.etree.ElementTree as ET
+from typing import Literal
+
+from poise.errors import RobotError
+from poise.robots._document import Document, end_of
+
+WORLD = "world"
+"""The link that a fixed base hangs on."""
+
+_PLACEMENT = ("pos", "quat", "axisangle", "xyaxes", "zaxis", "euler")
+"""Attributes that place an MJCF body."""
+
+
+def settle_base(document: Document, base: Literal["floating", "fixed"]) -> str:
+    """Give the document's root the form that Poise relies on.
+
+    Args:
+        document: the document, changed in place.
+        base: whether the root is free or fixed.
+
+    Returns:
+        The root link.
+
+    Raises:
+        RobotError: the document has no single root link, or a joint that contradicts `base`.
+    """
+    if document.kind == "urdf":
+        return _settle_urdf(document, base)
+    return _settle_mjcf(document, base)
+
+
+def _settle_urdf(document: Document, base: Literal["floating", "fixed"]) -> str:
+    root = _root_link(document)
+    floating = [j for j in document.root.findall("joint") if j.get("type") == "floating"]
+    if floating and base == "fixed":
+        raise RobotError(
+            f"{document.where} has a floating joint, but its description says base: fixed",
+            got=[j.get("name") for j in floating],
+            wanted="base: floating",
+        )
+    if len(floating) > 1 or (floating and not _is_base(document, floating[0], root)):
+        raise RobotError(
+            f"{document.where} has a floating joint that is not its base",
+            got=[j.get("name") for j in floating],
+            wanted="at most one, from a root link that carries nothing else",
+        )
+    if floating:
+        document.root.remove(floating[0])
+        for link in document.root.findall("link"):
+            if link.get("name") == root:
+                document.root.remove(link)
+        return _root_link(document)
+    if base == "fixed" and root != WORLD:
+        ET.SubElement(document.root, "link", name=WORLD)
+        joint = ET.SubElement(document.root, "joint", name="world_weld", type="fixed")
+        ET.SubElement(joint, "parent", link=WORLD)
+        ET.SubElement(joint, "child", link=root)
+    return root
+
+
+def _is_base(document: Document, joint: ET.Element, root: str) -> bool:
+    """Whether a floating joint is all that a root link without mass carries."""
+    carried = [j for j in document.root.findall("joint") if end_of(j, "parent") == root]
+    links = [e for e in document.root.findall("link") if e.get("name") == root]
+    return carried == [joint] and all(link.find("inertial") is None for link in links)
+
+
+def _settle_mjcf(document: Document, base: Literal["floating", "fixed"]) -> str:
+    bodies = [b for world in document.root.findall("worldbody") for b in world.findall("body")]
+    if len(bodies) != 1:
+        raise RobotError(
+            f"{document.where} has no single root body",
+            got=[b.get("name") for b in bodies],
+            wanted="one body under <worldbody>",
+        )
+    root = bodies[0]
+    free = [
+        *root.findall("freejoint"),
+        *(j for j in root.findall("joint") if j.get("type") == "free"),
+    ]
+    if free and base == "fixed":
+        raise RobotError(
+            f"{document.where} has a free joint, but its description says base: fixed",
+            got=root.get("name"),
+            wanted="base: floating",
+        )
+    for joint in free:
+        root.remove(joint)
+    if base == "floating":
+        for key in _PLACEMENT:
+            root.attrib.pop(key, None)
+    # Poses and motors count the free joint that is gone; the plant brings its own.
+    for tag in ("keyframe", "actuator", "sensor"):
+        for element in document.root.findall(tag):
+            document.root.remove(element)
+    return root.get("name", "")
+
+
+def _root_link(document: Document) -> str:
+    """The link that no joint moves; all others hang on it, each by one joint."""
+    joints = [(end_of(j, "parent"), end_of(j, "child")) for j in document.root.findall("joint")]
+    children = [child for _, child in joints]
+    roots = [name for name in document.links() if name not in children]
+    if len(roots) != 1:
+        raise RobotError(f"{document.where} has no single root link", got=roots, wanted="one link")
+    reached = list(roots)
+    for link in reached:
+        reached += [child for parent, child in joints if parent == link]
+        if len(reached) > len(document.links()):
+            break
+    if sorted(reached) != sorted(document.links()):
+        strange = sorted(name for name in document.links() if reached.count(name) != 1)
+        raise RobotError(
+            f"{document.where} is not a tree of links",
+            got=strange,
+            wanted="one joint from the root's side to each of these links",
+        )
+    return roots[0]

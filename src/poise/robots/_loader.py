@@ -1,0 +1,197 @@
+"""`load_robot`: from a name or a file to a `Robot`."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+from jaxtyping import Float64
+from scipy.spatial.transform import Rotation
+
+from poise._fields import read_text, read_yaml
+from poise.errors import RobotError, UnknownNameError
+from poise.robots._base import settle_base
+from poise.robots._catalog import catalog_names, find_entry, open_entry
+from poise.robots._description import Description, Mount, match_joints, parse_description
+from poise.robots._document import Document, parse, write_limits
+from poise.robots._kinematics import (
+    add_roles,
+    apply_limits,
+    build_model,
+    check_inertia,
+    check_limits,
+    described_limits,
+)
+from poise.robots._meshes import add_figure, check_meshes, package_folders
+from poise.robots._posture import home_configuration
+from poise.robots._robot import FrameRole, ModelSource, Robot, Sole
+
+_DESCRIPTION_SUFFIX = ".poise.yaml"
+
+
+def load_robot(
+    name_or_path: str | Path, description: str | Path | Mapping[str, object] | None = None
+) -> Robot:
+    """Load a robot by its name in the catalog, or from a URDF or MJCF file.
+
+    Args:
+        name_or_path: a name that `poise robots` lists, `humanoid20` to `humanoid60`, or a file.
+        description: for a file, the YAML file (or its content) with the facts that the model file
+            does not hold; by default `<stem>.poise.yaml` beside it.
+
+    Returns:
+        The robot.
+
+    Raises:
+        UnknownNameError: no such robot, link or joint.
+        RobotError: a file, mesh, inertia, limit or fact is missing or wrong.
+        MissingExtraError: the robot's files come with an extra that is not installed.
+    """
+    entry = find_entry(str(name_or_path)) if description is None else None
+    if entry is not None:
+        text, directory, packages = open_entry(entry)
+        document = parse(text, entry.name, directory)
+        return _assemble(entry.name, document, entry.description, directory, packages)
+    path = Path(name_or_path)
+    if not path.suffix and not path.is_file():
+        raise UnknownNameError("unknown robot", got=str(name_or_path), choices=catalog_names())
+    text = read_text(path, error=RobotError)
+    document = parse(text, path.name, path.parent)
+    facts = _find_description(path, document, description)
+    directory = path.parent.resolve()
+    packages = package_folders(document.root, directory) if document.kind == "urdf" else ()
+    return _assemble(path.stem, document, facts, directory, packages)
+
+
+def description_template(path: str | Path) -> str:
+    """A description file to fill in, with the links and joints of a model file as comments.
+
+    Args:
+        path: a URDF or MJCF file.
+
+    Returns:
+        YAML text.
+
+    Raises:
+        RobotError: the file cannot be read.
+    """
+    path = Path(path)
+    document = parse(read_text(path, error=RobotError), path.name, path.parent)
+    links, joints = ", ".join(document.links()), ", ".join(document.joints())
+    return f"""# Facts about {path.name}: save as {path.stem}{_DESCRIPTION_SUFFIX} beside it.
+# Links: {links}
+# Joints: {joints}
+base: floating            # or: fixed
+pelvis: LINK              # or: {{link: LINK, position: [0, 0, 0], rpy: [0, 0, 0]}}
+torso: LINK
+soles:                    # centre of each sole, x forward, z up [m, rad]; left first
+  left_sole: {{link: LINK, position: [0, 0, 0], rpy: [0, 0, 0], length: 0.2, width: 0.1}}
+  right_sole: {{link: LINK, position: [0, 0, 0], rpy: [0, 0, 0], length: 0.2, width: 0.1}}
+hands:                    # optional
+  left_hand: {{link: LINK, position: [0, 0, 0]}}
+home: {{}}                  # joint or pattern: angle [rad]
+limits:                   # only what the file lacks; joint or pattern: value
+  torque: {{}}              # [N m]
+  velocity: {{}}            # [rad/s]
+  position: {{}}            # [lower, upper] [rad]
+armature: 0.0             # reflected rotor inertia [kg m^2], one for all or by pattern
+locked: []                # joints to weld at zero
+licence: not stated
+"""
+
+
+def _find_description(
+    path: Path, document: Document, given: str | Path | Mapping[str, object] | None
+) -> Description:
+    if isinstance(given, Mapping):
+        return parse_description(dict(given), f"description of {path.name}")
+    file = Path(given) if given is not None else path.with_name(path.stem + _DESCRIPTION_SUFFIX)
+    if given is None and not file.is_file():
+        raise RobotError(
+            f"{path.name} needs a description: base, and for a floating base pelvis, torso and "
+            f"soles; poise.robots.description_template({str(path)!r}) gives one to fill in",
+            got="no " + file.name,
+            wanted="that file beside the model, or description=",
+            choices=document.links(),
+        )
+    return parse_description(
+        read_yaml(read_text(file, error=RobotError), file.name, error=RobotError), file.name
+    )
+
+
+def _assemble(
+    name: str,
+    document: Document,
+    facts: Description,
+    directory: Path | None,
+    packages: tuple[Path, ...],
+) -> Robot:
+    floating = facts.base == "floating"
+    root = settle_base(document, facts.base)
+    names = document.joints()
+    limits = described_limits(facts, names)
+    locked = match_joints(dict.fromkeys(facts.locked, True), names, f"{facts.where}: locked")
+    if document.kind == "urdf":
+        write_limits(document, limits.position, limits.velocity, limits.torque)
+    source = ModelSource(
+        kind=document.kind,
+        text=document.text,
+        directory=directory,
+        package_dirs=packages,
+        locked_joints=tuple(locked),
+    )
+    check_meshes(document.root, source)
+    free = [n for n in names if n not in locked]
+    armature = match_joints(facts.armature, free, f"{facts.where}: armature")
+    posture = match_joints(facts.home, free, f"{facts.where}: home")
+    model = build_model(source, floating=floating, armature=armature, where=name)
+    check_inertia(model, name)
+    if document.kind == "urdf" and add_figure(document.root):
+        source = replace(source, text=document.text)
+    apply_limits(model, limits)
+    check_limits(model, floating=floating, where=name)
+    roles = _roles(facts, root)
+    add_roles(model, roles, name)
+    soles = {n: Sole(name=n, length=s.length, width=s.width) for n, s in facts.soles.items()}
+    q_home = home_configuration(model, soles, posture, floating=floating, where=name)
+    base_q, base_v, first = (7, 6, 2) if floating else (0, 0, 1)
+    return Robot(
+        name=name,
+        model=model,
+        floating_base=floating,
+        joint_names=tuple(model.names)[first:],
+        q_min=_frozen(model.lowerPositionLimit[base_q:]),
+        q_max=_frozen(model.upperPositionLimit[base_q:]),
+        v_max=_frozen(model.velocityLimit[base_v:]),
+        tau_max=_frozen(model.effortLimit[base_v:]),
+        soles=MappingProxyType(soles),
+        hands=tuple(facts.hands),
+        pelvis="pelvis",
+        torso="torso",
+        roles=MappingProxyType(roles),
+        q_home=_frozen(q_home),
+        licence=facts.licence,
+        source=source,
+    )
+
+
+def _roles(facts: Description, root: str) -> dict[str, FrameRole]:
+    at_root = Mount(link=root, position=np.zeros(3), rpy=np.zeros(3))
+    mounts = {"pelvis": at_root, "torso": at_root} | facts.mounts()
+    # Soles first, as the description orders them, then hands and trunk.
+    order = [*facts.soles, *facts.hands, "pelvis", "torso"]
+    return {name: _role(name, mounts[name]) for name in order}
+
+
+def _role(name: str, mount: Mount) -> FrameRole:
+    rotation = Rotation.from_euler("xyz", mount.rpy).as_matrix()
+    return FrameRole(
+        name=name, link=mount.link, position=_frozen(mount.position), rotation=_frozen(rotation)
+    )
+
+
+def _frozen(array: Float64[np.ndarray, "*n"]) -> Float64[np.ndarray, "*n"]:
+    copy = np.array(array, dtype=np.float64)
+    copy.flags.writeable = False
+    return copy

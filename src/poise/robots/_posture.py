@@ -1,0 +1,207 @@
+"""`standing_posture`: a configuration with the feet so far apart and the COM so high.
+
+The home configuration: joints as described, the base so that the soles stand on the ground.
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+import pinocchio as pin
+from jaxtyping import Float64
+
+from poise._checks import checked_number
+from poise.errors import RobotError
+from poise.robots._robot import Robot, Sole
+
+_FLAT_POSITION = 2e-3
+"""Soles this far off one plane [m] cannot stand on it."""
+
+_FLAT_ANGLE = 1e-2
+"""Soles tilted this much against each other [rad] cannot stand flat."""
+
+
+def home_configuration(
+    model: pin.Model,
+    soles: Mapping[str, Sole],
+    posture: Mapping[str, float],
+    *,
+    floating: bool,
+    where: str,
+) -> Float64[np.ndarray, " nq"]:
+    """The configuration of the joints with the base placed on the soles.
+
+    The first sole lies flat on z = 0; the middle of the soles is at x = y = 0, and their mean
+    direction is x.
+
+    Args:
+        model: the model, with a frame for each sole.
+        soles: the soles, by name.
+        posture: joint positions by name [rad]; the others are zero.
+        floating: whether the base is free.
+        where: the file or the robot's name, for messages.
+
+    Returns:
+        The configuration.
+
+    Raises:
+        RobotError: a joint is outside its limits, or the soles do not lie in one plane.
+    """
+    q = pin.neutral(model)
+    for name, angle in posture.items():
+        q[model.joints[model.getJointId(name)].idx_q] = angle
+    _check_limits(model, q, where)
+    if not floating:
+        return q
+    data = model.createData()
+    pin.framesForwardKinematics(model, data, q)
+    base_T_soles = [data.oMf[model.getFrameId(name)] for name in soles]
+    world_T_base = _on_ground(base_T_soles)
+    for name, base_T_sole in zip(soles, base_T_soles, strict=True):
+        _check_flat(world_T_base * base_T_sole, name, where)
+    q[:7] = pin.SE3ToXYZQUAT(world_T_base)
+    return q
+
+
+def _on_ground(base_T_soles: list[pin.SE3]) -> pin.SE3:
+    first = base_T_soles[0].inverse()
+    middle = np.mean([(first * s).translation for s in base_T_soles], axis=0)
+    forward = np.sum([(first * s).rotation[:, 0] for s in base_T_soles], axis=0)
+    yaw = np.arctan2(forward[1], forward[0])
+    turn = pin.utils.rotate("z", -float(yaw))
+    middle[2] = 0.0
+    return pin.SE3(turn, -turn @ middle) * first
+
+
+def _check_limits(model: pin.Model, q: Float64[np.ndarray, " nq"], where: str) -> None:
+    for joint, name in zip(model.joints, model.names, strict=True):
+        if joint.nq != 1:
+            continue
+        low, high = (
+            float(model.lowerPositionLimit[joint.idx_q]),
+            float(model.upperPositionLimit[joint.idx_q]),
+        )
+        if not low <= q[joint.idx_q] <= high:
+            raise RobotError(
+                f"home position of joint {name!r} of {where} is outside its limits",
+                got=float(q[joint.idx_q]),
+                wanted=f"{low:.4g} to {high:.4g} rad",
+            )
+
+
+def _check_flat(world_T_sole: pin.SE3, name: str, where: str) -> None:
+    height = float(world_T_sole.translation[2])
+    tilt = float(np.linalg.norm(world_T_sole.rotation[:2, 2]))
+    upright = world_T_sole.rotation[2, 2] > 0.0
+    if abs(height) > _FLAT_POSITION or tilt > _FLAT_ANGLE or not upright:
+        raise RobotError(
+            f"sole {name!r} of {where} does not lie in the plane of the first in the home posture",
+            got=f"{1000.0 * height:.1f} mm high, tilted by {tilt:.3f} rad",
+            wanted="joint positions under `home` that put all soles flat on one plane",
+        )
+
+
+_ITERATIONS, _TOLERANCE = 200, 1e-9
+_LONGEST_STEP = 0.2
+"""Longest step of the search [m, rad]: legs near straight make Newton's steps too long."""
+_DAMPING = 1e-9
+
+
+def standing_posture(
+    robot: Robot, *, feet_apart: float | None = None, com_height: float | None = None
+) -> Float64[np.ndarray, " nq"]:
+    """The home posture with its legs changed so that the feet stand apart and the COM is low.
+
+    Soles lie level on the ground, side by side about the origin, the base is level, and the COM is
+    above the middle. Joints that are not of the legs stay as at home. Found by damped Newton steps
+    from the home posture.
+
+    Args:
+        robot: a biped.
+        feet_apart: distance of the soles' centres, side by side [m]; as at home when None.
+        com_height: of the COM above the soles [m]; as at home when None.
+
+    Raises:
+        RobotError: no two soles, or a leg that does not get there within its limits.
+    """
+    if not robot.floating_base or len(robot.soles) < 2:
+        raise RobotError(
+            f"robot {robot.name!r} has no feet to stand on", got=list(robot.soles), wanted="two"
+        )
+    model, data = robot.model, robot.model.createData()
+    frames = [robot.frame_id(name) for name in list(robot.soles)[:2]]
+    q = robot.q_home.copy()
+    pin.framesForwardKinematics(model, data, q)
+    left, right = (data.oMf[i].translation for i in frames)
+    apart = float(left[1] - right[1])
+    if feet_apart is not None:
+        apart = checked_number(feet_apart, "distance of the feet [m]", above=0.0)
+    height = float(pin.centerOfMass(model, data, q)[2])
+    if com_height is not None:
+        height = checked_number(com_height, "height of the COM [m]", above=0.0)
+    goals = [np.array([0.0, side * 0.5 * apart, 0.0]) for side in (1.0, -1.0)]
+    free = _leg_columns(robot, frames)
+    for _ in range(_ITERATIONS):
+        error, rows = _errors(robot, data, q, frames, goals, height)
+        if float(np.abs(error).max()) < _TOLERANCE:
+            return _checked(robot, q, apart, height)
+        J = rows[:, free]
+        step = J.T @ np.linalg.solve(J @ J.T + _DAMPING * np.eye(len(J)), error)
+        step *= min(1.0, _LONGEST_STEP / float(np.abs(step).max()))
+        v = np.zeros(robot.nv)
+        v[free] = step
+        q = pin.integrate(model, q, v)
+    raise _unreachable(robot, apart, height)
+
+
+def _leg_columns(robot: Robot, frames: list[int]) -> list[int]:
+    """The base, and the joints between base and soles, as columns of Jacobians."""
+    model = robot.model
+    joints = {int(j) for i in frames for j in model.supports[model.frames[i].parentJoint] if j > 1}
+    return [*range(6), *sorted(int(model.joints[j].idx_v) for j in joints)]
+
+
+def _errors(
+    robot: Robot,
+    data: pin.Data,
+    q: Float64[np.ndarray, " nq"],
+    frames: list[int],
+    goals: list[Float64[np.ndarray, "3"]],
+    height: float,
+) -> tuple[Float64[np.ndarray, " m"], Float64[np.ndarray, "m nv"]]:
+    """What is missing to both soles, the COM and the level base, with its Jacobian."""
+    model = robot.model
+    pin.computeJointJacobians(model, data, q)
+    pin.updateFramePlacements(model, data)
+    com_rows = pin.jacobianCenterOfMass(model, data, q)
+    errors, rows = [], []
+    for frame, goal in zip(frames, goals, strict=True):
+        placement = data.oMf[frame]
+        errors += [goal - placement.translation, -pin.log3(placement.rotation)]
+        rows.append(
+            pin.getFrameJacobian(model, data, frame, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED)
+        )
+    errors.append(np.array([0.0, 0.0, height]) - data.com[0])
+    rows.append(com_rows)
+    base = pin.XYZQUATToSE3(q[:7]).rotation
+    errors.append(-pin.log3(base))
+    turn = np.zeros((3, robot.nv))
+    turn[:, 3:6] = base
+    rows.append(turn)
+    return np.concatenate(errors), np.vstack(rows)
+
+
+def _checked(
+    robot: Robot, q: Float64[np.ndarray, " nq"], apart: float, height: float
+) -> Float64[np.ndarray, " nq"]:
+    joints = q[7:]
+    if np.any(joints < robot.q_min) or np.any(joints > robot.q_max):
+        raise _unreachable(robot, apart, height)
+    return q
+
+
+def _unreachable(robot: Robot, apart: float, height: float) -> RobotError:
+    return RobotError(
+        f"the legs of robot {robot.name!r} do not get there",
+        got=f"feet {apart:.3f} m apart, COM {height:.3f} m high",
+        wanted="a lower COM, or feet nearer to each other",
+    )

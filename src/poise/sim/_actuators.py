@@ -1,0 +1,100 @@
+"""Actuators: from a command to the controls of MuJoCo's motors."""
+
+import numpy as np
+from jaxtyping import Float64
+
+from poise.control import Command
+from poise.errors import ConfigurationError
+from poise.robots import Robot
+from poise.sim._config import PlantConfig
+
+
+class Actuators:
+    """Turns commands into motor controls, in the actuation that the plant was made for.
+
+    Torque: the control is the torque. Position and velocity: each motor is a PD servo,
+    tau = kp (q_d - q) + kd (v_d - v), saturated at the torque limit, where a velocity command moves
+    q_d along with it, so that no position error builds up.
+
+    Args:
+        robot: the robot.
+        config: actuation and servo gains.
+    """
+
+    def __init__(self, robot: Robot, config: PlantConfig) -> None:
+        self._actuation = config.actuation
+        self._dt = config.physics_dt
+        self._lead = config.servo.damping / config.servo.stiffness
+        self._nj = robot.nj
+        self._q_min, self._q_max = robot.q_min, robot.q_max
+        self._torque = np.zeros(robot.nj)
+        self._target = np.zeros(robot.nj)
+        self._velocity = np.zeros(robot.nj)
+        self.rejected = 0
+
+    @property
+    def constant(self) -> bool:
+        """Whether the control stays the same through a control period."""
+        return self._actuation == "torque"
+
+    def reset(self, joints: Float64[np.ndarray, " nj"]) -> None:
+        """Stand still where the joints are [rad]."""
+        self._torque[:] = 0.0
+        self._target[:] = joints
+        self._velocity[:] = 0.0
+        self.rejected = 0
+
+    def accept(self, command: Command | None, position: Float64[np.ndarray, "..."] | None) -> None:
+        """Take the command for the next control period.
+
+        Values that are not finite are taken as zero torque, zero velocity or the last position, and
+        counted in `rejected`: nothing raises inside the loop on account of a value.
+
+        Raises:
+            ConfigurationError: the command is of another kind than the plant's actuation.
+        """
+        offered = {
+            "torque": None if command is None else command.torque,
+            "velocity": None if command is None else command.velocity,
+            "position": position,
+        }
+        value = offered.pop(self._actuation)
+        if value is None and any(v is not None for v in offered.values()):
+            raise ConfigurationError(
+                "the command is of another kind than the plant's actuation",
+                got=[kind for kind, v in offered.items() if v is not None],
+                wanted=self._actuation,
+            )
+        taken = self._checked(value)
+        if self._actuation == "torque":
+            self._torque = np.zeros(self._nj) if taken is None else taken
+        elif self._actuation == "velocity":
+            self._velocity = np.zeros(self._nj) if taken is None else taken
+        elif taken is not None:
+            self._target = taken
+
+    def control(self) -> Float64[np.ndarray, " nj"]:
+        """Motor controls for the next physics step."""
+        if self._actuation == "torque":
+            return self._torque
+        if self._actuation == "velocity":
+            self._target += self._dt * self._velocity
+            np.clip(self._target, self._q_min, self._q_max, out=self._target)
+            return self._target + self._lead * self._velocity
+        return self._target
+
+    def _checked(
+        self, value: Float64[np.ndarray, "..."] | None
+    ) -> Float64[np.ndarray, " nj"] | None:
+        if value is None:
+            return None
+        if value.shape != (self._nj,):
+            raise ConfigurationError(
+                f"the {self._actuation} command has the wrong shape",
+                got=value.shape,
+                wanted=f"({self._nj},)",
+            )
+        if not np.isfinite(value.sum()):
+            self.rejected += 1
+            return None
+        return value.copy()

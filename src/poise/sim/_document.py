@@ -1,0 +1,192 @@
+"""The robot's own document, made ready for MuJoCo: meshes found, compiler options set.
+
+A stick figure for a robot whose document has no pictures.
+Meshes in a format that MuJoCo reads.
+"""
+
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import coal
+import mujoco
+import numpy as np
+
+from poise.errors import RobotError
+from poise.robots import ModelSource, mesh_path
+
+_THICKNESS = 0.12
+"""Radius of a stick, as a part of its length."""
+
+_SHORTEST = 0.01
+"""Shorter links [m] are not drawn."""
+
+
+def add_sticks(spec: mujoco.MjSpec) -> None:
+    """Draw each link as sticks from its own joint to those of its children; nothing can touch them.
+
+    Args:
+        spec: the specification, changed in place.
+    """
+    for body in spec.bodies[1:]:
+        for child in body.bodies:
+            length = float(np.linalg.norm(child.pos))
+            if length < _SHORTEST:
+                continue
+            body.add_geom(
+                type=mujoco.mjtGeom.mjGEOM_CAPSULE,
+                fromto=(0.0, 0.0, 0.0, *child.pos),
+                size=(_THICKNESS * length, 0.0, 0.0),
+                contype=0,
+                conaffinity=0,
+                mass=0.0,
+                group=1,
+                rgba=(0.75, 0.77, 0.8, 1.0),
+            )
+
+
+_BINARY_STL_HEADER = 84
+"""Bytes before the first triangle: a text of 80, and the number of triangles."""
+
+_STL_TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+
+
+def mesh_bytes(path: Path) -> tuple[bytes, str]:
+    """Read a mesh, converting what MuJoCo cannot read (COLLADA, text STL) to binary STL.
+
+    Args:
+        path: the mesh file.
+
+    Returns:
+        The file's bytes, and the suffix that says their format.
+
+    Raises:
+        RobotError: the file holds no mesh that can be read.
+    """
+    suffix = path.suffix.lower()
+    data = path.read_bytes()
+    if suffix == ".obj" or (suffix == ".stl" and _is_binary_stl(data)):
+        return data, suffix
+    return _convert(path), ".stl"
+
+
+def _is_binary_stl(data: bytes) -> bool:
+    if len(data) < _BINARY_STL_HEADER:
+        return False
+    triangles = int.from_bytes(data[80:84], "little")
+    return len(data) == _BINARY_STL_HEADER + triangles * _STL_TRIANGLE.itemsize
+
+
+def _convert(path: Path) -> bytes:
+    # Pinocchio's collision library reads whatever Assimp reads.
+    try:
+        model = coal.MeshLoader().load(str(path), np.ones(3))
+    except (RuntimeError, ValueError) as error:
+        raise RobotError(f"a mesh of the robot cannot be read: {error}", got=str(path)) from error
+    vertices = np.asarray(model.vertices())
+    if path.suffix.lower() == ".dae" and b"Y_UP" in path.read_bytes():
+        # The library turns such a mesh for readers whose y points up; a URDF's z does.
+        vertices = vertices[:, [0, 2, 1]] * np.array([1.0, -1.0, 1.0])
+    corners = np.array(
+        [[t[0], t[1], t[2]] for t in (model.tri_indices(i) for i in range(model.num_tris))]
+    )
+    faces = vertices[corners]
+    volume = np.einsum("ti,ti->", faces[:, 0], np.cross(faces[:, 1], faces[:, 2]))
+    if volume < 0.0:
+        # Inside out, as a mirrored part is: it would be drawn unlit.
+        faces = faces[:, ::-1]
+    triangles = np.zeros(len(corners), dtype=_STL_TRIANGLE)
+    triangles["corners"] = faces
+    count = len(corners).to_bytes(4, "little")
+    return b"\0" * 80 + count + triangles.tobytes()
+
+
+_COMPILER = {
+    "autolimits": "true",
+    "balanceinertia": "false",
+    "discardvisual": "false",
+    "fusestatic": "false",
+    "inertiafromgeom": "false",
+    "strippath": "false",
+}
+"""Keep what the document says: its inertias, its links one by one, its pictures."""
+
+_MASSLESS = {"boundmass": "1e-12", "boundinertia": "1e-14"}
+"""MuJoCo wants some mass on every moving body; the document's massless links get this little."""
+
+
+def parse_document(source: ModelSource) -> mujoco.MjSpec:
+    """Parse the robot's document into a MuJoCo specification.
+
+    Args:
+        source: the document.
+
+    Returns:
+        The specification, not yet compiled: links, joints and geometry, and nothing else.
+
+    Raises:
+        RobotError: the document cannot be read, or a mesh cannot be found.
+    """
+    try:
+        spec = _parse_urdf(source) if source.kind == "urdf" else _parse_mjcf(source)
+    except (ValueError, ET.ParseError) as error:
+        raise RobotError(f"MuJoCo cannot read the robot's document: {error}") from error
+    # Couplings between joints (mimic joints, closed loops) are not part of a `Robot`.
+    for coupling in [*spec.equalities]:
+        spec.delete(coupling)
+    return spec
+
+
+def _parse_urdf(source: ModelSource) -> mujoco.MjSpec:
+    root = ET.fromstring(source.text)
+    for element in root.findall("mujoco"):
+        root.remove(element)
+    extension = ET.SubElement(root, "mujoco")
+    ET.SubElement(extension, "compiler", _COMPILER | _MASSLESS)
+    assets = _gather_meshes(root, source)
+    return mujoco.MjSpec.from_string(ET.tostring(root, encoding="unicode"), assets=assets)
+
+
+def _gather_meshes(root: ET.Element, source: ModelSource) -> dict[str, bytes]:
+    """Read all meshes, and give each file a name of its own that MuJoCo can tell apart."""
+    names: dict[Path, str] = {}
+    assets: dict[str, bytes] = {}
+    for element in root.iter("mesh"):
+        path = mesh_path(element.get("filename", ""), source)
+        if path not in names:
+            data, suffix = mesh_bytes(path)
+            names[path] = f"mesh{len(names):03d}{suffix}"
+            assets[names[path]] = data
+        element.set("filename", names[path])
+    return assets
+
+
+def _parse_mjcf(source: ModelSource) -> mujoco.MjSpec:
+    root = ET.fromstring(source.text)
+    if source.directory is not None:
+        _anchor_assets(root, source.directory)
+    spec = mujoco.MjSpec.from_string(ET.tostring(root, encoding="unicode"))
+    spec.compiler.fusestatic = False
+    spec.compiler.discardvisual = False
+    spec.compiler.balanceinertia = False
+    spec.compiler.boundmass = float(_MASSLESS["boundmass"])
+    spec.compiler.boundinertia = float(_MASSLESS["boundinertia"])
+    # The plant brings its own motors, sensors, floor and lights.
+    for leftover in (
+        *spec.actuators,
+        *spec.sensors,
+        *spec.keys,
+        *spec.worldbody.geoms,
+        *spec.worldbody.lights,
+        *spec.worldbody.cameras,
+    ):
+        spec.delete(leftover)
+    return spec
+
+
+def _anchor_assets(root: ET.Element, directory: Path) -> None:
+    """Make the folders for meshes and textures absolute, for a document read from a string."""
+    compilers = root.findall("compiler") or [ET.SubElement(root, "compiler")]
+    for compiler in compilers:
+        asset_dir = compiler.get("assetdir", "")
+        for key in ("meshdir", "texturedir"):
+            compiler.set(key, str(directory / compiler.get(key, asset_dir)))

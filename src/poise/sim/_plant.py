@@ -1,0 +1,304 @@
+"""`Plant`: the simulated robot in its world, told what to do once a control period."""
+
+import math
+
+import mujoco
+import numpy as np
+from jaxtyping import Bool, Float64
+
+from poise.control import Command
+from poise.dynamics import RobotState
+from poise.errors import TargetError
+from poise.robots import Robot
+from poise.sim._actuators import Actuators
+from poise.sim._build import build_model
+from poise.sim._checks import require_multiple
+from poise.sim._config import PlantConfig
+from poise.sim._disturbances import Push
+from poise.sim._forces import PushSchedule, SoleForces
+from poise.sim._mapping import StateMap
+from poise.sim._sensors import Sensors
+
+_TOUCHING = 1.0
+"""A sole that carries more than this [N] counts as in contact."""
+
+_QUATERNION_TOLERANCE = 1e-6
+"""Rounding of a quaternion that was written down with seven digits or more."""
+
+_FATAL = [
+    int(w)
+    for w in (
+        mujoco.mjtWarning.mjWARN_INERTIA,
+        mujoco.mjtWarning.mjWARN_BADQPOS,
+        mujoco.mjtWarning.mjWARN_BADQVEL,
+        mujoco.mjtWarning.mjWARN_BADQACC,
+    )
+]
+"""MuJoCo's warnings after which a run means nothing."""
+
+
+class Plant:
+    """A robot in MuJoCo: give it a command, get back a state.
+
+    The MuJoCo model is built from the robot's own document and is independent of the Pinocchio
+    model that a controller uses. Runs with equal robot, configuration, seed, pushes and commands
+    are equal bit by bit on one machine.
+
+    Args:
+        robot: the robot.
+        config: the plant's configuration.
+        seed: seed of the sensor noise.
+
+    Raises:
+        RobotError: the robot's document cannot be simulated.
+        UnknownNameError: the configuration names a link or frame that does not exist.
+    """
+
+    def __init__(self, robot: Robot, config: PlantConfig | None = None, *, seed: int = 0) -> None:
+        self.robot = robot
+        self.config = config if config is not None else PlantConfig()
+        self.model = build_model(robot, self.config)
+        self.data = mujoco.MjData(self.model)
+        self.map = StateMap(robot, self.model)
+        self._substeps = self.config.substeps
+        self._soles = SoleForces(robot, self.model)
+        self._pushes = PushSchedule(robot, self.model)
+        self._actuators = Actuators(robot, self.config)
+        self._sensors = self._make_sensors(seed)
+        self._pelvis = self.model.site(robot.pelvis).id
+        self.reset()
+        self._home_height = float(self.data.site_xpos[self._pelvis, 2])
+
+    def reset(
+        self,
+        q: Float64[np.ndarray, " nq"] | None = None,
+        v: Float64[np.ndarray, " nv"] | None = None,
+    ) -> RobotState:
+        """Put the robot somewhere, at time zero, and forget all pushes.
+
+        Args:
+            q: configuration, the home posture if not given [m, rad].
+            v: velocity, zero if not given [m/s, rad/s].
+
+        Returns:
+            The first state.
+
+        Raises:
+            TargetError: wrong shape, NaN or infinity, or a base quaternion that is not a unit one.
+        """
+        q = _checked("q", self.robot.q_home if q is None else q, self.robot.nq)
+        norm = float(np.linalg.norm(q[3:7])) if self.robot.floating_base else 1.0
+        if abs(norm - 1.0) > _QUATERNION_TOLERANCE:
+            raise TargetError("the base quaternion in q is not a unit one", got=norm, wanted="1")
+        v = _checked("v", np.zeros(self.robot.nv) if v is None else v, self.robot.nv)
+        mujoco.mj_resetData(self.model, self.data)
+        self._pushes.clear(self.data)
+        self._tick, self._diverged = 0, False
+        self._warnings: list[str] = []
+        self.data.qpos[:] = self.map.qpos(q)
+        self.data.qvel[:] = self.map.qvel(q, v)
+        self._actuators.reset(q[-self.robot.nj :])
+        mujoco.mj_forward(self.model, self.data)
+        state = self._true_state()
+        state = state if self._sensors is None else self._sensors.reset(state)
+        self._state: RobotState | None = state
+        return state
+
+    @property
+    def time(self) -> float:
+        """Time since the last reset [s]."""
+        return self._tick * self.config.control_dt
+
+    def state(self) -> RobotState:
+        """What the sensors say now; the true state with ideal sensors.
+
+        Sole wrenches are those of the last physics step. Asking twice gives the same answer.
+        """
+        if self._state is None:
+            self._state = self._true_state()
+        return self._state
+
+    def true_state(self) -> RobotState:
+        """The true state, whatever the sensors say."""
+        return self._true_state()
+
+    def step(
+        self,
+        command: Command | None,
+        position: Float64[np.ndarray, " nj"] | None = None,
+    ) -> None:
+        """Advance one control period.
+
+        A plant that has diverged lets the time pass and does nothing else.
+
+        Args:
+            command: torque or velocity as the plant's actuation wants it; None for none.
+            position: joint position targets for position actuation, None to keep the last [rad].
+
+        Raises:
+            ConfigurationError: the command is of another kind or shape than the plant's actuation.
+        """
+        self._actuators.accept(command, position)
+        begin = self.time
+        self._tick += 1
+        if not self._diverged:
+            self._advance_quietly(begin)
+            self._diverged = self._has_diverged()
+        self._state = None if self._sensors is None else self._sensors.measure(self._true_state())
+
+    def _advance_quietly(self, begin: float) -> None:
+        """Advance, keeping MuJoCo's warnings off the terminal and out of the user's folder."""
+        before = mujoco.get_mju_user_warning()
+        mujoco.set_mju_user_warning(self._note_warning)
+        try:
+            self._advance(begin)
+        finally:
+            mujoco.set_mju_user_warning(before)
+
+    def _note_warning(self, message: str) -> None:
+        if message not in self._warnings:
+            self._warnings.append(message)
+
+    def _has_diverged(self) -> bool:
+        qpos, qvel = self.data.qpos, self.data.qvel
+        finite = math.isfinite(float(qpos.dot(qpos)) + float(qvel.dot(qvel)))
+        return not finite or bool(self.data.warning.number[_FATAL].any())
+
+    def _advance(self, begin: float) -> None:
+        data, dt = self.data, self.config.physics_dt
+        if self._actuators.constant and not self._pushes:
+            data.ctrl[:] = self._actuators.control()
+            mujoco.mj_step(self.model, data, self._substeps)
+            return
+        for k in range(self._substeps):
+            data.ctrl[:] = self._actuators.control()
+            self._pushes.apply(data, begin + k * dt, begin + (k + 1) * dt)
+            mujoco.mj_step(self.model, data)
+
+    def push(
+        self,
+        body: str,
+        force: tuple[float, float, float],
+        duration: float,
+        start: float | None = None,
+    ) -> Push:
+        """Push the robot.
+
+        Args:
+            body: a frame with a part to play (pushed at its origin) or a link (pushed at its centre
+                of mass).
+            force: force in the world [N].
+            duration: how long [s].
+            start: when it begins, now if not given [s].
+
+        Returns:
+            The push as scheduled.
+
+        Raises:
+            ConfigurationError: a value is not finite or not positive.
+            UnknownNameError: no such frame or link.
+        """
+        begin = self.time if start is None else start
+        push = Push(body=body, force=force, duration=duration, start=begin)
+        self._pushes.add(push)
+        return push
+
+    def sole_wrenches(self) -> dict[str, Float64[np.ndarray, "6"]]:
+        """True wrench [force; moment] on the robot by sole, in the sole's frame [N, N m]."""
+        return self._soles.in_soles(self.data)
+
+    def contacts(self) -> dict[str, bool]:
+        """Whether each sole carries load."""
+        wrenches = self.sole_wrenches()
+        return {n: bool(np.linalg.norm(w[:3]) > _TOUCHING) for n, w in wrenches.items()}
+
+    def zmp(self, height: float = 0.0) -> Float64[np.ndarray, "2"]:
+        """Zero-moment point from the true sole forces, on the plane z = height, in the world [m].
+
+        x = -n_y / f_z and y = n_x / f_z, where f and n are the total force and the total moment
+        about (0, 0, height). NaN where no sole carries load.
+        """
+        return self._soles.zmp(self.data, height)
+
+    @property
+    def com(self) -> Float64[np.ndarray, "3"]:
+        """True centre of mass of the plant, payloads included, at the last physics step [m]."""
+        return self.data.subtree_com[1].copy()
+
+    @property
+    def applied_torque(self) -> Float64[np.ndarray, " nj"]:
+        """Torque that the motors gave in the last physics step, saturation included [N m]."""
+        return self.data.actuator_force.copy()
+
+    @property
+    def saturated(self) -> Bool[np.ndarray, " nj"]:
+        """Which motors gave all they have in the last physics step."""
+        return np.abs(self.data.actuator_force) >= self.robot.tau_max * (1.0 - 1e-12)
+
+    @property
+    def imu(self) -> tuple[Float64[np.ndarray, "3"], Float64[np.ndarray, "3"]]:
+        """True angular velocity [rad/s] and specific force [m/s^2] at the pelvis, in its frame.
+
+        Zero for a fixed base.
+        """
+        if not self.robot.floating_base:
+            return np.zeros(3), np.zeros(3)
+        return (
+            self.data.sensor("gyro").data.copy(),
+            self.data.sensor("accelerometer").data.copy(),
+        )
+
+    @property
+    def mass(self) -> float:
+        """Mass of the plant with model errors and payloads [kg]."""
+        return float(self.model.body_mass.sum())
+
+    @property
+    def diverged(self) -> bool:
+        """Whether the simulation has left the finite numbers; reset to go on."""
+        return self._diverged
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What MuJoCo warned of since the last reset, each message once."""
+        return tuple(self._warnings)
+
+    @property
+    def fallen(self) -> bool:
+        """Whether the pelvis is too low (PlantConfig.fall_height_ratio), or the run diverged."""
+        if self._diverged or not self.robot.floating_base:
+            return self._diverged
+        height = float(self.data.site_xpos[self._pelvis, 2])
+        return not height > self.config.fall_height_ratio * self._home_height
+
+    @property
+    def rejected_commands(self) -> int:
+        """Commands since the last reset that held NaN or infinity, and were not carried out."""
+        return self._actuators.rejected
+
+    def _true_state(self) -> RobotState:
+        qpos, qvel = self.data.qpos, self.data.qvel
+        return RobotState(
+            q=self.map.q(qpos),
+            v=self.map.v(qpos, qvel),
+            contacts=self._soles.in_soles(self.data),
+            time=self.time,
+        )
+
+    def _make_sensors(self, seed: int) -> Sensors | None:
+        config = self.config.sensors
+        if config.ideal:
+            return None
+        ticks = require_multiple(
+            "the sensors' delay", config.delay, "control_dt", self.config.control_dt
+        )
+        return Sensors(config, base_dofs=self.robot.base_dofs, delay_ticks=ticks, seed=seed)
+
+
+def _checked(name: str, value: Float64[np.ndarray, "..."], size: int) -> Float64[np.ndarray, " n"]:
+    array = np.asarray(value, dtype=np.float64)
+    if array.shape != (size,):
+        raise TargetError(f"{name} has the wrong shape", got=array.shape, wanted=f"({size},)")
+    if not np.isfinite(array).all():
+        raise TargetError(f"{name} holds NaN or infinity", got=array.tolist())
+    return array

@@ -1,0 +1,122 @@
+"""Sensors: from the true state to what a controller is told."""
+
+import math
+from collections import deque
+from dataclasses import dataclass, fields
+
+import numpy as np
+from jaxtyping import Float64
+
+from poise.dynamics import RobotState
+from poise.sim._checks import require_not_negative
+
+
+@dataclass(frozen=True, kw_only=True)
+class SensorConfig:
+    """Resolution, noise and delay of the measurements; all zero means the true state.
+
+    Noise is white and normal; each value is its standard deviation.
+
+    Attributes:
+        encoder_resolution: smallest step of the joint encoders [rad].
+        joint_position_noise: noise of the joint positions, before quantisation [rad].
+        joint_velocity_noise: noise of the joint velocities [rad/s].
+        base_position_noise: noise of the base position [m].
+        base_orientation_noise: noise of the base orientation, as a rotation vector [rad].
+        base_velocity_noise: noise of the base linear velocity [m/s].
+        gyro_noise: noise of the base angular velocity [rad/s].
+        force_noise: noise of the sole forces [N].
+        moment_noise: noise of the sole moments [N m].
+        delay: age of everything measured [s], a multiple of the control period.
+    """
+
+    encoder_resolution: float = 0.0
+    joint_position_noise: float = 0.0
+    joint_velocity_noise: float = 0.0
+    base_position_noise: float = 0.0
+    base_orientation_noise: float = 0.0
+    base_velocity_noise: float = 0.0
+    gyro_noise: float = 0.0
+    force_noise: float = 0.0
+    moment_noise: float = 0.0
+    delay: float = 0.0
+
+    def __post_init__(self) -> None:
+        for f in fields(self):
+            require_not_negative(f"sensor {f.name}", getattr(self, f.name))
+
+    @property
+    def ideal(self) -> bool:
+        """Whether the measured state is the true one."""
+        return all(getattr(self, f.name) == 0.0 for f in fields(self))
+
+
+class Sensors:
+    """Turns one true state a control period into one measurement, with memory for the delay.
+
+    The random numbers are drawn once a period in a fixed order, so a run depends on its seed and
+    not on how often anybody looks.
+
+    Args:
+        config: resolution, noise and delay.
+        base_dofs: six for a floating base, zero for a fixed one.
+        delay_ticks: the delay in control periods.
+        seed: seed of the noise.
+    """
+
+    def __init__(
+        self, config: SensorConfig, *, base_dofs: int, delay_ticks: int, seed: int
+    ) -> None:
+        self._config = config
+        self._floating = base_dofs == 6
+        self._seed = seed
+        self._buffer: deque[RobotState] = deque(maxlen=delay_ticks + 1)
+        self._rng = np.random.default_rng(seed)
+
+    def reset(self, state: RobotState) -> RobotState:
+        """Forget the past, restart the noise from its seed, and measure."""
+        self._rng = np.random.default_rng(self._seed)
+        self._buffer.clear()
+        return self.measure(state)
+
+    def measure(self, state: RobotState) -> RobotState:
+        """Measure the true state of this control period.
+
+        Returns:
+            What is known now: the oldest measurement that the delay still holds back.
+        """
+        self._buffer.append(self._corrupt(state))
+        return self._buffer[0]
+
+    def _corrupt(self, state: RobotState) -> RobotState:
+        c, rng = self._config, self._rng
+        q, v = state.q.copy(), state.v.copy()
+        if self._floating:
+            q[:3] += c.base_position_noise * rng.standard_normal(3)
+            q[3:7] = _perturb(q[3:7], c.base_orientation_noise * rng.standard_normal(3))
+            v[:3] += c.base_velocity_noise * rng.standard_normal(3)
+            v[3:6] += c.gyro_noise * rng.standard_normal(3)
+        joints_q, joints_v = q[7 * self._floating :], v[6 * self._floating :]
+        joints_q += c.joint_position_noise * rng.standard_normal(joints_q.size)
+        joints_v += c.joint_velocity_noise * rng.standard_normal(joints_v.size)
+        if c.encoder_resolution > 0.0:
+            joints_q[:] = c.encoder_resolution * np.round(joints_q / c.encoder_resolution)
+        spread = np.repeat([c.force_noise, c.moment_noise], 3)
+        contacts = {n: w + spread * rng.standard_normal(6) for n, w in state.contacts.items()}
+        return RobotState(q=q, v=v, contacts=contacts, time=state.time)
+
+
+def _perturb(
+    quaternion: Float64[np.ndarray, "4"], rotation_vector: Float64[np.ndarray, "3"]
+) -> Float64[np.ndarray, "4"]:
+    """Quaternion (x, y, z, w) times the exponential of a small rotation vector [rad], body side."""
+    angle = float(np.linalg.norm(rotation_vector))
+    if angle == 0.0:
+        return quaternion
+    d = math.sin(0.5 * angle) / angle * rotation_vector
+    w = math.cos(0.5 * angle)
+    x, qw = quaternion[:3], quaternion[3]
+    out = np.empty(4)
+    out[:3] = qw * d + w * x + np.cross(x, d)
+    out[3] = qw * w - x @ d
+    return out / np.linalg.norm(out)

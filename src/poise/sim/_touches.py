@@ -1,0 +1,38 @@
+"""Which blocks the robot touches, and how near to them it came."""
+
+import mujoco
+import numpy as np
+
+from poise.sim._plant import Plant
+
+
+class BlockWatch:
+    """Looks at the blocks of a plant; made once, asked as often as wanted.
+
+    Args:
+        plant: with its blocks.
+        distance_max: farther away than this nothing is measured [m].
+    """
+
+    def __init__(self, plant: Plant, *, distance_max: float = 0.2) -> None:
+        self._plant, self._far = plant, distance_max
+        model = plant.model
+        names = [f"block{i}" for i in range(len(plant.config.blocks))]
+        self._blocks = [int(model.geom(name).id) for name in names]
+        solid = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
+        self._limbs = np.flatnonzero(solid & (model.geom_bodyid > 0)).tolist()
+
+    def touched(self) -> bool:
+        """Whether any part of the robot touches a block at the last physics step."""
+        pairs = self._plant.data.contact.geom
+        return bool(len(pairs)) and bool(np.isin(pairs, self._blocks).any())
+
+    def clearance(self) -> float:
+        """Distance between the robot and the nearest block, at most `distance_max` [m]."""
+        model, data, nearest = self._plant.model, self._plant.data, self._far
+        for block in self._blocks:
+            for limb in self._limbs:
+                nearest = min(
+                    nearest, mujoco.mj_geomDistance(model, data, block, limb, nearest, None)
+                )
+        return float(nearest)

@@ -1,0 +1,192 @@
+"""A video of a run, drawn after it from its recorded configurations.
+
+What is drawn into the video of a recorded run: centre of mass, zero-moment point, forces.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from jaxtyping import Float64
+
+from poise.errors import ConfigurationError, MissingExtraError, TargetError
+from poise.robots import Robot
+from poise.sim._camera import (
+    COM_COLOUR,
+    ZMP_COLOUR,
+    Camera,
+    CameraConfig,
+    Colour,
+    Marker,
+    force_marker,
+)
+from poise.sim._checks import require_positive
+from poise.sim._plant import Plant
+from poise.sim._recorder import Recorder
+
+_BODY_WEIGHT_LENGTH = 0.45
+"""Length of the arrow of a force as large as the robot's weight [m]."""
+
+_SMALLEST_FORCE = 0.02
+"""Forces below this part of the robot's weight are not drawn."""
+
+_BEFORE_TOES = 0.06
+"""How far before the foot its force is drawn [m]."""
+
+_ABOVE_GROUND = 0.005
+"""Points on the ground are drawn this high [m], so that half of each ball stands out."""
+
+
+def run_markers(robot: Robot, recorder: Recorder) -> Callable[[int], tuple[Marker, ...]]:
+    """Markers for each sample of a run: COM (orange), ZMP (magenta), sole forces (blue arrows).
+
+    The centre of mass is drawn as its projection on the ground. Forces are drawn before the toes:
+    at the sole's centre, where they act, the leg would hide them.
+
+    Args:
+        robot: the robot.
+        recorder: the run, as `Recorder.record` recorded it.
+
+    Returns:
+        The function that `render_video` takes as `markers`.
+
+    Raises:
+        UnknownNameError: the run was not recorded with `Recorder.record`.
+    """
+    qs, coms, zmps = recorder["q"], recorder["com"], recorder["zmp"]
+    wrenches = {name: recorder[f"wrench/{name}"] for name in robot.soles}
+    data = robot.model.createData()
+    weight = robot.mass * 9.81
+
+    def markers(index: int) -> tuple[Marker, ...]:
+        pin.framesForwardKinematics(robot.model, data, qs[index])
+        found = [_ground_point(coms[index], COM_COLOUR), _ground_point(zmps[index], ZMP_COLOUR)]
+        for name, wrench in wrenches.items():
+            world_T_sole = data.oMf[robot.frame_id(name)]
+            force = world_T_sole.rotation @ wrench[index, :3]
+            toes = np.array([0.5 * robot.soles[name].length + _BEFORE_TOES, 0.0, 0.0])
+            if np.linalg.norm(force) > _SMALLEST_FORCE * weight:
+                scale = _BODY_WEIGHT_LENGTH / weight
+                found.append(force_marker(world_T_sole.act(toes), force, scale))
+        return tuple(marker for marker in found if marker is not None)
+
+    return markers
+
+
+def _ground_point(point: Float64[np.ndarray, " n"], colour: Colour) -> Marker | None:
+    x, y = float(point[0]), float(point[1])
+    if not np.isfinite([x, y]).all():
+        return None
+    return Marker(position=(x, y, _ABOVE_GROUND), colour=colour)
+
+
+@dataclass(frozen=True, kw_only=True)
+class VideoConfig:
+    """How a video is made.
+
+    Attributes:
+        camera: size and view; width and height even, as the codec wants them.
+        fps: pictures a second of the video.
+        speed: seconds of the run a second of the video; below one is slow motion.
+    """
+
+    camera: CameraConfig = field(default_factory=CameraConfig)
+    fps: float = 30.0
+    speed: float = 1.0
+
+    def __post_init__(self) -> None:
+        require_positive("fps", self.fps)
+        require_positive("speed", self.speed)
+        if self.camera.width % 2 or self.camera.height % 2:
+            raise ConfigurationError(
+                "a video's width and height must be even",
+                got=(self.camera.width, self.camera.height),
+            )
+
+
+def render_video(
+    plant: Plant,
+    times: Float64[np.ndarray, " n"],
+    qs: Float64[np.ndarray, "m nq"],
+    path: Path,
+    *,
+    config: VideoConfig | None = None,
+    markers: Callable[[int], Sequence[Marker]] | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Path:
+    """Draw a recorded run into an mp4 file.
+
+    Args:
+        plant: the plant, for its model; its state is not touched.
+        times: times of the recorded configurations, rising [s].
+        qs: the configurations [m, rad].
+        path: the video file, overwritten.
+        config: size, view and speed.
+        markers: what to draw with the sample of a given index.
+        progress: called with the pictures done and the pictures in all.
+
+    Returns:
+        The path of the video.
+
+    Raises:
+        NoOpenGLError: this machine cannot draw without a screen; the message says what to install.
+        MissingExtraError: the package imageio-ffmpeg is not installed.
+        TargetError: times and configurations do not belong together.
+    """
+    config = config if config is not None else VideoConfig()
+    _check(plant, times, qs)
+    indices = frame_indices(times, config)
+    with Camera(plant.robot, plant.model, config.camera) as camera:
+        writer = _open_writer(path, config)
+        try:
+            for done, index in enumerate(indices):
+                drawn = markers(index) if markers is not None else ()
+                frame = camera.picture(qs[index], drawn, dt=config.speed / config.fps)
+                writer.send(np.ascontiguousarray(frame))
+                if progress is not None:
+                    progress(done + 1, len(indices))
+        finally:
+            writer.close()
+    return path
+
+
+def frame_indices(times: Float64[np.ndarray, " n"], config: VideoConfig) -> list[int]:
+    """Which sample each picture shows: the last one at or before its time."""
+    step = config.speed / config.fps
+    stamps = np.arange(times[0], times[-1] + 1e-9, step)
+    found = np.searchsorted(times, stamps + 1e-9, side="right") - 1
+    return [int(i) for i in found]
+
+
+def _check(plant: Plant, times: Float64[np.ndarray, " n"], qs: Float64[np.ndarray, "m nq"]) -> None:
+    if qs.shape != (len(times), plant.robot.nq) or len(times) == 0:
+        raise TargetError(
+            "the recorded configurations have the wrong shape",
+            got=qs.shape,
+            wanted=f"(n, {plant.robot.nq}) with n = {len(times)} > 0",
+        )
+    if np.any(np.diff(times) < 0.0):
+        raise TargetError("the recorded times go back", wanted="rising times")
+
+
+def _open_writer(path: Path, config: VideoConfig) -> Any:
+    try:
+        import imageio_ffmpeg
+    except ModuleNotFoundError as error:
+        raise MissingExtraError("imageio-ffmpeg", "sim", "Making a video") from error
+    write_frames: Any = imageio_ffmpeg.write_frames
+    writer = write_frames(
+        str(path),
+        (config.camera.width, config.camera.height),
+        fps=config.fps,
+        codec="libx264",
+        macro_block_size=2,
+        quality=None,
+        # Small and quick; the moov atom first, so that a browser can start before the end.
+        output_params=["-crf", "23", "-preset", "veryfast", "-movflags", "+faststart"],
+    )
+    writer.send(None)
+    return writer

@@ -1,0 +1,154 @@
+"""Checks on what a user passes to tasks: gains, weights and targets.
+
+Axis masks: which components of a task count, written as short words.
+"""
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+from jaxtyping import Float64, Int64
+
+from poise._checks import Numbers, checked_kind
+from poise.errors import ConfigurationError, TargetError
+
+_LETTERS = {"x": 0, "y": 1, "z": 2}
+
+
+Rows = slice | Int64[np.ndarray, " m"]
+"""Which rows of a quantity count: a slice where they are neighbours, which copies nothing."""
+
+
+def as_rows(index: Int64[np.ndarray, " m"]) -> Rows:
+    """The quickest selection of rows.
+
+    Args:
+        index: row indices, ascending.
+    """
+    first, last = int(index[0]), int(index[-1])
+    return slice(first, last + 1) if last - first + 1 == len(index) else index
+
+
+def parse_axes(axes: str, groups: Mapping[str, int]) -> Int64[np.ndarray, " m"]:
+    """Turns an axis mask into row indices.
+
+    A mask is a group ("position"), a group with letters ("orientation_xy"), or several of these
+    joined by "+" ("position_z+orientation"). Where there is one group its name may be left out
+    ("xy").
+
+    Args:
+        axes: the mask.
+        groups: first row of each group of three axes.
+
+    Returns:
+        Row indices, ascending.
+
+    Raises:
+        ConfigurationError: the mask cannot be read, or names an axis twice.
+    """
+    rows: list[int] = []
+    for term in checked_kind(axes, str, "an axis mask").split("+"):
+        group, separator, letters = term.strip().partition("_")
+        if not separator:
+            if group in groups:
+                letters = "xyz"
+            elif len(groups) == 1:
+                group, letters = next(iter(groups)), group
+        if group not in groups or not letters or any(c not in _LETTERS for c in letters):
+            raise ConfigurationError(
+                "unknown axis mask",
+                got=axes,
+                wanted='a group, a group with letters such as "_xy", or several joined by "+"',
+                choices=groups,
+            )
+        rows.extend(groups[group] + _LETTERS[c] for c in letters)
+    if len(set(rows)) != len(rows):
+        raise ConfigurationError("axis named twice in an axis mask", got=axes)
+    return np.array(sorted(rows), dtype=np.int64)
+
+
+def split_rows(index: np.ndarray) -> tuple[int, ...]:
+    """Number of position rows and of orientation rows of a pose mask, those that are there.
+
+    Args:
+        index: row indices from `parse_axes`, positions from 0 and orientations from 3.
+    """
+    linear = int(np.count_nonzero(index < 3))
+    return tuple(size for size in (linear, len(index) - linear) if size)
+
+
+_IDENTITY = np.eye(3)
+
+_ORTHOGONALITY_TOLERANCE = 1e-6
+"""How far R^T R may be from the identity before R was hardly meant to be a rotation."""
+
+
+def checked_gain(value: Numbers, dim: int, what: str) -> Float64[np.ndarray, " m"]:
+    """A gain or weight per axis, from a scalar or a vector.
+
+    Raises:
+        ConfigurationError: wrong length, not a number, negative or not finite.
+    """
+    array = _as_array(value, what, ConfigurationError)
+    if array.shape not in ((), (dim,)):
+        raise ConfigurationError(
+            f"{what} has the wrong shape", got=array.shape, wanted=f"a number or {dim} numbers"
+        )
+    if not np.all(np.isfinite(array)) or np.any(array < 0.0):
+        raise ConfigurationError(
+            f"{what} must not be negative or infinite", got=value, wanted="finite numbers >= 0"
+        )
+    return np.ascontiguousarray(np.broadcast_to(array, (dim,)), dtype=np.float64)
+
+
+def checked_target(value: Numbers, dim: int, what: str) -> Float64[np.ndarray, " m"]:
+    """A target vector of known length, copied.
+
+    Raises:
+        TargetError: wrong shape, not numbers, NaN or infinite.
+    """
+    array = _as_array(value, what, TargetError)
+    if array.shape != (dim,):
+        raise TargetError(f"{what} has the wrong shape", got=array.shape, wanted=f"({dim},)")
+    if not _all_finite(array):
+        raise TargetError(f"{what} holds NaN or infinity", got=value, wanted="finite numbers")
+    return array
+
+
+def checked_rotation(value: Numbers, what: str) -> Float64[np.ndarray, "3 3"]:
+    """A rotation matrix, copied.
+
+    Raises:
+        TargetError: wrong shape, NaN, or not orthogonal with determinant one.
+    """
+    array = _as_array(value, what, TargetError)
+    if array.shape != (3, 3):
+        raise TargetError(f"{what} has the wrong shape", got=array.shape, wanted="(3, 3)")
+    if not _all_finite(array.ravel()):
+        raise TargetError(f"{what} holds NaN or infinity", got=value, wanted="finite numbers")
+    off = array.T @ array
+    off -= _IDENTITY
+    if np.abs(off).max() > _ORTHOGONALITY_TOLERANCE or _determinant(array) < 0.0:
+        raise TargetError(
+            f"{what} is not a rotation", got=array.tolist(), wanted="R^T R = I and det R = 1"
+        )
+    return array
+
+
+def _all_finite(vector: Float64[np.ndarray, " m"]) -> bool:
+    # Targets are short and set each tick: plain numbers take a fifth of what arrays do.
+    return all(map(math.isfinite, vector.tolist()))
+
+
+def _determinant(matrix: Float64[np.ndarray, "3 3"]) -> float:
+    (a, b, c), (d, e, f), (g, h, i) = matrix.tolist()
+    return a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
+
+
+def _as_array(
+    value: Numbers, what: str, error: type[ConfigurationError] | type[TargetError]
+) -> Float64[np.ndarray, "..."]:
+    try:
+        return np.array(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise error(f"{what} is not made of numbers", got=value, wanted="numbers") from None

@@ -1,0 +1,144 @@
+"""`MomentumTask`: centroidal angular momentum.
+
+`ComTask`: the centre of mass.
+"""
+
+import numpy as np
+from jaxtyping import Float64
+
+from poise._checks import Numbers
+from poise.dynamics import Dynamics, MatrixRates
+from poise.robots import Robot
+from poise.stack._axes import as_rows, parse_axes
+from poise.stack._task import Task, VectorTarget
+
+
+class ComTask(Task):
+    """The centre of mass follows a target in the world: J_com dv + drift = reference.
+
+    Args:
+        axes: which world axes count: "position", "xy", "z", ...
+        kp: stiffness [1/s^2].
+        kd: damping [1/s]; critical when None.
+        weight: weight of its rows in their level.
+        name: what reports call it.
+    """
+
+    def __init__(
+        self,
+        axes: str = "position",
+        *,
+        kp: Numbers = 40.0,
+        kd: Numbers | None = None,
+        weight: Numbers = 1.0,
+        name: str = "com",
+    ) -> None:
+        super().__init__(name, kp=kp, kd=kd, weight=weight)
+        index = parse_axes(axes, {"position": 0})
+        self._size, self._rows = len(index), as_rows(index)
+        self._target = VectorTarget(3, f"task {name!r}")
+
+    def set_target(
+        self,
+        position: Numbers,
+        velocity: Numbers | None = None,
+        acceleration: Numbers | None = None,
+    ) -> None:
+        """Sets where the COM should be.
+
+        Args:
+            position: in the world [m].
+            velocity: [m/s], zero when None.
+            acceleration: [m/s^2], zero when None.
+
+        Raises:
+            TargetError: wrong shape, NaN or infinite.
+        """
+        self._target.set(position, velocity, acceleration)
+
+    @property
+    def target_position(self) -> Float64[np.ndarray, "3"] | None:
+        """Where the COM should be [m]; None until a target is set or taken from the robot."""
+        return self._target.position
+
+    def masked_target(self) -> Float64[np.ndarray, "3"]:
+        """The target along the axes that count, NaN along the others [m]."""
+        shown = np.full(3, np.nan)
+        if self._target.position is not None:
+            shown[self._rows] = self._target.position[self._rows]
+        return shown
+
+    def reset(self) -> None:
+        """Forgets a target that was taken from the robot."""
+        self._target.release_hold()
+
+    def jacobian_rate(self, rates: MatrixRates) -> Float64[np.ndarray, "m nv"]:
+        """Exact time derivative of `jacobian`: the momentum's linear rows over the mass."""
+        return (rates.momentum_matrix[:3] / self.robot.mass)[self._rows]
+
+    def _resolve(self, robot: Robot) -> int:  # noqa: ARG002
+        return self._size
+
+    def _evaluate(self, dynamics: Dynamics) -> Float64[np.ndarray, " m"]:
+        rows, target = self._rows, self._target
+        self.jacobian = dynamics.com_jacobian[rows]
+        self.drift = dynamics.com_bias[rows]
+        self.error = target.error(dynamics.com)[rows]
+        self.error_rate = (target.velocity - dynamics.com_velocity)[rows]
+        return target.acceleration[rows]
+
+
+class MomentumTask(Task):
+    """The angular momentum about the COM follows a target: A_G dv + A_Gdot v = Ldot_ref.
+
+    Momentum has no position to hold, so feedback is on the momentum alone:
+    Ldot_ref = target rate + kd (target - actual). Momentum is a velocity, and its error stands in
+    `error_rate`; it stands in `error` too, which is what reports show.
+
+    Args:
+        axes: "angular", "angular_xy", "z", ... about the world's axes.
+        kd: gain of the momentum error [1/s].
+        weight: weight of its rows in their level.
+        name: what reports call it.
+    """
+
+    def __init__(
+        self,
+        axes: str = "angular",
+        *,
+        kd: Numbers = 5.0,
+        weight: Numbers = 1.0,
+        name: str = "angular momentum",
+    ) -> None:
+        super().__init__(name, kp=0.0, kd=kd, weight=weight)
+        self.unit = "kg m^2/s"
+        index = parse_axes(axes, {"angular": 0})
+        self._size, self._rows = len(index), as_rows(index)
+        self._target = VectorTarget(3, f"task {name!r}")
+        self._target.set(np.zeros(3))
+
+    def set_target(self, momentum: Numbers, rate: Numbers | None = None) -> None:
+        """Sets the wanted angular momentum about the COM.
+
+        Args:
+            momentum: along the world's axes [kg m^2/s].
+            rate: its rate [N m], zero when None.
+
+        Raises:
+            TargetError: wrong shape, NaN or infinite.
+        """
+        self._target.set(momentum, rate)
+
+    def jacobian_rate(self, rates: MatrixRates) -> Float64[np.ndarray, "m nv"]:
+        """Exact time derivative of `jacobian`."""
+        return rates.momentum_matrix[3:][self._rows]
+
+    def _resolve(self, robot: Robot) -> int:  # noqa: ARG002
+        return self._size
+
+    def _evaluate(self, dynamics: Dynamics) -> Float64[np.ndarray, " m"]:
+        rows = self._rows
+        self.jacobian = dynamics.momentum_matrix[3:][rows]
+        self.drift = dynamics.momentum_bias[3:][rows]
+        self.error = self.error_rate = self._target.error(dynamics.momentum[3:])[rows]
+        return self._target.velocity[rows]

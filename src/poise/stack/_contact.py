@@ -1,0 +1,213 @@
+"""`Contact`: a place where the robot touches the world and may push against it.
+
+`LoadRamp`: how much of its load a contact may carry, over time.
+"""
+
+import math
+from abc import ABC, abstractmethod
+
+import numpy as np
+from jaxtyping import Float64
+
+from poise._checks import checked_kind, checked_number
+from poise.dynamics import Dynamics, MatrixRates
+from poise.errors import ConfigurationError
+from poise.robots import Robot
+
+_ROUNDING = 1e-9
+"""Load left that is the sum's rounding, not a tick's share of the ramp."""
+
+
+class LoadRamp:
+    """A number between zero and one that moves linearly to a goal.
+
+    The ramp starts at the first `advance` after `start`, so that whoever starts it needs no clock,
+    and it counts time forwards only: a clock that jumps back does not stop it.
+    """
+
+    def __init__(self) -> None:
+        self._load = 1.0
+        self._goal = 1.0
+        self._rate = math.inf
+        self._time: float | None = None
+
+    @property
+    def active(self) -> bool:
+        """Whether any load may be carried now, or will be at the end of the ramp."""
+        return self._load > 0.0 or self._goal > 0.0
+
+    def start(self, goal: float, duration: float) -> None:
+        """Moves to a goal over a duration [s], from wherever the load is now."""
+        self._goal = goal
+        self._rate = abs(goal - self._load) / duration if duration > 0.0 else math.inf
+        self._time = None
+
+    def advance(self, time: float) -> float:
+        """The load at a time [s]."""
+        if self._load == self._goal:
+            return self._load
+        elapsed = 0.0 if self._time is None else max(time - self._time, 0.0)
+        self._time = time
+        left = self._goal - self._load
+        if math.isinf(self._rate) or self._rate * elapsed >= abs(left) - _ROUNDING:
+            self._load = self._goal
+        else:
+            self._load += math.copysign(self._rate * elapsed, left)
+        return self._load
+
+
+GRAVITY = 9.81
+"""Only scales the default bound of the normal force [m/s^2]."""
+
+MAX_LOAD_FACTOR = 5.0
+"""A loaded contact may carry this many times the robot's weight: no bound in practice."""
+
+
+class Contact(ABC):
+    """A unilateral frictional contact at a frame whose z axis is the contact normal.
+
+    Wrenches act on the robot, at the frame's origin, along the frame's own axes, so that the cone
+    `C F <= 0` is constant. The contact frame does not accelerate: J dv + drift = -damping velocity,
+    equation (2) of Ahn et al. 2024 with a damping that keeps a foot from creeping.
+
+    Args:
+        frame: the frame in contact, such as "left_sole".
+        friction: Coulomb coefficient.
+        damping: how fast a residual velocity of the contact dies out [1/s].
+        min_load: least normal force of a loaded contact, as a share of the robot's weight.
+        dim: length of the wrench.
+        name: what reports call it.
+
+    Attributes:
+        name: what reports call it.
+        frame: the frame in contact.
+        dim: length of the wrench.
+        cone: C, constant, one-sided rows C F <= 0.
+        jacobian: maps `v` to the contact's velocity, along the contact's axes.
+        drift: its classical acceleration at zero `dv`.
+        reference: wanted acceleration of the contact.
+        wrench_lower: simple bounds on the wrench [N, N m].
+        wrench_upper: likewise.
+    """
+
+    def __init__(
+        self,
+        frame: str,
+        *,
+        friction: float,
+        damping: float,
+        min_load: float,
+        dim: int,
+        name: str | None,
+    ) -> None:
+        self.frame = checked_kind(frame, str, "frame of a contact")
+        self.name = name or frame
+        self.friction = checked_number(friction, f"friction of contact {self.name!r}", above=0.0)
+        self.damping = checked_number(damping, f"damping of contact {self.name!r} [1/s]")
+        self.min_load = checked_number(min_load, f"min_load of contact {self.name!r}")
+        if self.min_load >= 0.5:
+            raise ConfigurationError(
+                f"min_load of contact {self.name!r} is out of range",
+                got=min_load,
+                wanted="a share of the weight below 0.5",
+            )
+        self.dim = dim
+        self.cone: Float64[np.ndarray, "rows dim"] = np.zeros((0, dim))
+        self.reference: Float64[np.ndarray, " dim"] = np.zeros(dim)
+        self.wrench_lower: Float64[np.ndarray, " dim"] = np.full(dim, -np.inf)
+        self.wrench_upper: Float64[np.ndarray, " dim"] = np.full(dim, np.inf)
+        self.wrench_lower[2] = 0.0
+        self._load = LoadRamp()
+        self._bounded_load = math.nan
+        self._robot: Robot | None = None
+
+    def bind(self, robot: Robot) -> None:
+        """Resolves the frame on a robot; controllers call it before the first tick.
+
+        Raises:
+            UnknownNameError: the robot has no such frame.
+            ConfigurationError: facts are missing, or the contact serves another robot.
+        """
+        if self._robot is robot:
+            return
+        if self._robot is not None:
+            raise ConfigurationError(
+                f"contact {self.name!r} already serves another robot",
+                got=robot.name,
+                wanted=f"robot {self._robot.name!r}, or a contact of its own",
+            )
+        self._frame_id = robot.frame_id(self.frame)
+        self._weight = robot.mass * GRAVITY
+        self.jacobian: Float64[np.ndarray, "dim nv"] = np.zeros((self.dim, robot.nv))
+        self.drift: Float64[np.ndarray, " dim"] = np.zeros(self.dim)
+        self.cone = self._make_cone(robot)
+        self._robot = robot
+
+    @property
+    def active(self) -> bool:
+        """Whether the contact may carry load; an inactive one does not constrain the robot."""
+        return self._load.active
+
+    def release(self, duration: float = 0.2) -> None:
+        """Unloads the contact: its normal force bound ramps to zero, then it turns inactive.
+
+        Args:
+            duration: length of the ramp [s].
+
+        Raises:
+            ConfigurationError: a negative or non-finite duration.
+        """
+        self._load.start(0.0, checked_number(duration, "duration of a contact's release [s]"))
+
+    def engage(self, duration: float = 0.2) -> None:
+        """Loads the contact: it turns active, and its normal force bound ramps up from zero.
+
+        Args:
+            duration: length of the ramp [s].
+
+        Raises:
+            ConfigurationError: a negative or non-finite duration.
+        """
+        self._load.start(1.0, checked_number(duration, "duration of a contact's engagement [s]"))
+
+    def advance(self, time: float) -> None:
+        """Moves the load ramp on to a time and sets the bound of the normal force.
+
+        Args:
+            time: time of the state [s].
+        """
+        load = self._load.advance(time)
+        if load == self._bounded_load:
+            return
+        self._bounded_load = load
+        # During a ramp the weight is the scale: a foot seldom carries more while it is unloaded.
+        factor = MAX_LOAD_FACTOR if load >= 1.0 else load
+        self.wrench_upper[2] = factor * self._weight
+        # A foot that is asked for no force at all lifts off at the first model error.
+        self.wrench_lower[2] = min(load, self.min_load) * self._weight
+
+    def evaluate(self, dynamics: Dynamics) -> None:
+        """Fills `jacobian`, `drift` and `reference` for one state.
+
+        Args:
+            dynamics: the state, up to date.
+        """
+        jacobian, velocity, bias = dynamics.motion_in_own_axes(self._frame_id)
+        self.jacobian, self.drift = jacobian[: self.dim], bias[: self.dim]
+        np.multiply(velocity[: self.dim], -self.damping, out=self.reference)
+
+    def jacobian_rate(
+        self, dynamics: Dynamics, rates: MatrixRates
+    ) -> Float64[np.ndarray, "dim nv"]:
+        """Time derivative of `jacobian` along axes that stay as they are, as those of `drift` do.
+
+        Args:
+            dynamics: the state.
+            rates: derivatives of the robot's matrices for the same state.
+        """
+        rate, R = rates.frame(self._frame_id), dynamics.frame(self._frame_id).rotation.T
+        return np.concatenate((R @ rate[:3], R @ rate[3:]))[: self.dim]
+
+    @abstractmethod
+    def _make_cone(self, robot: Robot) -> Float64[np.ndarray, "rows dim"]:
+        """The constant rows C of C F <= 0."""

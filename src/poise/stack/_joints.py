@@ -1,0 +1,144 @@
+"""`JointTask` and `PostureTask`: joints follow targets."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float64
+
+from poise._checks import Numbers
+from poise.dynamics import Dynamics, MatrixRates
+from poise.errors import ConfigurationError
+from poise.robots import Robot
+from poise.stack._axes import checked_target
+from poise.stack._task import Task, VectorTarget
+
+
+class JointTask(Task):
+    """Named joints follow target angles: their accelerations equal the reference.
+
+    Args:
+        joints: names of actuated joints, in the order of the targets; all joints when None.
+        kp: stiffness, one number or one a joint [1/s^2].
+        kd: damping [1/s]; critical when None.
+        weight: weight of its rows in their level.
+        name: what reports call it.
+    """
+
+    def __init__(
+        self,
+        joints: Sequence[str] | None = None,
+        *,
+        kp: Numbers = 50.0,
+        kd: Numbers | None = None,
+        weight: Numbers = 1.0,
+        name: str = "joints",
+    ) -> None:
+        super().__init__(name, kp=kp, kd=kd, weight=weight)
+        self.unit = "rad"
+        if joints is not None and len(set(joints)) != len(joints):
+            raise ConfigurationError(f"task {name!r} names a joint twice", got=list(joints))
+        if joints is not None and not joints:
+            raise ConfigurationError(f"task {name!r} names no joint", got=[], wanted="joint names")
+        self.joints = None if joints is None else tuple(joints)
+        self._target: VectorTarget | None = None
+
+    def set_target(
+        self,
+        position: Numbers,
+        velocity: Numbers | None = None,
+        acceleration: Numbers | None = None,
+    ) -> None:
+        """Sets where the joints should be.
+
+        Args:
+            position: one a joint [rad].
+            velocity: [rad/s], zero when None.
+            acceleration: [rad/s^2], zero when None.
+
+        Raises:
+            TargetError: wrong shape, NaN or infinite.
+            ConfigurationError: the task serves no robot yet, so their number is unknown.
+        """
+        self._bound_target().set(position, velocity, acceleration)
+
+    @property
+    def target_position(self) -> Float64[np.ndarray, " m"] | None:
+        """Where the joints should be [rad]; None until a target is set or taken from the robot."""
+        return None if self._target is None else self._target.position
+
+    def reset(self) -> None:
+        """Forgets a target that was taken from the robot."""
+        if self._target is not None:
+            self._target.release_hold()
+
+    def jacobian_rate(
+        self,
+        rates: MatrixRates,  # noqa: ARG002
+    ) -> Float64[np.ndarray, "m nv"]:
+        """Zero: joints are their own coordinates."""
+        return np.zeros_like(self._selection)
+
+    @property
+    def blocks(self) -> tuple[int, ...]:
+        """Every joint by itself."""
+        return (1,) * self.dim
+
+    def _bound_target(self) -> VectorTarget:
+        if self._target is None:
+            raise ConfigurationError(
+                f"task {self.name!r} serves no robot yet",
+                wanted="a controller made with it, or a call of bind(robot)",
+            )
+        return self._target
+
+    def _resolve(self, robot: Robot) -> int:
+        names = robot.joint_names if self.joints is None else self.joints
+        index = np.array([robot.joint_index(name) for name in names], dtype=np.int64)
+        self._target = VectorTarget(len(index), f"task {self.name!r}")
+        base_dofs = robot.base_dofs
+        self._v_index = index + base_dofs
+        self._q_index = index + (robot.nq - robot.nj)
+        self._selection = np.zeros((len(index), robot.nv))
+        self._selection[np.arange(len(index)), self._v_index] = 1.0
+        self._no_drift = np.zeros(len(index))
+        return len(index)
+
+    def _evaluate(self, dynamics: Dynamics) -> Float64[np.ndarray, " m"]:
+        target = self._bound_target()
+        state = dynamics.state
+        self.jacobian, self.drift = self._selection, self._no_drift
+        self.error = target.error(state.q[self._q_index])
+        self.error_rate = target.velocity - state.v[self._v_index]
+        return target.acceleration
+
+
+class PostureTask(JointTask):
+    """All joints towards a posture: what the robot does with the freedom that is left.
+
+    Args:
+        posture: joint angles [rad]; the robot's home posture when None.
+        kp: stiffness, one number or one a joint [1/s^2].
+        kd: damping [1/s]; critical when None.
+        weight: weight of its rows in their level.
+        name: what reports call it.
+    """
+
+    def __init__(
+        self,
+        posture: Numbers | None = None,
+        *,
+        kp: Numbers = 25.0,
+        kd: Numbers | None = None,
+        weight: Numbers = 1.0,
+        name: str = "posture",
+    ) -> None:
+        super().__init__(None, kp=kp, kd=kd, weight=weight, name=name)
+        self._posture = posture
+        if posture is not None:
+            checked_target(posture, np.size(posture), f"target of task {name!r}")
+
+    def _resolve(self, robot: Robot) -> int:
+        dim = super()._resolve(robot)
+        home = robot.q_home[robot.nq - robot.nj :]
+        self._bound_target().set(home if self._posture is None else self._posture)
+        return dim

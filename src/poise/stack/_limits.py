@@ -1,0 +1,266 @@
+"""`JointLimit`: position, velocity and acceleration limits as one pair of acceleration bounds.
+
+`TorqueLimit`: bounds of the joint torques.
+"""
+
+from math import sqrt
+
+import numpy as np
+from jaxtyping import Float64
+
+from poise._checks import checked_number
+from poise._compiled import compiled
+from poise.dynamics import Dynamics
+from poise.errors import ConfigurationError
+from poise.robots import Robot
+
+
+class TorqueLimit:
+    """|tau| <= scale tau_max, joint by joint.
+
+    Args:
+        scale: share of the robot's torque limits that may be used.
+
+    Attributes:
+        name: what reports call it.
+        lower: lower bounds [N m].
+        upper: upper bounds [N m].
+    """
+
+    def __init__(self, scale: float = 1.0) -> None:
+        self.name = "torque limit"
+        self.scale = checked_number(scale, "scale of the torque limit", above=0.0)
+        if self.scale > 1.0:
+            raise ConfigurationError(
+                "scale of the torque limit is above the robot's own limit",
+                got=scale,
+                wanted="a number in (0, 1]",
+            )
+        self._robot: Robot | None = None
+
+    def bind(self, robot: Robot) -> None:
+        """Takes the limits of a robot; controllers call it before the first tick.
+
+        Raises:
+            ConfigurationError: the limit serves another robot.
+        """
+        if self._robot is not None and self._robot is not robot:
+            raise ConfigurationError(
+                "the torque limit already serves another robot",
+                got=robot.name,
+                wanted=f"robot {self._robot.name!r}, or a limit of its own",
+            )
+        self._robot = robot
+        self.upper: Float64[np.ndarray, " nj"] = self.scale * robot.tau_max
+        self.lower: Float64[np.ndarray, " nj"] = -self.upper
+
+
+_STOP_SHARE = 0.1
+"""Share of the horizon in which a joint about to pass its limit stops.
+
+It bounds the braking gain near the limit, where v^2 / 2s would turn measurement noise into full
+braking. The price is that a joint may pass its limit by `a_max (share dt)^2 / 2`, 0.4 mrad with the
+defaults, which the position margin is there for."""
+
+_TINY = 1e-12
+"""Keeps a joint at rest on its limit from dividing by zero [rad]."""
+
+
+class JointLimit:
+    """Bounds on joint accelerations that keep position, velocity and acceleration limits.
+
+    The bounds are the viability bounds of Del Prete ("Joint Position and Velocity Bounds in
+    Discrete-Time Acceleration/Torque Control of Robot Manipulators", RA-L 2018): a joint may not
+    go so fast that braking at b could no longer stop it before its limit. With s the distance to
+    the upper limit, an acceleration a held for one horizon dt is viable if
+
+        (v + a dt)^2 <= 2 b (s - v dt - a dt^2 / 2)         and     v + a dt <= v_max,
+
+    and where the joint has to be at rest sooner than dt, if a <= -v^2 / 2s.
+
+    Position and velocity limits never make the problem infeasible: `lower <= upper` holds for
+    every state. A joint that is beyond a limit is asked back within one horizon, as far as the
+    acceleration limit allows. Where bounds contradict each other, as a position limit that needs
+    harder braking than a velocity limit would have, both become the one that brakes.
+
+    Args:
+        acceleration_max: largest joint acceleration [rad/s^2].
+        braking: deceleration b with which a joint plans to stop before its position limit, at most
+            `acceleration_max`; low, so that braking starts early and does not jerk the robot
+            [rad/s^2].
+        horizon: dt, at least twice the control period so that braking starts smoothly [s].
+        position_margin: distance kept from the position limits [rad].
+        velocity_scale: share of the robot's velocity limits that may be used.
+
+    Attributes:
+        name: what reports call it.
+        lower: lower bounds of the joint accelerations at the last state [rad/s^2].
+        upper: upper bounds.
+    """
+
+    def __init__(
+        self,
+        *,
+        acceleration_max: float = 200.0,
+        braking: float = 8.0,
+        horizon: float = 0.02,
+        position_margin: float = 0.01,
+        velocity_scale: float = 1.0,
+    ) -> None:
+        self.name = "joint limit"
+        self.acceleration_max = checked_number(
+            acceleration_max, "acceleration_max of the joint limit [rad/s^2]", above=0.0
+        )
+        self.braking = min(
+            checked_number(braking, "braking of the joint limit [rad/s^2]", above=0.0),
+            self.acceleration_max,
+        )
+        self.horizon = checked_number(horizon, "horizon of the joint limit [s]", above=0.0)
+        self.position_margin = checked_number(
+            position_margin, "position_margin of the joint limit [rad]"
+        )
+        self.velocity_scale = checked_number(
+            velocity_scale, "velocity_scale of the joint limit", above=0.0
+        )
+        self._robot: Robot | None = None
+
+    def bind(self, robot: Robot) -> None:
+        """Takes the limits of a robot; controllers call it before the first tick.
+
+        Raises:
+            ConfigurationError: the margin leaves a joint no range, or the limit serves another
+                robot.
+        """
+        if self._robot is robot:
+            return
+        if self._robot is not None:
+            raise ConfigurationError(
+                "the joint limit already serves another robot",
+                got=robot.name,
+                wanted=f"robot {self._robot.name!r}, or a limit of its own",
+            )
+        q_min, q_max = robot.q_min + self.position_margin, robot.q_max - self.position_margin
+        crossed = np.flatnonzero(q_min >= q_max)
+        if crossed.size:
+            raise ConfigurationError(
+                "position_margin of the joint limit leaves joints no range: "
+                + ", ".join(robot.joint_names[i] for i in crossed),
+                got=self.position_margin,
+                wanted="a smaller margin [rad]",
+            )
+        self._q_slice = slice(robot.nq - robot.nj, robot.nq)
+        self._v_slice = slice(robot.base_dofs, robot.nv)
+        self._viable = ViableAcceleration(
+            q_min,
+            q_max,
+            self.velocity_scale * robot.v_max,
+            a_max=self.acceleration_max,
+            dt=self.horizon,
+            braking=self.braking,
+        )
+        self.lower: Float64[np.ndarray, " nj"] = np.zeros(robot.nj)
+        self.upper: Float64[np.ndarray, " nj"] = np.zeros(robot.nj)
+        self._robot = robot
+
+    def evaluate(self, dynamics: Dynamics) -> None:
+        """Fills `lower` and `upper` for one state.
+
+        Args:
+            dynamics: the state, up to date.
+        """
+        state = dynamics.state
+        self._viable.bounds(state.q[self._q_slice], state.v[self._v_slice], self.lower, self.upper)
+
+
+class ViableAcceleration:
+    """Accelerations after which a joint can still stop before its position limits.
+
+    With s = q_max - q the largest one is the larger root of
+
+        dt^2 a^2 + dt (2 v + b dt) a + v^2 - 2 b (s - v dt) = 0,
+
+        a = sqrt(2 b (s - v dt / 2) / dt^2 + b^2 / 4) - (v / dt + b / 2),
+
+    as long as the joint may still move towards the limit at dt, that is for s >= v dt / 2. Nearer
+    to it the joint must be at rest sooner, which takes -v^2 / 2s; the root would let it swing past
+    the limit and return to it at dt. The smallest one is its mirror image. Where the two cross,
+    both become the one that brakes.
+
+    Args:
+        q_min: lower position limits [rad].
+        q_max: upper position limits [rad].
+        v_max: velocity limits [rad/s].
+        a_max: acceleration limit [rad/s^2].
+        dt: horizon [s].
+        braking: b, the deceleration that stopping is planned with [rad/s^2].
+    """
+
+    def __init__(
+        self,
+        q_min: Float64[np.ndarray, " nj"],
+        q_max: Float64[np.ndarray, " nj"],
+        v_max: Float64[np.ndarray, " nj"],
+        *,
+        a_max: float,
+        dt: float,
+        braking: float,
+    ) -> None:
+        self._limits = q_min, q_max, v_max
+        self._settings = float(a_max), float(dt), float(braking)
+
+    def bounds(
+        self,
+        q: Float64[np.ndarray, " nj"],
+        v: Float64[np.ndarray, " nj"],
+        lower: Float64[np.ndarray, " nj"],
+        upper: Float64[np.ndarray, " nj"],
+    ) -> None:
+        """Bounds in [-a_max, a_max], which never cross.
+
+        Args:
+            q: positions [rad].
+            v: velocities [rad/s].
+            lower: receives the lower bounds [rad/s^2].
+            upper: receives the upper bounds [rad/s^2].
+        """
+        _bounds(q, v, self._limits, self._settings, lower, upper)
+
+
+@compiled
+def _bounds(
+    q: Float64[np.ndarray, " nj"],
+    v: Float64[np.ndarray, " nj"],
+    limits: tuple[
+        Float64[np.ndarray, " nj"], Float64[np.ndarray, " nj"], Float64[np.ndarray, " nj"]
+    ],
+    settings: tuple[float, float, float],
+    lower: Float64[np.ndarray, " nj"],
+    upper: Float64[np.ndarray, " nj"],
+) -> None:
+    q_min, q_max, v_max = limits
+    for i in range(len(q)):
+        upper[i] = _largest(q_max[i] - q[i], v[i], v_max[i], settings)
+        lower[i] = -_largest(q[i] - q_min[i], -v[i], v_max[i], settings)
+        if lower[i] > upper[i]:
+            lower[i] = upper[i] = upper[i] if v[i] > 0.0 else lower[i]
+
+
+@compiled
+def _largest(s: float, v: float, v_max: float, settings: tuple[float, float, float]) -> float:
+    """The largest acceleration of a joint at a distance s from a limit, towards which it moves."""
+    a_max, dt, b = settings
+    if s < 0.5 * v * dt:
+        a = _stop_at_once(s, v, dt)
+    else:
+        a = sqrt(2.0 * b * (s - 0.5 * v * dt) / (dt * dt) + 0.25 * b * b) - (v / dt + 0.5 * b)
+    return max(-a_max, min(a, (v_max - v) / dt, a_max))
+
+
+@compiled
+def _stop_at_once(s: float, v: float, dt: float) -> float:
+    """What a joint that is within half a horizon of its limit, or beyond it, may do."""
+    approach = max(v, 0.0)
+    distance = max(s, 0.5 * _STOP_SHARE * dt * approach + _TINY)
+    stop = -0.5 * approach * approach / distance
+    # Beyond the limit: back to it at dt, counting the speed at which the joint returns already.
+    return stop + (2.0 / (dt * dt)) * (min(s, 0.0) + dt * (approach - v))

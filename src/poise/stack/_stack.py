@@ -1,0 +1,164 @@
+"""`Stack`: contacts, limits and tasks in strict order, as a user writes them.
+
+Which tasks a contact stands in for.
+"""
+
+from collections.abc import Iterator, Sequence
+
+from poise._checks import checked_kind
+from poise.errors import ConfigurationError
+from poise.robots import Robot
+from poise.stack._centroid import ComTask
+from poise.stack._contact import Contact
+from poise.stack._contacts import SurfaceContact
+from poise.stack._frame import FrameTask
+from poise.stack._joints import PostureTask
+from poise.stack._limits import JointLimit, TorqueLimit
+from poise.stack._task import Task
+
+
+def is_held(task: Task, contacts: Sequence[Contact]) -> bool:
+    """Whether a task acts on a frame whose motion an active contact already decides.
+
+    A point contact decides where its frame is, but not how it is turned.
+
+    Args:
+        task: the task.
+        contacts: active contacts.
+    """
+    return isinstance(task, FrameTask) and any(
+        c.frame == task.frame and not (task.turns and c.dim < 6) for c in contacts
+    )
+
+
+_TURNING_JOINTS = 3
+"""Joints it takes to turn a frame in any direction."""
+
+
+class Stack:
+    """What a controller is asked to do; the same for every controller.
+
+    Physics comes first, always: base dynamics with the torque limits, then contacts with the
+    joint limits. The user's levels follow, each strictly above the next.
+
+    Args:
+        contacts: where the robot touches the world.
+        levels: lists of tasks, most important first.
+        torque_limit: bounds of the torques.
+        joint_limit: bounds of joint positions, velocities and accelerations.
+
+    Raises:
+        ConfigurationError: an empty level, a name used twice, two contacts on one frame, or
+            something that is neither a task nor a contact.
+    """
+
+    def __init__(
+        self,
+        contacts: Sequence[Contact] = (),
+        levels: Sequence[Sequence[Task]] = (),
+        *,
+        torque_limit: TorqueLimit | None = None,
+        joint_limit: JointLimit | None = None,
+    ) -> None:
+        for contact in checked_kind(contacts, Sequence, "the contacts of the stack"):
+            checked_kind(contact, Contact, "a contact of the stack")
+        for i, level in enumerate(checked_kind(levels, Sequence, "the levels of the stack")):
+            if not isinstance(level, Sequence) or not level:
+                raise ConfigurationError(
+                    f"level {i} of the stack is not a list of tasks",
+                    got=level,
+                    wanted="a list with at least one task",
+                )
+            for task in level:
+                checked_kind(task, Task, f"an entry of level {i} of the stack")
+        self.contacts = tuple(contacts)
+        self.levels = tuple(tuple(level) for level in levels)
+        self.torque_limit = checked_kind(
+            torque_limit or TorqueLimit(), TorqueLimit, "torque_limit of the stack"
+        )
+        self.joint_limit = checked_kind(
+            joint_limit or JointLimit(), JointLimit, "joint_limit of the stack"
+        )
+        _check_unique([c.frame for c in self.contacts], "two contacts of the stack on one frame")
+        _check_unique([c.name for c in self.contacts], "two contacts of the stack with one name")
+        _check_unique([t.name for _, t in self.tasks()], "two tasks of the stack with one name")
+
+    def tasks(self) -> Iterator[tuple[int, Task]]:
+        """All tasks with the index of their level, most important first."""
+        for i, level in enumerate(self.levels):
+            for task in level:
+                yield i, task
+
+    def task(self, name: str) -> Task:
+        """The task of that name.
+
+        Raises:
+            ConfigurationError: no such task; the message lists those that exist.
+        """
+        for _, task in self.tasks():
+            if task.name == name:
+                return task
+        raise ConfigurationError(
+            "unknown task of the stack", got=name, choices=[t.name for _, t in self.tasks()]
+        )
+
+    def contact(self, name: str) -> Contact:
+        """The contact of that name.
+
+        Raises:
+            ConfigurationError: no such contact; the message lists those that exist.
+        """
+        for contact in self.contacts:
+            if contact.name == name:
+                return contact
+        raise ConfigurationError(
+            "unknown contact of the stack", got=name, choices=[c.name for c in self.contacts]
+        )
+
+    def bind(self, robot: Robot) -> None:
+        """Resolves every name on a robot; controllers call it before the first tick."""
+        for contact in self.contacts:
+            contact.bind(robot)
+        for _, task in self.tasks():
+            task.bind(robot)
+        self.torque_limit.bind(robot)
+        self.joint_limit.bind(robot)
+
+
+def default_stack(robot: Robot) -> Stack:
+    """The stack of Ahn et al. 2024, Table 1: dynamics, contacts, balance, then the hands.
+
+    Args:
+        robot: whose soles, hands, pelvis and torso the tasks name.
+
+    Returns:
+        A new stack: both soles in contact; COM and pelvis orientation; hand poses and, where the
+        waist has three joints, torso orientation; posture.
+    """
+    balance: list[Task] = []
+    if robot.floating_base:
+        balance = [ComTask(kp=60.0), FrameTask(robot.pelvis, "orientation", kp=100.0)]
+    upper: list[Task] = [FrameTask(hand, kp=100.0) for hand in robot.hands]
+    if _can_turn_freely(robot, robot.pelvis, robot.torso):
+        upper.append(FrameTask(robot.torso, "orientation", kp=100.0))
+    levels = [level for level in (balance, upper) if level]
+    return Stack(
+        contacts=[SurfaceContact(sole) for sole in robot.soles],
+        levels=[*levels, [PostureTask()]],
+    )
+
+
+def _can_turn_freely(robot: Robot, root: str, frame: str) -> bool:
+    """Whether a frame has three joints to turn with against another; with fewer, both conflict."""
+    model = robot.model
+    chains = [
+        set(model.supports[model.frames[robot.frame_id(name)].parentJoint].tolist())
+        for name in (root, frame)
+    ]
+    return len(chains[1] - chains[0]) >= _TURNING_JOINTS
+
+
+def _check_unique(names: list[str], what: str) -> None:
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise ConfigurationError(what, got=", ".join(twice))

@@ -1,0 +1,261 @@
+"""`Task`: something the robot should do, as rows of an acceleration-level equation.
+
+`VectorTarget`: position, velocity and acceleration that a vector quantity should have.
+"""
+
+from abc import ABC, abstractmethod
+
+import numpy as np
+from jaxtyping import Float64
+
+from poise._checks import Numbers
+from poise.dynamics import Dynamics, MatrixRates
+from poise.errors import ConfigurationError
+from poise.robots import Robot
+from poise.stack._axes import checked_gain, checked_target
+
+
+class VectorTarget:
+    """A moving target for a vector, or "where you are" until one is set.
+
+    Attributes:
+        position: wanted value, None to hold the value of the first tick.
+        velocity: its rate.
+        acceleration: its second rate.
+    """
+
+    def __init__(self, dim: int, what: str) -> None:
+        self._dim = dim
+        self._what = what
+        self._held = False
+        self.position: Float64[np.ndarray, " m"] | None = None
+        self.velocity: Float64[np.ndarray, " m"] = np.zeros(dim)
+        self.acceleration: Float64[np.ndarray, " m"] = np.zeros(dim)
+
+    def set(
+        self,
+        position: Numbers,
+        velocity: Numbers | None = None,
+        acceleration: Numbers | None = None,
+    ) -> None:
+        """Sets the target; rates that are not given are zero.
+
+        Raises:
+            TargetError: wrong shape, NaN or infinite.
+        """
+        dim, what, zero = self._dim, self._what, np.zeros(self._dim)
+        new_position = checked_target(position, dim, f"target of {what}")
+        new_velocity = (
+            zero
+            if velocity is None
+            else checked_target(velocity, dim, f"target velocity of {what}")
+        )
+        new_acceleration = (
+            zero
+            if acceleration is None
+            else checked_target(acceleration, dim, f"target acceleration of {what}")
+        )
+        self.position, self.velocity, self.acceleration = (
+            new_position,
+            new_velocity,
+            new_acceleration,
+        )
+        self._held = False
+
+    def error(self, actual: Float64[np.ndarray, " m"]) -> Float64[np.ndarray, " m"]:
+        """Target minus actual; the first actual value becomes the target where none was set."""
+        if self.position is None:
+            self.position = actual.copy()
+            self._held = True
+        return self.position - actual
+
+    def release_hold(self) -> None:
+        """Forgets a target that was taken from the robot."""
+        if self._held:
+            self.position = None
+            self._held = False
+
+
+class Task(ABC):
+    """A quantity of the robot that should follow a reference: `J dv + drift = reference`.
+
+    The reference acceleration is PD feedback around a user's target,
+
+        reference = target_acceleration + kp error + kd error_rate,
+
+    or what `set_acceleration` was given. A task knows no solver and no controller: `evaluate`
+    leaves everything it has to say about one state in the attributes below, once a tick.
+
+    Args:
+        name: what reports and messages call it.
+        kp: stiffness, one number or one an axis [1/s^2].
+        kd: damping [1/s]; critical, 2 sqrt(kp), when None.
+        weight: weight of its rows against other rows of the same level.
+
+    Attributes:
+        name: what reports and messages call it.
+        unit: unit of `error`.
+        dim: number of rows; known once bound to a robot.
+        jacobian: J.
+        drift: acceleration of the task at zero `dv`.
+        error: target minus actual [unit].
+        error_rate: its rate [unit/s].
+        reference: reference acceleration [unit/s^2].
+    """
+
+    def __init__(self, name: str, *, kp: Numbers, kd: Numbers | None, weight: Numbers):
+        self.name = name
+        self.unit = "m"
+        self.dim = 0
+        self._gains = (kp, kd, weight)
+        # Shape is checked when the number of rows is known; sign and finiteness at once.
+        for value, what in ((kp, "kp"), (kd, "kd"), (weight, "weight")):
+            if value is not None:
+                checked_gain(value, np.size(value), f"{what} of task {name!r}")
+        self._robot: Robot | None = None
+        self._user_acceleration: Float64[np.ndarray, " m"] | None = None
+        self._user_velocity: Float64[np.ndarray, " m"] | None = None
+
+    def bind(self, robot: Robot) -> None:
+        """Resolves names on a robot and allocates; controllers call it before the first tick.
+
+        Args:
+            robot: the robot whose frames and joints the task names.
+
+        Raises:
+            UnknownNameError: a frame or joint that the robot does not have.
+            ConfigurationError: a gain of the wrong length, or the task serves another robot.
+            TargetError: a target, acceleration or velocity given before that has the wrong length.
+        """
+        if self._robot is robot:
+            return
+        if self._robot is not None:
+            raise ConfigurationError(
+                f"task {self.name!r} already serves another robot",
+                got=robot.name,
+                wanted=f"robot {self._robot.name!r}, or a task of its own",
+            )
+        self.dim = self._resolve(robot)
+        kp, kd, weight = self._gains
+        self.kp = checked_gain(kp, self.dim, f"kp of task {self.name!r} [1/s^2]")
+        damping = 2.0 * np.sqrt(self.kp) if kd is None else kd
+        self.kd = checked_gain(damping, self.dim, f"kd of task {self.name!r} [1/s]")
+        self.weight = checked_gain(weight, self.dim, f"weight of task {self.name!r}")
+        if not np.all(self.weight > 0.0):
+            raise ConfigurationError(
+                f"weight of task {self.name!r} must be positive", got=weight, wanted="> 0"
+            )
+        if self._user_acceleration is not None:
+            # Given before the number of rows was known.
+            checked_target(self._user_acceleration, self.dim, f"acceleration of task {self.name!r}")
+        if self._user_velocity is not None:
+            checked_target(self._user_velocity, self.dim, f"velocity of task {self.name!r}")
+        self.jacobian: Float64[np.ndarray, "m nv"] = np.zeros((self.dim, robot.nv))
+        self.drift: Float64[np.ndarray, " m"] = np.zeros(self.dim)
+        self.error: Float64[np.ndarray, " m"] = np.zeros(self.dim)
+        self.error_rate: Float64[np.ndarray, " m"] = np.zeros(self.dim)
+        self.reference: Float64[np.ndarray, " m"] = np.zeros(self.dim)
+        self._robot = robot
+
+    @property
+    def robot(self) -> Robot:
+        """The robot the task serves.
+
+        Raises:
+            ConfigurationError: it serves none yet.
+        """
+        if self._robot is None:
+            raise ConfigurationError(
+                f"task {self.name!r} serves no robot yet",
+                wanted="a controller made with it, or a call of bind(robot)",
+            )
+        return self._robot
+
+    def set_acceleration(self, acceleration: Numbers | None) -> None:
+        """Replaces the PD reference by a given acceleration; None brings the PD back.
+
+        Args:
+            acceleration: reference acceleration, one a row [unit/s^2].
+
+        Raises:
+            TargetError: wrong shape, NaN or infinite.
+        """
+        if acceleration is not None:
+            size = self.dim if self._robot is not None else np.size(acceleration)
+            acceleration = checked_target(acceleration, size, f"acceleration of task {self.name!r}")
+        self._user_acceleration = acceleration
+
+    def set_velocity(self, velocity: Numbers | None) -> None:
+        """Replaces the wanted velocity by a given one; None brings the target's back.
+
+        Only controllers that command velocities follow it: `DifferentialIK`. Those that command
+        torques go by accelerations, see `set_acceleration`.
+
+        Args:
+            velocity: wanted velocity J v, one a row [unit/s; kg m^2/s for momentum].
+
+        Raises:
+            TargetError: wrong shape, NaN or infinite.
+        """
+        if velocity is not None:
+            size = self.dim if self._robot is not None else np.size(velocity)
+            velocity = checked_target(velocity, size, f"velocity of task {self.name!r}")
+        self._user_velocity = velocity
+
+    @property
+    def given_velocity(self) -> Float64[np.ndarray, " m"] | None:
+        """What `set_velocity` was given; None for nothing."""
+        return self._user_velocity
+
+    def evaluate(self, dynamics: Dynamics) -> None:
+        """Fills `jacobian`, `drift`, `error`, `error_rate` and `reference` for one state.
+
+        A target that was never set becomes what the robot does at the first evaluation: hold.
+
+        Args:
+            dynamics: the state, up to date.
+        """
+        feedforward = self._evaluate(dynamics)
+        if self._user_acceleration is not None:
+            self.reference = self._user_acceleration
+        else:
+            reference = self.kp * self.error
+            reference += self.kd * self.error_rate
+            reference += feedforward
+            self.reference = reference
+
+    def reset(self) -> None:  # noqa: B027 - most tasks have nothing to forget
+        """Forgets targets that the task took from the robot itself, not those a user set."""
+
+    def jacobian_rate(
+        self,
+        rates: MatrixRates,  # noqa: ARG002
+    ) -> Float64[np.ndarray, "m nv"]:
+        """Exact time derivative of `jacobian`, for the state that was evaluated last.
+
+        Only formulas that differentiate projected Jacobians ask for it; a task of your own can do
+        without.
+
+        Args:
+            rates: derivatives of the robot's matrices for the same state.
+
+        Raises:
+            ConfigurationError: the task has none.
+        """
+        raise ConfigurationError(
+            f"task {self.name!r} has no exact derivative of its Jacobian",
+            wanted='derivative="numerical", or bias="fused", which needs none',
+        )
+
+    @property
+    def blocks(self) -> tuple[int, ...]:
+        """Sizes of the blocks of rows that share a unit and turn into one another as axes turn."""
+        return (self.dim,)
+
+    @abstractmethod
+    def _resolve(self, robot: Robot) -> int:
+        """Looks names up on the robot and returns the number of rows."""
+
+    @abstractmethod
+    def _evaluate(self, dynamics: Dynamics) -> Float64[np.ndarray, " m"]:
+        """Fills everything but `reference`; returns the target's acceleration, masked."""

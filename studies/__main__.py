@@ -1,0 +1,79 @@
+"""`python -m studies`: a paper's experiments, its numbers beside ours."""
+
+import argparse
+import json
+import sys
+from collections.abc import Sequence
+from typing import Any
+
+from poise.cli import Bar, add_output_options, make_folder, run_command, whole_number
+from studies import STUDIES
+from studies.finding import with_unit
+from studies.page import verdict
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Runs one study.
+
+    Args:
+        arguments: the command line without the program's name; the process's own when None.
+
+    Returns:
+        The exit status: 0 all findings hold, 1 one failed or a part has no result, 2 bad input.
+    """
+    parser = argparse.ArgumentParser(
+        prog="python -m studies",
+        description="Runs a paper's experiments and writes study.html, study.json and the figures. "
+        "What is computed is written part by part. Exit status: 0 all findings hold, 1 one "
+        "failed or a part has no result, 2 bad input.",
+        epilog="example: python -m studies bias-acceleration --out runs/bias",
+    )
+    parser.add_argument("name", metavar="NAME", help="which study: " + ", ".join(STUDIES))
+    parser.add_argument(
+        "--quick", action="store_true", help="a shorter version of the same, to try it out"
+    )
+    parser.add_argument(
+        "--seed", metavar="N", type=whole_number, default=0, help="seed (default: %(default)s)"
+    )
+    add_output_options(parser, "runs/study-NAME")
+    parser.set_defaults(act=_act)
+    return run_command(parser, arguments)
+
+
+def _act(options: argparse.Namespace) -> int:
+    """Runs the study and writes everything."""
+    from studies.plan import StudyOptions
+    from studies.registry import load_study
+    from studies.write import write_study
+
+    plan = load_study(options.name)
+    folder = make_folder(options.out, f"runs/study-{plan.name}")
+    study = plan.run(
+        StudyOptions(quick=options.quick, seed=options.seed),
+        show=lambda title: Bar(title, ""),
+        save=lambda so_far: write_study(so_far, folder),
+    )
+    if options.json:
+        print("\n".join(json.dumps(finding.to_json()) for finding in study.findings))
+    else:
+        _print(study)
+        print(f"page: {folder / 'study.html'}")
+    for part in study.unfinished:
+        # One line each; the page has the traceback.
+        print(f"{part.title}:", *part.reason.split(), file=sys.stderr)
+    return 0 if study.ok else 1
+
+
+def _print(study: Any) -> None:
+    print(f"{study.name}: {verdict(study)}")
+    for section in study.sections:
+        print(section.title)
+        for finding in section.findings:
+            mark = "ok  " if finding.ok else "FAIL"
+            ours = with_unit(finding.ours, finding.unit)
+            paper = f" (paper: {with_unit(finding.paper, finding.unit)})"
+            print(f"  {mark}  {finding.name}: {ours}{'' if finding.paper is None else paper}")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,58 @@
+"""The study of (Park, Jin, Kang 2022): what a bias acceleration costs, and what it is worth."""
+
+from studies.bias_acceleration.cost_section import cost_section
+from studies.bias_acceleration.encoder_section import encoder_section
+from studies.bias_acceleration.gravity_section import gravity_section
+from studies.bias_acceleration.humanoid_section import humanoid_section
+from studies.bias_acceleration.model_error_section import model_error_section
+from studies.bias_acceleration.operations_section import operations_section
+from studies.bias_acceleration.timing_section import timing_section
+from studies.plan import Part, StudyPlan
+
+PLAN = StudyPlan(
+    name="bias-acceleration",
+    title="Bias acceleration in the operational space formulation",
+    introduction=(
+        "The operational space formulation (OSF) controls several tasks in strict priority. A task "
+        "below others must know which acceleration those will cause: its bias acceleration. The "
+        "paper shows that the original formula for it spends a third to a half of all operations "
+        "on dynamics that cancel, and proposes one that needs the mass matrix only. Poise's own "
+        "formula, `fused`, takes one step more: the velocity term of the prioritised task, which "
+        "the bias acceleration adds and the torque takes away again, is left out of both.",
+    ),
+    source="S. H. Park, M. Jin, S. H. Kang, “Efficient Acceleration-Level Formula of Bias "
+    "Acceleration Satisfying Time Precedence for Operational Space Formulation”, IEEE Access, "
+    "2022.",
+    parts=(
+        Part(
+            name="cost-model", title="Operations by formula: Figures 1 to 3", compute=cost_section
+        ),
+        Part(
+            name="gravity",
+            title="First study: bias acceleration and gravity, Figure 5",
+            compute=gravity_section,
+        ),
+        Part(
+            name="encoders",
+            title="First study: behind encoders, Figure 6, Tables 2 and 3",
+            compute=encoder_section,
+        ),
+        Part(name="timing", title="Second study: time, Table 4", compute=timing_section),
+        Part(
+            name="operations",
+            title="Beyond the paper: operations of whole resolves",
+            compute=operations_section,
+        ),
+        Part(
+            name="model-error",
+            title="Beyond the paper: where the model is wrong",
+            compute=model_error_section,
+        ),
+        Part(
+            name="humanoid",
+            title="Beyond the paper: a standing humanoid",
+            compute=humanoid_section,
+        ),
+    ),
+)
+"""The study: its parts in order. A part is a function in a file of its own."""

@@ -1,0 +1,251 @@
+"""The first study's experiment: an arm carries a cup sideways and keeps it level."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+import pinocchio as pin
+from jaxtyping import Float64
+
+from benchmarks.fixed_base.cubic import Cubic
+from benchmarks.fixed_base.encoder import Encoder, JointSensors
+from benchmarks.fixed_base.gravity import Gravity
+from benchmarks.fixed_base.loop import CONTROL_DT, Tick, run_loop
+from benchmarks.fixed_base.plant import RigidPlant, with_gravity
+from poise.control import OperationalSpaceController
+from poise.control._osf._fused import FusedResolver
+from poise.control._osf._recursion import PaperResolver
+from poise.dynamics import Dynamics, FrameKinematics, RobotState, rotation_vector
+from poise.robots import Robot, load_robot
+from poise.stack import FrameTask, Stack
+
+FORMULAS = ("original", "proposed", "numerical", "fused")
+"""In the order of tables and figures."""
+
+WAY, DURATION = 0.4, 4.2
+"""The cup goes this far along y [m], in this time [s]."""
+
+KP = 100.0
+"""Stiffness of both tasks [1/s^2], with critical damping; the paper does not give its gains."""
+
+PAPER_GRAVITY = -9.8
+"""The paper's [m/s^2]."""
+
+SECOND_TASK = 2
+"""Index of the second task's level: a fixed base has an empty level of contacts first."""
+
+_HAND = "hand"
+_SHOULDER, _ELBOW = 0.5, 1.2
+"""Joints 2 and 3 at the start [rad]; joint 5 makes the hand level, joint 1 points it to -WAY/2."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CupRun:
+    """One carrying of the cup.
+
+    Attributes:
+        formula: of the bias acceleration.
+        derivative: how projected Jacobians are differentiated.
+        kp: stiffness of both tasks [1/s^2].
+        encoder: of all joints; None for exact angles.
+        gravity: of the plant, and of the controller's model.
+        inertia_scale: factor on the plant's link masses and inertias.
+        share: share of the motion that is simulated.
+    """
+
+    formula: str
+    derivative: str = "numerical"
+    kp: float = KP
+    encoder: Encoder | None = None
+    gravity: Gravity = field(default_factory=lambda: Gravity(first=PAPER_GRAVITY))
+    inertia_scale: float = 1.0
+    share: float = 1.0
+
+    @property
+    def ticks(self) -> int:
+        """Number of control periods."""
+        return round(self.share * DURATION / CONTROL_DT)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CupTrace:
+    """What was recorded, tick by tick, right after each torque was applied.
+
+    Attributes:
+        states: what the controller was told.
+        time: [s].
+        torque: [N m].
+        gravity: vertical gravity of the plant [m/s^2].
+        bias: bias acceleration of the second task, NaN with `fused`, which has none by itself
+            [rad/s^2].
+        sigma: (49): acceleration that the controller asked of the second task minus the true
+            one [rad/s^2].
+        sigma_true: the same with what it would have asked had it known the true state [rad/s^2].
+        tilt: angle between the cup and the horizontal plane [rad].
+        turn: angle between the hand and its target orientation [rad].
+        distance: of the hand from its target [m].
+        regular: whether every level kept its rank, as far as it is told.
+        held: ticks on which a joint was held at a limit.
+    """
+
+    states: tuple[RobotState, ...] = field(repr=False)
+    time: Float64[np.ndarray, " T"]
+    torque: Float64[np.ndarray, "T n"]
+    gravity: Float64[np.ndarray, " T"]
+    bias: Float64[np.ndarray, "T 3"]
+    sigma: Float64[np.ndarray, " T"]
+    sigma_true: Float64[np.ndarray, " T"]
+    tilt: Float64[np.ndarray, " T"]
+    turn: Float64[np.ndarray, " T"]
+    distance: Float64[np.ndarray, " T"]
+    regular: bool
+    held: int
+
+
+class CupTasks:
+    """The two tasks and how their targets move.
+
+    Args:
+        robot: `arm6`.
+        kp: stiffness of both tasks [1/s^2].
+
+    Attributes:
+        start: joint angles at the start [rad].
+        position: task 1, the hand's position.
+        orientation: task 2, the hand's orientation.
+        stack: both, in this order.
+        home: world_R_hand at the start, which is level.
+    """
+
+    def __init__(self, robot: Robot, kp: float) -> None:
+        self.start = level_start(robot)
+        place = _hand_at(robot, self.start)
+        self.home, self._from = place.rotation.copy(), place.position.copy()
+        self.position = FrameTask(_HAND, "position", kp=kp, name="position")
+        self.orientation = FrameTask(_HAND, "orientation", kp=kp, name="orientation")
+        self.orientation.set_target(rotation=self.home)
+        self.stack = Stack([], [[self.position], [self.orientation]])
+        self._way = Cubic(way=WAY, duration=DURATION)
+        self.aim(0.0)
+
+    def aim(self, time: float) -> None:
+        """Sets the targets of a time [s]."""
+        y, rate, second = self._way.at(time)
+        self.position.set_target(
+            position=self._from + np.array([0.0, y, 0.0]),
+            velocity=[0.0, rate, 0.0, 0.0, 0.0, 0.0],
+            acceleration=[0.0, second, 0.0, 0.0, 0.0, 0.0],
+        )
+
+
+class _Recorder:
+    """Measures every tick on the true robot."""
+
+    def __init__(self, plant: RigidPlant, tasks: CupTasks) -> None:
+        self._model, self._tasks = plant.robot.model, tasks
+        self._data = self._model.createData()
+        self._hand = plant.robot.frame_id(_HAND)
+        self._up = tasks.home.T[:, 2]
+        self.rows: list[tuple[float, ...]] = []
+
+    def record(self, tick: Tick) -> None:
+        """Adds a row: sigma, sigma_true, tilt, turn, distance."""
+        model, data, hand, task = self._model, self._data, self._hand, self._tasks.orientation
+        pin.forwardKinematics(model, data, tick.q, tick.v, tick.acceleration)
+        place = pin.updateFramePlacement(model, data, hand)
+        axes = pin.LOCAL_WORLD_ALIGNED
+        turning = pin.getFrameVelocity(model, data, hand, axes).angular
+        turned = pin.getFrameClassicalAcceleration(model, data, hand, axes).angular
+        error = rotation_vector(self._tasks.home, place.rotation)
+        wanted = task.kp * error - task.kd * turning
+        up = place.rotation @ self._up
+        target = self._tasks.position.target_position
+        self.rows.append(
+            (
+                float(np.linalg.norm(task.reference - turned)),
+                float(np.linalg.norm(wanted - turned)),
+                math.atan2(math.hypot(up[0], up[1]), up[2]),
+                float(np.linalg.norm(error)),
+                float(np.linalg.norm(place.translation - target)),
+            )
+        )
+
+
+def carry_cup(
+    run: CupRun,
+    progress: Callable[[float], object] | None = None,
+    resolver: PaperResolver | None = None,
+) -> CupTrace:
+    """Simulates one run.
+
+    Args:
+        run: what to run.
+        progress: told the share that is done, now and then.
+        resolver: takes the place of the controller's own, for formulas gone wrong on purpose.
+
+    Raises:
+        PoiseError: a number of the run is out of range.
+    """
+    arm = load_robot("arm6")
+    tasks = CupTasks(arm, run.kp)
+    plant = RigidPlant(arm, tasks.start, gravity=run.gravity, inertia_scale=run.inertia_scale)
+    controller = OperationalSpaceController(
+        with_gravity(arm, run.gravity.at(0.0)),
+        tasks.stack,
+        bias=run.formula,
+        derivative=run.derivative,
+        torque_step=math.inf,
+    )
+    if resolver is not None:
+        controller.resolver = resolver
+    recorder, ticks = _Recorder(plant, tasks), list[Tick]()
+    bias = np.full((run.ticks, 3), np.nan)
+    regular, held = True, 0
+    sensors = JointSensors(run.encoder)
+    for i, tick in enumerate(
+        run_loop(controller, plant, tasks.aim, ticks=run.ticks, sensors=sensors)
+    ):
+        ticks.append(tick)
+        recorder.record(tick)
+        active = controller.resolver
+        held += "held" in controller.status().explanation
+        if isinstance(active, FusedResolver):
+            regular = regular and active.regular > SECOND_TASK
+        else:
+            bias[i] = active.bias[-1]
+        if progress is not None and i % 100 == 0:
+            progress(i / run.ticks)
+    sigma, sigma_true, tilt, turn, distance = np.array(recorder.rows).T.copy()
+    return CupTrace(
+        states=tuple(tick.state for tick in ticks),
+        time=np.array([tick.state.time for tick in ticks]),
+        torque=np.array([tick.torque for tick in ticks]),
+        gravity=np.array([tick.gravity for tick in ticks]),
+        bias=bias,
+        sigma=sigma,
+        sigma_true=sigma_true,
+        tilt=tilt,
+        turn=turn,
+        distance=distance,
+        regular=regular,
+        held=held,
+    )
+
+
+def level_start(robot: Robot) -> Float64[np.ndarray, " n"]:
+    """Joint angles with the hand level at y = -WAY/2, elbow and wrist well bent [rad].
+
+    Args:
+        robot: `arm6`.
+    """
+    q = np.array([0.0, _SHOULDER, _ELBOW, 0.0, math.pi - _SHOULDER - _ELBOW, 0.0])
+    reach = float(_hand_at(robot, q).position[0])
+    q[0] = -math.asin(0.5 * WAY / reach)
+    return q
+
+
+def _hand_at(robot: Robot, q: Float64[np.ndarray, " n"]) -> FrameKinematics:
+    dynamics = Dynamics(robot)
+    dynamics.update(RobotState(q, np.zeros(robot.nv)))
+    return dynamics.frame(robot.frame_id(_HAND))

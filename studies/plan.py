@@ -1,0 +1,136 @@
+"""`StudyPlan`: a study's parts, and running them so that nothing computed is lost."""
+
+import traceback
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass, replace
+
+from poise.errors import ConfigurationError, PoiseError
+from studies.figure import require_matplotlib
+from studies.section import Section
+from studies.study import Study, Unfinished
+
+Progress = Callable[[float, float], None]
+"""Says how far a part is: what is done, and the whole, in any unit."""
+ShowProgress = Callable[[str], AbstractContextManager[Progress]]
+"""Makes the progress of the part with this title."""
+
+_NOT_COMPUTED = "not computed"
+
+
+@dataclass(frozen=True, kw_only=True)
+class StudyOptions:
+    """How a study is run.
+
+    Attributes:
+        quick: shorter motions and fewer samples, for tests; claims are checked all the same.
+        seed: of everything random, a whole number >= 0.
+    """
+
+    quick: bool = False
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        if self.seed < 0:
+            raise ConfigurationError("a seed cannot be negative", got=self.seed, wanted=">= 0")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Part:
+    """One part of a study, to be computed.
+
+    Attributes:
+        name: its id, unique within the study.
+        title: heading of its section.
+        compute: gives the section.
+    """
+
+    name: str
+    title: str
+    compute: Callable[[StudyOptions, Progress], Section]
+
+
+@dataclass(frozen=True, kw_only=True)
+class StudyPlan:
+    """A study before it is run.
+
+    Attributes:
+        name: as the command line has it.
+        title: heading of its page.
+        introduction: paragraphs of plain text, as in sections.
+        source: the paper, as one cites it.
+        parts: in the order in which they are computed and shown.
+    """
+
+    name: str
+    title: str
+    introduction: tuple[str, ...]
+    source: str
+    parts: tuple[Part, ...]
+
+    def run(
+        self,
+        options: StudyOptions,
+        show: ShowProgress | None = None,
+        save: Callable[[Study], object] | None = None,
+    ) -> Study:
+        """Computes part by part; one that fails is reported and the next ones still run.
+
+        Args:
+            options: length and seed.
+            show: makes the progress of a part; silent when None.
+            save: gets the study as far as it is, before the first part and after each.
+
+        Returns:
+            The study.
+
+        Raises:
+            MissingExtraError: matplotlib is not installed; before anything is computed.
+        """
+        require_matplotlib()
+        outcomes: list[Section | Unfinished] = [
+            Unfinished(name=part.name, title=part.title, reason=_NOT_COMPUTED)
+            for part in self.parts
+        ]
+        for index, part in enumerate(self.parts):
+            if save is not None:
+                save(self._study(options, outcomes))
+            with nullcontext(_silent) if show is None else show(part.title) as progress:
+                outcomes[index] = _outcome(part, options, progress)
+        study = self._study(options, outcomes)
+        if save is not None:
+            save(study)
+        return study
+
+    def _study(self, options: StudyOptions, outcomes: list[Section | Unfinished]) -> Study:
+        return Study(
+            name=self.name,
+            title=self.title,
+            introduction=self.introduction,
+            source=self.source,
+            quick=options.quick,
+            seed=options.seed,
+            sections=tuple(o for o in outcomes if isinstance(o, Section)),
+            unfinished=tuple(o for o in outcomes if isinstance(o, Unfinished)),
+        )
+
+
+def _outcome(part: Part, options: StudyOptions, progress: Progress) -> Section | Unfinished:
+    try:
+        section = part.compute(options, progress)
+    except PoiseError as error:
+        return Unfinished(name=part.name, title=part.title, reason=f"failed: {error}")
+    except Exception as error:
+        # Parts take minutes and do not depend on each other: whatever is wrong in one must not
+        # take the results of the others along. It is reported in full and fails the study.
+        return Unfinished(
+            name=part.name,
+            title=part.title,
+            reason=f"failed: {type(error).__name__}: {error}",
+            details=traceback.format_exc(),
+        )
+    return replace(section, name=part.name, title=part.title)
+
+
+def _silent(_done: float, _total: float) -> None:
+    """Progress that nobody wants to see."""

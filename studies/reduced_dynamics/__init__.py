@@ -1,0 +1,52 @@
+"""The study of Ahn et al. 2024: whole-body control on a robot of reduced dimension."""
+
+from studies.plan import Part, StudyPlan
+from studies.reduced_dynamics.accuracy_section import accuracy_section
+from studies.reduced_dynamics.base_section import base_section
+from studies.reduced_dynamics.difference_section import difference_section
+from studies.reduced_dynamics.dof_section import dof_section
+from studies.reduced_dynamics.order_section import order_section
+from studies.reduced_dynamics.sizes_section import sizes_section
+from studies.reduced_dynamics.timing_section import timing_section
+from studies.reduced_dynamics.tracking_section import tracking_section
+
+PLAN = StudyPlan(
+    name="reduced-dynamics",
+    title="Whole-body control with reduced dynamics",
+    introduction=(
+        "A humanoid in contact moves base and legs under the contacts' constraints; what hangs on "
+        "them freely is felt through one wrench. The paper puts a centroid of six coordinates in "
+        "its place, solves contacts and balance on the small robot (LQP 1) and the rest after it "
+        "(LQP 2). “Conventional” is Poise's `whole_body`, “proposed” its `reduced`, which is exact "
+        "where the paper approximates.",
+        "The robot is `humanoid33`, with as many joints in each limb as the paper's TOCABI. Times "
+        "are Python's on this machine; ratios within a run are what can be compared.",
+    ),
+    source="J. Ahn, J. Jung, Y. Lee, H. Lee, S. Haddadin, J. Park, “Efficient Computation of "
+    "Whole-Body Control Utilizing Simplified Whole-Body Dynamics via Centroidal Dynamics”, 2024.",
+    parts=(
+        Part(name="time", title="Time along a walk, Table 3", compute=timing_section),
+        Part(name="sizes", title="Sizes of the problems, Tables 1 and 2", compute=sizes_section),
+        Part(name="tracking", title="Tracking errors, Figure 4", compute=tracking_section),
+        Part(name="joints", title="Time by joints, Figure 5", compute=dof_section),
+        Part(
+            name="difference",
+            title="Beyond the paper: full and reduced at every tick",
+            compute=difference_section,
+        ),
+        Part(
+            name="base",
+            title="Beyond the paper: the acceleration of the base",
+            compute=base_section,
+        ),
+        Part(
+            name="accuracy",
+            title="Beyond the paper: accuracy by level",
+            compute=accuracy_section,
+        ),
+        Part(
+            name="order", title="Beyond the paper: the order of priorities", compute=order_section
+        ),
+    ),
+)
+"""The study: its parts in order. A part is a function in a file of its own."""

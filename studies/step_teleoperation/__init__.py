@@ -1,0 +1,58 @@
+"""The study of (Zhang, Kikuuwe): a person places a biped's feet, feedback keeps its balance."""
+
+from studies.plan import Part, StudyPlan
+from studies.step_teleoperation.cart_table_section import cart_table_section
+from studies.step_teleoperation.g1_section import g1_section
+from studies.step_teleoperation.lift_section import lift_section
+from studies.step_teleoperation.obstacle_section import obstacle_section
+from studies.step_teleoperation.rules_section import rules_section
+from studies.step_teleoperation.swing_section import swing_section
+from studies.step_teleoperation.switch_section import switch_section
+
+PLAN = StudyPlan(
+    name="step-teleoperation",
+    title="Step-by-step teleoperation with COM shifter and body rotator",
+    introduction=(
+        "A person holds two devices, one for each foot of a biped. Lifting one shifts the weight "
+        "and lifts its foot, which then follows the device until it lands. The COM shifter moves "
+        "the centre of mass by feedback from a ZMP reference that jumps; the body rotator makes up "
+        "for "
+        "what the swinging leg does. Here the hands are scripts, on `biped20`, the paper's robot "
+        "in mass and size.",
+        "Axes are Poise's: x forward, y left. The paper draws its figures with x to the side.",
+    ),
+    source="Y. Zhang, R. Kikuuwe, “COM Shifter and Body Rotator for Step-by-Step Teleoperation of "
+    "Bipedal Robots”.",
+    parts=(
+        Part(
+            name="cart-table",
+            title="The COM shifter by itself, Figure 6",
+            compute=cart_table_section,
+        ),
+        Part(
+            name="scenario-1",
+            title="Scenario 1: over an obstacle, Figures 7 and 8",
+            compute=obstacle_section,
+        ),
+        Part(
+            name="scenario-2",
+            title="Scenario 2: lifting one foot, Figures 9 and 10",
+            compute=lift_section,
+        ),
+        Part(
+            name="scenario-3",
+            title="Scenario 3: switching the support foot, Figures 11 and 12",
+            compute=switch_section,
+        ),
+        Part(
+            name="scenario-4",
+            title="Scenario 4: a fast swing, Figures 13 and 14",
+            compute=swing_section,
+        ),
+        Part(name="g1", title="Beyond the paper: scenarios 1 to 3 on G1", compute=g1_section),
+        Part(
+            name="rules", title="Beyond the paper: each departure taken back", compute=rules_section
+        ),
+    ),
+)
+"""The study: its parts in order. A part is a function in a file of its own."""

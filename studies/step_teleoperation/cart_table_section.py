@@ -1,0 +1,114 @@
+"""Figure 6: the COM shifter on the cart-table model, with three values of k_d."""
+
+from typing import Any
+
+import numpy as np
+
+from poise.apps.report._plots._style import PALETTE
+from poise.locomotion import CartFlywheelTable, ComShifter
+from studies.figure import Figure, draw
+from studies.finding import Finding
+from studies.plan import Progress, StudyOptions
+from studies.section import Section, Table
+
+_HEIGHT, _MASS, _STEP, _DT, _SECONDS = 0.765, 65.0, 0.21, 1e-3, 3.0
+_SHARES = (0.7, 1.0, 1.6)
+_SETTLED = 0.01
+"""Settled means: within this share of the step."""
+
+Response = tuple[float, np.ndarray, np.ndarray]
+"""k_d [1/s], the ZMP and the COM over time [m]."""
+
+
+def cart_table_section(_options: StudyOptions, progress: Progress) -> Section:
+    """The section."""
+    rule = ComShifter(_HEIGHT).kd
+    responses = [_respond(share * rule) for share in _SHARES]
+    progress(1.0, 2.0)
+    overshoot = [float(zmp.max()) - _STEP for _, zmp, _ in responses]
+    settle = [_settling(zmp) for _, zmp, _ in responses]
+    # On a finer grid: which is the fastest of those that do not overshoot.
+    grid = np.linspace(0.8, 1.5, 57)
+    allowed = [
+        (share, _settling(zmp))
+        for share in grid
+        for _, zmp, _ in [_respond(float(share) * rule)]
+        if zmp.max() - _STEP < 1e-5
+    ]
+    fastest = float(min(allowed, key=lambda pair: pair[1])[0])
+    progress(2.0, 2.0)
+    return Section(
+        prose=(
+            "With the gain rule (30), `k_d = k_p / omega + omega`, the slower pole of (28) goes "
+            "against its stable zero, and the ZMP arrives fast and without overshoot.",
+        ),
+        figures=(_figure(responses),),
+        findings=(
+            Finding(name="k_d by the gain rule (30)", paper=14.75, ours=rule, unit="1/s",
+                    ok=abs(rule - 14.75) < 0.02, note="from k_p = 40 and omega = 3.58 /s"),
+            Finding(name="overshoot of the ZMP under the gain rule", paper=0.0,
+                    ours=1e3 * max(overshoot[1], 0.0), unit="mm", ok=overshoot[1] < 1e-5,
+                    note="no overshoot under (30)"),
+            Finding(name="overshoot of the ZMP with 0.7 times that k_d", paper=None,
+                    ours=1e3 * overshoot[0], unit="mm", ok=overshoot[0] > 1e-3,
+                    note="a smaller k_d overshoots"),
+            Finding(name="settling with 1.6 times that k_d over that of the rule", paper=None,
+                    ours=settle[2] / settle[1], unit="", ok=settle[2] > settle[1],
+                    note="a larger k_d is slower; settled within 1% of the step"),
+            Finding(name="k_d of the fastest response that does not overshoot, over the rule's",
+                    paper=1.0, ours=fastest, unit="", ok=abs(fastest - 1.0) < 0.02,
+                    note="the fastest of 57 values from 0.8 to 1.5 times the rule's"),
+        ),
+        tables=(
+            Table(
+                title="Responses to a step of 0.21 m",
+                header=("k_d [1/s]", "overshoot [mm]", "settling time [s]"),
+                rows=tuple(
+                    (round(kd, 2), 1e3 * max(over, 0.0), time)
+                    for (kd, _, _), over, time in zip(responses, overshoot, settle, strict=True)
+                ),
+            ),
+        ),
+    )  # fmt: skip
+
+
+def _respond(kd: float) -> Response:
+    shifter = ComShifter(_HEIGHT, kd=kd)
+    table = CartFlywheelTable(_HEIGHT, _MASS, np.zeros(1))
+    reference, ticks = np.array([_STEP]), round(_SECONDS / _DT)
+    zmp, com = np.empty(ticks), np.empty(ticks)
+    for i in range(ticks):
+        com[i] = table.position[0]
+        table.step(
+            shifter.acceleration(reference, table.position, table.velocity), np.zeros(1), _DT
+        )
+        zmp[i] = table.zmp[0]
+    return kd, zmp, com
+
+
+def _settling(zmp: np.ndarray) -> float:
+    off = np.flatnonzero(np.abs(zmp - _STEP) > _SETTLED * _STEP)
+    return _DT * float(off[-1] + 1)
+
+
+def _figure(responses: list[Response]) -> Figure:
+    def paint(canvas: Any) -> None:
+        left, right = canvas.subplots(1, 2)
+        for (kd, zmp, com), colour in zip(responses, PALETTE, strict=False):
+            time = _DT * np.arange(len(zmp))
+            left.plot(time, zmp, color=colour, label=f"k_d = {kd:.2f} /s")
+            right.plot(time, com, color=colour)
+        for panel, name in ((left, "ZMP [m]"), (right, "COM [m]")):
+            panel.axhline(_STEP, color="#52606D", linestyle="--", linewidth=0.8)
+            panel.set_xlabel("time [s]")
+            panel.set_ylabel(name)
+        left.legend(loc="lower right")
+
+    return draw(
+        name="figure-6",
+        title="Figure 6: the COM shifter with three values of k_d",
+        caption="Step of the ZMP reference by 0.21 m on the cart-table model, a_lim = 0.8 m/s². "
+        "The middle value is the gain rule's.",
+        height=3.2,
+        paint=paint,
+    )

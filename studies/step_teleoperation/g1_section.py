@@ -1,0 +1,82 @@
+"""Scenarios 1 to 3 on G1, with parameters scaled by the stated rules."""
+
+from dataclasses import fields
+
+from poise.apps.teleoperation import lift_one_foot, over_an_obstacle, switch_feet
+from poise.locomotion import Mode, TeleopParameters
+from poise.robots import load_robot
+from poise.robots._catalog import find_entry
+from studies.finding import Finding
+from studies.plan import Progress, StudyOptions
+from studies.progress import Steps
+from studies.section import Section, Table
+from studies.step_teleoperation.runs import (
+    beyond,
+    edge_distance,
+    fall_note,
+    first,
+    run_script,
+    script_parameters,
+)
+from studies.step_teleoperation.switch_section import AFTER
+
+_LIFTED = {"right": Mode.SL, "left": Mode.SR}
+"""A foot, and the mode in which it is in the air."""
+
+_SETTLED = 0.3
+"""From when on margins count: the robot has come to rest on the ground [s]."""
+
+
+def g1_section(options: StudyOptions, progress: Progress) -> Section:
+    """The section."""
+    entry = find_entry("g1")
+    if entry is None or not entry.installed:
+        return Section(prose=("G1 is not installed (extra `robots`): nothing was run.",))
+    robot = load_robot("g1")
+    scripts = [over_an_obstacle(robot), lift_one_foot(robot)]
+    scripts += [switch_feet(robot, after) for after in AFTER[: 1 if options.quick else None]]
+    steps = Steps(progress, len(scripts))
+    findings, rows = [], []
+    for script in scripts:
+        steps.next()
+        run = run_script(robot, script)
+        touched = bool(run.log.touched.any())
+        lifted = [name for name, mode in _LIFTED.items() if first(run.log, mode) is not None]
+        wanted = list(_LIFTED)[: 1 if script.name == "scenario 2" else 2]
+        done = not run.fell and not touched and lifted == wanted
+        asked = ["no fall", *(f"{foot} foot in the air" for foot in wanted)]
+        if script.blocks:
+            ahead = 1e3 * beyond(robot, run.log, script)
+            done = done and ahead > 0.0
+            asked += ["no touch", f"both feet beyond the blocks, which they are by {ahead:.0f} mm"]
+        findings.append(
+            Finding(
+                name=f"G1, {script.name}: largest angle of the torso",
+                paper=None,
+                ours=float(run.log.tilt.max()),
+                unit="rad",
+                ok=done,
+                note="asked: " + ", ".join(asked),
+            )
+        )
+        margin = 1e3 * float(edge_distance(robot, run.log)[run.log.time > _SETTLED].min())
+        rows.append((script.name, fall_note(run), "yes" if touched else "no", margin))
+    steps.finish()
+    paper, ours = TeleopParameters(), script_parameters(robot, scripts[1])
+    changed = [f.name for f in fields(paper) if getattr(paper, f.name) != getattr(ours, f.name)]
+    return Section(
+        prose=("Soles of G1 are 0.17 by 0.06 m, a quarter of the paper's in width.",),
+        findings=tuple(findings),
+        tables=(
+            Table(
+                title="G1",
+                header=("scenario", "robot", "touched a block", "ZMP to edge, least [mm]"),
+                rows=tuple(rows),
+            ),
+            Table(
+                title="Parameters that differ, as scaled for scenario 2",
+                header=("parameter", "biped20", "G1"),
+                rows=tuple((n, getattr(paper, n), getattr(ours, n)) for n in changed),
+            ),
+        ),
+    )

@@ -1,0 +1,75 @@
+"""Running a script, and what the study measures of a run."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float64
+
+from poise.apps.teleoperation import MODES, TELEOP_PLANT, Script, TeleopLog, TeleopRun, run_teleop
+from poise.locomotion import Mode, TeleopParameters
+from poise.locomotion._stepping._parameters import scaled_parameters
+from poise.locomotion._support import SupportPolygon, sole_rectangle
+from poise.robots import Robot
+
+
+def run_script(robot: Robot, script: Script, **changes: Any) -> TeleopRun:
+    """One script on the plant of teleoperation; `changes` go to `run_teleop`."""
+    plant = replace(TELEOP_PLANT, blocks=script.blocks)
+    return run_teleop(
+        robot,
+        script.device,
+        plant,
+        duration=script.duration,
+        q_start=script.posture(robot),
+        **changes,
+    )
+
+
+def script_parameters(robot: Robot, script: Script) -> TeleopParameters:
+    """The parameters that a run of the script has by itself."""
+    return scaled_parameters(robot, script.com_height, script.feet_apart)
+
+
+def first(log: TeleopLog, mode: Mode, after: float = 0.0) -> float | None:
+    """When a mode was first entered after a time [s]; None for never."""
+    times = log.entries(mode)
+    times = times[times > after]
+    return float(times[0]) if len(times) else None
+
+
+def lift_off(log: TeleopLog, foot: int, after: float) -> float | None:
+    """When a sole first was 2 mm above where it stood, after a time [s]; None for never."""
+    up = (log.soles[:, foot, 2] > log.soles[0, foot, 2] + 2e-3) & (log.time > after)
+    return float(log.time[up][0]) if up.any() else None
+
+
+def edge_distance(robot: Robot, log: TeleopLog) -> Float64[np.ndarray, " T"]:
+    """Distance of the ZMP from the edge of the support polygon, negative outside [m].
+
+    Soles are taken to be level and turned as in the world, which is what they are commanded to be.
+    """
+    sizes = [(sole.length, sole.width) for sole in list(robot.soles.values())[:2]]
+    out = np.empty(len(log))
+    for i in range(len(log)):
+        support = MODES[log.mode[i]].support if MODES[log.mode[i]].single else None
+        feet = (0, 1) if support is None else (support,)
+        corners = [c for f in feet for c in sole_rectangle(log.soles[i, f], np.eye(3), sizes[f])]
+        x, y = log.zmp[i]
+        out[i] = SupportPolygon(corners, 0.0).depth((float(x), float(y)))
+    return out
+
+
+def beyond(robot: Robot, log: TeleopLog, script: Script) -> float:
+    """How far the hindmost heel ends ahead of a script's last block; negative for short of it [m].
+
+    Soles and blocks lie along x.
+    """
+    end = max(block.center[0] + 0.5 * block.size[0] for block in script.blocks)
+    halves = [0.5 * sole.length for sole in list(robot.soles.values())[:2]]
+    return min(float(log.soles[-1, i, 0]) - half for i, half in enumerate(halves)) - end
+
+
+def fall_note(run: TeleopRun) -> str:
+    """What became of the robot, for a table."""
+    return f"fell at {run.log.time[-1]:.2f} s" if run.fell else "stood"

@@ -1,0 +1,167 @@
+"""Scenario 4: the foot in the air is swung fast, with the body rotator and without."""
+
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+
+from poise.apps.report._plots._style import PALETTE, REFERENCE
+from poise.apps.teleoperation import TeleopRun, swing_fast
+from poise.apps.teleoperation._scripts import SWING_START
+from poise.robots import load_robot
+from studies.figure import Figure, draw
+from studies.finding import Finding
+from studies.plan import Progress, StudyOptions
+from studies.progress import Steps
+from studies.section import Section, Table
+from studies.step_teleoperation.films import films
+from studies.step_teleoperation.runs import edge_distance, fall_note, run_script
+from studies.step_teleoperation.snapshots import snapshots
+
+Way = Literal["forward", "sideways"]
+WAYS: tuple[Way, ...] = ("forward", "sideways")
+
+
+class SwingFigures(NamedTuple):
+    """What is measured of a swing.
+
+    Attributes:
+        peak_to_peak: of the ZMP along the swing [mm].
+        deviation: its standard deviation [mm].
+        travel: of the foot [mm].
+        error: of the foot, root of the mean square [mm].
+    """
+
+    peak_to_peak: float
+    deviation: float
+    travel: float
+    error: float
+
+
+def swing_section(options: StudyOptions, progress: Progress) -> Section:
+    """The section."""
+    robot = load_robot("biped20")
+    steps = Steps(progress, 2 * len(WAYS))
+    figures: list[Figure] = []
+    findings: list[Finding] = []
+    rows: list[tuple[str | float | None, ...]] = []
+    notes: tuple[str, ...] = ()
+    shown: list[tuple[str, str, TeleopRun]] = []
+    for way in WAYS:
+        axis = WAYS.index(way)
+        script = swing_fast(robot, way, 2 if options.quick else 3)
+        steps.next()
+        on = run_script(robot, script)
+        steps.next()
+        off = run_script(robot, script, rotator=False)
+        with_it, without = measure(on, axis), measure(off, axis)
+        findings += _findings(way, on, off, with_it, without)
+        for name, run, numbers in (("on", on, with_it), ("off", off, without)):
+            margin = edge_distance(robot, run.log)[run.log.time > SWING_START]
+            rows.append(
+                (way, name, fall_note(run), *numbers, 1e3 * float(margin.min()),
+                 float(run.log.tilt.max()))
+            )  # fmt: skip
+        figures.append(_figure(way, axis, on, off))
+        if way == "forward" and not options.quick:
+            pictures, notes = snapshots(
+                "figure-13",
+                "Figure 13: a fast swing forward, body rotator on and off",
+                "With the rotator the torso leans against the swing.",
+                [("on", on, (3.0, 3.2, 3.4, 3.8, 4.2)), ("off", off, (3.0, 3.2, 3.4, 3.8, 4.2))],
+                azimuth=90.0,
+            )
+            figures[-1:-1] = pictures
+        shown += [
+            (f"scenario-4-{way}-{name}", f"Scenario 4, {way}, rotator {name}", run)
+            for name, run in (("on", on), ("off", off))
+        ]
+    steps.finish()
+    return Section(
+        prose=(
+            "On the left leg the right foot is swung out and back, each way in 0.3 s. For the "
+            "disabled rotator the paper says that W_A is “always set as (39c)”; we read (39d), "
+            "because (39c) with the rotator's momentum at zero would still hold the angular "
+            "momentum at zero, by weight.",
+            *notes,
+        ),
+        findings=tuple(findings),
+        figures=tuple(figures),
+        films=() if options.quick else films(shown),
+        tables=(
+            Table(
+                title="A fast swing",
+                header=("way", "rotator", "robot", "ZMP peak to peak [mm]", "deviation [mm]",
+                        "foot travel [mm]", "foot error, rms [mm]", "ZMP to edge, least [mm]",
+                        "torso, most [rad]"),
+                rows=tuple(rows),
+            ),
+        ),
+    )  # fmt: skip
+
+
+def measure(run: TeleopRun, axis: int) -> SwingFigures:
+    """Numbers of a swing along an axis, from its first start on."""
+    log = run.log
+    rows = log.time > SWING_START
+    zmp, foot = log.zmp[rows, axis], log.soles[rows, 1, axis]
+    error = foot - log.target[rows, axis]
+    return SwingFigures(
+        1e3 * float(np.ptp(zmp)),
+        1e3 * float(zmp.std()),
+        1e3 * float(np.ptp(foot)),
+        1e3 * float(np.sqrt(np.nanmean(error * error))),
+    )
+
+
+def _findings(
+    way: Way, on: TeleopRun, off: TeleopRun, with_it: SwingFigures, without: SwingFigures
+) -> list[Finding]:
+    stood = not on.fell
+    peaks = without.peak_to_peak / with_it.peak_to_peak
+    deviations = without.deviation / with_it.deviation
+    travels = with_it.travel / without.travel
+    del off
+    return [
+        Finding(name=f"swing {way}: ZMP peak to peak without over with rotator", paper=None,
+                ours=peaks, unit="", ok=stood and peaks >= 2.0,
+                note="“much smaller with the body rotator”; asked: at least 2"),
+        Finding(name=f"swing {way}: standard deviation of the ZMP without over with rotator",
+                paper=None, ours=deviations, unit="", ok=stood and deviations >= 2.5,
+                note="asked: at least 2.5"),
+        Finding(name=f"swing {way}: travel of the foot with over without rotator", paper=1.0,
+                ours=travels, unit="", ok=stood and abs(travels - 1.0) <= 0.1,
+                note="“almost the same foot motions”; asked: within 10%"),
+    ]  # fmt: skip
+
+
+def _figure(way: Way, axis: int, on: TeleopRun, off: TeleopRun) -> Figure:
+    def paint(canvas: Any) -> None:
+        above, below = canvas.subplots(2, 1, sharex=True)
+        for run, colour, name in ((on, PALETTE[0], "rotator on"), (off, PALETTE[1], "rotator off")):
+            rows = run.log.time > SWING_START - 0.5
+            time = run.log.time[rows]
+            above.plot(time, run.log.soles[rows, 1, axis], color=colour, label=name)
+            below.plot(time, run.log.zmp[rows, axis], color=colour)
+        rows = on.log.time > SWING_START - 0.5
+        above.plot(
+            on.log.time[rows], on.log.target[rows, axis], color=REFERENCE, linestyle="--",
+            label="commanded",
+        )  # fmt: skip
+        sole = next(iter(on.plant.robot.soles.values()))
+        half = 0.5 * (sole.length if axis == 0 else sole.width)
+        centre = float(on.log.soles[-1, 0, axis])
+        for edge in (centre - half, centre + half):
+            below.axhline(edge, color=PALETTE[1], linewidth=0.8)
+        above.set_ylabel("foot [m]")
+        below.set_ylabel("ZMP [m]")
+        below.set_xlabel("time [s]")
+        above.legend(loc="upper right", ncols=3)
+
+    return draw(
+        name=f"figure-14-{way}",
+        title=f"Figure 14: swinging {way}, rotator on and off",
+        caption="Above the foot, below the ZMP along the swing with the edges of the sole that "
+        "carries.",
+        height=4.4,
+        paint=paint,
+    )

@@ -1,0 +1,29 @@
+"""A live session for a test, and the optional packages that it needs."""
+
+from contextlib import contextmanager
+from importlib.util import find_spec
+
+import pytest
+
+
+@pytest.fixture(scope="session")
+def live():
+    """The package; skips where its extra is not installed."""
+    for package in ("mujoco", "viser"):
+        if find_spec(package) is None:
+            pytest.skip(f"the extra teleop is not installed: no {package}")
+    import poise.apps.live
+
+    return poise.apps.live
+
+
+@pytest.fixture(scope="session")
+def run_session(live, get_robot):
+    """Starts a session on biped20."""
+
+    @contextmanager
+    def run(folder, **options):
+        with live.LiveSession(get_robot("biped20"), folder, **options) as session:
+            yield session
+
+    return run

@@ -1,0 +1,188 @@
+"""The page in a real browser, as an operator and as a watcher."""
+
+import shutil
+import time
+
+import numpy as np
+import pytest
+from operators import PATIENCE, listen_to, same_commands, wait_for
+
+pytest.importorskip("viser", reason="the extra teleop is not installed: no viser")
+pytest.importorskip("playwright", reason="playwright is not installed, it comes with the extra dev")
+
+from playwright.sync_api import sync_playwright
+
+from poise.apps.live._scene import CAMERA, HANDLE_ABOVE, HANDLE_SCALE
+from poise.apps.teleoperation import MODES, replay_teleop
+from poise.locomotion import DeviceStatus, Mode, read_recording
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no chromium on this machine")
+
+WIDTH, HEIGHT = 700, 400
+FIELD_OF_VIEW = np.radians(45.0)
+MODES_OF_A_STEP = {MODES.index(mode) for mode in (Mode.D, Mode.TR, Mode.SR)}
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with sync_playwright() as play:
+        browser = play.chromium.launch(
+            executable_path=CHROMIUM,
+            args=[
+                "--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader",
+                "--enable-unsafe-swiftshader",
+            ],
+        )  # fmt: skip
+        yield browser
+        browser.close()
+
+
+@pytest.fixture
+def session(run_session, tmp_path):
+    with run_session(tmp_path / "takes") as session:
+        wait_for(lambda: session.loop.snapshot or session.loop.error, "the first picture")
+        assert session.loop.error is None, session.loop.error
+        yield session
+
+
+class Page:
+    """A page, spoken to by scripts: a browser that draws in software is slow to anything else."""
+
+    def __init__(self, browser, url):
+        self.errors = []
+        self.page = browser.new_page(viewport={"width": WIDTH, "height": HEIGHT})
+        self.page.set_default_timeout(1e3 * PATIENCE)
+        self.page.on("pageerror", lambda error: self.errors.append(str(error)))
+        self.page.goto(url)
+        self.wait("newest !== null && 'mode' in newest", "the first status")
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.page.close()
+
+    def ask(self, script):
+        return self.page.evaluate(script)
+
+    def text(self, name):
+        return self.ask(f"part('{name}').textContent")
+
+    def wait(self, script, what):
+        return wait_for(lambda: self.ask(script), what)
+
+
+def on_screen(point, page):
+    """Where a point of the world is drawn, seen from the first camera."""
+    eye, look_at = CAMERA
+    forward = (look_at - eye) / np.linalg.norm(look_at - eye)
+    right = np.cross(forward, [0.0, 0.0, 1.0])
+    right /= np.linalg.norm(right)
+    up = np.cross(right, forward)
+    x, y, z = (float(axis @ (point - eye)) for axis in (right, up, forward))
+    width, height = page.ask("[part('view').clientWidth, part('view').clientHeight]")
+    scale = 0.5 * height / np.tan(0.5 * FIELD_OF_VIEW)
+    return 0.5 * width + scale * x / z, 0.5 * height - scale * y / z
+
+
+def handle_is_drawn(session):
+    """Whether the operator's page has said where it looks from, so that it has its handles."""
+    return len(session.scene._clients) == 1
+
+
+def test_a_dragged_handle_lifts_the_foot_letting_go_lowers_it_and_a_replay_is_the_same(
+    browser, session, tmp_path
+):
+    heard = listen_to(session.loop)
+    with Page(browser, session.front.drive_url) as page:
+        assert page.text("role") == "you drive"
+        wait_for(lambda: handle_is_drawn(session), "the handles")
+        page.wait("newest.device !== 'LOST'", "the device")
+        page.ask("part('help').hidden = true")
+        time.sleep(2.0)
+        # The arrow of the left handle that points up.
+        foot = session.loop.snapshot.soles[0] + HANDLE_ABOVE
+        x, y = on_screen(foot + np.array([0.0, 0.0, 0.75 * HANDLE_SCALE]), page)
+        _, top = on_screen(foot + np.array([0.0, 0.0, 0.75 * HANDLE_SCALE + 0.12]), page)
+        mouse = page.page.mouse
+        mouse.move(x, y)
+        time.sleep(0.5)
+        mouse.down()
+        for step in range(1, 7):
+            mouse.move(x, y + step / 6 * (top - y))
+        page.wait("['TR', 'SR'].includes(newest.mode)", "the mode to change")
+        wait_for(lambda: session.loop.snapshot.soles[0][2] > 0.04, "the foot to lift")
+        assert session.loop.snapshot.mode is Mode.SR
+        page.wait("newest.mode === 'SR'", "the page to show it")
+        mouse.up()
+        page.wait("newest.mode === 'D'", "double support")
+        assert page.errors == []
+        assert not session.loop.snapshot.fallen
+    session.loop.stop()
+    run = replay_teleop(read_recording(tmp_path / "takes" / "take-001.teleop"))
+    assert set(run.log.mode.tolist()) >= MODES_OF_A_STEP
+    assert same_commands(run, heard)
+
+
+def test_a_key_steps_the_plots_grow_and_the_help_goes(browser, session):
+    with Page(browser, session.front.drive_url) as page:
+        page.wait("newest.device !== 'LOST'", "the device")
+        assert not page.ask("part('help').hidden")
+        page.page.keyboard.down("e")
+        wait_for(lambda: session.loop.snapshot.mode is Mode.SL, "the lift")
+        page.wait("newest.mode === 'SL'", "the page to show it")
+        page.page.keyboard.up("e")
+        page.wait("newest.mode === 'D'", "double support")
+        page.wait("part('help').hidden", "the help to go")
+        assert page.ask("past.length") > 10
+        assert page.text("margin").endswith(" cm")
+        assert page.text("latency").endswith(" ms")
+        assert page.errors == []
+
+
+def test_a_closed_page_in_mid_step_brings_the_foot_down(browser, session):
+    with Page(browser, session.front.drive_url) as page:
+        page.wait("newest.device !== 'LOST'", "the device")
+        page.page.keyboard.down("e")
+        wait_for(lambda: session.loop.snapshot.soles[1][2] > 0.05, "the lift")
+    with Page(browser, session.front.watch_url) as watcher:
+        wait_for(lambda: session.loop.snapshot.device is DeviceStatus.LOST, "the loss")
+        watcher.wait("part('device').textContent === 'nobody drives'", "the page to show it")
+        wait_for(lambda: session.loop.snapshot.mode is Mode.D, "both feet on the ground")
+        assert not session.loop.snapshot.fallen
+
+
+def test_without_the_token_one_sees_but_cannot_command(browser, session):
+    with Page(browser, session.front.watch_url) as page:
+        assert page.text("role") == "you watch"
+        assert page.ask("part('controls').disabled")
+        page.wait("newest.mode === 'D'", "the mode")
+        wait_for(lambda: session.scene._server.get_clients(), "the drawing")
+        assert not session.scene._clients
+        page.page.keyboard.down("e")
+        # What the page would send if somebody took its locks off.
+        page.ask("driving = true; beat(); send({do: 'pause', value: true}); 0")
+        page.wait("part('said').textContent.includes('watching')", "the refusal")
+        time.sleep(0.5)
+        now = session.loop.snapshot
+        assert (now.mode, now.paused) == (Mode.D, False)
+        assert now.device is DeviceStatus.LOST
+
+
+def test_buttons_push_pause_and_keep(browser, session):
+    with Page(browser, session.front.drive_url) as page:
+        page.wait("newest.device !== 'LOST'", "the device")
+        click = "document.querySelector('{}').click()"
+        page.ask(click.format('[data-push="left"]'))
+        wait_for(lambda: abs(session.loop.snapshot.zmp[1]) > 0.005, "the push to be felt")
+        page.ask(click.format("#keep"))
+        page.wait("part('said').textContent.includes('kept-001.teleop')", "the copy")
+        page.ask(click.format("#pause"))
+        wait_for(lambda: session.loop.snapshot.paused, "the pause")
+
+
+def test_a_wrong_token_is_said(browser, session):
+    with Page(browser, session.front.watch_url + "?token=wrong") as page:
+        page.wait("part('banner').textContent.includes('wrong')", "the message")
+        assert page.text("role") == "you watch"

@@ -1,0 +1,102 @@
+"""The log of a live run: beside its recording, and never in the robot's way."""
+
+import builtins
+import shutil
+
+import numpy as np
+import pytest
+from operators import wait_for
+
+pytest.importorskip("viser")
+pytest.importorskip("mujoco")
+
+from poise.apps.live import LiveLoop, OperatorInputs, Pad, Takes
+from poise.apps.teleoperation import TELEOP_PLANT, replay_teleop
+from poise.locomotion import Mode, read_recording
+
+
+@pytest.fixture
+def loop(get_robot, tmp_path):
+    robot = get_robot("biped20")
+    takes = Takes(tmp_path / "takes", robot=robot.name, dt=TELEOP_PLANT.control_dt)
+    made = LiveLoop(robot, OperatorInputs(), takes)
+    made.start()
+    wait_for(lambda: made.snapshot, "the first picture")
+    yield made
+    made.stop()
+
+
+def drive(loop, pad, until, what):
+    def seen():
+        loop._inputs.pad(pad)
+        return until(loop.snapshot)
+
+    wait_for(seen, what)
+
+
+def test_a_run_leaves_a_log_beside_its_recording_that_agrees_with_its_replay(loop, tmp_path):
+    pytest.importorskip("mcap")
+    from poise.sim import read_log
+
+    drive(loop, Pad(lift=(False, True)), lambda s: s.mode is Mode.SL, "the lift")
+    drive(loop, Pad(), lambda s: s.mode is Mode.D, "double support")
+    loop.stop()
+    assert loop.log.problem == ""
+    log = read_log(tmp_path / "takes" / "take-001.mcap")
+    assert log.complete
+    assert log.metadata["robot"] == "biped20"
+    modes = [message["value"] for _, message in log.messages["/mode"]]
+    assert modes == ["D", "TL", "SL", "D"]
+    assert {"/joints", "/tf", "/scene", "/com", "/zmp", "/wrench/left_sole"} <= set(log.topics)
+    times, references = log.signal("zmp_reference")
+    run = replay_teleop(read_recording(tmp_path / "takes" / "take-001.teleop"))
+    at = np.round(times / TELEOP_PLANT.control_dt).astype(int) - 1
+    kept = at < len(run.log)
+    assert kept.sum() > 10
+    # From the controller's world to the simulator's it is the drift of the stance foot.
+    np.testing.assert_allclose(references[kept], run.log.zmp_reference[at[kept]], atol=5e-3)
+    _, commands = log.signal("command_velocity")
+    np.testing.assert_allclose(commands[kept], run.log.velocity[at[kept]], atol=1e-12)
+
+
+def test_a_reset_begins_another_log(loop, tmp_path):
+    pytest.importorskip("mcap")
+    drive(loop, Pad(), lambda s: s.time > 0.3, "some time")
+    loop.reset()
+    wait_for(lambda: loop.snapshot.take == "take-002.teleop", "the reset")
+    drive(loop, Pad(), lambda s: s.time > 0.1, "some time")
+    loop.stop()
+    names = {path.name for path in (tmp_path / "takes").glob("*.mcap")}
+    assert names == {"take-001.mcap", "take-002.mcap"}
+
+
+def test_a_run_in_which_nobody_drove_leaves_no_log(loop, tmp_path):
+    wait_for(lambda: loop.snapshot.time > 0.2, "some time")
+    loop.stop()
+    assert list((tmp_path / "takes").iterdir()) == []
+
+
+def test_without_the_package_the_run_goes_on_and_says_so(loop, tmp_path, monkeypatch):
+    real = builtins.__import__
+
+    def missing(name, *rest, **more):
+        if name.startswith("mcap"):
+            raise ModuleNotFoundError(name)
+        return real(name, *rest, **more)
+
+    monkeypatch.setattr(builtins, "__import__", missing)
+    drive(loop, Pad(), lambda s: s.time > 0.3, "some time")
+    loop.stop()
+    assert loop.error is None
+    assert "mcap" in loop.log.problem
+    assert [path.name for path in (tmp_path / "takes").iterdir()] == ["take-001.teleop"]
+
+
+def test_a_log_that_cannot_be_made_costs_nothing_but_itself(loop, tmp_path):
+    (tmp_path / "takes" / "take-001.mcap").mkdir()
+    drive(loop, Pad(), lambda s: s.time > 0.3, "some time")
+    loop.stop()
+    assert loop.error is None
+    assert "take-001.mcap" in loop.log.problem
+    assert len(read_recording(tmp_path / "takes" / "take-001.teleop").rows) > 10
+    shutil.rmtree(tmp_path / "takes" / "take-001.mcap")

@@ -1,0 +1,218 @@
+"""The robot against the clock: orders, recordings, and what is left when it ends."""
+
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from operators import listen_to, same_commands, wait_for
+
+pytest.importorskip("viser")
+pytest.importorskip("mujoco")
+
+from poise.apps.live import LiveLoop, OperatorInputs, Pad, Takes
+from poise.apps.live._loop import distance_inside
+from poise.apps.teleoperation import TELEOP_PLANT, noisy, replay_teleop, terrain_blocks
+from poise.errors import ConfigurationError
+from poise.locomotion import DeviceStatus, Mode, RecordingError, read_recording
+from poise.sim import PlantConfig, ServoConfig
+
+
+@pytest.fixture
+def start(get_robot, tmp_path):
+    """Starts loops on biped20, and stops them."""
+    loops = []
+
+    def make(operator=None, name="biped20", **options):
+        robot = get_robot(name)
+        takes = Takes(tmp_path / "takes", robot=robot.name, dt=TELEOP_PLANT.control_dt)
+        loop = LiveLoop(robot, operator or OperatorInputs(), takes, **options)
+        loops.append(loop)
+        loop.start()
+        wait_for(lambda: loop.snapshot, "the first picture")
+        return loop
+
+    yield make
+    for loop in loops:
+        loop.stop()
+
+
+def drive(loop, operator, pad, until, what):
+    """Holds keys until something is seen."""
+
+    def seen():
+        operator.pad(pad)
+        return until(loop.snapshot)
+
+    wait_for(seen, what)
+
+
+def test_a_step_and_its_recording_gives_the_same_commands_again(start, tmp_path):
+    operator = OperatorInputs()
+    loop = start(operator, plant=noisy(), seed=5)
+    wait_for(lambda: loop.snapshot.time > 0.5, "some time")
+    loop.reset()
+    wait_for(lambda: loop.snapshot.time < 0.5, "the reset")
+    heard = listen_to(loop)
+    first = loop.plant.time
+    lift = Pad(lift=(False, True))
+    drive(loop, operator, lift, lambda s: s.mode is Mode.SL and s.soles[1][2] > 0.05, "the lift")
+    loop.push("left")
+    drive(loop, operator, Pad(), lambda s: s.mode is Mode.D, "double support")
+    loop.stop()
+    name = loop.takes.files[-1]
+    assert first < 1.0
+    assert same_commands(replay_teleop(tmp_path / "takes" / name), heard)
+    assert (np.asarray(read_recording(tmp_path / "takes" / name).rows["kind"]) == 1).sum() == 1
+
+
+@pytest.mark.parametrize("name", ["biped20", "g1"])
+def test_each_foot_makes_a_step_forward(start, name):
+    operator = OperatorInputs()
+    loop = start(operator, name=name)
+    for foot, standing in ((1, Mode.SL), (0, Mode.SR)):
+        lift = (foot == 0, foot == 1)
+        first = loop.snapshot.soles[foot][0]
+        drive(loop, operator, Pad(lift=lift), lambda s, m=standing: s.mode is m, "the lift")
+        forward = Pad(lift=lift, move=(1.0, 0.0))
+        goal = first + 0.08
+        drive(loop, operator, forward, lambda s, f=foot, x=goal: s.soles[f][0] > x, "the way")
+        drive(loop, operator, Pad(), lambda s: s.mode is Mode.D, "double support")
+        assert loop.snapshot.soles[foot][2] == pytest.approx(0.0, abs=5e-3)
+    assert not loop.snapshot.fallen
+
+
+def test_a_live_run_on_stairs_is_recorded_with_them(start, get_robot, tmp_path):
+    operator = OperatorInputs()
+    plant = replace(TELEOP_PLANT, blocks=terrain_blocks("steps", get_robot("biped20")))
+    loop = start(operator, plant=plant)
+    drive(loop, operator, Pad(), lambda s: s.time > 0.2, "some time")
+    loop.stop()
+    run = replay_teleop(tmp_path / "takes" / "take-001.teleop")
+    assert run.plant.config == plant
+
+
+def test_a_browser_that_closes_in_mid_step_brings_the_foot_down(start):
+    operator = OperatorInputs()
+    loop = start(operator)
+    lift = Pad(lift=(True, False))
+    drive(loop, operator, lift, lambda s: s.mode is Mode.SR and s.soles[0][2] > 0.05, "the lift")
+    operator.clear()
+    wait_for(lambda: loop.snapshot.device is DeviceStatus.LOST, "the loss to show")
+    wait_for(lambda: loop.snapshot.mode is Mode.D, "both feet on the ground")
+    assert not loop.snapshot.fallen
+
+
+def test_pause_stops_time_and_slow_motion_slows_it(start):
+    loop = start()
+    loop.pause(True)
+    wait_for(lambda: loop.snapshot.paused, "the pause")
+    before = loop.snapshot.time
+    time.sleep(0.3)
+    assert loop.snapshot.time == before
+    loop.slow(True)
+    loop.pause(False)
+    wait_for(lambda: loop.snapshot.time > before, "time to go on")
+    begin, first = time.monotonic(), loop.snapshot.time
+    time.sleep(1.0)
+    passed = (loop.snapshot.time - first) / (time.monotonic() - begin)
+    assert 0.0 < passed < 0.3
+
+
+def test_reset_begins_anew_and_with_a_new_recording(start):
+    operator = OperatorInputs()
+    loop = start(operator)
+    drive(loop, operator, Pad(), lambda s: s.time > 0.2, "some time")
+    loop.reset()
+    wait_for(lambda: loop.snapshot.take == "take-002.teleop", "the second take")
+    wait_for(lambda: loop.snapshot.time > 0.0, "the first tick")
+    assert loop.takes.files[0] == "take-001.teleop"
+
+
+def test_an_error_in_the_loop_is_kept_and_so_is_the_recording(start, tmp_path):
+    operator = OperatorInputs()
+    loop = start(operator)
+    drive(loop, operator, Pad(), lambda s: s.time > 0.2, "some time")
+
+    def fail(command):
+        raise RuntimeError("the plant broke")
+
+    loop.plant.step = fail
+    wait_for(lambda: not loop.running, "the end")
+    assert str(loop.error) == "the plant broke"
+    assert len(read_recording(tmp_path / "takes" / "take-001.teleop").rows) > 10
+
+
+def test_a_run_in_which_nobody_drove_leaves_no_file(start):
+    loop = start()
+    loop.stop()
+    assert loop.takes.files == []
+
+
+def test_what_a_killed_run_has_left_can_be_read(start, tmp_path):
+    operator = OperatorInputs()
+    loop = start(operator)
+    drive(loop, operator, Pad(), lambda s: s.time > 0.8, "some time")
+    # As the disk has it if the process were gone now.
+    left = tmp_path / "left.teleop"
+    left.write_bytes((tmp_path / "takes" / "take-001.teleop").read_bytes())
+    with pytest.raises(RecordingError, match="not finished"):
+        read_recording(left)
+    rows = read_recording(left, allow_partial=True).rows
+    assert rows["tick"][-1] > 50
+
+
+def test_a_copy_is_kept_while_the_run_goes_on(start, tmp_path):
+    operator = OperatorInputs()
+    loop = start(operator)
+    drive(loop, operator, Pad(), lambda s: s.time > 0.3, "some time")
+    path = loop.takes.keep()
+    assert path.name == "kept-001.teleop"
+    kept = read_recording(path)
+    assert len(kept.rows) > 10
+    assert kept.setup["duration"] >= 0.3
+    now = loop.snapshot.time
+    drive(loop, operator, Pad(), lambda s: s.time > now, "the run to go on")
+
+
+def test_a_recording_drives_in_place_of_a_person(start, tmp_path):
+    operator = OperatorInputs()
+    loop = start(operator)
+    lift = Pad(lift=(False, True))
+    drive(loop, operator, lift, lambda s: s.mode is Mode.SL, "the lift")
+    drive(loop, operator, Pad(), lambda s: s.mode is Mode.D, "double support")
+    loop.stop()
+    again = start(recording=read_recording(tmp_path / "takes" / "take-001.teleop"))
+    wait_for(lambda: again.snapshot.mode is Mode.SL, "the step")
+    wait_for(lambda: again.snapshot.mode is Mode.D, "its end")
+
+
+def test_a_robot_without_feet_is_refused(get_robot, tmp_path):
+    takes = Takes(tmp_path, robot="arm6", dt=0.005)
+    plant = PlantConfig(
+        actuation="velocity", control_dt=0.005, servo=ServoConfig(stiffness=70.0, damping=3.5)
+    )
+    with pytest.raises(ConfigurationError, match="cannot be walked"):
+        LiveLoop(get_robot("arm6"), OperatorInputs(), takes, plant=plant)
+
+
+def test_the_real_time_factor_is_of_the_clock(start):
+    loop = start()
+    wait_for(lambda: loop.snapshot.time > 0.5, "some time")
+    assert 0.0 < loop.snapshot.real_time_factor < 1.5
+
+
+def test_distance_inside_a_square():
+    square = np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]])
+    assert distance_inside(square, np.array([0.5, 1.0])) == pytest.approx(0.5)
+    assert distance_inside(square, np.array([2.3, 1.0])) == pytest.approx(-0.3)
+
+
+def test_the_margin_in_double_support_is_that_of_both_feet(start, get_robot):
+    loop = start()
+    soles = list(get_robot("biped20").soles.values())
+    polygon = loop.snapshot.polygon
+    assert np.ptp(polygon[:, 0]) == pytest.approx(soles[0].length, abs=1e-3)
+    feet = loop.snapshot.soles
+    apart = feet[0][1] - feet[1][1]
+    assert np.ptp(polygon[:, 1]) == pytest.approx(apart + soles[0].width, abs=1e-3)

@@ -1,0 +1,100 @@
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from synthetic_run import walking_record
+
+from poise.apps.report import Event, Geometry, Replay, TaskTrack
+from poise.errors import ConfigurationError
+
+
+def test_times_that_do_not_increase_are_refused():
+    record = walking_record(duration=1.0)
+    with pytest.raises(ConfigurationError, match="do not increase"):
+        walking_record(duration=1.0, time=record.time[::-1].copy())
+
+
+WRONG_SHAPES = """
+import sys
+import numpy as np
+sys.path.insert(0, sys.argv[1])
+from synthetic_run import walking_record
+from poise.errors import ConfigurationError
+for name, value in {
+    "torque": np.zeros((250, 3)),
+    "torque_max": np.zeros(4),
+    "com": np.zeros((7, 3)),
+    "zmp": np.zeros((250, 3)),
+    "time": np.zeros(0),
+    "status": ("ok",),
+    "tick_us": {"solve": np.zeros(9)},
+    "level_names": ("only one",),
+    "joint_groups": ("left leg",),
+}.items():
+    try:
+        walking_record(duration=1.0, **{name: value})
+    except ConfigurationError as error:
+        print(name, "|", error)
+"""
+
+
+def test_a_field_of_the_wrong_shape_is_refused_by_name():
+    # In a process of its own: here the shape checks of the tests would speak first.
+    command = [sys.executable, "-c", WRONG_SHAPES, str(Path(__file__).parent)]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    messages = dict(line.split(" | ") for line in done.stdout.splitlines())
+    assert len(messages) == 9
+    assert "got (250, 3); wanted (250, 33)" in messages["torque"]
+    assert "without a tick" in messages["time"]
+    assert "phase 'solve'" in messages["tick_us"]
+    for name in ("com", "zmp", "status", "level_names", "joint_groups", "torque_max"):
+        assert name in messages[name]
+
+
+def test_component_names_must_fit_the_components():
+    with pytest.raises(ConfigurationError, match="wanted 3 names"):
+        TaskTrack(
+            name="com",
+            level=0,
+            unit="m",
+            error=np.zeros(5),
+            components=np.zeros((5, 3)),
+            component_names=("x", "y"),
+        )
+
+
+def test_an_event_needs_a_finite_time():
+    with pytest.raises(ConfigurationError, match="push"):
+        Event(time=float("nan"), label="push")
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [
+        {"shape": "box", "size": (1.0, 1.0)},
+        {"shape": "sphere", "size": (-1.0,)},
+        {"shape": "mesh"},
+        {"shape": "mesh", "vertices": np.zeros((3, 3)), "faces": np.array([[0, 1, 3]])},
+    ],
+)
+def test_a_geometry_that_cannot_be_drawn_is_refused(fields):
+    with pytest.raises(ConfigurationError):
+        Geometry(body=0, **fields)
+
+
+def replay_fields():
+    return {
+        "time": np.zeros(2),
+        "body_names": ("a",),
+        "position": np.zeros((2, 1, 3)),
+        "quaternion": np.zeros((2, 1, 4)),
+        "geometries": (),
+    }
+
+
+def test_a_geometry_on_an_unknown_body_is_refused():
+    ball = Geometry(body=1, shape="sphere", size=(0.1,))
+    with pytest.raises(ConfigurationError, match="does not exist"):
+        Replay(**{**replay_fields(), "geometries": (ball,)})

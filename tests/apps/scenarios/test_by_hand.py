@@ -1,0 +1,122 @@
+"""Scenarios in which hands walk the robot: the shipped one, way-points of one's own, bad input."""
+
+import numpy as np
+import pytest
+from dry_run import forbid_ticks
+
+from poise.apps.scenarios import load_scenario, parse_scenario, run_scenario
+from poise.apps.scenarios._by_hand import SCRIPTS
+from poise.errors import ConfigurationError, PoiseError, ScenarioError
+from poise.sim import read_log
+
+OWN = """
+name: one foot up
+robot: biped20
+controller: step_teleoperation
+duration: 2.0
+plant: {control_dt: 0.005, servo: {stiffness: 70.0, damping: 2.5}}
+hands:
+  points:
+    - {at: 0.2, right: [0.0, 0.0, 0.0]}
+    - {at: 0.8, right: [0.0, 0.0, 0.08]}
+"""
+
+
+@pytest.mark.parametrize("robot", ["biped20", "g1"])
+def test_the_robot_is_walked_over_the_obstacle(shipped_run, robot):
+    outcome = shipped_run("over_an_obstacle", robot)
+    assert outcome.status == 0, outcome.out + outcome.err
+    summary = outcome.summary
+    assert (summary["controller"], summary["robot"]) == ("step_teleoperation", robot)
+    assert summary["fell"] is False
+    assert summary["missed_ticks"] == 0
+    # Nothing is solved by levels, so there is nothing to have a residual.
+    assert summary["residual_max"] == []
+    assert [c["name"] for c in summary["checks"] if "residual" in c["name"]] == []
+    page = (outcome.folder / "report.html").read_text()
+    assert all(mode in page for mode in ("TL", "SL", "TR", "SR"))
+    log = read_log(outcome.folder / "log.mcap")
+    assert log.complete
+    _, clearance = log.signal("clearance")
+    assert 0.005 <= float(clearance.min()) < 0.2
+
+
+def test_way_points_of_ones_own_lift_a_foot():
+    run = run_scenario(parse_scenario(OWN, "own.yaml"))
+    assert run.ok
+    assert [mode for _, mode in run.signals.modes] == ["D", "TL", "SL"]
+    assert run.signals.sole_positions["right_sole"][-1, 2] > 0.05
+    assert set(run.signals.tick_us) == {"command"}
+    # The hands are in the replay, where the operator held them.
+    hand = run.signals.targets["right device"]
+    assert hand[-1, 2] - hand[0, 2] == pytest.approx(0.08, abs=1e-9)
+    assert np.isfinite(run.signals.zmp_reference).all()
+
+
+def test_the_scripts_are_the_papers_scenarios(get_robot):
+    scripts = [make(get_robot("biped20")).name for make in SCRIPTS.values()]
+    assert [name[:10] for name in scripts] == [f"scenario {i}" for i in (1, 2, 3, 4)]
+
+
+def changed(old, new):
+    assert old in OWN
+    return OWN.replace(old, new)
+
+
+POINTS = OWN[OWN.index("  points:") :]
+
+CASES = {
+    "no hands": (OWN[: OWN.index("hands:")], "needs hands"),
+    "hands that nobody heeds": (
+        changed("controller: step_teleoperation\n", ""),
+        "does not heed the hands",
+    ),
+    "another period": (changed("0.005", "0.001"), "control period.*0.001.*0.005"),
+    "another actuation": (changed("{control_dt", "{actuation: torque, control_dt"), "actuation"),
+    "a robot without feet": (changed("biped20", "arm6"), "feet|walked|soles"),
+    "a strategy": (
+        changed("step_teleoperation", "{name: step_teleoperation, strategy: hqp}"),
+        "strategy.*hqp.*com_shifter",
+    ),
+    "a time limit": (
+        changed("step_teleoperation", "{name: step_teleoperation, time_limit: 0.1}"),
+        "no time_limit",
+    ),
+    "an unknown controller": (
+        changed("step_teleoperation", "step"),
+        "no such controller.*whole_body.*step_teleoperation",
+    ),
+    "motions": (
+        OWN + "motions: [{task: com, at: 0, over: 1, by: [0, 0, 0]}]\n",
+        "takes no motions",
+    ),
+    "an unknown script": (OWN.replace(POINTS, "  script: dance\n"), "dance.*over_an_obstacle"),
+    "script and points": (changed("hands:\n", "hands:\n  script: switch_feet\n"), "one of the two"),
+    "neither": (OWN.replace(POINTS, "  points: []\n"), "one of the two"),
+    "points that are no list": (OWN.replace(POINTS, "  points: {at: 1}\n"), "a list"),
+    "time that goes back": (changed("at: 0.8", "at: 0.1"), "order of time.*0.2.*0.1"),
+    "a hand far away": (changed("0.08]", "80.0]"), "out of range.*80"),
+    "two numbers": (changed("0.0, 0.08]", "0.08]"), "right"),
+    "NaN": (changed("0.08]", ".nan]"), "right"),
+    "no hand": (changed("right: [0.0, 0.0, 0.08]", ""), "moves no hand"),
+    "an unknown key": (changed("right: [0.0, 0.0, 0.08]", "foot: [0, 0, 0]"), "foot.*left.*right"),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_bad_hands_are_refused_before_the_first_tick(case, monkeypatch):
+    text, message = CASES[case]
+    forbid_ticks(monkeypatch)
+    with pytest.raises(PoiseError, match=rf"(?s){message}"):
+        run_scenario(parse_scenario(text, "own.yaml"))
+
+
+def test_another_scenario_takes_no_hands_from_the_command_line():
+    from dataclasses import replace
+
+    from poise.control import ControllerPlan
+
+    stand = load_scenario("stand")
+    with pytest.raises(ScenarioError, match="needs hands"):
+        run_scenario(replace(stand, controller=ControllerPlan(name="step_teleoperation")))
+    assert issubclass(ScenarioError, ConfigurationError)

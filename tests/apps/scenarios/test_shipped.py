@@ -1,0 +1,117 @@
+"""Every shipped scenario on both robots, through the command line, from file to report."""
+
+import json
+
+import pytest
+from conftest import poise_run
+
+from poise.apps.scenarios import shipped_scenarios
+from poise.sim import read_log
+
+KEYS = {
+    "robot": str,
+    "controller": str,
+    "scenario": str,
+    "seed": int,
+    "fell": bool,
+    "checks": list,
+    "com_error_max_m": float,
+    "torque_ratio_max": float,
+    "residual_max": list,
+    "missed_ticks": int,
+    "tick_us": dict,
+    "real_time_factor": float,
+}
+
+
+def test_the_scenarios_of_the_documentation_are_shipped():
+    assert {"stand", "squat", "reach", "push", "balance_one_leg"} <= set(shipped_scenarios())
+
+
+BIPEDS = [
+    name
+    for name in shipped_scenarios()
+    if name not in ("reach_arm", "over_an_obstacle") and not name.startswith("walk")
+]
+"""Scenarios of a robot on two feet that is commanded torques; walks are long, and come below."""
+
+
+@pytest.mark.parametrize("robot", ["humanoid33", "g1"])
+@pytest.mark.parametrize("scenario", BIPEDS)
+def test_a_shipped_scenario_holds(shipped_run, scenario, robot):
+    outcome = shipped_run(scenario, robot)
+    assert outcome.status == 0, outcome.out + outcome.err
+    assert outcome.err == ""
+    summary = outcome.summary
+    assert json.loads(outcome.out) == summary
+    assert {key: type(value) for key, value in summary.items()} == KEYS
+    assert (summary["robot"], summary["scenario"]) == (robot, scenario)
+    assert summary["fell"] is False
+    assert summary["missed_ticks"] == 0
+    assert [c for c in summary["checks"] if not c["ok"]] == []
+    assert all(set(c) == {"name", "value", "bound", "ok"} for c in summary["checks"])
+    assert max(summary["residual_max"][:2]) < 1e-6
+    assert set(summary["tick_us"]) == {"p50", "p99", "max"}
+    assert 0.0 < summary["tick_us"]["p50"] <= summary["tick_us"]["p99"] <= summary["tick_us"]["max"]
+    assert 0.0 < summary["torque_ratio_max"] <= 1.0 + 1e-12
+    assert {p.name for p in outcome.folder.iterdir()} == {"report.html", "log.mcap", "summary.json"}
+    assert scenario in (outcome.folder / "report.html").read_text()
+    log = read_log(outcome.folder / "log.mcap")
+    assert log.complete
+    assert log.metadata == {
+        "robot": robot, "scenario": scenario, "controller": "whole_body", "seed": "0"
+    }  # fmt: skip
+    # The log agrees with the summary, and holds the run to its end.
+    time, residuals = log.signal("residuals")
+    assert residuals.shape[1] == len(summary["residual_max"])
+    assert log.end == pytest.approx(time[-1], abs=0.01)
+    assert (residuals[:, :2].max(axis=0) <= summary["residual_max"][:2]).all()
+
+
+SHORT = """
+walk:
+  strides: [{steps: 3, length: 0.1}]
+  gait: {step_time: 0.8, crouch: 0.02, shift_time: 0.8, settle_time: 1.0}
+duration: 5.1
+plant: {control_dt: 0.002}
+name: short_walk
+motions: [{task: left_hand, at: 0.1, over: 1.0, by: [0.06, 0.0, 0.1]}]
+checks:
+  - {metric: steps_made, at_least: 4}
+  - {metric: com_error_rms, at_most: 0.005}
+  - {metric: task_error_rms, task: left_foot, at_most: 0.005}
+"""
+
+
+@pytest.mark.parametrize("controller", ["whole_body", "reduced"])
+def test_a_walk_of_a_file_leaves_its_figures(tmp_path, controller):
+    file = tmp_path / "short_walk.yaml"
+    file.write_text(SHORT)
+    options = ("--controller", controller, "--no-video", "--json")
+    outcome = poise_run(tmp_path / "run", str(file), *options)
+    assert outcome.status == 0, outcome.out + outcome.err
+    assert outcome.summary["missed_ticks"] == 0
+    log = read_log(outcome.folder / "log.mcap")
+    assert log.signal("zmp_reference")[1].shape[1] == 2
+    assert (log.signal("tick_us/walk")[1] > 0.0).all()
+    assert "walk finished" in (outcome.folder / "report.html").read_text()
+
+
+def assert_holds(outcome):
+    assert outcome.status == 0, outcome.out + outcome.err
+    assert outcome.summary["fell"] is False
+    assert outcome.summary["missed_ticks"] == 0
+    assert max(outcome.summary["residual_max"][:2]) < 1e-6
+    assert outcome.summary["controller"] == "osf"
+
+
+@pytest.mark.parametrize("robot", ["arm6", "panda", "ur5"])
+def test_an_arm_reaches_under_the_operational_space_formulation(shipped_run, robot):
+    assert_holds(shipped_run("reach_arm", robot))
+
+
+@pytest.mark.parametrize(("scenario", "robot"), [("squat", "g1"), ("reach", "humanoid33")])
+def test_a_humanoid_scenario_holds_under_the_operational_space_formulation(
+    shipped_run, scenario, robot
+):
+    assert_holds(shipped_run(scenario, robot, "--controller", "osf"))

@@ -1,0 +1,161 @@
+"""Support polygons, ZMP margins and metrics against cases worked out by hand."""
+
+import numpy as np
+import pytest
+
+from poise.apps.report import SupportPhase
+from poise.apps.scenarios import sole_corners
+from poise.apps.scenarios._metrics import METRICS
+from poise.apps.scenarios._scenario import PushPlan
+from poise.apps.scenarios._signals import RunSignals, support_phases, zmp_margins
+from poise.robots import Sole
+
+NAN = float("nan")
+
+
+def as_set(points):
+    return {tuple(np.round(p, 9)) for p in points}
+
+
+def turned(angle):
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+def test_a_sole_has_its_corners_where_it_is_turned_to():
+    sole = Sole(name="s", length=0.2, width=0.1)
+    corners = sole_corners(sole, np.array([1.0, 2.0, 0.0]), np.eye(3))
+    assert as_set(corners) == {(1.1, 2.05), (0.9, 2.05), (0.9, 1.95), (1.1, 1.95)}
+    corners = sole_corners(sole, np.array([1.0, 2.0, 0.3]), turned(np.pi / 2))
+    assert as_set(corners) == {(1.05, 2.1), (1.05, 1.9), (0.95, 1.9), (0.95, 2.1)}
+
+
+def still(robot, count):
+    """Soles at y = 0.1 and -0.1, side by side."""
+    poses = {}
+    for name, y in zip(robot.soles, (0.1, -0.1), strict=True):
+        poses[name] = (np.tile([0.0, y, 0.0], (count, 1)), np.tile(np.eye(3), (count, 1, 1)))
+    return poses
+
+
+def test_phases_follow_the_soles_on_the_ground(get_robot):
+    robot = get_robot("humanoid33")
+    left, right = robot.soles
+    half = 0.5 * np.array([robot.soles[left].length, robot.soles[left].width])
+    time = np.arange(1, 9) * 0.1
+    planned = {
+        left: np.array([1, 1, 1, 0, 0, 0, 0, 1.0]),
+        right: np.array([1, 1, 1, 1, 1, 0, 0, 1.0]),
+    }
+    phases = support_phases(robot, time, planned, still(robot, 8))
+    assert [p.label for p in phases] == [f"{left} + {right}", right, "flight", f"{left} + {right}"]
+    assert [p.start for p in phases] == pytest.approx([0.1, 0.4, 0.6, 0.8])
+    assert [p.end for p in phases[:-1]] == pytest.approx([0.4, 0.6, 0.8])
+    both, one, none, _ = (p.vertices for p in phases)
+    x, y = half
+    assert as_set(both) == as_set([(x, 0.1 + y), (-x, 0.1 + y), (-x, -0.1 - y), (x, -0.1 - y)])
+    assert as_set(one) == as_set([(x, y - 0.1), (-x, y - 0.1), (-x, -y - 0.1), (x, -y - 0.1)])
+    assert none.shape == (0, 2)
+
+
+def test_the_margin_is_the_distance_to_the_nearest_edge_and_negative_outside():
+    square = np.array([[-0.1, -0.1], [0.1, -0.1], [0.1, 0.1], [-0.1, 0.1]])
+    phases = (
+        SupportPhase(start=0.0, end=0.5, vertices=square, label="a"),
+        SupportPhase(start=0.5, end=0.7, vertices=np.zeros((0, 2)), label="flight"),
+        SupportPhase(start=0.7, end=1.0, vertices=square + [1.0, 0.0], label="b"),
+    )
+    time = np.array([0.0, 0.1, 0.2, 0.3, 0.6, 0.8])
+    zmp = np.array([[0, 0], [0.07, 0.02], [0.1, 0.0], [0.13, 0.05], [0, 0], [1.0, -0.11]])
+    margins = zmp_margins(time, zmp.astype(np.float64), phases)
+    np.testing.assert_allclose(margins[[0, 1, 2, 3, 5]], [0.1, 0.03, 0.0, -0.03, -0.01], atol=1e-12)
+    assert np.isnan(margins[4])
+
+
+def test_the_margin_of_a_tilted_edge_is_measured_square_to_it():
+    triangle = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
+    phase = SupportPhase(start=0.0, end=1.0, vertices=triangle, label="")
+    margins = zmp_margins(np.array([0.0, 0.1]), np.array([[0.4, 0.4], [0.5, 0.7]]), (phase,))
+    np.testing.assert_allclose(margins, [0.2 / np.sqrt(2), -0.2 / np.sqrt(2)], atol=1e-12)
+
+
+def signals():
+    """Eleven ticks of 0.05 s; the COM moves along x by 0.01 m a tick, the reference stays."""
+    n = 11
+    time = 0.05 * np.arange(1, n + 1)
+    com = np.zeros((n, 3))
+    com[:, 0] = 0.01 * np.arange(n)
+    com[3, 2] = 0.5
+    reference = np.zeros((n, 3))
+    reference[-1] = NAN
+    torque = np.zeros((n, 2))
+    torque[4] = [-30.0, 5.0]
+    residuals = np.zeros((n, 3))
+    residuals[6] = [1e-9, 2e-3, NAN]
+    return RunSignals(
+        time=time, q=np.zeros((n, 9)), torque=torque, torque_max=np.array([60.0, 50.0]),
+        com=com, com_reference=reference, zmp=np.zeros((n, 2)),
+        zmp_reference=np.linspace([0.0, 0.0], [0.3, 0.4], n),
+        zmp_margin=np.array([NAN, 0.03, 0.02, -0.01, *[0.05] * 7]), support=(),
+        sole_forces={"s": np.linspace(0.0, 100.0, n)},
+        sole_positions={"s": np.linspace([0.0, 0.0, 0.1], np.zeros(3), n)},
+        sole_planned={"s": np.array([1.0, 0, 0, 1, 1, 0, 1, 1, 1, 1, 0])},
+        wrenches={"s": np.zeros((n, 6))}, targets={},
+        task_errors={"hand": np.array([NAN, 0.3, *[0.1] * 8, 0.05])},
+        residuals=residuals, status=("ok",) * n, tick_us={"solve": np.ones(n)},
+        clearance=np.array([NAN, 0.2, 0.03, *[0.1] * (n - 3)]), beyond=np.linspace(-0.5, 0.02, n),
+        modes=(),
+    )  # fmt: skip
+
+
+CASES = [
+    ("com_error_max", "", None, np.hypot(0.03, 0.5)),
+    ("com_error_max", "", 0, 0.09),
+    ("com_error_rms", "", 0, np.sqrt(np.mean(np.arange(10.0) ** 2)) * 0.01),
+    ("com_travel", "", 0, 0.1),
+    ("com_travel", "", 1, 0.0),
+    ("com_travel", "", None, np.hypot(0.1, 0.5)),
+    ("com_speed_end", "", None, 0.2),
+    ("task_error_max", "hand", None, 0.3),
+    ("task_error_rms", "hand", None, np.sqrt((0.3**2 + 8 * 0.1**2 + 0.05**2) / 10)),
+    ("task_error_end", "hand", None, 0.05),
+    ("torque_ratio_max", "", None, 0.5),
+    ("sole_force_max", "s", None, 100.0),
+    ("sole_height_min", "s", None, 0.0),
+    ("residual_max", "1", None, 1e-9),
+    ("residual_max", "2", None, 2e-3),
+    ("zmp_margin_min", "", None, -0.01),
+    ("zmp_error_max", "", None, 0.5),
+    ("steps_made", "", None, 2.0),
+    ("clearance_min", "", None, 0.03),
+    ("beyond_blocks_end", "", None, 0.02),
+]
+
+
+@pytest.mark.parametrize(("metric", "subject", "axis", "value"), CASES)
+def test_a_metric_measures_what_it_says(metric, subject, axis, value):
+    run = signals()
+    rows = np.ones(len(run.time), dtype=bool)
+    assert METRICS[metric].measure(run, subject, axis, rows) == pytest.approx(value)
+
+
+def test_every_metric_is_measured_and_says_nan_where_there_is_nothing():
+    run = signals()
+    nothing = np.zeros(len(run.time), dtype=bool)
+    assert {case[0] for case in CASES} == set(METRICS)
+    for metric, subject, axis, _ in CASES:
+        assert np.isnan(METRICS[metric].measure(run, subject, axis, nothing))
+
+
+def test_a_window_leaves_out_what_lies_before_it():
+    run = signals()
+    late = run.time > 0.2
+    assert METRICS["zmp_margin_min"].measure(run, "", None, late) == 0.05
+    assert METRICS["task_error_max"].measure(run, "hand", None, late) == 0.1
+
+
+def test_a_push_is_a_force_or_a_change_of_speed_of_the_whole_robot():
+    common = {"body": "torso", "at": 0.0, "duration": 0.1}
+    assert PushPlan(**common, force=(1.0, 2.0, 3.0)).force_on(80.0) == (1.0, 2.0, 3.0)
+    force = PushPlan(**common, velocity_change=(0.2, 0.0, -0.1)).force_on(80.0)
+    assert force == pytest.approx((160.0, 0.0, -80.0))

@@ -1,0 +1,91 @@
+"""The walk of a scenario file: read strictly, and led beside what else moves."""
+
+import pytest
+from dry_run import forbid_ticks, prepare
+
+from poise.apps.scenarios import parse_scenario, shipped_scenarios
+from poise.errors import PoiseError
+
+WALK = """
+name: w
+duration: 8.0
+walk:
+  strides:
+    - {steps: 4, length: 0.1}
+    - {steps: 2, turn: 0.05}
+  gait: {step_time: 0.8, crouch: 0.02}
+  feedback: {dcm_gain: 5.0}
+"""
+
+
+@pytest.fixture(autouse=True)
+def _no_ticks(monkeypatch):
+    forbid_ticks(monkeypatch, times=(0.0, 0.1, 0.5))
+
+
+def test_a_walk_is_read():
+    walk = parse_scenario(WALK, "walk.yaml").walk
+    assert [s.steps for s in walk.strides] == [4, 2]
+    assert (walk.gait.step_time, walk.feedback.dcm_gain, walk.carry) == (0.8, 5.0, None)
+
+
+def test_walks_are_shipped():
+    assert {"walk", "walk_sideways", "walk_step", "walk_turn"} <= set(shipped_scenarios())
+
+
+def test_a_walk_gets_a_stack_that_can_walk():
+    prepare(WALK)
+
+
+def test_hands_move_beside_a_walk():
+    prepare(f"{WALK}motions:\n  - {{task: left_hand, at: 0.5, over: 1.0, by: [0.1, 0, 0.1]}}\n")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("steps: 4", "steps: 4.5", "steps is not whole"),
+        ("steps: 4", "steps: 400", "too many steps"),
+        ("length: 0.1", "lenght: 0.1", "unknown key.*lenght.*choices: length"),
+        ("length: 0.1", "length: 50", "length is out of range"),
+        ("step_time: 0.8", "step_time: -1", "step_time of the gait"),
+        ("dcm_gain: 5.0", "gain: 5.0", "unknown key.*gain"),
+        ("length: 0.1", "length: 0.7", "out of reach"),
+        ("feedback: {dcm_gain: 5.0}", "carry: [nose]", "no frame task to carry.*nose"),
+        ("name: w\n", "name: w\nrobot: arm6\n", "cannot walk on two feet"),
+        ("name: w\n", "name: w\ncontroller: differential_ik\n", "cannot follow the walk"),
+        ("name: w\n", "name: w\ncontroller: step_teleoperation\n", "cannot follow the walk"),
+    ],
+)
+def test_a_walk_that_cannot_be_is_refused_before_the_first_tick(old, new, message):
+    assert old in WALK
+    with pytest.raises(PoiseError, match=message):
+        prepare(WALK.replace(old, new, 1))
+
+
+@pytest.mark.parametrize(
+    ("beside", "message"),
+    [
+        (
+            "motions:\n  - {task: com, at: 0.5, over: 1.0, by: [0, 0, 0.1]}",
+            "a motion of a task that the walk leads.*com",
+        ),
+        (
+            "motions:\n  - {task: left_foot, at: 0.5, over: 1.0, by: [0, 0, 0.1]}",
+            "a motion of a task that the walk leads.*left_foot",
+        ),
+        (
+            "motions:\n  - {task: left_hand, at: 0.5, over: 1.0, to: [0, 0, 0.1]}",
+            "goes along with the walk.*got 'to'",
+        ),
+        ("contacts:\n  - {unload: left_sole, at: 1.0}", "contact change of a sole that walks"),
+    ],
+)
+def test_nothing_else_may_move_what_the_walk_leads(beside, message):
+    with pytest.raises(PoiseError, match=message):
+        prepare(f"{WALK}{beside}\n")
+
+
+def test_the_walk_section_needs_strides():
+    with pytest.raises(PoiseError, match="lacks the key 'strides'"):
+        parse_scenario("name: w\nduration: 1.0\nwalk: {}\n", "walk.yaml")

@@ -1,0 +1,73 @@
+"""A careful operator on stairs and bumps: what the robot stands, and what it does not."""
+
+import numpy as np
+import pytest
+
+pytest.importorskip("mujoco")
+
+from careful import trace, true_soles, walk_over
+
+from poise.apps.teleoperation import MODES, noisy, terrain_blocks
+from poise.locomotion import Mode
+from poise.sim import Block
+
+HEIGHT = 0.015
+LANDS_AT = 0.3
+BUMPS = {
+    "toes": ((0.43, -0.135), (0.06, 0.30)),
+    "inner edge": ((0.30, -0.035), (0.30, 0.05)),
+    "corner": ((0.40, -0.055), (0.08, 0.08)),
+}
+"""Bumps under parts of a right sole that lands 0.3 m ahead of its start."""
+
+
+def bump(part):
+    center, size = BUMPS[part]
+    return Block(center=center, size=(*size, HEIGHT))
+
+
+def test_one_foot_and_then_the_other_step_on_a_stair_of_5_cm(get_robot):
+    robot = get_robot("biped20")
+    stair = terrain_blocks("steps", robot)[0]
+    assert stair.size[2] == pytest.approx(0.05)
+    steps = [("right", 0.385, 0.05), ("left", 0.385, 0.05)]
+    run = walk_over(robot, steps, [stair], plant=noisy(), seed=3)
+    assert not run.fell, trace(run)
+    assert MODES[run.log.mode[-1]] is Mode.D, trace(run)
+    for sole in true_soles(run):
+        assert sole[2] == pytest.approx(0.05, abs=0.005)
+        # The whole sole is on the stair.
+        assert abs(sole[0] - stair.center[0]) < 0.5 * (stair.size[0] - 0.3)
+
+
+@pytest.mark.parametrize("part", ["toes", "corner"])
+def test_a_foot_that_lands_partly_on_a_bump_stands_there_quietly(get_robot, part):
+    steps = [("right", LANDS_AT, HEIGHT)]
+    run = walk_over(get_robot("biped20"), steps, [bump(part)], rest=2.5)
+    assert not run.fell, trace(run)
+    assert MODES[run.log.mode[-1]] is Mode.D, trace(run)
+    last = slice(-100, None)
+    assert run.log.touched[last].all()
+    assert run.log.loads[last].min() > 100.0
+    assert np.ptp(run.log.com[last], axis=0).max() < 2e-3
+
+
+def test_a_foot_that_lands_with_its_inner_edge_on_a_bump_makes_no_fall(get_robot):
+    # Not quietly: the foot rocks on the bump and slips by some centimetres.
+    steps = [("right", LANDS_AT, HEIGHT)]
+    run = walk_over(get_robot("biped20"), steps, [bump("inner edge")], rest=2.5)
+    assert run.log.touched[-1]
+    assert not run.fell, trace(run)
+    assert MODES[run.log.mode[-1]] is Mode.D, trace(run)
+
+
+@pytest.mark.xfail(
+    strict=True,
+    reason="A sole that lies on the edge of a bump is levelled as if the ground were level, and "
+    "its whole rectangle counts as support: the robot falls within two seconds of the shift.",
+)
+@pytest.mark.parametrize("part", ["toes", "inner edge"])
+def test_the_other_foot_follows_over_a_bump_under_an_edge_of_the_sole(get_robot, part):
+    steps = [("right", LANDS_AT, HEIGHT), ("left", LANDS_AT, 0.0)]
+    run = walk_over(get_robot("biped20"), steps, [bump(part)])
+    assert not run.fell, trace(run)

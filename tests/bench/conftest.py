@@ -1,9 +1,0 @@
-import pytest
-
-from poise.bench.recording import Recording, record_run
-from poise.robots import load_robot
-
-
-@pytest.fixture(scope="session")
-def recording() -> Recording:
-    return record_run(load_robot("humanoid33"), "double", 40)

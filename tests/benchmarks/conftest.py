@@ -1,0 +1,9 @@
+import pytest
+
+from benchmarks.recording import Recording, record_run
+from poise.robots import load_robot
+
+
+@pytest.fixture(scope="session")
+def recording() -> Recording:
+    return record_run(load_robot("humanoid33"), "double", 40)

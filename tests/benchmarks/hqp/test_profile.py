@@ -1,0 +1,80 @@
+"""Performance profiles: numbers of a table of times made by hand, and the picture of a race."""
+
+import numpy as np
+import pytest
+
+from benchmarks.hqp.figure import write_profile_figure
+from benchmarks.hqp.profile import make_profiles, profiles_of
+from benchmarks.hqp.race import COLD, WARM, Lap
+
+SECONDS = {
+    "a": np.array([1.0, 2.0, 4.0, 9.0]),
+    "b": np.array([2.0, 2.0, 1.0, 9.0]),
+    "c": np.array([0.5, 9.0, 8.0, 9.0]),
+}
+SOLVED = {
+    "a": np.array([True, True, True, False]),
+    "b": np.array([True, True, True, False]),
+    "c": np.array([False, False, True, False]),
+}
+"""The quickest right answers take 1, 2, 1; c is wrong where it is quickest; the last beats all."""
+
+
+def test_shares_are_those_of_the_table():
+    a, b, c = make_profiles(SECONDS, SOLVED)
+    np.testing.assert_array_equal(a.factors, [1.0, 1.0, 4.0])
+    np.testing.assert_array_equal(b.factors, [1.0, 1.0, 2.0])
+    np.testing.assert_array_equal(c.factors, [8.0])
+    assert [a.at(factor) for factor in (1.0, 3.9, 4.0, np.inf)] == [0.5, 0.5, 0.75, 0.75]
+    assert [b.at(factor) for factor in (1.0, 1.9, 2.0)] == [0.5, 0.5, 0.75]
+    assert [c.at(factor) for factor in (1.0, 7.9, 8.0)] == [0.0, 0.0, 0.25]
+
+
+def test_who_solves_nothing_has_an_empty_profile():
+    nobody = {name: np.zeros(4, dtype=np.bool_) for name in SECONDS}
+    assert [one.at(np.inf) for one in make_profiles(SECONDS, nobody)] == [0.0, 0.0, 0.0]
+    assert make_profiles({}, {}) == []
+
+
+def lap(method, sequence, seconds, right, start=COLD):
+    count = len(seconds)
+    return Lap(
+        sequence=sequence,
+        family="random",
+        method=method,
+        start=start,
+        seconds=np.array(seconds),
+        claimed=np.ones(count, dtype=np.bool_),
+        right=np.array(right),
+        gaps=np.zeros(count),
+        cost_gaps=np.zeros(count),
+        statuses=count * ("optimal",),
+    )
+
+
+def laps():
+    return [
+        lap("lexls", "one", [1.0, 2.0], [True, True]),
+        lap("b", "one", [2.0, np.nan], [True, False]),
+        lap("lexls", "two", [4.0], [True]),
+        lap("b", "two", [1.0], [True]),
+        lap("lexls", "two", [1.0], [True], WARM),
+        lap("b", "two", [8.0], [True], WARM),
+    ]
+
+
+def test_all_sequences_of_a_start_count_together():
+    lexls, other = profiles_of(laps(), COLD)
+    assert (lexls.method, other.method) == ("lexls", "b")
+    np.testing.assert_array_equal(lexls.factors, [1.0, 1.0, 4.0])
+    np.testing.assert_array_equal(other.factors, [1.0, 2.0])
+    assert other.at(np.inf) == pytest.approx(2.0 / 3.0)
+    assert [one.at(1.0) for one in profiles_of(laps(), WARM)] == [1.0, 0.0]
+
+
+@pytest.mark.parametrize("starts", [(COLD, WARM), (COLD,)])
+def test_the_figure_is_drawn(starts, tmp_path):
+    pytest.importorskip("matplotlib")
+    own = [one for one in laps() if one.start in starts]
+    path = write_profile_figure(own, tmp_path / "hqp.png")
+    assert path.read_bytes().startswith(b"\x89PNG")

@@ -1,0 +1,88 @@
+"""The model, the body rotator, the dual regulator and the saturation."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from poise.dynamics import saturate
+from poise.errors import ConfigurationError
+from poise.locomotion import BodyRotator, CartFlywheelTable, ComShifter, ZmpRegulator
+
+
+def test_rotator_puts_the_zmp_on_its_reference():
+    """(29): with shifter and rotator together r = r_ref, whatever the state."""
+    table = CartFlywheelTable(0.765, 65.0, np.array([0.02, -0.05]))
+    shifter, rotator = ComShifter(0.765), BodyRotator(table.weight)
+    reference = np.array([0.1, 0.03])
+    for _ in range(50):
+        acceleration = shifter.acceleration(reference, table.position, table.velocity)
+        about_x, about_y = rotator.momentum_rate(
+            reference, shifter.cart_table_zmp(table.position, acceleration)
+        )
+        # (2): the sense in which momentum about y and about x moves the ZMP.
+        table.step(acceleration, np.array([about_y, -about_x]), 0.005)
+        np.testing.assert_allclose(table.zmp, reference, atol=1e-12)
+    assert np.abs(table.momentum).max() > 1.0
+
+
+def test_steps_add_up():
+    rng = np.random.default_rng(0)
+    whole = CartFlywheelTable(0.8, 50.0, np.zeros(2))
+    parts = CartFlywheelTable(0.8, 50.0, np.zeros(2))
+    for _ in range(20):
+        u1, u2 = rng.standard_normal((2, 2))
+        whole.step(u1, u2, 0.01)
+        for _ in range(10):
+            parts.step(u1, u2, 0.001)
+    np.testing.assert_allclose(whole.position, parts.position, atol=1e-14)
+    np.testing.assert_allclose(whole.velocity, parts.velocity, atol=1e-14)
+    np.testing.assert_allclose(whole.momentum, parts.momentum, atol=1e-14)
+
+
+def test_regulator_is_the_dual_of_the_shifter():
+    """(36): the ZMP command answers a step without overshoot, one exponential after a jump."""
+    omega, ks, dt = 3.58, 2.0, 1e-4
+    regulator = ZmpRegulator(omega, ks=ks)
+    far = (np.array([-9.0]), np.array([9.0]))
+    p, v = np.zeros(1), np.zeros(1)
+    time, command = np.arange(0.0, 1.2, dt), []
+    for _ in time:
+        u = regulator.zmp(np.ones(1), p, v, far)
+        command.append(u[0])
+        acceleration = omega**2 * (p - u)
+        p, v = p + dt * v + 0.5 * dt * dt * acceleration, v + dt * acceleration
+    expected = 1.0 - ks * np.exp(-omega * (ks - 1.0) * time)
+    np.testing.assert_allclose(command, expected, atol=2e-3)
+
+
+def test_regulator_stays_in_its_support():
+    regulator = ZmpRegulator(3.58)
+    support = (np.array([-0.1]), np.array([0.1]))
+    assert regulator.zmp(np.ones(1), np.zeros(1), np.zeros(1), support)[0] == -0.1
+
+
+@given(
+    st.floats(1e-3, 1e3),
+    st.lists(st.floats(-1e6, 1e6, allow_subnormal=False), min_size=1, max_size=6),
+)
+def test_saturation_shortens_and_does_not_turn(limit, values):
+    value = np.array(values)
+    answer = saturate(limit, value)
+    assert np.linalg.norm(answer) <= limit * (1.0 + 1e-12)
+    if np.linalg.norm(value) <= limit:
+        np.testing.assert_array_equal(answer, value)
+    else:
+        cosine = answer @ value / np.linalg.norm(answer) / np.linalg.norm(value)
+        assert cosine == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(("height", "mass"), [(0.0, 65.0), (np.nan, 65.0), (0.7, -1.0)])
+def test_a_table_that_cannot_be_is_refused(height, mass):
+    with pytest.raises(ConfigurationError):
+        CartFlywheelTable(height, mass, np.zeros(1))
+
+
+def test_a_regulator_that_does_not_stabilise_is_refused():
+    with pytest.raises(ConfigurationError, match="k_s"):
+        ZmpRegulator(3.58, ks=1.0)

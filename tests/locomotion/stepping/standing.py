@@ -1,0 +1,60 @@
+"""A robot that stands without a simulator: states, loads and footings that the tests make up."""
+
+import numpy as np
+
+from poise.dynamics import RobotState
+from poise.locomotion import Mode, TeleopParameters
+from poise.locomotion._stepping._biped import biped_of
+from poise.locomotion._stepping._estimator import StanceEstimator, ZmpSensor
+from poise.locomotion._stepping._footing import Footing
+
+PARAMETERS = TeleopParameters(r_lift=0.077)
+
+
+def biped(robot):
+    return biped_of(robot, PARAMETERS)
+
+
+def estimator(robot):
+    return StanceEstimator(robot, biped(robot).soles, robot.q_home)
+
+
+def sensor(robot, left, right):
+    """Soles that carry so much [N]."""
+    ours = biped(robot)
+    sensor = ZmpSensor(ours.frames, ours.soles, ours.weight, PARAMETERS.zmp_time, PARAMETERS.dt)
+    sensor.loads[:] = left, right
+    return sensor
+
+
+def footing(robot, mode=Mode.SL, lifted=0.0, com_velocity=(0.0, 0.0)):
+    """Standing at home, with the ground below the right foot so far down as if it were lifted.
+
+    The stance is the left foot.
+    """
+    ours = estimator(robot)
+    ours.stand_on(0)
+    v = np.zeros(robot.nv)
+    v[:2] = com_velocity
+    ours.dynamics.update(RobotState(robot.q_home, v))
+    for anchor in ours.anchors:
+        anchor[2] -= lifted
+    height = float(ours.dynamics.com[2])
+    return Footing(
+        biped=biped(robot),
+        dynamics=ours.dynamics,
+        mode=mode,
+        stance=0,
+        anchors=ours.anchors,
+        omega=float(np.sqrt(9.81 / height)),
+        margin=PARAMETERS.support_margin,
+    )
+
+
+def measured(robot, left, right, time):
+    """A state at home with loads on the soles, each at the sole's centre [N]."""
+    wrenches = {
+        name: np.array([0.0, 0.0, load, 0.0, 0.0, 0.0])
+        for name, load in zip(biped(robot).soles, (left, right), strict=True)
+    }
+    return RobotState(robot.q_home, np.zeros(robot.nv), wrenches, time)

@@ -1,0 +1,143 @@
+"""What cannot be walked, and numbers that cannot be."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from poise.apps.teleoperation import TELEOP_PLANT, noisy, plant_from_json, run_teleop
+from poise.apps.teleoperation._run import plant_to_json
+from poise.errors import ConfigurationError, RobotError
+from poise.locomotion import ScriptedDevice, StepTeleoperator, TeleopParameters, WayPoint
+from poise.locomotion._stepping._com import PreviewDriver
+from poise.locomotion._stepping._parameters import scaled_parameters
+from poise.robots import Sole, standing_posture
+from poise.sim import PlantConfig
+
+
+def test_a_robot_without_feet_is_refused(get_robot):
+    with pytest.raises(ConfigurationError, match="arm6.*cannot be walked"):
+        StepTeleoperator(get_robot("arm6"))
+
+
+def test_legs_of_five_joints_are_refused(get_robot):
+    robot = get_robot("biped20")
+    role = robot.roles["left_sole"]
+    # A sole on the ankle: five joints above it.
+    model = robot.model.copy()
+    frame = model.frames[model.getFrameId(role.name)]
+    frame.parentJoint = model.parents[frame.parentJoint]
+    with pytest.raises(ConfigurationError, match="left_sole has too few joints"):
+        StepTeleoperator(replace(robot, model=model))
+
+
+def test_a_sole_that_is_hardly_there_is_scaled_to(get_robot):
+    robot = get_robot("biped20")
+    small = {n: Sole(name=n, length=0.2, width=0.05) for n in robot.soles}
+    parameters = scaled_parameters(replace(robot, soles=small), 0.765, 0.27)
+    assert parameters.r_lift <= 0.025
+
+
+def test_a_sole_smaller_than_the_lift_radius_is_refused(get_robot):
+    robot = get_robot("biped20")
+    small = {n: Sole(name=n, length=0.2, width=0.05) for n in robot.soles}
+    with pytest.raises(ConfigurationError, match="r_lift.*sole"):
+        StepTeleoperator(replace(robot, soles=small), TeleopParameters(r_lift=0.12))
+
+
+@pytest.mark.parametrize("share", [0.5, 1.0])
+def test_gains_that_break_38_are_refused(get_robot, share):
+    robot = get_robot("biped20")
+    square = StepTeleoperator(robot).driver.omega ** 2
+    with pytest.raises(ConfigurationError, match=r"k_p.*omega\^2"):
+        StepTeleoperator(robot, replace(scaled_parameters(robot, 0.765, 0.27), kp=share * square))
+    assert StepTeleoperator(robot, TeleopParameters(kp=1.01 * square, r_lift=0.07))
+
+
+@pytest.mark.parametrize(
+    "bad",
+    [{"dt": 0.0}, {"r_lift": np.nan}, {"lower_height": 0.03}, {"land_load": 0.01}, {"kp": np.inf}],
+)
+@pytest.mark.filterwarnings("ignore")
+def test_numbers_that_cannot_be_are_refused(bad):
+    with pytest.raises(ConfigurationError):
+        TeleopParameters(**bad)
+
+
+def test_feet_too_close_are_refused(get_robot):
+    with pytest.raises(ConfigurationError, match="too close"):
+        scaled_parameters(get_robot("biped20"), 0.765, 0.0)
+
+
+def test_a_plant_that_takes_torques_or_has_another_tick_is_refused(get_robot):
+    robot, device = get_robot("biped20"), ScriptedDevice([], np.zeros(3), np.zeros(3))
+    with pytest.raises(ConfigurationError, match="velocit"):
+        run_teleop(robot, device, PlantConfig(), duration=1.0)
+    with pytest.raises(ConfigurationError, match="tick"):
+        run_teleop(robot, device, replace(TELEOP_PLANT, control_dt=0.01), duration=1.0)
+
+
+def test_a_run_with_a_driver_of_its_own_is_not_recorded(get_robot, tmp_path):
+    with pytest.raises(ConfigurationError, match="recorded"):
+        run_teleop(
+            get_robot("biped20"),
+            ScriptedDevice([], np.zeros(3), np.zeros(3)),
+            duration=1.0,
+            driver=PreviewDriver(0.765, 0.005, 120),
+            recording=tmp_path / "x.teleop",
+        )
+
+
+def test_way_points_have_to_be_in_order_and_finite():
+    zero = np.zeros(3)
+    with pytest.raises(ConfigurationError, match="order of time"):
+        ScriptedDevice([WayPoint(at=1.0), WayPoint(at=1.0)], zero, zero)
+    with pytest.raises(ConfigurationError, match="no point"):
+        ScriptedDevice([WayPoint(at=1.0, left=(0.0, np.nan, 0.0))], zero, zero)
+
+
+def test_a_script_blends_from_rest_to_rest():
+    device = ScriptedDevice(
+        [WayPoint(at=1.0, left=(0.0, 0.0, 0.0)), WayPoint(at=2.0, left=(1.0, 0.0, 0.0))],
+        np.ones(3),
+        np.zeros(3),
+    )
+    x = np.array([device.sample(t).left[0] for t in (0.0, 1.0, 1.001, 1.5, 1.999, 2.0, 9.0)])
+    assert x[[0, 1, 3, 5, 6]] == pytest.approx([1.0, 1.0, 1.5, 2.0, 2.0])
+    assert x[2] - 1.0 < 1e-7
+    assert 2.0 - x[4] < 1e-7
+    assert not device.sample(1.5).right.any()
+
+
+def test_a_posture_out_of_reach_is_refused(get_robot):
+    robot = get_robot("biped20")
+    with pytest.raises(RobotError, match="do not get there"):
+        standing_posture(robot, com_height=0.95)
+    with pytest.raises(RobotError, match="no feet"):
+        standing_posture(get_robot("arm6"))
+
+
+def test_a_posture_stands_as_asked(get_robot):
+    robot = get_robot("biped20")
+    controller = StepTeleoperator(
+        robot, q_start=standing_posture(robot, feet_apart=0.42, com_height=0.72)
+    )
+    left, right = controller.estimator.anchors
+    com = controller.estimator.dynamics.com
+    assert left - right == pytest.approx([0.0, 0.42, 0.0], abs=1e-8)
+    assert com == pytest.approx([0.0, 0.0, 0.72], abs=1e-8)
+    assert controller.parameters.r_lift == pytest.approx(0.12)
+
+
+def test_a_plant_survives_json():
+    import json
+
+    from poise.sim import Block, LinkError, Payload
+
+    plant = replace(
+        noisy(),
+        blocks=(Block(center=(0.1, 0.2), size=(0.1, 0.2, 0.3)),),
+        link_errors=(LinkError(link="torso_link", mass_scale=1.1),),
+        payloads=(Payload(frame="torso", mass=1.0),),
+    )
+    assert plant_from_json(json.loads(json.dumps(plant_to_json(plant)))) == plant

@@ -1,0 +1,64 @@
+"""Where the controller thinks the robot is, against the simulator, and what it never reads."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from walker import hands, up_and_down, walk
+
+from poise.apps.teleoperation import TELEOP_PLANT, noisy
+from poise.dynamics import RobotState
+from poise.locomotion import StepTeleoperator
+from poise.sim import Plant
+
+
+def test_soles_and_com_are_where_the_simulator_has_them(get_robot):
+    robot = get_robot("biped20")
+    run = walk(robot, up_and_down(), 4.0)
+    plant = run.plant
+    soles = [plant.data.site(name).xpos for name in list(robot.soles)[:2]]
+    estimated = run.controller.status.soles
+    for truth, ours in zip(soles, estimated, strict=True):
+        assert np.abs(truth - ours).max() < 5e-3
+    assert np.abs(plant.com - run.controller.status.com).max() < 5e-3
+
+
+def test_with_noise_the_estimate_drifts_by_millimetres(get_robot):
+    run = walk(get_robot("biped20"), up_and_down(), 4.0, plant=noisy(), seed=3)
+    assert np.abs(run.plant.com - run.controller.status.com).max() < 1e-2
+
+
+@pytest.mark.parametrize("garbage", [1e4, np.nan], ids=["far away", "nan"])
+def test_position_and_velocity_of_the_base_are_never_read(get_robot, garbage):
+    robot = get_robot("biped20")
+    commands = []
+    for spoil in (False, True):
+        plant = Plant(robot, TELEOP_PLANT)
+        controller = StepTeleoperator(robot)
+        device = hands(*up_and_down(lift=0.1))(controller)
+        for _ in range(240):
+            state = plant.state()
+            if spoil:
+                q, v = state.q.copy(), state.v.copy()
+                q[:3], v[:3] = garbage, garbage
+                state = RobotState(q, v, state.contacts, state.time)
+            command = controller.step(state, device.sample(plant.time))
+            commands.append(command.velocity)
+            plant.step(command)
+    half = len(commands) // 2
+    assert np.array_equal(commands[:half], commands[half:])
+
+
+def test_a_state_that_cannot_be_used_gives_no_motion_and_says_so(get_robot):
+    robot = get_robot("biped20")
+    controller = StepTeleoperator(robot)
+    bad = RobotState(np.full(robot.nq, np.nan), np.zeros(robot.nv))
+    command = controller.step(bad, controller.resting_sample)
+    assert not command.status.ok
+    assert not command.velocity.any()
+
+
+def test_the_floor_may_slope_a_little(get_robot):
+    plant = replace(TELEOP_PLANT, floor_slope=(0.0, 0.01))
+    run = walk(get_robot("biped20"), up_and_down(), 4.0, plant=plant)
+    assert not run.fell

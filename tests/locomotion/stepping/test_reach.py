@@ -1,0 +1,152 @@
+"""Where feet can go and how low the body must be, against legs that are at their very limits."""
+
+import numpy as np
+import pytest
+from legs import bent, soles_of
+
+from poise.locomotion import StepTeleoperator, TeleopParameters
+from poise.locomotion._stepping._biped import leg_geometry
+from poise.locomotion._stepping._reach import FootRange
+from poise.robots import standing_posture
+
+MARGIN, LEAN_SHARE = 0.02, 0.9
+FORWARD = np.array([1.0, 0.0])
+STAY = np.zeros(2)
+
+
+def range_of(robot, **changes):
+    numbers = {"reach_margin": MARGIN, "step_max": 0.46} | changes
+    return FootRange(robot, tuple(list(robot.soles)[:2]), TeleopParameters(**numbers))
+
+
+def leg_of(robot):
+    return leg_geometry(robot, next(iter(robot.soles)), TeleopParameters().knee_min)
+
+
+def knee_for(leg, distance):
+    """Angle of a knee that has hip and ankle so far apart."""
+    square = distance**2 - leg.thigh**2 - leg.shank**2
+    return float(np.arccos(square / (2.0 * leg.thigh * leg.shank)))
+
+
+def too_high_with_knee(robot, knee):
+    dynamics, reach = bent(robot, -0.5 * knee, knee, -0.5 * knee), range_of(robot)
+    return [
+        reach.too_high(foot, place, reach.hip(foot, dynamics), STAY)
+        for foot, place in enumerate(soles_of(dynamics))
+    ]
+
+
+def test_the_hip_is_too_high_as_soon_as_the_leg_is_longer_than_its_reach(get_robot):
+    robot = get_robot("biped20")
+    leg = leg_of(robot)
+    knee = knee_for(leg, (1.0 - MARGIN) * leg.length)
+    assert too_high_with_knee(robot, knee) == pytest.approx([0.0, 0.0], abs=1e-9)
+    assert min(too_high_with_knee(robot, knee - 0.05)) > 1e-3
+    assert max(too_high_with_knee(robot, knee + 0.05)) < -1e-3
+
+
+@pytest.mark.parametrize("name", ["biped20", "talos", "g1"])
+def test_a_hip_that_comes_down_by_what_it_is_too_high_has_the_foot_in_reach(get_robot, name):
+    robot = get_robot(name)
+    reach, leg = range_of(robot), leg_of(robot)
+    dynamics = bent(robot, -0.3, 0.6, -0.3)
+    hip, place = reach.hip(0, dynamics), soles_of(dynamics)[0] + [0.2, 0.05, 0.0]
+    shift = np.array([-0.1, 0.03])
+    down = reach.too_high(0, place, hip, shift)
+    moved = hip + [*shift, -down]
+    assert np.linalg.norm(place + leg.ankle - moved) == pytest.approx(0.98 * leg.length)
+
+
+def too_low_with_ankle(robot, lean, thigh=0.6):
+    """With level soles and shanks that lean so."""
+    dynamics, reach = bent(robot, -thigh, thigh + lean, -lean), range_of(robot)
+    return [
+        reach.too_low(foot, place, reach.hip(foot, dynamics), FORWARD)
+        for foot, place in enumerate(soles_of(dynamics))
+    ]
+
+
+@pytest.mark.parametrize(("name", "off"), [("biped20", 1e-9), ("talos", 1e-9), ("g1", 0.02)])
+def test_the_hip_is_too_low_as_soon_as_the_ankle_bends_too_far(get_robot, name, off):
+    robot = get_robot(name)
+    lean = LEAN_SHARE * leg_of(robot).lean_max
+    assert too_low_with_ankle(robot, lean) == pytest.approx([0.0, 0.0], abs=off)
+    assert min(too_low_with_ankle(robot, lean + 0.15)) > 0.0
+    assert max(too_low_with_ankle(robot, lean - 0.15)) < 0.0
+
+
+def test_a_place_in_reach_is_left_alone(get_robot):
+    robot = get_robot("biped20")
+    reach, dynamics = range_of(robot), bent(robot, -0.3, 0.6, -0.3)
+    left, right = soles_of(dynamics)
+    target = left + [0.1, 0.02, 0.05]
+    answer = reach.bring_back(0, target, right, reach.hip(0, dynamics), FORWARD)
+    assert answer == pytest.approx(target, abs=1e-12)
+
+
+def far_ahead(robot, **changes):
+    """A left foot sent a leg's length forward: what it is brought back to, its hip and ankle."""
+    reach, dynamics = range_of(robot, step_max=2.0), bent(robot, -0.3, 0.6, -0.3)
+    left, right = soles_of(dynamics)
+    hip, target = reach.hip(0, dynamics), left + [0.7, 0.0, 0.0]
+    answer = reach.bring_back(0, target, right, hip, FORWARD, **changes)
+    return target, answer, hip, answer + leg_of(robot).ankle
+
+
+def test_a_command_out_of_reach_is_shortened_along_the_ground_to_the_reach(get_robot):
+    robot = get_robot("biped20")
+    target, answer, hip, ankle = far_ahead(robot)
+    assert answer[2] == target[2]
+    assert 0.1 < answer[0] < target[0]
+    assert np.linalg.norm(ankle - hip) == pytest.approx(0.98 * leg_of(robot).length)
+
+
+def test_a_body_that_may_come_down_reaches_farther(get_robot):
+    robot = get_robot("biped20")
+    _, answer, hip, ankle = far_ahead(robot, lower=0.1)
+    assert answer[0] > far_ahead(robot)[1][0] + 0.05
+    assert np.linalg.norm(ankle - (hip - [0.0, 0.0, 0.1])) == pytest.approx(
+        0.98 * leg_of(robot).length
+    )
+
+
+@pytest.mark.parametrize("foot", [0, 1])
+def test_a_foot_stays_on_its_side_and_within_a_step(get_robot, foot):
+    robot = get_robot("biped20")
+    reach, dynamics = range_of(robot, step_max=0.3), bent(robot, -0.5, 1.0, -0.5)
+    support = soles_of(dynamics)[1 - foot]
+    hip, side = reach.hip(foot, dynamics), 1.0 - 2.0 * foot
+    width = next(iter(robot.soles.values())).width
+
+    def sent(ahead, aside):
+        target = support + [ahead, side * aside, 0.0]
+        x, y, _ = reach.bring_back(foot, target, support, hip, FORWARD) - support
+        return float(x), side * float(y)
+
+    assert sent(0.0, -0.2) == pytest.approx((0.0, width + TeleopParameters().feet_gap))
+    assert sent(0.0, 0.8)[1] <= 0.3 + 1e-12
+    assert sent(0.8, 0.27)[0] <= 0.3 + 1e-12
+    assert sent(-0.8, 0.27)[0] >= -0.3 - 1e-12
+
+
+def test_beside_is_across_where_the_torso_faces(get_robot):
+    robot = get_robot("biped20")
+    reach, dynamics = range_of(robot), bent(robot, -0.5, 1.0, -0.5)
+    left, right = soles_of(dynamics)
+    turned = np.array([np.cos(0.4), np.sin(0.4)])
+    answer = reach.bring_back(0, right.copy(), right, reach.hip(0, dynamics), turned)
+    gap = next(iter(robot.soles.values())).width + TeleopParameters().feet_gap
+    assert float((answer - right)[:2] @ turned) == pytest.approx(0.0, abs=1e-12)
+    assert float((answer - right)[:2] @ [-turned[1], turned[0]]) == pytest.approx(gap)
+    assert left[2] == pytest.approx(answer[2])
+
+
+def test_a_robot_that_stands_is_neither_too_high_nor_too_low(get_robot):
+    robot = get_robot("biped20")
+    controller = StepTeleoperator(robot, q_start=standing_posture(robot, com_height=0.72))
+    dynamics, reach = controller.estimator.dynamics, range_of(robot)
+    for foot, place in enumerate(controller.estimator.anchors):
+        hip = reach.hip(foot, dynamics)
+        assert reach.too_high(foot, place, hip, STAY) < 0.0
+        assert reach.too_low(foot, place, hip, FORWARD) < 0.0

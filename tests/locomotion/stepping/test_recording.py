@@ -1,0 +1,194 @@
+"""Recordings: replay bit for bit, and what is wrong with a file is said."""
+
+import json
+import time
+import tracemalloc
+
+import numpy as np
+import pytest
+from walker import sample, up_and_down, walk
+
+from poise.apps.teleoperation import noisy, replay_teleop, run_teleop
+from poise.apps.teleoperation._bad_operator import BadOperator
+from poise.errors import ConfigurationError, PoiseError
+from poise.locomotion import (
+    DeviceSample,
+    DeviceStatus,
+    Mode,
+    RecordingError,
+    RecordingWriter,
+    read_recording,
+)
+from poise.locomotion._stepping._recording import HEADER_BYTES, ROW
+
+
+def write(path, rows=3, robot="biped20", dt=0.005, close=True):
+    writer = RecordingWriter(path, robot=robot, dt=dt)
+    for tick in range(rows):
+        writer.sample(tick, sample(tick * dt))
+    if close:
+        writer.close()
+    else:
+        writer._file.close()
+    return path
+
+
+@pytest.mark.parametrize("seed", [None, 5], ids=["script", "bad operator with noise"])
+def test_a_recording_replays_bit_for_bit(get_robot, tmp_path, seed):
+    robot, path = get_robot("biped20"), tmp_path / "run.teleop"
+    if seed is None:
+        run = walk(robot, up_and_down(lower=1.4), 2.5, recording=path)
+    else:
+        run = run_teleop(
+            robot, lambda c: BadOperator(c, seed), noisy(), duration=5.0, seed=seed, recording=path
+        )
+    again = replay_teleop(path)
+    assert np.array_equal(run.log.velocity, again.log.velocity)
+    assert np.array_equal(run.log.q, again.log.q)
+
+
+def test_gaps_stay_gaps(tmp_path):
+    path = tmp_path / "gap.teleop"
+    with RecordingWriter(path, robot="biped20", dt=0.005) as writer:
+        writer.sample(0, sample(0.0))
+        writer.sample(200, sample(1.0))
+    device = read_recording(path).device(robot="biped20", dt=0.005)
+    given = [device.sample(tick * 0.005) for tick in range(202)]
+    assert [i for i, s in enumerate(given) if s is not None] == [0, 200]
+
+
+def test_nan_and_times_that_go_backwards_come_through_to_the_guard(tmp_path):
+    path = tmp_path / "bad.teleop"
+    with RecordingWriter(path, robot="biped20", dt=0.005) as writer:
+        writer.sample(0, sample(5.0))
+        writer.sample(1, sample(1.0))
+        writer.sample(2, DeviceSample(6.0, np.full(3, np.nan), np.zeros(3)))
+    device = read_recording(path).device(robot="biped20", dt=0.005)
+    assert [device.sample(t * 0.005).time for t in range(3)] == [5.0, 1.0, 6.0]
+
+
+def test_a_lost_device_brings_the_foot_down(get_robot, tmp_path):
+    path = tmp_path / "lost.teleop"
+    robot = get_robot("biped20")
+    walk(robot, up_and_down(), 1.6, recording=path)
+    device = read_recording(path).device(robot="biped20", dt=0.005)
+    run = run_teleop(robot, device, duration=4.0)
+    assert run.log.when(Mode.SL).any()
+    assert run.controller.mode is Mode.D
+    assert not run.fell
+
+
+def test_a_walk_with_gaps_and_times_that_go_backwards_ends_on_both_feet(get_robot, tmp_path):
+    robot, path, worse = get_robot("biped20"), tmp_path / "whole.teleop", tmp_path / "worse.teleop"
+    walk(robot, up_and_down(), 3.6, recording=path)
+    with RecordingWriter(worse, robot="biped20", dt=0.005) as writer:
+        for row in read_recording(path).rows:
+            tick, moment = int(row["tick"]), float(row["time"])
+            # Nothing for 0.6 s while the foot is in the air, then 0.2 s of samples from the past.
+            if not 280 <= tick < 400:
+                moment -= 1.0 if 420 <= tick < 460 else 0.0
+                writer.sample(tick, DeviceSample(moment, row["left"].copy(), row["right"].copy()))
+    run = run_teleop(robot, read_recording(worse).device(robot="biped20", dt=0.005), duration=4.5)
+    seen = {tuple(DeviceStatus)[i] for i in np.unique(run.log.device)}
+    assert {DeviceStatus.OK, DeviceStatus.LOST, DeviceStatus.REFUSED} <= seen
+    assert run.log.when(Mode.SL).any()
+    assert run.controller.mode is Mode.D
+    assert not run.fell
+
+
+def test_pushes_are_kept(tmp_path):
+    path = tmp_path / "push.teleop"
+    with RecordingWriter(path, robot="biped20", dt=0.005) as writer:
+        writer.push(1, np.array([50.0, 0.0, 0.0]), 0.1)
+    device = read_recording(path).device(robot="biped20", dt=0.005)
+    assert device.sample(0.0) is None
+    assert device.pushes == []
+    assert device.sample(0.005) is None
+    ((force, seconds),) = device.pushes
+    assert force.tolist() == [50.0, 0.0, 0.0]
+    assert seconds == 0.1
+
+
+def test_ten_million_rows_stay_on_the_disk(tmp_path):
+    path = write(tmp_path / "long.teleop", rows=0)
+    rows = 10_000_000
+    header = json.loads(path.read_bytes()[:HEADER_BYTES]) | {"rows": rows}
+    with path.open("r+b") as file:
+        file.write(json.dumps(header).encode().ljust(HEADER_BYTES - 1) + b"\n")
+        # A sparse file: all rows are at tick zero.
+        file.truncate(HEADER_BYTES + rows * ROW.itemsize)
+    # Where the disk knows of holes, this takes a page of it.
+    assert path.stat().st_blocks * 512 < 1e6
+    tracemalloc.start()
+    begin = time.perf_counter()
+    recording = read_recording(path)
+    seconds, peak = time.perf_counter() - begin, tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert len(recording.rows) == rows
+    assert isinstance(recording.rows, np.memmap)
+    assert peak < 50e6
+    # Every tick is looked at once: some tenths of a second where nothing else runs.
+    assert seconds < 20.0
+
+
+def test_a_truncated_file_says_so_and_can_be_read_in_part(tmp_path):
+    path = write(tmp_path / "cut.teleop")
+    path.write_bytes(path.read_bytes()[:-10])
+    with pytest.raises(RecordingError, match="truncated.*allow_partial"):
+        read_recording(path)
+    assert len(read_recording(path, allow_partial=True).rows) == 2
+
+
+def test_a_run_that_died_leaves_what_it_had(tmp_path):
+    path = write(tmp_path / "died.teleop", close=False)
+    with pytest.raises(RecordingError, match="unfinished"):
+        read_recording(path)
+    assert len(read_recording(path, allow_partial=True).rows) == 3
+
+
+def test_ticks_that_go_backwards_are_an_error(tmp_path):
+    path = tmp_path / "back.teleop"
+    with RecordingWriter(path, robot="biped20", dt=0.005) as writer:
+        for tick in (0, 5, 4):
+            writer.sample(tick, sample(tick * 0.005))
+    with pytest.raises(RecordingError, match="row 2 .*backwards"):
+        read_recording(path)
+
+
+def test_another_robot_and_another_tick_are_refused(tmp_path):
+    recording = read_recording(write(tmp_path / "g1.teleop", robot="g1"))
+    with pytest.raises(RecordingError, match="another robot.*'g1'.*biped20"):
+        recording.device(robot="biped20", dt=0.005)
+    with pytest.raises(RecordingError, match="0.005 s"):
+        recording.device(robot="g1", dt=0.002)
+
+
+@pytest.mark.parametrize(
+    "content",
+    [b"", b"hello", b"\xff\xfe" * 100, b"{}", b'{"format": "poise teleoperation", "version": 9}',
+     b'{"format": "poise teleoperation", "version": 1, "robot": 3}'],
+    ids=["empty", "text", "binary", "json", "version", "header"],
+)  # fmt: skip
+def test_what_is_no_recording_is_said(tmp_path, content):
+    path = tmp_path / "no.teleop"
+    path.write_bytes(content)
+    with pytest.raises(RecordingError, match=r"no\.teleop"):
+        read_recording(path)
+
+
+def test_a_file_that_is_not_there_is_said(tmp_path):
+    with pytest.raises(RecordingError, match="No such file"):
+        read_recording(tmp_path / "nowhere.teleop")
+
+
+def test_a_recording_without_the_set_up_of_a_run_cannot_be_run_again(get_robot, tmp_path):
+    get_robot("biped20")
+    with pytest.raises(RecordingError, match="set-up"):
+        replay_teleop(write(tmp_path / "bare.teleop"))
+
+
+def test_a_set_up_that_is_no_json_is_refused(tmp_path):
+    with pytest.raises(ConfigurationError, match="JSON"):
+        RecordingWriter(tmp_path / "x.teleop", robot="r", dt=0.005, setup={"a": object()})
+    with pytest.raises(PoiseError, match="too long"):
+        RecordingWriter(tmp_path / "x.teleop", robot="r", dt=0.005, setup={"a": "x" * 20000})

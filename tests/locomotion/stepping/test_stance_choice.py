@@ -1,0 +1,104 @@
+"""Which foot is taken to be at rest, and what becomes of one that carries nothing."""
+
+import pytest
+from standing import PARAMETERS, biped, estimator, sensor
+
+from poise.locomotion import Mode, Rules
+from poise.locomotion._stepping._footing import StanceChoice
+from poise.locomotion._stepping._rules import PAPER_RULES
+
+TICKS = 400
+"""Long enough for a foot to be as far down as it is pressed."""
+
+
+def choice(robot, where, loads, rules=None):
+    return StanceChoice(where, loads, PARAMETERS, rules or Rules(), biped(robot).weight)
+
+
+@pytest.mark.parametrize("mode", [Mode.D, Mode.TL, Mode.TR])
+def test_with_both_feet_on_the_ground_the_one_that_carries_more_is_the_stance(get_robot, mode):
+    robot = get_robot("biped20")
+    where, loads = estimator(robot), sensor(robot, 300.0, 320.0)
+    ours = choice(robot, where, loads)
+    before = where.stance
+    ours.follow(mode)
+    assert where.stance == before
+    for left, right, stance in ((500.0, 100.0, 0), (100.0, 500.0, 1)):
+        loads.loads[:] = left, right
+        ours.begin(Mode.D, mode)
+        ours.follow(mode)
+        assert where.stance == stance
+
+
+@pytest.mark.parametrize(("mode", "stance"), [(Mode.D, 0), (Mode.TL, 0), (Mode.TR, 1)])
+def test_the_papers_stance_goes_by_the_mode(get_robot, mode, stance):
+    robot = get_robot("biped20")
+    where = estimator(robot)
+    ours = choice(robot, where, sensor(robot, *((0.0, 640.0) if stance == 0 else (640.0, 0.0))),
+                  PAPER_RULES)  # fmt: skip
+    ours.begin(Mode.D, mode)
+    ours.follow(mode)
+    assert where.stance == stance
+
+
+def test_on_one_foot_that_foot_is_the_stance_whatever_the_loads_say(get_robot):
+    robot = get_robot("biped20")
+    where = estimator(robot)
+    ours = choice(robot, where, sensor(robot, 0.0, 640.0))
+    ours.begin(Mode.TL, Mode.SL)
+    ours.follow(Mode.SL)
+    assert where.stance == 0
+
+
+def test_a_foot_that_carries_nothing_is_pressed_down_no_faster_than_it_may(get_robot):
+    robot = get_robot("biped20")
+    p, where = PARAMETERS, estimator(robot)
+    ours, height = choice(robot, where, sensor(robot, 0.0, 640.0)), float(where.sole(0)[2])
+    ours.follow(Mode.D)
+    assert height - where.anchors[0][2] == pytest.approx(p.dt * p.press_speed)
+    for _ in range(TICKS):
+        ours.follow(Mode.D)
+    # What is missing to the anchor, times the gain (17c), is the speed of the foot.
+    assert p.k_v * (height - where.anchors[0][2]) == pytest.approx(p.press_speed)
+    assert where.anchors[1][2] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_pressed_foot_stands_where_it_is_as_soon_as_it_carries(get_robot):
+    robot = get_robot("biped20")
+    where, loads = estimator(robot), sensor(robot, 0.0, 640.0)
+    ours, height = choice(robot, where, loads), float(where.sole(0)[2])
+    for _ in range(TICKS):
+        ours.follow(Mode.D)
+    loads.loads[:] = 40.0, 600.0
+    ours.follow(Mode.D)
+    assert where.anchors[0][2] == height
+    ours.follow(Mode.D)
+    assert where.anchors[0][2] == height
+
+
+def test_a_foot_that_carries_from_the_start_keeps_its_place(get_robot):
+    robot = get_robot("biped20")
+    where = estimator(robot)
+    where.anchors[0][2] = place = 0.003
+    ours = choice(robot, where, sensor(robot, 100.0, 540.0))
+    ours.follow(Mode.D)
+    assert where.anchors[0][2] == place
+
+
+@pytest.mark.parametrize(
+    ("rules", "mode"), [(Rules(press_down=False), Mode.D), (Rules(), Mode.SR)], ids=["rule", "mode"]
+)
+def test_nothing_is_pressed_without_the_rule_or_on_one_foot(get_robot, rules, mode):
+    robot = get_robot("biped20")
+    where = estimator(robot)
+    before = where.anchors[0].copy()
+    choice(robot, where, sensor(robot, 0.0, 640.0), rules).follow(mode)
+    assert where.anchors[0].tolist() == before.tolist()
+
+
+def test_a_foot_that_has_landed_stands_where_it_landed(get_robot):
+    robot = get_robot("biped20")
+    where = estimator(robot)
+    where.anchors[0][:] = 9.0
+    choice(robot, where, sensor(robot, 100.0, 540.0)).begin(Mode.SR, Mode.D)
+    assert where.anchors[0] == pytest.approx(where.sole(0))

@@ -1,0 +1,31 @@
+"""What the tests of teleoperation share: hands, short runs, and robots that cannot be walked."""
+
+import numpy as np
+
+from poise.apps.teleoperation import run_teleop
+from poise.locomotion import DeviceSample, ScriptedDevice, WayPoint
+
+
+def hands(*points):
+    """A device by way-points, for `run_teleop`."""
+
+    def make(controller):
+        start = controller.resting_sample
+        return ScriptedDevice(points, start.left, start.right)
+
+    return make
+
+
+def up_and_down(foot="right", lift=0.5, lower=2.2, height=0.08):
+    """Way-points that lift a foot and put it down."""
+    places = ((lift, 0.0), (lift + 0.1, 0.03), (lift + 0.6, height), (lower, height),
+              (lower + 0.5, -0.03), (lower + 0.8, -0.03), (lower + 1.0, 0.0))  # fmt: skip
+    return [WayPoint(at=at, **{foot: (0.0, 0.0, z)}) for at, z in places]
+
+
+def walk(robot, points, duration, **changes):
+    return run_teleop(robot, hands(*points), duration=duration, **changes)
+
+
+def sample(time, left=(0.0, 0.135, 0.0), right=(0.0, -0.135, 0.0)):
+    return DeviceSample(time, np.array(left), np.array(right))

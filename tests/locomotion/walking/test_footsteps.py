@@ -1,0 +1,167 @@
+"""Footstep plans: where feet go, and what is refused before anything moves."""
+
+import math
+
+import numpy as np
+import pytest
+
+from poise.errors import ConfigurationError, RobotError
+from poise.locomotion import Gait, Ground, Platform, Stride, plan_footsteps
+
+GAIT = Gait(step_time=0.8, crouch=0.02)
+
+
+def positions(plan):
+    return np.array([step.goal.position for step in plan.steps])
+
+
+def side_by_side(plan):
+    """Vector from the right to the left sole at the end, along the robot's own axes."""
+    left, right = plan.placements(plan.count)
+    apart = np.subtract(left.position, right.position)[:2]
+    c, s = math.cos(left.yaw), math.sin(left.yaw)
+    return np.array([[c, s], [-s, c]]) @ apart, left.yaw - right.yaw
+
+
+STRIDES = {
+    "ahead": [Stride(steps=6, length=0.15)],
+    "back": [Stride(steps=5, length=-0.1)],
+    "left": [Stride(steps=6, sideways=0.04)],
+    "right": [Stride(steps=5, sideways=-0.03)],
+    "left turn": [Stride(steps=8, length=0.1, turn=0.1)],
+    "right turn": [Stride(steps=7, turn=-0.12)],
+    "mixed": [
+        Stride(steps=3, length=0.2),
+        Stride(steps=4, turn=0.1),
+        Stride(steps=2, sideways=-0.02),
+    ],
+}
+
+
+@pytest.mark.parametrize("robot", ["humanoid33", "g1"])
+@pytest.mark.parametrize("way", STRIDES)
+def test_a_walk_begins_at_the_soles_and_ends_with_the_feet_side_by_side(get_robot, robot, way):
+    robot = get_robot(robot)
+    plan = plan_footsteps(robot, STRIDES[way], GAIT)
+    begin = np.subtract(plan.start[0].position, plan.start[1].position)[:2]
+    apart, turned = side_by_side(plan)
+    np.testing.assert_allclose(apart, [0.0, np.linalg.norm(begin)], atol=1e-9)
+    assert turned == pytest.approx(0.0, abs=1e-12)
+    assert plan.count == sum(s.steps for s in STRIDES[way]) + 1
+    assert all(a.foot != b.foot for a, b in zip(plan.steps, plan.steps[1:], strict=False))
+
+
+def test_each_step_goes_a_length_ahead_of_the_other_foot(get_robot):
+    plan = plan_footsteps(get_robot("humanoid33"), [Stride(steps=4, length=0.15)], GAIT)
+    np.testing.assert_allclose(positions(plan)[:, 0], [0.15, 0.30, 0.45, 0.60, 0.60], atol=1e-9)
+
+
+def test_what_goes_sideways_and_turns_goes_as_far_as_it_says(get_robot):
+    robot = get_robot("g1")
+    aside = plan_footsteps(robot, [Stride(steps=6, sideways=0.04)], GAIT)
+    middle = np.mean([p.position for p in aside.placements(aside.count)], axis=0)
+    assert middle[1] == pytest.approx(6 * 0.04)
+    turn = plan_footsteps(robot, [Stride(steps=6, turn=0.1)], GAIT)
+    assert turn.placements(turn.count)[0].yaw == pytest.approx(6 * 0.1)
+
+
+def test_feet_are_as_far_apart_as_the_gait_says(get_robot):
+    plan = plan_footsteps(get_robot("g1"), [Stride(steps=4, length=0.1)], Gait(width=0.2))
+    assert side_by_side(plan)[0][1] == pytest.approx(0.2)
+
+
+BLOCK = Platform(center=(0.65, 0.0), size=(0.5, 1.2, 0.05))
+
+
+@pytest.mark.parametrize("robot", ["humanoid33", "g1"])
+def test_footholds_stay_off_the_edges_of_a_platform(get_robot, robot):
+    robot = get_robot(robot)
+    ground = Ground(platforms=(BLOCK,))
+    gait = Gait(step_time=1.1, swing_height=0.04)
+    plan = plan_footsteps(robot, [Stride(steps=14, length=0.1)], gait, ground=ground)
+    levels = set()
+    for step in plan.steps:
+        x, half = step.goal.position[0], 0.5 * plan.sizes[step.foot][0]
+        for edge in (0.4, 0.9):
+            assert abs(x - edge) > half + 0.01
+        on = 0.4 < x < 0.9
+        assert step.goal.position[2] == (0.05 if on else 0.0)
+        levels.add(on)
+    assert levels == {True, False}
+
+
+def test_a_swing_clears_a_platform_all_the_way(get_robot):
+    robot = get_robot("humanoid33")
+    ground = Ground(platforms=(Platform(center=(0.49, 0.0), size=(0.08, 1.2, 0.05)),))
+    plan = plan_footsteps(robot, [Stride(steps=6, length=0.2)], Gait(step_time=1.0), ground=ground)
+    over = 0
+    feet = list(plan.start)
+    for step in plan.steps:
+        begin, end = feet[step.foot], step.goal
+        for share in np.linspace(0.0, 1.0, 101):
+            way = step.shape.progress(share)
+            x = begin.position[0] + way * (end.position[0] - begin.position[0])
+            half = 0.5 * plan.sizes[step.foot][0]
+            if x + half > 0.45 and x - half < 0.53:
+                over += 1
+                height = step.shape.height(share, begin.position[2], end.position[2])
+                assert height > 0.05 + 0.005
+        feet[step.foot] = end
+    assert over > 10
+
+
+def test_a_robot_without_two_soles_is_refused(get_robot):
+    with pytest.raises(RobotError, match="cannot walk on two feet"):
+        plan_footsteps(get_robot("arm6"), [Stride(steps=4, length=0.1)])
+
+
+@pytest.mark.parametrize(
+    ("strides", "gait", "message"),
+    [
+        ([], GAIT, "without strides"),
+        ([Stride(steps=4)], Gait(width=0.05), "brings the feet together"),
+        ([Stride(steps=4, turn=0.9)], GAIT, "brings the feet together"),
+    ],
+    ids=["no strides", "feet on each other", "soles across each other"],
+)
+def test_a_plan_that_cannot_be_walked_is_refused(get_robot, strides, gait, message):
+    with pytest.raises(ConfigurationError, match=message):
+        plan_footsteps(get_robot("humanoid33"), strides, gait)
+
+
+def test_a_place_too_narrow_for_a_foot_is_refused(get_robot):
+    strips = tuple(Platform(center=(0.2 + 0.1 * i, 0.0), size=(0.05, 1.2, 0.02)) for i in range(12))
+    with pytest.raises(ConfigurationError, match="no place that carries the whole sole"):
+        plan_footsteps(
+            get_robot("humanoid33"),
+            [Stride(steps=6, length=0.15)],
+            GAIT,
+            ground=Ground(platforms=strips),
+        )
+
+
+def test_a_swing_too_low_for_what_is_in_its_way_is_refused(get_robot):
+    with pytest.raises(ConfigurationError, match="knock against a platform"):
+        plan_footsteps(
+            get_robot("g1"),
+            [Stride(steps=14, length=0.1)],
+            Gait(swing_height=0.005),
+            ground=Ground(platforms=(BLOCK,)),
+        )
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: Gait(step_time=-1.0), "step_time of the gait"),
+        (lambda: Gait(step_time=0.2, double_support=0.15), "no time to swing"),
+        (lambda: Gait(swing_height=float("nan")), "swing_height"),
+        (lambda: Stride(steps=0), "number of steps"),
+        (lambda: Stride(steps=2, length=float("inf")), "length of a stride"),
+        (lambda: Platform(center=(0.0, 0.0), size=(1.0, -1.0, 0.1)), "size of a platform"),
+        (lambda: Platform(center=(0.0, float("nan")), size=(1.0, 1.0, 0.1)), "place of a platform"),
+    ],
+)
+def test_numbers_that_cannot_be_right_are_refused_when_made(make, message):
+    with pytest.raises(ConfigurationError, match=message):
+        make()

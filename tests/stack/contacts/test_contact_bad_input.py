@@ -1,0 +1,60 @@
+import pytest
+
+from poise.errors import ConfigurationError, UnknownNameError
+from poise.stack import PointContact, SurfaceContact
+
+NAN, INF = float("nan"), float("inf")
+
+
+@pytest.mark.parametrize("value", [0.0, -0.5, NAN, INF])
+@pytest.mark.parametrize("name", ["friction", "length", "width", "torsion"])
+def test_sizes_and_friction_are_positive_and_finite(name, value):
+    with pytest.raises(ConfigurationError, match=f"{name} of contact 'left_sole'"):
+        SurfaceContact("left_sole", **{name: value})
+
+
+@pytest.mark.parametrize("value", [-0.5, NAN, INF])
+@pytest.mark.parametrize("name", ["margin", "damping"])
+def test_margin_and_damping_are_not_negative(name, value):
+    with pytest.raises(ConfigurationError, match=f"{name} of contact 'left_sole'"):
+        SurfaceContact("left_sole", **{name: value})
+
+
+@pytest.mark.parametrize("value", [0.0, -1.0, NAN, INF])
+def test_a_points_friction_is_positive_and_finite(value):
+    with pytest.raises(ConfigurationError, match="friction"):
+        PointContact("left_hand", friction=value)
+
+
+@pytest.mark.parametrize("value", [-0.1, NAN, INF])
+def test_ramps_take_a_finite_time(value):
+    contact = SurfaceContact("left_sole")
+    for move in (contact.release, contact.engage):
+        with pytest.raises(ConfigurationError, match="duration"):
+            move(value)
+    assert contact.active
+
+
+def test_an_unknown_frame_is_refused_with_choices(get_robot):
+    with pytest.raises(UnknownNameError, match="left_sole"):
+        SurfaceContact("left_sol").bind(get_robot("g1"))
+
+
+def test_a_frame_that_is_no_sole_needs_a_size(get_robot):
+    with pytest.raises(ConfigurationError, match="length and width.*left_sole"):
+        SurfaceContact("left_hand").bind(get_robot("g1"))
+    with pytest.raises(ConfigurationError, match="length and width"):
+        SurfaceContact("left_hand", length=0.1).bind(get_robot("g1"))
+
+
+def test_a_margin_as_large_as_the_sole_is_refused(get_robot):
+    with pytest.raises(ConfigurationError, match="leaves nothing"):
+        SurfaceContact("left_sole", margin=0.2).bind(get_robot("g1"))
+
+
+def test_a_contact_serves_one_robot(get_robot):
+    contact = SurfaceContact("left_sole")
+    contact.bind(get_robot("g1"))
+    contact.bind(get_robot("g1"))
+    with pytest.raises(ConfigurationError, match="already serves another robot"):
+        contact.bind(get_robot("humanoid33"))

@@ -1,0 +1,150 @@
+"""`python -m studies`: help, files, exit status, and one clean line for bad input."""
+
+import json
+from types import SimpleNamespace
+
+import pytest
+
+pytest.importorskip("matplotlib")
+
+from studies import registry
+from studies.__main__ import main
+from studies.finding import Finding
+from studies.plan import Part, StudyPlan
+from studies.section import Section
+
+OK = Finding(name="of the paper", paper=3, ours=3, unit="m", ok=True, note="quoted")
+BAD = Finding(name="of ours", paper=None, ours=1.5, unit="", ok=False)
+
+
+def section(*findings):
+    return lambda options, progress: Section(findings=findings)
+
+
+def broken(options, progress):
+    raise ZeroDivisionError("by zero")
+
+
+@pytest.fixture
+def trial(monkeypatch, tmp_path):
+    """A study by the name `trial` with given parts, in a folder of its own."""
+
+    def install(**parts):
+        made = tuple(Part(name=n, title=f"Part {n}", compute=c) for n, c in parts.items())
+        plan = StudyPlan(name="trial", title="T", introduction=(), source="S.", parts=made)
+        monkeypatch.setitem(registry._MODULES, "trial", "trial")
+        monkeypatch.setattr(registry, "import_module", lambda _: SimpleNamespace(PLAN=plan))
+
+    monkeypatch.chdir(tmp_path)
+    return install
+
+
+def test_help_names_the_studies_and_has_an_example(capsys):
+    with pytest.raises(SystemExit) as stop:
+        main(["--help"])
+    assert stop.value.code == 0
+    out = capsys.readouterr().out
+    assert "example: python -m studies bias-acceleration" in out
+    assert "which study: bias-acceleration" in out
+
+
+def test_files_lie_beside_one_another_and_the_findings_are_printed(trial, tmp_path, capsys):
+    trial(one=section(OK))
+    assert main(["trial"]) == 0
+    folder = tmp_path / "runs" / "study-trial"
+    assert {p.name for p in folder.iterdir()} == {"study.html", "study.json"}
+    out, err = capsys.readouterr()
+    assert err == ""
+    assert "trial: all 1 findings hold" in out
+    assert "  ok    of the paper: 3 m (paper: 3 m)" in out
+    assert "page: runs/study-trial/study.html" in out
+
+
+def test_json_prints_one_finding_a_line_and_nothing_else(trial, tmp_path, capsys):
+    trial(one=section(OK, BAD))
+    assert main(["trial", "--json", "--out", "o"]) == 1
+    out, err = capsys.readouterr()
+    assert err == ""
+    rows = [json.loads(line) for line in out.splitlines()]
+    assert rows == json.loads((tmp_path / "o" / "study.json").read_text())
+    assert list(rows[0]) == ["name", "paper", "ours", "unit", "ok", "note"]
+
+
+def test_a_finding_that_fails_gives_status_one(trial, capsys):
+    trial(one=section(OK, BAD))
+    assert main(["trial"]) == 1
+    out = capsys.readouterr().out
+    assert "1 of 2 findings failed" in out
+    assert "  FAIL  of ours: 1.5\n" in out
+
+
+def test_a_part_that_fails_gives_status_one_and_is_named_in_one_line(trial, tmp_path, capsys):
+    trial(one=section(OK), two=broken, three=section(OK))
+    assert main(["trial", "--out", "o"]) == 1
+    out, err = capsys.readouterr()
+    assert err == "Part two: failed: ZeroDivisionError: by zero\n"
+    assert "1 part has no result" in out
+    rows = json.loads((tmp_path / "o" / "study.json").read_text())
+    assert [row["ok"] for row in rows] == [True, True, False]
+
+
+def test_ctrl_c_leaves_what_is_done(trial, tmp_path, capsys):
+    def interrupted(options, progress):
+        raise KeyboardInterrupt
+
+    trial(one=section(OK), two=interrupted)
+    assert main(["trial", "--out", "o"]) == 1
+    assert capsys.readouterr().err == "studies: interrupted\n"
+    assert "of the paper" in (tmp_path / "o" / "study.json").read_text()
+
+
+def test_quick_and_seed_reach_the_parts(trial, capsys):
+    seen = []
+
+    def look(options, progress):
+        seen.append((options.quick, options.seed))
+        return Section()
+
+    trial(one=look)
+    assert main(["trial", "--quick", "--seed", "7"]) == 0
+    assert main(["trial"]) == 0
+    assert seen == [(True, 7), (False, 0)]
+
+
+def untouched(options, progress):
+    pytest.fail("computed")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["bias"], ("'bias'", "choices: bias-acceleration")),
+        ([""], ("''", "bias-acceleration")),
+        (["trial", "--out", "taken"], ("'taken'", "writable")),
+        (["trial", "--out", "taken/deeper"], ("taken/deeper", "writable")),
+        (["trial", "--out", "full"], ("study.json",)),
+    ],
+    ids=str,
+)
+def test_bad_input_is_one_line_and_status_two_and_nothing_is_computed(
+    trial, tmp_path, capsys, arguments, words
+):
+    trial(one=untouched)
+    (tmp_path / "taken").write_text("")
+    (tmp_path / "full" / "study.json").mkdir(parents=True)
+    assert main([*arguments]) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.startswith("studies: ")
+    assert err.count("\n") == 1
+    assert all(word in err for word in words)
+
+
+@pytest.mark.parametrize(
+    "arguments", [[], ["trial", "--seed", "-1"], ["trial", "--seed", "1.5"], ["a", "b"]], ids=str
+)
+def test_a_command_line_that_cannot_be_read_gives_status_two(trial, capsys, arguments):
+    with pytest.raises(SystemExit) as stop:
+        main([*arguments])
+    assert stop.value.code == 2
+    assert "Traceback" not in capsys.readouterr().err
