@@ -38,7 +38,8 @@ def falls_section(options: StudyOptions, progress: Progress) -> Section:
     return Section(
         prose=(
             f"Seeds {first} to {first + count - 1}, {_SECONDS:.0f} s each. Inputs that made the "
-            f"robot fall are in `{FOLDER}`; `poise.apps.teleoperation.replay_teleop` runs them again.",
+            f"robot fall are in `{FOLDER}`; `poise.apps.teleoperation.replay_teleop` "
+            "runs them again.",
         ),
         findings=(
             Finding(

@@ -6,6 +6,7 @@ from poise.stack._contact import GRAVITY, Contact
 from poise.stack._contacts import PointContact, SurfaceContact
 from poise.stack._frame import FrameTask
 from poise.stack._joints import JointTask, PostureTask
+from poise.stack._leader import Leader
 from poise.stack._limits import JointLimit, TorqueLimit
 from poise.stack._relative_frame import RelativeFrameTask
 from poise.stack._stack import Stack, default_stack, is_held
@@ -18,6 +19,7 @@ __all__ = [
     "FrameTask",
     "JointLimit",
     "JointTask",
+    "Leader",
     "MomentumTask",
     "PointContact",
     "PostureTask",

@@ -1,0 +1,36 @@
+"""`Leader`: whoever decides what the robot should do, tick by tick."""
+
+from typing import Protocol, runtime_checkable
+
+from poise.dynamics import RobotState
+from poise.stack._stack import Stack
+
+
+@runtime_checkable
+class Leader(Protocol):
+    """Sets what a stack asks for before each step of the controller that solves it.
+
+    A walker, a step teleoperator, a scenario's script or a function of the user's own is one. What a
+    leader may set is this, and nothing else:
+
+    - targets of tasks with their rates (`set_target`), or the reference itself (`set_velocity`,
+      `set_acceleration`),
+    - weights of tasks against each other within a level,
+    - contacts: `engage` and `release`, with the length of their ramps.
+
+    It knows no solver, no controller and no simulator. Like a controller it never raises on numbers:
+    a state that is not finite is passed over.
+    """
+
+    @property
+    def stack(self) -> Stack:
+        """What it leads."""
+        ...
+
+    def lead(self, state: RobotState) -> None:
+        """Sets what the stack asks for in the tick that begins.
+
+        Args:
+            state: of the robot, as the controller will get it.
+        """
+        ...
