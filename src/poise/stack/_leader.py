@@ -10,16 +10,16 @@ from poise.stack._stack import Stack
 class Leader(Protocol):
     """Sets what a stack asks for before each step of the controller that solves it.
 
-    A walker, a step teleoperator, a scenario's script or a function of the user's own is one. What a
-    leader may set is this, and nothing else:
+    A walker, a step teleoperator, a scenario's script or an object of the user's own is one. What
+    a leader may set is this, and nothing else:
 
     - targets of tasks with their rates (`set_target`), or the reference itself (`set_velocity`,
       `set_acceleration`),
     - weights of tasks against each other within a level,
     - contacts: `engage` and `release`, with the length of their ramps.
 
-    It knows no solver, no controller and no simulator. Like a controller it never raises on numbers:
-    a state that is not finite is passed over.
+    It knows no solver, no controller and no simulator. Like a controller it never raises on
+    numbers: a state that is not finite is passed over.
     """
 
     @property
