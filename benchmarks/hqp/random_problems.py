@@ -241,9 +241,11 @@ def _contradiction(
     free = m - rank
     if size == 0.0 or free == 0:
         return np.zeros(m)
-    null = np.linalg.svd(E)[0][:, rank:]
-    amount = rng.standard_normal(free)
-    return null @ (size * amount / np.linalg.norm(amount))
+    # Projected, not put together from a basis: which basis comes out depends on the machine.
+    held = np.linalg.svd(E)[0][:, :rank]
+    amount = rng.standard_normal(m)
+    amount -= held @ (held.T @ amount)
+    return size * amount / np.linalg.norm(amount)
 
 
 def _blocking(
