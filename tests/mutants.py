@@ -39,7 +39,7 @@ LEFT_OUT = ("core/NoOp", "core/RemoveDecorator", "core/ExceptionReplacer")
 """Operators that make no mistake a person would make: compiled or not, a function does the same."""
 
 ARITHMETIC = {"Add", "Sub", "Mul", "Div", "USub", "UAdd"}
-"""What an arithmetic operator is mistaken for: a shift in place of a sum fails at the first call."""
+"""What an arithmetic operator is mistaken for: a shift in place of a sum fails the first call."""
 
 TIMEOUT = 900.0
 """Longest that the tests of one mutant may take [s]; a mutant that never ends counts as noticed."""
