@@ -10,7 +10,7 @@ import daqp
 import numpy as np
 
 from poise.hqp import CascadeSolver, HierarchicalProblem, WeightedSolver
-from poise.hqp.lexls import LexicographicSolver
+from poise.hqp import LexicographicSolver
 
 EQUALITIES = (18, 0, 6, 9)
 

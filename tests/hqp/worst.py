@@ -13,7 +13,7 @@ from time import perf_counter
 import numpy as np
 
 from poise.bench.hqp import make_sequence
-from poise.hqp.lexls import LexicographicSolver
+from poise.hqp import LexicographicSolver
 
 SEQUENCES = (
     "stand-humanoid33",

@@ -6,8 +6,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from jaxtyping import Float64
 
-from poise.hqp import HierarchicalProblem, Solution, Solver, SolveStatus
-from poise.hqp.lexls import LexicographicSolver
+from poise.hqp import HierarchicalProblem, LexicographicSolver, Solution, Solver, SolveStatus
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -6,7 +6,6 @@ from poise.bench.hqp.contestant import Contestant, LexlsContestant, StrategyCont
 from poise.bench.hqp.daqp_contestants import DaqpHard, DaqpHierarchical
 from poise.errors import MissingExtraError, UnknownNameError
 from poise.hqp import ACCURACY, make_solver
-from poise.hqp.backends import make_backend
 
 REFERENCE = "lexls"
 """What every other method is compared with."""
@@ -93,7 +92,7 @@ def _missing(method: str) -> MissingExtraError | None:
     if backend not in ACCURACY:
         return None
     try:
-        make_backend(backend)
+        make_solver("cascade", backend)
     except MissingExtraError as reason:
         return reason
     return None
