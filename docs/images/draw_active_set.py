@@ -1,6 +1,6 @@
 """Draws the picture of the lexicographic solver: one factorisation, and how the search goes.
 
-    python docs/images/draw_lexls.py
+    python docs/images/draw_active_set.py
 
 It solves the problems in `problems/` and prints what the picture says in numbers.
 """
@@ -20,35 +20,29 @@ from matplotlib.patches import FancyBboxPatch, Rectangle
 from PIL import Image
 
 from poise.bench.hqp import load_sequence
-from poise.hqp import HierarchicalProblem
-from poise.hqp.lexls import LexicographicSolver
-from poise.hqp.lexls.guess import guess
-from poise.hqp.lexls.leaps import leap
-from poise.hqp.lexls.measure import find_values
-from poise.hqp.lexls.optimum import find_optimum
-from poise.hqp.lexls.search import CONVERGED, UNFINISHED
-from poise.hqp.lexls.tolerances import (
+from poise.hqp import HierarchicalProblem, LexicographicSolver
+from poise.hqp._active_set.guess import guess
+from poise.hqp._active_set.moves import find_values, leap
+from poise.hqp._active_set.optimum import find_optimum
+from poise.hqp._active_set.search import CONVERGED, UNFINISHED
+from poise.hqp._active_set.workspace import (
+    EQUALITY,
+    EXCHANGING,
+    GUESS,
+    LAST,
+    LEAPING,
+    NOTHING,
+    STEPPING,
+    Problem,
+    States,
+    cut,
+)
+from poise.hqp._tolerances import (
     ASTRAY,
     COLD_CHANGES,
     MANY,
     MOST_EXCHANGES,
     WARM_CHANGES,
-)
-from poise.hqp.lexls.workspace import (
-    BEGUN,
-    CHANGES,
-    EQUALITY,
-    EXCHANGING,
-    FREE,
-    GUESS,
-    LAST,
-    LEAPING,
-    NONE,
-    ORIGIN,
-    PHASE,
-    STEPPING,
-    Problem,
-    Work,
 )
 from poise.linalg import compiled
 from poise.report.plots.style import INK, LINE, MUTED, PALETTE, house_style
@@ -59,17 +53,17 @@ EXAMPLE, NUMBER = "push-humanoid33", 2
 WORDS = {"contacts": "contacts, cones, ...", "com, pelvis, momentum": "com, pelvis, ..."}
 SLACK = "#C81E1E"
 UPRIGHT: dict[str, Any] = {"rotation": 90, "ha": "right", "va": "top"}
-NOTHING = 1e-9
+INVISIBLE = 1e-9
 """Of a row's length, below which a coefficient is drawn as zero."""
 
 FAINT = 1e-4
-"""Likewise, what is drawn faintest."""
+"""Of a row's length, what is drawn faintest."""
 
 SHOWN = 10
 """Sequences are shown whose cold problems take more single steps than this, in the median."""
 
 STEPS, LEAPS_ALONE, ALL = "single steps alone", "without a guess", "as it is"
-WAYS = {STEPS: NONE, LEAPS_ALONE: GUESS, ALL: LAST}
+WAYS = {STEPS: NOTHING, LEAPS_ALONE: GUESS, ALL: LAST}
 """Where the search is told that its active set came from: what may still follow depends on that."""
 
 AT_ONCE, RIGHT, ANEW, NOT_OPTIMAL = "at once", "by a right guess", "anew by steps", "not optimal"
@@ -85,7 +79,7 @@ AFTER = {
     STEPPING: "by steps after it",
     LEAPING: "by leaps after it",
 }
-"""Likewise, where something is wrong with the guess."""
+"""How it ends after the guess, where something is wrong with that."""
 
 REPEATS = 30
 """How often what is timed runs; the quickest counts."""
@@ -99,9 +93,8 @@ def draw_factor(ax: Axes) -> None:
     problem = load_sequence(PROBLEMS / f"{EXAMPLE}.npz").problems[NUMBER]
     solver = LexicographicSolver()
     solver.run(problem)
-    work = solver._work
     levels, n = len(problem.levels), problem.n
-    rows, free = int(work.begin[levels]), int(work.state[FREE])
+    rows, free = int(solver._work.factor.begin[levels]), int(solver._state["free"][0])
     R = rotated_rows(problem, solver)
     for level in range(levels):
         draw_level(ax, problem, solver, R, level)
@@ -128,12 +121,12 @@ def draw_key(ax: Axes, rows: int) -> None:
 
 def rotated_rows(problem: HierarchicalProblem, solver: LexicographicSolver) -> np.ndarray:
     """Active rows of length one in y, computed anew from the problem and the reflections."""
-    work, n = solver._work, problem.n
+    factor, n = solver._work.factor, problem.n
     Q = np.eye(n)
-    for k in range(int(work.first[len(problem.levels)])):
-        v = np.append(np.zeros(k), work.V[k, k:])
-        Q -= work.tau[k] * np.outer(Q @ v, v)
-    a = np.vstack([np.eye(n), problem.A])[work.order[: work.begin[len(problem.levels)]]]
+    for k in range(int(factor.first[len(problem.levels)])):
+        v = np.append(np.zeros(k), factor.V[k, k:])
+        Q -= factor.tau[k] * np.outer(Q @ v, v)
+    a = np.vstack([np.eye(n), problem.A])[factor.order[: factor.begin[len(problem.levels)]]]
     return a @ Q / np.linalg.norm(a, axis=1)[:, None]
 
 
@@ -141,14 +134,14 @@ def draw_level(
     ax: Axes, problem: HierarchicalProblem, solver: LexicographicSolver, R: np.ndarray, level: int
 ) -> None:
     """A level's rows: all they see, the coordinates it takes, its pivots, and who has slack."""
-    work, colour = solver._work, PALETTE[level]
-    begin, end = int(work.begin[level]), int(work.begin[level + 1])
-    first, rank, n = int(work.first[level]), int(work.rank[level]), problem.n
+    factor, colour = solver._work.factor, PALETTE[level]
+    begin, end = int(factor.begin[level]), int(factor.begin[level + 1])
+    first, rank, n = int(factor.first[level]), int(factor.rank[level]), problem.n
     size = np.abs(R[begin:end])
     right = float(size[:, first + rank :].max(initial=0.0))
     print(f"level {level + 1}: {end - begin} rows, rank {rank}, right of the trapezoid {right:.0e}")
     shade = np.log10(np.maximum(size, FAINT) / FAINT) / -np.log10(FAINT)
-    shade = np.where(size > NOTHING, 0.15 + 0.85 * shade, np.nan)
+    shade = np.where(size > INVISIBLE, 0.15 + 0.85 * shade, np.nan)
     map_ = LinearSegmentedColormap.from_list("level", ["#FFFFFF", colour])
     ax.imshow(shade, cmap=map_, vmin=0.0, vmax=1.15, extent=(0, n, end, begin), aspect="equal")
     if rank > 0:
@@ -158,9 +151,9 @@ def draw_level(
         ax.scatter(first + k + 0.5, begin + k + 0.5, s=3.2, c=INK, marker="s", lw=0, zorder=3)
     ax.add_patch(Rectangle((n + 2.0, begin + 0.15), 0.7, end - begin - 0.3, color=colour, lw=0))
     for row in range(begin, end):
-        if work.side[work.order[row]] != EQUALITY:
+        if solver.sides[factor.order[row]] != EQUALITY:
             ax.add_patch(Rectangle((-1.1, row + 0.1), 0.8, 0.8, color=MUTED, lw=0))
-        if work.slack[row] != 0.0:
+        if factor.slack[row] != 0.0:
             ax.add_patch(Rectangle((n + 0.4, row + 0.1), 0.8, 0.8, color=SLACK, lw=0))
     name = problem.levels[level].name
     words = f"{level + 1}  {WORDS.get(name, name)}\n{what_became(end - begin, rank)}"
@@ -199,24 +192,24 @@ def count_ends() -> dict[str, Counter[str]]:
 def follow(solver: LexicographicSolver, problem: HierarchicalProblem) -> str:
     """Solves a problem, change by change, and says how its search ended."""
     solver._fit(problem)
-    state = solver._work.state
-    state[BEGUN] = 0
+    state = solver._state[0]
+    state.begun = 0
     guessed, found = 0, UNFINISHED
     for changes in range(1, solver._limit + 1):
         found = solver._search(problem, changes)
         if found != UNFINISHED:
             break
-        if state[ORIGIN] == GUESS and guessed == 0:
+        if state.origin == GUESS and guessed == 0:
             guessed = changes
     if found != CONVERGED:
         return NOT_OPTIMAL
     if solver.changes == 1:
         return AT_ONCE
-    if state[ORIGIN] == NONE:
+    if state.origin == NOTHING:
         return ANEW
-    if state[ORIGIN] == LAST:
-        return BEFORE[state[PHASE]]
-    return RIGHT if solver.changes == guessed + 1 else AFTER[state[PHASE]]
+    if state.origin == LAST:
+        return BEFORE[state.phase]
+    return RIGHT if solver.changes == guessed + 1 else AFTER[state.phase]
 
 
 def draw_search(ax: Axes, ends: dict[str, Counter[str]]) -> None:
@@ -336,11 +329,11 @@ def search(solver: LexicographicSolver, problem: HierarchicalProblem, origin: in
     """How many factorisations a cold search takes that is told where its active set came from."""
     solver.reset()
     solver._fit(problem)
-    state = solver._work.state
-    state[BEGUN] = 0
+    state = solver._state[0]
+    state.begun = 0
     # Sets the search up and ends at once.
     solver._search(problem, 0)
-    state[ORIGIN] = origin
+    state.origin = origin
     if solver._search(problem, solver._limit) != CONVERGED:
         raise RuntimeError("a search that is counted should end at the optimum")
     return solver.changes
@@ -364,28 +357,31 @@ def draw_ways(ax: Axes, ways: dict[str, dict[str, float]]) -> None:
 
 
 @compiled
-def run_nothing(problem: Problem, work: Work) -> None:
+def run_nothing(problem: Problem, floats: Any, ints: Any, states: States) -> None:
     """What it takes to hand everything to a compiled function."""
+    cut(floats, ints, states, len(problem.g), len(problem.A), len(problem.damping))
 
 
 @compiled
-def run_guess(problem: Problem, work: Work) -> None:
+def run_guess(problem: Problem, floats: Any, ints: Any, states: States) -> None:
     """The guess, which only compiled functions may call."""
-    guess(problem, work)
+    guess(problem, cut(floats, ints, states, len(problem.g), len(problem.A), len(problem.damping)))
 
 
 @compiled
-def run_leap(problem: Problem, work: Work) -> None:
-    """Likewise the leap before it."""
+def run_leap(problem: Problem, floats: Any, ints: Any, states: States) -> None:
+    """The leap before it, which only compiled functions may call."""
+    work = cut(floats, ints, states, len(problem.g), len(problem.A), len(problem.damping))
     find_optimum(problem, work)
-    find_values(problem, work.target, work.goal)
+    find_values(problem.A, work.points.target, work.points.target_values)
     leap(problem, work)
 
 
 @compiled
-def run_factoring(problem: Problem, work: Work) -> None:
-    """Likewise the factorisation."""
-    work.state[CHANGES] = 1  # So that every level is factored anew.
+def run_factoring(problem: Problem, floats: Any, ints: Any, states: States) -> None:
+    """The factorisation, which only compiled functions may call."""
+    work = cut(floats, ints, states, len(problem.g), len(problem.A), len(problem.damping))
+    states[0].changes = 1  # So that every level is factored anew.
     find_optimum(problem, work)
 
 
@@ -402,16 +398,21 @@ def time_guess() -> list[float]:
             solver._fit(problem)
             solver.reset()
         after.run(problem)
-        if before._search(problem, 1) != UNFINISHED or before._work.state[PHASE] != LEAPING:
+        if before._search(problem, 1) != UNFINISHED or before._state[0].phase != LEAPING:
             continue
         numbers = (problem.A, problem.lower, problem.upper, problem.weights, problem.H, problem.g)
         whole = Problem(*numbers, before._damping, before._starts, problem.bounds_level)
-        run_leap(whole, before._work)
+        run_leap(whole, before._floats, before._ints, before._state)
         floats, ints, spent = before._floats.copy(), before._ints.copy(), []
         for _ in range(REPEATS):
             before._floats[:], before._ints[:] = floats, ints
-            works = ((run_nothing, before), (run_factoring, after), (run_guess, before))
-            spent.append([seconds(partial(run, whole, solver._work)) for run, solver in works])
+            runs = ((run_nothing, before), (run_factoring, after), (run_guess, before))
+            spent.append(
+                [
+                    seconds(partial(run, whole, solver._floats, solver._ints, solver._state))
+                    for run, solver in runs
+                ]
+            )
         nothing, factoring, guessing = np.min(spent, axis=0)
         ratios.append((guessing - nothing) / (factoring - nothing))
     return sorted(ratios)
@@ -437,7 +438,7 @@ def main() -> None:
         end=" ",
     )
     print(f"{np.median(ratios):.1f}")
-    path = HERE / "lexls.png"
+    path = HERE / "active_set.png"
     with house_style():
         figure = Figure(figsize=(11.2, 7.4))
         left = figure.add_axes((0.005, 0.005, 0.52, 0.955))

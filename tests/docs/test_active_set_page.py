@@ -1,26 +1,34 @@
-"""The page of the lexicographic solver says what its constants are."""
+"""The pages of the hierarchical QP say what its constants are."""
 
 import ast
 import re
 from pathlib import Path
 
-from poise.hqp import SolveStatus
-from poise.hqp.lexls import solver, tolerances
+from poise.hqp import SolveStatus, _tolerances
 
-PAGE = Path(__file__).parents[2] / "docs" / "lexls.md"
+DOCS = Path(__file__).parents[2] / "docs"
+PAGE = DOCS / "active_set.md"
 ROW = re.compile(r"^\| `([A-Z_]+)` \| ([^|]*) \| ([^|]*) \|$", re.MULTILINE)
 
 
-def test_every_tolerance_stands_in_the_table_with_its_value():
-    wanted = {name: value for name, value in vars(tolerances).items() if name.isupper()}
-    wanted["RELAXED"] = solver.RELAXED
-    text = PAGE.read_text(encoding="utf-8").partition("\n## Tolerances")[2].partition("\n## ")[0]
-    assert {name: ast.literal_eval(value) for name, value, _ in ROW.findall(text)} == wanted
+def table(page):
+    """Names and values of a page's table of tolerances."""
+    text = page.read_text(encoding="utf-8").partition("\n## Tolerances")[2].partition("\n## ")[0]
+    return {name: ast.literal_eval(value) for name, value, _ in ROW.findall(text)}
+
+
+def test_every_tolerance_stands_in_a_table_with_its_value():
+    wanted = {name: value for name, value in vars(_tolerances).items() if name.isupper()}
+    assert table(PAGE) | table(DOCS / "hqp.md") == wanted
+
+
+def test_every_tolerance_stands_in_one_table_only():
+    assert not table(PAGE).keys() & table(DOCS / "hqp.md").keys()
 
 
 def test_the_cap_on_changes_is_the_one_it_states():
     assert "`50 + 10 (n + m)`" in PAGE.read_text(encoding="utf-8")
-    assert tolerances.changes_allowed(7, 11) == 50 + 10 * (7 + 11)
+    assert _tolerances.changes_allowed(7, 11) == 50 + 10 * (7 + 11)
 
 
 def test_every_status_is_explained():

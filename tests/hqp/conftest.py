@@ -2,7 +2,7 @@ import pytest
 
 from poise.errors import MissingExtraError
 from poise.hqp import ACCURACY
-from poise.hqp.backends import make_backend
+from poise.hqp._backends import make_backend
 
 
 @pytest.fixture(params=sorted(ACCURACY))

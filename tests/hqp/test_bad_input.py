@@ -6,10 +6,10 @@ from poise.hqp import (
     HierarchicalProblem,
     Level,
     SolveStatus,
-    WeightedSolver,
     make_solver,
     solve,
 )
+from poise.hqp._weighted import WeightedSolver
 
 I2 = np.eye(2)
 

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from poise.hqp import CascadeSolver, HierarchicalProblem, make_solver
+from poise.hqp import HierarchicalProblem, make_solver
+from poise.hqp._cascade import CascadeSolver
 
 from .random_problems import random_problem
 

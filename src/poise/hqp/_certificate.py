@@ -28,6 +28,7 @@ from poise.hqp._tolerances import (
     CERTIFIED_SLACK,
 )
 
+
 @dataclass(frozen=True, slots=True)
 class Certificate:
     """How well a point meets the optimality conditions.

@@ -19,6 +19,7 @@ from poise.hqp._level import (
 )
 from poise.hqp._tolerances import DEFINITENESS_TOLERANCE, RANGE_TOLERANCE, SYMMETRY_TOLERANCE
 
+
 @dataclass(frozen=True, slots=True)
 class LevelView:
     """Writable views into a problem's storage: filling them is filling the problem.

@@ -12,6 +12,7 @@ from poise.hqp._tolerances import PIVOT_RANK, PROJECTION_RANK
 
 _linalg: Any = scipy.linalg  # its stubs do not tell the modes of qr apart
 
+
 @dataclass(frozen=True, slots=True)
 class Rows:
     """Two-sided rows `lower <= A y <= upper`."""

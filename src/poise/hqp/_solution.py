@@ -176,6 +176,7 @@ class LexicographicSolution(Solution):
     def _multipliers_by_level(
         self, problem: HierarchicalProblem
     ) -> tuple[Float64[np.ndarray, " nm"], ...]:
+        del problem  # it carries them already
         return tuple(self.level_multipliers)
 
 

@@ -195,6 +195,34 @@ left of an exactly dependent row after two projections is near 1e-15."""
 PIVOT_RANK = 1e-9
 """Pivots of unit rows below this are zero: such a row is a combination of the rows before it."""
 
+# --- QP backends ------------------------------------------------------------------------------
+
+DEFINITE = 1e-8
+"""Least curvature, relative to the largest, of a P that a factorisation can rely on."""
+
+SINGULAR_COST = 1e-12
+"""Singular values of P below this, relative to the largest, are zero where a QP has no rows."""
+
+PROXIMAL_RATIOS = (1e-7, 1e-5, 1e-3)
+"""Curvatures added, relative to P's largest entry, for backends that factor a singular P: the
+smallest converges fastest, a larger one is tried where the backend finds no point with it."""
+
+PROXIMAL_STEPS = 300
+"""Most repetitions; two or three are usual, more where a level barely curves a direction."""
+
+PROXIMAL_STEP = 1e-11
+"""The repetition ends when a step is this small, relative to the point."""
+
+PROXIMAL_NOISE = 1e-8
+"""Steps this small that no longer shrink are rounding, magnified by the weak curvature."""
+
+PROXIMAL_FEASIBILITY = 1e-10
+"""Rows violated by more than this, relative to their size, call for a larger curvature: a small one
+magnifies the backend's own tolerance."""
+
+PROXIMAL_FAILURE = 1e-6
+"""A last step larger than this says that the repetitions did not converge."""
+
 # --- the weighted QP --------------------------------------------------------------------------
 
 WEIGHT_SPAN = 1e6

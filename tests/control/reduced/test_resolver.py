@@ -10,7 +10,8 @@ from poise.control import Stack
 from poise.control.formulation import FullFormulation
 from poise.control.reduced import ReducedResolver, assign
 from poise.dynamics import Dynamics, Partitions
-from poise.hqp import CascadeSolver, certify_point, make_solver
+from poise.hqp import certify_point, make_solver
+from poise.hqp._cascade import CascadeSolver
 from poise.limits import TorqueLimit
 from poise.tasks import (
     ComTask,

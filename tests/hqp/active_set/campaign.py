@@ -1,9 +1,10 @@
 """20,000 random hierarchies of all kinds.
 
-`python -m tests.hqp.active_set.campaign 20000 daqp quadprog piqp clarabel osqp`: how many, and backends.
+`python -m tests.hqp.active_set.campaign 20000 daqp quadprog piqp clarabel osqp`: how many problems,
+and which backends.
 
 Every answer's optimality conditions are checked, and every problem is given to the cascade, too, on
-these backends or on all that are installed: no level may be better met by them than by `lexls`.
+these backends or on all that are installed: no level may be better met by them than by `direct`.
 ProxQP takes minutes for some problems whose levels have units of their own.
 """
 
@@ -14,8 +15,8 @@ from time import perf_counter
 import numpy as np
 
 from poise.errors import MissingExtraError
-from poise.hqp import ACCURACY, CascadeSolver
-from poise.hqp import LexicographicSolver
+from poise.hqp import ACCURACY, LexicographicSolver
+from poise.hqp._cascade import CascadeSolver
 
 from .conditions import worst_violation
 from .families import FAMILIES
@@ -55,7 +56,7 @@ def examine(family, seeds, solver, others):
 
 
 def beaten_by(problem, residuals, others):
-    """Which methods meet some level better, all levels above it as well as `lexls`."""
+    """Which methods meet some level better, all levels above it as well as `direct`."""
     return [
         other.name
         for other in others

@@ -1,6 +1,7 @@
 """What damping does to the shipped problems: how many it eases, how they end, what is lost above.
 
-`python -m tests.hqp.active_set.eased`; all levels but the first two are damped, every solve is cold.
+`python -m tests.hqp.active_set.eased`; all levels but the first two are damped, every solve is
+cold.
 """
 
 from collections import Counter

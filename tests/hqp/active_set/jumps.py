@@ -5,8 +5,8 @@ from collections import Counter
 import numpy as np
 
 from poise.bench.hqp import make_sequence
-from poise.hqp import WeightedSolver
 from poise.hqp import LexicographicSolver
+from poise.hqp._weighted import WeightedSolver
 
 SEQUENCES = ("ik-humanoid-overstretched", "push-humanoid33", "walk-touch-down-humanoid33")
 TICKS = 31
@@ -30,8 +30,8 @@ def main():
         levels = np.arange(len(problems[0].levels))
         damping = np.where(levels < EXACT_LEVELS, 0.0, DAMPING)
         solvers = {
-            "lexls": LexicographicSolver(),
-            f"lexls, damping {DAMPING:g}": LexicographicSolver(damping=damping),
+            "direct": LexicographicSolver(),
+            f"direct, damping {DAMPING:g}": LexicographicSolver(damping=damping),
             "weighted": WeightedSolver(),
         }
         for label, solver in solvers.items():

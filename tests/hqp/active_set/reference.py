@@ -1,4 +1,4 @@
-"""The algorithm of `lexls` in plain NumPy, to be read and to be compared with.
+"""The algorithm of the active-set solver in plain NumPy, to be read and to be compared with.
 
 It follows Escande, Mansard, Wieber 2014 ("Hierarchical quadratic programming: Fast online
 humanoid-robot motion generation") and Dimitrov, Sherikov, Wieber 2015 ("Efficient resolution of
@@ -12,15 +12,16 @@ import numpy as np
 import scipy.linalg
 from jaxtyping import Bool, Float64, Int64
 
+from poise.hqp import HierarchicalProblem
 from poise.hqp._active_set.multipliers import FIRST, LARGEST
-from .reference_guess import guess
+from poise.hqp._active_set.workspace import EQUALITY, GUESS, LAST, NOTHING
 from poise.hqp._tolerances import (
-    ADD_SHARES,
+    ADD_RATIOS,
     ASTRAY,
     CANCELLATION,
     COLD_CHANGES,
     DEPENDENCE_TOLERANCE,
-    DROP_SHARES,
+    DROP_RATIOS,
     DUAL_TOLERANCE,
     FEASIBILITY_TOLERANCE,
     FLAT_TOLERANCE,
@@ -36,8 +37,8 @@ from poise.hqp._tolerances import (
     WARM_CHANGES,
     changes_allowed,
 )
-from poise.hqp._active_set.workspace import EQUALITY, GUESS, LAST, NOTHING
-from poise.hqp import HierarchicalProblem
+
+from .reference_guess import guess
 
 
 @dataclass(slots=True)
@@ -117,94 +118,94 @@ class _Search:
         self.side[self.side == EQUALITY] = 0
         self.side[problem.equality] = EQUALITY
         # Rows whose multiplier has the right sign already may have any sign further down.
-        self.firm = problem.equality.copy()
-        # Rows that came back at once when they were let go, until the point has moved.
+        self.sign_free = problem.equality.copy()
+        # Rows that came back at once when they were deactivated, until the point has moved.
         self.locked = np.zeros(n + m, dtype=np.bool_)
-        self.released = -1
+        self.deactivated = -1
         self.multipliers = np.zeros((len(problem.levels) + 1, n + m))
-        self.needed = np.zeros(n + m, dtype=np.int64)
+        self.needed_by = np.zeros(n + m, dtype=np.int64)
         self.x, self.values = np.zeros(n), np.zeros(n + m)
         self.blocked = self.doubt = False
-        self.fewest = self.since = self.idle = self.leaps = 0
+        self.fewest = self.since = self.idle = self.turn = 0
         known = bool((np.abs(self.side) == 1).any())
-        self.origin, self.enough = LAST, WARM_CHANGES if known else COLD_CHANGES
+        self.origin, self.guess_at = LAST, WARM_CHANGES if known else COLD_CHANGES
         if damping > 0.0:
-            self._ease(damping)
+            self._damp_equalities(damping)
 
     def run(self) -> Found:
         """Go to the optimum of one active set after the other."""
         limit = changes_allowed(self.problem.n, self.problem.m)
-        self.go_on = self._begin
+        self.change = self._begin
         for changes in range(1, limit + 1):
             self.changes = changes
             self.target = self._optimum()
             self.goal = self.a @ self.target
-            optimal = self.go_on()
-            if optimal and (self.origin == NONE or not self.doubt):
+            optimal = self.change()
+            if optimal and (self.origin == NOTHING or not self.doubt):
                 x, side, found = self.target, self.side, self.multipliers
                 return Found(x, side, found, changes, not self.doubt)
-            if self.origin == LAST and (optimal or changes == self.enough):
-                self.side = guess(self.problem, self.lower, self.upper, self.side, self.needed)
+            if self.origin == LAST and (optimal or changes == self.guess_at):
+                self.side = guess(self.problem, self.lower, self.upper, self.side, self.needed_by)
                 self.origin = GUESS
             elif self.origin == GUESS and (optimal or changes >= ASTRAY):
                 self.side = np.where(self.side == EQUALITY, EQUALITY, 0)
-                self.origin = NONE
+                self.origin = NOTHING
             else:
                 continue
-            self.firm = self.problem.equality.copy()
-            self.idle, self.leaps, self.since, self.released = 0, 0, 0, -1
+            self.sign_free = self.problem.equality.copy()
+            self.idle, self.turn, self.since, self.deactivated = 0, 0, 0, -1
             self.locked[:] = False
-            self.go_on = self._begin
+            self.change = self._begin
         return Found(self.x, self.side, self.multipliers, limit, False)
 
     def _begin(self) -> bool:
         """Choose how to go on by how much is wrong; return whether nothing is."""
         violations, before = self._violations(self.target, self.goal), self.side.copy()
-        self._release(0.0)
-        pulling = np.count_nonzero((before != 0) & (self.side != before))
-        wrong = np.count_nonzero(violations) + pulling
+        self._deactivate_wrong_signs(0.0)
+        wrong_sign = np.count_nonzero((before != 0) & (self.side != before))
+        wrong = np.count_nonzero(violations) + wrong_sign
         # Slack makes any point one to begin from.
         if wrong == 0 or self._is_better():
             self.x, self.values = self.target, self.goal
-        self.go_on, self.leaps = self._step, 1
-        if 0 < wrong <= MANY and pulling == 0 and self.origin != NONE:
-            self.go_on = self._exchange
+        self.change, self.turn = self._step, 1
+        if 0 < wrong <= MANY and wrong_sign == 0 and self.origin != NOTHING:
+            self.change = self._exchange
             self._activate(violations, 0.0)
-        elif wrong <= MANY or self.origin == NONE:
+        elif wrong <= MANY or self.origin == NOTHING:
             self._activate(self._violations(self.x, self.values), 0.0)
         else:
             if self.origin == LAST:
                 # One leap may do where rows are only missing.
-                self.enough = self.changes + (pulling == 0)
-            self.go_on, self.fewest = self._leap, wrong
-            self._activate(violations, ADD_SHARES[0])
+                self.guess_at = self.changes + (wrong_sign == 0)
+            self.change, self.fewest = self._leap, wrong
+            self._activate(violations, ADD_RATIOS[0])
         return bool(wrong == 0)
 
     # --- exchanges and leaps ------------------------------------------------------------------
 
     def _exchange(self) -> bool:
-        """Let the row go that pulls most, or else add the one that is violated most."""
+        """Drop the largest multiplier of the wrong sign, or else add the worst violation."""
         violations = self._violations(self.target, self.goal)
-        pulled = self._release(STRONGEST)
-        optimal = not pulled and not violations.any()
+        dropped = self._deactivate_wrong_signs(LARGEST)
+        optimal = not dropped and not violations.any()
         if optimal or self._is_better():
             self.x, self.values = self.target, self.goal
         if optimal:
             return True
-        self.leaps += 1
-        if self.leaps == MOST_EXCHANGES:
+        self.turn += 1
+        if self.turn == MOST_EXCHANGES:
             self._begin_steps()
-        elif not pulled:
+        elif not dropped:
             self._activate(violations, 1.0)
         return False
 
     def _leap(self) -> bool:
         """Change many rows at once; return whether there was nothing to change."""
-        turn, before = self.leaps, self.side.copy()
-        self.leaps += 1
+        turn, before = self.turn, self.side.copy()
+        self.turn += 1
         violations = self._violations(self.target, self.goal)
-        pulled = self._release(DROP_SHARES[turn % len(DROP_SHARES)])
-        if not pulled and not violations.any():
+        dropped = self._deactivate_wrong_signs(DROP_RATIOS[turn % len(DROP_RATIOS)])
+        if not dropped and not violations.any():
             return True
         if self._is_better():
             self.x, self.values = self.target, self.goal
@@ -215,18 +216,18 @@ class _Search:
         if wrong < self.fewest:
             self.fewest, self.since = wrong, 0
         if turn + 1 < MOST_LEAPS and self.since < LEAP_PATIENCE:
-            self._activate(violations, ADD_SHARES[turn % len(ADD_SHARES)])
+            self._activate(violations, ADD_RATIOS[turn % len(ADD_RATIOS)])
             return False
         self._begin_steps()
         return False
 
     def _begin_steps(self) -> None:
         """Make active what the point violates, and nothing that it keeps away from."""
-        self.go_on = self._step
+        self.change = self._step
         room = FEASIBILITY_TOLERANCE * self.norms * np.linalg.norm(self.x)
         inside = (self.values > self.lower + room) & (self.values < self.upper - room)
         inside &= self.side != EQUALITY
-        self.side[inside], self.firm[inside] = 0, False
+        self.side[inside], self.sign_free[inside] = 0, False
         self._activate(self._violations(self.x, self.values), 0.0)
 
     def _violations(
@@ -238,12 +239,12 @@ class _Search:
         far[(np.abs(far) <= room) | (self.side != 0)] = 0.0
         return far / np.where(self.norms > 0.0, self.norms, 1.0)
 
-    def _activate(self, violations: Float64[np.ndarray, " nm"], share: float) -> None:
-        """Make rows active that are violated by at least this share of the largest violation."""
+    def _activate(self, violations: Float64[np.ndarray, " nm"], ratio: float) -> None:
+        """Make rows active that are violated by at least this part of the largest violation."""
         sizes = np.abs(violations)
-        found = (sizes > 0.0) & (sizes >= share * sizes.max())
+        found = (sizes > 0.0) & (sizes >= ratio * sizes.max())
         self.side[found] = np.sign(violations[found]).astype(np.int64)
-        self.firm[found] = False
+        self.sign_free[found] = False
 
     def _is_better(self) -> bool:
         """Whether the target meets the levels better than the point."""
@@ -268,16 +269,16 @@ class _Search:
     # --- single steps -------------------------------------------------------------------------
 
     def _step(self) -> bool:
-        """Go on to the optimum of the active set; return whether there is nothing to let go."""
-        moved = self._advance()
+        """Go on to the optimum of the active set; return whether there is nothing to drop."""
+        moved = self._step_until_blocked()
         self.idle = 0 if moved else self.idle + 1
         if moved:
             self.locked[:] = False
         if self.blocked:
             return False
-        return not self._release(FIRST if self.idle > PATIENCE else STRONGEST)
+        return not self._deactivate_wrong_signs(FIRST if self.idle > PATIENCE else LARGEST)
 
-    def _advance(self) -> bool:
+    def _step_until_blocked(self) -> bool:
         """Go towards the optimum of the active set until a row stops it; return if x moved."""
         target, goal = self.target, self.goal
         size = max(float(np.linalg.norm(target)), float(np.linalg.norm(self.x)))
@@ -290,15 +291,15 @@ class _Search:
             if not (over or under):
                 continue
             bound = self.upper[row] if over else self.lower[row]
-            share = max((bound - self.values[row]) / rate[row], 0.0)
-            if share < length:
-                length, stop, side = share, int(row), 1 if over else -1
+            ratio = max((bound - self.values[row]) / rate[row], 0.0)
+            if ratio < length:
+                length, stop, side = ratio, int(row), 1 if over else -1
         self.blocked = stop >= 0
         if self.blocked:
-            if stop == self.released:
+            if stop == self.deactivated:
                 self.locked[stop] = True
             self.side[stop] = side
-            self.firm[stop] = False
+            self.sign_free[stop] = False
         step = length * (target - self.x)
         moved = float(np.linalg.norm(step)) > MOVE_TOLERANCE * size
         self.x = target if not self.blocked else self.x + step
@@ -307,7 +308,7 @@ class _Search:
 
     # --- damping ------------------------------------------------------------------------------
 
-    def _ease(self, damping: float) -> None:
+    def _damp_equalities(self, damping: float) -> None:
         """Move the bounds of equalities whose level is nearer to a singularity than its damping."""
         problem, side, shift = self.problem, self.side, np.zeros(len(self.side))
         self.side, self.Q = np.where(problem.equality, EQUALITY, 0), np.eye(problem.n)
@@ -350,12 +351,12 @@ class _Search:
         """Turn the free coordinates so that a level's rows become a trapezoid, pivot by pivot."""
         problem, Q = self.problem, self.Q
         rows = np.flatnonzero((problem.level_of == level) & (self.side != 0))
-        rows = rows[np.argsort(~self.firm[rows], kind="stable")]
+        rows = rows[np.argsort(~self.sign_free[rows], kind="stable")]
         weights = problem.weights[rows]
         R = (self.a[rows] @ Q) * weights[:, None]
         sizes = self.norms[rows] * weights
-        rank, firm = 0, int(np.count_nonzero(self.firm[rows]))
-        for end in (firm, len(rows)):
+        rank, sign_free = 0, int(np.count_nonzero(self.sign_free[rows]))
+        for end in (sign_free, len(rows)):
             while rank < end and first + rank < problem.n:
                 left = np.linalg.norm(R[rank:end, first + rank :], axis=1)
                 left /= np.maximum(sizes[rank:end], 1e-300)
@@ -396,7 +397,7 @@ class _Search:
         factor.slack = np.concatenate([np.zeros(rank), missed])
         if missed.any() and rank:
             C = self._combine(own, others, sizes[rank:])
-            factor.slack = self._share(C, missed)
+            factor.slack = self._divide(C, missed)
             z = scipy.linalg.solve_triangular(own, rest[:rank] + factor.slack[:rank], lower=True)
         y[first : first + rank] = z
 
@@ -414,7 +415,7 @@ class _Search:
             C[:, :k] -= np.outer(C[:, k], own[k, :k])
         return C
 
-    def _share(
+    def _divide(
         self, C: Float64[np.ndarray, "k r"], missed: Float64[np.ndarray, " k"]
     ) -> Float64[np.ndarray, " rk"]:
         """If the pivots give u, the others miss w = C u + missed: (u, w), the least of all."""
@@ -451,99 +452,102 @@ class _Search:
 
     # --- multipliers --------------------------------------------------------------------------
 
-    def _release(self, share: float) -> bool:
-        """Let go of what pulls at the optimum of the active set; return whether there was any.
+    def _deactivate_wrong_signs(self, ratio: float) -> bool:
+        """Deactivate rows whose multiplier has the wrong sign; return whether there was any.
 
         Args:
-            share: rows that pull at least this share of the strongest pull, or `STRONGEST`, or
+            ratio: rows are dropped whose multiplier of the wrong sign is at least this part of the
+                largest such, or `LARGEST`, or
                 `FIRST`.
         """
         problem, side = self.problem, self.side
         count = len(problem.levels)
         self.multipliers[:] = 0.0
-        self.released, self.doubt = -1, False
+        self.deactivated, self.doubt = -1, False
         inequality = (side == 1) | (side == -1)
-        firm = side == EQUALITY
-        self.needed[side != 0] = 0
+        sign_free = side == EQUALITY
+        self.needed_by[side != 0] = 0
         for level in range(count + 1):
             found = self.multipliers[level]
             if level == count:
-                size = self._cost_push()
+                size = self._cost_gradient()
             else:
                 factor = self.factors[level]
                 found[factor.rows] = factor.slack
                 mine = factor.rows[inequality[factor.rows]]
-                pushing = found[mine] * side[mine]
-                self.needed[mine[(pushing > 0.0) & ~firm[mine]]] = level + 1
-                wrong = mine[pushing < 0.0]
+                signed = found[mine] * side[mine]
+                self.needed_by[mine[(signed > 0.0) & ~sign_free[mine]]] = level + 1
+                wrong = mine[signed < 0.0]
                 if len(wrong):
-                    self._let_go(wrong)
+                    self._deactivate_slacks(wrong)
                     return True
                 if not factor.slack.any():
                     continue
-                size = self._level_push(factor)
+                size = self._level_gradient(factor)
             self._balance(level)
-            pushes = found * self.norms * problem.weights
+            forces = found * self.norms * problem.weights
             if level < count:
-                pushes[problem.level_of == level] = 0.0
-            noise = DUAL_TOLERANCE * max(size, float(np.abs(pushes).max()))
-            signed = pushes * side
-            self.needed[inequality & ~firm & (signed > noise)] = min(level + 1, count)
-            pulling = inequality & ~firm & (signed < -noise)
-            # Kept although they pull: the point may be optimal, but this does not say so.
-            self.doubt |= bool((pulling & self.locked).any())
-            wrong = np.flatnonzero(pulling & ~self.locked)
+                forces[problem.level_of == level] = 0.0
+            noise = DUAL_TOLERANCE * max(size, float(np.abs(forces).max()))
+            signed = forces * side
+            self.needed_by[inequality & ~sign_free & (signed > noise)] = min(level + 1, count)
+            wrong_sign = inequality & ~sign_free & (signed < -noise)
+            # Kept in spite of their sign: the point may be optimal, but this does not say so.
+            self.doubt |= bool((wrong_sign & self.locked).any())
+            wrong = np.flatnonzero(wrong_sign & ~self.locked)
             if len(wrong):
-                if share > 1.0:
-                    row = wrong[0] if share == FIRST else wrong[signed[wrong].argmin()]
-                    wrong, self.released = np.array([row]), int(row)
+                if ratio > 1.0:
+                    row = wrong[0] if ratio == FIRST else wrong[signed[wrong].argmin()]
+                    wrong, self.deactivated = np.array([row]), int(row)
                 else:
-                    wrong = wrong[signed[wrong] <= share * signed[wrong].min()]
-                    self.firm[wrong] = False
+                    wrong = wrong[signed[wrong] <= ratio * signed[wrong].min()]
+                    self.sign_free[wrong] = False
                 side[wrong] = 0
                 return True
-            firm |= inequality & (np.abs(pushes) > noise)
+            sign_free |= inequality & (np.abs(forces) > noise)
             if level < count:
                 own = self.factors[level]
-                firm[own.rows] |= inequality[own.rows] & self._is_clear(own, size)
-            self.firm = firm.copy()
-        # Weighted rows push with weighted multipliers.
+                sign_free[own.rows] |= inequality[own.rows] & self._is_clear(own, size)
+            self.sign_free = sign_free.copy()
+        # Weighted rows multiplier with weighted multipliers.
         self.multipliers *= problem.weights
         return False
 
     def _is_clear(self, factor: _LevelFactor, size: float) -> Bool[np.ndarray, " k"]:
-        """Whether rows' own slack is more than rounding, by what they push or in their own unit."""
+        """Whether rows' own slack is more than rounding, by its force or in their own unit."""
         rows, weights = factor.rows, self.problem.weights[factor.rows]
         sizes, slack = self.norms[rows] * weights, np.abs(factor.slack)
         bounds = np.where(self.side[rows] > 0, self.upper[rows], self.lower[rows]) * weights
         own = np.abs(bounds) + sizes * np.linalg.norm(self.target)
         return (slack * sizes > DUAL_TOLERANCE * size) | (slack > DUAL_TOLERANCE * own)
 
-    def _level_push(self, factor: _LevelFactor) -> float:
+    def _level_gradient(self, factor: _LevelFactor) -> float:
         """The force of a level's slack, in y; return its size before anything cancels in it."""
-        self.force = factor.R[:, : factor.first].T @ factor.slack
+        self.gradient = factor.R[:, : factor.first].T @ factor.slack
         weights = self.problem.weights[factor.rows]
         return float(np.linalg.norm(factor.slack * self.norms[factor.rows] * weights))
 
-    def _cost_push(self) -> float:
+    def _cost_gradient(self) -> float:
         """The force of the final cost, in y; return the size of what cancels in it."""
         H, g = self.problem.H, self.problem.g
-        self.force = self.Q.T @ (H @ self.target + g)
+        self.gradient = self.Q.T @ (H @ self.target + g)
         return float((np.abs(H) @ np.abs(self.target) + np.abs(g)).max())
 
     def _balance(self, level: int) -> None:
-        """Find multipliers of the levels above that balance the force; only pivots push."""
-        found, rest = self.multipliers[level], self.force
+        """Find multipliers of the levels above that balance the force; only pivots have one."""
+        found, rest = self.multipliers[level], self.gradient
         for factor in reversed(self.factors[:level]):
             own = slice(factor.first, factor.first + factor.rank)
-            push = scipy.linalg.solve_triangular(factor.triangle, -rest[own], lower=True, trans=1)
-            found[factor.rows[: factor.rank]] = push
-            rest[: factor.first] += factor.R[: factor.rank, : factor.first].T @ push
+            multiplier = scipy.linalg.solve_triangular(
+                factor.triangle, -rest[own], lower=True, trans=1
+            )
+            found[factor.rows[: factor.rank]] = multiplier
+            rest[: factor.first] += factor.R[: factor.rank, : factor.first].T @ multiplier
 
-    def _let_go(self, rows: Int64[np.ndarray, " k"]) -> None:
+    def _deactivate_slacks(self, rows: Int64[np.ndarray, " k"]) -> None:
         """Make rows inactive whose slack has the wrong sign; some may have gone right through."""
         values = self.goal[rows]
         room = FEASIBILITY_TOLERANCE * self.norms[rows] * np.linalg.norm(self.target)
         above, below = values > self.upper[rows] + room, values < self.lower[rows] - room
         self.side[rows] = above.astype(np.int64) - below.astype(np.int64)
-        self.firm[rows] = False
+        self.sign_free[rows] = False

@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 
 from poise.errors import ConfigurationError
-from poise.hqp import HierarchicalProblem, Level
-from poise.hqp import LexicographicSolver
+from poise.hqp import HierarchicalProblem, Level, LexicographicSolver
 
+from . import reference
 from .conditions import worst_violation
 from .families import nearly_dependent
+from .solving import solve
 
 DAMPING = 1e-2
 

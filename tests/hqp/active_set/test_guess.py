@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from poise.hqp import LexicographicSolver
-from .reference import search
 from poise.hqp._tolerances import COLD_CHANGES
 
 from .conditions import worst_violation
 from .families import humanoid
+from .reference import search
 from .test_moving import moving_conflict
 
 

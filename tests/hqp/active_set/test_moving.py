@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from poise.hqp import CascadeSolver, HierarchicalProblem, Level, certify_point
-from poise.hqp import LexicographicSolver
+from poise.hqp import HierarchicalProblem, Level, LexicographicSolver, certify_point
+from poise.hqp._cascade import CascadeSolver
 
 from .conditions import worst_violation
 

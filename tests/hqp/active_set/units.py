@@ -1,11 +1,13 @@
-"""Contradictions among rows in units far apart, in one level: `python -m tests.hqp.active_set.units`."""
+"""Contradictions among rows in units far apart, in one level.
+
+`python -m tests.hqp.active_set.units`
+"""
 
 from collections import Counter
 
 import numpy as np
 
-from poise.hqp import HierarchicalProblem, Level
-from poise.hqp import LexicographicSolver
+from poise.hqp import HierarchicalProblem, Level, LexicographicSolver
 
 SPANS = (8, 10, 12, 14, 16)
 """Powers of ten that the units of a level's rows span."""

@@ -8,11 +8,12 @@ their bounds. What the search then solves is an ordinary problem.
 from math import sqrt
 
 import numpy as np
+from jaxtyping import Float64
 
 from poise.hqp._active_set.kernels import norm_of
 from poise.hqp._active_set.least_squares import solve_damped
 from poise.hqp._active_set.optimum import factor_level, solve_level
-from poise.hqp._active_set.workspace import EQUALITY, Factor, Problem, Work
+from poise.hqp._active_set.workspace import EQUALITY, Factor, LeastSquares, Problem, Work
 from poise.hqp._tolerances import SINGULAR_ROUNDS, SINGULAR_TOLERANCE
 from poise.linalg import part
 
@@ -33,12 +34,12 @@ def damp_equalities(problem: Problem, work: Work) -> None:
     factor.begin[0] = factor.first[0] = 0
     for level in range(len(factor.rank)):
         factor_level(problem, rows, factor, level)
-        eased = _missing_square(problem, work, level)
+        eased = _missing_square(problem.damping[level], factor, work.squares.v, level)
         work.answer.eased[level] = eased
         if eased == 0.0:
-            solve_level(work, level)
+            solve_level(factor, work.squares, level)
             continue
-        _solve_damped_level(work, level, sqrt(eased))
+        _solve_damped_level(factor, work.squares, level, sqrt(eased))
         for place in range(factor.begin[level], factor.begin[level + 1]):
             index = factor.order[place]
             rows.shift[index] = factor.slack[place] / problem.weights[index]
@@ -47,18 +48,19 @@ def damp_equalities(problem: Problem, work: Work) -> None:
 
 
 @part
-def _missing_square(problem: Problem, work: Work, level: int) -> float:
+def _missing_square(
+    damping: float, factor: Factor, room: Float64[np.ndarray, " r"], level: int
+) -> float:
     """Square of the damping that a level needs: what its least singular value lacks."""
-    damping = problem.damping[level]
-    if damping == 0.0 or work.factor.rank[level] == 0:
+    if damping == 0.0 or factor.rank[level] == 0:
         return 0.0
-    least = _least_singular_value(work.factor, work.squares.v, level)
+    least = _least_singular_value(factor, room, level)
     # Asked because rounding of equal squares may leave something.
     return damping * damping - least * least if least < damping else 0.0
 
 
 @part
-def _least_singular_value(factor: Factor, room: np.ndarray, level: int) -> float:
+def _least_singular_value(factor: Factor, room: Float64[np.ndarray, " r"], level: int) -> float:
     """Of the pivots' triangle L, by inverse iteration with L L^T."""
     begin, first, rank = factor.begin[level], factor.first[level], factor.rank[level]
     v, least = room[:rank], 0.0
@@ -84,9 +86,8 @@ def _least_singular_value(factor: Factor, room: np.ndarray, level: int) -> float
 
 
 @part
-def _solve_damped_level(work: Work, level: int, damping: float) -> None:
+def _solve_damped_level(factor: Factor, squares: LeastSquares, level: int, damping: float) -> None:
     """Gives a level coordinates z and slack: the least |slack|^2 + damping^2 |z|^2."""
-    factor, squares = work.factor, work.squares
     begin, end = factor.begin[level], factor.begin[level + 1]
     first, rank = factor.first[level], factor.rank[level]
     above, z = factor.y[:first], factor.y[first : first + rank]

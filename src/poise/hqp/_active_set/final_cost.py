@@ -3,58 +3,73 @@
 from math import sqrt
 
 import numpy as np
+from jaxtyping import Float64, Int64
 
 from poise.hqp._active_set.kernels import add_rows, choose_nonzero, multiply, reflect_rows
-from poise.hqp._active_set.workspace import Factor, FinalCost, Problem, Work
+from poise.hqp._active_set.workspace import Factor, FinalCost, Problem
 from poise.hqp._tolerances import FLAT_TOLERANCE
 from poise.linalg import part
 
 
 @part
-def solve_cost(problem: Problem, work: Work, taken: int) -> None:
+def solve_cost(
+    problem: Problem,
+    factor: Factor,
+    cost: FinalCost,
+    target: Float64[np.ndarray, " n"],
+    chosen: Int64[np.ndarray, " nm"],
+) -> None:
     """Moves the target to the least final cost that leaves all levels as they are.
 
     Args:
         problem: the problem.
-        work: whose target meets the levels, and is overwritten.
-        taken: how many coordinates the levels take.
+        factor: the levels, solved; receives the coordinates that they leave.
+        cost: room.
+        target: meets the levels, and is overwritten.
+        chosen: scratch.
     """
-    cost, target, n = work.cost, work.points.target, len(work.points.target)
+    n, taken = len(target), factor.first[len(factor.rank)]
     free = n - taken
-    _make_basis(work.factor, cost, taken)
-    _reduce_hessian(problem, work, free)
+    _make_basis(factor, cost, taken)
+    _reduce_hessian(problem.H, cost, chosen, free)
     z, rank = cost.z, free
     # A second step takes off what the first one loses where curvatures lie far apart.
     for step in range(2):
-        find_gradient(problem, target, cost.gradient)
+        find_gradient(problem.H, problem.g, target, cost.gradient)
         for k in range(rank):
             direction, slope = cost.Z[k if step == 0 else cost.pivot[k]], 0.0
             for j in range(n):
                 slope -= direction[j] * cost.gradient[j]
             z[k] = slope
         if step == 0:
-            rank = _factor_hessian(problem, cost, free)
+            rank = _factor_hessian(problem.H, cost, free)
         _solve_factored(cost, rank)
         for k in range(rank):
             place = cost.pivot[k]
             direction, length = cost.Z[place], z[k]
-            work.factor.y[taken + place] += length
+            factor.y[taken + place] += length
             for j in range(n):
                 target[j] += length * direction[j]
 
 
 @part
-def find_gradient(problem: Problem, x: np.ndarray, out: np.ndarray) -> None:
+def find_gradient(
+    H: Float64[np.ndarray, "n n"],
+    g: Float64[np.ndarray, " n"],
+    x: Float64[np.ndarray, " n"],
+    out: Float64[np.ndarray, " n"],
+) -> None:
     """H x + g.
 
     Args:
-        problem: whose final cost.
+        H: of the final cost.
+        g: of the final cost.
         x: the point.
         out: receives it.
     """
-    multiply(problem.H, x, out)
+    multiply(H, x, out)
     for i in range(len(x)):
-        out[i] += problem.g[i]
+        out[i] += g[i]
 
 
 @part
@@ -73,11 +88,13 @@ def _make_basis(factor: Factor, cost: FinalCost, taken: int) -> None:
 
 
 @part
-def _reduce_hessian(problem: Problem, work: Work, free: int) -> None:
+def _reduce_hessian(
+    H: Float64[np.ndarray, "n n"], cost: FinalCost, chosen: Int64[np.ndarray, " nm"], free: int
+) -> None:
     """The upper triangle of C = Z^T H Z; H is mostly zeros where it is a mass matrix."""
-    cost, chosen, n = work.cost, work.duals.chosen, len(work.cost.Z)
+    n = len(H)
     for i in range(n):
-        product, row = cost.z[:free], problem.H[i]
+        product, row = cost.z[:free], H[i]
         product[:] = 0.0
         add_rows(product, cost.ZT, row, chosen, choose_nonzero(row, chosen), 0)
         for k in range(free):
@@ -92,12 +109,12 @@ def _reduce_hessian(problem: Problem, work: Work, free: int) -> None:
 
 
 @part
-def _factor_hessian(problem: Problem, cost: FinalCost, free: int) -> int:
+def _factor_hessian(H: Float64[np.ndarray, "n n"], cost: FinalCost, free: int) -> int:
     """Cholesky factor with pivots, in place and transposed; returns the rank."""
     C, pivot, z = cost.C, cost.pivot, cost.z
     largest = 0.0
     for i in range(len(pivot)):
-        largest = max(largest, abs(problem.H[i, i]))
+        largest = max(largest, abs(H[i, i]))
     for k in range(free):
         pivot[k] = k
     for k in range(free):

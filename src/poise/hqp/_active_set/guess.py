@@ -22,6 +22,9 @@ level itself D lambda is what the others leave it.
 
 from math import sqrt
 
+import numpy as np
+from jaxtyping import Float64
+
 from poise.hqp._active_set.penalties import (
     add_row,
     find_multipliers,
@@ -31,7 +34,14 @@ from poise.hqp._active_set.penalties import (
     remove_row,
     solve_rhs,
 )
-from poise.hqp._active_set.workspace import EQUALITY, UNKNOWN, Penalties, Problem, Work
+from poise.hqp._active_set.workspace import (
+    EQUALITY,
+    UNKNOWN,
+    Penalties,
+    Problem,
+    Work,
+    cut_penalties,
+)
 from poise.hqp._tolerances import (
     CORRECTIONS,
     GUESS_SLACK_TOLERANCE,
@@ -56,45 +66,45 @@ def guess(problem: Problem, work: Work) -> None:
         work: whose sides are set; where they were and what they were needed for says with which
             rows each level begins. Everything that a factorisation left is lost.
     """
-    rows, guessed = work.rows, work.penalties
-    prepare_rows(problem, work)
+    guessed = cut_penalties(problem, work)
+    prepare_rows(problem, guessed, work.duals.chosen, work.rows.shift)
     count = unchanged = 0
-    for level in range(len(work.factor.rank)):
-        if not _soften(problem, guessed, level):
+    for level in range(len(problem.damping)):
+        if not _soften(problem.weights, guessed, level):
             continue
         count = _activate_needed(guessed, level, count)
         refactor(guessed, unchanged, count)
         count = _activate_violated(guessed, level, _deactivate_wrong(guessed, count))
-        slack = _find_slack(problem, guessed, level, count)
+        slack = _find_slack(problem.weights, guessed, level, count)
         if slack > 0.0:
             count = _activate_violated(guessed, level, _correct(guessed, _ALL_LEVELS, count))
-            if _find_slack(problem, guessed, level, count) > UNMET_RATIO * slack:
+            if _find_slack(problem.weights, guessed, level, count) > UNMET_RATIO * slack:
                 for _ in range(CORRECTIONS):
                     count = _activate_violated(guessed, level, _correct(guessed, level, count))
-        unchanged = _hold(problem, guessed, level, count)
-    for i in range(len(rows.side)):
-        rows.factored[i], rows.sign_free[i] = UNKNOWN, 0
+        unchanged = _hold(problem.weights, guessed, level, count)
+    for i in range(len(guessed.side)):
+        work.rows.factored[i], guessed.sign_free[i] = UNKNOWN, 0
         if problem.lower[i] == problem.upper[i]:
-            rows.side[i], rows.sign_free[i] = EQUALITY, 1
+            guessed.side[i], guessed.sign_free[i] = EQUALITY, 1
 
 
 # --- the levels -------------------------------------------------------------------------------
 
 
 @part
-def _soften(problem: Problem, guessed: Penalties, level: int) -> bool:
+def _soften(weights: Float64[np.ndarray, " nm"], guessed: Penalties, level: int) -> bool:
     """Sets D of a level's rows while it is at hand; returns whether it has any."""
     total, count = 0.0, 0
     for i in range(len(guessed.level)):
         if guessed.level[i] == level:
-            size = guessed.norm[i] * problem.weights[i]
+            size = guessed.norm[i] * weights[i]
             total += size * size
             count += 1 if size > 0.0 else 0
     if count == 0:
         return False
     for i in range(len(guessed.level)):
         if guessed.level[i] == level:
-            weight = problem.weights[i]
+            weight = weights[i]
             guessed.compliance[i] = SOFT * total / (count * weight * weight)
     return True
 
@@ -132,12 +142,12 @@ def _correct(guessed: Penalties, level: int, count: int) -> int:
 
 
 @part
-def _hold(problem: Problem, guessed: Penalties, level: int, count: int) -> int:
+def _hold(weights: Float64[np.ndarray, " nm"], guessed: Penalties, level: int, count: int) -> int:
     """Holds what a level reached; returns how many rows keep the compliance they had.
 
     Where a level has slack, its rows and those that hold it up stay active.
     """
-    slack, most = _find_slack(problem, guessed, level, count), 0.0
+    slack, most = _find_slack(weights, guessed, level, count), 0.0
     if slack > 0.0:
         for k in range(count):
             i = guessed.order[k]
@@ -149,7 +159,7 @@ def _hold(problem: Problem, guessed: Penalties, level: int, count: int) -> int:
                 guessed.sign_free[i] = 1
             if guessed.level[i] == level:
                 guessed.held[i] = _missed(guessed, k)
-                if abs(guessed.held[i]) * problem.weights[i] > HOLDING_RATIO * slack:
+                if abs(guessed.held[i]) * weights[i] > HOLDING_RATIO * slack:
                     guessed.sign_free[i] = 1
     for i in range(len(guessed.level)):
         if guessed.level[i] == level:
@@ -164,7 +174,9 @@ def _hold(problem: Problem, guessed: Penalties, level: int, count: int) -> int:
 
 
 @part
-def _find_slack(problem: Problem, guessed: Penalties, level: int, count: int) -> float:
+def _find_slack(
+    weights: Float64[np.ndarray, " nm"], guessed: Penalties, level: int, count: int
+) -> float:
     """What a level's active rows miss, weighted; zero where that is next to nothing."""
     square = size = reach = 0.0
     for j in range(len(guessed.y)):
@@ -172,9 +184,9 @@ def _find_slack(problem: Problem, guessed: Penalties, level: int, count: int) ->
     for k in range(count):
         i = guessed.order[k]
         if guessed.level[i] == level:
-            missed = _missed(guessed, k) * problem.weights[i]
+            missed = _missed(guessed, k) * weights[i]
             square += missed * missed
-            size = max(size, guessed.norm[i] * problem.weights[i])
+            size = max(size, guessed.norm[i] * weights[i])
     slack = sqrt(square)
     return slack if slack > GUESS_SLACK_TOLERANCE * size * sqrt(reach) else 0.0
 

@@ -10,10 +10,20 @@ wrong is the optimum, and mostly they get there in fewer factorisations than sin
 """
 
 import numpy as np
+from jaxtyping import Float64
 
 from poise.hqp._active_set.kernels import copy, multiply, norm_of
 from poise.hqp._active_set.multipliers import FIRST, LARGEST, deactivate_wrong_signs
-from poise.hqp._active_set.workspace import EQUALITY, STEPPING, Problem, Work
+from poise.hqp._active_set.workspace import (
+    EQUALITY,
+    STEPPING,
+    Answer,
+    Points,
+    Problem,
+    Rows,
+    State,
+    Work,
+)
 from poise.hqp._measure import find_residuals
 from poise.hqp._tolerances import (
     ADD_RATIOS,
@@ -42,18 +52,19 @@ def exchange(problem: Problem, work: Work) -> bool:
         Whether there was nothing to change.
     """
     state, points = work.states[0], work.points
-    largest = find_violations(problem, work, points.target, points.target_values)
+    largest = find_violations(problem, work.rows, points.target, points.target_values)
     signs = deactivate_wrong_signs(problem, work, LARGEST)
     optimal = largest == 0.0 and signs == 0
-    if optimal or is_better(problem, work):
-        move_to_target(work)
+    if optimal or is_better(problem, work.rows, points, work.answer):
+        move_to_target(points)
     if optimal:
         return True
     state.turn += 1
     if state.turn == MOST_EXCHANGES:
-        _begin_steps(problem, work)
+        state.phase = STEPPING
+        _begin_steps(problem, work.rows, points)
     elif signs == 0:
-        activate(work, largest)
+        activate(work.rows, largest)
     return False
 
 
@@ -71,20 +82,21 @@ def leap(problem: Problem, work: Work) -> bool:
     state, points = work.states[0], work.points
     turn = state.turn
     state.turn += 1
-    largest = find_violations(problem, work, points.target, points.target_values)
-    wrong = count_violations(work)
+    largest = find_violations(problem, work.rows, points.target, points.target_values)
+    wrong = count_violations(work.rows)
     wrong += deactivate_wrong_signs(problem, work, DROP_RATIOS[turn % len(DROP_RATIOS)])
-    if wrong == 0 or is_better(problem, work):
-        move_to_target(work)
+    if wrong == 0 or is_better(problem, work.rows, points, work.answer):
+        move_to_target(points)
     if wrong == 0:
         return True
     state.since += 1
     if wrong < state.fewest:
         state.fewest, state.since = wrong, 0
     if turn + 1 >= MOST_LEAPS or state.since >= LEAP_PATIENCE:
-        _begin_steps(problem, work)
+        state.phase = STEPPING
+        _begin_steps(problem, work.rows, points)
     elif largest > 0.0:
-        activate(work, ADD_RATIOS[turn % len(ADD_RATIOS)] * largest)
+        activate(work.rows, ADD_RATIOS[turn % len(ADD_RATIOS)] * largest)
     return False
 
 
@@ -92,7 +104,7 @@ def leap(problem: Problem, work: Work) -> bool:
 def step(problem: Problem, work: Work) -> bool:
     """Goes towards the target, and deactivates a row there; returns whether there was none."""
     state = work.states[0]
-    if _step_until_blocked(problem, work):
+    if _step_until_blocked(problem, work.rows, work.points, state):
         state.idle = 0
         for i in range(len(work.rows.locked)):
             work.rows.locked[i] = 0
@@ -105,23 +117,20 @@ def step(problem: Problem, work: Work) -> bool:
 
 
 @part
-def _begin_steps(problem: Problem, work: Work) -> None:
+def _begin_steps(problem: Problem, rows: Rows, points: Points) -> None:
     """Makes active what the point violates, and nothing that it keeps away from."""
-    rows, points = work.rows, work.points
-    work.states[0].phase = STEPPING
     size = FEASIBILITY_TOLERANCE * norm_of(points.x)
     for i in range(len(points.values)):
         value, room = points.values[i], size * rows.norm[i]
         if rows.side[i] != EQUALITY and problem.lower[i] + room < value < problem.upper[i] - room:
             rows.side[i] = rows.sign_free[i] = 0
-    if find_violations(problem, work, points.x, points.values) > 0.0:
-        activate(work, 0.0)
+    if find_violations(problem, rows, points.x, points.values) > 0.0:
+        activate(rows, 0.0)
 
 
 @part
-def _step_until_blocked(problem: Problem, work: Work) -> bool:
+def _step_until_blocked(problem: Problem, rows: Rows, points: Points, state: State) -> bool:
     """Goes towards the target until a row blocks the step; returns whether x moved."""
-    rows, points, state = work.rows, work.points, work.states[0]
     x, target, values, goal = points.x, points.target, points.values, points.target_values
     size = max(norm_of(target), norm_of(x))
     length, blocking, side = 1.0, -1, 0
@@ -156,32 +165,41 @@ def _step_until_blocked(problem: Problem, work: Work) -> bool:
 
 
 @part
-def find_values(problem: Problem, x: np.ndarray, values: np.ndarray) -> None:
+def find_values(
+    A: Float64[np.ndarray, "m n"],
+    x: Float64[np.ndarray, " n"],
+    values: Float64[np.ndarray, " nm"],
+) -> None:
     """Values of all bounds and rows at a point.
 
     Args:
-        problem: the problem.
+        A: rows of all levels.
         x: the point.
         values: receives them.
     """
     copy(values[: len(x)], x)
-    multiply(problem.A, x, values[len(x) :])
+    multiply(A, x, values[len(x) :])
 
 
 @part
-def find_violations(problem: Problem, work: Work, x: np.ndarray, values: np.ndarray) -> float:
+def find_violations(
+    problem: Problem,
+    rows: Rows,
+    x: Float64[np.ndarray, " n"],
+    values: Float64[np.ndarray, " nm"],
+) -> float:
     """How far, signed, a point violates each inactive row, by the row's norm.
 
     Args:
         problem: the problem.
-        work: whose rows receive it.
+        rows: receive it.
         x: the point.
         values: of all bounds and rows there.
 
     Returns:
         The largest.
     """
-    rows, size, largest = work.rows, FEASIBILITY_TOLERANCE * norm_of(x), 0.0
+    size, largest = FEASIBILITY_TOLERANCE * norm_of(x), 0.0
     for i in range(len(values)):
         rows.violation[i] = 0.0
         if rows.side[i] != 0:
@@ -195,23 +213,22 @@ def find_violations(problem: Problem, work: Work, x: np.ndarray, values: np.ndar
 
 
 @part
-def count_violations(work: Work) -> int:
+def count_violations(rows: Rows) -> int:
     """How many rows `find_violations` found."""
     count = 0
-    for i in range(len(work.rows.violation)):
-        count += 1 if work.rows.violation[i] != 0.0 else 0
+    for i in range(len(rows.violation)):
+        count += 1 if rows.violation[i] != 0.0 else 0
     return count
 
 
 @part
-def activate(work: Work, least: float) -> None:
+def activate(rows: Rows, least: float) -> None:
     """Makes rows active that are violated by at least so much.
 
     Args:
-        work: in which `find_violations` looked for them.
+        rows: in which `find_violations` looked for them.
         least: how much.
     """
-    rows = work.rows
     for i in range(len(rows.violation)):
         far = rows.violation[i]
         if far != 0.0 and abs(far) >= least:
@@ -220,21 +237,18 @@ def activate(work: Work, least: float) -> None:
 
 
 @part
-def move_to_target(work: Work) -> None:
+def move_to_target(points: Points) -> None:
     """Makes the target the point."""
-    copy(work.points.x, work.points.target)
-    copy(work.points.values, work.points.target_values)
+    copy(points.x, points.target)
+    copy(points.values, points.target_values)
 
 
 @part
-def is_better(problem: Problem, work: Work) -> bool:
+def is_better(problem: Problem, rows: Rows, points: Points, answer: Answer) -> bool:
     """Whether the target meets the levels better than the point, or as well."""
-    points, rows, answer = work.points, work.rows, work.answer
     lower, upper, weights = problem.lower, problem.upper, problem.weights
     find_residuals(lower, upper, weights, rows.level, points.values, answer.residuals)
-    find_residuals(
-        lower, upper, weights, rows.level, points.target_values, answer.target_residuals
-    )
+    find_residuals(lower, upper, weights, rows.level, points.target_values, answer.target_residuals)
     reach = max(norm_of(points.x), norm_of(points.target))
     for level in range(len(answer.residuals)):
         old, new, size = answer.residuals[level], answer.target_residuals[level], 0.0

@@ -3,10 +3,20 @@
 from math import sqrt
 
 import numpy as np
+from jaxtyping import Float64
 
 from poise.hqp._active_set.final_cost import find_gradient
 from poise.hqp._active_set.kernels import copy, norm_of, reflect
-from poise.hqp._active_set.workspace import EQUALITY, Problem, Work
+from poise.hqp._active_set.workspace import (
+    EQUALITY,
+    Duals,
+    Factor,
+    Points,
+    Problem,
+    Rows,
+    State,
+    Work,
+)
 from poise.hqp._tolerances import DUAL_TOLERANCE, FEASIBILITY_TOLERANCE
 from poise.linalg import part
 
@@ -32,9 +42,10 @@ def deactivate_wrong_signs(problem: Problem, work: Work, ratio: float) -> int:
         How many rows were deactivated.
     """
     factor, rows, multipliers = work.factor, work.rows, work.duals.multipliers
+    state = work.states[0]
     levels = len(factor.rank)
     active = factor.begin[levels]
-    work.states[0].deactivated, work.states[0].doubtful = -1, 0
+    state.deactivated, state.doubtful = -1, 0
     for place in range(active):
         index = factor.order[place]
         rows.sign_free[index] = 1 if rows.side[index] == EQUALITY else 0
@@ -43,21 +54,21 @@ def deactivate_wrong_signs(problem: Problem, work: Work, ratio: float) -> int:
     for level in range(levels + 1):
         above = active
         if level < levels:
-            wrong = _take_slacks(problem, work, level)
+            wrong = _take_slacks(problem, rows, factor, work.points, multipliers[level], level)
             if wrong > 0:
                 return wrong
-            size = _find_level_gradient(work, level)
+            size = _find_level_gradient(factor, work.duals.gradient, level)
             if size == 0.0:
                 continue
             above = factor.begin[level]
         else:
             size = _find_cost_gradient(problem, work)
-        _balance(work, level)
-        wrong = _deactivate_above(work, level, above, size, ratio)
+        _balance(factor, work.duals.gradient, multipliers[level], level)
+        wrong = _deactivate_above(rows, factor, work.duals, state, level, above, size, ratio)
         if wrong > 0:
             return wrong
         if level < levels:
-            _free_signs(work, level, size)
+            _free_signs(rows, factor, level, size)
     for level in range(levels + 1):
         for place in range(active):
             index = factor.order[place]
@@ -66,43 +77,49 @@ def deactivate_wrong_signs(problem: Problem, work: Work, ratio: float) -> int:
 
 
 @part
-def _take_slacks(problem: Problem, work: Work, level: int) -> int:
-    """Takes a level's slacks as multipliers; deactivates those of the wrong sign, and says how many."""
-    factor, rows, wrong = work.factor, work.rows, 0
+def _take_slacks(
+    problem: Problem,
+    rows: Rows,
+    factor: Factor,
+    points: Points,
+    found: Float64[np.ndarray, " nm"],
+    level: int,
+) -> int:
+    """Takes slacks as multipliers; deactivates those of the wrong sign, and returns how many."""
+    wrong = 0
     for place in range(factor.begin[level], factor.begin[level + 1]):
         slack, index = factor.slack[place], factor.order[place]
         if slack == 0.0:
             continue
-        work.duals.multipliers[level, index] = slack
+        found[index] = slack
         side = rows.side[index]
         if side != EQUALITY and slack * side < 0.0:
             wrong += 1
-            _deactivate_slack(problem, work, index)
+            _deactivate_slack(problem, rows, points, index)
         elif rows.sign_free[index] == 0:
             rows.needed_by[index] = 1 + level
     return wrong
 
 
 @part
-def _deactivate_slack(problem: Problem, work: Work, index: int) -> None:
+def _deactivate_slack(problem: Problem, rows: Rows, points: Points, index: int) -> None:
     """Makes a row inactive whose slack has the wrong sign, unless it violates its other bound."""
-    value = work.points.target_values[index]
-    room = FEASIBILITY_TOLERANCE * work.rows.norm[index] * norm_of(work.points.target)
+    value = points.target_values[index]
+    room = FEASIBILITY_TOLERANCE * rows.norm[index] * norm_of(points.target)
     side = 0
     if value > problem.upper[index] + room:
         side = 1
     elif value < problem.lower[index] - room:
         side = -1
-    work.rows.side[index] = side
-    work.rows.sign_free[index] = 0
+    rows.side[index] = side
+    rows.sign_free[index] = 0
 
 
 @part
-def _find_level_gradient(work: Work, level: int) -> float:
+def _find_level_gradient(factor: Factor, gradient: Float64[np.ndarray, " n"], level: int) -> float:
     """The gradient of half a level's squared slack, in y; returns its size before cancellation."""
-    factor, first, square = work.factor, work.factor.first[level], 0.0
-    gradient = work.duals.gradient[:first]
-    gradient[:] = 0.0
+    first, square = factor.first[level], 0.0
+    gradient[:first] = 0.0
     for place in range(factor.begin[level], factor.begin[level + 1]):
         slack = factor.slack[place]
         if slack != 0.0:
@@ -117,7 +134,7 @@ def _find_level_gradient(work: Work, level: int) -> float:
 def _find_cost_gradient(problem: Problem, work: Work) -> float:
     """The gradient of the final cost, in y; returns the size of what cancels in it."""
     factor, target, gradient = work.factor, work.points.target, work.cost.gradient
-    find_gradient(problem, target, gradient)
+    find_gradient(problem.H, problem.g, target, gradient)
     size = 0.0
     for i in range(len(gradient)):
         # Not what is left of H x: that is rounding where x lies in the kernel of H.
@@ -132,9 +149,13 @@ def _find_cost_gradient(problem: Problem, work: Work) -> float:
 
 
 @part
-def _balance(work: Work, level: int) -> None:
+def _balance(
+    factor: Factor,
+    gradient: Float64[np.ndarray, " n"],
+    found: Float64[np.ndarray, " nm"],
+    level: int,
+) -> None:
     """Multipliers of the levels above that balance the gradient; only pivots have one."""
-    factor, gradient, found = work.factor, work.duals.gradient, work.duals.multipliers[level]
     for upper in range(level - 1, -1, -1):
         begin, first = factor.begin[upper], factor.first[upper]
         for k in range(factor.rank[upper] - 1, -1, -1):
@@ -149,9 +170,17 @@ def _balance(work: Work, level: int) -> None:
 
 
 @part
-def _deactivate_above(work: Work, level: int, above: int, size: float, ratio: float) -> int:
+def _deactivate_above(
+    rows: Rows,
+    factor: Factor,
+    duals: Duals,
+    state: State,
+    level: int,
+    above: int,
+    size: float,
+    ratio: float,
+) -> int:
     """Deactivates rows above a level whose multiplier has the wrong sign; returns how many."""
-    factor, rows, duals, state = work.factor, work.rows, work.duals, work.states[0]
     found = duals.multipliers[level]
     for place in range(above):
         size = max(size, abs(found[factor.order[place]]) * factor.size[place])
@@ -193,14 +222,15 @@ def _deactivate_above(work: Work, level: int, above: int, size: float, ratio: fl
 
 
 @part
-def _free_signs(work: Work, level: int, size: float) -> None:
+def _free_signs(rows: Rows, factor: Factor, level: int, size: float) -> None:
     """Lets rows with slack have multipliers of either sign below their level.
 
     Slack has to be more than rounding, by its own multiplier or in the row's own unit.
     """
-    factor, reach = work.factor, norm_of(work.points.target)
+    # |y| = |Q^T x|.
+    reach = norm_of(factor.y)
     for place in range(factor.begin[level], factor.begin[level + 1]):
         slack = abs(factor.slack[place])
         own = abs(factor.bound[place]) + factor.size[place] * reach
         if slack * factor.size[place] > DUAL_TOLERANCE * size or slack > DUAL_TOLERANCE * own:
-            work.rows.sign_free[factor.order[place]] = 1
+            rows.sign_free[factor.order[place]] = 1

@@ -9,7 +9,7 @@ untouched.
 from poise.hqp._active_set.final_cost import solve_cost
 from poise.hqp._active_set.kernels import copy, make_reflection, norm_of, reflect, reflect_rows
 from poise.hqp._active_set.least_squares import find_slacks_of_conflict
-from poise.hqp._active_set.workspace import Factor, Problem, Rows, Work
+from poise.hqp._active_set.workspace import Factor, LeastSquares, Problem, Rows, Work
 from poise.hqp._tolerances import CANCELLED, RANK_TOLERANCE, SLACK_TOLERANCE
 from poise.linalg import part
 
@@ -27,11 +27,13 @@ def find_optimum(problem: Problem, work: Work) -> None:
     """
     factor, target = work.factor, work.points.target
     n, levels = len(target), len(factor.rank)
-    start = _first_changed(problem, work)
+    start = _first_changed(work.rows, levels)
+    # A new problem has new numbers everywhere.
+    start = 0 if work.states[0].changes == 1 else start
     factor.begin[0] = factor.first[0] = 0
     for level in range(start, levels):
         factor_level(problem, work.rows, factor, level)
-        solve_level(work, level)
+        solve_level(factor, work.squares, level)
     taken = factor.first[levels]
     work.states[0].free = n - taken
     factor.y[taken:] = 0.0
@@ -39,23 +41,22 @@ def find_optimum(problem: Problem, work: Work) -> None:
     for k in range(taken - 1, -1, -1):
         reflect(target[k:], factor.V[k, k:], factor.tau[k])
     if taken < n:
-        solve_cost(problem, work, taken)
+        solve_cost(problem, factor, work.cost, target, work.duals.chosen)
 
 
 @part
-def _first_changed(problem: Problem, work: Work) -> int:
+def _first_changed(rows: Rows, levels: int) -> int:
     """The first level whose active rows are not as they were factored, and notes how they are.
 
     What was found for the levels above it stays as it is.
     """
-    rows, first = work.rows, len(work.factor.rank)
+    first = levels
     for i in range(len(rows.side)):
         now = 0 if rows.side[i] == 0 else rows.side[i] + _SIGN_FREE * rows.sign_free[i]
         if rows.factored[i] != now:
             rows.factored[i] = now
             first = min(first, rows.level[i])
-    # A new problem has new numbers everywhere.
-    return 0 if work.states[0].changes == 1 else first
+    return first
 
 
 # --- the factorisation ------------------------------------------------------------------------
@@ -182,14 +183,14 @@ def _update_left(factor: Factor, begin: int, end: int, column: int) -> None:
 
 
 @part
-def solve_level(work: Work, level: int) -> None:
+def solve_level(factor: Factor, squares: LeastSquares, level: int) -> None:
     """Gives a level the least slack that is left to it.
 
     Args:
-        work: in which the level is factored, and those above it are solved.
+        factor: in which the level is factored, and those above it are solved.
+        squares: room.
         level: which.
     """
-    factor = work.factor
     begin, end = factor.begin[level], factor.begin[level + 1]
     first, rank = factor.first[level], factor.rank[level]
     y, rhs, slack = factor.y, factor.rhs, factor.slack
@@ -211,7 +212,7 @@ def solve_level(work: Work, level: int) -> None:
     if met:
         return
     if rank > 0:
-        find_slacks_of_conflict(factor, work.squares, level)
+        find_slacks_of_conflict(factor, squares, level)
         for row in range(begin, begin + rank):
             rhs[row] += slack[row]
         _solve_pivots(factor, begin, first, rank)

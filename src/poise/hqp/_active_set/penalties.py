@@ -5,24 +5,28 @@ from math import hypot, sqrt
 import numpy as np
 from jaxtyping import Float64, Int64
 
-from poise.hqp._active_set.kernels import choose_nonzero, copy
-from poise.hqp._active_set.workspace import EQUALITY, Penalties, Problem, Work
+from poise.hqp._active_set.kernels import choose_nonzero
+from poise.hqp._active_set.workspace import EQUALITY, Penalties, Problem
 from poise.hqp._tolerances import FLOOR, RIDGE
 from poise.linalg import part
 
 
 @part
-def prepare_rows(problem: Problem, work: Work) -> None:
+def prepare_rows(
+    problem: Problem,
+    guessed: Penalties,
+    chosen: Int64[np.ndarray, " nm"],
+    shift: Float64[np.ndarray, " nm"],
+) -> None:
     """Finds C, all rows M with their norms, and the rows' values at x_0; no row is active.
 
     Args:
         problem: the problem.
-        work: what was active in it becomes what was needed; its scratch is used.
+        guessed: what was active becomes what was needed.
+        chosen: scratch.
+        shift: by how much damping moved the bounds.
     """
-    (m, n), guessed, chosen = problem.A.shape, work.penalties, work.duals.chosen
-    M = guessed.M
-    copy(guessed.lower, problem.lower)
-    copy(guessed.upper, problem.upper)
+    (m, n), M = problem.A.shape, guessed.M
     _factor_cost(problem.H, guessed.C, chosen)
     for i in range(n):
         _invert(guessed.C, chosen, i, M[i])
@@ -42,9 +46,9 @@ def prepare_rows(problem: Problem, work: Work) -> None:
         guessed.norm[i], guessed.start[i] = sqrt(square), value
         side = guessed.side[i] if guessed.side[i] != EQUALITY else 0
         needed_by = guessed.needed_by[i]
-        guessed.needed_by[i] = side * (needed_by if needed_by > 0 else len(work.factor.rank))
+        guessed.needed_by[i] = side * (needed_by if needed_by > 0 else len(problem.damping))
         guessed.side[i] = guessed.sign_free[i] = 0
-        guessed.moved[i] = guessed.held[i] = work.rows.shift[i]
+        guessed.moved[i] = guessed.held[i] = shift[i]
 
 
 @part

@@ -34,6 +34,8 @@ from poise.hqp._active_set.workspace import (
     NOTHING,
     STEPPING,
     Problem,
+    Rows,
+    State,
     States,
     Work,
     cut,
@@ -100,7 +102,7 @@ def search(
     while state.changes < changes:
         state.changes += 1
         find_optimum(problem, work)
-        find_values(problem, work.points.target, work.points.target_values)
+        find_values(A, work.points.target, work.points.target_values)
         optimal = _change_active_set(problem, work)
         if optimal and is_optimal(problem, work):
             found = CONVERGED
@@ -110,10 +112,10 @@ def search(
             break
         if state.origin == LAST and (optimal or state.changes == state.guess_at):
             guess(problem, work)
-            _begin_from(work, GUESS)
+            _begin_from(GUESS, state, work.rows)
         elif state.origin == GUESS and (optimal or state.changes >= ASTRAY):
-            _deactivate_all(work)
-            _begin_from(work, NOTHING)
+            _deactivate_all(work.rows)
+            _begin_from(NOTHING, state, work.rows)
     if found == UNFINISHED:
         # Those of some active set on the way say nothing about the point.
         work.duals.multipliers[:] = 0.0
@@ -123,7 +125,7 @@ def search(
 @part
 def _begin_search(problem: Problem, work: Work) -> bool:
     """Gets everything ready for a new problem; returns whether its numbers can be one."""
-    inequalities = _prepare_rows(problem, work)
+    inequalities = _prepare_rows(problem, work.rows)
     if inequalities < 0:
         return False
     if np.any(problem.damping):
@@ -132,27 +134,26 @@ def _begin_search(problem: Problem, work: Work) -> bool:
     state = work.states[0]
     state.begun, state.changes = 1, 0
     state.guess_at = WARM_CHANGES if inequalities > 0 else COLD_CHANGES
-    _begin_from(work, LAST)
+    _begin_from(LAST, state, work.rows)
     return True
 
 
 @part
-def _begin_from(work: Work, origin: int) -> None:
+def _begin_from(origin: int, state: State, rows: Rows) -> None:
     """Forgets what steps and leaps keep in mind, to begin with an active set from somewhere."""
-    state = work.states[0]
     state.origin, state.phase = origin, BEGINNING
     state.idle = state.blocked = state.turn = state.since = state.fewest = 0
     state.deactivated, state.doubtful = -1, 0
-    for i in range(len(work.rows.locked)):
-        work.rows.locked[i] = 0
+    for i in range(len(rows.locked)):
+        rows.locked[i] = 0
 
 
 @part
-def _deactivate_all(work: Work) -> None:
+def _deactivate_all(rows: Rows) -> None:
     """Leaves the equalities alone active."""
-    for i in range(len(work.rows.side)):
-        if work.rows.side[i] != EQUALITY:
-            work.rows.side[i] = 0
+    for i in range(len(rows.side)):
+        if rows.side[i] != EQUALITY:
+            rows.side[i] = 0
 
 
 @part
@@ -171,36 +172,36 @@ def _change_active_set(problem: Problem, work: Work) -> bool:
 @part
 def _choose_phase(problem: Problem, work: Work) -> bool:
     """Chooses how to go on by how much is wrong with an active set; returns whether nothing is."""
-    state, points = work.states[0], work.points
-    largest = find_violations(problem, work, points.target, points.target_values)
-    violated = count_violations(work)
+    state, rows, points = work.states[0], work.rows, work.points
+    largest = find_violations(problem, rows, points.target, points.target_values)
+    violated = count_violations(rows)
     signs = deactivate_wrong_signs(problem, work, 0.0)
     wrong = violated + signs
     if wrong > 0 and state.changes == 1:
-        find_values(problem, points.x, points.values)
+        find_values(problem.A, points.x, points.values)
     # Slack makes any point one to begin from.
-    if wrong == 0 or is_better(problem, work):
-        move_to_target(work)
+    if wrong == 0 or is_better(problem, rows, points, work.answer):
+        move_to_target(points)
     state.phase = STEPPING
     if 0 < wrong <= MANY and signs == 0 and state.origin != NOTHING:
         state.phase, state.turn = EXCHANGING, 1
-        activate(work, 0.0)
+        activate(rows, 0.0)
     elif wrong <= MANY or state.origin == NOTHING:
-        if find_violations(problem, work, points.x, points.values) > 0.0:
-            activate(work, 0.0)
+        if find_violations(problem, rows, points.x, points.values) > 0.0:
+            activate(rows, 0.0)
     else:
         if state.origin == LAST:
             # One leap may do where rows are only missing.
             state.guess_at = state.changes + (1 if signs == 0 else 0)
         state.phase, state.turn, state.fewest = LEAPING, 1, wrong
-        activate(work, ADD_RATIOS[0] * largest)
+        activate(rows, ADD_RATIOS[0] * largest)
     return wrong == 0
 
 
 @part
-def _prepare_rows(problem: Problem, work: Work) -> int:
+def _prepare_rows(problem: Problem, rows: Rows) -> int:
     """Norms, levels and sides of all rows; how many inequalities are active, or -1 if unsound."""
-    (m, n), rows = problem.A.shape, work.rows
+    m, n = problem.A.shape
     total, inequalities = 0.0, 0
     for i in range(n):
         rows.norm[i], rows.level[i] = 1.0, problem.bounds_level

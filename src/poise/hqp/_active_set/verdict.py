@@ -4,9 +4,10 @@ All on the problem's own rows and numbers, not on those that were factored.
 """
 
 import numpy as np
+from jaxtyping import Float64
 
 from poise.hqp._active_set.kernels import add_rows, copy, norm_of
-from poise.hqp._active_set.workspace import Problem, Work
+from poise.hqp._active_set.workspace import Duals, Factor, Problem, Rows, Work
 from poise.hqp._measure import find_residuals, find_slacks
 from poise.hqp._tolerances import OPTIMALITY_TOLERANCE
 from poise.linalg import part
@@ -51,24 +52,32 @@ def is_optimal(problem: Problem, work: Work) -> bool:
     """
     if work.states[0].doubtful != 0:
         return False
-    worst, levels, gradient = _row_error(problem, work), len(work.factor.rank), work.duals.gradient
+    factor, duals, norm = work.factor, work.duals, work.rows.norm
+    levels, gradient = len(factor.rank), duals.gradient
+    reach = _reach(factor, work.points.x)
+    worst = _row_error(problem, work.rows, work.factor, work.points.values, reach)
     for level in range(levels):
-        if work.factor.begin[level] < work.factor.begin[level + 1]:
+        if factor.begin[level] < factor.begin[level + 1]:
             gradient[:] = 0.0
-            worst = max(worst, _imbalance(problem, work, level, 0.0))
-    size, reach = 0.0, _reach(work)
+            worst = max(worst, _imbalance(problem.A, norm, factor, duals, level, 0.0))
+    size = 0.0
     for i in range(len(gradient)):
         size = max(size, abs(problem.g[i]), abs(problem.H[i, i]) * reach)
     copy(gradient, work.cost.gradient)
-    worst = max(worst, _imbalance(problem, work, levels, size))
+    worst = max(worst, _imbalance(problem.A, norm, factor, duals, levels, size))
     return bool(worst <= OPTIMALITY_TOLERANCE)
 
 
 @part
-def _row_error(problem: Problem, work: Work) -> float:
+def _row_error(
+    problem: Problem,
+    rows: Rows,
+    factor: Factor,
+    values: Float64[np.ndarray, " nm"],
+    reach: float,
+) -> float:
     """How far rows are from where they should be, relatively; inactive ones inside their bounds."""
-    factor, rows, values = work.factor, work.rows, work.points.values
-    worst, reach = 0.0, _reach(work)
+    worst = 0.0
     for place in range(factor.begin[len(factor.rank)]):
         index = factor.order[place]
         bound = factor.bound[place]
@@ -91,10 +100,9 @@ def _row_error(problem: Problem, work: Work) -> float:
 
 
 @part
-def _reach(work: Work) -> float:
+def _reach(factor: Factor, x: Float64[np.ndarray, " n"]) -> float:
     """How far x is, or would be if it met the rows that are active one by one."""
-    factor = work.factor
-    reach = norm_of(work.points.x)
+    reach = norm_of(x)
     for place in range(factor.begin[len(factor.rank)]):
         if factor.size[place] > 0.0:
             reach = max(reach, abs(factor.bound[place]) / factor.size[place])
@@ -102,20 +110,27 @@ def _reach(work: Work) -> float:
 
 
 @part
-def _imbalance(problem: Problem, work: Work, level: int, size: float) -> float:
+def _imbalance(
+    A: Float64[np.ndarray, "m n"],
+    norm: Float64[np.ndarray, " nm"],
+    factor: Factor,
+    duals: Duals,
+    level: int,
+    size: float,
+) -> float:
     """What a level's multipliers, times the rows, leave of its gradient, relatively."""
-    factor, gradient, chosen = work.factor, work.duals.gradient, work.duals.chosen
-    n, count, found = len(gradient), 0, work.duals.multipliers[level]
+    gradient, chosen, found = duals.gradient, duals.chosen, duals.multipliers[level]
+    n, count = len(gradient), 0
     for place in range(factor.begin[len(factor.rank)]):
         index = factor.order[place]
         multiplier = found[index]
-        size = max(size, abs(multiplier) * work.rows.norm[index])
+        size = max(size, abs(multiplier) * norm[index])
         if index < n:
             gradient[index] += multiplier
         elif multiplier != 0.0:
             chosen[count] = index - n
             count += 1
-    add_rows(gradient, problem.A, found, chosen, count, n)
+    add_rows(gradient, A, found, chosen, count, n)
     left = 0.0
     for j in range(n):
         if not abs(gradient[j]) < np.inf:

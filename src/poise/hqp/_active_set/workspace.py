@@ -4,7 +4,7 @@ Handing an array to compiled code costs as much as a reflection. So all arrays l
 which compiled code cuts up, and the numbers that steer the search in one record.
 """
 
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float64, Int64
@@ -50,6 +50,7 @@ class Problem(NamedTuple):
     bounds_level: int
 
 
+@runtime_checkable
 class State(Protocol):
     """The numbers that steer the search: a record, of which compiled code changes the fields.
 
@@ -317,7 +318,7 @@ class Work(NamedTuple):
         cost: the final cost over what is left.
         duals: multipliers.
         answer: what the point amounts to.
-        penalties: the rows of a guess.
+        spare: room for the rows of a guess, see `cut_penalties`.
     """
 
     states: States
@@ -328,7 +329,7 @@ class Work(NamedTuple):
     cost: FinalCost
     duals: Duals
     answer: Answer
-    penalties: Penalties
+    spare: Float64[np.ndarray, " s"]
 
 
 class _Buffers(NamedTuple):
@@ -405,7 +406,7 @@ def cut(
             target_residuals=_floats(buffers, levels),
             eased=_floats(buffers, levels),
         ),
-        penalties=_cut_penalties(buffers, n, nm, rows, points, factor, cost),
+        spare=_floats(buffers, 8 * nm + min(3 * n, nm) ** 2),
     )
 
 
@@ -445,24 +446,27 @@ def _cut_factor(buffers: _Buffers, n: int, nm: int, levels: int) -> Factor:
 
 
 @part
-def _cut_penalties(
-    buffers: _Buffers,
-    n: int,
-    nm: int,
-    rows: Rows,
-    points: Points,
-    factor: Factor,
-    cost: FinalCost,
-) -> Penalties:
-    """The rows of a guess lie where those of the factorisation do, which it makes useless."""
+def cut_penalties(problem: Problem, work: Work) -> Penalties:
+    """Cuts up the room for the rows of a guess.
+
+    The rows themselves lie where those of the factorisation do, which a guess makes useless.
+
+    Args:
+        problem: whose bounds are lent.
+        work: whose sides a guess overwrites.
+    """
+    rows, factor, state = work.rows, work.factor, work.states[0]
+    n, nm = len(factor.y), len(rows.side)
     room = min(3 * n, nm)
+    state.floats = 0
+    buffers = _Buffers(floats=work.spare, ints=rows.side, state=state)
     return Penalties(
         M=factor.R,
         norm=_floats(buffers, nm),
         start=_floats(buffers, nm),
-        values=points.target_values,
-        lower=_floats(buffers, nm),
-        upper=_floats(buffers, nm),
+        values=work.points.target_values,
+        lower=problem.lower,
+        upper=problem.upper,
         level=rows.level,
         side=rows.side,
         sign_free=rows.sign_free,
@@ -470,7 +474,7 @@ def _cut_penalties(
         compliance=_floats(buffers, nm),
         moved=_floats(buffers, nm),
         held=_floats(buffers, nm),
-        C=cost.C,
+        C=work.cost.C,
         y=factor.y,
         order=factor.order,
         G=_matrix(buffers, room, room),
