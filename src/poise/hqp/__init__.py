@@ -2,8 +2,7 @@
 
 from poise.hqp._active_set import LexicographicSolver
 from poise.hqp._certificate import certify_point
-from poise.hqp._level import Level
-from poise.hqp._problem import HierarchicalProblem, LevelView
+from poise.hqp._problem import HierarchicalProblem, Level, LevelView
 from poise.hqp._solution import Solution, SolveStatus
 from poise.hqp._strategies import STRATEGIES, Solver, make_solver, solve
 from poise.hqp._tolerances import ACCURACY

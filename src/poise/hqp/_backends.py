@@ -84,8 +84,7 @@ def solve_by_daqp(qp: QP, time_limit: float) -> Float64[np.ndarray, " d"] | None
 
 
 def proximal_point(
-    qp: QP,
-    solve: Callable[[Float64[np.ndarray, "d d"], Float64[np.ndarray, " d"]], Any],
+    qp: QP, solve: Callable[[Float64[np.ndarray, "d d"], Float64[np.ndarray, " d"]], Any]
 ) -> Float64[np.ndarray, " d"] | None:
     """Solve a semidefinite QP with a solver for definite ones, which DAQP and quadprog are.
 

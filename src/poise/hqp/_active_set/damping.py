@@ -7,13 +7,10 @@ their bounds. What the search then solves is an ordinary problem.
 
 from math import sqrt
 
-import numpy as np
-from jaxtyping import Float64
-
 from poise.hqp._active_set.kernels import norm_of
 from poise.hqp._active_set.least_squares import solve_damped
 from poise.hqp._active_set.optimum import factor_level, solve_level
-from poise.hqp._active_set.workspace import EQUALITY, Factor, LeastSquares, Problem, Work
+from poise.hqp._active_set.workspace import EQUALITY, Factor, LeastSquares, Problem, Vector, Work
 from poise.hqp._tolerances import SINGULAR_ROUNDS, SINGULAR_TOLERANCE
 from poise.linalg import part
 
@@ -48,9 +45,7 @@ def damp_equalities(problem: Problem, work: Work) -> None:
 
 
 @part
-def _missing_square(
-    damping: float, factor: Factor, room: Float64[np.ndarray, " r"], level: int
-) -> float:
+def _missing_square(damping: float, factor: Factor, room: Vector, level: int) -> float:
     """Square of the damping that a level needs: what its least singular value lacks."""
     if damping == 0.0 or factor.rank[level] == 0:
         return 0.0
@@ -60,7 +55,7 @@ def _missing_square(
 
 
 @part
-def _least_singular_value(factor: Factor, room: Float64[np.ndarray, " r"], level: int) -> float:
+def _least_singular_value(factor: Factor, room: Vector, level: int) -> float:
     """Of the pivots' triangle L, by inverse iteration with L L^T."""
     begin, first, rank = factor.begin[level], factor.first[level], factor.rank[level]
     v, least = room[:rank], 0.0

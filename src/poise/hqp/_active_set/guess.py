@@ -22,9 +22,6 @@ level itself D lambda is what the others leave it.
 
 from math import sqrt
 
-import numpy as np
-from jaxtyping import Float64
-
 from poise.hqp._active_set.penalties import (
     add_row,
     find_multipliers,
@@ -39,6 +36,7 @@ from poise.hqp._active_set.workspace import (
     UNKNOWN,
     Penalties,
     Problem,
+    Vector,
     Work,
     cut_penalties,
 )
@@ -92,7 +90,7 @@ def guess(problem: Problem, work: Work) -> None:
 
 
 @part
-def _soften(weights: Float64[np.ndarray, " nm"], guessed: Penalties, level: int) -> bool:
+def _soften(weights: Vector, guessed: Penalties, level: int) -> bool:
     """Sets D of a level's rows while it is at hand; returns whether it has any."""
     total, count = 0.0, 0
     for i in range(len(guessed.level)):
@@ -142,7 +140,7 @@ def _correct(guessed: Penalties, level: int, count: int) -> int:
 
 
 @part
-def _hold(weights: Float64[np.ndarray, " nm"], guessed: Penalties, level: int, count: int) -> int:
+def _hold(weights: Vector, guessed: Penalties, level: int, count: int) -> int:
     """Holds what a level reached; returns how many rows keep the compliance they had.
 
     Where a level has slack, its rows and those that hold it up stay active.
@@ -174,9 +172,7 @@ def _hold(weights: Float64[np.ndarray, " nm"], guessed: Penalties, level: int, c
 
 
 @part
-def _find_slack(
-    weights: Float64[np.ndarray, " nm"], guessed: Penalties, level: int, count: int
-) -> float:
+def _find_slack(weights: Vector, guessed: Penalties, level: int, count: int) -> float:
     """What a level's active rows miss, weighted; zero where that is next to nothing."""
     square = size = reach = 0.0
     for j in range(len(guessed.y)):

@@ -6,21 +6,19 @@ and written a quarter as often.
 
 from math import sqrt
 
-import numpy as np
-from jaxtyping import Float64, Int64
-
+from poise.hqp._active_set.workspace import Indices, Matrix, Vector
 from poise.linalg import part
 
 
 @part
-def copy(to: Float64[np.ndarray, " n"], x: Float64[np.ndarray, " n"]) -> None:
+def copy(to: Vector, x: Vector) -> None:
     """Copies numbers; NumPy's way would compile the words of an error that cannot happen."""
     for i in range(len(to)):
         to[i] = x[i]
 
 
 @part
-def norm_of(x: Float64[np.ndarray, " n"]) -> float:
+def norm_of(x: Vector) -> float:
     """The Euclidean norm of a vector."""
     square = 0.0
     for i in range(len(x)):
@@ -29,9 +27,7 @@ def norm_of(x: Float64[np.ndarray, " n"]) -> float:
 
 
 @part
-def multiply(
-    A: Float64[np.ndarray, "m n"], x: Float64[np.ndarray, " n"], out: Float64[np.ndarray, " m"]
-) -> None:
+def multiply(A: Matrix, x: Vector, out: Vector) -> None:
     """Out <- A x."""
     for i in range(len(A)):
         row, total = A[i], 0.0
@@ -41,9 +37,7 @@ def multiply(
 
 
 @part
-def make_reflection(
-    x: Float64[np.ndarray, " n"], v: Float64[np.ndarray, " n"], norm: float
-) -> float:
+def make_reflection(x: Vector, v: Vector, norm: float) -> float:
     """The reflection that turns a row into (-+norm, 0, ..., 0), away from its first number.
 
     Args:
@@ -65,7 +59,7 @@ def make_reflection(
 
 
 @part
-def reflect(x: Float64[np.ndarray, " n"], v: Float64[np.ndarray, " n"], tau: float) -> None:
+def reflect(x: Vector, v: Vector, tau: float) -> None:
     """X <- (I - tau v v^T) x.
 
     Args:
@@ -82,14 +76,7 @@ def reflect(x: Float64[np.ndarray, " n"], v: Float64[np.ndarray, " n"], tau: flo
 
 
 @part
-def reflect_rows(
-    X: Float64[np.ndarray, "m n"],
-    begin: int,
-    end: int,
-    column: int,
-    v: Float64[np.ndarray, " k"],
-    tau: float,
-) -> None:
+def reflect_rows(X: Matrix, begin: int, end: int, column: int, v: Vector, tau: float) -> None:
     """Reflects rows from a column on.
 
     Args:
@@ -127,12 +114,7 @@ def reflect_rows(
 
 @part
 def add_rows(
-    total: Float64[np.ndarray, " n"],
-    rows: Float64[np.ndarray, "m n"],
-    factors: Float64[np.ndarray, " s"],
-    chosen: Int64[np.ndarray, " c"],
-    count: int,
-    offset: int,
+    total: Vector, rows: Matrix, factors: Vector, chosen: Indices, count: int, offset: int
 ) -> None:
     """Adds combinations of rows to a vector.
 
@@ -161,7 +143,7 @@ def add_rows(
 
 
 @part
-def choose_nonzero(x: Float64[np.ndarray, " n"], chosen: Int64[np.ndarray, " c"]) -> int:
+def choose_nonzero(x: Vector, chosen: Indices) -> int:
     """Lists the places of the numbers that are not zero; returns how many they are."""
     count = 0
     for j in range(len(x)):

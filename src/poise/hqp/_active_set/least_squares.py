@@ -6,11 +6,8 @@ least. Pivots that the contradiction does not touch have no coefficient in C, so
 reaches them, however large the slack of the others is.
 """
 
-import numpy as np
-from jaxtyping import Float64
-
 from poise.hqp._active_set.kernels import copy, make_reflection, norm_of, reflect, reflect_rows
-from poise.hqp._active_set.workspace import Factor, LeastSquares
+from poise.hqp._active_set.workspace import Factor, LeastSquares, Vector
 from poise.hqp._tolerances import CANCELLATION, DEPENDENCE_TOLERANCE
 from poise.linalg import part
 
@@ -138,9 +135,7 @@ def _solve_tall(
 
 
 @part
-def solve_damped(
-    squares: LeastSquares, count: int, damping: float, u: Float64[np.ndarray, " r"]
-) -> None:
+def solve_damped(squares: LeastSquares, count: int, damping: float, u: Vector) -> None:
     """Least squares of the columns in T, and of damping times u = 0.
 
     Args:

@@ -10,7 +10,6 @@ wrong is the optimum, and mostly they get there in fewer factorisations than sin
 """
 
 import numpy as np
-from jaxtyping import Float64
 
 from poise.hqp._active_set.kernels import copy, multiply, norm_of
 from poise.hqp._active_set.multipliers import FIRST, LARGEST, deactivate_wrong_signs
@@ -18,13 +17,15 @@ from poise.hqp._active_set.workspace import (
     EQUALITY,
     STEPPING,
     Answer,
+    Matrix,
     Points,
     Problem,
     Rows,
     State,
+    Vector,
     Work,
 )
-from poise.hqp._measure import find_residuals
+from poise.hqp._measure import find_residuals, find_slacks
 from poise.hqp._tolerances import (
     ADD_RATIOS,
     DROP_RATIOS,
@@ -165,11 +166,7 @@ def _step_until_blocked(problem: Problem, rows: Rows, points: Points, state: Sta
 
 
 @part
-def find_values(
-    A: Float64[np.ndarray, "m n"],
-    x: Float64[np.ndarray, " n"],
-    values: Float64[np.ndarray, " nm"],
-) -> None:
+def find_values(A: Matrix, x: Vector, values: Vector) -> None:
     """Values of all bounds and rows at a point.
 
     Args:
@@ -182,12 +179,7 @@ def find_values(
 
 
 @part
-def find_violations(
-    problem: Problem,
-    rows: Rows,
-    x: Float64[np.ndarray, " n"],
-    values: Float64[np.ndarray, " nm"],
-) -> float:
+def find_violations(problem: Problem, rows: Rows, x: Vector, values: Vector) -> float:
     """How far, signed, a point violates each inactive row, by the row's norm.
 
     Args:
@@ -260,3 +252,32 @@ def is_better(problem: Problem, rows: Rows, points: Points, answer: Answer) -> b
         if not abs(old - new) <= room:
             return bool(new < old)
     return True
+
+
+@part
+def measure(problem: Problem, work: Work) -> bool:
+    """Slacks of all rows, residuals of all levels; returns whether all that was found is finite.
+
+    Args:
+        problem: the problem.
+        work: whose answer is found at its point.
+    """
+    answer, values = work.answer, work.points.values
+    lower, upper, weights, level = problem.lower, problem.upper, problem.weights, work.rows.level
+    find_slacks(lower, upper, values, answer.slacks)
+    find_residuals(lower, upper, weights, level, values, answer.residuals)
+    # The levels' scales are their residuals at x = 0.
+    work.rows.violation[:] = 0.0
+    find_residuals(lower, upper, weights, level, work.rows.violation, answer.relative)
+    for p in range(len(answer.residuals)):
+        answer.relative[p] = answer.residuals[p] / max(answer.relative[p], 1.0)
+    total = 0.0
+    for j in range(len(work.points.x)):
+        total += abs(work.points.x[j])
+    for i in range(len(answer.slacks)):
+        total += abs(answer.slacks[i])
+        for p in range(len(work.duals.multipliers)):
+            total += abs(work.duals.multipliers[p, i])
+    for p in range(len(answer.residuals)):
+        total += answer.residuals[p]
+    return bool(total < np.inf)

@@ -1,23 +1,27 @@
-"""Multipliers at the optimum of an active set, level by level, and what they say about it."""
+"""Multipliers at the optimum of an active set, level by level, and what they say about it.
+
+Whether they may be believed is asked of the problem's own rows, not of those that were factored.
+"""
 
 from math import sqrt
 
 import numpy as np
-from jaxtyping import Float64
 
-from poise.hqp._active_set.final_cost import find_gradient
-from poise.hqp._active_set.kernels import copy, norm_of, reflect
+from poise.hqp._active_set.kernels import add_rows, copy, norm_of, reflect
+from poise.hqp._active_set.optimum import find_gradient
 from poise.hqp._active_set.workspace import (
     EQUALITY,
     Duals,
     Factor,
+    Matrix,
     Points,
     Problem,
     Rows,
     State,
+    Vector,
     Work,
 )
-from poise.hqp._tolerances import DUAL_TOLERANCE, FEASIBILITY_TOLERANCE
+from poise.hqp._tolerances import DUAL_TOLERANCE, FEASIBILITY_TOLERANCE, OPTIMALITY_TOLERANCE
 from poise.linalg import part
 
 LARGEST, FIRST = 2.0, 3.0
@@ -78,12 +82,7 @@ def deactivate_wrong_signs(problem: Problem, work: Work, ratio: float) -> int:
 
 @part
 def _take_slacks(
-    problem: Problem,
-    rows: Rows,
-    factor: Factor,
-    points: Points,
-    found: Float64[np.ndarray, " nm"],
-    level: int,
+    problem: Problem, rows: Rows, factor: Factor, points: Points, found: Vector, level: int
 ) -> int:
     """Takes slacks as multipliers; deactivates those of the wrong sign, and returns how many."""
     wrong = 0
@@ -116,7 +115,7 @@ def _deactivate_slack(problem: Problem, rows: Rows, points: Points, index: int) 
 
 
 @part
-def _find_level_gradient(factor: Factor, gradient: Float64[np.ndarray, " n"], level: int) -> float:
+def _find_level_gradient(factor: Factor, gradient: Vector, level: int) -> float:
     """The gradient of half a level's squared slack, in y; returns its size before cancellation."""
     first, square = factor.first[level], 0.0
     gradient[:first] = 0.0
@@ -149,12 +148,7 @@ def _find_cost_gradient(problem: Problem, work: Work) -> float:
 
 
 @part
-def _balance(
-    factor: Factor,
-    gradient: Float64[np.ndarray, " n"],
-    found: Float64[np.ndarray, " nm"],
-    level: int,
-) -> None:
+def _balance(factor: Factor, gradient: Vector, found: Vector, level: int) -> None:
     """Multipliers of the levels above that balance the gradient; only pivots have one."""
     for upper in range(level - 1, -1, -1):
         begin, first = factor.begin[upper], factor.first[upper]
@@ -234,3 +228,92 @@ def _free_signs(rows: Rows, factor: Factor, level: int, size: float) -> None:
         own = abs(factor.bound[place]) + factor.size[place] * reach
         if slack * factor.size[place] > DUAL_TOLERANCE * size or slack > DUAL_TOLERANCE * own:
             rows.sign_free[factor.order[place]] = 1
+
+
+# --- whether they may be believed ---------------------------------------------------------------
+
+
+@part
+def is_optimal(problem: Problem, work: Work) -> bool:
+    """Whether rows are where they should be, everything balances, and every sign is right.
+
+    Args:
+        problem: the problem.
+        work: whose point and multipliers are to be the optimum's.
+    """
+    if work.states[0].doubtful != 0:
+        return False
+    factor, duals, norm = work.factor, work.duals, work.rows.norm
+    levels, gradient = len(factor.rank), duals.gradient
+    reach = _reach(factor, work.points.x)
+    worst = _row_error(problem, work.rows, work.factor, work.points.values, reach)
+    for level in range(levels):
+        if factor.begin[level] < factor.begin[level + 1]:
+            gradient[:] = 0.0
+            worst = max(worst, _imbalance(problem.A, norm, factor, duals, level, 0.0))
+    size = 0.0
+    for i in range(len(gradient)):
+        size = max(size, abs(problem.g[i]), abs(problem.H[i, i]) * reach)
+    copy(gradient, work.cost.gradient)
+    worst = max(worst, _imbalance(problem.A, norm, factor, duals, levels, size))
+    return bool(worst <= OPTIMALITY_TOLERANCE)
+
+
+@part
+def _row_error(problem: Problem, rows: Rows, factor: Factor, values: Vector, reach: float) -> float:
+    """How far rows are from where they should be, relatively; inactive ones inside their bounds."""
+    worst = 0.0
+    for place in range(factor.begin[len(factor.rank)]):
+        index = factor.order[place]
+        bound = factor.bound[place]
+        miss = abs(values[index] * problem.weights[index] - bound - factor.slack[place])
+        scale = abs(bound) + factor.size[place] * reach
+        # Written so that NaN is an error, too.
+        if not (miss < np.inf and abs(bound) < np.inf):
+            return np.inf
+        if miss > worst * scale:
+            worst = miss / scale
+    for i in range(len(values)):
+        if rows.side[i] == 0:
+            miss = max(values[i] - problem.upper[i], problem.lower[i] - values[i], 0.0)
+            scale = rows.norm[i] * reach
+            if not miss < np.inf:
+                return np.inf
+            if miss > worst * scale:
+                worst = miss / scale if scale > 0.0 else np.inf
+    return worst
+
+
+@part
+def _reach(factor: Factor, x: Vector) -> float:
+    """How far x is, or would be if it met the rows that are active one by one."""
+    reach = norm_of(x)
+    for place in range(factor.begin[len(factor.rank)]):
+        if factor.size[place] > 0.0:
+            reach = max(reach, abs(factor.bound[place]) / factor.size[place])
+    return reach
+
+
+@part
+def _imbalance(
+    A: Matrix, norm: Vector, factor: Factor, duals: Duals, level: int, size: float
+) -> float:
+    """What a level's multipliers, times the rows, leave of its gradient, relatively."""
+    gradient, chosen, found = duals.gradient, duals.chosen, duals.multipliers[level]
+    n, count = len(gradient), 0
+    for place in range(factor.begin[len(factor.rank)]):
+        index = factor.order[place]
+        multiplier = found[index]
+        size = max(size, abs(multiplier) * norm[index])
+        if index < n:
+            gradient[index] += multiplier
+        elif multiplier != 0.0:
+            chosen[count] = index - n
+            count += 1
+    add_rows(gradient, A, found, chosen, count, n)
+    left = 0.0
+    for j in range(n):
+        if not abs(gradient[j]) < np.inf:
+            return np.inf
+        left = max(left, abs(gradient[j]))
+    return left / size if left > 0.0 else left

@@ -2,22 +2,14 @@
 
 from math import hypot, sqrt
 
-import numpy as np
-from jaxtyping import Float64, Int64
-
 from poise.hqp._active_set.kernels import choose_nonzero
-from poise.hqp._active_set.workspace import EQUALITY, Penalties, Problem
+from poise.hqp._active_set.workspace import EQUALITY, Indices, Matrix, Penalties, Problem, Vector
 from poise.hqp._tolerances import FLOOR, RIDGE
 from poise.linalg import part
 
 
 @part
-def prepare_rows(
-    problem: Problem,
-    guessed: Penalties,
-    chosen: Int64[np.ndarray, " nm"],
-    shift: Float64[np.ndarray, " nm"],
-) -> None:
+def prepare_rows(problem: Problem, guessed: Penalties, chosen: Indices, shift: Vector) -> None:
     """Finds C, all rows M with their norms, and the rows' values at x_0; no row is active.
 
     Args:
@@ -52,9 +44,7 @@ def prepare_rows(
 
 
 @part
-def _factor_cost(
-    H: Float64[np.ndarray, "n n"], C: Float64[np.ndarray, "n n"], begin: Int64[np.ndarray, " nm"]
-) -> None:
+def _factor_cost(H: Matrix, C: Matrix, begin: Indices) -> None:
     """C of H, a little of whose trace is added to its diagonal, for it may be singular.
 
     Rows of C begin where those of H do, which `begin` receives: H is often a few blocks.
@@ -84,12 +74,7 @@ def _factor_cost(
 
 
 @part
-def _invert(
-    C: Float64[np.ndarray, "n n"],
-    begin: Int64[np.ndarray, " nm"],
-    index: int,
-    column: Float64[np.ndarray, " n"],
-) -> None:
+def _invert(C: Matrix, begin: Indices, index: int, column: Vector) -> None:
     """A column of C^-1."""
     column[:] = 0.0
     for k in range(index, len(column)):
@@ -102,12 +87,7 @@ def _invert(
 
 
 @part
-def _add_combination(
-    total: Float64[np.ndarray, " n"],
-    M: Float64[np.ndarray, "nm n"],
-    factors: Float64[np.ndarray, " n"],
-    chosen: Int64[np.ndarray, " nm"],
-) -> None:
+def _add_combination(total: Vector, M: Matrix, factors: Vector, chosen: Indices) -> None:
     """Adds C^-1 times a vector, of which most is zero; four columns at once, as in `add_rows`."""
     n, count, i = len(factors), choose_nonzero(factors, chosen), 0
     while i + 4 <= count:
@@ -215,7 +195,7 @@ def remove_row(guessed: Penalties, place: int, count: int) -> None:
 
 
 @part
-def find_multipliers(guessed: Penalties, count: int, out: Float64[np.ndarray, " nm"]) -> None:
+def find_multipliers(guessed: Penalties, count: int, out: Vector) -> None:
     """Multipliers of the first rows of `order`.
 
     Args:

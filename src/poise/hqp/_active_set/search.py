@@ -5,7 +5,6 @@ there: inactive rows that are violated, active rows whose multiplier has the wro
 """
 
 import numpy as np
-from jaxtyping import Float64, Int64
 
 from poise.hqp._active_set.damping import damp_equalities
 from poise.hqp._active_set.guess import guess
@@ -18,12 +17,12 @@ from poise.hqp._active_set.moves import (
     find_violations,
     is_better,
     leap,
+    measure,
     move_to_target,
     step,
 )
-from poise.hqp._active_set.multipliers import deactivate_wrong_signs
+from poise.hqp._active_set.multipliers import deactivate_wrong_signs, is_optimal
 from poise.hqp._active_set.optimum import find_optimum
-from poise.hqp._active_set.verdict import is_optimal, measure
 from poise.hqp._active_set.workspace import (
     BEGINNING,
     EQUALITY,
@@ -33,10 +32,13 @@ from poise.hqp._active_set.workspace import (
     LEAPING,
     NOTHING,
     STEPPING,
+    Indices,
+    Matrix,
     Problem,
     Rows,
     State,
     States,
+    Vector,
     Work,
     cut,
 )
@@ -50,17 +52,17 @@ problem, with an answer that is no number."""
 
 @compiled
 def search(
-    A: Float64[np.ndarray, "m n"],
-    lower: Float64[np.ndarray, " nm"],
-    upper: Float64[np.ndarray, " nm"],
-    weights: Float64[np.ndarray, " nm"],
-    H: Float64[np.ndarray, "n n"],
-    g: Float64[np.ndarray, " n"],
-    damping: Float64[np.ndarray, " p"],
-    starts: Int64[np.ndarray, " p1"],
+    A: Matrix,
+    lower: Vector,
+    upper: Vector,
+    weights: Vector,
+    H: Matrix,
+    g: Vector,
+    damping: Vector,
+    starts: Indices,
     bounds_level: int,
-    floats: Float64[np.ndarray, " f"],
-    ints: Int64[np.ndarray, " i"],
+    floats: Vector,
+    ints: Indices,
     states: States,
     changes: int,
 ) -> int:

@@ -8,8 +8,7 @@ from jaxtyping import Float64, Int64
 from poise.errors import ConfigurationError, ProblemError
 from poise.hqp._active_set.search import CONVERGED, LOST, UNFINISHED, UNSOUND, search
 from poise.hqp._active_set.workspace import STATE, Work, cut
-from poise.hqp._level import Level, Numbers
-from poise.hqp._problem import HierarchicalProblem
+from poise.hqp._problem import HierarchicalProblem, Level, Numbers
 from poise.hqp._solution import LexicographicSolution, Solution, SolveStatus, failure
 from poise.hqp._tolerances import RELAXED, changes_allowed
 from poise.linalg import say_if_slow

@@ -11,6 +11,11 @@ from jaxtyping import Float64, Int64
 
 from poise.linalg import compiled, part
 
+Vector = Float64[np.ndarray, " _"]
+Matrix = Float64[np.ndarray, "_ _"]
+Indices = Int64[np.ndarray, " _"]
+"""What compiled functions take; shapes stand with the fields of the groups."""
+
 BEGINNING, EXCHANGING, LEAPING, STEPPING = range(4)
 """Phases of the search."""
 
@@ -333,20 +338,13 @@ class Work(NamedTuple):
 
 
 class _Buffers(NamedTuple):
-    floats: Float64[np.ndarray, " f"]
-    ints: Int64[np.ndarray, " i"]
+    floats: Vector
+    ints: Indices
     state: State
 
 
 @compiled
-def cut(
-    floats: Float64[np.ndarray, " f"],
-    ints: Int64[np.ndarray, " i"],
-    states: States,
-    n: int,
-    m: int,
-    levels: int,
-) -> Work:
+def cut(floats: Vector, ints: Indices, states: States, n: int, m: int, levels: int) -> Work:
     """Cuts two buffers up into everything the search needs.
 
     Args:
@@ -485,14 +483,14 @@ def cut_penalties(problem: Problem, work: Work) -> Penalties:
 
 
 @part
-def _floats(buffers: _Buffers, count: int) -> Float64[np.ndarray, " c"]:
+def _floats(buffers: _Buffers, count: int) -> Vector:
     begin = buffers.state.floats
     buffers.state.floats = begin + count
     return buffers.floats[begin : begin + count]
 
 
 @part
-def _matrix(buffers: _Buffers, rows: int, columns: int) -> Float64[np.ndarray, "r c"]:
+def _matrix(buffers: _Buffers, rows: int, columns: int) -> Matrix:
     numbers = _floats(buffers, rows * columns)
     if len(numbers) < rows * columns:
         return numbers[:0].reshape((0, columns))
@@ -500,7 +498,7 @@ def _matrix(buffers: _Buffers, rows: int, columns: int) -> Float64[np.ndarray, "
 
 
 @part
-def _ints(buffers: _Buffers, count: int) -> Int64[np.ndarray, " c"]:
+def _ints(buffers: _Buffers, count: int) -> Indices:
     begin = buffers.state.ints
     buffers.state.ints = begin + count
     return buffers.ints[begin : begin + count]
