@@ -17,7 +17,7 @@ from poise.control import (
     WholeBodyController,
 )
 from poise.errors import PoiseError
-from poise.hqp.problem import HierarchicalProblem
+from poise.hqp import HierarchicalProblem
 from poise.robots import load_robot
 from poise.sim import Plant
 

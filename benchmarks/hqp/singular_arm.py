@@ -11,8 +11,7 @@ from benchmarks.hqp.source import Progress, Source
 from benchmarks.hqp.velocity_problem import equalities, velocity_problem
 from poise.control._differential_ik._bounds import VelocityBounds
 from poise.dynamics import Dynamics, RobotState
-from poise.hqp.level import Level
-from poise.hqp.problem import HierarchicalProblem
+from poise.hqp import HierarchicalProblem, Level
 from poise.robots import Robot, load_robot
 from poise.stack import JointLimit
 

@@ -8,7 +8,7 @@ import numpy as np
 from poise.control import ReducedController, WholeBodyController
 from poise.dynamics import Partitions
 from poise.dynamics._chain_coordinates import CENTROID_DIM
-from poise.hqp.problem import HierarchicalProblem
+from poise.hqp import HierarchicalProblem
 from studies.finding import Finding
 from studies.plan import Progress, StudyOptions
 from studies.reduced_dynamics.walk_run import STACK, STANCES, WalkRun, walk_run

@@ -13,7 +13,7 @@ from poise.control import CommandStatus, ReducedController, WholeBodyController
 from poise.control._fallback import DAMPING_SHARE, DECAY_TIME
 from poise.control._whole_body import WholeResolver
 from poise.dynamics import RobotState
-from poise.hqp.solution import SolveStatus
+from poise.hqp import SolveStatus
 from poise.stack import ComTask, PostureTask, Stack, SurfaceContact, TorqueLimit
 
 

@@ -13,8 +13,7 @@ from benchmarks.hqp.copying import copy_problem
 from benchmarks.hqp.packed import FLOATS
 from benchmarks.hqp.problem_set import ProblemSequence, load_folder, load_sequence, save_sequence
 from poise.errors import ConfigurationError, PoiseError, ProblemError, UnknownNameError
-from poise.hqp.level import Level
-from poise.hqp.problem import HierarchicalProblem
+from poise.hqp import HierarchicalProblem, Level
 
 PROBLEMS = Path(__file__).parents[3] / "problems"
 

@@ -11,9 +11,7 @@ from benchmarks.hqp.problem_set import ProblemSequence
 from benchmarks.hqp.race import BATCH, COLD, GIVEN_UP, LATE, PATIENCE, WARM, Runner, take_turns
 from benchmarks.hqp.table import format_hqp_table
 from poise.errors import ConfigurationError
-from poise.hqp.level import Level
-from poise.hqp.problem import HierarchicalProblem
-from poise.hqp.strategies import solve
+from poise.hqp import HierarchicalProblem, Level, solve
 
 
 def conflict(height: float = 4.0) -> HierarchicalProblem:

@@ -9,9 +9,8 @@ from poise.control._formulation import FullFormulation
 from poise.control._reduced._resolver import ReducedResolver
 from poise.control._reduced._task_rows import assign
 from poise.dynamics import Dynamics, Partitions
-from poise.hqp.cascade import CascadeSolver
-from poise.hqp.optimality import certify_point
-from poise.hqp.strategies import make_solver
+from poise.hqp import certify_point, make_solver
+from poise.hqp._cascade import CascadeSolver
 from poise.stack import (
     ComTask,
     FrameTask,
