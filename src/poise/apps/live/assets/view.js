@@ -62,7 +62,7 @@ function makeHandles({ scene, camera, controls, draw }) {
     const place = new T.Group();
     const handle = new T.TransformControls(camera, controls.domElement);
     handle.attach(place);
-    handle.setSize(0.5);
+    handle.setSize(0.75); // Arrows of some 0.2 m, seen from the first place.
     handle.enabled = handle.getHelper().visible = false;
     handle.addEventListener("change", draw);
     scene.add(place, handle.getHelper());

@@ -156,21 +156,38 @@ window.poiseScene = (canvas, { bodies, geometries, meshes }, height, { fov, shad
     fill.setIndex(fan);
     const look = { color, transparent: true, side: T.DoubleSide };
     const made = new T.Group();
-    made.add(new T.LineLoop(outline, new T.LineBasicMaterial({ color })));
+    made.add(new T.LineLoop(outline, new T.LineBasicMaterial({ color, depthTest: false })));
     made.add(new T.Mesh(fill, new T.MeshBasicMaterial({ ...look, opacity: 0.22, depthWrite: false })));
     scene.add(made);
     return made;
   }
 
   // ---- drawing -------------------------------------------------------------------------------------
+  // The next picture waits until the graphics are done with the last one: a browser that draws in
+  // software would otherwise hold up everything else that the page does.
+  const gl = renderer.getContext();
   let pending = false;
+  let last = null;
+  function busy() {
+    if (last !== null && gl.clientWaitSync(last, 0, 0) !== gl.TIMEOUT_EXPIRED) {
+      gl.deleteSync(last);
+      last = null;
+    }
+    return last !== null;
+  }
+  function render() {
+    if (busy()) {
+      setTimeout(() => requestAnimationFrame(render), 5);
+      return;
+    }
+    pending = false;
+    renderer.render(scene, camera);
+    last = gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
+    gl.flush();
+  }
   function draw() {
-    if (pending) return;
+    if (!pending) requestAnimationFrame(render);
     pending = true;
-    requestAnimationFrame(() => {
-      pending = false;
-      renderer.render(scene, camera);
-    });
   }
   function resize() {
     const { clientWidth: width, clientHeight: tall } = canvas.parentElement;
