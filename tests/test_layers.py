@@ -30,7 +30,7 @@ MUJOCO_USERS = ("sim/", "apps/scenarios/_replay.py")
 
 OPTIONAL = (
     "mujoco", "matplotlib", "mcap", "tqdm", "imageio", "qpsolvers", "osqp", "proxsuite", "piqp",
-    "clarabel", "quadprog", "example_robot_data", "viser", "websockets", "pygame",
+    "clarabel", "quadprog", "example_robot_data", "websockets", "pygame",
 )  # fmt: skip
 
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float64
 
-from poise.apps.live._inputs import LiveHands, OperatorInputs
+from poise.apps.live._inputs import LiveFeet, OperatorInputs
 from poise.apps.live._log import LOG_SUFFIX, LiveLog, Takes
 from poise.apps.scenarios import sole_corners
 from poise.apps.teleoperation import TELEOP_PLANT, teleop_setup
@@ -41,7 +41,7 @@ class Snapshot:
         zmp_reference: of it [m].
         com: estimated [m].
         soles: left and right [m].
-        hands: likewise [m].
+        handles: where the operator holds the left and the right foot [m].
         target: where the foot in the air is sent [m].
         polygon: the support polygon's corners, counter-clockwise [m].
         margin: of the ZMP to the polygon's nearest edge, negative outside [m].
@@ -63,7 +63,7 @@ class Snapshot:
     zmp_reference: Float64[np.ndarray, "2"]
     com: Float64[np.ndarray, "3"]
     soles: Float64[np.ndarray, "2 3"]
-    hands: Float64[np.ndarray, "2 3"]
+    handles: Float64[np.ndarray, "2 3"]
     target: Float64[np.ndarray, "3"] | None
     polygon: Float64[np.ndarray, "h 2"]
     margin: float
@@ -303,7 +303,7 @@ class LiveLoop:
         self.takes.sample(tick, sample)
         command = self.controller.step(state, sample)
         plant.step(command)
-        self.log.note(self.controller, command, self._hands.offset, driven=sample is not None)
+        self.log.note(self.controller, command, self._feet.offset, driven=sample is not None)
         if plant.fallen:
             self.takes.flush()
 
@@ -318,9 +318,9 @@ class LiveLoop:
         """Robot, controller and device as at the beginning."""
         self.plant.reset()
         self.controller = StepTeleoperator(self.robot)
-        self._hands = LiveHands(self._inputs, self.controller)
+        self._feet = LiveFeet(self._inputs, self.controller)
         self._device = (
-            self._hands
+            self._feet
             if self._recording is None
             else self._recording.device(robot=self.robot.name, dt=self._dt)
         )
@@ -361,7 +361,7 @@ class LiveLoop:
         if status is None:
             return self.snapshot
         offset = self._offset()
-        self._hands.offset = offset
+        self._feet.offset = offset
         flat = offset[:2]
         polygon = support_polygon(controller, status)
         return Snapshot(
@@ -372,7 +372,7 @@ class LiveLoop:
             zmp_reference=status.zmp_reference + flat,
             com=status.com + offset,
             soles=np.array(status.soles) + offset,
-            hands=np.array(self._hands.places) + offset,
+            handles=np.array(self._feet.places) + offset,
             target=None if status.target is None else status.target + offset,
             polygon=polygon + flat,
             margin=distance_inside(polygon, status.zmp),

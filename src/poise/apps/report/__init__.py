@@ -3,8 +3,10 @@
 Nothing of the simulator is imported here, and matplotlib only when a page is written.
 """
 
+from poise.apps.report._page import asset
 from poise.apps.report._record import Check, Event, RunRecord, SoleTrack, SupportPhase, TaskTrack
 from poise.apps.report._replay import ForceTrack, Geometry, MarkerTrack, Replay
+from poise.apps.report._replay_payload import shapes_payload
 from poise.apps.report._write import write_report
 
 __all__ = [
@@ -18,5 +20,7 @@ __all__ = [
     "SoleTrack",
     "SupportPhase",
     "TaskTrack",
+    "asset",
+    "shapes_payload",
     "write_report",
 ]
