@@ -65,7 +65,7 @@ def test_a_file_becomes_nested_dataclasses():
 IN_FILES = {
     "unknown": (
         "wheels:\n- radius: 1\n  spoks: 3",
-        r"c:3: unknown key in .*wheels\[0\].*'spoks'.*spokes",
+        r"c:3: wheels\[0\] has an unknown key; got 'spoks'.*spokes",
     ),
     "missing": (
         "wheels:\n- spokes: 3",
@@ -83,8 +83,8 @@ IN_FILES = {
     "mapping": ("wheels: [3]", r"wheels\[0\] has the wrong kind; got 3; wanted keys with values"),
     "length": ("offset: [1, 2]", r"offset has the wrong kind; got \[1, 2\]; wanted 3 numbers"),
     "element": ("offset:\n- 1\n- x\n- 3", r"c:3: offset\[1\] has the wrong kind; got 'x'"),
-    "alias": ("begin: 1", "unknown key in c:1; got 'begin'"),
-    "hidden": ("made_by: me", "unknown key in c:1; got 'made_by'"),
+    "alias": ("begin: 1", "c:1 has an unknown key; got 'begin'"),
+    "hidden": ("made_by: me", "c:1 has an unknown key; got 'made_by'"),
     "key": ("1: 2", "a key of c is not text; got 1"),
     "own": (
         "wheels:\n- {radius: 1}\n- {radius: 1, spokes: 13}",

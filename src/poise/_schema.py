@@ -24,7 +24,6 @@ from pydantic_core import (
     core_schema,
 )
 
-from poise._yaml import LinedDict, LinedList
 from poise.errors import ConfigurationError, PoiseError, UnknownNameError
 
 LARGEST = 1e9
@@ -286,7 +285,7 @@ def _check_keys(keys: Mapping[str, bool], data: object) -> object:
             if not isinstance(key, str):
                 raise key_error("a key of {subject} is not text", got=key, wanted="a name")
             if key not in keys:
-                raise key_error("unknown key in {subject}", key=key, got=key, choices=keys)
+                raise key_error("{subject} has an unknown key", key=key, got=key, choices=keys)
         for key, needed in keys.items():
             if needed and key not in data:
                 raise key_error(f"{{subject}} lacks the key {key!r}", got=sorted(data))
@@ -316,7 +315,8 @@ def _explain(
     file = f"{where}:{line}" if line else where
     subject = f"{file}: {path}" if path else file
     if kind == "poise":
-        return context["problem"].located(subject)
+        own: PoiseError = context["problem"]
+        return own if data is None and not path else own.located(subject)
     if kind == "keys":
         return error(context["what"].format(subject=subject), **context["said"])
     if kind == "literal_error":
