@@ -21,13 +21,13 @@ from poise._schema import (
     read,
 )
 from poise._yaml import read_yaml
-from poise.errors import ConfigurationError, PoiseError, RobotError, ScenarioError, UnknownNameError
+from poise.errors import ConfigurationError, PoiseError, RobotError, ScenarioError
 
 
 @checked()
 @dataclass(frozen=True, kw_only=True)
 class Wheel:
-    radius: Annotated[float, Bounds(above=0.0, most=2.0, unit="m")]
+    radius: Annotated[float, Bounds(positive=True, most=2.0, unit="m")]
     spokes: Count = 12
 
     def __post_init__(self):
@@ -99,7 +99,7 @@ def test_what_is_wrong_in_a_file_is_said_with_its_line(case):
     text, message = IN_FILES[case]
     with pytest.raises(PoiseError, match=message) as error:
         cart(text)
-    assert isinstance(error.value, ScenarioError | UnknownNameError | ConfigurationError)
+    assert isinstance(error.value, ConfigurationError)
     assert "\n" not in str(error.value)
 
 
@@ -130,11 +130,11 @@ def test_a_checked_dataclass_stays_a_frozen_dataclass_that_can_be_replaced():
 @pytest.mark.parametrize(
     ("bounds", "inside", "outside"),
     [
-        (Bounds(above=0.0), [1e-300, 1e9], [0.0, -1.0, 1.1e9]),
+        (Bounds(positive=True), [1e-300, 1e9], [0.0, -1.0, 1.1e9]),
         (Bounds(least=0.0), [0.0, 1e9], [-1e-300, np.inf]),
         (Bounds(least=-1.0, most=1.0), [-1.0, 1.0], [-1.01, 1.01]),
         (Bounds(most=2.0), [-2.0, 2.0], [-2.1, 2.1, np.nan]),
-        (Bounds(above=0.0, below=1.0), [0.5], [0.0, 1.0]),
+        (Bounds(positive=True, below=1.0), [0.5], [0.0, 1.0]),
     ],
 )
 def test_bounds_are_kept_to_the_end(bounds, inside, outside):

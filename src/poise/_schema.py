@@ -14,7 +14,13 @@ from typing import Annotated, Any, TypeVar, get_type_hints
 
 import numpy as np
 from jaxtyping import Float64
-from pydantic import ConfigDict, GetCoreSchemaHandler, TypeAdapter, ValidationError
+from pydantic import (
+    ConfigDict,
+    GetCoreSchemaHandler,
+    StringConstraints,
+    TypeAdapter,
+    ValidationError,
+)
 from pydantic.fields import FieldInfo
 from pydantic_core import (
     ArgsKwargs,
@@ -24,7 +30,7 @@ from pydantic_core import (
     core_schema,
 )
 
-from poise.errors import ConfigurationError, PoiseError, UnknownNameError
+from poise.errors import ConfigurationError, PoiseError
 
 LARGEST = 1e9
 """No number is larger, whatever its unit: no robot needs it, and its powers overflow."""
@@ -50,15 +56,15 @@ class Bounds:
     """What a number has to be; finite in any case, and no truth value.
 
     Attributes:
-        above: it is larger than this.
-        least: it is this or larger; where neither is given, `-most`.
+        positive: whether it is above zero.
+        least: it is this or larger; `-most` where it need not be positive either.
         below: it is smaller than this.
         most: it is no larger than this.
         whole: whether it is a whole number.
         unit: for messages.
     """
 
-    above: float | None = None
+    positive: bool = False
     least: float | None = None
     below: float | None = None
     most: float = LARGEST
@@ -70,10 +76,8 @@ class Bounds:
         """What is wanted, in words."""
         kind = "whole number" if self.whole else "number"
         upper = f"below {self.below:g}" if self.below is not None else f"up to {self.most:g}"
-        if self.above == 0.0:
+        if self.positive:
             said = f"a positive {kind} {upper}"
-        elif self.above is not None:
-            said = f"a {kind} above {self.above:g}, {upper}"
         elif self.least is not None:
             said = f"a {kind} of at least {self.least:g}, {upper}"
         else:
@@ -81,14 +85,14 @@ class Bounds:
         return f"{said} [{self.unit}]" if self.unit else said
 
     def __get_pydantic_core_schema__(self, _: Any, __: GetCoreSchemaHandler) -> CoreSchema:
-        least = self.least if self.least is not None or self.above is not None else -self.most
+        least = -self.most if self.least is None else self.least
         schema = core_schema.no_info_before_validator_function(
             _as_plain,
             core_schema.float_schema(
                 strict=True,
                 allow_inf_nan=False,
-                gt=self.above,
-                ge=least,
+                gt=0.0 if self.positive else None,
+                ge=None if self.positive else least,
                 lt=self.below,
                 le=self.most,
                 multiple_of=1.0 if self.whole else None,
@@ -113,15 +117,6 @@ class Wanting:
         self, source: Any, handler: GetCoreSchemaHandler
     ) -> CoreSchema:
         return _wanting(self.wanted, handler(source))
-
-
-class Words:
-    """A text that is not empty, without the space around it."""
-
-    def __get_pydantic_core_schema__(self, _: Any, __: GetCoreSchemaHandler) -> CoreSchema:
-        return _wanting(
-            "a text", core_schema.str_schema(strict=True, strip_whitespace=True, min_length=1)
-        )
 
 
 @dataclass(frozen=True)
@@ -154,12 +149,19 @@ class Vector:
         return items
 
 
-Text = Annotated[str, Words()]
+Text = Annotated[
+    str,
+    StringConstraints(strict=True, strip_whitespace=True, min_length=1),
+    Wanting("a text"),
+]
+"""A text that is not empty, without the space around it."""
+
 Number = Annotated[float, Bounds()]
-Positive = Annotated[float, Bounds(above=0.0)]
+Positive = Annotated[float, Bounds(positive=True)]
 NotNegative = Annotated[float, Bounds(least=0.0)]
+Ratio = Annotated[float, Bounds(positive=True, below=1.0)]
 Seconds = Annotated[float, Bounds(least=0.0, unit="s")]
-Duration = Annotated[float, Bounds(above=0.0, unit="s")]
+Duration = Annotated[float, Bounds(positive=True, unit="s")]
 Count = Annotated[int, Bounds(least=1.0, whole=True)]
 Triple = Annotated[tuple[float, float, float], Vector(3)]
 Point = Annotated[Float64[np.ndarray, "3"], Vector(3)]
@@ -321,7 +323,7 @@ def _explain(
         return error(context["what"].format(subject=subject), **context["said"])
     if kind == "literal_error":
         choices = re.findall(r"'([^']*)'", context["expected"])
-        return UnknownNameError(f"{file}: unknown {path}", got=value, choices=choices)
+        return error(f"{file}: unknown {path}", got=value, choices=choices)
     wanted = first["msg"] if kind == "wanted" else _WANTED.get(kind, first["msg"])
     if len(loc) < len(first["loc"]):
         return error(f"a key of {subject} is not text", got=value, wanted=wanted)

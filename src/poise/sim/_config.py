@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 from typing import Annotated, Literal
 
-from poise._schema import Bounds, Duration, Vector, checked
+from poise._schema import Bounds, Duration, Ratio, Vector, checked
 from poise.errors import ConfigurationError
 from poise.sim._disturbances import Block, Factor, LinkError, Payload
 from poise.sim._sensors import SensorConfig
@@ -28,7 +28,7 @@ class ServoConfig:
         damping: torque at 1 rad/s of error, over the torque limit [s/rad].
     """
 
-    stiffness: Annotated[float, Bounds(above=0.0, most=1e6, unit="1/rad")] = 20.0
+    stiffness: Annotated[float, Bounds(positive=True, most=1e6, unit="1/rad")] = 20.0
     damping: Annotated[float, Bounds(least=0.0, most=1e6, unit="s/rad")] = 1.0
 
 
@@ -77,7 +77,7 @@ class PlantConfig:
     payloads: tuple[Payload, ...] = ()
     joint_damping: Annotated[float, Bounds(least=0.0, most=1e6, unit="N m s/rad")] = 0.0
     joint_friction: Annotated[float, Bounds(least=0.0, most=1e6, unit="N m")] = 0.0
-    fall_height_ratio: Annotated[float, Bounds(above=0.0, below=1.0)] = 0.6
+    fall_height_ratio: Ratio = 0.6
 
     @property
     def substeps(self) -> int:

@@ -10,7 +10,7 @@ FARTHEST = 1e2
 """No place or angle in a plant is farther than this [m, rad]: MuJoCo loses its accuracy there."""
 
 Offset = Annotated[tuple[float, float, float], Vector(3, Bounds(most=FARTHEST, unit="m"))]
-Factor = Annotated[float, Bounds(above=0.0, most=1e6)]
+Factor = Annotated[float, Bounds(positive=True, most=1e6)]
 
 
 @checked()
@@ -26,7 +26,7 @@ class Push:
         duration: how long it lasts [s].
     """
 
-    body: Text
+    body: str
     force: Annotated[tuple[float, float, float], Vector(3, Bounds(unit="N"))]
     start: Seconds
     duration: Duration
@@ -54,9 +54,9 @@ class Payload:
     """
 
     frame: Text
-    mass: Annotated[float, Bounds(above=0.0, most=1e6, unit="kg")]
+    mass: Annotated[float, Bounds(positive=True, most=1e6, unit="kg")]
     offset: Offset = (0.0, 0.0, 0.0)
-    radius: Annotated[float, Bounds(above=0.0, most=1e6, unit="m")] = 0.06
+    radius: Annotated[float, Bounds(positive=True, most=1e6, unit="m")] = 0.06
 
     @property
     def inertia(self) -> float:
@@ -95,7 +95,7 @@ class Block:
 
     center: Annotated[tuple[float, float], Vector(2, Bounds(most=FARTHEST, unit="m"))]
     size: Annotated[
-        tuple[float, float, float], Vector(3, Bounds(above=0.0, most=FARTHEST, unit="m"))
+        tuple[float, float, float], Vector(3, Bounds(positive=True, most=FARTHEST, unit="m"))
     ]
     yaw: Number = 0.0
 

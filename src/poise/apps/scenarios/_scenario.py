@@ -79,7 +79,7 @@ class Reach:
     """
 
     direction: _Goal
-    share: Annotated[float, Bounds(above=0.0, most=_LARGEST)]
+    share: Annotated[float, Bounds(positive=True, most=_LARGEST)]
 
     def __post_init__(self) -> None:
         if not np.any(self.direction):

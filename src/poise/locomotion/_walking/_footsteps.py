@@ -33,7 +33,7 @@ class Platform:
     """
 
     center: Annotated[tuple[float, float], Vector(2, Bounds(unit="m"))]
-    size: Annotated[tuple[float, float, float], Vector(3, Bounds(above=0.0, unit="m"))]
+    size: Annotated[tuple[float, float, float], Vector(3, Bounds(positive=True, unit="m"))]
     yaw: Number = 0.0
 
     def heights(self, points: Float64[np.ndarray, "n 2"]) -> Float64[np.ndarray, " n"]:
@@ -128,8 +128,8 @@ _SHORTEST_SWING = 0.1
 """A foot needs this long at least from lift-off to touchdown [s]."""
 
 
-_Size = Annotated[float, Bounds(above=0.0, most=LARGEST, unit="m")]
-_Time = Annotated[float, Bounds(above=0.0, most=LARGEST, unit="s")]
+_Size = Annotated[float, Bounds(positive=True, most=LARGEST, unit="m")]
+_Time = Annotated[float, Bounds(positive=True, most=LARGEST, unit="s")]
 _Length = Annotated[float, Bounds(most=LARGEST, unit="m")]
 
 

@@ -15,7 +15,7 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float64
 
-from poise._schema import Bounds, checked
+from poise._schema import Bounds, Ratio, checked
 from poise.dynamics import RobotState
 from poise.locomotion._support import Point, SupportPolygon, sole_rectangle
 from poise.locomotion._walking._feedback import DcmFeedback, PlanShift, StepCatcher
@@ -28,7 +28,6 @@ from poise.robots import Robot
 from poise.stack import Stack, Task
 
 _Distance = Annotated[float, Bounds(least=0.0, most=LARGEST, unit="m")]
-_Fraction = Annotated[float, Bounds(above=0.0, below=1.0)]
 
 
 @checked()
@@ -49,15 +48,15 @@ class WalkSettings:
             COM, beyond which the walk is given up.
     """
 
-    dcm_gain: Annotated[float, Bounds(above=0.0, most=LARGEST, unit="1/s")] = 4.0
+    dcm_gain: Annotated[float, Bounds(positive=True, most=LARGEST, unit="1/s")] = 4.0
     zmp_margin: _Distance = 0.01
-    touchdown_force: _Fraction = 0.05
+    touchdown_force: Ratio = 0.05
     touchdown_depth: _Distance = 0.003
-    early: _Fraction = 0.5
+    early: Ratio = 0.5
     search_depth: _Distance = 0.04
-    patience: Annotated[float, Bounds(above=0.0, most=LARGEST, unit="s")] = 0.4
+    patience: Annotated[float, Bounds(positive=True, most=LARGEST, unit="s")] = 0.4
     adjust: _Distance = 0.2
-    com_bound: Annotated[float, Bounds(above=0.0, most=LARGEST)] = 0.4
+    com_bound: Annotated[float, Bounds(positive=True, most=LARGEST)] = 0.4
 
 
 class WalkStatus(Enum):
