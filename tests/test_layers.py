@@ -12,7 +12,8 @@ ROOT = Path(__file__).parents[1] / "src" / "poise"
 
 FLOORS = (
     {"errors"},
-    {"_checks", "_fields", "_compiled"},
+    {"_yaml"},
+    {"_checks", "_schema", "_compiled"},
     {"robots", "hqp"},
     {"dynamics"},
     {"stack"},

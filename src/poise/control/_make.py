@@ -1,9 +1,10 @@
 """Controllers by name, as scenario files and the command line choose them."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
+from poise._schema import NOT_IN_FILES, Duration, Text, checked
 from poise.control._controller import Controller
 from poise.control._differential_ik import METHODS, DifferentialIK
 from poise.control._osf import BIAS_FORMULAS, OperationalSpaceController
@@ -15,6 +16,7 @@ from poise.robots import Robot
 from poise.stack import Stack
 
 
+@checked()
 @dataclass(frozen=True, kw_only=True)
 class ControllerPlan:
     """Which controller, and how it solves.
@@ -28,11 +30,11 @@ class ControllerPlan:
             puts its plant's in.
     """
 
-    name: str = "whole_body"
-    strategy: str | None = None
-    backend: str | None = None
-    time_limit: float | None = None
-    dt: float = 1e-3
+    name: Text = "whole_body"
+    strategy: Text | None = None
+    backend: Text | None = None
+    time_limit: Duration | None = None
+    dt: Duration = field(default=1e-3, metadata=NOT_IN_FILES)
 
 
 @dataclass(frozen=True, kw_only=True)

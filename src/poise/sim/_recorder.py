@@ -10,9 +10,9 @@ from typing import Any, Literal
 import numpy as np
 from jaxtyping import Float64
 
+from poise._schema import Count, Duration, Seconds, checked
 from poise.control import Command
-from poise.errors import ConfigurationError, UnknownNameError
-from poise.sim._checks import require_not_negative, require_positive
+from poise.errors import UnknownNameError
 from poise.sim._foxglove import Scene
 from poise.sim._log import McapLog, Signal
 from poise.sim._plant import Plant
@@ -20,6 +20,7 @@ from poise.sim._plant import Plant
 Value = float | Float64[np.ndarray, "..."]
 
 
+@checked()
 @dataclass(frozen=True, kw_only=True)
 class RecorderConfig:
     """How much is logged, and how soon it is on the disk. Memory always keeps every sample.
@@ -32,19 +33,11 @@ class RecorderConfig:
         on_full: what happens when that many wait: "block" the run, or "drop" and count.
     """
 
-    log_dt: float = 0.005
-    scene_dt: float = 1.0 / 30.0
-    flush_dt: float = 0.25
-    capacity: int = 4096
+    log_dt: Seconds = 0.005
+    scene_dt: Seconds = 1.0 / 30.0
+    flush_dt: Duration = 0.25
+    capacity: Count = 4096
     on_full: Literal["block", "drop"] = "block"
-
-    def __post_init__(self) -> None:
-        require_not_negative("log_dt", self.log_dt)
-        require_not_negative("scene_dt", self.scene_dt)
-        require_positive("flush_dt", self.flush_dt)
-        require_positive("capacity", self.capacity)
-        if self.on_full not in ("block", "drop"):
-            raise ConfigurationError("unknown on_full", got=self.on_full, choices=("block", "drop"))
 
 
 class Recorder:

@@ -258,7 +258,7 @@ class Director:
             # Joints that are not named still arrive where the replaced motion was taking them.
             goal = start.copy() if old is None else old.course.goal
             names = task.joints or self._robot.joint_names
-            for joint, angle in motion.joints.items():
+            for joint, angle in (motion.joints or {}).items():
                 goal[names.index(joint)] = angle
             return _Running(task, motion, _course(blend, start, goal, old))
         if motion.kind == "turn" and isinstance(task, FrameTask):
@@ -300,11 +300,10 @@ class Director:
             return motion.vector
         if motion.kind == "by":
             return start + motion.vector
-        if motion.kind == "reach":
-            return reach_point(
-                self._robot, self._dynamics, _as_frame(task).frame, motion.vector, motion.share
-            )
-        ids = [self._robot.frame_id(sole) for sole in motion.soles]
+        if motion.reach is not None:
+            frame, share = _as_frame(task).frame, motion.reach.share
+            return reach_point(self._robot, self._dynamics, frame, motion.vector, share)
+        ids = [self._robot.frame_id(sole) for sole in motion.above or ()]
         middle = np.mean([self._dynamics.frame(i).position for i in ids], axis=0)
         return np.array([middle[0], middle[1], start[2]])
 
@@ -376,13 +375,13 @@ def _check_goal(motion: Motion, task: Task, robot: Robot) -> None:
             got=motion.kind,
             choices=allowed,
         )
-    for sole in motion.soles:
+    for sole in motion.above or ():
         robot.frame_id(sole)
     if motion.kind == "reach" and isinstance(task, FrameTask):
         require_arm(robot, task.frame)
     if isinstance(task, JointTask):
         names = task.joints or robot.joint_names
-        for joint, angle in motion.joints.items():
+        for joint, angle in (motion.joints or {}).items():
             _require(joint, names, f"a motion of task {task.name!r}: unknown joint")
             _check_angle(joint, angle, robot)
 

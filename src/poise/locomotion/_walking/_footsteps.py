@@ -6,16 +6,22 @@
 """
 
 import math
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from itertools import pairwise
+from typing import Annotated
 
 import numpy as np
 from jaxtyping import Float64
 
 from poise._checks import checked_number
+from poise._schema import Bounds, Number, Vector, checked
 from poise.errors import ConfigurationError
 
+LARGEST = 10.0
+"""No length, time or gain of a walk is larger, whatever its unit; most are far smaller."""
 
+
+@checked()
 @dataclass(frozen=True, kw_only=True)
 class Platform:
     """A box on the floor whose top a robot may step on.
@@ -26,19 +32,9 @@ class Platform:
         yaw: its rotation about z [rad].
     """
 
-    center: tuple[float, float]
-    size: tuple[float, float, float]
-    yaw: float = 0.0
-
-    def __post_init__(self) -> None:
-        for value in self.size:
-            checked_number(value, "size of a platform [m]", above=0.0)
-        if not all(math.isfinite(value) for value in (*self.center, self.yaw)):
-            raise ConfigurationError(
-                "place of a platform is not finite",
-                got=(*self.center, self.yaw),
-                wanted="numbers [m, rad]",
-            )
+    center: Annotated[tuple[float, float], Vector(2, Bounds(unit="m"))]
+    size: Annotated[tuple[float, float, float], Vector(3, Bounds(positive=True, unit="m"))]
+    yaw: Number = 0.0
 
     def heights(self, points: Float64[np.ndarray, "n 2"]) -> Float64[np.ndarray, " n"]:
         """The platform's height where it is under a point, else zero [m]."""
@@ -125,13 +121,19 @@ def least_jerk(time: float, duration: float) -> tuple[float, float, float]:
     )
 
 
-_MOST_STEPS = 1000
+_MOST_STEPS = 1e3
 """More steps than this are no walk but a mistake."""
 
 _SHORTEST_SWING = 0.1
 """A foot needs this long at least from lift-off to touchdown [s]."""
 
 
+_Size = Annotated[float, Bounds(positive=True, most=LARGEST, unit="m")]
+_Time = Annotated[float, Bounds(positive=True, most=LARGEST, unit="s")]
+_Length = Annotated[float, Bounds(most=LARGEST, unit="m")]
+
+
+@checked()
 @dataclass(frozen=True, kw_only=True)
 class Gait:
     """The timing and the shape of every step.
@@ -146,21 +148,15 @@ class Gait:
         settle_time: from the last touchdown to the end [s].
     """
 
-    step_time: float = 0.7
-    double_support: float = 0.15
-    swing_height: float = 0.05
-    width: float | None = None
-    crouch: float = 0.0
-    shift_time: float = 1.0
-    settle_time: float = 1.5
+    step_time: _Time = 0.7
+    double_support: _Time = 0.15
+    swing_height: _Size = 0.05
+    width: _Size | None = None
+    crouch: Annotated[float, Bounds(least=0.0, most=LARGEST, unit="m")] = 0.0
+    shift_time: _Time = 1.0
+    settle_time: _Time = 1.5
 
     def __post_init__(self) -> None:
-        for entry in fields(self):
-            value = getattr(self, entry.name)
-            if entry.name == "crouch":
-                checked_number(value, "crouch of the gait [m]")
-            elif value is not None:
-                checked_number(value, f"{entry.name} of the gait [s, m]", above=0.0)
         if self.step_time - self.double_support < _SHORTEST_SWING:
             raise ConfigurationError(
                 "the gait leaves a foot no time to swing",
@@ -174,6 +170,7 @@ class Gait:
         return self.step_time - self.double_support
 
 
+@checked()
 @dataclass(frozen=True, kw_only=True)
 class Stride:
     """A number of steps of one kind.
@@ -189,25 +186,10 @@ class Stride:
         turn: to the left, a step on average [rad].
     """
 
-    steps: int
-    length: float = 0.0
-    sideways: float = 0.0
-    turn: float = 0.0
-
-    def __post_init__(self) -> None:
-        whole = isinstance(self.steps, int) and not isinstance(self.steps, bool)  # pyright: ignore[reportUnnecessaryIsInstance]
-        if not whole or not 1 <= self.steps <= _MOST_STEPS:
-            raise ConfigurationError(
-                "number of steps of a stride is out of range",
-                got=self.steps,
-                wanted=f"1 to {_MOST_STEPS}",
-            )
-        for name in ("length", "sideways", "turn"):
-            value = getattr(self, name)
-            if not isinstance(value, int | float) or not math.isfinite(value):
-                raise ConfigurationError(
-                    f"{name} of a stride is not a number", got=value, wanted="a finite number"
-                )
+    steps: Annotated[int, Bounds(least=1.0, most=_MOST_STEPS, whole=True)]
+    length: _Length = 0.0
+    sideways: _Length = 0.0
+    turn: Annotated[float, Bounds(most=LARGEST, unit="rad")] = 0.0
 
 
 _ALONG, _ACROSS = 9, (-0.5, 0.0, 0.5)

@@ -7,19 +7,19 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from enum import Enum
+from typing import Annotated
 
 import numpy as np
 import pinocchio as pin
 from jaxtyping import Float64
 
-from poise._checks import checked_number
+from poise._schema import Bounds, Ratio, checked
 from poise.dynamics import RobotState
-from poise.errors import ConfigurationError
 from poise.locomotion._support import Point, SupportPolygon, sole_rectangle
 from poise.locomotion._walking._feedback import DcmFeedback, PlanShift, StepCatcher
-from poise.locomotion._walking._footsteps import FootstepPlan, Placement
+from poise.locomotion._walking._footsteps import LARGEST, FootstepPlan, Placement
 from poise.locomotion._walking._lead import CarriedTarget, find_led
 from poise.locomotion._walking._reach import LegReach
 from poise.locomotion._walking._reference import WalkReference
@@ -27,7 +27,10 @@ from poise.locomotion._walking._swing import SwingFoot
 from poise.robots import Robot
 from poise.stack import Stack, Task
 
+_Distance = Annotated[float, Bounds(least=0.0, most=LARGEST, unit="m")]
 
+
+@checked()
 @dataclass(frozen=True, kw_only=True)
 class WalkSettings:
     """Feedback, touchdown and limits of a walker.
@@ -45,31 +48,15 @@ class WalkSettings:
             COM, beyond which the walk is given up.
     """
 
-    dcm_gain: float = 4.0
-    zmp_margin: float = 0.01
-    touchdown_force: float = 0.05
-    touchdown_depth: float = 0.003
-    early: float = 0.5
-    search_depth: float = 0.04
-    patience: float = 0.4
-    adjust: float = 0.2
-    com_bound: float = 0.4
-
-    def __post_init__(self) -> None:
-        for field in fields(self):
-            zero = field.name in ("zmp_margin", "touchdown_depth", "search_depth", "adjust")
-            checked_number(
-                getattr(self, field.name),
-                f"{field.name} of the walk's settings",
-                above=None if zero else 0.0,
-            )
-        for name in ("touchdown_force", "early"):
-            if getattr(self, name) >= 1.0:
-                raise ConfigurationError(
-                    f"{name} of the walk's settings is out of range",
-                    got=getattr(self, name),
-                    wanted="a share below one",
-                )
+    dcm_gain: Annotated[float, Bounds(positive=True, most=LARGEST, unit="1/s")] = 4.0
+    zmp_margin: _Distance = 0.01
+    touchdown_force: Ratio = 0.05
+    touchdown_depth: _Distance = 0.003
+    early: Ratio = 0.5
+    search_depth: _Distance = 0.04
+    patience: Annotated[float, Bounds(positive=True, most=LARGEST, unit="s")] = 0.4
+    adjust: _Distance = 0.2
+    com_bound: Annotated[float, Bounds(positive=True, most=LARGEST)] = 0.4
 
 
 class WalkStatus(Enum):
