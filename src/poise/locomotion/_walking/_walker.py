@@ -122,7 +122,6 @@ class WalkSense:
         return placement.translation, placement.rotation
 
 
-_GRAVITY = 9.81
 _ENGAGE, _RELEASE = 0.4, 0.5
 """Shares of the double support in which the landed foot is loaded and the next one unloaded."""
 
@@ -184,7 +183,7 @@ class Walker:
         self.status = WalkStatus.READY
         omega = self.reference.omega
         self._sense = WalkSense(robot, plan.soles)
-        self._weight = robot.mass * _GRAVITY
+        self._weight = robot.weight
         self._feedback = DcmFeedback(omega, self.settings.dcm_gain)
         self._shift = PlanShift(omega)
         self._catcher = StepCatcher(
