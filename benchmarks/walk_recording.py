@@ -89,13 +89,13 @@ class WalkLead:
             for name in hands
         }
 
-    def advance(self, state: RobotState) -> WalkStatus:
+    def lead(self, state: RobotState) -> None:
         """Sets targets and loads of contacts for a state."""
         for name, loop in self._loops.items():
             position, velocity, acceleration = loop.at(state.time)
             acceleration[2] += self._push
             self.walker.carried[name].set_target(position, velocity, acceleration)
-        return self.walker.advance(state)
+        self.walker.lead(state)
 
     def push_hands(self, acceleration: float) -> None:
         """Asks a further acceleration of the hands from the next state on, up [m/s^2]."""
@@ -103,7 +103,7 @@ class WalkLead:
 
     def pass_by(self, state: RobotState) -> None:
         """The same where no controller steps, which would move the loads of contacts on."""
-        self.advance(state)
+        self.lead(state)
         for contact in self.stack.contacts:
             contact.advance(state.time)
 
@@ -172,7 +172,8 @@ def record_walk(
     end = min(plan.duration, seconds)
     while plant.time < end:
         state = plant.state()
-        status = lead.advance(state)
+        lead.lead(state)
+        status = lead.walker.status
         command = controller.step(state)
         plant.step(command if alter is None else alter(state, command))
         states.append(state)

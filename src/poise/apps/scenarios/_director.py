@@ -1,4 +1,4 @@
-"""`Director`: tells the tasks and contacts of a running controller what the scenario wants.
+"""`Director`: leads the tasks and contacts of a stack as a scenario wants it.
 
 How far an arm reaches, from the robot's own kinematics.
 """
@@ -94,7 +94,7 @@ class _Running:
 
 
 class Director:
-    """Moves targets and contacts of a stack along a scenario; call `advance` before each tick.
+    """Moves targets and contacts of a stack along a scenario: a `poise.stack.Leader`.
 
     Args:
         scenario: what should happen when.
@@ -102,8 +102,9 @@ class Director:
         robot: the robot.
 
     Attributes:
+        stack: what it leads.
         walker: what leads the feet and the balance of a robot that walks; None for others.
-        walk_seconds: how long the walker took in the last `advance` [s].
+        walk_seconds: how long the walker took in the last `lead` [s].
 
     Raises:
         UnknownNameError: the scenario names a task, contact, sole or joint that does not exist.
@@ -111,7 +112,7 @@ class Director:
     """
 
     def __init__(self, scenario: Scenario, stack: Stack, robot: Robot) -> None:
-        self._stack, self._robot = stack, robot
+        self.stack, self._robot = stack, robot
         self._dynamics = Dynamics(robot)
         self._motions = sorted(scenario.motions, key=lambda m: m.at)
         self._changes = sorted(scenario.contact_changes, key=lambda c: c.at)
@@ -130,7 +131,7 @@ class Director:
         if self.walker is not None:
             _check_beside_walk(scenario, self.walker, tasks)
 
-    def advance(self, state: RobotState) -> None:
+    def lead(self, state: RobotState) -> None:
         """Applies everything that is due at the state's time."""
         time = state.time
         self._changes = [c for c in self._changes if not self._apply(c, state)]
@@ -146,7 +147,7 @@ class Director:
         self._running = [r for r in self._running if not r.trajectory.is_over(time)]
         if self.walker is not None:
             begin = clock.perf_counter()
-            self.walker.advance(state)
+            self.walker.lead(state)
             self.walk_seconds = clock.perf_counter() - begin
 
     def _apply(self, change: ContactChange, state: RobotState) -> bool:
@@ -207,7 +208,7 @@ class Director:
 
     def _rests_on_contact(self, task: FrameTask) -> bool:
         # A frame in contact is where the contact holds it, whatever its old target.
-        return any(c.frame == task.frame and c.active for c in self._stack.contacts)
+        return any(c.frame == task.frame and c.active for c in self.stack.contacts)
 
     def _goal(
         self, motion: Motion, task: Task, start: Float64[np.ndarray, "3"]
