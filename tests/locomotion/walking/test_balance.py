@@ -86,6 +86,36 @@ def test_a_foothold_moves_to_where_the_error_will_have_grown_to(plan):
     assert moved[1] == 0.0
 
 
+@pytest.mark.parametrize("left", [0.1, 0.3, 0.5])
+def test_an_error_beyond_the_sole_grows_by_the_pendulum_until_the_next_foot(plan, left):
+    """Exactly e^(omega tau) of what feedback leaves over, taken from the pendulum's own motion."""
+    catcher, shift = StepCatcher(plan, OMEGA, 10.0, 0.01, 10.0), PlanShift(OMEGA)
+    stance = plan.placements(2)[1 - plan.steps[2].foot]
+    beyond = 0.01
+    room = 0.6 * (0.5 * plan.sizes[0][0] - 0.01)
+    # Without feedback xi runs away from the ZMP as cosh and sinh of omega t move c and v.
+    xi, v = np.cosh(OMEGA * left), OMEGA * np.sinh(OMEGA * left)
+    grown = beyond * (xi + v / OMEGA)
+    error, zmp = np.array([room + beyond, 0.0]), np.array(stance.position[:2])
+    catcher.advance(2, stance, error, zmp, shift, left, dt=10.0)
+    np.testing.assert_allclose(shift.coming, [grown, 0.0], rtol=1e-9, atol=1e-12)
+    # What the shift that is coming explains by then is no error any more.
+    seen = error - shift.coming * math.exp(-OMEGA * left)
+    catcher.advance(2, stance, seen, zmp, shift, left, dt=10.0)
+    np.testing.assert_allclose(shift.coming, [grown, 0.0], rtol=1e-9, atol=1e-12)
+
+
+def test_the_zmp_beside_the_middle_of_the_sole_leaves_less_room_to_its_side(plan):
+    stance = plan.placements(2)[1 - plan.steps[2].foot]
+    half, growth = 0.5 * plan.sizes[0][0], math.exp(OMEGA * 0.3)
+    zmp = np.array(stance.position[:2]) + [0.05, 0.0]
+    for error, room in ((0.1, half - 0.06), (-0.1, half + 0.04)):
+        catcher, shift = StepCatcher(plan, OMEGA, 10.0, 0.01, 10.0), PlanShift(OMEGA)
+        catcher.advance(2, stance, np.array([error, 0.0]), zmp, shift, 0.3, dt=10.0)
+        left_over = max(abs(error) - 0.6 * room, 0.0)
+        assert shift.coming[0] == pytest.approx(math.copysign(left_over, error) * growth)
+
+
 @pytest.mark.parametrize("step", [2, 3])
 @pytest.mark.parametrize("angle", np.linspace(0.0, 2.0 * math.pi, 9)[:-1])
 def test_feet_never_come_together_and_never_go_farther_than_allowed(plan, step, angle):
