@@ -30,7 +30,7 @@ _CORE = (
 )
 
 _CLAVICLE_OFFSET = 0.62
-"""The clavicle joint's distance from the middle, as a share of the shoulder's."""
+"""The clavicle joint's distance from the middle, over the shoulder's."""
 
 _JOINT_WEIGHT, _LENGTH_WEIGHT, _HAND_WEIGHT = 1.0, 12.0, 1.2
 """Shares of an arm's mass: a joint's motor, a whole arm's length of structure, the hand."""
@@ -190,7 +190,7 @@ def add_leg(tree: Tree, side: Literal["left", "right"], p: Proportions) -> None:
         p: size and mass.
     """
     sign = 1.0 if side == "left" else -1.0
-    mass = p.mass * p.leg_share / 2.0
+    mass = p.mass * p.leg_mass_ratio / 2.0
     free = p.hip_height * p.height - ANKLE_HEIGHT * p.scale
     thigh, shin = 0.505 * free, 0.495 * free
     hip = (0.0, sign * p.hip_offset, 0.0)

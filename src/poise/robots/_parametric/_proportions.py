@@ -24,8 +24,8 @@ class Proportions:
         sole_length: length of a foot [m].
         sole_width: width of a foot [m].
         hip_offset: from the middle to a hip [m].
-        hip_height: height of the hips over the soles as a share of the height.
-        leg_share: share of the mass in both legs.
+        hip_height: height of the hips over the soles, over the height.
+        leg_mass_ratio: mass of both legs over the whole.
         accent: colour of the covers.
     """
 
@@ -35,7 +35,7 @@ class Proportions:
     sole_width: Positive
     hip_offset: Positive
     hip_height: Ratio = 0.494
-    leg_share: Ratio = 0.45
+    leg_mass_ratio: Ratio = 0.45
     accent: str = "accent"
 
     def __post_init__(self) -> None:
