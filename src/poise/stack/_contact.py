@@ -148,6 +148,11 @@ class Contact(ABC):
         """Whether the contact may carry load; an inactive one does not constrain the robot."""
         return self._load.active
 
+    @property
+    def blocks(self) -> tuple[int, ...]:
+        """Sizes of the blocks of rows that share a unit: force rows, then moment rows."""
+        return (3,) * (self.dim // 3)
+
     def release(self, duration: float = 0.2) -> None:
         """Unloads the contact: its normal force bound ramps to zero, then it turns inactive.
 

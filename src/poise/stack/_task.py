@@ -207,6 +207,14 @@ class Task(ABC):
         """What `set_velocity` was given; None for nothing."""
         return self._user_velocity
 
+    @property
+    def velocity_gain(self) -> Float64[np.ndarray, " m"]:
+        """Gain of the error in the task's velocity, kp / kd [1/s]; zero without stiffness.
+
+        A PD controller with these gains lets a slow error die out at this rate.
+        """
+        return np.divide(self.kp, self.kd, out=np.zeros(self.dim), where=self.kp > 0.0)
+
     def evaluate(self, dynamics: Dynamics) -> None:
         """Fills `jacobian`, `drift`, `error`, `error_rate` and `reference` for one state.
 
