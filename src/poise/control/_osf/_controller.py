@@ -11,15 +11,14 @@ from poise.control._command import Command, CommandStatus
 from poise.control._fallback import Fallback
 from poise.control._osf._contact_forces import TOLERANCE, ContactForces
 from poise.control._osf._formulation import OperationalFormulation
-from poise.control._osf._fused import FusedResolver
 from poise.control._osf._levels import LevelRows
 from poise.control._osf._limits import DemandLimit, TorqueStep, shed
 from poise.control._osf._rank import RankTreatment
-from poise.control._osf._recursion import BIAS_FORMULAS, DERIVATIVES, PaperResolver
+from poise.control._osf._recursion import OperationalRecursion
 from poise.control._osf._scales import RowScales
 from poise.control._ticking import TickingController
-from poise.dynamics import MatrixRates, RobotState
-from poise.errors import ConfigurationError, UnknownNameError
+from poise.dynamics import RobotState
+from poise.errors import ConfigurationError
 from poise.robots import Robot
 from poise.stack import Contact, Stack, Task, checked_target
 
@@ -33,9 +32,9 @@ _SLACK = 1e-6
 class OperationalSpaceController(TickingController[Float64[np.ndarray, " nv"]]):
     """The operational space formulation with strict priorities, on any robot.
 
-    Torques come in closed form from `FusedResolver` (or, for comparison, from the paper's own
-    formulas). On a floating base contacts stand above all tasks, and `ContactForces` finds the
-    wrenches that carry the base, internal forces among them.
+    Torques come in closed form from `OperationalRecursion`. On a floating base contacts stand above
+    all tasks, and `ContactForces` finds the wrenches that carry the base, internal forces among
+    them.
 
     A level that asks for more acceleration of a joint than `demand` is damped. Other inequalities
     are no part of the formulation; they are met as follows. Joints whose acceleration
@@ -50,9 +49,6 @@ class OperationalSpaceController(TickingController[Float64[np.ndarray, " nv"]]):
     Args:
         robot: the robot.
         stack: contacts, limits and tasks; `default_stack(robot)` when None.
-        bias: formula of the bias acceleration, one of `BIAS_FORMULAS`.
-        derivative: for "original" and "proposed": how projected Jacobians are differentiated, one
-            of `DERIVATIVES`.
         rank: what happens where a task loses rank; the defaults of `RankTreatment` when None.
         demand: largest acceleration that one level asks of a joint [rad/s^2], as `DemandLimit` has
             it; `math.inf` for no bound.
@@ -68,28 +64,16 @@ class OperationalSpaceController(TickingController[Float64[np.ndarray, " nv"]]):
         robot: Robot,
         stack: Stack | None = None,
         *,
-        bias: str = "fused",
-        derivative: str = "exact",
         rank: RankTreatment | None = None,
         demand: float = 50.0,
         torque_step: Numbers | None = None,
     ) -> None:
         super().__init__(robot, stack)
-        if bias not in BIAS_FORMULAS:
-            raise UnknownNameError("no such bias formula", got=bias, choices=BIAS_FORMULAS)
-        if derivative not in DERIVATIVES:
-            raise UnknownNameError("no such derivative", got=derivative, choices=DERIVATIVES)
-        exact = bias in ("original", "proposed") and derivative == "exact"
-        self._rates = MatrixRates(robot) if exact else None
         rank = checked_kind(rank or RankTreatment(), RankTreatment, "rank of the controller")
         limit = None
         if demand != math.inf:
             limit = DemandLimit(acceleration=demand, base=robot.base_dofs)
-        self.resolver: FusedResolver | PaperResolver = (
-            FusedResolver(robot.nv, rank, limit)
-            if bias == "fused"
-            else PaperResolver(bias, rank, limit)
-        )
+        self._recursion = OperationalRecursion(robot.nv, rank, limit)
         self._scales = RowScales(robot)
         self._wrenches: dict[str, Float64[np.ndarray, " c"]] = {}
         self._set_stack(self.stack)
@@ -178,10 +162,6 @@ class OperationalSpaceController(TickingController[Float64[np.ndarray, " nv"]]):
             )
         stack.bind(self.robot)
         self._scales.learn(stack)
-        if self._rates is not None:
-            for _, task in stack.tasks():
-                # Asked once now, because inside the loop nothing may raise.
-                task.jacobian_rate(self._rates)
         self.stack = stack
         self._prepared: dict[tuple[Contact, ...], tuple[OperationalFormulation, ContactForces]] = {}
         self._current = self._prepare(self._active_contacts())
@@ -214,9 +194,7 @@ class OperationalSpaceController(TickingController[Float64[np.ndarray, " nv"]]):
         return current[0].suspended
 
     def _assemble(self) -> None:
-        if self._rates is not None:
-            self._rates.update(self.dynamics.state)
-        self._current[0].fill(self.dynamics, self._rates)
+        self._current[0].fill(self.dynamics)
         self.stack.joint_limit.evaluate(self.dynamics)
 
     def _solve(self) -> Float64[np.ndarray, " nv"]:
@@ -225,14 +203,14 @@ class OperationalSpaceController(TickingController[Float64[np.ndarray, " nv"]]):
         acceleration = self._resolve(formulation.rows)
         if not forces.solve(acceleration, self.dynamics, jacobian):
             acceleration = shed(
-                self.resolver.steps(), lambda a: forces.solve(a, self.dynamics, jacobian)
+                self._recursion.steps(), lambda a: forces.solve(a, self.dynamics, jacobian)
             )
         return acceleration
 
     def _resolve(self, rows: LevelRows) -> Float64[np.ndarray, " nv"]:
         """Accelerations of all levels, with joints held that would leave their limits."""
         limit, base = self.stack.joint_limit, self.robot.base_dofs
-        acceleration = self.resolver.resolve(rows, self.dynamics)
+        acceleration = self._recursion.resolve(rows, self.dynamics)
         self._held = np.zeros(self.robot.nj, dtype=np.bool_)
         for _ in range(_LIMIT_ROUNDS):
             joints = acceleration[base:]
@@ -244,7 +222,7 @@ class OperationalSpaceController(TickingController[Float64[np.ndarray, " nv"]]):
             self._bounds = np.where(self._held, self._bounds, target)
             self._held |= outside
             index = np.flatnonzero(self._held)
-            acceleration = self.resolver.resolve(
+            acceleration = self._recursion.resolve(
                 rows.with_joints(
                     index + base, self._bounds[index], self._scales.joints[index + base]
                 ),

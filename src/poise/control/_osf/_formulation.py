@@ -5,9 +5,9 @@ from itertools import accumulate, pairwise
 
 import numpy as np
 
-from poise.control._osf._levels import LevelRows, RowRates
+from poise.control._osf._levels import LevelRows
 from poise.control._osf._scales import RowScales
-from poise.dynamics import Dynamics, MatrixRates
+from poise.dynamics import Dynamics
 from poise.robots import Robot
 from poise.stack import Contact, Stack, is_held
 
@@ -56,13 +56,11 @@ class OperationalFormulation:
             self.rows.scale[rows] = scales.of(owner)
         self.rows.scale[self.contact_dim : physics] = scales.base[: self._base]
 
-    def fill(self, dynamics: Dynamics, rates: MatrixRates | None = None) -> None:
+    def fill(self, dynamics: Dynamics) -> None:
         """Writes one state's rows.
 
         Args:
             dynamics: the state, up to date.
-            rates: derivatives of the robot's matrices for the same state, where the rows' exact
-                derivatives are wanted; those of the base's own equation count as zero.
         """
         jacobian, drift, reference = self.rows.jacobian, self.rows.drift, self.rows.reference
         for contact, rows in self._contact_rows:
@@ -75,16 +73,6 @@ class OperationalFormulation:
             task.evaluate(dynamics)
             jacobian[rows], drift[rows] = task.jacobian, task.drift
             reference[rows] = task.reference
-        if rates is not None:
-            self.rows.rates = self._row_rates(dynamics, rates)
-
-    def _row_rates(self, dynamics: Dynamics, rates: MatrixRates) -> RowRates:
-        found = np.zeros_like(self.rows.jacobian)
-        for contact, rows in self._contact_rows:
-            found[rows] = contact.jacobian_rate(dynamics, rates)
-        for task, rows in self.task_rows:
-            found[rows] = task.jacobian_rate(rates)
-        return RowRates(found, rates.mass_matrix)
 
     def _fill_base(self, dynamics: Dynamics) -> None:
         base = self._base

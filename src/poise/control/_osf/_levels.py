@@ -1,23 +1,10 @@
-"""`LevelRows`: the rows of all levels of one state, stacked, for any of the resolvers."""
+"""`LevelRows`: the rows of all levels of one state, stacked."""
 
 import itertools
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float64, Int64
-
-
-@dataclass(slots=True, eq=False)
-class RowRates:
-    """Derivatives that only the formulas with projected Jacobians need.
-
-    Attributes:
-        jacobian: Jdot_i, stacked.
-        mass_matrix: dM/dt.
-    """
-
-    jacobian: Float64[np.ndarray, "t nv"]
-    mass_matrix: Float64[np.ndarray, "nv nv"]
 
 
 @dataclass(slots=True, eq=False)
@@ -31,7 +18,6 @@ class LevelRows:
         scale: what a row is multiplied by where ranks are decided: its weight over the mobility
             sqrt(J M^-1 J^T) that its block of rows has in the home posture.
         slices: rows of each level.
-        rates: derivatives, None where nobody asked for them.
         firm: number of leading levels that no `DemandLimit` touches: the physics, and joints that
             are held.
     """
@@ -41,7 +27,6 @@ class LevelRows:
     reference: Float64[np.ndarray, " t"]
     scale: Float64[np.ndarray, " t"]
     slices: list[slice]
-    rates: RowRates | None = None
     firm: int = 1
 
     @staticmethod
@@ -81,10 +66,6 @@ class LevelRows:
         first, count = self.slices[0].stop, len(index)
         selection = np.zeros((count, self.jacobian.shape[1]))
         selection[np.arange(count), index] = 1.0
-        rates = self.rates
-        if rates is not None:
-            still = np.zeros_like(selection)
-            rates = RowRates(_insert(rates.jacobian, still, first), rates.mass_matrix)
         moved = [slice(s.start + count, s.stop + count) for s in self.slices[1:]]
         return LevelRows(
             jacobian=_insert(self.jacobian, selection, first),
@@ -92,7 +73,6 @@ class LevelRows:
             reference=_insert(self.reference, acceleration, first),
             scale=_insert(self.scale, scale, first),
             slices=[self.slices[0], slice(first, first + count), *moved],
-            rates=rates,
             firm=2,
         )
 

@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float64
-from scipy.linalg import lapack
 
 from poise._checks import checked_number
 from poise.errors import ConfigurationError
@@ -81,36 +80,3 @@ def rank_of(level: int, firm: int, tasks: RankTreatment) -> RankTreatment:
     if level >= firm:
         return tasks
     return HELD_RANK if level else PHYSICS_RANK
-
-
-def invert(
-    matrix: Float64[np.ndarray, "m m"], scale: Float64[np.ndarray, " m"], rank: RankTreatment
-) -> tuple[Float64[np.ndarray, "m m"], Float64[np.ndarray, "m m"]]:
-    """Inverse of J M^-1 J^T, as far as its rank goes.
-
-    Args:
-        matrix: symmetric, positive semidefinite; its lower triangle is used.
-        scale: scale of each row of J, as in `LevelRows`.
-        rank: what happens to directions that are lost.
-
-    Returns:
-        The plain inverse where nothing is lost, otherwise with the shares of `rank`; and what that
-        is the inverse of: `matrix` itself, or what its shares make of it, zero along directions
-        that are left alone.
-    """
-    if not len(scale):
-        return matrix, matrix
-    scaled = matrix * scale * scale[:, None]
-    shifted = scaled.copy()
-    shifted.flat[:: len(scale) + 1] -= rank.high * rank.high
-    if lapack.dpotrf(shifted, lower=1)[1] == 0:
-        factor, _ = lapack.dpotrf(scaled, lower=1)
-        inverse, _ = lapack.dpotri(factor, lower=1, overwrite_c=1)
-        inverse = np.tril(inverse)
-        inverse += np.tril(inverse, -1).T
-        return inverse * scale * scale[:, None], matrix
-    squares, U = np.linalg.eigh(scaled)
-    share, gain = rank.shares(squares)
-    kept = np.divide(1.0, gain, out=np.zeros_like(gain), where=share > 0.0)
-    shared = ((U * kept) @ U.T) / scale / scale[:, None]
-    return ((U * gain) @ U.T) * scale * scale[:, None], shared
