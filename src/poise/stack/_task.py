@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from poise._checks import Numbers
-from poise.dynamics import Dynamics, MatrixRates
+from poise.dynamics import Dynamics
 from poise.errors import ConfigurationError
 from poise.robots import Robot
 from poise.stack._axes import checked_gain, checked_target
@@ -234,26 +234,6 @@ class Task(ABC):
 
     def reset(self) -> None:  # noqa: B027 - most tasks have nothing to forget
         """Forgets targets that the task took from the robot itself, not those a user set."""
-
-    def jacobian_rate(
-        self,
-        rates: MatrixRates,  # noqa: ARG002
-    ) -> Float64[np.ndarray, "m nv"]:
-        """Exact time derivative of `jacobian`, for the state that was evaluated last.
-
-        Only formulas that differentiate projected Jacobians ask for it; a task of your own can do
-        without.
-
-        Args:
-            rates: derivatives of the robot's matrices for the same state.
-
-        Raises:
-            ConfigurationError: the task has none.
-        """
-        raise ConfigurationError(
-            f"task {self.name!r} has no exact derivative of its Jacobian",
-            wanted='derivative="numerical", or bias="fused", which needs none',
-        )
 
     @property
     def blocks(self) -> tuple[int, ...]:
