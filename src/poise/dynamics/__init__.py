@@ -4,6 +4,7 @@ from poise.dynamics._chain_coordinates import ChainFactors, from_coordinates, to
 from poise.dynamics._dynamics import Dynamics, FrameKinematics, RobotState
 from poise.dynamics._partition import HangingChain, Partition, Partitions, Selection
 from poise.dynamics._reduction import ReducedDynamics
+from poise.dynamics._trajectory import Quintic, least_jerk
 from poise.dynamics._vectors import rotation_sine, rotation_vector, saturate
 
 __all__ = [
@@ -13,10 +14,12 @@ __all__ = [
     "HangingChain",
     "Partition",
     "Partitions",
+    "Quintic",
     "ReducedDynamics",
     "RobotState",
     "Selection",
     "from_coordinates",
+    "least_jerk",
     "rotation_sine",
     "rotation_vector",
     "saturate",
