@@ -11,7 +11,7 @@ from benchmarks.stances import STACKS, STANCES
 from benchmarks.subject import Subject
 from benchmarks.tick import tick_results
 from poise.errors import ConfigurationError, UnknownNameError
-from poise.hqp.strategies import make_solver
+from poise.hqp import make_solver
 from poise.robots import load_robot
 
 JOINTS = (20, 24, 28, 33, 37, 41, 45, 50, 55, 60)

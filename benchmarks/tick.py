@@ -15,7 +15,7 @@ from benchmarks.stances import STACKS, STANCES, check_biped
 from benchmarks.subject import Subject
 from poise.control import CONTROLLERS
 from poise.errors import ConfigurationError, UnknownNameError
-from poise.hqp.strategies import make_solver
+from poise.hqp import make_solver
 from poise.robots import load_robot
 
 WARM_UP = 30

@@ -5,9 +5,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from poise.apps.report._plots._sheet import WIDTH
-from poise.apps.report._plots._style import house_style, inline_svg
+from poise.apps.report import house_style, inline_svg
 from poise.errors import ConfigurationError, MissingExtraError
+
+WIDTH = 12.0
+"""Width of every figure [in]: 1152 px, so that a 9 pt label is 12 px high on the page."""
 
 _NAME = re.compile(r"[a-z0-9][a-z0-9-]*")
 _FONTS = "system-ui, 'Segoe UI', Roboto, 'Helvetica Neue', Arial, 'DejaVu Sans', sans-serif"

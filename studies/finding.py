@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from math import isfinite
 from typing import Any
 
-from poise.apps.report._plots._style import number
+from benchmarks.drawing import number
 from poise.errors import ConfigurationError
 
 _IN_FULL = 1e9

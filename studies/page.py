@@ -3,7 +3,7 @@
 import re
 from html import escape
 
-from poise.apps.report._page import html_document
+from poise.apps.report import html_document
 from studies.figure import Figure
 from studies.film import Film
 from studies.finding import Finding, number_text

@@ -1,5 +1,6 @@
 """`RigidPlant`: the true robot, integrated from its equation of motion."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -7,7 +8,6 @@ import pinocchio as pin
 from jaxtyping import Float64
 
 from benchmarks.fixed_base.gravity import Gravity
-from poise._checks import checked_number
 from poise.errors import ConfigurationError
 from poise.robots import Robot
 
@@ -60,8 +60,8 @@ class RigidPlant:
                 wanted=f"{robot.nq} finite joint angles [rad]",
             )
         self._gravity = gravity or Gravity()
-        self._step = checked_number(step, "step of the plant [s]", above=0.0)
-        scale = checked_number(inertia_scale, "inertia_scale of the plant", above=0.0)
+        self._step = _checked_positive(step, "step of the plant [s]")
+        scale = _checked_positive(inertia_scale, "inertia_scale of the plant")
         self.robot = with_gravity(robot, self._gravity.at(0.0))
         model = self.robot.model
         for i in range(1, model.njoints):
@@ -121,6 +121,12 @@ class RigidPlant:
             set_gravity(self.robot, self._gravity.at(time))
         # Copied: the workspace is overwritten by the next stage.
         return pin.aba(model, self._data, q, v, torque).copy()
+
+
+def _checked_positive(value: float, what: str) -> float:
+    if not (math.isfinite(value) and value > 0.0):
+        raise ConfigurationError(f"{what} is out of range", got=value, wanted="a number > 0")
+    return value
 
 
 def with_gravity(robot: Robot, vertical: float) -> Robot:

@@ -1,7 +1,7 @@
 """`copy_problem`: a problem of its own, from a controller that fills one storage every tick."""
 
 from benchmarks.hqp.packed import FLOATS
-from poise.hqp.problem import HierarchicalProblem
+from poise.hqp import HierarchicalProblem
 
 
 def copy_problem(problem: HierarchicalProblem) -> HierarchicalProblem:

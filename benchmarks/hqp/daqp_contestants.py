@@ -8,7 +8,7 @@ from jaxtyping import Float64, Int32
 
 from benchmarks.hqp.contestant import Answer
 from benchmarks.hqp.daqp_rows import DaqpRows, daqp_rows
-from poise.hqp.problem import HierarchicalProblem
+from poise.hqp import HierarchicalProblem
 
 PRIMAL_TOLERANCE = 1e-10
 """On rows, in DAQP's units; its default of 1e-6 would miss `LEVEL_TOLERANCE` by itself."""

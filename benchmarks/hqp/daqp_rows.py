@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float64, Int32
 
-from poise.hqp.problem import HierarchicalProblem
+from poise.hqp import HierarchicalProblem
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -4,10 +4,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from benchmarks.drawing import INK, line_style, plain_number
 from benchmarks.hqp.methods import REFERENCE
 from benchmarks.hqp.profile import Profile, profiles_of
 from benchmarks.hqp.race import COLD, WARM, Lap
-from poise.apps.report._plots._style import INK, house_style, line_style, plain_number
+from poise.apps.report import house_style
 
 LARGEST_FACTOR = 1024.0
 """Where the axis ends at the latest: what is slower than this is slow."""

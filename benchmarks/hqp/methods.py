@@ -5,8 +5,7 @@ from collections.abc import Sequence
 from benchmarks.hqp.contestant import Contestant, LexlsContestant, StrategyContestant
 from benchmarks.hqp.daqp_contestants import DaqpHard, DaqpHierarchical
 from poise.errors import MissingExtraError, UnknownNameError
-from poise.hqp.backends import ACCURACY, make_backend
-from poise.hqp.strategies import make_solver
+from poise.hqp import ACCURACY, make_solver
 
 REFERENCE = "lexls"
 """What every other method is compared with."""
@@ -93,7 +92,7 @@ def _missing(method: str) -> MissingExtraError | None:
     if backend not in ACCURACY:
         return None
     try:
-        make_backend(backend)
+        make_solver("cascade", backend)
     except MissingExtraError as reason:
         return reason
     return None

@@ -15,7 +15,7 @@ from benchmarks.teleop_recording import Walk, WalkTick, record_walk
 from poise.control import DifferentialIK
 from poise.dynamics import Dynamics
 from poise.errors import PoiseError
-from poise.hqp.problem import HierarchicalProblem
+from poise.hqp import HierarchicalProblem
 from poise.robots import Robot, load_robot
 from poise.stack import ComTask, FrameTask, PostureTask, Stack, SurfaceContact
 

@@ -15,8 +15,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from poise.errors import ConfigurationError
-from poise.hqp.level import Level
-from poise.hqp.problem import HierarchicalProblem
+from poise.hqp import HierarchicalProblem, Level
 
 _MARGIN = (0.1, 2.0)
 """How far an inequality that is not active is from its bounds."""

@@ -6,9 +6,7 @@ from functools import partial
 
 from benchmarks.hqp.copying import copy_problem, shape_of
 from benchmarks.hqp.source import Progress, Source
-from poise.apps.scenarios import load_scenario
-from poise.apps.scenarios._controllers import controller_of, with_actuation
-from poise.apps.scenarios._director import Director
+from poise.apps.scenarios import load_scenario, stage_scenario
 from poise.control import (
     Controller,
     ControllerPlan,
@@ -17,9 +15,8 @@ from poise.control import (
     WholeBodyController,
 )
 from poise.errors import PoiseError
-from poise.hqp.problem import HierarchicalProblem
-from poise.robots import load_robot
-from poise.sim import Plant
+from poise.hqp import HierarchicalProblem
+from poise.sim import rollout
 
 _PATIENCE = 2.0
 """A step is waited for so long after the time from which it counts [s]."""
@@ -63,23 +60,14 @@ def record_window(
     scenario = replace(load_scenario(window.scenario), robot=window.robot)
     if window.plan is not None:
         scenario = replace(scenario, controller=window.plan)
-    scenario = with_actuation(scenario)
-    robot = load_robot(scenario.robot)
-    controller = controller_of(scenario, robot)
-    director = Director(scenario, controller.stack, robot)
-    plant = Plant(robot, scenario.plant, seed=scenario.seed)
-    for push in scenario.pushes:
-        plant.push(push.body, push.force_on(robot.mass), push.duration, push.at)
-    dt = scenario.plant.control_dt
-    begin = round(window.at / dt)
-    tick, found, before = 0, 0, -1
+    stage = stage_scenario(scenario)
+    plant, controller = stage.plant, stage.controller
+    begin = round(window.at / plant.control_dt)
+    found, before = 0, -1
     shape: tuple[int, ...] = ()
-    while found < count:
-        state = plant.state()
-        director.lead(state)
-        command = controller.step(state)
+    for tick in rollout(plant, controller, stage.leader):
         feet = sum(contact.active for contact in controller.stack.contacts)
-        if found == 0 and tick >= begin and _begins(window, feet, before):
+        if found == 0 and tick.index >= begin and _begins(window, feet, before):
             shape = shape_of(problem_of(controller))
         if shape:
             problem = problem_of(controller)
@@ -87,16 +75,18 @@ def record_window(
                 return
             found += 1
             yield copy_problem(problem)
-        plant.step(command)
-        before, tick = feet, tick + 1
-        if progress is not None and tick % 50 == 0:
-            progress(tick, max(tick, begin + count))
-        if plant.fallen or (not shape and plant.time > window.at + _PATIENCE):
-            what = "a fall" if plant.fallen else "no change of contacts"
-            raise PoiseError(
-                f"{robot.name} was not recorded in {scenario.name!r}",
-                got=f"{what} at {plant.time:.3f} s",
-            )
+            if found == count:
+                return
+        before = feet
+        if progress is not None and tick.index % 50 == 49:
+            progress(tick.index + 1, max(tick.index + 1, begin + count))
+        if not shape and plant.time > window.at + _PATIENCE:
+            break
+    what = "a fall" if plant.fallen else "no change of contacts"
+    raise PoiseError(
+        f"{scenario.robot} was not recorded in {scenario.name!r}",
+        got=f"{what} at {plant.time:.3f} s",
+    )
 
 
 def problem_of(controller: Controller) -> HierarchicalProblem:

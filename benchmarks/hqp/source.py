@@ -6,7 +6,7 @@ from itertools import islice
 
 from benchmarks.hqp.problem_set import ProblemSequence
 from poise.errors import ConfigurationError
-from poise.hqp.problem import HierarchicalProblem
+from poise.hqp import HierarchicalProblem
 
 Progress = Callable[[int, int], None]
 """Called with what is done and what there is in all."""

@@ -7,6 +7,17 @@ Nothing here is raised inside the control loop: there a status comes back instea
 import difflib
 from collections.abc import Iterable
 
+__all__ = [
+    "ConfigurationError",
+    "MissingExtraError",
+    "PoiseError",
+    "ProblemError",
+    "RobotError",
+    "ScenarioError",
+    "TargetError",
+    "UnknownNameError",
+]
+
 _MAX_CHOICES = 60
 """More names than this do not help a reader; the nearest ones are shown first."""
 

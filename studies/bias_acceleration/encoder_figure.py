@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from poise.apps.report._plots._style import power_of_ten
+from benchmarks.drawing import power_of_ten
 from studies.bias_acceleration.cup import CupTrace
 from studies.bias_acceleration.side_by_side import PAPER_FORMULAS, SideBySide
 from studies.bias_acceleration.signals import draw_signal

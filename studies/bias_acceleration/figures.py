@@ -4,7 +4,7 @@ from collections.abc import Callable
 from fractions import Fraction
 from typing import Any
 
-from poise.apps.report._plots._style import PALETTE
+from benchmarks.drawing import PALETTE
 from studies.bias_acceleration import cost_model as cost
 from studies.bias_acceleration.cases import FIGURE_2, SWEEPS, Sweep
 from studies.figure import Figure, draw

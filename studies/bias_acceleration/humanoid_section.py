@@ -6,8 +6,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float64
 
-from poise.apps.report._plots._sheet import decimate
-from poise.apps.report._plots._style import PALETTE
+from benchmarks.drawing import PALETTE, decimate
 from poise.apps.scenarios import Run, load_scenario, run_scenario
 from poise.control import ControllerPlan
 from studies.figure import Figure, draw

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from poise.apps.report._plots._style import plain_number
+from benchmarks.drawing import plain_number
 from studies.bias_acceleration.cup import FORMULAS, CupRun, CupTrace, carry_cup
 from studies.bias_acceleration.encoder_runs import ENCODER
 from studies.bias_acceleration.signals import COLOURS, DASHES, degrees_most

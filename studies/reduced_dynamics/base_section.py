@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float64
 
-from poise.apps.report._plots._style import PALETTE
+from benchmarks.drawing import PALETTE
 from studies.figure import Figure, draw
 from studies.finding import Finding
 from studies.plan import Progress, StudyOptions

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float64, Int64
 
-from poise.apps.report._plots._style import PALETTE, power_of_ten
+from benchmarks.drawing import PALETTE, power_of_ten
 from studies.figure import Figure, draw
 from studies.finding import Finding
 from studies.plan import Progress, StudyOptions

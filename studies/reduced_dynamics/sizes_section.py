@@ -6,12 +6,14 @@ import numpy as np
 
 from poise.control import ReducedController, WholeBodyController
 from poise.dynamics import Partitions
-from poise.dynamics._chain_coordinates import CENTROID_DIM
-from poise.hqp.problem import HierarchicalProblem
+from poise.hqp import HierarchicalProblem
 from studies.finding import Finding
 from studies.plan import Progress, StudyOptions
 from studies.reduced_dynamics.walk_run import STACK, STANCES, WalkRun, walk_run
 from studies.section import Cell, Section, Table
+
+_CENTROID_DIM = 6
+"""Coordinates of a chain's centroid."""
 
 _PROSE = (
     "The stack is Table 1 of the paper; end effectors are both hands, and in single support the "
@@ -113,7 +115,7 @@ def _findings(stance: str, s: _Sizes) -> list[Finding]:
 def _weak(problem: HierarchicalProblem) -> int:
     """Unknowns of the unconstrained chain beside its one centroid."""
     name = "acceleration of the unconstrained chain"
-    return sum(count for label, count in problem.labels if label == name) - CENTROID_DIM
+    return sum(count for label, count in problem.labels if label == name) - _CENTROID_DIM
 
 
 def _tables(stance: str, s: _Sizes) -> list[Table]:

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float64
 
+from benchmarks.drawing import PALETTE
 from benchmarks.methods import Method, parse_method
 from benchmarks.recording import Alter, Recording, record_run
 from benchmarks.walk_recording import record_walk
-from poise.apps.report._plots._style import PALETTE
 from poise.dynamics import Dynamics
 from poise.errors import PoiseError
 from poise.robots import Robot, load_robot

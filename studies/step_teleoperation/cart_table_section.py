@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from poise.apps.report._plots._style import PALETTE
+from benchmarks.drawing import PALETTE
 from poise.locomotion import CartFlywheelTable, ComShifter
 from studies.figure import Figure, draw
 from studies.finding import Finding

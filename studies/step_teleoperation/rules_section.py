@@ -3,10 +3,9 @@
 from dataclasses import fields, replace
 
 from poise.apps.teleoperation import noisy, over_an_obstacle, run_teleop, switch_feet
-from poise.apps.teleoperation._bad_operator import BadOperator
-from poise.locomotion import Rules
-from poise.locomotion._stepping._rules import PAPER_RULES
+from poise.locomotion import PAPER_RULES, Rules
 from poise.robots import load_robot
+from studies.bad_operator.operator import BadOperator
 from studies.finding import Finding
 from studies.plan import Progress, StudyOptions
 from studies.progress import Steps

@@ -4,6 +4,7 @@ from poise.hqp.backends import ACCURACY
 from poise.hqp.cascade import CascadeSolver
 from poise.hqp.explain import Conflict
 from poise.hqp.level import Level
+from poise.hqp.lexls import LexicographicSolver
 from poise.hqp.optimality import Certificate, certify_point
 from poise.hqp.problem import HierarchicalProblem, LevelView
 from poise.hqp.solution import Solution, SolveStatus
@@ -19,6 +20,7 @@ __all__ = [
     "HierarchicalProblem",
     "Level",
     "LevelView",
+    "LexicographicSolver",
     "Solution",
     "SolveStatus",
     "Solver",
