@@ -23,7 +23,7 @@ import numpy as np
 from jaxtyping import Float64
 from scipy.linalg import lapack
 
-from benchmarks.fixed_base.loop import CONTROL_DT
+from benchmarks.rigid_plant import CONTROL_DT
 from poise.control import RankTreatment
 
 FIRM_RANK = RankTreatment(low=1e-5, high=1e-4)

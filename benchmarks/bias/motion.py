@@ -1,11 +1,14 @@
-"""`BiasMotion`: the tasks that `bench bias` times, and how a robot moves meanwhile."""
+"""`BiasMotion`: the tasks that `bench bias` times, and how a robot moves meanwhile.
 
+`Cubic`: the paper's smooth motion from one value to another.
+"""
+
+from dataclasses import dataclass
 from functools import reduce
 
 import numpy as np
 
-from benchmarks.fixed_base.cubic import Cubic
-from benchmarks.fixed_base.loop import CONTROL_DT
+from benchmarks.rigid_plant import CONTROL_DT
 from poise.dynamics import Dynamics
 from poise.errors import ConfigurationError
 from poise.robots import Robot
@@ -25,6 +28,32 @@ _WAY = 0.05
 
 _KP = 100.0
 """Stiffness of all tasks, critically damped [1/s^2]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cubic:
+    """A cubic polynomial from rest to rest: displacement (3 r^2 - 2 r^3) with r = t / duration.
+
+    Its acceleration jumps at both ends.
+
+    Attributes:
+        displacement: how far [unit].
+        duration: how long [s].
+    """
+
+    displacement: float
+    duration: float
+
+    def at(self, time: float) -> tuple[float, float, float]:
+        """Value, rate [unit/s] and second rate [unit/s^2] at a time [s]; still after the end."""
+        if time >= self.duration:
+            return self.displacement, 0.0, 0.0
+        r, T = time / self.duration, self.duration
+        return (
+            self.displacement * r * r * (3.0 - 2.0 * r),
+            6.0 * self.displacement * r * (1.0 - r) / T,
+            6.0 * self.displacement * (1.0 - 2.0 * r) / T**2,
+        )
 
 
 class BiasMotion:
@@ -56,14 +85,17 @@ class BiasMotion:
         if len(robot.hands) == 1:
             hand = robot.hands[0]
             place = home.frame(robot.frame_id(hand))
-            self._way, self._start = Cubic(way=_WAY, duration=DURATION), place.position.copy()
+            self._way, self._start = (
+                Cubic(displacement=_WAY, duration=DURATION),
+                place.position.copy(),
+            )
             self._moving: JointTask | FrameTask = FrameTask(hand, "position", kp=_KP)
             turning = FrameTask(hand, "orientation", kp=_KP)
             turning.set_target(rotation=place.rotation.copy())
             tasks: list[Task] = [self._moving, turning]
         else:
             torso = _shared_joints(robot)
-            self._way = Cubic(way=_TURN, duration=DURATION)
+            self._way = Cubic(displacement=_TURN, duration=DURATION)
             self._start = robot.q_home[[robot.joint_index(name) for name in torso]]
             self._moving = JointTask(torso, kp=_KP, name="torso")
             tasks = [self._moving]

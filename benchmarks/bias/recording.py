@@ -5,17 +5,16 @@ import math
 import numpy as np
 
 from benchmarks.bias.formulas import BiasTick
-from benchmarks.bias.motion import TICKS, BiasMotion
+from benchmarks.bias.motion import DURATION, TICKS, BiasMotion
 from benchmarks.bias.rates import MatrixRates
 from benchmarks.bias.recursion import PaperRecursion
 from benchmarks.bias.rows import PaperFormulation
-from benchmarks.fixed_base.gravity import EARTH
-from benchmarks.fixed_base.loop import run_loop
-from benchmarks.fixed_base.plant import RigidPlant, with_gravity
 from benchmarks.recording import Progress
+from benchmarks.rigid_plant import EARTH, RigidPlant, with_gravity
 from poise.control import OperationalSpaceController, RankTreatment
 from poise.dynamics import Dynamics, RobotState
 from poise.robots import Robot
+from poise.sim import rollout
 
 RANK = RankTreatment(low=0.02, high=0.1)
 """The torso's five joints move each other so much that one combination of them has a singular value
@@ -40,7 +39,7 @@ def record_motion(robot: Robot, progress: Progress | None = None) -> tuple[Robot
     controller = OperationalSpaceController(own, motion.stack, rank=RANK, torque_step=math.inf)
     plant = RigidPlant(robot, robot.q_home.copy())
     states: list[RobotState] = []
-    for tick in run_loop(controller, plant, motion.aim, ticks=TICKS):
+    for tick in rollout(plant, controller, lambda state: motion.aim(state.time), duration=DURATION):
         states.append(tick.state)
         if progress is not None and len(states) % 50 == 0:
             progress(float(len(states)), float(TICKS))

@@ -11,7 +11,7 @@ from benchmarks.bias.formulas import bias_original
 from benchmarks.bias.rates import MatrixRates
 from benchmarks.bias.recursion import PaperRecursion
 from benchmarks.bias.rows import PaperFormulation, PaperRows
-from benchmarks.fixed_base.plant import with_gravity
+from benchmarks.rigid_plant import with_gravity
 from poise.control import Command, CommandStatus
 from poise.dynamics import Dynamics, RobotState
 from poise.robots import Robot

@@ -8,15 +8,21 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float64
 
+from benchmarks.bias.motion import Cubic
 from benchmarks.bias.recursion import PaperRecursion
-from benchmarks.fixed_base.cubic import Cubic
-from benchmarks.fixed_base.encoder import Encoder, JointSensors
-from benchmarks.fixed_base.gravity import Gravity
-from benchmarks.fixed_base.loop import CONTROL_DT, Tick, run_loop
-from benchmarks.fixed_base.plant import RigidPlant, with_gravity
+from benchmarks.encoder import Encoder
+from benchmarks.rigid_plant import (
+    CONTROL_DT,
+    Gravity,
+    Moment,
+    RigidPlant,
+    set_gravity,
+    with_gravity,
+)
 from poise.control import OperationalSpaceController
 from poise.dynamics import Dynamics, FrameKinematics, RobotState, rotation_vector
 from poise.robots import Robot, load_robot
+from poise.sim import rollout
 from poise.stack import FrameTask, Stack
 from studies.bias_acceleration.controller import PaperController
 
@@ -127,7 +133,7 @@ class CupTasks:
         self.orientation = FrameTask(_HAND, "orientation", kp=kp, name="orientation")
         self.orientation.set_target(rotation=self.home)
         self.stack = Stack([], [[self.position], [self.orientation]])
-        self._way = Cubic(way=WAY, duration=DURATION)
+        self._way = Cubic(displacement=WAY, duration=DURATION)
         self.aim(0.0)
 
     def aim(self, time: float) -> None:
@@ -150,10 +156,10 @@ class _Recorder:
         self._up = tasks.home.T[:, 2]
         self.rows: list[tuple[float, ...]] = []
 
-    def record(self, tick: Tick) -> None:
+    def record(self, now: Moment) -> None:
         """Adds a row: sigma, sigma_true, tilt, turn, distance."""
         model, data, hand, task = self._model, self._data, self._hand, self._tasks.orientation
-        pin.forwardKinematics(model, data, tick.q, tick.v, tick.acceleration)
+        pin.forwardKinematics(model, data, now.q, now.v, now.acceleration)
         place = pin.updateFramePlacement(model, data, hand)
         axes = pin.LOCAL_WORLD_ALIGNED
         turning = pin.getFrameVelocity(model, data, hand, axes).angular
@@ -190,33 +196,44 @@ def carry_cup(
     """
     arm = load_robot("arm6")
     tasks = CupTasks(arm, run.kp)
-    plant = RigidPlant(arm, tasks.start, gravity=run.gravity, inertia_scale=run.inertia_scale)
+    plant = RigidPlant(
+        arm,
+        tasks.start,
+        gravity=run.gravity,
+        inertia_scale=run.inertia_scale,
+        encoder=run.encoder,
+    )
     controller = _controller(run, with_gravity(arm, run.gravity.at(0.0)), tasks.stack, recursion)
-    recorder, ticks = _Recorder(plant, tasks), list[Tick]()
+
+    def lead(state: RobotState) -> None:
+        if not run.gravity.constant:
+            set_gravity(controller.robot, plant.gravity)
+        tasks.aim(state.time)
+
+    recorder, states, moments = _Recorder(plant, tasks), list[RobotState](), list[Moment]()
     bias = np.full((run.ticks, 3), np.nan)
     regular, held = True, 0
-    sensors = JointSensors(run.encoder)
-    for i, tick in enumerate(
-        run_loop(controller, plant, tasks.aim, ticks=run.ticks, sensors=sensors)
-    ):
-        ticks.append(tick)
-        recorder.record(tick)
+    for tick in rollout(plant, controller, lead, duration=run.ticks * CONTROL_DT):
+        assert plant.moment is not None
+        states.append(tick.state)
+        moments.append(plant.moment)
+        recorder.record(plant.moment)
         if isinstance(controller, PaperController):
             regular = regular and controller.recursion.regular
             held += controller.outside
-            bias[i] = controller.recursion.bias[-1]
+            bias[tick.index] = controller.recursion.bias[-1]
         else:
             status = controller.status()
             regular = regular and all(task.residual < MET for task in status.tasks)
             held += "held" in status.explanation
-        if progress is not None and i % 100 == 0:
-            progress(i / run.ticks)
+        if progress is not None and tick.index % 100 == 0:
+            progress(tick.index / run.ticks)
     sigma, sigma_true, tilt, turn, distance = np.array(recorder.rows).T.copy()
     return CupTrace(
-        states=tuple(tick.state for tick in ticks),
-        time=np.array([tick.state.time for tick in ticks]),
-        torque=np.array([tick.torque for tick in ticks]),
-        gravity=np.array([tick.gravity for tick in ticks]),
+        states=tuple(states),
+        time=np.array([state.time for state in states]),
+        torque=np.array([moment.torque for moment in moments]),
+        gravity=np.array([moment.gravity for moment in moments]),
         bias=bias,
         sigma=sigma,
         sigma_true=sigma_true,

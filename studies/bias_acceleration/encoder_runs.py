@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from benchmarks.fixed_base.encoder import Encoder
+from benchmarks.encoder import Encoder
 from studies.bias_acceleration.cup import FORMULAS, KP, CupRun, CupTrace, carry_cup
 from studies.bias_acceleration.side_by_side import SideBySide, compare_along
 from studies.plan import Progress

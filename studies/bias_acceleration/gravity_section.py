@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from benchmarks.drawing import PALETTE
-from benchmarks.fixed_base.gravity import Gravity
+from benchmarks.rigid_plant import Gravity
 from poise.robots import load_robot
 from studies.bias_acceleration.controller import OldGravityRecursion
 from studies.bias_acceleration.cup import DURATION, KP, PAPER_GRAVITY, CupRun, CupTrace, carry_cup

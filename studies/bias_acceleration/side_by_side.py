@@ -9,7 +9,7 @@ from jaxtyping import Float64
 from benchmarks.bias.rates import MatrixRates
 from benchmarks.bias.recursion import PAPER_FORMULAS, FusedRecursion, PaperRecursion
 from benchmarks.bias.rows import PaperFormulation
-from benchmarks.fixed_base.plant import set_gravity, with_gravity
+from benchmarks.rigid_plant import set_gravity, with_gravity
 from poise.dynamics import Dynamics
 from poise.robots import load_robot
 from studies.bias_acceleration.cup import PAPER_GRAVITY, CupTasks, CupTrace

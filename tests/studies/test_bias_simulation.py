@@ -8,8 +8,8 @@ import sys
 import numpy as np
 import pytest
 
-from benchmarks.fixed_base.encoder import Encoder
-from benchmarks.fixed_base.gravity import Gravity
+from benchmarks.encoder import Encoder
+from benchmarks.rigid_plant import Gravity
 from poise.dynamics import Dynamics, RobotState
 from poise.robots import load_robot
 from studies.bias_acceleration.controller import OldGravityRecursion

@@ -5,8 +5,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from benchmarks.fixed_base.cubic import Cubic
-from benchmarks.fixed_base.encoder import Encoder, JointSensors
+from benchmarks.bias.motion import Cubic
+from benchmarks.encoder import Encoder, JointSensors
 from poise.errors import ConfigurationError
 
 
@@ -54,7 +54,7 @@ def test_encoders_that_cannot_be_are_refused(wrong):
 
 
 def test_the_cubic_goes_from_rest_to_rest():
-    cubic = Cubic(way=0.4, duration=4.2)
+    cubic = Cubic(displacement=0.4, duration=4.2)
     assert cubic.at(0.0)[:2] == (0.0, 0.0)
     assert cubic.at(4.2) == cubic.at(9.0) == (0.4, 0.0, 0.0)
     step = 1e-5
