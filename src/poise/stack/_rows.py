@@ -114,7 +114,7 @@ class StackRows:
 
         Args:
             J: receives the coefficients; rows of the strategy's own are left alone.
-            target: receives the right-hand sides, likewise.
+            target: receives the right-hand sides; those of the strategy's own are left alone.
             wrench_lower: receives the lower bounds of the wrenches.
             wrench_upper: receives the upper ones.
         """
