@@ -26,7 +26,7 @@ _SAME = 1e-6
 
 _ORDERS = {"table1": "hands below COM", "hands_first": "hands above COM"}
 _WHY = (
-    ". Where limits of the hanging chain are active, LQP 2 keeps to the centroid of LQP 1, which "
+    ". Where limits of the free chain are active, LQP 2 keeps to the centroid of LQP 1, which "
     "did not know them: levels are met alike, and the energy below them is up to {energy:.3f} "
     "times the full problem's."
 )

@@ -1,4 +1,4 @@
-"""The resolvers: from a state and a stack to a command."""
+"""Controllers: from a state and a stack to a command, by one strategy or another."""
 
 from poise.control._command import Command, CommandStatus
 from poise.control._controller import Controller

@@ -20,9 +20,9 @@ class RankTreatment:
 
         a(s) = 3 t^2 - 2 t^3   with t = (s - low) / (high - low), kept between 0 and 1
 
-    multiplies the inverse along that direction, a / s^2 in place of 1 / s^2, and the same fraction of
-    the direction is withheld from the tasks below. Torques are continuous in the state and bounded,
-    and levels above never notice.
+    multiplies the inverse along that direction, a / s^2 in place of 1 / s^2, and the same fraction
+    of the direction is withheld from the tasks below. Torques are continuous in the state and
+    bounded, and levels above never notice.
 
     Attributes:
         low: singular value up to which a direction is left alone.

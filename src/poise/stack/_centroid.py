@@ -114,7 +114,7 @@ class MomentumTask(Task):
         self._target.set(np.zeros(3))
 
     def set_target(self, momentum: Numbers, rate: Numbers | None = None) -> None:
-        """Sets the wanted angular momentum about the COM.
+        """Sets the reference angular momentum about the COM.
 
         Args:
             momentum: along the world's axes [kg m^2/s].

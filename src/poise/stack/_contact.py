@@ -15,7 +15,7 @@ from poise.errors import ConfigurationError
 from poise.robots import Robot
 
 _ROUNDING = 1e-9
-"""Load left that is the sum's rounding, not a tick's share of the ramp."""
+"""Load left that is the sum's rounding, not a tick's part of the ramp."""
 
 
 class LoadRamp:
@@ -71,7 +71,7 @@ class Contact(ABC):
         frame: the frame in contact, such as "left_sole".
         friction: Coulomb coefficient.
         damping: how fast a residual velocity of the contact dies out [1/s].
-        min_load: least normal force of a loaded contact, as a share of the robot's weight.
+        min_load: least normal force of a loaded contact, by the robot's weight.
         dim: length of the wrench.
         name: what reports call it.
 
@@ -82,9 +82,9 @@ class Contact(ABC):
         cone: C, constant, one-sided rows C F <= 0.
         jacobian: maps `v` to the contact's velocity, along the contact's axes.
         drift: its classical acceleration at zero `dv`.
-        reference: wanted acceleration of the contact.
-        wrench_lower: simple bounds on the wrench [N, N m].
-        wrench_upper: likewise.
+        reference: reference acceleration of the contact.
+        wrench_lower: simple lower bounds on the wrench [N, N m].
+        wrench_upper: upper ones.
     """
 
     def __init__(
@@ -106,7 +106,7 @@ class Contact(ABC):
             raise ConfigurationError(
                 f"min_load of contact {self.name!r} is out of range",
                 got=min_load,
-                wanted="a share of the weight below 0.5",
+                wanted="a fraction of the weight below 0.5",
             )
         self.dim = dim
         self.cone: Float64[np.ndarray, "rows dim"] = np.zeros((0, dim))

@@ -91,7 +91,7 @@ class FrameTask(Task):
             position: in the world [m].
             rotation: world_R_frame.
             velocity: linear then angular, in the world [m/s, rad/s]; zero when None.
-            acceleration: likewise [m/s^2, rad/s^2]; zero when None.
+            acceleration: linear then angular [m/s^2, rad/s^2]; zero when None.
 
         Raises:
             TargetError: wrong shape, NaN, or not a rotation.
@@ -122,7 +122,7 @@ class FrameTask(Task):
 
     @property
     def target_rotation(self) -> Float64[np.ndarray, "3 3"] | None:
-        """How the frame should be turned, world_R_frame; None likewise."""
+        """How the frame should be turned, world_R_frame; None until set or taken from the robot."""
         return self._orientation
 
     def reset(self) -> None:

@@ -86,7 +86,7 @@ class StackRows:
         tasks = [task for level in self.levels for task in level]
         self.task_rows = list(zip(tasks, _spans([t.dim for t in tasks], first), strict=True))
         sizes = [sum(t.dim for t in level) for level in self.levels]
-        self.ends: Int64[np.ndarray, " levels+1"] = np.array([*accumulate(sizes, initial=first)])
+        self.ends: Int64[np.ndarray, " ends"] = np.array([*accumulate(sizes, initial=first)])
         count = int(self.ends[-1])
         self.weight: Float64[np.ndarray, " m"] = np.ones(count)
         for task, rows in self.task_rows:
@@ -114,7 +114,7 @@ class StackRows:
 
         Args:
             J: receives the coefficients; rows of the strategy's own are left alone.
-            target: receives the right-hand sides, likewise.
+            target: receives the right-hand sides; those of the strategy's own are left alone.
             wrench_lower: receives the lower bounds of the wrenches.
             wrench_upper: receives the upper ones.
         """
@@ -180,7 +180,7 @@ class StackRows:
 
     def measure(
         self, x: Float64[np.ndarray, " n"], J: Float64[np.ndarray, "m n"] | None = None
-    ) -> Float64[np.ndarray, " levels+1"]:
+    ) -> Float64[np.ndarray, " ends"]:
         """What an answer leaves over of contacts and of each level, relative to the level's scale.
 
         Args:
@@ -268,10 +268,10 @@ def _measure(
     J: Float64[np.ndarray, "m n"],
     target: Float64[np.ndarray, " m"],
     weight: Float64[np.ndarray, " m"],
-    bounds: tuple[int, Int64[np.ndarray, " levels+1"]],
+    bounds: tuple[int, Int64[np.ndarray, " ends"]],
     x: Float64[np.ndarray, " n"],
     missing: Float64[np.ndarray, " m"],
-    residuals: Float64[np.ndarray, " levels+1"],
+    residuals: Float64[np.ndarray, " ends"],
 ) -> None:
     contacts, ends = bounds
     for level in range(len(residuals)):

@@ -19,7 +19,7 @@ class VectorTarget:
     """A moving target for a vector, or "where you are" until one is set.
 
     Attributes:
-        position: wanted value, None to hold the value of the first tick.
+        position: reference value, None to hold the value of the first tick.
         velocity: its rate.
         acceleration: its second rate.
     """
@@ -186,13 +186,13 @@ class Task(ABC):
         self._user_acceleration = acceleration
 
     def set_velocity(self, velocity: Numbers | None) -> None:
-        """Replaces the wanted velocity by a given one; None brings the target's back.
+        """Replaces the reference velocity by a given one; None brings the target's back.
 
         Only controllers that command velocities follow it: `DifferentialIK`. Those that command
         torques go by accelerations, see `set_acceleration`.
 
         Args:
-            velocity: wanted velocity J v, one a row [unit/s; kg m^2/s for momentum].
+            velocity: reference velocity J v, one a row [unit/s; kg m^2/s for momentum].
 
         Raises:
             TargetError: wrong shape, NaN or infinite.

@@ -63,7 +63,8 @@ class ContactForces:
         self.base_error = self.cone_error = self.torque_error = 0.0
         # A surface carries any wrench of the base, so that its equations have full rank.
         self._carried = any(c.dim == 6 for c in contacts)
-        self._cone = block_diag(np.zeros((0, 0)), *(c.cone for c in contacts))
+        cones = [contact.cone for contact in contacts]
+        self._cone: Float64[np.ndarray, "rows c"] = block_diag(np.zeros((0, 0)), *cones)
         normals = np.eye(ends[-1])[[rows.start + 2 for rows in self.slices]]
         self._bounded_rows = np.concatenate((self._cone, normals, -normals))
         self._bounds = np.zeros(len(self._bounded_rows))

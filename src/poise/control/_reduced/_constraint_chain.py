@@ -246,8 +246,8 @@ def _fill(
             H[i, j] = M_r[i, j] if i < nr and j < nr else 0.0
     for k in range(used):
         for i in range(motion):
-            share = G[k, i]
-            if share != 0.0:
-                g[i] -= share * c[k]
+            factor = G[k, i]
+            if factor != 0.0:
+                g[i] -= factor * c[k]
                 for j in range(motion):
-                    H[i, j] += share * G[k, j]
+                    H[i, j] += factor * G[k, j]
