@@ -98,13 +98,13 @@ def test_a_swing_clears_a_platform_all_the_way(get_robot):
     feet = list(plan.start)
     for step in plan.steps:
         begin, end = feet[step.foot], step.goal
-        for share in np.linspace(0.0, 1.0, 101).tolist():
-            way = step.shape.progress(share)
-            x = begin.position[0] + way * (end.position[0] - begin.position[0])
+        for phase in np.linspace(0.0, 1.0, 101).tolist():
+            ratio = step.shape.progress(phase)
+            x = begin.position[0] + ratio * (end.position[0] - begin.position[0])
             half = 0.5 * plan.sizes[step.foot][0]
             if x + half > 0.45 and x - half < 0.53:
                 over += 1
-                height = step.shape.height(share, begin.position[2], end.position[2])
+                height, _, _ = step.shape.height(phase, begin.position[2], end.position[2])
                 assert height > 0.05 + 0.005
         feet[step.foot] = end
     assert over > 10

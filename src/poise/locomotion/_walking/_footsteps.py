@@ -1,7 +1,7 @@
 """`FootstepPlan`: which foot comes down where and when.
 
 `Ground`: how high it is where a foot comes down.
-`SwingShape`: how high a foot is, and how far on its way, through a swing.
+`SwingShape`: how high a foot is, and how far ahead, through a swing.
 `Gait` and `Stride`: how a robot walks, and where to.
 """
 
@@ -15,6 +15,12 @@ from jaxtyping import Float64
 from poise._checks import checked_number
 from poise.dynamics import least_jerk
 from poise.errors import ConfigurationError
+
+
+def yaw_rotation(yaw: float) -> Float64[np.ndarray, "2 2"]:
+    """Rotation of the horizontal plane by an angle [rad]."""
+    c, s = math.cos(yaw), math.sin(yaw)
+    return np.array([[c, -s], [s, c]])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,8 +49,7 @@ class Platform:
 
     def heights(self, points: Float64[np.ndarray, "n 2"]) -> Float64[np.ndarray, " n"]:
         """The platform's height where it is under a point, else zero [m]."""
-        c, s = math.cos(self.yaw), math.sin(self.yaw)
-        local = (points - np.array(self.center)) @ np.array([[c, -s], [s, c]])
+        local = (points - np.array(self.center)) @ yaw_rotation(self.yaw)
         inside = (np.abs(local) <= 0.5 * np.array(self.size[:2])).all(axis=1)
         return np.where(inside, self.size[2], 0.0)
 
@@ -70,17 +75,17 @@ class Ground:
 
 
 RISE = 0.45
-"""Share of the swing in which a foot goes up."""
+"""Phase of the swing at which a foot is at its apex."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class SwingShape:
-    """The shape of one swing, over shares of its duration.
+    """The shape of one swing, over its phase from 0 at lift-off to 1 at touchdown.
 
     Attributes:
         apex: highest point of the sole, in the world [m].
-        depart: when the foot leaves its place sideways; before, it goes straight up.
-        arrive: when it is over its goal; from then on, it comes straight down.
+        depart: phase at which the foot leaves its place sideways; before, it goes straight up.
+        arrive: phase at which it is over its goal; from then on, it comes straight down.
     """
 
     apex: float
@@ -100,16 +105,27 @@ class SwingShape:
                 wanted="0 <= depart < arrive <= 1",
             )
 
-    def progress(self, share: float) -> float:
-        """How much of the horizontal way is behind."""
-        return least_jerk(share, self.depart, self.arrive - self.depart)[0]
+    def progress(self, phase: float) -> float:
+        """Ratio of the horizontal displacement that is behind at a phase."""
+        return least_jerk(phase, self.depart, self.arrive - self.depart)[0]
 
-    def height(self, share: float, begin: float, end: float) -> float:
-        """Height of the sole on its way from one height to another [m]."""
+    def height(self, phase: float, begin: float, end: float) -> tuple[float, float, float]:
+        """Height of the sole between lift-off and touchdown.
+
+        Args:
+            phase: of the swing.
+            begin: height at lift-off [m].
+            end: height at touchdown [m].
+
+        Returns:
+            Height [m] and its first and second derivative by the phase [m].
+        """
         apex = max(self.apex, begin, end)
-        if share < RISE:
-            return begin + least_jerk(share, 0.0, RISE)[0] * (apex - begin)
-        return apex + least_jerk(share, RISE, 1.0 - RISE)[0] * (end - apex)
+        if phase < RISE:
+            ratio, rate, second = least_jerk(phase, 0.0, RISE)
+            return begin + ratio * (apex - begin), rate * (apex - begin), second * (apex - begin)
+        ratio, rate, second = least_jerk(phase, RISE, 1.0 - RISE)
+        return apex + ratio * (end - apex), rate * (end - apex), second * (end - apex)
 
 
 _MOST_STEPS = 1000
@@ -125,7 +141,7 @@ class Gait:
 
     Attributes:
         step_time: from one lift-off to the next [s].
-        double_support: share of it that both feet stand [s].
+        double_support: how long of it both feet stand [s].
         swing_height: how far a foot is lifted above the higher of its two ends [m].
         width: distance of the feet side by side [m]; as they stand when None.
         crouch: how far the centre of mass is lowered before the first step [m].
@@ -216,9 +232,8 @@ class Placement:
     def grid(self, length: float, width: float) -> Float64[np.ndarray, "n 2"]:
         """Points all over a sole of that size, edges included [m]."""
         x, y = np.meshgrid(np.linspace(-0.5, 0.5, _ALONG) * length, np.array(_ACROSS) * width)
-        c, s = math.cos(self.yaw), math.sin(self.yaw)
         local = np.stack((x.ravel(), y.ravel()), axis=1)
-        return np.array(self.position[:2]) + local @ np.array([[c, s], [-s, c]])
+        return np.array(self.position[:2]) + local @ yaw_rotation(self.yaw).T
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -228,7 +243,7 @@ class Footstep:
     Attributes:
         foot: which foot swings, 0 for the left, 1 for the right.
         goal: where it comes down.
-        shape: of the way there.
+        shape: of the swing that brings it there.
     """
 
     foot: int

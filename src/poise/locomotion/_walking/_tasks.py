@@ -1,7 +1,7 @@
-"""`walking_stack`: tasks and contacts that a walker can lead.
+"""`CarriedTarget`: a task's target that travels with the body.
 
-`CarriedTarget`: a task's target that goes along with the body.
-What of a stack a walker leads, found before anything moves.
+`WalkTasks`: the tasks and contacts of a stack that a walk sets, found before anything moves.
+`walking_stack`: a stack that has them.
 """
 
 import math
@@ -22,14 +22,18 @@ from poise.stack import ComTask, Contact, FrameTask, PostureTask, Stack, Surface
 class CarriedTarget:
     """The target of a frame task, given as if the robot had not walked.
 
-    With the body's way and turn psi since the beginning, and the target p as it would be had the
-    robot not walked, world_p = begin + way + R_z(psi) (p - begin).
+    Hands, torso and pelvis go where the body goes: with the body's displacement d and turn psi
+    since the beginning, and the target p as it would be had the robot not walked,
+
+        world_p = o + d + R_z(psi) (p - o)
+
+    where o is the point at which the body began.
 
     Args:
         task: of a frame that goes along.
         position: of the frame at the beginning [m].
         rotation: world_R_frame at the beginning.
-        begin: where the body's way begins [m].
+        origin: o [m].
     """
 
     def __init__(
@@ -37,19 +41,19 @@ class CarriedTarget:
         task: FrameTask,
         position: Float64[np.ndarray, "3"],
         rotation: Float64[np.ndarray, "3 3"],
-        begin: Float64[np.ndarray, "3"],
+        origin: Float64[np.ndarray, "3"],
     ) -> None:
         self.task = task
         self._moves = task.unit != "rad"
-        self._begin, self._rotation = begin.copy(), rotation.copy()
-        # Offset from the beginning, with its rates.
-        self._course = np.array([position - begin, np.zeros(3), np.zeros(3)])
-        self._turned = math.nan
+        self._origin, self._rotation = origin.copy(), rotation.copy()
+        # p - o and its rates, a row each.
+        self._offset = np.array([position - origin, np.zeros(3), np.zeros(3)])
+        self._last_turn = math.nan
 
     @property
     def target_position(self) -> Float64[np.ndarray, "3"]:
         """Where the frame should be had the robot not walked [m]."""
-        return self._begin + self._course[0]
+        return self._origin + self._offset[0]
 
     def set_target(
         self,
@@ -64,58 +68,65 @@ class CarriedTarget:
             velocity: [m/s].
             acceleration: [m/s^2].
         """
-        self._course = np.array([position - self._begin, velocity, acceleration])
+        self._offset = np.array([position - self._origin, velocity, acceleration])
 
-    def write(self, way: Float64[np.ndarray, "3 4"], spin: Float64[np.ndarray, "3 3"]) -> None:
+    def write(
+        self, displacement: Float64[np.ndarray, "3 4"], turn: Float64[np.ndarray, "3 3"]
+    ) -> None:
         """Sets the task's target.
 
         Args:
-            way: x, y, z [m] and turn [rad] since the beginning, and their rates, a row each.
-            spin: R_z of the turn.
+            displacement: of the body since the beginning, x, y, z [m] and psi [rad], and its first
+                and second rates, a row each.
+            turn: R_z(psi).
         """
-        turn, rate, second = way[:, 3].tolist()
+        angle, rate, second = displacement[:, 3].tolist()
         still = rate == 0.0 and second == 0.0
         # A target that neither turns nor has turned since it was written last stays as it is.
         rotation = None
-        if self.task.turns and not (still and turn == self._turned):
-            rotation = spin @ self._rotation
-        self._turned = turn if still else math.nan
+        if self.task.turns and not (still and angle == self._last_turn):
+            rotation = turn @ self._rotation
+        self._last_turn = angle if still else math.nan
         rates = np.zeros((2, 6))
         rates[:, 5] = rate, second
         if not self._moves:
             if rotation is not None:
                 self.task.set_target(rotation=rotation, velocity=rates[0], acceleration=rates[1])
             return
-        place = way[:, :3] + self._course
-        if turn != 0.0 or not still:
-            place = way[:, :3] + _turned(self._course, spin, rate, second)
-        rates[:, :3] = place[1:]
+        point = displacement[:, :3] + self._offset
+        if angle != 0.0 or not still:
+            point = displacement[:, :3] + _in_turning_axes(self._offset, turn, rate, second)
+        rates[:, :3] = point[1:]
         self.task.set_target(
-            position=self._begin + place[0],
+            position=self._origin + point[0],
             rotation=rotation,
             velocity=rates[0],
             acceleration=rates[1],
         )
 
 
-def _turned(
-    course: Float64[np.ndarray, "3 3"],
-    spin: Float64[np.ndarray, "3 3"],
+def _in_turning_axes(
+    motion: Float64[np.ndarray, "3 3"],
+    turn: Float64[np.ndarray, "3 3"],
     rate: float,
     second: float,
 ) -> Float64[np.ndarray, "3 3"]:
-    """A point with its rates, seen from outside of a frame that turns about z."""
-    arm, slip, pull = course @ spin.T
-    across = np.array([-arm[1], arm[0], 0.0])
-    drift = np.array([-slip[1], slip[0], 0.0])
-    inwards = np.array([arm[0], arm[1], 0.0])
-    velocity = slip + rate * across
-    acceleration = pull + second * across - rate * rate * inwards + 2.0 * rate * drift
-    return np.array([arm, velocity, acceleration])
+    """Position, velocity and acceleration of a point given in axes that turn about z."""
+    position, velocity, acceleration = motion @ turn.T
+    tangent = np.array([-position[1], position[0], 0.0])
+    coriolis = 2.0 * rate * np.array([-velocity[1], velocity[0], 0.0])
+    centripetal = -rate * rate * np.array([position[0], position[1], 0.0])
+    return np.array(
+        [
+            position,
+            velocity + rate * tangent,
+            acceleration + second * tangent + centripetal + coriolis,
+        ]
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
-class Led:
+class WalkTasks:
     """Tasks and contacts that a walk sets.
 
     Attributes:
@@ -131,7 +142,9 @@ class Led:
     carried: dict[str, CarriedTarget]
 
 
-def find_led(robot: Robot, plan: FootstepPlan, stack: Stack, carry: Sequence[str] | None) -> Led:
+def find_walk_tasks(
+    robot: Robot, plan: FootstepPlan, stack: Stack, carry: Sequence[str] | None
+) -> WalkTasks:
     """Looks for everything that a walk needs.
 
     Args:
@@ -145,7 +158,7 @@ def find_led(robot: Robot, plan: FootstepPlan, stack: Stack, carry: Sequence[str
         UnknownNameError: no such frame task.
     """
     left, right = plan.soles
-    return Led(
+    return WalkTasks(
         com=_com_task(stack),
         feet=(_foot_task(stack, left), _foot_task(stack, right)),
         contacts=(_contact(stack, left), _contact(stack, right)),
@@ -199,12 +212,12 @@ def _carried(
             raise UnknownNameError("no frame task to carry", got=name, choices=frames)
     model, data = robot.model, robot.model.createData()
     pin.framesForwardKinematics(model, data, plan.q)
-    begin = np.array([*plan.com[:2], plan.middle[2]])
+    origin = np.array([*plan.com[:2], plan.middle[2]])
     carried: dict[str, CarriedTarget] = {}
     for name, task in frames.items():
         if names is None or name in names:
             pose = data.oMf[robot.frame_id(task.frame)]
-            carried[name] = CarriedTarget(task, pose.translation, pose.rotation, begin)
+            carried[name] = CarriedTarget(task, pose.translation, pose.rotation, origin)
     return carried
 
 
