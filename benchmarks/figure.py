@@ -5,8 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.drawing import INK, PALETTE, plain_number
-from benchmarks.result import PHASES, TickResult
-from benchmarks.table import method_name
+from benchmarks.result import PHASES, TickResult, method_name
 from poise.apps.report import house_style
 
 _BAR = "#9AA5B1"

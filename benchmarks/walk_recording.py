@@ -7,8 +7,7 @@ import numpy as np
 from jaxtyping import Float64, Int64
 
 from benchmarks.methods import REFERENCE, Method
-from benchmarks.paths import Loop
-from benchmarks.recording import Alter, Progress
+from benchmarks.recording import Alter, Loop, Progress
 from poise.control import make_controller
 from poise.dynamics import RobotState
 from poise.errors import PoiseError, UnknownNameError

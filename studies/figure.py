@@ -1,8 +1,11 @@
-"""`Figure` and `draw`: a drawing in the report's style, for the page and as a file."""
+"""`Figure` and `draw`: a drawing in the report's style, for the page and as a file.
+
+`Film`: a video of a study, which lies beside its page.
+"""
 
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from poise.apps.report import house_style, inline_svg
@@ -88,3 +91,23 @@ def require_matplotlib() -> None:
         import matplotlib  # noqa: F401  # pyright: ignore[reportUnusedImport]
     except ImportError:
         raise MissingExtraError("matplotlib", "sim", "a study's figures") from None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Film:
+    """A video.
+
+    Attributes:
+        name: of its file, unique within the study.
+        title: what it shows.
+        data: the mp4 file's contents.
+    """
+
+    name: str
+    title: str
+    data: bytes = field(repr=False)
+
+    @property
+    def file_name(self) -> str:
+        """Of the file beside the page."""
+        return f"{self.name}.mp4"

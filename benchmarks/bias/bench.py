@@ -13,7 +13,7 @@ from jaxtyping import Float64
 from benchmarks.bias import formulas
 from benchmarks.bias.formulas import FORMULAS, BiasTick, PrioritisedTask
 from benchmarks.bias.recording import BiasInputs, record_motion
-from benchmarks.collector import collector_paused
+from benchmarks.clocked import collector_paused
 from benchmarks.flops.counter import FlopCounter
 from benchmarks.recording import Progress
 from poise.errors import ConfigurationError

@@ -4,8 +4,7 @@ from collections.abc import Generator
 from dataclasses import dataclass, replace
 from functools import partial
 
-from benchmarks.hqp.copying import copy_problem, shape_of
-from benchmarks.hqp.source import Progress, Source
+from benchmarks.hqp.source import Progress, Source, copy_problem, shape_of
 from poise.apps.scenarios import load_scenario, stage_scenario
 from poise.control import (
     Controller,

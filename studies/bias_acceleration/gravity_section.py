@@ -13,10 +13,8 @@ from studies.bias_acceleration.cup import DURATION, KP, PAPER_GRAVITY, CupRun, C
 from studies.bias_acceleration.side_by_side import SideBySide, compare_along
 from studies.bias_acceleration.signals import degrees_most, draw_signal
 from studies.figure import Figure, draw
-from studies.finding import Finding
-from studies.plan import Progress, StudyOptions
-from studies.progress import Steps
-from studies.section import Section, Table
+from studies.finding import Finding, Section, Table
+from studies.plan import Progress, Steps, StudyOptions
 
 MARS = -3.71
 """Vertical gravity on Mars [m/s^2]."""

@@ -10,11 +10,10 @@ from benchmarks.flops.counter import FlopCounter
 from poise.dynamics import Dynamics, RobotState
 from poise.robots import Robot, load_robot
 from studies.bias_acceleration import cost_model as cost
-from studies.bias_acceleration.cases import FIGURE_2
 from studies.bias_acceleration.cost_findings import plain
-from studies.finding import Finding
+from studies.bias_acceleration.cost_model import FIGURE_2
+from studies.finding import Finding, Section, Table
 from studies.plan import Progress, StudyOptions
-from studies.section import Section, Table
 
 _ROBOT = "humanoid24"
 """24 joints and a free base: 30 degrees of freedom."""

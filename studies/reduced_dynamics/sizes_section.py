@@ -7,10 +7,9 @@ import numpy as np
 from poise.control import ReducedController, WholeBodyController
 from poise.dynamics import Partitions
 from poise.hqp import HierarchicalProblem
-from studies.finding import Finding
+from studies.finding import Cell, Finding, Section, Table
 from studies.plan import Progress, StudyOptions
 from studies.reduced_dynamics.walk_run import STACK, STANCES, WalkRun, walk_run
-from studies.section import Cell, Section, Table
 
 _CENTROID_DIM = 6
 """Coordinates of a chain's centroid."""

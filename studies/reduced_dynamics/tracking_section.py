@@ -15,12 +15,10 @@ from poise.dynamics import Dynamics
 from poise.errors import PoiseError
 from poise.robots import Robot, load_robot
 from studies.figure import Figure, draw
-from studies.finding import Finding
-from studies.plan import Progress, StudyOptions
-from studies.progress import Steps
-from studies.reduced_dynamics.paper_form import PaperTorques
+from studies.finding import Cell, Finding, Section, Table
+from studies.plan import Progress, Steps, StudyOptions
+from studies.reduced_dynamics.base_section import PaperTorques
 from studies.reduced_dynamics.walk_run import ROBOT
-from studies.section import Cell, Section, Table
 
 _SIMILAR = 2.0
 """Of similar magnitude: RMS errors within a factor of this."""

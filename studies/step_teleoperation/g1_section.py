@@ -5,10 +5,8 @@ from dataclasses import fields
 from poise.apps.teleoperation import lift_one_foot, over_an_obstacle, switch_feet
 from poise.locomotion import Mode, TeleopParameters
 from poise.robots import catalog, load_robot
-from studies.finding import Finding
-from studies.plan import Progress, StudyOptions
-from studies.progress import Steps
-from studies.section import Section, Table
+from studies.finding import Finding, Section, Table
+from studies.plan import Progress, Steps, StudyOptions
 from studies.step_teleoperation.runs import (
     beyond,
     edge_distance,

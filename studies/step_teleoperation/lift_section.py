@@ -8,10 +8,8 @@ from poise.locomotion._stepping._com import PreviewDriver
 from poise.locomotion._stepping._parameters import scaled_parameters
 from poise.robots import load_robot
 from studies.figure import draw
-from studies.finding import Finding
-from studies.plan import Progress, StudyOptions
-from studies.progress import Steps
-from studies.section import Section, Table
+from studies.finding import Finding, Section, Table
+from studies.plan import Progress, Steps, StudyOptions
 from studies.step_teleoperation.films import films
 from studies.step_teleoperation.plots import one_legend, paint_zmp
 from studies.step_teleoperation.runs import edge_distance, first, lift_off, run_script

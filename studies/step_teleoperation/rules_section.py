@@ -6,10 +6,8 @@ from poise.apps.teleoperation import noisy, over_an_obstacle, run_teleop, switch
 from poise.locomotion import PAPER_RULES, Rules
 from poise.robots import load_robot
 from studies.bad_operator.operator import BadOperator
-from studies.finding import Finding
-from studies.plan import Progress, StudyOptions
-from studies.progress import Steps
-from studies.section import Section, Table
+from studies.finding import Finding, Section, Table
+from studies.plan import Progress, Steps, StudyOptions
 from studies.step_teleoperation.runs import fall_note, run_script
 
 _SECONDS, _SEED = 20.0, 4_000_000

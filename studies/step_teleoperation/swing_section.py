@@ -8,10 +8,8 @@ from benchmarks.drawing import PALETTE, REFERENCE
 from poise.apps.teleoperation import TeleopRun, swing_fast
 from poise.robots import load_robot
 from studies.figure import Figure, draw
-from studies.finding import Finding
-from studies.plan import Progress, StudyOptions
-from studies.progress import Steps
-from studies.section import Section, Table
+from studies.finding import Finding, Section, Table
+from studies.plan import Progress, Steps, StudyOptions
 from studies.step_teleoperation.films import films
 from studies.step_teleoperation.runs import edge_distance, fall_note, run_script
 from studies.step_teleoperation.snapshots import snapshots

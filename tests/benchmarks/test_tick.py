@@ -8,12 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.clocked import Subject
 from benchmarks.methods import parse_method, timed_methods
 from benchmarks.recording import Recording
-from benchmarks.result import PHASES, TickResult
+from benchmarks.result import PHASES, TickResult, format_table
 from benchmarks.stances import bench_stack
-from benchmarks.subject import Subject
-from benchmarks.table import format_table
 from poise.control import WholeBodyController
 from poise.dynamics import RobotState
 from poise.robots import load_robot
