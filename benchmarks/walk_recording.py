@@ -7,13 +7,11 @@ import numpy as np
 from jaxtyping import Float64, Int64
 
 from benchmarks.methods import REFERENCE, Method
-from benchmarks.paths import Loop
-from benchmarks.recording import Alter, Progress
+from benchmarks.recording import Alter, Loop, Progress
 from poise.control import make_controller
 from poise.dynamics import RobotState
 from poise.errors import PoiseError, UnknownNameError
-from poise.locomotion import Gait, Stride, Walker, plan_footsteps
-from poise.locomotion._walking._footsteps import FootstepPlan
+from poise.locomotion import FootstepPlan, Gait, Stride, Walker, plan_footsteps
 from poise.robots import Robot
 from poise.sim import Plant
 from poise.stack import ComTask, FrameTask, MomentumTask, PostureTask, Stack, SurfaceContact, Task

@@ -8,7 +8,7 @@ from time import perf_counter
 import numpy as np
 from jaxtyping import Bool, Float64
 
-from benchmarks.collector import collector_paused
+from benchmarks.clocked import collector_paused
 from benchmarks.hqp.contestant import Contestant
 from benchmarks.hqp.judge import Verdict, best_known, judge_point, measure_point
 from benchmarks.hqp.problem_set import ProblemSequence

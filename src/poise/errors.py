@@ -8,6 +8,17 @@ import copy
 import difflib
 from collections.abc import Iterable
 
+__all__ = [
+    "ConfigurationError",
+    "MissingExtraError",
+    "PoiseError",
+    "ProblemError",
+    "RobotError",
+    "ScenarioError",
+    "TargetError",
+    "UnknownNameError",
+]
+
 _MAX_CHOICES = 60
 """More names than this do not help a reader; the nearest ones are shown first."""
 

@@ -1,6 +1,6 @@
 import numpy as np
 
-from benchmarks.paths import Loop, Path
+from benchmarks.recording import Loop, Path
 
 
 def test_velocity_and_acceleration_of_a_loop_are_derivatives_of_its_position():

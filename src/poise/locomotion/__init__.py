@@ -33,6 +33,7 @@ from poise.locomotion._stepping import (
 from poise.locomotion._support import SupportPolygon, convex_hull, signed_margin, sole_rectangle
 from poise.locomotion._walking import (
     CarriedTarget,
+    FootstepPlan,
     Gait,
     Ground,
     Platform,
@@ -53,6 +54,7 @@ __all__ = [
     "Device",
     "DeviceSample",
     "DeviceStatus",
+    "FootstepPlan",
     "Gait",
     "Ground",
     "Mode",

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from benchmarks.hqp.bench import HqpBench
-from benchmarks.hqp.daqp_rows import daqp_rows
 from benchmarks.hqp.judge import measure_point
 from benchmarks.hqp.methods import (
     METHODS,
     checked_methods,
+    daqp_rows,
     make_contestant,
     usual_methods,
     what_is_missing,

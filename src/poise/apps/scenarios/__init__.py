@@ -5,16 +5,19 @@ from poise.apps.scenarios._reader import load_scenario, parse_scenario, shipped_
 from poise.apps.scenarios._replay import drawn_shapes
 from poise.apps.scenarios._run import Run, run_scenario
 from poise.apps.scenarios._scenario import Scenario
+from poise.apps.scenarios._stage import Stage, stage_scenario
 
 __all__ = [
     "LOG",
     "Run",
     "Scenario",
+    "Stage",
     "drawn_shapes",
     "load_scenario",
     "parse_scenario",
     "run_scenario",
     "shipped_scenarios",
+    "stage_scenario",
     "summarise",
     "write_page",
     "write_summary",
