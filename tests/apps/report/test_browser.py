@@ -24,7 +24,8 @@ NO_WEBGL = "<script>HTMLCanvasElement.prototype.getContext = () => null;</script
 PROBE = """<script>
 const part = (name) => document.querySelector(`[data-part="${name}"]`);
 // A picture waits for the one before it to be done, which takes software a while.
-const frame = () => new Promise((done) => setTimeout(() => requestAnimationFrame(() => requestAnimationFrame(done)), 100));
+const twoFrames = (done) => requestAnimationFrame(() => requestAnimationFrame(done));
+const frame = () => new Promise((done) => setTimeout(() => twoFrames(done), 100));
 function picture() {
   const small = document.createElement("canvas");
   small.width = 96; small.height = 48;
