@@ -105,14 +105,11 @@ function makeMarks({ scene, ball, polygon }) {
     comReference.position.set(...s.zmpReference, s.com[2]);
     target.visible = s.target !== null;
     if (target.visible) target.position.set(...s.target);
-    const now = JSON.stringify(s.polygon);
+    const now = s.polygon.flat().map((x) => x.toFixed(3)).join();
     if (now === corners) return;
     corners = now;
     support?.removeFromParent();
-    for (const piece of support?.children ?? []) {
-      piece.geometry.dispose();
-      piece.material.dispose();
-    }
+    for (const piece of support?.children ?? []) piece.geometry.dispose();
     support = polygon(s.polygon, ground, COLOURS.support);
   };
 }

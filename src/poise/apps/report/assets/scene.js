@@ -146,7 +146,15 @@ window.poiseScene = (canvas, { bodies, geometries, meshes }, height, { fov, shad
     scene.add(made);
     return made;
   }
+  const polygonLooks = new Map();
   function polygon(vertices, z, color) {
+    // Materials are kept: one that nothing uses any more takes its shader along, and compiling is slow.
+    if (!polygonLooks.has(color)) {
+      const fill = { color, transparent: true, opacity: 0.22, side: T.DoubleSide, depthWrite: false };
+      const line = new T.LineBasicMaterial({ color, depthTest: false });
+      polygonLooks.set(color, [line, new T.MeshBasicMaterial(fill)]);
+    }
+    const [line, area] = polygonLooks.get(color);
     const corners = new Float32Array(vertices.flatMap(([x, y]) => [x, y, z]));
     const outline = new T.BufferGeometry();
     outline.setAttribute("position", new T.BufferAttribute(corners, 3));
@@ -154,10 +162,8 @@ window.poiseScene = (canvas, { bodies, geometries, meshes }, height, { fov, shad
     const fan = [];
     for (let i = 1; i + 1 < vertices.length; i += 1) fan.push(0, i, i + 1);
     fill.setIndex(fan);
-    const look = { color, transparent: true, side: T.DoubleSide };
     const made = new T.Group();
-    made.add(new T.LineLoop(outline, new T.LineBasicMaterial({ color, depthTest: false })));
-    made.add(new T.Mesh(fill, new T.MeshBasicMaterial({ ...look, opacity: 0.22, depthWrite: false })));
+    made.add(new T.LineLoop(outline, line), new T.Mesh(fill, area));
     scene.add(made);
     return made;
   }
