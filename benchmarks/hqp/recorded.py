@@ -10,7 +10,6 @@ from poise.apps.scenarios import load_scenario
 from poise.apps.scenarios._controllers import controller_of, with_actuation
 from poise.apps.scenarios._director import Director
 from poise.control import (
-    Controller,
     ControllerPlan,
     DifferentialIK,
     ReducedController,
@@ -99,7 +98,7 @@ def record_window(
             )
 
 
-def problem_of(controller: Controller) -> HierarchicalProblem:
+def problem_of(controller: object) -> HierarchicalProblem:
     """The hierarchical problem of a controller's last tick, in the controller's own storage.
 
     Args:
