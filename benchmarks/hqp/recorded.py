@@ -7,7 +7,6 @@ from functools import partial
 from benchmarks.hqp.source import Progress, Source, copy_problem, shape_of
 from poise.apps.scenarios import load_scenario, stage_scenario
 from poise.control import (
-    Controller,
     ControllerPlan,
     DifferentialIK,
     ReducedController,
@@ -88,7 +87,7 @@ def record_window(
     )
 
 
-def problem_of(controller: Controller) -> HierarchicalProblem:
+def problem_of(controller: object) -> HierarchicalProblem:
     """The hierarchical problem of a controller's last tick, in the controller's own storage.
 
     Args:

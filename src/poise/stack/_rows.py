@@ -102,6 +102,8 @@ class StackRows:
             np.full(wrench_dim, -np.inf),
             np.full(wrench_dim, np.inf),
         )
+        # What is compiled is compiled now, not in the first tick.
+        self.measure(np.zeros(robot.nv))
 
     def write_into(
         self,

@@ -49,6 +49,10 @@ class DifferentialIK(Controller):
             `VelocityBounds`; at least `dt`, which is what a shorter one counts as.
         rank: what happens where an exact level loses rank; `RANK` when None.
 
+    Attributes:
+        dt: control period [s].
+        method: how the levels are solved.
+
     Raises:
         PoiseError: a name that the robot does not have, a floating base without a surface contact,
             or a setting that cannot be right.
@@ -68,7 +72,7 @@ class DifferentialIK(Controller):
         rank: RankTreatment | None = None,
     ) -> None:
         stack = bound_stack(robot, stack)
-        self.dt = checked_number(dt, "dt of the controller [s]", above=0.0)
+        self.dt, self.method = checked_number(dt, "dt of the controller [s]", above=0.0), method
         limit_time = checked_number(limit_time, "limit_time of the controller [s]")
         _check_gains(stack)
         index = _joint_indices(robot, joints)

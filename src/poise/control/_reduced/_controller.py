@@ -13,8 +13,10 @@ from poise.control._full_problem import FullProblem
 from poise.control._reduced._assignment import AssignedRows
 from poise.control._reduced._constraint_chain import ConstraintChainProblem
 from poise.control._reduced._elimination import ChainElimination, announce
-from poise.control._reduced._joining import ChainJoining
-from poise.control._reduced._unconstrained_chain import UnconstrainedChainProblem
+from poise.control._reduced._unconstrained_chain import (
+    ChainJoining,
+    UnconstrainedChainProblem,
+)
 from poise.control._strategy import PHYSICS_LEVELS, Answer, Programs, bound_stack, solver_maker
 from poise.control._whole_body import FullProgram
 from poise.dynamics import Dynamics, Partition, Partitions, ReducedDynamics
