@@ -56,7 +56,7 @@ class WalkSettings:
     search_depth: _Distance = 0.04
     patience: Annotated[float, Bounds(positive=True, most=LARGEST, unit="s")] = 0.4
     adjust: _Distance = 0.2
-    com_bound: Annotated[float, Bounds(positive=True, most=LARGEST)] = 0.4
+    com_bound: Annotated[float, Bounds(positive=True)] = 0.4
 
 
 class WalkStatus(Enum):
