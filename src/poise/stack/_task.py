@@ -202,6 +202,26 @@ class Task(ABC):
             velocity = checked_target(velocity, size, f"velocity of task {self.name!r}")
         self._user_velocity = velocity
 
+    def set_weight(self, weight: Numbers) -> None:
+        """Sets the weight of its rows against other rows of the same level, from the next tick.
+
+        Args:
+            weight: one number or one a row.
+
+        Raises:
+            ConfigurationError: wrong length, or weights that are not finite and positive.
+        """
+        size = self.dim if self._robot is not None else np.size(weight)
+        what = f"weight of task {self.name!r}"
+        found = checked_gain(weight, size, what)
+        if not found.min() > 0.0:
+            raise ConfigurationError(f"{what} must be positive", got=weight, wanted="> 0")
+        if self._robot is None:
+            self._gains = (*self._gains[:2], weight)
+        else:
+            # In place: assembled rows hold on to the array.
+            self.weight[:] = found
+
     @property
     def given_velocity(self) -> Float64[np.ndarray, " m"] | None:
         """What `set_velocity` was given; None for nothing."""

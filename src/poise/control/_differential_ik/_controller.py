@@ -55,8 +55,8 @@ class DifferentialIK(TickingController[Float64[np.ndarray, " n"] | None]):
 
     Args:
         robot: the robot.
-        stack: contacts and tasks; `default_stack(robot)` when None. Of its joint limit the margin
-            and the velocity scale count.
+        stack: contacts and tasks; `default_stack(robot)` when None. Of its joint limit the
+            positions and the velocity scale count.
         dt: control period, over which a velocity is held [s].
         method: one of `METHODS`.
         joints: names of the joints that may move, the others have velocity zero; all when None.
@@ -209,7 +209,6 @@ class DifferentialIK(TickingController[Float64[np.ndarray, " n"] | None]):
                 self._stance,
                 [c for c in active if c is not self._stance],
                 self._joints,
-                weights=self.weights,
                 speeds=self._speeds,
                 home=self._home,
             )

@@ -28,18 +28,17 @@ then misses a ten-thousandth of what it is asked for."""
 class RowWeights:
     """Diagonal of W_A in (20) of Zhang and Kikuuwe, by task: `weights[task] = 100.0`.
 
-    A task starts at `ROW_WEIGHT` times its weight squared, because a level's slack is measured as
-    |W w|. Weights count within a level, and in the closed form against the joint velocities; the
-    exact levels of the closed form have none.
+    It is `ROW_WEIGHT` times the task's own weight squared, because a level's slack is measured as
+    |W w|; whoever leads the stack may as well say `Task.set_weight`. Weights count within a level,
+    and in the closed form against the joint velocities; the exact levels of the closed form have
+    none.
 
     Args:
         stack: whose tasks have rows; bound to the robot.
     """
 
     def __init__(self, stack: Stack) -> None:
-        self._weights = {
-            task.name: ROW_WEIGHT * task.weight * task.weight for _, task in stack.tasks()
-        }
+        self._tasks = {task.name: task for _, task in stack.tasks()}
 
     def __getitem__(self, task: Task | str) -> Float64[np.ndarray, " m"]:
         """Weights of a task's rows, a copy.
@@ -47,7 +46,7 @@ class RowWeights:
         Raises:
             ConfigurationError: no such task.
         """
-        return self._weights[self._name(task)].copy()
+        return _row_weight(self._task(task))
 
     def __setitem__(self, task: Task | str, weight: Numbers) -> None:
         """Sets the weights of a task's rows, one number or one a row.
@@ -55,33 +54,32 @@ class RowWeights:
         Raises:
             ConfigurationError: no such task, a wrong length, or weights that are not positive.
         """
-        name = self._name(task)
-        what = f"row weight of task {name!r}"
-        found = checked_gain(weight, len(self._weights[name]), what)
-        if found.min() <= 0.0:
+        found = self._task(task)
+        what = f"row weight of task {found.name!r}"
+        rows = checked_gain(weight, found.dim, what)
+        if rows.min() <= 0.0:
             raise ConfigurationError(f"{what} must be positive", got=weight, wanted="> 0")
-        # In place: resolvers hold on to the array.
-        self._weights[name][:] = found
+        found.set_weight(np.sqrt(rows / ROW_WEIGHT))
 
     def __iter__(self) -> Iterator[str]:
         """Names of the tasks, most important first."""
-        return iter(self._weights)
+        return iter(self._tasks)
 
     def __len__(self) -> int:
         """Number of tasks."""
-        return len(self._weights)
+        return len(self._tasks)
 
-    def live(self, task: Task) -> Float64[np.ndarray, " m"]:
-        """The array that later settings change."""
-        return self._weights[task.name]
-
-    def _name(self, task: Task | str) -> str:
+    def _task(self, task: Task | str) -> Task:
         name = task.name if isinstance(task, Task) else task
-        if name not in self._weights:
+        if name not in self._tasks:
             raise ConfigurationError(
-                "unknown task of the stack", got=name, choices=list(self._weights)
+                "unknown task of the stack", got=name, choices=list(self._tasks)
             )
-        return name
+        return self._tasks[name]
+
+
+def _row_weight(task: Task) -> Float64[np.ndarray, " m"]:
+    return ROW_WEIGHT * task.weight * task.weight
 
 
 BASE = 6
@@ -190,7 +188,6 @@ class VelocityFormulation:
         stance: the contact that stands; None for a fixed base.
         held: other contacts that are active.
         joints: indices of the joints that may move.
-        weights: W_A of the stack's tasks.
         speeds: largest norm of the velocity that each block of a task's rows asks for, by name.
         home: Jacobians in the home posture, by which ranks are decided.
 
@@ -214,7 +211,6 @@ class VelocityFormulation:
         held: Sequence[Contact],
         joints: Int64[np.ndarray, " n"],
         *,
-        weights: RowWeights,
         speeds: Mapping[str, Float64[np.ndarray, " b"]],
         home: HomeJacobians,
     ) -> None:
@@ -230,7 +226,6 @@ class VelocityFormulation:
         self._blocks = [
             (task, rows, _bounded_blocks(task, rows, speeds)) for task, rows in self.task_rows
         ]
-        self._weight_rows = [(rows, weights.live(task)) for task, rows in self.task_rows]
         self._allocate(home)
         self._everything = len(joints) == len(home.joints)
 
@@ -255,8 +250,10 @@ class VelocityFormulation:
         self.velocity += self._wanted
         self.velocity[: self.levels[0].velocity.size] = 0.0
         self._bound_velocities()
-        for rows, weight in self._weight_rows:
-            self._weight[rows] = weight
+        for task, rows in self.task_rows:
+            self._weight[rows] = task.weight
+        self._weight *= self._weight
+        self._weight *= ROW_WEIGHT
         self._reduce(dynamics)
 
     def _bound_velocities(self) -> None:
