@@ -10,7 +10,6 @@ from poise.locomotion._pendulum import (
 )
 from poise.locomotion._preview import PreviewControl
 from poise.locomotion._stepping import (
-    PAPER_RULES,
     ComDriver,
     Device,
     DeviceSample,
@@ -21,7 +20,6 @@ from poise.locomotion._stepping import (
     RecordingError,
     RecordingWriter,
     RowKind,
-    Rules,
     ScriptedDevice,
     StepTeleoperator,
     TeleopParameters,
@@ -43,7 +41,6 @@ from poise.locomotion._walking import (
 )
 
 __all__ = [
-    "PAPER_RULES",
     "BodyRotator",
     "CarriedTarget",
     "CartFlywheelTable",
@@ -62,7 +59,6 @@ __all__ = [
     "RecordingError",
     "RecordingWriter",
     "RowKind",
-    "Rules",
     "ScriptedDevice",
     "StepTeleoperator",
     "Stride",

@@ -7,6 +7,7 @@ import pytest
 from walker import hands, up_and_down, walk
 
 from poise.apps.teleoperation import TELEOP_PLANT, noisy
+from poise.control import CommandStatus
 from poise.dynamics import RobotState
 from poise.locomotion import StepTeleoperator
 from poise.sim import Plant
@@ -34,28 +35,47 @@ def test_position_and_velocity_of_the_base_are_never_read(get_robot, garbage):
     commands = []
     for spoil in (False, True):
         plant = Plant(robot, TELEOP_PLANT)
-        controller = StepTeleoperator(robot)
-        device = hands(*up_and_down(lift=0.1))(controller)
+        teleoperator = StepTeleoperator(robot)
+        teleoperator.device = hands(*up_and_down(lift=0.1))(teleoperator)
+        controller = teleoperator.controller()
         for _ in range(240):
             state = plant.state()
             if spoil:
                 q, v = state.q.copy(), state.v.copy()
                 q[:3], v[:3] = garbage, garbage
                 state = RobotState(q, v, state.contacts, state.time)
-            command = controller.step(state, device.sample(plant.time))
+            estimate = teleoperator.estimator.update(state)
+            teleoperator.lead(estimate)
+            command = controller.step(estimate)
             commands.append(command.velocity)
             plant.step(command)
     half = len(commands) // 2
     assert np.array_equal(commands[:half], commands[half:])
 
 
-def test_a_state_that_cannot_be_used_gives_no_motion_and_says_so(get_robot):
+@pytest.mark.parametrize("time", [0.005, np.nan])
+def test_a_state_that_cannot_be_used_is_passed_over_and_the_command_fades(get_robot, time):
     robot = get_robot("biped20")
-    controller = StepTeleoperator(robot)
-    bad = RobotState(np.full(robot.nq, np.nan), np.zeros(robot.nv))
-    command = controller.step(bad, controller.resting_sample)
-    assert not command.status.ok
-    assert not command.velocity.any()
+    teleoperator = StepTeleoperator(robot)
+    teleoperator.device = hands(*up_and_down())(teleoperator)
+    controller = teleoperator.controller()
+
+    def step(state):
+        estimate = teleoperator.estimator.update(state)
+        teleoperator.lead(estimate)
+        return controller.step(estimate)
+
+    good = step(RobotState(robot.q_home, np.zeros(robot.nv)))
+    status = teleoperator.status
+    speeds = [np.abs(good.velocity).max()]
+    for _ in range(200):
+        bad = step(RobotState(np.full(robot.nq, np.nan), np.zeros(robot.nv), time=time))
+        assert bad.status is CommandStatus.BAD_STATE
+        speeds.append(np.abs(bad.velocity).max())
+    assert (np.diff(speeds) <= 0.0).all()
+    assert speeds[-1] < 0.05 * speeds[0] + 1e-12
+    assert teleoperator.status is status
+    assert step(None).status is CommandStatus.BAD_STATE
 
 
 def test_the_floor_may_slope_a_little(get_robot):
