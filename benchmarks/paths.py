@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float64
 
-from poise.apps.scenarios._director import Blend
+from poise.dynamics import least_jerk
 
 Point = tuple[Float64[np.ndarray, "3"], Float64[np.ndarray, "3"], Float64[np.ndarray, "3"]]
 """Position [m], velocity [m/s] and acceleration [m/s^2] of a target in the world."""
@@ -36,36 +36,36 @@ class Path:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Loop:
-    """A point that goes round: centre + way s(t) + amplitude r(t) sin(2 pi f t + phase).
+    """A point that goes round: centre + displacement s(t) + amplitude r(t) sin(2 pi f t + phase).
 
     Attributes:
         centre: where it is before anything moves [m].
-        way: a shift that `shift` blends in [m].
-        shift: s, from zero to one.
+        displacement: of the centre, by a motion of least jerk with the phase s [m].
+        shift: when that motion begins, and how long it takes [s].
         amplitude: by axis [m].
         phase: by axis [rad].
         frequency: f [1/s].
-        swell: r, from zero to one, so that the motion starts softly.
+        swell: when the amplitude begins to grow, r from zero to one, and how long it takes [s].
     """
 
     centre: Float64[np.ndarray, "3"]
-    way: Float64[np.ndarray, "3"]
-    shift: Blend
+    displacement: Float64[np.ndarray, "3"]
+    shift: tuple[float, float]
     amplitude: Float64[np.ndarray, "3"]
     phase: Float64[np.ndarray, "3"]
     frequency: float
-    swell: Blend
+    swell: tuple[float, float]
 
     def at(self, time: float) -> Point:
         """The point at a time [s]."""
-        s, ds, dds = self.shift.sample(time)
-        r, dr, ddr = self.swell.sample(time)
+        s, ds, dds = least_jerk(time, *self.shift)
+        r, dr, ddr = least_jerk(time, *self.swell)
         w = 2.0 * np.pi * self.frequency
         angle = w * time + self.phase
         sine, cosine = np.sin(angle), np.cos(angle)
         swing, rate = self.amplitude * sine, self.amplitude * w * cosine
         return (
-            self.centre + s * self.way + r * swing,
-            ds * self.way + dr * swing + r * rate,
-            dds * self.way + ddr * swing + 2.0 * dr * rate - r * w * w * swing,
+            self.centre + s * self.displacement + r * swing,
+            ds * self.displacement + dr * swing + r * rate,
+            dds * self.displacement + ddr * swing + 2.0 * dr * rate - r * w * w * swing,
         )

@@ -9,7 +9,6 @@ from jaxtyping import Float64
 from benchmarks.methods import REFERENCE, Method
 from benchmarks.paths import Loop, Path, Point
 from benchmarks.stances import bench_stack, check_biped, support_sole, swing_sole
-from poise.apps.scenarios._director import Blend
 from poise.control import Command, make_controller
 from poise.dynamics import Dynamics, RobotState
 from poise.errors import PoiseError
@@ -155,19 +154,19 @@ def _choreograph(
     """Moving points and held orientations by task name, from the home posture."""
     dynamics = Dynamics(robot)
     height = float(dynamics.com[2])
-    swell = Blend(begin, SWELL)
+    swell = (begin, SWELL)
     loops: dict[str, Loop] = {}
     rotations: dict[str, Float64[np.ndarray, "3 3"]] = {}
     for _, task in stack.tasks():
         if isinstance(task, ComTask):
-            way, scale = np.zeros(3), 1.0
+            displacement, scale = np.zeros(3), 1.0
             if stance == "single":
                 sole = dynamics.frame(robot.frame_id(support_sole(robot))).position
-                way[:2], scale = sole[:2] - dynamics.com[:2], 1.0 / 3.0
+                displacement[:2], scale = sole[:2] - dynamics.com[:2], 1.0 / 3.0
             loops[task.name] = Loop(
                 centre=dynamics.com.copy(),
-                way=way,
-                shift=Blend(0.0, _SHIFT),
+                displacement=displacement,
+                shift=(0.0, _SHIFT),
                 amplitude=scale * height * _COM_SHARE,
                 phase=np.array([0.0, 0.5 * np.pi, 0.0]),
                 frequency=0.5,
@@ -182,17 +181,21 @@ def _choreograph(
 
 
 def _limb_loop(
-    robot: Robot, name: str, position: Float64[np.ndarray, "3"], height: float, swell: Blend
+    robot: Robot,
+    name: str,
+    position: Float64[np.ndarray, "3"],
+    height: float,
+    swell: tuple[float, float],
 ) -> Loop:
     if name in robot.soles:
-        way, shift = np.array([0.0, 0.0, _FOOT_SHARE]), Blend(_SHIFT + _UNLOAD, _LIFT)
+        displacement, shift = np.array([0.0, 0.0, _FOOT_SHARE]), (_SHIFT + _UNLOAD, _LIFT)
         amplitude = 0.5 * _FOOT_SHARE * np.array([1.0, 0.0, 0.5])
     else:
-        way, shift = _RAISE_SHARE, Blend(0.0, _RAISE)
+        displacement, shift = _RAISE_SHARE, (0.0, _RAISE)
         amplitude = _HAND_SHARE * np.array([1.0, 0.5, 1.0])
     return Loop(
         centre=position.copy(),
-        way=height * way,
+        displacement=height * displacement,
         shift=shift,
         amplitude=height * amplitude,
         phase=np.array([0.0, 0.0, 0.5 * np.pi]),

@@ -9,7 +9,6 @@ from jaxtyping import Float64, Int64
 from benchmarks.methods import REFERENCE, Method
 from benchmarks.paths import Loop
 from benchmarks.recording import Alter, Progress
-from poise.apps.scenarios._director import Blend
 from poise.control import make_controller
 from poise.dynamics import RobotState
 from poise.errors import PoiseError, UnknownNameError
@@ -80,23 +79,23 @@ class WalkLead:
         self._loops = {
             name: Loop(
                 centre=self.walker.carried[name].target_position.copy(),
-                way=np.zeros(3),
-                shift=Blend(0.0, 1.0),
+                displacement=np.zeros(3),
+                shift=(0.0, 1.0),
                 amplitude=_HAND_RADIUS * np.array([1.0, 0.5, 1.0]),
                 phase=np.array([0.0, 0.0, 0.5 * np.pi]),
                 frequency=_HAND_FREQUENCY,
-                swell=Blend(0.0, _HAND_SWELL),
+                swell=(0.0, _HAND_SWELL),
             )
             for name in hands
         }
 
-    def advance(self, state: RobotState) -> WalkStatus:
+    def lead(self, state: RobotState) -> None:
         """Sets targets and loads of contacts for a state."""
         for name, loop in self._loops.items():
             position, velocity, acceleration = loop.at(state.time)
             acceleration[2] += self._push
             self.walker.carried[name].set_target(position, velocity, acceleration)
-        return self.walker.advance(state)
+        self.walker.lead(state)
 
     def push_hands(self, acceleration: float) -> None:
         """Asks a further acceleration of the hands from the next state on, up [m/s^2]."""
@@ -104,7 +103,7 @@ class WalkLead:
 
     def pass_by(self, state: RobotState) -> None:
         """The same where no controller steps, which would move the loads of contacts on."""
-        self.advance(state)
+        self.lead(state)
         for contact in self.stack.contacts:
             contact.advance(state.time)
 
@@ -173,7 +172,8 @@ def record_walk(
     end = min(plan.duration, seconds)
     while plant.time < end:
         state = plant.state()
-        status = lead.advance(state)
+        lead.lead(state)
+        status = lead.walker.status
         command = controller.step(state)
         plant.step(command if alter is None else alter(state, command))
         states.append(state)

@@ -70,7 +70,7 @@ class WalkSubject(Clocked):
         self.lead.pass_by(self._states[index])
 
     def _aim_at(self, index: int) -> None:
-        self.lead.advance(self._states[index])
+        self.lead.lead(self._states[index])
 
     def _solver_time(self) -> tuple[float, int]:
         """Seconds in the solver of the full problem or LQP 1, and what had to be solved."""

@@ -38,7 +38,7 @@ com = stack.task("com")
 worst = 0.0
 while plant.time < plan.duration + 0.1 and not plant.fallen:
     state = plant.state()
-    walker.advance(state)
+    walker.lead(state)
     plant.step(controller.step(state))
     worst = max(worst, float(np.linalg.norm(com.error)))
 

@@ -4,8 +4,9 @@ from dataclasses import dataclass
 from math import isfinite
 
 from poise.errors import ConfigurationError
+from poise.robots import GRAVITY
 
-EARTH = -9.81
+EARTH = -GRAVITY
 """Vertical gravity on Earth, as robots' models have it [m/s^2]."""
 
 

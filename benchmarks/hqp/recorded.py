@@ -76,7 +76,7 @@ def record_window(
     shape: tuple[int, ...] = ()
     while found < count:
         state = plant.state()
-        director.advance(state)
+        director.lead(state)
         command = controller.step(state)
         feet = sum(contact.active for contact in controller.stack.contacts)
         if found == 0 and tick >= begin and _begins(window, feet, before):

@@ -67,7 +67,7 @@ def _sizes(run: WalkRun, stance: str) -> _Sizes:
             lead.pass_by(state)
     state = run.recording.states[tick]
     for lead, controller in zip(leads, (full, reduced), strict=True):
-        lead.advance(state)
+        lead.lead(state)
         controller.step(state)
     contacts = [c for c in full.stack.contacts if c.active]
     part = Partitions(robot).of([c.frame for c in contacts])

@@ -17,8 +17,6 @@ from poise.locomotion import (
 _K1, _K2, _W_S2 = 4500.0, 7000.0, 100.0
 """k_1 and k_2 of (39c) and w_S2, as the paper has them."""
 
-_GRAVITY = 9.81
-
 
 class LiteralTeleoperator(StepTeleoperator):
     """Leads the same stack on the same estimate, by the paper's rules and no others.
@@ -30,7 +28,7 @@ class LiteralTeleoperator(StepTeleoperator):
     def reset(self) -> None:
         """Forgets the past."""
         super().reset()
-        estimator, weight = self.estimator, self.robot.mass * _GRAVITY
+        estimator, weight = self.estimator, self.robot.weight
         self._paper_mode, self._last_status = Mode.D, None
         self._rotator_law = BodyRotator(weight)
         self._landed_load = self.parameters.land_load * weight

@@ -5,6 +5,7 @@ from poise.dynamics._dynamics import Dynamics, FrameKinematics, RobotState
 from poise.dynamics._partition import HangingChain, Partition, Partitions, Selection
 from poise.dynamics._rates import MatrixRates
 from poise.dynamics._reduction import ReducedDynamics
+from poise.dynamics._trajectory import Quintic, least_jerk
 from poise.dynamics._vectors import rotation_sine, rotation_vector, saturate
 
 __all__ = [
@@ -15,10 +16,12 @@ __all__ = [
     "MatrixRates",
     "Partition",
     "Partitions",
+    "Quintic",
     "ReducedDynamics",
     "RobotState",
     "Selection",
     "from_coordinates",
+    "least_jerk",
     "rotation_sine",
     "rotation_vector",
     "saturate",

@@ -28,6 +28,7 @@ from poise.locomotion._stepping import (
     draw_modes,
     read_recording,
 )
+from poise.locomotion._support import SupportPolygon, convex_hull, signed_margin, sole_rectangle
 from poise.locomotion._walking import (
     CarriedTarget,
     Gait,
@@ -62,16 +63,20 @@ __all__ = [
     "ScriptedDevice",
     "StepTeleoperator",
     "Stride",
+    "SupportPolygon",
     "TeleopParameters",
     "TeleopStatus",
     "WalkSettings",
     "Walker",
     "WayPoint",
     "ZmpRegulator",
+    "convex_hull",
     "draw_modes",
     "natural_frequency",
     "plan_footsteps",
     "pole_zero_damping",
     "read_recording",
+    "signed_margin",
+    "sole_rectangle",
     "walking_stack",
 ]

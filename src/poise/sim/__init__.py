@@ -18,6 +18,7 @@ from poise.sim._log import Log, McapLog, read_log
 from poise.sim._mapping import StateMap
 from poise.sim._plant import Plant
 from poise.sim._recorder import Recorder, RecorderConfig, Value
+from poise.sim._rollout import Body, Estimator, Observer, Tick, rollout
 from poise.sim._sensors import SensorConfig
 from poise.sim._touches import BlockWatch
 from poise.sim._video import VideoConfig, render_video, run_markers
@@ -27,14 +28,17 @@ __all__ = [
     "Actuation",
     "Block",
     "BlockWatch",
+    "Body",
     "Camera",
     "CameraConfig",
+    "Estimator",
     "LinkError",
     "Log",
     "Marker",
     "McapLog",
     "NoDisplayError",
     "NoOpenGLError",
+    "Observer",
     "Payload",
     "Plant",
     "PlantConfig",
@@ -45,6 +49,7 @@ __all__ = [
     "SensorConfig",
     "ServoConfig",
     "StateMap",
+    "Tick",
     "Value",
     "VideoConfig",
     "Viewer",
@@ -53,5 +58,6 @@ __all__ = [
     "open_viewer",
     "read_log",
     "render_video",
+    "rollout",
     "run_markers",
 ]

@@ -99,10 +99,16 @@ class Plant:
         self.data.qvel[:] = self.map.qvel(q, v)
         self._actuators.reset(q[-self.robot.nj :])
         mujoco.mj_forward(self.model, self.data)
-        state = self._true_state()
+        self._truth: RobotState | None = None
+        state = self.true_state()
         state = state if self._sensors is None else self._sensors.reset(state)
         self._state: RobotState | None = state
         return state
+
+    @property
+    def control_dt(self) -> float:
+        """Control period [s]."""
+        return self.config.control_dt
 
     @property
     def time(self) -> float:
@@ -115,12 +121,16 @@ class Plant:
         Sole wrenches are those of the last physics step. Asking twice gives the same answer.
         """
         if self._state is None:
-            self._state = self._true_state()
+            self._state = self.true_state()
         return self._state
 
     def true_state(self) -> RobotState:
-        """The true state, whatever the sensors say."""
-        return self._true_state()
+        """The true state, whatever the sensors say; the caller's own copy."""
+        if self._truth is None:
+            self._truth = self._read_state()
+        truth = self._truth
+        contacts = {name: wrench.copy() for name, wrench in truth.contacts.items()}
+        return RobotState(truth.q.copy(), truth.v.copy(), contacts, truth.time)
 
     def step(
         self,
@@ -144,7 +154,8 @@ class Plant:
         if not self._diverged:
             self._advance_quietly(begin)
             self._diverged = self._has_diverged()
-        self._state = None if self._sensors is None else self._sensors.measure(self._true_state())
+        self._truth = None
+        self._state = None if self._sensors is None else self._sensors.measure(self.true_state())
 
     def _advance_quietly(self, begin: float) -> None:
         """Advance, keeping MuJoCo's warnings off the terminal and out of the user's folder."""
@@ -276,7 +287,7 @@ class Plant:
         """Commands since the last reset that held NaN or infinity, and were not carried out."""
         return self._actuators.rejected
 
-    def _true_state(self) -> RobotState:
+    def _read_state(self) -> RobotState:
         qpos, qvel = self.data.qpos, self.data.qvel
         return RobotState(
             q=self.map.q(qpos),

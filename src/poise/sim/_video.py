@@ -59,7 +59,7 @@ def run_markers(robot: Robot, recorder: Recorder) -> Callable[[int], tuple[Marke
     qs, coms, zmps = recorder["q"], recorder["com"], recorder["zmp"]
     wrenches = {name: recorder[f"wrench/{name}"] for name in robot.soles}
     data = robot.model.createData()
-    weight = robot.mass * 9.81
+    weight = robot.weight
 
     def markers(index: int) -> tuple[Marker, ...]:
         pin.framesForwardKinematics(robot.model, data, qs[index])

@@ -2,7 +2,7 @@
 
 from poise.stack._axes import checked_gain, checked_target
 from poise.stack._centroid import ComTask, MomentumTask
-from poise.stack._contact import GRAVITY, Contact
+from poise.stack._contact import Contact
 from poise.stack._contacts import PointContact, SurfaceContact
 from poise.stack._frame import FrameTask
 from poise.stack._joints import JointTask, PostureTask
@@ -13,7 +13,6 @@ from poise.stack._stack import Stack, default_stack, is_held
 from poise.stack._task import Task
 
 __all__ = [
-    "GRAVITY",
     "ComTask",
     "Contact",
     "FrameTask",

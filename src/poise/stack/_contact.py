@@ -56,9 +56,6 @@ class LoadRamp:
         return self._load
 
 
-GRAVITY = 9.81
-"""Only scales the default bound of the normal force [m/s^2]."""
-
 MAX_LOAD_FACTOR = 5.0
 """A loaded contact may carry this many times the robot's weight: no bound in practice."""
 
@@ -137,7 +134,7 @@ class Contact(ABC):
                 wanted=f"robot {self._robot.name!r}, or a contact of its own",
             )
         self._frame_id = robot.frame_id(self.frame)
-        self._weight = robot.mass * GRAVITY
+        self._weight = robot.weight
         self.jacobian: Float64[np.ndarray, "dim nv"] = np.zeros((self.dim, robot.nv))
         self.drift: Float64[np.ndarray, " dim"] = np.zeros(self.dim)
         self.cone = self._make_cone(robot)

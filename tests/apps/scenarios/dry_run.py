@@ -24,7 +24,7 @@ def forbid_ticks(monkeypatch, times=()):
     def no_loop(scenario, controller, director, plant, recorder, progress):
         state = plant.state()
         for share in times:
-            director.advance(replace_time(state, share * scenario.duration))
+            director.lead(replace_time(state, share * scenario.duration))
         raise FirstTickError
         yield
 

@@ -54,7 +54,7 @@ class Scene:
         self.director = Director(scenario, self.stack, robot)
 
     def at(self, time, contacts=None):
-        self.director.advance(replace(self.home, time=time, contacts=contacts or {}))
+        self.director.lead(replace(self.home, time=time, contacts=contacts or {}))
         for contact in self.stack.contacts:
             contact.advance(time)
 

@@ -98,7 +98,7 @@ def test_a_swing_clears_a_platform_all_the_way(get_robot):
     feet = list(plan.start)
     for step in plan.steps:
         begin, end = feet[step.foot], step.goal
-        for share in np.linspace(0.0, 1.0, 101):
+        for share in np.linspace(0.0, 1.0, 101).tolist():
             way = step.shape.progress(share)
             x = begin.position[0] + way * (end.position[0] - begin.position[0])
             half = 0.5 * plan.sizes[step.foot][0]

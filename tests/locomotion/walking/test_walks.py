@@ -26,7 +26,7 @@ plant.push("torso", (push[0] * robot.mass / 0.1, push[1] * robot.mass / 0.1, 0.0
 com, feet, moved, missed = [], [], [], 0
 while plant.time < plan.duration + 0.1 and not plant.fallen:
     state = plant.state()
-    walker.advance(state)
+    walker.lead(state)
     command = controller.step(state)
     plant.step(command)
     missed += not command.status.ok

@@ -7,7 +7,7 @@ import queue
 import threading
 import time as clock
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,7 +15,6 @@ from jaxtyping import Float64
 
 from poise.apps.live._inputs import LiveHands, OperatorInputs
 from poise.apps.live._log import LOG_SUFFIX, LiveLog, Takes
-from poise.apps.scenarios import sole_corners
 from poise.apps.teleoperation import TELEOP_PLANT, teleop_setup
 from poise.locomotion import (
     DeviceStatus,
@@ -24,6 +23,9 @@ from poise.locomotion import (
     Recording,
     StepTeleoperator,
     TeleopStatus,
+    convex_hull,
+    signed_margin,
+    sole_rectangle,
 )
 from poise.robots import Robot
 from poise.sim import Plant, PlantConfig
@@ -92,44 +94,14 @@ def support_polygon(
     """
     robot, dynamics = controller.robot, controller.estimator.dynamics
     feet = [status.mode.support] if status.mode.single else [0, 1]
-    corners: list[np.ndarray] = []
+    corners: list[tuple[float, float]] = []
     for foot in feet:
         assert foot is not None
         name = controller.soles[foot]
         frame = dynamics.frame(robot.frame_id(name))
-        corners.append(sole_corners(robot.soles[name], frame.position, frame.rotation))
-    return _hull(np.concatenate(corners))
-
-
-def distance_inside(polygon: Float64[np.ndarray, "h 2"], point: Float64[np.ndarray, "2"]) -> float:
-    """Distance of a point to the nearest edge of a convex polygon, negative outside [m].
-
-    Args:
-        polygon: its corners, counter-clockwise [m].
-        point: [m].
-    """
-    edges = np.roll(polygon, -1, axis=0) - polygon
-    inward = np.column_stack((-edges[:, 1], edges[:, 0]))
-    inward /= np.linalg.norm(inward, axis=1, keepdims=True)
-    return float(np.min(np.sum((point - polygon) * inward, axis=1)))
-
-
-def _hull(points: Float64[np.ndarray, "k 2"]) -> Float64[np.ndarray, "h 2"]:
-    """The convex hull, counter-clockwise; for eight points this is quicker than to call qhull."""
-    ordered = sorted(points.tolist())
-
-    def chain(way: Iterable[list[float]]) -> list[list[float]]:
-        found: list[list[float]] = []
-        for x, y in way:
-            while len(found) > 1:
-                (a, b), (c, d) = found[-2:]
-                if (c - a) * (y - b) - (d - b) * (x - a) > 0.0:
-                    break
-                found.pop()
-            found.append([x, y])
-        return found[:-1]
-
-    return np.array(chain(ordered) + chain(reversed(ordered)))
+        sole = robot.soles[name]
+        corners += sole_rectangle(frame.position, frame.rotation, (sole.length, sole.width))
+    return np.array(convex_hull(corners))
 
 
 FRAMES_PER_SECOND = 25.0
@@ -380,7 +352,7 @@ class LiveLoop:
             hands=np.array(self._hands.places) + offset,
             target=None if status.target is None else status.target + offset,
             polygon=polygon + flat,
-            margin=distance_inside(polygon, status.zmp),
+            margin=float(signed_margin(status.zmp[None], polygon)[0]),
             loads=status.loads.copy(),
             tilt=status.tilt,
             bodies=plant.data.xpos.copy(),

@@ -5,7 +5,6 @@ from poise.apps.scenarios._reader import load_scenario, parse_scenario, shipped_
 from poise.apps.scenarios._replay import drawn_shapes
 from poise.apps.scenarios._run import Run, run_scenario
 from poise.apps.scenarios._scenario import Scenario
-from poise.apps.scenarios._signals import sole_corners
 
 __all__ = [
     "LOG",
@@ -16,7 +15,6 @@ __all__ = [
     "parse_scenario",
     "run_scenario",
     "shipped_scenarios",
-    "sole_corners",
     "summarise",
     "write_page",
     "write_summary",

@@ -152,7 +152,7 @@ def _loop(
     end = scenario.duration - 0.5 * scenario.plant.control_dt
     while plant.time < end and not plant.fallen:
         state = plant.state()
-        director.advance(state)
+        director.lead(state)
         command = controller.step(state)
         plant.step(command)
         _record(recorder, controller, command, watch, director)

@@ -10,7 +10,7 @@ from scipy.linalg import lapack
 from poise.dynamics import Dynamics
 from poise.hqp import HierarchicalProblem, make_solver
 from poise.robots import Robot
-from poise.stack import GRAVITY, Contact, Stack
+from poise.stack import Contact, Stack
 
 TOLERANCE = 1e-6
 """Violation of a cone or limit, relative to the weight or the limit, that counts as none."""
@@ -54,7 +54,7 @@ class ContactForces:
 
     def __init__(self, robot: Robot, stack: Stack, contacts: Sequence[Contact]) -> None:
         self.contacts, self._limit = tuple(contacts), stack.torque_limit
-        self._base, self._weight = robot.base_dofs, robot.mass * GRAVITY
+        self._base, self._weight = robot.base_dofs, robot.weight
         ends = np.cumsum([0, *(c.dim for c in contacts)]).tolist()
         self.slices = [slice(a, b) for a, b in pairwise(ends)]
         self.torque: Float64[np.ndarray, " nj"] = np.zeros(robot.nj)

@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from poise._checks import checked_number
+from poise.dynamics import least_jerk
 from poise.errors import ConfigurationError
 
 
@@ -214,7 +215,7 @@ class _Path:
             return self._places[0].copy()
         if i == len(self._times):
             return self._places[-1].copy()
-        u = (time - self._times[i - 1]) / (self._times[i] - self._times[i - 1])
-        ratio = float(u**3 * (10.0 - 15.0 * u + 6.0 * u * u))
+        begin, end = self._times[i - 1 : i + 1].tolist()
+        phase, _, _ = least_jerk(time, begin, end - begin)
         before, after = self._places[i - 1], self._places[i]
-        return before + ratio * (after - before)
+        return before + phase * (after - before)

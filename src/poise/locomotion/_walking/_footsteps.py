@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from poise._checks import checked_number
+from poise.dynamics import least_jerk
 from poise.errors import ConfigurationError
 
 
@@ -101,28 +102,14 @@ class SwingShape:
 
     def progress(self, share: float) -> float:
         """How much of the horizontal way is behind."""
-        return least_jerk(share - self.depart, self.arrive - self.depart)[0]
+        return least_jerk(share, self.depart, self.arrive - self.depart)[0]
 
     def height(self, share: float, begin: float, end: float) -> float:
         """Height of the sole on its way from one height to another [m]."""
         apex = max(self.apex, begin, end)
         if share < RISE:
-            return begin + least_jerk(share, RISE)[0] * (apex - begin)
-        return apex + least_jerk(share - RISE, 1.0 - RISE)[0] * (end - apex)
-
-
-def least_jerk(time: float, duration: float) -> tuple[float, float, float]:
-    """Share of a way from rest to rest, and its rates (Flash and Hogan 1985)."""
-    r = time / duration
-    if r <= 0.0:
-        return 0.0, 0.0, 0.0
-    if r >= 1.0:
-        return 1.0, 0.0, 0.0
-    return (
-        r * r * r * (10.0 + r * (6.0 * r - 15.0)),
-        30.0 * r * r * (1.0 - r) * (1.0 - r) / duration,
-        60.0 * r * (1.0 - r) * (1.0 - 2.0 * r) / (duration * duration),
-    )
+            return begin + least_jerk(share, 0.0, RISE)[0] * (apex - begin)
+        return apex + least_jerk(share, RISE, 1.0 - RISE)[0] * (end - apex)
 
 
 _MOST_STEPS = 1000

@@ -9,11 +9,7 @@ from jaxtyping import Float64
 from poise.errors import ConfigurationError
 from poise.locomotion._walking._footsteps import FootstepPlan, Placement
 from poise.locomotion._walking._reference import WalkReference
-from poise.robots import Robot
-
-_ITERATIONS, _DAMPING = 25, 1e-6
-_LONGEST_TURN = 0.3
-"""Longest step of the search in a joint [rad]."""
+from poise.robots import Robot, frame_error, inverse_kinematics
 
 _MISS = 0.01
 """A foot this far from its place, or a joint this far beyond its limit, is out of reach [m, rad]:
@@ -89,22 +85,28 @@ class LegReach:
         q = self._plan.q.copy()
         q[:7] = pin.SE3ToXYZQUAT(base)
         model, data, chain = self._model, self._data, self._chains[foot]
-        rows = [model.joints[j].idx_v for j in chain]
-        places = [model.joints[j].idx_q for j in chain]
-        error = np.full(6, np.inf)
-        for _ in range(_ITERATIONS):
+
+        def linearize(
+            q: Float64[np.ndarray, " nq"],
+        ) -> tuple[Float64[np.ndarray, "6"], Float64[np.ndarray, "6 nv"]]:
             pin.computeJointJacobians(model, data, q)
-            placement = pin.updateFramePlacement(model, data, self._frames[foot])
-            error = pin.log6(placement.actInv(goal)).vector
-            if float(np.abs(error).max()) < 1e-3:
-                break
-            J = pin.getFrameJacobian(model, data, self._frames[foot], pin.LOCAL)[:, rows]
-            step = J.T @ np.linalg.solve(J @ J.T + _DAMPING * np.eye(6), error)
-            q[places] += step * min(1.0, _LONGEST_TURN / float(np.abs(step).max()))
+            return frame_error(model, data, self._frames[foot], goal)
+
+        q, error = inverse_kinematics(
+            model,
+            q,
+            linearize,
+            [model.joints[j].idx_v for j in chain],
+            tolerance=1e-3,
+            damping=1e-6,
+            step_max=0.3,
+            iterations=25,
+        )
         if float(np.linalg.norm(error[:3])) > _MISS:
             return f"{float(np.linalg.norm(error[:3])):.3f} m short"
         first = self._robot.nq - self._robot.nj
-        for k in places:
+        for j in chain:
+            k = model.joints[j].idx_q
             low, high = self._robot.q_min[k - first], self._robot.q_max[k - first]
             if not low - _MISS <= q[k] <= high + _MISS:
                 joint = self._robot.joint_names[k - first]

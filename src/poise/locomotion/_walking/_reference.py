@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float64
 from scipy.interpolate import make_interp_spline
 
+from poise.dynamics import least_jerk
 from poise.locomotion._pendulum import natural_frequency
 from poise.locomotion._preview import PreviewControl
 from poise.locomotion._walking._footsteps import FootstepPlan
@@ -62,7 +63,7 @@ class WalkReference:
         self.zmp: Float64[np.ndarray, "T 2"] = _zmp(plan, self.time)
         rise = np.concatenate([_rise(plan, self.time), _heading(plan, self.time)], axis=2)
         com = _preview(self.height, np.array(plan.com[:2]), self.zmp)
-        crouch = -plan.gait.crouch * _least_jerk(self.time, plan.gait.shift_time)
+        crouch = -plan.gait.crouch * _least_jerk(self.time, 0.0, plan.gait.shift_time)
         self.com: Float64[np.ndarray, "T 3 3"] = np.concatenate(
             [com, rise[:, :, :1] + crouch[:, :, None]], axis=2
         )
@@ -106,7 +107,7 @@ def _rise(plan: FootstepPlan, time: Float64[np.ndarray, " T"]) -> Float64[np.nda
     rise[:, 0] = lows[0]
     for i, (before, after) in enumerate(pairwise(lows)):
         if after != before:
-            share = _least_jerk(time - plan.lift_off(i), plan.gait.swing_time)
+            share = _least_jerk(time, plan.lift_off(i), plan.gait.swing_time)
             rise[:, :, 0] += (after - before) * share
     return rise
 
@@ -147,10 +148,8 @@ def _preview(
     return states
 
 
-def _least_jerk(time: Float64[np.ndarray, " T"], over: float) -> Float64[np.ndarray, "T 3"]:
-    """Share of a way from rest to rest, zero before time zero and one in the end, and its rates."""
-    r = np.clip(time / over, 0.0, 1.0)
-    share = r**3 * (10.0 - 15.0 * r + 6.0 * r * r)
-    rate = 30.0 * r * r * (1.0 - r) ** 2 / over
-    second = 60.0 * r * (1.0 - r) * (1.0 - 2.0 * r) / over**2
-    return np.stack([share, rate, second], axis=1)
+def _least_jerk(
+    time: Float64[np.ndarray, " T"], start: float, duration: float
+) -> Float64[np.ndarray, "T 3"]:
+    """`least_jerk` at each moment of a grid."""
+    return np.array([least_jerk(t, start, duration) for t in time.tolist()])

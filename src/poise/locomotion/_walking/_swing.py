@@ -6,7 +6,8 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float64
 
-from poise.locomotion._walking._footsteps import RISE, Placement, SwingShape, least_jerk
+from poise.dynamics import least_jerk
+from poise.locomotion._walking._footsteps import RISE, Placement, SwingShape
 
 _FIXED = 0.06
 """The goal does not move any more when the foot is this near to its arrival [s]."""
@@ -90,7 +91,7 @@ class SwingFoot:
             for k in (0, 1):
                 _towards(self._way[k], self.goal.position[k] + shift[k], left, dt)
         z, speed, rise = self._vertical(dt)
-        share, rate, second = least_jerk(self.elapsed, self.duration)
+        share, rate, second = least_jerk(self.elapsed, 0.0, self.duration)
         x, y = self._way
         self.position = np.array([x[0], y[0], z])
         turn, spin = self._turn, rate * self._turn
@@ -103,10 +104,10 @@ class SwingFoot:
         low, high, end = self._z
         up = RISE * self.duration
         if self.elapsed < up:
-            share, rate, second = least_jerk(self.elapsed, up)
+            share, rate, second = least_jerk(self.elapsed, 0.0, up)
             return low + share * (high - low), rate * (high - low), second * (high - low)
         if self.elapsed < self.duration:
-            share, rate, second = least_jerk(self.elapsed - up, self.duration - up)
+            share, rate, second = least_jerk(self.elapsed, up, self.duration - up)
             return high + share * (end - high), rate * (end - high), second * (end - high)
         push = 0.0
         if self.exhausted:

@@ -1,4 +1,4 @@
-"""`Walker`: leads the tasks and contacts of a running controller along a footstep plan.
+"""`Walker`: leads the tasks and contacts of a stack along a footstep plan.
 
 `WalkSettings`: how a walker keeps its balance and feels the ground.
 `WalkStatus`: how a walk stands.
@@ -122,7 +122,6 @@ class WalkSense:
         return placement.translation, placement.rotation
 
 
-_GRAVITY = 9.81
 _ENGAGE, _RELEASE = 0.4, 0.5
 """Shares of the double support in which the landed foot is loaded and the next one unloaded."""
 
@@ -137,7 +136,7 @@ _LONGEST_TICK = 0.05
 
 
 class Walker:
-    """Walks: call `advance` with each state, before the controller's `step`.
+    """Walks: a `poise.stack.Leader`.
 
     It only sets targets of tasks and loads of contacts of the stack: the COM task (its target, and
     the acceleration that keeps the balance), the frame task of the foot in the air, the contacts
@@ -154,6 +153,7 @@ class Walker:
         carry: names of frame tasks that go along with the body; all that are on no sole when None.
 
     Attributes:
+        stack: what it leads.
         plan: the steps.
         settings: feedback, touchdown and limits.
         reference: ZMP, COM and body of the plan.
@@ -174,7 +174,7 @@ class Walker:
         *,
         carry: Sequence[str] | None = None,
     ) -> None:
-        self.plan, self.settings = plan, settings or WalkSettings()
+        self.stack, self.plan, self.settings = stack, plan, settings or WalkSettings()
         self.reference = WalkReference(plan)
         legs = LegReach(robot, plan)
         legs.check(self.reference)
@@ -184,7 +184,7 @@ class Walker:
         self.status = WalkStatus.READY
         omega = self.reference.omega
         self._sense = WalkSense(robot, plan.soles)
-        self._weight = robot.mass * _GRAVITY
+        self._weight = robot.weight
         self._feedback = DcmFeedback(omega, self.settings.dcm_gain)
         self._shift = PlanShift(omega)
         self._catcher = StepCatcher(
@@ -237,30 +237,26 @@ class Walker:
         """Whether the walk loads and unloads a contact of that name."""
         return any(contact == c.name for c in self._led.contacts)
 
-    def advance(self, state: RobotState) -> WalkStatus:
+    def lead(self, state: RobotState) -> None:
         """Sets what the next tick should do.
 
         Args:
             state: of the robot; one that is not finite is passed over.
-
-        Returns:
-            How the walk stands.
         """
         if not math.isfinite(float(state.q.sum()) + float(state.v.sum())):
-            return self.status
+            return
         self._sense.update(state)
         dt = 0.0 if self._time is None else min(max(state.time - self._time, 0.0), _LONGEST_TICK)
         self._time = state.time
         if self.status is WalkStatus.READY:
             self._begin()
         if self.status is WalkStatus.MISPLACED:
-            return self.status
+            return
         if self._swing is not None:
             self._fly(self._swing, state, dt)
         elif self.status.ok:
             self._stand(dt)
         self._keep_balance(dt)
-        return self.status
 
     def _begin(self) -> None:
         self.status = WalkStatus.WALKING
