@@ -1,7 +1,6 @@
 """Benchmarks: timings of Poise beside other methods and other packages, interleaved in one run."""
 
-from benchmarks.bias import BiasBench, BiasResult, bench_bias
-from benchmarks.bias_table import format_bias_table
+from benchmarks.bias import BiasBench, BiasResult, bench_bias, format_bias_table
 from benchmarks.dof import JOINTS, DofBench, bench_dof
 from benchmarks.dof_table import format_dof_table
 from benchmarks.figure import write_figure

@@ -204,8 +204,7 @@ def _dof(options: argparse.Namespace) -> None:
 
 
 def _bias(options: argparse.Namespace) -> None:
-    from benchmarks.bias import BiasBench, bench_bias
-    from benchmarks.bias_table import format_bias_table
+    from benchmarks.bias import BiasBench, bench_bias, format_bias_table
 
     plan = BiasBench(**_given(options, ("robot", "ticks")))
     _run(options, plan, bench_bias, format_bias_table)

@@ -2,15 +2,17 @@
 
 from collections.abc import Callable, Generator
 from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float64
 
 from benchmarks.fixed_base.encoder import JointSensors
 from benchmarks.fixed_base.plant import RigidPlant, set_gravity
-from poise.control import Controller
+from poise.control import Command
 from poise.dynamics import RobotState
 from poise.errors import PoiseError
+from poise.robots import Robot
 
 CONTROL_DT = 1e-3
 """Control period [s]."""
@@ -37,8 +39,22 @@ class Tick:
     gravity: float
 
 
+@runtime_checkable
+class TorqueController(Protocol):
+    """What the loop asks of a controller."""
+
+    @property
+    def robot(self) -> Robot:
+        """Its model of the robot."""
+        ...
+
+    def step(self, state: RobotState) -> Command:
+        """One tick: from state to torques."""
+        ...
+
+
 def run_loop(
-    controller: Controller,
+    controller: TorqueController,
     plant: RigidPlant,
     aim: Callable[[float], object],
     *,

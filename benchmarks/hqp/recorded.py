@@ -110,16 +110,18 @@ def problem_of(controller: Controller) -> HierarchicalProblem:
         PoiseError: it solves none, or has not solved one yet.
     """
     problem: HierarchicalProblem | None = None
-    if isinstance(controller, WholeBodyController) and controller.formulation is not None:
-        problem = controller.formulation.problem
-    elif isinstance(controller, ReducedController) and controller.resolver is not None:
-        resolver = controller.resolver
-        problem = resolver.first.problem
+    if isinstance(controller, WholeBodyController):
+        program = controller.strategy.current
+        problem = None if program.solution is None else program.full.problem
+    elif isinstance(controller, ReducedController):
+        reduced = controller.strategy.current
         # After a tick in which that was of no use, LQP 1 is not even written.
-        if resolver.whole is not None and resolver.whole_solution is not None:
-            problem = resolver.whole.formulation.problem
+        if reduced.whole is not None and reduced.whole_solution is not None:
+            problem = reduced.whole.full.problem
+        elif reduced.first_solution is not None:
+            problem = reduced.first.problem
     elif isinstance(controller, DifferentialIK):
-        problem = controller.problem
+        problem = controller.strategy.problem
     if problem is None:
         raise PoiseError(
             "the controller has solved no hierarchical problem",

@@ -1,7 +1,6 @@
 """Tables 1 and 2: the sizes of the problems that the code builds, beside the paper's."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -71,9 +70,7 @@ def _sizes(run: WalkRun, stance: str) -> _Sizes:
         controller.step(state)
     contacts = [c for c in full.stack.contacts if c.active]
     part = Partitions(robot).of([c.frame for c in contacts])
-    # Both exist after a step.
-    formulation: Any = full.formulation
-    resolver: Any = reduced.resolver
+    program = reduced.strategy.current
     return _Sizes(
         contacts=len(contacts),
         effectors=len(robot.hands) + (stance == "single"),
@@ -81,9 +78,9 @@ def _sizes(run: WalkRun, stance: str) -> _Sizes:
         n_cc=part.na - robot.base_dofs,
         n_uc=part.nu,
         most=int(variables.max()),
-        whole=formulation.problem,
-        first=resolver.first.problem,
-        second=None if resolver.second is None else resolver.second.problem,
+        whole=full.strategy.current.full.problem,
+        first=program.first.problem,
+        second=None if program.second is None else program.second.problem,
     )
 
 

@@ -92,7 +92,7 @@ def test_the_table_of_the_paper_has_its_variables_and_rows():
 def size_of(robot, stance):
     controller = WholeBodyController(robot, bench_stack(robot, "table1", stance))
     controller.step(RobotState(robot.q_home, np.zeros(robot.nv)))
-    problem = controller.formulation.problem
+    problem = controller.strategy.current.full.problem
     bounded = np.isfinite(problem.x_lower) | np.isfinite(problem.x_upper)
     return problem.n, problem.m + int(bounded.sum())
 

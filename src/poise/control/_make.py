@@ -6,7 +6,7 @@ from typing import Literal
 
 from poise.control._controller import Controller
 from poise.control._differential_ik import METHODS, DifferentialIK
-from poise.control._osf import BIAS_FORMULAS, OperationalSpaceController
+from poise.control._osf import OperationalSpaceController
 from poise.control._reduced import ReducedController
 from poise.control._whole_body import WholeBodyController
 from poise.errors import ConfigurationError, UnknownNameError
@@ -64,9 +64,9 @@ def _reduced(robot: Robot, stack: Stack | None, plan: ControllerPlan, strategy: 
     )
 
 
-def _osf(robot: Robot, stack: Stack | None, plan: ControllerPlan, strategy: str) -> Controller:
+def _osf(robot: Robot, stack: Stack | None, plan: ControllerPlan, _: str) -> Controller:
     _refuse_solver_settings(plan, "the operational space formulation", "it solves in closed form")
-    return OperationalSpaceController(robot, stack, bias=strategy)
+    return OperationalSpaceController(robot, stack)
 
 
 def _differential_ik(
@@ -89,7 +89,7 @@ def _refuse_solver_settings(plan: ControllerPlan, controller: str, why: str) -> 
 CONTROLLERS: Mapping[str, ControllerKind] = {
     "whole_body": ControllerKind(strategies=STRATEGIES, make=_whole_body),
     "reduced": ControllerKind(strategies=STRATEGIES, make=_reduced),
-    "osf": ControllerKind(strategies=BIAS_FORMULAS, make=_osf),
+    "osf": ControllerKind(strategies=("fused",), make=_osf),
     "differential_ik": ControllerKind(
         strategies=METHODS, make=_differential_ik, actuation="velocity"
     ),

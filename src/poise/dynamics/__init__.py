@@ -3,7 +3,6 @@
 from poise.dynamics._chain_coordinates import ChainFactors, from_coordinates, to_coordinates
 from poise.dynamics._dynamics import Dynamics, FrameKinematics, RobotState
 from poise.dynamics._partition import HangingChain, Partition, Partitions, Selection
-from poise.dynamics._rates import MatrixRates
 from poise.dynamics._reduction import ReducedDynamics
 from poise.dynamics._trajectory import Quintic, least_jerk
 from poise.dynamics._vectors import rotation_sine, rotation_vector, saturate
@@ -13,7 +12,6 @@ __all__ = [
     "Dynamics",
     "FrameKinematics",
     "HangingChain",
-    "MatrixRates",
     "Partition",
     "Partitions",
     "Quintic",

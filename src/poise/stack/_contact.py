@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from poise._checks import checked_kind, checked_number
-from poise.dynamics import Dynamics, MatrixRates
+from poise.dynamics import Dynamics
 from poise.errors import ConfigurationError
 from poise.robots import Robot
 
@@ -145,6 +145,11 @@ class Contact(ABC):
         """Whether the contact may carry load; an inactive one does not constrain the robot."""
         return self._load.active
 
+    @property
+    def blocks(self) -> tuple[int, ...]:
+        """Sizes of the blocks of rows that share a unit: force rows, then moment rows."""
+        return (3,) * (self.dim // 3)
+
     def release(self, duration: float = 0.2) -> None:
         """Unloads the contact: its normal force bound ramps to zero, then it turns inactive.
 
@@ -192,18 +197,6 @@ class Contact(ABC):
         jacobian, velocity, bias = dynamics.motion_in_own_axes(self._frame_id)
         self.jacobian, self.drift = jacobian[: self.dim], bias[: self.dim]
         np.multiply(velocity[: self.dim], -self.damping, out=self.reference)
-
-    def jacobian_rate(
-        self, dynamics: Dynamics, rates: MatrixRates
-    ) -> Float64[np.ndarray, "dim nv"]:
-        """Time derivative of `jacobian` along axes that stay as they are, as those of `drift` do.
-
-        Args:
-            dynamics: the state.
-            rates: derivatives of the robot's matrices for the same state.
-        """
-        rate, R = rates.frame(self._frame_id), dynamics.frame(self._frame_id).rotation.T
-        return np.concatenate((R @ rate[:3], R @ rate[3:]))[: self.dim]
 
     @abstractmethod
     def _make_cone(self, robot: Robot) -> Float64[np.ndarray, "rows dim"]:

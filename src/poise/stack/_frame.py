@@ -4,7 +4,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from poise._checks import Numbers, checked_kind
-from poise.dynamics import Dynamics, MatrixRates, rotation_sine, rotation_vector
+from poise.dynamics import Dynamics, rotation_sine, rotation_vector
 from poise.errors import UnknownNameError
 from poise.robots import Robot
 from poise.stack._axes import as_rows, checked_rotation, checked_target, parse_axes, split_rows
@@ -130,10 +130,6 @@ class FrameTask(Task):
         self._target.release_hold()
         if self._orientation_held:
             self._orientation, self._orientation_held = None, False
-
-    def jacobian_rate(self, rates: MatrixRates) -> Float64[np.ndarray, "m nv"]:
-        """Exact time derivative of `jacobian`."""
-        return rates.frame(self._frame_id)[self._rows]
 
     @property
     def blocks(self) -> tuple[int, ...]:

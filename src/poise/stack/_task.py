@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from poise._checks import Numbers
-from poise.dynamics import Dynamics, MatrixRates
+from poise.dynamics import Dynamics
 from poise.errors import ConfigurationError
 from poise.robots import Robot
 from poise.stack._axes import checked_gain, checked_target
@@ -205,6 +205,9 @@ class Task(ABC):
     def set_weight(self, weight: Numbers) -> None:
         """Sets the weight of its rows against other rows of the same level, from the next tick.
 
+        Controllers that command velocities follow it: `DifferentialIK`. Those that command torques
+        take the weights that a task has when they are made.
+
         Args:
             weight: one number or one a row.
 
@@ -227,6 +230,14 @@ class Task(ABC):
         """What `set_velocity` was given; None for nothing."""
         return self._user_velocity
 
+    @property
+    def velocity_gain(self) -> Float64[np.ndarray, " m"]:
+        """Gain of the error in the task's velocity, kp / kd [1/s]; zero without stiffness.
+
+        A PD controller with these gains lets a slow error die out at this rate.
+        """
+        return np.divide(self.kp, self.kd, out=np.zeros(self.dim), where=self.kp > 0.0)
+
     def evaluate(self, dynamics: Dynamics) -> None:
         """Fills `jacobian`, `drift`, `error`, `error_rate` and `reference` for one state.
 
@@ -246,26 +257,6 @@ class Task(ABC):
 
     def reset(self) -> None:  # noqa: B027 - most tasks have nothing to forget
         """Forgets targets that the task took from the robot itself, not those a user set."""
-
-    def jacobian_rate(
-        self,
-        rates: MatrixRates,  # noqa: ARG002
-    ) -> Float64[np.ndarray, "m nv"]:
-        """Exact time derivative of `jacobian`, for the state that was evaluated last.
-
-        Only formulas that differentiate projected Jacobians ask for it; a task of your own can do
-        without.
-
-        Args:
-            rates: derivatives of the robot's matrices for the same state.
-
-        Raises:
-            ConfigurationError: the task has none.
-        """
-        raise ConfigurationError(
-            f"task {self.name!r} has no exact derivative of its Jacobian",
-            wanted='derivative="numerical", or bias="fused", which needs none',
-        )
 
     @property
     def blocks(self) -> tuple[int, ...]:

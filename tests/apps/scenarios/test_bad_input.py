@@ -82,6 +82,10 @@ CASES = {
     "robot a number": (top("robot: 33"), "robot.*wrong kind.*33.*text"),
     "unknown controller": (top("controller: wholebody"), "no such controller.*whole_body"),
     "unknown strategy": (top("controller: {strategy: fast}"), "strategy.*'fast'.*direct"),
+    "a formula of the study": (
+        top("controller: {name: osf, strategy: original}"),
+        "no such strategy of controller osf.*'original'.*fused",
+    ),
     "unknown backend": (top("controller: {strategy: cascade, backend: gurobi}"), "'gurobi'.*osqp"),
     "time limit zero": (top("controller: {time_limit: 0}"), "time_limit.*positive"),
     "time limit text": (top("controller: {time_limit: 5 ms}"), "time_limit.*'5 ms'"),

@@ -55,7 +55,7 @@ def with_actuation(scenario: Scenario) -> Scenario:
     return scenario
 
 
-def controller_of(scenario: Scenario, robot: Robot) -> Controller:
+def controller_of(scenario: Scenario, robot: Robot) -> Controller | ByHand:
     """Makes the controller of a scenario that `with_actuation` has passed.
 
     Raises:

@@ -46,7 +46,7 @@ class Run:
     scenario: Scenario
     robot: Robot
     plant: Plant = field(repr=False)
-    controller: Controller = field(repr=False)
+    controller: Controller | ByHand = field(repr=False)
     pushes: tuple[Push, ...]
     signals: RunSignals = field(repr=False)
     checks: tuple[CheckResult, ...]
@@ -139,7 +139,7 @@ def run_scenario(
 
 def _loop(
     scenario: Scenario,
-    controller: Controller,
+    controller: Controller | ByHand,
     director: Director,
     plant: Plant,
     recorder: Recorder,
@@ -164,7 +164,7 @@ def _loop(
 
 def _record(
     recorder: Recorder,
-    controller: Controller,
+    controller: Controller | ByHand,
     command: Command,
     watch: BlockWatch | None,
     director: Director,

@@ -4,8 +4,8 @@ import numpy as np
 from jaxtyping import Float64, Int64
 
 from poise._compiled import compiled, say_if_slow
+from poise.control._reduced._assignment import AssignedRows
 from poise.control._reduced._eliminate import Eliminated, eliminate, restore
-from poise.control._reduced._task_rows import TaskRows
 from poise.dynamics import ChainFactors, ReducedDynamics, from_coordinates, to_coordinates
 
 
@@ -40,7 +40,7 @@ class ChainElimination:
         kept: number of unknowns s.
     """
 
-    def __init__(self, reduced: ReducedDynamics, rows: TaskRows) -> None:
+    def __init__(self, reduced: ReducedDynamics, rows: AssignedRows) -> None:
         self._reduced, self._rows = reduced, rows
         part = reduced.partition
         inside, m = part.nu - part.nz, len(rows.second)

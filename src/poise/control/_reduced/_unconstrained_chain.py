@@ -3,7 +3,7 @@
 import numpy as np
 from jaxtyping import Float64
 
-from poise.control._reduced._task_rows import TaskRows
+from poise.control._reduced._assignment import AssignedRows
 from poise.dynamics import ReducedDynamics
 from poise.hqp import HierarchicalProblem
 from poise.robots import Robot
@@ -29,7 +29,7 @@ class UnconstrainedChainProblem:
     Args:
         robot: the robot.
         stack: contacts, limits and tasks, bound to the robot.
-        tasks: the rows of the tasks that act, updated by the caller.
+        tasks: the rows of the stack, updated by the caller, and which of them are for LQP 2.
         reduced: the reduced dynamics, updated by the caller; its partition must have a chain.
 
     Attributes:
@@ -40,7 +40,7 @@ class UnconstrainedChainProblem:
         self,
         robot: Robot,
         stack: Stack,
-        tasks: TaskRows,
+        tasks: AssignedRows,
         reduced: ReducedDynamics,
     ) -> None:
         self._stack, self._reduced = stack, reduced

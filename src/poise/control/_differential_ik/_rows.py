@@ -1,4 +1,4 @@
-"""`VelocityFormulation`: contacts and the user's levels as rows on joint velocities.
+"""`VelocityRows`: contacts and the user's levels as rows on joint velocities.
 
 `RowWeights`: W_A, what each row counts in its level; may change every tick.
 The floating base under a stance contact: its velocity follows from the joints'.
@@ -16,7 +16,7 @@ from poise.control._differential_ik._closed_form import VelocityLevel
 from poise.dynamics import Dynamics, saturate
 from poise.errors import ConfigurationError
 from poise.robots import Robot
-from poise.stack import Contact, Stack, Task, checked_gain, is_held
+from poise.stack import Contact, Stack, StackRows, Task, checked_gain, home_jacobians
 
 ROW_WEIGHT = 1e4
 """W_A of a row whose task has weight one.
@@ -46,7 +46,8 @@ class RowWeights:
         Raises:
             ConfigurationError: no such task.
         """
-        return _row_weight(self._task(task))
+        weight = self._task(task).weight
+        return ROW_WEIGHT * weight * weight
 
     def __setitem__(self, task: Task | str, weight: Numbers) -> None:
         """Sets the weights of a task's rows, one number or one a row.
@@ -76,10 +77,6 @@ class RowWeights:
                 "unknown task of the stack", got=name, choices=list(self._tasks)
             )
         return self._tasks[name]
-
-
-def _row_weight(task: Task) -> Float64[np.ndarray, " m"]:
-    return ROW_WEIGHT * task.weight * task.weight
 
 
 BASE = 6
@@ -127,22 +124,13 @@ class HomeJacobians:
             the robot.
 
     Attributes:
-        nv: number of generalized velocities.
         joints: indices of all joints.
     """
 
     def __init__(self, robot: Robot, stack: Stack) -> None:
-        dynamics = Dynamics(robot)
-        self.nv = robot.nv
         self.joints: Int64[np.ndarray, " nj"] = np.arange(robot.nj)
-        self._jacobians: dict[Contact | Task, Float64[np.ndarray, "m nv"]] = {}
-        for contact in stack.contacts:
-            contact.evaluate(dynamics)
-            self._jacobians[contact] = contact.jacobian.copy()
-        for _, task in stack.tasks():
-            task.evaluate(dynamics)
-            self._jacobians[task] = task.jacobian.copy()
-            task.reset()
+        owners = [*stack.contacts, *(task for _, task in stack.tasks())]
+        self._jacobians = home_jacobians(Dynamics(robot), owners)
 
     def scale(
         self, owner: Contact | Task, stance: Contact | None, joints: Int64[np.ndarray, " n"]
@@ -159,7 +147,7 @@ class HomeJacobians:
             jacobian = constrained(jacobian, base_from_joints(self._jacobians[stance]))
         sizes = np.linalg.norm(jacobian[:, joints], axis=1)
         scale = np.ones(len(sizes))
-        for start, stop in pairwise(accumulate(_blocks(owner), initial=0)):
+        for start, stop in pairwise(accumulate(owner.blocks, initial=0)):
             largest = float(sizes[start:stop].max())
             # A block that nothing moves has no rank to lose.
             if largest > 0.0:
@@ -167,23 +155,16 @@ class HomeJacobians:
         return scale
 
 
-def _blocks(owner: Contact | Task) -> Sequence[int]:
-    return owner.blocks if isinstance(owner, Task) else (3,) * (owner.dim // 3)
-
-
-class VelocityFormulation:
+class VelocityRows:
     """Rows J u = v for one stance and one set of contacts that are held.
 
     The stance contact does not move, which gives the base's velocity and takes the base out of
     every row. The contacts that are held beside it come first, with velocity zero; the levels of
-    the stack follow. A task asks for its target's velocity plus its error fed back,
-
-        v = target velocity + (kp / kd) error
-
-    with the norm of each block of rows bounded where a bound was given, or for the velocity that
-    it was given. Frame tasks on frames in contact are suspended.
+    the stack follow, with the velocities of `StackRows.update_velocities`, the norm of each block
+    of rows bounded where a bound was given.
 
     Args:
+        robot: the robot.
         stack: contacts and tasks, bound to the robot.
         stance: the contact that stands; None for a fixed base.
         held: other contacts that are active.
@@ -193,12 +174,9 @@ class VelocityFormulation:
 
     Attributes:
         stance: the contact that stands.
+        stack_rows: the rows of the stack, on the whole velocity.
         levels: held contacts, then the user's levels; views that `fill` writes into.
-        suspended: tasks that a contact stands in for; they have no rows.
-        held: contacts that are held, in the order of the first level.
-        task_rows: tasks that act, with their rows.
-        level_tasks: tasks that act, level by level.
-        jacobian: rows of all levels.
+        jacobian: rows of all levels, on the velocities of the joints that may move.
         velocity: their velocities.
         base_map: base velocity by joint velocities, for the joints that may move; None for a fixed
             base.
@@ -206,6 +184,7 @@ class VelocityFormulation:
 
     def __init__(
         self,
+        robot: Robot,
         stack: Stack,
         stance: Contact | None,
         held: Sequence[Contact],
@@ -214,20 +193,26 @@ class VelocityFormulation:
         speeds: Mapping[str, Float64[np.ndarray, " b"]],
         home: HomeJacobians,
     ) -> None:
-        self.stance, self.held, self._joints = stance, tuple(held), joints
-        holding = self.held if stance is None else (*self.held, stance)
-        self.suspended = tuple(t for _, t in stack.tasks() if is_held(t, holding))
-        self.level_tasks = [[t for t in level if t not in self.suspended] for level in stack.levels]
-        tasks = [task for level in self.level_tasks for task in level]
-        spans = _spans([*(c.dim for c in held), *(t.dim for t in tasks)])
-        self._contact_rows = list(zip(self.held, spans, strict=False))
-        self.task_rows = list(zip(tasks, spans[len(held) :], strict=True))
-        self._gains = [(rows, velocity_gain(task)) for task, rows in self.task_rows]
+        self.stance, self._joints = stance, joints
+        self.stack_rows = rows = StackRows(robot, stack, held, stance=stance)
         self._blocks = [
-            (task, rows, _bounded_blocks(task, rows, speeds)) for task, rows in self.task_rows
+            (task, _bounded_blocks(task, place, speeds))
+            for task, place in rows.task_rows
+            if task.name in speeds
         ]
-        self._allocate(home)
         self._everything = len(joints) == len(home.joints)
+        self._weight = np.ones(len(rows.target))
+        self.jacobian: Float64[np.ndarray, "m n"] = np.zeros((len(rows.target), len(joints)))
+        self.velocity: Float64[np.ndarray, " m"] = rows.target
+        self.base_map: Float64[np.ndarray, "6 n"] | None = None
+        scale = np.ones(len(rows.target))
+        contact_rows = zip(rows.contacts, rows.wrench_slices, strict=True)
+        for owner, place in (*contact_rows, *rows.task_rows):
+            scale[place] = home.scale(owner, stance, joints)
+        self.levels = [
+            VelocityLevel(self.jacobian[s], self.velocity[s], self._weight[s], scale[s])
+            for s in (slice(a, b) for a, b in pairwise((0, *rows.ends.tolist())))
+        ]
 
     def fill(self, dynamics: Dynamics) -> None:
         """Writes one state's rows.
@@ -235,84 +220,24 @@ class VelocityFormulation:
         Args:
             dynamics: the state, up to date.
         """
-        for contact, rows in self._contact_rows:
-            contact.evaluate(dynamics)
-            self._full[rows] = contact.jacobian
-        self._wanted[:] = 0.0
-        for (task, rows), (_, gain) in zip(self.task_rows, self._gains, strict=True):
-            task.evaluate(dynamics)
-            self._full[rows] = task.jacobian
-            wanted = gain * task.error
-            wanted += task.error_rate
-            self._wanted[rows] = wanted
-        # The rate of an error is the target's velocity less that of the robot, J v.
-        np.matmul(self._full, dynamics.state.v, out=self.velocity)
-        self.velocity += self._wanted
-        self.velocity[: self.levels[0].velocity.size] = 0.0
-        self._bound_velocities()
-        for task, rows in self.task_rows:
-            self._weight[rows] = task.weight
-        self._weight *= self._weight
+        self.stack_rows.update_velocities(dynamics)
+        for task, blocks in self._blocks:
+            if task.given_velocity is None:
+                for block, largest in blocks:
+                    self.velocity[block] = saturate(largest, self.velocity[block])
+        np.multiply(self.stack_rows.weight, self.stack_rows.weight, out=self._weight)
         self._weight *= ROW_WEIGHT
-        self._reduce(dynamics)
-
-    def _bound_velocities(self) -> None:
-        for task, rows, blocks in self._blocks:
-            if task.given_velocity is not None:
-                self.velocity[rows] = task.given_velocity
-                continue
-            for block, largest in blocks:
-                self.velocity[block] = saturate(largest, self.velocity[block])
-
-    def _reduce(self, dynamics: Dynamics) -> None:
-        reduced = self._full
+        reduced = self.stack_rows.J
         if self.stance is not None:
-            self.stance.evaluate(dynamics)
             base_map = base_from_joints(self.stance.jacobian)
             reduced = constrained(reduced, base_map)
             self.base_map = base_map if self._everything else base_map[:, self._joints]
         self.jacobian[:] = reduced if self._everything else reduced[:, self._joints]
 
-    def _allocate(self, home: HomeJacobians) -> None:
-        total = self.task_rows[-1][1].stop if self.task_rows else sum(c.dim for c in self.held)
-        n = len(self._joints)
-        self._full = np.zeros((total, home.nv))
-        self._wanted = np.zeros(total)
-        self._weight = np.ones(total)
-        self.jacobian: Float64[np.ndarray, "m n"] = np.zeros((total, n))
-        self.velocity: Float64[np.ndarray, " m"] = np.zeros(total)
-        self.base_map: Float64[np.ndarray, "6 n"] | None = None
-        scale = np.ones(total)
-        for owner, rows in (*self._contact_rows, *self.task_rows):
-            scale[rows] = home.scale(owner, self.stance, self._joints)
-        sizes = [sum(c.dim for c in self.held)]
-        sizes += [sum(t.dim for t in level) for level in self.level_tasks]
-        self.levels = [
-            VelocityLevel(self.jacobian[s], self.velocity[s], self._weight[s], scale[s])
-            for s in _spans(sizes)
-        ]
-
-
-def velocity_gain(task: Task) -> Float64[np.ndarray, " m"]:
-    """Gain of a task's error in its velocity, kp / kd [1/s]; zero where there is no stiffness.
-
-    A PD controller with these gains lets a slow error die out at this rate.
-
-    Args:
-        task: the task, bound to a robot.
-    """
-    return np.divide(task.kp, task.kd, out=np.zeros(task.dim), where=task.kp > 0.0)
-
 
 def _bounded_blocks(
     task: Task, rows: slice, speeds: Mapping[str, Float64[np.ndarray, " b"]]
 ) -> list[tuple[slice, float]]:
-    if task.name not in speeds:
-        return []
     ends = accumulate(task.blocks, initial=rows.start)
     blocks = [slice(a, b) for a, b in pairwise(ends)]
     return list(zip(blocks, speeds[task.name].tolist(), strict=True))
-
-
-def _spans(sizes: Sequence[int]) -> list[slice]:
-    return [slice(a, b) for a, b in pairwise(accumulate(sizes, initial=0))]

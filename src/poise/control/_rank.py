@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float64
-from scipy.linalg import lapack
 
 from poise._checks import checked_number
 from poise.errors import ConfigurationError
@@ -17,13 +16,13 @@ class RankTreatment:
     A task's prioritised Jacobian in the mass metric, `J_i|p M^-1/2`, has singular values. Each is
     measured against the mobility that the task's rows have by themselves in the robot's home
     posture, so that it is a pure number: about one where a task moves freely, and zero where a
-    singularity or the tasks above have taken the direction. The share
+    singularity or the tasks above have taken the direction. The activation
 
         a(s) = 3 t^2 - 2 t^3   with t = (s - low) / (high - low), kept between 0 and 1
 
-    multiplies the inverse along that direction, a / s^2 in place of 1 / s^2, and the same share of
-    the direction is withheld from the tasks below. Torques are continuous in the state and bounded,
-    and levels above never notice.
+    multiplies the inverse along that direction, a / s^2 in place of 1 / s^2, and the same fraction
+    of the direction is withheld from the tasks below. Torques are continuous in the state and
+    bounded, and levels above never notice.
 
     Attributes:
         low: singular value up to which a direction is left alone.
@@ -43,10 +42,10 @@ class RankTreatment:
                 wanted="low < high, at most 1",
             )
 
-    def shares(
+    def activate(
         self, squares: Float64[np.ndarray, " m"]
     ) -> tuple[Float64[np.ndarray, " m"], Float64[np.ndarray, " m"]]:
-        """Shares of directions and the inverses that belong to them.
+        """Activations of directions and the inverses that belong to them.
 
         Args:
             squares: squared singular values s^2; rounding may have left them slightly negative.
@@ -56,8 +55,8 @@ class RankTreatment:
         """
         singular = np.sqrt(np.maximum(squares, 0.0))
         t = np.clip((singular - self.low) / (self.high - self.low), 0.0, 1.0)
-        share = t * t * (3.0 - 2.0 * t)
-        return share, share / np.maximum(squares, self.low * self.low)
+        activation = t * t * (3.0 - 2.0 * t)
+        return activation, activation / np.maximum(squares, self.low * self.low)
 
 
 PHYSICS_RANK = RankTreatment(low=1e-5, high=1e-4)
@@ -70,47 +69,14 @@ values above 0.1 on the robots tried. Those that contacts decide, as legs in dou
 way before they ask the rest of the robot for the impossible."""
 
 
-def rank_of(level: int, firm: int, tasks: RankTreatment) -> RankTreatment:
+def rank_of(level: int, constraints: int, tasks: RankTreatment) -> RankTreatment:
     """The treatment of a level.
 
     Args:
         level: its index, the physics first.
-        firm: number of leading levels that are no tasks, as in `LevelRows`.
+        constraints: number of leading levels that are no tasks, as in `LevelRows`.
         tasks: treatment of the tasks.
     """
-    if level >= firm:
+    if level >= constraints:
         return tasks
     return HELD_RANK if level else PHYSICS_RANK
-
-
-def invert(
-    matrix: Float64[np.ndarray, "m m"], scale: Float64[np.ndarray, " m"], rank: RankTreatment
-) -> tuple[Float64[np.ndarray, "m m"], Float64[np.ndarray, "m m"]]:
-    """Inverse of J M^-1 J^T, as far as its rank goes.
-
-    Args:
-        matrix: symmetric, positive semidefinite; its lower triangle is used.
-        scale: scale of each row of J, as in `LevelRows`.
-        rank: what happens to directions that are lost.
-
-    Returns:
-        The plain inverse where nothing is lost, otherwise with the shares of `rank`; and what that
-        is the inverse of: `matrix` itself, or what its shares make of it, zero along directions
-        that are left alone.
-    """
-    if not len(scale):
-        return matrix, matrix
-    scaled = matrix * scale * scale[:, None]
-    shifted = scaled.copy()
-    shifted.flat[:: len(scale) + 1] -= rank.high * rank.high
-    if lapack.dpotrf(shifted, lower=1)[1] == 0:
-        factor, _ = lapack.dpotrf(scaled, lower=1)
-        inverse, _ = lapack.dpotri(factor, lower=1, overwrite_c=1)
-        inverse = np.tril(inverse)
-        inverse += np.tril(inverse, -1).T
-        return inverse * scale * scale[:, None], matrix
-    squares, U = np.linalg.eigh(scaled)
-    share, gain = rank.shares(squares)
-    kept = np.divide(1.0, gain, out=np.zeros_like(gain), where=share > 0.0)
-    shared = ((U * kept) @ U.T) / scale / scale[:, None]
-    return ((U * gain) @ U.T) * scale * scale[:, None], shared

@@ -1,19 +1,24 @@
-"""`TaskRows`: the rows of all tasks in one stack, and which of the two problems each is for.
+"""`AssignedRows`: which of the two problems each row of a stack is for.
 
 `Assignment`: which rows of a task LQP 1 can meet, and which only LQP 2.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import accumulate
 
 import numpy as np
-from jaxtyping import Float64, Int64
+from jaxtyping import Int64
 
-from poise._compiled import compiled
-from poise.dynamics import Dynamics, Partition
+from poise.dynamics import Partition
 from poise.robots import Robot
-from poise.stack import ComTask, FrameTask, JointTask, MomentumTask, RelativeFrameTask, Task
+from poise.stack import (
+    ComTask,
+    FrameTask,
+    JointTask,
+    MomentumTask,
+    RelativeFrameTask,
+    StackRows,
+    Task,
+)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -76,106 +81,44 @@ def _movers(robot: Robot, frame: str) -> set[int]:
     return {model.idx_vs[j] + k for j in joints if j > 0 for k in range(model.nvs[j])}
 
 
-class TaskRows:
-    """Rows J dv = target of the tasks that act, level by level, one below the other.
+class AssignedRows:
+    """The rows of a stack for the two problems: which of the tasks' rows each of them gets.
 
     Args:
-        nv: size of the velocity vector.
-        levels: the tasks that act, with what each of their rows needs.
+        rows: the rows of the stack, updated by the caller.
+        robot: the robot.
+        partition: its chains for the same contacts.
 
     Attributes:
-        J: coefficients of dv.
-        target: reference - drift.
+        stack_rows: the rows of the stack.
+        J: coefficients of dv of the tasks' rows, level by level.
+        target: their right-hand sides, reference - drift.
         weight: of each row in its level.
-        ends: where each level ends; the first entry is zero.
-        levels: the same tasks.
+        levels: the tasks that act, level by level, with what each of their rows needs.
         first: the rows that LQP 1 decides.
         centroid: those of them that move with the centroids.
         second: the rows that need the unconstrained chain's own joints.
         second_ends: where each level ends among those; the first entry is zero.
     """
 
-    def __init__(self, nv: int, levels: Sequence[Sequence[Assignment]]) -> None:
-        self.levels = tuple(tuple(level) for level in levels)
-        sizes = [sum(a.task.dim for a in level) for level in levels]
-        self.ends: Int64[np.ndarray, " levels+1"] = np.array([0, *accumulate(sizes)])
-        m = int(self.ends[-1])
-        self.J: Float64[np.ndarray, "m nv"] = np.zeros((m, nv))
-        self.target: Float64[np.ndarray, " m"] = np.zeros(m)
-        self.weight: Float64[np.ndarray, " m"] = np.ones(m)
-        self._missing = np.zeros(m)
-        self._residuals = np.zeros(len(sizes))
-        self._placed: list[_Placed] = []
+    def __init__(self, rows: StackRows, robot: Robot, partition: Partition) -> None:
+        self.stack_rows = rows
+        tasks = slice(int(rows.ends[0]), None)
+        self.J, self.target, self.weight = rows.J[tasks], rows.target[tasks], rows.weight[tasks]
+        self.levels = tuple(
+            tuple(assign(task, robot, partition) for task in level) for level in rows.levels
+        )
         first: list[int] = []
         second: list[int] = []
         centroid: list[int] = []
         second_ends, row = [0], 0
-        for level in levels:
+        for level in self.levels:
             for a in level:
-                place = slice(row, row + a.task.dim)
-                self.weight[place] = a.task.weight
-                self._placed.append((a, self.J[place], self.target[place], place))
                 first += (row + a.first).tolist()
                 centroid += (row + a.first).tolist() if a.through_centroids else []
                 second += (row + a.second).tolist()
-                row = place.stop
+                row += a.task.dim
             second_ends.append(len(second))
         self.first, self.centroid, self.second, self.second_ends = (
             np.array(index, dtype=np.int64) for index in (first, centroid, second, second_ends)
         )
-
-    def update(self, dynamics: Dynamics) -> None:
-        """Evaluates the tasks for a state.
-
-        Args:
-            dynamics: the state, up to date.
-        """
-        for assignment, jacobian, target, _ in self._placed:
-            task = assignment.task
-            task.evaluate(dynamics)
-            jacobian[:] = task.jacobian
-            np.subtract(task.reference, task.drift, out=target)
-
-    def measure(self, dv: Float64[np.ndarray, " nv"]) -> Float64[np.ndarray, " levels"]:
-        """What an acceleration leaves over of each level, relative to its scale.
-
-        Args:
-            dv: generalized acceleration.
-
-        Returns:
-            |W (J dv - target)| / max(1, |W target|) of each level; overwritten by the next call.
-        """
-        _measure(self.J, self.target, self.weight, self.ends, dv, self._missing, self._residuals)
-        return self._residuals
-
-    def missing(self) -> dict[str, float]:
-        """Norm of what each task could not meet when last measured, by its name."""
-        return {
-            a.task.name: float(np.linalg.norm(self._missing[place]))
-            for a, _, _, place in self._placed
-        }
-
-
-_Placed = tuple[Assignment, Float64[np.ndarray, "m nv"], Float64[np.ndarray, " m"], slice]
-
-
-@compiled
-def _measure(
-    J: Float64[np.ndarray, "m nv"],
-    target: Float64[np.ndarray, " m"],
-    weight: Float64[np.ndarray, " m"],
-    ends: Int64[np.ndarray, " k"],
-    dv: Float64[np.ndarray, " nv"],
-    missing: Float64[np.ndarray, " m"],
-    residuals: Float64[np.ndarray, " levels"],
-) -> None:
-    for level in range(len(residuals)):
-        left = asked = 0.0
-        for row in range(ends[level], ends[level + 1]):
-            value = -target[row]
-            for i in range(len(dv)):
-                value += J[row, i] * dv[i]
-            missing[row] = value
-            left += (weight[row] * value) ** 2
-            asked += (weight[row] * target[row]) ** 2
-        residuals[level] = np.sqrt(left) / max(1.0, np.sqrt(asked))

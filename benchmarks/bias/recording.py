@@ -4,17 +4,17 @@ import math
 
 import numpy as np
 
-from benchmarks.bias_formulas import BiasTick
-from benchmarks.bias_motion import TICKS, BiasMotion
+from benchmarks.bias.formulas import BiasTick
+from benchmarks.bias.motion import TICKS, BiasMotion
+from benchmarks.bias.rates import MatrixRates
+from benchmarks.bias.recursion import PaperRecursion
+from benchmarks.bias.rows import PaperFormulation
 from benchmarks.fixed_base.gravity import EARTH
 from benchmarks.fixed_base.loop import run_loop
 from benchmarks.fixed_base.plant import RigidPlant, with_gravity
 from benchmarks.recording import Progress
 from poise.control import OperationalSpaceController, RankTreatment
-from poise.control._osf._formulation import OperationalFormulation
-from poise.control._osf._recursion import PaperResolver
-from poise.control._osf._scales import RowScales
-from poise.dynamics import Dynamics, MatrixRates, RobotState
+from poise.dynamics import Dynamics, RobotState
 from poise.robots import Robot
 
 RANK = RankTreatment(low=0.02, high=0.1)
@@ -23,7 +23,7 @@ of 0.16: low, but nothing is lost. Below the usual thresholds it would be let go
 
 
 def record_motion(robot: Robot, progress: Progress | None = None) -> tuple[RobotState, ...]:
-    """Runs the motion in simulation under the `fused` controller.
+    """Runs the motion in simulation under `OperationalSpaceController`.
 
     Args:
         robot: see `BiasMotion`.
@@ -56,12 +56,9 @@ class BiasInputs:
 
     def __init__(self, robot: Robot) -> None:
         self._motion = BiasMotion(robot)
-        scales = RowScales(robot)
-        scales.learn(self._motion.stack)
-        self._motion.aim(0.0)
-        self._formulation = OperationalFormulation(robot, self._motion.stack, (), scales)
+        self._formulation = PaperFormulation(robot, self._motion.stack)
         self._dynamics, self._rates = Dynamics(robot), MatrixRates(robot)
-        self._resolver = PaperResolver("proposed", RANK)
+        self._recursion = PaperRecursion("proposed", RANK)
         self._before = [np.zeros(task.dim) for _, task in self._motion.stack.tasks()][1:]
 
     def of(self, state: RobotState) -> BiasTick:
@@ -76,12 +73,12 @@ class BiasInputs:
         self._motion.aim(state.time)
         formulation.fill(dynamics, rates)
         rows = formulation.rows
-        self._resolver.resolve(rows, dynamics)
-        tasks = self._resolver.tasks[1:]
+        self._recursion.resolve(rows, dynamics)
+        tasks = self._recursion.tasks[1:]
         references = [rows.reference[level] for level in rows.slices[1:]]
         references_p = [
             reference - bias
-            for reference, bias in zip(references, self._resolver.bias[1:], strict=True)
+            for reference, bias in zip(references, self._recursion.bias[1:], strict=True)
         ]
         torques = [
             task.J_p.T @ (task.Lambda_p @ reference + task.mu_p)

@@ -5,9 +5,9 @@ import pytest
 from oracles import near_home, random_state
 from stances import HUMANOIDS, relative, stances
 
-from poise.control._formulation import FullFormulation
-from poise.control._reduced._resolver import ReducedResolver
-from poise.control._reduced._task_rows import assign
+from poise.control._full_problem import FullProblem
+from poise.control._reduced._assignment import assign
+from poise.control._reduced._controller import ReducedProgram
 from poise.dynamics import Dynamics, Partitions
 from poise.hqp.cascade import CascadeSolver
 from poise.hqp.optimality import certify_point
@@ -45,7 +45,7 @@ def stack_of(robot, frames, levels, scale=1.0):
 
 
 def exact(problem):
-    """The optimum by a solver that the resolvers do not use, certified."""
+    """The optimum by a solver that the programs do not use, certified."""
     solution = CascadeSolver("daqp").solve(problem)
     assert solution.ok
     assert certify_point(problem, solution.x).worst < 1e-8
@@ -58,23 +58,23 @@ class Both:
     def __init__(self, robot, frames, levels, scale=1.0, strategy="direct"):
         self.robot, self.dynamics = robot, Dynamics(robot)
         self.stack = stack_of(robot, frames, levels, scale)
-        self.resolver = ReducedResolver(
+        self.program = ReducedProgram(
             robot,
             self.stack,
             self.stack.contacts,
             Partitions(robot).of(frames),
             lambda: make_solver(strategy),
         )
-        self.whole = FullFormulation(robot, self.stack, self.stack.contacts)
+        self.whole = FullProblem(robot, self.stack, self.stack.contacts)
         self._strategy = strategy
 
     def at(self, state):
         for _, task in self.stack.tasks():
             task.reset()
-        self.resolver.reset()
+        self.program.reset()
         self.dynamics.update(state)
-        self.resolver.assemble(self.dynamics)
-        answer = self.resolver.solve()
+        self.program.assemble(self.dynamics)
+        answer = self.program.solve()
         self.whole.fill(self.dynamics)
         return answer
 
@@ -117,14 +117,14 @@ def test_answers_are_those_of_the_whole_problem(get_robot, name, stance, hands):
     for seed in SEEDS:
         answer = both.at(near_home(robot, seed, spread=0.1, speed=0.05))
         whole = both.solve_whole()
-        assert both.resolver.first_solution.ok
-        if both.resolver.second_solution is not None or whole.relaxed:
+        assert both.program.first_solution.ok
+        if both.program.second_solution is not None or whole.relaxed:
             continue
         compared += 1
         dv, F, torque = both.of(whole.x)
         assert relative(answer.acceleration, dv) < TOLERANCE
         assert relative(both.point(answer)[robot.nv :], F) < TOLERANCE
-        assert relative(answer.torque, torque) < TOLERANCE
+        assert relative(answer.joints, torque) < TOLERANCE
     assert compared > 0
 
 
@@ -137,12 +137,12 @@ def test_levels_that_must_give_give_what_they_give_in_the_whole_problem(get_robo
     both = Both(robot, frames, [balance(robot), free_hands(robot, frames), [PostureTask()]])
     for seed in SEEDS[:3]:
         both.at(near_home(robot, seed, spread=0.1, speed=0.05))
-        if both.resolver.second_solution is not None:
+        if both.program.second_solution is not None:
             continue
-        first, part = both.resolver.first, both.resolver.reduced.partition
+        first, part = both.program.first, both.program.reduced.partition
         reduced, expected = exact(first.problem), exact(both.whole.problem)
         x = first.acceleration(reduced)
-        dv = part.merge(x[: part.na], both.resolver.chain.recover(x))
+        dv = part.merge(x[: part.na], both.program.chain.recover(x))
         point = np.concatenate((dv, reduced[len(x) :]))
         for actual, wanted in zip(both.of(point), both.of(expected), strict=True):
             assert relative(actual, wanted) < RESOLVED
@@ -160,7 +160,7 @@ def test_a_hand_that_its_limits_hold_back_misses_as_much_as_in_the_whole_problem
     limited = 0
     for seed in SEEDS:
         answer = both.at(near_home(robot, seed, spread=0.1, speed=0.05))
-        limited += both.resolver.second_solution is not None
+        limited += both.program.second_solution is not None
         expected = both.residuals(exact(both.whole.problem))
         assert np.abs(both.residuals(both.point(answer)) - expected).max() < RESOLVED
     assert 0 < limited < len(SEEDS)
@@ -175,18 +175,18 @@ def test_an_arm_that_can_give_way_within_its_limits_does(get_robot):
     for seed in range(60):
         state = near_home(robot, seed, spread=0.1, speed=0.05)
         both.at(state)
-        free = both.resolver.chain.recover(both.resolver.first_solution.x[:24])
+        free = both.program.chain.recover(both.program.first_solution.x[:24])
         joint = robot.joint_index("left_shoulder_yaw")
         limit = both.stack.joint_limit
         both.dynamics.update(state)
-        both.resolver.assemble(both.dynamics)
-        place = both.resolver.reduced.partition.unconstrained.index("left_shoulder_yaw")
+        both.program.assemble(both.dynamics)
+        place = both.program.reduced.partition.unconstrained.index("left_shoulder_yaw")
         # Tightened behind the limit's back, just short of what the joint would have done.
         limit.evaluate = lambda dynamics: None
         limit.upper[joint] = limit.lower[joint] = 0.9 * free[place]
-        answer = both.resolver.solve()
+        answer = both.program.solve()
         del limit.evaluate
-        if both.resolver.second_solution is None or both.resolver.whole_solution is not None:
+        if both.program.second_solution is None or both.program.whole_solution is not None:
             continue
         found += 1
         assert answer.acceleration[6 + joint] == pytest.approx(0.9 * free[place], abs=1e-8)
@@ -202,11 +202,11 @@ def test_where_the_chain_cannot_follow_the_whole_problem_answers(get_robot):
     both, wholes = Both(robot, frames, [balance(robot), free_hands(robot, frames)]), 0
     for seed in range(20):
         answer = both.at(near_home(robot, seed, spread=0.1, speed=0.05))
-        if both.resolver.whole_solution is not None:
+        if both.program.whole_solution is not None:
             wholes += 1
-            assert np.array_equal(both.point(answer), both.resolver.whole_solution.x)
+            assert np.array_equal(both.point(answer), both.program.whole_solution.x)
         assert both.residuals(both.point(answer))[:2].max() < 1e-6
-        assert (np.abs(answer.torque) <= both.stack.torque_limit.upper + 1e-6).all()
+        assert (np.abs(answer.joints) <= both.stack.torque_limit.upper + 1e-6).all()
     assert wholes > 0
 
 
@@ -218,8 +218,8 @@ def test_a_nearly_straight_arm_costs_no_accuracy(get_robot, name, seed):
     frames = stances(robot)["one foot and one hand"]
     both = Both(robot, frames, [balance(robot), free_hands(robot, frames)])
     answer = both.at(near_home(robot, seed, spread=0.1, speed=0.05))
-    assert both.resolver.second_solution is None
-    problem = both.resolver.first.problem
+    assert both.program.second_solution is None
+    problem = both.program.first.problem
     assert np.linalg.cond(problem.H) < 1e9
     expected = both.of(exact(both.whole.problem))
     for actual, wanted in zip(both.of(both.point(answer)), expected, strict=True):
@@ -251,14 +251,14 @@ def test_torque_limits_of_both_chains_hold_and_base_dynamics_stay_exact(get_robo
     seconds = wholes = 0
     for seed in SEEDS:
         answer = both.at(near_home(robot, seed, spread=0.02, speed=0.02))
-        seconds += both.resolver.second_solution is not None
-        wholes += both.resolver.whole_solution is not None
+        seconds += both.program.second_solution is not None
+        wholes += both.program.whole_solution is not None
         residuals = both.residuals(both.point(answer))
         assert residuals[0] < 1e-6
         limit = both.stack.torque_limit.upper
-        assert (np.abs(answer.torque) <= limit + 1e-6).all()
+        assert (np.abs(answer.joints) <= limit + 1e-6).all()
         torque = both.of(both.point(answer))[2]
-        assert relative(answer.torque, torque) < TOLERANCE
+        assert relative(answer.joints, torque) < TOLERANCE
     assert seconds > 0
 
 
@@ -279,12 +279,12 @@ def test_the_cascade_solves_it(get_robot):
     frames = stances(robot)["double support"]
     stack = stack_of(robot, frames, [balance(robot), free_hands(robot, frames)])
     partition = Partitions(robot).of(frames)
-    resolver = ReducedResolver(robot, stack, stack.contacts, partition, CascadeSolver)
+    program = ReducedProgram(robot, stack, stack.contacts, partition, CascadeSolver)
     dynamics = Dynamics(robot)
     dynamics.update(near_home(robot, 0, spread=0.05, speed=0.05))
-    resolver.assemble(dynamics)
-    resolver.solve()
-    assert resolver.first_solution.relative_residuals.max() < 1e-3
+    program.assemble(dynamics)
+    program.solve()
+    assert program.first_solution.relative_residuals.max() < 1e-3
 
 
 @pytest.mark.parametrize("stance", ["flight", "everything", "hanging by a hand"])
@@ -294,7 +294,7 @@ def test_no_contact_and_no_unconstrained_chain_are_solved_too(get_robot, stance)
     both = Both(robot, frames, [free_hands(robot, frames)])
     answer = both.at(near_home(robot, 0, spread=0.1, speed=0.05))
     whole = both.solve_whole()
-    assert both.resolver.second_solution is None
+    assert both.program.second_solution is None
     for actual, wanted in zip(both.of(both.point(answer)), both.of(whole.x), strict=True):
         assert np.abs(actual - wanted).max(initial=0.0) < 1e-7 * np.abs(whole.x).max()
 
@@ -305,7 +305,7 @@ def test_a_fixed_base_is_solved_too(get_robot, name):
     both = Both(robot, (), [[FrameTask(robot.hands[0])]])
     answer = both.at(random_state(robot, 0, speed=0.2))
     whole = both.solve_whole()
-    if both.resolver.second_solution is None and not whole.relaxed:
+    if both.program.second_solution is None and not whole.relaxed:
         assert relative(answer.acceleration, whole.x) < TOLERANCE
 
 
@@ -316,8 +316,8 @@ def test_a_state_without_inertia_or_numbers_gives_a_solution_that_failed(get_rob
     state = near_home(robot, 0)
     state.v[:] = np.nan
     both.dynamics.update(state)
-    both.resolver.assemble(both.dynamics)
-    assert not both.resolver.solve().status.ok
+    both.program.assemble(both.dynamics)
+    assert not both.program.solve().status.ok
     assert both.at(near_home(robot, 0)).status.ok
 
 
@@ -395,7 +395,7 @@ def test_a_users_own_kind_of_task_is_solved_whatever_it_needs(get_robot, rows, a
     for seed in SEEDS[:4]:
         answer = both.at(near_home(robot, seed, spread=0.1, speed=0.05))
         whole = both.solve_whole()
-        if both.resolver.second_solution is not None or whole.relaxed:
+        if both.program.second_solution is not None or whole.relaxed:
             continue
         compared += 1
         for actual, wanted in zip(both.of(both.point(answer)), both.of(whole.x), strict=True):

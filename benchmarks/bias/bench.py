@@ -1,7 +1,7 @@
 """`bench_bias`: times the formulas of the bias acceleration, interleaved in one run."""
 
 import gc
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, fields
 from fractions import Fraction
 from time import perf_counter
@@ -10,13 +10,12 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float64
 
-from benchmarks.bias_formulas import FORMULAS, BiasTick
-from benchmarks.bias_recording import BiasInputs, record_motion
+from benchmarks.bias import formulas
+from benchmarks.bias.formulas import FORMULAS, BiasTick, PrioritisedTask
+from benchmarks.bias.recording import BiasInputs, record_motion
 from benchmarks.collector import collector_paused
 from benchmarks.flops.counter import FlopCounter
 from benchmarks.recording import Progress
-from poise.control._osf import _rank as rank
-from poise.control._osf._bias import PrioritisedTask
 from poise.errors import ConfigurationError
 from poise.robots import Robot, load_robot
 
@@ -25,6 +24,8 @@ WARM_UP = 30
 
 REFERENCE = "original"
 """What every other formula is compared with."""
+
+_HEADS = ("mean", "std", "p50", "p99", "max", "x original", "FLOP")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,7 +54,7 @@ class BiasResult:
         joints: its joints.
         tasks: number of tasks; all but the first have a bias acceleration.
         formula: "original", "original_plain", "proposed", "numerical" or "fused", see
-            `bias_formulas`.
+            `formulas`.
         mean_us: mean [us].
         std_us: standard deviation [us].
         p50_us: median [us].
@@ -87,7 +88,7 @@ def bench_bias(plan: BiasBench, progress: Progress | None = None) -> list[BiasRe
     """Records a moving run, then times every formula on its states, tick by tick in turn.
 
     The order rotates from tick to tick. What all formulas share is computed before the clock
-    starts, see `bias_formulas`; the garbage collector never runs inside a timed tick.
+    starts, see `formulas`; the garbage collector never runs inside a timed tick.
 
     Args:
         plan: what to time.
@@ -125,6 +126,26 @@ def bench_bias(plan: BiasBench, progress: Progress | None = None) -> list[BiasRe
     ]
 
 
+def format_bias_table(results: Sequence[BiasResult]) -> str:
+    """One line a formula; times in microseconds.
+
+    Args:
+        results: of one benchmark.
+    """
+    first = results[0]
+    width = max(len(r.formula) for r in results)
+    lines = [
+        f"{first.robot}, {first.joints} joints, {first.tasks} tasks: all bias accelerations of a "
+        f"tick; {first.ticks} ticks, times in us",
+        "  ".join([" " * width, *(f"{head:>10}" for head in _HEADS)]),
+    ]
+    for r in results:
+        times = (r.mean_us, r.std_us, r.p50_us, r.p99_us, r.max_us)
+        cells = [*(f"{t:.2f}" for t in times), f"{r.ratio_to_original:.3f}", str(r.flops)]
+        lines.append("  ".join([f"{r.formula:{width}}", *(f"{cell:>10}" for cell in cells)]))
+    return "\n".join(lines)
+
+
 def count_operations(tick: BiasTick) -> dict[str, Fraction]:
     """Floating point operations of each formula on one tick, as its code does them [FLOP].
 
@@ -134,7 +155,7 @@ def count_operations(tick: BiasTick) -> dict[str, Fraction]:
     counts: dict[str, Fraction] = {}
     for name, formula in FORMULAS.items():
         counter = FlopCounter()
-        with counter.solvers_of(rank):
+        with counter.solvers_of(formulas):
             formula(_counted(tick, counter))
         counts[name] = counter.total
     return counts
