@@ -14,7 +14,6 @@ from poise.dynamics import RobotState
 from poise.errors import PoiseError, UnknownNameError
 from poise.locomotion import Gait, Stride, Walker, plan_footsteps
 from poise.locomotion._walking._footsteps import FootstepPlan
-from poise.locomotion._walking._walker import WalkStatus
 from poise.robots import Robot
 from poise.sim import Plant
 from poise.stack import ComTask, FrameTask, MomentumTask, PostureTask, Stack, SurfaceContact, Task
