@@ -1,5 +1,7 @@
 """`LiteralTeleoperator`: the rules of Zhang and Kikuuwe word for word, to show where they fall."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from jaxtyping import Float64
 
@@ -16,6 +18,17 @@ from poise.locomotion import (
 
 _K1, _K2, _W_S2 = 4500.0, 7000.0, 100.0
 """k_1 and k_2 of (39c) and w_S2, as the paper has them."""
+
+
+def momentum_weights(error: Sequence[float], least: float) -> list[float]:
+    """Eq. (39c): W_A of the angular momentum about x and y.
+
+    Args:
+        error: of the measured ZMP, x and y [m].
+        least: epsilon.
+    """
+    x, y = error
+    return [max(_K1 * y * y, least), max(_K2 * x * x, least)]
 
 
 class LiteralTeleoperator(StepTeleoperator):
@@ -133,10 +146,8 @@ class LiteralTeleoperator(StepTeleoperator):
         single = self._paper_mode.single
         place = self._sample.position(other) if single else here
         foot.set_velocity(saturate(p.v_lim, p.k_v * (place - here)))
-        x, y = (reference - self.zmp_sensor.zmp).tolist()
-        momentum = (
-            [max(_K1 * y * y, p.epsilon), max(_K2 * x * x, p.epsilon)] if single else p.epsilon
-        )
+        error = (reference - self.zmp_sensor.zmp).tolist()
+        momentum = momentum_weights(error, p.epsilon) if single else p.epsilon
         for task, weight in (
             ("angular momentum", momentum),
             ("torso", p.epsilon if single else p.w_B),

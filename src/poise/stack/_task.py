@@ -3,6 +3,7 @@
 `VectorTarget`: position, velocity and acceleration that a vector quantity should have.
 """
 
+import math
 from abc import ABC, abstractmethod
 
 import numpy as np
@@ -214,6 +215,10 @@ class Task(ABC):
         Raises:
             ConfigurationError: wrong length, or weights that are not finite and positive.
         """
+        if isinstance(weight, float) and 0.0 < weight < math.inf and self._robot is not None:
+            # One number each tick, as leaders have it: no array to check.
+            self.weight.fill(weight)
+            return
         size = self.dim if self._robot is not None else np.size(weight)
         what = f"weight of task {self.name!r}"
         found = checked_gain(weight, size, what)
@@ -254,6 +259,14 @@ class Task(ABC):
             reference += self.kd * self.error_rate
             reference += feedforward
             self.reference = reference
+
+    def evaluate_jacobian(self, dynamics: Dynamics) -> None:
+        """Fills `jacobian` at least: all that a task needs whose velocity was given.
+
+        Args:
+            dynamics: the state, up to date.
+        """
+        self.evaluate(dynamics)
 
     def reset(self) -> None:  # noqa: B027 - most tasks have nothing to forget
         """Forgets targets that the task took from the robot itself, not those a user set."""

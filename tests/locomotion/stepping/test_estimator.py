@@ -53,6 +53,20 @@ def test_position_and_velocity_of_the_base_are_never_read(get_robot, garbage):
     assert np.array_equal(commands[:half], commands[half:])
 
 
+@pytest.mark.parametrize("axis", [0, 1, 2])
+@pytest.mark.parametrize("foot", [0, 1])
+def test_a_base_that_spins_turns_about_the_sole_at_rest(get_robot, foot, axis):
+    robot = get_robot("biped20")
+    ours = StepTeleoperator(robot).estimator
+    ours.stand_on(foot)
+    v = np.zeros(robot.nv)
+    v[3 + axis] = 0.4
+    ours.update(RobotState(robot.q_home, v))
+    sole = ours.dynamics.frame(robot.frame_id(list(robot.soles)[foot])).velocity
+    assert sole[:3] == pytest.approx(0.0, abs=1e-12)
+    assert np.linalg.norm(sole[3:]) == pytest.approx(0.4)
+
+
 @pytest.mark.parametrize("time", [0.005, np.nan])
 def test_a_state_that_cannot_be_used_is_passed_over_and_the_command_fades(get_robot, time):
     robot = get_robot("biped20")

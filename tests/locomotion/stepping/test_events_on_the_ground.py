@@ -7,6 +7,7 @@ from standing import PARAMETERS, measured
 from walker import Says, sample
 
 from poise.locomotion import Mode, StepTeleoperator
+from poise.robots import Sole
 
 DT = 0.005
 UP, DOWN = (0.0, -0.135, 0.05), (0.0, -0.135, 0.0)
@@ -17,11 +18,13 @@ ANYWHERE = {"capture_max": 1.0, "ct_zmp_max": 1.0, "shift_time": 1e-9}
 
 
 class Bench:
-    """A teleoperator that is fed ticks by hand, and a robot that never tips."""
+    """A teleoperator that is fed ticks by hand, of a robot whose soles are too wide to tip over."""
 
     def __init__(self, robot, **numbers):
-        parameters = replace(PARAMETERS, support_margin=1e-9, **(ANYWHERE | numbers))
-        self.robot, self.teleoperator = robot, StepTeleoperator(robot, parameters=parameters)
+        parameters = replace(PARAMETERS, **(ANYWHERE | numbers))
+        wide = {name: Sole(name=name, length=0.5, width=0.5) for name in robot.soles}
+        self.robot = robot = replace(robot, soles=wide)
+        self.teleoperator = StepTeleoperator(robot, parameters=parameters)
         self.controller = self.teleoperator.controller()
         self._ticks = 0
         for _ in range(3):

@@ -7,9 +7,11 @@ The floating base under a stance contact: its velocity follows from the joints'.
 
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import accumulate, pairwise
+from typing import Any, cast
 
 import numpy as np
 from jaxtyping import Float64, Int64
+from scipy.linalg import lapack as _scipy_lapack
 
 from poise._checks import Numbers
 from poise.control._differential_ik._closed_form import VelocityLevel
@@ -17,6 +19,8 @@ from poise.dynamics import Dynamics, saturate
 from poise.errors import ConfigurationError
 from poise.robots import Robot
 from poise.stack import Contact, Stack, StackRows, Task, checked_gain, home_jacobians
+
+_lapack: Any = cast("Any", _scipy_lapack)  # SciPy's stubs do not know the wrapped routines
 
 ROW_WEIGHT = 1e4
 """W_A of a row whose task has weight one.
@@ -95,7 +99,7 @@ def base_from_joints(
     Args:
         contact_jacobian: Jacobian of the contact frame, six rows.
     """
-    return np.linalg.solve(contact_jacobian[:, :BASE], -contact_jacobian[:, BASE:])
+    return _lapack.dgesv(contact_jacobian[:, :BASE], -contact_jacobian[:, BASE:])[2]
 
 
 def constrained(

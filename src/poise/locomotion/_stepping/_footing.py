@@ -130,7 +130,7 @@ class Footing:
     def heading(self) -> Float64[np.ndarray, "2"]:
         """Where the torso faces, along the ground."""
         forward = self.dynamics.frame(self.biped.torso).rotation[:2, 0]
-        return forward / np.linalg.norm(forward)
+        return forward / math.hypot(*forward.tolist())
 
     @cached_property
     def tilt(self) -> float:
