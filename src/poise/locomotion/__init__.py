@@ -10,7 +10,6 @@ from poise.locomotion._pendulum import (
 )
 from poise.locomotion._preview import PreviewControl
 from poise.locomotion._stepping import (
-    PAPER_RULES,
     ComDriver,
     Device,
     DeviceSample,
@@ -21,7 +20,6 @@ from poise.locomotion._stepping import (
     RecordingError,
     RecordingWriter,
     RowKind,
-    Rules,
     ScriptedDevice,
     StepTeleoperator,
     TeleopParameters,
@@ -45,7 +43,6 @@ from poise.locomotion._walking import (
 )
 
 __all__ = [
-    "PAPER_RULES",
     "BodyRotator",
     "CarriedTarget",
     "CartFlywheelTable",
@@ -65,7 +62,6 @@ __all__ = [
     "RecordingError",
     "RecordingWriter",
     "RowKind",
-    "Rules",
     "ScriptedDevice",
     "StepTeleoperator",
     "Stride",

@@ -268,12 +268,15 @@ class LiveLoop:
 
     def _tick(self) -> None:
         tick, plant = round(self.plant.time / self._dt), self.plant
-        state, sample = plant.state(), self._device.sample(plant.time)
+        state = self.controller.estimator.update(plant.state())
+        self.controller.lead(state)
+        command = self._solver.step(state)
+        status = self.controller.status
+        sample = None if status is None else status.sample
         if isinstance(self._device, RecordedDevice):
             for force, seconds in self._device.pushes:
                 self._push(force, seconds)
         self.takes.sample(tick, sample)
-        command = self.controller.step(state, sample)
         plant.step(command)
         self.log.note(self.controller, command, self._feet.offset, driven=sample is not None)
         if plant.fallen:
@@ -296,6 +299,8 @@ class LiveLoop:
             if self._recording is None
             else self._recording.device(robot=self.robot.name, dt=self._dt)
         )
+        self.controller.device = self._device
+        self._solver = self.controller.controller()
 
     def _begin_take(self) -> None:
         setup = teleop_setup(

@@ -18,7 +18,7 @@ from poise.apps.teleoperation import (
 from poise.control import Command, CommandStatus, ControllerStatus
 from poise.dynamics import RobotState
 from poise.errors import ScenarioError, UnknownNameError
-from poise.locomotion import DeviceSample, ScriptedDevice, StepTeleoperator, TeleopStatus, WayPoint
+from poise.locomotion import ScriptedDevice, StepTeleoperator, TeleopStatus, WayPoint
 from poise.robots import Robot, standing_posture
 from poise.sim import Block
 from poise.stack import Stack, Task
@@ -123,9 +123,10 @@ class ByHand:
 
     def step(self, state: RobotState) -> Command:
         """One tick; never raises."""
-        self._sample = self._device.sample(state.time)
         begin = perf_counter()
-        command = self._teleoperator.step(state, self._sample)
+        state = self._teleoperator.estimator.update(state)
+        self._teleoperator.lead(state)
+        command = self._solver.step(state)
         self.timings = {"command": perf_counter() - begin}
         self._status = command.status
         return command
@@ -134,8 +135,8 @@ class ByHand:
         """Forgets the past."""
         self._teleoperator = StepTeleoperator(self._robot, q_start=self.q_start)
         start = self._teleoperator.resting_sample
-        self._device = ScriptedDevice(self._points, start.left, start.right)
-        self._sample: DeviceSample | None = None
+        self._teleoperator.device = ScriptedDevice(self._points, start.left, start.right)
+        self._solver = self._teleoperator.controller()
         self._status = CommandStatus.OK
         self.timings: dict[str, float] = {"command": 0.0}
 
@@ -154,7 +155,7 @@ class ByHand:
         if status is None:
             return {}
         support = status.mode.support if status.mode.single else None
-        nowhere = np.full(3, np.nan)
+        nowhere, sample = np.full(3, np.nan), status.sample
         sample = self._sample
         return {
             "zmp_reference": status.zmp_reference,

@@ -2,10 +2,12 @@
 
 from dataclasses import dataclass
 
+from poise.apps.scenarios._by_hand import ByHand
 from poise.apps.scenarios._controllers import controller_of, with_actuation
 from poise.apps.scenarios._director import Director
 from poise.apps.scenarios._scenario import Scenario
 from poise.control import Controller
+from poise.errors import ScenarioError
 from poise.robots import load_robot
 from poise.sim import Plant
 from poise.stack import Leader
@@ -33,11 +35,17 @@ def stage_scenario(scenario: Scenario) -> Stage:
         scenario: what to set up.
 
     Raises:
-        PoiseError: the scenario does not fit its robot.
+        PoiseError: the scenario does not fit its robot, or is walked by hand.
     """
     scenario = with_actuation(scenario)
     robot = load_robot(scenario.robot)
     controller = controller_of(scenario, robot)
+    if isinstance(controller, ByHand):
+        raise ScenarioError(
+            f"scenario {scenario.name!r} has no stack to lead",
+            got=scenario.controller.name,
+            wanted="a scenario that is not walked by hand",
+        )
     leader = Director(scenario, controller.stack, robot)
     plant = Plant(robot, scenario.plant, seed=scenario.seed)
     for push in scenario.pushes:

@@ -21,14 +21,12 @@ from poise.errors import ConfigurationError
 from poise.locomotion import (
     ComDriver,
     Device,
-    DeviceSample,
     DeviceStatus,
     Mode,
     RecordedDevice,
     Recording,
     RecordingError,
     RecordingWriter,
-    Rules,
     StepTeleoperator,
     TeleopParameters,
     TeleopStatus,
@@ -164,7 +162,6 @@ class LogWriter:
     def add(
         self,
         plant: Plant,
-        sample: DeviceSample | None,
         status: TeleopStatus,
         command: Command,
         *,
@@ -173,8 +170,8 @@ class LogWriter:
         """Adds a tick, before the plant moves."""
         i, columns = self._count, self._columns
         columns["time"][i] = plant.time
-        if sample is not None:
-            columns["hands"][i] = sample.left, sample.right
+        if status.sample is not None:
+            columns["hands"][i] = status.sample.left, status.sample.right
         for name in ("zmp", "zmp_reference", "cart_table_zmp", "com", "soles", "loads", "tilt"):
             columns[name][i] = getattr(status, name)
         if status.target is not None:
@@ -228,11 +225,11 @@ def run_teleop(
     duration: float,
     seed: int = 0,
     parameters: TeleopParameters | None = None,
-    rules: Rules | None = None,
     rotator: bool = True,
     driver: ComDriver | None = None,
     q_start: Float64[np.ndarray, " nq"] | None = None,
     recording: Path | None = None,
+    leader: type[StepTeleoperator] = StepTeleoperator,
 ) -> TeleopRun:
     """Walks a simulated robot by a device.
 
@@ -243,18 +240,18 @@ def run_teleop(
         duration: [s]; a fall ends the run earlier.
         seed: of the sensor noise.
         parameters: scaled to the robot when None.
-        rules: departures from the paper; the default ones when None.
         rotator: whether the body rotator acts.
         driver: moves the COM; the COM shifter when None.
         q_start: configuration at the start; the robot's home when None.
         recording: file to write, from which `replay_teleop` runs the same again.
+        leader: leads by rules of its own, for studies.
 
     Raises:
         ConfigurationError: the plant takes no velocities or has another tick.
     """
     checked_number(duration, "duration of the run [s]", above=0.0)
-    controller = StepTeleoperator(
-        robot, parameters, q_start=q_start, rules=rules, rotator=rotator, driver=driver
+    controller = leader(
+        robot, parameters=parameters, q_start=q_start, rotator=rotator, driver=driver
     )
     if plant.actuation != "velocity":
         raise ConfigurationError(
@@ -266,12 +263,15 @@ def run_teleop(
             got=(controller.parameters.dt, plant.control_dt),
             wanted="the same",
         )
-    if recording is not None and driver is not None:
-        raise ConfigurationError("a run with a driver of its own cannot be recorded", got=driver)
+    if recording is not None and (driver is not None or leader is not StepTeleoperator):
+        raise ConfigurationError(
+            "a run with a driver or a leader of its own cannot be recorded",
+            got=(driver, leader.__name__),
+        )
     body = Plant(robot, plant, seed=seed)
     if q_start is not None:
         body.reset(q_start)
-    source: Device = device(controller) if callable(device) else device
+    controller.device = device(controller) if callable(device) else device
     setup = _setup(controller, plant, seed, duration, rotator=rotator, q_start=q_start)
     notes = (
         nullcontext()
@@ -279,7 +279,7 @@ def run_teleop(
         else RecordingWriter(recording, robot=robot.name, dt=plant.control_dt, setup=setup)
     )
     with notes as writer:
-        return _loop(controller, source, body, duration, writer)
+        return _loop(controller, body, duration, writer)
 
 
 def replay_teleop(recording: Recording | Path, robot: Robot | None = None) -> TeleopRun:
@@ -299,7 +299,6 @@ def replay_teleop(recording: Recording | Path, robot: Robot | None = None) -> Te
     setup = recording.setup
     try:
         parameters = TeleopParameters(**setup["parameters"])
-        rules = Rules(**setup["rules"])
         plant = plant_from_json(setup["plant"])
         q_start = None if setup["q_start"] is None else np.array(setup["q_start"])
         seed, duration, rotator = setup["seed"], setup["duration"], setup["rotator"]
@@ -316,7 +315,6 @@ def replay_teleop(recording: Recording | Path, robot: Robot | None = None) -> Te
         duration=duration,
         seed=seed,
         parameters=parameters,
-        rules=rules,
         rotator=rotator,
         q_start=q_start,
     )
@@ -355,7 +353,6 @@ def _setup(
 ) -> dict[str, Any]:
     return {
         "parameters": asdict(controller.parameters),
-        "rules": asdict(controller.rules),
         "rotator": rotator,
         "plant": plant_to_json(plant),
         "seed": seed,
@@ -366,33 +363,36 @@ def _setup(
 
 def _loop(
     controller: StepTeleoperator,
-    device: Device,
     plant: Plant,
     duration: float,
     writer: RecordingWriter | None,
 ) -> TeleopRun:
+    solver, device = controller.controller(), controller.device
     ticks = round(duration / plant.config.control_dt)
     log, times = LogWriter(plant, ticks), np.zeros(ticks)
     watch = BlockWatch(plant) if plant.config.blocks else None
     clearance, done = np.inf, 0
     begin = clock.perf_counter()
     for tick in range(ticks):
-        state, sample = plant.state(), device.sample(plant.time)
+        state = plant.state()
+        start = clock.perf_counter()
+        state = controller.estimator.update(state)
+        controller.lead(state)
+        command = solver.step(state)
+        times[tick] = clock.perf_counter() - start
+        sample = None if controller.status is None else controller.status.sample
         if writer is not None and sample is not None:
             writer.sample(tick, sample)
         if isinstance(device, RecordedDevice):
             for force, seconds in device.pushes:
                 x, y, z = force.tolist()
                 plant.push(plant.robot.torso, (x, y, z), seconds)
-        start = clock.perf_counter()
-        command = controller.step(state, sample)
-        times[tick] = clock.perf_counter() - start
         done = tick + 1
         touched = False
         if watch is not None:
             touched, clearance = watch.touched(), min(clearance, watch.clearance())
         if controller.status is not None:
-            log.add(plant, sample, controller.status, command, touched=touched)
+            log.add(plant, controller.status, command, touched=touched)
         plant.step(command)
         if plant.fallen:
             break

@@ -36,8 +36,8 @@ class DifferentialIK(Controller):
 
     Args:
         robot: the robot.
-        stack: contacts and tasks; `default_stack(robot)` when None. Of its joint limit the margin
-            and the velocity scale count.
+        stack: contacts and tasks; `default_stack(robot)` when None. Of its joint limit the
+            positions and the velocity scale count.
         dt: control period, over which a velocity is held [s].
         method: one of `METHODS`.
         joints: names of the joints that may move, the others have velocity zero; all when None.
