@@ -156,7 +156,6 @@ class ByHand:
             return {}
         support = status.mode.support if status.mode.single else None
         nowhere, sample = np.full(3, np.nan), status.sample
-        sample = self._sample
         return {
             "zmp_reference": status.zmp_reference,
             "target/left device": nowhere if sample is None else sample.left,

@@ -107,11 +107,8 @@ class DeviceGuard:
             return False
         if time - self._good_at > self._lost_after:
             return True
-        step = max(
-            float(np.abs(sample.left - last.left).max()),
-            float(np.abs(sample.right - last.right).max()),
-        )
-        return step <= self._jump
+        steps = (*(sample.left - last.left).tolist(), *(sample.right - last.right).tolist())
+        return max(map(abs, steps)) <= self._jump
 
 
 def _is_point(value: object) -> bool:
@@ -119,7 +116,7 @@ def _is_point(value: object) -> bool:
         isinstance(value, np.ndarray)
         and value.shape == (3,)
         and value.dtype == np.float64
-        and bool(np.isfinite(value).all())
+        and all(map(math.isfinite, value.tolist()))
     )
 
 

@@ -12,7 +12,9 @@ from poise.dynamics import Dynamics, RobotState
 from poise.robots import Robot
 
 _LEAST_LOAD = 0.02
-"""Share of the weight below which the soles say nothing about the ZMP."""
+"""Part of the weight below which the soles say nothing about the ZMP."""
+
+_NO_WRENCH = (0.0,) * 6
 
 
 class ZmpSensor:
@@ -54,19 +56,18 @@ class ZmpSensor:
             state: with the soles' wrenches.
             dynamics: of the estimated state, which says where the soles are.
         """
-        pressure, nothing = np.zeros(3), np.zeros(6)
+        pressed_x = pressed_y = total = 0.0
         for i, (frame_id, name) in enumerate(zip(self._frames, self._names, strict=True)):
-            wrench = state.contacts.get(name, nothing)
-            load = float(wrench[2])
-            self.loads[i] = load = load if load > 0.0 else 0.0
+            wrench = state.contacts.get(name)
+            _, _, load, mx, my, _ = _NO_WRENCH if wrench is None else wrench.tolist()
+            self.loads[i] = load = load if load > 0.0 else 0.0  # not a number is no load
             if load > self._least:
                 frame = dynamics.frame(frame_id)
-                offset = np.array([-wrench[4] / load, wrench[3] / load, 0.0])
-                pressure += load * (frame.position + frame.rotation @ offset)
-        total = float(sum(load for load in self.loads if load > self._least))
+                x, y = (load * frame.position[:2] + frame.rotation[:2, :2] @ (-my, mx)).tolist()
+                pressed_x, pressed_y, total = pressed_x + x, pressed_y + y, total + load
         if total <= 0.0:
             return
-        centre = pressure[:2] / total
+        centre = np.array([pressed_x / total, pressed_y / total])
         self.zmp = centre if self._fresh else self.zmp + self._gain * (centre - self.zmp)
         self._fresh = False
 

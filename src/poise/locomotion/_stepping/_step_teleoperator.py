@@ -149,13 +149,14 @@ class StepTeleoperator:
         self._status: TeleopStatus | None = None
 
     def controller(self) -> DifferentialIK:
-        """Solves the stack for the legs' joints; sets tasks of no other stack."""
+        """Solves the stack for velocities of the legs' joints, on the estimator's dynamics."""
         return DifferentialIK(
             self.robot,
             self.stack,
             dt=self.parameters.dt,
             joints=self._biped.legs,
             limit_time=_LIMIT_TIME,
+            dynamics=self.estimator.dynamics,
         )
 
     @property
