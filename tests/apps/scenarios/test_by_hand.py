@@ -30,8 +30,8 @@ def test_the_robot_is_walked_over_the_obstacle(shipped_run, robot):
     assert (summary["controller"], summary["robot"]) == ("step_teleoperation", robot)
     assert summary["fell"] is False
     assert summary["missed_ticks"] == 0
-    # Nothing is solved by levels, so there is nothing to have a residual.
-    assert summary["residual_max"] == []
+    # Level 2 of the paper gives way by design; what is above it holds exactly.
+    assert max(summary["residual_max"][:3]) < 1e-9
     assert [c["name"] for c in summary["checks"] if "residual" in c["name"]] == []
     page = (outcome.folder / "report.html").read_text()
     assert all(mode in page for mode in ("TL", "SL", "TR", "SR"))

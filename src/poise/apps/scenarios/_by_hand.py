@@ -15,7 +15,7 @@ from poise.apps.teleoperation import (
     swing_fast,
     switch_feet,
 )
-from poise.control import Command, CommandStatus, ControllerStatus
+from poise.control import Command, ControllerStatus
 from poise.dynamics import RobotState
 from poise.errors import ScenarioError, UnknownNameError
 from poise.locomotion import ScriptedDevice, StepTeleoperator, TeleopStatus, WayPoint
@@ -25,9 +25,6 @@ from poise.stack import Stack, Task
 
 NAME = "step_teleoperation"
 """What scenario files call the controller."""
-
-_ROWS, _LEG_JOINTS = 14, 12
-"""Rows of (19), and the joints of two legs."""
 
 SCRIPTS: dict[str, Callable[[Robot], Script]] = {
     "over_an_obstacle": over_an_obstacle,
@@ -92,7 +89,8 @@ class ByHand:
             )
         )
         self.blocks: tuple[Block, ...] = () if self._script is None else self._script.blocks
-        self._stack = Stack()
+        self._teleoperator = StepTeleoperator(robot, q_start=self.q_start)
+        self._solver = self._teleoperator.controller()
         self.reset()
         if dt != self._teleoperator.parameters.dt:
             raise ScenarioError(
@@ -108,18 +106,18 @@ class ByHand:
 
     @property
     def stack(self) -> Stack:
-        """An empty one: what the robot does is the hands' affair."""
-        return self._stack
+        """What the teleoperator leads."""
+        return self._teleoperator.stack
 
     @property
     def suspended(self) -> tuple[Task, ...]:
-        """None."""
-        return ()
+        """Tasks on the foot that is at rest."""
+        return self._solver.suspended
 
     @property
     def size(self) -> tuple[int, int]:
         """Variables and rows of the differential inverse kinematics (19)."""
-        return _LEG_JOINTS, _ROWS
+        return self._solver.size
 
     def step(self, state: RobotState) -> Command:
         """One tick; never raises."""
@@ -128,21 +126,19 @@ class ByHand:
         self._teleoperator.lead(state)
         command = self._solver.step(state)
         self.timings = {"command": perf_counter() - begin}
-        self._status = command.status
         return command
 
     def reset(self) -> None:
         """Forgets the past."""
-        self._teleoperator = StepTeleoperator(self._robot, q_start=self.q_start)
+        self._teleoperator.reset()
+        self._solver.reset()
         start = self._teleoperator.resting_sample
         self._teleoperator.device = ScriptedDevice(self._points, start.left, start.right)
-        self._solver = self._teleoperator.controller()
-        self._status = CommandStatus.OK
         self.timings: dict[str, float] = {"command": 0.0}
 
     def status(self) -> ControllerStatus:
         """How the last tick came out."""
-        return ControllerStatus(command=self._status, tasks=(), explanation="")
+        return self._solver.status()
 
     @property
     def mode(self) -> str:

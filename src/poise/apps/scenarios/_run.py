@@ -117,7 +117,7 @@ def run_scenario(
                 break
     wall = clock.perf_counter() - begin
     stack, by_hand = controller.stack, is_by_hand(scenario.controller)
-    levels = 0 if by_hand else PHYSICS_LEVELS + len(stack.levels)
+    levels = PHYSICS_LEVELS + len(stack.levels)
     signals = collect_signals(recorder, robot, stack, levels, scenario.plant.blocks)
     ended_early = interruption.reason or _reason(plant, viewer, scenario)
     checks = evaluate_checks(
