@@ -179,7 +179,7 @@ class FusedRecursion:
             PoiseError: a level has lost rank.
         """
         scaled = rows.jacobian * rows.scale[:, None]
-        target = (rows.reference - rows.drift) * rows.scale
+        target = rows.target * rows.scale
         factor, _ = lapack.dpotrf(dynamics.M.T, lower=1, clean=1)
         L_inverse = lapack.dtrtri(factor, lower=1, overwrite_c=1)[0]
         tilde = scaled.dot(L_inverse.T)

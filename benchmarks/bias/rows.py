@@ -37,6 +37,11 @@ class PaperRows:
     jacobian_rate: Float64[np.ndarray, "t nv"] | None = None
     mass_matrix_rate: Float64[np.ndarray, "nv nv"] | None = None
 
+    @property
+    def target(self) -> Float64[np.ndarray, " t"]:
+        """J_i dv as it should be: xdd_i,ref - Jdot_i v, stacked."""
+        return self.reference - self.drift
+
     @staticmethod
     def allocate(sizes: Sequence[int], nv: int) -> "PaperRows":
         """Zero rows.
