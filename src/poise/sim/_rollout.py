@@ -5,7 +5,7 @@
 """
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from time import perf_counter
@@ -129,7 +129,7 @@ def rollout(
     *,
     estimator: Estimator | EstimateFunction | None = None,
     duration: float | None = None,
-) -> Iterator[Tick]:
+) -> Generator[Tick]:
     """Runs a plant under a controller, one tick an iteration.
 
     A tick is: measure, estimate, lead, control, step the plant, tell the observers. Nothing
@@ -167,7 +167,7 @@ def _ticks(
     observers: Sequence[Observer[B]],
     estimator: Estimator | EstimateFunction | None,
     duration: float | None,
-) -> Iterator[Tick]:
+) -> Generator[Tick]:
     lead = leader.lead if isinstance(leader, Leader) else leader
     estimate = estimator if estimator is None or callable(estimator) else estimator.update
     count = math.inf if duration is None else math.ceil(duration / plant.control_dt - 0.5)

@@ -3,7 +3,7 @@
 Nothing of the simulator is imported here, and matplotlib only when a page is written.
 """
 
-from poise.apps.report._record import Check, Event, RunRecord, SoleTrack, SupportPhase, TaskTrack
+from poise.apps.report._record import Check, Event, RunView, SoleTrack, SupportPhase, TaskTrack
 from poise.apps.report._replay import ForceTrack, Geometry, MarkerTrack, Replay
 from poise.apps.report._write import write_report
 
@@ -14,7 +14,7 @@ __all__ = [
     "Geometry",
     "MarkerTrack",
     "Replay",
-    "RunRecord",
+    "RunView",
     "SoleTrack",
     "SupportPhase",
     "TaskTrack",

@@ -1,11 +1,7 @@
-"""`ByHand`: a robot that scripted hands walk, as one of a scenario's controllers."""
+"""`HandsPlan`: what an operator's hands do in a scenario whose robot is walked by them."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from time import perf_counter
-
-import numpy as np
-from jaxtyping import Float64
 
 from poise.apps.teleoperation import (
     Script,
@@ -14,19 +10,12 @@ from poise.apps.teleoperation import (
     swing_fast,
     switch_feet,
 )
-from poise.control import Command, CommandStatus, ControllerStatus
-from poise.dynamics import RobotState
 from poise.errors import ScenarioError, UnknownNameError
-from poise.locomotion import DeviceSample, ScriptedDevice, StepTeleoperator, TeleopStatus, WayPoint
-from poise.robots import Robot, standing_posture
-from poise.sim import Block
-from poise.stack import Stack, Task
+from poise.locomotion import WayPoint
+from poise.robots import Robot
 
 NAME = "step_teleoperation"
 """What scenario files call the controller."""
-
-_ROWS, _LEG_JOINTS = 14, 12
-"""Rows of (19), and the joints of two legs."""
 
 SCRIPTS: dict[str, Callable[[Robot], Script]] = {
     "over_an_obstacle": over_an_obstacle,
@@ -59,107 +48,3 @@ class HandsPlan:
                 got=f"script {self.script!r} and {len(self.points)} points",
                 wanted="one of the two",
             )
-
-
-class ByHand:
-    """The step teleoperator with hands of its own; a `poise.control.Controller`.
-
-    Args:
-        robot: a biped.
-        hands: what the operator does.
-        dt: control period of the plant [s].
-
-    Attributes:
-        timings: how long the last tick took [s].
-        q_start: configuration at the start.
-        blocks: what stands on the floor.
-
-    Raises:
-        PoiseError: the robot cannot be walked, or the period is not the controller's.
-    """
-
-    def __init__(self, robot: Robot, hands: HandsPlan, dt: float) -> None:
-        self._robot = robot
-        self._script = SCRIPTS[hands.script](robot) if hands.script else None
-        self._points = hands.points if self._script is None else self._script.points
-        self.q_start = (
-            robot.q_home
-            if self._script is None
-            else standing_posture(
-                robot, feet_apart=self._script.feet_apart, com_height=self._script.com_height
-            )
-        )
-        self.blocks: tuple[Block, ...] = () if self._script is None else self._script.blocks
-        self._stack = Stack()
-        self.reset()
-        if dt != self._teleoperator.parameters.dt:
-            raise ScenarioError(
-                f"controller {NAME} has another control period than the plant",
-                got=f"plant: control_dt: {dt:g}",
-                wanted=f"control_dt: {self._teleoperator.parameters.dt:g}",
-            )
-
-    @property
-    def robot(self) -> Robot:
-        """The robot."""
-        return self._robot
-
-    @property
-    def stack(self) -> Stack:
-        """An empty one: what the robot does is the hands' affair."""
-        return self._stack
-
-    @property
-    def suspended(self) -> tuple[Task, ...]:
-        """None."""
-        return ()
-
-    @property
-    def size(self) -> tuple[int, int]:
-        """Variables and rows of the differential inverse kinematics (19)."""
-        return _LEG_JOINTS, _ROWS
-
-    def step(self, state: RobotState) -> Command:
-        """One tick; never raises."""
-        self._sample = self._device.sample(state.time)
-        begin = perf_counter()
-        command = self._teleoperator.step(state, self._sample)
-        self.timings = {"command": perf_counter() - begin}
-        self._status = command.status
-        return command
-
-    def reset(self) -> None:
-        """Forgets the past."""
-        self._teleoperator = StepTeleoperator(self._robot, q_start=self.q_start)
-        start = self._teleoperator.resting_sample
-        self._device = ScriptedDevice(self._points, start.left, start.right)
-        self._sample: DeviceSample | None = None
-        self._status = CommandStatus.OK
-        self.timings: dict[str, float] = {"command": 0.0}
-
-    def status(self) -> ControllerStatus:
-        """How the last tick came out."""
-        return ControllerStatus(command=self._status, tasks=(), explanation="")
-
-    @property
-    def mode(self) -> str:
-        """Which feet carry the robot, see `poise.locomotion.Mode`."""
-        return self._teleoperator.mode.name
-
-    def signals(self) -> dict[str, float | Float64[np.ndarray, "..."]]:
-        """What a recorder should know of the last tick besides the plant."""
-        status: TeleopStatus | None = self._teleoperator.status
-        if status is None:
-            return {}
-        support = status.mode.support if status.mode.single else None
-        nowhere = np.full(3, np.nan)
-        sample = self._sample
-        return {
-            "zmp_reference": status.zmp_reference,
-            "target/left device": nowhere if sample is None else sample.left,
-            "target/right device": nowhere if sample is None else sample.right,
-            **{
-                f"planned/{sole}": float(support is None or support == i)
-                for i, sole in enumerate(self._teleoperator.soles)
-            },
-        }

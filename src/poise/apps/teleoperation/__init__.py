@@ -1,5 +1,6 @@
 """Step teleoperation in simulation: scripted and recorded hands, and everything noted."""
 
+from poise.apps.teleoperation._operation import Operation
 from poise.apps.teleoperation._run import (
     DEVICE_STATUSES,
     MODES,
@@ -27,6 +28,7 @@ __all__ = [
     "MODES",
     "REAL_SENSORS",
     "TELEOP_PLANT",
+    "Operation",
     "Script",
     "TeleopLog",
     "TeleopRun",
