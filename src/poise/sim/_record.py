@@ -154,6 +154,14 @@ class RunRecord:
         """
         return self._signal(name).since(0)[0].copy()
 
+    def signal(self, name: str) -> tuple[np.ndarray, np.ndarray]:
+        """Times [s] and samples of a signal; the caller's own copies.
+
+        Raises:
+            UnknownNameError: no such signal.
+        """
+        return self.times(name), self[name]
+
     def unit(self, name: str) -> str:
         """Unit of a signal.
 

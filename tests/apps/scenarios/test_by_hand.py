@@ -46,7 +46,7 @@ def test_way_points_of_ones_own_lift_a_foot():
     assert run.ok
     assert [mode for _, mode in run.signals.modes] == ["D", "TL", "SL"]
     assert run.signals.sole_positions["right_sole"][-1, 2] > 0.05
-    assert set(run.signals.tick_us) == {"command"}
+    assert set(run.signals.tick_us) == {"leader", "controller"}
     # The hands are in the replay, where the operator held them.
     hand = run.signals.targets["right device"]
     assert hand[-1, 2] - hand[0, 2] == pytest.approx(0.08, abs=1e-9)

@@ -1,4 +1,4 @@
-"""`LiveLoop`: device, controller and plant in real time, in a thread of their own.
+"""`LiveLoop`: a rollout in real time, in a thread of its own, led by whoever is at the controls.
 
 `Snapshot`: how the robot stands, as the page shows it, some 25 times a second.
 """
@@ -7,7 +7,7 @@ import queue
 import threading
 import time as clock
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Generator, Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,17 +16,18 @@ from jaxtyping import Float64
 from poise.apps.live._inputs import LiveHands, OperatorInputs
 from poise.apps.live._log import LOG_SUFFIX, LiveLog, Takes
 from poise.apps.scenarios import sole_corners
-from poise.apps.teleoperation import TELEOP_PLANT, teleop_setup
+from poise.apps.teleoperation import TELEOP_PLANT, Operation, Tape, teleop_setup
 from poise.locomotion import (
+    Device,
     DeviceStatus,
     Mode,
-    RecordedDevice,
+    RecordedPush,
     Recording,
     StepTeleoperator,
     TeleopStatus,
 )
 from poise.robots import Robot
-from poise.sim import Plant, PlantConfig
+from poise.sim import Plant, PlantConfig, Tick, Value, rollout
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -155,6 +156,39 @@ _ENDLESS = 1e9
 """Duration of a take that goes on [s]."""
 
 
+class _LiveOperation(Operation):
+    """An operation whose signals are in the simulator's world, as the rest of the log is.
+
+    Args:
+        teleoperator: follows the device.
+        device: asked once a tick.
+        tape: told what it sent.
+        hands: know how far the teleoperator's world is from the simulator's.
+    """
+
+    def __init__(
+        self, teleoperator: StepTeleoperator, device: Device, tape: Tape, hands: LiveHands
+    ) -> None:
+        super().__init__(teleoperator, device, tape)
+        self._hands = hands
+
+    def signals(self) -> Mapping[str, Value | str]:
+        """Those of an operation, moved."""
+        told, offset = dict(super().signals()), self._hands.offset
+        for name, value in told.items():
+            if name in _PLACES or name.startswith("target/"):
+                place = np.asarray(value)
+                told[name] = place + offset[: place.shape[-1]]
+        return told
+
+
+_PLACES = (
+    "zmp_reference", "estimate/zmp", "estimate/cart_table_zmp", "estimate/com", "estimate/soles",
+    "foot_target",
+)  # fmt: skip
+"""Signals of an operation that are points."""
+
+
 class LiveLoop:
     """Runs the robot against the clock and never waits for anybody who looks.
 
@@ -194,12 +228,13 @@ class LiveLoop:
         self._config, self._dt = plant, plant.control_dt
         self._weight = robot.mass
         self.plant = Plant(robot, plant, seed=seed)
-        self.log = LiveLog(self.plant)
+        self.log = LiveLog()
         self.error: Exception | None = None
         self._orders: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
         self._stop = threading.Event()
         self._paused, self._speed = False, 1.0
         self._progress: deque[tuple[float, float]] = deque()
+        self._ticks: Generator[Tick] | None = None
         self._start()
         self.snapshot: Snapshot | None = None
         self._thread = threading.Thread(target=self._run, name="poise teleop loop", daemon=True)
@@ -295,16 +330,12 @@ class LiveLoop:
                 due = clock.perf_counter()
 
     def _tick(self) -> None:
-        tick, plant = round(self.plant.time / self._dt), self.plant
-        state, sample = plant.state(), self._device.sample(plant.time)
-        if isinstance(self._device, RecordedDevice):
-            for force, seconds in self._device.pushes:
-                self._push(force, seconds)
-        self.takes.sample(tick, sample)
-        command = self.controller.step(state, sample)
-        plant.step(command)
-        self.log.note(self.controller, command, self._hands.offset, driven=sample is not None)
-        if plant.fallen:
+        while self._pushes and self._pushes[0].tick <= round(self.plant.time / self._dt):
+            push = self._pushes.popleft()
+            self._push(np.array(push.force), push.duration)
+        if self._ticks is not None:
+            next(self._ticks, None)
+        if self.plant.fallen:
             self.takes.flush()
 
     def _push(self, force: Float64[np.ndarray, "3"], duration: float) -> None:
@@ -316,14 +347,15 @@ class LiveLoop:
 
     def _start(self) -> None:
         """Robot, controller and device as at the beginning."""
+        self._end_rollout()
         self.plant.reset()
         self.controller = StepTeleoperator(self.robot)
         self._hands = LiveHands(self._inputs, self.controller)
-        self._device = (
-            self._hands
-            if self._recording is None
-            else self._recording.device(robot=self.robot.name, dt=self._dt)
-        )
+        device, self._pushes = self._hands, deque[RecordedPush]()
+        if self._recording is not None:
+            device = self._recording.device(robot=self.robot.name, dt=self._dt)
+            self._pushes.extend(self._recording.pushes)
+        self._operation = _LiveOperation(self.controller, device, self.takes.sample, self._hands)
 
     def _begin_take(self) -> None:
         setup = teleop_setup(
@@ -333,11 +365,16 @@ class LiveLoop:
             duration=_ENDLESS,
         )
         self.takes.begin(setup)
-        self.log.begin(self.takes.path.with_suffix(LOG_SUFFIX))
+        self.log.expect(self._operation, self.takes.path.with_suffix(LOG_SUFFIX))
+        self._ticks = rollout(self.plant, self._operation, self._operation, [self.log])
 
     def _finish_take(self) -> None:
         self.takes.finish()
-        self.log.finish()
+        self._end_rollout()
+
+    def _end_rollout(self) -> None:
+        if self._ticks is not None:
+            self._ticks.close()
 
     # What is shown -------------------------------------------------------------------------------
 

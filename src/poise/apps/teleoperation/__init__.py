@@ -1,6 +1,6 @@
 """Step teleoperation in simulation: scripted and recorded hands, and everything noted."""
 
-from poise.apps.teleoperation._operation import Operation
+from poise.apps.teleoperation._operation import Operation, Tape
 from poise.apps.teleoperation._run import (
     DEVICE_STATUSES,
     MODES,
@@ -30,6 +30,7 @@ __all__ = [
     "TELEOP_PLANT",
     "Operation",
     "Script",
+    "Tape",
     "TeleopLog",
     "TeleopRun",
     "lift_one_foot",

@@ -1,6 +1,6 @@
 """`Operation`: an operator's device and the step teleoperator that follows it, in a rollout."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
@@ -10,6 +10,9 @@ from poise.locomotion import Device, DeviceSample, StepTeleoperator, TeleopStatu
 from poise.sim import Value
 from poise.stack import Stack
 
+Tape = Callable[[int, DeviceSample | None], None]
+"""Writes down what a device sent at a tick."""
+
 
 class Operation:
     """The leader of a rollout in which somebody's hands walk the robot; and its controller.
@@ -17,6 +20,7 @@ class Operation:
     Args:
         teleoperator: follows the device.
         device: asked once a tick.
+        tape: told the number of each tick and what the device sent, before anybody acts on it.
 
     Attributes:
         teleoperator: follows the device.
@@ -25,14 +29,25 @@ class Operation:
         stack: an empty one, what the robot does is the hands' affair.
     """
 
-    def __init__(self, teleoperator: StepTeleoperator, device: Device) -> None:
+    def __init__(
+        self, teleoperator: StepTeleoperator, device: Device, tape: Tape | None = None
+    ) -> None:
         self.teleoperator, self.device = teleoperator, device
+        self._tape, self._tick = tape, 0
         self.sample: DeviceSample | None = None
         self.stack = Stack()
 
     def lead(self, state: RobotState) -> None:
-        """Asks the device."""
-        self.sample = self.device.sample(state.time)
+        """Asks the device; hands do not wait for a state that comes late, so the ticks are counted.
+
+        Args:
+            state: not heeded, the operator sees the robot otherwise.
+        """
+        del state
+        self.sample = self.device.sample(self._tick * self.teleoperator.parameters.dt)
+        if self._tape is not None:
+            self._tape(self._tick, self.sample)
+        self._tick += 1
 
     def step(self, state: RobotState) -> Command:
         """Joint velocities that follow what the device sent."""

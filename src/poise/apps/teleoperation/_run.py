@@ -6,6 +6,7 @@ The plant that step teleoperation is simulated on.
 
 import time as clock
 from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -34,7 +35,6 @@ from poise.robots import Robot, load_robot
 from poise.sim import (
     Block,
     LinkError,
-    Observer,
     Payload,
     Plant,
     PlantConfig,
@@ -42,7 +42,6 @@ from poise.sim import (
     RunRecord,
     SensorConfig,
     ServoConfig,
-    Tick,
     rollout,
 )
 
@@ -284,17 +283,20 @@ def run_teleop(
     if isinstance(source, RecordedDevice):
         for push in source.recording.pushes:
             body.push(robot.torso, push.force, push.duration, push.tick * plant.control_dt)
-    operation, recorder = Operation(controller, source), Recorder()
-    observers: list[Observer[Plant]] = [recorder]
-    if recording is not None:
-        setup = teleop_setup(
-            controller, plant, seed=seed, duration=duration, rotator=rotator, q_start=q_start
-        )
-        observers.append(TakeWriter(operation, recording, setup))
-    times: list[float] = []
+    setup = teleop_setup(
+        controller, plant, seed=seed, duration=duration, rotator=rotator, q_start=q_start
+    )
+    writing = (
+        nullcontext()
+        if recording is None
+        else RecordingWriter(recording, robot=robot.name, dt=plant.control_dt, setup=setup)
+    )
+    recorder = Recorder()
     begin = clock.perf_counter()
-    for tick in rollout(body, operation, operation, observers, duration=duration):
-        times.append(tick.controller_seconds)
+    with writing as writer:
+        operation = Operation(controller, source, None if writer is None else writer.sample)
+        ticks = rollout(body, operation, operation, [recorder], duration=duration)
+        times = [tick.controller_seconds for tick in ticks]
     wall = clock.perf_counter() - begin
     record = recorder.record
     return TeleopRun(
@@ -307,34 +309,6 @@ def run_teleop(
         tick_us=1e6 * float(np.median(times)),
         real_time_factor=body.time / wall,
     )
-
-
-class TakeWriter:
-    """The observer that writes what the device sends, so that a run can be run again.
-
-    Args:
-        operation: whose device.
-        path: the file.
-        setup: of the run, see `teleop_setup`.
-    """
-
-    def __init__(self, operation: Operation, path: Path, setup: dict[str, Any]) -> None:
-        self._operation, self._path, self._setup = operation, path, setup
-
-    def begin(self, plant: Plant, controller: object, leader: object) -> None:
-        """Makes the file."""
-        self._writer = RecordingWriter(
-            self._path, robot=plant.robot.name, dt=plant.control_dt, setup=self._setup
-        )
-
-    def observe(self, tick: Tick) -> None:
-        """Writes the tick's sample."""
-        if self._operation.sample is not None:
-            self._writer.sample(tick.index, self._operation.sample)
-
-    def end(self) -> None:
-        """Finishes the file."""
-        self._writer.close()
 
 
 def replay_teleop(recording: Recording | Path, robot: Robot | None = None) -> TeleopRun:

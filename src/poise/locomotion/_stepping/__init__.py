@@ -13,6 +13,7 @@ from poise.locomotion._stepping._modes import Event, Mode, draw_modes
 from poise.locomotion._stepping._parameters import TeleopParameters, scaled_parameters
 from poise.locomotion._stepping._recording import (
     RecordedDevice,
+    RecordedPush,
     Recording,
     RecordingError,
     RecordingWriter,
@@ -33,6 +34,7 @@ __all__ = [
     "Mode",
     "PreviewDriver",
     "RecordedDevice",
+    "RecordedPush",
     "Recording",
     "RecordingError",
     "RecordingWriter",

@@ -156,8 +156,10 @@ class RecordingWriter:
         self._file.write(text)
         self._rows = 0
 
-    def sample(self, tick: int, sample: DeviceSample) -> None:
-        """Notes a sample that came before a tick, good or bad."""
+    def sample(self, tick: int, sample: DeviceSample | None) -> None:
+        """Notes a sample that came before a tick, good or bad; nothing where none came."""
+        if sample is None:
+            return
         self._write(
             tick, RowKind.SAMPLE, sample.time, sample.left, sample.right, upright=sample.upright
         )
