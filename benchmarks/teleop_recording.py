@@ -6,12 +6,12 @@ import numpy as np
 from jaxtyping import Float64
 
 from benchmarks.recording import Progress
-from poise.apps.teleoperation import TELEOP_PLANT, Script, over_an_obstacle
+from poise.apps.teleoperation import TELEOP_PLANT, Operation, Script, over_an_obstacle
 from poise.dynamics import RobotState
 from poise.errors import PoiseError
 from poise.locomotion import DeviceSample, StepTeleoperator
 from poise.robots import Robot
-from poise.sim import Plant, PlantConfig
+from poise.sim import Plant, PlantConfig, rollout
 
 SCENARIO = "over_an_obstacle"
 """The script that is walked: both feet stand, shift, swing and land in it."""
@@ -92,10 +92,10 @@ def record_walk(walk: Walk, ticks: int, progress: Progress | None = None) -> tup
     plant.reset(walk.q_start)
     device = walk.script.device(controller)
     recorded: list[WalkTick] = []
-    while len(recorded) < ticks:
-        state, sample = plant.state(), device.sample(plant.time)
-        recorded.append(WalkTick(state, sample))
-        plant.step(controller.step(state, sample))
+    operation = Operation(controller, device)
+    for tick in rollout(plant, operation, operation, duration=ticks * plant.control_dt):
+        assert operation.sample is not None
+        recorded.append(WalkTick(tick.state, operation.sample))
         if plant.fallen:
             raise PoiseError(f"{walk.robot.name} fell at {plant.time:.3f} s while being recorded")
         if progress is not None and len(recorded) % 50 == 0:

@@ -7,10 +7,8 @@ from functools import partial
 from benchmarks.hqp.copying import copy_problem, shape_of
 from benchmarks.hqp.source import Progress, Source
 from poise.apps.scenarios import load_scenario
-from poise.apps.scenarios._controllers import controller_of, with_actuation
-from poise.apps.scenarios._director import Director
+from poise.apps.scenarios._controllers import cast_of, with_actuation
 from poise.control import (
-    Controller,
     ControllerPlan,
     DifferentialIK,
     ReducedController,
@@ -19,7 +17,7 @@ from poise.control import (
 from poise.errors import PoiseError
 from poise.hqp.problem import HierarchicalProblem
 from poise.robots import load_robot
-from poise.sim import Plant
+from poise.sim import Plant, rollout
 
 _PATIENCE = 2.0
 """A step is waited for so long after the time from which it counts [s]."""
@@ -65,8 +63,8 @@ def record_window(
         scenario = replace(scenario, controller=window.plan)
     scenario = with_actuation(scenario)
     robot = load_robot(scenario.robot)
-    controller = controller_of(scenario, robot)
-    director = Director(scenario, controller.stack, robot)
+    cast = cast_of(scenario, robot)
+    controller = cast.controller
     plant = Plant(robot, scenario.plant, seed=scenario.seed)
     for push in scenario.pushes:
         plant.push(push.body, push.force_on(robot.mass), push.duration, push.at)
@@ -74,11 +72,8 @@ def record_window(
     begin = round(window.at / dt)
     tick, found, before = 0, 0, -1
     shape: tuple[int, ...] = ()
-    while found < count:
-        state = plant.state()
-        director.lead(state)
-        command = controller.step(state)
-        feet = sum(contact.active for contact in controller.stack.contacts)
+    for _ in rollout(plant, controller, cast.leader):
+        feet = sum(contact.active for contact in cast.stack.contacts)
         if found == 0 and tick >= begin and _begins(window, feet, before):
             shape = shape_of(problem_of(controller))
         if shape:
@@ -87,7 +82,8 @@ def record_window(
                 return
             found += 1
             yield copy_problem(problem)
-        plant.step(command)
+            if found == count:
+                return
         before, tick = feet, tick + 1
         if progress is not None and tick % 50 == 0:
             progress(tick, max(tick, begin + count))
@@ -99,7 +95,7 @@ def record_window(
             )
 
 
-def problem_of(controller: Controller) -> HierarchicalProblem:
+def problem_of(controller: object) -> HierarchicalProblem:
     """The hierarchical problem of a controller's last tick, in the controller's own storage.
 
     Args:
