@@ -1,15 +1,12 @@
 """Benchmarks: timings of Poise beside other methods and other packages, interleaved in one run."""
 
-from benchmarks.bias import BiasBench, BiasResult, bench_bias
-from benchmarks.bias_table import format_bias_table
-from benchmarks.dof import JOINTS, DofBench, bench_dof
-from benchmarks.dof_table import format_dof_table
+from benchmarks.bias import BiasBench, BiasResult, bench_bias, format_bias_table
+from benchmarks.dof import JOINTS, DofBench, bench_dof, format_dof_table
 from benchmarks.figure import write_figure
 from benchmarks.peers.process import PEERS
 from benchmarks.peers_bench import how_to_install, peers_bench
-from benchmarks.result import PHASES, TickResult
+from benchmarks.result import PHASES, TickResult, format_table
 from benchmarks.stances import STACKS, STANCES, bench_stack
-from benchmarks.table import format_table
 from benchmarks.targets import Target, speed_targets
 from benchmarks.teleop import TeleopBench, TeleopResult, bench_teleop
 from benchmarks.teleop_table import format_teleop_table

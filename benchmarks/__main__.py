@@ -182,7 +182,7 @@ def _peers(options: argparse.Namespace) -> None:
 def _run_ticks(options: argparse.Namespace, plan: Any, bench: Any) -> None:
     """Times, prints, and writes `bench.json` and a figure where a folder is wanted."""
     from benchmarks.figure import write_figure
-    from benchmarks.table import format_table
+    from benchmarks.result import format_table
 
     results, folder = _run(options, plan, bench, format_table)
     if folder is not None:
@@ -190,8 +190,7 @@ def _run_ticks(options: argparse.Namespace, plan: Any, bench: Any) -> None:
 
 
 def _dof(options: argparse.Namespace) -> None:
-    from benchmarks.dof import DofBench, bench_dof
-    from benchmarks.dof_table import format_dof_table
+    from benchmarks.dof import DofBench, bench_dof, format_dof_table
     from benchmarks.targets import speed_targets
 
     given = _given(options, ("ticks", "stack"))
@@ -204,8 +203,7 @@ def _dof(options: argparse.Namespace) -> None:
 
 
 def _bias(options: argparse.Namespace) -> None:
-    from benchmarks.bias import BiasBench, bench_bias
-    from benchmarks.bias_table import format_bias_table
+    from benchmarks.bias import BiasBench, bench_bias, format_bias_table
 
     plan = BiasBench(**_given(options, ("robot", "ticks")))
     _run(options, plan, bench_bias, format_bias_table)

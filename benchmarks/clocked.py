@@ -1,13 +1,22 @@
-"""`Clocked`: a controller under the clock, tick by tick over the states of a recording."""
+"""`Clocked`: a controller under the clock, tick by tick over the states of a recording.
 
-from collections.abc import Callable, Sequence
+`collector_paused`: no garbage collection inside what is timed.
+
+`Subject`: one of Poise's own controllers under the clock on a recorded run.
+"""
+
+import gc
+from collections.abc import Callable, Generator, Sequence
+from contextlib import contextmanager
 from time import perf_counter, thread_time
 
 import numpy as np
 
 from benchmarks.methods import Method
+from benchmarks.recording import Recording
 from benchmarks.result import PHASES, Ticks, TickTimes
-from poise.control import PHYSICS_LEVELS, Command, Controller
+from benchmarks.stances import bench_stack
+from poise.control import PHYSICS_LEVELS, Command, Controller, make_controller
 from poise.dynamics import RobotState
 
 RELAXED = 1e-8
@@ -92,4 +101,39 @@ class Clocked:
             float(self._residual[counted].max()),
             int(self._relaxed[counted].sum()),
             int(self._missed[counted].sum()),
+        )
+
+
+@contextmanager
+def collector_paused() -> Generator[None]:
+    """Within, the garbage collector runs only when it is called."""
+    was_on = gc.isenabled()
+    gc.collect()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was_on:
+            gc.enable()
+
+
+class Subject(Clocked):
+    """A controller with a stack of its own, led by the targets of a recording.
+
+    Args:
+        recording: the run it is timed on.
+        kind: which stack.
+        method: which controller, and how it solves.
+
+    Raises:
+        UnknownNameError: no such controller or backend.
+        MissingExtraError: the backend is not installed.
+    """
+
+    def __init__(self, recording: Recording, kind: str, method: Method) -> None:
+        stack = bench_stack(recording.robot, kind, recording.stance)
+        controller = make_controller(recording.robot, stack, method.plan())
+        recording.prepare(stack)
+        super().__init__(
+            method, controller, recording.states, lambda tick: recording.aim(stack, tick)
         )

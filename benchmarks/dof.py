@@ -1,17 +1,21 @@
-"""`bench_dof`: the full and the reduced controller on robots of 20 to 60 joints."""
+"""`bench_dof`: the full and the reduced controller on robots of 20 to 60 joints.
 
-from collections.abc import Generator
+Results of `bench_dof` as a table for a terminal.
+"""
+
+from collections.abc import Generator, Sequence
 from dataclasses import dataclass
 
+from benchmarks.clocked import Subject
 from benchmarks.methods import Method, timed_methods
 from benchmarks.recording import Progress, Recording, record_run
-from benchmarks.result import TickResult
+from benchmarks.result import PHASES, TickResult, method_name
 from benchmarks.schedule import Turns, take_turns
 from benchmarks.stances import STACKS, STANCES
-from benchmarks.subject import Subject
+from benchmarks.targets import speed_targets
 from benchmarks.tick import tick_results
 from poise.errors import ConfigurationError, UnknownNameError
-from poise.hqp.strategies import make_solver
+from poise.hqp import make_solver
 from poise.robots import load_robot
 
 JOINTS = (20, 24, 28, 33, 37, 41, 45, 50, 55, 60)
@@ -107,3 +111,52 @@ def _results(
     }
     results = tick_results(recording, kind, "tick", list(subjects.values()), counted)
     return sorted(results, key=lambda r: (r.solver != "direct", r.controller == "reduced"))
+
+
+_TIMES = ("p50", "p99", "max", "cpu p99", *PHASES)
+_HEADS = ("joints", "variables", "rows", *_TIMES, "x whole", "residual", "relaxed")
+
+
+def format_dof_table(results: Sequence[TickResult]) -> str:
+    """A block a stance and method, a line a robot, times in microseconds; then the targets.
+
+    Args:
+        results: of `bench_dof`.
+    """
+    lines: list[str] = []
+    for stance in dict.fromkeys(r.contacts for r in results):
+        rows = [r for r in results if r.contacts == stance]
+        for name in dict.fromkeys(method_name(r) for r in rows):
+            own = [r for r in rows if method_name(r) == name]
+            lines += ["", f"{name}, {stance} support, stack {own[0].stack!r}, times in us"]
+            lines.append("  ".join(f"{head:>9}" for head in _HEADS))
+            lines += [_line(row) for row in own]
+    targets = speed_targets(results)
+    if targets:
+        width = max(len(t.target) for t in targets)
+        lines += ["", "targets, ratios of medians"]
+        lines += [
+            f"{t.contacts:6}  {t.target:{width}}  {t.value:7.2f}  {t.relation} {t.bound:g}"
+            + ("" if t.met else "  MISSED")
+            for t in targets
+        ]
+    return "\n".join(lines).lstrip("\n")
+
+
+def _line(row: TickResult) -> str:
+    cells = [str(row.joints), str(row.variables), str(row.rows)]
+    times = (
+        row.p50_us,
+        row.p99_us,
+        row.max_us,
+        row.cpu_p99_us,
+        *(row.phases_us[p] for p in PHASES),
+    )
+    cells += ["-" if t is None else f"{t:.0f}" for t in times]
+    cells.append("-" if row.ratio_to_whole is None else f"{row.ratio_to_whole:.2f}")
+    cells.append("-" if row.residual_max is None else f"{row.residual_max:.0e}")
+    # By its own tolerance a cascade on OSQP never meets a level in full.
+    known = row.solver == "direct" and row.relaxed_ticks is not None
+    cells.append(f"{row.relaxed_ticks}/{row.ticks}" if known else "-")
+    line = "  ".join(f"{cell:>9}" for cell in cells)
+    return line + (f"  {row.missed_ticks} ticks FAILED" if row.missed_ticks else "")

@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from benchmarks.result import PHASES, TickResult
-from benchmarks.table import method_name
-from poise.apps.report._plots._style import INK, PALETTE, house_style, plain_number
+from benchmarks.drawing import INK, PALETTE, plain_number
+from benchmarks.result import PHASES, TickResult, method_name
+from poise.apps.report import house_style
 
 _BAR = "#9AA5B1"
 """Colour of the whole tick: none of the phases'."""

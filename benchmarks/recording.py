@@ -1,4 +1,7 @@
-"""`record_run`: a moving run, recorded once, so that every method is timed on the same states."""
+"""`record_run`: a moving run, recorded once, so that every method is timed on the same states.
+
+`Path`: where a target is at every tick of a recording, and `Loop`, the motion behind it.
+"""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -7,15 +10,77 @@ import numpy as np
 from jaxtyping import Float64
 
 from benchmarks.methods import REFERENCE, Method
-from benchmarks.paths import Loop, Path, Point
 from benchmarks.stances import bench_stack, check_biped, support_sole, swing_sole
-from poise.apps.scenarios._director import Blend
 from poise.control import Command, Controller, make_controller
-from poise.dynamics import Dynamics, RobotState
+from poise.dynamics import Dynamics, RobotState, least_jerk
 from poise.errors import PoiseError
 from poise.robots import Robot
 from poise.sim import Plant, rollout
 from poise.stack import ComTask, FrameTask, Stack, default_stack
+
+Point = tuple[Float64[np.ndarray, "3"], Float64[np.ndarray, "3"], Float64[np.ndarray, "3"]]
+"""Position [m], velocity [m/s] and acceleration [m/s^2] of a target in the world."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Path:
+    """A target over the ticks of a recording.
+
+    Attributes:
+        position: in the world [m].
+        velocity: [m/s].
+        acceleration: [m/s^2].
+    """
+
+    position: Float64[np.ndarray, "ticks 3"]
+    velocity: Float64[np.ndarray, "ticks 3"]
+    acceleration: Float64[np.ndarray, "ticks 3"]
+
+    @classmethod
+    def of(cls, points: list[Point]) -> "Path":
+        """The path through points, one a tick."""
+        position, velocity, acceleration = (
+            np.array(column) for column in zip(*points, strict=True)
+        )
+        return cls(position=position, velocity=velocity, acceleration=acceleration)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Loop:
+    """A point that goes round: centre + displacement s(t) + amplitude r(t) sin(2 pi f t + phase).
+
+    Attributes:
+        centre: where it is before anything moves [m].
+        displacement: of the centre, by a motion of least jerk with the phase s [m].
+        shift: when that motion begins, and how long it takes [s].
+        amplitude: by axis [m].
+        phase: by axis [rad].
+        frequency: f [1/s].
+        swell: when the amplitude begins to grow, r from zero to one, and how long it takes [s].
+    """
+
+    centre: Float64[np.ndarray, "3"]
+    displacement: Float64[np.ndarray, "3"]
+    shift: tuple[float, float]
+    amplitude: Float64[np.ndarray, "3"]
+    phase: Float64[np.ndarray, "3"]
+    frequency: float
+    swell: tuple[float, float]
+
+    def at(self, time: float) -> Point:
+        """The point at a time [s]."""
+        s, ds, dds = least_jerk(time, *self.shift)
+        r, dr, ddr = least_jerk(time, *self.swell)
+        w = 2.0 * np.pi * self.frequency
+        angle = w * time + self.phase
+        sine, cosine = np.sin(angle), np.cos(angle)
+        swing, rate = self.amplitude * sine, self.amplitude * w * cosine
+        return (
+            self.centre + s * self.displacement + r * swing,
+            ds * self.displacement + dr * swing + r * rate,
+            dds * self.displacement + ddr * swing + 2.0 * dr * rate - r * w * w * swing,
+        )
+
 
 Progress = Callable[[float, float], None]
 """Called with what is done and what there is in all."""
@@ -174,19 +239,19 @@ def _choreograph(
     """Moving points and held orientations by task name, from the home posture."""
     dynamics = Dynamics(robot)
     height = float(dynamics.com[2])
-    swell = Blend(begin, SWELL)
+    swell = (begin, SWELL)
     loops: dict[str, Loop] = {}
     rotations: dict[str, Float64[np.ndarray, "3 3"]] = {}
     for _, task in stack.tasks():
         if isinstance(task, ComTask):
-            way, scale = np.zeros(3), 1.0
+            displacement, scale = np.zeros(3), 1.0
             if stance == "single":
                 sole = dynamics.frame(robot.frame_id(support_sole(robot))).position
-                way[:2], scale = sole[:2] - dynamics.com[:2], 1.0 / 3.0
+                displacement[:2], scale = sole[:2] - dynamics.com[:2], 1.0 / 3.0
             loops[task.name] = Loop(
                 centre=dynamics.com.copy(),
-                way=way,
-                shift=Blend(0.0, _SHIFT),
+                displacement=displacement,
+                shift=(0.0, _SHIFT),
                 amplitude=scale * height * _COM_SHARE,
                 phase=np.array([0.0, 0.5 * np.pi, 0.0]),
                 frequency=0.5,
@@ -201,17 +266,21 @@ def _choreograph(
 
 
 def _limb_loop(
-    robot: Robot, name: str, position: Float64[np.ndarray, "3"], height: float, swell: Blend
+    robot: Robot,
+    name: str,
+    position: Float64[np.ndarray, "3"],
+    height: float,
+    swell: tuple[float, float],
 ) -> Loop:
     if name in robot.soles:
-        way, shift = np.array([0.0, 0.0, _FOOT_SHARE]), Blend(_SHIFT + _UNLOAD, _LIFT)
+        displacement, shift = np.array([0.0, 0.0, _FOOT_SHARE]), (_SHIFT + _UNLOAD, _LIFT)
         amplitude = 0.5 * _FOOT_SHARE * np.array([1.0, 0.0, 0.5])
     else:
-        way, shift = _RAISE_SHARE, Blend(0.0, _RAISE)
+        displacement, shift = _RAISE_SHARE, (0.0, _RAISE)
         amplitude = _HAND_SHARE * np.array([1.0, 0.5, 1.0])
     return Loop(
         centre=position.copy(),
-        way=height * way,
+        displacement=height * displacement,
         shift=shift,
         amplitude=height * amplitude,
         phase=np.array([0.0, 0.0, 0.5 * np.pi]),

@@ -8,7 +8,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from jaxtyping import Int64
 
-from benchmarks.collector import collector_paused
+from benchmarks.clocked import collector_paused
 
 
 @runtime_checkable

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float64
 
-from benchmarks.collector import collector_paused
+from benchmarks.clocked import collector_paused
 from benchmarks.recording import Progress
 from benchmarks.teleop_recording import SCENARIO, Walk, WalkTick, record_walk
 from poise.apps.teleoperation import TeleopRun, run_teleop

@@ -6,16 +6,15 @@ from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from benchmarks.collector import collector_paused
+from benchmarks.clocked import Subject, collector_paused
 from benchmarks.methods import DIRECT, parse_method, timed_methods
 from benchmarks.peers.process import PEERS, PeerProcess
 from benchmarks.recording import Progress, Recording, record_run
 from benchmarks.result import TickResult, Ticks, time_statistics
 from benchmarks.stances import STACKS, STANCES, check_biped
-from benchmarks.subject import Subject
 from poise.control import CONTROLLERS
 from poise.errors import ConfigurationError, UnknownNameError
-from poise.hqp.strategies import make_solver
+from poise.hqp import make_solver
 from poise.robots import load_robot
 
 WARM_UP = 30

@@ -7,14 +7,11 @@ import numpy as np
 from jaxtyping import Float64, Int64
 
 from benchmarks.methods import REFERENCE, Method
-from benchmarks.paths import Loop
-from benchmarks.recording import Alter, Altered, Progress
-from poise.apps.scenarios._director import Blend
+from benchmarks.recording import Alter, Altered, Loop, Progress
 from poise.control import make_controller
 from poise.dynamics import RobotState
 from poise.errors import PoiseError, UnknownNameError
-from poise.locomotion import Gait, Stride, Walker, plan_footsteps
-from poise.locomotion._walking._footsteps import FootstepPlan
+from poise.locomotion import FootstepPlan, Gait, Stride, Walker, plan_footsteps
 from poise.robots import Robot
 from poise.sim import Plant, rollout
 from poise.stack import ComTask, FrameTask, MomentumTask, PostureTask, Stack, SurfaceContact, Task
@@ -79,12 +76,12 @@ class WalkLead:
         self._loops = {
             name: Loop(
                 centre=self.walker.carried[name].target_position.copy(),
-                way=np.zeros(3),
-                shift=Blend(0.0, 1.0),
+                displacement=np.zeros(3),
+                shift=(0.0, 1.0),
                 amplitude=_HAND_RADIUS * np.array([1.0, 0.5, 1.0]),
                 phase=np.array([0.0, 0.0, 0.5 * np.pi]),
                 frequency=_HAND_FREQUENCY,
-                swell=Blend(0.0, _HAND_SWELL),
+                swell=(0.0, _HAND_SWELL),
             )
             for name in hands
         }

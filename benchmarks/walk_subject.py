@@ -75,13 +75,14 @@ class WalkSubject(Clocked):
     def _solver_time(self) -> tuple[float, int]:
         """Seconds in the solver of the full problem or LQP 1, and what had to be solved."""
         controller = self.controller
-        if isinstance(controller, WholeBodyController) and controller.solution is not None:
-            return controller.solution.timings["total"], 1
-        if isinstance(controller, ReducedController) and controller.resolver is not None:
-            resolver = controller.resolver
-            kind = 1 if resolver.second_solution is None else 2
-            kind = kind if resolver.whole_solution is None else 3
-            if resolver.first_solution is not None:
-                return resolver.first_solution.timings["total"], kind
+        if isinstance(controller, WholeBodyController):
+            solution = controller.strategy.current.solution
+            return (np.nan, 0) if solution is None else (solution.timings["total"], 1)
+        if isinstance(controller, ReducedController):
+            program = controller.strategy.current
+            kind = 1 if program.second_solution is None else 2
+            kind = kind if program.whole_solution is None else 3
+            if program.first_solution is not None:
+                return program.first_solution.timings["total"], kind
             return np.nan, kind
         return np.nan, 0

@@ -1,12 +1,11 @@
 """The papers' own experiments: each study gives findings, tables and figures beside the paper's."""
 
 from studies.figure import Figure, draw
-from studies.finding import Finding
+from studies.finding import Finding, Section, Table
+from studies.page import write_study
 from studies.plan import Part, Progress, StudyOptions, StudyPlan
 from studies.registry import STUDIES, load_study
-from studies.section import Section, Table
 from studies.study import Study, Unfinished
-from studies.write import write_study
 
 __all__ = [
     "STUDIES",

@@ -1,13 +1,18 @@
-"""`Figure` and `draw`: a drawing in the report's style, for the page and as a file."""
+"""`Figure` and `draw`: a drawing in the report's style, for the page and as a file.
+
+`Film`: a video of a study, which lies beside its page.
+"""
 
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
-from poise.apps.report._plots._sheet import WIDTH
-from poise.apps.report._plots._style import house_style, inline_svg
+from poise.apps.report import house_style, inline_svg
 from poise.errors import ConfigurationError, MissingExtraError
+
+WIDTH = 12.0
+"""Width of every figure [in]: 1152 px, so that a 9 pt label is 12 px high on the page."""
 
 _NAME = re.compile(r"[a-z0-9][a-z0-9-]*")
 _FONTS = "system-ui, 'Segoe UI', Roboto, 'Helvetica Neue', Arial, 'DejaVu Sans', sans-serif"
@@ -86,3 +91,23 @@ def require_matplotlib() -> None:
         import matplotlib  # noqa: F401  # pyright: ignore[reportUnusedImport]
     except ImportError:
         raise MissingExtraError("matplotlib", "sim", "a study's figures") from None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Film:
+    """A video.
+
+    Attributes:
+        name: of its file, unique within the study.
+        title: what it shows.
+        data: the mp4 file's contents.
+    """
+
+    name: str
+    title: str
+    data: bytes = field(repr=False)
+
+    @property
+    def file_name(self) -> str:
+        """Of the file beside the page."""
+        return f"{self.name}.mp4"

@@ -1,4 +1,7 @@
-"""`StudyPlan`: a study's parts, and running them so that nothing computed is lost."""
+"""`StudyPlan`: a study's parts, and running them so that nothing computed is lost.
+
+`Steps`: the progress of a part that consists of several runs.
+"""
 
 import traceback
 from collections.abc import Callable
@@ -7,7 +10,7 @@ from dataclasses import dataclass, replace
 
 from poise.errors import ConfigurationError, PoiseError
 from studies.figure import require_matplotlib
-from studies.section import Section
+from studies.finding import Section
 from studies.study import Study, Unfinished
 
 Progress = Callable[[float, float], None]
@@ -134,3 +137,26 @@ def _outcome(part: Part, options: StudyOptions, progress: Progress) -> Section |
 
 def _silent(_done: float, _total: float) -> None:
     """Progress that nobody wants to see."""
+
+
+class Steps:
+    """Counts runs, and shares of the run at hand.
+
+    Args:
+        progress: of the whole part.
+        count: how many runs there are.
+    """
+
+    def __init__(self, progress: Progress, count: int) -> None:
+        self._progress, self._count, self._done = progress, count, -1
+
+    def next(self) -> Callable[[float], None]:
+        """Begins the next run; what comes back is told the share of it that is done."""
+        self._done += 1
+        done = self._done
+        self._progress(float(done), float(self._count))
+        return lambda share: self._progress(done + share, float(self._count))
+
+    def finish(self) -> None:
+        """Says that all is done."""
+        self._progress(float(self._count), float(self._count))

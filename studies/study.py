@@ -2,8 +2,7 @@
 
 from dataclasses import dataclass
 
-from studies.finding import Finding
-from studies.section import Section
+from studies.finding import Finding, Section
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -5,7 +5,7 @@ from functools import cache
 import pytest
 
 from poise.errors import MissingExtraError
-from poise.hqp.lexls.solver import LexicographicSolver
+from poise.hqp import LexicographicSolver
 from poise.robots import load_robot
 
 

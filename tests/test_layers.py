@@ -1,6 +1,7 @@
 """Which part imports which: read from the source, and from what an import leaves in memory."""
 
 import ast
+import importlib
 import json
 import subprocess
 import sys
@@ -12,7 +13,8 @@ ROOT = Path(__file__).parents[1] / "src" / "poise"
 
 FLOORS = (
     {"errors"},
-    {"_checks", "_fields", "_compiled"},
+    {"_yaml"},
+    {"_checks", "_schema", "_compiled"},
     {"robots", "hqp"},
     {"dynamics"},
     {"stack"},
@@ -30,7 +32,7 @@ MUJOCO_USERS = ("sim/", "apps/scenarios/_replay.py")
 
 OPTIONAL = (
     "mujoco", "matplotlib", "mcap", "tqdm", "imageio", "qpsolvers", "osqp", "proxsuite", "piqp",
-    "clarabel", "quadprog", "example_robot_data", "viser", "websockets", "pygame",
+    "clarabel", "quadprog", "example_robot_data", "websockets", "pygame",
 )  # fmt: skip
 
 
@@ -123,3 +125,44 @@ def test_importing_poise_prints_nothing():
         check=True,
     )
     assert done.stdout == done.stderr == ""
+
+
+LABORATORY = sorted(
+    path for name in ("benchmarks", "studies") for path in (ROOT.parents[1] / name).rglob("*.py")
+)
+
+
+def absolute_imports(path):
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            yield node.module or ""
+
+
+def names_from_poise(path):
+    """Module and name of everything that a file of the laboratory imports from Poise."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            yield from ((a.name, None) for a in node.names if a.name.split(".")[0] == "poise")
+        elif isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == "poise":
+            yield from ((node.module, alias.name) for alias in node.names)
+
+
+@pytest.mark.parametrize("path", LABORATORY, ids=lambda p: str(p.relative_to(ROOT.parents[1])))
+def test_the_laboratory_uses_public_names_alone(path):
+    for module, name in names_from_poise(path):
+        assert not [part for part in module.split(".") if part.startswith("_")], (module, name)
+        public = getattr(importlib.import_module(module), "__all__", ())
+        assert name is None or name in public, f"{module} does not offer {name}"
+
+
+def test_nothing_in_poise_imports_the_laboratory():
+    for path in modules():
+        assert not {n.split(".")[0] for n in imports_of(path)} & {"benchmarks", "studies"}, path
+
+
+def test_benchmarks_import_no_study():
+    for path in LABORATORY:
+        if path.is_relative_to(ROOT.parents[1] / "benchmarks"):
+            assert "studies" not in {n.split(".")[0] for n in absolute_imports(path)}, path

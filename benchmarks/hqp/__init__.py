@@ -1,7 +1,7 @@
 """Hierarchical QPs as a benchmark: problems that anyone can use, and a race of methods on them."""
 
-from benchmarks.hqp.bench import HqpBench, HqpRace, bench_hqp
-from benchmarks.hqp.figure import write_profile_figure
+from benchmarks.hqp.bench import HqpBench, HqpRace, bench_hqp, format_hqp_table
+from benchmarks.hqp.figure import Profile, make_profiles, profiles_of, write_profile_figure
 from benchmarks.hqp.judge import LEVEL_TOLERANCE, best_known, judge_point, measure_point
 from benchmarks.hqp.methods import METHODS, usual_methods, what_is_missing
 from benchmarks.hqp.problem_set import (
@@ -11,11 +11,8 @@ from benchmarks.hqp.problem_set import (
     load_sequence,
     save_sequence,
 )
-from benchmarks.hqp.problem_sources import make_sequence, save_all, sequence_names
-from benchmarks.hqp.profile import Profile, make_profiles, profiles_of
+from benchmarks.hqp.problem_sources import USUAL_SEQUENCES, make_sequence, save_all, sequence_names
 from benchmarks.hqp.result import HqpResult
-from benchmarks.hqp.table import format_hqp_table
-from benchmarks.hqp.usual_sequences import USUAL_SEQUENCES
 
 __all__ = [
     "FAMILIES",

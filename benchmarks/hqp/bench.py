@@ -1,12 +1,16 @@
-"""`bench_hqp`: races methods on sequences of hierarchical problems."""
+"""`bench_hqp`: races methods on sequences of hierarchical problems.
+
+Results of `bench_hqp` as tables: Markdown, which a terminal shows as well as a page does.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
-from benchmarks.hqp.methods import checked_methods, is_quick, make_contestant
-from benchmarks.hqp.problem_set import ProblemSequence
+from benchmarks.hqp.methods import REFERENCE, checked_methods, is_quick, make_contestant
+from benchmarks.hqp.problem_set import FAMILIES, ProblemSequence
 from benchmarks.hqp.race import COLD, WARM, Lap, Runner, judge_runners, take_turns
-from benchmarks.hqp.result import HqpResult, hqp_results
+from benchmarks.hqp.result import HqpResult, hqp_results, lap_figures
 from benchmarks.recording import Progress
 from poise.errors import ConfigurationError
 
@@ -110,3 +114,114 @@ def _runners(sequence: ProblemSequence, methods: Sequence[str], cap: float) -> l
         for start in starts
         for method in methods
     ]
+
+
+FAMILY_HEADS = ("p50", "p99", "x lexls", "solved", "silent", "gap")
+"""Columns of a method in the table of a family, once for a cold start and once for a warm one."""
+
+SEQUENCE_HEADS = ("sequence", "start", "n", "rows", "levels", "count")
+"""Columns of the table by sequence before those of the methods."""
+
+
+def format_hqp_table(race: HqpRace) -> str:
+    """A table a family, a line a method; then one with a line for every sequence and start.
+
+    Args:
+        race: what came out.
+    """
+    raced = {one.family for one in race.sequences}
+    families = [family for family in FAMILIES if family in raced]
+    parts = [_family(race, family) for family in families]
+    return "\n\n".join([*parts, _by_sequence(race)])
+
+
+def _family(race: HqpRace, family: str) -> str:
+    own = [lap for lap in race.laps if lap.family == family]
+    starts = [start for start in (COLD, WARM) if any(lap.start == start for lap in own)]
+    heads = ["method", *(f"{start} {head}" for start in starts for head in FAMILY_HEADS)]
+    rows: list[list[str]] = []
+    for method in dict.fromkeys(lap.method for lap in own):
+        cells = [method]
+        for start in starts:
+            cells += _family_cells([lap for lap in own if lap.start == start], method)
+        rows.append(cells)
+    return f"{_family_title(own, family, starts)}\n\n{_markdown(heads, rows)}"
+
+
+def _family_title(own: Sequence[Lap], family: str, starts: Sequence[str]) -> str:
+    counts: list[str] = []
+    for start in starts:
+        laps = [lap for lap in own if lap.start == start and lap.method == REFERENCE]
+        counts.append(f"{sum(len(lap.seconds) for lap in laps)} solves {start}")
+    sequences = len({lap.sequence for lap in own})
+    plural = "" if sequences == 1 else "s"
+    return f"**{family}**: {sequences} sequence{plural}, {', '.join(counts)}; times in us"
+
+
+def _family_cells(laps: Sequence[Lap], method: str) -> list[str]:
+    figures: dict[str, Any] = lap_figures(
+        [lap for lap in laps if lap.method == method],
+        [lap for lap in laps if lap.method == REFERENCE],
+    )
+    return [
+        _time(figures["p50_us"]),
+        _time(figures["p99_us"]),
+        _ratio(figures["ratio_to_lexls"]),
+        _share(figures["solved"]),
+        str(figures["silent"]),
+        "-" if figures["gap"] is None else f"{figures['gap']:.0e}",
+    ]
+
+
+def _by_sequence(race: HqpRace) -> str:
+    methods = list(dict.fromkeys(result.method for result in race.results))
+    others = [method for method in methods if method != REFERENCE]
+    keys = dict.fromkeys((result.sequence, result.start) for result in race.results)
+    rows: list[list[str]] = []
+    for key in keys:
+        found = {r.method: r for r in race.results if (r.sequence, r.start) == key}
+        own = found[REFERENCE]
+        cells = [*key, *(str(number) for number in (own.n, own.rows, own.levels, own.count))]
+        cells.append(f"{_time(own.p50_us)}{_unsolved(own)}")
+        cells += [_sequence_cell(found[method]) for method in others]
+        rows.append(cells)
+    title = (
+        "**by sequence**: median of `lexls` in us, of the others in multiples of it; in brackets "
+        "the share solved, where it is not all"
+    )
+    return f"{title}\n\n{_markdown([*SEQUENCE_HEADS, REFERENCE, *others], rows)}"
+
+
+def _sequence_cell(result: HqpResult) -> str:
+    return f"{_ratio(result.ratio_to_lexls)}{_unsolved(result)}"
+
+
+def _unsolved(result: HqpResult) -> str:
+    return "" if result.solved == 1.0 else f" ({_share(result.solved)})"
+
+
+def _time(microseconds: float | None) -> str:
+    return "-" if microseconds is None else f"{microseconds:.0f}"
+
+
+def _ratio(ratio: float | None) -> str:
+    if ratio is None:
+        return "-"
+    return f"{ratio:.2f}" if ratio < 9.995 else f"{ratio:.0f}"
+
+
+def _share(share: float) -> str:
+    # All means all: 99.96% is not 100%.
+    percent = 100.0 * share
+    return f"{percent:.0f}%" if share in (0.0, 1.0) else f"{min(max(percent, 0.1), 99.9):.1f}%"
+
+
+def _markdown(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    widths = [max(len(line[i]) for line in (heads, *rows)) for i in range(len(heads))]
+    lines = [heads, ["-" * width for width in widths], *rows]
+    return "\n".join(
+        "| "
+        + " | ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True))
+        + " |"
+        for line in lines
+    )

@@ -77,10 +77,9 @@ def _save(options: argparse.Namespace) -> None:
 
 
 def _race(options: argparse.Namespace) -> None:
-    from benchmarks.hqp.bench import HqpBench, bench_hqp
+    from benchmarks.hqp.bench import HqpBench, bench_hqp, format_hqp_table
     from benchmarks.hqp.figure import write_profile_figure
     from benchmarks.hqp.methods import what_is_missing
-    from benchmarks.hqp.table import format_hqp_table
 
     methods = words_of(options.methods) if options.methods is not None else None
     plan = HqpBench(methods=methods)
@@ -112,8 +111,7 @@ def _loaded(options: argparse.Namespace) -> list[Any]:
 
 def _made(options: argparse.Namespace) -> list[Any]:
     """New sequences; of the usual ones those for which all is installed."""
-    from benchmarks.hqp.problem_sources import make_sequence, sequence_names
-    from benchmarks.hqp.usual_sequences import USUAL_SEQUENCES
+    from benchmarks.hqp.problem_sources import USUAL_SEQUENCES, make_sequence, sequence_names
 
     wanted = _names(options.sequences, sequence_names(), USUAL_SEQUENCES)
     made: list[Any] = []

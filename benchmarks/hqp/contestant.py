@@ -6,10 +6,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from jaxtyping import Float64
 
-from poise.hqp.lexls.solver import LexicographicSolver
-from poise.hqp.problem import HierarchicalProblem
-from poise.hqp.solution import Solution, SolveStatus
-from poise.hqp.strategies import Solver
+from poise.hqp import HierarchicalProblem, LexicographicSolver, Solution, Solver, SolveStatus
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -15,7 +15,7 @@ import numpy as np
 from benchmarks.hqp.random_problems import Knobs, RandomHierarchy, balance, random_hierarchy
 from benchmarks.hqp.source import Progress, Source
 from poise.errors import ConfigurationError
-from poise.hqp.problem import HierarchicalProblem
+from poise.hqp import HierarchicalProblem
 
 _SIZE = Knobs(
     variables=50,

@@ -14,12 +14,9 @@ import pinocchio as pin
 from jaxtyping import Float64
 
 from benchmarks.hqp.source import Progress, Source
-from benchmarks.hqp.velocity_problem import equalities, velocity_problem
-from poise.control._differential_ik._bounds import VelocityBounds
+from benchmarks.hqp.velocity_problem import equalities, velocity_bounds, velocity_problem
 from poise.dynamics import Dynamics, RobotState, saturate
-from poise.hqp.level import Level
-from poise.hqp.problem import HierarchicalProblem
-from poise.hqp.strategies import make_solver
+from poise.hqp import HierarchicalProblem, Level, make_solver
 from poise.robots import Robot, load_robot
 from poise.stack import JointLimit
 
@@ -78,11 +75,10 @@ def humanoid_problems(
     dynamics, solver = Dynamics(robot), make_solver("direct")
     middle = dynamics.com[:2].copy()
     limit = JointLimit(velocity_scale=reach.speed)
-    bounds = VelocityBounds(robot, limit, _LIMIT_TIME, np.arange(robot.nj))
     q = robot.q_home.copy()
     for tick in range(reach.before + count):
         dynamics.update(RobotState(q, np.zeros(robot.nv)))
-        problem = _problem(robot, dynamics, reach, middle, bounds)
+        problem = _problem(robot, dynamics, reach, middle, limit)
         if tick >= reach.before:
             yield problem
         q = pin.integrate(robot.model, q, _DT * solver.solve(problem).x)
@@ -95,12 +91,12 @@ def _problem(
     dynamics: Dynamics,
     reach: Reach,
     middle: Float64[np.ndarray, "2"],
-    bounds: VelocityBounds,
+    limit: JointLimit,
 ) -> HierarchicalProblem:
     nv, nj = robot.nv, robot.nj
     q = dynamics.state.q[-nj:]
     free = np.full(nv - nj, np.inf)
-    lower, upper = bounds.at(q)
+    lower, upper = velocity_bounds(robot, q, limit, _LIMIT_TIME)
     levels = [_support(robot, dynamics, middle)]
     for hand, target in zip(reversed(robot.hands), (reach.right, reach.left), strict=True):
         frame = dynamics.frame(robot.frame_id(hand))

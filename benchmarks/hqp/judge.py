@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float64
 
-from poise.hqp.problem import HierarchicalProblem
+from poise.hqp import HierarchicalProblem
 
 LEVEL_TOLERANCE = 1e-6
 """A level may be this much worse than the best known, in units of its scale."""

@@ -1,12 +1,203 @@
-"""What is raced: names of methods, which of them are installed, and a contestant of each."""
+"""What is raced: names of methods, which of them are installed, and a contestant of each.
+
+DAQP on its own: all levels hard in one QP, and its hierarchical mode.
+
+`DaqpRows`: a hierarchical problem as DAQP takes it.
+"""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
 
-from benchmarks.hqp.contestant import Contestant, LexlsContestant, StrategyContestant
-from benchmarks.hqp.daqp_contestants import DaqpHard, DaqpHierarchical
+import daqp
+import numpy as np
+from jaxtyping import Float64, Int32
+
+from benchmarks.hqp.contestant import Answer, Contestant, LexlsContestant, StrategyContestant
 from poise.errors import MissingExtraError, UnknownNameError
-from poise.hqp.backends import ACCURACY, make_backend
-from poise.hqp.strategies import make_solver
+from poise.hqp import ACCURACY, HierarchicalProblem, make_solver
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DaqpRows:
+    """Rows in the order of their levels, simple bounds among those of their level.
+
+    Where bounds are more numerous than rows of `A`, DAQP takes the first as simple bounds on x.
+
+    Attributes:
+        H: final cost.
+        g: linear final cost.
+        A: coefficients.
+        lower: lower bounds.
+        upper: upper bounds.
+        weights: of the slacks.
+        ends: where each level begins, and where the last one ends: DAQP's `break_points`.
+    """
+
+    H: Float64[np.ndarray, "n n"]
+    g: Float64[np.ndarray, " n"]
+    A: Float64[np.ndarray, "m n"]
+    lower: Float64[np.ndarray, " k"]
+    upper: Float64[np.ndarray, " k"]
+    weights: Float64[np.ndarray, " k"]
+    ends: Int32[np.ndarray, " p1"]
+
+
+def daqp_rows(problem: HierarchicalProblem) -> DaqpRows:
+    """States a problem for DAQP.
+
+    A row of zeros has nothing to say about x, but with bounds that zero does not meet DAQP calls
+    the whole problem infeasible, so such rows lose their bounds. Bounds that belong to the first
+    level stay simple bounds; others become rows.
+
+    Args:
+        problem: the problem.
+    """
+    A, lower, upper, weights = problem.A, problem.lower, problem.upper, problem.weights
+    ends = [0, *(problem.n + view.slice.stop for view in problem.levels)]
+    if problem.bounds_level > 0:
+        order = _order_with_bounds(problem)
+        A = np.vstack([np.eye(problem.n), A])[order]
+        lower, upper, weights = lower[order], upper[order], weights[order]
+        ends = [0, *np.cumsum(np.bincount(problem.level_of[order], minlength=len(ends) - 1))]
+    empty = np.flatnonzero(~A.any(axis=1)) + len(lower) - len(A)
+    if len(empty):
+        lower, upper = lower.copy(), upper.copy()
+        lower[empty], upper[empty] = -np.inf, np.inf
+    return DaqpRows(
+        H=problem.H,
+        g=problem.g,
+        A=A,
+        lower=lower,
+        upper=upper,
+        weights=weights,
+        ends=np.array(ends, dtype=np.int32),
+    )
+
+
+def _order_with_bounds(problem: HierarchicalProblem) -> np.ndarray:
+    """Bounds and rows by level, without bounds that are none."""
+    bounded = np.isfinite(problem.lower) | np.isfinite(problem.upper)
+    bounded[problem.n :] = True
+    kept = np.flatnonzero(bounded)
+    return kept[np.argsort(problem.level_of[kept], kind="stable")]
+
+
+PRIMAL_TOLERANCE = 1e-10
+"""On rows, in DAQP's units; its default of 1e-6 would miss `LEVEL_TOLERANCE` by itself."""
+
+SOFTNESS = 1e-6
+"""DAQP's default: the share of the final cost in each level's problem. With 1e-8 and less it is
+right less often."""
+
+_FLAGS = {
+    3: "stopped short",
+    2: "soft optimal",
+    1: "optimal",
+    -1: "infeasible",
+    -2: "cycling",
+    -3: "unbounded",
+    -4: "iteration limit",
+    -5: "not convex",
+    -6: "overdetermined",
+    -7: "time limit",
+    -8: "unsupported",
+}
+"""What DAQP's exit flags mean; those above zero call the answer good."""
+
+
+class _DaqpContestant:
+    """What both have in common: a model that persists.
+
+    Args:
+        time_limit: cap on a solve [s].
+    """
+
+    def __init__(self, time_limit: float) -> None:
+        self._time_limit = time_limit
+        self.forget()
+
+    def forget(self) -> None:
+        """Begins with a new model."""
+        self._model: Any = daqp.Model()
+        self._model.settings = {
+            "primal_tol": PRIMAL_TOLERANCE,
+            "rho_soft": SOFTNESS,
+            "time_limit": self._time_limit,
+        }
+        self._shape: tuple[int, ...] = ()
+        self._x: Float64[np.ndarray, " n"] = np.zeros(0)
+        self._flag = -8
+
+    def take(self, problem: HierarchicalProblem) -> None:
+        """States the problem for DAQP."""
+        self._rows: DaqpRows = daqp_rows(problem)
+
+    def answer(self) -> Answer:
+        """Copies the point out of DAQP's own buffer."""
+        status = _FLAGS.get(self._flag, f"exit flag {self._flag}")
+        if len(self._x) != len(self._rows.g):
+            return Answer(x=np.zeros(len(self._rows.g)), status=status, claimed=False)
+        return Answer(x=self._x.copy(), status=status, claimed=self._flag >= 1)
+
+    def _load(self, ends: Int32[np.ndarray, " p1"] | None) -> bool:
+        """Gives the model its numbers, anew where the shape is another; whether it takes them."""
+        rows, model = self._rows, self._model
+        shape = (*rows.A.shape, *rows.ends.tolist())
+        if shape == self._shape:
+            # DAQP looks at the first coefficient of what it is given, even where there is none.
+            A = rows.A if len(rows.A) else None
+            self._flag = model.update(rows.H, rows.g, A, rows.upper, rows.lower)
+        else:
+            data = (rows.H, rows.g, rows.A, rows.upper, rows.lower)
+            self._flag, _ = model.setup(*data, None, ends)
+        self._shape = shape if self._flag >= 0 else ()
+        return self._flag >= 0
+
+
+class DaqpHard(_DaqpContestant):
+    """One QP with the rows of all levels hard: exact where everything can be met, else infeasible.
+
+    Args:
+        time_limit: cap on a solve [s].
+    """
+
+    def solve(self) -> None:
+        """Sets up or updates the model, and solves it."""
+        if self._load(None):
+            self._x, _, self._flag, _ = self._model.solve()
+
+
+class DaqpHierarchical(_DaqpContestant):
+    """DAQP's hierarchical mode.
+
+    It minimises `|u|^2 / 2 + |s|^2 / (2 rho)` level by level, `u = R x + R^-T g` with
+    `H = R^T R`, so the final cost has a small share in every level. By itself it measures the slack
+    `s` of a row relative to `|a R^-1|`, which loses the user's weights; weights of soft rows give
+    them back.
+
+    Args:
+        time_limit: cap on a solve [s].
+        weighs: whether rows are given the user's weights.
+    """
+
+    def __init__(self, time_limit: float, *, weighs: bool) -> None:
+        super().__init__(time_limit)
+        self._weighs = weighs
+
+    def take(self, problem: HierarchicalProblem) -> None:
+        """States the problem for DAQP, with weights of slacks as it takes them."""
+        super().take(problem)
+        self._softness = SOFTNESS / self._rows.weights**2
+
+    def solve(self) -> None:
+        """Sets up or updates the model, and solves it."""
+        if not self._load(self._rows.ends):
+            return
+        if self._weighs and len(self._softness):
+            self._model.soft_weights(self._softness, self._softness, None, None)
+        self._x, _, self._flag, _ = self._model.solve()
+
 
 REFERENCE = "lexls"
 """What every other method is compared with."""
@@ -93,7 +284,7 @@ def _missing(method: str) -> MissingExtraError | None:
     if backend not in ACCURACY:
         return None
     try:
-        make_backend(backend)
+        make_solver("cascade", backend)
     except MissingExtraError as reason:
         return reason
     return None

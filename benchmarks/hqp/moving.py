@@ -5,17 +5,16 @@ from functools import partial
 
 import numpy as np
 
-from benchmarks.hqp.copying import copy_problem, shape_of
+from benchmarks.clocked import Subject
 from benchmarks.hqp.recorded import problem_of
-from benchmarks.hqp.source import Progress, Source
+from benchmarks.hqp.source import Progress, Source, copy_problem, shape_of
 from benchmarks.methods import REFERENCE, parse_method
 from benchmarks.recording import record_run
-from benchmarks.subject import Subject
 from benchmarks.teleop_recording import Walk, WalkTick, record_walk
 from poise.control import DifferentialIK
 from poise.dynamics import Dynamics
 from poise.errors import PoiseError
-from poise.hqp.problem import HierarchicalProblem
+from poise.hqp import HierarchicalProblem
 from poise.robots import Robot, load_robot
 from poise.stack import ComTask, FrameTask, PostureTask, Stack, SurfaceContact
 

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from poise.errors import ProblemError
-from poise.hqp.problem import HierarchicalProblem
+from poise.hqp import HierarchicalProblem
 
 FLOATS = ("A", "lower", "upper", "weights", "H", "g")
 """Numbers of a problem; of each, problem `k` has what begins at `KEY_start[k]` in `KEY`."""

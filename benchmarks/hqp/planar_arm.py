@@ -8,7 +8,7 @@ from jaxtyping import Float64
 
 from benchmarks.hqp.source import Progress, Source
 from benchmarks.hqp.velocity_problem import equalities, velocity_problem
-from poise.hqp.problem import HierarchicalProblem
+from poise.hqp import HierarchicalProblem
 
 _DT = 0.005
 """Time between two problems [s]."""

@@ -15,7 +15,7 @@ import numpy as np
 
 from benchmarks.hqp.packed import INTEGERS, TEXTS, pack_problems, unpack_problems
 from poise.errors import ConfigurationError, ProblemError, UnknownNameError
-from poise.hqp.problem import HierarchicalProblem
+from poise.hqp import HierarchicalProblem
 
 FAMILIES = ("recorded", "random", "inverse kinematics")
 """Where problems come from."""

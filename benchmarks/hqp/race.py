@@ -8,11 +8,11 @@ from time import perf_counter
 import numpy as np
 from jaxtyping import Bool, Float64
 
-from benchmarks.collector import collector_paused
+from benchmarks.clocked import collector_paused
 from benchmarks.hqp.contestant import Contestant
 from benchmarks.hqp.judge import Verdict, best_known, judge_point, measure_point
 from benchmarks.hqp.problem_set import ProblemSequence
-from poise.hqp.problem import HierarchicalProblem
+from poise.hqp import HierarchicalProblem
 
 COLD, WARM = "cold", "warm"
 """Starts: forgotten before every solve, or as the method left it after the problem before."""

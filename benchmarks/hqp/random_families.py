@@ -8,7 +8,7 @@ import numpy as np
 
 from benchmarks.hqp.random_problems import Knobs, random_hierarchy
 from benchmarks.hqp.source import Progress, Source
-from poise.hqp.problem import HierarchicalProblem
+from poise.hqp import HierarchicalProblem
 
 Turn = Callable[[Knobs, int], Knobs]
 """Sets the knobs of problem number so and so of a family."""

@@ -15,8 +15,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from poise.errors import ConfigurationError
-from poise.hqp.level import Level
-from poise.hqp.problem import HierarchicalProblem
+from poise.hqp import HierarchicalProblem, Level
 
 _MARGIN = (0.1, 2.0)
 """How far an inequality that is not active is from its bounds."""
@@ -241,9 +240,11 @@ def _contradiction(
     free = m - rank
     if size == 0.0 or free == 0:
         return np.zeros(m)
-    null = np.linalg.svd(E)[0][:, rank:]
-    amount = rng.standard_normal(free)
-    return null @ (size * amount / np.linalg.norm(amount))
+    # Projected, not put together from a basis: which basis comes out depends on the machine.
+    held = np.linalg.svd(E)[0][:, :rank]
+    amount = rng.standard_normal(m)
+    amount -= held @ (held.T @ amount)
+    return size * amount / np.linalg.norm(amount)
 
 
 def _blocking(

@@ -4,10 +4,8 @@ from collections.abc import Generator
 from dataclasses import dataclass, replace
 from functools import partial
 
-from benchmarks.hqp.copying import copy_problem, shape_of
-from benchmarks.hqp.source import Progress, Source
-from poise.apps.scenarios import load_scenario
-from poise.apps.scenarios._controllers import cast_of, with_actuation
+from benchmarks.hqp.source import Progress, Source, copy_problem, shape_of
+from poise.apps.scenarios import load_scenario, stage_scenario
 from poise.control import (
     ControllerPlan,
     DifferentialIK,
@@ -15,9 +13,8 @@ from poise.control import (
     WholeBodyController,
 )
 from poise.errors import PoiseError
-from poise.hqp.problem import HierarchicalProblem
-from poise.robots import load_robot
-from poise.sim import Plant, rollout
+from poise.hqp import HierarchicalProblem
+from poise.sim import rollout
 
 _PATIENCE = 2.0
 """A step is waited for so long after the time from which it counts [s]."""
@@ -61,20 +58,14 @@ def record_window(
     scenario = replace(load_scenario(window.scenario), robot=window.robot)
     if window.plan is not None:
         scenario = replace(scenario, controller=window.plan)
-    scenario = with_actuation(scenario)
-    robot = load_robot(scenario.robot)
-    cast = cast_of(scenario, robot)
-    controller = cast.controller
-    plant = Plant(robot, scenario.plant, seed=scenario.seed)
-    for push in scenario.pushes:
-        plant.push(push.body, push.force_on(robot.mass), push.duration, push.at)
-    dt = scenario.plant.control_dt
-    begin = round(window.at / dt)
-    tick, found, before = 0, 0, -1
+    stage = stage_scenario(scenario)
+    plant, controller = stage.plant, stage.controller
+    begin = round(window.at / plant.control_dt)
+    found, before = 0, -1
     shape: tuple[int, ...] = ()
-    for _ in rollout(plant, controller, cast.leader):
-        feet = sum(contact.active for contact in cast.stack.contacts)
-        if found == 0 and tick >= begin and _begins(window, feet, before):
+    for tick in rollout(plant, controller, stage.leader):
+        feet = sum(contact.active for contact in controller.stack.contacts)
+        if found == 0 and tick.index >= begin and _begins(window, feet, before):
             shape = shape_of(problem_of(controller))
         if shape:
             problem = problem_of(controller)
@@ -84,15 +75,16 @@ def record_window(
             yield copy_problem(problem)
             if found == count:
                 return
-        before, tick = feet, tick + 1
-        if progress is not None and tick % 50 == 0:
-            progress(tick, max(tick, begin + count))
-        if plant.fallen or (not shape and plant.time > window.at + _PATIENCE):
-            what = "a fall" if plant.fallen else "no change of contacts"
-            raise PoiseError(
-                f"{robot.name} was not recorded in {scenario.name!r}",
-                got=f"{what} at {plant.time:.3f} s",
-            )
+        before = feet
+        if progress is not None and tick.index % 50 == 49:
+            progress(tick.index + 1, max(tick.index + 1, begin + count))
+        if not shape and plant.time > window.at + _PATIENCE:
+            break
+    what = "a fall" if plant.fallen else "no change of contacts"
+    raise PoiseError(
+        f"{scenario.robot} was not recorded in {scenario.name!r}",
+        got=f"{what} at {plant.time:.3f} s",
+    )
 
 
 def problem_of(controller: object) -> HierarchicalProblem:
@@ -106,16 +98,18 @@ def problem_of(controller: object) -> HierarchicalProblem:
         PoiseError: it solves none, or has not solved one yet.
     """
     problem: HierarchicalProblem | None = None
-    if isinstance(controller, WholeBodyController) and controller.formulation is not None:
-        problem = controller.formulation.problem
-    elif isinstance(controller, ReducedController) and controller.resolver is not None:
-        resolver = controller.resolver
-        problem = resolver.first.problem
+    if isinstance(controller, WholeBodyController):
+        program = controller.strategy.current
+        problem = None if program.solution is None else program.full.problem
+    elif isinstance(controller, ReducedController):
+        reduced = controller.strategy.current
         # After a tick in which that was of no use, LQP 1 is not even written.
-        if resolver.whole is not None and resolver.whole_solution is not None:
-            problem = resolver.whole.formulation.problem
+        if reduced.whole is not None and reduced.whole_solution is not None:
+            problem = reduced.whole.full.problem
+        elif reduced.first_solution is not None:
+            problem = reduced.first.problem
     elif isinstance(controller, DifferentialIK):
-        problem = controller.problem
+        problem = controller.strategy.problem
     if problem is None:
         raise PoiseError(
             "the controller has solved no hierarchical problem",

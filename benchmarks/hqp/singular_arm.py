@@ -8,11 +8,9 @@ import numpy as np
 from jaxtyping import Float64
 
 from benchmarks.hqp.source import Progress, Source
-from benchmarks.hqp.velocity_problem import equalities, velocity_problem
-from poise.control._differential_ik._bounds import VelocityBounds
+from benchmarks.hqp.velocity_problem import equalities, velocity_bounds, velocity_problem
 from poise.dynamics import Dynamics, RobotState
-from poise.hqp.level import Level
-from poise.hqp.problem import HierarchicalProblem
+from poise.hqp import HierarchicalProblem, Level
 from poise.robots import Robot, load_robot
 from poise.stack import JointLimit
 
@@ -74,7 +72,6 @@ def singular_problems(
         there[robot.joint_index(joint)] = angle
     for joint, sign in singularity.leaves.items():
         way[robot.joint_index(joint)] = sign
-    bounds = VelocityBounds(robot, JointLimit(), _LIMIT_TIME, np.arange(robot.nj))
     dynamics.update(RobotState(there, np.zeros(robot.nv)))
     still = _kept_still(robot, dynamics, singularity.trunk)
     wanted = np.concatenate([_SPEED * _lost(J @ still) for J in hand_jacobians(robot, dynamics)])
@@ -88,7 +85,7 @@ def singular_problems(
         hands = np.vstack(hand_jacobians(robot, dynamics))
         levels.append(equalities("hands", hands, wanted))
         levels.append(equalities("posture", np.eye(robot.nj), _POSTURE_GAIN * (there - q)))
-        yield velocity_problem(levels, *bounds.at(q))
+        yield velocity_problem(levels, *velocity_bounds(robot, q, JointLimit(), _LIMIT_TIME))
         if progress is not None:
             progress(tick + 1, count)
 

@@ -1,12 +1,16 @@
-"""`Source`: a sequence that can be made."""
+"""`Source`: a sequence that can be made.
+
+`copy_problem`: a problem of its own, from a controller that fills one storage every tick.
+"""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from itertools import islice
 
+from benchmarks.hqp.packed import FLOATS
 from benchmarks.hqp.problem_set import ProblemSequence
 from poise.errors import ConfigurationError
-from poise.hqp.problem import HierarchicalProblem
+from poise.hqp import HierarchicalProblem
 
 Progress = Callable[[int, int], None]
 """Called with what is done and what there is in all."""
@@ -53,3 +57,26 @@ class Source:
             consecutive=self.consecutive,
             problems=tuple(islice(self.make(count, progress), count)),
         )
+
+
+def copy_problem(problem: HierarchicalProblem) -> HierarchicalProblem:
+    """The same problem in a storage of its own; its views look into that storage.
+
+    Args:
+        problem: what to copy.
+    """
+    copy = HierarchicalProblem.allocate(
+        problem.n,
+        [len(view.lower) for view in problem.levels],
+        names=[view.name for view in problem.levels],
+        bounds_level=problem.bounds_level,
+    )
+    for key in FLOATS:
+        getattr(copy, key)[...] = getattr(problem, key)
+    copy.labels = list(problem.labels)
+    return copy
+
+
+def shape_of(problem: HierarchicalProblem) -> tuple[int, ...]:
+    """Number of variables, and of rows of each level."""
+    return (problem.n, *(len(view.lower) for view in problem.levels))

@@ -4,8 +4,20 @@ Every message says what was given, what was wanted and, where there is a list, t
 Nothing here is raised inside the control loop: there a status comes back instead.
 """
 
+import copy
 import difflib
 from collections.abc import Iterable
+
+__all__ = [
+    "ConfigurationError",
+    "MissingExtraError",
+    "PoiseError",
+    "ProblemError",
+    "RobotError",
+    "ScenarioError",
+    "TargetError",
+    "UnknownNameError",
+]
 
 _MAX_CHOICES = 60
 """More names than this do not help a reader; the nearest ones are shown first."""
@@ -43,6 +55,12 @@ class PoiseError(Exception):
         if choices is not None:
             parts.append(f"choices: {_list_choices(str(self.got), self.choices)}")
         super().__init__("; ".join(parts))
+
+    def located(self, place: str) -> "PoiseError":
+        """The same error with the place in front, such as a file with its line."""
+        said = copy.copy(self)
+        said.what, said.args = f"{place}: {self.what}", (f"{place}: {self}",)
+        return said
 
 
 class RobotError(PoiseError):

@@ -7,9 +7,8 @@ from multiprocessing import get_context
 from pathlib import Path
 
 from studies.bad_operator.trial import Outcome, Trial, run_trial
-from studies.finding import Finding
+from studies.finding import Finding, Section, Table
 from studies.plan import Progress, StudyOptions
-from studies.section import Section, Table
 
 _SEEDS, _SECONDS, _QUICK_SEEDS = 200, 60.0, 20
 _SPREAD = 1_000_000

@@ -5,9 +5,9 @@ from functools import cache
 from pathlib import Path
 
 from poise.apps.teleoperation import noisy, run_teleop
-from poise.apps.teleoperation._bad_operator import BadOperator
 from poise.locomotion import Mode, Rules
 from poise.robots import Robot, load_robot
+from studies.bad_operator.operator import BadOperator
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -4,7 +4,7 @@ from fractions import Fraction
 from math import floor
 
 from studies.bias_acceleration import cost_model as cost
-from studies.bias_acceleration.cases import FIGURE_2, QUOTED, SWEEPS, Quoted, Size
+from studies.bias_acceleration.cost_model import FIGURE_2, QUOTED, SWEEPS, Quoted, Size
 from studies.finding import Finding, number_text
 
 _LARGE_SHARE = 5.0

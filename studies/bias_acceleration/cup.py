@@ -8,17 +8,23 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float64
 
-from benchmarks.fixed_base.cubic import Cubic
-from benchmarks.fixed_base.encoder import Encoder, JointSensors
-from benchmarks.fixed_base.gravity import Gravity
-from benchmarks.fixed_base.loop import CONTROL_DT, Tick, run_loop
-from benchmarks.fixed_base.plant import RigidPlant, with_gravity
+from benchmarks.bias.motion import Cubic
+from benchmarks.bias.recursion import PaperRecursion
+from benchmarks.encoder import Encoder
+from benchmarks.rigid_plant import (
+    CONTROL_DT,
+    Gravity,
+    Moment,
+    RigidPlant,
+    set_gravity,
+    with_gravity,
+)
 from poise.control import OperationalSpaceController
-from poise.control._osf._fused import FusedResolver
-from poise.control._osf._recursion import PaperResolver
 from poise.dynamics import Dynamics, FrameKinematics, RobotState, rotation_vector
 from poise.robots import Robot, load_robot
+from poise.sim import rollout
 from poise.stack import FrameTask, Stack
+from studies.bias_acceleration.controller import PaperController
 
 FORMULAS = ("original", "proposed", "numerical", "fused")
 """In the order of tables and figures."""
@@ -32,8 +38,9 @@ KP = 100.0
 PAPER_GRAVITY = -9.8
 """The paper's [m/s^2]."""
 
-SECOND_TASK = 2
-"""Index of the second task's level: a fixed base has an empty level of contacts first."""
+MET = 1e-9
+"""What a task of `OperationalSpaceController` misses by rounding alone; it misses more where it has
+lost rank [m/s^2, rad/s^2]."""
 
 _HAND = "hand"
 _SHOULDER, _ELBOW = 0.5, 1.2
@@ -85,8 +92,8 @@ class CupTrace:
         tilt: angle between the cup and the horizontal plane [rad].
         turn: angle between the hand and its target orientation [rad].
         distance: of the hand from its target [m].
-        regular: whether every level kept its rank, as far as it is told.
-        held: ticks on which a joint was held at a limit.
+        regular: whether every level kept its rank.
+        held: ticks on which a joint came to a limit.
     """
 
     states: tuple[RobotState, ...] = field(repr=False)
@@ -126,7 +133,7 @@ class CupTasks:
         self.orientation = FrameTask(_HAND, "orientation", kp=kp, name="orientation")
         self.orientation.set_target(rotation=self.home)
         self.stack = Stack([], [[self.position], [self.orientation]])
-        self._way = Cubic(way=WAY, duration=DURATION)
+        self._way = Cubic(displacement=WAY, duration=DURATION)
         self.aim(0.0)
 
     def aim(self, time: float) -> None:
@@ -149,10 +156,10 @@ class _Recorder:
         self._up = tasks.home.T[:, 2]
         self.rows: list[tuple[float, ...]] = []
 
-    def record(self, tick: Tick) -> None:
+    def record(self, now: Moment) -> None:
         """Adds a row: sigma, sigma_true, tilt, turn, distance."""
         model, data, hand, task = self._model, self._data, self._hand, self._tasks.orientation
-        pin.forwardKinematics(model, data, tick.q, tick.v, tick.acceleration)
+        pin.forwardKinematics(model, data, now.q, now.v, now.acceleration)
         place = pin.updateFramePlacement(model, data, hand)
         axes = pin.LOCAL_WORLD_ALIGNED
         turning = pin.getFrameVelocity(model, data, hand, axes).angular
@@ -175,53 +182,58 @@ class _Recorder:
 def carry_cup(
     run: CupRun,
     progress: Callable[[float], object] | None = None,
-    resolver: PaperResolver | None = None,
+    recursion: PaperRecursion | None = None,
 ) -> CupTrace:
     """Simulates one run.
 
     Args:
         run: what to run.
         progress: told the share that is done, now and then.
-        resolver: takes the place of the controller's own, for formulas gone wrong on purpose.
+        recursion: takes the place of the run's formula, for formulas gone wrong on purpose.
 
     Raises:
         PoiseError: a number of the run is out of range.
     """
     arm = load_robot("arm6")
     tasks = CupTasks(arm, run.kp)
-    plant = RigidPlant(arm, tasks.start, gravity=run.gravity, inertia_scale=run.inertia_scale)
-    controller = OperationalSpaceController(
-        with_gravity(arm, run.gravity.at(0.0)),
-        tasks.stack,
-        bias=run.formula,
-        derivative=run.derivative,
-        torque_step=math.inf,
+    plant = RigidPlant(
+        arm,
+        tasks.start,
+        gravity=run.gravity,
+        inertia_scale=run.inertia_scale,
+        encoder=run.encoder,
     )
-    if resolver is not None:
-        controller.resolver = resolver
-    recorder, ticks = _Recorder(plant, tasks), list[Tick]()
+    controller = _controller(run, with_gravity(arm, run.gravity.at(0.0)), tasks.stack, recursion)
+
+    def lead(state: RobotState) -> None:
+        if not run.gravity.constant:
+            set_gravity(controller.robot, plant.gravity)
+        tasks.aim(state.time)
+
+    recorder, states, moments = _Recorder(plant, tasks), list[RobotState](), list[Moment]()
     bias = np.full((run.ticks, 3), np.nan)
     regular, held = True, 0
-    sensors = JointSensors(run.encoder)
-    for i, tick in enumerate(
-        run_loop(controller, plant, tasks.aim, ticks=run.ticks, sensors=sensors)
-    ):
-        ticks.append(tick)
-        recorder.record(tick)
-        active = controller.resolver
-        held += "held" in controller.status().explanation
-        if isinstance(active, FusedResolver):
-            regular = regular and active.regular > SECOND_TASK
+    for tick in rollout(plant, controller, lead, duration=run.ticks * CONTROL_DT):
+        assert plant.moment is not None
+        states.append(tick.state)
+        moments.append(plant.moment)
+        recorder.record(plant.moment)
+        if isinstance(controller, PaperController):
+            regular = regular and controller.recursion.regular
+            held += controller.outside
+            bias[tick.index] = controller.recursion.bias[-1]
         else:
-            bias[i] = active.bias[-1]
-        if progress is not None and i % 100 == 0:
-            progress(i / run.ticks)
+            status = controller.status()
+            regular = regular and all(task.residual < MET for task in status.tasks)
+            held += "held" in status.explanation
+        if progress is not None and tick.index % 100 == 0:
+            progress(tick.index / run.ticks)
     sigma, sigma_true, tilt, turn, distance = np.array(recorder.rows).T.copy()
     return CupTrace(
-        states=tuple(tick.state for tick in ticks),
-        time=np.array([tick.state.time for tick in ticks]),
-        torque=np.array([tick.torque for tick in ticks]),
-        gravity=np.array([tick.gravity for tick in ticks]),
+        states=tuple(states),
+        time=np.array([state.time for state in states]),
+        torque=np.array([moment.torque for moment in moments]),
+        gravity=np.array([moment.gravity for moment in moments]),
         bias=bias,
         sigma=sigma,
         sigma_true=sigma_true,
@@ -231,6 +243,16 @@ def carry_cup(
         regular=regular,
         held=held,
     )
+
+
+def _controller(
+    run: CupRun, robot: Robot, stack: Stack, recursion: PaperRecursion | None
+) -> OperationalSpaceController | PaperController:
+    """Poise's own for `fused`, with a torque that may change as fast as it likes."""
+    if run.formula == "fused":
+        return OperationalSpaceController(robot, stack, torque_step=math.inf)
+    exact = run.derivative == "exact"
+    return PaperController(robot, stack, recursion or PaperRecursion(run.formula), exact=exact)
 
 
 def level_start(robot: Robot) -> Float64[np.ndarray, " n"]:

@@ -3,13 +3,11 @@
 import numpy as np
 
 from studies.bias_acceleration.cup import KP
-from studies.bias_acceleration.encoder_figure import figure_6
-from studies.bias_acceleration.encoder_runs import GAINS, EncoderRuns, run_all
+from studies.bias_acceleration.encoder_runs import GAINS, EncoderRuns, figure_6, run_all
 from studies.bias_acceleration.gravity_section import ROUNDING
 from studies.bias_acceleration.signals import degrees_most
-from studies.finding import Finding, number_text
+from studies.finding import Finding, Section, Table, number_text
 from studies.plan import Progress, StudyOptions
-from studies.section import Section, Table
 
 _ORDER_OF_MAGNITUDE = 10.0
 

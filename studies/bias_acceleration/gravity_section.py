@@ -5,18 +5,16 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float64
 
-from benchmarks.fixed_base.gravity import Gravity
-from poise.apps.report._plots._style import PALETTE
+from benchmarks.drawing import PALETTE
+from benchmarks.rigid_plant import Gravity
 from poise.robots import load_robot
+from studies.bias_acceleration.controller import OldGravityRecursion
 from studies.bias_acceleration.cup import DURATION, KP, PAPER_GRAVITY, CupRun, CupTrace, carry_cup
-from studies.bias_acceleration.old_gravity import OldGravityResolver
 from studies.bias_acceleration.side_by_side import SideBySide, compare_along
 from studies.bias_acceleration.signals import degrees_most, draw_signal
 from studies.figure import Figure, draw
-from studies.finding import Finding
-from studies.plan import Progress, StudyOptions
-from studies.progress import Steps
-from studies.section import Section, Table
+from studies.finding import Finding, Section, Table
+from studies.plan import Progress, Steps, StudyOptions
 
 MARS = -3.71
 """Vertical gravity on Mars [m/s^2]."""
@@ -66,11 +64,11 @@ def gravity_section(options: StudyOptions, progress: Progress) -> Section:
         )
         for name in ("original", "proposed", "fused")
     }
-    old = OldGravityResolver(load_robot("arm6"), PAPER_GRAVITY)
+    old = OldGravityRecursion(load_robot("arm6"), PAPER_GRAVITY)
     there["original, its μ + p with Earth's gravity"] = carry_cup(
         CupRun(formula="original", derivative="exact", share=share, gravity=mars),
         steps.next(),
-        resolver=old,
+        recursion=old,
     )
     return Section(
         prose=_PROSE,

@@ -6,15 +6,12 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float64
 
-from poise.apps.report._plots._sheet import decimate
-from poise.apps.report._plots._style import PALETTE
+from benchmarks.drawing import PALETTE, decimate
 from poise.apps.scenarios import Run, load_scenario, run_scenario
 from poise.control import ControllerPlan
 from studies.figure import Figure, draw
-from studies.finding import Finding
-from studies.plan import Progress, StudyOptions
-from studies.progress import Steps
-from studies.section import Section, Table
+from studies.finding import Finding, Section, Table
+from studies.plan import Progress, Steps, StudyOptions
 
 _CONTROLLERS = ("osf", "whole_body")
 _LOOKS = {"osf": (PALETTE[1], "-"), "whole_body": (PALETTE[0], (0, (4, 2)))}

@@ -2,22 +2,18 @@
 
 import numpy as np
 
+from benchmarks.bias import formulas, recursion
+from benchmarks.bias.rates import MatrixRates
+from benchmarks.bias.recursion import FusedRecursion, PaperRecursion
+from benchmarks.bias.rows import PaperRows
 from benchmarks.flops.counter import FlopCounter
-from poise.control import RankTreatment
-from poise.control._osf import _fused as fused
-from poise.control._osf import _rank as rank
-from poise.control._osf import _recursion as recursion
-from poise.control._osf._fused import FusedResolver
-from poise.control._osf._levels import LevelRows, RowRates
-from poise.control._osf._recursion import PaperResolver
-from poise.dynamics import Dynamics, MatrixRates, RobotState
+from poise.dynamics import Dynamics, RobotState
 from poise.robots import Robot, load_robot
 from studies.bias_acceleration import cost_model as cost
-from studies.bias_acceleration.cases import FIGURE_2
 from studies.bias_acceleration.cost_findings import plain
-from studies.finding import Finding
+from studies.bias_acceleration.cost_model import FIGURE_2
+from studies.finding import Finding, Section, Table
 from studies.plan import Progress, StudyOptions
-from studies.section import Section, Table
 
 _ROBOT = "humanoid24"
 """24 joints and a free base: 30 degrees of freedom."""
@@ -32,7 +28,7 @@ _PROSE = (
     "tasks are the positions of both hands and both soles.",
     "What differs from the paper's model: the model inverts M in n³/3 operations (Cholesky), as "
     "the count takes `np.linalg.inv`; it exploits symmetry in J M⁻¹ Jᵀ, which the code does not; "
-    "it lets products with projectors be full, as the paper's resolver here does. Poise's "
+    "it lets products with projectors be full, as the paper's recursion here does. Poise's "
     "treatment of lost ranks is in all of our counts, and the velocity terms by differences or "
     "exactly. `fused` needs neither M⁻¹ nor a projector: one Cholesky factor of M, one of the "
     "stacked rows. What the dynamics cost (M, h, J, J̇ q̇ by Pinocchio) is in no column, and neither "
@@ -74,11 +70,7 @@ def count_resolve(robot: Robot, formula: str, derivative: str, velocity: np.ndar
         Operations [FLOP].
     """
     dynamics, told, rates = Dynamics(robot), Dynamics(robot), MatrixRates(robot)
-    resolver = (
-        FusedResolver(robot.nv, RankTreatment())
-        if formula == "fused"
-        else PaperResolver(formula, RankTreatment())
-    )
+    whole = FusedRecursion() if formula == "fused" else PaperRecursion(formula)
     counter = FlopCounter()
     for time in (0.0, 1e-3):
         state = RobotState(robot.q_home, velocity, time=time)
@@ -88,17 +80,17 @@ def count_resolve(robot: Robot, formula: str, derivative: str, velocity: np.ndar
         told.M, told.h = counter.array(dynamics.M), counter.array(dynamics.h)
         told.state = RobotState(state.q, counter.array(velocity), time=time)
         counter.reset()
-        with counter.solvers_of(fused, rank, recursion):
-            resolver.resolve(rows, told)
+        with counter.solvers_of(formulas, recursion):
+            whole.resolve(rows, told)
     return round(counter.total)
 
 
 def _rows(
     robot: Robot, dynamics: Dynamics, rates: MatrixRates, counter: FlopCounter, *, exact: bool
-) -> LevelRows:
+) -> PaperRows:
     """Rows of the four tasks behind an empty first level, scaled by their mobility."""
     _, k, m = FIGURE_2
-    rows = LevelRows.allocate([0, *(m for _ in range(k))], robot.nv)
+    rows = PaperRows.allocate([0, *(m for _ in range(k))], robot.nv)
     found = np.zeros_like(rows.jacobian)
     mobility = np.linalg.inv(dynamics.M)
     for frame, level in zip(_FRAMES, rows.slices[1:], strict=True):
@@ -112,7 +104,8 @@ def _rows(
     rows.jacobian, rows.drift = counter.array(rows.jacobian), counter.array(rows.drift)
     rows.reference, rows.scale = counter.array(rows.reference), counter.array(rows.scale)
     if exact:
-        rows.rates = RowRates(counter.array(found), counter.array(rates.mass_matrix))
+        rows.jacobian_rate = counter.array(found)
+        rows.mass_matrix_rate = counter.array(rates.mass_matrix)
     return rows
 
 

@@ -6,17 +6,13 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float64
 
-from benchmarks.fixed_base.plant import set_gravity, with_gravity
-from poise.control import RankTreatment
-from poise.control._osf._formulation import OperationalFormulation
-from poise.control._osf._fused import FusedResolver
-from poise.control._osf._recursion import PaperResolver
-from poise.control._osf._scales import RowScales
-from poise.dynamics import Dynamics, MatrixRates
+from benchmarks.bias.rates import MatrixRates
+from benchmarks.bias.recursion import PAPER_FORMULAS, FusedRecursion, PaperRecursion
+from benchmarks.bias.rows import PaperFormulation
+from benchmarks.rigid_plant import set_gravity, with_gravity
+from poise.dynamics import Dynamics
 from poise.robots import load_robot
 from studies.bias_acceleration.cup import PAPER_GRAVITY, CupTasks, CupTrace
-
-PAPER_FORMULAS = ("original", "proposed", "numerical")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -69,17 +65,13 @@ def compare_along(
     """
     robot = with_gravity(load_robot("arm6"), PAPER_GRAVITY)
     tasks = CupTasks(robot, kp)
-    tasks.stack.bind(robot)
-    scales = RowScales(robot)
-    scales.learn(tasks.stack)
-    formulation = OperationalFormulation(robot, tasks.stack, (), scales)
-    dynamics, rank = Dynamics(robot), RankTreatment()
+    formulation, dynamics = PaperFormulation(robot, tasks.stack), Dynamics(robot)
     rates = MatrixRates(robot) if derivative == "exact" else None
-    resolvers = {name: PaperResolver(name, rank) for name in PAPER_FORMULAS}
-    fused = FusedResolver(robot.nv, rank)
+    recursions = {name: PaperRecursion(name) for name in PAPER_FORMULAS}
+    fused = FusedRecursion()
     count = len(trace.states)
-    bias = {name: np.zeros((count, 3)) for name in resolvers}
-    torque = {name: np.zeros((count, robot.nv)) for name in (*resolvers, "fused")}
+    bias = {name: np.zeros((count, 3)) for name in recursions}
+    torque = {name: np.zeros((count, robot.nv)) for name in (*recursions, "fused")}
     told = trace.gravity if gravity is None else gravity
     for i, state in enumerate(trace.states):
         set_gravity(robot, float(told[i]))
@@ -88,11 +80,11 @@ def compare_along(
         if rates is not None:
             rates.update(state)
         formulation.fill(dynamics, rates)
-        for name, resolver in (*resolvers.items(), ("fused", fused)):
-            acceleration = resolver.resolve(formulation.rows, dynamics)
+        for name, recursion in (*recursions.items(), ("fused", fused)):
+            acceleration = recursion.resolve(formulation.rows, dynamics)
             torque[name][i] = dynamics.M @ acceleration + dynamics.h
-            if isinstance(resolver, PaperResolver):
-                bias[name][i] = resolver.bias[-1]
+            if isinstance(recursion, PaperRecursion):
+                bias[name][i] = recursion.bias[-1]
         if progress is not None and i % 100 == 0:
             progress(i / count)
     return SideBySide(bias=bias, torque=torque)

@@ -5,8 +5,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float64
 
-from poise.apps.report._plots._sheet import decimate
-from poise.apps.report._plots._style import PALETTE
+from benchmarks.drawing import PALETTE, decimate
 
 COLOURS = {
     "original": PALETTE[0],

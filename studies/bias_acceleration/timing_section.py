@@ -3,9 +3,8 @@
 from benchmarks.bias import BiasBench, BiasResult, bench_bias
 from studies.bias_acceleration import cost_model as cost
 from studies.bias_acceleration.cost_findings import plain
-from studies.finding import Finding, number_text
+from studies.finding import Finding, Section, Table, number_text
 from studies.plan import Progress, StudyOptions
-from studies.section import Section, Table
 
 _TICKS, _QUICK_TICKS = 2200, 220
 

@@ -5,12 +5,11 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float64, Int64
 
-from poise.apps.report._plots._style import PALETTE, power_of_ten
+from benchmarks.drawing import PALETTE, power_of_ten
 from studies.figure import Figure, draw
-from studies.finding import Finding
+from studies.finding import Cell, Finding, Section, Table
 from studies.plan import Progress, StudyOptions
 from studies.reduced_dynamics.walk_run import STANCES, WalkRun, walk_run
-from studies.section import Cell, Section, Table
 
 _EXACT = 1e-6
 """Relative to the largest value: what the paper's claim of one and the same control asks here."""

@@ -3,13 +3,12 @@
 from typing import Any
 
 from benchmarks.dof import JOINTS, DofBench, bench_dof
+from benchmarks.drawing import PALETTE, plain_number
 from benchmarks.result import TickResult
 from benchmarks.targets import speed_targets
-from poise.apps.report._plots._style import PALETTE, plain_number
 from studies.figure import Figure, draw
-from studies.finding import Finding
+from studies.finding import Cell, Finding, Section, Table
 from studies.plan import Progress, StudyOptions
-from studies.section import Cell, Section, Table
 
 _QUICK_JOINTS = (20, 45)
 _TICKS, _QUICK_TICKS = 250, 50

@@ -8,12 +8,11 @@ import numpy as np
 from benchmarks.methods import parse_method
 from benchmarks.walk_recording import WalkRecording
 from benchmarks.walk_subject import WalkSubject
-from studies.finding import Finding
+from studies.finding import Finding, Section, Table
 from studies.plan import Progress, StudyOptions
-from studies.reduced_dynamics.answers import QUANTITIES, Answer, Judge
+from studies.reduced_dynamics.accuracy_section import QUANTITIES, Answer, Judge
 from studies.reduced_dynamics.sequential import Sequential
 from studies.reduced_dynamics.walk_run import STANCES, walk_run
-from studies.section import Section, Table
 
 _EVERY, _QUICK_EVERY = 10, 40
 """One tick in so many is looked at."""
@@ -26,7 +25,7 @@ _SAME = 1e-6
 
 _ORDERS = {"table1": "hands below COM", "hands_first": "hands above COM"}
 _WHY = (
-    ". Where limits of the hanging chain are active, LQP 2 keeps to the centroid of LQP 1, which "
+    ". Where limits of the free chain are active, LQP 2 keeps to the centroid of LQP 1, which "
     "did not know them: levels are met alike, and the energy below them is up to {energy:.3f} "
     "times the full problem's."
 )

@@ -8,9 +8,7 @@ from jaxtyping import Float64
 from poise.control import WholeBodyController
 from poise.dynamics import Dynamics, Partitions, ReducedDynamics, RobotState
 from poise.errors import PoiseError
-from poise.hqp.level import Level
-from poise.hqp.problem import HierarchicalProblem
-from poise.hqp.strategies import make_solver
+from poise.hqp import HierarchicalProblem, Level, make_solver
 from poise.robots import Robot
 from poise.stack import Stack, Task
 

@@ -1,18 +1,18 @@
 """Tables 1 and 2: the sizes of the problems that the code builds, beside the paper's."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from poise.control import ReducedController, WholeBodyController
 from poise.dynamics import Partitions
-from poise.dynamics._chain_coordinates import CENTROID_DIM
-from poise.hqp.problem import HierarchicalProblem
-from studies.finding import Finding
+from poise.hqp import HierarchicalProblem
+from studies.finding import Cell, Finding, Section, Table
 from studies.plan import Progress, StudyOptions
 from studies.reduced_dynamics.walk_run import STACK, STANCES, WalkRun, walk_run
-from studies.section import Cell, Section, Table
+
+_CENTROID_DIM = 6
+"""Coordinates of a chain's centroid."""
 
 _PROSE = (
     "The stack is Table 1 of the paper; end effectors are both hands, and in single support the "
@@ -71,9 +71,7 @@ def _sizes(run: WalkRun, stance: str) -> _Sizes:
         controller.step(state)
     contacts = [c for c in full.stack.contacts if c.active]
     part = Partitions(robot).of([c.frame for c in contacts])
-    # Both exist after a step.
-    formulation: Any = full.formulation
-    resolver: Any = reduced.resolver
+    program = reduced.strategy.current
     return _Sizes(
         contacts=len(contacts),
         effectors=len(robot.hands) + (stance == "single"),
@@ -81,9 +79,9 @@ def _sizes(run: WalkRun, stance: str) -> _Sizes:
         n_cc=part.na - robot.base_dofs,
         n_uc=part.nu,
         most=int(variables.max()),
-        whole=formulation.problem,
-        first=resolver.first.problem,
-        second=None if resolver.second is None else resolver.second.problem,
+        whole=full.strategy.current.full.problem,
+        first=program.first.problem,
+        second=None if program.second is None else program.second.problem,
     )
 
 
@@ -116,7 +114,7 @@ def _findings(stance: str, s: _Sizes) -> list[Finding]:
 def _weak(problem: HierarchicalProblem) -> int:
     """Unknowns of the unconstrained chain beside its one centroid."""
     name = "acceleration of the unconstrained chain"
-    return sum(count for label, count in problem.labels if label == name) - CENTROID_DIM
+    return sum(count for label, count in problem.labels if label == name) - _CENTROID_DIM
 
 
 def _tables(stance: str, s: _Sizes) -> list[Table]:

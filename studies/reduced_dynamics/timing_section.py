@@ -8,10 +8,9 @@ from jaxtyping import Float64, Int64
 
 from benchmarks.result import TickTimes, median_ratio
 from poise.dynamics import Dynamics, Partitions, ReducedDynamics
-from studies.finding import Finding
+from studies.finding import Cell, Finding, Section, Table
 from studies.plan import Progress, StudyOptions
 from studies.reduced_dynamics.walk_run import STANCES, WalkRun, walk_run
-from studies.section import Cell, Section, Table
 
 SOLVERS = ("cascade/osqp", "direct")
 METHODS = {"whole_body": "conventional", "reduced": "proposed"}

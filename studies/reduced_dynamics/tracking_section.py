@@ -7,20 +7,18 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float64
 
+from benchmarks.drawing import PALETTE
 from benchmarks.methods import Method, parse_method
 from benchmarks.recording import Alter, Recording, record_run
 from benchmarks.walk_recording import record_walk
-from poise.apps.report._plots._style import PALETTE
 from poise.dynamics import Dynamics
 from poise.errors import PoiseError
 from poise.robots import Robot, load_robot
 from studies.figure import Figure, draw
-from studies.finding import Finding
-from studies.plan import Progress, StudyOptions
-from studies.progress import Steps
-from studies.reduced_dynamics.paper_form import PaperTorques
+from studies.finding import Cell, Finding, Section, Table
+from studies.plan import Progress, Steps, StudyOptions
+from studies.reduced_dynamics.base_section import PaperTorques
 from studies.reduced_dynamics.walk_run import ROBOT
-from studies.section import Cell, Section, Table
 
 _SIMILAR = 2.0
 """Of similar magnitude: RMS errors within a factor of this."""

@@ -4,12 +4,11 @@ from typing import Any
 
 import numpy as np
 
-from poise.apps.report._plots._style import PALETTE
+from benchmarks.drawing import PALETTE
 from poise.locomotion import CartFlywheelTable, ComShifter
 from studies.figure import Figure, draw
-from studies.finding import Finding
+from studies.finding import Finding, Section, Table
 from studies.plan import Progress, StudyOptions
-from studies.section import Section, Table
 
 _HEIGHT, _MASS, _STEP, _DT, _SECONDS = 0.765, 65.0, 0.21, 1e-3, 3.0
 _SHARES = (0.7, 1.0, 1.6)

@@ -7,7 +7,7 @@ from pathlib import Path
 from poise.apps.teleoperation import TeleopRun
 from poise.errors import MissingExtraError
 from poise.sim import NoOpenGLError, render_video
-from studies.film import Film
+from studies.figure import Film
 
 
 def films(runs: Sequence[tuple[str, str, TeleopRun]]) -> tuple[Film, ...]:

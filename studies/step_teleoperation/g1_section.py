@@ -4,12 +4,9 @@ from dataclasses import fields
 
 from poise.apps.teleoperation import lift_one_foot, over_an_obstacle, switch_feet
 from poise.locomotion import Mode, TeleopParameters
-from poise.robots import load_robot
-from poise.robots._catalog import find_entry
-from studies.finding import Finding
-from studies.plan import Progress, StudyOptions
-from studies.progress import Steps
-from studies.section import Section, Table
+from poise.robots import catalog, load_robot
+from studies.finding import Finding, Section, Table
+from studies.plan import Progress, Steps, StudyOptions
 from studies.step_teleoperation.runs import (
     beyond,
     edge_distance,
@@ -29,8 +26,7 @@ _SETTLED = 0.3
 
 def g1_section(options: StudyOptions, progress: Progress) -> Section:
     """The section."""
-    entry = find_entry("g1")
-    if entry is None or not entry.installed:
+    if not any(entry.name == "g1" and entry.installed for entry in catalog()):
         return Section(prose=("G1 is not installed (extra `robots`): nothing was run.",))
     robot = load_robot("g1")
     scripts = [over_an_obstacle(robot), lift_one_foot(robot)]

@@ -3,22 +3,22 @@
 from typing import Any
 
 from poise.apps.teleoperation import TeleopRun, lift_one_foot
-from poise.apps.teleoperation._scripts import LIFT_EVENT
 from poise.locomotion import Mode
 from poise.locomotion._stepping._com import PreviewDriver
 from poise.locomotion._stepping._parameters import scaled_parameters
 from poise.robots import load_robot
 from studies.figure import draw
-from studies.finding import Finding
-from studies.plan import Progress, StudyOptions
-from studies.progress import Steps
-from studies.section import Section, Table
+from studies.finding import Finding, Section, Table
+from studies.plan import Progress, Steps, StudyOptions
 from studies.step_teleoperation.films import films
 from studies.step_teleoperation.plots import one_legend, paint_zmp
 from studies.step_teleoperation.runs import edge_distance, first, lift_off, run_script
 from studies.step_teleoperation.snapshots import snapshots
 
 _LENGTHS = (240, 120)
+_LIFTED = 0.565
+"""When the script lifts the right device, as in the paper [s]."""
+
 _STEADY = (3.0, 4.4)
 """When the ZMP counts as steady [s]."""
 
@@ -52,7 +52,7 @@ def lift_section(options: StudyOptions, progress: Progress) -> Section:
     figure = draw(
         name="figure-10",
         title="Figure 10: from double to single support",
-        caption=f"The right device is lifted at {LIFT_EVENT} s; SL begins with the event e_TS.",
+        caption=f"The right device is lifted at {_LIFTED} s; SL begins with the event e_TS.",
         height=3.8,
         paint=paint,
     )
@@ -80,7 +80,7 @@ def lift_section(options: StudyOptions, progress: Progress) -> Section:
             ),
         ]  # fmt: skip
     rows = tuple(
-        (name, _since(first(run.log, Mode.SL)), _since(lift_off(run.log, 1, LIFT_EVENT)),
+        (name, _since(first(run.log, Mode.SL)), _since(lift_off(run.log, 1, _LIFTED)),
          _error(run), 1e3 * float(edge_distance(robot, run.log)[run.log.time > 0.3].min()),
          float(run.log.tilt.max()))
         for name, run in runs.items()
@@ -112,7 +112,7 @@ def lift_section(options: StudyOptions, progress: Progress) -> Section:
 
 def _since(time: float | None) -> float | None:
     # Ticks are 5 ms: what is left behind the sixth digit is rounding.
-    return None if time is None else round(time - LIFT_EVENT, 6)
+    return None if time is None else round(time - _LIFTED, 6)
 
 
 def _error(run: TeleopRun) -> float | None:

@@ -5,9 +5,8 @@ from typing import Any
 from poise.apps.teleoperation import over_an_obstacle
 from poise.robots import load_robot
 from studies.figure import draw
-from studies.finding import Finding
+from studies.finding import Finding, Section
 from studies.plan import Progress, StudyOptions
-from studies.section import Section
 from studies.step_teleoperation.films import films
 from studies.step_teleoperation.plots import one_legend, paint_zmp
 from studies.step_teleoperation.runs import beyond, edge_distance, run_script

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from poise.apps.report._plots._style import COM, EVENT, PALETTE, REFERENCE, SUPPORT, ZMP
+from benchmarks.drawing import COM, EVENT, PALETTE, REFERENCE, SUPPORT, ZMP
 from poise.apps.teleoperation import MODES, TeleopLog
 from poise.robots import Robot
 

@@ -3,14 +3,11 @@
 from dataclasses import fields, replace
 
 from poise.apps.teleoperation import noisy, over_an_obstacle, run_teleop, switch_feet
-from poise.apps.teleoperation._bad_operator import BadOperator
-from poise.locomotion import Rules
-from poise.locomotion._stepping._rules import PAPER_RULES
+from poise.locomotion import PAPER_RULES, Rules
 from poise.robots import load_robot
-from studies.finding import Finding
-from studies.plan import Progress, StudyOptions
-from studies.progress import Steps
-from studies.section import Section, Table
+from studies.bad_operator.operator import BadOperator
+from studies.finding import Finding, Section, Table
+from studies.plan import Progress, Steps, StudyOptions
 from studies.step_teleoperation.runs import fall_note, run_script
 
 _SECONDS, _SEED = 20.0, 4_000_000

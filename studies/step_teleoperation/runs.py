@@ -7,9 +7,8 @@ import numpy as np
 from jaxtyping import Float64
 
 from poise.apps.teleoperation import MODES, TELEOP_PLANT, Script, TeleopLog, TeleopRun, run_teleop
-from poise.locomotion import Mode, TeleopParameters
+from poise.locomotion import Mode, SupportPolygon, TeleopParameters, sole_rectangle
 from poise.locomotion._stepping._parameters import scaled_parameters
-from poise.locomotion._support import SupportPolygon, sole_rectangle
 from poise.robots import Robot
 
 

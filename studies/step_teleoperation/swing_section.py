@@ -4,18 +4,18 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from poise.apps.report._plots._style import PALETTE, REFERENCE
+from benchmarks.drawing import PALETTE, REFERENCE
 from poise.apps.teleoperation import TeleopRun, swing_fast
-from poise.apps.teleoperation._scripts import SWING_START
 from poise.robots import load_robot
 from studies.figure import Figure, draw
-from studies.finding import Finding
-from studies.plan import Progress, StudyOptions
-from studies.progress import Steps
-from studies.section import Section, Table
+from studies.finding import Finding, Section, Table
+from studies.plan import Progress, Steps, StudyOptions
 from studies.step_teleoperation.films import films
 from studies.step_teleoperation.runs import edge_distance, fall_note, run_script
 from studies.step_teleoperation.snapshots import snapshots
+
+_FIRST_SWING = 3.0
+"""When the script begins to swing [s]."""
 
 Way = Literal["forward", "sideways"]
 WAYS: tuple[Way, ...] = ("forward", "sideways")
@@ -56,7 +56,7 @@ def swing_section(options: StudyOptions, progress: Progress) -> Section:
         with_it, without = measure(on, axis), measure(off, axis)
         findings += _findings(way, on, off, with_it, without)
         for name, run, numbers in (("on", on, with_it), ("off", off, without)):
-            margin = edge_distance(robot, run.log)[run.log.time > SWING_START]
+            margin = edge_distance(robot, run.log)[run.log.time > _FIRST_SWING]
             rows.append(
                 (way, name, fall_note(run), *numbers, 1e3 * float(margin.min()),
                  float(run.log.tilt.max()))
@@ -102,7 +102,7 @@ def swing_section(options: StudyOptions, progress: Progress) -> Section:
 def measure(run: TeleopRun, axis: int) -> SwingFigures:
     """Numbers of a swing along an axis, from its first start on."""
     log = run.log
-    rows = log.time > SWING_START
+    rows = log.time > _FIRST_SWING
     zmp, foot = log.zmp[rows, axis], log.soles[rows, 1, axis]
     error = foot - log.target[rows, axis]
     return SwingFigures(
@@ -138,11 +138,11 @@ def _figure(way: Way, axis: int, on: TeleopRun, off: TeleopRun) -> Figure:
     def paint(canvas: Any) -> None:
         above, below = canvas.subplots(2, 1, sharex=True)
         for run, colour, name in ((on, PALETTE[0], "rotator on"), (off, PALETTE[1], "rotator off")):
-            rows = run.log.time > SWING_START - 0.5
+            rows = run.log.time > _FIRST_SWING - 0.5
             time = run.log.time[rows]
             above.plot(time, run.log.soles[rows, 1, axis], color=colour, label=name)
             below.plot(time, run.log.zmp[rows, axis], color=colour)
-        rows = on.log.time > SWING_START - 0.5
+        rows = on.log.time > _FIRST_SWING - 0.5
         above.plot(
             on.log.time[rows], on.log.target[rows, axis], color=REFERENCE, linestyle="--",
             label="commanded",

@@ -8,10 +8,8 @@ from poise.apps.teleoperation import TeleopRun, switch_feet
 from poise.locomotion import Mode
 from poise.robots import load_robot
 from studies.figure import draw
-from studies.finding import Finding
-from studies.plan import Progress, StudyOptions
-from studies.progress import Steps
-from studies.section import Section, Table
+from studies.finding import Finding, Section, Table
+from studies.plan import Progress, Steps, StudyOptions
 from studies.step_teleoperation.films import films
 from studies.step_teleoperation.plots import one_legend, paint_zmp
 from studies.step_teleoperation.runs import edge_distance, fall_note, first, run_script

@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from benchmarks.dof_table import format_dof_table
+from benchmarks.dof import format_dof_table
 from benchmarks.result import PHASES, TickResult
 from benchmarks.targets import speed_targets
 

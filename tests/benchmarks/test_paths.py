@@ -1,18 +1,17 @@
 import numpy as np
 
-from benchmarks.paths import Loop, Path
-from poise.apps.scenarios._director import Blend
+from benchmarks.recording import Loop, Path
 
 
 def test_velocity_and_acceleration_of_a_loop_are_derivatives_of_its_position():
     loop = Loop(
         centre=np.array([0.1, 0.2, 0.3]),
-        way=np.array([0.0, 0.1, -0.2]),
-        shift=Blend(0.1, 0.7),
+        displacement=np.array([0.0, 0.1, -0.2]),
+        shift=(0.1, 0.7),
         amplitude=np.array([0.05, 0.02, 0.03]),
         phase=np.array([0.0, 1.0, 2.0]),
         frequency=0.7,
-        swell=Blend(0.2, 0.4),
+        swell=(0.2, 0.4),
     )
     dt = 1e-6
     for time in np.linspace(0.0, 1.5, 40).tolist():

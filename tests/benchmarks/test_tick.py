@@ -8,12 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.clocked import Subject
 from benchmarks.methods import parse_method, timed_methods
 from benchmarks.recording import Recording
-from benchmarks.result import PHASES, TickResult
+from benchmarks.result import PHASES, TickResult, format_table
 from benchmarks.stances import bench_stack
-from benchmarks.subject import Subject
-from benchmarks.table import format_table
 from poise.control import WholeBodyController
 from poise.dynamics import RobotState
 from poise.robots import load_robot
@@ -92,7 +91,7 @@ def test_the_table_of_the_paper_has_its_variables_and_rows():
 def size_of(robot, stance):
     controller = WholeBodyController(robot, bench_stack(robot, "table1", stance))
     controller.step(RobotState(robot.q_home, np.zeros(robot.nv)))
-    problem = controller.formulation.problem
+    problem = controller.strategy.current.full.problem
     bounded = np.isfinite(problem.x_lower) | np.isfinite(problem.x_upper)
     return problem.n, problem.m + int(bounded.sum())
 

@@ -157,6 +157,11 @@ BAD_WORDS = {
     "unknown controller": (["stand", "--controller", "osc"], "'osc'", "whole_body"),
     "controller that is nothing": (["stand", "--controller", ""], "''", "whole_body"),
     "unknown strategy": (["stand", "--strategy", "fast"], "'fast'", "direct"),
+    "formula of the study": (
+        ["stand", "--controller", "osf", "--strategy", "numerical"],
+        "'numerical'",
+        "fused",
+    ),
     "out is a file": (["stand", "--out", "taken"], "'taken'", "writable"),
     "out under a file": (["stand", "--out", "taken/deeper"], "taken/deeper", "writable"),
     "no soles for this stack": (["stand", "--robot", "arm6"], "left_sole", "choices"),

@@ -18,7 +18,7 @@ from poise.cli.main import main
 from poise.errors import MissingExtraError
 
 needs_page = pytest.mark.skipif(
-    find_spec("viser") is None or find_spec("mujoco") is None,
+    find_spec("websockets") is None or find_spec("mujoco") is None,
     reason="the extra teleop is not installed",
 )
 
@@ -123,7 +123,7 @@ def test_a_file_that_is_no_recording_is_one_line(in_folder, capsys, content):
 
 def test_without_the_extra_the_line_says_how_to_install_it(in_folder, capsys, monkeypatch):
     def missing(options):
-        raise MissingExtraError("viser", "teleop", "Live teleoperation")
+        raise MissingExtraError("websockets", "teleop", "Live teleoperation")
 
     monkeypatch.setattr(teleop, "act", missing)
     assert 'pip install "poise[teleop]"' in refused(capsys)
@@ -148,7 +148,7 @@ def test_a_run_that_is_terminated_leaves_a_finished_recording_that_plays(in_fold
         with connect(channel, proxy=None, max_queue=None) as operator:
             end = time.monotonic() + 1.5
             while time.monotonic() < end:
-                operator.send(json.dumps({"beat": 0.0, "lift": [False, True]}))
+                operator.send(json.dumps({"do": "drive", "lift": [False, True]}))
                 time.sleep(0.03)
             process.send_signal(signal.SIGTERM)
             assert process.wait(timeout=60) == 0

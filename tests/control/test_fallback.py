@@ -10,10 +10,10 @@ from hypothesis.extra import numpy as hnp
 from oracles import near_home
 
 from poise.control import CommandStatus, ReducedController, WholeBodyController
-from poise.control._fallback import DAMPING_SHARE, DECAY_TIME
-from poise.control._whole_body import WholeResolver
+from poise.control._fallback import DAMPING_RATIO, DECAY_TIME
+from poise.control._whole_body import FullProgram
 from poise.dynamics import RobotState
-from poise.hqp.solution import SolveStatus
+from poise.hqp import SolveStatus
 from poise.stack import ComTask, PostureTask, Stack, SurfaceContact, TorqueLimit
 
 
@@ -108,15 +108,19 @@ def test_the_last_torque_fades_into_damping_whatever_the_clock_does(robot, contr
         time = {"runs": 10.0 + 1e-3 * tick, "stands still": 10.0, "jumps back": 0.0}
         state = RobotState(robot.q_home, v, time=time.get(clock, float("nan")))
         command = controller.step(state)
-        sizes.append(np.abs(command.torque + 0.1 * DAMPING_SHARE * robot.tau_max).max())
+        sizes.append(np.abs(command.torque + 0.1 * DAMPING_RATIO * robot.tau_max).max())
     assert sizes[-1] < 1e-3 * np.abs(good.torque).max()
     expected = sizes[0] * np.exp(-0.1 / DECAY_TIME)
     assert sizes[100] == pytest.approx(expected, rel=0.05)
 
 
 def force(controller, solution):
-    resolver = WholeResolver(controller.formulation, Always(solution))
-    controller._resolver_for = lambda contacts: resolver
+    program = FullProgram(controller.strategy.current.full, Always(solution))
+    controller.strategy.prepared.of = lambda contacts: program
+
+
+def solution_of(controller):
+    return controller.strategy.current.solution
 
 
 class Always:
@@ -141,7 +145,7 @@ class Always:
 )
 def test_a_solver_that_failed_is_not_obeyed(robot, whole, status, wanted):
     good = whole.step(at_home(robot))
-    solution = dataclasses.replace(whole.solution, status=status, x=0.0 * whole.solution.x)
+    solution = dataclasses.replace(solution_of(whole), status=status, x=0.0 * solution_of(whole).x)
     force(whole, solution)
     command = whole.step(at_home(robot, time=0.001))
     assert command.status is wanted
@@ -151,16 +155,16 @@ def test_a_solver_that_failed_is_not_obeyed(robot, whole, status, wanted):
 
 def test_a_solver_that_breaks_physics_is_not_obeyed(robot, whole):
     whole.step(at_home(robot))
-    wrong = whole.solution.relative_residuals.copy()
+    wrong = solution_of(whole).relative_residuals.copy()
     wrong[0] = 1e-3
-    force(whole, dataclasses.replace(whole.solution, relative_residuals=wrong))
+    force(whole, dataclasses.replace(solution_of(whole), relative_residuals=wrong))
     assert whole.step(at_home(robot)).status is CommandStatus.SOLVER_FAILED
 
 
 def test_a_solver_that_returns_nan_is_not_obeyed(robot, whole):
     whole.step(at_home(robot))
-    x = np.full_like(whole.solution.x, np.nan)
-    force(whole, dataclasses.replace(whole.solution, x=x))
+    x = np.full_like(solution_of(whole).x, np.nan)
+    force(whole, dataclasses.replace(solution_of(whole), x=x))
     command = whole.step(at_home(robot))
     assert command.status is CommandStatus.SOLVER_FAILED
     assert is_safe(command, robot)
@@ -173,13 +177,13 @@ def test_a_tiny_time_cap_never_raises_and_says_so(robot, strategy):
     for tick in range(20):
         command = controller.step(near_home(robot, tick, time=1e-3 * tick))
         assert is_safe(command, robot)
-        late = controller.solution.status is SolveStatus.TIME_LIMIT
+        late = solution_of(controller).status is SolveStatus.TIME_LIMIT
         assert command.status is (CommandStatus.TIME_LIMIT if late else CommandStatus.OK)
 
 
 def test_a_point_that_knows_no_task_yet_is_not_obeyed(robot, whole):
     whole.step(at_home(robot))
-    force(whole, dataclasses.replace(whole.solution, status=SolveStatus.TIME_LIMIT))
+    force(whole, dataclasses.replace(solution_of(whole), status=SolveStatus.TIME_LIMIT))
     command = whole.step(at_home(robot, time=0.001))
     assert command.status is CommandStatus.TIME_LIMIT
     assert is_safe(command, robot)

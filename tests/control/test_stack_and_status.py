@@ -75,14 +75,14 @@ def test_a_contact_that_is_released_leaves_the_problem_and_comes_back(robot, kin
 def test_switching_contacts_back_and_forth_reuses_the_workspaces(robot):
     stack = default_stack(robot)
     controller = WholeBodyController(robot, stack)
-    prepared = len(controller._resolvers)
+    prepared = len(controller.strategy.prepared)
     formulations = []
     for tick in range(6):
         (stack.contacts[1].release if tick % 2 else stack.contacts[1].engage)(0.0)
         assert controller.step(home(robot, 0.01 * tick)).status.ok
-        formulations.append(controller.formulation)
+        formulations.append(controller.strategy.current)
     assert formulations == formulations[:2] * 3
-    assert len(controller._resolvers) == prepared == 4
+    assert len(controller.strategy.prepared) == prepared == 4
 
 
 def test_a_foot_task_waits_while_its_foot_is_in_contact(robot, kind):
@@ -110,7 +110,7 @@ def test_a_point_contact_suspends_position_tasks_only(robot):
     stack = Stack(contacts=[PointContact("right_sole")], levels=[tasks, [PostureTask()]])
     controller = WholeBodyController(robot, stack)
     assert controller.step(home(robot)).status.ok
-    assert [t.name for t in controller.formulation.suspended] == ["position"]
+    assert [t.name for t in controller.suspended] == ["position"]
 
 
 def test_status_prints_level_error_with_unit_and_residual(robot, kind):

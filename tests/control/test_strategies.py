@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import poise
-from poise.hqp.backends import ACCURACY
+from poise.hqp import ACCURACY
 
 
 def run(

@@ -109,6 +109,21 @@ def test_reduced_mass_matrix_is_that_of_the_projected_dynamics(get_robot, name, 
         assert np.array_equal(reduced.M, reduced.M.T)
 
 
+@pytest.mark.parametrize("stance", ["double support", "hand contact"])
+def test_both_chains_are_coupled_in_the_mass_matrix_and_in_the_torques(get_robot, stance):
+    """M_ua carries base and legs to the arms, and C = M_au Jbar_z the arms back to them."""
+    robot = get_robot("humanoid33")
+    reduced, dynamics = reduced_at(robot, stance, random_state(robot, 0))
+    part = reduced.partition
+    M_ua = dynamics.M[np.ix_(part.u.index, part.a.index)]
+    assert np.abs(M_ua).max() > 0.1
+    assert relative(reduced.C, M_ua.T @ reduced.Jbar_z) < ROUNDING
+    assert np.array_equal(reduced.M[part.na :, : part.na], reduced.C.T)
+    dv_a = np.random.default_rng(0).normal(size=part.na)
+    coupled = reduced.torques_u(dv_a, np.zeros(part.nu)) - reduced.h_u
+    assert relative(coupled, M_ua @ dv_a) < ROUNDING
+
+
 @everywhere
 def test_energy_is_that_of_the_reduced_robot_and_of_what_is_left_inside(get_robot, name, stance):
     robot = get_robot(name)

@@ -1,7 +1,8 @@
 import pytest
 
 from poise.errors import MissingExtraError
-from poise.hqp.backends import ACCURACY, make_backend
+from poise.hqp import ACCURACY
+from poise.hqp._backends import make_backend
 
 
 @pytest.fixture(params=sorted(ACCURACY))

@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from poise.hqp.level import Level
-from poise.hqp.problem import HierarchicalProblem
+from poise.hqp import HierarchicalProblem, Level
 
 
 def random_problem(seed: int, *, feasible: bool) -> HierarchicalProblem:

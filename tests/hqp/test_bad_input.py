@@ -2,11 +2,14 @@ import numpy as np
 import pytest
 
 from poise.errors import ConfigurationError, ProblemError, UnknownNameError
-from poise.hqp.level import Level
-from poise.hqp.problem import HierarchicalProblem
-from poise.hqp.solution import SolveStatus
-from poise.hqp.strategies import make_solver, solve
-from poise.hqp.weighted import WeightedSolver
+from poise.hqp import (
+    HierarchicalProblem,
+    Level,
+    SolveStatus,
+    make_solver,
+    solve,
+)
+from poise.hqp._weighted import WeightedSolver
 
 I2 = np.eye(2)
 

@@ -1,8 +1,6 @@
 import numpy as np
 
-from poise.hqp.level import Level
-from poise.hqp.problem import HierarchicalProblem
-from poise.hqp.strategies import solve
+from poise.hqp import HierarchicalProblem, Level, solve
 
 
 def robot_in_a_corner():

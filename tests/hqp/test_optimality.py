@@ -3,10 +3,7 @@
 import numpy as np
 import pytest
 
-from poise.hqp.level import Level
-from poise.hqp.optimality import certify_point
-from poise.hqp.problem import HierarchicalProblem
-from poise.hqp.strategies import solve
+from poise.hqp import HierarchicalProblem, Level, certify_point, solve
 
 from .random_problems import random_problem
 

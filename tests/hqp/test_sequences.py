@@ -2,9 +2,8 @@
 
 import numpy as np
 
-from poise.hqp.cascade import CascadeSolver
-from poise.hqp.problem import HierarchicalProblem
-from poise.hqp.strategies import make_solver
+from poise.hqp import HierarchicalProblem, make_solver
+from poise.hqp._cascade import CascadeSolver
 
 from .random_problems import random_problem
 

@@ -9,10 +9,9 @@ from time import perf_counter
 import daqp
 import numpy as np
 
-from poise.hqp.cascade import CascadeSolver
-from poise.hqp.lexls.solver import LexicographicSolver
-from poise.hqp.problem import HierarchicalProblem
-from poise.hqp.weighted import WeightedSolver
+from poise.hqp import HierarchicalProblem, LexicographicSolver
+from poise.hqp._cascade import CascadeSolver
+from poise.hqp._weighted import WeightedSolver
 
 EQUALITIES = (18, 0, 6, 9)
 

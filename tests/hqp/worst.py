@@ -12,8 +12,8 @@ from time import perf_counter
 
 import numpy as np
 
-from benchmarks.hqp.problem_sources import make_sequence
-from poise.hqp.lexls.solver import LexicographicSolver
+from benchmarks.hqp import make_sequence
+from poise.hqp import LexicographicSolver
 
 SEQUENCES = (
     "stand-humanoid33",

@@ -33,7 +33,7 @@ def test_the_unspoilt_input_loads(good):
 
 
 SPOILT = {
-    "base missing": ("base", None, r"facts missing.*\['base'\]"),
+    "base missing": ("base", None, "lacks the key 'base'"),
     "base unknown": ("base", "flying", "unknown base.*'flying'.*floating, fixed"),
     "pelvis missing": ("pelvis", None, r"facts missing.*\['pelvis'\]"),
     "soles missing": ("soles", None, r"facts missing.*\['soles'\]"),
@@ -61,7 +61,7 @@ SPOILT = {
     "limit of no joint": ("limits/velocity/elbow", 5.0, "velocity names no joint.*'elbow'"),
     "crossed limits": ("limits/position/left_hip", [1.0, -1.0], "cross.*1.0, -1.0"),
     "unknown limit": ("limits/power/left_hip", 1.0, "unknown key.*'power'.*torque"),
-    "negative armature": ("armature", -0.1, "armature is out of range"),
+    "negative armature": ("armature", -0.1, r"armature.* is out of range; got -0.1"),
     "armature that is text": ("armature", "big", "wrong kind.*'big'"),
     "locked joint that is none": ("locked", ["finger"], "locked names no joint.*'finger'"),
     "locked not a list": ("locked", "left_hip", "wrong kind.*list"),

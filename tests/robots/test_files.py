@@ -193,13 +193,13 @@ def test_a_document_without_pictures_gets_a_stick_figure(load, urdf, facts):
 def test_the_description_in_the_documentation_is_a_right_one():
     from pathlib import Path
 
-    from poise._fields import read_yaml
+    from poise._yaml import read_yaml
     from poise.robots._description import parse_description
 
     page = (Path(__file__).parents[2] / "docs" / "robots.md").read_text()
     example = page.split("```yaml\n")[1].split("```")[0]
     facts = parse_description(read_yaml(example, "robots.md", error=RobotError), "robots.md")
-    assert facts.torque == {".*_knee": 120.0}
+    assert facts.limits.torque == {".*_knee": 120.0}
     assert facts.locked == (".*_finger.*",)
     assert set(facts.mounts()) == {
         "left_sole",

@@ -57,7 +57,7 @@ OPERATOR = """
 import json
 import numpy as np
 from poise.robots import load_robot
-from poise.apps.teleoperation._bad_operator import BadOperator
+from studies.bad_operator.operator import BadOperator
 from poise.apps.teleoperation import run_teleop
 samples = []
 

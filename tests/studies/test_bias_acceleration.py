@@ -9,9 +9,9 @@ import pytest
 
 from poise.cli._progress import Bar
 from studies.bias_acceleration.cost_section import cost_section
+from studies.page import write_study
 from studies.plan import StudyOptions
 from studies.registry import STUDIES, load_study
-from studies.write import write_study
 
 pytest.importorskip("matplotlib")
 

@@ -8,12 +8,12 @@ import sys
 import numpy as np
 import pytest
 
-from benchmarks.fixed_base.encoder import Encoder
-from benchmarks.fixed_base.gravity import Gravity
+from benchmarks.encoder import Encoder
+from benchmarks.rigid_plant import Gravity
 from poise.dynamics import Dynamics, RobotState
 from poise.robots import load_robot
+from studies.bias_acceleration.controller import OldGravityRecursion
 from studies.bias_acceleration.cup import KP, PAPER_GRAVITY, CupRun, carry_cup, level_start
-from studies.bias_acceleration.old_gravity import OldGravityResolver
 from studies.bias_acceleration.operations_section import count_resolve
 from studies.bias_acceleration.side_by_side import compare_along
 
@@ -89,8 +89,8 @@ def test_a_bias_term_that_was_not_told_of_mars_spoils_the_second_task_only():
     mars = CupRun(formula="original", derivative="exact", share=SHARE, gravity=Gravity(first=-3.71))
     told = carry_cup(mars)
     robot = load_robot("arm6")
-    same = carry_cup(mars, resolver=OldGravityResolver(robot, -3.71))
-    old = carry_cup(mars, resolver=OldGravityResolver(robot, PAPER_GRAVITY))
+    same = carry_cup(mars, recursion=OldGravityRecursion(robot, -3.71))
+    old = carry_cup(mars, recursion=OldGravityRecursion(robot, PAPER_GRAVITY))
     np.testing.assert_allclose(same.torque, told.torque, atol=1e-9)
     assert told.sigma.max() < 1e-12
     assert old.sigma.max() > 1.0

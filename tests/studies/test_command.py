@@ -9,9 +9,8 @@ pytest.importorskip("matplotlib")
 
 from studies import registry
 from studies.__main__ import main
-from studies.finding import Finding
+from studies.finding import Finding, Section
 from studies.plan import Part, StudyPlan
-from studies.section import Section
 
 OK = Finding(name="of the paper", paper=3, ours=3, unit="m", ok=True, note="quoted")
 BAD = Finding(name="of ours", paper=None, ours=1.5, unit="", ok=False)

@@ -9,11 +9,10 @@ import pytest
 
 from poise.errors import ConfigurationError, MissingExtraError, UnknownNameError
 from studies.figure import Figure, draw
-from studies.finding import Finding, number_text, with_unit
+from studies.finding import Finding, Section, Table, number_text, with_unit
+from studies.page import write_study
 from studies.plan import Part, StudyOptions, StudyPlan
 from studies.registry import STUDIES, load_study
-from studies.section import Section, Table
-from studies.write import write_study
 
 pytest.importorskip("matplotlib")
 

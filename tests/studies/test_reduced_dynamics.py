@@ -19,12 +19,10 @@ from poise.locomotion import Stride, plan_footsteps
 from poise.robots import load_robot
 from studies.plan import StudyOptions
 from studies.reduced_dynamics import PLAN, walk_run
-from studies.reduced_dynamics.accuracy_section import accuracy_section
-from studies.reduced_dynamics.answers import QUANTITIES, Answer, Judge
-from studies.reduced_dynamics.base_section import base_section
+from studies.reduced_dynamics.accuracy_section import QUANTITIES, Answer, Judge, accuracy_section
+from studies.reduced_dynamics.base_section import PaperTorques, base_section
 from studies.reduced_dynamics.difference_section import difference_section
 from studies.reduced_dynamics.order_section import order_section
-from studies.reduced_dynamics.paper_form import PaperTorques
 from studies.reduced_dynamics.sequential import Sequential
 from studies.reduced_dynamics.sizes_section import sizes_section
 from studies.reduced_dynamics.timing_section import timing_section

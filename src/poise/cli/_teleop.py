@@ -114,18 +114,10 @@ def _greet(session: Any, robot: str, options: argparse.Namespace) -> None:
 def _plant(options: argparse.Namespace, robot: Any, recording: Any) -> Any:
     """The plant of the recording if one is played; the terrain that was asked for lies on it."""
     from poise.apps.teleoperation import TELEOP_PLANT, plant_from_json, terrain_blocks
-    from poise.locomotion import RecordingError
 
     plant = TELEOP_PLANT
     if recording is not None and "plant" in recording.setup:
-        try:
-            plant = plant_from_json(recording.setup["plant"])
-        except (KeyError, TypeError) as error:
-            raise RecordingError(
-                f"the recording {recording.path.name} is of a plant that cannot be",
-                got=f"{type(error).__name__}: {error}",
-                wanted="one that poise has written",
-            ) from None
+        plant = plant_from_json(recording.setup["plant"])
     if options.terrain is None:
         return plant
     return replace(plant, blocks=terrain_blocks(options.terrain, robot, seed=options.seed))

@@ -1,4 +1,4 @@
-"""The resolvers: from a state and a stack to a command."""
+"""Controllers: from a state and a stack to a command, by one strategy or another."""
 
 from poise.control._command import Command, CommandStatus
 from poise.control._controller import Controller
@@ -17,11 +17,12 @@ from poise.control._make import (
     check_plan,
     make_controller,
 )
-from poise.control._osf import OperationalSpaceController, RankTreatment
+from poise.control._osf import OperationalSpaceController
+from poise.control._rank import RankTreatment
 from poise.control._reduced import ReducedController
-from poise.control._resolver import PHYSICS_LEVELS
 from poise.control._state_check import is_usable
 from poise.control._status import ControllerStatus, TaskStatus
+from poise.control._strategy import PHYSICS_LEVELS
 from poise.control._whole_body import WholeBodyController
 
 __all__ = [

@@ -1,52 +1,172 @@
-"""`Controller`: what every controller can be asked, whatever is inside."""
+"""`Controller`: from a state to a command, tick by tick, by whatever strategy."""
 
-from typing import Protocol, runtime_checkable
+import math
+from time import perf_counter
+from typing import Any, cast
 
-from poise.control._command import Command
-from poise.control._status import ControllerStatus
-from poise.dynamics import RobotState
+import numpy as np
+from scipy.linalg import blas
+
+from poise.control._command import Command, CommandStatus
+from poise.control._fallback import Fallback, RateLimit
+from poise.control._state_check import is_usable
+from poise.control._status import ControllerStatus, task_statuses
+from poise.control._strategy import USABLE, Answer, Strategy
+from poise.dynamics import Dynamics, RobotState
+from poise.hqp import SolveStatus
 from poise.robots import Robot
 from poise.stack import Stack, Task
 
+_norm: Any = cast("Any", blas).dnrm2  # SciPy's stubs do not know the wrapped routines
 
-@runtime_checkable
-class Controller(Protocol):
-    """From a state to a command, tick by tick.
+
+class Controller:
+    """Checks the state, has a strategy solve the stack, and falls back where there is no answer.
+
+    `step` never raises. On a solver failure, a state that is not finite, or a solve cut short by
+    the time cap it returns the last good command, torques decayed towards damping or velocities to
+    a stop, and says so in the command's status.
+
+    `WholeBodyController`, `ReducedController`, `OperationalSpaceController` and `DifferentialIK`
+    are controllers of one strategy each. What one can set while running is a member of theirs;
+    what is inside, rows, problems and solutions, is reached by `strategy`.
+
+    Args:
+        strategy: turns the stack's rows into an answer.
+        rate_limit: how far a command may be from the last one; as far as it likes when None.
 
     Attributes:
-        timings: how long the phases of the last tick took: dynamics, assembly, solve, command [s].
+        dynamics: of the last tick's state.
+        timings: seconds that the four parts of the last tick took: dynamics, assembly, solve,
+            command.
     """
 
-    timings: dict[str, float]
+    def __init__(self, strategy: Strategy, *, rate_limit: RateLimit | None = None) -> None:
+        self._strategy, self._rate_limit = strategy, rate_limit
+        self.dynamics = Dynamics(strategy.robot)
+        self.timings: dict[str, float] = {}
+        self._last_status = CommandStatus.OK
+        self._commands_torque = strategy.commands == "torque"
+        self._limit = strategy.stack.torque_limit
+        self._fallback = (
+            Fallback.of_torque(strategy.robot, self._limit)
+            if self._commands_torque
+            else Fallback.of_velocity(strategy.robot)
+        )
+        # What is compiled is compiled now.
+        strategy.stack.joint_limit.evaluate(self.dynamics)
+
+    @property
+    def strategy(self) -> Strategy:
+        """Turns the stack's rows into an answer."""
+        return self._strategy
 
     @property
     def robot(self) -> Robot:
         """The robot."""
-        ...
+        return self._strategy.robot
 
     @property
     def stack(self) -> Stack:
         """Contacts, limits and tasks."""
-        ...
+        return self._strategy.stack
 
     @property
     def suspended(self) -> tuple[Task, ...]:
         """Tasks that a contact stands in for at the last tick."""
-        ...
+        return self._strategy.suspended
 
     @property
     def size(self) -> tuple[int, int]:
-        """Variables and rows of the last tick's problem."""
-        ...
+        """Variables and rows of the last tick's problem, bounds on single variables among them."""
+        return self._strategy.size
 
     def step(self, state: RobotState) -> Command:
-        """One tick; never raises."""
-        ...
+        """One tick: from state to command.
+
+        Args:
+            state: the robot's state.
+
+        Returns:
+            What the joints should do, with the status that says how it came about.
+        """
+        usable = is_usable(state, self.robot)
+        command = self._tick(state) if usable else self._fall_back(CommandStatus.BAD_STATE, state)
+        self._last_status = command.status
+        return command
 
     def reset(self) -> None:
-        """Forgets the past."""
-        ...
+        """Forgets the last command, the last solution and targets taken from the robot.
+
+        Contacts stay as loaded as they are.
+        """
+        self._last_status = CommandStatus.OK
+        self._fallback.reset()
+        if self._rate_limit is not None:
+            self._rate_limit.reset()
+        for _, task in self.stack.tasks():
+            task.reset()
+        self._strategy.reset()
 
     def status(self) -> ControllerStatus:
-        """How each task stood at the last tick."""
-        ...
+        """How each task stood at the last tick: level, error with unit, residual."""
+        return ControllerStatus(
+            command=self._last_status,
+            tasks=task_statuses(self.stack, self._strategy.task_residuals(), self.suspended),
+            explanation=self._strategy.explain(),
+        )
+
+    def _tick(self, state: RobotState) -> Command:
+        strategy = self._strategy
+        begin = perf_counter()
+        self.dynamics.update(state)
+        for contact in strategy.stack.contacts:
+            contact.advance(state.time)
+        if strategy.prepare(strategy.stack.active_contacts):
+            # A foot that landed holds its place when it is free again, not where it once was.
+            for task in strategy.suspended:
+                task.reset()
+        after_dynamics = perf_counter()
+        strategy.assemble(self.dynamics)
+        after_assembly = perf_counter()
+        answer = strategy.solve()
+        after_solve = perf_counter()
+        command = self._command(answer, state)
+        self.timings = {
+            "dynamics": after_dynamics - begin,
+            "assembly": after_assembly - after_dynamics,
+            "solve": after_solve - after_assembly,
+            "command": perf_counter() - after_solve,
+        }
+        return command
+
+    def _command(self, answer: Answer, state: RobotState) -> Command:
+        joints = answer.joints
+        # Unlike NumPy's sums and products nrm2 never warns of overflow.
+        if answer.status not in USABLE or not math.isfinite(_norm(joints)):
+            late = answer.status is SolveStatus.TIME_LIMIT
+            return self._fall_back(
+                CommandStatus.TIME_LIMIT if late else CommandStatus.SOLVER_FAILED, state
+            )
+        if self._commands_torque:
+            np.maximum(joints, self._limit.lower, out=joints)
+            np.minimum(joints, self._limit.upper, out=joints)
+        if self._rate_limit is not None:
+            joints = self._rate_limit.limited(joints)
+        self._fallback.remember(joints, state.time)
+        return Command(
+            status=CommandStatus.OK,
+            torque=joints if self._commands_torque else None,
+            velocity=None if self._commands_torque else joints,
+            acceleration=answer.acceleration,
+            wrenches=answer.wrenches,
+            residuals=answer.residuals,
+        )
+
+    def _fall_back(self, status: CommandStatus, state: object) -> Command:
+        joints = self._fallback.command(state)
+        if self._rate_limit is not None:
+            self._rate_limit.remember(joints)
+        if self._commands_torque:
+            return Command(status=status, torque=joints)
+        return Command(status=status, velocity=joints)

@@ -1,7 +1,6 @@
-"""`VelocityFallback`: safe joint velocities for the ticks that have no answer.
+"""`Fallback`: a safe command for the ticks that have no answer.
 
-`Fading`: how much of the last good command is left, whatever the clock does.
-`Fallback`: a safe torque for the ticks that have no answer.
+`RateLimit`: how far a command may be from that of the tick before.
 """
 
 import math
@@ -9,6 +8,9 @@ import math
 import numpy as np
 from jaxtyping import Float64
 
+from poise._checks import Numbers
+from poise.dynamics import RobotState
+from poise.errors import ConfigurationError
 from poise.robots import Robot
 from poise.stack import TorqueLimit
 
@@ -16,115 +18,156 @@ _MIN_TICK = 1e-3
 """Least time that a tick without an answer counts, so that a clock that stands still, jumps back or
 is not a number does not hold the last command for ever [s]."""
 
+DECAY_TIME = 0.1
+"""Time constant with which the last good torque decays [s]."""
 
-class Fading:
-    """A share that falls from one as exp(-t / decay time) since the last good command.
+DAMPING_RATIO = 0.3
+"""Damping torque at a joint's velocity limit, by its torque limit."""
+
+STOP_TIME = 0.05
+"""Time constant with which the last good velocities decay to a stop [s]."""
+
+
+class Fallback:
+    """The last good command, decayed towards a safe one; always finite and bounded.
+
+    u = r u_last - (1 - r) D v with r = exp(-t / T) since the last good command; v is clipped to the
+    joints' velocity limits and u to its own bounds. Before any good command u_last is zero. Torques
+    decay towards damping, velocities, with D = 0, to a stop.
 
     Args:
-        decay_time: time constant [s].
+        robot: the robot.
+        decay_time: T [s].
+        damping: D, by joint.
+        lower: lower bounds of the command, by joint.
+        upper: upper bounds.
     """
 
-    def __init__(self, decay_time: float) -> None:
-        self._decay_time = decay_time
-        self._time = 0.0
-        self._ticks = 0
+    def __init__(
+        self,
+        robot: Robot,
+        decay_time: float,
+        damping: Float64[np.ndarray, " nj"],
+        lower: Float64[np.ndarray, " nj"],
+        upper: Float64[np.ndarray, " nj"],
+    ) -> None:
+        self._base, self._v_max = robot.base_dofs, robot.v_max
+        self._decay_time, self._damping = decay_time, damping
+        self._lower, self._upper = lower, upper
+        self._last = np.zeros(robot.nj)
+        self.reset()
 
-    def restart(self, time: float) -> None:
-        """A good command was given, at a time [s]."""
-        self._time = time
-        self._ticks = 0
-
-    def tick(self, time: object) -> float:
-        """The share that is left; each call counts as a tick.
+    @staticmethod
+    def of_torque(robot: Robot, limit: TorqueLimit) -> "Fallback":
+        """Torques that decay towards damping of the joints.
 
         Args:
-            time: time of the state [s]; where it is of no use a millisecond a tick is counted.
+            robot: whose joints are damped.
+            limit: bounds of the torque, bound to the robot.
         """
+        damping = DAMPING_RATIO * robot.tau_max / robot.v_max
+        return Fallback(robot, DECAY_TIME, damping, limit.lower, limit.upper)
+
+    @staticmethod
+    def of_velocity(robot: Robot) -> "Fallback":
+        """Velocities that decay to a stop.
+
+        Args:
+            robot: the robot.
+        """
+        unbounded = np.full(robot.nj, np.inf)
+        return Fallback(robot, STOP_TIME, np.zeros(robot.nj), -unbounded, unbounded)
+
+    def reset(self) -> None:
+        """Forgets the last good command."""
+        self._last[:] = 0.0
+        self._time, self._ticks = 0.0, 0
+
+    def remember(self, command: Float64[np.ndarray, " nj"], time: float) -> None:
+        """Copies a good command, with the time it was given for [s]."""
+        self._last[:] = command
+        self._time, self._ticks = time, 0
+
+    def command(self, state: object) -> Float64[np.ndarray, " nj"]:
+        """The safe command; each call counts as a tick.
+
+        Args:
+            state: the state, or whatever came in its place. Velocities that are not finite or not
+                an array of the right size count as zero; where the time is of no use a millisecond
+                a tick is counted.
+
+        Returns:
+            Joint torques [N m] or velocities [rad/s].
+        """
+        v, time = (state.v, state.time) if isinstance(state, RobotState) else (None, None)
+        ratio = self._ratio(time)
+        command = ratio * self._last - (1.0 - ratio) * self._damping * self._joint_velocities(v)
+        return np.clip(command, self._lower, self._upper)
+
+    def _ratio(self, time: object) -> float:
+        """How much of the last good command is left."""
         self._ticks += 1
         elapsed = self._ticks * _MIN_TICK
         if isinstance(time, float | int) and math.isfinite(time):
             elapsed = max(elapsed, time - self._time)
         return math.exp(-elapsed / self._decay_time)
 
-
-DECAY_TIME = 0.1
-"""Time constant with which the last good torque fades [s]."""
-
-DAMPING_SHARE = 0.3
-"""Damping torque at a joint's velocity limit, as a share of its torque limit."""
-
-
-class Fallback:
-    """The last good torque, decayed towards damping of the joints; always finite and bounded.
-
-    tau = r tau_last - (1 - r) D v with r = exp(-t / 0.1 s) since the last good command; v and tau
-    are clipped to the joints' limits. Before any good command tau_last is zero.
-
-    Args:
-        robot: whose joints are damped.
-        limit: bounds of the torque, bound to the robot.
-    """
-
-    def __init__(self, robot: Robot, limit: TorqueLimit) -> None:
-        self._base = robot.base_dofs
-        self._limit = limit
-        self._damping = DAMPING_SHARE * robot.tau_max / robot.v_max
-        self._v_max = robot.v_max
-        self._torque = np.zeros(robot.nj)
-        self._fading = Fading(DECAY_TIME)
-
-    def remember(self, torque: Float64[np.ndarray, " nj"], time: float) -> None:
-        """Copies a good torque, with the time it was given for [s]."""
-        self._torque[:] = torque
-        self._fading.restart(time)
-
-    def torque(self, v: object, time: object) -> Float64[np.ndarray, " nj"]:
-        """The safe torque; each call counts as a tick.
-
-        Args:
-            v: measured velocity, or whatever came in its place; what is not finite or not an array
-                of the right size counts as zero.
-            time: time of the state [s]; where it is of no use a millisecond a tick is counted.
-
-        Returns:
-            Joint torques [N m].
-        """
-        remain = self._fading.tick(time)
-        joints = np.zeros(len(self._torque))
+    def _joint_velocities(self, v: object) -> Float64[np.ndarray, " nj"]:
+        joints = np.zeros(len(self._last))
         size = self._base + len(joints)
         if isinstance(v, np.ndarray) and v.shape == (size,) and v.dtype.kind in "fiu":
             measured = v[self._base :]
             np.copyto(joints, measured, where=np.isfinite(measured))
             # A speed that no joint can have must not ask for full torque.
             np.clip(joints, -self._v_max, self._v_max, out=joints)
-        torque = remain * self._torque - (1.0 - remain) * self._damping * joints
-        return np.clip(torque, self._limit.lower, self._limit.upper)
+        return joints
 
 
-STOP_TIME = 0.05
-"""Time constant with which the last good velocities fade to a stop [s]."""
+DEFAULT_STEP = 0.1
+"""Largest change of a torque in a tick, by its limit, where the user gives none."""
 
 
-class VelocityFallback:
-    """The last good joint velocities, decayed to zero; always finite and bounded.
+class RateLimit:
+    """Moves along the straight line from the last command to the new one, as far as allowed.
+
+    All joints go the same fraction of the line: torques that hold contacts and limits form a convex
+    set at one state, so that what lies between two of them holds too.
 
     Args:
         robot: the robot.
+        bound: largest change of a torque in a tick [N m], one number or one a joint; infinite for
+            none; a tenth of the torque limits when None.
+
+    Raises:
+        ConfigurationError: a bound that is not positive, or of the wrong length.
     """
 
-    def __init__(self, robot: Robot) -> None:
-        self._velocity = np.zeros(robot.nj)
-        self._fading = Fading(STOP_TIME)
+    def __init__(self, robot: Robot, bound: Numbers | None) -> None:
+        values = np.asarray(DEFAULT_STEP * robot.tau_max if bound is None else bound, dtype=float)
+        if values.shape not in ((), (robot.nj,)) or not np.all(values > 0.0):
+            raise ConfigurationError(
+                "torque_step of the controller is out of range",
+                got=bound,
+                wanted=f"a number > 0 [N m], or {robot.nj} of them",
+            )
+        self.bound: Float64[np.ndarray, " nj"] = np.broadcast_to(values, (robot.nj,)).copy()
+        self._last: Float64[np.ndarray, " nj"] | None = None
 
-    def remember(self, velocity: Float64[np.ndarray, " nj"], time: float) -> None:
-        """Copies good velocities, with the time they were given for [s]."""
-        self._velocity[:] = velocity
-        self._fading.restart(time)
+    def limited(self, command: Float64[np.ndarray, " nj"]) -> Float64[np.ndarray, " nj"]:
+        """The command of this tick: as near to the given one as is allowed."""
+        last = self._last
+        if last is not None:
+            change = command - last
+            ratio = float((np.abs(change) / self.bound).max())
+            if ratio > 1.0:
+                command = last + change / ratio
+        self.remember(command)
+        return command
 
-    def velocity(self, time: object) -> Float64[np.ndarray, " nj"]:
-        """The safe velocities [rad/s]; each call counts as a tick.
+    def remember(self, command: Float64[np.ndarray, " nj"]) -> None:
+        """Copies a command that was given, by this or another way."""
+        self._last = command.copy()
 
-        Args:
-            time: time of the state [s], or whatever came in its place.
-        """
-        return self._fading.tick(time) * self._velocity
+    def reset(self) -> None:
+        """Forgets the last command: the next one is free."""
+        self._last = None

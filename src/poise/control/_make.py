@@ -1,12 +1,13 @@
 """Controllers by name, as scenario files and the command line choose them."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
+from poise._schema import NOT_IN_FILES, Duration, Text, checked
 from poise.control._controller import Controller
 from poise.control._differential_ik import METHODS, DifferentialIK
-from poise.control._osf import BIAS_FORMULAS, OperationalSpaceController
+from poise.control._osf import OperationalSpaceController
 from poise.control._reduced import ReducedController
 from poise.control._whole_body import WholeBodyController
 from poise.errors import ConfigurationError, UnknownNameError
@@ -15,6 +16,7 @@ from poise.robots import Robot
 from poise.stack import Stack
 
 
+@checked()
 @dataclass(frozen=True, kw_only=True)
 class ControllerPlan:
     """Which controller, and how it solves.
@@ -28,11 +30,11 @@ class ControllerPlan:
             puts its plant's in.
     """
 
-    name: str = "whole_body"
-    strategy: str | None = None
-    backend: str | None = None
-    time_limit: float | None = None
-    dt: float = 1e-3
+    name: Text = "whole_body"
+    strategy: Text | None = None
+    backend: Text | None = None
+    time_limit: Duration | None = None
+    dt: Duration = field(default=1e-3, metadata=NOT_IN_FILES)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,9 +66,9 @@ def _reduced(robot: Robot, stack: Stack | None, plan: ControllerPlan, strategy: 
     )
 
 
-def _osf(robot: Robot, stack: Stack | None, plan: ControllerPlan, strategy: str) -> Controller:
+def _osf(robot: Robot, stack: Stack | None, plan: ControllerPlan, _: str) -> Controller:
     _refuse_solver_settings(plan, "the operational space formulation", "it solves in closed form")
-    return OperationalSpaceController(robot, stack, bias=strategy)
+    return OperationalSpaceController(robot, stack)
 
 
 def _differential_ik(
@@ -89,7 +91,7 @@ def _refuse_solver_settings(plan: ControllerPlan, controller: str, why: str) -> 
 CONTROLLERS: Mapping[str, ControllerKind] = {
     "whole_body": ControllerKind(strategies=STRATEGIES, make=_whole_body),
     "reduced": ControllerKind(strategies=STRATEGIES, make=_reduced),
-    "osf": ControllerKind(strategies=BIAS_FORMULAS, make=_osf),
+    "osf": ControllerKind(strategies=("fused",), make=_osf),
     "differential_ik": ControllerKind(
         strategies=METHODS, make=_differential_ik, actuation="velocity"
     ),

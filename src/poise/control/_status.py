@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from poise.control._command import CommandStatus
-from poise.control._resolver import PHYSICS_LEVELS
+from poise.control._strategy import PHYSICS_LEVELS
 from poise.stack import Stack, Task
 
 

@@ -1,56 +1,55 @@
 """`WholeBodyController`: strictly prioritised torque control over the full dynamics."""
 
-import numpy as np
-
-from poise.control._formulation import FullFormulation
-from poise.control._resolver import PHYSICS_LEVELS, Answer
-from poise.control._torque_controller import TorqueController
+from poise.control._controller import Controller
+from poise.control._full_problem import FullProblem
+from poise.control._strategy import Answer, Programs, bound_stack, solver_maker
 from poise.dynamics import Dynamics
 from poise.hqp import Solution, Solver
-from poise.stack import Contact, Task
+from poise.robots import Robot
+from poise.stack import Stack, Task
 
 
-class WholeResolver:
-    """One hierarchical problem over all accelerations and wrenches, with a solver of its own.
+class FullProgram:
+    """The full problem of one set of active contacts with a solver of its own; a `Program`.
 
     Args:
-        formulation: the rows.
-        solver: solves them.
+        full: the problem.
+        solver: solves it.
 
     Attributes:
-        formulation: the rows.
+        full: the problem.
         solution: of the last solve, None before.
     """
 
-    def __init__(self, formulation: FullFormulation, solver: Solver) -> None:
-        self.formulation, self._solver = formulation, solver
+    def __init__(self, full: FullProblem, solver: Solver) -> None:
+        self.full, self._solver = full, solver
         self.solution: Solution | None = None
 
     @property
     def suspended(self) -> tuple[Task, ...]:
         """Tasks that a contact stands in for."""
-        return self.formulation.suspended
+        return self.full.rows.suspended
 
     @property
     def size(self) -> tuple[int, int]:
         """Number of variables and of rows, finite bounds on single variables among them."""
-        return self.formulation.problem.size
+        return self.full.problem.size
 
     def assemble(self, dynamics: Dynamics) -> None:
         """Writes one state's rows."""
         self._dynamics = dynamics
-        self.formulation.fill(dynamics)
+        self.full.fill(dynamics)
 
     def solve(self) -> Answer:
         """Solves what was assembled."""
-        formulation = self.formulation
-        self.solution = solution = self._solver.solve(formulation.problem)
+        full = self.full
+        self.solution = solution = self._solver.solve(full.problem)
         return Answer(
             solution.status,
-            formulation.acceleration(solution.x),
-            formulation.torque(solution.x, self._dynamics),
-            formulation.wrenches(solution.x),
+            full.torque(solution.x, self._dynamics),
             tuple(solution.relative_residuals.tolist()),
+            full.acceleration(solution.x),
+            full.wrenches(solution.x),
         )
 
     def reset(self) -> None:
@@ -60,41 +59,52 @@ class WholeResolver:
 
     def task_residuals(self) -> dict[str, float]:
         """Norm of what each task could not meet at the last solve [unit/s^2]."""
-        if self.solution is None:
-            return {}
-        problem, residuals = self.formulation.problem, dict[str, float]()
-        slacks = self.solution.slacks[problem.n :]
-        for i, tasks in enumerate(self.formulation.levels):
-            row = problem.level(PHYSICS_LEVELS + i).slice.start
-            for task in tasks:
-                residuals[task.name] = float(np.linalg.norm(slacks[row : row + task.dim]))
-                row += task.dim
-        return residuals
+        return {} if self.solution is None else self.full.task_residuals(self.solution.slacks)
 
     def explain(self) -> str:
         """Which rows conflict and with what, in words."""
         if self.solution is None:
             return "nothing solved yet"
-        return self.solution.explain(self.formulation.problem)
+        return self.solution.explain(self.full.problem)
 
 
-class WholeBodyController(TorqueController[WholeResolver]):
+class WholeBodyController(Controller):
     """Tasks in strict priority in, joint torques out: the conventional formulation.
 
     Variables are accelerations and contact wrenches, torques follow from the actuated rows; see
-    `FullFormulation` for the rows and Ahn et al. 2024, section 2 and Table 1, for their source.
-    What is common to all controllers by quadratic programs is said of `TorqueController`.
+    `FullProblem` for the rows and Ahn et al. 2024, section 2 and Table 1, for their source.
+
+    Args:
+        robot: the robot.
+        stack: contacts, limits and tasks; `default_stack(robot)` when None.
+        strategy: how the hierarchy is solved: "direct", "cascade" or "weighted".
+        backend: QP solver of the cascade and weighted strategies.
+        time_limit: cap of one solve [s], beyond which the command is the fallback's; none when
+            None.
+
+    Raises:
+        PoiseError: a name that the robot does not have, or a setting that cannot be right.
     """
 
-    @property
-    def solution(self) -> Solution | None:
-        """Solution of the last tick that was solved."""
-        return None if self._last is None else self._last.solution
+    def __init__(
+        self,
+        robot: Robot,
+        stack: Stack | None = None,
+        *,
+        strategy: str = "direct",
+        backend: str | None = None,
+        time_limit: float | None = None,
+    ) -> None:
+        stack = bound_stack(robot, stack)
+        make_solver = solver_maker(strategy, backend, time_limit)
+        self._programs = Programs(
+            robot,
+            stack,
+            lambda contacts: FullProgram(FullProblem(robot, stack, contacts), make_solver()),
+        )
+        super().__init__(self._programs)
 
     @property
-    def formulation(self) -> FullFormulation | None:
-        """Rows of the last tick that was solved."""
-        return None if self._last is None else self._last.formulation
-
-    def _make_resolver(self, contacts: tuple[Contact, ...]) -> WholeResolver:
-        return WholeResolver(FullFormulation(self.robot, self.stack, contacts), self._make_solver())
+    def strategy(self) -> Programs[FullProgram]:
+        """The full problem and its solution, one for each set of active contacts."""
+        return self._programs

@@ -1,4 +1,4 @@
-"""Coordinates of a hanging chain in which its inertia is one, and its centroid comes first.
+"""Coordinates of a free chain in which its inertia is one, and its centroid comes first.
 
 With M_uu = L L^T and the rows A of the wrench that the chain puts on its body, reflections Q make
 A L^-T Q lower triangular. In the coordinates Q^T L^T dv_u = (z, p) the wrench is that of z alone,
@@ -26,7 +26,7 @@ CENTROID_DIM = 6
 
 
 class ChainFactors(NamedTuple):
-    """What the coordinates are made of, for all hanging chains of a robot together.
+    """What the coordinates are made of, for all free chains of a robot together.
 
     Attributes:
         chains: where each chain's joints begin and end in `u`.

@@ -91,7 +91,7 @@ class Selection:
 
 
 @dataclass(frozen=True, kw_only=True)
-class HangingChain:
+class FreeChain:
     """The unconstrained joints that hang on one body; branches of their own count as one.
 
     All that the rest of the robot feels of them is one wrench on that body, so that one centroid
@@ -119,12 +119,12 @@ class Partition:
     - constraint chain: every joint between the base and a contact. A joint that also carries
       unconstrained ones, such as the waist under a free arm while a hand is in contact (Figure
       1b), belongs here;
-    - unconstrained chain: all other joints, as one `HangingChain` for each body they hang on.
+    - unconstrained chain: all other joints, as one `FreeChain` for each body they hang on.
       Where six joints or fewer hang on a body they are kept: they stay coordinates of their own,
       because a centroid has as many.
 
     Coordinates `a` are those of the virtual and the constraint chain with the kept joints, `u` the
-    rest, and `z` the centroids, six for each hanging chain.
+    rest, and `z` the centroids, six for each free chain.
 
     No contact at all leaves the base alone in `a`, and everything else in `u`. Where contacts
     constrain every joint, or leave only kept ones, `u` is empty and the reduced robot is the whole
@@ -132,15 +132,15 @@ class Partition:
 
     Attributes:
         a: virtual chain, constraint chain and kept joints, in the order of `v`.
-        u: the unconstrained chain, one hanging chain after the other.
-        chains: the hanging chains, in the order of `u`.
+        u: the unconstrained chain, one free chain after the other.
+        chains: the free chains, in the order of `u`.
         constraint: names of the joints of the constraint chain.
         kept: names of the unconstrained joints that are kept as they are.
     """
 
     a: Selection
     u: Selection
-    chains: tuple[HangingChain, ...]
+    chains: tuple[FreeChain, ...]
     constraint: tuple[str, ...]
     kept: tuple[str, ...]
 
@@ -228,10 +228,10 @@ class Partitions:
 
 
 def _make_partition(robot: Robot, carrying: frozenset[int]) -> Partition:
-    hanging = _hanging(robot, carrying)
-    reduced = {body: joints for body, joints in hanging.items() if len(joints) > CENTROID_DIM}
+    free = _free_joints(robot, carrying)
+    reduced = {body: joints for body, joints in free.items() if len(joints) > CENTROID_DIM}
     u = [i for joints in reduced.values() for i in joints]
-    kept = sorted(i for body, joints in hanging.items() if body not in reduced for i in joints)
+    kept = sorted(i for body, joints in free.items() if body not in reduced for i in joints)
     a = [i for i in range(robot.nv) if i not in set(u)]
     constraint = [i for i in a if i >= robot.base_dofs and i not in set(kept)]
     return Partition(
@@ -243,27 +243,27 @@ def _make_partition(robot: Robot, carrying: frozenset[int]) -> Partition:
     )
 
 
-def _hanging(robot: Robot, carrying: frozenset[int]) -> dict[int, list[int]]:
+def _free_joints(robot: Robot, carrying: frozenset[int]) -> dict[int, list[int]]:
     """Coordinates of all joints that do not carry a contact, by the body that they hang on."""
     model = robot.model
     body_of: dict[int, int] = {}
-    hanging: dict[int, list[int]] = {}
+    free: dict[int, list[int]] = {}
     # Parents come before their children.
     for joint in range(1, model.njoints):
         if joint not in carrying:
             parent = int(model.parents[joint])
             body = body_of[joint] = body_of.get(parent, parent)
             first = model.idx_vs[joint]
-            hanging.setdefault(body, []).extend(range(first, first + model.nvs[joint]))
-    return hanging
+            free.setdefault(body, []).extend(range(first, first + model.nvs[joint]))
+    return free
 
 
-def _chains(robot: Robot, reduced: dict[int, list[int]]) -> tuple[HangingChain, ...]:
-    chains: list[HangingChain] = []
+def _chains(robot: Robot, reduced: dict[int, list[int]]) -> tuple[FreeChain, ...]:
+    chains: list[FreeChain] = []
     first = 0
     for k, (body, joints) in enumerate(reduced.items()):
         chains.append(
-            HangingChain(
+            FreeChain(
                 body=robot.model.names[body],
                 joints=_names(robot, joints),
                 u=slice(first, first + len(joints)),

@@ -19,7 +19,7 @@ from poise.robots import Robot
 class ReducedDynamics:
     """Exact dynamics of a robot with one centroid for each chain that hangs on it freely.
 
-    Equation (14) of Ahn et al. 2024 without the inverse of M. The other joints feel a hanging
+    Equation (14) of Ahn et al. 2024 without the inverse of M. The other joints feel a free
     chain only through the wrench y = A dv_u, six numbers, that its motion dv_u puts on its body.
     `A` is `M[base, u]`, I_G,uc bJ_G,uc of the paper up to the point of reference; on a fixed base
     it is the chain's part of the centroidal momentum matrix. With the factors
@@ -209,7 +209,7 @@ class ReducedDynamics:
 
 
 def _carriers(robot: Robot, partition: Partition) -> Int64[np.ndarray, " k"]:
-    """Places in `a` of the coordinates that carry a hanging chain; no others feel it."""
+    """Places in `a` of the coordinates that carry a free chain; no others feel it."""
     model = robot.model
     carrying: set[int] = set()
     for chain in partition.chains:

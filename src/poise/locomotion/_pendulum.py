@@ -12,9 +12,7 @@ from jaxtyping import Float64
 
 from poise._checks import checked_number
 from poise.errors import ConfigurationError
-
-GRAVITY = 9.81
-"""[m/s^2]."""
+from poise.robots import GRAVITY
 
 
 def natural_frequency(height: float, gravity: float = GRAVITY) -> float:

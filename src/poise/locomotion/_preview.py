@@ -6,7 +6,8 @@ from scipy.linalg import solve_discrete_are
 
 from poise._checks import checked_number
 from poise.errors import ConfigurationError
-from poise.locomotion._pendulum import GRAVITY, natural_frequency
+from poise.locomotion._pendulum import natural_frequency
+from poise.robots import GRAVITY
 
 
 class PreviewControl:

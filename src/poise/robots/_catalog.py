@@ -7,9 +7,10 @@ from functools import cache
 from importlib import resources
 from pathlib import Path
 
-from poise._fields import Fields, read_text, read_yaml
+from poise._schema import Count, Positive, Text, checked, read
+from poise._yaml import read_text, read_yaml
 from poise.errors import MissingExtraError, RobotError
-from poise.robots._description import KEYS, Description, parse_description
+from poise.robots._description import Description, parse_description
 from poise.robots._parametric import MAX_JOINTS, MIN_JOINTS, generate
 
 _DATA_PACKAGE, _DATA_EXTRA = "example-robot-data", "robots"
@@ -18,7 +19,17 @@ _FAMILY = re.compile(r"humanoid([1-9]\d*)")
 _ORDER = ("humanoid33", "biped20", "g1")
 """These stand first in the list; the others follow by name."""
 
-_CATALOG_KEYS = ("summary", "joints", "mass", "generator", "file")
+
+@checked(RobotError)
+@dataclass(frozen=True, kw_only=True)
+class _About:
+    """What a description file of the catalog says besides: see `CatalogEntry`."""
+
+    summary: Text
+    joints: Count
+    mass: Positive
+    generator: Text | None = None
+    file: Text | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,23 +118,20 @@ def open_entry(entry: CatalogEntry) -> tuple[str, Path | None, tuple[Path, ...]]
 def _read_entry(name: str) -> CatalogEntry:
     where = f"{name}.yaml"
     file = resources.files("poise.robots").joinpath("descriptions", where)
-    data = dict(read_yaml(file.read_text(encoding="utf-8"), where, error=RobotError))
-    fields = Fields(data, where, (*KEYS, "catalog"), error=RobotError)
-    about = fields.section("catalog", _CATALOG_KEYS)
-    data.pop("catalog", None)
+    data = read_yaml(file.read_text(encoding="utf-8"), where, error=RobotError)
+    about = read(_About, data.pop("catalog"), where, error=RobotError)
     description = parse_description(data, where)
-    generator = about.text("generator") if "generator" in about else None
     return CatalogEntry(
         name=name,
-        summary=about.text("summary"),
-        joints=int(about.number("joints", positive=True)),
-        mass=about.number("mass", positive=True),
+        summary=about.summary,
+        joints=about.joints,
+        mass=about.mass,
         licence=description.licence,
-        installed=generator is not None or _data_folder() is not None,
-        source="made in code" if generator is not None else _DATA_PACKAGE,
+        installed=about.generator is not None or _data_folder() is not None,
+        source="made in code" if about.generator is not None else _DATA_PACKAGE,
         description=description,
-        generator=generator,
-        file=None if generator is not None else about.text("file"),
+        generator=about.generator,
+        file=about.file,
     )
 
 

@@ -40,9 +40,9 @@ def described_limits(facts: Description, joints: tuple[str, ...]) -> JointLimits
     """
     where = f"{facts.where}: limits"
     return JointLimits(
-        position=match_joints(facts.position, joints, f"{where}.position"),
-        velocity=match_joints(facts.velocity, joints, f"{where}.velocity"),
-        torque=match_joints(facts.torque, joints, f"{where}.torque"),
+        position=match_joints(facts.limits.position, joints, f"{where}.position"),
+        velocity=match_joints(facts.limits.velocity, joints, f"{where}.velocity"),
+        torque=match_joints(facts.limits.torque, joints, f"{where}.torque"),
     )
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float64
 from scipy.spatial.transform import Rotation
 
-from poise._fields import read_text, read_yaml
+from poise._yaml import read_text, read_yaml
 from poise.errors import RobotError, UnknownNameError
 from poise.robots._base import settle_base
 from poise.robots._catalog import catalog_names, find_entry, open_entry
@@ -177,7 +177,7 @@ def _assemble(
 
 
 def _roles(facts: Description, root: str) -> dict[str, FrameRole]:
-    at_root = Mount(link=root, position=np.zeros(3), rpy=np.zeros(3))
+    at_root = Mount(link=root)
     mounts = {"pelvis": at_root, "torso": at_root} | facts.mounts()
     # Soles first, as the description orders them, then hands and trunk.
     order = [*facts.soles, *facts.hands, "pelvis", "torso"]

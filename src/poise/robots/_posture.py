@@ -11,6 +11,7 @@ from jaxtyping import Float64
 
 from poise._checks import checked_number
 from poise.errors import RobotError
+from poise.robots._inverse_kinematics import frame_error, inverse_kinematics
 from poise.robots._robot import Robot, Sole
 
 _FLAT_POSITION = 2e-3
@@ -100,20 +101,13 @@ def _check_flat(world_T_sole: pin.SE3, name: str, where: str) -> None:
         )
 
 
-_ITERATIONS, _TOLERANCE = 200, 1e-9
-_LONGEST_STEP = 0.2
-"""Longest step of the search [m, rad]: legs near straight make Newton's steps too long."""
-_DAMPING = 1e-9
-
-
 def standing_posture(
     robot: Robot, *, feet_apart: float | None = None, com_height: float | None = None
 ) -> Float64[np.ndarray, " nq"]:
     """The home posture with its legs changed so that the feet stand apart and the COM is low.
 
     Soles lie level on the ground, side by side about the origin, the base is level, and the COM is
-    above the middle. Joints that are not of the legs stay as at home. Found by damped Newton steps
-    from the home posture.
+    above the middle. Joints that are not of the legs stay as at home.
 
     Args:
         robot: a biped.
@@ -129,28 +123,37 @@ def standing_posture(
         )
     model, data = robot.model, robot.model.createData()
     frames = [robot.frame_id(name) for name in list(robot.soles)[:2]]
-    q = robot.q_home.copy()
-    pin.framesForwardKinematics(model, data, q)
+    pin.framesForwardKinematics(model, data, robot.q_home)
     left, right = (data.oMf[i].translation for i in frames)
     apart = float(left[1] - right[1])
     if feet_apart is not None:
         apart = checked_number(feet_apart, "distance of the feet [m]", above=0.0)
-    height = float(pin.centerOfMass(model, data, q)[2])
+    height = float(pin.centerOfMass(model, data, robot.q_home)[2])
     if com_height is not None:
         height = checked_number(com_height, "height of the COM [m]", above=0.0)
-    goals = [np.array([0.0, side * 0.5 * apart, 0.0]) for side in (1.0, -1.0)]
-    free = _leg_columns(robot, frames)
-    for _ in range(_ITERATIONS):
-        error, rows = _errors(robot, data, q, frames, goals, height)
-        if float(np.abs(error).max()) < _TOLERANCE:
-            return _checked(robot, q, apart, height)
-        J = rows[:, free]
-        step = J.T @ np.linalg.solve(J @ J.T + _DAMPING * np.eye(len(J)), error)
-        step *= min(1.0, _LONGEST_STEP / float(np.abs(step).max()))
-        v = np.zeros(robot.nv)
-        v[free] = step
-        q = pin.integrate(model, q, v)
-    raise _unreachable(robot, apart, height)
+    q, error = inverse_kinematics(
+        model,
+        robot.q_home,
+        _Stance(robot, frames, apart, height),
+        _leg_columns(robot, frames),
+        tolerance=_TOLERANCE,
+        damping=1e-9,
+        step_max=0.2,
+        iterations=200,
+    )
+    joints = q[7:]
+    reached = float(np.abs(error).max()) < _TOLERANCE
+    if not reached or np.any(joints < robot.q_min) or np.any(joints > robot.q_max):
+        raise RobotError(
+            f"the legs of robot {robot.name!r} do not get there",
+            got=f"feet {apart:.3f} m apart, COM {height:.3f} m high",
+            wanted="a lower COM, or feet nearer to each other",
+        )
+    return q
+
+
+_TOLERANCE = 1e-9
+"""A standing posture misses its soles, COM and level base by less [m, rad]."""
 
 
 def _leg_columns(robot: Robot, frames: list[int]) -> list[int]:
@@ -160,48 +163,24 @@ def _leg_columns(robot: Robot, frames: list[int]) -> list[int]:
     return [*range(6), *sorted(int(model.joints[j].idx_v) for j in joints)]
 
 
-def _errors(
-    robot: Robot,
-    data: pin.Data,
-    q: Float64[np.ndarray, " nq"],
-    frames: list[int],
-    goals: list[Float64[np.ndarray, "3"]],
-    height: float,
-) -> tuple[Float64[np.ndarray, " m"], Float64[np.ndarray, "m nv"]]:
-    """What is missing to both soles, the COM and the level base, with its Jacobian."""
-    model = robot.model
-    pin.computeJointJacobians(model, data, q)
-    pin.updateFramePlacements(model, data)
-    com_rows = pin.jacobianCenterOfMass(model, data, q)
-    errors, rows = [], []
-    for frame, goal in zip(frames, goals, strict=True):
-        placement = data.oMf[frame]
-        errors += [goal - placement.translation, -pin.log3(placement.rotation)]
-        rows.append(
-            pin.getFrameJacobian(model, data, frame, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED)
-        )
-    errors.append(np.array([0.0, 0.0, height]) - data.com[0])
-    rows.append(com_rows)
-    base = pin.XYZQUATToSE3(q[:7]).rotation
-    errors.append(-pin.log3(base))
-    turn = np.zeros((3, robot.nv))
-    turn[:, 3:6] = base
-    rows.append(turn)
-    return np.concatenate(errors), np.vstack(rows)
+class _Stance:
+    """What is missing to two soles side by side, a COM above their middle and a level base."""
 
+    def __init__(self, robot: Robot, frames: list[int], apart: float, height: float) -> None:
+        self._model, self._data = robot.model, robot.model.createData()
+        places = (np.array([0.0, side * 0.5 * apart, 0.0]) for side in (1.0, -1.0))
+        self._goals = [(i, pin.SE3(np.eye(3), p)) for i, p in zip(frames, places, strict=True)]
+        self._com = np.array([0.0, 0.0, height])
 
-def _checked(
-    robot: Robot, q: Float64[np.ndarray, " nq"], apart: float, height: float
-) -> Float64[np.ndarray, " nq"]:
-    joints = q[7:]
-    if np.any(joints < robot.q_min) or np.any(joints > robot.q_max):
-        raise _unreachable(robot, apart, height)
-    return q
-
-
-def _unreachable(robot: Robot, apart: float, height: float) -> RobotError:
-    return RobotError(
-        f"the legs of robot {robot.name!r} do not get there",
-        got=f"feet {apart:.3f} m apart, COM {height:.3f} m high",
-        wanted="a lower COM, or feet nearer to each other",
-    )
+    def __call__(
+        self, q: Float64[np.ndarray, " nq"]
+    ) -> tuple[Float64[np.ndarray, " m"], Float64[np.ndarray, "m nv"]]:
+        model, data = self._model, self._data
+        pin.computeJointJacobians(model, data, q)
+        parts = [frame_error(model, data, frame, goal) for frame, goal in self._goals]
+        com_jacobian = pin.jacobianCenterOfMass(model, data, q)
+        parts.append((self._com - data.com[0], com_jacobian))
+        base_turn = np.eye(3, model.nv, k=3)
+        parts.append((-pin.log3(data.oMi[1].rotation), base_turn))
+        errors, jacobians = zip(*parts, strict=True)
+        return np.concatenate(errors), np.vstack(jacobians)

@@ -63,6 +63,10 @@ class Sole:
     width: float
 
 
+GRAVITY = 9.81
+"""On Earth, as robots' models have it [m/s^2]."""
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Robot:
     """A robot: Pinocchio model, actuated joints, limits, frames with a part to play, home posture.
@@ -130,6 +134,11 @@ class Robot:
     def mass(self) -> float:
         """Total mass [kg]."""
         return float(pin.computeTotalMass(self.model))
+
+    @property
+    def weight(self) -> float:
+        """Total weight on Earth [N]."""
+        return self.mass * GRAVITY
 
     def frame_id(self, name: str) -> int:
         """Pinocchio's index of a frame, by role or by the document's own link or frame name.

@@ -16,15 +16,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from types import TracebackType
-from typing import Any
+from typing import Annotated, Any
 
 import mujoco
 import numpy as np
 from jaxtyping import Float64, UInt8
 
+from poise._schema import Bounds, Count, Number, Positive, Triple, Vector, checked
 from poise.errors import PoiseError
 from poise.robots import Robot
-from poise.sim._checks import require_finite, require_positive, require_vector
 from poise.sim._mapping import StateMap
 
 _WAYS = ("egl", "osmesa")
@@ -105,8 +105,8 @@ def _candidates() -> tuple[str, ...]:
     return _WAYS
 
 
-Vector = tuple[float, float, float]
-Colour = tuple[float, float, float, float]
+Colour = Annotated[tuple[float, float, float, float], Vector(4, Bounds(least=0.0, most=1.0))]
+"""Red, green, blue, opacity in [0, 1]."""
 
 COM_COLOUR: Colour = (0.95, 0.55, 0.05, 1.0)
 ZMP_COLOUR: Colour = (0.80, 0.10, 0.55, 1.0)
@@ -117,6 +117,7 @@ _ARROW_WIDTH = 0.016
 """Radius of an arrow's shaft [m]."""
 
 
+@checked()
 @dataclass(frozen=True, kw_only=True)
 class Marker:
     """A ball at a point, or an arrow from it.
@@ -128,17 +129,10 @@ class Marker:
         colour: red, green, blue, opacity in [0, 1].
     """
 
-    position: Vector
-    arrow: Vector | None = None
-    radius: float = 0.025
+    position: Triple
+    arrow: Triple | None = None
+    radius: Positive = 0.025
     colour: Colour = TARGET_COLOUR
-
-    def __post_init__(self) -> None:
-        require_vector("the position of a marker", self.position, 3)
-        if self.arrow is not None:
-            require_vector("the arrow of a marker", self.arrow, 3)
-        require_positive("the radius of a marker", self.radius)
-        require_vector("the colour of a marker", self.colour, 4)
 
 
 def add_marker(scene: mujoco.MjvScene, marker: Marker) -> None:
@@ -174,6 +168,7 @@ _FOLLOW_SECONDS = 0.4
 """The camera follows the robot with this lag, so that the picture does not shake with it."""
 
 
+@checked()
 @dataclass(frozen=True, kw_only=True)
 class CameraConfig:
     """Size of the picture and where it is taken from.
@@ -187,19 +182,12 @@ class CameraConfig:
         antialiasing: samples a pixel, 0 for none; each costs time in software.
     """
 
-    width: int = 960
-    height: int = 540
-    azimuth: float = 145.0
-    elevation: float = -12.0
-    distance: float = 1.4
-    antialiasing: int = 0
-
-    def __post_init__(self) -> None:
-        require_positive("width", self.width)
-        require_positive("height", self.height)
-        require_positive("distance", self.distance)
-        require_finite("azimuth", self.azimuth)
-        require_finite("elevation", self.elevation)
+    width: Count = 960
+    height: Count = 540
+    azimuth: Number = 145.0
+    elevation: Number = -12.0
+    distance: Positive = 1.4
+    antialiasing: Annotated[int, Bounds(least=0.0, whole=True)] = 0
 
 
 class Camera:

@@ -1,16 +1,11 @@
 """`PlantConfig`: everything about the simulated robot and its world that can be chosen."""
 
 from dataclasses import dataclass, field
-from typing import Literal, get_args
+from typing import Annotated, Literal
 
+from poise._schema import Bounds, Duration, Ratio, Vector, checked
 from poise.errors import ConfigurationError
-from poise.sim._checks import (
-    require_finite,
-    require_multiple,
-    require_not_negative,
-    require_positive,
-)
-from poise.sim._disturbances import Block, LinkError, Payload
+from poise.sim._disturbances import Block, Factor, LinkError, Payload
 from poise.sim._sensors import SensorConfig
 
 Actuation = Literal["torque", "position", "velocity"]
@@ -20,6 +15,7 @@ _MAX_SLOPE = 0.7
 """Steeper than this [rad] nothing stands with the friction of a floor."""
 
 
+@checked()
 @dataclass(frozen=True, kw_only=True)
 class ServoConfig:
     """Gains of the joint servos that position and velocity actuation use.
@@ -32,14 +28,11 @@ class ServoConfig:
         damping: torque at 1 rad/s of error, over the torque limit [s/rad].
     """
 
-    stiffness: float = 20.0
-    damping: float = 1.0
-
-    def __post_init__(self) -> None:
-        require_positive("the stiffness of the servos", self.stiffness)
-        require_not_negative("the damping of the servos", self.damping)
+    stiffness: Annotated[float, Bounds(positive=True, most=1e6, unit="1/rad")] = 20.0
+    damping: Annotated[float, Bounds(least=0.0, most=1e6, unit="s/rad")] = 1.0
 
 
+@checked()
 @dataclass(frozen=True, kw_only=True)
 class PlantConfig:
     """The plant and its world, checked when made.
@@ -67,64 +60,57 @@ class PlantConfig:
     """
 
     actuation: Actuation = "torque"
-    control_dt: float = 1e-3
-    physics_dt: float = 1e-3
+    control_dt: Duration = 1e-3
+    physics_dt: Duration = 1e-3
     servo: ServoConfig = field(default_factory=ServoConfig)
     sensors: SensorConfig = field(default_factory=SensorConfig)
-    friction: float = 1.0
-    contact_time_constant: float = 5e-3
-    floor_slope: tuple[float, float] = (0.0, 0.0)
+    friction: Factor = 1.0
+    contact_time_constant: Duration = 5e-3
+    floor_slope: Annotated[tuple[float, float], Vector(2, Bounds(most=_MAX_SLOPE, unit="rad"))] = (
+        0.0,
+        0.0,
+    )
     blocks: tuple[Block, ...] = ()
-    mass_scale: float = 1.0
-    inertia_scale: float = 1.0
+    mass_scale: Factor = 1.0
+    inertia_scale: Factor = 1.0
     link_errors: tuple[LinkError, ...] = ()
     payloads: tuple[Payload, ...] = ()
-    joint_damping: float = 0.0
-    joint_friction: float = 0.0
-    fall_height_ratio: float = 0.6
-
-    def __post_init__(self) -> None:
-        if self.actuation not in get_args(Actuation):
-            raise ConfigurationError(
-                "unknown actuation", got=self.actuation, choices=get_args(Actuation)
-            )
-        for name in ("control_dt", "physics_dt", "friction", "mass_scale", "inertia_scale"):
-            require_positive(name, getattr(self, name))
-        for name in ("joint_damping", "joint_friction"):
-            require_not_negative(name, getattr(self, name))
-        self._check_times()
-        self._check_floor()
+    joint_damping: Annotated[float, Bounds(least=0.0, most=1e6, unit="N m s/rad")] = 0.0
+    joint_friction: Annotated[float, Bounds(least=0.0, most=1e6, unit="N m")] = 0.0
+    fall_height_ratio: Ratio = 0.6
 
     @property
     def substeps(self) -> int:
         """How many physics steps make one control period."""
-        return require_multiple("control_dt", self.control_dt, "physics_dt", self.physics_dt)
+        return _multiple("control_dt", self.control_dt, "physics_dt", self.physics_dt)
 
-    def _check_times(self) -> None:
+    @property
+    def delay_ticks(self) -> int:
+        """How many control periods old the measurements are."""
+        return _multiple("the sensors' delay", self.sensors.delay, "control_dt", self.control_dt)
+
+    def __post_init__(self) -> None:
         if self.substeps < 1:
             raise ConfigurationError(
                 "control_dt is shorter than physics_dt", got=self.control_dt, wanted=">= physics_dt"
             )
-        require_positive("contact_time_constant", self.contact_time_constant)
         if self.contact_time_constant < 2.0 * self.physics_dt:
             raise ConfigurationError(
                 "contact_time_constant is too short for the physics step",
                 got=self.contact_time_constant,
                 wanted=f">= {2.0 * self.physics_dt}",
             )
-        require_multiple("the sensors' delay", self.sensors.delay, "control_dt", self.control_dt)
+        _ = self.delay_ticks
 
-    def _check_floor(self) -> None:
-        for angle in self.floor_slope:
-            require_finite("floor_slope", angle)
-            if abs(angle) > _MAX_SLOPE:
-                raise ConfigurationError(
-                    "floor_slope is too steep", got=angle, wanted=f"at most {_MAX_SLOPE} rad"
-                )
-        require_positive("fall_height_ratio", self.fall_height_ratio)
-        if self.fall_height_ratio >= 1.0:
-            raise ConfigurationError(
-                "fall_height_ratio must be below one",
-                got=self.fall_height_ratio,
-                wanted="in (0, 1)",
-            )
+
+def _multiple(name: str, value: float, unit_name: str, unit: float) -> int:
+    """How many times `unit` goes into `value`, refusing what is not a whole number of times."""
+    times = round(value / unit)
+    # Decimal fractions such as 0.001 are not exact in binary: allow their rounding, no more.
+    if abs(times * unit - value) > 1e-9 * max(abs(value), unit):
+        raise ConfigurationError(
+            f"{name} must be a multiple of {unit_name}",
+            got=value,
+            wanted=f"a whole number times {unit}",
+        )
+    return times

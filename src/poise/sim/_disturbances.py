@@ -2,10 +2,18 @@
 
 import math
 from dataclasses import dataclass
+from typing import Annotated
 
-from poise.sim._checks import require_not_negative, require_positive, require_vector
+from poise._schema import Bounds, Duration, Number, Seconds, Text, Vector, checked
+
+FARTHEST = 1e2
+"""No place or angle in a plant is farther than this [m, rad]: MuJoCo loses its accuracy there."""
+
+Offset = Annotated[tuple[float, float, float], Vector(3, Bounds(most=FARTHEST, unit="m"))]
+Factor = Annotated[float, Bounds(positive=True, most=1e6)]
 
 
+@checked()
 @dataclass(frozen=True, kw_only=True)
 class Push:
     """A constant force on a body for a while.
@@ -19,14 +27,9 @@ class Push:
     """
 
     body: str
-    force: tuple[float, float, float]
-    start: float
-    duration: float
-
-    def __post_init__(self) -> None:
-        require_vector("the force of a push", self.force, 3)
-        require_not_negative("the start of a push", self.start)
-        require_positive("the duration of a push", self.duration)
+    force: Annotated[tuple[float, float, float], Vector(3, Bounds(unit="N"))]
+    start: Seconds
+    duration: Duration
 
     def share(self, begin: float, end: float) -> float:
         """How much of the interval [begin, end] the push is active, in [0, 1].
@@ -38,6 +41,7 @@ class Push:
         return max(0.0, overlap) / (end - begin)
 
 
+@checked()
 @dataclass(frozen=True, kw_only=True)
 class Payload:
     """A ball rigidly attached to a frame, which the controller does not know of.
@@ -49,15 +53,10 @@ class Payload:
         radius: its radius, for its inertia and its picture [m].
     """
 
-    frame: str
-    mass: float
-    offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    radius: float = 0.06
-
-    def __post_init__(self) -> None:
-        require_positive("the mass of a payload", self.mass)
-        require_positive("the radius of a payload", self.radius)
-        require_vector("the offset of a payload", self.offset, 3)
+    frame: Text
+    mass: Annotated[float, Bounds(positive=True, most=1e6, unit="kg")]
+    offset: Offset = (0.0, 0.0, 0.0)
+    radius: Annotated[float, Bounds(positive=True, most=1e6, unit="m")] = 0.06
 
     @property
     def inertia(self) -> float:
@@ -65,6 +64,7 @@ class Payload:
         return 0.4 * self.mass * self.radius**2
 
 
+@checked()
 @dataclass(frozen=True, kw_only=True)
 class LinkError:
     """How one link of the plant differs from the description that the controller uses.
@@ -76,17 +76,13 @@ class LinkError:
         com_offset: shift of its centre of mass, in the link's frame [m].
     """
 
-    link: str
-    mass_scale: float = 1.0
-    inertia_scale: float = 1.0
-    com_offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
-
-    def __post_init__(self) -> None:
-        require_positive("mass_scale", self.mass_scale)
-        require_positive("inertia_scale", self.inertia_scale)
-        require_vector("com_offset", self.com_offset, 3)
+    link: Text
+    mass_scale: Factor = 1.0
+    inertia_scale: Factor = 1.0
+    com_offset: Offset = (0.0, 0.0, 0.0)
 
 
+@checked()
 @dataclass(frozen=True, kw_only=True)
 class Block:
     """A box that lies on the floor, for uneven ground.
@@ -97,16 +93,11 @@ class Block:
         yaw: its rotation about z [rad].
     """
 
-    center: tuple[float, float]
-    size: tuple[float, float, float]
-    yaw: float = 0.0
-
-    def __post_init__(self) -> None:
-        require_vector("the center of a block", self.center, 2)
-        require_vector("the size of a block", self.size, 3)
-        for extent in self.size:
-            require_positive("the size of a block", extent)
-        require_vector("the yaw of a block", (self.yaw,), 1)
+    center: Annotated[tuple[float, float], Vector(2, Bounds(most=FARTHEST, unit="m"))]
+    size: Annotated[
+        tuple[float, float, float], Vector(3, Bounds(positive=True, most=FARTHEST, unit="m"))
+    ]
+    yaw: Number = 0.0
 
     @property
     def quaternion(self) -> tuple[float, float, float, float]:

@@ -12,7 +12,6 @@ from poise.errors import TargetError
 from poise.robots import Robot
 from poise.sim._actuators import Actuators
 from poise.sim._build import build_model
-from poise.sim._checks import require_multiple
 from poise.sim._config import PlantConfig
 from poise.sim._disturbances import Push
 from poise.sim._forces import PushSchedule, SoleForces
@@ -300,9 +299,7 @@ class Plant:
         config = self.config.sensors
         if config.ideal:
             return None
-        ticks = require_multiple(
-            "the sensors' delay", config.delay, "control_dt", self.config.control_dt
-        )
+        ticks = self.config.delay_ticks
         return Sensors(config, base_dofs=self.robot.base_dofs, delay_ticks=ticks, seed=seed)
 
 

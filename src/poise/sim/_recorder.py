@@ -10,11 +10,10 @@ from typing import Any, Literal, Protocol, runtime_checkable
 
 import numpy as np
 
+from poise._schema import Count, Duration, Seconds, checked
 from poise.control import Command
 from poise.dynamics import RobotState
-from poise.errors import ConfigurationError
 from poise.sim._blocks import BlockWatch
-from poise.sim._checks import require_not_negative, require_positive
 from poise.sim._foxglove import Scene
 from poise.sim._log import McapLog
 from poise.sim._plant import Plant
@@ -26,6 +25,7 @@ _PHYSICS = ("dynamics, torques", "contacts, joints")
 """The levels of every controller of a stack above those of the stack."""
 
 
+@checked()
 @dataclass(frozen=True, kw_only=True)
 class RecorderConfig:
     """How much is recorded, how much is shown, and how soon it is on the disk.
@@ -41,22 +41,13 @@ class RecorderConfig:
         keep: whether what is in the log stays in memory too; if not, a run may last for hours.
     """
 
-    record_dt: float = 0.0
-    log_dt: float = 0.005
-    scene_dt: float = 1.0 / 30.0
-    flush_dt: float = 0.25
-    capacity: int = 4096
+    record_dt: Seconds = 0.0
+    log_dt: Seconds = 0.005
+    scene_dt: Seconds = 1.0 / 30.0
+    flush_dt: Duration = 0.25
+    capacity: Count = 4096
     on_full: Literal["block", "drop"] = "block"
     keep: bool = True
-
-    def __post_init__(self) -> None:
-        require_not_negative("record_dt", self.record_dt)
-        require_not_negative("log_dt", self.log_dt)
-        require_not_negative("scene_dt", self.scene_dt)
-        require_positive("flush_dt", self.flush_dt)
-        require_positive("capacity", self.capacity)
-        if self.on_full not in ("block", "drop"):
-            raise ConfigurationError("unknown on_full", got=self.on_full, choices=("block", "drop"))
 
 
 @runtime_checkable

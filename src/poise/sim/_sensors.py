@@ -3,14 +3,19 @@
 import math
 from collections import deque
 from dataclasses import dataclass, fields
+from typing import Annotated
 
 import numpy as np
 from jaxtyping import Float64
 
+from poise._schema import Bounds, Seconds, checked
 from poise.dynamics import RobotState
-from poise.sim._checks import require_not_negative
+
+Deviation = Annotated[float, Bounds(least=0.0, most=1e6)]
+"""A standard deviation or a resolution, in the unit of what is measured."""
 
 
+@checked()
 @dataclass(frozen=True, kw_only=True)
 class SensorConfig:
     """Resolution, noise and delay of the measurements; all zero means the true state.
@@ -30,20 +35,16 @@ class SensorConfig:
         delay: age of everything measured [s], a multiple of the control period.
     """
 
-    encoder_resolution: float = 0.0
-    joint_position_noise: float = 0.0
-    joint_velocity_noise: float = 0.0
-    base_position_noise: float = 0.0
-    base_orientation_noise: float = 0.0
-    base_velocity_noise: float = 0.0
-    gyro_noise: float = 0.0
-    force_noise: float = 0.0
-    moment_noise: float = 0.0
-    delay: float = 0.0
-
-    def __post_init__(self) -> None:
-        for f in fields(self):
-            require_not_negative(f"sensor {f.name}", getattr(self, f.name))
+    encoder_resolution: Deviation = 0.0
+    joint_position_noise: Deviation = 0.0
+    joint_velocity_noise: Deviation = 0.0
+    base_position_noise: Deviation = 0.0
+    base_orientation_noise: Deviation = 0.0
+    base_velocity_noise: Deviation = 0.0
+    gyro_noise: Deviation = 0.0
+    force_noise: Deviation = 0.0
+    moment_noise: Deviation = 0.0
+    delay: Seconds = 0.0
 
     @property
     def ideal(self) -> bool:

@@ -12,6 +12,7 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float64
 
+from poise._schema import Positive, checked
 from poise.errors import ConfigurationError, MissingExtraError, TargetError
 from poise.robots import Robot
 from poise.sim._camera import (
@@ -23,7 +24,6 @@ from poise.sim._camera import (
     Marker,
     force_marker,
 )
-from poise.sim._checks import require_positive
 from poise.sim._plant import Plant
 from poise.sim._record import RunRecord
 
@@ -59,7 +59,7 @@ def run_markers(robot: Robot, record: RunRecord) -> Callable[[int], tuple[Marker
     qs, coms, zmps = record["q"], record["com"], record["zmp"]
     wrenches = {name: record[f"wrench/{name}"] for name in robot.soles}
     data = robot.model.createData()
-    weight = robot.mass * 9.81
+    weight = robot.weight
 
     def markers(index: int) -> tuple[Marker, ...]:
         pin.framesForwardKinematics(robot.model, data, qs[index])
@@ -83,6 +83,7 @@ def _ground_point(point: Float64[np.ndarray, " n"], colour: Colour) -> Marker | 
     return Marker(position=(x, y, _ABOVE_GROUND), colour=colour)
 
 
+@checked()
 @dataclass(frozen=True, kw_only=True)
 class VideoConfig:
     """How a video is made.
@@ -94,12 +95,10 @@ class VideoConfig:
     """
 
     camera: CameraConfig = field(default_factory=CameraConfig)
-    fps: float = 30.0
-    speed: float = 1.0
+    fps: Positive = 30.0
+    speed: Positive = 1.0
 
     def __post_init__(self) -> None:
-        require_positive("fps", self.fps)
-        require_positive("speed", self.speed)
         if self.camera.width % 2 or self.camera.height % 2:
             raise ConfigurationError(
                 "a video's width and height must be even",

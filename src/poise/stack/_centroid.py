@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from poise._checks import Numbers
-from poise.dynamics import Dynamics, MatrixRates
+from poise.dynamics import Dynamics
 from poise.robots import Robot
 from poise.stack._axes import as_rows, parse_axes
 from poise.stack._task import Task, VectorTarget
@@ -72,10 +72,6 @@ class ComTask(Task):
         """Forgets a target that was taken from the robot."""
         self._target.release_hold()
 
-    def jacobian_rate(self, rates: MatrixRates) -> Float64[np.ndarray, "m nv"]:
-        """Exact time derivative of `jacobian`: the momentum's linear rows over the mass."""
-        return (rates.momentum_matrix[:3] / self.robot.mass)[self._rows]
-
     def _resolve(self, robot: Robot) -> int:  # noqa: ARG002
         return self._size
 
@@ -118,7 +114,7 @@ class MomentumTask(Task):
         self._target.set(np.zeros(3))
 
     def set_target(self, momentum: Numbers, rate: Numbers | None = None) -> None:
-        """Sets the wanted angular momentum about the COM.
+        """Sets the reference angular momentum about the COM.
 
         Args:
             momentum: along the world's axes [kg m^2/s].
@@ -128,10 +124,6 @@ class MomentumTask(Task):
             TargetError: wrong shape, NaN or infinite.
         """
         self._target.set(momentum, rate)
-
-    def jacobian_rate(self, rates: MatrixRates) -> Float64[np.ndarray, "m nv"]:
-        """Exact time derivative of `jacobian`."""
-        return rates.momentum_matrix[3:][self._rows]
 
     def _resolve(self, robot: Robot) -> int:  # noqa: ARG002
         return self._size

@@ -10,12 +10,12 @@ import numpy as np
 from jaxtyping import Float64
 
 from poise._checks import checked_kind, checked_number
-from poise.dynamics import Dynamics, MatrixRates
+from poise.dynamics import Dynamics
 from poise.errors import ConfigurationError
 from poise.robots import Robot
 
 _ROUNDING = 1e-9
-"""Load left that is the sum's rounding, not a tick's share of the ramp."""
+"""Load left that is the sum's rounding, not a tick's part of the ramp."""
 
 
 class LoadRamp:
@@ -56,9 +56,6 @@ class LoadRamp:
         return self._load
 
 
-GRAVITY = 9.81
-"""Only scales the default bound of the normal force [m/s^2]."""
-
 MAX_LOAD_FACTOR = 5.0
 """A loaded contact may carry this many times the robot's weight: no bound in practice."""
 
@@ -74,7 +71,7 @@ class Contact(ABC):
         frame: the frame in contact, such as "left_sole".
         friction: Coulomb coefficient.
         damping: how fast a residual velocity of the contact dies out [1/s].
-        min_load: least normal force of a loaded contact, as a share of the robot's weight.
+        min_load: least normal force of a loaded contact, by the robot's weight.
         dim: length of the wrench.
         name: what reports call it.
 
@@ -85,9 +82,9 @@ class Contact(ABC):
         cone: C, constant, one-sided rows C F <= 0.
         jacobian: maps `v` to the contact's velocity, along the contact's axes.
         drift: its classical acceleration at zero `dv`.
-        reference: wanted acceleration of the contact.
-        wrench_lower: simple bounds on the wrench [N, N m].
-        wrench_upper: likewise.
+        reference: reference acceleration of the contact.
+        wrench_lower: simple lower bounds on the wrench [N, N m].
+        wrench_upper: upper ones.
     """
 
     def __init__(
@@ -109,7 +106,7 @@ class Contact(ABC):
             raise ConfigurationError(
                 f"min_load of contact {self.name!r} is out of range",
                 got=min_load,
-                wanted="a share of the weight below 0.5",
+                wanted="a fraction of the weight below 0.5",
             )
         self.dim = dim
         self.cone: Float64[np.ndarray, "rows dim"] = np.zeros((0, dim))
@@ -137,7 +134,7 @@ class Contact(ABC):
                 wanted=f"robot {self._robot.name!r}, or a contact of its own",
             )
         self._frame_id = robot.frame_id(self.frame)
-        self._weight = robot.mass * GRAVITY
+        self._weight = robot.weight
         self.jacobian: Float64[np.ndarray, "dim nv"] = np.zeros((self.dim, robot.nv))
         self.drift: Float64[np.ndarray, " dim"] = np.zeros(self.dim)
         self.cone = self._make_cone(robot)
@@ -147,6 +144,11 @@ class Contact(ABC):
     def active(self) -> bool:
         """Whether the contact may carry load; an inactive one does not constrain the robot."""
         return self._load.active
+
+    @property
+    def blocks(self) -> tuple[int, ...]:
+        """Sizes of the blocks of rows that share a unit: force rows, then moment rows."""
+        return (3,) * (self.dim // 3)
 
     def release(self, duration: float = 0.2) -> None:
         """Unloads the contact: its normal force bound ramps to zero, then it turns inactive.
@@ -195,18 +197,6 @@ class Contact(ABC):
         jacobian, velocity, bias = dynamics.motion_in_own_axes(self._frame_id)
         self.jacobian, self.drift = jacobian[: self.dim], bias[: self.dim]
         np.multiply(velocity[: self.dim], -self.damping, out=self.reference)
-
-    def jacobian_rate(
-        self, dynamics: Dynamics, rates: MatrixRates
-    ) -> Float64[np.ndarray, "dim nv"]:
-        """Time derivative of `jacobian` along axes that stay as they are, as those of `drift` do.
-
-        Args:
-            dynamics: the state.
-            rates: derivatives of the robot's matrices for the same state.
-        """
-        rate, R = rates.frame(self._frame_id), dynamics.frame(self._frame_id).rotation.T
-        return np.concatenate((R @ rate[:3], R @ rate[3:]))[: self.dim]
 
     @abstractmethod
     def _make_cone(self, robot: Robot) -> Float64[np.ndarray, "rows dim"]:

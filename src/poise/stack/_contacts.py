@@ -24,7 +24,7 @@ class PointContact(Contact):
         frame: the frame in contact; its z axis is the contact normal.
         friction: Coulomb coefficient of the pyramid.
         damping: how fast a residual velocity dies out [1/s].
-        min_load: least normal force while loaded, as a share of the robot's weight.
+        min_load: least normal force while loaded, by the robot's weight.
         name: what reports call it; the frame when None.
     """
 
@@ -46,8 +46,8 @@ class PointContact(Contact):
         return np.array([[1.0, 0.0, -mu], [-1.0, 0.0, -mu], [0.0, 1.0, -mu], [0.0, -1.0, -mu]])
 
 
-TORSION_SHARE = 0.5
-"""Share of `friction * half diagonal` that the yaw moment may use when nothing is given.
+TORSION_FRACTION = 0.5
+"""Fraction of `friction * half diagonal` that the yaw moment may use when nothing is given.
 
 A rectangle resting on its four corners holds at most `friction * half diagonal * f_z` in pure yaw;
 half of it leaves the other half to the tangential forces, which the ten rows treat apart."""
@@ -72,7 +72,7 @@ class SurfaceContact(Contact):
             diagonal when None.
         margin: how far the centre of pressure stays inside the edges [m].
         damping: how fast a residual velocity dies out [1/s].
-        min_load: least normal force while loaded, as a share of the robot's weight.
+        min_load: least normal force while loaded, by the robot's weight.
         name: what reports call it; the frame when None.
     """
 
@@ -109,7 +109,7 @@ class SurfaceContact(Contact):
                 wanted=f"less than {min(length, width) / 2.0:g} m",
             )
         half_diagonal = math.hypot(length, width) / 2.0
-        torsion = self._torsion or TORSION_SHARE * self.friction * half_diagonal
+        torsion = self._torsion or TORSION_FRACTION * self.friction * half_diagonal
         limits = np.array([self.friction, self.friction, y, x, torsion])
         cone = np.zeros((10, 6))
         for i, component in enumerate((0, 1, 3, 4, 5)):

@@ -4,7 +4,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from poise._checks import Numbers, checked_kind
-from poise.dynamics import Dynamics, MatrixRates, rotation_sine, rotation_vector
+from poise.dynamics import Dynamics, rotation_sine, rotation_vector
 from poise.errors import UnknownNameError
 from poise.robots import Robot
 from poise.stack._axes import as_rows, checked_rotation, checked_target, parse_axes, split_rows
@@ -91,7 +91,7 @@ class FrameTask(Task):
             position: in the world [m].
             rotation: world_R_frame.
             velocity: linear then angular, in the world [m/s, rad/s]; zero when None.
-            acceleration: likewise [m/s^2, rad/s^2]; zero when None.
+            acceleration: linear then angular [m/s^2, rad/s^2]; zero when None.
 
         Raises:
             TargetError: wrong shape, NaN, or not a rotation.
@@ -122,7 +122,7 @@ class FrameTask(Task):
 
     @property
     def target_rotation(self) -> Float64[np.ndarray, "3 3"] | None:
-        """How the frame should be turned, world_R_frame; None likewise."""
+        """How the frame should be turned, world_R_frame; None until set or taken from the robot."""
         return self._orientation
 
     def reset(self) -> None:
@@ -130,10 +130,6 @@ class FrameTask(Task):
         self._target.release_hold()
         if self._orientation_held:
             self._orientation, self._orientation_held = None, False
-
-    def jacobian_rate(self, rates: MatrixRates) -> Float64[np.ndarray, "m nv"]:
-        """Exact time derivative of `jacobian`."""
-        return rates.frame(self._frame_id)[self._rows]
 
     @property
     def blocks(self) -> tuple[int, ...]:

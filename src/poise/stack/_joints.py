@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from poise._checks import Numbers
-from poise.dynamics import Dynamics, MatrixRates
+from poise.dynamics import Dynamics
 from poise.errors import ConfigurationError
 from poise.robots import Robot
 from poise.stack._axes import checked_target
@@ -70,13 +70,6 @@ class JointTask(Task):
         """Forgets a target that was taken from the robot."""
         if self._target is not None:
             self._target.release_hold()
-
-    def jacobian_rate(
-        self,
-        rates: MatrixRates,  # noqa: ARG002
-    ) -> Float64[np.ndarray, "m nv"]:
-        """Zero: joints are their own coordinates."""
-        return np.zeros_like(self._selection)
 
     @property
     def blocks(self) -> tuple[int, ...]:

@@ -19,7 +19,7 @@ class TorqueLimit:
     """|tau| <= scale tau_max, joint by joint.
 
     Args:
-        scale: share of the robot's torque limits that may be used.
+        scale: fraction of the robot's torque limits that may be used.
 
     Attributes:
         name: what reports call it.
@@ -55,12 +55,12 @@ class TorqueLimit:
         self.lower: Float64[np.ndarray, " nj"] = -self.upper
 
 
-_STOP_SHARE = 0.1
-"""Share of the horizon in which a joint about to pass its limit stops.
+_STOP_FRACTION = 0.1
+"""Fraction of the horizon in which a joint about to pass its limit stops.
 
 It bounds the braking gain near the limit, where v^2 / 2s would turn measurement noise into full
-braking. The price is that a joint may pass its limit by `a_max (share dt)^2 / 2`, 0.4 mrad with the
-defaults, which the position margin is there for."""
+braking. The price is that a joint may pass its limit by `a_max (fraction dt)^2 / 2`, 0.4 mrad with
+the defaults, which the position margin is there for."""
 
 _TINY = 1e-12
 """Keeps a joint at rest on its limit from dividing by zero [rad]."""
@@ -90,7 +90,7 @@ class JointLimit:
             [rad/s^2].
         horizon: dt, at least twice the control period so that braking starts smoothly [s].
         position_margin: distance kept from the position limits [rad].
-        velocity_scale: share of the robot's velocity limits that may be used.
+        velocity_scale: fraction of the robot's velocity limits that may be used.
 
     Attributes:
         name: what reports call it.
@@ -260,7 +260,7 @@ def _largest(s: float, v: float, v_max: float, settings: tuple[float, float, flo
 def _stop_at_once(s: float, v: float, dt: float) -> float:
     """What a joint that is within half a horizon of its limit, or beyond it, may do."""
     approach = max(v, 0.0)
-    distance = max(s, 0.5 * _STOP_SHARE * dt * approach + _TINY)
+    distance = max(s, 0.5 * _STOP_FRACTION * dt * approach + _TINY)
     stop = -0.5 * approach * approach / distance
     # Beyond the limit: back to it at dt, counting the speed at which the joint returns already.
     return stop + (2.0 / (dt * dt)) * (min(s, 0.0) + dt * (approach - v))

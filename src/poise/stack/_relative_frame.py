@@ -4,7 +4,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from poise._checks import Numbers, checked_kind
-from poise.dynamics import Dynamics, FrameKinematics, MatrixRates, rotation_vector
+from poise.dynamics import Dynamics, FrameKinematics, rotation_vector
 from poise.robots import Robot
 from poise.stack._axes import checked_rotation, parse_axes, split_rows
 from poise.stack._task import Task, VectorTarget
@@ -78,19 +78,6 @@ class RelativeFrameTask(Task):
         if self._orientation_held:
             self._orientation, self._orientation_held = None, False
 
-    def jacobian_rate(self, rates: MatrixRates) -> Float64[np.ndarray, "m nv"]:
-        """Exact time derivative of `jacobian`."""
-        frame, root = self._kinematics
-        frame_rate, root_rate = (rates.frame(i) for i in self._ids)
-        R, spin = root.rotation.T, _skew(root.velocity[3:])
-        offset = _skew(frame.position - root.position)
-        slip = _skew(frame.velocity[:3] - root.velocity[:3])
-        along, angular = frame.jacobian - root.jacobian, root.jacobian[3:]
-        rate = frame_rate - root_rate
-        rate[:3] += slip @ angular + offset @ root_rate[3:] - spin @ (along[:3] + offset @ angular)
-        rate[3:] -= spin @ along[3:]
-        return np.concatenate((R @ rate[:3], R @ rate[3:]))[self._rows]
-
     @property
     def blocks(self) -> tuple[int, ...]:
         """Position rows, then orientation rows."""
@@ -102,7 +89,6 @@ class RelativeFrameTask(Task):
 
     def _evaluate(self, dynamics: Dynamics) -> Float64[np.ndarray, " m"]:
         frame, root = dynamics.frame(self._ids[0]), dynamics.frame(self._ids[1])
-        self._kinematics = (frame, root)
         jacobian, drift, velocity = relative_motion(frame, root)
         root_R_world = root.rotation.T
         rows = self._rows

@@ -89,6 +89,11 @@ class Stack:
             for task in level:
                 yield i, task
 
+    @property
+    def active_contacts(self) -> tuple[Contact, ...]:
+        """The contacts that may carry load now."""
+        return tuple([c for c in self.contacts if c.active])
+
     def task(self, name: str) -> Task:
         """The task of that name.
 

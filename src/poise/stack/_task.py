@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from poise._checks import Numbers
-from poise.dynamics import Dynamics, MatrixRates
+from poise.dynamics import Dynamics
 from poise.errors import ConfigurationError
 from poise.robots import Robot
 from poise.stack._axes import checked_gain, checked_target
@@ -19,7 +19,7 @@ class VectorTarget:
     """A moving target for a vector, or "where you are" until one is set.
 
     Attributes:
-        position: wanted value, None to hold the value of the first tick.
+        position: reference value, None to hold the value of the first tick.
         velocity: its rate.
         acceleration: its second rate.
     """
@@ -186,13 +186,13 @@ class Task(ABC):
         self._user_acceleration = acceleration
 
     def set_velocity(self, velocity: Numbers | None) -> None:
-        """Replaces the wanted velocity by a given one; None brings the target's back.
+        """Replaces the reference velocity by a given one; None brings the target's back.
 
         Only controllers that command velocities follow it: `DifferentialIK`. Those that command
         torques go by accelerations, see `set_acceleration`.
 
         Args:
-            velocity: wanted velocity J v, one a row [unit/s; kg m^2/s for momentum].
+            velocity: reference velocity J v, one a row [unit/s; kg m^2/s for momentum].
 
         Raises:
             TargetError: wrong shape, NaN or infinite.
@@ -206,6 +206,14 @@ class Task(ABC):
     def given_velocity(self) -> Float64[np.ndarray, " m"] | None:
         """What `set_velocity` was given; None for nothing."""
         return self._user_velocity
+
+    @property
+    def velocity_gain(self) -> Float64[np.ndarray, " m"]:
+        """Gain of the error in the task's velocity, kp / kd [1/s]; zero without stiffness.
+
+        A PD controller with these gains lets a slow error die out at this rate.
+        """
+        return np.divide(self.kp, self.kd, out=np.zeros(self.dim), where=self.kp > 0.0)
 
     def evaluate(self, dynamics: Dynamics) -> None:
         """Fills `jacobian`, `drift`, `error`, `error_rate` and `reference` for one state.
@@ -226,26 +234,6 @@ class Task(ABC):
 
     def reset(self) -> None:  # noqa: B027 - most tasks have nothing to forget
         """Forgets targets that the task took from the robot itself, not those a user set."""
-
-    def jacobian_rate(
-        self,
-        rates: MatrixRates,  # noqa: ARG002
-    ) -> Float64[np.ndarray, "m nv"]:
-        """Exact time derivative of `jacobian`, for the state that was evaluated last.
-
-        Only formulas that differentiate projected Jacobians ask for it; a task of your own can do
-        without.
-
-        Args:
-            rates: derivatives of the robot's matrices for the same state.
-
-        Raises:
-            ConfigurationError: the task has none.
-        """
-        raise ConfigurationError(
-            f"task {self.name!r} has no exact derivative of its Jacobian",
-            wanted='derivative="numerical", or bias="fused", which needs none',
-        )
 
     @property
     def blocks(self) -> tuple[int, ...]:

@@ -9,7 +9,7 @@ import pytest
 @pytest.fixture(scope="session")
 def live():
     """The package; skips where its extra is not installed."""
-    for package in ("mujoco", "viser"):
+    for package in ("mujoco", "websockets"):
         if find_spec(package) is None:
             pytest.skip(f"the extra teleop is not installed: no {package}")
     import poise.apps.live

@@ -4,7 +4,6 @@ import json
 import time
 from contextlib import contextmanager
 
-import msgspec
 import numpy as np
 from websockets.sync.client import connect
 
@@ -32,19 +31,9 @@ def control(front, token=None, **options):
         yield socket, json.loads(socket.recv(timeout=PATIENCE))
 
 
-@contextmanager
-def drawing(front, key=None, **options):
-    """A client of the drawing."""
-    query = "" if key is None else f"?key={key}"
-    url = f"ws://127.0.0.1:{front.port}/scene{query}"
-    with connect(
-        url, proxy=None, max_size=None, max_queue=None, subprotocols=["viser-v1.1.1"], **options
-    ) as socket:
-        yield socket
-
-
 def beat(socket, **pad):
-    socket.send(json.dumps({"beat": time.monotonic(), **pad}))
+    """A sign of life, with keys, sticks and handles."""
+    socket.send(json.dumps({"do": "drive", "beat": time.monotonic(), **pad}))
 
 
 def answer(socket):
@@ -53,12 +42,6 @@ def answer(socket):
         message = json.loads(socket.recv(timeout=PATIENCE))
         if "driven" not in message:
             return message
-
-
-def drag(socket, kind, name="/hands/right", **more):
-    """A message of viser's handles."""
-    message = {"type": f"TransformControls{kind}Message", "name": name, "owner": "", **more}
-    socket.send(msgspec.msgpack.encode(message))
 
 
 def listen_to(loop):

@@ -3,16 +3,14 @@
 import shutil
 import time
 
-import numpy as np
 import pytest
 from operators import PATIENCE, listen_to, same_commands, wait_for
 
-pytest.importorskip("viser", reason="the extra teleop is not installed: no viser")
+pytest.importorskip("websockets", reason="the extra teleop is not installed: no websockets")
 pytest.importorskip("playwright", reason="playwright is not installed, it comes with the extra dev")
 
 from playwright.sync_api import sync_playwright
 
-from poise.apps.live._scene import CAMERA, HANDLE_ABOVE, HANDLE_SCALE
 from poise.apps.teleoperation import MODES, replay_teleop
 from poise.locomotion import DeviceStatus, Mode, read_recording
 
@@ -20,7 +18,8 @@ CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no chromium on this machine")
 
 WIDTH, HEIGHT = 700, 400
-FIELD_OF_VIEW = np.radians(45.0)
+UP_THE_ARROW = 0.12
+"""From the middle of a handle to a point of its upper arrow [m]."""
 MODES_OF_A_STEP = {MODES.index(mode) for mode in (Mode.D, Mode.TR, Mode.SR)}
 
 
@@ -73,22 +72,18 @@ class Page:
         return wait_for(lambda: self.ask(script), what)
 
 
-def on_screen(point, page):
-    """Where a point of the world is drawn, seen from the first camera."""
-    eye, look_at = CAMERA
-    forward = (look_at - eye) / np.linalg.norm(look_at - eye)
-    right = np.cross(forward, [0.0, 0.0, 1.0])
-    right /= np.linalg.norm(right)
-    up = np.cross(right, forward)
-    x, y, z = (float(axis @ (point - eye)) for axis in (right, up, forward))
-    width, height = page.ask("[part('view').clientWidth, part('view').clientHeight]")
-    scale = 0.5 * height / np.tan(0.5 * FIELD_OF_VIEW)
-    return 0.5 * width + scale * x / z, 0.5 * height - scale * y / z
-
-
-def handle_is_drawn(session):
-    """Whether the operator's page has said where it looks from, so that it has its handles."""
-    return len(session.scene._clients) == 1
+def on_screen(page, foot, above):
+    """Where a point above a handle [m] is drawn, in pixels of the page."""
+    return page.ask(
+        f"""(() => {{
+          const box = part("view").getBoundingClientRect();
+          const point = view.handles[{foot}].object.position.clone();
+          point.z += {above};
+          point.project(view.stage.camera);
+          return [box.left + 0.5 * box.width * (1 + point.x),
+                  box.top + 0.5 * box.height * (1 - point.y)];
+        }})()"""
+    )
 
 
 def test_a_dragged_handle_lifts_the_foot_letting_go_lowers_it_and_a_replay_is_the_same(
@@ -97,14 +92,13 @@ def test_a_dragged_handle_lifts_the_foot_letting_go_lowers_it_and_a_replay_is_th
     heard = listen_to(session.loop)
     with Page(browser, session.front.drive_url) as page:
         assert page.text("role") == "you drive"
-        wait_for(lambda: handle_is_drawn(session), "the handles")
+        page.wait("view !== null", "the drawing")
         page.wait("newest.device !== 'LOST'", "the device")
         page.ask("part('help').hidden = true")
         time.sleep(2.0)
         # The arrow of the left handle that points up.
-        foot = session.loop.snapshot.soles[0] + HANDLE_ABOVE
-        x, y = on_screen(foot + np.array([0.0, 0.0, 0.75 * HANDLE_SCALE]), page)
-        _, top = on_screen(foot + np.array([0.0, 0.0, 0.75 * HANDLE_SCALE + 0.12]), page)
+        x, y = on_screen(page, 0, UP_THE_ARROW)
+        _, top = on_screen(page, 0, UP_THE_ARROW + 0.12)
         mouse = page.page.mouse
         mouse.move(x, y)
         time.sleep(0.5)
@@ -158,8 +152,8 @@ def test_without_the_token_one_sees_but_cannot_command(browser, session):
         assert page.text("role") == "you watch"
         assert page.ask("part('controls').disabled")
         page.wait("newest.mode === 'D'", "the mode")
-        wait_for(lambda: session.scene._server.get_clients(), "the drawing")
-        assert not session.scene._clients
+        page.wait("view !== null && view.stage.groups[1].position.z > 0", "the drawing")
+        assert not page.ask("view.handles.some((handle) => handle.enabled)")
         page.page.keyboard.down("e")
         # What the page would send if somebody took its locks off.
         page.ask("driving = true; beat(); send({do: 'pause', value: true}); 0")

@@ -1,22 +1,28 @@
 """The way in, tried by clients that are no browser and know the protocol."""
 
 import json
+import os
+import re
 import time
+from dataclasses import replace
+from pathlib import Path
 from urllib.error import HTTPError
 from urllib.request import Request, urlopen
 
+import numpy as np
 import pytest
 
-pytest.importorskip("viser")
+pytest.importorskip("websockets")
 
-from operators import answer, beat, control, drag, drawing, wait_for
+from operators import answer, beat, control, wait_for
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
 from poise.apps.live._front import PortInUseError
-from poise.apps.live._scene import SECRET_HEADER
-from poise.errors import PoiseError
 from poise.locomotion import DeviceStatus, Mode
+
+HELD = [None, [0.0, -0.13, 0.4]]
+"""The right handle, well above the ground [m]."""
 
 
 @pytest.fixture(scope="module")
@@ -52,13 +58,15 @@ def test_the_page_says_how_to_step_and_holds_no_token(front):
     assert front.seat.token not in text
 
 
-def test_the_drawing_is_visers_own_page(front):
-    status, text = get(front, "/view")
-    assert status == 200
-    assert "viser" in text.lower()
+def test_the_page_needs_nothing_from_elsewhere(front):
+    _, page = get(front, "/")
+    named = re.findall(r'(?:src|href)="([^"]+)"', page)
+    assert {"page.css", "page.js", "scene.js", "three.bundle.min.js"} <= set(named)
+    for name in named:
+        assert name == "data:," or get(front, f"/{name}")[0] == 200
 
 
-@pytest.mark.parametrize("path", ["/nothing", "/takes/../../etc/passwd", "/view/x"])
+@pytest.mark.parametrize("path", ["/nothing", "/takes/../../etc/passwd", "/view/x", "/scene"])
 def test_there_is_nothing_else(front, path):
     assert get(front, path)[0] in (403, 404)
 
@@ -74,17 +82,23 @@ def test_a_foreign_host_name_is_refused(front):
     assert get(front, "/", Host="evil.example:8080")[0] == 403
 
 
-@pytest.mark.parametrize("path", ["/", "/view"])
+@pytest.mark.parametrize("path", ["/", "/page.js", "/shapes.json"])
 def test_a_page_of_another_origin_cannot_read_this_one(front, path):
     assert get(front, path, Origin="http://evil.example")[0] == 403
 
 
-@pytest.mark.parametrize("channel", ["control", "scene"])
-def test_a_page_of_another_origin_is_refused_even_with_the_token(front, channel):
-    url = f"ws://127.0.0.1:{front.port}/{channel}?token={front.seat.token}"
+def test_a_page_of_another_origin_is_refused_even_with_the_token(front):
+    url = f"ws://127.0.0.1:{front.port}/control?token={front.seat.token}"
     with pytest.raises(InvalidStatus) as refused:
         connect(url, proxy=None, origin="http://evil.example").close()
     assert refused.value.response.status_code == 403
+    assert not front.seat.taken
+
+
+def test_there_is_no_other_channel(front):
+    for path in ("/", "/scene", "/takes/x"):
+        with pytest.raises(InvalidStatus):
+            connect(f"ws://127.0.0.1:{front.port}{path}", proxy=None).close()
 
 
 def test_who_has_the_token_drives(front, session):
@@ -106,12 +120,12 @@ def test_who_has_the_token_drives(front, session):
 def test_who_has_not_sees_but_cannot_command(front, session, token):
     with control(front, token) as (watcher, hello):
         assert hello["hello"] == "watcher"
-        assert hello["key"] is None
         assert ("wrong" in hello["reason"]) is (token is not None)
         status = json.loads(watcher.recv(timeout=60))
         assert status["mode"] == "D"
         for message in (
-            {"beat": 1.0, "lift": [False, True]},
+            {"do": "drive", "lift": [False, True]},
+            {"do": "drive", "drag": [None, [0.0, -0.13, 0.4]]},
             {"do": "pause", "value": True},
             {"do": "push", "value": "left"},
             {"do": "reset"},
@@ -141,45 +155,59 @@ def test_when_the_operator_leaves_the_seat_is_free(front):
         assert hello["hello"] == "operator"
 
 
-@pytest.mark.parametrize("key", [None, "", "wrong", "the token"])
-def test_handles_move_nothing_without_the_key(front, session, key):
-    key = front.seat.token if key == "the token" else key
-    with control(front, front.seat.token) as (operator, _), drawing(front, key) as scene:
-        drag(scene, "DragStart")
+@pytest.mark.parametrize("token", [None, "", "wrong", "the token"])
+def test_handles_move_nothing_without_the_seat(front, session, token):
+    token = front.seat.token if token == "the token" else token
+    with control(front, front.seat.token) as (operator, _), control(front, token) as (other, _):
         for _ in range(10):
             beat(operator)
-            drag(scene, "Update", position=[0.0, -0.13, 0.4], wxyz=[1.0, 0.0, 0.0, 0.0])
+            beat(other, drag=[None, None])
+            beat(other, drag=HELD)
             time.sleep(0.03)
+        assert "watching" in answer(other)["error"]
         assert session.inputs.read().drag == (None, None)
         assert session.loop.snapshot.mode is Mode.D
 
 
-def test_a_key_dies_with_its_operator(front, session):
-    with control(front, front.seat.token) as (_, hello):
-        key = hello["key"]
-    wait_for(lambda: not front.seat.taken, "an empty seat")
-    with control(front, front.seat.token) as (operator, _), drawing(front, key) as scene:
+def test_who_was_refused_does_not_inherit_the_seat(front, session):
+    with (
+        control(front, front.seat.token) as (first, _),
+        control(front, front.seat.token) as (second, _),
+    ):
+        first.close()
+        wait_for(lambda: not front.seat.taken, "an empty seat")
+        with control(front, front.seat.token) as (operator, hello):
+            assert hello["hello"] == "operator"
+            beat(operator)
+            beat(second)
+            beat(second, drag=HELD)
+            assert "watching" in answer(second)["error"]
+            beat(operator)
+            assert session.inputs.read().drag == (None, None)
+
+
+def test_the_operators_handle_lifts_the_foot_and_a_page_that_goes_lets_go(front, session):
+    with control(front, front.seat.token) as (operator, _):
         beat(operator)
-        drag(scene, "DragStart")
-        drag(scene, "Update", position=[0.0, -0.13, 0.4], wxyz=[1.0, 0.0, 0.0, 0.0])
-        time.sleep(0.2)
+        place = [0.0, float(session.loop.snapshot.soles[1][1]), 0.14]
+
+        def lifted():
+            beat(operator, drag=[None, place])
+            now = session.loop.snapshot
+            return now.mode is Mode.SL and now.soles[1][2] > 0.05
+
+        wait_for(lifted, "the lift")
+    wait_for(lambda: session.loop.snapshot.mode is Mode.D, "the foot to come down")
+
+
+def test_a_handle_that_is_let_go_brings_the_foot_down(front, session):
+    with control(front, front.seat.token) as (operator, _):
         beat(operator)
-        assert session.inputs.read().drag == (None, None)
-
-
-def test_the_operators_handle_lifts_the_foot_and_a_drawing_that_goes_lets_go(front, session):
-    with control(front, front.seat.token) as (operator, hello):
-        with drawing(front, hello["key"]) as scene:
-            drag(scene, "DragStart")
-            place = [0.0, float(session.loop.snapshot.soles[1][1]), 0.2]
-
-            def lifted():
-                beat(operator)
-                drag(scene, "Update", position=place, wxyz=[1.0, 0.0, 0.0, 0.0])
-                now = session.loop.snapshot
-                return now.mode is Mode.SL and now.soles[1][2] > 0.05
-
-            wait_for(lifted, "the lift")
+        place = [0.0, float(session.loop.snapshot.soles[1][1]), 0.14]
+        wait_for(
+            lambda: beat(operator, drag=[None, place]) or session.loop.snapshot.mode is Mode.SL,
+            "the lift",
+        )
         wait_for(
             lambda: beat(operator) or session.loop.snapshot.mode is Mode.D, "the foot to come down"
         )
@@ -191,16 +219,18 @@ def test_the_operators_handle_lifts_the_foot_and_a_drawing_that_goes_lets_go(fro
         "no json",
         "[]",
         "null",
-        '{"beat": 1, "lift": [true], "move": [0, 0]}',
-        '{"beat": 1, "lift": [true, true], "move": [NaN, 0]}',
-        '{"beat": 1, "lift": [true, true], "move": [1e9, 0]}',
-        '{"beat": 1, "lift": [true, true], "move": ["a", 0]}',
+        '{"do": "drive", "lift": [true], "move": [0, 0]}',
+        '{"do": "drive", "lift": [true, true], "move": [NaN, 0]}',
+        '{"do": "drive", "lift": [true, true], "move": [1e9, 0]}',
+        '{"do": "drive", "lift": [true, true], "move": ["a", 0]}',
         '{"do": "push", "value": "up"}',
         '{"do": "push", "value": ["left"]}',
         '{"do": "pause", "value": 1}',
         '{"do": "fly"}',
+        '{"lift": [true, true]}',
         "{}",
         "[" * 20000,
+        b"\xff",
     ],
 )
 def test_nonsense_of_an_operator_gets_an_answer_and_moves_nothing(front, session, text):
@@ -211,18 +241,15 @@ def test_nonsense_of_an_operator_gets_an_answer_and_moves_nothing(front, session
         assert session.loop.snapshot.mode is Mode.D
 
 
-@pytest.mark.parametrize("position", [None, [0.0, 0.0], [float("nan")] * 3, [1e9, 0.0, 0.0], "abc"])
-def test_a_handle_that_is_nowhere_is_not_followed(front, session, position):
-    with (
-        control(front, front.seat.token) as (operator, hello),
-        drawing(front, hello["key"]) as scene,
-    ):
+@pytest.mark.parametrize(
+    "drag", [[None, None], [None, [0.0, 0.0]], [None, [1e9, 0.0, 0.0]], [None, "abc"], [None],
+             "abc", [None, [None] * 3], [None, [0.0, 0.0, True]], [None] * 2 + [[0.0, 0.0, 0.1]]]
+)  # fmt: skip
+def test_a_handle_that_is_nowhere_is_not_followed(front, session, drag):
+    with control(front, front.seat.token) as (operator, _):
         beat(operator)
-        drag(scene, "DragStart")
-        drag(scene, "Update", position=position, wxyz=[1.0, 0.0, 0.0, 0.0])
-        drag(scene, "Update", name="/hands/third", position=[0.0, 0.0, 0.1])
-        scene.send(b"\xff no message")
-        scene.send("text")
+        beat(operator, drag=drag)
+        operator.send('{"do": "drive", "drag": [null, [NaN, NaN, NaN]]}')
         time.sleep(0.2)
         beat(operator)
         assert session.inputs.read().drag == (None, None)
@@ -236,26 +263,23 @@ def test_messages_beyond_all_measure_end_the_connection(front):
             answer(operator)
 
 
-def test_nobody_gets_past_the_front_to_the_drawing_behind_it(session):
-    url = f"ws://127.0.0.1:{session.scene.port}/"
-    for headers in ({}, {SECRET_HEADER: "wrong"}):
-        with connect(
-            url, proxy=None, subprotocols=["viser-v1.1.1"], additional_headers=headers
-        ) as intruder:
-            with pytest.raises(ConnectionClosed) as closed:
-                intruder.recv(timeout=60)
-            assert closed.value.rcvd.code == 1008
+def test_nothing_listens_but_the_front(session):
+    """Nobody gets past it to a drawing behind it, or from another machine."""
+    tables = [Path(f"/proc/self/net/{kind}") for kind in ("tcp", "tcp6")]
+    if not tables[0].exists():
+        pytest.skip("no list of sockets on this system")
+    own = {os.readlink(link) for link in Path("/proc/self/fd").iterdir() if link.is_symlink()}
+    rows = [row.split() for table in tables for row in table.read_text().splitlines()[1:]]
+    listening = [row[1] for row in rows if row[3] == "0A" and f"socket:[{row[9]}]" in own]
+    assert listening == [f"0100007F:{session.front.port:04X}"]
 
 
-def test_viser_gets_neither_share_requests_nor_anything_else_from_a_page(front, session):
-    # viser would open a tunnel to the internet for whoever asks.
-    import msgspec
-
-    for kind in ("ShareUrlRequest", "GuiUpdateMessage", "SceneNodeClickMessage"):
-        data = msgspec.msgpack.encode({"type": kind})
-        with control(front, front.seat.token) as (_, hello):
-            assert not front._may_pass(data, hello["key"])
-        wait_for(lambda: not front.seat.taken, "an empty seat")
+def test_nobody_can_embed_the_page_or_load_anything_into_it(front):
+    with urlopen(front.watch_url, timeout=60) as response:
+        policy = response.headers["Content-Security-Policy"]
+        assert response.headers["Referrer-Policy"] == "no-referrer"
+    assert "default-src 'self'" in policy
+    assert "frame-ancestors 'none'" in policy
 
 
 def test_a_port_in_use_is_said(run_session, front, tmp_path):
@@ -266,44 +290,27 @@ def test_a_port_in_use_is_said(run_session, front, tmp_path):
         pass
 
 
-def test_what_lies_on_the_floor_is_drawn_where_it_is(live, get_robot, monkeypatch):
-    from dataclasses import replace
-
-    from poise.apps.live._scene import Scene
+def test_what_lies_on_the_floor_is_drawn_where_it_is(run_session, get_robot, tmp_path):
     from poise.apps.teleoperation import TELEOP_PLANT, terrain_blocks
-    from poise.sim import Plant
 
-    robot, drawn = get_robot("biped20"), []
-    blocks = terrain_blocks("steps", robot)
-    draw = Scene._draw_shape
-
-    def note(self, name, shape):
-        drawn.append((name, shape))
-        draw(self, name, shape)
-
-    monkeypatch.setattr(Scene, "_draw_shape", note)
-    scene = Scene(Plant(robot, replace(TELEOP_PLANT, blocks=blocks)))
-    scene.stop()
-    still = [shape for name, shape in drawn if name.startswith("/robot/0/")]
-    assert [shape.shape for shape in still] == ["box"] * len(blocks)
+    blocks = terrain_blocks("steps", get_robot("biped20"))
+    with run_session(tmp_path, plant=replace(TELEOP_PLANT, blocks=blocks)) as session:
+        shapes = json.loads(get(session.front, "/shapes.json")[1])
+    still = [shape for shape in shapes["geometries"] if shape["body"] == 0]
+    assert [shape["shape"] for shape in still] == ["box"] * len(blocks)
     for shape, block in zip(still, blocks, strict=True):
-        assert shape.position == pytest.approx([*block.center, 0.5 * block.size[2]])
-        assert shape.size == pytest.approx([0.5 * side for side in block.size])
+        assert shape["position"] == pytest.approx([*block.center, 0.5 * block.size[2]])
+        assert shape["size"] == pytest.approx([0.5 * side for side in block.size])
 
 
-def test_another_viser_is_refused_with_its_name(live, session, monkeypatch):
-    from poise.apps.live import _scene as scene
-
-    class OtherServer:
-        def __init__(self, **_):
-            pass
-
-        def stop(self):
-            pass
-
-    monkeypatch.setattr(scene.viser, "ViserServer", OtherServer)
-    with pytest.raises(PoiseError, match="version of viser"):
-        scene.Scene(session.loop.plant)
+def test_every_body_is_shown_where_the_simulator_has_it(front, session):
+    with control(front) as (watcher, _):
+        status = json.loads(watcher.recv(timeout=60))
+    data = session.loop.plant.data
+    shown = np.reshape(status["bodies"], (-1, 3))
+    np.testing.assert_allclose(shown, data.xpos, atol=5e-3)
+    turns = np.reshape(status["turns"], (-1, 4))
+    np.testing.assert_allclose(np.abs(np.sum(turns * data.xquat, axis=1)), 1.0, atol=1e-3)
 
 
 def test_many_watchers_do_not_slow_the_robot_down(front, session):
@@ -316,3 +323,13 @@ def test_many_watchers_do_not_slow_the_robot_down(front, session):
         time.sleep(1.0)
         assert session.loop.snapshot.time > first
         assert time.monotonic() - begin < 10.0
+
+
+def test_a_page_that_does_not_keep_up_holds_up_nobody(front):
+    url = f"ws://127.0.0.1:{front.port}/control"
+    with connect(url, proxy=None, max_queue=1), control(front) as (watcher, _):
+        time.sleep(2.0)
+        begin = time.monotonic()
+        newest = [json.loads(watcher.recv(timeout=60)) for _ in range(60)][-1]
+        assert newest["mode"] == "D"
+        assert time.monotonic() - begin < 30.0

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from operators import wait_for
 
-pytest.importorskip("viser")
+pytest.importorskip("websockets")
 pytest.importorskip("mujoco")
 
 from poise.apps.live import LiveLoop, OperatorInputs, Pad, Takes

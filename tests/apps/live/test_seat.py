@@ -2,42 +2,50 @@
 
 import pytest
 
-pytest.importorskip("viser")
+pytest.importorskip("websockets")
 
-from poise.apps.live._seat import Seat, is_local, is_same_origin
+from poise.apps.live._seat import Grant, Seat, is_local, is_same_origin
 
 
 def test_the_seat_is_for_one_with_the_token():
     seat = Seat()
     first = seat.enter(seat.token)
-    assert seat.holds(first.key)
+    assert first.drives
+    assert seat.holds(first)
     second = seat.enter(seat.token)
-    assert second.key is None
+    assert not second.drives
     assert "Somebody else" in second.reason
-    seat.leave(second.key)
+    seat.leave(second)
     assert seat.taken
-    seat.leave(first.key)
-    assert not seat.holds(first.key)
-    assert seat.holds(seat.enter(seat.token).key)
+    seat.leave(first)
+    assert not seat.holds(first)
+    assert not seat.holds(second)
+    assert seat.holds(seat.enter(seat.token))
 
 
 @pytest.mark.parametrize("token", ["", "wrong", "é"])
 def test_a_wrong_token_watches_and_is_told_so(token):
     seat = Seat()
     grant = seat.enter(token)
-    assert grant.key is None
+    assert not grant.drives
     assert "wrong" in grant.reason
     assert not seat.taken
 
 
 def test_without_a_token_one_watches():
     grant = Seat().enter(None)
-    assert (grant.key, grant.reason) == (None, "")
+    assert (grant.drives, grant.reason) == (False, "")
 
 
-def test_no_key_holds_an_empty_seat():
-    assert not Seat().holds(None)
-    assert not Seat().holds("")
+def test_nobody_holds_an_empty_seat():
+    assert not Seat().holds(Grant(False))
+    assert not Seat().holds(Grant(True))
+
+
+def test_what_equals_the_operators_grant_is_not_it():
+    seat = Seat()
+    seat.enter(seat.token)
+    assert not seat.holds(Grant(True))
 
 
 @pytest.mark.parametrize(

@@ -23,7 +23,9 @@ console.error = (...all) => { window.seen.errors.push(all.join(" ")); complain(.
 NO_WEBGL = "<script>HTMLCanvasElement.prototype.getContext = () => null;</script>"
 PROBE = """<script>
 const part = (name) => document.querySelector(`[data-part="${name}"]`);
-const frame = () => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)));
+// A picture waits for the one before it to be done, which takes software a while.
+const twice = (done) => requestAnimationFrame(() => requestAnimationFrame(done));
+const frame = () => new Promise((done) => setTimeout(() => twice(done), 100));
 function picture() {
   const small = document.createElement("canvas");
   small.width = 96; small.height = 48;

@@ -4,6 +4,7 @@ from dataclasses import replace
 from functools import cache
 
 from poise.apps.scenarios import _run as run_module
+from poise.apps.scenarios import _stage as stage_module
 from poise.apps.scenarios import parse_scenario
 from poise.dynamics import RobotState
 from poise.robots import load_robot
@@ -31,7 +32,7 @@ def forbid_ticks(monkeypatch, times=()):
         raise AssertionError("the plant was told to move")
 
     monkeypatch.setattr(run_module, "rollout", no_rollout)
-    monkeypatch.setattr(run_module.Plant, "step", no_step)
+    monkeypatch.setattr(stage_module.Plant, "step", no_step)
 
 
 def replace_time(state: RobotState, time: float) -> RobotState:

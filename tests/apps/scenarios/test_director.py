@@ -68,8 +68,8 @@ def scene(get_robot):
 
 
 def move(task, kind, value=None, at=1.0, over=2.0, **more):
-    vector = {} if value is None else {"vector": np.array(value, dtype=np.float64)}
-    return Motion(task=task, kind=kind, at=at, over=over, **vector, **more)
+    goal = {} if value is None else {kind: value}
+    return Motion(task=task, at=at, over=over, **goal, **more)
 
 
 def test_nothing_moves_before_its_time(scene):
@@ -111,8 +111,8 @@ def test_a_motion_without_duration_is_a_step(scene):
 
 def test_above_one_sole_or_between_two_keeps_the_height(scene):
     s = scene(
-        move("com", "above", soles=("right_sole",)),
-        move("com", "above", soles=("left_sole", "right_sole"), at=10.0),
+        move("com", "above", ("right_sole",)),
+        move("com", "above", ("left_sole", "right_sole"), at=10.0),
     )
     height = s.com.target_position[2]
     s.at(1.0)
@@ -127,8 +127,8 @@ def test_above_one_sole_or_between_two_keeps_the_height(scene):
 def test_reach_ends_on_the_ray_from_the_shoulder_at_a_share_of_the_arm(scene):
     direction = np.array([0.6, 0.0, 0.8])
     s = scene(
-        move("hand", "reach", direction, share=0.5),
-        move("hand", "reach", direction, share=1.0, at=10.0),
+        move("hand", "reach", {"direction": direction, "share": 0.5}),
+        move("hand", "reach", {"direction": direction, "share": 1.0}, at=10.0),
     )
     s.at(1.0)
     s.at(3.0)
@@ -181,7 +181,7 @@ def test_a_turn_and_a_shift_of_one_frame_run_side_by_side(scene):
 
 
 def test_joints_move_and_those_not_named_stay(scene):
-    s = scene(move("posture", "joints", joints={"left_elbow": -0.5}))
+    s = scene(move("posture", "joints", {"left_elbow": -0.5}))
     home = s.robot.q_home[7:].copy()
     s.at(1.0)
     s.at(3.0)
@@ -191,8 +191,8 @@ def test_joints_move_and_those_not_named_stay(scene):
 
 def test_a_later_motion_of_other_joints_lets_the_first_arrive(scene):
     s = scene(
-        move("elbows", "joints", joints={"left_elbow": -0.5}),
-        move("elbows", "joints", joints={"right_elbow": -0.7}, at=2.0),
+        move("elbows", "joints", {"left_elbow": -0.5}),
+        move("elbows", "joints", {"right_elbow": -0.7}, at=2.0),
     )
     for time in (1.0, 2.0, 4.0):
         s.at(time)
@@ -229,7 +229,7 @@ def loads(scene):
 
 
 def test_a_contact_is_unloaded_at_its_time_over_its_ramp(scene):
-    s = scene(changes=[ContactChange(contact="left_sole", at=1.0, load=False, over=0.5)])
+    s = scene(changes=[ContactChange(unload="left_sole", at=1.0, over=0.5)])
     s.at(0.999)
     s.at(1.0)
     assert loads(s) == {"left_sole": True, "right_sole": True}
@@ -246,8 +246,8 @@ def touch(force):
 def lifted(scene, touchdown):
     s = scene(
         changes=[
-            ContactChange(contact="left_sole", at=0.0, load=False, over=0.0),
-            ContactChange(contact="left_sole", at=5.0, load=True, over=0.1, touchdown=touchdown),
+            ContactChange(unload="left_sole", at=0.0, over=0.0),
+            ContactChange(load="left_sole", at=5.0, over=0.1, touchdown=touchdown),
         ]
     )
     s.at(0.0)
@@ -283,23 +283,27 @@ def test_loading_does_not_wait_for_ever(scene):
 WRONG = {
     "unknown task": (move("con", "by", [0, 0, 0]), UnknownNameError, "'con'.*com"),
     "turning the com": (move("com", "turn", [0, 0, 1]), ScenarioError, "'turn'.*to, by, above"),
-    "reaching with the com": (move("com", "reach", [0, 0, 1], share=1.0), ScenarioError, "reach"),
+    "reaching with the com": (
+        move("com", "reach", {"direction": [0, 0, 1], "share": 1.0}),
+        ScenarioError,
+        "reach",
+    ),
     "moving a posture by": (move("posture", "by", [0, 0, 1]), ScenarioError, "'by'.*joints"),
     "moving a momentum": (move("angular momentum", "to", [0, 0, 1]), ScenarioError, "'to'"),
     "turning a position": (move("place", "turn", [0, 0, 1]), ScenarioError, "'turn'.*to, by"),
     "shifting an orientation": (move("lean", "by", [0, 0, 1]), ScenarioError, "'by'.*turn"),
     "over no sole": (
-        move("foot", "above", soles=("left_toe",)),
+        move("foot", "above", ("left_toe",)),
         UnknownNameError,
         "'left_toe'.*left_sole",
     ),
     "an unknown joint": (
-        move("elbows", "joints", joints={"left_knee": 0.1}),
+        move("elbows", "joints", {"left_knee": 0.1}),
         UnknownNameError,
         "left_knee.*left_elbow",
     ),
     "degrees": (
-        move("posture", "joints", joints={"left_elbow": -90.0}),
+        move("posture", "joints", {"left_elbow": -90.0}),
         ScenarioError,
         "beyond.*-90.*rad",
     ),
@@ -317,12 +321,12 @@ def test_a_frame_without_an_arm_cannot_reach(get_robot):
     robot = get_robot("humanoid33")
     stack = Stack([SurfaceContact("left_sole")], [[FrameTask("torso", name="trunk")]])
     stack.bind(robot)
-    motion = move("trunk", "reach", [1, 0, 0], share=0.5)
+    motion = move("trunk", "reach", {"direction": [1, 0, 0], "share": 0.5})
     with pytest.raises(PoiseError, match="no joint between torso and frame.*left_hand"):
-        Director(Scenario(name="s", motions=(motion,)), stack, robot)
+        Director(Scenario(name="s", duration=5.0, motions=(motion,)), stack, robot)
 
 
 def test_a_change_of_an_unknown_contact_is_refused(scene):
-    change = ContactChange(contact="left_foot", at=0.0, load=False, over=0.1)
+    change = ContactChange(unload="left_foot", at=0.0, over=0.1)
     with pytest.raises(UnknownNameError, match=r"left_foot.*left_sole"):
         scene(changes=[change])

@@ -202,7 +202,7 @@ def test_ctrl_c_in_a_terminal_leaves_summary_and_report(tmp_path, scenario_file)
 KILLED = """
 import json, os, signal, sys, time
 from pathlib import Path
-from poise.scenarios import load_scenario, run_scenario
+from poise.apps.scenarios import load_scenario, run_scenario
 
 reached = []
 

@@ -4,30 +4,15 @@ import numpy as np
 import pytest
 
 from poise.apps.report import SupportPhase
-from poise.apps.scenarios import sole_corners
 from poise.apps.scenarios._metrics import METRICS
 from poise.apps.scenarios._scenario import PushPlan
 from poise.apps.scenarios._signals import RunSignals, support_phases, zmp_margins
-from poise.robots import Sole
 
 NAN = float("nan")
 
 
 def as_set(points):
     return {tuple(np.round(p, 9)) for p in points}
-
-
-def turned(angle):
-    c, s = np.cos(angle), np.sin(angle)
-    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-
-
-def test_a_sole_has_its_corners_where_it_is_turned_to():
-    sole = Sole(name="s", length=0.2, width=0.1)
-    corners = sole_corners(sole, np.array([1.0, 2.0, 0.0]), np.eye(3))
-    assert as_set(corners) == {(1.1, 2.05), (0.9, 2.05), (0.9, 1.95), (1.1, 1.95)}
-    corners = sole_corners(sole, np.array([1.0, 2.0, 0.3]), turned(np.pi / 2))
-    assert as_set(corners) == {(1.05, 2.1), (1.05, 1.9), (0.95, 1.9), (0.95, 2.1)}
 
 
 def still(robot, count):

@@ -44,11 +44,11 @@ def test_hands_move_beside_a_walk():
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("steps: 4", "steps: 4.5", "steps is not whole"),
+        ("steps: 4", "steps: 4.5", "steps.*4.5.*whole number"),
         ("steps: 4", "steps: 400", "too many steps"),
         ("length: 0.1", "lenght: 0.1", "unknown key.*lenght.*choices: length"),
         ("length: 0.1", "length: 50", "length is out of range"),
-        ("step_time: 0.8", "step_time: -1", "step_time of the gait"),
+        ("step_time: 0.8", "step_time: -1", r"gait.step_time is out of range.*positive.*\[s\]"),
         ("dcm_gain: 5.0", "gain: 5.0", "unknown key.*gain"),
         ("length: 0.1", "length: 0.7", "out of reach"),
         ("feedback: {dcm_gain: 5.0}", "carry: [nose]", "no frame task to carry.*nose"),

@@ -8,14 +8,11 @@ import numpy as np
 import pytest
 
 from benchmarks.__main__ import main
+from benchmarks.hqp.bench import FAMILY_HEADS, SEQUENCE_HEADS
 from benchmarks.hqp.methods import METHODS
 from benchmarks.hqp.problem_set import FAMILIES, ProblemSequence, save_sequence
-from benchmarks.hqp.problem_sources import sequence_names
-from benchmarks.hqp.table import FAMILY_HEADS, SEQUENCE_HEADS
-from benchmarks.hqp.usual_sequences import USUAL_SEQUENCES
-from poise.hqp.backends import ACCURACY
-from poise.hqp.level import Level
-from poise.hqp.problem import HierarchicalProblem
+from benchmarks.hqp.problem_sources import USUAL_SEQUENCES, sequence_names
+from poise.hqp import ACCURACY, HierarchicalProblem, Level
 
 PAGE = Path(__file__).parents[3] / "docs" / "hqp_benchmark.md"
 

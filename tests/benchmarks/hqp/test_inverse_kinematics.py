@@ -10,7 +10,7 @@ from benchmarks.hqp import humanoid_kinematics, planar_arm, singular_arm
 from benchmarks.hqp.humanoid_kinematics import humanoid_problems
 from benchmarks.hqp.planar_arm import hand_jacobian, planar_problems
 from poise.dynamics import Dynamics, RobotState
-from poise.hqp.lexls.solver import LexicographicSolver
+from poise.hqp import LexicographicSolver
 
 ARMS = {source.name: source for source in singular_arm.SOURCES}
 HUMANOIDS = {source.name: source for source in humanoid_kinematics.SOURCES}

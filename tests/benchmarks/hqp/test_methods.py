@@ -4,21 +4,17 @@ import numpy as np
 import pytest
 
 from benchmarks.hqp.bench import HqpBench
-from benchmarks.hqp.daqp_rows import daqp_rows
 from benchmarks.hqp.judge import measure_point
 from benchmarks.hqp.methods import (
     METHODS,
     checked_methods,
+    daqp_rows,
     make_contestant,
     usual_methods,
     what_is_missing,
 )
 from poise.errors import MissingExtraError, UnknownNameError
-from poise.hqp import backends
-from poise.hqp.backends import ACCURACY
-from poise.hqp.level import Level
-from poise.hqp.problem import HierarchicalProblem
-from poise.hqp.strategies import solve
+from poise.hqp import ACCURACY, HierarchicalProblem, Level, _backends, solve
 
 
 def problem(*, possible: bool, weight: float = 1.0) -> HierarchicalProblem:
@@ -119,7 +115,7 @@ def test_lexls_always_comes_first():
 
 
 def test_what_is_not_installed_is_left_out_or_an_error_where_it_is_asked_for(monkeypatch):
-    monkeypatch.setattr(backends, "find_spec", lambda name: None)
+    monkeypatch.setattr(_backends, "find_spec", lambda name: None)
     assert {name for name in usual_methods() if "cascade" in name} == {"cascade/daqp"}
     missing = what_is_missing()
     assert len(missing) == len(ACCURACY) - 1

@@ -9,12 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.hqp.copying import copy_problem
 from benchmarks.hqp.packed import FLOATS
 from benchmarks.hqp.problem_set import ProblemSequence, load_folder, load_sequence, save_sequence
+from benchmarks.hqp.source import copy_problem
 from poise.errors import ConfigurationError, PoiseError, ProblemError, UnknownNameError
-from poise.hqp.level import Level
-from poise.hqp.problem import HierarchicalProblem
+from poise.hqp import HierarchicalProblem, Level
 
 PROBLEMS = Path(__file__).parents[3] / "problems"
 

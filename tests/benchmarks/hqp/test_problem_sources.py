@@ -11,7 +11,7 @@ from benchmarks.hqp.problem_set import FAMILIES, load_sequence, save_sequence
 from benchmarks.hqp.problem_sources import SOURCES, make_sequence, save_all, sequence_names
 from benchmarks.hqp.recorded import Window, record_window
 from poise.errors import ConfigurationError, UnknownNameError
-from poise.hqp.lexls.solver import LexicographicSolver
+from poise.hqp import LexicographicSolver
 
 SHIPPED = Path(__file__).parents[3] / "problems"
 LARGEST = 3_000_000

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from benchmarks.hqp.figure import write_profile_figure
-from benchmarks.hqp.profile import make_profiles, profiles_of
+from benchmarks.hqp.figure import make_profiles, profiles_of, write_profile_figure
 from benchmarks.hqp.race import COLD, WARM, Lap
 
 SECONDS = {

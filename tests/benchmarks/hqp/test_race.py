@@ -4,16 +4,13 @@ import numpy as np
 import pytest
 
 from benchmarks.hqp import bench
-from benchmarks.hqp.bench import HqpBench, bench_hqp
+from benchmarks.hqp.bench import HqpBench, bench_hqp, format_hqp_table
 from benchmarks.hqp.contestant import Answer
 from benchmarks.hqp.judge import best_known, judge_point, measure_point
 from benchmarks.hqp.problem_set import ProblemSequence
 from benchmarks.hqp.race import BATCH, COLD, GIVEN_UP, LATE, PATIENCE, WARM, Runner, take_turns
-from benchmarks.hqp.table import format_hqp_table
 from poise.errors import ConfigurationError
-from poise.hqp.level import Level
-from poise.hqp.problem import HierarchicalProblem
-from poise.hqp.strategies import solve
+from poise.hqp import HierarchicalProblem, Level, solve
 
 
 def conflict(height: float = 4.0) -> HierarchicalProblem:

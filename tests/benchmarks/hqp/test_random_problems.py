@@ -18,7 +18,7 @@ from benchmarks.hqp.random_families import (
 )
 from benchmarks.hqp.random_problems import Knobs, random_hierarchy
 from poise.errors import ConfigurationError
-from poise.hqp.lexls.solver import LexicographicSolver
+from poise.hqp import LexicographicSolver
 
 TURNS = (turn_rank, turn_condition, turn_conflict, turn_contradiction, turn_active)
 COUNT, MANY = 6, 12

@@ -6,8 +6,8 @@ import pytest
 from oracles import near_home
 
 from poise.control import CommandStatus, Controller, DifferentialIK
-from poise.control._differential_ik._controller import METHODS
-from poise.control._differential_ik._formulation import ROW_WEIGHT
+from poise.control._differential_ik._rows import ROW_WEIGHT
+from poise.control._differential_ik._strategy import METHODS
 from poise.control._fallback import STOP_TIME
 from poise.dynamics import Dynamics, RobotState
 from poise.errors import ConfigurationError, PoiseError, TargetError, UnknownNameError
@@ -169,7 +169,7 @@ def test_the_step_teleoperators_levels_solve_the_papers_problem(get_robot, leg_j
     # Twice: joint weights go by the last command.
     controller.step(near_home(robot, 1))
     u = controller.step(near_home(robot, 1)).velocity[:12]
-    formulation = controller.formulation
+    formulation = controller.strategy.current
     _, first, second = formulation.levels
     assert second.weight.tolist() == [0.5, 2.0, 1e-3, 1e-3, 1e-3, 30.0, 30.0, 30.0]
     WA = np.diag(second.weight)
@@ -213,7 +213,7 @@ def test_priorities_are_strict(get_robot, name, method):
             stack.task("posture").set_velocity(np.full(robot.nj, 0.3))
         command = controller.step(RobotState(robot.q_home, np.zeros(robot.nv)))
         assert command.status.ok
-        levels = controller.formulation.levels
+        levels = controller.strategy.current.levels
         found.append([level.jacobian @ command.velocity for level in levels[:3]])
         assert max(command.residuals[:3]) < 1e-9
     for a, b in zip(*found, strict=True):
@@ -322,7 +322,7 @@ def test_speeds_bound_what_a_task_asks_for(get_robot):
     com.set_target(com.target_position + [0.0, 0.3, -0.4])
     swing.set_target(swing.target_position + [0.4, 0.0, 0.3], pin.exp3(np.array([0.0, 0.5, 0.0])))
     controller.step(home)
-    _, first, second = controller.formulation.levels
+    _, first, second = controller.strategy.current.levels
     assert first.velocity == pytest.approx(0.1 * np.array([0.0, 0.6, -0.8]), abs=1e-12)
     assert second.velocity[:3] == pytest.approx(0.3 * np.array([0.8, 0.0, 0.6]), abs=1e-12)
     assert second.velocity[3:] == pytest.approx([0.0, 0.2, 0.0], abs=1e-9)

@@ -6,9 +6,7 @@ import pytest
 from poise.control import VelocityLevel, solve_levels
 from poise.control._differential_ik._bounds import VelocityBounds
 from poise.control._differential_ik._within_bounds import solve_within_bounds
-from poise.hqp.level import Level
-from poise.hqp.problem import HierarchicalProblem
-from poise.hqp.strategies import solve
+from poise.hqp import HierarchicalProblem, Level, solve
 from poise.stack import JointLimit
 
 

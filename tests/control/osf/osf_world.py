@@ -7,13 +7,21 @@ import numpy as np
 import pinocchio as pin
 import yaml
 
-from poise.control._osf._formulation import OperationalFormulation
-from poise.control._osf._scales import RowScales
-from poise.dynamics import Dynamics, MatrixRates
+from poise.control._osf._rows import OperationalRows, RowScales
+from poise.control._rank import PHYSICS_RANK
+from poise.dynamics import Dynamics
 from poise.robots import load_robot
 from poise.sim import PlantConfig, StateMap
 from poise.sim._build import build_model
-from poise.stack import ComTask, FrameTask, PostureTask, Stack, SurfaceContact
+from poise.stack import (
+    ComTask,
+    FrameTask,
+    JointTask,
+    MomentumTask,
+    PostureTask,
+    Stack,
+    SurfaceContact,
+)
 
 FLOATING = ("humanoid33", "g1")
 FIXED = ("arm6", "upper17", "panda", "humanoid33 fixed")
@@ -56,6 +64,41 @@ def stack_for(robot, *, friction=0.7):
     )
 
 
+def redundant_stacks(robot):
+    """Stacks in which ranks are lost for certain, and which of their levels can be met."""
+    contacts = [SurfaceContact(sole) for sole in robot.soles] if robot.floating_base else []
+    hand, other = robot.hands[0], robot.hands[-1]
+    twice = [FrameTask(hand, "position"), FrameTask(hand, "position", name="again")]
+    return {
+        "the same task once more": (
+            Stack(contacts, [[twice[0]], [twice[1]], [PostureTask()]]),
+            [0],
+        ),
+        "the same task twice in a level": (
+            Stack(
+                contacts,
+                [[FrameTask(hand, "position", name="a"), FrameTask(hand, "position", name="b")]],
+            ),
+            [],
+        ),
+        "nothing left": (
+            Stack(contacts, [[PostureTask()], [FrameTask(other)], [ComTask()]]),
+            [] if contacts else [0],
+        ),
+        "more rows than freedom": (
+            Stack(
+                contacts,
+                [
+                    [FrameTask(hand, "position")],
+                    [JointTask(), FrameTask(hand), ComTask(), MomentumTask()],
+                    [PostureTask()],
+                ],
+            ),
+            [0],
+        ),
+    }
+
+
 class Rows:
     """The rows of a stack at any state, without a controller and its limits."""
 
@@ -63,17 +106,13 @@ class Rows:
         stack.bind(robot)
         scales = RowScales(robot)
         scales.learn(stack)
-        self.stack, self.dynamics, self._rates = stack, Dynamics(robot), MatrixRates(robot)
-        self.formulation = OperationalFormulation(robot, stack, stack.contacts, scales)
+        self.stack, self.dynamics = stack, Dynamics(robot)
+        self.rows = OperationalRows(robot, stack, stack.contacts, scales)
 
-    def at(self, state, *, exact=True):
+    def at(self, state):
         self.dynamics.update(state)
-        self._rates.update(state)
-        self.formulation.fill(self.dynamics, self._rates if exact else None)
-        rows = self.formulation.rows
-        if not exact:
-            rows.rates = None
-        return rows
+        self.rows.fill(self.dynamics)
+        return self.rows.levels
 
 
 def random_references(stack, rng, size=1.0):
@@ -81,24 +120,42 @@ def random_references(stack, rng, size=1.0):
         task.set_acceleration(size * rng.normal(size=task.dim))
 
 
-def dense_recursion(rows, dynamics, count=None):
-    """S and N after a number of levels, from eqs (5) to (8) and a pseudo-inverse.
+def dense_recursion(rows, dynamics, count=None, rank=None, demand=None):
+    """S and N after a number of levels, from eqs (5) to (8), with explicit inverses and projectors.
 
-    Written with explicit inverses and projectors; ranks must be clear-cut. The acceleration is
-    S - N M^-1 h.
+    Without `rank` it takes a pseudo-inverse, and ranks must be clear-cut; without `demand` nothing
+    is too much to ask for. The acceleration is S - N M^-1 h.
     """
     M_inverse = np.linalg.inv(dynamics.M)
     N, S = np.eye(len(M_inverse)), np.zeros(len(M_inverse))
-    for level in rows.slices[:count]:
+    for i, level in enumerate(rows.slices[:count]):
         J = rows.jacobian[level] * rows.scale[level][:, None]
-        c = (rows.reference[level] - rows.drift[level]) * rows.scale[level]
+        c = rows.target[level] * rows.scale[level]
         J_p = J @ N
         squares, U = np.linalg.eigh(J_p @ M_inverse @ J_p.T)
-        U, squares = U[:, squares > 1e-8], squares[squares > 1e-8]
-        Jbar = M_inverse @ J_p.T @ (U / squares) @ U.T
-        S = S + Jbar @ (c - J @ S)
-        N = N - Jbar @ J_p
+        if rank is None:
+            U, squares = U[:, squares > 1e-8], squares[squares > 1e-8]
+            share, gain = np.ones(len(squares)), 1.0 / squares
+        else:
+            share, gain = (rank if i else PHYSICS_RANK).activate(squares)
+        motion, step = M_inverse @ J_p.T @ U, gain * (U.T @ (c - J @ S))
+        if demand is not None and i and not demand.is_kept(motion @ step):
+            # Along directions of unit length, as the limit wants them.
+            s = np.sqrt(np.maximum(squares, rank.low**2))
+            step = demand.tempered(share, gain, s * (U.T @ (c - J @ S)), motion / s)
+            step = step * (U.T @ (c - J @ S))
+        S = S + motion @ step
+        N = N - motion @ (gain[:, None] * U.T) @ J_p
     return S, N
+
+
+def dense_acceleration(rows, dynamics, **treatment):
+    S, N = dense_recursion(rows, dynamics, **treatment)
+    return S - N @ np.linalg.solve(dynamics.M, dynamics.h)
+
+
+def relative(found, wanted):
+    return np.abs(found - wanted).max() / np.abs(wanted).max()
 
 
 def prioritised_singular_values(rows, dynamics):

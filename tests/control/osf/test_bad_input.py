@@ -58,15 +58,6 @@ def test_levels_that_are_none_leave_the_controller_as_it_was(get_any, levels, er
 
 
 @pytest.mark.parametrize(
-    ("settings", "choices"),
-    [({"bias": "fancy"}, "fused"), ({"derivative": "exactly"}, "numerical")],
-)
-def test_unknown_names_are_refused_with_the_choices(get_any, settings, choices):
-    with pytest.raises(UnknownNameError, match=choices):
-        OperationalSpaceController(get_any("arm6"), **settings)
-
-
-@pytest.mark.parametrize(
     ("low", "high"),
     [(0.2, 0.1), (0.1, 0.1), (0.0, 0.1), (0.1, 2.0), (-0.1, 0.1)],
 )
@@ -103,7 +94,6 @@ def test_steps_may_be_bounded_joint_by_joint(get_any):
 
 
 @pytest.mark.parametrize("name", ["arm6", "humanoid33"])
-@pytest.mark.parametrize("bias", ["fused", "original", "numerical"])
 @pytest.mark.parametrize(
     "spoil",
     [
@@ -115,9 +105,9 @@ def test_steps_may_be_bounded_joint_by_joint(get_any):
     ],
     ids=["nan q", "inf v", "short q", "long v", "nan time"],
 )
-def test_a_bad_state_gives_a_safe_torque_and_says_so(get_any, name, bias, spoil):
+def test_a_bad_state_gives_a_safe_torque_and_says_so(get_any, name, spoil):
     robot = get_any(name)
-    controller = OperationalSpaceController(robot, bias=bias)
+    controller = OperationalSpaceController(robot)
     good = near_home(robot, 0, spread=0.02)
     before = controller.step(good).torque
     command = controller.step(spoil(good))
@@ -200,8 +190,7 @@ def test_no_stack_and_no_state_makes_it_raise_or_leave_its_limits(get_any, data)
         levels[-1].append(makers[index]())
     kinds = ["none"] if name == "arm6" else sorted(CONTACTS)
     contacts = CONTACTS[data.draw(st.sampled_from(kinds))](robot)
-    bias = data.draw(st.sampled_from(["fused", "original", "proposed", "numerical"]))
-    controller = OperationalSpaceController(robot, Stack(contacts, levels), bias=bias)
+    controller = OperationalSpaceController(robot, Stack(contacts, levels))
     seed = data.draw(st.integers(0, 10_000))
     speed = data.draw(st.sampled_from([0.0, 0.1, 1.0, 30.0]))
     last = None

@@ -60,7 +60,7 @@ def test_an_arm_pulled_beyond_its_reach_keeps_its_torques_and_their_steps_bounde
     pull = Pull(robot, hand, controller, *SHOULDERS[name], speed)
     lost = 0
     for _ in pull.run(pull.duration + 0.5 if speed > 0.5 else min(pull.duration, 2.5)):
-        lost += controller.resolver.regular < 2
+        lost += controller.strategy.recursion.regular < 2
     # It went through the singularity, or asked for more than it is allowed to.
     assert lost > 20
     assert pull.ratio <= 1.0 + 1e-12

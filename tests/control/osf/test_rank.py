@@ -5,63 +5,23 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from oracles import near_home, random_state
-from osf_world import Rows, dense_recursion, missing, random_references, stack_for
+from osf_world import Rows, dense_recursion, missing, random_references, redundant_stacks, stack_for
 
 from poise.control import OperationalSpaceController, RankTreatment
-from poise.control._osf._fused import FusedResolver
 from poise.control._osf._limits import DemandLimit
-from poise.control._osf._recursion import PaperResolver
+from poise.control._osf._recursion import OperationalRecursion
 from poise.dynamics import RobotState
 from poise.errors import ConfigurationError
 from poise.stack import (
-    ComTask,
     FrameTask,
-    JointTask,
-    MomentumTask,
     PostureTask,
     Stack,
-    SurfaceContact,
 )
 
 SEEDS = range(10)
 
 CLEAR = RankTreatment(low=1e-3, high=1e-2)
 """Below what the chosen states have, above what rounding leaves of a lost direction."""
-
-
-def redundant_stacks(robot):
-    """Stacks in which ranks are lost for certain, and which of their levels can be met."""
-    contacts = [SurfaceContact(sole) for sole in robot.soles] if robot.floating_base else []
-    hand, other = robot.hands[0], robot.hands[-1]
-    twice = [FrameTask(hand, "position"), FrameTask(hand, "position", name="again")]
-    return {
-        "the same task once more": (
-            Stack(contacts, [[twice[0]], [twice[1]], [PostureTask()]]),
-            [0],
-        ),
-        "the same task twice in a level": (
-            Stack(
-                contacts,
-                [[FrameTask(hand, "position", name="a"), FrameTask(hand, "position", name="b")]],
-            ),
-            [],
-        ),
-        "nothing left": (
-            Stack(contacts, [[PostureTask()], [FrameTask(other)], [ComTask()]]),
-            [] if contacts else [0],
-        ),
-        "more rows than freedom": (
-            Stack(
-                contacts,
-                [
-                    [FrameTask(hand, "position")],
-                    [JointTask(), FrameTask(hand), ComTask(), MomentumTask()],
-                    [PostureTask()],
-                ],
-            ),
-            [0],
-        ),
-    }
 
 
 @pytest.mark.parametrize("name", ["panda", "upper17", "humanoid33"])
@@ -75,17 +35,12 @@ def test_lost_ranks_give_what_a_pseudo_inverse_gives(get_any, name, case):
         rows = world.at(near_home(robot, seed, spread=0.05, speed=0.3))
         S, N = dense_recursion(rows, world.dynamics)
         wanted = S - N @ np.linalg.solve(world.dynamics.M, world.dynamics.h)
-        for resolver in (
-            FusedResolver(robot.nv, CLEAR),
-            PaperResolver("original", CLEAR),
-            PaperResolver("proposed", CLEAR),
-        ):
-            found = resolver.resolve(rows, world.dynamics)
-            assert np.abs(found - wanted).max() < 1e-6 * max(1.0, np.abs(wanted).max())
-            for i in met:
-                level = rows.slices[i + 1]
-                missed = rows.jacobian[level] @ found + rows.drift[level] - rows.reference[level]
-                assert np.abs(missed).max() < 1e-6
+        found = OperationalRecursion(robot.nv, CLEAR).resolve(rows, world.dynamics)
+        assert np.abs(found - wanted).max() < 1e-6 * max(1.0, np.abs(wanted).max())
+        for i in met:
+            level = rows.slices[i + 1]
+            missed = rows.jacobian[level] @ found - rows.target[level]
+            assert np.abs(missed).max() < 1e-6
 
 
 @pytest.mark.parametrize("name", ["panda", "upper17", "humanoid33"])
@@ -97,15 +52,17 @@ def test_a_level_more_leaves_the_levels_above_as_they_were(get_any, name):
     for seed in range(40):
         random_references(stack, rng, 30.0)
         rows = world.at(random_state(robot, seed, speed=0.5))
-        resolver = FusedResolver(robot.nv, RankTreatment(), DemandLimit(base=robot.base_dofs))
-        resolver.resolve(rows, world.dynamics)
-        steps = resolver.steps()
+        recursion = OperationalRecursion(
+            robot.nv, RankTreatment(), DemandLimit(base=robot.base_dofs)
+        )
+        recursion.resolve(rows, world.dynamics)
+        steps = recursion.steps()
         for i, level in enumerate(rows.slices):
             # Where a level keeps its rank, later ones are invisible to it.
             scale = max(1.0, np.abs(steps[-1]).max())
             for before, after in zip(steps[i:], steps[i + 1 :], strict=False):
                 change = rows.jacobian[level] @ (after - before)
-                if i < resolver.regular:
+                if i < recursion.regular:
                     assert np.abs(change).max(initial=0.0) < 1e-9 * scale
 
 
@@ -116,14 +73,11 @@ def test_steps_end_with_the_answer(get_any, name):
     for seed in range(20):
         random_references(world.stack, rng, 10.0)
         rows = world.at(random_state(robot, seed, speed=0.5))
-        for resolver in (
-            FusedResolver(robot.nv, RankTreatment()),
-            PaperResolver("proposed", RankTreatment()),
-        ):
-            found = resolver.resolve(rows, world.dynamics)
-            steps = resolver.steps()
-            assert len(steps) == len(rows.slices)
-            assert np.abs(steps[-1] - found).max() < 1e-9 * max(1.0, np.abs(found).max())
+        recursion = OperationalRecursion(robot.nv, RankTreatment())
+        found = recursion.resolve(rows, world.dynamics)
+        steps = recursion.steps()
+        assert len(steps) == len(rows.slices)
+        assert np.abs(steps[-1] - found).max() < 1e-9 * max(1.0, np.abs(found).max())
 
 
 def singular_arm(robot, bend):
@@ -139,14 +93,14 @@ def test_torques_are_continuous_through_a_singularity(get_any):
     hand = FrameTask(robot.hands[0], "position")
     world = Rows(robot, Stack(levels=[[hand], [PostureTask()]]))
     demand = DemandLimit()
-    resolver = FusedResolver(6, RankTreatment(), demand)
+    recursion = OperationalRecursion(6, RankTreatment(), demand)
     hand.set_acceleration([15.0, 5.0, 5.0])
     changes = {}
     for count in (200, 400, 800):
         found = []
         for bend in np.linspace(-0.4, 0.4, count + 1):
             rows = world.at(singular_arm(robot, bend))
-            found.append(resolver.resolve(rows, world.dynamics))
+            found.append(recursion.resolve(rows, world.dynamics))
         changes[count] = np.abs(np.diff(found, axis=0)).max()
         assert np.abs(found).max() < 2.5 * demand.acceleration
     # A jump would stay as large as it is, however small the steps.
@@ -158,13 +112,13 @@ def test_a_demand_within_bounds_is_met_exactly_and_a_larger_one_reaches_the_boun
     robot = get_any("panda")
     hand = FrameTask(robot.hands[0], "position")
     world = Rows(robot, Stack(levels=[[hand]]))
-    resolver = FusedResolver(robot.nv, RankTreatment(), DemandLimit(acceleration=20.0))
+    recursion = OperationalRecursion(robot.nv, RankTreatment(), DemandLimit(acceleration=20.0))
     q, reached = robot.q_home, 0
     for size in (0.1, 1.0, 5.0, 50.0, 500.0):
         hand.bind(robot)
         hand.set_acceleration(size * np.array([0.3, -0.8, 0.5]))
         rows = world.at(RobotState(q, np.zeros(robot.nv)))
-        dv = resolver.resolve(rows, world.dynamics)
+        dv = recursion.resolve(rows, world.dynamics)
         S, N = dense_recursion(rows, world.dynamics)
         let_go = N @ np.linalg.solve(world.dynamics.M, world.dynamics.h)
         if np.abs(S).max() <= 20.0:
@@ -173,8 +127,8 @@ def test_a_demand_within_bounds_is_met_exactly_and_a_larger_one_reaches_the_boun
             reached += 1
             # Along the way to what was asked, as the damping lets it, at the bound or just below.
             assert 10.0 < np.abs(dv + let_go).max() < 30.0
-            missed = rows.jacobian @ dv + rows.drift - rows.reference
-            assert np.linalg.norm(missed) < np.linalg.norm(rows.reference)
+            missed = rows.jacobian @ dv - rows.target
+            assert np.linalg.norm(missed) < np.linalg.norm(rows.target)
     assert 1 <= reached <= 4
 
 
@@ -193,7 +147,7 @@ def test_a_demand_that_is_no_positive_number_is_refused():
 def test_shares_rise_from_zero_to_one_and_gains_are_bounded(squares, low, width):
     rank = RankTreatment(low=low, high=low + width)
     values = np.sort(np.array(squares))
-    share, gain = rank.shares(values)
+    share, gain = rank.activate(values)
     assert ((share >= 0.0) & (share <= 1.0)).all()
     assert (np.diff(share) >= 0.0).all()
     assert (share[values <= low * low * (1.0 - 1e-9)] == 0.0).all()

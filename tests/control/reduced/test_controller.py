@@ -92,7 +92,7 @@ def test_in_flight_only_the_base_is_left(get_robot):
     )
     state = near_home(robot, 0, spread=0.05, speed=0.05)
     commands = [c.step(state) for c in controllers]
-    reduced = controllers[1].resolver.reduced.partition
+    reduced = controllers[1].strategy.current.reduced.partition
     assert (reduced.na, reduced.constraint, len(reduced.chains)) == (6, (), 1)
     compare(commands)
 
@@ -104,8 +104,8 @@ def test_where_every_joint_is_constrained_or_kept_the_problem_is_the_whole_one(g
     controllers = both(robot, frames, lambda robot: [[PostureTask()]])
     state = near_home(robot, 1, spread=0.02, speed=0.02)
     commands = [c.step(state) for c in controllers]
-    assert controllers[1].resolver.reduced.partition.nu == 0
-    assert controllers[1].resolver.second is None
+    assert controllers[1].strategy.current.reduced.partition.nu == 0
+    assert controllers[1].strategy.current.second is None
     compare(commands, 1e-5)
 
 
@@ -130,7 +130,7 @@ def test_a_chain_that_its_limits_lock_keeps_them(get_robot):
             task.set_target(position=[1.0, 0.0, 2.0])
     state = RobotState(robot.q_home, np.zeros(robot.nv))
     whole, reduced = (c.step(state) for c in controllers)
-    assert controllers[1].resolver.second_solution is not None
+    assert controllers[1].strategy.current.second_solution is not None
     for command in (whole, reduced):
         assert command.status.ok
         assert max(command.residuals[:2]) < PHYSICS

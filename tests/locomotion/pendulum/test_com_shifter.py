@@ -108,3 +108,22 @@ def test_acceleration_is_limited_axis_by_axis():
     shifter = ComShifter(HEIGHT)
     wanted = shifter.acceleration(np.array([1.0, 0.001]), np.zeros(2), np.zeros(2))
     np.testing.assert_allclose(wanted, [0.8, 0.04])
+
+
+def test_stiffness_is_on_the_displacement_and_damping_on_the_velocity():
+    shifter = ComShifter(HEIGHT, kp=40.0, kd=7.0, acceleration_max=1e3)
+    r, p, v = (np.array(pair) for pair in ([0.1, -0.2], [0.03, 0.04], [0.5, -0.7]))
+    np.testing.assert_allclose(
+        shifter.acceleration(r, p, v), [40.0 * 0.07 - 7.0 * 0.5, -40.0 * 0.24 + 7.0 * 0.7]
+    )
+    by_rule = ComShifter(HEIGHT, kp=40.0)
+    assert by_rule.kd == pytest.approx(40.0 / by_rule.omega + by_rule.omega)
+    assert (by_rule.kp, shifter.kd) == (40.0, 7.0)
+
+
+def test_an_unlimited_answer_is_the_dual_regulators_in_the_divergent_component():
+    shifter = ComShifter(HEIGHT, kp=40.0)
+    r, p, v = np.array([0.1]), np.array([0.03]), np.array([0.2])
+    zmp = shifter.cart_table_zmp(p, shifter.unlimited(r, p, v))
+    xi = p + v / shifter.omega
+    np.testing.assert_allclose(zmp, r + (1.0 + 40.0 / shifter.omega**2) * (xi - r), atol=1e-12)

@@ -91,9 +91,11 @@ def test_a_run_with_a_driver_of_its_own_is_not_recorded(get_robot, tmp_path):
 def test_way_points_have_to_be_in_order_and_finite():
     zero = np.zeros(3)
     with pytest.raises(ConfigurationError, match="order of time"):
-        ScriptedDevice([WayPoint(at=1.0), WayPoint(at=1.0)], zero, zero)
-    with pytest.raises(ConfigurationError, match="no point"):
-        ScriptedDevice([WayPoint(at=1.0, left=(0.0, np.nan, 0.0))], zero, zero)
+        ScriptedDevice([WayPoint(at=1.0, left=(0.0, 0.0, 0.0))] * 2, zero, zero)
+    with pytest.raises(ConfigurationError, match=r"left\[1\] is out of range; got nan.*\[m\]"):
+        WayPoint(at=1.0, left=(0.0, np.nan, 0.0))
+    with pytest.raises(ConfigurationError, match="moves no hand"):
+        WayPoint(at=1.0)
 
 
 def test_a_script_blends_from_rest_to_rest():

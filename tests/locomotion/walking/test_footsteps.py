@@ -98,13 +98,13 @@ def test_a_swing_clears_a_platform_all_the_way(get_robot):
     feet = list(plan.start)
     for step in plan.steps:
         begin, end = feet[step.foot], step.goal
-        for share in np.linspace(0.0, 1.0, 101):
-            way = step.shape.progress(share)
-            x = begin.position[0] + way * (end.position[0] - begin.position[0])
+        for phase in np.linspace(0.0, 1.0, 101).tolist():
+            ratio = step.shape.progress(phase)
+            x = begin.position[0] + ratio * (end.position[0] - begin.position[0])
             half = 0.5 * plan.sizes[step.foot][0]
             if x + half > 0.45 and x - half < 0.53:
                 over += 1
-                height = step.shape.height(share, begin.position[2], end.position[2])
+                height, _, _ = step.shape.height(phase, begin.position[2], end.position[2])
                 assert height > 0.05 + 0.005
         feet[step.foot] = end
     assert over > 10
@@ -153,13 +153,28 @@ def test_a_swing_too_low_for_what_is_in_its_way_is_refused(get_robot):
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: Gait(step_time=-1.0), "step_time of the gait"),
+        (
+            lambda: Gait(step_time=-1.0),
+            r"step_time is out of range; got -1.0; wanted a positive.*\[s\]",
+        ),
         (lambda: Gait(step_time=0.2, double_support=0.15), "no time to swing"),
         (lambda: Gait(swing_height=float("nan")), "swing_height"),
-        (lambda: Stride(steps=0), "number of steps"),
-        (lambda: Stride(steps=2, length=float("inf")), "length of a stride"),
-        (lambda: Platform(center=(0.0, 0.0), size=(1.0, -1.0, 0.1)), "size of a platform"),
-        (lambda: Platform(center=(0.0, float("nan")), size=(1.0, 1.0, 0.1)), "place of a platform"),
+        (
+            lambda: Stride(steps=0),
+            "steps is out of range; got 0; wanted a whole number of at least 1, up to 1000",
+        ),
+        (
+            lambda: Stride(steps=2, length=float("inf")),
+            r"Stride: length is out of range; got inf.*\[m\]",
+        ),
+        (
+            lambda: Platform(center=(0.0, 0.0), size=(1.0, -1.0, 0.1)),
+            r"Platform: size\[1\] is out of range; got -1.0.*positive.*\[m\]",
+        ),
+        (
+            lambda: Platform(center=(0.0, float("nan")), size=(1.0, 1.0, 0.1)),
+            r"Platform: center\[1\] is out of range; got nan.*\[m\]",
+        ),
     ],
 )
 def test_numbers_that_cannot_be_right_are_refused_when_made(make, message):

@@ -35,7 +35,7 @@ def test_the_zmp_reference_stands_in_the_foot_that_carries(walk):
 def test_rates_are_derivatives(walk):
     _, reference = walk
     step = reference.time[1] - reference.time[0]
-    for values, tolerance in ((reference.com, 0.1), (reference.way, 0.1)):
+    for values, tolerance in ((reference.com, 0.1), (reference.displacement, 0.1)):
         for order in (0, 1):
             slope = np.gradient(values[:, order], step, axis=0)[2:-2]
             scale = np.abs(values[:, order + 1]).max(axis=0) + 1e-6
@@ -45,12 +45,12 @@ def test_rates_are_derivatives(walk):
 
 def test_the_walk_ends_at_rest_above_the_middle_of_the_feet(walk):
     plan, reference = walk
-    com, way = reference.at(plan.duration + 5.0)
+    com, displacement = reference.at(plan.duration + 5.0)
     left, right = plan.placements(plan.count)
     middle = 0.5 * np.add(left.position, right.position)
     np.testing.assert_allclose(com[0, :2], middle[:2], atol=2e-3)
     np.testing.assert_allclose(com[1:], 0.0, atol=5e-3)
-    assert way[0, 3] == pytest.approx(6 * 0.05)
+    assert displacement[0, 3] == pytest.approx(6 * 0.05)
 
 
 def test_references_between_the_grid_lie_between_its_points(walk):

@@ -1,4 +1,4 @@
-"""The way of a foot through the air."""
+"""The trajectory of a foot through the air."""
 
 import math
 
@@ -19,7 +19,7 @@ def swing(shape=None, rotation=None, depth=0.04):
     return SwingFoot(BEGIN, np.eye(3) if rotation is None else rotation, GOAL, shape, T, depth)
 
 
-def flown(foot, seconds=T, shift=lambda _: (0.0, 0.0)):
+def flown(foot, seconds=T, shift=lambda _: np.zeros(2)):
     rows = []
     for i in range(round(seconds / DT)):
         foot.advance(DT, shift(i * DT))
@@ -56,7 +56,7 @@ def test_rates_are_derivatives():
 
 
 def test_a_goal_that_moves_is_reached_without_a_jump():
-    rows = flown(swing(), shift=lambda t: (0.1, -0.05) if t > 0.25 else (0.0, 0.0))
+    rows = flown(swing(), shift=lambda t: (t > 0.25) * np.array([0.1, -0.05]))
     np.testing.assert_allclose(rows[-1, :2], [0.5, 0.2], atol=1e-3)
     assert np.abs(np.diff(rows[:, 3:5], axis=0)).max() < 0.1
 

@@ -117,10 +117,10 @@ def test_a_foot_that_never_lands_ends_the_walk_with_all_targets_at_rest(frozen):
     assert robot.walker.status is WalkStatus.FOOT_LOST
 
 
-@pytest.mark.parametrize("share", [-0.1, 0.5], ids=["both feet down", "one in the air"])
-def test_a_com_that_runs_away_ends_the_walk(frozen, share):
+@pytest.mark.parametrize("phase", [-0.1, 0.5], ids=["both feet down", "one in the air"])
+def test_a_com_that_runs_away_ends_the_walk(frozen, phase):
     robot = frozen(settings=WalkSettings())
-    robot.until(robot.plan.lift_off(0) + share * GAIT.swing_time, left_sole=0.0)
+    robot.until(robot.plan.lift_off(0) + phase * GAIT.swing_time, left_sole=0.0)
     assert robot.walker.status is WalkStatus.WALKING
     robot.velocity[0] = 2.0
     robot.tick(left_sole=0.0)
@@ -128,7 +128,7 @@ def test_a_com_that_runs_away_ends_the_walk(frozen, share):
     robot.velocity[0] = 0.0
     robot.until(8.0, left_sole=200.0, right_sole=200.0)
     assert robot.walker.status is WalkStatus.COM_LOST
-    assert robot.walker.steps_made == (1 if share > 0.0 else 0)
+    assert robot.walker.steps_made == (1 if phase > 0.0 else 0)
     assert robot.active() == (True, True)
 
 

@@ -4,18 +4,18 @@ from importlib.util import find_spec
 
 from poise.errors import MissingExtraError
 
-if find_spec("viser") is None:
-    raise MissingExtraError("viser", "teleop", "Live teleoperation")
+if find_spec("websockets") is None:
+    raise MissingExtraError("websockets", "teleop", "Live teleoperation")
 
 from poise.apps.live._gamepad import HostGamepad
-from poise.apps.live._inputs import LiveHands, OperatorInputs, Pad
+from poise.apps.live._inputs import LiveFeet, OperatorInputs, Pad
 from poise.apps.live._log import Takes
 from poise.apps.live._loop import LiveLoop, Snapshot
 from poise.apps.live._session import LiveSession
 
 __all__ = [
     "HostGamepad",
-    "LiveHands",
+    "LiveFeet",
     "LiveLoop",
     "LiveSession",
     "OperatorInputs",

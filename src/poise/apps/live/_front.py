@@ -1,12 +1,24 @@
 """`Front`: the only way in. It serves the page, and tells operators from watchers.
 
-The pages that `Front` serves, and how it answers.
+Everything that a browser gets comes from one origin on 127.0.0.1, through the public API of
+`websockets` alone:
+
+- `GET /` and the files beside it: the page. It draws the robot by itself, with the three.js and the
+  code that reports carry for their replay, so there is no second server that would want a guard.
+- `GET /shapes.json`: what the robot looks like, once.
+- `/control`: a WebSocket. Out of it comes the status, with the pose of every body; into it goes
+  what the operator does. A connection that shows the token gets the operator's seat if that is
+  free, and has it until it closes. What any other connection sends is refused and dropped.
+- `GET /takes/NAME`: recordings, with the token.
+
+A request under a foreign host name (one of somebody else's that resolves to this machine) or from a
+page of another origin gets nothing, whatever it asks for and whatever it shows.
 """
 
 import asyncio
-import json
 import socket
 import threading
+from contextlib import suppress
 from http import HTTPStatus
 from importlib.resources import files
 from pathlib import Path
@@ -14,81 +26,34 @@ from typing import Any, Protocol, runtime_checkable
 from urllib.parse import parse_qs, urlsplit
 
 import msgspec
-import viser
-from websockets.asyncio.client import connect
-from websockets.asyncio.server import Server, ServerConnection, broadcast, serve
+from websockets.asyncio.server import ServerConnection, serve
 from websockets.datastructures import Headers
 from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
-from websockets.typing import Subprotocol
 
-from poise.apps.live._scene import OPERATOR, ROLE_HEADER, SECRET_HEADER
 from poise.apps.live._seat import Seat, is_local, is_same_origin
+from poise.apps.report import asset
 from poise.errors import ConfigurationError, PoiseError
 
-# viser's own panel could open a tunnel to the internet; without it there is nothing to press.
-_HIDE_PANEL = (
-    "[data-floating-window],[data-dock-group],.mantine-Paper-root,.mantine-Notifications-root"
-    "{display:none!important}"
-)
-
-
-def operator_page() -> str:
-    """The page around the drawing: one document, with its style and script inside."""
-    assets = files("poise.apps.live").joinpath("assets")
-
-    def text(name: str) -> str:
-        return assets.joinpath(name).read_text(encoding="utf-8")
-
-    page = text("page.html").replace("/* page.css */", text("page.css"))
-    return page.replace("/* page.js */", text("page.js"))
-
-
-def viewer_page() -> str:
-    """The page of viser, with nothing on it but the drawing."""
-    assert viser.__file__ is not None
-    index = Path(viser.__file__).parent / "client" / "build" / "index.html"
-    page = index.read_text(encoding="utf-8")
-    return page.replace("<head>", f"<head><style>{_HIDE_PANEL}</style>", 1)
-
-
-def answer(status: HTTPStatus, body: str | bytes, kind: str = "text/plain") -> Response:
-    """A response to a browser.
-
-    Args:
-        status: of HTTP.
-        body: what it says.
-        kind: its MIME type.
-    """
-    data = body.encode() if isinstance(body, str) else body
-    headers = Headers(
-        {
-            "Content-Type": kind,
-            "Content-Length": str(len(data)),
-            "Cache-Control": "no-store",
-            "Connection": "close",
-            # The address holds the token.
-            "Referrer-Policy": "no-referrer",
-            # The drawing stands in the page under this machine's other name.
-            "Content-Security-Policy": "frame-ancestors http://127.0.0.1:* http://localhost:*",
-            "X-Content-Type-Options": "nosniff",
-        }
-    )
-    return Response(status.value, status.phrase, headers, data)
-
-
 HOST = "127.0.0.1"
-STATUS_PERIOD = 0.05
+STATUS_PERIOD = 0.04
 """Time from one status to the next [s]."""
 
 _LONGEST = 65536
 """Longest message that a page may send [bytes]."""
-_BEHIND = 1 << 20
-"""A page that has not taken this much yet is left out until it has [bytes]."""
 
-_CAMERA = "ViewerCameraMessage"
-_HANDLE = "TransformControls"
-"""Of viser's messages, what a watcher may send, and the beginning of what an operator may too."""
+_FILES = ("page.html", "page.css", "page.js", "view.js")
+_KINDS = {"html": "text/html", "css": "text/css", "js": "text/javascript", "json": "text/json"}
+_HEADERS = {
+    "Cache-Control": "no-store",
+    "Connection": "close",
+    # The address holds the token.
+    "Referrer-Policy": "no-referrer",
+    "Content-Security-Policy": "default-src 'self'; img-src data:; frame-ancestors 'none'; "
+    "connect-src 'self' ws://127.0.0.1:* ws://localhost:*",
+    "X-Content-Type-Options": "nosniff",
+}
+_NOT_YOU = {"error": "You are watching: nothing that this page sends moves the robot."}
 
 
 class PortInUseError(PoiseError):
@@ -99,12 +64,8 @@ class PortInUseError(PoiseError):
 class Desk(Protocol):
     """What stands behind `Front`: all commands come here, and only from the operator."""
 
-    def order(self, message: dict[str, Any]) -> dict[str, Any] | None:
+    def order(self, text: str | bytes) -> dict[str, Any] | None:
         """Carries out a message of the operator's page; an answer for that page."""
-        ...
-
-    def handle(self, message: dict[str, Any]) -> None:
-        """What the operator did with a handle, as viser says it."""
         ...
 
     def left(self) -> None:
@@ -121,35 +82,27 @@ class Desk(Protocol):
 
 
 class Front:
-    """A server on 127.0.0.1 with the page, one channel for commands and one for the drawing.
-
-    A connection to `/control` with the token gets the operator's seat if it is free, and with it a
-    key that lives as long as the connection. What comes in through `/scene` is handed on only as
-    far as it moves the sender's own camera, or, with the key, a handle. A page of another origin
-    gets nothing, nor does a request under a foreign host name.
+    """A server on 127.0.0.1 with the page and one channel.
 
     Args:
         desk: takes the commands.
         port: to listen on; 0 for any that is free.
-        scene_port: where `Scene` listens.
-        secret: what it wants to be shown.
+        shapes: what the robot looks like, as the page reads it.
 
     Raises:
         PortInUseError: the port is taken.
         ConfigurationError: no such port.
     """
 
-    def __init__(self, desk: Desk, *, port: int, scene_port: int, secret: str) -> None:
-        self._desk, self._scene, self._secret = desk, f"ws://{HOST}:{scene_port}", secret
+    def __init__(self, desk: Desk, *, port: int, shapes: dict[str, Any]) -> None:
+        self._desk = desk
         self.seat = Seat()
+        self._pages = _pages(shapes)
         self._socket = _listen(port)
         self.port = int(self._socket.getsockname()[1])
-        self._pages: set[ServerConnection] = set()
-        self._viewer = viewer_page()
-        self._page = operator_page()
         self._loop = asyncio.new_event_loop()
-        self._ready = threading.Event()
-        self._stopped: asyncio.Event | None = None
+        self._ready, self._stopped = threading.Event(), asyncio.Event()
+        self._told, self._told_at = "", -1.0
         self._thread = threading.Thread(target=self._run, name="poise front", daemon=True)
 
     @property
@@ -169,168 +122,122 @@ class Front:
 
     def stop(self) -> None:
         """Closes all connections."""
-        stopped = self._stopped
-        if stopped is not None:
-            self._loop.call_soon_threadsafe(stopped.set)
+        if self._thread.is_alive():
+            self._loop.call_soon_threadsafe(self._stopped.set)
             self._thread.join()
         self._socket.close()
 
-    # The thread ----------------------------------------------------------------------------------
-
     def _run(self) -> None:
-        asyncio.set_event_loop(self._loop)
         self._loop.run_until_complete(self._serve())
         self._loop.close()
 
     async def _serve(self) -> None:
-        self._stopped = asyncio.Event()
-        server: Server = await serve(
+        async with serve(
             self._connected,
             sock=self._socket,
             process_request=self._requested,
-            select_subprotocol=_subprotocol,
             compression=None,
             max_size=_LONGEST,
             close_timeout=1.0,
-        )
-        async with server:
-            telling = asyncio.create_task(self._tell())
+        ):
             self._ready.set()
             await self._stopped.wait()
-            telling.cancel()
+
+    # Pages ---------------------------------------------------------------------------------------
 
     def _requested(self, _: ServerConnection, request: Request) -> Response | None:
+        """What a request gets; None lets it on to the channel."""
         host = request.headers.get("Host")
         if not is_local(host):
-            return answer(HTTPStatus.FORBIDDEN, "This server is for this machine only.")
+            return _answer(HTTPStatus.FORBIDDEN, b"This server is for this machine only.")
         if not is_same_origin(request.headers.get("Origin"), host):
-            return answer(HTTPStatus.FORBIDDEN, "Pages of another origin are refused.")
-        url = urlsplit(request.path)
-        if request.headers.get("Upgrade", "").lower() == "websocket":
-            known = url.path in ("/control", "/scene")
-            return None if known else answer(HTTPStatus.NOT_FOUND, "No such channel.")
-        if url.path == "/":
-            return answer(HTTPStatus.OK, self._page, "text/html; charset=utf-8")
-        if url.path == "/view":
-            return answer(HTTPStatus.OK, self._viewer, "text/html; charset=utf-8")
-        if url.path.startswith("/takes/"):
-            return self._download(url.path.removeprefix("/takes/"), _query(request, "token"))
-        return answer(HTTPStatus.NOT_FOUND, "No such page.")
+            return _answer(HTTPStatus.FORBIDDEN, b"Pages of another origin are refused.")
+        path = urlsplit(request.path).path
+        if path == "/control":
+            return None
+        if path in self._pages:
+            body, kind = self._pages[path]
+            return _answer(HTTPStatus.OK, body, kind)
+        if path.startswith("/takes/"):
+            return self._download(path.removeprefix("/takes/"), _token(request))
+        return _answer(HTTPStatus.NOT_FOUND, b"No such page.")
 
     def _download(self, name: str, token: str | None) -> Response:
         if token is None or not self.seat.shows(token):
-            return answer(HTTPStatus.FORBIDDEN, "Recordings are for the operator.")
+            return _answer(HTTPStatus.FORBIDDEN, b"Recordings are for the operator.")
         path = self._desk.file(name)
         if path is None:
-            return answer(HTTPStatus.NOT_FOUND, "No such recording.")
-        return answer(HTTPStatus.OK, path.read_bytes(), "application/octet-stream")
+            return _answer(HTTPStatus.NOT_FOUND, b"No such recording.")
+        return _answer(HTTPStatus.OK, path.read_bytes(), "application/octet-stream")
+
+    # The channel ---------------------------------------------------------------------------------
 
     async def _connected(self, connection: ServerConnection) -> None:
-        request = connection.request
-        assert request is not None
+        assert connection.request is not None
+        grant = self.seat.enter(_token(connection.request))
+        telling: asyncio.Task[None] | None = None
         try:
-            if urlsplit(request.path).path == "/control":
-                await self._control(connection, request)
-            else:
-                await self._draw(connection, request)
+            role = "operator" if grant.drives else "watcher"
+            await connection.send(_json({"hello": role, "reason": grant.reason}))
+            telling = asyncio.create_task(self._tell(connection))
+            async for text in connection:
+                reply = self._obey(text) if self.seat.holds(grant) else _NOT_YOU
+                if reply is not None:
+                    await connection.send(_json(reply))
         except ConnectionClosed:
             pass
-
-    # Commands ------------------------------------------------------------------------------------
-
-    async def _control(self, connection: ServerConnection, request: Request) -> None:
-        grant = self.seat.enter(_query(request, "token"))
-        hello = {
-            "hello": "watcher" if grant.key is None else OPERATOR,
-            "key": grant.key,
-            "reason": grant.reason,
-        }
-        try:
-            await connection.send(json.dumps(hello))
-            self._pages.add(connection)
-            async for text in connection:
-                reply = self._obey(text) if self.seat.holds(grant.key) else _NOT_YOU
-                if reply is not None:
-                    await connection.send(json.dumps(reply))
         finally:
-            self._pages.discard(connection)
-            if self.seat.holds(grant.key):
-                self.seat.leave(grant.key)
+            if telling is not None:
+                telling.cancel()
+            if self.seat.holds(grant):
+                self.seat.leave(grant)
                 self._desk.left()
 
     def _obey(self, text: str | bytes) -> dict[str, Any] | None:
         try:
-            message = json.loads(text, parse_constant=_refuse)
-        except (ValueError, RecursionError):
-            return {"error": "this is no JSON"}
-        if not isinstance(message, dict):
-            return {"error": "this is no message"}
-        try:
-            return self._desk.order(message)
+            return self._desk.order(text)
         except PoiseError as error:
             return {"error": str(error)}
 
-    async def _tell(self) -> None:
-        while True:
-            status = self._desk.status() | {
-                "driven": self.seat.taken,
-                "pages": len(self._pages),
-            }
-            # One page that does not keep up shall not fill the memory.
-            ready = [p for p in self._pages if p.transport.get_write_buffer_size() < _BEHIND]
-            broadcast(ready, json.dumps(status))
-            await asyncio.sleep(STATUS_PERIOD)
+    async def _tell(self, connection: ServerConnection) -> None:
+        """Sends a page the status for ever; one that does not keep up gets it less often."""
+        with suppress(ConnectionClosed):
+            while True:
+                await connection.send(self._status())
+                await asyncio.sleep(STATUS_PERIOD)
 
-    # The drawing ---------------------------------------------------------------------------------
-
-    async def _draw(self, connection: ServerConnection, request: Request) -> None:
-        key = _query(request, "key")
-        role = OPERATOR if self.seat.holds(key) else "watcher"
-        chosen = connection.subprotocol
-        async with connect(
-            self._scene,
-            subprotocols=None if chosen is None else [chosen],
-            additional_headers={SECRET_HEADER: self._secret, ROLE_HEADER: role},
-            compression=None,
-            max_size=None,
-            proxy=None,
-        ) as viewer:
-            back = asyncio.create_task(_pump(viewer, connection))
-            try:
-                async for data in connection:
-                    if isinstance(data, bytes) and self._may_pass(data, key):
-                        await viewer.send(data)
-            finally:
-                back.cancel()
-                if self.seat.holds(key):
-                    # A page that goes in the middle of a drag cannot say that it lets go.
-                    for name in ("left", "right"):
-                        self._desk.handle({"type": f"{_HANDLE}DragEndMessage", "name": name})
-
-    def _may_pass(self, data: bytes, key: str | None) -> bool:
-        """Whether viser gets a page's message; tells the desk of handles that were moved."""
-        try:
-            message = msgspec.msgpack.decode(data)
-        except msgspec.DecodeError:
-            return False
-        kind = message.get("type") if isinstance(message, dict) else None
-        if kind == _CAMERA:
-            return True
-        if not (isinstance(kind, str) and kind.startswith(_HANDLE) and self.seat.holds(key)):
-            return False
-        try:
-            self._desk.handle(message)
-        except ConfigurationError:
-            return False
-        return True
+    def _status(self) -> str:
+        """The status, put into words once for all pages that ask at about the same time."""
+        now = self._loop.time()
+        if now - self._told_at > 0.5 * STATUS_PERIOD:
+            self._told = _json(self._desk.status() | {"driven": self.seat.taken})
+            self._told_at = now
+        return self._told
 
 
-_NOT_YOU = {"error": "You are watching: nothing that this page sends moves the robot."}
+def _pages(shapes: dict[str, Any]) -> dict[str, tuple[bytes, str]]:
+    """What is served: text and MIME type by path."""
+    own = files("poise.apps.live").joinpath("assets")
+    texts = {name: own.joinpath(name).read_text(encoding="utf-8") for name in _FILES}
+    texts |= {name: asset(name) for name in ("three.bundle.min.js", "scene.js")}
+    texts["shapes.json"] = _json(shapes)
+    kinds = {name: _KINDS[name.rpartition(".")[2]] + "; charset=utf-8" for name in texts}
+    found = {f"/{name}": (text.encode(), kinds[name]) for name, text in texts.items()}
+    return found | {"/": found["/page.html"]}
 
 
-async def _pump(source: Any, sink: ServerConnection) -> None:
-    async for data in source:
-        await sink.send(data)
+def _answer(status: HTTPStatus, body: bytes, kind: str = "text/plain") -> Response:
+    headers = Headers(_HEADERS | {"Content-Type": kind, "Content-Length": str(len(body))})
+    return Response(status.value, status.phrase, headers, body)
+
+
+def _token(request: Request) -> str | None:
+    return parse_qs(urlsplit(request.path).query).get("token", [None])[0]
+
+
+def _json(message: dict[str, Any]) -> str:
+    # Not the standard library's: a browser cannot read its NaN.
+    return msgspec.json.encode(message).decode()
 
 
 def _listen(port: int) -> socket.socket:
@@ -348,15 +255,3 @@ def _listen(port: int) -> socket.socket:
             wanted="another with --port, or 0 for any that is free",
         ) from None
     return listener
-
-
-def _query(request: Request, name: str) -> str | None:
-    return parse_qs(urlsplit(request.path).query).get(name, [None])[0]
-
-
-def _subprotocol(_: ServerConnection, offered: Any) -> Subprotocol | None:
-    return next((p for p in offered if p.startswith("viser-v")), None)
-
-
-def _refuse(constant: str) -> float:
-    raise ValueError(constant)

@@ -1,51 +1,59 @@
-"""`LiveHands`: the operator's wishes as two hands that move smoothly, a `Device`.
+"""`OperatorInputs`: what the operator does right now, handed from a page or gamepad to the loop.
 
-`OperatorInputs`: what the operator does right now, handed from a page or gamepad to the loop.
+`LiveFeet`: the same as two foot devices that move smoothly, a `Device`.
 """
 
 import threading
 import time as clock
-from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 from jaxtyping import Float64
+from msgspec import Meta, Struct
+from msgspec.structs import replace
 
 from poise.locomotion import DeviceSample, StepTeleoperator
 
 FRESH_FOR = 0.4
 """The operator is there for so long after the last sign of life [s]."""
 
-_SMOOTH = 0.2
-"""How much a new time between two signs of life counts."""
+HOLD_HEIGHT = 0.10
+"""A foot that is lifted by a button is held this far above its place on the ground [m]."""
+
+_SPEED = 0.6
+"""A device follows its handle no faster than this [m/s], however the mouse jumps."""
+_DOWN_SPEED = 0.15
+"""A foot that is let go comes down at this speed [m/s]."""
+_STICK_SPEED = 0.25
+"""Speed of a lifted foot with the stick all the way over [m/s]."""
+_STICK_LEAD = 0.06
+"""The stick moves a device no further than this ahead of its foot, along an axis [m]."""
+
+Deflection = Annotated[float, Meta(ge=-1.0, le=1.0)]
+Coordinate = Annotated[float, Meta(gt=-100.0, lt=100.0)]
+"""A handle further away than this [m] is none."""
+Place = tuple[Coordinate, Coordinate, Coordinate]
 
 
-@dataclass(frozen=True, slots=True)
-class Pad:
-    """Keys, held buttons or a gamepad.
+class Pad(Struct, frozen=True, tag_field="do", tag="drive"):
+    """Keys, held buttons, sticks and handles at one moment: the whole of what the operator does.
+
+    A page says this as JSON, which is checked as it is read.
 
     Attributes:
         lift: whether the left and the right foot shall be up.
         move: where the lifted foot goes, forward and left, each from -1 to 1.
         upright: whether the torso shall be brought upright.
+        drag: where the left and the right foot's handle is held, in the drawn world; None for one
+            that is not held [m].
+        beat: the page's clock, which it gets back to measure the latency [ms].
     """
 
     lift: tuple[bool, bool] = (False, False)
-    move: tuple[float, float] = (0.0, 0.0)
+    move: tuple[Deflection, Deflection] = (0.0, 0.0)
     upright: bool = False
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Wish:
-    """What the operator wants.
-
-    Attributes:
-        pad: keys, buttons, sticks.
-        drag: where the left and the right foot's handle is held, in the drawn world; None for one
-            that is not held [m].
-    """
-
-    pad: Pad = Pad()
-    drag: tuple[Float64[np.ndarray, "3"] | None, Float64[np.ndarray, "3"] | None] = (None, None)
+    drag: tuple[Place | None, Place | None] = (None, None)
+    beat: float = 0.0
 
 
 class OperatorInputs:
@@ -53,63 +61,43 @@ class OperatorInputs:
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._wish = Wish()
+        self._pad = Pad()
         self._alive_at: float | None = None
-        self.gap = 0.0
-        """Time from one sign of life to the next, smoothed [s]."""
+        self._stale = (False, False)
 
     def pad(self, pad: Pad) -> None:
-        """Takes the state of keys and sticks: a sign of life."""
+        """Takes the state of keys, sticks and handles: a sign of life."""
         with self._lock:
-            now = clock.monotonic()
-            if self._alive_at is not None:
-                self.gap += _SMOOTH * (now - self._alive_at - self.gap)
-            self._wish, self._alive_at = replace(self._wish, pad=pad), now
-
-    def drag(self, foot: int, place: Float64[np.ndarray, "3"] | None) -> None:
-        """A handle is held at a place of the drawn world [m], or let go.
-
-        Args:
-            foot: 0 left, 1 right.
-            place: None when it is let go.
-        """
-        with self._lock:
-            left, right = self._wish.drag
-            self._wish = replace(self._wish, drag=(place, right) if foot == 0 else (left, place))
+            # Whoever comes back takes hold anew: a foot shall not go to where its handle is now.
+            back = not self._alive
+            left, right = (
+                held is not None and (stale or back)
+                for held, stale in zip(pad.drag, self._stale, strict=True)
+            )
+            self._stale = (left, right)
+            drag = (None if left else pad.drag[0], None if right else pad.drag[1])
+            self._pad, self._alive_at = replace(pad, drag=drag), clock.monotonic()
 
     def clear(self) -> None:
         """Nobody is at the controls."""
         with self._lock:
-            self._wish, self._alive_at = Wish(), None
+            self._pad, self._alive_at = Pad(), None
 
-    def read(self) -> Wish | None:
-        """What the operator wants; None when there has been no sign of life for a while."""
+    def read(self) -> Pad | None:
+        """What the operator does; None when there has been no sign of life for a while."""
         with self._lock:
-            if self._alive_at is None or clock.monotonic() - self._alive_at > FRESH_FOR:
-                # Hands that come back have to take hold again.
-                self._wish = Wish()
-                return None
-            return self._wish
+            return self._pad if self._alive else None
+
+    @property
+    def _alive(self) -> bool:
+        return self._alive_at is not None and clock.monotonic() - self._alive_at <= FRESH_FOR
 
 
-HOLD_HEIGHT = 0.10
-"""A foot that is lifted by a button is held this far above its place on the ground [m]."""
-
-_SPEED = 0.6
-"""A hand follows its handle no faster than this [m/s], however the mouse jumps."""
-_DOWN_SPEED = 0.15
-"""A foot that is let go comes down at this speed [m/s]."""
-_STICK_SPEED = 0.25
-"""Speed of a lifted foot with the stick all the way over [m/s]."""
-_STICK_LEAD = 0.06
-"""The stick moves a hand no further than this ahead of its foot, along an axis [m]."""
-
-
-class LiveHands:
-    """Two hands for the feet of a robot.
+class LiveFeet:
+    """Two devices for the feet of a robot, left and right.
 
     A foot is held by dragging its handle, or by a button, and then moved by the stick. A foot that
-    is let go comes down where it is. With both feet on the ground a hand that holds nothing is on
+    is let go comes down where it is. With both feet on the ground a device that holds nothing is on
     its foot: the handle snaps back after landing.
 
     Args:
@@ -118,7 +106,7 @@ class LiveHands:
 
     Attributes:
         offset: from the world that the controller estimates to the drawn one, x, y, z [m].
-        places: where the hands are, left and right, in the controller's world [m].
+        places: where the devices are, left and right, in the controller's world [m].
     """
 
     def __init__(self, inputs: OperatorInputs, controller: StepTeleoperator) -> None:
@@ -128,7 +116,7 @@ class LiveHands:
         self.places = [anchor.copy() for anchor in controller.estimator.anchors]
 
     def sample(self, time: float) -> DeviceSample | None:
-        """Where the hands are.
+        """Where the devices are.
 
         Args:
             time: of the robot [s].
@@ -136,28 +124,25 @@ class LiveHands:
         Returns:
             None while nobody is at the controls.
         """
-        wish = self._inputs.read()
-        if wish is None:
+        pad = self._inputs.read()
+        if pad is None:
             return None
         for foot in (0, 1):
-            goal, down = self._goal(foot, wish.drag[foot], wish.pad)
-            way = goal - self.places[foot]
+            goal, down = self._goal(foot, pad)
             most = self._dt * _SPEED
-            step = np.clip(way, -most, most)
+            step = np.clip(goal - self.places[foot], -most, most)
             if down:
                 step[2] = max(step[2], -self._dt * _DOWN_SPEED)
             self.places[foot] = self.places[foot] + step
         left, right = (place.copy() for place in self.places)
-        return DeviceSample(time, left, right, wish.pad.upright)
+        return DeviceSample(time, left, right, pad.upright)
 
-    def _goal(
-        self, foot: int, drag: Float64[np.ndarray, "3"] | None, pad: Pad
-    ) -> tuple[Float64[np.ndarray, "3"], bool]:
-        """Where a hand goes [m], and whether it does so because it was let go."""
+    def _goal(self, foot: int, pad: Pad) -> tuple[Float64[np.ndarray, "3"], bool]:
+        """Where a device goes [m], and whether it does so because it was let go."""
         estimator, place = self._controller.estimator, self.places[foot]
-        anchor = estimator.anchors[foot]
+        anchor, drag = estimator.anchors[foot], pad.drag[foot]
         if drag is not None:
-            return drag - self.offset, False
+            return np.array(drag) - self.offset, False
         mode = self._controller.mode
         in_air = mode.single and mode.support != foot
         if pad.lift[foot]:

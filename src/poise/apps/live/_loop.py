@@ -7,15 +7,14 @@ import queue
 import threading
 import time as clock
 from collections import deque
-from collections.abc import Callable, Generator, Iterable, Mapping
+from collections.abc import Callable, Generator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float64
 
-from poise.apps.live._inputs import LiveHands, OperatorInputs
+from poise.apps.live._inputs import LiveFeet, OperatorInputs
 from poise.apps.live._log import LOG_SUFFIX, LiveLog, Takes
-from poise.apps.scenarios import sole_corners
 from poise.apps.teleoperation import TELEOP_PLANT, Operation, Tape, teleop_setup
 from poise.locomotion import (
     Device,
@@ -25,6 +24,9 @@ from poise.locomotion import (
     Recording,
     StepTeleoperator,
     TeleopStatus,
+    convex_hull,
+    signed_margin,
+    sole_rectangle,
 )
 from poise.robots import Robot
 from poise.sim import Plant, PlantConfig, Tick, Value, rollout
@@ -42,7 +44,7 @@ class Snapshot:
         zmp_reference: of it [m].
         com: estimated [m].
         soles: left and right [m].
-        hands: likewise [m].
+        handles: where the operator holds the left and the right foot [m].
         target: where the foot in the air is sent [m].
         polygon: the support polygon's corners, counter-clockwise [m].
         margin: of the ZMP to the polygon's nearest edge, negative outside [m].
@@ -64,7 +66,7 @@ class Snapshot:
     zmp_reference: Float64[np.ndarray, "2"]
     com: Float64[np.ndarray, "3"]
     soles: Float64[np.ndarray, "2 3"]
-    hands: Float64[np.ndarray, "2 3"]
+    handles: Float64[np.ndarray, "2 3"]
     target: Float64[np.ndarray, "3"] | None
     polygon: Float64[np.ndarray, "h 2"]
     margin: float
@@ -93,44 +95,14 @@ def support_polygon(
     """
     robot, dynamics = controller.robot, controller.estimator.dynamics
     feet = [status.mode.support] if status.mode.single else [0, 1]
-    corners: list[np.ndarray] = []
+    corners: list[tuple[float, float]] = []
     for foot in feet:
         assert foot is not None
         name = controller.soles[foot]
         frame = dynamics.frame(robot.frame_id(name))
-        corners.append(sole_corners(robot.soles[name], frame.position, frame.rotation))
-    return _hull(np.concatenate(corners))
-
-
-def distance_inside(polygon: Float64[np.ndarray, "h 2"], point: Float64[np.ndarray, "2"]) -> float:
-    """Distance of a point to the nearest edge of a convex polygon, negative outside [m].
-
-    Args:
-        polygon: its corners, counter-clockwise [m].
-        point: [m].
-    """
-    edges = np.roll(polygon, -1, axis=0) - polygon
-    inward = np.column_stack((-edges[:, 1], edges[:, 0]))
-    inward /= np.linalg.norm(inward, axis=1, keepdims=True)
-    return float(np.min(np.sum((point - polygon) * inward, axis=1)))
-
-
-def _hull(points: Float64[np.ndarray, "k 2"]) -> Float64[np.ndarray, "h 2"]:
-    """The convex hull, counter-clockwise; for eight points this is quicker than to call qhull."""
-    ordered = sorted(points.tolist())
-
-    def chain(way: Iterable[list[float]]) -> list[list[float]]:
-        found: list[list[float]] = []
-        for x, y in way:
-            while len(found) > 1:
-                (a, b), (c, d) = found[-2:]
-                if (c - a) * (y - b) - (d - b) * (x - a) > 0.0:
-                    break
-                found.pop()
-            found.append([x, y])
-        return found[:-1]
-
-    return np.array(chain(ordered) + chain(reversed(ordered)))
+        sole = robot.soles[name]
+        corners += sole_rectangle(frame.position, frame.rotation, (sole.length, sole.width))
+    return np.array(convex_hull(corners))
 
 
 FRAMES_PER_SECOND = 25.0
@@ -163,18 +135,18 @@ class _LiveOperation(Operation):
         teleoperator: follows the device.
         device: asked once a tick.
         tape: told what it sent.
-        hands: know how far the teleoperator's world is from the simulator's.
+        feet: know how far the teleoperator's world is from the simulator's.
     """
 
     def __init__(
-        self, teleoperator: StepTeleoperator, device: Device, tape: Tape, hands: LiveHands
+        self, teleoperator: StepTeleoperator, device: Device, tape: Tape, feet: LiveFeet
     ) -> None:
         super().__init__(teleoperator, device, tape)
-        self._hands = hands
+        self._feet = feet
 
     def signals(self) -> Mapping[str, Value | str]:
         """Those of an operation, moved."""
-        told, offset = dict(super().signals()), self._hands.offset
+        told, offset = dict(super().signals()), self._feet.offset
         for name, value in told.items():
             if name in _PLACES or name.startswith("target/"):
                 place = np.asarray(value)
@@ -350,12 +322,12 @@ class LiveLoop:
         self._end_rollout()
         self.plant.reset()
         self.controller = StepTeleoperator(self.robot)
-        self._hands = LiveHands(self._inputs, self.controller)
-        device, self._pushes = self._hands, deque[RecordedPush]()
+        self._feet = LiveFeet(self._inputs, self.controller)
+        device, self._pushes = self._feet, deque[RecordedPush]()
         if self._recording is not None:
             device = self._recording.device(robot=self.robot.name, dt=self._dt)
             self._pushes.extend(self._recording.pushes)
-        self._operation = _LiveOperation(self.controller, device, self.takes.sample, self._hands)
+        self._operation = _LiveOperation(self.controller, device, self.takes.sample, self._feet)
 
     def _begin_take(self) -> None:
         setup = teleop_setup(
@@ -398,7 +370,7 @@ class LiveLoop:
         if status is None:
             return self.snapshot
         offset = self._offset()
-        self._hands.offset = offset
+        self._feet.offset = offset
         flat = offset[:2]
         polygon = support_polygon(controller, status)
         return Snapshot(
@@ -409,10 +381,10 @@ class LiveLoop:
             zmp_reference=status.zmp_reference + flat,
             com=status.com + offset,
             soles=np.array(status.soles) + offset,
-            hands=np.array(self._hands.places) + offset,
+            handles=np.array(self._feet.places) + offset,
             target=None if status.target is None else status.target + offset,
             polygon=polygon + flat,
-            margin=distance_inside(polygon, status.zmp),
+            margin=float(signed_margin(status.zmp[None], polygon)[0]),
             loads=status.loads.copy(),
             tilt=status.tilt,
             bodies=plant.data.xpos.copy(),

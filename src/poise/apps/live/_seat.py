@@ -8,23 +8,21 @@ from urllib.parse import urlsplit
 _LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Grant:
-    """What somebody who came may do.
+    """What somebody who came may do; each is one connection's, and no other equals it.
 
     Attributes:
-        key: proof of being the operator; None for a watcher.
+        drives: whether it came with the operator's seat.
         reason: why somebody with a token only watches.
     """
 
-    key: str | None
+    drives: bool
     reason: str = ""
 
 
 class Seat:
-    """The operator's seat.
-
-    A key is good until its holder leaves, so what an operator of before still sends is nobody's.
+    """The operator's seat: for one at a time, who has it until they leave.
 
     Attributes:
         token: whoever shows it may sit down when the seat is free.
@@ -32,47 +30,42 @@ class Seat:
 
     def __init__(self) -> None:
         self.token = secrets.token_urlsafe(16)
-        self._key: str | None = None
+        self._holder: Grant | None = None
         self._lock = threading.Lock()
 
     @property
     def taken(self) -> bool:
         """Whether there is an operator."""
-        return self._key is not None
+        return self._holder is not None
 
     def enter(self, token: str | None) -> Grant:
         """Somebody comes, with a token or None to watch."""
         if token is None:
-            return Grant(None)
+            return Grant(False)
         if not self.shows(token):
-            return Grant(None, "The token in the address is wrong: you can watch, not drive.")
+            return Grant(False, "The token in the address is wrong: you can watch, not drive.")
         with self._lock:
-            if self._key is not None:
+            if self._holder is not None:
                 return Grant(
-                    None,
+                    False,
                     "Somebody else is driving: you can watch. Reload the page when they have left.",
                 )
-            self._key = secrets.token_urlsafe(16)
-            return Grant(self._key)
+            self._holder = Grant(True)
+            return self._holder
 
     def shows(self, token: str) -> bool:
         """Whether a token is the one."""
         return secrets.compare_digest(token.encode(), self.token.encode())
 
-    def leave(self, key: str | None) -> None:
-        """The holder of a key goes; the seat is free."""
+    def leave(self, grant: Grant) -> None:
+        """Somebody goes; if it was the operator, the seat is free."""
         with self._lock:
-            if self.holds(key):
-                self._key = None
+            if self.holds(grant):
+                self._holder = None
 
-    def holds(self, key: str | None) -> bool:
-        """Whether a key is the operator's."""
-        current = self._key
-        return (
-            key is not None
-            and current is not None
-            and secrets.compare_digest(key.encode(), current.encode())
-        )
+    def holds(self, grant: Grant) -> bool:
+        """Whether a grant is the operator's."""
+        return grant is self._holder
 
 
 def is_local(host: str | None) -> bool:

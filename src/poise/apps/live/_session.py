@@ -1,19 +1,22 @@
-"""`LiveSession`: loop, drawing, page and gamepad together."""
+"""`LiveSession`: loop, page and gamepad together, and what a page may order."""
 
 import math
-import threading
 import time as clock
 from pathlib import Path
 from typing import Any, Literal
 
+import msgspec
 import numpy as np
+from jaxtyping import Float64
+from msgspec import Struct
 
 from poise.apps.live._front import Front
 from poise.apps.live._gamepad import HostGamepad
 from poise.apps.live._inputs import OperatorInputs, Pad
 from poise.apps.live._log import Takes
-from poise.apps.live._loop import FRAMES_PER_SECOND, PUSHES, LiveLoop
-from poise.apps.live._scene import HANDLE_ABOVE, HANDLES, Scene
+from poise.apps.live._loop import LiveLoop
+from poise.apps.report import shapes_payload
+from poise.apps.scenarios import drawn_shapes
 from poise.apps.teleoperation import TELEOP_PLANT
 from poise.errors import ConfigurationError
 from poise.locomotion import Recording
@@ -21,13 +24,43 @@ from poise.robots import Robot
 from poise.sim import PlantConfig
 
 Source = Literal["browser", "gamepad", "recording"]
-"""Where the hands come from."""
+"""Where the feet are led from."""
 
-_LONGEST_GAP = 0.5
-"""A picture is drawn at least this often [s]."""
 
-_FARTHEST = 100.0
-"""A handle further away than this [m] is none."""
+class _Order(Struct, tag_field="do", tag=str.lower):
+    """What an operator's page may say beside `Pad`."""
+
+
+class Push(_Order):
+    """The torso is pushed."""
+
+    value: Literal["left", "right", "forward", "back"]
+
+
+class Pause(_Order):
+    """Time stands still, or goes on."""
+
+    value: bool
+
+
+class Slow(_Order):
+    """Slow motion, or real time."""
+
+    value: bool
+
+
+class Reset(_Order):
+    """The robot goes back to its start."""
+
+
+class Keep(_Order):
+    """A copy of the run so far is kept."""
+
+
+_ORDERS: msgspec.json.Decoder[Pad | Push | Pause | Slow | Reset | Keep] = msgspec.json.Decoder(
+    Pad | Push | Pause | Slow | Reset | Keep
+)
+"""JSON whose member `do` is the name of an order, or "drive" for a `Pad`."""
 
 
 class LiveSession:
@@ -69,23 +102,14 @@ class LiveSession:
         self.loop = LiveLoop(
             robot, self.inputs, self.takes, recording=recording, plant=plant, seed=seed
         )
-        self._held = [False, False]
-        self.scene = Scene(self.loop.plant)
-        try:
-            self.front = Front(
-                self, port=port, scene_port=self.scene.port, secret=self.scene.secret
-            )
-        except Exception:
-            self.scene.stop()
-            raise
-        self._stop = threading.Event()
-        self._drawer = threading.Thread(target=self._draw, name="poise drawing", daemon=True)
+        model = self.loop.plant.model
+        shapes = {"bodies": model.nbody, **shapes_payload(drawn_shapes(model))}
+        self.front = Front(self, port=port, shapes=shapes)
 
     def __enter__(self) -> "LiveSession":
         self.loop.start()
         if self._gamepad is not None:
             self._gamepad.start()
-        self._drawer.start()
         self.front.start()
         return self
 
@@ -94,10 +118,7 @@ class LiveSession:
         self.loop.stop()
         if self._gamepad is not None:
             self._gamepad.stop()
-        self._stop.set()
-        self._drawer.join()
         self.front.stop()
-        self.scene.stop()
 
     def wait(self, seconds: float = math.inf) -> None:
         """Waits until time is up.
@@ -114,20 +135,13 @@ class LiveSession:
         if self.loop.error is not None:
             raise self.loop.error
 
-    def _draw(self) -> None:
-        # A browser that is busy drawing cannot say what the hands do: it gets fewer pictures.
-        while not self._stop.wait(max(1.0 / FRAMES_PER_SECOND, min(self.inputs.gap, _LONGEST_GAP))):
-            snapshot = self.loop.snapshot
-            if snapshot is not None:
-                self.scene.show(snapshot, (self._held[0], self._held[1]))
-
     # What the front asks for ---------------------------------------------------------------------
 
-    def order(self, message: dict[str, Any]) -> dict[str, Any] | None:
+    def order(self, text: str | bytes) -> dict[str, Any] | None:
         """Carries out a message of the operator's page.
 
         Args:
-            message: `beat` with keys and buttons, or `do` with the name of an action.
+            text: JSON of one of `_ORDERS`.
 
         Returns:
             An answer for the page.
@@ -135,58 +149,31 @@ class LiveSession:
         Raises:
             ConfigurationError: no such message.
         """
-        if "beat" in message:
-            if self._source == "browser":
-                self.inputs.pad(_pad(message))
-            return {"echo": message["beat"]}
-        action, value = message.get("do"), message.get("value")
-        if action == "push" and isinstance(value, str) and value in PUSHES:
-            self.loop.push(value)
-        elif action == "pause" and isinstance(value, bool):
-            self.loop.pause(value)
-        elif action == "slow" and isinstance(value, bool):
-            self.loop.slow(value)
-        elif action == "reset":
-            self.loop.reset()
-        elif action == "keep":
-            return {"kept": self.takes.keep().name}
-        else:
-            raise ConfigurationError(
-                "no such order",
-                got=(action, value),
-                choices=("push", "pause", "slow", "reset", "keep"),
-            )
+        try:
+            message = _ORDERS.decode(text)
+        except (msgspec.DecodeError, UnicodeDecodeError) as error:
+            raise ConfigurationError(f"no such order: {error}") from None
+        match message:
+            case Pad():
+                if self._source == "browser":
+                    self.inputs.pad(message)
+                return {"echo": message.beat}
+            case Push():
+                self.loop.push(message.value)
+            case Pause():
+                self.loop.pause(message.value)
+            case Slow():
+                self.loop.slow(message.value)
+            case Reset():
+                self.loop.reset()
+            case Keep():
+                return {"kept": self.takes.keep().name}
         return None
-
-    def handle(self, message: dict[str, Any]) -> None:
-        """What the operator did with a handle.
-
-        Args:
-            message: of viser's transform controls.
-
-        Raises:
-            ConfigurationError: no such handle, or no place.
-        """
-        if self._source != "browser":
-            return
-        name, kind = str(message.get("name")), str(message.get("type"))
-        feet = [i for i, known in enumerate(HANDLES) if known.endswith(name)]
-        if not feet:
-            raise ConfigurationError("no such handle", got=name, choices=HANDLES)
-        foot = feet[0]
-        if kind.endswith("DragEndMessage"):
-            self.inputs.drag(foot, None)
-            self._held[foot] = False
-        elif kind.endswith("DragStartMessage"):
-            self._held[foot] = True
-        elif self._held[foot]:
-            self.inputs.drag(foot, _place(message.get("position")) - HANDLE_ABOVE)
 
     def left(self) -> None:
         """The operator's page has gone: no more samples, the feet go back to the ground."""
         if self._source == "browser":
             self.inputs.clear()
-        self._held = [False, False]
 
     def file(self, name: str) -> Path | None:
         """A recording by its name; None when there is none."""
@@ -204,11 +191,15 @@ class LiveSession:
             "modeText": now.mode.value,
             "device": now.device.name,
             "deviceText": now.device.value,
-            "zmp": _short(now.zmp),
-            "zmpReference": _short(now.zmp_reference),
-            "com": _short(now.com),
-            "soles": [_short(sole) for sole in now.soles],
-            "hands": [_short(hand) for hand in now.hands],
+            "zmp": _rounded(now.zmp),
+            "zmpReference": _rounded(now.zmp_reference),
+            "com": _rounded(now.com),
+            "soles": _rounded(now.soles),
+            "handles": _rounded(now.handles),
+            "target": None if now.target is None else _rounded(now.target),
+            "polygon": _rounded(now.polygon),
+            "bodies": _rounded(now.bodies.ravel()),
+            "turns": _rounded(now.turns.ravel()),
             "margin": round(now.margin, 4),
             "loads": [round(float(load), 1) for load in now.loads],
             "tilt": round(now.tilt, 4),
@@ -220,37 +211,6 @@ class LiveSession:
         }
 
 
-def _short(values: np.ndarray) -> list[float]:
-    return [round(float(v), 4) for v in values]
-
-
-def _pad(message: dict[str, Any]) -> Pad:
-    """Keys and buttons as a page says them."""
-    lift, move = message.get("lift", [False, False]), message.get("move", [0.0, 0.0])
-    fair = (
-        isinstance(lift, list)
-        and len(lift) == 2
-        and isinstance(move, list)
-        and len(move) == 2
-        and all(isinstance(m, int | float) and abs(m) <= 1.0 for m in move)
-    )
-    if not fair:
-        raise ConfigurationError(
-            "no such keys", got=(lift, move), wanted="lift of two, move of two from -1 to 1"
-        )
-    return Pad(
-        lift=(bool(lift[0]), bool(lift[1])),
-        move=(float(move[0]), float(move[1])),
-        upright=bool(message.get("upright")),
-    )
-
-
-def _place(value: Any) -> np.ndarray:
-    fair = (
-        isinstance(value, list)
-        and len(value) == 3
-        and all(isinstance(v, int | float) and abs(v) < _FARTHEST for v in value)
-    )
-    if not fair:
-        raise ConfigurationError("no such place of a handle", got=value, wanted="x, y and z [m]")
-    return np.array(value, dtype=np.float64)
+def _rounded(values: Float64[np.ndarray, "..."]) -> list[Any]:
+    """Numbers without figures that nobody can see."""
+    return np.round(values, 4).tolist()

@@ -1,10 +1,14 @@
 """The report of a run: one HTML page with plots, the video and a 3D replay, from plain arrays.
 
-Nothing of the simulator is imported here, and matplotlib only when a page is written.
+Nothing of the simulator is imported here, and matplotlib only when a page is written. Pages and
+figures of one's own look the same with `html_document`, `house_style` and `inline_svg`.
 """
 
+from poise.apps.report._page import asset, html_document
+from poise.apps.report._plots import house_style, inline_svg
 from poise.apps.report._record import Check, Event, RunView, SoleTrack, SupportPhase, TaskTrack
 from poise.apps.report._replay import ForceTrack, Geometry, MarkerTrack, Replay
+from poise.apps.report._replay_payload import shapes_payload
 from poise.apps.report._write import write_report
 
 __all__ = [
@@ -18,5 +22,10 @@ __all__ = [
     "SoleTrack",
     "SupportPhase",
     "TaskTrack",
+    "asset",
+    "house_style",
+    "html_document",
+    "inline_svg",
+    "shapes_payload",
     "write_report",
 ]

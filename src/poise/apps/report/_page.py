@@ -303,6 +303,7 @@ def _scripts(record: RunView) -> str:
         scripts += [
             f'<script type="application/json" id="replay-data">{payload}</script>',
             f"<script>{asset('three.bundle.min.js')}</script>",
+            f"<script>\n{asset('scene.js')}</script>",
             f"<script>\n{asset('replay.js')}</script>",
         ]
     return "\n".join(scripts)

@@ -2,6 +2,7 @@
 
 import base64
 import json
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -27,7 +28,6 @@ def replay_json(record: RunView, replay: Replay) -> str:
         JSON without any "<".
     """
     ticks = _nearest(record.time, replay.time)
-    meshes, geometries = _geometries(replay.geometries)
     payload = {
         "bodies": len(replay.body_names),
         "time": _floats(replay.time),
@@ -35,8 +35,7 @@ def replay_json(record: RunView, replay: Replay) -> str:
         "quaternion": _encode(_quantised(replay.quaternion)),
         "com": _floats(record.com[ticks]),
         "zmp": _floats(record.zmp[ticks]),
-        "geometries": geometries,
-        "meshes": meshes,
+        **shapes_payload(replay.geometries),
         "phases": [_phase(p, record) for p in record.support],
         "forces": [
             {"name": f.name, "kind": f.kind, "point": _floats(f.point), "force": _floats(f.force)}
@@ -65,10 +64,15 @@ def _quantised(quaternion: Float64[np.ndarray, "F B 4"]) -> Shaped[np.ndarray, "
     return np.round(quaternion * _QUATERNION_SCALE).astype("<i2")
 
 
-def _geometries(
-    geometries: tuple[Geometry, ...],
-) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
-    """Meshes, each once however often it is used, and the geometries that use them."""
+def shapes_payload(geometries: Iterable[Geometry]) -> dict[str, list[dict[str, Any]]]:
+    """What `scene.js` draws bodies from, as JSON can hold it.
+
+    Args:
+        geometries: the shapes on the bodies.
+
+    Returns:
+        `geometries`, and the `meshes` that they name by index: each once, however often it is used.
+    """
     meshes: list[dict[str, Any]] = []
     known: dict[bytes, int] = {}
     placed: list[dict[str, Any]] = []
@@ -88,7 +92,7 @@ def _geometries(
                 meshes.append(_mesh(geometry.vertices, geometry.faces))
             entry["mesh"] = known[key]
         placed.append(entry)
-    return meshes, placed
+    return {"geometries": placed, "meshes": meshes}
 
 
 def _mesh(

@@ -12,19 +12,20 @@ from poise.apps.scenarios._reader import load_scenario, parse_scenario, shipped_
 from poise.apps.scenarios._replay import drawn_shapes
 from poise.apps.scenarios._run import Run, run_scenario
 from poise.apps.scenarios._scenario import Scenario
-from poise.apps.scenarios._signals import sole_corners
+from poise.apps.scenarios._stage import Stage, stage_scenario
 
 __all__ = [
     "LOG",
     "Run",
     "Scenario",
+    "Stage",
     "drawn_shapes",
     "load_scenario",
     "parse_scenario",
     "report",
     "run_scenario",
     "shipped_scenarios",
-    "sole_corners",
+    "stage_scenario",
     "summarise",
     "write_page",
     "write_summary",

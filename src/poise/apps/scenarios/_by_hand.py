@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from poise._schema import checked
 from poise.apps.teleoperation import (
     Script,
     lift_one_foot,
@@ -26,6 +27,7 @@ SCRIPTS: dict[str, Callable[[Robot], Script]] = {
 """The paper's scenarios 1 to 4, in the size of the robot."""
 
 
+@checked(ScenarioError)
 @dataclass(frozen=True, kw_only=True)
 class HandsPlan:
     """What the operator's hands do: one of the scripts, or way-points.

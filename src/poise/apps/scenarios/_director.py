@@ -1,107 +1,22 @@
 """`Director`: leads the tasks and contacts of a stack as a scenario wants it.
 
-`Blend` and `Course`: smooth ways from one value to another.
 How far an arm reaches, from the robot's own kinematics.
 """
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
 from jaxtyping import Float64
 
 from poise.apps.scenarios._scenario import ContactChange, Motion, Scenario
-from poise.dynamics import Dynamics, RobotState
+from poise.dynamics import Dynamics, Quintic, RobotState
 from poise.errors import ScenarioError, UnknownNameError
 from poise.locomotion import CarriedTarget, Walker
 from poise.robots import Robot
 from poise.sim import Value
 from poise.stack import ComTask, FrameTask, JointTask, Stack, Task
-
-_SHORTEST = 1e-6
-"""A way shorter than this [s] is a step: no control period is, and its rates would overflow."""
-
-
-@dataclass(frozen=True, slots=True)
-class Blend:
-    """A quintic from zero to one: position, velocity and acceleration are continuous.
-
-    s(t) = 10 r^3 - 15 r^4 + 6 r^5 with r = (t - start) / duration in [0, 1]; the minimum-jerk
-    motion of Flash and Hogan (1985).
-
-    Attributes:
-        start: when it begins [s].
-        duration: how long it takes [s]; zero for a step.
-    """
-
-    start: float
-    duration: float
-
-    def sample(self, time: float) -> tuple[float, float, float]:
-        """Share of the way, its rate [1/s] and its second rate [1/s^2] at a time [s]."""
-        if self.done(time):
-            return 1.0, 0.0, 0.0
-        r = self.phase(time)
-        share = r**3 * (10.0 - 15.0 * r + 6.0 * r * r)
-        rate = 30.0 * r * r * (1.0 - r) ** 2 / self.duration
-        second = 60.0 * r * (1.0 - r) * (1.0 - 2.0 * r) / self.duration**2
-        return share, rate, second
-
-    def phase(self, time: float) -> float:
-        """Share of the duration that is over, zero before the start."""
-        return 1.0 if self.done(time) else max(time - self.start, 0.0) / self.duration
-
-    def done(self, time: float) -> bool:
-        """Whether the way is behind."""
-        return self.duration < _SHORTEST or time >= self.start + self.duration
-
-
-@dataclass(frozen=True, slots=True)
-class Course:
-    """A point that goes from a start, with the rates it has there, along a way to rest.
-
-    p(t) = start + way s(t) + T velocity a(r) + T^2 acceleration b(r) with `Blend`'s s and r, its
-    duration T, a = r - 6 r^3 + 8 r^4 - 3 r^5 and b = (r^2 - 3 r^3 + 3 r^4 - r^5) / 2: the quintic
-    with given position, velocity and acceleration at both ends.
-
-    Attributes:
-        blend: when, and for how long.
-        start: where it begins [unit].
-        way: from there to the goal [unit].
-        velocity: rate at the start [unit/s].
-        acceleration: second rate at the start [unit/s^2].
-    """
-
-    blend: Blend
-    start: Float64[np.ndarray, " m"]
-    way: Float64[np.ndarray, " m"]
-    velocity: Float64[np.ndarray, " m"] | float = field(default=0.0)
-    acceleration: Float64[np.ndarray, " m"] | float = field(default=0.0)
-
-    @property
-    def goal(self) -> Float64[np.ndarray, " m"]:
-        """Where it ends [unit]."""
-        return self.start + self.way
-
-    def sample(
-        self, time: float
-    ) -> tuple[Float64[np.ndarray, " m"], Float64[np.ndarray, " m"], Float64[np.ndarray, " m"]]:
-        """Position, velocity and acceleration at a time [s]."""
-        share, rate, second = self.blend.sample(time)
-        position, velocity = self.start + share * self.way, rate * self.way
-        acceleration = second * self.way
-        if self.blend.done(time):
-            return position, velocity, acceleration
-        r, T = self.blend.phase(time), self.blend.duration
-        v, a = T * self.velocity, T * T * self.acceleration
-        position = position + v * (r - 6.0 * r**3 + 8.0 * r**4 - 3.0 * r**5)
-        position = position + a * (0.5 * r * r * (1.0 - r) ** 3)
-        velocity = velocity + v / T * (1.0 - 18.0 * r * r + 32.0 * r**3 - 15.0 * r**4)
-        velocity = velocity + a / T * (r - 4.5 * r * r + 6.0 * r**3 - 2.5 * r**4)
-        acceleration = acceleration + v / T**2 * (-36.0 * r + 96.0 * r * r - 60.0 * r**3)
-        acceleration = acceleration + a / T**2 * (1.0 - 9.0 * r + 18.0 * r * r - 10.0 * r**3)
-        return position, velocity, acceleration
 
 
 def reach_point(
@@ -173,7 +88,7 @@ class _Running:
 
     task: Task
     motion: Motion
-    course: Course
+    trajectory: Quintic
     rotation: Float64[np.ndarray, "3 3"] | None = None
     carried: CarriedTarget | None = None
 
@@ -227,7 +142,7 @@ class Director:
             self._running.append(self._begin(motion, state, replaced[-1] if replaced else None))
         for running in self._running:
             _follow(running, time)
-        self._running = [r for r in self._running if not r.course.blend.done(time)]
+        self._running = [r for r in self._running if not r.trajectory.is_over(time)]
         if self.walker is not None:
             self.walker.lead(state)
 
@@ -256,25 +171,26 @@ class Director:
         """Starts a motion, where the one that it replaces is and as fast as that goes."""
         self._dynamics.update(state)
         task = self._tasks[motion.task]
-        blend = Blend(motion.at, motion.over)
         if isinstance(task, JointTask):
             start = self._posture_of(task, state)
             # Joints that are not named still arrive where the replaced motion was taking them.
-            goal = start.copy() if old is None else old.course.goal
+            goal = start.copy() if old is None else old.trajectory.goal
             names = task.joints or self._robot.joint_names
-            for joint, angle in motion.joints.items():
+            for joint, angle in (motion.joints or {}).items():
                 goal[names.index(joint)] = angle
-            return _Running(task, motion, _course(blend, start, goal, old))
+            return _Running(task, motion, _trajectory(motion, start, goal, old))
         if motion.kind == "turn" and isinstance(task, FrameTask):
             rotation = task.target_rotation
             if rotation is None or self._rests_on_contact(task):
                 rotation = self._dynamics.frame(self._robot.frame_id(task.frame)).rotation
             # From rest: rates of two rotation vectors about different axes do not add up.
-            return _Running(task, motion, Course(blend, np.zeros(3), motion.vector), rotation)
+            return _Running(
+                task, motion, _trajectory(motion, np.zeros(3), motion.vector, None), rotation
+            )
         carried = None if self.walker is None else self.walker.carried.get(task.name)
         start = self._point_of(task) if carried is None else carried.target_position
         goal = self._goal(motion, task, start)
-        return _Running(task, motion, _course(blend, start, goal, old), carried=carried)
+        return _Running(task, motion, _trajectory(motion, start, goal, old), carried=carried)
 
     def _posture_of(self, task: JointTask, state: RobotState) -> Float64[np.ndarray, " m"]:
         if task.target_position is not None:
@@ -304,29 +220,35 @@ class Director:
             return motion.vector
         if motion.kind == "by":
             return start + motion.vector
-        if motion.kind == "reach":
-            return reach_point(
-                self._robot, self._dynamics, _as_frame(task).frame, motion.vector, motion.share
-            )
-        ids = [self._robot.frame_id(sole) for sole in motion.soles]
+        if motion.reach is not None:
+            frame, share = _as_frame(task).frame, motion.reach.share
+            return reach_point(self._robot, self._dynamics, frame, motion.vector, share)
+        ids = [self._robot.frame_id(sole) for sole in motion.above or ()]
         middle = np.mean([self._dynamics.frame(i).position for i in ids], axis=0)
         return np.array([middle[0], middle[1], start[2]])
 
 
-def _course(
-    blend: Blend,
+def _trajectory(
+    motion: Motion,
     start: Float64[np.ndarray, " m"],
     goal: Float64[np.ndarray, " m"],
     old: _Running | None,
-) -> Course:
-    if old is None:
-        return Course(blend, start, goal - start)
-    _, velocity, acceleration = old.course.sample(blend.start)
-    return Course(blend, start, goal - start, velocity, acceleration)
+) -> Quintic:
+    velocity, acceleration = 0.0, 0.0
+    if old is not None:
+        _, velocity, acceleration = old.trajectory.sample(motion.at)
+    return Quintic(
+        start=motion.at,
+        duration=motion.over,
+        position=start,
+        goal=goal,
+        velocity=velocity,
+        acceleration=acceleration,
+    )
 
 
 def _follow(running: _Running, time: float) -> None:
-    position, velocity, acceleration = running.course.sample(time)
+    position, velocity, acceleration = running.trajectory.sample(time)
     task, zero = running.task, np.zeros(3)
     if running.carried is not None:
         running.carried.set_target(position, velocity, acceleration)
@@ -380,13 +302,13 @@ def _check_goal(motion: Motion, task: Task, robot: Robot) -> None:
             got=motion.kind,
             choices=allowed,
         )
-    for sole in motion.soles:
+    for sole in motion.above or ():
         robot.frame_id(sole)
     if motion.kind == "reach" and isinstance(task, FrameTask):
         require_arm(robot, task.frame)
     if isinstance(task, JointTask):
         names = task.joints or robot.joint_names
-        for joint, angle in motion.joints.items():
+        for joint, angle in (motion.joints or {}).items():
             _require(joint, names, f"a motion of task {task.name!r}: unknown joint")
             _check_angle(joint, angle, robot)
 

@@ -5,17 +5,17 @@ import threading
 import time as clock
 from collections.abc import Callable, Generator
 from contextlib import closing, contextmanager, nullcontext
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from types import FrameType
 
-from poise.apps.scenarios._checks import CheckResult, evaluate_checks, validate_checks
-from poise.apps.scenarios._controllers import cast_of, with_actuation
+from poise.apps.scenarios._checks import CheckResult, evaluate_checks
 from poise.apps.scenarios._scenario import Scenario
-from poise.apps.scenarios._signals import RunSignals, collect_signals, describe
+from poise.apps.scenarios._signals import RunSignals, collect_signals
+from poise.apps.scenarios._stage import describe, stage_scenario
 from poise.apps.teleoperation import Operation
 from poise.control import Controller
-from poise.robots import Robot, load_robot
+from poise.robots import Robot
 from poise.sim import Plant, Recorder, RunRecord, Tick, Viewer, open_viewer, rollout
 
 Progress = Callable[[float, float], None]
@@ -80,19 +80,9 @@ def run_scenario(
     Raises:
         PoiseError: the scenario does not fit its robot.
     """
-    scenario = with_actuation(scenario)
-    robot = load_robot(scenario.robot)
-    cast = cast_of(scenario, robot)
-    validate_checks(scenario.checks, cast.stack, robot)
-    blocks = scenario.plant.blocks + cast.blocks
-    scenario = replace(scenario, plant=replace(scenario.plant, blocks=blocks))
-    plant = Plant(robot, scenario.plant, seed=scenario.seed)
-    plant.reset(cast.q_start)
-    pushes = tuple(
-        plant.push(push.body, push.force_on(robot.mass), push.duration, push.at)
-        for push in scenario.pushes
-    )
-    recorder = Recorder(log, metadata=describe(scenario, pushes))
+    stage = stage_scenario(scenario)
+    scenario, plant = stage.scenario, stage.plant
+    recorder = Recorder(log, metadata=describe(scenario, stage.pushes))
     begin = clock.perf_counter()
     with (
         open_viewer(plant) if view else nullcontext() as viewer,
@@ -100,8 +90,8 @@ def run_scenario(
         closing(
             rollout(
                 plant,
-                cast.controller,
-                cast.leader,
+                stage.controller,
+                stage.leader,
                 [recorder, *([] if progress is None else [_Progress(progress, scenario.duration)])],
                 duration=scenario.duration,
             )
@@ -114,14 +104,14 @@ def run_scenario(
                 break
     wall = clock.perf_counter() - begin
     record = recorder.record
-    signals = collect_signals(record, robot)
+    signals = collect_signals(record, stage.robot)
     ended_early = interruption.reason or _reason(plant, viewer, scenario)
     checks = evaluate_checks(scenario.checks, signals, plant.fallen, ended_early)
     return Run(
         scenario=scenario,
-        robot=robot,
+        robot=stage.robot,
         plant=plant,
-        controller=cast.controller,
+        controller=stage.controller,
         record=record,
         signals=signals,
         checks=checks,

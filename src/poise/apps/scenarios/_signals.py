@@ -5,21 +5,19 @@ Support polygons: where the soles that carry load stand, and how far inside the 
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
 from jaxtyping import Float64
-from scipy.spatial import ConvexHull
 
 from poise.apps.report import SupportPhase
-from poise.apps.scenarios._controllers import strategy_of
-from poise.apps.scenarios._scenario import Scenario
 from poise.apps.teleoperation import plant_from_json
-from poise.robots import Robot, Sole
-from poise.sim import Block, Push, RunRecord
+from poise.locomotion import convex_hull, signed_margin, sole_rectangle
+from poise.robots import Robot
+from poise.sim import Block, RunRecord
 
 
 class TaskEntry(NamedTuple):
@@ -94,24 +92,6 @@ class RunSignals:
     modes: tuple[tuple[float, str], ...] = field(repr=False)
 
 
-def sole_corners(
-    sole: Sole, position: Float64[np.ndarray, "3"], rotation: Float64[np.ndarray, "3 3"]
-) -> Float64[np.ndarray, "4 2"]:
-    """Corners of a sole on the ground plane.
-
-    Args:
-        sole: the sole.
-        position: its centre in the world [m].
-        rotation: world_R_sole.
-
-    Returns:
-        Corners in the world, x and y [m].
-    """
-    half = 0.5 * np.array([sole.length, sole.width, 0.0])
-    signs = np.array([[1.0, 1.0, 0.0], [-1.0, 1.0, 0.0], [-1.0, -1.0, 0.0], [1.0, -1.0, 0.0]])
-    return (position + (signs * half) @ rotation.T)[:, :2]
-
-
 def support_phases(
     robot: Robot,
     time: Float64[np.ndarray, " T"],
@@ -139,14 +119,16 @@ def support_phases(
     for a, b in pairwise(starts):
         standing = [name for name, on in zip(names, pattern[a], strict=True) if on]
         middle = (a + b) // 2
-        corners = [
-            sole_corners(robot.soles[n], poses[n][0][middle], poses[n][1][middle]) for n in standing
-        ]
+        corners: list[tuple[float, float]] = []
+        for name in standing:
+            position, rotation = (pose[middle] for pose in poses[name])
+            sole = robot.soles[name]
+            corners += sole_rectangle(position, rotation, (sole.length, sole.width))
         phases.append(
             SupportPhase(
                 start=float(time[a]),
                 end=float(time[b]) if b < len(time) else float(time[-1]) + 1e-9,
-                vertices=_hull(np.concatenate(corners)) if corners else np.zeros((0, 2)),
+                vertices=np.array(convex_hull(corners)).reshape(-1, 2),
                 label=" + ".join(standing) or "flight",
             )
         )
@@ -164,18 +146,8 @@ def zmp_margins(
         rows = (time >= phase.start) & (time < phase.end)
         if len(phase.vertices) < 3 or not rows.any():
             continue
-        a = phase.vertices
-        edge = np.roll(a, -1, axis=0) - a
-        # Vertices go around counter-clockwise, so the inward normal is the edge turned left.
-        normal = np.stack((-edge[:, 1], edge[:, 0]), axis=1)
-        normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-        distance = np.einsum("tej,ej->te", zmp[rows][:, None, :] - a[None], normal)
-        margins[rows] = distance.min(axis=1)
+        margins[rows] = signed_margin(zmp[rows], phase.vertices)
     return margins
-
-
-def _hull(points: Float64[np.ndarray, "k 2"]) -> Float64[np.ndarray, "h 2"]:
-    return points[ConvexHull(points).vertices]
 
 
 _TICK = "tick_us/"
@@ -183,30 +155,6 @@ _TICK = "tick_us/"
 
 TOUCHING = 1.0
 """A sole that carries more than this counts as standing [N]."""
-
-
-def describe(scenario: Scenario, pushes: Sequence[Push]) -> dict[str, str]:
-    """What a record says of the scenario, so that a report can be made of the record alone.
-
-    Args:
-        scenario: that is run.
-        pushes: that its plant is given.
-    """
-    events = [(push.at, f"push {push.body}", push.duration) for push in scenario.pushes]
-    events += [
-        (change.at, f"{'load' if change.load else 'unload'} {change.contact}", change.over)
-        for change in scenario.contact_changes
-    ]
-    events += [(motion.at, f"{motion.task} moves", motion.over) for motion in scenario.motions]
-    return {
-        "scenario": scenario.name,
-        "description": scenario.description,
-        "controller": scenario.controller.name,
-        "strategy": strategy_of(scenario.controller),
-        "seed": str(scenario.seed),
-        "events": json.dumps(events),
-        "pushes": json.dumps([asdict(push) for push in pushes]),
-    }
 
 
 def collect_signals(record: RunRecord, robot: Robot) -> RunSignals:

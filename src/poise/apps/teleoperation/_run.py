@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Bool, Float64, Int8
 
 from poise._checks import checked_number
+from poise._schema import read
 from poise.apps.teleoperation._operation import Operation
 from poise.errors import ConfigurationError
 from poise.locomotion import (
@@ -33,9 +34,6 @@ from poise.locomotion import (
 )
 from poise.robots import Robot, load_robot
 from poise.sim import (
-    Block,
-    LinkError,
-    Payload,
     Plant,
     PlantConfig,
     Recorder,
@@ -81,24 +79,9 @@ def plant_from_json(data: dict[str, Any]) -> PlantConfig:
     """The plant that `plant_to_json` wrote.
 
     Raises:
-        ConfigurationError: a value cannot be.
-        TypeError: a key is unknown.
+        RecordingError: it is none: a key is unknown, or a value cannot be.
     """
-    values = dict(data)
-    values["servo"] = ServoConfig(**values["servo"])
-    values["sensors"] = SensorConfig(**values["sensors"])
-    values["floor_slope"] = tuple(values["floor_slope"])
-    values["blocks"] = tuple(
-        Block(center=tuple(b["center"]), size=tuple(b["size"]), yaw=b["yaw"])
-        for b in values["blocks"]
-    )
-    values["link_errors"] = tuple(
-        LinkError(**(e | {"com_offset": tuple(e["com_offset"])})) for e in values["link_errors"]
-    )
-    values["payloads"] = tuple(
-        Payload(**(p | {"offset": tuple(p["offset"])})) for p in values["payloads"]
-    )
-    return PlantConfig(**values)
+    return read(PlantConfig, data, "the plant of the recording", error=RecordingError)
 
 
 MODES = tuple(Mode)

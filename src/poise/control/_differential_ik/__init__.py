@@ -2,18 +2,12 @@
 
 from poise.control._differential_ik._bounds import limit_weights
 from poise.control._differential_ik._closed_form import VelocityLevel, solve_levels
-from poise.control._differential_ik._controller import METHODS, DifferentialIK
-from poise.control._differential_ik._formulation import (
-    ROW_WEIGHT,
-    RowWeights,
-    base_from_joints,
-    constrained,
-)
-from poise.control._differential_ik._within_bounds import solve_within_bounds
+from poise.control._differential_ik._controller import DifferentialIK
+from poise.control._differential_ik._rows import RowWeights, base_from_joints, constrained
+from poise.control._differential_ik._strategy import METHODS
 
 __all__ = [
     "METHODS",
-    "ROW_WEIGHT",
     "DifferentialIK",
     "RowWeights",
     "VelocityLevel",
@@ -21,5 +15,4 @@ __all__ = [
     "constrained",
     "limit_weights",
     "solve_levels",
-    "solve_within_bounds",
 ]

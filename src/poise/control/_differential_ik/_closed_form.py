@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float64
 from scipy.linalg import lapack as _scipy_lapack
 
-from poise.control._osf import RankTreatment
+from poise.control._rank import RankTreatment
 
 _lapack: Any = cast("Any", _scipy_lapack)  # SciPy's stubs do not know the wrapped routines
 
@@ -24,7 +24,7 @@ def right_inverse(
     """Least step that gives a velocity, J^+ v with J^+ = J^T (J J^T)^-1, and the space it fills.
 
     Equation (22c) of Zhang and Kikuuwe, which has no answer where J J^T cannot be inverted. There,
-    directions get the share that `rank` gives them, from all of them down to none.
+    directions get the activation that `rank` gives them, from one down to zero.
 
     LAPACK's `dtrtrs` and its like are kept away from: they wait for threads on a busy machine.
 
@@ -38,7 +38,7 @@ def right_inverse(
     Returns:
         The step, and P = J^+ J, which projects on the space that J takes from those below it.
     """
-    rows, wanted = jacobian * scale[:, None], velocity * scale
+    rows, scaled = jacobian * scale[:, None], velocity * scale
     gram = rows @ rows.T
     shifted = gram.copy()
     shifted.flat[:: len(scale) + 1] -= rank.high * rank.high
@@ -46,12 +46,12 @@ def right_inverse(
         factor = _lapack.dpotrf(gram, lower=1)[0]
         inverse_factor = _lapack.dtrtri(factor, lower=1)[0]
         basis = inverse_factor @ rows
-        return basis.T @ (inverse_factor @ wanted), basis.T @ basis
+        return basis.T @ (inverse_factor @ scaled), basis.T @ basis
     squares, directions = np.linalg.eigh(gram)
-    _, gain = rank.shares(squares)
+    _, gain = rank.activate(squares)
     turned = directions.T @ rows
-    shared = turned.T * gain
-    return shared @ (directions.T @ wanted), shared @ turned
+    inverse = turned.T * gain
+    return inverse @ (directions.T @ scaled), inverse @ turned
 
 
 def robust_step(
@@ -89,7 +89,7 @@ class VelocityLevel(NamedTuple):
 
     Attributes:
         jacobian: J, maps joint velocities to the rows' velocities.
-        velocity: v, wanted.
+        velocity: v, the reference.
         weight: diagonal of W_A, for levels that give way; not negative.
         scale: what rows are multiplied by where ranks are decided, see `right_inverse`.
     """

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Float64
 
 from poise.control._differential_ik._closed_form import RANK, VelocityLevel, solve_levels
-from poise.control._osf import RankTreatment
+from poise.control._rank import RankTreatment
 
 _SLACK = 1e-9
 """How far outside its bounds a joint may be by rounding [rad/s]; it is clipped afterwards."""
@@ -16,7 +16,7 @@ _SINGLY = 5
 """Joints that are held one by one; a joint held too many costs a task near a limit dearly."""
 
 _FAR = 0.5
-"""Beyond `_SINGLY`, joints this share as far outside as the farthest are held together with it.
+"""Beyond `_SINGLY`, joints this fraction as far outside as the farthest are held together with it.
 
 A round a joint takes long where too much is asked of all, and there it is not measurably better."""
 
@@ -117,8 +117,8 @@ def _slowed(
     step = solve_levels(levels, joint_weight, exact=exact, rank=rank) - least
     room = np.where(step > 0.0, upper - least, lower - least)
     moves = step != 0.0
-    share = np.divide(room, step, out=np.ones(len(step)), where=moves)
-    return np.minimum(np.maximum(least + min(1.0, float(share.min())) * step, lower), upper)
+    ratio = np.divide(room, step, out=np.ones(len(step)), where=moves)
+    return np.minimum(np.maximum(least + min(1.0, float(ratio.min())) * step, lower), upper)
 
 
 def _missed(levels: Sequence[VelocityLevel], u: Float64[np.ndarray, " n"]) -> float:

@@ -5,18 +5,18 @@ from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Float64
-from scipy.linalg import lapack
+from scipy.linalg import block_diag, lapack
 
 from poise.dynamics import Dynamics
 from poise.hqp import HierarchicalProblem, make_solver
 from poise.robots import Robot
-from poise.stack import GRAVITY, Contact, Stack
+from poise.stack import Contact, Stack
 
 TOLERANCE = 1e-6
 """Violation of a cone or limit, relative to the weight or the limit, that counts as none."""
 
 _LEAST_LOAD = 1e-3
-"""Share of the weight below which a contact that is being unloaded weighs no less."""
+"""Fraction of the weight below which a contact that is being unloaded weighs no less."""
 
 _RANGE_TOLERANCE = 1e-10
 """Eigenvalue, relative to the largest, below which points do not carry a wrench of the base."""
@@ -31,7 +31,7 @@ class ContactForces:
     The base rows say what the wrenches must add up to, J_c,u^T F = M_u dv + h_u; what they leave
     open are internal forces, which press contacts against each other and move nothing. Those are
     chosen nearest to a reference, in the metric W = sum C^T C with the rows C of each contact's
-    cone over their share of the normal force: a wrench is far from zero when it is far out in its
+    cone over their bound at unit normal force: a wrench is far from zero when it is far out in its
     cone, and a contact that is being unloaded carries less. Where that leaves a cone or a torque
     limit, a small hierarchical problem takes its place: base dynamics, then cones, then torque
     limits, then the same metric.
@@ -54,7 +54,7 @@ class ContactForces:
 
     def __init__(self, robot: Robot, stack: Stack, contacts: Sequence[Contact]) -> None:
         self.contacts, self._limit = tuple(contacts), stack.torque_limit
-        self._base, self._weight = robot.base_dofs, robot.mass * GRAVITY
+        self._base, self._weight = robot.base_dofs, robot.weight
         ends = np.cumsum([0, *(c.dim for c in contacts)]).tolist()
         self.slices = [slice(a, b) for a, b in pairwise(ends)]
         self.torque: Float64[np.ndarray, " nj"] = np.zeros(robot.nj)
@@ -63,7 +63,8 @@ class ContactForces:
         self.base_error = self.cone_error = self.torque_error = 0.0
         # A surface carries any wrench of the base, so that its equations have full rank.
         self._carried = any(c.dim == 6 for c in contacts)
-        self._cone = _stacked_cones(self.contacts, self.slices)
+        cones = [contact.cone for contact in contacts]
+        self._cone: Float64[np.ndarray, "rows c"] = block_diag(np.zeros((0, 0)), *cones)
         normals = np.eye(ends[-1])[[rows.start + 2 for rows in self.slices]]
         self._bounded_rows = np.concatenate((self._cone, normals, -normals))
         self._bounds = np.zeros(len(self._bounded_rows))
@@ -177,20 +178,9 @@ def _largest(values: Float64[np.ndarray, " m"]) -> float:
 
 
 def _metric(contact: Contact) -> Float64[np.ndarray, "dim dim"]:
-    """C^T C with the rows of the cone over their share of the normal force."""
+    """C^T C with the rows of the cone over their bound at unit normal force."""
     rows = contact.cone / -contact.cone[:, 2:3]
     return rows.T @ rows
-
-
-def _stacked_cones(
-    contacts: Sequence[Contact], slices: Sequence[slice]
-) -> Float64[np.ndarray, "rows c"]:
-    height = sum(len(c.cone) for c in contacts)
-    cone, row = np.zeros((height, sum(c.dim for c in contacts))), 0
-    for contact, columns in zip(contacts, slices, strict=True):
-        cone[row : row + len(contact.cone), columns] = contact.cone
-        row += len(contact.cone)
-    return cone
 
 
 def _make_problem(base: int, cone: Float64[np.ndarray, "rows c"], nj: int) -> HierarchicalProblem:

@@ -1,21 +1,20 @@
 """`ConstraintChainProblem`: LQP 1, contacts and balance on the reduced robot."""
 
 from collections.abc import Sequence
-from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Float64, Int64
 
 from poise._compiled import compiled
-from poise.control._formulation import WRENCH_COST
+from poise.control._full_problem import WRENCH_COST
+from poise.control._reduced._assignment import AssignedRows
 from poise.control._reduced._eliminate import Eliminated
 from poise.control._reduced._elimination import ChainElimination
-from poise.control._reduced._task_rows import TaskRows
-from poise.control._resolver import PHYSICS_LEVELS
-from poise.dynamics import Dynamics, ReducedDynamics
-from poise.hqp import HierarchicalProblem, LevelView
+from poise.control._strategy import PHYSICS_LEVELS
+from poise.dynamics import ReducedDynamics
+from poise.hqp import HierarchicalProblem
 from poise.robots import Robot
-from poise.stack import Contact, Stack
+from poise.stack import Stack
 
 
 class ConstraintChainProblem:
@@ -39,8 +38,7 @@ class ConstraintChainProblem:
     Args:
         robot: the robot.
         stack: contacts, limits and tasks, bound to the robot.
-        contacts: those contacts of the stack that are active.
-        tasks: the rows of the tasks that act.
+        tasks: the rows of the stack and which of them are for LQP 1.
         reduced: the reduced dynamics for these contacts, updated by the caller.
         shape: how many unknowns s and how many rows in each level the unconstrained chain leaves
             over, `ChainElimination.shape`.
@@ -53,83 +51,44 @@ class ConstraintChainProblem:
         self,
         robot: Robot,
         stack: Stack,
-        contacts: Sequence[Contact],
-        tasks: TaskRows,
+        tasks: AssignedRows,
         reduced: ReducedDynamics,
         shape: Sequence[int],
     ) -> None:
-        self._stack, self._contacts, self._reduced = stack, tuple(contacts), reduced
+        self._stack, self._rows, self._tasks = stack, tasks.stack_rows, tasks
+        self._reduced = reduced
         part = reduced.partition
         self._base = base = robot.base_dofs
-        self._na, self._nr = na, nr = part.na, part.nr
         kept, *left = shape
-        self._motion = motion = slice(0, nr + kept)
+        self._motion = motion = slice(0, part.nr + kept)
         self._joints = part.a.index[base:] - base
-        ends = motion.stop + np.concatenate(([0], np.cumsum([c.dim for c in contacts]))).astype(int)
-        self._wrenches = [slice(int(a), int(b)) for a, b in pairwise(ends)]
-        n = int(ends[-1])
-        names = [robot.joint_names[i] for i in self._joints]
-        self.problem = problem = HierarchicalProblem.allocate(
-            n,
-            [na, n - motion.stop + sum(len(c.cone) for c in contacts)]
-            + [
-                sum(len(a.first) for a in level) + k
-                for level, k in zip(tasks.levels, left, strict=True)
-            ],
-            names=[
-                "dynamics",
-                "contacts",
-                *(", ".join(a.task.name for a in level) for level in tasks.levels),
-            ],
-            labels=[
-                [("base dynamics", base), *((f"torque limit of {j}", 1) for j in names)],
-                [(f"motion of contact {c.name}", c.dim) for c in contacts]
-                + [(f"wrench cone of contact {c.name}", len(c.cone)) for c in contacts],
-                *(
-                    [
-                        *((f"task {a.task.name}", len(a.first)) for a in level),
-                        ("unconstrained chain", k),
-                    ]
-                    for level, k in zip(tasks.levels, left, strict=True)
-                ),
-            ],
-            bounds_level=1,
-        )
-        bounds = [("acceleration of the base", base), *((f"joint limit of {j}", 1) for j in names)]
-        bounds += [("acceleration of the unconstrained chain", part.nz + kept)]
-        bounds += [(f"normal force of contact {c.name}", c.dim) for c in contacts]
-        problem.labels[:1] = [(name, count) for name, count in bounds if count]
-        self._wrench_dim = wrench_dim = n - motion.stop
+        self.problem = problem = self._allocate([robot.joint_names[i] for i in self._joints], left)
+        self._label_bounds([robot.joint_names[i] for i in self._joints], part.nz + kept)
+        wrench_dim, touch = self._rows.contact_rows.stop, problem.level(1)
         problem.H[motion.stop :, motion.stop :] = WRENCH_COST * np.eye(wrench_dim)
-        self._fill_cones(problem.level(1), wrench_dim)
-        self._jacobian = np.zeros((wrench_dim, robot.nv))
-        self._contact_rows = [
-            (c, self._jacobian[rows := slice(w.start - motion.stop, w.stop - motion.stop)], rows, w)
-            for c, w in zip(contacts, self._wrenches, strict=True)
-        ]
-        self._tasks = tasks
+        # Constant: the cones stand in the contacts' own frames.
+        touch.A[wrench_dim:, motion.stop :] = self._rows.cone
+        touch.lower[wrench_dim:], touch.upper[wrench_dim:] = -np.inf, 0.0
+        self._contact_target = touch.lower[:wrench_dim], touch.upper[:wrench_dim]
+        self._wrench_bounds = problem.x_lower[motion.stop :], problem.x_upper[motion.stop :]
         self._index = part.a.index, tasks.first, self._places(tasks, left), self._centroid(tasks)
 
-    def fill(self, dynamics: Dynamics, chain: ChainElimination) -> None:
+    def fill(self, chain: ChainElimination) -> None:
         """Writes one state's rows into the problem.
 
         Args:
-            dynamics: the state; the reduced dynamics, the tasks and the joint limit are up to date.
-            chain: the unconstrained chain, up to date, with as many rows left as told.
+            chain: the unconstrained chain, with as many rows left as told; it, the reduced dynamics
+                and the stack's rows are up to date.
         """
-        problem, tasks = self.problem, self._tasks
-        touch = problem.level(1)
-        for contact, jacobian, rows, variables in self._contact_rows:
-            contact.evaluate(dynamics)
-            jacobian[:] = contact.jacobian
-            np.subtract(contact.reference, contact.drift, out=touch.lower[rows])
-            problem.x_lower[variables] = contact.wrench_lower
-            problem.x_upper[variables] = contact.wrench_upper
-        touch.upper[: self._wrench_dim] = touch.lower[: self._wrench_dim]
+        problem, rows, tasks = self.problem, self._rows, self._tasks
+        for bound in self._contact_target:
+            bound[:] = rows.target[rows.contact_rows]
+        lower, upper = self._wrench_bounds
+        lower[:], upper[:] = rows.wrench_lower, rows.wrench_upper
         torque, joint = self._stack.torque_limit, self._stack.joint_limit
         _fill(
             self._index,
-            (self._reduced.M, self._reduced.h_a, self._jacobian),
+            (self._reduced.M, self._reduced.h_a, rows.J[rows.contact_rows]),
             (tasks.J, tasks.target),
             (chain.out, chain.used, chain.kept, chain.centroid_rows),
             (torque.lower, torque.upper, joint.lower, joint.upper),
@@ -149,17 +108,40 @@ class ConstraintChainProblem:
 
     def wrenches(self, x: Float64[np.ndarray, " n"]) -> dict[str, Float64[np.ndarray, " m"]]:
         """Wrench at each active contact in a solution, by the contact's name [N, N m]."""
-        return {c.name: x[s] for c, s in zip(self._contacts, self._wrenches, strict=True)}
+        return self._rows.wrenches(x[self._motion.stop :])
 
-    def _fill_cones(self, touch: LevelView, row: int) -> None:
-        # Constant: the cones stand in the contacts' own frames.
-        for contact, variables in zip(self._contacts, self._wrenches, strict=True):
-            rows = slice(row, row + len(contact.cone))
-            touch.A[rows, variables] = contact.cone
-            touch.lower[rows], touch.upper[rows] = -np.inf, 0.0
-            row = rows.stop
+    def _allocate(self, joints: list[str], left: Sequence[int]) -> HierarchicalProblem:
+        rows, levels = self._rows, self._tasks.levels
+        wrench_dim = rows.contact_rows.stop
+        return HierarchicalProblem.allocate(
+            self._motion.stop + wrench_dim,
+            [
+                self._base + len(joints),
+                wrench_dim + len(rows.cone),
+                *(sum(len(a.first) for a in v) + k for v, k in zip(levels, left, strict=True)),
+            ],
+            names=["dynamics", "contacts", *rows.level_names],
+            labels=[
+                [("base dynamics", self._base), *((f"torque limit of {j}", 1) for j in joints)],
+                rows.motion_labels + rows.cone_labels,
+                *(
+                    [
+                        *((f"task {a.task.name}", len(a.first)) for a in level),
+                        ("unconstrained chain", k),
+                    ]
+                    for level, k in zip(levels, left, strict=True)
+                ),
+            ],
+            bounds_level=1,
+        )
 
-    def _places(self, tasks: TaskRows, left: Sequence[int]) -> Int64[np.ndarray, " k"]:
+    def _label_bounds(self, joints: list[str], inside: int) -> None:
+        bounds = [("acceleration of the base", self._base)]
+        bounds += [(f"joint limit of {j}", 1) for j in joints]
+        bounds += [("acceleration of the unconstrained chain", inside), *self._rows.force_labels]
+        self.problem.labels[:1] = [(name, count) for name, count in bounds if count]
+
+    def _places(self, tasks: AssignedRows, left: Sequence[int]) -> Int64[np.ndarray, " k"]:
         """Rows of the problem for the tasks' first rows, then those for what the levels leave."""
         firsts: list[int] = []
         leftovers: list[int] = []
@@ -177,7 +159,7 @@ class ConstraintChainProblem:
             leftovers += range(row, row + k)
         return np.array(firsts + leftovers, dtype=np.int64)
 
-    def _centroid(self, tasks: TaskRows) -> Int64[np.ndarray, " first"]:
+    def _centroid(self, tasks: AssignedRows) -> Int64[np.ndarray, " first"]:
         """For each of the tasks' first rows, its place among those of the centroids, or -1."""
         places = np.full(len(tasks.first), -1, dtype=np.int64)
         places[np.isin(tasks.first, tasks.centroid)] = np.arange(len(tasks.centroid))
@@ -264,8 +246,8 @@ def _fill(
             H[i, j] = M_r[i, j] if i < nr and j < nr else 0.0
     for k in range(used):
         for i in range(motion):
-            share = G[k, i]
-            if share != 0.0:
-                g[i] -= share * c[k]
+            factor = G[k, i]
+            if factor != 0.0:
+                g[i] -= factor * c[k]
                 for j in range(motion):
-                    H[i, j] += share * G[k, j]
+                    H[i, j] += factor * G[k, j]

@@ -1,20 +1,253 @@
-"""`ReducedController`: strictly prioritised torque control over the reduced robot."""
+"""`ReducedController`: strictly prioritised torque control over the reduced robot.
 
-from poise.control._reduced._elimination import announce
-from poise.control._reduced._resolver import ReducedResolver
-from poise.control._torque_controller import TorqueController
-from poise.dynamics import Dynamics, Partitions
+`ReducedProgram`: LQP 1, then the unconstrained chain, then both chains' torques.
+"""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from jaxtyping import Float64
+
+from poise.control._controller import Controller
+from poise.control._full_problem import FullProblem
+from poise.control._reduced._assignment import AssignedRows
+from poise.control._reduced._constraint_chain import ConstraintChainProblem
+from poise.control._reduced._elimination import ChainElimination, announce
+from poise.control._reduced._unconstrained_chain import (
+    ChainJoining,
+    UnconstrainedChainProblem,
+)
+from poise.control._strategy import PHYSICS_LEVELS, Answer, Programs, bound_stack, solver_maker
+from poise.control._whole_body import FullProgram
+from poise.dynamics import Dynamics, Partition, Partitions, ReducedDynamics
+from poise.hqp import Solution, Solver
 from poise.robots import Robot
-from poise.stack import Contact, PostureTask, Stack
+from poise.stack import Contact, PostureTask, Stack, StackRows, Task
+
+_TOLERANCE = 1e-8
+"""Relative residual, or increase of one, above which LQP 2 is no solution."""
+
+_MORE_ENERGY = 1e-3
+"""Fraction of the acceleration energy by which LQP 2 may exceed that of LQP 1, which no solution is
+below. Beyond, a chain may swing its elbows about for the sake of a centroid that the whole problem
+would have chosen elsewhere."""
+
+PATIENCE = 20
+"""Ticks for which the whole problem is solved at once after the reduced one was of no use: an arm
+at its limit seldom leaves it within a tick, and three problems in one cost more than either way."""
+
+_TYPICAL = 0
+"""Seed of the coefficients from which the usual shape of LQP 1 is told beforehand."""
 
 
-class ReducedController(TorqueController[ReducedResolver]):
+class ReducedProgram:
+    """Section 4.2 of Ahn et al. 2024 with exact dynamics, for one set of active contacts.
+
+    LQP 1 decides contacts, balance, the constraint chain and the centroids; it knows what tasks of
+    the unconstrained chain ask of them (`ChainElimination`), so that the order of the levels is
+    that of the stack whichever chain their tasks are in. The unconstrained chain's joints then
+    follow in closed form. That is the solution of the whole problem, unless those joints exceed
+    their limits, which LQP 1 does not know. Then LQP 2 looks for other motions of the chain under
+    what LQP 1 decided, within the limits. If that costs no level anything, and hardly more energy,
+    it is the solution. If it does, what LQP 1 decided is worth nothing: the whole problem is solved
+    after all, `FullProblem`, and stays so for `PATIENCE` ticks.
+
+    Args:
+        robot: the robot.
+        stack: contacts, limits and tasks, bound to the robot.
+        contacts: those contacts of the stack that are active.
+        partition: the chains for these contacts.
+        make_solver: makes a solver with a workspace of its own.
+
+    Attributes:
+        reduced: the reduced dynamics.
+        chain: the unconstrained chain, eliminated.
+        rows: the rows of the stack.
+        tasks: which of them each problem gets.
+        second: LQP 2; None without an unconstrained chain.
+        first_solution: solution of LQP 1, None before the first solve.
+        second_solution: solution of LQP 2; None where the last solve did not need it.
+        whole: the whole problem; None before it is needed.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        stack: Stack,
+        contacts: Sequence[Contact],
+        partition: Partition,
+        make_solver: Callable[[], Solver],
+    ) -> None:
+        self._robot, self._stack, self._contacts = robot, stack, tuple(contacts)
+        self._make_solver = make_solver
+        self.rows = StackRows(robot, stack, contacts)
+        self.tasks = AssignedRows(self.rows, robot, partition)
+        self.reduced = ReducedDynamics(robot, partition)
+        self.chain = ChainElimination(self.reduced, self.tasks)
+        # One for each shape: it changes only where tasks of the unconstrained chain lose rank.
+        self._firsts: dict[tuple[int, ...], tuple[ConstraintChainProblem, Solver]] = {}
+        self.second: UnconstrainedChainProblem | None = None
+        self.first_solution: Solution | None = None
+        self.second_solution: Solution | None = None
+        self.whole: FullProgram | None = None
+        self._solved_whole, self._whole_ticks = False, 0
+        self._joining = ChainJoining(robot.base_dofs, self.reduced, stack)
+        self._current = self._prepare()
+        if partition.nu:
+            self.second = UnconstrainedChainProblem(robot, stack, self.tasks, self.reduced)
+            self._second_solver = make_solver()
+
+    @property
+    def suspended(self) -> tuple[Task, ...]:
+        """Frame tasks that a contact stands in for; they have no rows."""
+        return self.rows.suspended
+
+    @property
+    def first(self) -> ConstraintChainProblem:
+        """LQP 1 of the last state."""
+        return self._current[0]
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Variables and rows of LQP 1, and of LQP 2 or the whole problem where it took them."""
+        if self.whole is not None and self._solved_whole:
+            return self.whole.size
+        n, m = self.first.problem.size
+        if self.second is not None and self.second_solution is not None:
+            n2, m2 = self.second.problem.size
+            n, m = n + n2, m + m2
+        return n, m
+
+    def assemble(self, dynamics: Dynamics) -> None:
+        """Writes one state's rows: the reduced dynamics, the eliminated chain, LQP 1.
+
+        Args:
+            dynamics: the state, up to date.
+        """
+        self._dynamics = dynamics
+        self._solved_whole = self._whole_ticks > 0
+        if self.whole is not None and self._solved_whole:
+            self.whole.assemble(dynamics)
+            return
+        self.reduced.update(dynamics)
+        self.rows.update(dynamics)
+        self.chain.update()
+        self._current = self._first_for(self.chain.shape)
+        self.first.fill(self.chain)
+
+    def solve(self) -> Answer:
+        """Solves what was assembled; nothing raises on numbers."""
+        self.second_solution = None
+        if self.whole is not None and self._solved_whole:
+            self._whole_ticks -= 1
+            return self.whole.solve()
+        problem, solver = self._current
+        self.first_solution = first = solver.solve(problem.problem)
+        x, torque_a = problem.acceleration(first.x), problem.torque(first.x)
+        joined = self._joining.join(x, torque_a, self.chain.recover(x))
+        physics = first.relative_residuals[:PHYSICS_LEVELS]
+        levels = self.rows.measure(joined.acceleration)[1:].tolist()
+        if self.second is not None and first.ok and not joined.within:
+            self.second.fill(x[: self.reduced.partition.nr])
+            self.second_solution = second = self._second_solver.solve(self.second.problem)
+            free, joined = joined.acceleration, self._joining.join(x, torque_a, second.x)
+            costs = max(second.relative_residuals[:PHYSICS_LEVELS])
+            bounded = self.rows.measure(joined.acceleration)[1:].tolist()
+            costs = max([costs, *(b - f for f, b in zip(levels, bounded, strict=True))])
+            energy = self._energy(joined.acceleration) / self._energy(free)
+            if not (second.ok and costs <= _TOLERANCE and energy <= 1.0 + _MORE_ENERGY):
+                return self._solve_whole()
+            physics = np.maximum(physics, second.relative_residuals[:PHYSICS_LEVELS])
+        return Answer(
+            first.status,
+            joined.torque,
+            (*physics.tolist(), *levels),
+            joined.acceleration,
+            problem.wrenches(first.x),
+        )
+
+    def reset(self) -> None:
+        """Forgets the last solutions."""
+        for _, solver in self._firsts.values():
+            solver.reset()
+        if self.second is not None:
+            self._second_solver.reset()
+        if self.whole is not None:
+            self.whole.reset()
+        self.first_solution = self.second_solution = None
+        self._whole_ticks = 0
+
+    def task_residuals(self) -> dict[str, float]:
+        """Norm of what each task could not meet at the last solve [unit/s^2]."""
+        if self.whole is not None and self._solved_whole:
+            return self.whole.task_residuals()
+        return self.rows.task_residuals()
+
+    def explain(self) -> str:
+        """Which rows conflict and with what, in words."""
+        if self.whole is not None and self._solved_whole:
+            return self.whole.explain()
+        if self.first_solution is None:
+            return "nothing solved yet"
+        words = [self.first_solution.explain(self.first.problem)]
+        if self.second is not None and self.second_solution is not None:
+            words.append(self.second_solution.explain(self.second.problem))
+        return "; ".join(words)
+
+    def _energy(self, dv: Float64[np.ndarray, " nv"]) -> float:
+        """Twice the acceleration energy (27), above zero."""
+        return float(dv.dot(self._dynamics.M).dot(dv)) + 1e-300
+
+    def _solve_whole(self) -> Answer:
+        # Not made before it is needed, which may be never.
+        if self.whole is None:
+            self.whole = FullProgram(
+                FullProblem(self._robot, self._stack, self._contacts), self._make_solver()
+            )
+        self._solved_whole, self._whole_ticks = True, PATIENCE
+        self.whole.assemble(self._dynamics)
+        return self.whole.solve()
+
+    @property
+    def whole_solution(self) -> Solution | None:
+        """Solution of the whole problem at the last state; None where it was not needed."""
+        return self.whole.solution if self.whole is not None and self._solved_whole else None
+
+    def _prepare(self) -> tuple[ConstraintChainProblem, Solver]:
+        """LQP 1 as it is where no task loses rank, so that the first tick finds it ready."""
+        self.reduced.update(Dynamics(self._robot))
+        # No task is asked: it might take what it finds for its target.
+        self.tasks.J[:] = np.random.default_rng(_TYPICAL).normal(size=self.tasks.J.shape)
+        self.chain.update()
+        return self._first_for(self.chain.shape)
+
+    def _first_for(self, shape: tuple[int, ...]) -> tuple[ConstraintChainProblem, Solver]:
+        pair = self._firsts.get(shape)
+        if pair is None:
+            problem = ConstraintChainProblem(
+                self._robot, self._stack, self.tasks, self.reduced, shape
+            )
+            pair = self._firsts[shape] = (problem, self._make_solver())
+        return pair
+
+
+class ReducedController(Controller):
     """Tasks in strict priority in, joint torques out: contacts and balance on a small model.
 
-    The formulation of Ahn et al. 2024, section 4, with exact dynamics, see `ReducedResolver`. It
+    The formulation of Ahn et al. 2024, section 4, with exact dynamics, see `ReducedProgram`. It
     takes the same stacks as `WholeBodyController` and finds the same torques, in less time the more
-    joints stand between no contact and the base. What is common to all controllers by quadratic
-    programs is said of `TorqueController`.
+    joints stand between no contact and the base.
+
+    Args:
+        robot: the robot.
+        stack: contacts, limits and tasks; `default_stack(robot)` when None.
+        strategy: how the hierarchies are solved: "direct", "cascade" or "weighted".
+        backend: QP solver of the cascade and weighted strategies.
+        time_limit: cap of one solve [s], beyond which the command is the fallback's; none when
+            None.
+
+    Raises:
+        PoiseError: a name that the robot does not have, or a setting that cannot be right.
     """
 
     def __init__(
@@ -27,26 +260,28 @@ class ReducedController(TorqueController[ReducedResolver]):
         time_limit: float | None = None,
     ) -> None:
         announce()
-        self._partitions = Partitions(robot)
-        super().__init__(robot, stack, strategy=strategy, backend=backend, time_limit=time_limit)
-        self._rehearse()
+        stack = bound_stack(robot, stack)
+        partitions, make_solver = Partitions(robot), solver_maker(strategy, backend, time_limit)
+
+        def make(contacts: tuple[Contact, ...]) -> ReducedProgram:
+            partition = partitions.of([c.frame for c in contacts])
+            return ReducedProgram(robot, stack, contacts, partition, make_solver)
+
+        self._programs = Programs(robot, stack, make)
+        super().__init__(self._programs)
+        _rehearse(robot, partitions, make_solver)
 
     @property
-    def resolver(self) -> ReducedResolver | None:
-        """The two problems of the last tick that was solved, and their solutions."""
-        return self._last
+    def strategy(self) -> Programs[ReducedProgram]:
+        """The two problems and their solutions, for each set of active contacts."""
+        return self._programs
 
-    def _make_resolver(self, contacts: tuple[Contact, ...]) -> ReducedResolver:
-        partition = self._partitions.of([c.frame for c in contacts])
-        return ReducedResolver(self.robot, self.stack, contacts, partition, self._make_solver)
 
-    def _rehearse(self) -> None:
-        """Runs everything compiled once, so that the first tick finds it ready."""
-        # Without contacts the chain that hangs freely is as long as it can be.
-        stack = Stack(levels=[[PostureTask()]])
-        stack.bind(self.robot)
-        resolver = ReducedResolver(
-            self.robot, stack, (), self._partitions.of(()), self._make_solver
-        )
-        resolver.assemble(Dynamics(self.robot))
-        resolver.solve()
+def _rehearse(robot: Robot, partitions: Partitions, make_solver: Callable[[], Solver]) -> None:
+    """Runs everything compiled once, so that the first tick finds it ready."""
+    # Without contacts the free chain is as long as it can be.
+    stack = Stack(levels=[[PostureTask()]])
+    stack.bind(robot)
+    program = ReducedProgram(robot, stack, (), partitions.of(()), make_solver)
+    program.assemble(Dynamics(robot))
+    program.solve()

@@ -23,13 +23,13 @@ class Eliminated(NamedTuple):
 
     Attributes:
         G: how p answers to (dv_a, z, s), in the coordinates that V turns it into.
-        c: p at zero, likewise.
+        c: p at zero, in the same coordinates.
         V: vectors of the reflections that turn p, each from its own place on.
         tau: their factors.
         rows: what the levels leave for LQP 1, one below the other: coefficients of (dv_a, z, s).
         values: right-hand sides.
         left: how many rows each level leaves.
-        shares: scratch.
+        scratch: scratch.
         before: scratch, as large as the coefficients of p.
     """
 
@@ -40,7 +40,7 @@ class Eliminated(NamedTuple):
     rows: Float64[np.ndarray, "m n"]
     values: Float64[np.ndarray, " m"]
     left: Int64[np.ndarray, " levels"]
-    shares: Float64[np.ndarray, " s"]
+    scratch: Float64[np.ndarray, " s"]
     before: Float64[np.ndarray, "m np"]
 
 
@@ -66,7 +66,7 @@ def eliminate(
     Returns:
         How many p are determined or unknowns s, and how many are unknowns s.
     """
-    G, c, V, tau, rows, values, left, shares, before = out
+    G, c, V, tau, rows, values, left, scratch, before = out
     G[:], c[:] = 0.0, 0.0
     done = kept = total = 0
     for level in range(len(left)):
@@ -80,7 +80,7 @@ def eliminate(
         # Mostly the freedom left reaches every row, and no other order of rows is needed.
         if rank > free or _rotate(block, done, rank, floor, V, tau) < rank:
             _copy(kept_rows, block)
-            rank = _find_reached(block, E[begin:end, :nr], e[begin:end], done, floor, shares)
+            rank = _find_reached(block, E[begin:end, :nr], e[begin:end], done, floor, scratch)
             strong = _rotate(block, done, rank, floor, V, tau)
         for place in range(done, done + rank):
             reflect_rows(P[end:, place:], V[place, : P.shape[1] - place], tau[place])
@@ -88,11 +88,11 @@ def eliminate(
         for k in range(end - begin):
             row, place = begin + k, done + k
             for j in range(done + min(k, rank)):
-                share = P[row, j]
-                if share != 0.0:
-                    e[row] -= share * c[j]
+                factor = P[row, j]
+                if factor != 0.0:
+                    e[row] -= factor * c[j]
                     for i in range(width):
-                        E[row, i] -= share * G[j, i]
+                        E[row, i] -= factor * G[j, i]
             if k < strong:
                 c[place] = e[row] / P[row, place]
                 for i in range(width):
@@ -173,23 +173,23 @@ def _find_reached(
     e: Float64[np.ndarray, " m"],
     done: int,
     floor: float,
-    shares: Float64[np.ndarray, " s"],
+    scratch: Float64[np.ndarray, " s"],
 ) -> int:
     """Turns a level's rows so that the first ones are all that the freedom left can reach.
 
     Args:
         P: coefficients of p, of which the first `done` are spoken for.
         E: coefficients of the rest of the robot, turned with them.
-        e: right-hand sides, likewise.
+        e: right-hand sides, turned with them, too.
         done: how many of p the levels above have taken.
         floor: coefficients up to this are rounding.
-        shares: scratch.
+        scratch: scratch.
 
     Returns:
         How many rows are reached; the others have no coefficient left.
     """
     m, inside = P.shape
-    vector, column, shares = shares[:m], shares[m : 2 * m], shares[2 * m :]
+    vector, column, scratch = scratch[:m], scratch[m : 2 * m], scratch[2 * m :]
     first, rank = 0.0, 0
     while rank < min(m, inside - done):
         best, size = done, -1.0
@@ -208,9 +208,9 @@ def _find_reached(
             column[i] = P[i, best]
         v = vector[rank:m]
         tau = make_reflection(column[rank:m], v)
-        reflect_columns(P[rank:], v, tau, shares)
+        reflect_columns(P[rank:], v, tau, scratch)
         P[rank + 1 :, best] = 0.0
-        reflect_columns(E[rank:], v, tau, shares)
+        reflect_columns(E[rank:], v, tau, scratch)
         reflect(e[rank:], v, tau)
         rank += 1
     P[rank:, done:] = 0.0

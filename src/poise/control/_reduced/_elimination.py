@@ -4,8 +4,8 @@ import numpy as np
 from jaxtyping import Float64, Int64
 
 from poise._compiled import compiled, say_if_slow
+from poise.control._reduced._assignment import AssignedRows
 from poise.control._reduced._eliminate import Eliminated, eliminate, restore
-from poise.control._reduced._task_rows import TaskRows
 from poise.dynamics import ChainFactors, ReducedDynamics, from_coordinates, to_coordinates
 
 
@@ -40,7 +40,7 @@ class ChainElimination:
         kept: number of unknowns s.
     """
 
-    def __init__(self, reduced: ReducedDynamics, rows: TaskRows) -> None:
+    def __init__(self, reduced: ReducedDynamics, rows: AssignedRows) -> None:
         self._reduced, self._rows = reduced, rows
         part = reduced.partition
         inside, m = part.nu - part.nz, len(rows.second)
@@ -59,7 +59,7 @@ class ChainElimination:
             rows=np.zeros((m, width)),
             values=np.zeros(m),
             left=np.zeros(len(rows.levels), dtype=np.int64),
-            shares=np.zeros(2 * m + width),
+            scratch=np.zeros(2 * m + width),
             before=np.zeros((m, inside)),
         )
         self._zp = np.zeros(part.nu)
@@ -135,9 +135,9 @@ def _eliminate(
     for i in range(len(chosen)):
         row = chosen[i]
         # Rows that only move with the centroids are LQP 1's, which weighs them itself.
-        share = weight[row] if i < m else 1.0
+        factor = weight[row] if i < m else 1.0
         for j in range(len(u)):
-            X[i, j] = share * J[row, u[j]]
+            X[i, j] = factor * J[row, u[j]]
     to_coordinates(X, factors, Y)
     E[:, na + nz :] = 0.0
     for i in range(m):

@@ -10,7 +10,6 @@ from jaxtyping import Float64, Int64
 
 from poise.dynamics import Dynamics, RobotState
 from poise.errors import ConfigurationError
-from poise.locomotion._pendulum import GRAVITY
 from poise.locomotion._stepping._parameters import TeleopParameters, knee_limits, leg_joints
 from poise.robots import Robot
 
@@ -178,7 +177,7 @@ def biped_of(robot: Robot, parameters: TeleopParameters) -> Biped:
         frames=(robot.frame_id(left), robot.frame_id(right)),
         sizes=(_size(robot, left), _size(robot, right)),
         torso=robot.frame_id(robot.torso),
-        weight=robot.mass * GRAVITY,
+        weight=robot.weight,
         legs=np.array(legs),
         q_min=q_min,
         q_max=q_max,

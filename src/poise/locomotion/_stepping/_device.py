@@ -8,12 +8,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
 from itertools import pairwise
-from typing import Protocol, runtime_checkable
+from typing import Annotated, Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float64
 
 from poise._checks import checked_number
+from poise._schema import Bounds, Seconds, Vector, checked
+from poise.dynamics import least_jerk
 from poise.errors import ConfigurationError
 
 
@@ -121,7 +123,7 @@ def _is_point(value: object) -> bool:
     )
 
 
-Offset = tuple[float, float, float]
+Offset = Annotated[tuple[float, float, float], Vector(3, Bounds(most=10.0, unit="m"))]
 """Forward, left and up from where the foot stood at the start [m]."""
 
 
@@ -141,6 +143,7 @@ class Device(Protocol):
         ...
 
 
+@checked()
 @dataclass(frozen=True, kw_only=True)
 class WayPoint:
     """Where a device is at a time.
@@ -151,9 +154,13 @@ class WayPoint:
         right: likewise.
     """
 
-    at: float
+    at: Seconds
     left: Offset | None = None
     right: Offset | None = None
+
+    def __post_init__(self) -> None:
+        if self.left is None and self.right is None:
+            raise ConfigurationError("a way-point moves no hand", wanted="left, right or both")
 
 
 class ScriptedDevice:
@@ -197,12 +204,6 @@ class _Path:
     """One device's way."""
 
     def __init__(self, points: list[tuple[float, Offset]], start: Float64[np.ndarray, "3"]) -> None:
-        for at, offset in points:
-            checked_number(at, "time of a way-point [s]")
-            if len(offset) != 3 or not np.isfinite(offset).all():
-                raise ConfigurationError(
-                    "a way-point is no point", got=offset, wanted="three finite numbers"
-                )
         times = [at for at, _ in points]
         places = [start + np.array(offset, dtype=np.float64) for _, offset in points]
         self._times = np.array([0.0, *times] if not times or times[0] > 0.0 else times)
@@ -214,7 +215,7 @@ class _Path:
             return self._places[0].copy()
         if i == len(self._times):
             return self._places[-1].copy()
-        u = (time - self._times[i - 1]) / (self._times[i] - self._times[i - 1])
-        share = float(u**3 * (10.0 - 15.0 * u + 6.0 * u * u))
+        begin, end = self._times[i - 1 : i + 1].tolist()
+        phase, _, _ = least_jerk(time, begin, end - begin)
         before, after = self._places[i - 1], self._places[i]
-        return before + share * (after - before)
+        return before + phase * (after - before)

@@ -1,12 +1,12 @@
 """`TeleopParameters`: every number of the step teleoperator, the paper's, or scaled to a robot."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float64
 
-from poise._checks import checked_number
+from poise._schema import Positive, checked
 from poise.errors import ConfigurationError
 from poise.locomotion._pendulum import natural_frequency
 from poise.robots import Robot
@@ -21,6 +21,7 @@ _PAPER_HEIGHT, _PAPER_STANCE, _PAPER_HALF_SOLE = 0.765, 0.42, 0.12
 """Height of the COM, distance of the feet and half the width of a sole of the paper's robot [m]."""
 
 
+@checked()
 @dataclass(frozen=True, kw_only=True)
 class TeleopParameters:
     """Numbers of the step teleoperator; the defaults are for `biped20`.
@@ -74,54 +75,50 @@ class TeleopParameters:
         feet_gap: least distance of the soles' edges, side by side [m].
     """
 
-    dt: float = 0.005
-    kp: float = 40.0
-    acceleration_max: float = 0.8
-    r_lift: float = 0.08
-    k_v: float = 10.0
-    k_omega: float = 10.0
-    k_level: float = 8.0
-    v_lim: float = 1.0
-    omega_lim: float = 0.8
-    w_B: float = 100.0
-    w_S1: float = 30.0
-    w_S2: float = 1e4
-    w_L: float = 1.0
-    w_B1: float = 3.0
-    epsilon: float = 1e-3
-    momentum_leak: float = 5.0
-    capture_max: float = 0.06
-    ct_zmp_max: float = 0.12
-    shift_time: float = 0.01
-    lift_height: float = 0.02
-    lower_height: float = 0.01
-    land_load: float = 0.047
-    unload_load: float = 0.0235
-    unload_time: float = 0.02
-    press_depth: float = 0.08
-    shift_timeout: float = 3.0
-    zmp_time: float = 0.01
-    clear_height: float = 0.04
-    swing_time: float = 0.05
-    support_margin: float = 0.02
-    lift_speed: float = 0.3
-    lift_acceleration: float = 1.5
-    lower_speed: float = 0.3
-    touch_speed: float = 0.15
-    tilt_soft: float = 0.2
-    velocity_leak: float = 5.0
-    press_speed: float = 0.1
-    knee_min: float = 0.08
-    reach_margin: float = 0.02
-    stoop_max: float = 0.2
-    feet_gap: float = 0.01
-    step_max: float = 0.46
+    dt: Positive = 0.005
+    kp: Positive = 40.0
+    acceleration_max: Positive = 0.8
+    r_lift: Positive = 0.08
+    k_v: Positive = 10.0
+    k_omega: Positive = 10.0
+    k_level: Positive = 8.0
+    v_lim: Positive = 1.0
+    omega_lim: Positive = 0.8
+    w_B: Positive = 100.0
+    w_S1: Positive = 30.0
+    w_S2: Positive = 1e4
+    w_L: Positive = 1.0
+    w_B1: Positive = 3.0
+    epsilon: Positive = 1e-3
+    momentum_leak: Positive = 5.0
+    capture_max: Positive = 0.06
+    ct_zmp_max: Positive = 0.12
+    shift_time: Positive = 0.01
+    lift_height: Positive = 0.02
+    lower_height: Positive = 0.01
+    land_load: Positive = 0.047
+    unload_load: Positive = 0.0235
+    unload_time: Positive = 0.02
+    press_depth: Positive = 0.08
+    shift_timeout: Positive = 3.0
+    zmp_time: Positive = 0.01
+    clear_height: Positive = 0.04
+    swing_time: Positive = 0.05
+    support_margin: Positive = 0.02
+    lift_speed: Positive = 0.3
+    lift_acceleration: Positive = 1.5
+    lower_speed: Positive = 0.3
+    touch_speed: Positive = 0.15
+    tilt_soft: Positive = 0.2
+    velocity_leak: Positive = 5.0
+    press_speed: Positive = 0.1
+    knee_min: Positive = 0.08
+    reach_margin: Positive = 0.02
+    stoop_max: Positive = 0.2
+    feet_gap: Positive = 0.01
+    step_max: Positive = 0.46
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            checked_number(
-                getattr(self, field.name), f"{field.name} of the teleoperation", above=0.0
-            )
         if not self.lower_height < self.lift_height:
             raise ConfigurationError(
                 "a device counts as lowered higher up than as lifted",

@@ -14,11 +14,12 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 from pathlib import Path
 from types import TracebackType
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float64
 
+from poise._schema import Bounds, Duration, Text, checked, read
 from poise.errors import ConfigurationError, PoiseError
 from poise.locomotion._stepping._device import DeviceSample
 
@@ -79,7 +80,29 @@ def header_text(header: dict[str, Any]) -> bytes:
     return encoded.ljust(HEADER_BYTES - 1) + b"\n"
 
 
-def read_header(path: Path) -> dict[str, Any]:
+@checked(RecordingError)
+@dataclass(frozen=True, kw_only=True)
+class Header:
+    """The first line of a recording.
+
+    Attributes:
+        format: what kind of file it is.
+        version: of the format.
+        robot: the robot's name.
+        dt: length of a tick [s].
+        rows: how many there are; `UNFINISHED` for a file that was not closed.
+        setup: what else the run needs.
+    """
+
+    format: Text = FORMAT
+    version: int = VERSION
+    robot: Text
+    dt: Duration
+    rows: Annotated[int, Bounds(least=float(UNFINISHED), most=1e15, whole=True)]
+    setup: dict[str, Any]
+
+
+def read_header(path: Path) -> Header:
     """The header of a file, checked.
 
     Args:
@@ -106,19 +129,7 @@ def read_header(path: Path) -> dict[str, Any]:
             got=header.get("version"),
             wanted=str(VERSION),
         )
-    kinds = {"robot": str, "dt": float, "rows": int, "setup": dict}
-    for key, kind in kinds.items():
-        if not isinstance(header.get(key), kind):
-            raise RecordingError(
-                f"the header of the recording {path.name} is broken",
-                got=header.get(key),
-                wanted=f"{key} as {kind.__name__}",
-            )
-    if not header["dt"] > 0.0:
-        raise RecordingError(
-            f"the header of the recording {path.name} is broken", got=header["dt"], wanted="dt > 0"
-        )
-    return header
+    return read(Header, header, f"the header of {path.name}", error=RecordingError)
 
 
 class RecordingWriter:
@@ -337,8 +348,8 @@ def read_recording(path: Path, *, allow_partial: bool = False) -> Recording:
     header = read_header(path)
     size = os.path.getsize(path) - HEADER_BYTES
     whole, rest = divmod(size, ROW.itemsize)
-    if (rest or whole != header["rows"]) and not allow_partial:
-        promised = "unfinished" if header["rows"] == UNFINISHED else f"{header['rows']} rows"
+    if (rest or whole != header.rows) and not allow_partial:
+        promised = "unfinished" if header.rows == UNFINISHED else f"{header.rows} rows"
         raise RecordingError(
             f"the recording {path.name} is truncated or was not finished",
             got=f"{whole} rows and {rest} bytes",
@@ -350,9 +361,7 @@ def read_recording(path: Path, *, allow_partial: bool = False) -> Recording:
         else np.zeros(0, dtype=ROW)
     )
     _check_rows(path, rows)
-    return Recording(
-        path=path, robot=header["robot"], dt=header["dt"], setup=header["setup"], rows=rows
-    )
+    return Recording(path=path, robot=header.robot, dt=header.dt, setup=header.setup, rows=rows)
 
 
 def _check_rows(path: Path, rows: np.ndarray) -> None:

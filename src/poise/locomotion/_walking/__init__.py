@@ -9,9 +9,9 @@ from poise.locomotion._walking._footsteps import (
     Platform,
     Stride,
 )
-from poise.locomotion._walking._lead import CarriedTarget, walking_stack
 from poise.locomotion._walking._plan import plan_footsteps
 from poise.locomotion._walking._reference import WalkReference
+from poise.locomotion._walking._tasks import CarriedTarget, walking_stack
 from poise.locomotion._walking._walker import Walker, WalkSettings, WalkStatus
 
 __all__ = [

@@ -1,14 +1,20 @@
-"""`StepCatcher`: how far the next foothold moves to catch the robot.
+"""`DcmFeedback`: the ZMP that brings the robot back to its reference.
 
-`DcmFeedback`: the ZMP that brings the robot back to its reference.
-`PlanShift`: the walk carried on beside its plan, and a foothold moved to catch the robot.
+`PlanShift`: the walk carried on beside its plan after a foothold that was moved.
+`StepCatcher`: how far the next foothold moves to catch the robot.
+
+All of it lies in the horizontal plane: vectors are x and y in the world.
 """
 
 import math
-from collections.abc import Sequence
 
-from poise.locomotion._support import Point, SupportPolygon
-from poise.locomotion._walking._footsteps import FootstepPlan, Placement
+import numpy as np
+from jaxtyping import Float64
+
+from poise.locomotion._support import SupportPolygon
+from poise.locomotion._walking._footsteps import FootstepPlan, Placement, yaw_rotation
+
+Vector2 = Float64[np.ndarray, "2"]
 
 
 class DcmFeedback:
@@ -34,36 +40,30 @@ class DcmFeedback:
 
     def __init__(self, omega: float, gain: float) -> None:
         self.omega, self._gain = omega, 1.0 + gain / omega
-        self.error: Point = (0.0, 0.0)
-        self.zmp: Point = (0.0, 0.0)
+        self.error: Vector2 = np.zeros(2)
+        self.zmp: Vector2 = np.zeros(2)
 
     def acceleration(
         self,
-        com: Point,
-        velocity: Point,
-        reference: tuple[Sequence[float], Sequence[float], Sequence[float]],
+        com: Vector2,
+        velocity: Vector2,
+        reference: Float64[np.ndarray, "3 2"],
         support: SupportPolygon,
-    ) -> Point:
+    ) -> Vector2:
         """The COM's horizontal acceleration [m/s^2].
 
         Args:
             com: as measured [m].
             velocity: as measured [m/s].
-            reference: position, velocity and acceleration of the COM.
+            reference: position [m], velocity [m/s] and acceleration [m/s^2] of the COM, a row each.
             support: where the ZMP can be.
         """
         w = self.omega
-        wanted, error = [0.0, 0.0], [0.0, 0.0]
-        for k in (0, 1):
-            position, speed, pull = (part[k] for part in reference)
-            error[k] = com[k] - position + (velocity[k] - speed) / w
-            wanted[k] = position - pull / (w * w) + self._gain * error[k]
-        self.error = (error[0], error[1])
-        self.zmp = support.nearest((wanted[0], wanted[1]))
-        return (w * w * (com[0] - self.zmp[0]), w * w * (com[1] - self.zmp[1]))
-
-
-Pair = tuple[float, float]
+        position, rate, second = reference
+        self.error = com - position + (velocity - rate) / w
+        x, y = (position - second / (w * w) + self._gain * self.error).tolist()
+        self.zmp = np.array(support.nearest((x, y)))
+        return w * w * (com - self.zmp)
 
 
 class PlanShift:
@@ -79,18 +79,15 @@ class PlanShift:
     Attributes:
         settled: how far the ZMP's reference lies beside the plan now [m].
         coming: how much farther it will from the next foothold on [m].
-        com: how far the COM's reference lies beside the plan [m].
-        velocity: rate of `com` [m/s].
-        acceleration: rate of `velocity` [m/s^2].
+        com: how far the COM's reference lies beside the plan [m], with its velocity [m/s] and
+            acceleration [m/s^2], a row each.
     """
 
     def __init__(self, omega: float) -> None:
         self._omega = omega
-        self.settled: Pair = (0.0, 0.0)
-        self.coming: Pair = (0.0, 0.0)
-        self.com: Pair = (0.0, 0.0)
-        self.velocity: Pair = (0.0, 0.0)
-        self.acceleration: Pair = (0.0, 0.0)
+        self.settled: Vector2 = np.zeros(2)
+        self.coming: Vector2 = np.zeros(2)
+        self.com: Float64[np.ndarray, "3 2"] = np.zeros((3, 2))
 
     def advance(self, dt: float, left: float) -> None:
         """Moves on.
@@ -99,31 +96,29 @@ class PlanShift:
             dt: since the last call [s].
             left: until the ZMP goes over to the next foothold [s].
         """
-        w, fade = self._omega, math.exp(-self._omega * max(left, 0.0))
-        blend = math.exp(-w * dt)
-        com, velocity, acceleration = [0.0, 0.0], [0.0, 0.0], [0.0, 0.0]
-        for k in (0, 1):
-            ahead = self.coming[k] * fade
-            xi = self.settled[k] + ahead
-            com[k] = xi + (self.com[k] - xi) * blend
-            velocity[k] = w * (xi - com[k])
-            acceleration[k] = w * (w * ahead - velocity[k])
-        self.com, self.velocity = (com[0], com[1]), (velocity[0], velocity[1])
-        self.acceleration = (acceleration[0], acceleration[1])
+        w = self._omega
+        anticipated = self.coming * math.exp(-w * max(left, 0.0))
+        xi = self.settled + anticipated
+        com = xi + (self.com[0] - xi) * math.exp(-w * dt)
+        velocity = w * (xi - com)
+        self.com = np.array([com, velocity, w * (w * anticipated - velocity)])
 
-    def land(self, shift: Pair) -> None:
+    def land(self, shift: Vector2) -> None:
         """A foot came down so far beside its plan [m]."""
-        self.settled, self.coming = shift, (0.0, 0.0)
+        self.settled, self.coming = shift, np.zeros(2)
 
 
 _TRUSTED = 0.6
-"""Share of the way from the ZMP to the edge of the sole that feedback is left to deal with."""
+"""Part of the distance from the ZMP to the edge of the sole that is left to feedback."""
 
 _RATE = 1.0
 """How fast a foothold moves at most [m/s]: the foot has to follow."""
 
 _RETURN = 0.06
 """How far each step comes back to the plan after a foothold that moved [m]."""
+
+_LEVEL = 1e-3
+"""Ground nearer to the height of a foothold than this carries the sole [m]."""
 
 
 class StepCatcher:
@@ -152,8 +147,8 @@ class StepCatcher:
         self,
         step: int,
         stance: Placement,
-        error: Point,
-        zmp: Point,
+        error: Vector2,
+        zmp: Vector2,
         shift: PlanShift,
         left: float,
         dt: float,
@@ -170,66 +165,63 @@ class StepCatcher:
             dt: since the last call [s].
         """
         growth = math.exp(self._omega * left)
-        cos, sin = math.cos(stance.yaw), math.sin(stance.yaw)
-        raw = [error[k] + shift.coming[k] / growth for k in (0, 1)]
-        back = [_clip(-shift.settled[k], _RETURN) for k in (0, 1)]
-        off = (zmp[0] - stance.position[0], zmp[1] - stance.position[1])
-        sizes = self._plan.sizes[1 - self._plan.steps[step].foot]
-        free: list[float] = []
-        for axis in (0, 1):
-            e = _along(raw, cos, sin, axis)
-            # The return is wanted: only what is not explained by it has to be caught.
-            e -= _along(back, cos, sin, axis) / growth
-            r = _along(off, cos, sin, axis)
-            room = 0.5 * sizes[axis] - self._margin - math.copysign(1.0, e) * r
-            left_over = max(abs(e) - _TRUSTED * max(room, 0.0), 0.0)
-            free.append(_clip(math.copysign(left_over, e) * growth, self._farthest))
-        wanted = [
-            back[0] + cos * free[0] - sin * free[1],
-            back[1] + sin * free[0] + cos * free[1],
+        world_R_stance = yaw_rotation(stance.yaw)
+        size = self._plan.sizes[1 - self._plan.steps[step].foot]
+        back = _clip(-shift.settled, _RETURN)
+        # The step back to the plan is intended: only what it does not explain has to be caught.
+        errors = (error + (shift.coming - back) / growth) @ world_R_stance
+        offsets = (zmp - stance.position[:2]) @ world_R_stance
+        caught = [
+            growth * self._beyond_feedback(e, 0.5 * length, offset)
+            for e, length, offset in zip(errors.tolist(), size, offsets.tolist(), strict=True)
         ]
-        wanted = self._allowed(step, stance, shift.settled, wanted)
-        most = _RATE * dt
-        shift.coming = (
-            shift.coming[0] + _clip(wanted[0] - shift.coming[0], most),
-            shift.coming[1] + _clip(wanted[1] - shift.coming[1], most),
-        )
+        moved = back + world_R_stance @ _clip(np.array(caught), self._farthest)
+        goal = self._allowed(step, stance, world_R_stance, shift.settled, moved)
+        shift.coming = shift.coming + _clip(goal - shift.coming, _RATE * dt)
+
+    def _beyond_feedback(self, error: float, edge: float, offset: float) -> float:
+        """What of an error along the standing foot or across it the ZMP cannot bring back [m].
+
+        Args:
+            error: of the divergent component [m].
+            edge: of the sole, from its centre [m].
+            offset: of the ZMP's reference from there [m].
+        """
+        room = max(edge - self._margin - math.copysign(1.0, error) * offset, 0.0)
+        return math.copysign(max(abs(error) - _TRUSTED * room, 0.0), error)
 
     def _allowed(
-        self, step: int, stance: Placement, settled: Point, wanted: list[float]
-    ) -> list[float]:
+        self,
+        step: int,
+        stance: Placement,
+        world_R_stance: Float64[np.ndarray, "2 2"],
+        settled: Vector2,
+        shift: Vector2,
+    ) -> Vector2:
         """The nearest shift that keeps the feet apart, within reach, and on level ground."""
-        plan, goal = self._plan, self._plan.steps[step].goal
-        foot = plan.steps[step].foot
-        cos, sin = math.cos(stance.yaw), math.sin(stance.yaw)
-        base = [goal.position[k] + settled[k] - stance.position[k] for k in (0, 1)]
-        ahead, aside = _along(base, cos, sin, 0), _along(base, cos, sin, 1)
-        x = ahead + _along(wanted, cos, sin, 0)
-        y = aside + _along(wanted, cos, sin, 1)
+        plan, goal, foot = self._plan, self._plan.steps[step].goal, self._plan.steps[step].foot
+        planned = goal.position[:2] + settled
+        unmoved = (planned - stance.position[:2]) @ world_R_stance
+        ahead, aside = unmoved.tolist()
+        x, y = (unmoved + shift @ world_R_stance).tolist()
         far = max(self._reach, abs(ahead))
         x = min(max(x, -far), far)
         side = 1.0 if foot == 0 else -1.0
         near = min(plan.clearance + 0.5 * (plan.sizes[0][1] + plan.sizes[1][1]), abs(aside))
         y = side * min(max(side * y, near), abs(aside) + self._farthest)
-        dx, dy = x - ahead, y - aside
-        moved = [cos * dx - sin * dy, sin * dx + cos * dy]
-        if plan.ground.platforms and not self._carries(goal, settled, moved, plan.sizes[foot]):
-            moved = [-settled[0], -settled[1]]
-        return moved
+        shift = world_R_stance @ np.array([x - ahead, y - aside])
+        if plan.ground.platforms and not self._carries(goal, planned + shift, plan.sizes[foot]):
+            return -settled
+        return shift
 
-    def _carries(
-        self, goal: Placement, settled: Point, moved: list[float], size: tuple[float, float]
-    ) -> bool:
-        x, y = (goal.position[k] + settled[k] + moved[k] for k in (0, 1))
-        place = Placement(position=(x, y, goal.position[2]), yaw=goal.yaw)
-        heights = self._plan.ground.heights(place.grid(*size))
-        return bool(abs(heights - goal.position[2]).max() < 1e-3)
-
-
-def _along(vector: list[float] | Point, cos: float, sin: float, axis: int) -> float:
-    x, y = vector
-    return cos * x + sin * y if axis == 0 else cos * y - sin * x
+    def _carries(self, goal: Placement, place: Vector2, size: tuple[float, float]) -> bool:
+        """Whether the ground is as high as a goal under all of a sole at another place."""
+        x, y = place.tolist()
+        height = goal.position[2]
+        sole = Placement(position=(x, y, height), yaw=goal.yaw)
+        heights = self._plan.ground.heights(sole.grid(*size))
+        return bool(np.abs(heights - height).max() < _LEVEL)
 
 
-def _clip(value: float, most: float) -> float:
-    return min(max(value, -most), most)
+def _clip(vector: Vector2, most: float) -> Vector2:
+    return np.minimum(np.maximum(vector, -most), most)

@@ -1,21 +1,34 @@
 """`FootstepPlan`: which foot comes down where and when.
 
 `Ground`: how high it is where a foot comes down.
-`SwingShape`: how high a foot is, and how far on its way, through a swing.
+`SwingShape`: how high a foot is, and how far ahead, through a swing.
 `Gait` and `Stride`: how a robot walks, and where to.
 """
 
 import math
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from itertools import pairwise
+from typing import Annotated
 
 import numpy as np
 from jaxtyping import Float64
 
 from poise._checks import checked_number
+from poise._schema import Bounds, Number, Vector, checked
+from poise.dynamics import least_jerk
 from poise.errors import ConfigurationError
 
+LARGEST = 10.0
+"""No length, time or gain of a walk is larger, whatever its unit; most are far smaller."""
 
+
+def yaw_rotation(yaw: float) -> Float64[np.ndarray, "2 2"]:
+    """Rotation of the horizontal plane by an angle [rad]."""
+    c, s = math.cos(yaw), math.sin(yaw)
+    return np.array([[c, -s], [s, c]])
+
+
+@checked()
 @dataclass(frozen=True, kw_only=True)
 class Platform:
     """A box on the floor whose top a robot may step on.
@@ -26,24 +39,13 @@ class Platform:
         yaw: its rotation about z [rad].
     """
 
-    center: tuple[float, float]
-    size: tuple[float, float, float]
-    yaw: float = 0.0
-
-    def __post_init__(self) -> None:
-        for value in self.size:
-            checked_number(value, "size of a platform [m]", above=0.0)
-        if not all(math.isfinite(value) for value in (*self.center, self.yaw)):
-            raise ConfigurationError(
-                "place of a platform is not finite",
-                got=(*self.center, self.yaw),
-                wanted="numbers [m, rad]",
-            )
+    center: Annotated[tuple[float, float], Vector(2, Bounds(unit="m"))]
+    size: Annotated[tuple[float, float, float], Vector(3, Bounds(positive=True, unit="m"))]
+    yaw: Number = 0.0
 
     def heights(self, points: Float64[np.ndarray, "n 2"]) -> Float64[np.ndarray, " n"]:
         """The platform's height where it is under a point, else zero [m]."""
-        c, s = math.cos(self.yaw), math.sin(self.yaw)
-        local = (points - np.array(self.center)) @ np.array([[c, -s], [s, c]])
+        local = (points - np.array(self.center)) @ yaw_rotation(self.yaw)
         inside = (np.abs(local) <= 0.5 * np.array(self.size[:2])).all(axis=1)
         return np.where(inside, self.size[2], 0.0)
 
@@ -69,17 +71,17 @@ class Ground:
 
 
 RISE = 0.45
-"""Share of the swing in which a foot goes up."""
+"""Phase of the swing at which a foot is at its apex."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class SwingShape:
-    """The shape of one swing, over shares of its duration.
+    """The shape of one swing, over its phase from 0 at lift-off to 1 at touchdown.
 
     Attributes:
         apex: highest point of the sole, in the world [m].
-        depart: when the foot leaves its place sideways; before, it goes straight up.
-        arrive: when it is over its goal; from then on, it comes straight down.
+        depart: phase at which the foot leaves its place sideways; before, it goes straight up.
+        arrive: phase at which it is over its goal; from then on, it comes straight down.
     """
 
     apex: float
@@ -99,46 +101,49 @@ class SwingShape:
                 wanted="0 <= depart < arrive <= 1",
             )
 
-    def progress(self, share: float) -> float:
-        """How much of the horizontal way is behind."""
-        return least_jerk(share - self.depart, self.arrive - self.depart)[0]
+    def progress(self, phase: float) -> float:
+        """Ratio of the horizontal displacement that is behind at a phase."""
+        return least_jerk(phase, self.depart, self.arrive - self.depart)[0]
 
-    def height(self, share: float, begin: float, end: float) -> float:
-        """Height of the sole on its way from one height to another [m]."""
+    def height(self, phase: float, begin: float, end: float) -> tuple[float, float, float]:
+        """Height of the sole between lift-off and touchdown.
+
+        Args:
+            phase: of the swing.
+            begin: height at lift-off [m].
+            end: height at touchdown [m].
+
+        Returns:
+            Height [m] and its first and second derivative by the phase [m].
+        """
         apex = max(self.apex, begin, end)
-        if share < RISE:
-            return begin + least_jerk(share, RISE)[0] * (apex - begin)
-        return apex + least_jerk(share - RISE, 1.0 - RISE)[0] * (end - apex)
+        if phase < RISE:
+            ratio, rate, second = least_jerk(phase, 0.0, RISE)
+            return begin + ratio * (apex - begin), rate * (apex - begin), second * (apex - begin)
+        ratio, rate, second = least_jerk(phase, RISE, 1.0 - RISE)
+        return apex + ratio * (end - apex), rate * (end - apex), second * (end - apex)
 
 
-def least_jerk(time: float, duration: float) -> tuple[float, float, float]:
-    """Share of a way from rest to rest, and its rates (Flash and Hogan 1985)."""
-    r = time / duration
-    if r <= 0.0:
-        return 0.0, 0.0, 0.0
-    if r >= 1.0:
-        return 1.0, 0.0, 0.0
-    return (
-        r * r * r * (10.0 + r * (6.0 * r - 15.0)),
-        30.0 * r * r * (1.0 - r) * (1.0 - r) / duration,
-        60.0 * r * (1.0 - r) * (1.0 - 2.0 * r) / (duration * duration),
-    )
-
-
-_MOST_STEPS = 1000
+_MOST_STEPS = 1e3
 """More steps than this are no walk but a mistake."""
 
 _SHORTEST_SWING = 0.1
 """A foot needs this long at least from lift-off to touchdown [s]."""
 
 
+_Size = Annotated[float, Bounds(positive=True, most=LARGEST, unit="m")]
+_Time = Annotated[float, Bounds(positive=True, most=LARGEST, unit="s")]
+_Length = Annotated[float, Bounds(most=LARGEST, unit="m")]
+
+
+@checked()
 @dataclass(frozen=True, kw_only=True)
 class Gait:
     """The timing and the shape of every step.
 
     Attributes:
         step_time: from one lift-off to the next [s].
-        double_support: share of it that both feet stand [s].
+        double_support: how long of it both feet stand [s].
         swing_height: how far a foot is lifted above the higher of its two ends [m].
         width: distance of the feet side by side [m]; as they stand when None.
         crouch: how far the centre of mass is lowered before the first step [m].
@@ -146,21 +151,15 @@ class Gait:
         settle_time: from the last touchdown to the end [s].
     """
 
-    step_time: float = 0.7
-    double_support: float = 0.15
-    swing_height: float = 0.05
-    width: float | None = None
-    crouch: float = 0.0
-    shift_time: float = 1.0
-    settle_time: float = 1.5
+    step_time: _Time = 0.7
+    double_support: _Time = 0.15
+    swing_height: _Size = 0.05
+    width: _Size | None = None
+    crouch: Annotated[float, Bounds(least=0.0, most=LARGEST, unit="m")] = 0.0
+    shift_time: _Time = 1.0
+    settle_time: _Time = 1.5
 
     def __post_init__(self) -> None:
-        for entry in fields(self):
-            value = getattr(self, entry.name)
-            if entry.name == "crouch":
-                checked_number(value, "crouch of the gait [m]")
-            elif value is not None:
-                checked_number(value, f"{entry.name} of the gait [s, m]", above=0.0)
         if self.step_time - self.double_support < _SHORTEST_SWING:
             raise ConfigurationError(
                 "the gait leaves a foot no time to swing",
@@ -174,6 +173,7 @@ class Gait:
         return self.step_time - self.double_support
 
 
+@checked()
 @dataclass(frozen=True, kw_only=True)
 class Stride:
     """A number of steps of one kind.
@@ -189,25 +189,10 @@ class Stride:
         turn: to the left, a step on average [rad].
     """
 
-    steps: int
-    length: float = 0.0
-    sideways: float = 0.0
-    turn: float = 0.0
-
-    def __post_init__(self) -> None:
-        whole = isinstance(self.steps, int) and not isinstance(self.steps, bool)  # pyright: ignore[reportUnnecessaryIsInstance]
-        if not whole or not 1 <= self.steps <= _MOST_STEPS:
-            raise ConfigurationError(
-                "number of steps of a stride is out of range",
-                got=self.steps,
-                wanted=f"1 to {_MOST_STEPS}",
-            )
-        for name in ("length", "sideways", "turn"):
-            value = getattr(self, name)
-            if not isinstance(value, int | float) or not math.isfinite(value):
-                raise ConfigurationError(
-                    f"{name} of a stride is not a number", got=value, wanted="a finite number"
-                )
+    steps: Annotated[int, Bounds(least=1.0, most=_MOST_STEPS, whole=True)]
+    length: _Length = 0.0
+    sideways: _Length = 0.0
+    turn: Annotated[float, Bounds(most=LARGEST, unit="rad")] = 0.0
 
 
 _ALONG, _ACROSS = 9, (-0.5, 0.0, 0.5)
@@ -229,9 +214,8 @@ class Placement:
     def grid(self, length: float, width: float) -> Float64[np.ndarray, "n 2"]:
         """Points all over a sole of that size, edges included [m]."""
         x, y = np.meshgrid(np.linspace(-0.5, 0.5, _ALONG) * length, np.array(_ACROSS) * width)
-        c, s = math.cos(self.yaw), math.sin(self.yaw)
         local = np.stack((x.ravel(), y.ravel()), axis=1)
-        return np.array(self.position[:2]) + local @ np.array([[c, s], [-s, c]])
+        return np.array(self.position[:2]) + local @ yaw_rotation(self.yaw).T
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -241,7 +225,7 @@ class Footstep:
     Attributes:
         foot: which foot swings, 0 for the left, 1 for the right.
         goal: where it comes down.
-        shape: of the way there.
+        shape: of the swing that brings it there.
     """
 
     foot: int

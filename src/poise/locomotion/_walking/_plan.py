@@ -30,7 +30,7 @@ _SEARCH, _FARTHEST = 0.005, 0.25
 _LEVEL = 1e-3
 """Heights nearer to each other than this are one [m]."""
 
-_WAYS = ((0.0, 0.93), (0.1, 0.9), (0.15, 0.85), (0.2, 0.8), (0.25, 0.75), (0.3, 0.7))
+_SWINGS = ((0.0, 0.93), (0.1, 0.9), (0.15, 0.85), (0.2, 0.8), (0.25, 0.75), (0.3, 0.7))
 """Departure and arrival of a swing, from the smoothest to the one that clears most."""
 
 _SAMPLES, _CLEAR, _BESIDE = 41, 0.01, 0.01
@@ -206,20 +206,18 @@ def _footstep(
     ground: Ground,
     number: int,
 ) -> Footstep:
-    """The step with a way above everything that lies under it."""
+    """The step with a swing above everything that lies under it."""
     high = max(begin.position[2], goal.position[2]) + gait.swing_height
     if not ground.platforms:
         return Footstep(foot=foot, goal=goal, shape=SwingShape(apex=high))
-    shares = np.linspace(0.0, 1.0, _SAMPLES)
-    for depart, arrive in _WAYS:
+    phases = np.linspace(0.0, 1.0, _SAMPLES).tolist()
+    for depart, arrive in _SWINGS:
         shape = SwingShape(apex=high, depart=depart, arrive=arrive)
-        under = [
-            _highest(begin, goal, shape.progress(share), size, ground) for share in shares.tolist()
-        ]
+        under = [_highest(begin, goal, shape.progress(p), size, ground) for p in phases]
         # What lies between may be higher than both ends.
         apex = max(high, max(under) + gait.swing_height)
         shape = SwingShape(apex=apex, depart=depart, arrive=arrive)
-        if _is_clear(shape, begin.position[2], goal.position[2], shares.tolist(), under):
+        if _is_clear(shape, begin.position[2], goal.position[2], phases, under):
             return Footstep(foot=foot, goal=goal, shape=shape)
     raise ConfigurationError(
         f"step {number} of the walk would knock against a platform",
@@ -229,21 +227,21 @@ def _footstep(
 
 
 def _highest(
-    begin: Placement, goal: Placement, share: float, size: tuple[float, float], ground: Ground
+    begin: Placement, goal: Placement, ratio: float, size: tuple[float, float], ground: Ground
 ) -> float:
-    """The highest ground under a sole on its way, with a margin around it [m]."""
-    x, y = (a + share * (b - a) for a, b in zip(begin.position[:2], goal.position[:2], strict=True))
-    place = Placement(position=(x, y, 0.0), yaw=begin.yaw + share * (goal.yaw - begin.yaw))
+    """The highest ground under a sole between two places, with a margin around it [m]."""
+    x, y = (a + ratio * (b - a) for a, b in zip(begin.position[:2], goal.position[:2], strict=True))
+    place = Placement(position=(x, y, 0.0), yaw=begin.yaw + ratio * (goal.yaw - begin.yaw))
     grown = (size[0] + 2.0 * _BESIDE, size[1] + 2.0 * _BESIDE)
     return float(ground.heights(place.grid(*grown)).max())
 
 
 def _is_clear(
-    shape: SwingShape, begin: float, end: float, shares: list[float], under: list[float]
+    shape: SwingShape, begin: float, end: float, phases: list[float], under: list[float]
 ) -> bool:
     """Whether a sole is well above all that is higher than the ground it left or comes to."""
-    for share, ground in zip(shares, under, strict=True):
-        own = begin if share < RISE else end
-        if ground > own + _LEVEL and shape.height(share, begin, end) < ground + _CLEAR:
+    for phase, ground in zip(phases, under, strict=True):
+        own = begin if phase < RISE else end
+        if ground > own + _LEVEL and shape.height(phase, begin, end)[0] < ground + _CLEAR:
             return False
     return True

@@ -8,19 +8,15 @@ from jaxtyping import Float64
 
 from poise.errors import ConfigurationError
 from poise.locomotion._walking._footsteps import FootstepPlan, Placement
-from poise.locomotion._walking._reference import WalkReference
-from poise.robots import Robot
-
-_ITERATIONS, _DAMPING = 25, 1e-6
-_LONGEST_TURN = 0.3
-"""Longest step of the search in a joint [rad]."""
+from poise.locomotion._walking._reference import ReferencePoint, WalkReference
+from poise.robots import Robot, frame_error, inverse_kinematics
 
 _MISS = 0.01
 """A foot this far from its place, or a joint this far beyond its limit, is out of reach [m, rad]:
 the pelvis, taken to go along with the COM, is not known better."""
 
 _STRAIGHT = 0.99
-"""Share of a straight leg that a foothold may use which is moved to catch the robot."""
+"""Ratio of a straight leg's length that a foothold may use which is moved to catch the robot."""
 
 
 class LegReach:
@@ -42,6 +38,9 @@ class LegReach:
         ]
         self._base = pin.XYZQUATToSE3(plan.q[:7])
         self._base_from_com = self._base.translation - np.array(plan.com)
+        hip, ankle = (float(self._data.oMi[self._chains[0][k]].translation[2]) for k in (0, -1))
+        self._hip_over_com = hip - plan.com[2]
+        self._ankle_over_sole = ankle - plan.start[0].position[2]
 
     def check(self, reference: WalkReference) -> None:
         """Looks at every foot when it comes down and when it leaves.
@@ -55,7 +54,7 @@ class LegReach:
             for begin, end, done in _stands(plan, foot):
                 place = plan.placements(done)[foot]
                 for time in (begin, end):
-                    problem = self._miss(foot, place, *reference.at(time))
+                    problem = self._miss(foot, place, reference.at(time))
                     if problem:
                         raise ConfigurationError(
                             f"{name} of robot {self._robot.name!r} is out of reach"
@@ -66,49 +65,55 @@ class LegReach:
 
     def longest_step(self, reference: WalkReference) -> float:
         """How far ahead of the other a foot may come down with the COM half way between [m]."""
-        hip = self._data.oMi[self._chains[0][0]].translation
         neutral = self._model.createData()
         pin.framesForwardKinematics(self._model, neutral, pin.neutral(self._model))
-        first, last = (neutral.oMi[self._chains[0][k]].translation for k in (0, -1))
-        length = _STRAIGHT * float(np.linalg.norm(last - first))
-        ankle = self._data.oMi[self._chains[0][-1]].translation[2] - self._plan.start[0].position[2]
-        height = reference.height + hip[2] - self._plan.com[2] - ankle
+        hip, ankle = (self._chains[0][k] for k in (0, -1))
+        straight = np.linalg.norm(neutral.oMi[ankle].translation - neutral.oMi[hip].translation)
+        length = _STRAIGHT * float(straight)
+        height = reference.height + self._hip_over_com - self._ankle_over_sole
         return 2.0 * math.sqrt(max(length**2 - height**2, 0.0))
 
-    def _miss(
-        self,
-        foot: int,
-        place: Placement,
-        com: Float64[np.ndarray, "3 3"],
-        way: Float64[np.ndarray, "3 4"],
-    ) -> str:
+    def _miss(self, foot: int, place: Placement, point: ReferencePoint) -> str:
         """What is wrong with a foot's place at one moment; "" if nothing is."""
-        turn = pin.utils.rotate("z", float(way[0, 3]))
-        base = pin.SE3(turn @ self._base.rotation, com[0] + turn @ self._base_from_com)
+        model, data, frame = self._model, self._data, self._frames[foot]
         goal = pin.SE3(pin.utils.rotate("z", place.yaw), np.array(place.position))
-        q = self._plan.q.copy()
-        q[:7] = pin.SE3ToXYZQUAT(base)
-        model, data, chain = self._model, self._data, self._chains[foot]
-        rows = [model.joints[j].idx_v for j in chain]
-        places = [model.joints[j].idx_q for j in chain]
-        error = np.full(6, np.inf)
-        for _ in range(_ITERATIONS):
+
+        def linearize(
+            q: Float64[np.ndarray, " nq"],
+        ) -> tuple[Float64[np.ndarray, "6"], Float64[np.ndarray, "6 nv"]]:
             pin.computeJointJacobians(model, data, q)
-            placement = pin.updateFramePlacement(model, data, self._frames[foot])
-            error = pin.log6(placement.actInv(goal)).vector
-            if float(np.abs(error).max()) < 1e-3:
-                break
-            J = pin.getFrameJacobian(model, data, self._frames[foot], pin.LOCAL)[:, rows]
-            step = J.T @ np.linalg.solve(J @ J.T + _DAMPING * np.eye(6), error)
-            q[places] += step * min(1.0, _LONGEST_TURN / float(np.abs(step).max()))
-        if float(np.linalg.norm(error[:3])) > _MISS:
-            return f"{float(np.linalg.norm(error[:3])):.3f} m short"
-        first = self._robot.nq - self._robot.nj
-        for k in places:
-            low, high = self._robot.q_min[k - first], self._robot.q_max[k - first]
-            if not low - _MISS <= q[k] <= high + _MISS:
-                joint = self._robot.joint_names[k - first]
-                return f"joint {joint!r} at {q[k]:.2f} of {low:.2f} to {high:.2f} rad"
+            return frame_error(model, data, frame, goal)
+
+        q, error = inverse_kinematics(
+            model,
+            self._with_base_at(point),
+            linearize,
+            [model.joints[j].idx_v for j in self._chains[foot]],
+            tolerance=1e-3,
+            damping=1e-6,
+            step_max=0.3,
+            iterations=25,
+        )
+        short = float(np.linalg.norm(error[:3]))
+        return f"{short:.3f} m short" if short > _MISS else self._beyond_limits(foot, q)
+
+    def _with_base_at(self, point: ReferencePoint) -> Float64[np.ndarray, " nq"]:
+        """The configuration at the beginning, its base moved with the COM and turned."""
+        turn = pin.utils.rotate("z", float(point.displacement[0, 3]))
+        position = point.com[0] + turn @ self._base_from_com
+        q = self._plan.q.copy()
+        q[:7] = pin.SE3ToXYZQUAT(pin.SE3(turn @ self._base.rotation, position))
+        return q
+
+    def _beyond_limits(self, foot: int, q: Float64[np.ndarray, " nq"]) -> str:
+        """Which joint of a leg is beyond its limits; "" for none."""
+        robot, first = self._robot, self._robot.nq - self._robot.nj
+        for j in self._chains[foot]:
+            k = self._model.joints[j].idx_q - first
+            angle, low, high = float(q[first + k]), robot.q_min[k], robot.q_max[k]
+            if not low - _MISS <= angle <= high + _MISS:
+                name = robot.joint_names[k]
+                return f"joint {name!r} at {angle:.2f} of {low:.2f} to {high:.2f} rad"
         return ""
 
 

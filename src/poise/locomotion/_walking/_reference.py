@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float64
 from scipy.interpolate import make_interp_spline
 
+from poise.dynamics import least_jerk
 from poise.locomotion._pendulum import natural_frequency
 from poise.locomotion._preview import PreviewControl
 from poise.locomotion._walking._footsteps import FootstepPlan
@@ -26,12 +27,12 @@ class ReferencePoint(NamedTuple):
 
     Attributes:
         com: position [m], velocity [m/s] and acceleration [m/s^2] of the COM, a row each.
-        way: how far the body has gone along x, y, z [m] and turned [rad] since the beginning, and
-            the rates of that, a row each.
+        displacement: of the body since the beginning along x, y, z [m] and about z [rad], and its
+            first and second rates, a row each.
     """
 
     com: Float64[np.ndarray, "3 3"]
-    way: Float64[np.ndarray, "3 4"]
+    displacement: Float64[np.ndarray, "3 4"]
 
 
 class WalkReference:
@@ -50,7 +51,7 @@ class WalkReference:
         time: grid [s].
         zmp: reference of the ZMP on the grid [m].
         com: position, velocity and acceleration of the COM on the grid [m, s].
-        way: how far the body has gone and turned on the grid, with the rates of that.
+        displacement: of the body on the grid, see `ReferencePoint`.
     """
 
     def __init__(self, plan: FootstepPlan) -> None:
@@ -62,14 +63,14 @@ class WalkReference:
         self.zmp: Float64[np.ndarray, "T 2"] = _zmp(plan, self.time)
         rise = np.concatenate([_rise(plan, self.time), _heading(plan, self.time)], axis=2)
         com = _preview(self.height, np.array(plan.com[:2]), self.zmp)
-        crouch = -plan.gait.crouch * _least_jerk(self.time, plan.gait.shift_time)
+        crouch = -plan.gait.crouch * _least_jerk(self.time, 0.0, plan.gait.shift_time)
         self.com: Float64[np.ndarray, "T 3 3"] = np.concatenate(
             [com, rise[:, :, :1] + crouch[:, :, None]], axis=2
         )
         self.com[:, 0, 2] += standing
-        self.way: Float64[np.ndarray, "T 3 4"] = np.concatenate([com, rise], axis=2)
-        self.way[:, 0] -= self.way[0, 0]
-        flat = np.concatenate([self.com.reshape(-1, 9), self.way.reshape(-1, 12)], axis=1)
+        self.displacement: Float64[np.ndarray, "T 3 4"] = np.concatenate([com, rise], axis=2)
+        self.displacement[:, 0] -= self.displacement[0, 0]
+        flat = np.concatenate([self.com.reshape(-1, 9), self.displacement.reshape(-1, 12)], axis=1)
         self._table = np.ascontiguousarray(flat)
         self._last = len(self.time) - 2
 
@@ -106,8 +107,8 @@ def _rise(plan: FootstepPlan, time: Float64[np.ndarray, " T"]) -> Float64[np.nda
     rise[:, 0] = lows[0]
     for i, (before, after) in enumerate(pairwise(lows)):
         if after != before:
-            share = _least_jerk(time - plan.lift_off(i), plan.gait.swing_time)
-            rise[:, :, 0] += (after - before) * share
+            phase = _least_jerk(time, plan.lift_off(i), plan.gait.swing_time)
+            rise[:, :, 0] += (after - before) * phase
     return rise
 
 
@@ -133,24 +134,21 @@ def _preview(
     """The COM that preview control makes of a ZMP reference, from rest."""
     control = PreviewControl(height, _DT, round(_AHEAD / _DT))
     ahead = np.concatenate([zmp[1:], np.repeat(zmp[-1:], control.length, axis=0)])
-    pull = np.stack([np.correlate(ahead[:, k], control.f, "valid") for k in (0, 1)], axis=1)
-    # A window that ends too soon pulls a little less than a reference at rest needs.
-    pull *= 1.0 / control.dc_gain
+    driven = np.stack([np.correlate(ahead[:, k], control.f, "valid") for k in (0, 1)], axis=1)
+    # A window that ends too soon asks a little less jerk than a reference at rest needs.
+    driven *= 1.0 / control.dc_gain
     closed = control.A - np.outer(control.b, control.K)
     state = np.zeros((3, 2))
     state[0] = start
     states = np.empty((len(zmp), 3, 2))
-    driven = control.b[:, None]
     for k in range(len(zmp)):
         states[k] = state
-        state = closed @ state + driven * pull[k]
+        state = closed @ state + np.outer(control.b, driven[k])
     return states
 
 
-def _least_jerk(time: Float64[np.ndarray, " T"], over: float) -> Float64[np.ndarray, "T 3"]:
-    """Share of a way from rest to rest, zero before time zero and one in the end, and its rates."""
-    r = np.clip(time / over, 0.0, 1.0)
-    share = r**3 * (10.0 - 15.0 * r + 6.0 * r * r)
-    rate = 30.0 * r * r * (1.0 - r) ** 2 / over
-    second = 60.0 * r * (1.0 - r) * (1.0 - 2.0 * r) / over**2
-    return np.stack([share, rate, second], axis=1)
+def _least_jerk(
+    time: Float64[np.ndarray, " T"], start: float, duration: float
+) -> Float64[np.ndarray, "T 3"]:
+    """`least_jerk` at each moment of a grid."""
+    return np.array([least_jerk(t, start, duration) for t in time.tolist()])

@@ -1,12 +1,11 @@
-"""`SwingFoot`: the way of a foot through the air."""
-
-import math
+"""`SwingFoot`: the trajectory of a foot through the air."""
 
 import numpy as np
 import pinocchio as pin
 from jaxtyping import Float64
 
-from poise.locomotion._walking._footsteps import RISE, Placement, SwingShape, least_jerk
+from poise.dynamics import least_jerk
+from poise.locomotion._walking._footsteps import RISE, Placement, SwingShape
 
 _FIXED = 0.06
 """The goal does not move any more when the foot is this near to its arrival [s]."""
@@ -15,19 +14,23 @@ _SEARCH_SPEED, _SEARCH_ACCELERATION = 0.1, 1.5
 """How a foot that has found no ground goes on down [m/s, m/s^2]."""
 
 
+Motion = tuple[float, float, float]
+"""Position [m], velocity [m/s] and acceleration [m/s^2] along one axis of the world."""
+
+
 class SwingFoot:
     """Position and orientation of a foot from lift-off to touchdown, with rates.
 
     Height and orientation follow quintics of least jerk: no speed and no acceleration at lift-off,
-    at the apex and at the goal. The horizontal way is one too, planned anew each tick for the time
-    that is left, so that the goal may move while the foot is on its way. A foot that has found no
+    at the apex and at the goal. Along the ground it is one too, planned anew each tick for the time
+    that is left, so that the goal may move while the foot is in the air. A foot that has found no
     ground goes on down slowly.
 
     Args:
         position: of the sole at lift-off [m].
         rotation: world_R_sole at lift-off.
         goal: where it should come down.
-        shape: of its way.
+        shape: of the trajectory.
         duration: of the swing [s].
         search_depth: how far below the goal it looks for the ground [m].
     """
@@ -44,25 +47,22 @@ class SwingFoot:
         self.goal, self.duration = goal, duration
         self.elapsed = 0.0
         self._shape = shape
-        low, end = float(position[2]), goal.position[2]
-        self._z = (low, max(shape.apex, low, end), end)
+        self._lift_off_height = float(position[2])
         self._depth = search_depth
         self._start_rotation = rotation.copy()
-        cos, sin = math.cos(goal.yaw), math.sin(goal.yaw)
-        flat = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
-        self._turn = pin.log3(flat @ rotation.T)
-        # x and y: position, velocity, acceleration each.
-        self._way = [[float(position[k]), 0.0, 0.0] for k in (0, 1)]
+        self._turn = pin.log3(pin.utils.rotate("z", goal.yaw) @ rotation.T)
+        x, y, _ = position.tolist()
+        self._x, self._y = (x, 0.0, 0.0), (y, 0.0, 0.0)
         self._searched = 0.0
-        self._speed = 0.0
+        self._search_speed = 0.0
         self.rotation: Float64[np.ndarray, "3 3"] = self._start_rotation
         self.position: Float64[np.ndarray, "3"] = position.copy()
         self.velocity: Float64[np.ndarray, "6"] = np.zeros(6)
         self.acceleration: Float64[np.ndarray, "6"] = np.zeros(6)
 
     @property
-    def share(self) -> float:
-        """How much of the swing is over; above one while the foot looks for the ground."""
+    def phase(self) -> float:
+        """Zero at lift-off, one when the foot is due; above while it looks for the ground."""
         return self.elapsed / self.duration
 
     @property
@@ -72,12 +72,12 @@ class SwingFoot:
 
     def stop_here(self) -> None:
         """Comes straight down from where the foot is."""
-        x, y = (axis[0] for axis in self._way)
-        self._way = [[x, 0.0, 0.0], [y, 0.0, 0.0]]
+        x, y, _ = self.position.tolist()
+        self._x, self._y = (x, 0.0, 0.0), (y, 0.0, 0.0)
         self.goal = Placement(position=(x, y, self.goal.position[2]), yaw=self.goal.yaw)
         self.elapsed = max(self.elapsed, RISE * self.duration)
 
-    def advance(self, dt: float, shift: tuple[float, float]) -> None:
+    def advance(self, dt: float, shift: Float64[np.ndarray, "2"]) -> None:
         """Moves on.
 
         Args:
@@ -87,46 +87,42 @@ class SwingFoot:
         left = self._shape.arrive * self.duration - self.elapsed
         self.elapsed += dt
         if self.elapsed > self._shape.depart * self.duration:
-            for k in (0, 1):
-                _towards(self._way[k], self.goal.position[k] + shift[k], left, dt)
-        z, speed, rise = self._vertical(dt)
-        share, rate, second = least_jerk(self.elapsed, self.duration)
-        x, y = self._way
-        self.position = np.array([x[0], y[0], z])
-        turn, spin = self._turn, rate * self._turn
-        self.velocity = np.array([x[1], y[1], speed, spin[0], spin[1], spin[2]])
-        bend = second * turn
-        self.acceleration = np.array([x[2], y[2], rise, bend[0], bend[1], bend[2]])
-        self.rotation = pin.exp3(share * turn) @ self._start_rotation
+            x, y = (self.goal.position[:2] + shift).tolist()
+            self._x, self._y = _towards(self._x, x, left, dt), _towards(self._y, y, left, dt)
+        linear = np.array([self._x, self._y, self._vertical(dt)])
+        phase, rate, second = least_jerk(self.elapsed, 0.0, self.duration)
+        self.position = linear[:, 0]
+        self.rotation = pin.exp3(phase * self._turn) @ self._start_rotation
+        self.velocity = np.concatenate((linear[:, 1], rate * self._turn))
+        self.acceleration = np.concatenate((linear[:, 2], second * self._turn))
 
-    def _vertical(self, dt: float) -> tuple[float, float, float]:
-        low, high, end = self._z
-        up = RISE * self.duration
-        if self.elapsed < up:
-            share, rate, second = least_jerk(self.elapsed, up)
-            return low + share * (high - low), rate * (high - low), second * (high - low)
-        if self.elapsed < self.duration:
-            share, rate, second = least_jerk(self.elapsed - up, self.duration - up)
-            return high + share * (end - high), rate * (end - high), second * (end - high)
-        push = 0.0
+    def _vertical(self, dt: float) -> Motion:
+        """Height and its rates; below the goal if the foot is still in the air when it is due."""
+        T, end = self.duration, self.goal.position[2]
+        if self.elapsed < T:
+            height, rate, second = self._shape.height(self.phase, self._lift_off_height, end)
+            return height, rate / T, second / (T * T)
+        acceleration = 0.0
         if self.exhausted:
-            self._speed = 0.0
-        elif self._speed < _SEARCH_SPEED:
-            push = _SEARCH_ACCELERATION
-            self._speed = min(self._speed + push * dt, _SEARCH_SPEED)
-        self._searched = min(self._searched + self._speed * dt, self._depth)
-        return end - self._searched, -self._speed, -push
+            self._search_speed = 0.0
+        elif self._search_speed < _SEARCH_SPEED:
+            acceleration = _SEARCH_ACCELERATION
+            self._search_speed = min(self._search_speed + acceleration * dt, _SEARCH_SPEED)
+        self._searched = min(self._searched + self._search_speed * dt, self._depth)
+        return end - self._searched, -self._search_speed, -acceleration
 
 
-def _towards(axis: list[float], goal: float, left: float, dt: float) -> None:
-    """One tick along the way of least jerk that arrives at rest in the time that is left."""
+def _towards(axis: Motion, goal: float, left: float, dt: float) -> Motion:
+    """One tick of the least-jerk motion that arrives at rest in the time that is left."""
     x, v, a = axis
     if left <= _FIXED:
-        # Too short to plan anew: a stiff, well damped pull has the last millimetre.
-        rate = 3.0 / _FIXED
-        jerk = rate**3 * (goal - x) - 3.0 * rate**2 * v - 3.0 * rate * a
+        # Too short to plan anew: three poles, fast and equal, deal with the last millimetre.
+        pole = 3.0 / _FIXED
+        jerk = pole**3 * (goal - x) - 3.0 * pole**2 * v - 3.0 * pole * a
     else:
         jerk = (60.0 * (goal - x) / left - 36.0 * v) / (left * left) - 9.0 * a / left
-    axis[0] = x + dt * (v + dt * (0.5 * a + dt * jerk / 6.0))
-    axis[1] = v + dt * (a + 0.5 * dt * jerk)
-    axis[2] = a + dt * jerk
+    return (
+        x + dt * (v + dt * (0.5 * a + dt * jerk / 6.0)),
+        v + dt * (a + 0.5 * dt * jerk),
+        a + dt * jerk,
+    )

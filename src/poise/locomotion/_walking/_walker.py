@@ -7,27 +7,30 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from enum import Enum
+from typing import Annotated
 
 import numpy as np
 import pinocchio as pin
 from jaxtyping import Float64
 
-from poise._checks import checked_number
+from poise._schema import Bounds, Ratio, checked
 from poise.dynamics import RobotState
-from poise.errors import ConfigurationError
 from poise.locomotion._support import Point, SupportPolygon, sole_rectangle
 from poise.locomotion._walking._feedback import DcmFeedback, PlanShift, StepCatcher
-from poise.locomotion._walking._footsteps import FootstepPlan, Placement
-from poise.locomotion._walking._lead import CarriedTarget, find_led
+from poise.locomotion._walking._footsteps import LARGEST, FootstepPlan, Placement
 from poise.locomotion._walking._reach import LegReach
-from poise.locomotion._walking._reference import WalkReference
+from poise.locomotion._walking._reference import ReferencePoint, WalkReference
 from poise.locomotion._walking._swing import SwingFoot
+from poise.locomotion._walking._tasks import CarriedTarget, find_walk_tasks
 from poise.robots import Robot
 from poise.stack import Stack, Task
 
+_Distance = Annotated[float, Bounds(least=0.0, most=LARGEST, unit="m")]
 
+
+@checked()
 @dataclass(frozen=True, kw_only=True)
 class WalkSettings:
     """Feedback, touchdown and limits of a walker.
@@ -35,9 +38,9 @@ class WalkSettings:
     Attributes:
         dcm_gain: how fast an error of the divergent component of motion dies out [1/s].
         zmp_margin: how far inside the soles' edges the ZMP that corrects it stays [m].
-        touchdown_force: share of the robot's weight at which a foot counts as down.
+        touchdown_force: ratio of the robot's weight at which a foot counts as down.
         touchdown_depth: how far below the expected ground a foot aims [m].
-        early: share of the swing after which ground counts as ground.
+        early: phase of the swing after which ground counts as ground.
         search_depth: how far below the expected ground a late foot looks for it [m].
         patience: how long a foot may be late [s].
         adjust: farthest that a foothold moves from its plan to catch the robot [m]; 0 for never.
@@ -45,31 +48,15 @@ class WalkSettings:
             COM, beyond which the walk is given up.
     """
 
-    dcm_gain: float = 4.0
-    zmp_margin: float = 0.01
-    touchdown_force: float = 0.05
-    touchdown_depth: float = 0.003
-    early: float = 0.5
-    search_depth: float = 0.04
-    patience: float = 0.4
-    adjust: float = 0.2
-    com_bound: float = 0.4
-
-    def __post_init__(self) -> None:
-        for field in fields(self):
-            zero = field.name in ("zmp_margin", "touchdown_depth", "search_depth", "adjust")
-            checked_number(
-                getattr(self, field.name),
-                f"{field.name} of the walk's settings",
-                above=None if zero else 0.0,
-            )
-        for name in ("touchdown_force", "early"):
-            if getattr(self, name) >= 1.0:
-                raise ConfigurationError(
-                    f"{name} of the walk's settings is out of range",
-                    got=getattr(self, name),
-                    wanted="a share below one",
-                )
+    dcm_gain: Annotated[float, Bounds(positive=True, most=LARGEST, unit="1/s")] = 4.0
+    zmp_margin: _Distance = 0.01
+    touchdown_force: Ratio = 0.05
+    touchdown_depth: _Distance = 0.003
+    early: Ratio = 0.5
+    search_depth: _Distance = 0.04
+    patience: Annotated[float, Bounds(positive=True, most=LARGEST, unit="s")] = 0.4
+    adjust: _Distance = 0.2
+    com_bound: Annotated[float, Bounds(positive=True, most=LARGEST)] = 0.4
 
 
 class WalkStatus(Enum):
@@ -122,12 +109,11 @@ class WalkSense:
         return placement.translation, placement.rotation
 
 
-_GRAVITY = 9.81
 _ENGAGE, _RELEASE = 0.4, 0.5
-"""Shares of the double support in which the landed foot is loaded and the next one unloaded."""
+"""Ratios of the double support in which the landed foot is loaded and the next one unloaded."""
 
 _LATE = 0.25
-"""Share of the double support that a late foot may use up before the clock of the walk waits."""
+"""Ratio of the double support that a late foot may use up before the clock of the walk waits."""
 
 _MISPLACED = 0.03
 """How far a sole may be from where the plan begins [m]."""
@@ -180,12 +166,12 @@ class Walker:
         legs = LegReach(robot, plan)
         legs.check(self.reference)
         stack.bind(robot)
-        self._led = find_led(robot, plan, stack, carry)
-        self.carried: dict[str, CarriedTarget] = self._led.carried
+        self._tasks = find_walk_tasks(robot, plan, stack, carry)
+        self.carried: dict[str, CarriedTarget] = self._tasks.carried
         self.status = WalkStatus.READY
         omega = self.reference.omega
         self._sense = WalkSense(robot, plan.soles)
-        self._weight = robot.mass * _GRAVITY
+        self._weight = robot.weight
         self._feedback = DcmFeedback(omega, self.settings.dcm_gain)
         self._shift = PlanShift(omega)
         self._catcher = StepCatcher(
@@ -203,7 +189,7 @@ class Walker:
         self._released = False
         self._waited = 0.0
         self._support = SupportPolygon([], 0.0)
-        self._middle: Point = (0.0, 0.0)
+        self._middle: Float64[np.ndarray, "2"] = np.zeros(2)
 
     @property
     def clock(self) -> float:
@@ -216,27 +202,27 @@ class Walker:
         return self._step
 
     @property
-    def dcm_error(self) -> Point:
+    def dcm_error(self) -> Float64[np.ndarray, "2"]:
         """How far the divergent component of motion is from its reference [m]."""
         return self._feedback.error
 
     @property
-    def zmp(self) -> Point:
+    def zmp(self) -> Float64[np.ndarray, "2"]:
         """Where the ZMP should be, feedback included [m]."""
         return self._feedback.zmp
 
     @property
-    def off_plan(self) -> Point:
+    def off_plan(self) -> Float64[np.ndarray, "2"]:
         """How far the last foothold is beside its plan [m]."""
         return self._shift.settled
 
     def leads(self, task: Task) -> bool:
         """Whether the walk sets a task's target by itself: the COM's and the feet's."""
-        return task is self._led.com or task in self._led.feet
+        return task is self._tasks.com or task in self._tasks.feet
 
     def holds(self, contact: str) -> bool:
         """Whether the walk loads and unloads a contact of that name."""
-        return any(contact == c.name for c in self._led.contacts)
+        return any(contact == c.name for c in self._tasks.contacts)
 
     def lead(self, state: RobotState) -> None:
         """Sets what the next tick should do.
@@ -278,11 +264,11 @@ class Walker:
         foot, lift = plan.steps[self._step].foot, plan.lift_off(self._step)
         ramp = _RELEASE * plan.gait.double_support
         if not self._released and self._clock >= lift - ramp:
-            self._led.contacts[foot].release(ramp)
+            self._tasks.contacts[foot].release(ramp)
             self._released = True
             # The tick that finds the contact gone comes before the next state: it holds the foot.
-            self._led.feet[foot].set_target(*self._sense.sole(foot))
-        if self._clock >= lift and not self._led.contacts[foot].active:
+            self._tasks.feet[foot].set_target(*self._sense.sole(foot))
+        if self._clock >= lift and not self._tasks.contacts[foot].active:
             self._lift(foot)
 
     def _lift(self, foot: int) -> None:
@@ -308,12 +294,11 @@ class Walker:
                 self._waited += dt
             if self._waited > self.settings.patience:
                 self._stop(WalkStatus.FOOT_LOST)
-        coming, settled = self._shift.coming, self._shift.settled
-        swing.advance(dt, (settled[0] + coming[0], settled[1] + coming[1]))
+        swing.advance(dt, self._shift.settled + self._shift.coming)
         if self._is_down(swing, state, foot):
             self._land(foot)
             return
-        self._led.feet[foot].set_target(
+        self._tasks.feet[foot].set_target(
             swing.position, swing.rotation, swing.velocity, swing.acceleration
         )
 
@@ -321,15 +306,15 @@ class Walker:
         wrench = state.contacts.get(self.plan.soles[foot])
         if wrench is None:
             # Nothing is measured: the foot is down when it should be.
-            return swing.share >= 1.0
+            return swing.phase >= 1.0
         loaded = bool(wrench[2] >= self.settings.touchdown_force * self._weight)
-        return loaded and swing.share >= self.settings.early
+        return loaded and swing.phase >= self.settings.early
 
     def _land(self, foot: int) -> None:
-        self._led.contacts[foot].engage(_ENGAGE * self.plan.gait.double_support)
+        self._tasks.contacts[foot].engage(_ENGAGE * self.plan.gait.double_support)
         position, _ = self._sense.sole(foot)
-        goal = self.plan.steps[self._step].goal.position
-        self._shift.land((float(position[0]) - goal[0], float(position[1]) - goal[1]))
+        goal = self.plan.steps[self._step].goal
+        self._shift.land(position[:2] - goal.position[:2])
         self._swing, self._released = None, False
         self._step += 1
         self._stand_on((0, 1))
@@ -343,10 +328,7 @@ class Walker:
             yaw = math.atan2(float(rotation[1, 0]), float(rotation[0, 0]))
             self._stance = Placement(position=(x, y, z), yaw=yaw)
         self._support = SupportPolygon(corners, self.settings.zmp_margin)
-        self._middle = (
-            sum(x for x, _ in corners) / len(corners),
-            sum(y for _, y in corners) / len(corners),
-        )
+        self._middle = np.mean(corners, axis=0)
 
     def _stop(self, status: WalkStatus) -> None:
         """Gives the walk up: a foot in the air comes down, and the robot stands."""
@@ -355,50 +337,53 @@ class Walker:
             self._swing.stop_here()
         elif self._swing is None and self._released:
             foot = self.plan.steps[self._step].foot
-            self._led.contacts[foot].engage(_ENGAGE * self.plan.gait.double_support)
+            self._tasks.contacts[foot].engage(_ENGAGE * self.plan.gait.double_support)
 
     def _keep_balance(self, dt: float) -> None:
-        com, way = self.reference.at(self._clock)
-        shift, sense = self._shift, self._sense
-        left = math.inf
-        if self._step < self.plan.count:
-            half = 0.5 * self.plan.gait.double_support
-            left = max(self.plan.touchdown(self._step) + half - self._clock, 0.0)
-        shift.advance(dt, left)
-        beside = np.array((shift.com, shift.velocity, shift.acceleration))
-        com[:, :2] += beside
-        way[:, :2] += beside
+        left = self._until_next_foot()
+        self._shift.advance(dt, left)
+        point = self._reference_now()
+        self._lead_com(point.com)
+        turn = pin.utils.rotate("z", float(point.displacement[0, 3]))
+        for target in self.carried.values():
+            target.write(point.displacement, turn)
+        if self.status is WalkStatus.WALKING:
+            self._catch(point.com, left, dt)
+
+    def _until_next_foot(self) -> float:
+        """How long until the ZMP goes over to the next foothold [s]."""
+        if self._step >= self.plan.count:
+            return math.inf
+        taken_over = self.plan.touchdown(self._step) + 0.5 * self.plan.gait.double_support
+        return max(taken_over - self._clock, 0.0)
+
+    def _reference_now(self) -> ReferencePoint:
+        """References of the plan with its shift; at rest above the soles if the walk is lost."""
+        com, displacement = self.reference.at(self._clock)
+        com[:, :2] += self._shift.com
+        displacement[:, :2] += self._shift.com
         if not self.status.ok:
             com[0, :2] = self._middle
-            com[1:], way[1:] = 0.0, 0.0
-        position, velocity, acceleration = com.tolist()
-        x, y, z = sense.com.tolist()
-        vx, vy, vz = sense.com_velocity.tolist()
-        ax, ay = self._feedback.acceleration(
-            (x, y), (vx, vy), (position, velocity, acceleration), self._support
-        )
-        task = self._led.com
-        az = acceleration[2] + task.kp[2] * (position[2] - z) + task.kd[2] * (velocity[2] - vz)
-        task.set_target(com[0], com[1], com[2])
-        task.set_acceleration(np.array([ax, ay, az]))
-        self._carry(way)
-        if self.status is WalkStatus.WALKING:
-            self._catch(position, acceleration, left, dt)
+            com[1:], displacement[1:] = 0.0, 0.0
+        return ReferencePoint(com, displacement)
 
-    def _catch(
-        self, position: list[float], acceleration: list[float], left: float, dt: float
-    ) -> None:
+    def _lead_com(self, com: Float64[np.ndarray, "3 3"]) -> None:
+        """Height by the task's own gains, the rest by feedback of the divergent component."""
+        sense, task = self._sense, self._tasks.com
+        acceleration = (
+            com[2] + task.kp * (com[0] - sense.com) + task.kd * (com[1] - sense.com_velocity)
+        )
+        acceleration[:2] = self._feedback.acceleration(
+            sense.com[:2], sense.com_velocity[:2], com[:, :2], self._support
+        )
+        task.set_target(com[0], com[1], com[2])
+        task.set_acceleration(acceleration)
+
+    def _catch(self, com: Float64[np.ndarray, "3 3"], left: float, dt: float) -> None:
+        """Moves the next foothold if need be, or gives the walk up."""
         error = self._feedback.error
         if math.hypot(*error) > self.settings.com_bound * self.reference.height:
             self._stop(WalkStatus.COM_LOST)
         elif self._swing is not None and self.settings.adjust > 0.0:
-            square = self.reference.omega**2
-            zmp = (position[0] - acceleration[0] / square, position[1] - acceleration[1] / square)
+            zmp = com[0, :2] - com[2, :2] / self.reference.omega**2
             self._catcher.advance(self._step, self._stance, error, zmp, self._shift, left, dt)
-
-    def _carry(self, way: Float64[np.ndarray, "3 4"]) -> None:
-        turn = float(way[0, 3])
-        cos, sin = math.cos(turn), math.sin(turn)
-        spin = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
-        for target in self.carried.values():
-            target.write(way, spin)

@@ -23,7 +23,7 @@ TELEOPERATED_BIPED = Proportions(
     sole_width=0.24,
     hip_offset=0.135,
     hip_height=0.48,
-    leg_share=0.48,
+    leg_mass_ratio=0.48,
     accent="blue",
 )
 """The robot of (Zhang, Kikuuwe, "COM Shifter and Body Rotator")."""
@@ -54,7 +54,7 @@ def humanoid(name: str, joints: int, proportions: Proportions) -> Tree:
     """
     p, count = proportions, share_joints(joints)
     s = p.scale
-    upper = p.mass * (1.0 - p.leg_share) / _UPPER_SHARE
+    upper = p.mass * (1.0 - p.leg_mass_ratio) / _UPPER_SHARE
     # The height fixes what is left for the torso when the legs are longer or shorter.
     rest = _WAIST_START + _WAIST_LENGTH + _NECK_LENGTH + HEAD_HEIGHT
     torso_height = (1.0 - p.hip_height) * p.height - rest * s

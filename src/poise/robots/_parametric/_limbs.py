@@ -3,39 +3,34 @@
 An arm of the parametric humanoid: four joints or more between the torso and the hand.
 """
 
-from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from poise.robots._parametric._proportions import Proportions
 from poise.robots._parametric._solids import Shape, box, capsule, drum, slab, sphere
-from poise.robots._parametric._tree import Tree, degrees
+from poise.robots._parametric._tree import Hinge, Tree
 
 
-@dataclass(frozen=True, kw_only=True)
-class _ArmJoint:
+class _ArmJoint(NamedTuple):
     """A joint of the arm; `station` is its place between shoulder, 0, and wrist, 1."""
 
-    name: str
-    axis: Literal["x", "y", "z"]
     station: float
-    span: tuple[float, float]
-    torque: float
+    hinge: Hinge
 
 
-_CLAVICLE = _ArmJoint(name="clavicle", axis="z", station=0.0, span=(-30.0, 30.0), torque=100.0)
+_CLAVICLE = Hinge("clavicle", "z", (-30.0, 30.0), 100.0)
 
 _CORE = (
-    _ArmJoint(name="shoulder_pitch", axis="y", station=0.0, span=(-170.0, 60.0), torque=100.0),
-    _ArmJoint(name="shoulder_roll", axis="x", station=0.0, span=(-15.0, 165.0), torque=100.0),
-    _ArmJoint(name="shoulder_yaw", axis="z", station=0.2, span=(-95.0, 95.0), torque=60.0),
-    _ArmJoint(name="elbow", axis="y", station=0.52, span=(-145.0, 5.0), torque=80.0),
-    _ArmJoint(name="forearm_yaw", axis="z", station=0.66, span=(-120.0, 120.0), torque=40.0),
-    _ArmJoint(name="wrist_pitch", axis="y", station=1.0, span=(-80.0, 80.0), torque=25.0),
-    _ArmJoint(name="wrist_roll", axis="x", station=1.0, span=(-60.0, 60.0), torque=25.0),
+    _ArmJoint(0.0, Hinge("shoulder_pitch", "y", (-170.0, 60.0), 100.0)),
+    _ArmJoint(0.0, Hinge("shoulder_roll", "x", (-15.0, 165.0), 100.0)),
+    _ArmJoint(0.2, Hinge("shoulder_yaw", "z", (-95.0, 95.0), 60.0)),
+    _ArmJoint(0.52, Hinge("elbow", "y", (-145.0, 5.0), 80.0)),
+    _ArmJoint(0.66, Hinge("forearm_yaw", "z", (-120.0, 120.0), 40.0)),
+    _ArmJoint(1.0, Hinge("wrist_pitch", "y", (-80.0, 80.0), 25.0)),
+    _ArmJoint(1.0, Hinge("wrist_roll", "x", (-60.0, 60.0), 25.0)),
 )
 
 _CLAVICLE_OFFSET = 0.62
-"""The clavicle joint's distance from the middle, as a share of the shoulder's."""
+"""The clavicle joint's distance from the middle, over the shoulder's."""
 
 _JOINT_WEIGHT, _LENGTH_WEIGHT, _HAND_WEIGHT = 1.0, 12.0, 1.2
 """Shares of an arm's mass: a joint's motor, a whole arm's length of structure, the hand."""
@@ -51,11 +46,8 @@ def arm_joints(count: int) -> tuple[_ArmJoint, ...]:
     extra = max(0, count - len(_CORE) - 1)
     hinges = tuple(
         _ArmJoint(
-            name=f"hinge{i + 1}",
-            axis="x" if i % 2 == 0 else "y",
-            station=0.1 + 0.85 * (i + 0.5) / extra,
-            span=(-30.0, 30.0),
-            torque=60.0,
+            0.1 + 0.85 * (i + 0.5) / extra,
+            Hinge(f"hinge{i + 1}", "x" if i % 2 == 0 else "y", (-30.0, 30.0), 60.0),
         )
         for i in range(extra)
     )
@@ -101,39 +93,19 @@ def add_arm(
     if has_clavicle:
         root = _CLAVICLE_OFFSET * y
         child = f"{side}_clavicle_link"
-        _connect(tree, side, _CLAVICLE, parent, child, (x, sign * root, z), strength)
+        place = (x, sign * root, z)
+        tree.connect(
+            _CLAVICLE, parent, child, at=place, velocity=10.0, strength=strength, side=side
+        )
         tree.add(child, unit * _JOINT_WEIGHT, _clavicle_shapes(size, sign * (y - root)))
         parent, at = child, (0.0, sign * (y - root), 0.0)
     for i, (joint, span) in enumerate(zip(chain, spans, strict=True)):
-        child = f"{side}_{joint.name}_link"
-        _connect(tree, side, joint, parent, child, at, strength)
+        child = f"{side}_{joint.hinge.name}_link"
+        tree.connect(joint.hinge, parent, child, at=at, velocity=10.0, strength=strength, side=side)
         tree.add(child, unit * weights[i], _segment_shapes(joint, span, size, sign, accent))
         parent, at = child, (0.0, 0.0, -span)
     tree.weld(parent, f"{side}_hand_link", at=at)
     tree.add(f"{side}_hand_link", unit * _HAND_WEIGHT, _hand_shapes(size, sign))
-
-
-def _connect(
-    tree: Tree,
-    side: str,
-    joint: _ArmJoint,
-    parent: str,
-    child: str,
-    at: tuple[float, float, float],
-    strength: float,
-) -> None:
-    low, high = degrees(*joint.span)
-    mirrored = side == "right" and joint.axis != "y"
-    tree.connect(
-        f"{side}_{joint.name}",
-        parent,
-        child,
-        at=at,
-        axis=joint.axis,
-        span=(-high, -low) if mirrored else (low, high),
-        torque=joint.torque * strength,
-        velocity=10.0,
-    )
 
 
 def _clavicle_shapes(size: float, reach: float) -> tuple[Shape, ...]:
@@ -147,16 +119,18 @@ def _segment_shapes(
     joint: _ArmJoint, span: float, size: float, sign: float, accent: str
 ) -> tuple[Shape, ...]:
     radius = (0.056 - 0.018 * joint.station) * size
-    if joint.name == "shoulder_pitch":
+    if joint.hinge.name == "shoulder_pitch":
         return (
             drum("y", 0.058 * size, 0.09 * size),
             sphere(0.072 * size, (0.0, sign * 0.018 * size, 0.018 * size), colour=accent),
         )
-    if joint.axis == "z":
+    if joint.hinge.axis == "z":
         ring = drum("z", 1.04 * radius, 0.022 * size)
     else:
         # Hidden under the shoulder's cover, a hinge across x is shorter.
-        ring = drum(joint.axis, 0.85 * radius, (2.25 if joint.station > 0.0 else 1.9) * radius)
+        ring = drum(
+            joint.hinge.axis, 0.85 * radius, (2.25 if joint.station > 0.0 else 1.9) * radius
+        )
     if span < 0.02 * size:
         return (ring,)
     body = capsule((0.0, 0.0, -0.2 * span), (0.0, 0.0, -0.86 * span), 0.9 * radius)
@@ -194,23 +168,15 @@ SOLE_FORWARD = 0.03
 _SOLE_THICKNESS = 0.03
 
 
-@dataclass(frozen=True, kw_only=True)
-class _LegJoint:
-    name: str
-    axis: Literal["x", "y", "z"]
-    span: tuple[float, float]
-    torque: float
-    mass_share: float
-
-
-_JOINTS = (
-    _LegJoint(name="hip_yaw", axis="z", span=(-35.0, 55.0), torque=150.0, mass_share=0.085),
-    _LegJoint(name="hip_roll", axis="x", span=(-30.0, 60.0), torque=250.0, mass_share=0.105),
-    _LegJoint(name="hip_pitch", axis="y", span=(-125.0, 50.0), torque=280.0, mass_share=0.37),
-    _LegJoint(name="knee", axis="y", span=(0.0, 150.0), torque=300.0, mass_share=0.25),
-    _LegJoint(name="ankle_pitch", axis="y", span=(-80.0, 50.0), torque=200.0, mass_share=0.045),
-    _LegJoint(name="ankle_roll", axis="x", span=(-40.0, 40.0), torque=110.0, mass_share=0.145),
+_LEG = (
+    ("hip_yaw_link", 0.085, Hinge("hip_yaw", "z", (-35.0, 55.0), 150.0)),
+    ("hip_roll_link", 0.105, Hinge("hip_roll", "x", (-30.0, 60.0), 250.0)),
+    ("thigh_link", 0.37, Hinge("hip_pitch", "y", (-125.0, 50.0), 280.0)),
+    ("shin_link", 0.25, Hinge("knee", "y", (0.0, 150.0), 300.0)),
+    ("ankle_link", 0.045, Hinge("ankle_pitch", "y", (-80.0, 50.0), 200.0)),
+    ("foot_link", 0.145, Hinge("ankle_roll", "x", (-40.0, 40.0), 110.0)),
 )
+"""Links of a leg from above: name, share of the leg's mass, and the hinge they hang on."""
 
 
 def add_leg(tree: Tree, side: Literal["left", "right"], p: Proportions) -> None:
@@ -224,10 +190,11 @@ def add_leg(tree: Tree, side: Literal["left", "right"], p: Proportions) -> None:
         p: size and mass.
     """
     sign = 1.0 if side == "left" else -1.0
-    mass = p.mass * p.leg_share / 2.0
+    mass = p.mass * p.leg_mass_ratio / 2.0
     free = p.hip_height * p.height - ANKLE_HEIGHT * p.scale
     thigh, shin = 0.505 * free, 0.495 * free
-    drops = (0.0, 0.0, 0.0, thigh, shin, 0.0)
+    hip = (0.0, sign * p.hip_offset, 0.0)
+    places = (hip, *((0.0, 0.0, -drop) for drop in (0.0, 0.0, thigh, shin, 0.0)))
     shapes = (
         _hip_yaw(p),
         _hip_roll(p),
@@ -236,23 +203,11 @@ def add_leg(tree: Tree, side: Literal["left", "right"], p: Proportions) -> None:
         (drum("y", 0.035 * p.scale, 0.10 * p.scale),),
         _foot(p),
     )
-    links = ("hip_yaw_link", "hip_roll_link", "thigh_link", "shin_link", "ankle_link", "foot_link")
     parent = "pelvis_link"
-    for joint, drop, link, look in zip(_JOINTS, drops, links, shapes, strict=True):
-        low, high = degrees(*joint.span)
-        mirrored = sign < 0.0 and joint.axis != "y"
+    for (link, share, hinge), at, look in zip(_LEG, places, shapes, strict=True):
         child = f"{side}_{link}"
-        tree.connect(
-            f"{side}_{joint.name}",
-            parent,
-            child,
-            at=(0.0, sign * p.hip_offset, 0.0) if parent == "pelvis_link" else (0.0, 0.0, -drop),
-            axis=joint.axis,
-            span=(-high, -low) if mirrored else (low, high),
-            torque=joint.torque * p.strength,
-            velocity=12.0,
-        )
-        tree.add(child, mass * joint.mass_share, look)
+        tree.connect(hinge, parent, child, at=at, velocity=12.0, strength=p.strength, side=side)
+        tree.add(child, mass * share, look)
         parent = child
 
 

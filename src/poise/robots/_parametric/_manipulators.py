@@ -5,7 +5,7 @@ from typing import Literal
 from poise.robots._parametric._limbs import add_arm
 from poise.robots._parametric._proportions import Proportions
 from poise.robots._parametric._solids import Shape, box, capsule, drum, slab
-from poise.robots._parametric._tree import Tree, degrees
+from poise.robots._parametric._tree import Hinge, Tree
 from poise.robots._parametric._trunk import head_shapes, torso_shapes
 
 _UPPER_BODY = Proportions(
@@ -34,16 +34,9 @@ def arm6() -> Tree:
     )
     parent = "base_link"
     for i, (height, axis, torque, mass, shapes) in enumerate(steps, start=1):
-        tree.connect(
-            f"joint{i}",
-            parent,
-            f"link{i}",
-            at=(0.0, 0.0, height),
-            axis=axis,
-            span=degrees(*_ARM_SPAN),
-            torque=torque,
-            velocity=2.6 if i <= 3 else 3.1,
-        )
+        hinge = Hinge(f"joint{i}", axis, _ARM_SPAN, torque)
+        velocity = 2.6 if i <= 3 else 3.1
+        tree.connect(hinge, parent, f"link{i}", at=(0.0, 0.0, height), velocity=velocity)
         tree.add(f"link{i}", mass, shapes)
         parent = f"link{i}"
     return tree
@@ -59,28 +52,19 @@ def upper17() -> Tree:
     s = p.scale
     tree = Tree("upper17")
     tree.add("base_link", 20.0, _column(s))
-    steps: tuple[tuple[str, float, Literal["x", "y", "z"], tuple[float, float], float], ...] = (
-        ("torso_yaw", 0.86, "z", (-80.0, 80.0), 200.0),
-        ("torso_pitch", 0.04, "y", (-25.0, 60.0), 300.0),
-        ("torso_roll", 0.05, "x", (-30.0, 30.0), 300.0),
-        ("chest_pitch", 0.06, "y", (-20.0, 45.0), 250.0),
-        ("chest_yaw", 0.05, "z", (-50.0, 50.0), 150.0),
+    steps = (
+        (0.86, Hinge("torso_yaw", "z", (-80.0, 80.0), 200.0)),
+        (0.04, Hinge("torso_pitch", "y", (-25.0, 60.0), 300.0)),
+        (0.05, Hinge("torso_roll", "x", (-30.0, 30.0), 300.0)),
+        (0.06, Hinge("chest_pitch", "y", (-20.0, 45.0), 250.0)),
+        (0.05, Hinge("chest_yaw", "z", (-50.0, 50.0), 150.0)),
     )
     parent = "base_link"
-    for name, height, axis, span, torque in steps:
-        child = "torso_link" if name == "chest_yaw" else f"{name}_link"
-        tree.connect(
-            name,
-            parent,
-            child,
-            at=(0.0, 0.0, height * s),
-            axis=axis,
-            span=degrees(*span),
-            torque=torque,
-            velocity=6.0,
-        )
+    for height, hinge in steps:
+        child = "torso_link" if hinge.name == "chest_yaw" else f"{hinge.name}_link"
+        tree.connect(hinge, parent, child, at=(0.0, 0.0, height * s), velocity=6.0)
         if child != "torso_link":
-            tree.add(child, 2.5, _vertebra(axis, s))
+            tree.add(child, 2.5, _vertebra(hinge.axis, s))
         parent = child
     height = 0.34 * s
     tree.add("torso_link", 16.0, torso_shapes(p, height))

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from poise._schema import Positive, Ratio, checked
 from poise.errors import ConfigurationError
 
 LEG_JOINTS = 6
@@ -12,6 +13,7 @@ _FULL_ARM = 8
 _FULL_UNCONSTRAINED = 21
 
 
+@checked()
 @dataclass(frozen=True, kw_only=True)
 class Proportions:
     """Size and mass of a humanoid. Lengths not named here scale with the height.
@@ -22,26 +24,21 @@ class Proportions:
         sole_length: length of a foot [m].
         sole_width: width of a foot [m].
         hip_offset: from the middle to a hip [m].
-        hip_height: height of the hips over the soles as a share of the height.
-        leg_share: share of the mass in both legs.
+        hip_height: height of the hips over the soles, over the height.
+        leg_mass_ratio: mass of both legs over the whole.
         accent: colour of the covers.
     """
 
-    height: float
-    mass: float
-    sole_length: float
-    sole_width: float
-    hip_offset: float
-    hip_height: float = 0.494
-    leg_share: float = 0.45
+    height: Positive
+    mass: Positive
+    sole_length: Positive
+    sole_width: Positive
+    hip_offset: Positive
+    hip_height: Ratio = 0.494
+    leg_mass_ratio: Ratio = 0.45
     accent: str = "accent"
 
     def __post_init__(self) -> None:
-        for name in ("height", "mass", "sole_length", "sole_width", "hip_offset"):
-            if not getattr(self, name) > 0.0:
-                raise ConfigurationError(
-                    f"humanoid's {name}", got=getattr(self, name), wanted="a positive number"
-                )
         if self.sole_width >= 2.0 * self.hip_offset:
             raise ConfigurationError(
                 "the feet of the humanoid overlap",

@@ -4,7 +4,7 @@ import math
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from poise.robots._parametric._solids import Shape, combined_inertia
 
@@ -64,6 +64,22 @@ class Joint:
     velocity: float = 0.0
 
 
+class Hinge(NamedTuple):
+    """What is known of a hinge before it stands in a robot.
+
+    Attributes:
+        name: name of the joint, without its side.
+        axis: the joint's axis.
+        span: position limits, of the left one of a pair [deg].
+        torque: torque limit, of a robot of 1.8 m and 100 kg where strengths are scaled [N m].
+    """
+
+    name: str
+    axis: Literal["x", "y", "z"]
+    span: tuple[float, float]
+    torque: float
+
+
 @dataclass
 class Tree:
     """Links and joints under construction.
@@ -84,27 +100,39 @@ class Tree:
 
     def connect(
         self,
-        name: str,
+        hinge: Hinge,
         parent: str,
         child: str,
         *,
         at: tuple[float, float, float],
-        axis: Literal["x", "y", "z"],
-        span: tuple[float, float],
-        torque: float,
         velocity: float,
+        strength: float = 1.0,
+        side: Literal["left", "right"] | None = None,
     ) -> None:
-        """Add a hinge at `at` [m] with position limits `span` [rad]."""
+        """Add a hinge between two links.
+
+        Args:
+            hinge: name, axis, limits.
+            parent: the link it hangs from.
+            child: the link it moves.
+            at: its place in the parent [m].
+            velocity: velocity limit [rad/s].
+            strength: factor on the torque limit.
+            side: of a pair; on the right, limits about x and z are mirrored.
+        """
+        low, high = (math.radians(angle) for angle in hinge.span)
+        if side == "right" and hinge.axis != "y":
+            low, high = -high, -low
         self.joints.append(
             Joint(
-                name=name,
+                name=hinge.name if side is None else f"{side}_{hinge.name}",
                 parent=parent,
                 child=child,
                 position=at,
-                axis=axis,
-                lower=span[0],
-                upper=span[1],
-                torque=torque,
+                axis=hinge.axis,
+                lower=low,
+                upper=high,
+                torque=hinge.torque * strength,
                 velocity=velocity,
             )
         )
@@ -189,8 +217,3 @@ def _add_joint(root: ET.Element, joint: Joint) -> None:
 def _text(values: Iterable[float]) -> str:
     # Rounding at a nanometre leaves no noise in the text; inertias keep all their digits.
     return " ".join(repr(round(float(v), 9) + 0.0) for v in values)
-
-
-def degrees(low: float, high: float) -> tuple[float, float]:
-    """Joint limits given in degrees, in radians."""
-    return math.radians(low), math.radians(high)

@@ -4,7 +4,7 @@ from typing import Literal
 
 from poise.robots._parametric._proportions import Proportions
 from poise.robots._parametric._solids import Shape, box, capsule, drum, slab, sphere
-from poise.robots._parametric._tree import Tree, degrees
+from poise.robots._parametric._tree import Hinge, Tree
 
 HEAD_HEIGHT = 0.22
 """From the last joint of the neck to the crown of a robot of 1.8 m [m]."""
@@ -21,24 +21,25 @@ _TORSO_LAYERS = (
 )
 """Depth and width of the torso of a robot of 1.8 m, in layers of one thickness, from below [m]."""
 
-_WAIST_AXES: tuple[tuple[str, Literal["x", "y", "z"], float], ...] = (
-    ("yaw", "z", 200.0),
-    ("pitch", "y", 300.0),
-    ("roll", "x", 300.0),
-)
-_HEAD_AXES: tuple[tuple[str, Literal["x", "y", "z"], float], ...] = (
-    ("yaw", "z", 20.0),
-    ("pitch", "y", 20.0),
-    ("roll", "x", 20.0),
-)
-_WAIST_SPAN = {"z": (-60.0, 60.0), "y": (-25.0, 50.0), "x": (-25.0, 25.0)}
-_HEAD_SPAN = {"z": (-80.0, 80.0), "y": (-35.0, 45.0), "x": (-25.0, 25.0)}
+_HINGES = {
+    "waist": (
+        Hinge("yaw", "z", (-60.0, 60.0), 200.0),
+        Hinge("pitch", "y", (-25.0, 50.0), 300.0),
+        Hinge("roll", "x", (-25.0, 25.0), 300.0),
+    ),
+    "neck": (
+        Hinge("yaw", "z", (-80.0, 80.0), 20.0),
+        Hinge("pitch", "y", (-35.0, 45.0), 20.0),
+        Hinge("roll", "x", (-25.0, 25.0), 20.0),
+    ),
+}
+"""Hinges of a column, repeated from below as often as there are joints."""
 
 
 def add_column(
     tree: Tree,
     *,
-    part: str,
+    part: Literal["waist", "neck"],
     start: tuple[str, float],
     end: str,
     count: int,
@@ -48,29 +49,27 @@ def add_column(
     strength: float,
 ) -> float:
     """Chain `count` hinges up to the link `end`; return the mass that found no link [kg]."""
-    axes, spans = (_WAIST_AXES, _WAIST_SPAN) if part == "waist" else (_HEAD_AXES, _HEAD_SPAN)
     parent, height = start
     if count == 0:
         tree.weld(parent, end, at=(0.0, 0.0, height + length))
         return mass
     step = length / max(count - 1, 1)
     for i in range(count):
-        word, axis, torque = axes[i % 3]
-        label = f"{part}_{word}" + (str(i // 3 + 1) if i >= 3 else "")
-        last = i == count - 1
-        child = end if last else f"{label}_link"
+        hinge = _HINGES[part][i % 3]
+        name = f"{part}_{hinge.name}" + (str(i // 3 + 1) if i >= 3 else "")
+        child = end if i == count - 1 else f"{name}_link"
+        # A single hinge stands at the upper end.
+        rise = step if i > 0 else height if count > 1 else height + length
         tree.connect(
-            label,
+            hinge._replace(name=name),
             parent,
             child,
-            at=(0.0, 0.0, height if i == 0 and count > 1 else height + length if i == 0 else step),
-            axis=axis,
-            span=degrees(*spans[axis]),
-            torque=torque * strength,
+            at=(0.0, 0.0, rise),
             velocity=8.0,
+            strength=strength,
         )
-        if not last:
-            tree.add(child, mass / (count - 1), _vertebra(axis, radius, step))
+        if child != end:
+            tree.add(child, mass / (count - 1), _vertebra(hinge.axis, radius, step))
         parent = child
     return 0.0 if count > 1 else mass
 

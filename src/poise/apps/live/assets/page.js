@@ -15,6 +15,7 @@ function join() {
   socket.onmessage = (event) => take(JSON.parse(event.data));
   socket.onclose = () => {
     driving = false;
+    view?.allow(false);
     part("controls").disabled = true;
     part("role").textContent = "no connection";
     part("role").className = "";
@@ -42,21 +43,7 @@ function welcome(message) {
   part("role").className = message.hello;
   say(driving ? "" : message.reason || "You are watching. Only the address with the token can drive.");
   part("help").hidden = part("help").hidden || !driving;
-  const key = driving ? "?key=" + encodeURIComponent(message.key) : "";
-  // Under its other name this machine is another site, so the browser draws in a process of its own:
-  // a slow drawing then does not hold up the operator's hands.
-  const other = location.hostname === "localhost" ? "127.0.0.1" : "localhost";
-  const host = `${other}:${location.port}`, scene = `ws://${host}/scene${key}`;
-  const coarse = isSoftware() ? "&fixedDpr=0.5" : "";
-  part("view").src = `http://${host}/view?websocket=${encodeURIComponent(scene)}${coarse}`;
-}
-
-function isSoftware() {
-  const gl = document.createElement("canvas").getContext("webgl");
-  const info = gl?.getExtension("WEBGL_debug_renderer_info");
-  const name = info ? gl.getParameter(info.UNMASKED_RENDERER_WEBGL) : "";
-  gl?.getExtension("WEBGL_lose_context")?.loseContext();
-  return /swiftshader|llvmpipe|software/i.test(name);
+  view?.allow(driving);
 }
 
 // What the connection has to say comes before what the robot has.
@@ -91,12 +78,14 @@ let newest = null, drawnAt = 0, stepping = false;
 function show(s) {
   newest = s;
   if (!("time" in s)) return;
+  view?.show(s);
   // Whoever has made a step needs no more help.
   if (driving && stepping && s.mode === "D") part("help").hidden = true;
   stepping = s.mode === "SL" || s.mode === "SR";
   const last = past.at(-1);
   if (last && s.time < last.time) past.length = 0;
-  if (!last || s.time !== last.time) past.push(s);
+  const { time, zmp, zmpReference, com } = s;
+  if (!last || time !== last.time) past.push({ time, zmp, zmpReference, com });
   while (s.time - past[0].time > SPAN) past.shift();
 }
 
@@ -186,10 +175,12 @@ function beat() {
   const move = [on("ArrowUp") - on("ArrowDown"), on("ArrowLeft") - on("ArrowRight")];
   const clip = (v) => Math.max(-1, Math.min(1, v));
   send({
+    do: "drive",
     beat: performance.now(),
     lift: [keys.left || Boolean(pad?.lift[0]), keys.right || Boolean(pad?.lift[1])],
     move: [clip(move[0] + (pad?.move[0] ?? 0)), clip(move[1] + (pad?.move[1] ?? 0))],
     upright: keys.upright || Boolean(pad?.upright),
+    drag: view?.drags() ?? [null, null],
   });
 }
 
@@ -215,6 +206,7 @@ function release() {
   hold("left", false);
   hold("right", false);
   keys.arrows.clear();
+  view?.release();
 }
 
 for (const side of ["left", "right"]) {
@@ -233,12 +225,8 @@ part("keep").addEventListener("click", () => send({ do: "keep" }));
 part("help-close").addEventListener("click", () => { part("help").hidden = true; });
 window.addEventListener("keydown", (event) => press(event, true));
 window.addEventListener("keyup", (event) => press(event, false));
-window.addEventListener("blur", () => {
-  // A click into the drawing takes the keys away: take them back. Leaving the window lets go.
-  if (document.activeElement === part("view")) setTimeout(() => part("view").blur());
-  else release();
-});
+window.addEventListener("blur", release);
 document.addEventListener("visibilitychange", release);
 setInterval(beat, BEAT);
 requestAnimationFrame(paint);
-join();
+openView().catch((error) => put("no-view", `The robot cannot be drawn here (${error.message}).`)).finally(join);

@@ -1,7 +1,7 @@
 """The plots of the report, a file for each subject; all of them need matplotlib."""
 
 from poise.apps.report._plots._sheet import PlotFigure
-from poise.apps.report._plots._style import house_style, number
+from poise.apps.report._plots._style import house_style, inline_svg, number
 from poise.apps.report._plots._ticks import residuals_figure, tick_figures, tick_percentiles
 from poise.apps.report._plots._torque import joints_figure, torque_figure
 from poise.apps.report._plots._tracking import com_figure, tracking_figures, worst_tasks
@@ -12,6 +12,7 @@ __all__ = [
     "com_figure",
     "forces_figure",
     "house_style",
+    "inline_svg",
     "joints_figure",
     "number",
     "residuals_figure",

@@ -1,6 +1,6 @@
 """The ZMP in the support polygon: from above, and over time against the polygon's bounds.
 
-Geometry of the support polygon: bounds over time, and the distance of a point to its edges.
+Bounds of the support polygon over time.
 Ground forces of the soles, with the contacts that the controller counted on.
 """
 
@@ -23,32 +23,7 @@ from poise.apps.report._plots._style import (
     plain,
 )
 from poise.apps.report._record import RunView
-
-
-def signed_margin(
-    points: Float64[np.ndarray, "n 2"], vertices: Float64[np.ndarray, "k 2"]
-) -> Float64[np.ndarray, " n"]:
-    """Distance of points to the boundary of a convex polygon, positive inside [m].
-
-    Args:
-        points: the points [m].
-        vertices: corners in order around the polygon, either way round [m].
-
-    Returns:
-        Distances [m]; NaN for a NaN point, and for a polygon without corners. One or two corners
-        make a point or a line, of which everything is outside.
-    """
-    if len(vertices) == 0:
-        return np.full(len(points), np.nan)
-    edge = np.roll(vertices, -1, axis=0) - vertices  # [m]
-    offset = points[:, None, :] - vertices[None, :, :]
-    length2 = np.maximum(np.sum(edge**2, axis=1), 1e-18)  # [m^2]
-    along = np.clip(np.sum(offset * edge, axis=2) / length2, 0.0, 1.0)
-    distance = np.linalg.norm(offset - along[:, :, None] * edge, axis=2).min(axis=1)
-    side = edge[:, 0] * offset[:, :, 1] - edge[:, 1] * offset[:, :, 0]  # [m^2]
-    inside = (side >= 0.0).all(axis=1) | (side <= 0.0).all(axis=1)
-    flat = len(vertices) < 3
-    return np.where(inside & (not flat), distance, -distance)
+from poise.locomotion import signed_margin
 
 
 def support_over_time(

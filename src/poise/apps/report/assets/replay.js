@@ -9,15 +9,9 @@
   const SUPPORT = 0x009e73;
   const PUSH = 0xcc79a7;
   const TARGET = 0xe69f00;
-  const SKY = 0xe8eef4;
 
   // ---- data ----------------------------------------------------------------------------------
-  function bytes(text) {
-    const raw = atob(text);
-    const out = new Uint8Array(raw.length);
-    for (let i = 0; i < raw.length; i += 1) out[i] = raw.charCodeAt(i);
-    return out.buffer;
-  }
+  const { bytes } = window.poiseScene;
   const floats = (text) => new Float32Array(bytes(text));
 
   const time = floats(data.time);
@@ -85,9 +79,17 @@
   // ---- the scene --------------------------------------------------------------------------------
   const T = window.POISE_THREE;
   const canvas = find("canvas");
-  let renderer;
+  // How big the robot is: from the bodies' first positions, and at least a hand's length.
+  let height = 0.2;
+  for (let b = 0; b < bodies; b += 1) height = Math.max(height, position[3 * b + 2] * 1.12);
+  let view;
   try {
-    renderer = new T.WebGLRenderer({ canvas, antialias: true, preserveDrawingBuffer: true });
+    view = window.poiseScene(canvas, data, height, {
+      fov: 32,
+      shadows: true,
+      ratio: Math.min(window.devicePixelRatio, 2),
+      renderer: { antialias: true, preserveDrawingBuffer: true },
+    });
   } catch {
     canvas.hidden = true;
     find("sorry").hidden = false;
@@ -96,137 +98,13 @@
     clock.set(start);
     return;
   }
-  renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2));
-  renderer.shadowMap.enabled = true;
-  renderer.shadowMap.type = T.PCFShadowMap;
-
-  const scene = new T.Scene();
-  const camera = new T.PerspectiveCamera(32, 2, 0.02, 200);
-  camera.up.set(0, 0, 1);
-  const controls = new T.OrbitControls(camera, canvas);
-  controls.enableDamping = false;
-  controls.maxPolarAngle = 0.52 * Math.PI;
-
-  // How big the robot is: from the bodies' first positions, and at least a hand's length.
-  let height = 0.2;
-  for (let b = 0; b < bodies; b += 1) height = Math.max(height, position[3 * b + 2] * 1.12);
-  scene.background = new T.Color(SKY);
-  scene.fog = new T.Fog(SKY, 6 * height + 3, 16 * height + 8);
-
-  scene.add(new T.HemisphereLight(0xffffff, 0xc4ccd4, 2.1));
-  const sun = new T.DirectionalLight(0xffffff, 2.1);
-  sun.castShadow = true;
-  sun.shadow.mapSize.set(1024, 1024);
-  const reach = 1.5 * height;
-  Object.assign(sun.shadow.camera, { left: -reach, right: reach, top: reach, bottom: -reach });
-  sun.shadow.camera.far = 8 * height;
-  sun.shadow.bias = -0.0015;
-  sun.shadow.normalBias = 0.01;
-  scene.add(sun, sun.target);
-
-  // The ground is a picture of one square metre, repeated: lines of their own would flicker.
-  const TILE = 256;
-  function groundPicture() {
-    const tile = document.createElement("canvas");
-    tile.width = TILE;
-    tile.height = TILE;
-    const pen = tile.getContext("2d");
-    pen.fillStyle = "#f6f8fa";
-    pen.fillRect(0, 0, TILE, TILE);
-    for (let i = 0; i <= 5; i += 1) {
-      const edge = i % 5 === 0;
-      const wide = edge ? 3 : 2;
-      pen.fillStyle = edge ? "#b3bfcb" : "#dde4eb";
-      pen.fillRect((i * TILE) / 5 - wide / 2, 0, wide, TILE);
-      pen.fillRect(0, (i * TILE) / 5 - wide / 2, TILE, wide);
-    }
-    pen.fillStyle = "#b3bfcb";
-    for (const at of [0, TILE - 1.5]) {
-      pen.fillRect(at, 0, 1.5, TILE);
-      pen.fillRect(0, at, TILE, 1.5);
-    }
-    const picture = new T.CanvasTexture(tile);
-    picture.wrapS = T.RepeatWrapping;
-    picture.wrapT = T.RepeatWrapping;
-    picture.repeat.set(GROUND, GROUND);
-    picture.anisotropy = renderer.capabilities.getMaxAnisotropy();
-    picture.colorSpace = "srgb";
-    return picture;
-  }
-  const GROUND = 80;
-  const ground = new T.Mesh(
-    new T.PlaneGeometry(GROUND, GROUND),
-    new T.MeshBasicMaterial({ map: groundPicture() }),
-  );
-  ground.position.z = -0.004;
-  scene.add(ground);
-  const floor = new T.Mesh(new T.PlaneGeometry(GROUND, GROUND), new T.ShadowMaterial({ opacity: 0.22 }));
-  floor.position.z = -0.001;
-  floor.receiveShadow = true;
-  scene.add(floor);
-
-  function meshGeometry(mesh) {
-    const packed = new Uint16Array(bytes(mesh.vertices));
-    const points = new Float32Array(packed.length);
-    for (let i = 0; i < packed.length; i += 1) {
-      points[i] = mesh.low[i % 3] + packed[i] * mesh.step[i % 3];
-    }
-    const raw = bytes(mesh.faces);
-    const geometry = new T.BufferGeometry();
-    geometry.setAttribute("position", new T.BufferAttribute(points, 3));
-    const index = mesh.wide ? new Uint32Array(raw) : new Uint16Array(raw);
-    geometry.setIndex(new T.BufferAttribute(index, 1));
-    return geometry;
-  }
-  const meshes = data.meshes.map(meshGeometry);
-  function shape(g) {
-    const s = g.size;
-    if (g.shape === "box") return new T.BoxGeometry(2 * s[0], 2 * s[1], 2 * s[2]);
-    if (g.shape === "sphere") return new T.SphereGeometry(s[0], 28, 20);
-    if (g.shape === "ellipsoid") return new T.SphereGeometry(1, 28, 20).scale(s[0], s[1], s[2]);
-    if (g.shape === "mesh") return meshes[g.mesh];
-    // three.js has these along y; the record has them along z.
-    const along =
-      g.shape === "capsule"
-        ? new T.CapsuleGeometry(s[0], 2 * s[1], 8, 24)
-        : new T.CylinderGeometry(s[0], s[0], 2 * s[1], 32);
-    return along.rotateX(Math.PI / 2);
-  }
-
-  const groups = [];
-  for (let b = 0; b < bodies; b += 1) {
-    groups.push(new T.Group());
-    scene.add(groups[b]);
-  }
-  const materials = new Map();
-  function material(rgba, flat) {
-    const key = `${rgba} ${flat}`;
-    if (!materials.has(key)) {
-      const made = new T.MeshStandardMaterial({ roughness: 0.62, metalness: 0.05, flatShading: flat });
-      made.color.setRGB(rgba[0], rgba[1], rgba[2], "srgb");
-      made.opacity = rgba[3];
-      made.transparent = rgba[3] < 1;
-      materials.set(key, made);
-    }
-    return materials.get(key);
-  }
-  for (const g of data.geometries) {
-    const mesh = new T.Mesh(shape(g), material(g.rgba, g.shape === "mesh"));
-    mesh.position.fromArray(g.position);
-    mesh.quaternion.fromArray(g.quaternion);
-    mesh.castShadow = g.rgba[3] > 0.5;
-    mesh.receiveShadow = true;
-    groups[g.body].add(mesh);
-  }
+  const { scene, camera, controls, groups, draw } = view;
 
   // ---- markers ------------------------------------------------------------------------------------
   const overlay = new T.Group();
   scene.add(overlay);
   function ball(color, radius) {
-    // Drawn through the robot: the COM lies inside it.
-    const look = new T.MeshBasicMaterial({ color, transparent: true, opacity: 0.9, depthTest: false });
-    const made = new T.Mesh(new T.SphereGeometry(radius, 20, 14), look);
-    made.renderOrder = 5;
+    const made = view.ball(color, radius);
     overlay.add(made);
     return made;
   }
@@ -268,22 +146,10 @@
   const support = new T.Group();
   scene.add(support);
   const polygons = data.phases.map((phase) => {
-    const n = phase.vertices.length;
-    const corners = new Float32Array(3 * n);
-    phase.vertices.forEach((v, i) => corners.set([v[0], v[1], 0.002], 3 * i));
-    const outline = new T.BufferGeometry();
-    outline.setAttribute("position", new T.BufferAttribute(corners, 3));
-    const fill = outline.clone();
-    const fan = [];
-    for (let i = 1; i + 1 < n; i += 1) fan.push(0, i, i + 1);
-    fill.setIndex(fan);
-    const look = { color: SUPPORT, transparent: true, side: T.DoubleSide };
-    const group = new T.Group();
-    group.add(new T.LineLoop(outline, new T.LineBasicMaterial({ color: SUPPORT })));
-    group.add(new T.Mesh(fill, new T.MeshBasicMaterial({ ...look, opacity: 0.22, depthWrite: false })));
-    group.visible = false;
-    support.add(group);
-    return group;
+    const made = view.polygon(phase.vertices, 0.002, SUPPORT);
+    made.visible = false;
+    support.add(made);
+    return made;
   });
 
   // ---- one moment ------------------------------------------------------------------------------
@@ -343,15 +209,6 @@
     head.position.z = length - tip / 2;
   }
 
-  let pending = false;
-  function draw() {
-    if (pending) return;
-    pending = true;
-    requestAnimationFrame(() => {
-      pending = false;
-      renderer.render(scene, camera);
-    });
-  }
   function show(t) {
     const at = frameAt(t);
     const p = [0, 0, 0];
@@ -381,13 +238,7 @@
       polygons[i].visible = phase.vertices.length > 1 && t >= phase.start && (t < phase.end || still);
     });
     if (follow) moveTo(followed.x, followed.y);
-    // Whole metres, so that the lines of the ground stay where they are.
-    for (const plane of [ground, floor]) {
-      plane.position.x = Math.round(followed.x);
-      plane.position.y = Math.round(followed.y);
-    }
-    sun.position.set(followed.x + 1.2 * height, followed.y - 1.0 * height, 3 * height);
-    sun.target.position.set(followed.x, followed.y, 0.4 * height);
+    view.follow(followed.x, followed.y);
     draw();
   }
   function moveTo(x, y) {
@@ -410,7 +261,6 @@
   }
 
   // ---- wiring --------------------------------------------------------------------------------------
-  controls.addEventListener("change", draw);
   clock.onChange(show);
   for (const button of find("views").querySelectorAll("button")) {
     button.addEventListener("click", () => look(button.value));
@@ -437,16 +287,6 @@
   if (strongest.push > 0) legend(PUSH, `pushes, longest ${newtons(strongest.push)} N`);
   if (markers.length) legend(TARGET, "targets");
 
-  function resize() {
-    const { clientWidth: width, clientHeight: tall } = canvas.parentElement;
-    if (!width || !tall) return;
-    renderer.setSize(width, tall, false);
-    camera.aspect = width / tall;
-    camera.updateProjectionMatrix();
-    draw();
-  }
-  new ResizeObserver(resize).observe(canvas.parentElement);
-  resize();
   clock.set(start);
   look("corner");
 })();

@@ -1,4 +1,4 @@
-// What the replay needs from three.js, as one global: see README.md for how it is bundled.
+// What the replay and the page of `poise teleop` need from three.js, as one global: see README.md for how it is bundled.
 export {
   BoxGeometry,
   BufferAttribute,
@@ -31,3 +31,4 @@ export {
   WebGLRenderer,
 } from "three";
 export { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
+export { TransformControls } from "three/examples/jsm/controls/TransformControls.js";

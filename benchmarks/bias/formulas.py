@@ -1,0 +1,249 @@
+"""The bias acceleration of a task, what tasks above it do to it: by four formulas, to be timed.
+
+As in (Park, Jin, Kang 2022), everything that the torque (17) needs in any case is there already and
+does not count: J_i|p, Lambda_i|p and its inverse, Jbar_i|p, mu_i|p + p_i|p, Jdot_i|p v, M^-1, h,
+xdd_i,ref, and the sum of the torques above. So is Jdot_i v, which no formula computes here: it
+comes with the frames' kinematics, for all formulas alike.
+
+    original    Lambda_i^-1, Lambda_i, mu_i + p_i, J_i M^-1 sum Gamma_j, and their sum      (23)
+    original_plain
+                the same with a plain inverse for Lambda_i; `original` inverts as all of Poise
+                does, ready for tasks that have lost rank
+    proposed    the sum of Jbar_j|p (xdd_j|p,ref - Jdot_j|p v) over the tasks above, J_i times
+                it, and the velocity terms                                                  (31)
+    numerical   (J_i - J_i|p) v and its backward difference                                 (41)
+    fused       alpha_j, the sum of Jbar_j|p alpha_j over the tasks above, J_i times it, and
+                Jdot_i v
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float64
+from scipy.linalg import lapack
+
+from benchmarks.rigid_plant import CONTROL_DT
+from poise.control import RankTreatment
+
+FIRM_RANK = RankTreatment(low=1e-5, high=1e-4)
+"""Of contacts, which give way nowhere: only what is redundant is dropped."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PrioritisedTask:
+    """What all formulas share about task i, in the letters of (Park, Jin, Kang 2022).
+
+    Attributes:
+        J: J_i.
+        J_p: J_i|p = J_i N_i, eq. (5).
+        Lambda_p: Lambda_i|p, eq. (8).
+        Lambda_p_inverse: Lambda_i|p^-1, the inverse of `Lambda_p` where that has lost rank too.
+        Jbar_p: Jbar_i|p, eq. (7).
+        drift: Jdot_i v.
+        drift_p: Jdot_i|p v.
+        mu_p: mu_i|p + p_i|p, eqs (11) and (12).
+        scale: scale of each row, as in `PaperRows`.
+    """
+
+    J: Float64[np.ndarray, "m n"]
+    J_p: Float64[np.ndarray, "m n"]
+    Lambda_p: Float64[np.ndarray, "m m"]
+    Lambda_p_inverse: Float64[np.ndarray, "m m"]
+    Jbar_p: Float64[np.ndarray, "n m"]
+    drift: Float64[np.ndarray, " m"]
+    drift_p: Float64[np.ndarray, " m"]
+    mu_p: Float64[np.ndarray, " m"]
+    scale: Float64[np.ndarray, " m"]
+
+
+def invert(
+    matrix: Float64[np.ndarray, "m m"], scale: Float64[np.ndarray, " m"], rank: RankTreatment
+) -> tuple[Float64[np.ndarray, "m m"], Float64[np.ndarray, "m m"]]:
+    """Inverse of J M^-1 J^T, as far as its rank goes.
+
+    Args:
+        matrix: symmetric, positive semidefinite; its lower triangle is used.
+        scale: scale of each row of J, as in `PaperRows`.
+        rank: what happens to directions that are lost.
+
+    Returns:
+        The plain inverse where nothing is lost, otherwise with the shares of `rank`; and what that
+        is the inverse of: `matrix` itself, or what its shares make of it, zero along directions
+        that are left alone.
+    """
+    if not len(scale):
+        return matrix, matrix
+    scaled = matrix * scale * scale[:, None]
+    shifted = scaled.copy()
+    shifted.flat[:: len(scale) + 1] -= rank.high * rank.high
+    if lapack.dpotrf(shifted, lower=1)[1] == 0:
+        factor, _ = lapack.dpotrf(scaled, lower=1)
+        inverse, _ = lapack.dpotri(factor, lower=1, overwrite_c=1)
+        inverse = np.tril(inverse)
+        inverse += np.tril(inverse, -1).T
+        return inverse * scale * scale[:, None], matrix
+    squares, U = np.linalg.eigh(scaled)
+    share, gain = rank.activate(squares)
+    kept = np.divide(1.0, gain, out=np.zeros_like(gain), where=share > 0.0)
+    shared = ((U * kept) @ U.T) / scale / scale[:, None]
+    return ((U * gain) @ U.T) * scale * scale[:, None], shared
+
+
+def bias_original(
+    task: PrioritisedTask,
+    M_inverse: Float64[np.ndarray, "n n"],
+    Gamma_above: Float64[np.ndarray, " n"],
+    h: Float64[np.ndarray, " n"],
+) -> Float64[np.ndarray, " m"]:
+    """Eq. (23), with (20) to (22): from torques.
+
+    J_i M^-1 sum Gamma_j + Lambda_i|p^-1 (mu_i|p + p_i|p) - Lambda_i^-1 (mu_i + p_i).
+
+    Args:
+        task: the task.
+        M_inverse: M^-1.
+        Gamma_above: sum of the torques of the tasks above.
+        h: V + G.
+    """
+    J_Minv = task.J.dot(M_inverse)
+    Lambda_inverse = J_Minv.dot(task.J.T)
+    # Lambda_i appears with its inverse only: nothing may be lost of it that Lambda_i|p still has.
+    Lambda, _ = invert(Lambda_inverse, task.scale, FIRM_RANK)
+    mu = Lambda.dot(J_Minv.dot(h) - task.drift)
+    bias = J_Minv.dot(Gamma_above)
+    bias += task.Lambda_p_inverse.dot(task.mu_p)
+    bias -= Lambda_inverse.dot(mu)
+    return bias
+
+
+def bias_proposed(
+    task: PrioritisedTask, S_above: Float64[np.ndarray, " n"]
+) -> Float64[np.ndarray, " m"]:
+    """Eq. (31): from accelerations.
+
+    J_i sum Jbar_j|p (xdd_j|p,ref - Jdot_j|p v) + Jdot_i v - Jdot_i|p v.
+
+    Args:
+        task: the task.
+        S_above: the sum, over the tasks above.
+    """
+    bias = task.J.dot(S_above)
+    bias += task.drift
+    bias -= task.drift_p
+    return bias
+
+
+def bias_fused(
+    J: Float64[np.ndarray, "m n"],
+    drift: Float64[np.ndarray, " m"],
+    S_above: Float64[np.ndarray, " n"],
+) -> Float64[np.ndarray, " m"]:
+    """Bias acceleration and prioritised velocity term in one: J_i S_i-1 + Jdot_i v.
+
+    xdd_i,ref minus it is alpha_i = xdd_i|p,ref - Jdot_i|p v, all that the torque needs; no
+    derivative of a projected Jacobian appears, see `FusedRecursion`.
+
+    Args:
+        J: J_i.
+        drift: Jdot_i v.
+        S_above: S_i-1.
+    """
+    bias = J.dot(S_above)
+    bias += drift
+    return bias
+
+
+Biases = list[Float64[np.ndarray, " _"]]
+"""Bias accelerations of tasks 2 to k."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BiasTick:
+    """One tick's quantities that the torque needs anyway.
+
+    Attributes:
+        tasks: tasks 1 to k.
+        references: xdd_i,ref.
+        references_p: xdd_i|p,ref, by (24).
+        torques_above: sum of the torques of the tasks above, for tasks 2 to k.
+        M_inverse: M^-1.
+        h: V + G.
+        v: joint velocities.
+        before: (J_i - J_i|p) v of the tick before, for tasks 2 to k.
+    """
+
+    tasks: list[PrioritisedTask]
+    references: list[Float64[np.ndarray, " _"]]
+    references_p: list[Float64[np.ndarray, " _"]]
+    torques_above: list[Float64[np.ndarray, " n"]]
+    M_inverse: Float64[np.ndarray, "n n"]
+    h: Float64[np.ndarray, " n"]
+    v: Float64[np.ndarray, " n"]
+    before: Biases
+
+
+def original(tick: BiasTick) -> Biases:
+    """By (23)."""
+    return [
+        bias_original(task, tick.M_inverse, above, tick.h)
+        for task, above in zip(tick.tasks[1:], tick.torques_above, strict=True)
+    ]
+
+
+def original_plain(tick: BiasTick) -> Biases:
+    """By (23), for tasks that have their full rank by themselves."""
+    found: Biases = []
+    for task, Gamma_above in zip(tick.tasks[1:], tick.torques_above, strict=True):
+        J_Minv = task.J.dot(tick.M_inverse)
+        Lambda_inverse = J_Minv.dot(task.J.T)
+        mu = np.linalg.inv(Lambda_inverse).dot(J_Minv.dot(tick.h) - task.drift)
+        bias = J_Minv.dot(Gamma_above)
+        bias += task.Lambda_p_inverse.dot(task.mu_p)
+        bias -= Lambda_inverse.dot(mu)
+        found.append(bias)
+    return found
+
+
+def proposed(tick: BiasTick) -> Biases:
+    """By (31)."""
+    first, *tasks = tick.tasks
+    S = first.Jbar_p.dot(tick.references_p[0] - first.drift_p)
+    found = [bias_proposed(tasks[0], S)]
+    for i in range(1, len(tasks)):
+        above = tasks[i - 1]
+        S += above.Jbar_p.dot(tick.references_p[i] - above.drift_p)
+        found.append(bias_proposed(tasks[i], S))
+    return found
+
+
+def numerical(tick: BiasTick) -> Biases:
+    """By (41)."""
+    return [
+        ((task.J - task.J_p).dot(tick.v) - before) / CONTROL_DT
+        for task, before in zip(tick.tasks[1:], tick.before, strict=True)
+    ]
+
+
+def fused(tick: BiasTick) -> Biases:
+    """With the prioritised velocity terms cancelled; Jdot_i|p v is in the result."""
+    first, *tasks = tick.tasks
+    S = first.Jbar_p.dot(tick.references[0] - first.drift)
+    bias = bias_fused(tasks[0].J, tasks[0].drift, S)
+    found = [bias]
+    for i in range(1, len(tasks)):
+        task = tasks[i]
+        S += tasks[i - 1].Jbar_p.dot(tick.references[i] - bias)
+        bias = bias_fused(task.J, task.drift, S)
+        found.append(bias)
+    return found
+
+
+FORMULAS: dict[str, Callable[[BiasTick], Biases]] = {
+    "original": original,
+    "original_plain": original_plain,
+    "proposed": proposed,
+    "numerical": numerical,
+    "fused": fused,
+}
+"""By name; the original first, as the one that others are compared with."""

@@ -1,0 +1,131 @@
+"""`PaperFormulation`: contacts and tasks of a stack as the rows that the paper's equations take."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import accumulate, pairwise
+
+import numpy as np
+from jaxtyping import Float64
+
+from benchmarks.bias.rates import MatrixRates, contact_jacobian_rate, task_jacobian_rate
+from poise.dynamics import Dynamics, RobotState
+from poise.robots import Robot
+from poise.stack import Contact, Stack, Task
+
+
+@dataclass(slots=True, eq=False)
+class PaperRows:
+    """Rows J_i dv + Jdot_i v = xdd_i,ref, the contacts first, then level by level.
+
+    Attributes:
+        jacobian: J_i, stacked.
+        drift: Jdot_i v, stacked.
+        reference: xdd_i,ref, stacked.
+        scale: what a row is multiplied by where ranks are decided: its weight over the mobility
+            sqrt(J M^-1 J^T) that its block of rows has in the home posture.
+        slices: rows of each level; a robot on a fixed base has an empty first one.
+        jacobian_rate: Jdot_i, stacked; None where projected Jacobians are differentiated
+            numerically.
+        mass_matrix_rate: dM/dt, likewise.
+    """
+
+    jacobian: Float64[np.ndarray, "t nv"]
+    drift: Float64[np.ndarray, " t"]
+    reference: Float64[np.ndarray, " t"]
+    scale: Float64[np.ndarray, " t"]
+    slices: list[slice]
+    jacobian_rate: Float64[np.ndarray, "t nv"] | None = None
+    mass_matrix_rate: Float64[np.ndarray, "nv nv"] | None = None
+
+    @staticmethod
+    def allocate(sizes: Sequence[int], nv: int) -> "PaperRows":
+        """Zero rows.
+
+        Args:
+            sizes: number of rows of each level.
+            nv: number of generalized coordinates.
+        """
+        slices = spans(sizes)
+        total = slices[-1].stop
+        return PaperRows(
+            jacobian=np.zeros((total, nv)),
+            drift=np.zeros(total),
+            reference=np.zeros(total),
+            scale=np.ones(total),
+            slices=slices,
+        )
+
+
+class PaperFormulation:
+    """Writes `PaperRows` for a stack whose contacts, if any, carry every wrench of the base.
+
+    Args:
+        robot: on a fixed base, or standing on surfaces.
+        stack: contacts and tasks; bound to the robot here, and evaluated once in its home posture.
+
+    Attributes:
+        rows: the rows of the last state.
+    """
+
+    def __init__(self, robot: Robot, stack: Stack) -> None:
+        stack.bind(robot)
+        self._contacts, tasks = stack.contacts, [task for _, task in stack.tasks()]
+        sizes = [sum(c.dim for c in self._contacts)]
+        sizes += [sum(task.dim for task in level) for level in stack.levels]
+        self.rows = PaperRows.allocate(sizes, robot.nv)
+        owners = [*self._contacts, *tasks]
+        self._owners = list(zip(owners, spans([o.dim for o in owners]), strict=True))
+        home = Dynamics(robot)
+        home.update(RobotState(robot.q_home, np.zeros(robot.nv)))
+        mobility = np.linalg.inv(home.M)
+        for owner, rows in self._owners:
+            self.rows.scale[rows] = _scale(owner, home, mobility)
+
+    def fill(self, dynamics: Dynamics, rates: MatrixRates | None = None) -> None:
+        """Writes one state's rows.
+
+        Args:
+            dynamics: the state, up to date.
+            rates: derivatives of the robot's matrices for the same state, where the rows' exact
+                derivatives are wanted.
+        """
+        filled = self.rows
+        for owner, rows in self._owners:
+            owner.evaluate(dynamics)
+            filled.jacobian[rows], filled.drift[rows] = owner.jacobian, owner.drift
+            filled.reference[rows] = owner.reference
+        filled.jacobian_rate = filled.mass_matrix_rate = None
+        if rates is not None:
+            filled.jacobian_rate = np.concatenate(
+                [_rate(owner, dynamics, rates) for owner, _ in self._owners]
+            )
+            filled.mass_matrix_rate = rates.mass_matrix
+
+
+def spans(sizes: Sequence[int]) -> list[slice]:
+    """Slices of these sizes behind one another."""
+    return [slice(a, b) for a, b in pairwise(accumulate(sizes, initial=0))]
+
+
+def _rate(
+    owner: Contact | Task, dynamics: Dynamics, rates: MatrixRates
+) -> Float64[np.ndarray, "m nv"]:
+    if isinstance(owner, Task):
+        return task_jacobian_rate(owner, dynamics, rates)
+    return contact_jacobian_rate(owner, dynamics, rates)
+
+
+def _scale(
+    owner: Contact | Task, home: Dynamics, mobility: Float64[np.ndarray, "nv nv"]
+) -> Float64[np.ndarray, " m"]:
+    """Weight over the largest mobility among rows that turn into one another as axes turn."""
+    owner.evaluate(home)
+    squares = np.einsum("ij,jk,ik->i", owner.jacobian, mobility, owner.jacobian)
+    if isinstance(owner, Task):
+        # What it took from the home posture as its target it forgets again.
+        owner.reset()
+        blocks, weight = owner.blocks, owner.weight
+    else:
+        blocks, weight = (3,) * (owner.dim // 3), 1.0
+    largest = [np.full(len(squares[rows]), squares[rows].max()) for rows in spans(blocks)]
+    return weight / np.sqrt(np.concatenate(largest))

@@ -1,0 +1,103 @@
+"""Strict reading of YAML text: no tags, no key twice, and every value knows its line."""
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from poise.errors import PoiseError
+
+_LONGEST = 3000
+"""No name, number or description is longer [letters]; Python prints no longer whole numbers."""
+
+
+class LinedDict(dict[Any, Any]):
+    """A mapping from a file; `lines` holds the line of each key."""
+
+    lines: dict[object, int]
+
+
+class LinedList(list[Any]):
+    """A list from a file; `lines` holds the line of each entry."""
+
+    lines: list[int]
+
+
+def read_yaml(text: str, where: str, *, error: type[PoiseError]) -> LinedDict:
+    """Parse YAML text whose top is a mapping, with no key given twice.
+
+    Raises:
+        PoiseError: the text is no YAML, or not a mapping.
+    """
+    try:
+        data = yaml.load(text, Loader=_StrictLoader)
+    # A date that does not exist is a ValueError, and lists may be nested without end.
+    except (yaml.YAMLError, ValueError, RecursionError) as problem:
+        reason = " ".join(str(problem).split())
+        raise error(f"{where} is not valid YAML: {reason}") from None
+    if not isinstance(data, LinedDict):
+        raise error(f"{where} has the wrong kind", got=data, wanted="keys with values")
+    return data
+
+
+def read_text(path: Path, *, error: type[PoiseError]) -> str:
+    """Read a text file.
+
+    Raises:
+        PoiseError: there is no such file, or it is not text.
+    """
+    try:
+        return path.read_text(encoding="utf-8")
+    except OSError as problem:
+        raise error(
+            f"cannot read a file ({problem.strerror})", got=str(path), wanted="a readable file"
+        ) from None
+    except UnicodeDecodeError:
+        raise error("file is not text", got=str(path), wanted="UTF-8 text") from None
+
+
+class _StrictLoader(yaml.SafeLoader):
+    """The safe loader, which refuses tags and keys that stand twice, and knows 1e-3 as a number."""
+
+    def compose_node(self, parent: Any, index: Any) -> Any:
+        event = self.peek_event()
+        # With a tag a text can claim to be a number, which the safe loader does not check.
+        if getattr(event, "tag", None) is not None:
+            raise yaml.YAMLError(f"the tag {event.tag!r} is not allowed, {event.start_mark}")
+        if isinstance(event, yaml.ScalarEvent) and len(event.value) > _LONGEST:
+            raise yaml.YAMLError(f"a text is longer than {_LONGEST} letters, {event.start_mark}")
+        return super().compose_node(parent, index)
+
+    def construct_mapping(self, node: Any, deep: bool = False) -> dict[Any, Any]:
+        seen: set[object] = set()
+        for key_node, _ in node.value:
+            key = key_node.value
+            if not isinstance(key, str):
+                raise yaml.YAMLError(f"a key is not text, {key_node.start_mark}")
+            if key in seen:
+                raise yaml.YAMLError(f"the key {key!r} stands twice, {key_node.start_mark}")
+            seen.add(key)
+        return super().construct_mapping(node, deep)
+
+    def lined_mapping(self, node: Any) -> Iterator[LinedDict]:
+        """Makes a mapping; it is handed out before it is filled, for files that refer to it."""
+        data = LinedDict()
+        yield data
+        data.update(self.construct_mapping(node))
+        data.lines = {key.value: key.start_mark.line + 1 for key, _ in node.value}
+
+    def lined_list(self, node: Any) -> Iterator[LinedList]:
+        """Makes a list, handed out before it is filled."""
+        data = LinedList()
+        data.lines = [entry.start_mark.line + 1 for entry in node.value]
+        yield data
+        data.extend(self.construct_sequence(node))
+
+
+_StrictLoader.add_constructor("tag:yaml.org,2002:map", _StrictLoader.lined_mapping)
+_StrictLoader.add_constructor("tag:yaml.org,2002:seq", _StrictLoader.lined_list)
+_StrictLoader.add_implicit_resolver(
+    "tag:yaml.org,2002:float", re.compile(r"[-+]?[0-9]+[eE][-+]?[0-9]+$"), list("-+0123456789")
+)

@@ -1,0 +1,123 @@
+"use strict";
+// The picture: the robot, what balances it, and the two handles that whoever drives can drag.
+const ABOVE = 0.06; // A handle is drawn this far above its sole [m], in the middle of the foot.
+const POLE = 0.3; // Height of the poles at the ZMP and its reference [m]: a foot does not hide them.
+const LINE_Z = 0.004; // Lines are drawn this far above the ground [m].
+const COLOURS = { zmp: 0xd63384, com: 0x0d6efd, target: 0xfd7e14, support: 0x28a745 };
+const PALE = 0.45;
+let view = null; // There is none until the shapes have come, or where the browser has no WebGL.
+
+async function openView() {
+  const shapes = await (await fetch("shapes.json")).json();
+  // A picture drawn in software is coarse, so that the hands of the operator stay quick.
+  const software = isSoftware();
+  const stage = window.poiseScene(document.getElementById("view"), shapes, 1, {
+    fov: 45,
+    shadows: false,
+    ratio: software ? 0.5 : Math.min(devicePixelRatio, 2),
+    renderer: { antialias: !software },
+  });
+  // From behind: left is left, and the arrow that points away is forward.
+  stage.camera.position.set(-2.3, 1.1, 1.3);
+  stage.controls.target.set(0, 0, 0.65);
+  stage.controls.update();
+  const handles = makeHandles(stage);
+  const marks = makeMarks(stage);
+  view = { stage, handles, show, drags, allow, release };
+
+  function show(s) {
+    stage.groups.forEach((group, i) => {
+      group.position.fromArray(s.bodies, 3 * i);
+      const [w, x, y, z] = s.turns.slice(4 * i, 4 * i + 4);
+      group.quaternion.set(x, y, z, w);
+    });
+    marks(s);
+    handles.forEach((handle, foot) => {
+      const [x, y, z] = s.handles[foot];
+      if (!handle.dragging) handle.object.position.set(x, y, z + ABOVE);
+    });
+    stage.follow(s.com[0], s.com[1]);
+    stage.draw();
+  }
+  // Where the left and the right handle is held, null for one that is not.
+  function drags() {
+    return handles.map(({ dragging, object: { position: p } }) => (dragging ? [p.x, p.y, p.z - ABOVE] : null));
+  }
+  function allow(driving) {
+    if (!driving) release();
+    for (const handle of handles) {
+      handle.enabled = driving;
+      handle.getHelper().visible = driving;
+    }
+    stage.draw();
+  }
+  function release() {
+    for (const handle of handles) handle.pointerUp(null);
+  }
+}
+
+function makeHandles({ scene, camera, controls, draw }) {
+  const T = window.POISE_THREE;
+  const handles = [0, 1].map(() => {
+    const place = new T.Group();
+    const handle = new T.TransformControls(camera, controls.domElement);
+    handle.attach(place);
+    handle.setSize(0.75); // Arrows of some 0.2 m, seen from the first place.
+    handle.enabled = handle.getHelper().visible = false;
+    handle.addEventListener("change", draw);
+    scene.add(place, handle.getHelper());
+    return handle;
+  });
+  handles.forEach((handle, i) => {
+    // Whoever drags one handle turns neither the view nor the other handle.
+    handle.addEventListener("dragging-changed", ({ value }) => {
+      controls.enabled = handles[1 - i].enabled = !value;
+    });
+  });
+  return handles;
+}
+
+function makeMarks({ scene, ball, polygon }) {
+  const T = window.POISE_THREE;
+  function pole(radius, opacity) {
+    const look = new T.MeshBasicMaterial({ color: COLOURS.zmp, transparent: opacity < 1, opacity });
+    const made = new T.Mesh(new T.CylinderGeometry(radius, radius, POLE, 8).rotateX(Math.PI / 2), look);
+    scene.add(made);
+    return made;
+  }
+  const zmp = pole(0.006, 1);
+  const zmpReference = pole(0.012, PALE);
+  const comReference = ball(COLOURS.com, 0.04, PALE);
+  const com = ball(COLOURS.com, 0.03);
+  const comGround = ball(COLOURS.com, 0.015);
+  const target = ball(COLOURS.target, 0.018);
+  let support = null;
+  let corners = "";
+
+  return (s) => {
+    // Of the feet that stand the higher one counts: marks shall not be inside the block below it.
+    const standing = { SL: [s.soles[0]], SR: [s.soles[1]] }[s.mode] ?? s.soles;
+    const ground = Math.max(...standing.map((sole) => sole[2])) + LINE_Z;
+    zmp.position.set(...s.zmp, 0.5 * POLE);
+    zmpReference.position.set(...s.zmpReference, 0.5 * POLE);
+    com.position.set(...s.com);
+    comGround.position.set(s.com[0], s.com[1], ground);
+    comReference.position.set(...s.zmpReference, s.com[2]);
+    target.visible = s.target !== null;
+    if (target.visible) target.position.set(...s.target);
+    const now = s.polygon.flat().map((x) => x.toFixed(3)).join();
+    if (now === corners) return;
+    corners = now;
+    support?.removeFromParent();
+    for (const piece of support?.children ?? []) piece.geometry.dispose();
+    support = polygon(s.polygon, ground, COLOURS.support);
+  };
+}
+
+function isSoftware() {
+  const gl = document.createElement("canvas").getContext("webgl");
+  const info = gl?.getExtension("WEBGL_debug_renderer_info");
+  const name = info ? gl.getParameter(info.UNMASKED_RENDERER_WEBGL) : "";
+  gl?.getExtension("WEBGL_lose_context")?.loseContext();
+  return /swiftshader|llvmpipe|software/i.test(name);
+}

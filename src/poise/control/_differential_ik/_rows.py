@@ -1,0 +1,251 @@
+"""`VelocityRows`: contacts and the user's levels as rows on joint velocities.
+
+`RowWeights`: W_A, what each row counts in its level; may change every tick.
+The floating base under a stance contact: its velocity follows from the joints'.
+`HomeJacobians`: how far joints move contacts and tasks in the home posture.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import accumulate, pairwise
+
+import numpy as np
+from jaxtyping import Float64, Int64
+
+from poise._checks import Numbers
+from poise.control._differential_ik._closed_form import VelocityLevel
+from poise.dynamics import Dynamics, saturate
+from poise.errors import ConfigurationError
+from poise.robots import Robot
+from poise.stack import Contact, Stack, StackRows, Task, checked_gain, home_jacobians
+
+ROW_WEIGHT = 1e4
+"""W_A of a row whose task has weight one.
+
+The SR-inverse weighs rows against the joint velocities themselves: a row that moves a radian a unit
+then misses a ten-thousandth of what it is asked for."""
+
+
+class RowWeights:
+    """Diagonal of W_A in (20) of Zhang and Kikuuwe, by task: `weights[task] = 100.0`.
+
+    A task starts at `ROW_WEIGHT` times its weight squared, because a level's slack is measured as
+    |W w|. Weights count within a level, and in the closed form against the joint velocities; the
+    exact levels of the closed form have none.
+
+    Args:
+        stack: whose tasks have rows; bound to the robot.
+    """
+
+    def __init__(self, stack: Stack) -> None:
+        self._weights = {
+            task.name: ROW_WEIGHT * task.weight * task.weight for _, task in stack.tasks()
+        }
+
+    def __getitem__(self, task: Task | str) -> Float64[np.ndarray, " m"]:
+        """Weights of a task's rows, a copy.
+
+        Raises:
+            ConfigurationError: no such task.
+        """
+        return self._weights[self._name(task)].copy()
+
+    def __setitem__(self, task: Task | str, weight: Numbers) -> None:
+        """Sets the weights of a task's rows, one number or one a row.
+
+        Raises:
+            ConfigurationError: no such task, a wrong length, or weights that are not positive.
+        """
+        name = self._name(task)
+        what = f"row weight of task {name!r}"
+        found = checked_gain(weight, len(self._weights[name]), what)
+        if found.min() <= 0.0:
+            raise ConfigurationError(f"{what} must be positive", got=weight, wanted="> 0")
+        # In place: the rows hold on to the array.
+        self._weights[name][:] = found
+
+    def __iter__(self) -> Iterator[str]:
+        """Names of the tasks, most important first."""
+        return iter(self._weights)
+
+    def __len__(self) -> int:
+        """Number of tasks."""
+        return len(self._weights)
+
+    def live(self, task: Task) -> Float64[np.ndarray, " m"]:
+        """The array that later settings change."""
+        return self._weights[task.name]
+
+    def _name(self, task: Task | str) -> str:
+        name = task.name if isinstance(task, Task) else task
+        if name not in self._weights:
+            raise ConfigurationError(
+                "unknown task of the stack", got=name, choices=list(self._weights)
+            )
+        return name
+
+
+BASE = 6
+"""Velocities of a floating base."""
+
+
+def base_from_joints(
+    contact_jacobian: Float64[np.ndarray, "6 nv"],
+) -> Float64[np.ndarray, "6 nj"]:
+    """X in v_base = X u, for a contact frame that stands still.
+
+    From J_b v_base + J_j u = 0 follows X = -J_b^-1 J_j: equation (11) of Zhang and Kikuuwe for any
+    frame, in any axes. J_b only moves a velocity from the base to the contact and can always be
+    inverted.
+
+    Args:
+        contact_jacobian: Jacobian of the contact frame, six rows.
+    """
+    return np.linalg.solve(contact_jacobian[:, :BASE], -contact_jacobian[:, BASE:])
+
+
+def constrained(
+    jacobian: Float64[np.ndarray, "m nv"], base_map: Float64[np.ndarray, "6 nj"]
+) -> Float64[np.ndarray, "m nj"]:
+    """A Jacobian under the stance constraint, J_j + J_b X, which maps joint velocities alone.
+
+    For the COM and the centroidal momentum this is (13) of Zhang and Kikuuwe.
+
+    Args:
+        jacobian: maps the whole velocity v = [v_base; u].
+        base_map: X.
+    """
+    return jacobian[:, :BASE] @ base_map + jacobian[:, BASE:]
+
+
+class HomeJacobians:
+    """Jacobians of a stack in the home posture, taken before the first tick.
+
+    Loss of rank is measured against them, so that metres, radians and momenta, wrists and hips can
+    be compared.
+
+    Args:
+        robot: the robot.
+        stack: contacts and tasks, bound to the robot; tasks forget targets that they took from
+            the robot.
+
+    Attributes:
+        joints: indices of all joints.
+    """
+
+    def __init__(self, robot: Robot, stack: Stack) -> None:
+        self.joints: Int64[np.ndarray, " nj"] = np.arange(robot.nj)
+        owners = [*stack.contacts, *(task for _, task in stack.tasks())]
+        self._jacobians = home_jacobians(Dynamics(robot), owners)
+
+    def scale(
+        self, owner: Contact | Task, stance: Contact | None, joints: Int64[np.ndarray, " n"]
+    ) -> Float64[np.ndarray, " m"]:
+        """One over the size of an owner's rows; rows that turn into one another share the largest.
+
+        Args:
+            owner: a contact or a task of the stack.
+            stance: the contact that stands; None for a fixed base.
+            joints: joints that may move.
+        """
+        jacobian = self._jacobians[owner]
+        if stance is not None:
+            jacobian = constrained(jacobian, base_from_joints(self._jacobians[stance]))
+        sizes = np.linalg.norm(jacobian[:, joints], axis=1)
+        scale = np.ones(len(sizes))
+        for start, stop in pairwise(accumulate(owner.blocks, initial=0)):
+            largest = float(sizes[start:stop].max())
+            # A block that nothing moves has no rank to lose.
+            if largest > 0.0:
+                scale[start:stop] = 1.0 / largest
+        return scale
+
+
+class VelocityRows:
+    """Rows J u = v for one stance and one set of contacts that are held.
+
+    The stance contact does not move, which gives the base's velocity and takes the base out of
+    every row. The contacts that are held beside it come first, with velocity zero; the levels of
+    the stack follow, with the velocities of `StackRows.update_velocities`, the norm of each block
+    of rows bounded where a bound was given.
+
+    Args:
+        robot: the robot.
+        stack: contacts and tasks, bound to the robot.
+        stance: the contact that stands; None for a fixed base.
+        held: other contacts that are active.
+        joints: indices of the joints that may move.
+        weights: W_A of the stack's tasks.
+        speeds: largest norm of the velocity that each block of a task's rows asks for, by name.
+        home: Jacobians in the home posture, by which ranks are decided.
+
+    Attributes:
+        stance: the contact that stands.
+        stack_rows: the rows of the stack, on the whole velocity.
+        levels: held contacts, then the user's levels; views that `fill` writes into.
+        jacobian: rows of all levels, on the velocities of the joints that may move.
+        velocity: their velocities.
+        base_map: base velocity by joint velocities, for the joints that may move; None for a fixed
+            base.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        stack: Stack,
+        stance: Contact | None,
+        held: Sequence[Contact],
+        joints: Int64[np.ndarray, " n"],
+        *,
+        weights: RowWeights,
+        speeds: Mapping[str, Float64[np.ndarray, " b"]],
+        home: HomeJacobians,
+    ) -> None:
+        self.stance, self._joints = stance, joints
+        self.stack_rows = rows = StackRows(robot, stack, held, stance=stance)
+        self._blocks = [
+            (task, _bounded_blocks(task, place, speeds))
+            for task, place in rows.task_rows
+            if task.name in speeds
+        ]
+        self._live_weights = [(place, weights.live(task)) for task, place in rows.task_rows]
+        self._everything = len(joints) == len(home.joints)
+        self._weight = np.ones(len(rows.target))
+        self.jacobian: Float64[np.ndarray, "m n"] = np.zeros((len(rows.target), len(joints)))
+        self.velocity: Float64[np.ndarray, " m"] = rows.target
+        self.base_map: Float64[np.ndarray, "6 n"] | None = None
+        scale = np.ones(len(rows.target))
+        contact_rows = zip(rows.contacts, rows.wrench_slices, strict=True)
+        for owner, place in (*contact_rows, *rows.task_rows):
+            scale[place] = home.scale(owner, stance, joints)
+        self.levels = [
+            VelocityLevel(self.jacobian[s], self.velocity[s], self._weight[s], scale[s])
+            for s in (slice(a, b) for a, b in pairwise((0, *rows.ends.tolist())))
+        ]
+
+    def fill(self, dynamics: Dynamics) -> None:
+        """Writes one state's rows.
+
+        Args:
+            dynamics: the state, up to date.
+        """
+        self.stack_rows.update_velocities(dynamics)
+        for task, blocks in self._blocks:
+            if task.given_velocity is None:
+                for block, largest in blocks:
+                    self.velocity[block] = saturate(largest, self.velocity[block])
+        for place, weight in self._live_weights:
+            self._weight[place] = weight
+        reduced = self.stack_rows.J
+        if self.stance is not None:
+            base_map = base_from_joints(self.stance.jacobian)
+            reduced = constrained(reduced, base_map)
+            self.base_map = base_map if self._everything else base_map[:, self._joints]
+        self.jacobian[:] = reduced if self._everything else reduced[:, self._joints]
+
+
+def _bounded_blocks(
+    task: Task, rows: slice, speeds: Mapping[str, Float64[np.ndarray, " b"]]
+) -> list[tuple[slice, float]]:
+    ends = accumulate(task.blocks, initial=rows.start)
+    blocks = [slice(a, b) for a, b in pairwise(ends)]
+    return list(zip(blocks, speeds[task.name].tolist(), strict=True))

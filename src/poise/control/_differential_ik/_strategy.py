@@ -1,0 +1,297 @@
+"""`VelocityStrategy`: levels in, joint velocities out, in closed form or by a hierarchical QP.
+
+`VelocityHierarchy`: the levels as a hierarchical QP with hard joint limits.
+"""
+
+from collections.abc import Mapping
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float64, Int64
+
+from poise.control._differential_ik._bounds import VelocityBounds, limit_weights
+from poise.control._differential_ik._rows import (
+    ROW_WEIGHT,
+    HomeJacobians,
+    RowWeights,
+    VelocityRows,
+)
+from poise.control._differential_ik._within_bounds import solve_within_bounds
+from poise.control._rank import RankTreatment
+from poise.control._strategy import PHYSICS_LEVELS, USABLE, Answer
+from poise.dynamics import Dynamics
+from poise.errors import ConfigurationError, UnknownNameError
+from poise.hqp import HierarchicalProblem, Solution, SolveStatus, make_solver
+from poise.robots import Robot
+from poise.stack import Contact, ContactSets, Stack, Task
+
+METHODS = ("closed_form", "hqp")
+"""How the levels are solved, by name."""
+
+_EXACT = 2
+"""Levels that the closed form meets exactly: held contacts, and the first of the user's."""
+
+_BOUND_TOLERANCE = 1e-6
+"""How far outside its bounds a QP may leave a joint before its answer is refused [rad/s]."""
+
+
+class VelocityHierarchy:
+    """Levels over joint velocities, solved exactly within their bounds.
+
+        level 1   bounds of the joint velocities
+        level 2   contacts that are held stay where they are
+        level 3.. the user's tasks
+        cost      |u|^2
+
+    Args:
+        rows: its rows.
+        joint_names: joints that may move.
+
+    Attributes:
+        problem: the problem of the last tick.
+        solution: its solution, None before the first.
+    """
+
+    def __init__(self, rows: VelocityRows, joint_names: list[str]) -> None:
+        stack_rows = rows.stack_rows
+        self.problem = HierarchicalProblem.allocate(
+            len(joint_names),
+            [0, *(len(level.velocity) for level in rows.levels)],
+            names=["joint limits", "contacts", *stack_rows.level_names],
+            labels=[[], stack_rows.motion_labels, *stack_rows.task_labels],
+        )
+        self.problem.labels[:1] = [(f"limit of {name}", 1) for name in joint_names]
+        self.solution: Solution | None = None
+        self._rows = rows
+        self._solver = make_solver()
+
+    def solve(self, lower: Float64[np.ndarray, " n"], upper: Float64[np.ndarray, " n"]) -> Solution:
+        """Solves for the rows as they are.
+
+        Args:
+            lower: lower bounds of the joint velocities [rad/s].
+            upper: upper bounds.
+        """
+        problem = self.problem
+        problem.x_lower[:], problem.x_upper[:] = lower, upper
+        problem.A[:] = self._rows.jacobian
+        problem.lower[problem.n :] = self._rows.velocity
+        problem.upper[problem.n :] = self._rows.velocity
+        for i, level in enumerate(self._rows.levels[1:]):
+            weights = problem.level(PHYSICS_LEVELS + i).weights
+            np.sqrt(level.weight / ROW_WEIGHT, out=weights)
+        self.solution = self._solver.solve(problem)
+        return self.solution
+
+    def reset(self) -> None:
+        """Forgets the last solution."""
+        self._solver.reset()
+        self.solution = None
+
+
+_Prepared = tuple[VelocityRows, VelocityHierarchy | None]
+"""Rows of one stance and set of contacts, and their problem where there is one."""
+
+
+class VelocityStrategy:
+    """Solves a stack for joint velocities; a `Strategy`, see `DifferentialIK`.
+
+    Args:
+        robot: the robot.
+        stack: contacts and tasks, bound to the robot.
+        method: one of `METHODS`.
+        stance: name of the contact to stand on, as `set_stance` takes it.
+        joints: indices of the joints that may move.
+        bounds: bounds of their velocities.
+        speeds: largest norm of the velocity that each block of a task's rows asks for, by name.
+        rank: what happens where an exact level of the closed form loses rank.
+
+    Attributes:
+        robot: the robot.
+        stack: contacts and tasks.
+        weights: W_A, by task.
+        stance: the contact that the robot was taken to stand on at the last tick; None for none.
+    """
+
+    commands: Literal["torque", "velocity"] = "velocity"
+
+    def __init__(
+        self,
+        robot: Robot,
+        stack: Stack,
+        method: str,
+        stance: str | None,
+        joints: Int64[np.ndarray, " n"],
+        bounds: VelocityBounds,
+        speeds: Mapping[str, Float64[np.ndarray, " b"]],
+        rank: RankTreatment,
+    ) -> None:
+        if method not in METHODS:
+            raise UnknownNameError("no such method", got=method, choices=METHODS)
+        self.robot, self.stack, self._method = robot, stack, method
+        self._joints, self._bounds, self._rank = joints, bounds, rank
+        self._q_index = joints + (robot.nq - robot.nj)
+        self._speeds, self._home = speeds, HomeJacobians(robot, stack)
+        self.weights = RowWeights(stack)
+        self._stances = [c for c in stack.contacts if c.dim == 6]
+        if robot.floating_base and not self._stances:
+            raise ConfigurationError(
+                "a floating base needs something to stand on",
+                got=[c.name for c in stack.contacts],
+                wanted="a stack with a surface contact",
+            )
+        self._named: Contact | None = None
+        self.set_stance(stance)
+        self.stance = self._stances[0] if robot.floating_base else None
+        self._prepared = {
+            stance: self._prepare_for(stance)
+            for stance in (self._stances if robot.floating_base else (None,))
+        }
+        self._current = self._find(stack.active_contacts)
+        self.reset()
+
+    @property
+    def current(self) -> VelocityRows:
+        """Rows of the last tick."""
+        return self._current[0]
+
+    @property
+    def problem(self) -> HierarchicalProblem | None:
+        """The hierarchical problem of the last tick by "hqp"; None in closed form."""
+        hierarchy = self._current[1]
+        return None if hierarchy is None else hierarchy.problem
+
+    @property
+    def suspended(self) -> tuple[Task, ...]:
+        """Tasks that a contact stands in for at the last tick."""
+        return self.current.stack_rows.suspended
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Number of joints that may move, and of rows, their bounds among them."""
+        joints = len(self._joints)
+        return joints, joints + len(self.current.velocity)
+
+    @property
+    def joint_weights(self) -> Float64[np.ndarray, " n"]:
+        """W_B of the last tick, of the joints that may move."""
+        return self._joint_weight.copy()
+
+    def set_stance(self, name: str | None) -> None:
+        """Chooses the contact that the robot stands on, see `DifferentialIK.set_stance`."""
+        if name is None:
+            self._named = None
+            return
+        contact = self.stack.contact(name)
+        if contact not in self._stances or not self.robot.floating_base:
+            raise ConfigurationError(
+                "nothing can stand on this contact",
+                got=name,
+                wanted="a surface contact of a robot with a floating base",
+                choices=[c.name for c in self._stances],
+            )
+        self._named = contact
+
+    def reset(self) -> None:
+        """Forgets the last answer."""
+        self._solved = False
+        self._last = np.zeros(len(self._joints))
+        self._held = np.zeros(len(self._joints), dtype=np.bool_)
+        self._joint_weight = np.ones(len(self._joints))
+        for sets in self._prepared.values():
+            for _, hierarchy in sets:
+                if hierarchy is not None:
+                    hierarchy.reset()
+
+    def prepare(self, contacts: tuple[Contact, ...]) -> bool:
+        """Takes up the rows of a set of active contacts and of the stance among them."""
+        last, self._current = self._current, self._find(contacts)
+        return self._current is not last
+
+    def assemble(self, dynamics: Dynamics) -> None:
+        """Writes one state's rows, and the bounds of the joints."""
+        # What a user asks for may be beyond all numbers; the check of the result finds it.
+        with np.errstate(all="ignore"):
+            self.current.fill(dynamics)
+            self._q = dynamics.state.q[self._q_index]
+            self._lower, self._upper = self._bounds.at(self._q)
+
+    def solve(self) -> Answer:
+        """Velocities of all joints; zero of those that may not move."""
+        rows, hierarchy = self._current
+        with np.errstate(all="ignore"):
+            status, u = self._in_closed_form() if hierarchy is None else self._by_qp(hierarchy)
+            found = rows.stack_rows.measure(u, rows.jacobian).tolist()
+        self._solved = True
+        velocity = np.zeros(self.robot.nj)
+        velocity[self._joints] = u
+        if status in USABLE and np.isfinite(np.add.reduce(u)):
+            self._last = u
+        # Joint limits always hold.
+        return Answer(status, velocity, (0.0, *found))
+
+    def task_residuals(self) -> dict[str, float]:
+        """Norm of the velocity that each task could not have at the last solve [unit/s]."""
+        return self.current.stack_rows.task_residuals() if self._solved else {}
+
+    def explain(self) -> str:
+        """What could not be met at the last tick, in words."""
+        rows, hierarchy = self._current
+        notes: list[str] = []
+        if rows.stance is not None and not rows.stance.active:
+            notes.append(f"no contact is active: {rows.stance.name} still counts as stance")
+        if hierarchy is not None and hierarchy.solution is not None:
+            notes.append(hierarchy.solution.explain(hierarchy.problem))
+        names = [self.robot.joint_names[i] for i in self._joints[self._held]]
+        if names:
+            notes.append("held at their limits: " + ", ".join(names))
+        return "; ".join(notes) or "contacts and limits hold"
+
+    def _in_closed_form(self) -> tuple[SolveStatus, Float64[np.ndarray, " n"]]:
+        bounds = self._bounds
+        # By the last answer: the sign of a measured velocity is noise where a joint rests.
+        self._joint_weight = limit_weights(self._q, self._last, bounds.q_min, bounds.q_max)
+        u, self._held = solve_within_bounds(
+            self.current.levels,
+            self._joint_weight,
+            self._lower,
+            self._upper,
+            exact=_EXACT,
+            rank=self._rank,
+        )
+        return SolveStatus.OPTIMAL, u
+
+    def _by_qp(self, hierarchy: VelocityHierarchy) -> tuple[SolveStatus, Float64[np.ndarray, " n"]]:
+        lower, upper = self._lower, self._upper
+        solution = hierarchy.solve(lower, upper)
+        outside = np.maximum(solution.x - upper, lower - solution.x).max()
+        status = solution.status if outside <= _BOUND_TOLERANCE else SolveStatus.FAILED
+        return status, np.minimum(np.maximum(solution.x, lower), upper)
+
+    def _find(self, contacts: tuple[Contact, ...]) -> _Prepared:
+        if self.robot.floating_base:
+            if self._named is not None and self._named.active:
+                self.stance = self._named
+            else:
+                # In flight the last stance stands for lack of a better one.
+                self.stance = next((c for c in contacts if c.dim == 6), self.stance)
+        return self._prepared[self.stance].of(contacts)
+
+    def _prepare_for(self, stance: Contact | None) -> ContactSets[_Prepared]:
+        def make(contacts: tuple[Contact, ...]) -> _Prepared:
+            rows = VelocityRows(
+                self.robot,
+                self.stack,
+                stance,
+                [c for c in contacts if c is not stance],
+                self._joints,
+                weights=self.weights,
+                speeds=self._speeds,
+                home=self._home,
+            )
+            if self._method != "hqp":
+                return rows, None
+            names = [self.robot.joint_names[i] for i in self._joints]
+            return rows, VelocityHierarchy(rows, names)
+
+        return ContactSets(self.stack, make)

@@ -1,0 +1,143 @@
+"""`FullProblem`: the conventional whole-body problem over accelerations and wrenches."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float64
+
+from poise.dynamics import Dynamics
+from poise.hqp import HierarchicalProblem
+from poise.robots import Robot
+from poise.stack import Contact, Stack, StackRows
+
+WRENCH_COST = 1e-4
+"""Final cost of a wrench component against the acceleration energy.
+
+It only chooses among the internal forces that every level leaves free; it stands in the final
+cost, below all levels, so it takes nothing from a task."""
+
+
+class FullProblem:
+    """Rows of section 2 and Table 1 of Ahn et al. 2024 for one set of active contacts.
+
+    Variables are x = [dv; F], torques follow from the actuated rows (7):
+
+        level 1   M_u dv - J_c,u^T F = -h_u                    base dynamics (6)
+                  tau_min - h_l <= M_l dv - J_c,l^T F <= tau_max - h_l
+        level 2   J_c dv = reference - drift                   stationary contacts (2)
+                  C F <= 0                                     contact wrench cones (3)
+                  bounds on joint accelerations and normal forces
+        level 3.. J dv = reference - drift                     the user's tasks (4)
+        cost      dv^T M dv / 2, the acceleration energy (27)
+
+    Wrenches act on the robot, which turns the sign of the paper's F_c. Rows of contacts and tasks
+    are written by `StackRows`, straight into this problem.
+
+    Args:
+        robot: the robot.
+        stack: contacts, limits and tasks, bound to the robot.
+        contacts: those contacts of the stack that are active.
+
+    Attributes:
+        rows: the rows of the stack.
+        problem: the hierarchical problem, filled by `fill`.
+    """
+
+    def __init__(self, robot: Robot, stack: Stack, contacts: Sequence[Contact]) -> None:
+        cones = sum(len(c.cone) for c in contacts)
+        self.rows = rows = StackRows(robot, stack, contacts, own_rows=cones)
+        self._stack, self._nv, self._base = stack, robot.nv, robot.base_dofs
+        self.problem = problem = self._allocate(robot, rows)
+        nv, n = robot.nv, problem.n
+        problem.labels[:1] = _bound_labels(robot, rows)
+        problem.H[nv:, nv:] = WRENCH_COST * np.eye(n - nv)
+        # The stack's rows begin where the dynamics' end, and the bounds on x precede them all.
+        stacked = slice(n + nv, None)
+        problem.weights[stacked] = rows.weight
+        rows.write_into(
+            problem.A[nv:, :nv],
+            problem.lower[stacked],
+            problem.x_lower[nv:],
+            problem.x_upper[nv:],
+        )
+        physics, upper = problem.level(0), problem.upper[stacked]
+        self._mass_rows, self._actuated_rows = physics.A[:, :nv], physics.A[self._base :]
+        self._wrench_columns = physics.A[:, nv:]
+        self._cost_mass = problem.H[:nv, :nv]
+        self._equalities = [
+            (rows.target[part], upper[part])
+            for part in (rows.contact_rows, slice(rows.own_rows.stop, None))
+        ]
+        joints = slice(self._base, nv)
+        self._joint_lower, self._joint_upper = problem.x_lower[joints], problem.x_upper[joints]
+        touch = problem.level(1)
+        touch.A[rows.own_rows, nv:] = rows.cone
+        touch.lower[rows.own_rows], touch.upper[rows.own_rows] = -np.inf, 0.0
+
+    def fill(self, dynamics: Dynamics) -> None:
+        """Writes one state's rows into the problem.
+
+        Args:
+            dynamics: the state, up to date.
+        """
+        self.rows.update(dynamics)
+        for target, upper in self._equalities:
+            upper[:] = target
+        limit = self._stack.joint_limit
+        self._joint_lower[:] = limit.lower
+        self._joint_upper[:] = limit.upper
+        np.negative(self.rows.J[self.rows.contact_rows].T, out=self._wrench_columns)
+        self._fill_dynamics(dynamics)
+
+    def torque(
+        self, x: Float64[np.ndarray, " n"], dynamics: Dynamics
+    ) -> Float64[np.ndarray, " nj"]:
+        """Joint torques of a solution: the actuated rows (7), M_l dv + h_l - J_c,l^T F [N m]."""
+        torque = np.dot(self._actuated_rows, x)
+        torque += dynamics.h[self._base :]
+        return torque
+
+    def acceleration(self, x: Float64[np.ndarray, " n"]) -> Float64[np.ndarray, " nv"]:
+        """Generalized acceleration of a solution."""
+        return x[: self._nv]
+
+    def wrenches(self, x: Float64[np.ndarray, " n"]) -> dict[str, Float64[np.ndarray, " m"]]:
+        """Wrench at each active contact of a solution, by the contact's name."""
+        return self.rows.wrenches(x[self._nv :])
+
+    def task_residuals(self, slacks: Float64[np.ndarray, " nm"]) -> dict[str, float]:
+        """Norm of what each task could not meet, by its name, from a solution's slacks."""
+        return self.rows.task_residuals(slacks[self.problem.n + self._nv :])
+
+    def _fill_dynamics(self, dynamics: Dynamics) -> None:
+        base, physics = self._base, self.problem.level(0)
+        limit = self._stack.torque_limit
+        h = dynamics.h
+        self._mass_rows[:] = dynamics.M
+        self._cost_mass[:] = dynamics.M
+        np.negative(h[:base], out=physics.lower[:base])
+        physics.upper[:base] = physics.lower[:base]
+        np.subtract(limit.lower, h[base:], out=physics.lower[base:])
+        np.subtract(limit.upper, h[base:], out=physics.upper[base:])
+
+    @staticmethod
+    def _allocate(robot: Robot, rows: StackRows) -> HierarchicalProblem:
+        wrench_dim, cones = rows.contact_rows.stop, len(rows.cone)
+        limits = [(f"torque limit of {j}", 1) for j in robot.joint_names]
+        return HierarchicalProblem.allocate(
+            robot.nv + wrench_dim,
+            [robot.nv, wrench_dim + cones, *rows.level_sizes],
+            names=["dynamics", "contacts", *rows.level_names],
+            labels=[
+                [("base dynamics", robot.base_dofs), *limits],
+                rows.motion_labels + rows.cone_labels,
+                *rows.task_labels,
+            ],
+            bounds_level=1,
+        )
+
+
+def _bound_labels(robot: Robot, rows: StackRows) -> list[tuple[str, int]]:
+    labels = [("acceleration of the base", robot.base_dofs)]
+    labels += [(f"joint limit of {j}", 1) for j in robot.joint_names]
+    return [(name, count) for name, count in labels + rows.force_labels if count]

@@ -1,0 +1,185 @@
+"""`OperationalRows`: the physics and the user's levels as rows on accelerations.
+
+`LevelRows`: the rows of all levels of one state, as the recursion takes them.
+`RowScales`: how well the robot can move along each row, by which loss of rank is measured.
+"""
+
+from collections.abc import Sequence
+from itertools import accumulate, pairwise
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float64, Int64
+
+from poise.dynamics import Dynamics, RobotState
+from poise.robots import Robot
+from poise.stack import Contact, Stack, StackRows, Task, home_jacobians
+
+_RANGE_TOLERANCE = 1e-6
+"""Singular value, relative to the largest, below which contacts do not carry a base wrench."""
+
+
+class LevelRows(NamedTuple):
+    """Rows J_i dv = xdd_i,ref - Jdot_i v, the physics first, then level by level.
+
+    Attributes:
+        jacobian: J_i, stacked.
+        target: xdd_i,ref - Jdot_i v, stacked.
+        scale: what a row is multiplied by where ranks are decided: its weight over the mobility
+            sqrt(J M^-1 J^T) that its block of rows has in the home posture.
+        slices: rows of each level.
+        constraints: number of leading levels that are no tasks: the physics, and joints that are
+            held. No `DemandLimit` touches them.
+    """
+
+    jacobian: Float64[np.ndarray, "t nv"]
+    target: Float64[np.ndarray, " t"]
+    scale: Float64[np.ndarray, " t"]
+    slices: Sequence[slice]
+    constraints: int = 1
+
+    def scaled(self) -> tuple[Float64[np.ndarray, "t nv"], Float64[np.ndarray, " t"]]:
+        """Rows and their right-hand sides, both times `scale`."""
+        return self.jacobian * self.scale[:, None], self.target * self.scale
+
+    def with_joints(
+        self,
+        index: Int64[np.ndarray, " k"],
+        acceleration: Float64[np.ndarray, " k"],
+        scale: Float64[np.ndarray, " k"],
+    ) -> "LevelRows":
+        """The same rows with given joint accelerations as one more level behind the physics.
+
+        Args:
+            index: joints in `v`.
+            acceleration: theirs [rad/s^2].
+            scale: their rows' scale.
+        """
+        first, count = self.slices[0].stop, len(index)
+        selection = np.zeros((count, self.jacobian.shape[1]))
+        selection[np.arange(count), index] = 1.0
+        moved = [slice(s.start + count, s.stop + count) for s in self.slices[1:]]
+        return LevelRows(
+            jacobian=_insert(self.jacobian, selection, first),
+            target=_insert(self.target, acceleration, first),
+            scale=_insert(self.scale, scale, first),
+            slices=[self.slices[0], slice(first, first + count), *moved],
+            constraints=2,
+        )
+
+
+def _insert(old: np.ndarray, new: np.ndarray, at: int) -> np.ndarray:
+    return np.concatenate((old[:at], new, old[at:]))
+
+
+class RowScales:
+    """One over the mobility sqrt(J M^-1 J^T) of rows in the home posture, times their weight.
+
+    Rows that share a unit and turn into one another as axes turn share the largest mobility among
+    them, so that the scale does not depend on how the axes lie: a stretched arm has no mobility
+    along itself, and that is what a singularity looks like. Metres, radians and momenta become
+    comparable, and so do a wrist and a hip.
+
+    Args:
+        robot: the robot.
+
+    Attributes:
+        base: scales of the base's own equation of motion, one a base coordinate.
+        joints: scales of rows that are single coordinates, one a coordinate of `v`.
+    """
+
+    def __init__(self, robot: Robot) -> None:
+        self._home = Dynamics(robot)
+        self._home.update(RobotState(robot.q_home, np.zeros(robot.nv)))
+        self._mobility = np.linalg.inv(self._home.M)
+        self._scales: dict[Contact | Task, Float64[np.ndarray, " m"]] = {}
+        base = robot.base_dofs
+        self.base = self._blocks(self._home.M[:base], (3, 3) if base else ())
+        self.joints: Float64[np.ndarray, " nv"] = 1.0 / np.sqrt(np.diagonal(self._mobility))
+
+    def learn(self, stack: Stack) -> None:
+        """Measures contacts and tasks that are new; before they serve in a tick.
+
+        They are evaluated in the home posture, and tasks forget it again.
+
+        Args:
+            stack: contacts and tasks, bound to the robot.
+        """
+        owners = [*stack.contacts, *(task for _, task in stack.tasks())]
+        new = [owner for owner in owners if owner not in self._scales]
+        for owner, jacobian in home_jacobians(self._home, new).items():
+            weight = owner.weight if isinstance(owner, Task) else 1.0
+            self._scales[owner] = weight * self._blocks(jacobian, owner.blocks)
+
+    def of(self, owner: Contact | Task) -> Float64[np.ndarray, " m"]:
+        """Scales of the rows of a contact or a task that was learned."""
+        return self._scales[owner]
+
+    def _blocks(
+        self, jacobian: Float64[np.ndarray, "m nv"], blocks: Sequence[int]
+    ) -> Float64[np.ndarray, " m"]:
+        squares = np.einsum("ij,jk,ik->i", jacobian, self._mobility, jacobian)
+        scale = np.ones(len(squares))
+        for start, stop in pairwise(accumulate(blocks, initial=0)):
+            largest = float(squares[start:stop].max())
+            # A block that nothing moves has no rank to lose.
+            if largest > 0.0:
+                scale[start:stop] = 1.0 / np.sqrt(largest)
+        return scale
+
+
+class OperationalRows:
+    """`LevelRows` of a stack for one set of active contacts.
+
+    The first level is the physics of the floating base (Park and Khatib 2006; Sentis, Park and
+    Khatib 2010): contacts do not accelerate, J_c dv = reference - drift; and where contacts cannot
+    carry every wrench of the base, as in flight or on points alone, the base obeys its own
+    equation of motion, W (M_u dv + h_u) = 0 with W the projector on the wrenches that nobody
+    carries. A fixed base has an empty first level. The levels of the stack follow.
+
+    Args:
+        robot: the robot.
+        stack: contacts, limits and tasks, bound to the robot.
+        contacts: those contacts of the stack that are active.
+        scales: what rows are measured against.
+
+    Attributes:
+        stack_rows: the rows of the stack.
+        levels: all rows of the last state.
+        contact_jacobian: J_c, of all contacts.
+    """
+
+    def __init__(
+        self, robot: Robot, stack: Stack, contacts: Sequence[Contact], scales: RowScales
+    ) -> None:
+        # A surface carries any wrench; so does a fixed base.
+        self._base = 0 if any(c.dim == 6 for c in contacts) else robot.base_dofs
+        self.stack_rows = rows = StackRows(robot, stack, contacts, own_rows=self._base)
+        scale = np.ones(len(rows.target))
+        contact_rows = zip(rows.contacts, rows.wrench_slices, strict=True)
+        for owner, place in (*contact_rows, *rows.task_rows):
+            scale[place] = scales.of(owner)
+        scale[rows.own_rows] = scales.base[: self._base]
+        slices = [slice(a, b) for a, b in pairwise((0, *rows.ends.tolist()))]
+        self.levels = LevelRows(rows.J, rows.target, scale, slices)
+        self.contact_jacobian: Float64[np.ndarray, "c nv"] = rows.J[rows.contact_rows]
+
+    def fill(self, dynamics: Dynamics) -> None:
+        """Writes one state's rows.
+
+        Args:
+            dynamics: the state, up to date.
+        """
+        self.stack_rows.update(dynamics)
+        if self._base:
+            self._fill_base(dynamics)
+
+    def _fill_base(self, dynamics: Dynamics) -> None:
+        base, rows = self._base, self.stack_rows
+        unheld = np.eye(base)
+        if rows.contacts:
+            _, singular, V = np.linalg.svd(self.contact_jacobian[:, :base])
+            V = V[: len(singular)][singular > _RANGE_TOLERANCE * singular[0]]
+            unheld -= V.T @ V
+        np.matmul(unheld, dynamics.M[:base], out=rows.J[rows.own_rows])
+        np.matmul(unheld, -dynamics.h[:base], out=rows.target[rows.own_rows])

@@ -1,0 +1,82 @@
+"""`RankTreatment`: what happens where a task loses a direction."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float64
+
+from poise._checks import checked_number
+from poise.errors import ConfigurationError
+
+
+@dataclass(frozen=True, kw_only=True)
+class RankTreatment:
+    """How much of a direction a task gets, by how well the robot can still move along it.
+
+    A task's prioritised Jacobian in the mass metric, `J_i|p M^-1/2`, has singular values. Each is
+    measured against the mobility that the task's rows have by themselves in the robot's home
+    posture, so that it is a pure number: about one where a task moves freely, and zero where a
+    singularity or the tasks above have taken the direction. The activation
+
+        a(s) = 3 t^2 - 2 t^3   with t = (s - low) / (high - low), kept between 0 and 1
+
+    multiplies the inverse along that direction, a / s^2 in place of 1 / s^2, and the same fraction
+    of the direction is withheld from the tasks below. Torques are continuous in the state and
+    bounded, and levels above never notice.
+
+    Attributes:
+        low: singular value up to which a direction is left alone.
+        high: singular value from which a direction is controlled exactly.
+    """
+
+    low: float = 0.02
+    high: float = 0.1
+
+    def __post_init__(self) -> None:
+        checked_number(self.low, "low threshold of the rank treatment", above=0.0)
+        checked_number(self.high, "high threshold of the rank treatment", above=0.0)
+        if not self.low < self.high <= 1.0:
+            raise ConfigurationError(
+                "thresholds of the rank treatment do not grow",
+                got=(self.low, self.high),
+                wanted="low < high, at most 1",
+            )
+
+    def activate(
+        self, squares: Float64[np.ndarray, " m"]
+    ) -> tuple[Float64[np.ndarray, " m"], Float64[np.ndarray, " m"]]:
+        """Activations of directions and the inverses that belong to them.
+
+        Args:
+            squares: squared singular values s^2; rounding may have left them slightly negative.
+
+        Returns:
+            a(s), and a(s) / s^2.
+        """
+        singular = np.sqrt(np.maximum(squares, 0.0))
+        t = np.clip((singular - self.low) / (self.high - self.low), 0.0, 1.0)
+        activation = t * t * (3.0 - 2.0 * t)
+        return activation, activation / np.maximum(squares, self.low * self.low)
+
+
+PHYSICS_RANK = RankTreatment(low=1e-5, high=1e-4)
+"""Contacts and the underactuated base give way nowhere; only what is redundant is dropped."""
+
+
+HELD_RANK = RankTreatment(low=0.01, high=0.05)
+"""Joints held at their limits: exact wherever they can move by themselves, which keeps singular
+values above 0.1 on the robots tried. Those that contacts decide, as legs in double support, give
+way before they ask the rest of the robot for the impossible."""
+
+
+def rank_of(level: int, constraints: int, tasks: RankTreatment) -> RankTreatment:
+    """The treatment of a level.
+
+    Args:
+        level: its index, the physics first.
+        constraints: number of leading levels that are no tasks, as in `LevelRows`.
+        tasks: treatment of the tasks.
+    """
+    if level >= constraints:
+        return tasks
+    return HELD_RANK if level else PHYSICS_RANK

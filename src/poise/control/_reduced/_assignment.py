@@ -1,0 +1,124 @@
+"""`AssignedRows`: which of the two problems each row of a stack is for.
+
+`Assignment`: which rows of a task LQP 1 can meet, and which only LQP 2.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Int64
+
+from poise.dynamics import Partition
+from poise.robots import Robot
+from poise.stack import (
+    ComTask,
+    FrameTask,
+    JointTask,
+    MomentumTask,
+    RelativeFrameTask,
+    StackRows,
+    Task,
+)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Assignment:
+    """Where the rows of one task go, section 3.4 of Ahn et al. 2024.
+
+    Attributes:
+        task: the task.
+        first: rows that the reduced robot decides: LQP 1.
+        second: rows that need the unconstrained chain's own joints: LQP 2, which knows the rest.
+        through_centroids: whether the first rows move with the centroids, too.
+    """
+
+    task: Task
+    first: Int64[np.ndarray, " m1"]
+    second: Int64[np.ndarray, " m2"]
+    through_centroids: bool = False
+
+
+def assign(task: Task, robot: Robot, partition: Partition) -> Assignment:
+    """Assigns the rows of a task by what they need, without asking the user.
+
+    - COM and momentum need the unconstrained chain through its centroids only: LQP 1 (22).
+    - A frame that no joint of the unconstrained chain moves, and a frame seen from another where
+      no such joint stands between the two: LQP 1.
+    - Other frames: LQP 2, with the acceleration of everything else known (23).
+    - A task of joints is split, joint by joint.
+    - A kind of task that is not known here: LQP 2. What of its rows the chain's own joints cannot
+      decide `ChainElimination` leaves to LQP 1, which may be all of them.
+
+    Args:
+        task: a task bound to the robot.
+        robot: the robot.
+        partition: its chains.
+    """
+    rows, none = np.arange(task.dim), np.arange(0)
+    if isinstance(task, ComTask | MomentumTask):
+        return Assignment(task=task, first=rows, second=none, through_centroids=True)
+    if isinstance(task, JointTask):
+        names = robot.joint_names if task.joints is None else task.joints
+        free = set(partition.unconstrained)
+        in_u = np.array([name in free for name in names], dtype=np.bool_)
+        return Assignment(task=task, first=rows[~in_u], second=rows[in_u])
+    if isinstance(task, FrameTask):
+        needed = _movers(robot, task.frame)
+    elif isinstance(task, RelativeFrameTask):
+        needed = _movers(robot, task.frame) ^ _movers(robot, task.root)
+    else:
+        # Nothing is known of it but its rows, which may need anything.
+        needed = set(range(robot.nv))
+    if needed & set(partition.u.index.tolist()):
+        return Assignment(task=task, first=none, second=rows)
+    return Assignment(task=task, first=rows, second=none)
+
+
+def _movers(robot: Robot, frame: str) -> set[int]:
+    """Coordinates that move a frame in the world."""
+    model = robot.model
+    joints = model.supports[model.frames[robot.frame_id(frame)].parentJoint].tolist()
+    return {model.idx_vs[j] + k for j in joints if j > 0 for k in range(model.nvs[j])}
+
+
+class AssignedRows:
+    """The rows of a stack for the two problems: which of the tasks' rows each of them gets.
+
+    Args:
+        rows: the rows of the stack, updated by the caller.
+        robot: the robot.
+        partition: its chains for the same contacts.
+
+    Attributes:
+        stack_rows: the rows of the stack.
+        J: coefficients of dv of the tasks' rows, level by level.
+        target: their right-hand sides, reference - drift.
+        weight: of each row in its level.
+        levels: the tasks that act, level by level, with what each of their rows needs.
+        first: the rows that LQP 1 decides.
+        centroid: those of them that move with the centroids.
+        second: the rows that need the unconstrained chain's own joints.
+        second_ends: where each level ends among those; the first entry is zero.
+    """
+
+    def __init__(self, rows: StackRows, robot: Robot, partition: Partition) -> None:
+        self.stack_rows = rows
+        tasks = slice(int(rows.ends[0]), None)
+        self.J, self.target, self.weight = rows.J[tasks], rows.target[tasks], rows.weight[tasks]
+        self.levels = tuple(
+            tuple(assign(task, robot, partition) for task in level) for level in rows.levels
+        )
+        first: list[int] = []
+        second: list[int] = []
+        centroid: list[int] = []
+        second_ends, row = [0], 0
+        for level in self.levels:
+            for a in level:
+                first += (row + a.first).tolist()
+                centroid += (row + a.first).tolist() if a.through_centroids else []
+                second += (row + a.second).tolist()
+                row += a.task.dim
+            second_ends.append(len(second))
+        self.first, self.centroid, self.second, self.second_ends = (
+            np.array(index, dtype=np.int64) for index in (first, centroid, second, second_ends)
+        )

@@ -1,0 +1,214 @@
+"""`Strategy`: from a state and a stack to what the joints should do.
+
+`Answer`: what a strategy found for one state.
+`Programs`: a strategy that has one program for each set of active contacts.
+"""
+
+from collections.abc import Callable, Mapping
+from typing import Generic, Literal, NamedTuple, Protocol, TypeVar, runtime_checkable
+
+import numpy as np
+from jaxtyping import Float64
+
+from poise._checks import checked_kind, checked_number
+from poise.dynamics import Dynamics
+from poise.hqp import Solver, SolveStatus, make_solver
+from poise.robots import Robot
+from poise.stack import Contact, ContactSets, Stack, Task, default_stack
+
+PHYSICS_LEVELS = 2
+"""Levels that stand above the user's: dynamics with torque limits, contacts with joint limits."""
+
+PHYSICS_TOLERANCE = 1e-6
+"""Relative residual of dynamics and torque limits above which torques cannot be trusted."""
+
+
+class Answer(NamedTuple):
+    """What a strategy found for one state.
+
+    Attributes:
+        status: how the solve ended; an answer that is not to be trusted has failed.
+        joints: joint torques [N m] or velocities [rad/s], whichever the strategy commands; the
+            controller checks that they are finite, and clips torques to their limits.
+        residuals: norm of what each level could not meet, relative to the level's scale,
+            |W (A x - b)| / max(1, |W b|).
+        acceleration: generalized acceleration [m/s^2, rad/s^2]; None where it is not decided.
+        wrenches: wrench on the robot at each active contact, by the contact's name [N, N m].
+    """
+
+    status: SolveStatus
+    joints: Float64[np.ndarray, " nj"]
+    residuals: tuple[float, ...]
+    acceleration: Float64[np.ndarray, " nv"] | None = None
+    wrenches: Mapping[str, Float64[np.ndarray, " m"]] = {}
+
+
+class Program(Protocol):
+    """Solves a stack for one set of active contacts; its memory lasts from tick to tick."""
+
+    @property
+    def suspended(self) -> tuple[Task, ...]:
+        """Tasks that a contact stands in for; they have no rows."""
+        ...
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Variables and rows, finite bounds on single variables among them, of the last solve."""
+        ...
+
+    def assemble(self, dynamics: Dynamics) -> None:
+        """Writes one state's rows, in place; `dynamics` is up to date."""
+        ...
+
+    def solve(self) -> Answer:
+        """Solves what was assembled; nothing raises on numbers."""
+        ...
+
+    def reset(self) -> None:
+        """Forgets the last solution, so that the next solve starts cold."""
+        ...
+
+    def task_residuals(self) -> dict[str, float]:
+        """Norm of what each task could not meet at the last solve, by its name [unit/s^2]."""
+        ...
+
+    def explain(self) -> str:
+        """Which rows conflict and with what at the last solve, in words."""
+        ...
+
+
+@runtime_checkable
+class Strategy(Program, Protocol):
+    """How a controller turns a state and a stack into torques or velocities of the joints.
+
+    It never sees the plant, and need not check states or fall back: the controller does.
+
+    Attributes:
+        robot: the robot.
+        commands: what the joints are told.
+    """
+
+    robot: Robot
+    commands: Literal["torque", "velocity"]
+
+    @property
+    def stack(self) -> Stack:
+        """Contacts, limits and tasks, bound to the robot."""
+        ...
+
+    def prepare(self, contacts: tuple[Contact, ...]) -> bool:
+        """Takes up what belongs to a set of active contacts.
+
+        Args:
+            contacts: the active contacts, in the order of the stack.
+
+        Returns:
+            Whether it is another set than that of the last tick.
+        """
+        ...
+
+
+P = TypeVar("P", bound=Program)
+
+
+class Programs(Generic[P]):
+    """A `Strategy` of torques that has one program, made once, for each set of active contacts.
+
+    Args:
+        robot: the robot.
+        stack: contacts, limits and tasks, bound to the robot.
+        make: makes the program of one set of contacts.
+
+    Attributes:
+        robot: the robot.
+        stack: contacts, limits and tasks.
+        current: the program of the last tick.
+        prepared: all programs.
+    """
+
+    commands: Literal["torque", "velocity"] = "torque"
+
+    def __init__(self, robot: Robot, stack: Stack, make: Callable[[tuple[Contact, ...]], P]):
+        self.robot, self.stack = robot, stack
+        self.prepared = ContactSets(stack, make)
+        self.current = self.prepared.of(stack.active_contacts)
+        self._solved = False
+
+    @property
+    def suspended(self) -> tuple[Task, ...]:
+        """Tasks that a contact stands in for."""
+        return self.current.suspended
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Number of variables and of rows, finite bounds on single variables among them."""
+        return self.current.size if self._solved else (0, 0)
+
+    def prepare(self, contacts: tuple[Contact, ...]) -> bool:
+        """Takes up the program of a set of active contacts."""
+        last, self.current = self.current, self.prepared.of(contacts)
+        return self.current is not last
+
+    def assemble(self, dynamics: Dynamics) -> None:
+        """Writes one state's rows, in place."""
+        self.current.assemble(dynamics)
+
+    def solve(self) -> Answer:
+        """Solves what was assembled; an answer that breaks the dynamics has failed."""
+        answer = self.current.solve()
+        self._solved = True
+        if answer.status in USABLE and not answer.residuals[0] <= PHYSICS_TOLERANCE:
+            return answer._replace(status=SolveStatus.FAILED)
+        return answer
+
+    def reset(self) -> None:
+        """Forgets the last solutions."""
+        self._solved = False
+        for program in self.prepared:
+            program.reset()
+
+    def task_residuals(self) -> dict[str, float]:
+        """Norm of what each task could not meet at the last solve, by its name [unit/s^2]."""
+        return self.current.task_residuals() if self._solved else {}
+
+    def explain(self) -> str:
+        """Which rows conflict and with what at the last solve, in words."""
+        return self.current.explain() if self._solved else "nothing solved yet"
+
+
+USABLE = (SolveStatus.OPTIMAL, SolveStatus.INACCURATE)
+"""A point cut short by the time cap is not: it may meet the dynamics and know no contact yet."""
+
+
+def bound_stack(robot: Robot, stack: Stack | None) -> Stack:
+    """The stack of a controller with every name resolved on its robot.
+
+    Args:
+        robot: the robot.
+        stack: contacts, limits and tasks; `default_stack(robot)` when None.
+
+    Raises:
+        PoiseError: a name that the robot does not have.
+    """
+    checked_kind(robot, Robot, "the controller's robot")
+    stack = default_stack(robot) if stack is None else stack
+    checked_kind(stack, Stack, "the controller's stack").bind(robot)
+    return stack
+
+
+def solver_maker(
+    strategy: str, backend: str | None, time_limit: float | None
+) -> Callable[[], Solver]:
+    """What makes the solvers of a controller, each with a workspace of its own.
+
+    Args:
+        strategy: how the hierarchy is solved: "direct", "cascade" or "weighted".
+        backend: QP solver of the cascade and weighted strategies.
+        time_limit: cap of one solve [s]; none when None.
+
+    Raises:
+        ConfigurationError: a time limit that is not positive.
+    """
+    if time_limit is not None:
+        checked_number(time_limit, "time_limit of the controller [s]", above=0.0)
+    return lambda: make_solver(strategy, backend, time_limit=time_limit)

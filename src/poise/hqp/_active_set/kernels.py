@@ -1,0 +1,153 @@
+"""What compiled code does with rows: Householder reflections I - tau v v^T, sums, copies.
+
+Four rows at a time where there are many, so that none waits for its own sum, and a total is read
+and written a quarter as often.
+"""
+
+from math import sqrt
+
+from poise._compiled import part
+from poise.hqp._active_set.workspace import Indices, Matrix, Vector
+
+
+@part
+def copy(to: Vector, x: Vector) -> None:
+    """Copies numbers; NumPy's way would compile the words of an error that cannot happen."""
+    for i in range(len(to)):
+        to[i] = x[i]
+
+
+@part
+def norm_of(x: Vector) -> float:
+    """The Euclidean norm of a vector."""
+    square = 0.0
+    for i in range(len(x)):
+        square += x[i] * x[i]
+    return sqrt(square)
+
+
+@part
+def multiply(A: Matrix, x: Vector, out: Vector) -> None:
+    """Out <- A x."""
+    for i in range(len(A)):
+        row, total = A[i], 0.0
+        for j in range(len(x)):
+            total += row[j] * x[j]
+        out[i] = total
+
+
+@part
+def make_reflection(x: Vector, v: Vector, norm: float) -> float:
+    """The reflection that turns a row into (-+norm, 0, ..., 0), away from its first number.
+
+    Args:
+        x: overwritten with that.
+        v: receives the reflection's vector.
+        norm: of x, not zero.
+
+    Returns:
+        tau.
+    """
+    first = x[0]
+    end = -norm if first >= 0.0 else norm
+    # Scaled so that v begins with one and no square leaves the range of numbers.
+    scale = 1.0 / (first - end)
+    for i in range(len(x)):
+        v[i], x[i] = x[i] * scale, 0.0
+    v[0], x[0] = 1.0, end
+    return (end - first) / end
+
+
+@part
+def reflect(x: Vector, v: Vector, tau: float) -> None:
+    """X <- (I - tau v v^T) x.
+
+    Args:
+        x: overwritten.
+        v: the reflection's vector.
+        tau: its factor.
+    """
+    along = 0.0
+    for i in range(len(v)):
+        along += v[i] * x[i]
+    along *= tau
+    for i in range(len(v)):
+        x[i] -= along * v[i]
+
+
+@part
+def reflect_rows(X: Matrix, begin: int, end: int, column: int, v: Vector, tau: float) -> None:
+    """Reflects rows from a column on.
+
+    Args:
+        X: whose rows are overwritten.
+        begin: first of them.
+        end: where they end.
+        column: where v begins in them.
+        v: the reflection's vector.
+        tau: its factor.
+    """
+    n, i = len(v), begin
+    while i + 4 <= end:
+        # Single rows are known to lie in one piece, unlike a block of X.
+        x_0, x_1, x_2, x_3 = X[i, column:], X[i + 1, column:], X[i + 2, column:], X[i + 3, column:]
+        s_0 = s_1 = s_2 = s_3 = 0.0
+        for j in range(n):
+            s_0 += v[j] * x_0[j]
+            s_1 += v[j] * x_1[j]
+            s_2 += v[j] * x_2[j]
+            s_3 += v[j] * x_3[j]
+        s_0 *= tau
+        s_1 *= tau
+        s_2 *= tau
+        s_3 *= tau
+        for j in range(n):
+            x_0[j] -= s_0 * v[j]
+            x_1[j] -= s_1 * v[j]
+            x_2[j] -= s_2 * v[j]
+            x_3[j] -= s_3 * v[j]
+        i += 4
+    while i < end:
+        reflect(X[i, column:], v, tau)
+        i += 1
+
+
+@part
+def add_rows(
+    total: Vector, rows: Matrix, factors: Vector, chosen: Indices, count: int, offset: int
+) -> None:
+    """Adds combinations of rows to a vector.
+
+    Args:
+        total: what is added to.
+        rows: the rows.
+        factors: of each row, from `offset` on.
+        chosen: which rows.
+        count: how many of them.
+        offset: where the factor of the first row stands.
+    """
+    n, i = len(total), 0
+    while i + 4 <= count:
+        a, b, c, d = chosen[i], chosen[i + 1], chosen[i + 2], chosen[i + 3]
+        r_a, r_b, r_c, r_d = rows[a], rows[b], rows[c], rows[d]
+        f_a, f_b = factors[offset + a], factors[offset + b]
+        f_c, f_d = factors[offset + c], factors[offset + d]
+        for j in range(n):
+            total[j] += f_a * r_a[j] + f_b * r_b[j] + f_c * r_c[j] + f_d * r_d[j]
+        i += 4
+    while i < count:
+        row, factor = rows[chosen[i]], factors[offset + chosen[i]]
+        for j in range(n):
+            total[j] += factor * row[j]
+        i += 1
+
+
+@part
+def choose_nonzero(x: Vector, chosen: Indices) -> int:
+    """Lists the places of the numbers that are not zero; returns how many they are."""
+    count = 0
+    for j in range(len(x)):
+        chosen[count] = j
+        # Without a branch that nothing could predict.
+        count += 1 if x[j] != 0.0 else 0
+    return count

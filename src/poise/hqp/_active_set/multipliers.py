@@ -1,0 +1,319 @@
+"""Multipliers at the optimum of an active set, level by level, and what they say about it.
+
+Whether they may be believed is asked of the problem's own rows, not of those that were factored.
+"""
+
+from math import sqrt
+
+import numpy as np
+
+from poise._compiled import part
+from poise.hqp._active_set.kernels import add_rows, copy, norm_of, reflect
+from poise.hqp._active_set.optimum import find_gradient
+from poise.hqp._active_set.workspace import (
+    EQUALITY,
+    Duals,
+    Factor,
+    Matrix,
+    Points,
+    Problem,
+    Rows,
+    State,
+    Vector,
+    Work,
+)
+from poise.hqp._tolerances import DUAL_TOLERANCE, FEASIBILITY_TOLERANCE, OPTIMALITY_TOLERANCE
+
+LARGEST, FIRST = 2.0, 3.0
+"""What `deactivate_wrong_signs` takes instead of a ratio, to deactivate one row: which."""
+
+
+@part
+def deactivate_wrong_signs(problem: Problem, work: Work, ratio: float) -> int:
+    """Finds multipliers at the optimum of the active set, and deactivates rows of the wrong sign.
+
+    A level's slack is its own multiplier, and the levels above balance it. Of a row's multipliers,
+    highest level first, the first that is not zero must have the sign of its side; the others are
+    free.
+
+    Args:
+        problem: the problem.
+        work: whose target is the optimum of its active set.
+        ratio: rows are deactivated whose multiplier of the wrong sign is at least this part of the
+            largest such, or `LARGEST`, or `FIRST`.
+
+    Returns:
+        How many rows were deactivated.
+    """
+    factor, rows, multipliers = work.factor, work.rows, work.duals.multipliers
+    state = work.states[0]
+    levels = len(factor.rank)
+    active = factor.begin[levels]
+    state.deactivated, state.doubtful = -1, 0
+    for place in range(active):
+        index = factor.order[place]
+        rows.sign_free[index] = 1 if rows.side[index] == EQUALITY else 0
+        rows.needed_by[index] = 0
+    multipliers[:] = 0.0
+    for level in range(levels + 1):
+        above = active
+        if level < levels:
+            wrong = _take_slacks(problem, rows, factor, work.points, multipliers[level], level)
+            if wrong > 0:
+                return wrong
+            size = _find_level_gradient(factor, work.duals.gradient, level)
+            if size == 0.0:
+                continue
+            above = factor.begin[level]
+        else:
+            size = _find_cost_gradient(problem, work)
+        _balance(factor, work.duals.gradient, multipliers[level], level)
+        wrong = _deactivate_above(rows, factor, work.duals, state, level, above, size, ratio)
+        if wrong > 0:
+            return wrong
+        if level < levels:
+            _free_signs(rows, factor, level, size)
+    for level in range(levels + 1):
+        for place in range(active):
+            index = factor.order[place]
+            multipliers[level, index] *= problem.weights[index]
+    return 0
+
+
+@part
+def _take_slacks(
+    problem: Problem, rows: Rows, factor: Factor, points: Points, found: Vector, level: int
+) -> int:
+    """Takes slacks as multipliers; deactivates those of the wrong sign, and returns how many."""
+    wrong = 0
+    for place in range(factor.begin[level], factor.begin[level + 1]):
+        slack, index = factor.slack[place], factor.order[place]
+        if slack == 0.0:
+            continue
+        found[index] = slack
+        side = rows.side[index]
+        if side != EQUALITY and slack * side < 0.0:
+            wrong += 1
+            _deactivate_slack(problem, rows, points, index)
+        elif rows.sign_free[index] == 0:
+            rows.needed_by[index] = 1 + level
+    return wrong
+
+
+@part
+def _deactivate_slack(problem: Problem, rows: Rows, points: Points, index: int) -> None:
+    """Makes a row inactive whose slack has the wrong sign, unless it violates its other bound."""
+    value = points.target_values[index]
+    room = FEASIBILITY_TOLERANCE * rows.norm[index] * norm_of(points.target)
+    side = 0
+    if value > problem.upper[index] + room:
+        side = 1
+    elif value < problem.lower[index] - room:
+        side = -1
+    rows.side[index] = side
+    rows.sign_free[index] = 0
+
+
+@part
+def _find_level_gradient(factor: Factor, gradient: Vector, level: int) -> float:
+    """The gradient of half a level's squared slack, in y; returns its size before cancellation."""
+    first, square = factor.first[level], 0.0
+    gradient[:first] = 0.0
+    for place in range(factor.begin[level], factor.begin[level + 1]):
+        slack = factor.slack[place]
+        if slack != 0.0:
+            square += slack * slack * factor.size[place] * factor.size[place]
+            row = factor.R[place]
+            for j in range(first):
+                gradient[j] += slack * row[j]
+    return sqrt(square)
+
+
+@part
+def _find_cost_gradient(problem: Problem, work: Work) -> float:
+    """The gradient of the final cost, in y; returns the size of what cancels in it."""
+    factor, target, gradient = work.factor, work.points.target, work.cost.gradient
+    find_gradient(problem.H, problem.g, target, gradient)
+    size = 0.0
+    for i in range(len(gradient)):
+        # Not what is left of H x: that is rounding where x lies in the kernel of H.
+        row, terms = problem.H[i], abs(problem.g[i])
+        for j in range(len(gradient)):
+            terms += abs(row[j] * target[j])
+        size = max(size, terms)
+    copy(work.duals.gradient, gradient)
+    for k in range(factor.first[len(factor.rank)]):
+        reflect(work.duals.gradient[k:], factor.V[k, k:], factor.tau[k])
+    return size
+
+
+@part
+def _balance(factor: Factor, gradient: Vector, found: Vector, level: int) -> None:
+    """Multipliers of the levels above that balance the gradient; only pivots have one."""
+    for upper in range(level - 1, -1, -1):
+        begin, first = factor.begin[upper], factor.first[upper]
+        for k in range(factor.rank[upper] - 1, -1, -1):
+            column = first + k
+            if gradient[column] == 0.0:
+                continue
+            row = factor.R[begin + k]
+            multiplier = -gradient[column] / row[column]
+            found[factor.order[begin + k]] = multiplier
+            for j in range(column):
+                gradient[j] += multiplier * row[j]
+
+
+@part
+def _deactivate_above(
+    rows: Rows,
+    factor: Factor,
+    duals: Duals,
+    state: State,
+    level: int,
+    above: int,
+    size: float,
+    ratio: float,
+) -> int:
+    """Deactivates rows above a level whose multiplier has the wrong sign; returns how many."""
+    found = duals.multipliers[level]
+    for place in range(above):
+        size = max(size, abs(found[factor.order[place]]) * factor.size[place])
+    noise = DUAL_TOLERANCE * size
+    count, first, largest, most = 0, -1, -1, 0.0
+    for place in range(above):
+        index = factor.order[place]
+        # Positive where it has the sign of its side.
+        force = found[index] * factor.size[place] * rows.side[index]
+        if rows.sign_free[index] == 0 and force > noise:
+            rows.needed_by[index] = 1 + min(level, len(factor.rank) - 1)
+        if rows.sign_free[index] != 0 or not force < -noise:
+            continue
+        if rows.locked[index] != 0:
+            state.doubtful = 1
+            continue
+        duals.chosen[count], duals.forces[count] = index, force
+        count += 1
+        if force < most:
+            largest, most = index, force
+        if first < 0 or index < first:
+            first = index
+    if count == 0:
+        for place in range(above):
+            index = factor.order[place]
+            if abs(found[index]) * factor.size[place] > noise:
+                rows.sign_free[index] = 1
+        return 0
+    if ratio > 1.0:
+        state.deactivated = first if ratio == FIRST else largest
+        rows.side[state.deactivated] = 0
+        return 1
+    dropped = 0
+    for i in range(count):
+        if duals.forces[i] <= ratio * most:
+            rows.side[duals.chosen[i]] = rows.sign_free[duals.chosen[i]] = 0
+            dropped += 1
+    return dropped
+
+
+@part
+def _free_signs(rows: Rows, factor: Factor, level: int, size: float) -> None:
+    """Lets rows with slack have multipliers of either sign below their level.
+
+    Slack has to be more than rounding, by its own multiplier or in the row's own unit.
+    """
+    # |y| = |Q^T x|.
+    reach = norm_of(factor.y)
+    for place in range(factor.begin[level], factor.begin[level + 1]):
+        slack = abs(factor.slack[place])
+        own = abs(factor.bound[place]) + factor.size[place] * reach
+        if slack * factor.size[place] > DUAL_TOLERANCE * size or slack > DUAL_TOLERANCE * own:
+            rows.sign_free[factor.order[place]] = 1
+
+
+# --- whether they may be believed ---------------------------------------------------------------
+
+
+@part
+def is_optimal(problem: Problem, work: Work) -> bool:
+    """Whether rows are where they should be, everything balances, and every sign is right.
+
+    Args:
+        problem: the problem.
+        work: whose point and multipliers are to be the optimum's.
+    """
+    if work.states[0].doubtful != 0:
+        return False
+    factor, duals, norm = work.factor, work.duals, work.rows.norm
+    levels, gradient = len(factor.rank), duals.gradient
+    reach = _reach(factor, work.points.x)
+    worst = _row_error(problem, work.rows, work.factor, work.points.values, reach)
+    for level in range(levels):
+        if factor.begin[level] < factor.begin[level + 1]:
+            gradient[:] = 0.0
+            worst = max(worst, _imbalance(problem.A, norm, factor, duals, level, 0.0))
+    size = 0.0
+    for i in range(len(gradient)):
+        size = max(size, abs(problem.g[i]), abs(problem.H[i, i]) * reach)
+    copy(gradient, work.cost.gradient)
+    worst = max(worst, _imbalance(problem.A, norm, factor, duals, levels, size))
+    return bool(worst <= OPTIMALITY_TOLERANCE)
+
+
+@part
+def _row_error(problem: Problem, rows: Rows, factor: Factor, values: Vector, reach: float) -> float:
+    """How far rows are from where they should be, relatively; inactive ones inside their bounds."""
+    worst = 0.0
+    for place in range(factor.begin[len(factor.rank)]):
+        index = factor.order[place]
+        bound = factor.bound[place]
+        miss = abs(values[index] * problem.weights[index] - bound - factor.slack[place])
+        scale = abs(bound) + factor.size[place] * reach
+        # Written so that NaN is an error, too.
+        if not (miss < np.inf and abs(bound) < np.inf):
+            return np.inf
+        if miss > worst * scale:
+            worst = miss / scale
+    for i in range(len(values)):
+        if rows.side[i] == 0:
+            miss = max(values[i] - problem.upper[i], problem.lower[i] - values[i], 0.0)
+            scale = rows.norm[i] * reach
+            if not miss < np.inf:
+                return np.inf
+            if miss > worst * scale:
+                worst = miss / scale if scale > 0.0 else np.inf
+    return worst
+
+
+@part
+def _reach(factor: Factor, x: Vector) -> float:
+    """How far x is, or would be if it met the rows that are active one by one."""
+    reach = norm_of(x)
+    for place in range(factor.begin[len(factor.rank)]):
+        if factor.size[place] > 0.0:
+            reach = max(reach, abs(factor.bound[place]) / factor.size[place])
+    return reach
+
+
+@part
+def _imbalance(
+    A: Matrix, norm: Vector, factor: Factor, duals: Duals, level: int, size: float
+) -> float:
+    """What a level's multipliers, times the rows, leave of its gradient, relatively."""
+    gradient, chosen, found = duals.gradient, duals.chosen, duals.multipliers[level]
+    n, count = len(gradient), 0
+    for place in range(factor.begin[len(factor.rank)]):
+        index = factor.order[place]
+        multiplier = found[index]
+        size = max(size, abs(multiplier) * norm[index])
+        if index < n:
+            gradient[index] += multiplier
+        elif multiplier != 0.0:
+            chosen[count] = index - n
+            count += 1
+    add_rows(gradient, A, found, chosen, count, n)
+    left = 0.0
+    for j in range(n):
+        if not abs(gradient[j]) < np.inf:
+            return np.inf
+        left = max(left, abs(gradient[j]))
+    return left / size if left > 0.0 else left

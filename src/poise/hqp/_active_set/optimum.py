@@ -1,0 +1,398 @@
+"""The lexicographic optimum of an active set: its rows are equalities, all others are left out.
+
+The factorisation turns the coordinates, x = Q y, so that each level's rows become a trapezoid in y:
+zero to the right of the coordinates that it and the levels above it take. So the levels can be
+solved one after the other, and what a level does with its own coordinates leaves those above
+untouched.
+"""
+
+from math import sqrt
+
+from poise._compiled import part
+from poise.hqp._active_set.kernels import (
+    add_rows,
+    choose_nonzero,
+    copy,
+    make_reflection,
+    multiply,
+    norm_of,
+    reflect,
+    reflect_rows,
+)
+from poise.hqp._active_set.least_squares import find_slacks_of_conflict
+from poise.hqp._active_set.workspace import (
+    Factor,
+    FinalCost,
+    Indices,
+    LeastSquares,
+    Matrix,
+    Problem,
+    Rows,
+    Vector,
+    Work,
+)
+from poise.hqp._tolerances import CANCELLED, FLAT_TOLERANCE, RANK_TOLERANCE, SLACK_TOLERANCE
+
+_SIGN_FREE = 8
+"""What tells the code of the side of a row whose sign is free from another's."""
+
+
+@part
+def find_optimum(problem: Problem, work: Work) -> None:
+    """Factors the active rows and finds their optimum.
+
+    Args:
+        problem: the problem.
+        work: receives the optimum as its target.
+    """
+    factor, target = work.factor, work.points.target
+    n, levels = len(target), len(factor.rank)
+    start = _first_changed(work.rows, levels)
+    # A new problem has new numbers everywhere.
+    start = 0 if work.states[0].changes == 1 else start
+    factor.begin[0] = factor.first[0] = 0
+    for level in range(start, levels):
+        factor_level(problem, work.rows, factor, level)
+        solve_level(factor, work.squares, level)
+    taken = factor.first[levels]
+    work.states[0].free = n - taken
+    factor.y[taken:] = 0.0
+    copy(target, factor.y)
+    for k in range(taken - 1, -1, -1):
+        reflect(target[k:], factor.V[k, k:], factor.tau[k])
+    if taken < n:
+        solve_cost(problem, factor, work.cost, target, work.duals.chosen)
+
+
+@part
+def _first_changed(rows: Rows, levels: int) -> int:
+    """The first level whose active rows are not as they were factored, and notes how they are.
+
+    What was found for the levels above it stays as it is.
+    """
+    first = levels
+    for i in range(len(rows.side)):
+        now = 0 if rows.side[i] == 0 else rows.side[i] + _SIGN_FREE * rows.sign_free[i]
+        if rows.factored[i] != now:
+            rows.factored[i] = now
+            first = min(first, rows.level[i])
+    return first
+
+
+# --- the factorisation ------------------------------------------------------------------------
+
+
+@part
+def factor_level(problem: Problem, rows: Rows, factor: Factor, level: int) -> None:
+    """Turns the coordinates that the levels above have left so that a level's rows are a trapezoid.
+
+    Args:
+        problem: the problem.
+        rows: of which some are active.
+        factor: receives the level's rows, their order, and its rank; those above are factored.
+        level: whose rows.
+    """
+    n, R = len(factor.y), factor.R
+    begin, first = factor.begin[level], factor.first[level]
+    free = _gather(problem, rows, factor, level, begin, 1)
+    end = _gather(problem, rows, factor, level, free, 0)
+    factor.begin[level + 1] = end
+    for k in range(first):
+        reflect_rows(R, begin, end, k, factor.V[k, k:], factor.tau[k])
+    for row in range(begin, end):
+        size = factor.size[row]
+        part_left = norm_of(R[row, first:]) / size if size > 0.0 else 0.0
+        factor.left[row] = factor.left_exact[row] = part_left * part_left
+    column, pivot = first, begin
+    # Rows whose sign is free come first, so that no other row has to balance for them.
+    for stop in (free, end):
+        while pivot < stop and column < n:
+            best = _best_pivot(factor, pivot, stop)
+            if best < 0:
+                break
+            if best != pivot:
+                _swap(factor, best, pivot)
+            v, tail = factor.V[column, column:], R[pivot, column:]
+            tau = make_reflection(tail, v, norm_of(tail))
+            factor.tau[column] = tau
+            reflect_rows(R, pivot + 1, end, column, v, tau)
+            column += 1
+            pivot += 1
+            _update_left(factor, pivot, end, column)
+    factor.rank[level] = column - first
+    factor.first[level + 1] = column
+
+
+@part
+def _gather(
+    problem: Problem, rows: Rows, factor: Factor, level: int, place: int, sign_free: int
+) -> int:
+    """Copies a level's active rows, times their weights; returns where the next ones go."""
+    n = len(factor.y)
+    if problem.bounds_level == level:
+        for i in range(n):
+            if rows.side[i] != 0 and rows.sign_free[i] == sign_free:
+                factor.R[place, :] = 0.0
+                factor.R[place, i] = problem.weights[i]
+                place = _note(problem, rows, factor, i, place)
+    for i in range(problem.starts[level], problem.starts[level + 1]):
+        if rows.side[n + i] != 0 and rows.sign_free[n + i] == sign_free:
+            weight = problem.weights[n + i]
+            source, row = problem.A[i], factor.R[place]
+            for j in range(n):
+                row[j] = source[j] * weight
+            place = _note(problem, rows, factor, n + i, place)
+    return place
+
+
+@part
+def _note(problem: Problem, rows: Rows, factor: Factor, index: int, place: int) -> int:
+    """Notes which row stands at a place; returns the next place."""
+    weight = problem.weights[index]
+    bound = problem.upper[index] if rows.side[index] > 0 else problem.lower[index]
+    factor.order[place] = index
+    factor.bound[place] = (bound + rows.shift[index]) * weight
+    factor.size[place] = rows.norm[index] * weight
+    return place + 1
+
+
+@part
+def _best_pivot(factor: Factor, begin: int, end: int) -> int:
+    """The row that is the largest of those with anything left, or -1.
+
+    Large rows first, so that the others are combinations with small coefficients.
+    """
+    best, most = -1, 0.0
+    for row in range(begin, end):
+        worth = factor.left[row] * factor.size[row]
+        if worth > most and factor.left[row] > RANK_TOLERANCE * RANK_TOLERANCE:
+            best, most = row, worth
+    return best
+
+
+@part
+def _swap(factor: Factor, a: int, b: int) -> None:
+    """Lets two active rows of a level change places."""
+    row_a, row_b = factor.R[a], factor.R[b]
+    for j in range(len(row_a)):
+        row_a[j], row_b[j] = row_b[j], row_a[j]
+    factor.order[a], factor.order[b] = factor.order[b], factor.order[a]
+    factor.bound[a], factor.bound[b] = factor.bound[b], factor.bound[a]
+    factor.size[a], factor.size[b] = factor.size[b], factor.size[a]
+    factor.left[a], factor.left[b] = factor.left[b], factor.left[a]
+    factor.left_exact[a], factor.left_exact[b] = factor.left_exact[b], factor.left_exact[a]
+
+
+@part
+def _update_left(factor: Factor, begin: int, end: int, column: int) -> None:
+    """Takes what the last pivot saw of each row out of what is left of it."""
+    for row in range(begin, end):
+        size = factor.size[row]
+        if not size > 0.0:
+            continue
+        seen = factor.R[row, column - 1] / size
+        left = factor.left[row] - seen * seen
+        if left < CANCELLED * factor.left_exact[row]:
+            part_left = norm_of(factor.R[row, column:]) / size
+            left = part_left * part_left
+            factor.left_exact[row] = left
+        factor.left[row] = left
+
+
+# --- the levels -------------------------------------------------------------------------------
+
+
+@part
+def solve_level(factor: Factor, squares: LeastSquares, level: int) -> None:
+    """Gives a level the least slack that is left to it.
+
+    Args:
+        factor: in which the level is factored, and those above it are solved.
+        squares: room.
+        level: which.
+    """
+    begin, end = factor.begin[level], factor.begin[level + 1]
+    first, rank = factor.first[level], factor.rank[level]
+    y, rhs, slack = factor.y, factor.rhs, factor.slack
+    above, z = y[:first], y[first : first + rank]
+    for row in range(begin, end):
+        head, left = factor.R[row], factor.bound[row]
+        for j in range(first):
+            left -= head[j] * above[j]
+        rhs[row] = left
+        slack[row] = 0.0
+    _solve_pivots(factor, begin, first, rank)
+    size, met = norm_of(y[: first + rank]), True
+    for row in range(begin + rank, end):
+        own, left = factor.R[row, first : first + rank], rhs[row]
+        for j in range(rank):
+            left -= own[j] * z[j]
+        if abs(left) > SLACK_TOLERANCE * (abs(factor.bound[row]) + factor.size[row] * size):
+            slack[row], met = -left, False
+    if met:
+        return
+    if rank > 0:
+        find_slacks_of_conflict(factor, squares, level)
+        for row in range(begin, begin + rank):
+            rhs[row] += slack[row]
+        _solve_pivots(factor, begin, first, rank)
+
+
+@part
+def _solve_pivots(factor: Factor, begin: int, first: int, rank: int) -> None:
+    """Meets a level's pivots, one after the other."""
+    z = factor.y[first : first + rank]
+    for k in range(rank):
+        own, left = factor.R[begin + k, first : first + rank], factor.rhs[begin + k]
+        for j in range(k):
+            left -= own[j] * z[j]
+        z[k] = left / own[k]
+
+
+# --- the final cost ----------------------------------------------------------------------------
+
+
+@part
+def solve_cost(
+    problem: Problem, factor: Factor, cost: FinalCost, target: Vector, chosen: Indices
+) -> None:
+    """Moves the target to the least final cost that leaves all levels as they are.
+
+    Args:
+        problem: the problem.
+        factor: the levels, solved; receives the coordinates that they leave.
+        cost: room.
+        target: meets the levels, and is overwritten.
+        chosen: scratch.
+    """
+    n, taken = len(target), factor.first[len(factor.rank)]
+    free = n - taken
+    _make_basis(factor, cost, taken)
+    _reduce_hessian(problem.H, cost, chosen, free)
+    z, rank = cost.z, free
+    # A second step takes off what the first one loses where curvatures lie far apart.
+    for step in range(2):
+        find_gradient(problem.H, problem.g, target, cost.gradient)
+        for k in range(rank):
+            direction, slope = cost.Z[k if step == 0 else cost.pivot[k]], 0.0
+            for j in range(n):
+                slope -= direction[j] * cost.gradient[j]
+            z[k] = slope
+        if step == 0:
+            rank = _factor_hessian(problem.H, cost, free)
+        _solve_factored(cost, rank)
+        for k in range(rank):
+            place = cost.pivot[k]
+            direction, length = cost.Z[place], z[k]
+            factor.y[taken + place] += length
+            for j in range(n):
+                target[j] += length * direction[j]
+
+
+@part
+def find_gradient(H: Matrix, g: Vector, x: Vector, out: Vector) -> None:
+    """H x + g.
+
+    Args:
+        H: of the final cost.
+        g: of the final cost.
+        x: the point.
+        out: receives it.
+    """
+    multiply(H, x, out)
+    for i in range(len(x)):
+        out[i] += g[i]
+
+
+@part
+def _make_basis(factor: Factor, cost: FinalCost, taken: int) -> None:
+    """What Q makes of the unit vectors of the coordinates that are left."""
+    Z, n = cost.Z, len(cost.Z)
+    free = n - taken
+    Z[:free] = 0.0
+    for k in range(free):
+        Z[k, taken + k] = 1.0
+    for k in range(taken - 1, -1, -1):
+        reflect_rows(Z, 0, free, k, factor.V[k, k:], factor.tau[k])
+    for j in range(n):
+        for k in range(free):
+            cost.ZT[j, k] = Z[k, j]
+
+
+@part
+def _reduce_hessian(H: Matrix, cost: FinalCost, chosen: Indices, free: int) -> None:
+    """The upper triangle of C = Z^T H Z; H is mostly zeros where it is a mass matrix."""
+    n = len(H)
+    for i in range(n):
+        product, row = cost.z[:free], H[i]
+        product[:] = 0.0
+        add_rows(product, cost.ZT, row, chosen, choose_nonzero(row, chosen), 0)
+        for k in range(free):
+            cost.HZ[k, i] = product[k]
+    for k in range(free):
+        left = cost.HZ[k]
+        for o in range(k, free):
+            right, total = cost.Z[o], 0.0
+            for j in range(n):
+                total += left[j] * right[j]
+            cost.C[k, o] = total
+
+
+@part
+def _factor_hessian(H: Matrix, cost: FinalCost, free: int) -> int:
+    """Cholesky factor with pivots, in place and transposed; returns the rank."""
+    C, pivot, z = cost.C, cost.pivot, cost.z
+    largest = 0.0
+    for i in range(len(pivot)):
+        largest = max(largest, abs(H[i, i]))
+    for k in range(free):
+        pivot[k] = k
+    for k in range(free):
+        best = k
+        for i in range(k + 1, free):
+            if C[i, i] > C[best, best]:
+                best = i
+        if not C[best, best] > FLAT_TOLERANCE * largest:
+            return k
+        if best != k:
+            _exchange(C, k, best, free)
+            pivot[k], pivot[best] = pivot[best], pivot[k]
+            z[k], z[best] = z[best], z[k]
+        root = sqrt(C[k, k])
+        C[k, k] = root
+        row = C[k]
+        for j in range(k + 1, free):
+            row[j] /= root
+        for i in range(k + 1, free):
+            ratio, other = row[i], C[i]
+            for j in range(i, free):
+                other[j] -= ratio * row[j]
+    return free
+
+
+@part
+def _exchange(C: Matrix, a: int, b: int, free: int) -> None:
+    """Exchanges two rows and columns, a < b, of which the upper triangle is kept."""
+    for i in range(a):
+        C[i, a], C[i, b] = C[i, b], C[i, a]
+    for i in range(a + 1, b):
+        C[a, i], C[i, b] = C[i, b], C[a, i]
+    for i in range(b + 1, free):
+        C[a, i], C[b, i] = C[b, i], C[a, i]
+    C[a, a], C[b, b] = C[b, b], C[a, a]
+
+
+@part
+def _solve_factored(cost: FinalCost, rank: int) -> None:
+    """Solves U^T U z = slopes for the curved directions; the flat ones stay where they are."""
+    C, z = cost.C, cost.z
+    for k in range(rank):
+        z[k] /= C[k, k]
+        row, known = C[k], z[k]
+        for i in range(k + 1, rank):
+            z[i] -= known * row[i]
+    for k in range(rank - 1, -1, -1):
+        total, row = z[k], C[k]
+        for i in range(k + 1, rank):
+            total -= row[i] * z[i]
+        z[k] = total / row[k]

@@ -1,0 +1,276 @@
+"""`LexicographicSolver`: the compiled search in a workspace that persists."""
+
+from time import perf_counter
+
+import numpy as np
+from jaxtyping import Float64, Int64
+
+from poise._compiled import say_if_slow
+from poise.errors import ConfigurationError, ProblemError
+from poise.hqp._active_set.search import CONVERGED, LOST, UNFINISHED, UNSOUND, search
+from poise.hqp._active_set.workspace import STATE, Work, cut
+from poise.hqp._problem import HierarchicalProblem, Level, Numbers
+from poise.hqp._solution import LexicographicSolution, Solution, SolveStatus, failure
+from poise.hqp._tolerances import RELAXED, changes_allowed
+
+
+class LexicographicSolver:
+    """Solves hierarchies by one active set and one factorisation for all levels.
+
+    The workspace persists: a controller keeps one solver and calls `solve` or `run` every tick, and
+    each call begins with the active set of the last. As long as that stays the same, one
+    factorisation ends it. Nothing raises on numbers.
+
+        >>> import numpy as np
+        >>> from poise.hqp import HierarchicalProblem, Level, LexicographicSolver
+        >>> limit = Level(np.array([[1.0, 0.0]]), -np.inf, 1.0)
+        >>> task = Level(np.array([[1.0, 0.0], [0.0, 1.0]]), [3.0, 4.0], [3.0, 4.0])
+        >>> solution = LexicographicSolver().solve(HierarchicalProblem([limit, task]))
+        >>> solution.x
+        array([1., 4.])
+        >>> solution.residuals
+        array([0., 2.])
+        >>> solution.level_multipliers[1]
+        array([ 0.,  0.,  2., -2.,  0.])
+
+    The first solver ever made on a machine compiles the search, which takes about a minute and
+    is kept on disk; making one is never cheap, so do not make one in a control loop.
+
+    Args:
+        time_limit: cap on a solve [s]; None for none.
+        max_changes: cap on the changes of the active set in a solve; by default one that grows
+            with the problem.
+        damping: of each level, or of all; 0 for none. Where the least singular value s of a
+            level's weighted equalities, over what those above leave, is less than its damping d,
+            they ask for no more than the z with the least `|W w|^2 + (d^2 - s^2) |z|^2` reaches, z
+            being the coordinates of x that they take. So x is bounded near singularities, the
+            levels above lose nothing, and away from singularities the answer is exact.
+
+    Raises:
+        ConfigurationError: a cap that is not positive, a damping that is negative or not finite.
+    """
+
+    name = "direct"
+
+    def __init__(
+        self,
+        time_limit: float | None = None,
+        max_changes: int | None = None,
+        damping: Numbers = 0.0,
+    ) -> None:
+        self._asked_damping = _check_damping(damping)
+        if time_limit is not None and not time_limit > 0.0:
+            raise ConfigurationError("time_limit must be positive", got=time_limit, wanted="> 0 s")
+        if max_changes is not None and max_changes < 1:
+            raise ConfigurationError("max_changes must be positive", got=max_changes, wanted=">= 1")
+        self.time_limit = time_limit
+        self._max_changes = max_changes
+        self._shape: tuple[int, ...] = ()
+        self._fitted: HierarchicalProblem | None = None
+        self._compile()
+
+    def _compile(self) -> None:
+        """Make a tiny solve, so that nothing is compiled in a control loop."""
+        say_if_slow(search, "the hierarchical solver")
+        level = Level([[1.0]], 1.0, 2.0)
+        self.run(HierarchicalProblem([level] * max(self._asked_damping.size, 1)))
+        self._shape = ()
+
+    def reset(self) -> None:
+        """Forget the last active set, so that the next solve starts cold."""
+        if self._shape:
+            self._ints[:] = 0
+            self._work.points.x[:] = 0.0
+
+    def begin_with(self, problem: HierarchicalProblem, sides: Int64[np.ndarray, " nm"]) -> None:
+        """Make the next solve, of a problem of this shape, begin with an active set.
+
+        Args:
+            problem: a problem of that shape.
+            sides: as in `LexicographicSolution`; only good for a start, never believed.
+
+        Raises:
+            ProblemError: not one entry a bound and row.
+            ConfigurationError: as for `run`.
+        """
+        if sides.shape != problem.lower.shape:
+            raise ProblemError(
+                "sides are not an active set of this problem",
+                got=sides.shape,
+                wanted=f"{problem.lower.shape}",
+            )
+        self._fit(problem)
+        self._work.rows.side[:] = np.clip(sides, -1, 2)
+
+    def run(self, problem: HierarchicalProblem) -> SolveStatus:
+        """Solve one problem without making anything: the answer stays in the workspace.
+
+        Args:
+            problem: of any shape; a new shape sets the workspace up anew.
+
+        Returns:
+            The status; the answer is in `x`, `slacks`, `residuals`, `relative_residuals`,
+            `multipliers`, `sides`, `eased`, `shift` and `changes` until the next call.
+
+        Raises:
+            ConfigurationError: the first problem of a shape has not as many levels as `damping`.
+        """
+        self._fit(problem)
+        deadline = None if self.time_limit is None else perf_counter() + self.time_limit
+        found, late = self._change(problem, self._limit, deadline)
+        if found == UNSOUND:
+            self._work.rows.side[:] = 0
+            return SolveStatus.BAD_PROBLEM
+        if found == LOST:
+            self.reset()
+            return SolveStatus.FAILED
+        if found == CONVERGED:
+            return SolveStatus.OPTIMAL
+        return SolveStatus.TIME_LIMIT if late else SolveStatus.INACCURATE
+
+    def solve(self, problem: HierarchicalProblem) -> Solution:
+        """Solve one problem; the answer owns its arrays.
+
+        Args:
+            problem: of any shape; a new shape sets the workspace up anew.
+
+        Returns:
+            A `LexicographicSolution`, or a plain failure where there is no point.
+
+        Raises:
+            ConfigurationError: as for `run`.
+        """
+        start = perf_counter()
+        status = self.run(problem)
+        if status in (SolveStatus.BAD_PROBLEM, SolveStatus.FAILED):
+            return failure(problem, status, self.name, start)
+        return LexicographicSolution(
+            status=status,
+            x=self.x.copy(),
+            slacks=self.slacks.copy(),
+            residuals=self.residuals.copy(),
+            relative_residuals=self.relative_residuals.copy(),
+            multipliers=self.multipliers[-1].copy(),
+            level_multipliers=self.multipliers[:-1].copy(),
+            sides=self.sides.copy(),
+            eased=self.eased.copy(),
+            shift=self.shift.copy(),
+            strategy=self.name,
+            relaxed=bool(self.relative_residuals.max() > RELAXED),
+            iterations=self.changes,
+            timings={"total": perf_counter() - start},
+        )
+
+    @property
+    def x(self) -> Float64[np.ndarray, " n"]:
+        """The point, as the last `run` left it."""
+        return self._work.points.x
+
+    @property
+    def slacks(self) -> Float64[np.ndarray, " nm"]:
+        """Signed distance of bounds and rows outside their interval, as the last `run` left it."""
+        return self._work.answer.slacks
+
+    @property
+    def residuals(self) -> Float64[np.ndarray, " p"]:
+        """`|W w|` of each level, as the last `run` left it."""
+        return self._work.answer.residuals
+
+    @property
+    def relative_residuals(self) -> Float64[np.ndarray, " p"]:
+        """The same divided by each level's scale, see `Solution`."""
+        return self._work.answer.relative
+
+    @property
+    def multipliers(self) -> Float64[np.ndarray, "p1 nm"]:
+        """Multipliers of each level, then of the final cost, as the last `run` left them."""
+        return self._work.duals.multipliers
+
+    @property
+    def sides(self) -> Int64[np.ndarray, " nm"]:
+        """The active set, see `LexicographicSolution`, as the last `run` left it."""
+        return self._work.rows.side
+
+    @property
+    def eased(self) -> Float64[np.ndarray, " p"]:
+        """Square of the damping that each level needed, as the last `run` left it."""
+        return self._work.answer.eased
+
+    @property
+    def shift(self) -> Float64[np.ndarray, " nm"]:
+        """By how much damping moved the bounds of equalities, as the last `run` left it."""
+        return self._work.rows.shift
+
+    @property
+    def changes(self) -> int:
+        """How many factorisations the last `run` took."""
+        return int(self._state["changes"][0])
+
+    def _fit(self, problem: HierarchicalProblem) -> None:
+        """Set the workspace up if the problem has another shape than the last."""
+        if problem is self._fitted and self._shape:
+            return
+        starts = [view.slice.start for view in problem.levels]
+        shape = (problem.n, problem.m, *starts, problem.bounds_level)
+        if shape == self._shape:
+            self._fitted = problem
+            return
+        if self._asked_damping.size not in (1, len(starts)):
+            raise ConfigurationError(
+                "damping has not one entry a level",
+                got=self._asked_damping.size,
+                wanted=f"1 or {len(starts)}",
+            )
+        self._shape = shape
+        self._damping = np.broadcast_to(self._asked_damping, len(starts)).copy()
+        size = problem.n, problem.m, len(starts)
+        self._state = np.zeros(1, dtype=STATE)
+        # The first cut only counts.
+        cut(np.zeros(0), np.zeros(0, dtype=np.int64), self._state, *size)
+        self._floats = np.zeros(self._state["floats"][0])
+        self._ints = np.zeros(self._state["ints"][0], dtype=np.int64)
+        self._starts = np.array([*starts, problem.m], dtype=np.int64)
+        self._work: Work = cut(self._floats, self._ints, self._state, *size)
+        self._fitted = problem
+        self._limit = self._max_changes or changes_allowed(problem.n, problem.m)
+
+    def _change(
+        self, problem: HierarchicalProblem, limit: int, deadline: float | None
+    ) -> tuple[int, bool]:
+        """Search until something is found, up to a number of changes, and whether time ran out."""
+        self._state["begun"] = 0
+        if deadline is None:
+            return self._search(problem, limit), False
+        for allowed in range(1, limit + 1):
+            found = self._search(problem, allowed)
+            if found != UNFINISHED:
+                return found, False
+            if perf_counter() > deadline:
+                return found, True
+        return UNFINISHED, False
+
+    def _search(self, problem: HierarchicalProblem, changes: int) -> int:
+        return search(
+            problem.A,
+            problem.lower,
+            problem.upper,
+            problem.weights,
+            problem.H,
+            problem.g,
+            self._damping,
+            self._starts,
+            problem.bounds_level,
+            self._floats,
+            self._ints,
+            self._state,
+            changes,
+        )
+
+
+def _check_damping(damping: Numbers) -> Float64[np.ndarray, " p"]:
+    found = np.atleast_1d(np.asarray(damping, dtype=np.float64))
+    if found.ndim != 1 or found.size == 0 or not np.isfinite(found).all() or found.min() < 0.0:
+        raise ConfigurationError(
+            "damping cannot be that", got=damping, wanted="a finite number >= 0, or one a level"
+        )
+    return found

@@ -1,0 +1,158 @@
+"""Certifying a point as lexicographically optimal, independently of how it was found.
+
+Every level's optimality conditions are checked on the problem's own numbers, with multipliers found
+here by nonnegative least squares: for level k some `lambda` with
+
+    sum_i lambda_i a_i = 0,   lambda_i = weight_i^2 w_i on the rows of level k,
+    lambda_i free on rows of earlier levels that hold as equalities at every optimum,
+    lambda_i of the right sign on inequalities active there, and zero elsewhere,
+
+and for the final cost the same with `H x + g` in place of level k's slack. The sums are convex, so
+these conditions are sufficient.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg
+import scipy.optimize
+from jaxtyping import Bool, Float64, Int
+
+from poise.hqp._measure import measure_point, row_sizes, row_values
+from poise.hqp._problem import HierarchicalProblem
+from poise.hqp._tolerances import (
+    BALANCE_RANK,
+    CERTIFIED_ACTIVE,
+    CERTIFIED_MULTIPLIER,
+    CERTIFIED_RANK,
+    CERTIFIED_SLACK,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Certificate:
+    """How well a point meets the optimality conditions.
+
+    Attributes:
+        errors: of each level and then of the final cost: the norm of the forces that do not
+            balance, relative to the forces that should.
+        multipliers: of each level over bounds and rows; zero for a level that is met.
+    """
+
+    errors: Float64[np.ndarray, " p1"]
+    multipliers: tuple[Float64[np.ndarray, " nm"], ...]
+
+    @property
+    def worst(self) -> float:
+        """The largest of `errors`."""
+        return float(self.errors.max())
+
+
+def certify_point(problem: HierarchicalProblem, x: Float64[np.ndarray, " n"]) -> Certificate:
+    """Check the optimality conditions of every level and of the final cost at a point.
+
+    Args:
+        problem: the problem that `x` claims to solve.
+        x: the point.
+    """
+    return _Certifier(problem, x).run()
+
+
+class _Certifier:
+    def __init__(self, problem: HierarchicalProblem, x: Float64[np.ndarray, " n"]) -> None:
+        self.problem, self.x = problem, x
+        self.rows = np.vstack([np.eye(problem.n), problem.A])
+        values = row_values(problem, x)
+        sizes = row_sizes(problem, x)
+        slacks = measure_point(problem, x).slacks
+        self.slacks = np.where(np.abs(slacks) > CERTIFIED_SLACK * sizes, slacks, 0.0)
+        near = CERTIFIED_ACTIVE * sizes
+        self.at_upper = values >= problem.upper - near
+        self.at_lower = values <= problem.lower + near
+        self.equality = problem.lower == problem.upper
+        self.free = np.zeros(len(values), dtype=np.bool_)
+
+    def run(self) -> Certificate:
+        errors: list[float] = []
+        multipliers: list[Float64[np.ndarray, " nm"]] = []
+        problem = self.problem
+        for level in range(len(problem.levels)):
+            mine = problem.level_of == level
+            forces = np.where(mine, problem.weights**2 * self.slacks, 0.0)
+            error, found = self._balance(self.rows.T @ forces, forces, problem.level_of < level)
+            errors.append(error)
+            multipliers.append(found + forces)
+            self._settle(mine, found, float(np.abs(forces).max(initial=0.0)))
+        gradient = problem.H @ self.x + problem.g
+        every = np.ones(len(self.slacks), dtype=np.bool_)
+        error, _ = self._balance(gradient, np.concatenate([problem.g, [1.0]]), every)
+        errors.append(error)
+        return Certificate(np.array(errors), tuple(multipliers))
+
+    def _settle(
+        self, mine: Bool[np.ndarray, " nm"], found: Float64[np.ndarray, " nm"], size: float
+    ) -> None:
+        """Mark the rows that hold as equalities at every optimum of the level."""
+        self.free |= mine & (self.equality | (self.slacks != 0.0))
+        self.free |= np.abs(found) > CERTIFIED_MULTIPLIER * size
+
+    def _balance(
+        self,
+        gradient: Float64[np.ndarray, " n"],
+        terms: Float64[np.ndarray, " k"],
+        allowed: Bool[np.ndarray, " nm"],
+    ) -> tuple[float, Float64[np.ndarray, " nm"]]:
+        """Find multipliers on the allowed rows that cancel the gradient as far as possible."""
+        found = np.zeros(len(self.slacks))
+        # The unit of the error: the forces before they cancel, so that it stays meaningful
+        # where the gradient itself has to vanish.
+        norms = np.linalg.norm(self.rows, axis=1)
+        if len(terms) == len(norms):
+            size = float(np.linalg.norm(terms * norms))
+        else:
+            size = max(float(np.abs(terms).max()), float(np.abs(self.problem.H @ self.x).max()))
+        if size == 0.0 or not np.any(gradient):
+            return 0.0, found
+        free = np.flatnonzero(self.free & allowed)
+        upper = np.flatnonzero(~self.free & allowed & self.at_upper)
+        lower = np.flatnonzero(~self.free & allowed & self.at_lower)
+        null = _null_space(self.rows[free], norms[free])
+        columns, signs = _signed_columns(self.rows, upper, lower)
+        target = -(null.T @ gradient)
+        if null.shape[1] == 0:
+            error, sizes = 0.0, np.zeros(len(signs))
+        elif len(signs) == 0:
+            error, sizes = float(np.linalg.norm(target)), np.zeros(0)
+        else:
+            scaled = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+            outside = null.T @ (columns / scaled)
+            # Rounding times a huge multiplier would balance anything.
+            outside[:, np.linalg.norm(outside, axis=0) <= CERTIFIED_RANK] = 0.0
+            sizes, error = scipy.optimize.nnls(
+                outside, target / size, maxiter=30 * len(scaled) + 300
+            )
+            error, sizes = error * size, sizes * size / scaled
+        np.add.at(found, np.concatenate([upper, lower]), sizes * signs)
+        if len(free):
+            rest = gradient + self.rows.T @ found
+            found[free] += -np.linalg.lstsq(self.rows[free].T, rest, rcond=BALANCE_RANK)[0]
+        return float(error) / size, found
+
+
+def _null_space(
+    rows: Float64[np.ndarray, "k n"], norms: Float64[np.ndarray, " k"]
+) -> Float64[np.ndarray, "n d"]:
+    """Return an orthonormal basis of what the rows do not see."""
+    kept = norms > 0.0
+    if not kept.any():
+        return np.eye(rows.shape[1])
+    unit = rows[kept] / norms[kept, None]
+    return scipy.linalg.null_space(unit, rcond=CERTIFIED_RANK)
+
+
+def _signed_columns(
+    rows: Float64[np.ndarray, "nm n"], upper: Int[np.ndarray, " u"], lower: Int[np.ndarray, " l"]
+) -> tuple[Float64[np.ndarray, "n k"], Float64[np.ndarray, " k"]]:
+    """Return the normals of active bounds, outwards, and the sign of their multiplier."""
+    columns = np.concatenate([rows[upper], -rows[lower]]).T
+    return columns, np.concatenate([np.ones(len(upper)), -np.ones(len(lower))])

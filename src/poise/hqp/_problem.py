@@ -1,0 +1,417 @@
+"""`Level` and `HierarchicalProblem`: ordered levels of two-sided rows plus a final cost."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from jaxtyping import Bool, Float, Float64, Int64
+
+from poise.errors import ProblemError
+from poise.hqp._tolerances import DEFINITENESS_TOLERANCE, RANGE_TOLERANCE, SYMMETRY_TOLERANCE
+
+Numbers = np.ndarray | Sequence[Any] | float | int
+"""What becomes an array of floats: an array, nested sequences, or one number for all rows."""
+
+Labels = str | Sequence[tuple[str, int]]
+"""One name for all rows, or (name, number of rows) pairs that add up to the rows."""
+
+
+class Level:
+    """Rows `lower <= A x <= upper` of one priority. Rows with `lower == upper` are equalities.
+
+    Zero rows, duplicate rows, an empty level and infinite bounds are legal.
+
+    Args:
+        A: coefficients, one row a constraint.
+        lower: lower bounds, `-inf` where there is none. A number stands for all rows.
+        upper: upper bounds, `inf` where there is none. A number stands for all rows.
+        weights: positive weight of each row in the norm of the level's slack; 1 by default.
+        labels: names of the rows for `explain()`: one string, or (name, row count) pairs.
+        name: name of the level; "level i" by default.
+
+    Raises:
+        ProblemError: shapes that do not fit, NaN, infinite coefficients, crossing bounds,
+            weights that are not positive and finite, labels that do not add up.
+    """
+
+    def __init__(
+        self,
+        A: Numbers,
+        lower: Numbers,
+        upper: Numbers,
+        weights: Numbers | None = None,
+        labels: Labels | None = None,
+        name: str = "",
+    ) -> None:
+        where = f"level {name!r}" if name else "level"
+        self.name = name
+        self.A = _check_matrix(A, f"A of {where}")
+        rows = self.A.shape[0]
+        self.lower = _check_bound(lower, rows, f"lower of {where}")
+        self.upper = _check_bound(upper, rows, f"upper of {where}")
+        _check_order(self.lower, self.upper, where)
+        self.weights = _check_weights(1.0 if weights is None else weights, rows, where)
+        self.labels = _expand_labels(labels, rows, name or "rows")
+
+    def __repr__(self) -> str:
+        return f"Level({self.name!r}, {self.A.shape[0]} rows, {self.A.shape[1]} variables)"
+
+
+@dataclass(frozen=True, slots=True)
+class LevelView:
+    """Writable views into a problem's storage: filling them is filling the problem.
+
+    Attributes:
+        name: the level's name.
+        A: its rows of coefficients.
+        lower: its lower bounds.
+        upper: its upper bounds.
+        weights: its slack weights.
+        slice: where its rows lie in `problem.A`.
+    """
+
+    name: str
+    A: Float64[np.ndarray, "m n"]
+    lower: Float64[np.ndarray, " m"]
+    upper: Float64[np.ndarray, " m"]
+    weights: Float64[np.ndarray, " m"]
+    slice: slice
+
+
+class HierarchicalProblem:
+    """Levels in strict order, then a final cost `x^T H x / 2 + g^T x` over what is left.
+
+    Level by level, with every earlier level's optimal slack held, `|W w_i|^2` is minimal subject
+    to `l_i - w_i <= A_i x <= u_i + w_i`. Storage is stacked and contiguous; `problem.lower`,
+    `upper` and `weights` have the n simple bounds on x first and the rows of all levels after
+    them, and `row_index` counts in the same order.
+
+    Args:
+        levels: at least one `Level`, highest priority first, all with the same number of variables.
+        H: symmetric positive semidefinite final cost; the identity by default (minimum norm).
+        g: linear final cost; zero by default.
+        x_lower: simple lower bounds on x; none by default.
+        x_upper: simple upper bounds on x; none by default.
+        bounds_level: the level to whose slack the simple bounds count.
+
+    Raises:
+        ProblemError: anything that cannot be right, see `Level`.
+    """
+
+    def __init__(
+        self,
+        levels: Sequence[Level],
+        H: Numbers | None = None,
+        g: Numbers | None = None,
+        x_lower: Numbers | None = None,
+        x_upper: Numbers | None = None,
+        bounds_level: int = 0,
+    ) -> None:
+        levels = list(levels)
+        if not levels:
+            raise ProblemError("no levels", got=0, wanted="at least one Level")
+        n = levels[0].A.shape[1]
+        for i, level in enumerate(levels):
+            if level.A.shape[1] != n:
+                raise ProblemError(
+                    f"level {i} has another number of variables than level 0",
+                    got=level.A.shape[1],
+                    wanted=f"{n} columns",
+                )
+        self._allocate(
+            n,
+            [level.A.shape[0] for level in levels],
+            [level.name for level in levels],
+            [level.labels for level in levels],
+            bounds_level,
+        )
+        for view, level in zip(self.levels, levels, strict=True):
+            view.A[:] = level.A
+            view.lower[:] = level.lower
+            view.upper[:] = level.upper
+            view.weights[:] = level.weights
+        if H is not None:
+            self.H[:] = _sized(_check_matrix(H, "H"), (n, n), "H")
+        if g is not None:
+            self.g[:] = _check_bound(g, n, "g")
+        if x_lower is not None:
+            self.x_lower[:] = _check_bound(x_lower, n, "x_lower")
+        if x_upper is not None:
+            self.x_upper[:] = _check_bound(x_upper, n, "x_upper")
+        self.validate()
+
+    @classmethod
+    def allocate(
+        cls,
+        n: int,
+        rows_per_level: Sequence[int],
+        names: Sequence[str] | None = None,
+        labels: Sequence[Labels | None] | None = None,
+        bounds_level: int = 0,
+    ) -> "HierarchicalProblem":
+        """Make a workspace of zeros that a controller fills in place every tick.
+
+        Simple bounds start infinite, H as the identity, weights as one, the rest as zero.
+
+        Args:
+            n: number of variables.
+            rows_per_level: number of rows of each level.
+            names: name of each level.
+            labels: labels of each level's rows, as in `Level`.
+            bounds_level: the level to whose slack the simple bounds count.
+
+        Raises:
+            ProblemError: no variables, no levels, negative row counts, lists of unequal length.
+        """
+        count = len(rows_per_level)
+        if n < 1 or count < 1 or min(rows_per_level) < 0:
+            raise ProblemError(
+                "not a problem's size",
+                got=(n, list(rows_per_level)),
+                wanted="n >= 1, at least one level, no negative row count",
+            )
+        names = [""] * count if names is None else names
+        labels = [None] * count if labels is None else labels
+        if len(names) != count or len(labels) != count:
+            raise ProblemError(
+                "names and labels must have one entry a level",
+                got=(len(names), len(labels)),
+                wanted=str(count),
+            )
+        pairs = [
+            _expand_labels(label, rows, names[i] or f"level {i}")
+            for i, (label, rows) in enumerate(zip(labels, rows_per_level, strict=True))
+        ]
+        problem = cls.__new__(cls)
+        problem._allocate(n, list(rows_per_level), list(names), pairs, bounds_level)
+        return problem
+
+    def _allocate(
+        self,
+        n: int,
+        rows: list[int],
+        names: list[str],
+        labels: list[list[tuple[str, int]]],
+        bounds_level: int,
+    ) -> None:
+        if not 0 <= bounds_level < len(rows):
+            raise ProblemError(
+                "bounds_level is not a level", got=bounds_level, wanted=f"0 to {len(rows) - 1}"
+            )
+        m = sum(rows)
+        self.n, self.m, self.bounds_level = n, m, bounds_level
+        self.A: Float64[np.ndarray, "m n"] = np.zeros((m, n))
+        self.lower: Float64[np.ndarray, " nm"] = np.zeros(n + m)
+        self.upper: Float64[np.ndarray, " nm"] = np.zeros(n + m)
+        self.weights: Float64[np.ndarray, " nm"] = np.ones(n + m)
+        self.H: Float64[np.ndarray, "n n"] = np.eye(n)
+        self.g: Float64[np.ndarray, " n"] = np.zeros(n)
+        self.x_lower, self.x_upper = self.lower[:n], self.upper[:n]
+        self.x_lower[:], self.x_upper[:] = -np.inf, np.inf
+        starts = np.concatenate([[0], np.cumsum(rows, dtype=np.intp)])
+        self.level_of: Int64[np.ndarray, " nm"] = np.empty(n + m, dtype=np.int64)
+        self.level_of[:n] = bounds_level
+        self.labels = [("bounds on x", n)]
+        views: list[LevelView] = []
+        for i, name in enumerate(names):
+            a, b = int(starts[i]), int(starts[i + 1])
+            self.level_of[n + a : n + b] = i
+            self.labels += labels[i]
+            stacked = slice(n + a, n + b)
+            views.append(
+                LevelView(
+                    name=name or f"level {i}",
+                    A=self.A[a:b],
+                    lower=self.lower[stacked],
+                    upper=self.upper[stacked],
+                    weights=self.weights[stacked],
+                    slice=slice(a, b),
+                )
+            )
+        self.levels = tuple(views)
+
+    def level(self, index: int) -> LevelView:
+        """Return writable views of level `index`, highest priority 0."""
+        return self.levels[index]
+
+    @property
+    def equality(self) -> Bool[np.ndarray, " nm"]:
+        """Which of the n bounds and m rows are equalities: those whose two bounds are equal."""
+        return self.lower == self.upper
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Number of variables and number of rows."""
+        return self.n, self.m
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Number of variables and of rows, finite bounds on single variables among them."""
+        bounded = np.isfinite(self.x_lower) | np.isfinite(self.x_upper)
+        return self.n, self.m + int(np.count_nonzero(bounded))
+
+    def label(self, row_index: int) -> str:
+        """Return the label of a stacked row: the first n are the simple bounds."""
+        left = row_index
+        for name, count in self.labels:
+            if left < count:
+                return name
+            left -= count
+        raise ProblemError("no such row", got=row_index, wanted=f"0 to {self.n + self.m - 1}")
+
+    def validate(self) -> None:
+        """Raise `ProblemError` unless every number in the storage can be right.
+
+        A controller that fills the storage in place calls this in its tests, not in its loop.
+        """
+        for view in self.levels:
+            where = f"level {view.name!r}"
+            _check_matrix(view.A, f"A of {where}")
+            rows = view.A.shape[0]
+            _check_bound(view.lower, rows, f"lower of {where}")
+            _check_bound(view.upper, rows, f"upper of {where}")
+            _check_order(view.lower, view.upper, where)
+            _check_weights(view.weights, rows, where)
+        _check_weights(self.weights[: self.n], self.n, "the bounds on x")
+        _check_bound(self.x_lower, self.n, "x_lower")
+        _check_bound(self.x_upper, self.n, "x_upper")
+        _check_order(self.x_lower, self.x_upper, "x")
+        _check_cost(self.H, self.g)
+
+
+def is_sound(problem: HierarchicalProblem) -> bool:
+    """Return whether the numbers can be a problem: finite coefficients, bounds in order.
+
+    What a solver asks in a loop, where `validate` would raise.
+    """
+    return bool(
+        np.isfinite(problem.A).all()
+        and np.isfinite(problem.H).all()
+        and np.isfinite(problem.g).all()
+        and (np.isfinite(problem.weights) & (problem.weights > 0.0)).all()
+        and (problem.lower <= problem.upper).all()
+        and (problem.lower < np.inf).all()
+        and (problem.upper > -np.inf).all()
+    )
+
+
+def _sized(
+    matrix: Float64[np.ndarray, "m n"], shape: tuple[int, int], what: str
+) -> Float64[np.ndarray, "m n"]:
+    if matrix.shape != shape:
+        raise ProblemError(f"{what} has the wrong shape", got=matrix.shape, wanted=str(shape))
+    return matrix
+
+
+def _check_cost(H: Float64[np.ndarray, "n n"], g: Float64[np.ndarray, " n"]) -> None:
+    _check_matrix(H, "H")
+    if not np.isfinite(g).all():
+        raise ProblemError("g is not finite", got=g, wanted="finite coefficients")
+    size = float(np.abs(H).max())
+    if float(np.abs(H - H.T).max()) > SYMMETRY_TOLERANCE * size:
+        raise ProblemError("H is not symmetric", got=H, wanted="H == H^T")
+    smallest = float(np.linalg.eigvalsh(H)[0])
+    if smallest < -DEFINITENESS_TOLERANCE * size:
+        raise ProblemError(
+            "H is not positive semidefinite", got=smallest, wanted="eigenvalues >= 0"
+        )
+    kernel_tolerance = DEFINITENESS_TOLERANCE * size
+    if smallest <= kernel_tolerance:
+        values, vectors = np.linalg.eigh(H)
+        kernel = vectors[:, values <= kernel_tolerance]
+        if float(np.abs(kernel.T @ g).max()) > RANGE_TOLERANCE * max(1.0, float(np.abs(g).max())):
+            raise ProblemError(
+                "g falls along a direction that H does not curve: the final cost has no minimum",
+                got=g,
+                wanted="g in the range of H",
+            )
+
+
+def _check_matrix(values: Numbers, what: str) -> Float64[np.ndarray, "m n"]:
+    """Return `values` as a finite C-ordered matrix of floats, or raise `ProblemError`."""
+    matrix = _as_floats(values, what)
+    if matrix.ndim != 2:
+        raise ProblemError(f"{what} is not a matrix", got=matrix.shape, wanted="two dimensions")
+    if not np.isfinite(matrix).all():
+        row, column = np.argwhere(~np.isfinite(matrix))[0]
+        raise ProblemError(
+            f"{what} is not finite at row {row}, column {column}",
+            got=float(matrix[row, column]),
+            wanted="finite coefficients",
+        )
+    return np.ascontiguousarray(matrix)
+
+
+def _check_bound(values: Numbers, rows: int, what: str) -> Float64[np.ndarray, " m"]:
+    """Return `values` as `rows` bounds without NaN, or raise `ProblemError`."""
+    bound = _as_vector(values, rows, what)
+    if np.isnan(bound).any():
+        raise ProblemError(
+            f"{what} is NaN at row {int(np.flatnonzero(np.isnan(bound))[0])}",
+            got="nan",
+            wanted="numbers, -inf or inf",
+        )
+    return bound
+
+
+def _check_order(
+    lower: Float[np.ndarray, " m"], upper: Float[np.ndarray, " m"], where: str
+) -> None:
+    """Raise `ProblemError` where `lower > upper`, or where no finite number fits between them."""
+    bad = (lower > upper) | (lower == np.inf) | (upper == -np.inf)
+    if bad.any():
+        row = int(np.flatnonzero(bad)[0])
+        raise ProblemError(
+            f"bounds of {where} cross at row {row}",
+            got=(float(lower[row]), float(upper[row])),
+            wanted="lower <= upper, lower < inf and upper > -inf",
+        )
+
+
+def _check_weights(values: Numbers, rows: int, where: str) -> Float64[np.ndarray, " m"]:
+    """Return `values` as `rows` positive finite weights, or raise `ProblemError`."""
+    weights = _as_vector(values, rows, f"weights of {where}")
+    bad = ~(np.isfinite(weights) & (weights > 0.0))
+    if bad.any():
+        row = int(np.flatnonzero(bad)[0])
+        raise ProblemError(
+            f"weights of {where} are wrong at row {row}",
+            got=float(weights[row]),
+            wanted="positive finite weights",
+        )
+    return weights
+
+
+def _expand_labels(labels: Labels | None, rows: int, default: str) -> list[tuple[str, int]]:
+    """Return labels as (name, row count) pairs that add up to `rows`, or raise `ProblemError`."""
+    if labels is None:
+        return [(default, rows)]
+    if isinstance(labels, str):
+        return [(labels, rows)]
+    pairs = [(str(label), int(count)) for label, count in labels]
+    if any(count < 0 for _, count in pairs) or sum(count for _, count in pairs) != rows:
+        raise ProblemError(
+            "labels do not add up to the rows", got=pairs, wanted=f"counts that sum to {rows}"
+        )
+    return pairs
+
+
+def _as_vector(values: Numbers, rows: int, what: str) -> Float64[np.ndarray, " m"]:
+    vector = _as_floats(values, what)
+    if vector.ndim == 0:
+        return np.full(rows, float(vector))
+    if vector.shape != (rows,):
+        raise ProblemError(
+            f"{what} has the wrong shape", got=vector.shape, wanted=f"({rows},) or a number"
+        )
+    return vector
+
+
+def _as_floats(values: Numbers, what: str) -> Float64[np.ndarray, "..."]:
+    try:
+        return np.array(values, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ProblemError(
+            f"{what} is not an array of numbers", got=values, wanted="real numbers"
+        ) from error

@@ -1,0 +1,77 @@
+"""One call for every strategy: `solve`, and `make_solver` for a solver that keeps its workspace."""
+
+from typing import Protocol, runtime_checkable
+
+from poise.errors import UnknownNameError
+from poise.hqp._active_set import LexicographicSolver
+from poise.hqp._cascade import CascadeSolver
+from poise.hqp._problem import HierarchicalProblem
+from poise.hqp._solution import Solution
+from poise.hqp._weighted import WeightedSolver
+
+STRATEGIES = ("direct", "cascade", "weighted")
+"""Names that `solve` and `make_solver` take."""
+
+
+@runtime_checkable
+class Solver(Protocol):
+    """What every strategy offers: a workspace that persists and never raises on numbers."""
+
+    time_limit: float | None
+
+    def solve(self, problem: HierarchicalProblem) -> Solution:
+        """Solve one problem."""
+        ...
+
+    def reset(self) -> None:
+        """Forget the last solution, so that the next solve starts cold."""
+        ...
+
+
+def make_solver(
+    strategy: str = "direct", backend: str | None = None, *, time_limit: float | None = None
+) -> Solver:
+    """Return a solver that keeps its workspace from call to call.
+
+    Args:
+        strategy: one of `STRATEGIES`.
+        backend: QP solver of the cascade and weighted strategies.
+        time_limit: cap on each solve [s].
+
+    Raises:
+        UnknownNameError: no such strategy or backend.
+        MissingExtraError: the backend is not installed.
+    """
+    if strategy == "direct":
+        if backend is not None:
+            raise UnknownNameError("direct has no backends", got=backend, choices=["None"])
+        return LexicographicSolver(time_limit)
+    if strategy == "cascade":
+        return CascadeSolver(backend or "daqp", time_limit)
+    if strategy == "weighted":
+        return WeightedSolver(backend or "daqp", time_limit=time_limit)
+    raise UnknownNameError("no such strategy", got=strategy, choices=STRATEGIES)
+
+
+def solve(
+    problem: HierarchicalProblem,
+    strategy: str = "direct",
+    *,
+    backend: str | None = None,
+    time_limit: float | None = None,
+) -> Solution:
+    """Validate a problem and solve it once.
+
+    Args:
+        problem: the problem.
+        strategy: one of `STRATEGIES`.
+        backend: QP solver of the cascade and weighted strategies.
+        time_limit: cap on the solve [s].
+
+    Raises:
+        ProblemError: the problem cannot be right, see `HierarchicalProblem`.
+        UnknownNameError: no such strategy or backend.
+        MissingExtraError: the backend is not installed.
+    """
+    problem.validate()
+    return make_solver(strategy, backend, time_limit=time_limit).solve(problem)

@@ -1,0 +1,250 @@
+"""`CarriedTarget`: a task's target that travels with the body.
+
+`WalkTasks`: the tasks and contacts of a stack that a walk sets, found before anything moves.
+`walking_stack`: a stack that has them.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+from jaxtyping import Float64
+
+from poise.errors import ConfigurationError, UnknownNameError
+from poise.locomotion._walking._footsteps import FootstepPlan
+from poise.locomotion._walking._plan import two_soles
+from poise.robots import Robot
+from poise.stack import ComTask, Contact, FrameTask, PostureTask, Stack, SurfaceContact, Task
+
+
+class CarriedTarget:
+    """The target of a frame task, given as if the robot had not walked.
+
+    Hands, torso and pelvis go where the body goes: with the body's displacement d and turn psi
+    since the beginning, and the target p as it would be had the robot not walked,
+
+        world_p = o + d + R_z(psi) (p - o)
+
+    where o is the point at which the body began.
+
+    Args:
+        task: of a frame that goes along.
+        position: of the frame at the beginning [m].
+        rotation: world_R_frame at the beginning.
+        origin: o [m].
+    """
+
+    def __init__(
+        self,
+        task: FrameTask,
+        position: Float64[np.ndarray, "3"],
+        rotation: Float64[np.ndarray, "3 3"],
+        origin: Float64[np.ndarray, "3"],
+    ) -> None:
+        self.task = task
+        self._moves = task.unit != "rad"
+        self._origin, self._rotation = origin.copy(), rotation.copy()
+        # p - o and its rates, a row each.
+        self._offset = np.array([position - origin, np.zeros(3), np.zeros(3)])
+        self._last_turn = math.nan
+
+    @property
+    def target_position(self) -> Float64[np.ndarray, "3"]:
+        """Where the frame should be had the robot not walked [m]."""
+        return self._origin + self._offset[0]
+
+    def set_target(
+        self,
+        position: Float64[np.ndarray, "3"],
+        velocity: Float64[np.ndarray, "3"],
+        acceleration: Float64[np.ndarray, "3"],
+    ) -> None:
+        """Moves the target, as if the robot had not walked.
+
+        Args:
+            position: [m].
+            velocity: [m/s].
+            acceleration: [m/s^2].
+        """
+        self._offset = np.array([position - self._origin, velocity, acceleration])
+
+    def write(
+        self, displacement: Float64[np.ndarray, "3 4"], turn: Float64[np.ndarray, "3 3"]
+    ) -> None:
+        """Sets the task's target.
+
+        Args:
+            displacement: of the body since the beginning, x, y, z [m] and psi [rad], and its first
+                and second rates, a row each.
+            turn: R_z(psi).
+        """
+        angle, rate, second = displacement[:, 3].tolist()
+        still = rate == 0.0 and second == 0.0
+        # A target that neither turns nor has turned since it was written last stays as it is.
+        rotation = None
+        if self.task.turns and not (still and angle == self._last_turn):
+            rotation = turn @ self._rotation
+        self._last_turn = angle if still else math.nan
+        rates = np.zeros((2, 6))
+        rates[:, 5] = rate, second
+        if not self._moves:
+            if rotation is not None:
+                self.task.set_target(rotation=rotation, velocity=rates[0], acceleration=rates[1])
+            return
+        point = displacement[:, :3] + self._offset
+        if angle != 0.0 or not still:
+            point = displacement[:, :3] + _in_turning_axes(self._offset, turn, rate, second)
+        rates[:, :3] = point[1:]
+        self.task.set_target(
+            position=self._origin + point[0],
+            rotation=rotation,
+            velocity=rates[0],
+            acceleration=rates[1],
+        )
+
+
+def _in_turning_axes(
+    motion: Float64[np.ndarray, "3 3"],
+    turn: Float64[np.ndarray, "3 3"],
+    rate: float,
+    second: float,
+) -> Float64[np.ndarray, "3 3"]:
+    """Position, velocity and acceleration of a point given in axes that turn about z."""
+    position, velocity, acceleration = motion @ turn.T
+    tangent = np.array([-position[1], position[0], 0.0])
+    coriolis = 2.0 * rate * np.array([-velocity[1], velocity[0], 0.0])
+    centripetal = -rate * rate * np.array([position[0], position[1], 0.0])
+    return np.array(
+        [
+            position,
+            velocity + rate * tangent,
+            acceleration + second * tangent + centripetal + coriolis,
+        ]
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class WalkTasks:
+    """Tasks and contacts that a walk sets.
+
+    Attributes:
+        com: the task of the centre of mass.
+        feet: the pose of the left and of the right sole.
+        contacts: of the left and of the right sole.
+        carried: targets that go along with the body, by the name of their task.
+    """
+
+    com: ComTask
+    feet: tuple[FrameTask, FrameTask]
+    contacts: tuple[Contact, Contact]
+    carried: dict[str, CarriedTarget]
+
+
+def find_walk_tasks(
+    robot: Robot, plan: FootstepPlan, stack: Stack, carry: Sequence[str] | None
+) -> WalkTasks:
+    """Looks for everything that a walk needs.
+
+    Args:
+        robot: the robot.
+        plan: its steps.
+        stack: bound to the robot.
+        carry: names of frame tasks that go along; all that are on no sole when None.
+
+    Raises:
+        ConfigurationError: the stack lacks a task or a contact.
+        UnknownNameError: no such frame task.
+    """
+    left, right = plan.soles
+    return WalkTasks(
+        com=_com_task(stack),
+        feet=(_foot_task(stack, left), _foot_task(stack, right)),
+        contacts=(_contact(stack, left), _contact(stack, right)),
+        carried=_carried(robot, plan, stack, carry),
+    )
+
+
+def _com_task(stack: Stack) -> ComTask:
+    for _, task in stack.tasks():
+        if isinstance(task, ComTask) and task.dim == 3:
+            return task
+    raise _lacking(stack, "a ComTask of all three axes")
+
+
+def _foot_task(stack: Stack, sole: str) -> FrameTask:
+    for _, task in stack.tasks():
+        if isinstance(task, FrameTask) and task.frame == sole and task.dim == 6:
+            return task
+    raise _lacking(stack, f"a FrameTask of the pose of {sole!r}")
+
+
+def _lacking(stack: Stack, wanted: str) -> ConfigurationError:
+    return ConfigurationError(
+        "a stack without a task that a walk needs",
+        got=[task.name for _, task in stack.tasks()],
+        wanted=wanted,
+    )
+
+
+def _contact(stack: Stack, sole: str) -> Contact:
+    for contact in stack.contacts:
+        if contact.frame == sole:
+            return contact
+    raise ConfigurationError(
+        "a stack without a contact that a walk needs",
+        got=[contact.frame for contact in stack.contacts],
+        wanted=f"a contact on {sole!r}",
+    )
+
+
+def _carried(
+    robot: Robot, plan: FootstepPlan, stack: Stack, names: Sequence[str] | None
+) -> dict[str, CarriedTarget]:
+    frames = {
+        task.name: task
+        for _, task in stack.tasks()
+        if isinstance(task, FrameTask) and task.frame not in plan.soles
+    }
+    for name in names or ():
+        if name not in frames:
+            raise UnknownNameError("no frame task to carry", got=name, choices=frames)
+    model, data = robot.model, robot.model.createData()
+    pin.framesForwardKinematics(model, data, plan.q)
+    origin = np.array([*plan.com[:2], plan.middle[2]])
+    carried: dict[str, CarriedTarget] = {}
+    for name, task in frames.items():
+        if names is None or name in names:
+            pose = data.oMf[robot.frame_id(task.frame)]
+            carried[name] = CarriedTarget(task, pose.translation, pose.rotation, origin)
+    return carried
+
+
+def walking_stack(robot: Robot) -> Stack:
+    """COM, pelvis and feet first, then torso and hands, then posture and angular momentum.
+
+    Args:
+        robot: on two soles.
+
+    Returns:
+        A new stack.
+
+    Raises:
+        RobotError: the robot does not stand on two soles.
+    """
+    soles = two_soles(robot)
+    balance: list[Task] = [
+        ComTask(kp=40.0),
+        FrameTask(robot.pelvis, "orientation", kp=100.0, name="pelvis"),
+    ]
+    feet: list[Task] = [
+        FrameTask(sole, kp=300.0, name=sole.replace("sole", "foot")) for sole in soles
+    ]
+    upper: list[Task] = [FrameTask(robot.torso, "orientation", kp=50.0, name="torso")]
+    upper += [FrameTask(hand, "position", kp=100.0, name=hand) for hand in robot.hands]
+    last: list[Task] = [PostureTask()]
+    return Stack(
+        contacts=[SurfaceContact(sole) for sole in soles],
+        levels=[[*balance, *feet], upper, last],
+    )

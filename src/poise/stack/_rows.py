@@ -1,0 +1,333 @@
+"""`StackRows`: the rows of a stack for one set of active contacts, stacked once a tick.
+
+`ContactSets`: what is prepared for each set of active contacts, and which sets are, ahead of time.
+"""
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import cached_property
+from itertools import accumulate, chain, combinations, pairwise
+from typing import Generic, TypeVar
+
+import numpy as np
+from jaxtyping import Float64, Int64
+from scipy.linalg import block_diag
+
+from poise._compiled import compiled
+from poise.dynamics import Dynamics
+from poise.robots import Robot
+from poise.stack._contact import Contact
+from poise.stack._stack import Stack, is_held
+from poise.stack._task import Task
+
+Labels = list[tuple[str, int]]
+"""Names of rows, each with the number of rows it stands for."""
+
+
+class StackRows:
+    """Evaluates, orders, weighs and suspends what a stack asks for under one set of contacts.
+
+    This is the only place where tasks and contacts are evaluated. Every strategy reads from it,
+    or has it written straight into the memory of a problem of its own (`write_into`):
+
+        rows                    acceleration level, `update`     velocity level, `update_velocities`
+        contacts                J dv = reference - drift         J v = 0
+        rows of the strategy    left to it
+        tasks, level by level   J dv = reference - drift         J v = velocity
+
+    A frame task on a frame in contact is suspended and has no rows: the contact already decides how
+    that frame moves. A point contact leaves its frame free to turn and suspends position tasks
+    only. Bounds on wrenches and, at acceleration level, on the joints come with the rows.
+
+    Args:
+        robot: the robot.
+        stack: contacts, limits and tasks, bound to the robot.
+        contacts: the active contacts that have rows.
+        stance: one more active contact, which suspends tasks and is evaluated, but has no rows
+            because the strategy eliminates it.
+        own_rows: how many rows of the strategy's own stand between contacts and tasks.
+
+    Attributes:
+        contacts: the contacts that have rows.
+        levels: the tasks that act, level by level; a level may be empty.
+        suspended: tasks that a contact stands in for.
+        J: coefficients of all rows.
+        target: right-hand sides of all rows: reference - drift, or velocities.
+        weight: weight of each row in its level; one for contacts.
+        ends: where each of the user's levels ends; the first entry is where the first one begins.
+        contact_rows: the rows of the contacts.
+        own_rows: the strategy's own rows.
+        task_rows: each task that acts, with its rows.
+        wrench_slices: where each contact's wrench stands among all wrenches, and its rows among
+            the contacts' rows.
+        wrench_lower: simple bounds of all wrenches [N, N m].
+        wrench_upper: upper ones.
+        cone: rows C of all wrench cones C F <= 0; constant, in the contacts' own axes.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        stack: Stack,
+        contacts: Sequence[Contact],
+        *,
+        stance: Contact | None = None,
+        own_rows: int = 0,
+    ) -> None:
+        self.contacts, self._stance, self._stack = tuple(contacts), stance, stack
+        holding = self.contacts if stance is None else (*self.contacts, stance)
+        self.suspended = tuple(t for _, t in stack.tasks() if is_held(t, holding))
+        self.levels = tuple(
+            tuple(t for t in level if t not in self.suspended) for level in stack.levels
+        )
+        self.wrench_slices = _spans([c.dim for c in self.contacts])
+        wrench_dim = sum(c.dim for c in self.contacts)
+        first = wrench_dim + own_rows
+        self.contact_rows, self.own_rows = slice(0, wrench_dim), slice(wrench_dim, first)
+        tasks = [task for level in self.levels for task in level]
+        self.task_rows = list(zip(tasks, _spans([t.dim for t in tasks], first), strict=True))
+        sizes = [sum(t.dim for t in level) for level in self.levels]
+        self.ends: Int64[np.ndarray, " ends"] = np.array([*accumulate(sizes, initial=first)])
+        count = int(self.ends[-1])
+        self.weight: Float64[np.ndarray, " m"] = np.ones(count)
+        for task, rows in self.task_rows:
+            self.weight[rows] = task.weight
+        empty = np.zeros((0, 0))
+        self.cone: Float64[np.ndarray, "cone w"] = block_diag(empty, *(c.cone for c in contacts))
+        self._missing = np.zeros(count)
+        self._residuals = np.zeros(1 + len(sizes))
+        self._feedback = np.zeros(count)
+        self.write_into(
+            np.zeros((count, robot.nv)),
+            np.zeros(count),
+            np.full(wrench_dim, -np.inf),
+            np.full(wrench_dim, np.inf),
+        )
+        # What is compiled is compiled now, not in the first tick.
+        self.measure(np.zeros(robot.nv))
+
+    def write_into(
+        self,
+        J: Float64[np.ndarray, "m nv"],
+        target: Float64[np.ndarray, " m"],
+        wrench_lower: Float64[np.ndarray, " w"],
+        wrench_upper: Float64[np.ndarray, " w"],
+    ) -> None:
+        """Has the rows written into a strategy's own memory from now on, without another copy.
+
+        Args:
+            J: receives the coefficients; rows of the strategy's own are left alone.
+            target: receives the right-hand sides; those of the strategy's own are left alone.
+            wrench_lower: receives the lower bounds of the wrenches.
+            wrench_upper: receives the upper ones.
+        """
+        self.J, self.target = J, target
+        self.wrench_lower, self.wrench_upper = wrench_lower, wrench_upper
+        self._contact_views = [
+            (c, J[rows], target[rows], wrench_lower[rows], wrench_upper[rows])
+            for c, rows in zip(self.contacts, self.wrench_slices, strict=True)
+        ]
+        self._task_views = [(task, J[rows], target[rows]) for task, rows in self.task_rows]
+
+    def update(self, dynamics: Dynamics) -> None:
+        """Evaluates limits, contacts and tasks for a state: rows on accelerations.
+
+        Args:
+            dynamics: the state, up to date.
+        """
+        self._stack.joint_limit.evaluate(dynamics)
+        for contact, J, target, lower, upper in self._contact_views:
+            contact.evaluate(dynamics)
+            J[:] = contact.jacobian
+            np.subtract(contact.reference, contact.drift, out=target)
+            lower[:] = contact.wrench_lower
+            upper[:] = contact.wrench_upper
+        for task, J, target in self._task_views:
+            task.evaluate(dynamics)
+            J[:] = task.jacobian
+            np.subtract(task.reference, task.drift, out=target)
+
+    def update_velocities(self, dynamics: Dynamics) -> None:
+        """Evaluates contacts and tasks for a state: rows on velocities.
+
+        A task asks for its target's velocity plus its error fed back, (kp / kd) error, or for the
+        velocity that it was given; contacts do not move.
+
+        Args:
+            dynamics: the state, up to date.
+        """
+        if self._stance is not None:
+            self._stance.evaluate(dynamics)
+        for contact, J, *_ in self._contact_views:
+            contact.evaluate(dynamics)
+            J[:] = contact.jacobian
+        for (task, J, _), (_, rows), gain in zip(
+            self._task_views, self.task_rows, self._gains, strict=True
+        ):
+            task.evaluate(dynamics)
+            J[:] = task.jacobian
+            feedback = gain * task.error
+            feedback += task.error_rate
+            self._feedback[rows] = feedback
+        # The rate of an error is the target's velocity less that of the robot, J v.
+        np.matmul(self.J, dynamics.state.v, out=self.target)
+        self.target += self._feedback
+        self.target[self.contact_rows] = 0.0
+        for task, _, target in self._task_views:
+            if task.given_velocity is not None:
+                target[:] = task.given_velocity
+
+    @cached_property
+    def _gains(self) -> list[Float64[np.ndarray, " m"]]:
+        return [task.velocity_gain for task, _ in self.task_rows]
+
+    def measure(
+        self, x: Float64[np.ndarray, " n"], J: Float64[np.ndarray, "m n"] | None = None
+    ) -> Float64[np.ndarray, " ends"]:
+        """What an answer leaves over of contacts and of each level, relative to the level's scale.
+
+        Args:
+            x: accelerations, or velocities.
+            J: coefficients of x where they are others than `J`, as with an eliminated stance.
+
+        Returns:
+            |W (J x - target)| / max(1, |W target|), of the contacts first and then of each level;
+            overwritten by the next call.
+        """
+        rows, bounds = self.J if J is None else J, (self.contact_rows.stop, self.ends)
+        _measure(rows, self.target, self.weight, bounds, x, self._missing, self._residuals)
+        return self._residuals
+
+    def task_residuals(self, missing: Float64[np.ndarray, " m"] | None = None) -> dict[str, float]:
+        """Norm of what each task could not meet, unweighted, by its name [unit/s^2, unit/s].
+
+        Args:
+            missing: J x - target; what was measured last when None.
+        """
+        left = self._missing if missing is None else missing
+        return {task.name: float(np.linalg.norm(left[rows])) for task, rows in self.task_rows}
+
+    @property
+    def motion_labels(self) -> Labels:
+        """Names of the contacts' rows."""
+        return [(f"motion of contact {c.name}", c.dim) for c in self.contacts]
+
+    @property
+    def cone_labels(self) -> Labels:
+        """Names of the cones' rows."""
+        return [(f"wrench cone of contact {c.name}", len(c.cone)) for c in self.contacts]
+
+    @property
+    def force_labels(self) -> Labels:
+        """Names of the bounds on wrenches."""
+        return [(f"normal force of contact {c.name}", c.dim) for c in self.contacts]
+
+    @property
+    def task_labels(self) -> list[Labels]:
+        """Names of the tasks' rows, level by level."""
+        return [[(f"task {t.name}", t.dim) for t in level] for level in self.levels]
+
+    @property
+    def level_names(self) -> list[str]:
+        """A name for each level: its tasks."""
+        return [", ".join(t.name for t in level) for level in self.levels]
+
+    @property
+    def level_sizes(self) -> list[int]:
+        """Number of rows of each level."""
+        return np.diff(self.ends).tolist()
+
+    def wrenches(self, wrench: Float64[np.ndarray, " w"]) -> dict[str, Float64[np.ndarray, " d"]]:
+        """All wrenches by the names of their contacts, as views [N, N m]."""
+        slices = zip(self.contacts, self.wrench_slices, strict=True)
+        return {contact.name: wrench[rows] for contact, rows in slices}
+
+
+def home_jacobians(
+    home: Dynamics, owners: Iterable[Contact | Task]
+) -> dict[Contact | Task, Float64[np.ndarray, "m nv"]]:
+    """Jacobians of contacts and tasks in one posture, by which loss of rank is measured.
+
+    Args:
+        home: the posture, up to date.
+        owners: contacts and tasks, bound to the robot; tasks forget targets that they took from
+            the robot.
+    """
+    found: dict[Contact | Task, Float64[np.ndarray, "m nv"]] = {}
+    for owner in owners:
+        owner.evaluate(home)
+        found[owner] = owner.jacobian.copy()
+        if isinstance(owner, Task):
+            owner.reset()
+    return found
+
+
+def _spans(sizes: Iterable[int], start: int = 0) -> list[slice]:
+    return [slice(a, b) for a, b in pairwise(accumulate(sizes, initial=start))]
+
+
+@compiled
+def _measure(
+    J: Float64[np.ndarray, "m n"],
+    target: Float64[np.ndarray, " m"],
+    weight: Float64[np.ndarray, " m"],
+    bounds: tuple[int, Int64[np.ndarray, " ends"]],
+    x: Float64[np.ndarray, " n"],
+    missing: Float64[np.ndarray, " m"],
+    residuals: Float64[np.ndarray, " ends"],
+) -> None:
+    contacts, ends = bounds
+    for level in range(len(residuals)):
+        begin, end = (0, contacts) if level == 0 else (ends[level - 1], ends[level])
+        left = asked = 0.0
+        for row in range(begin, end):
+            value = -target[row]
+            for i in range(len(x)):
+                value += J[row, i] * x[i]
+            missing[row] = value
+            left += (weight[row] * value) ** 2
+            asked += (weight[row] * target[row]) ** 2
+        residuals[level] = np.sqrt(left) / max(1.0, np.sqrt(asked))
+
+
+PREPARED_CONTACTS = 3
+"""Stacks of up to so many contacts have all their sets prepared before the first tick."""
+
+T = TypeVar("T")
+
+
+class ContactSets(Generic[T]):
+    """What belongs to each set of active contacts, made once: switching back allocates nothing.
+
+    The active contacts are prepared when this is made; where there are few contacts, all their
+    sets are, so that no tick has to make one. What is wrong is so refused before the first tick.
+
+    Args:
+        stack: whose contacts come and go.
+        make: makes what belongs to one set.
+    """
+
+    def __init__(self, stack: Stack, make: Callable[[tuple[Contact, ...]], T]) -> None:
+        self._make = make
+        self._made: dict[tuple[Contact, ...], T] = {}
+        contacts = stack.contacts
+        sets = {stack.active_contacts}
+        if len(contacts) <= PREPARED_CONTACTS:
+            sizes = range(len(contacts) + 1)
+            sets.update(chain.from_iterable(combinations(contacts, k) for k in sizes))
+        for contacts in sets:
+            self.of(contacts)
+
+    def of(self, contacts: tuple[Contact, ...]) -> T:
+        """What belongs to a set of contacts, in the order of the stack."""
+        made = self._made.get(contacts)
+        if made is None:
+            made = self._made[contacts] = self._make(contacts)
+        return made
+
+    def __iter__(self) -> Iterator[T]:
+        """All that was made."""
+        return iter(self._made.values())
+
+    def __len__(self) -> int:
+        """Number of sets."""
+        return len(self._made)
