@@ -1,6 +1,6 @@
 """`bench_teleop`: times the control step of the step teleoperator, and its whole simulation."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from time import perf_counter, process_time
 from typing import Any
@@ -13,7 +13,7 @@ from benchmarks.recording import Progress
 from benchmarks.teleop_recording import SCENARIO, Walk, WalkTick, record_walk
 from poise.apps.teleoperation import TeleopRun, run_teleop
 from poise.errors import ConfigurationError, PoiseError
-from poise.locomotion import Device, StepTeleoperator
+from poise.locomotion import Device, DeviceSample, StepTeleoperator
 from poise.robots import load_robot
 
 WARM_UP = 30
@@ -147,17 +147,34 @@ def time_steps(walk: Walk, recorded: Sequence[WalkTick]) -> StepTimes:
         walk: whose controller.
         recorded: its first ticks.
     """
-    controller = walk.controller()
+    teleoperator = walk.teleoperator()
+    controller = teleoperator.controller()
+    samples = iter([tick.sample for tick in recorded])
+    teleoperator.device = _Replayed(samples)
     seconds = np.zeros(len(recorded))
     single: list[bool] = []
     missed: list[bool] = []
     for i, tick in enumerate(recorded):
         begin = perf_counter()
-        command = controller.step(tick.state, tick.sample)
+        estimate = teleoperator.estimator.update(tick.state)
+        teleoperator.lead(estimate)
+        command = controller.step(estimate)
         seconds[i] = perf_counter() - begin
-        single.append(controller.mode.single)
+        single.append(teleoperator.mode.single)
         missed.append(not command.status.ok)
     return StepTimes(seconds=seconds, single=single, missed=missed)
+
+
+class _Replayed:
+    """A device that says again what another said, tick by tick."""
+
+    def __init__(self, samples: Iterator[DeviceSample | None]) -> None:
+        self._samples = samples
+
+    def sample(self, time: float) -> DeviceSample | None:
+        """The next one, whatever the time."""
+        del time
+        return next(self._samples)
 
 
 def _passes(wanted: int, length: int) -> list[int]:

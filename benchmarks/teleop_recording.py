@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from benchmarks.recording import Progress
-from poise.apps.teleoperation import TELEOP_PLANT, Operation, Script, over_an_obstacle
+from poise.apps.teleoperation import TELEOP_PLANT, Script, over_an_obstacle
 from poise.dynamics import RobotState
 from poise.errors import PoiseError
 from poise.locomotion import DeviceSample, StepTeleoperator
@@ -58,14 +58,14 @@ class Walk:
         """Control periods in the whole script."""
         return round(self.script.duration / self.plant.control_dt)
 
-    def controller(self) -> StepTeleoperator:
-        """A controller that has not begun."""
+    def teleoperator(self) -> StepTeleoperator:
+        """A teleoperator that has not begun."""
         return StepTeleoperator(self.robot, q_start=self.q_start)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class WalkTick:
-    """What the controller was told at a tick.
+    """What the teleoperator was told at a tick.
 
     Attributes:
         state: as measured, contacts and time included.
@@ -73,7 +73,7 @@ class WalkTick:
     """
 
     state: RobotState
-    sample: DeviceSample
+    sample: DeviceSample | None
 
 
 def record_walk(walk: Walk, ticks: int, progress: Progress | None = None) -> tuple[WalkTick, ...]:
@@ -87,15 +87,25 @@ def record_walk(walk: Walk, ticks: int, progress: Progress | None = None) -> tup
     Raises:
         PoiseError: the robot fell.
     """
-    controller = walk.controller()
+    teleoperator = walk.teleoperator()
+    controller = teleoperator.controller()
     plant = Plant(walk.robot, walk.plant)
     plant.reset(walk.q_start)
-    device = walk.script.device(controller)
+    device = walk.script.device(teleoperator)
+    teleoperator.device = device
     recorded: list[WalkTick] = []
-    operation = Operation(controller, device)
-    for tick in rollout(plant, operation, operation, duration=ticks * plant.control_dt):
-        assert operation.sample is not None
-        recorded.append(WalkTick(tick.state, operation.sample))
+    ticking = rollout(
+        plant,
+        controller,
+        teleoperator,
+        estimator=teleoperator.estimator,
+        duration=ticks * plant.control_dt,
+    )
+    for tick in ticking:
+        # The script always says something.
+        assert teleoperator.status is not None
+        assert teleoperator.status.sample is not None
+        recorded.append(WalkTick(tick.state, teleoperator.status.sample))
         if plant.fallen:
             raise PoiseError(f"{walk.robot.name} fell at {plant.time:.3f} s while being recorded")
         if progress is not None and len(recorded) % 50 == 0:

@@ -5,7 +5,7 @@ from functools import cache
 from pathlib import Path
 
 from poise.apps.teleoperation import noisy, run_teleop
-from poise.locomotion import Mode, Rules
+from poise.locomotion import Mode, TeleopParameters
 from poise.robots import Robot, load_robot
 from studies.bad_operator.operator import BadOperator
 
@@ -19,14 +19,14 @@ class Trial:
         seconds: length of the run [s].
         folder: where the input goes if the robot falls; None for nowhere.
         robot: its name.
-        rules: of the controller.
+        parameters: of the teleoperator; scaled to the robot when None.
     """
 
     seed: int
     seconds: float
     folder: Path | None = None
     robot: str = "biped20"
-    rules: Rules | None = None
+    parameters: TeleopParameters | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,7 +61,7 @@ def run_trial(trial: Trial) -> Outcome:
         noisy(),
         duration=trial.seconds,
         seed=trial.seed,
-        rules=trial.rules,
+        parameters=trial.parameters,
         recording=path,
     )
     if path is not None and not run.fell:

@@ -4,15 +4,20 @@ from typing import Any
 
 from poise.apps.teleoperation import TeleopRun, lift_one_foot
 from poise.locomotion import Mode
-from poise.locomotion._stepping._com import PreviewDriver
-from poise.locomotion._stepping._parameters import scaled_parameters
 from poise.robots import load_robot
 from studies.figure import draw
 from studies.finding import Finding, Section, Table
 from studies.plan import Progress, Steps, StudyOptions
 from studies.step_teleoperation.films import films
 from studies.step_teleoperation.plots import one_legend, paint_zmp
-from studies.step_teleoperation.runs import edge_distance, first, lift_off, run_script
+from studies.step_teleoperation.preview_driver import PreviewDriver
+from studies.step_teleoperation.runs import (
+    edge_distance,
+    first,
+    lift_off,
+    run_script,
+    script_parameters,
+)
 from studies.step_teleoperation.snapshots import snapshots
 
 _LENGTHS = (240, 120)
@@ -28,7 +33,7 @@ def lift_section(options: StudyOptions, progress: Progress) -> Section:
     robot = load_robot("biped20")
     script = lift_one_foot(robot)
     steps = Steps(progress, 1 + len(_LENGTHS))
-    dt = scaled_parameters(robot, script.com_height, script.feet_apart).dt
+    dt = script_parameters(robot, script).dt
     steps.next()
     runs = {"COM shifter": run_script(robot, script)}
     gains = {}

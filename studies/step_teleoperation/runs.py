@@ -7,8 +7,13 @@ import numpy as np
 from jaxtyping import Float64
 
 from poise.apps.teleoperation import MODES, TELEOP_PLANT, Script, TeleopLog, TeleopRun, run_teleop
-from poise.locomotion import Mode, SupportPolygon, TeleopParameters, sole_rectangle
-from poise.locomotion._stepping._parameters import scaled_parameters
+from poise.locomotion import (
+    Mode,
+    StepTeleoperator,
+    SupportPolygon,
+    TeleopParameters,
+    sole_rectangle,
+)
 from poise.robots import Robot
 
 
@@ -27,7 +32,7 @@ def run_script(robot: Robot, script: Script, **changes: Any) -> TeleopRun:
 
 def script_parameters(robot: Robot, script: Script) -> TeleopParameters:
     """The parameters that a run of the script has by itself."""
-    return scaled_parameters(robot, script.com_height, script.feet_apart)
+    return StepTeleoperator(robot, q_start=script.posture(robot)).parameters
 
 
 def first(log: TeleopLog, mode: Mode, after: float = 0.0) -> float | None:

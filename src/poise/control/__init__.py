@@ -2,14 +2,7 @@
 
 from poise.control._command import Command, CommandStatus
 from poise.control._controller import Controller
-from poise.control._differential_ik import (
-    DifferentialIK,
-    VelocityLevel,
-    base_from_joints,
-    constrained,
-    limit_weights,
-    solve_levels,
-)
+from poise.control._differential_ik import ROW_WEIGHT, DifferentialIK
 from poise.control._make import (
     CONTROLLERS,
     ControllerKind,
@@ -28,6 +21,7 @@ from poise.control._whole_body import WholeBodyController
 __all__ = [
     "CONTROLLERS",
     "PHYSICS_LEVELS",
+    "ROW_WEIGHT",
     "Command",
     "CommandStatus",
     "Controller",
@@ -39,13 +33,8 @@ __all__ = [
     "RankTreatment",
     "ReducedController",
     "TaskStatus",
-    "VelocityLevel",
     "WholeBodyController",
-    "base_from_joints",
     "check_plan",
-    "constrained",
     "is_usable",
-    "limit_weights",
     "make_controller",
-    "solve_levels",
 ]

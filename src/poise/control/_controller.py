@@ -34,6 +34,8 @@ class Controller:
     Args:
         strategy: turns the stack's rows into an answer.
         rate_limit: how far a command may be from the last one; as far as it likes when None.
+        dynamics: shared with whoever estimates the state and updates them first: a state that they
+            have already is not computed again. Its own when None.
 
     Attributes:
         dynamics: of the last tick's state.
@@ -41,9 +43,16 @@ class Controller:
             command.
     """
 
-    def __init__(self, strategy: Strategy, *, rate_limit: RateLimit | None = None) -> None:
+    def __init__(
+        self,
+        strategy: Strategy,
+        *,
+        rate_limit: RateLimit | None = None,
+        dynamics: Dynamics | None = None,
+    ) -> None:
         self._strategy, self._rate_limit = strategy, rate_limit
-        self.dynamics = Dynamics(strategy.robot)
+        self._shares_dynamics = dynamics is not None
+        self.dynamics = Dynamics(strategy.robot) if dynamics is None else dynamics
         self.timings: dict[str, float] = {}
         self._last_status = CommandStatus.OK
         self._commands_torque = strategy.commands == "torque"
@@ -119,7 +128,8 @@ class Controller:
     def _tick(self, state: RobotState) -> Command:
         strategy = self._strategy
         begin = perf_counter()
-        self.dynamics.update(state)
+        if not (self._shares_dynamics and state is self.dynamics.state):
+            self.dynamics.update(state)
         for contact in strategy.stack.contacts:
             contact.advance(state.time)
         if strategy.prepare(strategy.stack.active_contacts):

@@ -10,7 +10,6 @@ from poise.locomotion._pendulum import (
 )
 from poise.locomotion._preview import PreviewControl
 from poise.locomotion._stepping import (
-    PAPER_RULES,
     ComDriver,
     Device,
     DeviceSample,
@@ -22,7 +21,6 @@ from poise.locomotion._stepping import (
     RecordingError,
     RecordingWriter,
     RowKind,
-    Rules,
     ScriptedDevice,
     StepTeleoperator,
     TeleopParameters,
@@ -46,7 +44,6 @@ from poise.locomotion._walking import (
 )
 
 __all__ = [
-    "PAPER_RULES",
     "BodyRotator",
     "CarriedTarget",
     "CartFlywheelTable",
@@ -67,7 +64,6 @@ __all__ = [
     "RecordingError",
     "RecordingWriter",
     "RowKind",
-    "Rules",
     "ScriptedDevice",
     "StepTeleoperator",
     "Stride",

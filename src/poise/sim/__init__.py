@@ -19,13 +19,22 @@ from poise.sim._mapping import StateMap
 from poise.sim._plant import Plant
 from poise.sim._record import RunRecord, Value
 from poise.sim._recorder import HasSignals, Recorder, RecorderConfig
-from poise.sim._rollout import Body, Estimator, Observer, Tick, rollout
+from poise.sim._rollout import (
+    AnyController,
+    Body,
+    Estimator,
+    LeadFunction,
+    Observer,
+    Tick,
+    rollout,
+)
 from poise.sim._sensors import SensorConfig
 from poise.sim._video import VideoConfig, render_video, run_markers
 from poise.sim._viewer import NoDisplayError, Viewer, open_viewer
 
 __all__ = [
     "Actuation",
+    "AnyController",
     "Block",
     "BlockWatch",
     "Body",
@@ -33,6 +42,7 @@ __all__ = [
     "CameraConfig",
     "Estimator",
     "HasSignals",
+    "LeadFunction",
     "LinkError",
     "Marker",
     "NoDisplayError",

@@ -18,7 +18,7 @@ from poise.sim._foxglove import Scene
 from poise.sim._log import McapLog
 from poise.sim._plant import Plant
 from poise.sim._record import Counts, RunRecord, Value
-from poise.sim._rollout import Controller, LeadFunction, Tick
+from poise.sim._rollout import AnyController, LeadFunction, Tick
 from poise.stack import ComTask, FrameTask, Leader, Stack, Task
 
 _PHYSICS = ("dynamics, torques", "contacts, joints")
@@ -124,7 +124,7 @@ class Recorder:
     def begin(
         self,
         plant: Plant,
-        controller: Controller | None = None,
+        controller: AnyController | None = None,
         leader: Leader | LeadFunction | None = None,
     ) -> None:
         """A run begins: a new record, and the log is made.
@@ -263,6 +263,8 @@ class Recorder:
 
     def _stack_samples(self, tick: Tick) -> dict[str, Value]:
         solver, found = self._stack, dict[str, Value]()
+        if tick.estimator_seconds > 0.0:
+            found["tick_us/estimator"] = 1e6 * tick.estimator_seconds
         if self._leader is not None:
             found["tick_us/leader"] = 1e6 * tick.leader_seconds
         if solver is None:

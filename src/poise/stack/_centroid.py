@@ -72,6 +72,10 @@ class ComTask(Task):
         """Forgets a target that was taken from the robot."""
         self._target.release_hold()
 
+    def evaluate_jacobian(self, dynamics: Dynamics) -> None:
+        """Fills `jacobian` alone."""
+        self.jacobian = dynamics.com_jacobian[self._rows]
+
     def _resolve(self, robot: Robot) -> int:  # noqa: ARG002
         return self._size
 
@@ -124,6 +128,10 @@ class MomentumTask(Task):
             TargetError: wrong shape, NaN or infinite.
         """
         self._target.set(momentum, rate)
+
+    def evaluate_jacobian(self, dynamics: Dynamics) -> None:
+        """Fills `jacobian` alone: the drift takes another recursion."""
+        self.jacobian = dynamics.momentum_matrix[3:][self._rows]
 
     def _resolve(self, robot: Robot) -> int:  # noqa: ARG002
         return self._size

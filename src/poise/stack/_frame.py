@@ -136,6 +136,10 @@ class FrameTask(Task):
         """Position rows, then orientation rows."""
         return self._blocks
 
+    def evaluate_jacobian(self, dynamics: Dynamics) -> None:
+        """Fills `jacobian` alone."""
+        self.jacobian = dynamics.frame(self._frame_id).jacobian[self._rows]
+
     def _resolve(self, robot: Robot) -> int:
         self._frame_id = robot.frame_id(self.frame)
         return self._size

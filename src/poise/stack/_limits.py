@@ -3,6 +3,7 @@
 `TorqueLimit`: bounds of the joint torques.
 """
 
+from collections.abc import Mapping
 from math import sqrt
 
 import numpy as np
@@ -91,9 +92,12 @@ class JointLimit:
         horizon: dt, at least twice the control period so that braking starts smoothly [s].
         position_margin: distance kept from the position limits [rad].
         velocity_scale: fraction of the robot's velocity limits that may be used.
+        position_range: narrower position limits, lower and upper, by joint name [rad].
 
     Attributes:
         name: what reports call it.
+        q_min: lower position limits, margin included; known once bound to a robot [rad].
+        q_max: upper position limits.
         lower: lower bounds of the joint accelerations at the last state [rad/s^2].
         upper: upper bounds.
     """
@@ -106,6 +110,7 @@ class JointLimit:
         horizon: float = 0.02,
         position_margin: float = 0.01,
         velocity_scale: float = 1.0,
+        position_range: Mapping[str, tuple[float, float]] | None = None,
     ) -> None:
         self.name = "joint limit"
         self.acceleration_max = checked_number(
@@ -122,13 +127,22 @@ class JointLimit:
         self.velocity_scale = checked_number(
             velocity_scale, "velocity_scale of the joint limit", above=0.0
         )
+        self._position_range = dict(position_range or {})
+        for name, (lower, upper) in self._position_range.items():
+            if not lower < upper:
+                raise ConfigurationError(
+                    f"position_range of joint {name!r} in the joint limit is none",
+                    got=(lower, upper),
+                    wanted="lower < upper [rad]",
+                )
         self._robot: Robot | None = None
 
     def bind(self, robot: Robot) -> None:
         """Takes the limits of a robot; controllers call it before the first tick.
 
         Raises:
-            ConfigurationError: the margin leaves a joint no range, or the limit serves another
+            UnknownNameError: a range of a joint that the robot does not have.
+            ConfigurationError: margin or range leave a joint no room, or the limit serves another
                 robot.
         """
         if self._robot is robot:
@@ -140,13 +154,18 @@ class JointLimit:
                 wanted=f"robot {self._robot.name!r}, or a limit of its own",
             )
         q_min, q_max = robot.q_min + self.position_margin, robot.q_max - self.position_margin
+        for name, (lower, upper) in self._position_range.items():
+            i = robot.joint_index(name)
+            q_min[i], q_max[i] = max(q_min[i], lower), min(q_max[i], upper)
+        self.q_min: Float64[np.ndarray, " nj"] = q_min
+        self.q_max: Float64[np.ndarray, " nj"] = q_max
         crossed = np.flatnonzero(q_min >= q_max)
         if crossed.size:
             raise ConfigurationError(
-                "position_margin of the joint limit leaves joints no range: "
+                "position_margin and position_range of the joint limit leave joints no range: "
                 + ", ".join(robot.joint_names[i] for i in crossed),
                 got=self.position_margin,
-                wanted="a smaller margin [rad]",
+                wanted="a smaller margin, or a wider range [rad]",
             )
         self._q_slice = slice(robot.nq - robot.nj, robot.nq)
         self._v_slice = slice(robot.base_dofs, robot.nv)

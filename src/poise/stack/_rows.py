@@ -95,7 +95,6 @@ class StackRows:
         self.cone: Float64[np.ndarray, "cone w"] = block_diag(empty, *(c.cone for c in contacts))
         self._missing = np.zeros(count)
         self._residuals = np.zeros(1 + len(sizes))
-        self._feedback = np.zeros(count)
         self.write_into(
             np.zeros((count, robot.nv)),
             np.zeros(count),
@@ -160,21 +159,22 @@ class StackRows:
         for contact, J, *_ in self._contact_views:
             contact.evaluate(dynamics)
             J[:] = contact.jacobian
-        for (task, J, _), (_, rows), gain in zip(
+        self.target[self.contact_rows] = 0.0
+        for (task, J, target), (_, rows), gain in zip(
             self._task_views, self.task_rows, self._gains, strict=True
         ):
+            self.weight[rows] = task.weight
+            if task.given_velocity is not None:
+                task.evaluate_jacobian(dynamics)
+                J[:] = task.jacobian
+                target[:] = task.given_velocity
+                continue
             task.evaluate(dynamics)
             J[:] = task.jacobian
-            feedback = gain * task.error
-            feedback += task.error_rate
-            self._feedback[rows] = feedback
-        # The rate of an error is the target's velocity less that of the robot, J v.
-        np.matmul(self.J, dynamics.state.v, out=self.target)
-        self.target += self._feedback
-        self.target[self.contact_rows] = 0.0
-        for task, _, target in self._task_views:
-            if task.given_velocity is not None:
-                target[:] = task.given_velocity
+            # The rate of an error is the target's velocity less that of the robot, J v.
+            np.matmul(J, dynamics.state.v, out=target)
+            target += gain * task.error
+            target += task.error_rate
 
     @cached_property
     def _gains(self) -> list[Float64[np.ndarray, " m"]]:

@@ -3,6 +3,7 @@
 `VectorTarget`: position, velocity and acceleration that a vector quantity should have.
 """
 
+import math
 from abc import ABC, abstractmethod
 
 import numpy as np
@@ -202,6 +203,33 @@ class Task(ABC):
             velocity = checked_target(velocity, size, f"velocity of task {self.name!r}")
         self._user_velocity = velocity
 
+    def set_weight(self, weight: Numbers) -> None:
+        """Sets the weight of its rows against other rows of the same level, from the next tick.
+
+        Controllers that command velocities follow it: `DifferentialIK`. Those that command torques
+        take the weights that a task has when they are made.
+
+        Args:
+            weight: one number or one a row.
+
+        Raises:
+            ConfigurationError: wrong length, or weights that are not finite and positive.
+        """
+        if isinstance(weight, float) and 0.0 < weight < math.inf and self._robot is not None:
+            # One number each tick, as leaders have it: no array to check.
+            self.weight.fill(weight)
+            return
+        size = self.dim if self._robot is not None else np.size(weight)
+        what = f"weight of task {self.name!r}"
+        found = checked_gain(weight, size, what)
+        if not found.min() > 0.0:
+            raise ConfigurationError(f"{what} must be positive", got=weight, wanted="> 0")
+        if self._robot is None:
+            self._gains = (*self._gains[:2], weight)
+        else:
+            # In place: assembled rows hold on to the array.
+            self.weight[:] = found
+
     @property
     def given_velocity(self) -> Float64[np.ndarray, " m"] | None:
         """What `set_velocity` was given; None for nothing."""
@@ -231,6 +259,14 @@ class Task(ABC):
             reference += self.kd * self.error_rate
             reference += feedforward
             self.reference = reference
+
+    def evaluate_jacobian(self, dynamics: Dynamics) -> None:
+        """Fills `jacobian` at least: all that a task needs whose velocity was given.
+
+        Args:
+            dynamics: the state, up to date.
+        """
+        self.evaluate(dynamics)
 
     def reset(self) -> None:  # noqa: B027 - most tasks have nothing to forget
         """Forgets targets that the task took from the robot itself, not those a user set."""

@@ -5,7 +5,7 @@ import pytest
 from scipy.linalg import null_space
 from scipy.optimize import minimize
 
-from poise.control import VelocityLevel, solve_levels
+from poise.control._differential_ik import VelocityLevel, solve_levels
 from poise.control._differential_ik._closed_form import RANK, right_inverse, robust_step
 
 

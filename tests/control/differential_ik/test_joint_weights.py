@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from poise.control import limit_weights
+from poise.control._differential_ik import limit_weights
 from poise.control._differential_ik._bounds import LARGEST_WEIGHT
 
 

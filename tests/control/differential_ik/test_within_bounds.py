@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from poise.control import VelocityLevel, solve_levels
+from poise.control._differential_ik import VelocityLevel, solve_levels
 from poise.control._differential_ik._bounds import VelocityBounds
 from poise.control._differential_ik._within_bounds import solve_within_bounds
 from poise.hqp import HierarchicalProblem, Level, solve

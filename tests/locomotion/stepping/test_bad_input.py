@@ -9,7 +9,8 @@ from poise.apps.teleoperation import TELEOP_PLANT, noisy, plant_from_json, run_t
 from poise.apps.teleoperation._run import plant_to_json
 from poise.errors import ConfigurationError, RobotError
 from poise.locomotion import ScriptedDevice, StepTeleoperator, TeleopParameters, WayPoint
-from poise.locomotion._stepping._com import PreviewDriver
+from poise.locomotion._pendulum import ComShifter
+from poise.locomotion._stepping._com import ShifterDriver
 from poise.locomotion._stepping._parameters import scaled_parameters
 from poise.robots import Sole, standing_posture
 from poise.sim import PlantConfig
@@ -42,16 +43,17 @@ def test_a_sole_smaller_than_the_lift_radius_is_refused(get_robot):
     robot = get_robot("biped20")
     small = {n: Sole(name=n, length=0.2, width=0.05) for n in robot.soles}
     with pytest.raises(ConfigurationError, match="r_lift.*sole"):
-        StepTeleoperator(replace(robot, soles=small), TeleopParameters(r_lift=0.12))
+        StepTeleoperator(replace(robot, soles=small), parameters=TeleopParameters(r_lift=0.12))
 
 
 @pytest.mark.parametrize("share", [0.5, 1.0])
 def test_gains_that_break_38_are_refused(get_robot, share):
     robot = get_robot("biped20")
     square = StepTeleoperator(robot).driver.omega ** 2
+    parameters = replace(scaled_parameters(robot, 0.765, 0.27), kp=share * square)
     with pytest.raises(ConfigurationError, match=r"k_p.*omega\^2"):
-        StepTeleoperator(robot, replace(scaled_parameters(robot, 0.765, 0.27), kp=share * square))
-    assert StepTeleoperator(robot, TeleopParameters(kp=1.01 * square, r_lift=0.07))
+        StepTeleoperator(robot, parameters=parameters)
+    assert StepTeleoperator(robot, parameters=TeleopParameters(kp=1.01 * square, r_lift=0.07))
 
 
 @pytest.mark.parametrize(
@@ -83,7 +85,7 @@ def test_a_run_with_a_driver_of_its_own_is_not_recorded(get_robot, tmp_path):
             get_robot("biped20"),
             ScriptedDevice([], np.zeros(3), np.zeros(3)),
             duration=1.0,
-            driver=PreviewDriver(0.765, 0.005, 120),
+            driver=ShifterDriver(ComShifter(0.765)),
             recording=tmp_path / "x.teleop",
         )
 

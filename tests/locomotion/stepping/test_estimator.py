@@ -7,6 +7,7 @@ import pytest
 from walker import hands, up_and_down, walk
 
 from poise.apps.teleoperation import TELEOP_PLANT, noisy
+from poise.control import CommandStatus
 from poise.dynamics import RobotState
 from poise.locomotion import StepTeleoperator
 from poise.sim import Plant
@@ -34,28 +35,60 @@ def test_position_and_velocity_of_the_base_are_never_read(get_robot, garbage):
     commands = []
     for spoil in (False, True):
         plant = Plant(robot, TELEOP_PLANT)
-        controller = StepTeleoperator(robot)
-        device = hands(*up_and_down(lift=0.1))(controller)
+        teleoperator = StepTeleoperator(robot)
+        teleoperator.device = hands(*up_and_down(lift=0.1))(teleoperator)
+        controller = teleoperator.controller()
         for _ in range(240):
             state = plant.state()
             if spoil:
                 q, v = state.q.copy(), state.v.copy()
                 q[:3], v[:3] = garbage, garbage
                 state = RobotState(q, v, state.contacts, state.time)
-            command = controller.step(state, device.sample(plant.time))
+            estimate = teleoperator.estimator.update(state)
+            teleoperator.lead(estimate)
+            command = controller.step(estimate)
             commands.append(command.velocity)
             plant.step(command)
     half = len(commands) // 2
     assert np.array_equal(commands[:half], commands[half:])
 
 
-def test_a_state_that_cannot_be_used_gives_no_motion_and_says_so(get_robot):
+@pytest.mark.parametrize("axis", [0, 1, 2])
+@pytest.mark.parametrize("foot", [0, 1])
+def test_a_base_that_spins_turns_about_the_sole_at_rest(get_robot, foot, axis):
     robot = get_robot("biped20")
-    controller = StepTeleoperator(robot)
-    bad = RobotState(np.full(robot.nq, np.nan), np.zeros(robot.nv))
-    command = controller.step(bad, controller.resting_sample)
-    assert not command.status.ok
-    assert not command.velocity.any()
+    ours = StepTeleoperator(robot).estimator
+    ours.stand_on(foot)
+    v = np.zeros(robot.nv)
+    v[3 + axis] = 0.4
+    ours.update(RobotState(robot.q_home, v))
+    sole = ours.dynamics.frame(robot.frame_id(list(robot.soles)[foot])).velocity
+    assert sole[:3] == pytest.approx(0.0, abs=1e-12)
+    assert np.linalg.norm(sole[3:]) == pytest.approx(0.4)
+
+
+@pytest.mark.parametrize("time", [0.005, np.nan])
+def test_a_state_that_cannot_be_used_is_passed_over_and_the_command_fades(get_robot, time):
+    robot = get_robot("biped20")
+    teleoperator = StepTeleoperator(robot)
+    teleoperator.device = hands(*up_and_down())(teleoperator)
+    controller = teleoperator.controller()
+
+    def step(state):
+        estimate = teleoperator.estimator.update(state)
+        teleoperator.lead(estimate)
+        return controller.step(estimate)
+
+    good = step(RobotState(robot.q_home, np.zeros(robot.nv)))
+    status = teleoperator.status
+    speeds = [np.abs(good.velocity).max()]
+    for _ in range(200):
+        bad = step(RobotState(np.full(robot.nq, np.nan), np.zeros(robot.nv), time=time))
+        assert bad.status is CommandStatus.BAD_STATE
+        speeds.append(np.abs(bad.velocity).max())
+    assert (np.diff(speeds) <= 0.0).all()
+    assert speeds[-1] < 0.05 * speeds[0] + 1e-12
+    assert teleoperator.status is status
 
 
 def test_the_floor_may_slope_a_little(get_robot):

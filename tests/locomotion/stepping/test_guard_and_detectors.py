@@ -72,14 +72,14 @@ def test_a_lift_is_a_rising_edge_with_hysteresis():
 
 
 def test_landing_is_armed_by_a_foot_without_load():
-    landing = LandingDetector(TeleopParameters(), 640.0, arm=True)
+    landing = LandingDetector(TeleopParameters(), 640.0)
     assert not any(landing.update(300.0, lifting=False) for _ in range(50))
     assert not any(landing.update(0.0, lifting=False) for _ in range(10))
     assert landing.update(40.0, lifting=False)
 
 
 def test_a_foot_that_scrapes_while_it_is_lifted_has_not_landed():
-    landing = LandingDetector(TeleopParameters(), 640.0, arm=True)
+    landing = LandingDetector(TeleopParameters(), 640.0)
     for _ in range(10):
         landing.update(0.0, lifting=True)
     assert not landing.update(100.0, lifting=True)

@@ -3,16 +3,15 @@
 import pytest
 from standing import PARAMETERS, biped, estimator, sensor
 
-from poise.locomotion import Mode, Rules
+from poise.locomotion import Mode
 from poise.locomotion._stepping._footing import StanceChoice
-from poise.locomotion._stepping._rules import PAPER_RULES
 
 TICKS = 400
 """Long enough for a foot to be as far down as it is pressed."""
 
 
-def choice(robot, where, loads, rules=None):
-    return StanceChoice(where, loads, PARAMETERS, rules or Rules(), biped(robot).weight)
+def choice(robot, where, loads):
+    return StanceChoice(where, loads, PARAMETERS, biped(robot).weight)
 
 
 @pytest.mark.parametrize("mode", [Mode.D, Mode.TL, Mode.TR])
@@ -28,17 +27,6 @@ def test_with_both_feet_on_the_ground_the_one_that_carries_more_is_the_stance(ge
         ours.begin(Mode.D, mode)
         ours.follow(mode)
         assert where.stance == stance
-
-
-@pytest.mark.parametrize(("mode", "stance"), [(Mode.D, 0), (Mode.TL, 0), (Mode.TR, 1)])
-def test_the_papers_stance_goes_by_the_mode(get_robot, mode, stance):
-    robot = get_robot("biped20")
-    where = estimator(robot)
-    ours = choice(robot, where, sensor(robot, *((0.0, 640.0) if stance == 0 else (640.0, 0.0))),
-                  PAPER_RULES)  # fmt: skip
-    ours.begin(Mode.D, mode)
-    ours.follow(mode)
-    assert where.stance == stance
 
 
 def test_on_one_foot_that_foot_is_the_stance_whatever_the_loads_say(get_robot):
@@ -85,14 +73,11 @@ def test_a_foot_that_carries_from_the_start_keeps_its_place(get_robot):
     assert where.anchors[0][2] == place
 
 
-@pytest.mark.parametrize(
-    ("rules", "mode"), [(Rules(press_down=False), Mode.D), (Rules(), Mode.SR)], ids=["rule", "mode"]
-)
-def test_nothing_is_pressed_without_the_rule_or_on_one_foot(get_robot, rules, mode):
+def test_nothing_is_pressed_on_one_foot(get_robot):
     robot = get_robot("biped20")
     where = estimator(robot)
     before = where.anchors[0].copy()
-    choice(robot, where, sensor(robot, 0.0, 640.0), rules).follow(mode)
+    choice(robot, where, sensor(robot, 0.0, 640.0)).follow(Mode.SR)
     assert where.anchors[0].tolist() == before.tolist()
 
 

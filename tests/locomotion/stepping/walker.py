@@ -1,4 +1,4 @@
-"""What the tests of teleoperation share: hands, short runs, and robots that cannot be walked."""
+"""What the tests of teleoperation share: devices, short runs, and robots that cannot be walked."""
 
 import numpy as np
 
@@ -29,3 +29,13 @@ def walk(robot, points, duration, **changes):
 
 def sample(time, left=(0.0, 0.135, 0.0), right=(0.0, -0.135, 0.0)):
     return DeviceSample(time, np.array(left), np.array(right))
+
+
+class Says:
+    """A device that says the same whenever it is asked."""
+
+    def __init__(self, sample):
+        self._sample = sample
+
+    def sample(self, time):
+        return self._sample

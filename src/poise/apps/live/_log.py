@@ -11,10 +11,16 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float64
 
-from poise.apps.teleoperation import Operation
 from poise.errors import PoiseError
-from poise.locomotion import DeviceSample, RecordingWriter, RowKind, read_recording
-from poise.sim import Plant, Recorder, RecorderConfig, Tick
+from poise.locomotion import (
+    DeviceSample,
+    RecordingWriter,
+    RowKind,
+    StepTeleoperator,
+    read_recording,
+)
+from poise.sim import AnyController, LeadFunction, Plant, Recorder, RecorderConfig, Tick
+from poise.stack import Leader
 
 LOG_SUFFIX = ".mcap"
 
@@ -38,19 +44,20 @@ class LiveLog:
         self.problem = ""
         self._recorder: Recorder | None = None
 
-    def expect(self, operation: Operation, path: Path) -> None:
-        """Says who drives the next run, and which file it goes to, overwritten."""
-        self._operation, self._path = operation, path
+    def expect(self, path: Path) -> None:
+        """Says which file the next run goes to, overwritten."""
+        self._path = path
         self._tried = False
 
-    def begin(self, plant: Plant, controller: object, leader: object) -> None:
+    def begin(
+        self, plant: Plant, controller: AnyController, leader: Leader | LeadFunction | None
+    ) -> None:
         """The next run begins."""
-        del controller, leader
-        self._plant = plant
+        self._cast = plant, controller, leader
 
     def observe(self, tick: Tick) -> None:
         """Records a tick, from the first one on at which somebody drives."""
-        if not self._tried and self._operation.sample is not None:
+        if not self._tried and self._is_driven():
             # A file that cannot be made is not tried again at each tick.
             self._tried = True
             self._recorder = self._open()
@@ -71,12 +78,17 @@ class LiveLog:
             if dropped:
                 self.problem = f"{dropped} messages are missing in {self._path.name}"
 
+    def _is_driven(self) -> bool:
+        leader = self._cast[2]
+        status = leader.status if isinstance(leader, StepTeleoperator) else None
+        return status is not None and status.sample is not None
+
     def _open(self) -> Recorder | None:
         recorder = Recorder(
             self._path, config=_CONFIG, metadata={"controller": "step teleoperation"}
         )
         try:
-            recorder.begin(self._plant, self._operation, self._operation)
+            recorder.begin(*self._cast)
         except PoiseError as error:
             self.problem = str(error)
             return None

@@ -15,9 +15,8 @@ from jaxtyping import Float64
 
 from poise.apps.live._inputs import LiveFeet, OperatorInputs
 from poise.apps.live._log import LOG_SUFFIX, LiveLog, Takes
-from poise.apps.teleoperation import TELEOP_PLANT, Operation, Tape, teleop_setup
+from poise.apps.teleoperation import TELEOP_PLANT, teleop_setup
 from poise.locomotion import (
-    Device,
     DeviceStatus,
     Mode,
     RecordedPush,
@@ -29,7 +28,7 @@ from poise.locomotion import (
     sole_rectangle,
 )
 from poise.robots import Robot
-from poise.sim import Plant, PlantConfig, Tick, Value, rollout
+from poise.sim import Plant, PlantConfig, Tick, rollout
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -128,29 +127,22 @@ _ENDLESS = 1e9
 """Duration of a take that goes on [s]."""
 
 
-class _LiveOperation(Operation):
-    """An operation whose signals are in the simulator's world, as the rest of the log is.
+class _LiveTeleoperator(StepTeleoperator):
+    """A teleoperator whose signals are in the simulator's world, as the rest of the log is.
 
-    Args:
-        teleoperator: follows the device.
-        device: asked once a tick.
-        tape: told what it sent.
-        feet: know how far the teleoperator's world is from the simulator's.
+    Attributes:
+        offset: from the world that it estimates to the simulator's [m].
     """
 
-    def __init__(
-        self, teleoperator: StepTeleoperator, device: Device, tape: Tape, feet: LiveFeet
-    ) -> None:
-        super().__init__(teleoperator, device, tape)
-        self._feet = feet
+    offset: Float64[np.ndarray, "3"] = np.zeros(3)
 
-    def signals(self) -> Mapping[str, Value | str]:
-        """Those of an operation, moved."""
-        told, offset = dict(super().signals()), self._feet.offset
+    def signals(self) -> Mapping[str, np.ndarray | float | str]:
+        """Those of a teleoperator, moved."""
+        told = dict(super().signals())
         for name, value in told.items():
             if name in _PLACES or name.startswith("target/"):
                 place = np.asarray(value)
-                told[name] = place + offset[: place.shape[-1]]
+                told[name] = place + self.offset[: place.shape[-1]]
         return told
 
 
@@ -158,7 +150,7 @@ _PLACES = (
     "zmp_reference", "estimate/zmp", "estimate/cart_table_zmp", "estimate/com", "estimate/soles",
     "foot_target",
 )  # fmt: skip
-"""Signals of an operation that are points."""
+"""Signals of a teleoperator that are points."""
 
 
 class LiveLoop:
@@ -305,8 +297,10 @@ class LiveLoop:
         while self._pushes and self._pushes[0].tick <= round(self.plant.time / self._dt):
             push = self._pushes.popleft()
             self._push(np.array(push.force), push.duration)
-        if self._ticks is not None:
-            next(self._ticks, None)
+        if self._ticks is not None and next(self._ticks, None) is not None:
+            status = self.controller.status
+            tick = round(self.plant.time / self._dt) - 1
+            self.takes.sample(tick, None if status is None else status.sample)
         if self.plant.fallen:
             self.takes.flush()
 
@@ -321,13 +315,12 @@ class LiveLoop:
         """Robot, controller and device as at the beginning."""
         self._end_rollout()
         self.plant.reset()
-        self.controller = StepTeleoperator(self.robot)
+        self.controller = _LiveTeleoperator(self.robot)
         self._feet = LiveFeet(self._inputs, self.controller)
-        device, self._pushes = self._feet, deque[RecordedPush]()
+        self.controller.device, self._pushes = self._feet, deque[RecordedPush]()
         if self._recording is not None:
-            device = self._recording.device(robot=self.robot.name, dt=self._dt)
+            self.controller.device = self._recording.device(robot=self.robot.name, dt=self._dt)
             self._pushes.extend(self._recording.pushes)
-        self._operation = _LiveOperation(self.controller, device, self.takes.sample, self._feet)
 
     def _begin_take(self) -> None:
         setup = teleop_setup(
@@ -337,8 +330,14 @@ class LiveLoop:
             duration=_ENDLESS,
         )
         self.takes.begin(setup)
-        self.log.expect(self._operation, self.takes.path.with_suffix(LOG_SUFFIX))
-        self._ticks = rollout(self.plant, self._operation, self._operation, [self.log])
+        self.log.expect(self.takes.path.with_suffix(LOG_SUFFIX))
+        self._ticks = rollout(
+            self.plant,
+            self.controller.controller(),
+            self.controller,
+            [self.log],
+            estimator=self.controller.estimator,
+        )
 
     def _finish_take(self) -> None:
         self.takes.finish()
@@ -370,7 +369,7 @@ class LiveLoop:
         if status is None:
             return self.snapshot
         offset = self._offset()
-        self._feet.offset = offset
+        self._feet.offset = self.controller.offset = offset
         flat = offset[:2]
         polygon = support_polygon(controller, status)
         return Snapshot(

@@ -8,7 +8,6 @@ from jaxtyping import Float64
 from poise.apps.scenarios._by_hand import NAME, SCRIPTS, HandsPlan
 from poise.apps.scenarios._director import Director
 from poise.apps.scenarios._scenario import Scenario
-from poise.apps.teleoperation import Operation
 from poise.control import (
     CONTROLLERS,
     Controller,
@@ -20,8 +19,8 @@ from poise.control import (
 from poise.errors import ScenarioError, UnknownNameError
 from poise.locomotion import ScriptedDevice, StepTeleoperator, walking_stack
 from poise.robots import Robot
-from poise.sim import Block
-from poise.stack import Leader, Stack
+from poise.sim import Block, Estimator
+from poise.stack import Leader
 
 _STRATEGY = "com_shifter"
 """How a robot that is walked by hand keeps its balance."""
@@ -34,14 +33,14 @@ class Cast:
     Attributes:
         controller: gives the commands.
         leader: sets what it is asked for.
-        stack: what is asked for; an empty one where hands walk the robot.
+        estimator: says them where the robot is; nobody does when None.
         q_start: configuration at the start; the robot's home when None.
         blocks: on the floor, beside the scenario's own.
     """
 
-    controller: Controller | Operation
+    controller: Controller
     leader: Leader
-    stack: Stack
+    estimator: Estimator | None = None
     q_start: Float64[np.ndarray, " nq"] | None = None
     blocks: tuple[Block, ...] = ()
 
@@ -95,7 +94,7 @@ def cast_of(scenario: Scenario, robot: Robot) -> Cast:
     plan = replace(scenario.controller, dt=scenario.plant.control_dt)
     controller = make_controller(robot, stack, plan)
     director = Director(scenario, controller.stack, robot)
-    return Cast(controller=controller, leader=director, stack=controller.stack)
+    return Cast(controller=controller, leader=director)
 
 
 def _hands(robot: Robot, hands: HandsPlan, dt: float) -> Cast:
@@ -111,11 +110,11 @@ def _hands(robot: Robot, hands: HandsPlan, dt: float) -> Cast:
         )
     start = teleoperator.resting_sample
     points = hands.points if script is None else script.points
-    operation = Operation(teleoperator, ScriptedDevice(points, start.left, start.right))
+    teleoperator.device = ScriptedDevice(points, start.left, start.right)
     return Cast(
-        controller=operation,
-        leader=operation,
-        stack=operation.stack,
+        controller=teleoperator.controller(),
+        leader=teleoperator,
+        estimator=teleoperator.estimator,
         q_start=q_start,
         blocks=() if script is None else script.blocks,
     )

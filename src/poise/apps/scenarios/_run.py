@@ -13,7 +13,6 @@ from poise.apps.scenarios._checks import CheckResult, evaluate_checks
 from poise.apps.scenarios._scenario import Scenario
 from poise.apps.scenarios._signals import RunSignals, collect_signals
 from poise.apps.scenarios._stage import describe, stage_scenario
-from poise.apps.teleoperation import Operation
 from poise.control import Controller
 from poise.robots import Robot
 from poise.sim import Plant, Recorder, RunRecord, Tick, Viewer, open_viewer, rollout
@@ -42,7 +41,7 @@ class Run:
     scenario: Scenario
     robot: Robot
     plant: Plant = field(repr=False)
-    controller: Controller | Operation = field(repr=False)
+    controller: Controller = field(repr=False)
     record: RunRecord = field(repr=False)
     signals: RunSignals = field(repr=False)
     checks: tuple[CheckResult, ...]
@@ -93,6 +92,7 @@ def run_scenario(
                 stage.controller,
                 stage.leader,
                 [recorder, *([] if progress is None else [_Progress(progress, scenario.duration)])],
+                estimator=stage.estimator,
                 duration=scenario.duration,
             )
         ) as ticks,

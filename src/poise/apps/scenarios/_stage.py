@@ -7,11 +7,10 @@ from dataclasses import asdict, dataclass, replace
 from poise.apps.scenarios._checks import validate_checks
 from poise.apps.scenarios._controllers import cast_of, strategy_of, with_actuation
 from poise.apps.scenarios._scenario import Scenario
-from poise.apps.teleoperation import Operation
 from poise.control import Controller
 from poise.robots import Robot, load_robot
-from poise.sim import Plant, Push
-from poise.stack import Leader, Stack
+from poise.sim import Estimator, Plant, Push
+from poise.stack import Leader
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -24,16 +23,16 @@ class Stage:
         plant: the simulated robot, its pushes to come.
         controller: the scenario's.
         leader: moves targets and contacts along the scenario.
-        stack: what it leads; an empty one where hands walk the robot.
+        estimator: says them where the robot is; nobody does when None.
         pushes: that the plant will be given.
     """
 
     scenario: Scenario
     robot: Robot
     plant: Plant
-    controller: Controller | Operation
+    controller: Controller
     leader: Leader
-    stack: Stack
+    estimator: Estimator | None
     pushes: tuple[Push, ...]
 
 
@@ -49,7 +48,7 @@ def stage_scenario(scenario: Scenario) -> Stage:
     scenario = with_actuation(scenario)
     robot = load_robot(scenario.robot)
     cast = cast_of(scenario, robot)
-    validate_checks(scenario.checks, cast.stack, robot)
+    validate_checks(scenario.checks, cast.leader.stack, robot)
     blocks = scenario.plant.blocks + cast.blocks
     scenario = replace(scenario, plant=replace(scenario.plant, blocks=blocks))
     plant = Plant(robot, scenario.plant, seed=scenario.seed)
@@ -64,7 +63,7 @@ def stage_scenario(scenario: Scenario) -> Stage:
         plant=plant,
         controller=cast.controller,
         leader=cast.leader,
-        stack=cast.stack,
+        estimator=cast.estimator,
         pushes=pushes,
     )
 

@@ -1,6 +1,5 @@
 """Step teleoperation in simulation: scripted and recorded hands, and everything noted."""
 
-from poise.apps.teleoperation._operation import Operation, Tape
 from poise.apps.teleoperation._run import (
     DEVICE_STATUSES,
     MODES,
@@ -28,9 +27,7 @@ __all__ = [
     "MODES",
     "REAL_SENSORS",
     "TELEOP_PLANT",
-    "Operation",
     "Script",
-    "Tape",
     "TeleopLog",
     "TeleopRun",
     "lift_one_foot",

@@ -16,7 +16,6 @@ from jaxtyping import Bool, Float64, Int8
 
 from poise._checks import checked_number
 from poise._schema import read
-from poise.apps.teleoperation._operation import Operation
 from poise.errors import ConfigurationError
 from poise.locomotion import (
     ComDriver,
@@ -27,7 +26,6 @@ from poise.locomotion import (
     Recording,
     RecordingError,
     RecordingWriter,
-    Rules,
     StepTeleoperator,
     TeleopParameters,
     read_recording,
@@ -135,7 +133,7 @@ class TeleopLog:
         """The log of a record.
 
         Args:
-            record: of a rollout with an `Operation`.
+            record: of a rollout that a step teleoperator led.
             dt: length of a tick [s].
         """
         # A state that the teleoperator cannot use before it began leaves no status: no row.
@@ -220,11 +218,11 @@ def run_teleop(
     duration: float,
     seed: int = 0,
     parameters: TeleopParameters | None = None,
-    rules: Rules | None = None,
     rotator: bool = True,
     driver: ComDriver | None = None,
     q_start: Float64[np.ndarray, " nq"] | None = None,
     recording: Path | None = None,
+    leader: type[StepTeleoperator] = StepTeleoperator,
 ) -> TeleopRun:
     """Walks a simulated robot by a device.
 
@@ -235,18 +233,18 @@ def run_teleop(
         duration: [s]; a fall ends the run earlier.
         seed: of the sensor noise.
         parameters: scaled to the robot when None.
-        rules: departures from the paper; the default ones when None.
         rotator: whether the body rotator acts.
         driver: moves the COM; the COM shifter when None.
         q_start: configuration at the start; the robot's home when None.
         recording: file to write, from which `replay_teleop` runs the same again.
+        leader: leads by rules of its own, for studies.
 
     Raises:
         ConfigurationError: the plant takes no velocities or has another tick.
     """
     checked_number(duration, "duration of the run [s]", above=0.0)
-    controller = StepTeleoperator(
-        robot, parameters, q_start=q_start, rules=rules, rotator=rotator, driver=driver
+    controller = leader(
+        robot, parameters=parameters, q_start=q_start, rotator=rotator, driver=driver
     )
     if plant.actuation != "velocity":
         raise ConfigurationError(
@@ -258,11 +256,15 @@ def run_teleop(
             got=(controller.parameters.dt, plant.control_dt),
             wanted="the same",
         )
-    if recording is not None and driver is not None:
-        raise ConfigurationError("a run with a driver of its own cannot be recorded", got=driver)
+    if recording is not None and (driver is not None or leader is not StepTeleoperator):
+        raise ConfigurationError(
+            "a run with a driver or a leader of its own cannot be recorded",
+            got=(driver, leader.__name__),
+        )
     body = Plant(robot, plant, seed=seed)
     body.reset(q_start)
-    source: Device = device(controller) if callable(device) else device
+    source = device(controller) if callable(device) else device
+    controller.device = source
     if isinstance(source, RecordedDevice):
         for push in source.recording.pushes:
             body.push(robot.torso, push.force, push.duration, push.tick * plant.control_dt)
@@ -274,12 +276,20 @@ def run_teleop(
         if recording is None
         else RecordingWriter(recording, robot=robot.name, dt=plant.control_dt, setup=setup)
     )
-    recorder = Recorder()
+    recorder, times = Recorder(), list[float]()
     begin = clock.perf_counter()
     with writing as writer:
-        operation = Operation(controller, source, None if writer is None else writer.sample)
-        ticks = rollout(body, operation, operation, [recorder], duration=duration)
-        times = [tick.controller_seconds for tick in ticks]
+        for tick in rollout(
+            body,
+            controller.controller(),
+            controller,
+            [recorder],
+            estimator=controller.estimator,
+            duration=duration,
+        ):
+            times.append(tick.estimator_seconds + tick.leader_seconds + tick.controller_seconds)
+            if writer is not None and controller.status is not None:
+                writer.sample(round(tick.state.time / plant.control_dt), controller.status.sample)
     wall = clock.perf_counter() - begin
     record = recorder.record
     return TeleopRun(
@@ -311,7 +321,6 @@ def replay_teleop(recording: Recording | Path, robot: Robot | None = None) -> Te
     setup = recording.setup
     try:
         parameters = TeleopParameters(**setup["parameters"])
-        rules = Rules(**setup["rules"])
         plant = plant_from_json(setup["plant"])
         q_start = None if setup["q_start"] is None else np.array(setup["q_start"])
         seed, duration, rotator = setup["seed"], setup["duration"], setup["rotator"]
@@ -328,7 +337,6 @@ def replay_teleop(recording: Recording | Path, robot: Robot | None = None) -> Te
         duration=duration,
         seed=seed,
         parameters=parameters,
-        rules=rules,
         rotator=rotator,
         q_start=q_start,
     )
@@ -355,7 +363,6 @@ def teleop_setup(
     """
     return {
         "parameters": asdict(controller.parameters),
-        "rules": asdict(controller.rules),
         "rotator": rotator,
         "plant": plant_to_json(plant),
         "seed": seed,

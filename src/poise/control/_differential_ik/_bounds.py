@@ -19,11 +19,11 @@ class VelocityBounds:
 
     so that it slows down before a limit with T as time constant and, beyond it, comes back with the
     same. Bounds never cross: a joint that is beyond a limit by far comes back at v_max. Limits are
-    those of the robot, narrowed by the margin and the velocity scale of the stack's `JointLimit`.
+    those of the stack's `JointLimit`, with its velocity scale.
 
     Args:
         robot: the robot.
-        limit: position margin and velocity scale.
+        limit: position limits and velocity scale; bound to the robot.
         limit_time: T [s].
         joints: indices of the joints that may move.
 
@@ -40,8 +40,8 @@ class VelocityBounds:
         limit_time: float,
         joints: Int64[np.ndarray, " n"],
     ) -> None:
-        self.q_min: Float64[np.ndarray, " n"] = robot.q_min[joints] + limit.position_margin
-        self.q_max: Float64[np.ndarray, " n"] = robot.q_max[joints] - limit.position_margin
+        self.q_min: Float64[np.ndarray, " n"] = limit.q_min[joints]
+        self.q_max: Float64[np.ndarray, " n"] = limit.q_max[joints]
         self.v_max: Float64[np.ndarray, " n"] = limit.velocity_scale * robot.v_max[joints]
         self._slowest = -self.v_max
         self._rate = 1.0 / limit_time

@@ -13,6 +13,7 @@ from poise.control._differential_ik._rows import RowWeights
 from poise.control._differential_ik._strategy import VelocityStrategy
 from poise.control._rank import RankTreatment
 from poise.control._strategy import bound_stack
+from poise.dynamics import Dynamics
 from poise.errors import ConfigurationError
 from poise.robots import Robot
 from poise.stack import Contact, Stack, checked_gain
@@ -36,8 +37,8 @@ class DifferentialIK(Controller):
 
     Args:
         robot: the robot.
-        stack: contacts and tasks; `default_stack(robot)` when None. Of its joint limit the margin
-            and the velocity scale count.
+        stack: contacts and tasks; `default_stack(robot)` when None. Of its joint limit the
+            positions and the velocity scale count.
         dt: control period, over which a velocity is held [s].
         method: one of `METHODS`.
         joints: names of the joints that may move, the others have velocity zero; all when None.
@@ -48,6 +49,7 @@ class DifferentialIK(Controller):
         limit_time: time in which no joint may go farther than its limit [s], see
             `VelocityBounds`; at least `dt`, which is what a shorter one counts as.
         rank: what happens where an exact level loses rank; `RANK` when None.
+        dynamics: shared with the estimator of the state, see `Controller`; its own when None.
 
     Attributes:
         dt: control period [s].
@@ -70,6 +72,7 @@ class DifferentialIK(Controller):
         speeds: Mapping[str, Numbers] | None = None,
         limit_time: float = 0.1,
         rank: RankTreatment | None = None,
+        dynamics: Dynamics | None = None,
     ) -> None:
         stack = bound_stack(robot, stack)
         self.dt, self.method = checked_number(dt, "dt of the controller [s]", above=0.0), method
@@ -87,7 +90,7 @@ class DifferentialIK(Controller):
             _checked_speeds(speeds or {}, stack),
             checked_kind(rank or RANK, RankTreatment, "rank of the controller"),
         )
-        super().__init__(self._velocities)
+        super().__init__(self._velocities, dynamics=dynamics)
 
     @property
     def strategy(self) -> VelocityStrategy:

@@ -7,9 +7,11 @@ The floating base under a stance contact: its velocity follows from the joints'.
 
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import accumulate, pairwise
+from typing import Any, cast
 
 import numpy as np
 from jaxtyping import Float64, Int64
+from scipy.linalg import lapack as _scipy_lapack
 
 from poise._checks import Numbers
 from poise.control._differential_ik._closed_form import VelocityLevel
@@ -17,6 +19,8 @@ from poise.dynamics import Dynamics, saturate
 from poise.errors import ConfigurationError
 from poise.robots import Robot
 from poise.stack import Contact, Stack, StackRows, Task, checked_gain, home_jacobians
+
+_lapack: Any = cast("Any", _scipy_lapack)  # SciPy's stubs do not know the wrapped routines
 
 ROW_WEIGHT = 1e4
 """W_A of a row whose task has weight one.
@@ -28,18 +32,17 @@ then misses a ten-thousandth of what it is asked for."""
 class RowWeights:
     """Diagonal of W_A in (20) of Zhang and Kikuuwe, by task: `weights[task] = 100.0`.
 
-    A task starts at `ROW_WEIGHT` times its weight squared, because a level's slack is measured as
-    |W w|. Weights count within a level, and in the closed form against the joint velocities; the
-    exact levels of the closed form have none.
+    It is `ROW_WEIGHT` times the task's own weight squared, because a level's slack is measured as
+    |W w|; whoever leads the stack may as well say `Task.set_weight`. Weights count within a level,
+    and in the closed form against the joint velocities; the exact levels of the closed form have
+    none.
 
     Args:
         stack: whose tasks have rows; bound to the robot.
     """
 
     def __init__(self, stack: Stack) -> None:
-        self._weights = {
-            task.name: ROW_WEIGHT * task.weight * task.weight for _, task in stack.tasks()
-        }
+        self._tasks = {task.name: task for _, task in stack.tasks()}
 
     def __getitem__(self, task: Task | str) -> Float64[np.ndarray, " m"]:
         """Weights of a task's rows, a copy.
@@ -47,7 +50,8 @@ class RowWeights:
         Raises:
             ConfigurationError: no such task.
         """
-        return self._weights[self._name(task)].copy()
+        weight = self._task(task).weight
+        return ROW_WEIGHT * weight * weight
 
     def __setitem__(self, task: Task | str, weight: Numbers) -> None:
         """Sets the weights of a task's rows, one number or one a row.
@@ -55,33 +59,28 @@ class RowWeights:
         Raises:
             ConfigurationError: no such task, a wrong length, or weights that are not positive.
         """
-        name = self._name(task)
-        what = f"row weight of task {name!r}"
-        found = checked_gain(weight, len(self._weights[name]), what)
-        if found.min() <= 0.0:
+        found = self._task(task)
+        what = f"row weight of task {found.name!r}"
+        rows = checked_gain(weight, found.dim, what)
+        if rows.min() <= 0.0:
             raise ConfigurationError(f"{what} must be positive", got=weight, wanted="> 0")
-        # In place: the rows hold on to the array.
-        self._weights[name][:] = found
+        found.set_weight(np.sqrt(rows / ROW_WEIGHT))
 
     def __iter__(self) -> Iterator[str]:
         """Names of the tasks, most important first."""
-        return iter(self._weights)
+        return iter(self._tasks)
 
     def __len__(self) -> int:
         """Number of tasks."""
-        return len(self._weights)
+        return len(self._tasks)
 
-    def live(self, task: Task) -> Float64[np.ndarray, " m"]:
-        """The array that later settings change."""
-        return self._weights[task.name]
-
-    def _name(self, task: Task | str) -> str:
+    def _task(self, task: Task | str) -> Task:
         name = task.name if isinstance(task, Task) else task
-        if name not in self._weights:
+        if name not in self._tasks:
             raise ConfigurationError(
-                "unknown task of the stack", got=name, choices=list(self._weights)
+                "unknown task of the stack", got=name, choices=list(self._tasks)
             )
-        return name
+        return self._tasks[name]
 
 
 BASE = 6
@@ -100,7 +99,7 @@ def base_from_joints(
     Args:
         contact_jacobian: Jacobian of the contact frame, six rows.
     """
-    return np.linalg.solve(contact_jacobian[:, :BASE], -contact_jacobian[:, BASE:])
+    return _lapack.dgesv(contact_jacobian[:, :BASE], -contact_jacobian[:, BASE:])[2]
 
 
 def constrained(
@@ -174,7 +173,6 @@ class VelocityRows:
         stance: the contact that stands; None for a fixed base.
         held: other contacts that are active.
         joints: indices of the joints that may move.
-        weights: W_A of the stack's tasks.
         speeds: largest norm of the velocity that each block of a task's rows asks for, by name.
         home: Jacobians in the home posture, by which ranks are decided.
 
@@ -196,7 +194,6 @@ class VelocityRows:
         held: Sequence[Contact],
         joints: Int64[np.ndarray, " n"],
         *,
-        weights: RowWeights,
         speeds: Mapping[str, Float64[np.ndarray, " b"]],
         home: HomeJacobians,
     ) -> None:
@@ -207,7 +204,6 @@ class VelocityRows:
             for task, place in rows.task_rows
             if task.name in speeds
         ]
-        self._live_weights = [(place, weights.live(task)) for task, place in rows.task_rows]
         self._everything = len(joints) == len(home.joints)
         self._weight = np.ones(len(rows.target))
         self.jacobian: Float64[np.ndarray, "m n"] = np.zeros((len(rows.target), len(joints)))
@@ -233,8 +229,8 @@ class VelocityRows:
             if task.given_velocity is None:
                 for block, largest in blocks:
                     self.velocity[block] = saturate(largest, self.velocity[block])
-        for place, weight in self._live_weights:
-            self._weight[place] = weight
+        np.multiply(self.stack_rows.weight, self.stack_rows.weight, out=self._weight)
+        self._weight *= ROW_WEIGHT
         reduced = self.stack_rows.J
         if self.stance is not None:
             base_map = base_from_joints(self.stance.jacobian)

@@ -285,7 +285,6 @@ class VelocityStrategy:
                 stance,
                 [c for c in contacts if c is not stance],
                 self._joints,
-                weights=self.weights,
                 speeds=self._speeds,
                 home=self._home,
             )

@@ -1,6 +1,6 @@
-"""A person's hands on the robot's feet: step-by-step teleoperation of bipeds."""
+"""A person leads the robot's feet: step-by-step teleoperation of bipeds."""
 
-from poise.locomotion._stepping._com import ComDriver, PreviewDriver, ShifterDriver
+from poise.locomotion._stepping._com import ComDriver, ShifterDriver
 from poise.locomotion._stepping._device import (
     Device,
     DeviceGuard,
@@ -20,11 +20,9 @@ from poise.locomotion._stepping._recording import (
     RowKind,
     read_recording,
 )
-from poise.locomotion._stepping._rules import PAPER_RULES, Rules
 from poise.locomotion._stepping._step_teleoperator import StepTeleoperator, TeleopStatus
 
 __all__ = [
-    "PAPER_RULES",
     "ComDriver",
     "Device",
     "DeviceGuard",
@@ -32,14 +30,12 @@ __all__ = [
     "DeviceStatus",
     "Event",
     "Mode",
-    "PreviewDriver",
     "RecordedDevice",
     "RecordedPush",
     "Recording",
     "RecordingError",
     "RecordingWriter",
     "RowKind",
-    "Rules",
     "ScriptedDevice",
     "ShifterDriver",
     "StepTeleoperator",

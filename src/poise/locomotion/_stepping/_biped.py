@@ -6,18 +6,40 @@
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float64, Int64
+from jaxtyping import Float64
 
 from poise.dynamics import Dynamics, RobotState
 from poise.errors import ConfigurationError
-from poise.locomotion._stepping._parameters import TeleopParameters, knee_limits, leg_joints
+from poise.locomotion._stepping._parameters import TeleopParameters
 from poise.robots import Robot
 
 _HIP_JOINTS = 3
 """The first three joints of a leg are the hip's, in any order."""
 
+KNEE = 3
+"""Place of the knee among the joints of a leg: behind the hip's three."""
+
 _PITCH, _ROLL = 1, 0
 """Axes of the ankle in the body: across the leg and along the foot."""
+
+
+def leg_joints(robot: Robot, sole: str) -> list[int]:
+    """Joints from the base to a sole, as indices among the robot's joints.
+
+    Raises:
+        ConfigurationError: fewer than six joints: the foot cannot be placed and turned freely.
+    """
+    model = robot.model
+    parent = model.frames[robot.frame_id(sole)].parentJoint
+    # Joint 0 is the world, joint 1 the floating base.
+    joints = [int(j) - 2 for j in model.supports[parent] if j > 1]
+    if len(joints) < 6:
+        raise ConfigurationError(
+            f"the leg of {sole} has too few joints for step teleoperation",
+            got=[robot.joint_names[j] for j in joints],
+            wanted="six joints or more",
+        )
+    return joints
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -57,7 +79,8 @@ def leg_geometry(robot: Robot, sole: str, knee_min: float) -> LegGeometry:
         ConfigurationError: the leg has too few joints.
     """
     joints = leg_joints(robot, sole)
-    lower, upper = knee_limits(robot, [joints], knee_min)
+    lower, upper = robot.q_min[joints], robot.q_max[joints]
+    lower[KNEE] = max(lower[KNEE], knee_min)
     q = robot.q_home.copy()
     q[7 + np.array(joints)] = np.clip(0.0, lower, upper)
     dynamics = Dynamics(robot)
@@ -119,10 +142,8 @@ class Biped:
         sizes: their lengths and widths [m].
         torso: its frame.
         weight: m g [N].
-        legs: the legs' joints among the robot's, the left leg's first.
-        q_min: lower limits of these, knees kept from being straight [rad].
-        q_max: upper limits [rad].
-        v_max: velocity limits [rad/s].
+        legs: names of the legs' joints, the left leg's first.
+        knees: names of the knees.
     """
 
     robot: Robot
@@ -131,10 +152,8 @@ class Biped:
     sizes: tuple[tuple[float, float], tuple[float, float]]
     torso: int
     weight: float
-    legs: Int64[np.ndarray, " n"]
-    q_min: Float64[np.ndarray, " n"]
-    q_max: Float64[np.ndarray, " n"]
-    v_max: Float64[np.ndarray, " n"]
+    legs: tuple[str, ...]
+    knees: tuple[str, str]
 
 
 def two_soles(robot: Robot) -> tuple[str, str]:
@@ -168,9 +187,9 @@ def biped_of(robot: Robot, parameters: TeleopParameters) -> Biped:
     """
     left, right = soles = two_soles(robot)
     _check_soles(robot, soles, parameters.r_lift)
-    both = [leg_joints(robot, sole) for sole in soles]
-    q_min, q_max = knee_limits(robot, both, parameters.knee_min)
-    legs = [joint for leg in both for joint in leg]
+    left_leg, right_leg = (
+        [robot.joint_names[joint] for joint in leg_joints(robot, sole)] for sole in soles
+    )
     return Biped(
         robot=robot,
         soles=soles,
@@ -178,10 +197,8 @@ def biped_of(robot: Robot, parameters: TeleopParameters) -> Biped:
         sizes=(_size(robot, left), _size(robot, right)),
         torso=robot.frame_id(robot.torso),
         weight=robot.weight,
-        legs=np.array(legs),
-        q_min=q_min,
-        q_max=q_max,
-        v_max=robot.v_max[legs],
+        legs=(*left_leg, *right_leg),
+        knees=(left_leg[KNEE], right_leg[KNEE]),
     )
 
 

@@ -2,21 +2,18 @@
 
 `BodyMomentum`: the angular momentum that the body rotator asks for.
 `ComHeight`: how high the COM shall be, and how fast it goes there.
-`ComDriver`: what moves the COM so that the ZMP gets to its reference; two of them.
+`ComDriver`: what moves the COM so that the ZMP gets to its reference; the COM shifter is one.
 """
 
-from collections import deque
 from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float64
 
-from poise.locomotion._pendulum import BodyRotator, ComShifter, natural_frequency
-from poise.locomotion._preview import PreviewControl
+from poise.locomotion._pendulum import BodyRotator, ComShifter
 from poise.locomotion._stepping._footing import Footing
 from poise.locomotion._stepping._parameters import TeleopParameters
 from poise.locomotion._stepping._reach import FootRange
-from poise.locomotion._stepping._rules import Rules
 
 
 class BodyMomentum:
@@ -25,28 +22,20 @@ class BodyMomentum:
     Args:
         rotator: None where it shall not act.
         parameters: length of a tick and leak.
-        rules: departures from the paper.
 
     Attributes:
-        wanted: about the COM, x and y [kg m^2/s].
+        reference: about the COM, x and y [kg m^2/s].
     """
 
-    def __init__(
-        self, rotator: BodyRotator | None, parameters: TeleopParameters, rules: Rules
-    ) -> None:
+    def __init__(self, rotator: BodyRotator | None, parameters: TeleopParameters) -> None:
         self._rotator, self._dt = rotator, parameters.dt
-        leak = parameters.dt * parameters.momentum_leak
-        self._kept = 1.0 - leak if rules.leaking_momentum else 1.0
+        # A pure integral drives the torso in a limit cycle.
+        self._kept = 1.0 - parameters.dt * parameters.momentum_leak
         self.restart()
-
-    @property
-    def acts(self) -> bool:
-        """Whether there is a rotator."""
-        return self._rotator is not None
 
     def restart(self) -> None:
         """Another mode has begun."""
-        self.wanted: Float64[np.ndarray, "2"] = np.zeros(2)
+        self.reference: Float64[np.ndarray, "2"] = np.zeros(2)
 
     def turn(self, footing: Footing, cart_table_zmp: Float64[np.ndarray, "2"]) -> None:
         """One tick.
@@ -59,7 +48,7 @@ class BodyMomentum:
             self.restart()
             return
         rate = self._rotator.momentum_rate(footing.zmp_reference, cart_table_zmp)
-        self.wanted = self._kept * self.wanted + self._dt * rate
+        self.reference = self._kept * self.reference + self._dt * rate
 
 
 _HERE = np.zeros(2)
@@ -72,14 +61,10 @@ class ComHeight:
         height: of the COM above the soles at the start, H [m].
         reach: of the legs.
         parameters: gains and speeds.
-        rules: departures from the paper.
     """
 
-    def __init__(
-        self, height: float, reach: FootRange, parameters: TeleopParameters, rules: Rules
-    ) -> None:
-        self._height, self._range = height, reach
-        self._parameters, self._rules = parameters, rules
+    def __init__(self, height: float, reach: FootRange, parameters: TeleopParameters) -> None:
+        self._height, self._range, self._parameters = height, reach, parameters
         self._velocity = 0.0
 
     def room_below(self, footing: Footing) -> float:
@@ -88,8 +73,6 @@ class ComHeight:
         Args:
             footing: of the tick.
         """
-        if not self._rules.stooping:
-            return 0.0
         return max(0.0, float(footing.dynamics.com[2]) - self._lowest(footing))
 
     def velocity(self, footing: Footing, target: Float64[np.ndarray, "3"]) -> float:
@@ -100,19 +83,16 @@ class ComHeight:
             target: where the foot that is not the stance is sent [m].
         """
         p = self._parameters
-        wanted = p.k_v * (self._wanted(footing, target) - float(footing.dynamics.com[2]))
-        if not self._rules.gentle:
-            return max(-p.v_lim, min(p.v_lim, wanted))
-        wanted = max(-p.lift_speed, min(p.lift_speed, wanted))
+        velocity = p.k_v * (self._reference(footing, target) - float(footing.dynamics.com[2]))
+        # At v_lim downwards the robot would fall faster than its legs can carry.
+        velocity = max(-p.lift_speed, min(p.lift_speed, velocity))
         change = p.dt * p.lift_acceleration
-        self._velocity = max(self._velocity - change, min(self._velocity + change, wanted))
+        self._velocity = max(self._velocity - change, min(self._velocity + change, velocity))
         return self._velocity
 
-    def _wanted(self, footing: Footing, target: Float64[np.ndarray, "3"]) -> float:
+    def _reference(self, footing: Footing, target: Float64[np.ndarray, "3"]) -> float:
         """Eq. (15b), lower where a leg could not reach its foot, now or at the end [m]."""
         nominal = self._height + footing.ground
-        if not self._rules.stooping:
-            return nominal
         com, stance, anchors = footing.dynamics.com, footing.stance, footing.anchors
         hips = [self._range.hip(foot, footing.dynamics) for foot in (0, 1)]
         too_high = max(
@@ -198,57 +178,12 @@ class ShifterDriver:
         return measured
 
 
-class PreviewDriver:
-    """Preview control as a baseline: the reference goes through a buffer of N ticks first.
-
-    What the controller takes for the present is the reference of N ticks ago; the buffer holds
-    what comes after it. So a reference that jumps acts N T later, and the ZMP begins to move
-    earlier.
-
-    Args:
-        height: of the COM [m].
-        dt: length of a tick [s].
-        length: N.
-    """
-
-    def __init__(self, height: float, dt: float, length: int) -> None:
-        self.control = PreviewControl(height, dt, length)
-        self.omega = natural_frequency(height)
-        self._buffer: deque[Float64[np.ndarray, "2"]] = deque(maxlen=length)
-        self._acceleration = np.zeros(2)
-
-    def drive(
-        self,
-        reference: Float64[np.ndarray, "2"],
-        position: Float64[np.ndarray, "2"],
-        velocity: Float64[np.ndarray, "2"],
-        dt: float,
-    ) -> tuple[Float64[np.ndarray, "2"], Float64[np.ndarray, "2"]]:
-        """One tick, with the position fed back."""
-        del dt
-        missing = self.control.length - len(self._buffer)
-        self._buffer.extend([reference.copy()] * max(missing, 1))
-        # The newest reference is N ticks ahead: until then nothing is to be seen of it.
-        state = np.stack((position, velocity, self._acceleration))
-        jerk = self.control.jerk(state, np.stack(self._buffer))
-        _, velocity, self._acceleration = self.control.advance(state, jerk)
-        return velocity, self._acceleration
-
-    def restart(
-        self, commanded: Float64[np.ndarray, "2"], measured: Float64[np.ndarray, "2"]
-    ) -> Float64[np.ndarray, "2"]:
-        """The commanded velocity: the pattern goes on across modes."""
-        del measured
-        return commanded
-
-
 class ComMotion:
     """Integrates what the driver wants, within what the soles can support.
 
     Args:
         driver: COM shifter or preview control.
         parameters: length of a tick and leak.
-        rules: departures from the paper.
 
     Attributes:
         omega: sqrt(g / H) [1/s].
@@ -256,11 +191,11 @@ class ComMotion:
         acceleration: likewise [m/s^2].
     """
 
-    def __init__(self, driver: ComDriver, parameters: TeleopParameters, rules: Rules) -> None:
+    def __init__(self, driver: ComDriver, parameters: TeleopParameters) -> None:
         self.omega = driver.omega
         self.velocity: Float64[np.ndarray, "2"] = np.zeros(2)
         self.acceleration: Float64[np.ndarray, "2"] = np.zeros(2)
-        self._driver, self._parameters, self._rules = driver, parameters, rules
+        self._driver, self._parameters = driver, parameters
 
     def restart(self, measured: Float64[np.ndarray, "2"]) -> None:
         """Contacts have changed: the driver says what to go on from.
@@ -286,15 +221,14 @@ class ComMotion:
         """
         p, dynamics, before = self._parameters, footing.dynamics, self.velocity
         com, reference = dynamics.com[:2], footing.zmp_reference
-        if self._rules.felt_velocity:
-            measured = dynamics.com_velocity[:2]
-            before = before + p.dt * p.velocity_leak * (measured - before)
+        # While a sole rocks on its edge the COM moves by itself, which an integral does not notice.
+        before = before + p.dt * p.velocity_leak * (dynamics.com_velocity[:2] - before)
         driver = self._driver
-        if not (self._rules.supported and isinstance(driver, ShifterDriver)):
+        if not isinstance(driver, ShifterDriver):
             self.velocity, self.acceleration = driver.drive(reference, com, before, p.dt)
             return
-        wanted, setting_off = _straight(driver.shifter, reference, com, before)
-        start, goal = (float(com[0]), float(com[1])), com - wanted / self.omega**2
+        unsupported, setting_off = _straight(driver.shifter, reference, com, before)
+        start, goal = (float(com[0]), float(com[1])), com - unsupported / self.omega**2
         point = (float(goal[0]), float(goal[1]))
         support = footing.support
         kept = support.towards(start, point) if setting_off else support.nearest(point)

@@ -1,6 +1,6 @@
 """`Device` and `ScriptedDevice`: where samples come from, and one that needs no person.
 
-`DeviceSample` and `DeviceGuard`: what the operator's hands say, and whether to believe it.
+`DeviceSample` and `DeviceGuard`: what the operator commands, and whether to believe it.
 """
 
 import math
@@ -35,7 +35,7 @@ class DeviceSample:
     right: Float64[np.ndarray, "3"]
     upright: bool = False
 
-    def hand(self, foot: int) -> Float64[np.ndarray, "3"]:
+    def position(self, foot: int) -> Float64[np.ndarray, "3"]:
         """Position commanded for a sole: 0 left, 1 right [m]."""
         return self.left if foot == 0 else self.right
 
@@ -107,11 +107,8 @@ class DeviceGuard:
             return False
         if time - self._good_at > self._lost_after:
             return True
-        step = max(
-            float(np.abs(sample.left - last.left).max()),
-            float(np.abs(sample.right - last.right).max()),
-        )
-        return step <= self._jump
+        steps = (*(sample.left - last.left).tolist(), *(sample.right - last.right).tolist())
+        return max(map(abs, steps)) <= self._jump
 
 
 def _is_point(value: object) -> bool:
@@ -119,7 +116,7 @@ def _is_point(value: object) -> bool:
         isinstance(value, np.ndarray)
         and value.shape == (3,)
         and value.dtype == np.float64
-        and bool(np.isfinite(value).all())
+        and all(map(math.isfinite, value.tolist()))
     )
 
 
@@ -129,7 +126,7 @@ Offset = Annotated[tuple[float, float, float], Vector(3, Bounds(most=10.0, unit=
 
 @runtime_checkable
 class Device(Protocol):
-    """Anything that gives the operator's hands."""
+    """Anything that says where the operator holds the two foot devices."""
 
     def sample(self, time: float) -> DeviceSample | None:
         """What came since the last tick.
@@ -201,7 +198,7 @@ class ScriptedDevice:
 
 
 class _Path:
-    """One device's way."""
+    """One device's trajectory."""
 
     def __init__(self, points: list[tuple[float, Offset]], start: Float64[np.ndarray, "3"]) -> None:
         times = [at for at, _ in points]

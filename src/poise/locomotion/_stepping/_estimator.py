@@ -7,11 +7,14 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float64
 
+from poise.control import is_usable
 from poise.dynamics import Dynamics, RobotState
 from poise.robots import Robot
 
 _LEAST_LOAD = 0.02
-"""Share of the weight below which the soles say nothing about the ZMP."""
+"""Part of the weight below which the soles say nothing about the ZMP."""
+
+_NO_WRENCH = (0.0,) * 6
 
 
 class ZmpSensor:
@@ -41,7 +44,7 @@ class ZmpSensor:
         dt: float,
     ) -> None:
         self._frames, self._names, self._least = frames, names, _LEAST_LOAD * weight
-        self._share = dt / (time_constant + dt)
+        self._gain = dt / (time_constant + dt)
         self.zmp: Float64[np.ndarray, "2"] = np.zeros(2)
         self.loads: Float64[np.ndarray, "2"] = np.zeros(2)
         self._fresh = True
@@ -53,20 +56,19 @@ class ZmpSensor:
             state: with the soles' wrenches.
             dynamics: of the estimated state, which says where the soles are.
         """
-        pressure, nothing = np.zeros(3), np.zeros(6)
+        pressed_x = pressed_y = total = 0.0
         for i, (frame_id, name) in enumerate(zip(self._frames, self._names, strict=True)):
-            wrench = state.contacts.get(name, nothing)
-            load = float(wrench[2])
-            self.loads[i] = load = load if load > 0.0 else 0.0
+            wrench = state.contacts.get(name)
+            _, _, load, mx, my, _ = _NO_WRENCH if wrench is None else wrench.tolist()
+            self.loads[i] = load = load if load > 0.0 else 0.0  # not a number is no load
             if load > self._least:
                 frame = dynamics.frame(frame_id)
-                offset = np.array([-wrench[4] / load, wrench[3] / load, 0.0])
-                pressure += load * (frame.position + frame.rotation @ offset)
-        total = float(sum(load for load in self.loads if load > self._least))
+                x, y = (load * frame.position[:2] + frame.rotation[:2, :2] @ (-my, mx)).tolist()
+                pressed_x, pressed_y, total = pressed_x + x, pressed_y + y, total + load
         if total <= 0.0:
             return
-        centre = pressure[:2] / total
-        self.zmp = centre if self._fresh else self.zmp + self._share * (centre - self.zmp)
+        centre = np.array([pressed_x / total, pressed_y / total])
+        self.zmp = centre if self._fresh else self.zmp + self._gain * (centre - self.zmp)
         self._fresh = False
 
 
@@ -92,27 +94,37 @@ class StanceEstimator:
         self, robot: Robot, soles: tuple[str, str], q_start: Float64[np.ndarray, " nq"]
     ) -> None:
         self.dynamics = Dynamics(robot)
-        self._model, self._data = robot.model, robot.model.createData()
+        self._robot, self._data = robot, robot.model.createData()
         self._soles = [robot.frame_id(name) for name in soles]
-        self.dynamics.update(RobotState(q_start, np.zeros(robot.nv)))
-        self.anchors = [self.dynamics.frame(i).position.copy() for i in self._soles]
+        self._start = RobotState(q_start, np.zeros(robot.nv))
+        self.anchors: list[Float64[np.ndarray, "3"]] = []
+        self.reset()
+
+    def reset(self) -> None:
+        """Back to the configuration at the start."""
+        self.dynamics.update(self._start)
+        self.anchors[:] = [self.dynamics.frame(i).position.copy() for i in self._soles]
         self.stance = 1
 
     def update(self, state: RobotState) -> RobotState:
         """The state with the base's position and velocity estimated; `dynamics` follows.
 
+        Never raises: a state that cannot be used comes back as it is, for the controller to refuse.
+
         Args:
             state: as measured.
         """
-        q, v = state.q.copy(), state.v.copy()
-        q[:3], v[:3] = 0.0, 0.0
+        known = _without_base_motion(state)
+        if known is None or not is_usable(known, self._robot):
+            return state
+        q, v = known.q, known.v
         position, jacobian = self._stance_sole(q)
         q[:3] = self.anchors[self.stance] - position
-        # The sole's linear velocity is zero; the base's linear velocity turns with the base.
-        v[:3] = -np.linalg.solve(jacobian[:3, :3], jacobian[:3, 3:] @ v[3:])
-        estimate = RobotState(q, v, state.contacts, state.time)
-        self.dynamics.update(estimate)
-        return estimate
+        # The sole's linear velocity is zero. The base's stands in its own axes: a rotation.
+        base_R_world = jacobian[:3, :3].T
+        v[:3] = -base_R_world @ (jacobian[:3, 3:] @ v[3:])
+        self.dynamics.update(known)
+        return known
 
     def sole(self, foot: int) -> Float64[np.ndarray, "3"]:
         """Where a sole's centre is [m]."""
@@ -132,7 +144,20 @@ class StanceEstimator:
         self, q: Float64[np.ndarray, " nq"]
     ) -> tuple[Float64[np.ndarray, "3"], Float64[np.ndarray, "6 nv"]]:
         """Where the sole at rest would be, and its Jacobian, without the rest of `dynamics`."""
-        model, data, frame_id = self._model, self._data, self._soles[self.stance]
+        model, data, frame_id = self._robot.model, self._data, self._soles[self.stance]
         pin.computeJointJacobians(model, data, q)
         position = pin.updateFramePlacement(model, data, frame_id).translation
         return position, pin.getFrameJacobian(model, data, frame_id, pin.LOCAL_WORLD_ALIGNED)
+
+
+def _without_base_motion(state: object) -> RobotState | None:
+    """A copy less what no sensor gives: where the base is and how fast it goes along."""
+    if not isinstance(state, RobotState) or not _are_arrays(state.q, state.v):
+        return None
+    q, v = state.q.copy(), state.v.copy()
+    q[:3], v[:3] = 0.0, 0.0
+    return RobotState(q, v, state.contacts, state.time)
+
+
+def _are_arrays(*values: object) -> bool:
+    return all(isinstance(value, np.ndarray) and value.ndim == 1 for value in values)

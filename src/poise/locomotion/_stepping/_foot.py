@@ -11,7 +11,6 @@ from poise.locomotion._stepping._device import DeviceSample
 from poise.locomotion._stepping._footing import Footing
 from poise.locomotion._stepping._parameters import TeleopParameters
 from poise.locomotion._stepping._reach import FootRange
-from poise.locomotion._stepping._rules import Rules
 
 
 class FootTarget:
@@ -20,14 +19,13 @@ class FootTarget:
     Args:
         reach: of the legs.
         parameters: depths and heights.
-        rules: departures from the paper.
 
     Attributes:
-        rescuing: whether the foot in the air is put down, whatever the operator wants.
+        rescuing: whether the foot in the air is put down, whatever the operator commands.
     """
 
-    def __init__(self, reach: FootRange, parameters: TeleopParameters, rules: Rules) -> None:
-        self._range, self._parameters, self._rules = reach, parameters, rules
+    def __init__(self, reach: FootRange, parameters: TeleopParameters) -> None:
+        self._range, self._parameters = reach, parameters
         self.rescuing = False
 
     def restart(self) -> None:
@@ -46,14 +44,14 @@ class FootTarget:
 
         Args:
             footing: of the tick.
-            device: the operator's hands, None while they are lost.
+            device: the operator's foot devices, None while they are lost.
             has_left: whether the foot in the air has left the ground.
             room_below: how far the body may still come down for it [m].
         """
         here = footing.sole(footing.other)
         if not footing.mode.single:
-            return footing.anchors[footing.other] if self._rules.held_feet else here
-        if self._rules.rescue and footing.capture_depth < 0.0:
+            return footing.anchors[footing.other]
+        if footing.capture_depth < 0.0:
             # The divergent component has left the sole that carries: the robot is falling.
             self.rescuing = True
         lowest = footing.lowest_ground - self._parameters.press_depth
@@ -61,22 +59,19 @@ class FootTarget:
             # Nobody commands, or nobody may: straight down, until the ground is felt.
             return np.array([here[0], here[1], lowest])
         # One that has not left the ground yet would push the robot over.
-        down = lowest if has_left or not self._rules.cancel else float(here[2])
+        down = lowest if has_left else float(here[2])
         return self._followed(footing, device, down, room_below)
 
     def _followed(
         self, footing: Footing, device: DeviceSample, lowest: float, room_below: float
     ) -> Float64[np.ndarray, "3"]:
-        """The operator's hand, where a foot can be and no lower than it may [m]."""
+        """The operator's device, where a foot can be and no lower than it may [m]."""
         swing, here = footing.other, footing.sole(footing.other)
-        target = device.hand(swing).copy()
+        target = device.position(swing).copy()
         target[2] = max(float(target[2]), lowest)
-        if self._rules.lift_first:
-            # A foot that still touches would be dragged over the ground.
-            clear = footing.clearance(footing.lowest_ground, self._parameters.clear_height)
-            target[:2] = here[:2] + clear * (target[:2] - here[:2])
-        if not self._rules.reachable:
-            return target
+        # A foot that still touches would be dragged over the ground.
+        clear = footing.clearance(footing.lowest_ground, self._parameters.clear_height)
+        target[:2] = here[:2] + clear * (target[:2] - here[:2])
         hip = self._range.hip(swing, footing.dynamics)
         support = footing.anchors[footing.stance]
         return self._range.bring_back(
@@ -85,7 +80,7 @@ class FootTarget:
 
 
 _CALM = 0.8
-"""Share of the deepest place in the sole from which on the swing foot has all its speed."""
+"""Depth of the divergent component in the sole, over the deepest place's, for full speed."""
 
 
 class FootVelocity:
@@ -93,12 +88,11 @@ class FootVelocity:
 
     Args:
         parameters: gains, speeds and times.
-        rules: departures from the paper.
     """
 
-    def __init__(self, parameters: TeleopParameters, rules: Rules) -> None:
-        self._parameters, self._rules = parameters, rules
-        self._share = parameters.dt / (parameters.swing_time + parameters.dt)
+    def __init__(self, parameters: TeleopParameters) -> None:
+        self._parameters = parameters
+        self._gain = parameters.dt / (parameters.swing_time + parameters.dt)
         self.restart()
 
     def restart(self) -> None:
@@ -116,13 +110,14 @@ class FootVelocity:
             hurry: whether it has to be down as soon as it can.
         """
         p = self._parameters
-        wanted = saturate(p.v_lim, p.k_v * (target - footing.sole(footing.other)))
-        if self._rules.gentle and not hurry:
-            wanted[2] = max(float(wanted[2]), -self._lowering_speed(footing))
-        if not (self._rules.smooth_swing and footing.mode.single):
-            return wanted
-        wanted[:2] *= _calm(footing)
-        self._smoothed = self._smoothed + self._share * (wanted - self._smoothed)
+        velocity = saturate(p.v_lim, p.k_v * (target - footing.sole(footing.other)))
+        if not hurry:
+            velocity[2] = max(float(velocity[2]), -self._lowering_speed(footing))
+        if not footing.mode.single:
+            return velocity
+        velocity[:2] *= _calm(footing)
+        # Where the foot's velocity jumps, as with a device that jitters, the ZMP jumps too.
+        self._smoothed = self._smoothed + self._gain * (velocity - self._smoothed)
         return self._smoothed
 
     def _lowering_speed(self, footing: Footing) -> float:
@@ -133,7 +128,7 @@ class FootVelocity:
 
 
 def _calm(footing: Footing) -> float:
-    """Share of its speed that the swing foot may have: less the nearer the robot is to tipping.
+    """Factor of the swing foot's speed along the ground: less the nearer the robot is to tipping.
 
     Swinging a leg takes angular momentum, which is then missing for the balance.
     """

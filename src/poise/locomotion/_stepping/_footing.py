@@ -15,10 +15,9 @@ from poise.locomotion._stepping._biped import Biped
 from poise.locomotion._stepping._estimator import StanceEstimator, ZmpSensor
 from poise.locomotion._stepping._modes import Mode
 from poise.locomotion._stepping._parameters import TeleopParameters
-from poise.locomotion._stepping._rules import Rules
 from poise.locomotion._support import SupportPolygon, sole_rectangle
 
-_STANCE_SHARE = 1.2
+_LOAD_RATIO = 1.2
 """In double support a foot becomes the stance that carries this many times the other's load."""
 
 
@@ -29,7 +28,6 @@ class StanceChoice:
         estimator: whose.
         sensor: says what the feet carry.
         parameters: loads and speeds.
-        rules: departures from the paper.
         weight: of the robot [N].
     """
 
@@ -38,11 +36,10 @@ class StanceChoice:
         estimator: StanceEstimator,
         sensor: ZmpSensor,
         parameters: TeleopParameters,
-        rules: Rules,
         weight: float,
     ) -> None:
         self._estimator, self._sensor = estimator, sensor
-        self._parameters, self._rules = parameters, rules
+        self._parameters = parameters
         self._least_load = parameters.land_load * weight
         self._pressing = False
 
@@ -56,8 +53,8 @@ class StanceChoice:
         estimator = self._estimator
         if mode is Mode.D and before.single:
             estimator.put_down(1 - estimator.stance)
-        if mode.single or not self._rules.loaded_stance:
-            estimator.stand_on(mode.support or 0)
+        if mode.single and mode.support is not None:
+            estimator.stand_on(mode.support)
 
     def follow(self, mode: Mode) -> None:
         """Each tick with both feet on the ground: the one that carries more is the stance.
@@ -69,16 +66,16 @@ class StanceChoice:
             return
         estimator, loads = self._estimator, self._sensor.loads
         stance = estimator.stance
-        if self._rules.loaded_stance and loads[1 - stance] > _STANCE_SHARE * loads[stance]:
+        if loads[1 - stance] > _LOAD_RATIO * loads[stance]:
             estimator.stand_on(1 - stance)
-        if self._rules.press_down:
-            self._press(1 - estimator.stance)
+        self._press(1 - estimator.stance)
 
     def _press(self, foot: int) -> None:
         """Sends a foot down until it carries something.
 
-        It is taken to stand where it is as soon as it carries: pressed further it would tip the
-        robot over the edge of the sole at rest.
+        One that has only just touched with an edge would hang in the air. It is taken to stand
+        where it is as soon as it carries: pressed further it would tip the robot over the edge of
+        the sole at rest.
         """
         p = self._parameters
         anchor, height = self._estimator.anchors[foot], float(self._estimator.sole(foot)[2])
@@ -133,7 +130,7 @@ class Footing:
     def heading(self) -> Float64[np.ndarray, "2"]:
         """Where the torso faces, along the ground."""
         forward = self.dynamics.frame(self.biped.torso).rotation[:2, 0]
-        return forward / np.linalg.norm(forward)
+        return forward / math.hypot(*forward.tolist())
 
     @cached_property
     def tilt(self) -> float:

@@ -1,4 +1,4 @@
-"""`ModeEvents`: keeps the mode, and decides from hands and loads when it ends.
+"""`ModeEvents`: keeps the mode, and decides from devices and loads when it ends.
 
 Detectors of lifted devices and landed feet.
 """
@@ -10,7 +10,6 @@ from poise.locomotion._stepping._device import DeviceSample
 from poise.locomotion._stepping._estimator import StanceEstimator, ZmpSensor
 from poise.locomotion._stepping._modes import Event, Mode, ModeMachine
 from poise.locomotion._stepping._parameters import TeleopParameters
-from poise.locomotion._stepping._rules import Rules
 
 _STUCK_TIME = 0.3
 """A foot that still carries so long after it should have been lifted stays on the ground [s]."""
@@ -48,27 +47,26 @@ class LiftDetector:
 
 
 class LandingDetector:
-    """Whether the foot in the air has landed.
+    """Whether the foot in the air has landed, once it has been without load for a while.
 
     Args:
         parameters: loads and time.
         weight: of the robot [N].
-        arm: whether the foot has to be without load for a while first.
 
     Attributes:
         load: from which on a foot counts as on the ground [N].
         armed: whether the foot has left the ground.
     """
 
-    def __init__(self, parameters: TeleopParameters, weight: float, *, arm: bool) -> None:
+    def __init__(self, parameters: TeleopParameters, weight: float) -> None:
         self.load = parameters.land_load * weight
         self._unload = parameters.unload_load * weight
-        self._time, self._dt, self._arm = parameters.unload_time, parameters.dt, arm
+        self._time, self._dt = parameters.unload_time, parameters.dt
         self.reset()
 
     def reset(self) -> None:
         """The foot is about to leave the ground."""
-        self._unloaded, self._since, self.armed = 0.0, 0.0, not self._arm
+        self._unloaded, self._since, self.armed = 0.0, 0.0, False
 
     def update(self, load: float, *, lifting: bool) -> bool:
         """Takes one tick.
@@ -83,7 +81,7 @@ class LandingDetector:
             self._unloaded = self._unloaded + self._dt if load < self._unload else 0.0
             self.armed = self._unloaded >= self._time
             return load > self.load and self._since > _STUCK_TIME
-        return load > self.load and not (self._arm and lifting)
+        return load > self.load and not lifting
 
 
 class ModeEvents:
@@ -94,7 +92,6 @@ class ModeEvents:
         sensor: says what they carry.
         com: says where the COM is going.
         parameters: distances, loads and times.
-        rules: departures from the paper.
         weight: of the robot [N].
     """
 
@@ -104,13 +101,12 @@ class ModeEvents:
         sensor: ZmpSensor,
         com: ComMotion,
         parameters: TeleopParameters,
-        rules: Rules,
         weight: float,
     ) -> None:
         self._estimator, self._sensor, self._com = estimator, sensor, com
-        self._parameters, self._rules = parameters, rules
+        self._parameters = parameters
         self._lifts = (LiftDetector(parameters), LiftDetector(parameters))
-        self._landing = LandingDetector(parameters, weight, arm=rules.armed_landing)
+        self._landing = LandingDetector(parameters, weight)
         self._machine, self._shifted = ModeMachine(), 0.0
 
     @property
@@ -127,9 +123,9 @@ class ModeEvents:
         """Moves the mode on if something happened.
 
         Args:
-            device: the operator's hands, None while they are lost.
+            device: the operator's foot devices, None while they are lost.
             time: now [s].
-            rescuing: whether the foot in the air is put down whatever the operator wants.
+            rescuing: whether the foot in the air is put down whatever the operator commands.
 
         Returns:
             Whether another mode has begun.
@@ -154,7 +150,7 @@ class ModeEvents:
         if self.mode.single:
             return self._landed(device, swing, rescuing=rescuing)
         late = time - self._machine.since > self._parameters.shift_timeout
-        if self._rules.cancel and (self._is_given_back(device, swing) or late):
+        if late or self._is_given_back(device, swing):
             return Event.CANCEL
         return self._shift(support)
 
@@ -179,25 +175,21 @@ class ModeEvents:
         lifting = not rescuing and self._is_sent_up(device, swing)
         if self._landing.update(load, lifting=lifting):
             return Event.LANDED
-        if self._rules.cancel and not self._landing.armed:
-            unwanted = rescuing or self._is_given_back(device, swing)
-            return Event.LANDED if unwanted else None
-        return None
+        given_back = rescuing or self._is_given_back(device, swing)
+        return Event.LANDED if given_back and not self._landing.armed else None
 
     def _shift(self, support: int) -> Event | None:
         """The weight is on the foot that shall carry, for long enough."""
         p = self._parameters
         self._shifted = self._shifted + p.dt if self._has_shifted(support) else 0.0
-        wanted = p.shift_time if self._rules.safe_lift else 0.0
-        return Event.SHIFTED if self._shifted > wanted else None
+        return Event.SHIFTED if self._shifted > p.shift_time else None
 
     def _has_shifted(self, support: int) -> bool:
+        """Eq. (14e), and the COM too: while it brakes, the ZMP is there and the COM is not."""
         p, dynamics = self._parameters, self._estimator.dynamics
         place, com = self._estimator.anchors[support][:2], dynamics.com[:2]
         if np.linalg.norm(self._sensor.zmp - place) > p.r_lift:
             return False
-        if not self._rules.safe_lift:
-            return True
         if np.linalg.norm(self._com.cart_table_zmp(com) - place) > p.ct_zmp_max:
             return False
         # As commanded, and as it is: the robot lags behind a command that has just turned.
@@ -213,9 +205,9 @@ class ModeEvents:
     def _is_sent_up(self, device: DeviceSample | None, swing: int) -> bool:
         if device is None:
             return False
-        above = float(device.hand(swing)[2] - self._estimator.sole(swing)[2])
+        above = float(device.position(swing)[2] - self._estimator.sole(swing)[2])
         return above > self._parameters.lower_height
 
     def _lift_height(self, device: DeviceSample, foot: int) -> float:
         """How far a device is above its foot's place on the ground [m]."""
-        return float(device.hand(foot)[2] - self._estimator.anchors[foot][2])
+        return float(device.position(foot)[2] - self._estimator.anchors[foot][2])

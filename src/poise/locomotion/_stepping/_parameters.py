@@ -1,18 +1,11 @@
 """`TeleopParameters`: every number of the step teleoperator, the paper's, or scaled to a robot."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
-
-import numpy as np
-from jaxtyping import Float64
 
 from poise._schema import Positive, checked
 from poise.errors import ConfigurationError
 from poise.locomotion._pendulum import natural_frequency
 from poise.robots import Robot
-
-_KNEE = 3
-"""Place of the knee among the joints of a leg."""
 
 _PAPER_MASS = 65.0
 """Of the paper's robot [kg]."""
@@ -185,44 +178,3 @@ def scaled_parameters(robot: Robot, height: float, stance: float) -> TeleopParam
         touch_speed=paper.touch_speed * near,
         w_L=paper.w_L * (_PAPER_MASS / robot.mass / size) ** 2,
     )
-
-
-def leg_joints(robot: Robot, sole: str) -> list[int]:
-    """Joints from the base to a sole, as indices among the robot's joints.
-
-    Raises:
-        ConfigurationError: fewer than six joints: the foot cannot be placed and turned freely.
-    """
-    model = robot.model
-    parent = model.frames[robot.frame_id(sole)].parentJoint
-    # Joint 0 is the world, joint 1 the floating base.
-    joints = [int(j) - 2 for j in model.supports[parent] if j > 1]
-    if len(joints) < 6:
-        raise ConfigurationError(
-            f"the leg of {sole} has too few joints for step teleoperation",
-            got=[robot.joint_names[j] for j in joints],
-            wanted="six joints or more",
-        )
-    return joints
-
-
-def knee_limits(
-    robot: Robot, legs: Sequence[Sequence[int]], knee_min: float
-) -> tuple[Float64[np.ndarray, " n"], Float64[np.ndarray, " n"]]:
-    """Position limits of the joints of legs, with the knees kept from being straight.
-
-    The knee is the joint behind the hip's three.
-
-    Args:
-        robot: a biped.
-        legs: of each leg the joints, as indices among the robot's.
-        knee_min: least angle of a knee [rad].
-
-    Returns:
-        Lower and upper limits [rad].
-    """
-    lower, upper = robot.q_min.copy(), robot.q_max.copy()
-    for leg in legs:
-        lower[leg[_KNEE]] = max(lower[leg[_KNEE]], knee_min)
-    joints = [joint for leg in legs for joint in leg]
-    return lower[joints], upper[joints]

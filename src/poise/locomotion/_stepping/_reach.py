@@ -1,5 +1,7 @@
 """`FootRange`: where the feet can go, and how far the body must come down for them to."""
 
+import math
+
 import numpy as np
 from jaxtyping import Float64
 
@@ -8,11 +10,11 @@ from poise.locomotion._stepping._biped import leg_geometry
 from poise.locomotion._stepping._parameters import TeleopParameters
 from poise.robots import Robot
 
-_ROLL_SHARE = 0.8
-"""Share of the ankle's roll that may be used for standing with the feet apart."""
+_ROLL_RATIO = 0.8
+"""Part of the ankle's roll that may be used for standing with the feet apart."""
 
-_LEAN_SHARE = 0.9
-"""Share of the ankle's pitch that the shank may lean forward by."""
+_LEAN_RATIO = 0.9
+"""Part of the ankle's pitch that the shank may lean forward by."""
 
 
 class FootRange:
@@ -37,7 +39,7 @@ class FootRange:
         self._reach = [(1.0 - parameters.reach_margin) * leg.length for leg in self._legs]
         # A level sole beside the hip takes as much roll of the ankle as the leg leans.
         sides = [
-            reach * float(np.sin(min(_ROLL_SHARE * leg.roll_max, 0.5 * np.pi)))
+            reach * float(np.sin(min(_ROLL_RATIO * leg.roll_max, 0.5 * np.pi)))
             + abs(float(leg.hip[1]))
             for leg, reach in zip(self._legs, self._reach, strict=True)
         ]
@@ -78,8 +80,8 @@ class FootRange:
         """
         target = target.copy()
         across = np.array([-heading[1], heading[0]]) * (1.0 if foot == 0 else -1.0)
-        way = target[:2] - support[:2]
-        aside, ahead = float(way @ across), float(way @ heading)
+        offset = target[:2] - support[:2]
+        aside, ahead = float(offset @ across), float(offset @ heading)
         aside = min(max(aside, self._apart), self._aside_max)
         ahead = min(max(ahead, -self._step_max), self._step_max)
         target[:2] = support[:2] + aside * across + ahead * heading
@@ -87,10 +89,10 @@ class FootRange:
         arm = self._legs[foot].ankle
         drop = float(hip[2] - arm[2] - max(target[2], support[2])) - lower
         room = np.sqrt(max(self._reach[foot] ** 2 - drop * drop, 0.0))
-        way = target[:2] + arm[:2] - hip[:2]
-        distance = float(np.linalg.norm(way))
+        offset = target[:2] + arm[:2] - hip[:2]
+        distance = math.hypot(*offset.tolist())
         if distance > room:
-            target[:2] -= way * (1.0 - room / distance)
+            target[:2] -= offset * (1.0 - room / distance)
         return target
 
     def too_high(
@@ -108,10 +110,10 @@ class FootRange:
             hip: of the foot's leg [m].
             shift: how far the hip will have gone along the ground [m].
         """
-        way = place + self._legs[foot].ankle - hip
-        way[:2] -= shift
-        across = float(way[:2] @ way[:2])
-        return float(-way[2]) - float(np.sqrt(max(self._reach[foot] ** 2 - across, 0.0)))
+        (ax, ay, az), (hx, hy, hz) = (place + self._legs[foot].ankle).tolist(), hip.tolist()
+        sx, sy = shift.tolist()
+        across = (ax - hx - sx) ** 2 + (ay - hy - sy) ** 2
+        return hz - az - math.sqrt(max(self._reach[foot] ** 2 - across, 0.0))
 
     def too_low(
         self,
@@ -131,11 +133,10 @@ class FootRange:
             heading: unit vector forward, x and y.
         """
         leg = self._legs[foot]
-        way = hip - place - leg.ankle
-        lean = _LEAN_SHARE * leg.lean_max
-        ahead = float(way[:2] @ heading)
-        aside = float(way[:2] @ np.array([-heading[1], heading[0]]))
+        x, y, z = (hip - place - leg.ankle).tolist()
+        forward_x, forward_y = heading.tolist()
+        lean = _LEAN_RATIO * leg.lean_max
+        ahead, aside = x * forward_x + y * forward_y, y * forward_x - x * forward_y
         # The shank as far forward as it goes, and the thigh from its knee to the hip.
-        thigh = leg.thigh**2 - (ahead - leg.shank * float(np.sin(lean))) ** 2 - aside * aside
-        lowest = leg.shank * float(np.cos(lean)) + float(np.sqrt(max(thigh, 0.0)))
-        return lowest - float(way[2])
+        thigh = leg.thigh**2 - (ahead - leg.shank * math.sin(lean)) ** 2 - aside * aside
+        return leg.shank * math.cos(lean) + math.sqrt(max(thigh, 0.0)) - z

@@ -1,15 +1,16 @@
-"""`StepTeleoperator`: from the operator's hands and the robot's sensors to joint velocities.
+"""`StepTeleoperator`: from the operator's foot devices and the robot's sensors to a stack.
 
 `TeleopStatus`: how the last tick of the step teleoperator stood.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float64
 
 from poise._checks import checked_kind
-from poise.control import Command, CommandStatus, is_usable
+from poise.control import DifferentialIK, is_usable
 from poise.dynamics import RobotState
 from poise.locomotion._pendulum import BodyRotator, ComShifter
 from poise.locomotion._stepping._biped import biped_of, two_soles
@@ -20,17 +21,20 @@ from poise.locomotion._stepping._com import (
     ComMotion,
     ShifterDriver,
 )
-from poise.locomotion._stepping._device import DeviceGuard, DeviceSample, DeviceStatus
+from poise.locomotion._stepping._device import Device, DeviceGuard, DeviceSample, DeviceStatus
 from poise.locomotion._stepping._estimator import StanceEstimator, ZmpSensor
 from poise.locomotion._stepping._foot import FootTarget, FootVelocity
 from poise.locomotion._stepping._footing import Footing, StanceChoice
-from poise.locomotion._stepping._leg_velocities import LegVelocities, TaskWeights, Wanted
 from poise.locomotion._stepping._mode_events import ModeEvents
 from poise.locomotion._stepping._modes import Mode
 from poise.locomotion._stepping._parameters import TeleopParameters, scaled_parameters
 from poise.locomotion._stepping._reach import FootRange
-from poise.locomotion._stepping._rules import Rules
+from poise.locomotion._stepping._tasks import DesiredVelocities, SteppingTasks, TaskWeights
 from poise.robots import Robot
+from poise.stack import Stack
+
+_LIMIT_TIME = 0.05
+"""Time in which a joint may at most reach its position limit [s]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -40,9 +44,10 @@ class TeleopStatus:
     Attributes:
         mode: which feet carry the robot.
         device: what became of the operator's last sample.
+        sample: what the device gave in this tick; None for nothing.
         zmp: measured, x and y [m].
-        zmp_reference: likewise.
-        cart_table_zmp: CT-ZMP, likewise.
+        zmp_reference: where it should be, x and y [m].
+        cart_table_zmp: CT-ZMP, x and y [m].
         com: estimated [m].
         soles: where the soles are, left and right [m].
         target: where the foot in the air is sent, None with both on the ground [m].
@@ -52,6 +57,7 @@ class TeleopStatus:
 
     mode: Mode
     device: DeviceStatus
+    sample: DeviceSample | None
     zmp: Float64[np.ndarray, "2"]
     zmp_reference: Float64[np.ndarray, "2"]
     cart_table_zmp: Float64[np.ndarray, "2"]
@@ -63,20 +69,22 @@ class TeleopStatus:
 
 
 class StepTeleoperator:
-    """The controller of Zhang and Kikuuwe: a person places the feet, feedback keeps the balance.
+    """The leader of Zhang and Kikuuwe: a person places the feet, feedback keeps the balance.
 
-    Each tick: the state is estimated from joints, attitude and loads; events (14) move the mode on;
-    references (15) follow from mode and device; the COM shifter (37) and the body rotator (39)
-    and saturated P controllers (17) make velocities of them; prioritised differential inverse
-    kinematics (19) to (23) makes joint velocities of the legs. The other joints keep still.
+    A `poise.stack.Leader`. Each tick the rollout has `estimator` say where the robot is; `lead`
+    reads the device, events (14) move the mode on, references (15) follow from mode and device, and
+    the COM shifter (37), the body rotator (39) and saturated P controllers (17) make velocities of
+    them, which tasks of `stack` are asked for. `controller()` solves the stack for velocities of
+    the legs' joints, (19) to (23). The other joints keep still.
 
-    `step` never raises. A state that cannot be used gives zero velocities and says so.
+    Neither `estimator.update` nor `lead` raises. A state that cannot be used is passed over, and
+    the controller says so.
 
     Args:
         robot: a biped with legs of six joints.
+        device: says what the operator commands; may be set later.
         parameters: scaled to the robot when None.
         q_start: configuration at the start; the robot's home when None.
-        rules: departures from the paper.
         rotator: whether the body rotator acts.
         driver: moves the COM; the COM shifter when None.
 
@@ -85,52 +93,77 @@ class StepTeleoperator:
 
     Attributes:
         robot: that is walked.
+        device: says what the operator commands; None for nothing.
         soles: names of its left and its right sole.
         parameters: in use.
-        rules: in use.
         driver: in use.
-        estimator: where the controller takes the robot to be.
+        estimator: where the robot is taken to be; its `update` comes before `lead`.
+        zmp_sensor: ZMP and loads as measured.
     """
 
     def __init__(
         self,
         robot: Robot,
-        parameters: TeleopParameters | None = None,
+        device: Device | None = None,
         *,
+        parameters: TeleopParameters | None = None,
         q_start: Float64[np.ndarray, " nq"] | None = None,
-        rules: Rules | None = None,
         rotator: bool = True,
         driver: ComDriver | None = None,
     ) -> None:
         self.robot = checked_kind(robot, Robot, "the robot of the teleoperation")
+        self.device = device
         self.soles = two_soles(robot)
         q_start = robot.q_home if q_start is None else q_start
         self.estimator = StanceEstimator(robot, self.soles, q_start)
         left, right = self.estimator.anchors
-        height = float(self.estimator.dynamics.com[2] - 0.5 * (left[2] + right[2]))
+        self._com_height = float(self.estimator.dynamics.com[2] - 0.5 * (left[2] + right[2]))
         if parameters is None:
-            parameters = scaled_parameters(robot, height, abs(float(left[1] - right[1])))
+            stance = abs(float(left[1] - right[1]))
+            parameters = scaled_parameters(robot, self._com_height, stance)
         self.parameters = p = parameters
-        self.rules = rules = rules or Rules()
-        self._biped = biped = biped_of(robot, p)
+        self._biped = biped_of(robot, p)
         if driver is None:
-            shifter = ComShifter(height, kp=p.kp, acceleration_max=p.acceleration_max)
+            shifter = ComShifter(self._com_height, kp=p.kp, acceleration_max=p.acceleration_max)
             driver = ShifterDriver(shifter)
-        self.driver = driver
+        self.driver, self._rotator = driver, rotator
+        self._reach = FootRange(robot, self.soles, p)
+        self._tasks = SteppingTasks(self._biped, p)
+        self._weights = TaskWeights(p, rotator=rotator)
+        self.reset()
 
-        self._zmp = ZmpSensor(biped.frames, self.soles, biped.weight, p.zmp_time, p.dt)
+    def reset(self) -> None:
+        """Forgets the past: both feet stand where they stood at the start."""
+        biped, p, estimator = self._biped, self.parameters, self.estimator
+        estimator.reset()
+        self.zmp_sensor = sensor = ZmpSensor(
+            biped.frames, self.soles, biped.weight, p.zmp_time, p.dt
+        )
         self._guard = DeviceGuard()
-        self._com = ComMotion(driver, p, rules)
-        self._events = ModeEvents(self.estimator, self._zmp, self._com, p, rules, biped.weight)
-        self._stance = StanceChoice(self.estimator, self._zmp, p, rules, biped.weight)
-        self._momentum = BodyMomentum(BodyRotator(biped.weight) if rotator else None, p, rules)
-        reach = FootRange(robot, self.soles, p)
-        self._target = FootTarget(reach, p, rules)
-        self._height = ComHeight(height, reach, p, rules)
-        self._foot = FootVelocity(p, rules)
-        self._weights = TaskWeights(p, rules, rotator=rotator)
-        self._legs = LegVelocities(biped, p, rules)
+        self._com = ComMotion(self.driver, p)
+        self._events = ModeEvents(estimator, sensor, self._com, p, biped.weight)
+        self._stance = StanceChoice(estimator, sensor, p, biped.weight)
+        self._momentum = BodyMomentum(BodyRotator(biped.weight) if self._rotator else None, p)
+        self._target = FootTarget(self._reach, p)
+        self._height = ComHeight(self._com_height, self._reach, p)
+        self._foot = FootVelocity(p)
         self._status: TeleopStatus | None = None
+
+    def controller(self) -> DifferentialIK:
+        """Solves the stack for velocities of the legs' joints, on the estimator's dynamics."""
+        return DifferentialIK(
+            self.robot,
+            self.stack,
+            dt=self.parameters.dt,
+            joints=self._biped.legs,
+            limit_time=_LIMIT_TIME,
+            dynamics=self.estimator.dynamics,
+        )
+
+    @property
+    def stack(self) -> Stack:
+        """What it leads."""
+        return self._tasks.stack
 
     @property
     def mode(self) -> Mode:
@@ -148,39 +181,75 @@ class StepTeleoperator:
         left, right = (anchor.copy() for anchor in self.estimator.anchors)
         return DeviceSample(0.0, left, right)
 
-    def step(self, state: RobotState, sample: DeviceSample | None) -> Command:
-        """One tick.
+    def signals(self) -> Mapping[str, np.ndarray | float | str]:
+        """What a recorder should know of the last tick; nothing before the first.
+
+        Where the operator's devices and the foot in the air should be, the reference of the ZMP,
+        which soles carry the robot, mode and device; and what is estimated, under `estimate/`, for
+        `com` and `zmp` are the plant's own.
+        """
+        status, nowhere = self._status, np.full(3, np.nan)
+        if status is None:
+            return {}
+        support = status.mode.support if status.mode.single else None
+        sample = status.sample
+        planned = {
+            f"planned/{sole}": float(support in (None, i)) for i, sole in enumerate(self.soles)
+        }
+        return {
+            **planned,
+            "target/left device": nowhere if sample is None else sample.left,
+            "target/right device": nowhere if sample is None else sample.right,
+            "foot_target": nowhere if status.target is None else status.target,
+            "zmp_reference": status.zmp_reference,
+            "estimate/zmp": status.zmp,
+            "estimate/cart_table_zmp": status.cart_table_zmp,
+            "estimate/com": status.com,
+            "estimate/soles": np.array(status.soles),
+            "estimate/loads": status.loads,
+            "estimate/tilt": status.tilt,
+            "mode": status.mode.name,
+            "device": status.device.name,
+        }
+
+    def lead(self, state: RobotState) -> None:
+        """Sets contacts, velocities and weights of the stack for the tick that begins.
 
         Args:
-            state: as measured; of the base only attitude and angular velocity are read.
-            sample: what the device sent since the last tick; None for nothing.
-
-        Returns:
-            Joint velocities.
+            state: as the estimator gave it.
         """
-        known = _without_base_motion(state)
-        if known is None or not is_usable(known, self.robot):
-            return Command(status=CommandStatus.BAD_STATE, velocity=np.zeros(self.robot.nj))
-        estimate = self.estimator.update(known)
-        self._zmp.update(state, self.estimator.dynamics)
-        device = self._guard.check(sample, state.time)
-        self._move_mode(device, state.time)
+        dynamics = self.estimator.dynamics
+        if state is not dynamics.state:
+            # Of somebody else's estimator, or one that cannot be used.
+            if not is_usable(state, self.robot):
+                return
+            dynamics.update(state)
+        self.zmp_sensor.update(state, dynamics)
+        sample = None if self.device is None else self.device.sample(state.time)
+        command = self._guard.check(sample, state.time)
+        self._move_mode(command, state.time)
         footing = self._footing()
         self._com.drive(footing)
-        self._momentum.turn(footing, self._com.cart_table_zmp(footing.dynamics.com[:2]))
-        target = self._foot_target(footing, device)
-        velocity = self._legs.solve(estimate, footing, self._wanted(footing, device, target))
-        self._status = self._describe(footing, target)
-        if not np.isfinite(np.add.reduce(velocity)):
-            return Command(status=CommandStatus.SOLVER_FAILED, velocity=np.zeros(self.robot.nj))
-        return Command(status=CommandStatus.OK, velocity=velocity)
+        self._momentum.turn(footing, self._com.cart_table_zmp(dynamics.com[:2]))
+        target = self._target.place(
+            footing,
+            command,
+            has_left=self._events.foot_has_left,
+            room_below=self._height.room_below(footing),
+        )
+        upright = command is not None and command.upright
+        weights = self._weights.at(footing, upright=upright)
+        self._tasks.ask(footing, self._desired(footing, target), weights)
+        self._status = self._describe(footing, sample, target)
 
-    def _move_mode(self, device: DeviceSample | None, time: float) -> None:
+    def _move_mode(self, command: DeviceSample | None, time: float) -> None:
         before = self._events.mode
-        if self._events.advance(device, time, rescuing=self._target.rescuing):
+        if self._events.advance(command, time, rescuing=self._target.rescuing):
             self._stance.begin(before, self.mode)
-            self._events.begin(device)
-            if before.single or self.mode.single or not self.rules.steady_com:
+            self._events.begin(command)
+            if before.single or self.mode.single:
+                # Not at every change of mode: an operator who cannot decide makes many, and each
+                # restart takes in noise.
                 self._com.restart(self.estimator.dynamics.com_velocity[:2].copy())
             self._momentum.restart()
             self._target.restart()
@@ -198,55 +267,28 @@ class StepTeleoperator:
             margin=self.parameters.support_margin,
         )
 
-    def _foot_target(
-        self, footing: Footing, device: DeviceSample | None
-    ) -> Float64[np.ndarray, "3"]:
-        return self._target.place(
-            footing,
-            device,
-            has_left=self._events.foot_has_left,
-            room_below=self._height.room_below(footing),
-        )
-
-    def _wanted(
-        self,
-        footing: Footing,
-        device: DeviceSample | None,
-        target: Float64[np.ndarray, "3"],
-    ) -> Wanted:
-        upright = device is not None and device.upright
-        return Wanted(
-            com=self._com.velocity,
-            lift=self._height.velocity(footing, target),
-            momentum=self._momentum.wanted,
+    def _desired(self, footing: Footing, target: Float64[np.ndarray, "3"]) -> DesiredVelocities:
+        com = np.array([*self._com.velocity, self._height.velocity(footing, target)])
+        return DesiredVelocities(
+            com=com,
+            momentum=self._momentum.reference,
             foot=self._foot.towards(footing, target, hurry=self._target.rescuing),
-            weights=self._weights.at(footing, self._zmp.zmp, upright=upright),
         )
 
-    def _describe(self, footing: Footing, target: Float64[np.ndarray, "3"]) -> TeleopStatus:
+    def _describe(
+        self, footing: Footing, sample: DeviceSample | None, target: Float64[np.ndarray, "3"]
+    ) -> TeleopStatus:
         com = footing.dynamics.com
         return TeleopStatus(
             mode=footing.mode,
             device=self._guard.status,
-            zmp=self._zmp.zmp,
+            sample=sample,
+            zmp=self.zmp_sensor.zmp,
             zmp_reference=footing.zmp_reference,
             cart_table_zmp=self._com.cart_table_zmp(com[:2]),
             com=com,
             soles=(footing.sole(0), footing.sole(1)),
             target=target if footing.mode.single else None,
-            loads=self._zmp.loads.copy(),
+            loads=self.zmp_sensor.loads.copy(),
             tilt=footing.tilt,
         )
-
-
-def _without_base_motion(state: object) -> RobotState | None:
-    """The state less what no sensor gives: where the base is and how fast it goes along."""
-    if not isinstance(state, RobotState) or not _are_arrays(state.q, state.v):
-        return None
-    q, v = state.q.copy(), state.v.copy()
-    q[:3], v[:3] = 0.0, 0.0
-    return RobotState(q, v, state.contacts, state.time)
-
-
-def _are_arrays(*values: object) -> bool:
-    return all(isinstance(value, np.ndarray) and value.ndim == 1 for value in values)

@@ -1,0 +1,198 @@
+"""`SteppingTasks`: the stack that the step teleoperator leads, and what it asks of it.
+
+`DesiredVelocities`: v_d, what a tick asks of body and feet.
+`TaskWeights`: W_A, how much each task of the second level counts.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float64
+
+from poise.control import ROW_WEIGHT
+from poise.dynamics import rotation_vector, saturate
+from poise.locomotion._stepping._biped import Biped
+from poise.locomotion._stepping._footing import Footing
+from poise.locomotion._stepping._parameters import TeleopParameters
+from poise.stack import (
+    ComTask,
+    FrameTask,
+    JointLimit,
+    MomentumTask,
+    Stack,
+    SurfaceContact,
+    Task,
+)
+
+_UPRIGHT_WEIGHT = 100.0
+"""Weight of the torso's angular velocity while the operator asks for an upright torso."""
+
+_LEVEL = np.eye(3)
+
+_UNBOUNDED = float("inf")
+
+
+class WA(NamedTuple):
+    """W_A of the second level in (20): one number for each task.
+
+    Attributes:
+        momentum: of the angular momentum.
+        torso: of the torso's angular velocity.
+        foot: of the velocity of the foot that is not the stance.
+    """
+
+    momentum: float
+    torso: float
+    foot: float
+
+
+class TaskWeights:
+    """In place of (39c) and (39d): constant where those chatter with the measured ZMP.
+
+    Args:
+        parameters: weights.
+        rotator: whether the body rotator acts.
+    """
+
+    def __init__(self, parameters: TeleopParameters, *, rotator: bool) -> None:
+        self._parameters, self._rotator = parameters, rotator
+
+    def at(self, footing: Footing, *, upright: bool) -> WA:
+        """The weights.
+
+        Args:
+            footing: of the tick.
+            upright: whether the operator asks for an upright torso.
+        """
+        p = self._parameters
+        if not footing.mode.single:
+            return WA(p.epsilon, p.w_B, p.w_S2)
+        # Firm on the ground, so that momentum does not drag the foot; the paper's once clear of it.
+        clear = footing.clearance(footing.lowest_ground, p.clear_height)
+        foot = p.w_S2 ** (1.0 - clear) * p.w_S1**clear
+        if not self._rotator:
+            return WA(p.epsilon, _UPRIGHT_WEIGHT if upright else p.w_B, foot)
+        # A torso that leans as far as the momentum asks for takes the hips to their limits.
+        torso = p.w_B1 * (1.0 + (footing.tilt / p.tilt_soft) ** 4)
+        return WA(p.w_L, _UPRIGHT_WEIGHT if upright else torso, foot)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class DesiredVelocities:
+    """v_d of (16), less what is kept level and upright by itself.
+
+    Attributes:
+        com: velocity of the COM [m/s].
+        momentum: angular, about the COM, x and y [kg m^2/s].
+        foot: velocity of the sole that is not the stance [m/s].
+    """
+
+    com: Float64[np.ndarray, "3"]
+    momentum: Float64[np.ndarray, "2"]
+    foot: Float64[np.ndarray, "3"]
+
+
+class SteppingTasks:
+    """The two levels of (19) as tasks of a stack, with (17b) and (17d) for torso and sole.
+
+    The first level has the COM's velocity and the other sole's angular velocity; the second has
+    angular momentum, the torso's angular velocity and the other sole's velocity. The stance is the
+    only active contact: tasks on it are suspended, and the other sole, on the ground or in the air,
+    is led by its tasks.
+
+    Args:
+        biped: the robot.
+        parameters: gains and limits.
+
+    Attributes:
+        stack: to be solved for joint velocities.
+    """
+
+    def __init__(self, biped: Biped, parameters: TeleopParameters) -> None:
+        self._biped, self._parameters = biped, parameters
+        self._com = ComTask()
+        self._momentum = MomentumTask("angular_xy")
+        self._torso = FrameTask(biped.robot.torso, "orientation", name="torso")
+        self._turns = [FrameTask(s, "orientation", name=f"{s} level") for s in biped.soles]
+        self._places = [FrameTask(s, "position", name=f"{s} place") for s in biped.soles]
+        self._contacts = [SurfaceContact(sole) for sole in biped.soles]
+        knees = dict.fromkeys(biped.knees, (parameters.knee_min, _UNBOUNDED))
+        self.stack = Stack(
+            contacts=self._contacts,
+            levels=[
+                [self._com, *self._turns],
+                [self._momentum, self._torso, *self._places],
+            ],
+            joint_limit=JointLimit(position_margin=0.0, position_range=knees),
+        )
+        self.stack.bind(biped.robot)
+        self._stance = -1
+
+    def ask(self, footing: Footing, desired: DesiredVelocities, weights: WA) -> None:
+        """Sets contacts, velocities and weights for a tick.
+
+        Args:
+            footing: of the tick.
+            desired: of body and feet.
+            weights: W_A.
+        """
+        p, biped, dynamics, other = self._parameters, self._biped, footing.dynamics, footing.other
+        self._stand_on(footing.stance)
+        turn = _Turn(footing, p)
+        sole, torso = dynamics.frame(biped.frames[other]), dynamics.frame(biped.torso)
+        self._com.set_velocity(desired.com - turn.velocity_at(dynamics.com))
+        self._turns[other].set_velocity(self._upright(sole.rotation) - turn.rate)
+        self._momentum.set_velocity(desired.momentum - turn.momentum())
+        self._torso.set_velocity(self._upright(torso.rotation) - turn.rate)
+        self._places[other].set_velocity(desired.foot - turn.velocity_at(sole.position))
+        _weigh(self._momentum, weights.momentum)
+        _weigh(self._torso, weights.torso)
+        _weigh(self._places[other], weights.foot)
+
+    def _upright(self, rotation: Float64[np.ndarray, "3 3"]) -> Float64[np.ndarray, "3"]:
+        """Eqs (17b) and (17d) [rad/s]."""
+        p = self._parameters
+        return saturate(p.omega_lim, p.k_omega * rotation_vector(_LEVEL, rotation))
+
+    def _stand_on(self, foot: int) -> None:
+        if foot == self._stance:
+            return
+        self._stance = foot
+        self._contacts[foot].engage(0.0)
+        self._contacts[1 - foot].release(0.0)
+
+
+def _weigh(task: Task, row_weight: float) -> None:
+    task.set_weight((row_weight / ROW_WEIGHT) ** 0.5)
+
+
+class _Turn:
+    """The whole robot turning about its stance sole, which is being levelled.
+
+    A controller takes the stance to be at rest. A sole that is measured to be tilted is turned back
+    slowly, or a robot on the edge of a sole would stay there; what body and feet do by that alone
+    comes off what they are asked for.
+
+    Attributes:
+        rate: angular velocity of the robot, horizontal [rad/s].
+    """
+
+    def __init__(self, footing: Footing, parameters: TeleopParameters) -> None:
+        self._footing = footing
+        self._sole = footing.dynamics.frame(footing.biped.frames[footing.stance])
+        tilt = rotation_vector(_LEVEL, self._sole.rotation)
+        tilt[2] = 0.0
+        self.rate = saturate(parameters.omega_lim, parameters.k_level * tilt)
+
+    def velocity_at(self, point: Float64[np.ndarray, "3"]) -> Float64[np.ndarray, "3"]:
+        """Velocity of a point of the robot, rate x (point - sole) [m/s]."""
+        x, y, z = (point - self._sole.position).tolist()
+        wx, wy, _ = self.rate.tolist()
+        return np.array([wy * z, -wx * z, wx * y - wy * x])
+
+    def momentum(self) -> Float64[np.ndarray, "2"]:
+        """Angular momentum about the COM, x and y [kg m^2/s]."""
+        # The sole's Jacobian has the base's axes, A_G the robot's inertia about them.
+        world_R_base = self._sole.jacobian[3:, 3:6]
+        return self._footing.dynamics.momentum_matrix[3:5, 3:6] @ (self.rate @ world_R_base)

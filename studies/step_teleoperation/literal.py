@@ -1,0 +1,175 @@
+"""`LiteralTeleoperator`: the rules of Zhang and Kikuuwe word for word, to show where they fall."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float64
+
+from poise.control import ROW_WEIGHT
+from poise.dynamics import Dynamics, RobotState, rotation_vector, saturate
+from poise.locomotion import (
+    BodyRotator,
+    DeviceSample,
+    DeviceStatus,
+    Mode,
+    StepTeleoperator,
+    TeleopStatus,
+)
+
+_K1, _K2, _W_S2 = 4500.0, 7000.0, 100.0
+"""k_1 and k_2 of (39c) and w_S2, as the paper has them."""
+
+
+def momentum_weights(error: Sequence[float], least: float) -> list[float]:
+    """Eq. (39c): W_A of the angular momentum about x and y.
+
+    Args:
+        error: of the measured ZMP, x and y [m].
+        least: epsilon.
+    """
+    x, y = error
+    return [max(_K1 * y * y, least), max(_K2 * x * x, least)]
+
+
+class LiteralTeleoperator(StepTeleoperator):
+    """Leads the same stack on the same estimate, by the paper's rules and no others.
+
+    What differs from `StepTeleoperator` is what docs/teleoperation.md lists as departures. Samples
+    that are no numbers are passed over, which the paper leaves open.
+    """
+
+    def reset(self) -> None:
+        """Forgets the past."""
+        super().reset()
+        estimator, weight = self.estimator, self.robot.weight
+        self._paper_mode, self._last_status = Mode.D, None
+        self._rotator_law = BodyRotator(weight)
+        self._landed_load = self.parameters.land_load * weight
+        self._nominal = float(estimator.dynamics.com[2] - estimator.anchors[0][2])
+        self._sample = self.resting_sample
+        self._was_up = [True, True]
+        self._velocity, self._acceleration, self._momentum = np.zeros((3, 2))
+
+    @property
+    def mode(self) -> Mode:
+        """Which feet carry the robot."""
+        return self._paper_mode
+
+    @property
+    def status(self) -> TeleopStatus | None:
+        """How the last tick stood; None before the first."""
+        return self._last_status
+
+    def lead(self, state: RobotState) -> None:
+        """One tick of (14) to (17), (37) and (39)."""
+        dynamics = self.estimator.dynamics
+        if state is not dynamics.state or self.device is None:
+            return
+        sample = self.device.sample(state.time)
+        if sample is not None and np.isfinite([sample.left, sample.right]).all():
+            self._sample = sample
+        self.zmp_sensor.update(state, dynamics)
+        self._move_on(dynamics)
+        reference = self._zmp_reference()
+        self._drive(reference, dynamics)
+        self._ask(reference, dynamics)
+        self._last_status = self._paper_status(reference, sample, dynamics)
+
+    # Modes -------------------------------------------------------------------------------------
+
+    def _move_on(self, dynamics: Dynamics) -> None:
+        """Eq. (14)."""
+        lifted, before = self._lifted(), self._paper_mode
+        support, loads, estimator = before.support, self.zmp_sensor.loads, self.estimator
+        if support is None:
+            after = Mode.TL if lifted[1] else Mode.TR if lifted[0] else Mode.D
+        elif before.single:
+            after = Mode.D if loads[1 - support] > self._landed_load else before
+        else:
+            off = np.linalg.norm(self.zmp_sensor.zmp - self._zmp_reference())
+            single = Mode.SL if support == 0 else Mode.SR
+            after = single if off <= self.parameters.r_lift else before
+        if after is before:
+            return
+        self._paper_mode = after
+        if after is Mode.D and support is not None:
+            estimator.put_down(1 - support)
+        estimator.stand_on(after.support or 0)
+        self._velocity = dynamics.com_velocity[:2].copy()
+        self._momentum = np.zeros(2)
+
+    def _lifted(self) -> list[bool]:
+        """Eqs (14a) and (14b): which devices have been lifted since the last tick."""
+        rising = [False, False]
+        for foot in (0, 1):
+            height = self._sample.position(foot)[2] - self.estimator.anchors[foot][2]
+            is_up = bool(height > self.parameters.lift_height)
+            rising[foot] = is_up and not self._was_up[foot]
+            self._was_up[foot] = is_up
+        return rising
+
+    # References --------------------------------------------------------------------------------
+
+    def _zmp_reference(self) -> Float64[np.ndarray, "2"]:
+        """Eq. (15a)."""
+        support = self._paper_mode.support
+        soles = [self.estimator.sole(foot)[:2] for foot in (0, 1)]
+        return 0.5 * (soles[0] + soles[1]) if support is None else soles[support]
+
+    def _drive(self, reference: Float64[np.ndarray, "2"], dynamics: Dynamics) -> None:
+        """Eqs (37) and (39a), integrated."""
+        com, dt = dynamics.com[:2], self.parameters.dt
+        self._velocity, self._acceleration = self.driver.drive(reference, com, self._velocity, dt)
+        if self._paper_mode.single:
+            rate = self._rotator_law.momentum_rate(reference, self._cart_table_zmp(dynamics))
+            self._momentum = self._momentum + dt * rate
+
+    def _cart_table_zmp(self, dynamics: Dynamics) -> Float64[np.ndarray, "2"]:
+        """Eq. (26)."""
+        return dynamics.com[:2] - self._acceleration / self.driver.omega**2
+
+    def _ask(self, reference: Float64[np.ndarray, "2"], dynamics: Dynamics) -> None:
+        """Eqs (15) to (17), and (39c) and (39d)."""
+        p, stack, estimator = self.parameters, self.stack, self.estimator
+        stance, other = estimator.stance, 1 - estimator.stance
+        stack.contact(self.soles[stance]).engage(0.0)
+        stack.contact(self.soles[other]).release(0.0)
+        height = self._nominal + float(estimator.anchors[stance][2])
+        up = saturate(p.v_lim, np.array([p.k_v * (height - dynamics.com[2])]))
+        stack.task("com").set_velocity(np.array([*self._velocity, *up]))
+        stack.task("angular momentum").set_velocity(self._momentum)
+        for task, frame in (("torso", self.robot.torso), (f"{self.soles[other]} level", None)):
+            rotation = dynamics.frame(self.robot.frame_id(frame or self.soles[other])).rotation
+            turn = p.k_omega * rotation_vector(np.eye(3), rotation)
+            stack.task(task).set_velocity(saturate(p.omega_lim, turn))
+        foot, here = stack.task(f"{self.soles[other]} place"), estimator.sole(other)
+        single = self._paper_mode.single
+        place = self._sample.position(other) if single else here
+        foot.set_velocity(saturate(p.v_lim, p.k_v * (place - here)))
+        error = (reference - self.zmp_sensor.zmp).tolist()
+        momentum = momentum_weights(error, p.epsilon) if single else p.epsilon
+        for task, weight in (
+            ("angular momentum", momentum),
+            ("torso", p.epsilon if single else p.w_B),
+            (foot.name, p.w_S1 if single else _W_S2),
+        ):
+            stack.task(task).set_weight(np.sqrt(np.array(weight) / ROW_WEIGHT))
+
+    def _paper_status(
+        self, reference: Float64[np.ndarray, "2"], sample: DeviceSample | None, dynamics: Dynamics
+    ) -> TeleopStatus:
+        upward = dynamics.frame(self.robot.frame_id(self.robot.torso)).rotation[2, 2]
+        other = 1 - self.estimator.stance
+        return TeleopStatus(
+            mode=self._paper_mode,
+            device=DeviceStatus.OK,
+            sample=sample,
+            zmp=self.zmp_sensor.zmp,
+            zmp_reference=reference,
+            cart_table_zmp=self._cart_table_zmp(dynamics),
+            com=dynamics.com,
+            soles=(self.estimator.sole(0), self.estimator.sole(1)),
+            target=self._sample.position(other) if self._paper_mode.single else None,
+            loads=self.zmp_sensor.loads.copy(),
+            tilt=float(np.arccos(np.clip(upward, -1.0, 1.0))),
+        )

@@ -1,0 +1,48 @@
+"""The ZMP from the soles' load cells, against where they are pressed."""
+
+import numpy as np
+import pytest
+from standing import PARAMETERS, biped, estimator
+
+from poise.dynamics import RobotState
+from poise.locomotion._stepping._estimator import ZmpSensor
+
+
+def pressed(robot, *points):
+    """A state whose soles are pressed at points of their own, each with a load [m, m, N]."""
+    wrenches = {
+        name: np.array([0.0, 0.0, load, y * load, -x * load, 0.0])
+        for name, (x, y, load) in zip(biped(robot).soles, points, strict=True)
+    }
+    return RobotState(robot.q_home, np.zeros(robot.nv), wrenches)
+
+
+def fresh(robot):
+    ours = biped(robot)
+    return ZmpSensor(ours.frames, ours.soles, ours.weight, PARAMETERS.zmp_time, PARAMETERS.dt)
+
+
+@pytest.mark.parametrize("point", [(0.05, 0.0), (0.0, 0.03), (-0.04, 0.02)])
+def test_the_zmp_is_where_the_sole_is_pressed(get_robot, point):
+    robot = get_robot("biped20")
+    where, ours = estimator(robot), fresh(robot)
+    ours.update(pressed(robot, (*point, 600.0), (0.0, 0.0, 0.0)), where.dynamics)
+    assert ours.zmp == pytest.approx(where.sole(0)[:2] + point, abs=1e-12)
+    assert ours.loads.tolist() == [600.0, 0.0]
+
+
+def test_two_soles_weigh_by_their_loads(get_robot):
+    robot = get_robot("biped20")
+    where, ours = estimator(robot), fresh(robot)
+    ours.update(pressed(robot, (0.0, 0.0, 450.0), (0.0, 0.0, 150.0)), where.dynamics)
+    between = 0.75 * where.sole(0)[:2] + 0.25 * where.sole(1)[:2]
+    assert ours.zmp == pytest.approx(between, abs=1e-12)
+
+
+def test_without_load_the_last_zmp_holds(get_robot):
+    robot = get_robot("biped20")
+    where, ours = estimator(robot), fresh(robot)
+    ours.update(pressed(robot, (0.05, 0.01, 600.0), (0.0, 0.0, 0.0)), where.dynamics)
+    before = ours.zmp.copy()
+    ours.update(pressed(robot, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)), where.dynamics)
+    assert ours.zmp.tolist() == before.tolist()
