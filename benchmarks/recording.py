@@ -11,11 +11,11 @@ from jaxtyping import Float64
 
 from benchmarks.methods import REFERENCE, Method
 from benchmarks.stances import bench_stack, check_biped, support_sole, swing_sole
-from poise.control import Command, make_controller
+from poise.control import Command, Controller, make_controller
 from poise.dynamics import Dynamics, RobotState, least_jerk
 from poise.errors import PoiseError
 from poise.robots import Robot
-from poise.sim import Plant
+from poise.sim import Plant, rollout
 from poise.stack import ComTask, FrameTask, Stack, default_stack
 
 Point = tuple[Float64[np.ndarray, "3"], Float64[np.ndarray, "3"], Float64[np.ndarray, "3"]]
@@ -110,6 +110,23 @@ _FOOT_SHARE = 0.08
 """How far the swing foot is lifted, as a share of the height of the COM."""
 
 
+class Altered:
+    """A controller whose commands are changed before the plant gets them.
+
+    Args:
+        controller: gives the commands.
+        alter: changes them; nobody does when None.
+    """
+
+    def __init__(self, controller: Controller, alter: Alter | None) -> None:
+        self._controller, self._alter = controller, alter
+
+    def step(self, state: RobotState) -> Command:
+        """The changed command for a state."""
+        command = self._controller.step(state)
+        return command if self._alter is None else self._alter(state, command)
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Recording:
     """States and targets of a run, tick by tick.
@@ -181,25 +198,27 @@ def record_run(
     _hold(stack, rotations)
     released = stance == "double"
     total = begin + SWELL + ticks * plant.config.control_dt
-    while len(states) < ticks:
-        time = plant.time
-        if not released and time >= _SHIFT:
+
+    def lead(state: RobotState) -> None:
+        nonlocal released
+        if not released and state.time >= _SHIFT:
             stack.contact(swing_sole(robot)).release(_UNLOAD)
             released = True
-        due = {name: loop.at(time) for name, loop in loops.items()}
-        for name, point in due.items():
+        for name, loop in loops.items():
+            point = loop.at(state.time)
             _set_point(stack.task(name), point)
-        state = plant.state()
-        if time >= begin + SWELL:
-            states.append(state)
-            for name, point in due.items():
+            if state.time >= begin + SWELL:
                 points[name].append(point)
-        command = controller.step(state)
-        plant.step(command if alter is None else alter(state, command))
+
+    for tick in rollout(plant, Altered(controller, alter), lead):
+        if tick.time >= begin + SWELL:
+            states.append(tick.state)
         if plant.fallen:
             raise PoiseError(f"{robot.name} fell at {plant.time:.3f} s while recording the run")
         if progress is not None:
             progress(plant.time, total)
+        if len(states) == ticks:
+            break
     return Recording(
         robot=robot,
         stance=stance,

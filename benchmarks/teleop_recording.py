@@ -11,7 +11,7 @@ from poise.dynamics import RobotState
 from poise.errors import PoiseError
 from poise.locomotion import DeviceSample, StepTeleoperator
 from poise.robots import Robot
-from poise.sim import Plant, PlantConfig
+from poise.sim import Plant, PlantConfig, rollout
 
 SCENARIO = "over_an_obstacle"
 """The script that is walked: both feet stand, shift, swing and land in it."""
@@ -94,12 +94,18 @@ def record_walk(walk: Walk, ticks: int, progress: Progress | None = None) -> tup
     device = walk.script.device(teleoperator)
     teleoperator.device = device
     recorded: list[WalkTick] = []
-    while len(recorded) < ticks:
-        state = plant.state()
-        recorded.append(WalkTick(state, device.sample(state.time)))
-        estimate = teleoperator.estimator.update(state)
-        teleoperator.lead(estimate)
-        plant.step(controller.step(estimate))
+    ticking = rollout(
+        plant,
+        controller,
+        teleoperator,
+        estimator=teleoperator.estimator,
+        duration=ticks * plant.control_dt,
+    )
+    for tick in ticking:
+        # The script always says something.
+        assert teleoperator.status is not None
+        assert teleoperator.status.sample is not None
+        recorded.append(WalkTick(tick.state, teleoperator.status.sample))
         if plant.fallen:
             raise PoiseError(f"{walk.robot.name} fell at {plant.time:.3f} s while being recorded")
         if progress is not None and len(recorded) % 50 == 0:

@@ -7,13 +7,13 @@ import numpy as np
 from jaxtyping import Float64, Int64
 
 from benchmarks.methods import REFERENCE, Method
-from benchmarks.recording import Alter, Loop, Progress
+from benchmarks.recording import Alter, Altered, Loop, Progress
 from poise.control import make_controller
 from poise.dynamics import RobotState
 from poise.errors import PoiseError, UnknownNameError
 from poise.locomotion import FootstepPlan, Gait, Stride, Walker, plan_footsteps
 from poise.robots import Robot
-from poise.sim import Plant
+from poise.sim import Plant, rollout
 from poise.stack import ComTask, FrameTask, MomentumTask, PostureTask, Stack, SurfaceContact, Task
 
 WALK_STACKS = ("table1", "hands_first", "posture")
@@ -167,13 +167,9 @@ def record_walk(
     states: list[RobotState] = []
     rows: list[tuple[int, float, float]] = []
     end = min(plan.duration, seconds)
-    while plant.time < end:
-        state = plant.state()
-        lead.lead(state)
+    for tick in rollout(plant, Altered(controller, alter), lead, duration=end):
         status = lead.walker.status
-        command = controller.step(state)
-        plant.step(command if alter is None else alter(state, command))
-        states.append(state)
+        states.append(tick.state)
         errors = [float(np.linalg.norm(task.error[:3])) for task in (com, hand)]
         rows.append((sum(c.active for c in lead.stack.contacts), errors[0], errors[1]))
         if plant.fallen or not status.ok:

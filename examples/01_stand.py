@@ -1,26 +1,38 @@
-"""Stand: write a stack of tasks, step the controller, read how each task stands."""
+"""Stand: a stack of tasks, a controller, a leader, a rollout, and a report of it."""
 
 import argparse
+import math
+from pathlib import Path
 
 import poise
 
 parser = argparse.ArgumentParser(description=__doc__)
 parser.add_argument("--robot", default="humanoid33", help="a name in `poise robots`, or a file")
 parser.add_argument("--seconds", type=float, default=5.0)
+parser.add_argument("--out", type=Path, default=Path("runs/stand"))
 options = parser.parse_args()
 
 robot = poise.load_robot(options.robot)
+com = poise.ComTask(kp=40.0)
 stack = poise.Stack(
     contacts=[poise.SurfaceContact("left_sole"), poise.SurfaceContact("right_sole")],
     levels=[
-        [poise.ComTask(kp=40.0), poise.FrameTask("pelvis", axes="orientation")],
+        [com, poise.FrameTask("pelvis", axes="orientation")],
         [poise.FrameTask("right_hand"), poise.MomentumTask(axes="angular_xy")],
         [poise.PostureTask()],
     ],
 )
 controller = poise.WholeBodyController(robot, stack)
-plant = poise.sim.Plant(robot)
-while plant.time < options.seconds:
-    command = controller.step(plant.state())  # command.torque [N m], command.status, never raises
-    plant.step(command)
+plant, recorder = poise.sim.Plant(robot), poise.sim.Recorder()
+height = plant.com[2]
+
+
+def sway(state: poise.RobotState) -> None:
+    """The leader: before each tick it sets what the stack asks for."""
+    com.set_target([0.0, 0.03 * math.sin(2.0 * state.time), height])
+
+
+for tick in poise.sim.rollout(plant, controller, sway, [recorder], duration=options.seconds):
+    assert tick.command.status.ok  # tick.command.torque [N m]; a controller never raises
 print(controller.status())  # each task: level, error with unit, residual
+print(poise.scenarios.report(recorder.record, options.out, robot))

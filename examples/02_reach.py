@@ -31,9 +31,12 @@ plant = poise.sim.Plant(robot)
 start = controller.dynamics.frame(robot.frame_id("right_hand")).position.copy()
 rate = 2.0 * math.pi / PERIOD  # [rad/s]
 worst = {"hand": 0.0, "com": 0.0}
-while plant.time < options.seconds:
+
+
+def lead(state: poise.RobotState) -> None:
+    """Sets where the hand should be, and how fast it should go there."""
     # The angle along the circle; it starts, and comes to rest once a turn, without a jump.
-    phase = rate * plant.time
+    phase = rate * state.time
     angle = phase - math.sin(phase)
     speed = rate * (1.0 - math.cos(phase))
     change = rate**2 * math.sin(phase)
@@ -45,7 +48,9 @@ while plant.time < options.seconds:
         velocity=[*(RADIUS * speed * along), 0.0, 0.0, 0.0],
         acceleration=[*(RADIUS * (change * along - speed**2 * outward)), 0.0, 0.0, 0.0],
     )
-    plant.step(controller.step(plant.state()))
+
+
+for _ in poise.sim.rollout(plant, controller, lead, duration=options.seconds):
     worst["hand"] = max(worst["hand"], float(np.linalg.norm(hand.error)))
     worst["com"] = max(worst["com"], float(np.linalg.norm(com.error)))
 print(f"largest error: hand {1e3 * worst['hand']:.2f} mm, COM {1e3 * worst['com']:.2f} mm")

@@ -36,10 +36,13 @@ def reach_too_far(*, hand_first: bool) -> poise.WholeBodyController:
     controller = poise.WholeBodyController(robot, stack)
     plant = poise.sim.Plant(robot)
     start = controller.dynamics.frame(robot.frame_id("left_hand")).position.copy()
-    while plant.time < options.seconds:
-        share = min(1.0, plant.time / 3.0)
+
+    def lead(state: poise.RobotState) -> None:
+        share = min(1.0, state.time / 3.0)
         hand.set_target(start + share * share * (3.0 - 2.0 * share) * AWAY)
-        plant.step(controller.step(plant.state()))
+
+    for _ in poise.sim.rollout(plant, controller, lead, duration=options.seconds):
+        pass
     return controller
 
 

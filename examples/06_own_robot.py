@@ -23,8 +23,13 @@ controller = poise.WholeBodyController(robot)  # with the default stack of this 
 com = controller.stack.task("com")
 plant = poise.sim.Plant(robot)
 middle = controller.dynamics.com.copy()
-while plant.time < options.seconds:
-    # Down by 5 cm in two seconds, at constant speed.
-    com.set_target(middle - [0.0, 0.0, 0.05 * min(1.0, plant.time / 2.0)])
-    plant.step(controller.step(plant.state()))
+
+
+def squat(state: poise.RobotState) -> None:
+    """Down by 5 cm in two seconds, at constant speed."""
+    com.set_target(middle - [0.0, 0.0, 0.05 * min(1.0, state.time / 2.0)])
+
+
+for _ in poise.sim.rollout(plant, controller, squat, duration=options.seconds):
+    pass
 print(controller.status())

@@ -31,13 +31,12 @@ plant = poise.sim.Plant(robot, config, seed=1)
 # A tenth of a second, strong enough to change the speed of the whole robot by 0.1 m/s.
 plant.push("torso", force=(robot.mass * 0.1 / 0.1, 0.0, 0.0), duration=0.1, start=0.5)
 
-with poise.sim.Recorder(plant, options.log) as recorder:
-    while plant.time < options.seconds and not plant.fallen:
-        command = controller.step(plant.state())
-        plant.step(command)
-        recorder.record(command)
+recorder = poise.sim.Recorder(options.log)
+for _ in poise.sim.rollout(plant, controller, None, [recorder], duration=options.seconds):
+    pass
 
-moved = np.linalg.norm(recorder["com"] - recorder["com"][0], axis=1)
+com = recorder.record["com"]
+moved = np.linalg.norm(com - com[0], axis=1)
 print(f"fallen: {plant.fallen}; the COM moved by up to {1e3 * moved.max():.1f} mm")
 times, zmp = poise.sim.read_log(options.log).signal("zmp")
 print(

@@ -51,7 +51,7 @@ stack = poise.Stack(
 )
 controller = poise.WholeBodyController(robot, stack)
 plant = poise.sim.Plant(robot)
-while plant.time < options.seconds:
-    plant.step(controller.step(plant.state()))
+for _ in poise.sim.rollout(plant, controller, duration=options.seconds):
+    pass
 hands = [controller.dynamics.frame(robot.frame_id(name)).position for name in robot.hands]
 print(f"hands {1e3 * np.linalg.norm(hands[0] - hands[1]):.1f} mm apart")

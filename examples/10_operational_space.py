@@ -18,17 +18,22 @@ controller = poise.OperationalSpaceController(robot, stack, torque_step=5.0)
 plant = poise.sim.Plant(robot)
 
 largest_step, before = 0.0, None
-while plant.time < 1.5:
-    if abs(plant.time - 0.5) < 1e-9:
+
+
+def switch(state: poise.RobotState) -> None:
+    """Re-orders the tasks while the robot stands."""
+    if abs(state.time - 0.5) < 1e-9:
         # The hands are let go, and the posture takes their place.
         controller.set_levels([[com, upright], [posture]])
-    if abs(plant.time - 1.0) < 1e-9:
+    if abs(state.time - 1.0) < 1e-9:
         # Now one hand is wanted again, at once and 5 cm higher; and it is more important.
         controller.set_levels([[com, upright], [hands[0]], [posture]])
         where = controller.dynamics.frame(robot.frame_id(robot.hands[0])).position
         hands[0].set_target(where + np.array([0.0, 0.0, 0.05]))
-    command = controller.step(plant.state())
-    plant.step(command)
+
+
+for tick in poise.sim.rollout(plant, controller, switch, duration=1.5):
+    command = tick.command
     if before is not None:
         largest_step = max(largest_step, float(np.abs(command.torque - before).max()))
     before = command.torque

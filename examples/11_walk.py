@@ -36,10 +36,7 @@ plant = poise.sim.Plant(robot, poise.sim.PlantConfig(control_dt=0.002))
 
 com = stack.task("com")
 worst = 0.0
-while plant.time < plan.duration + 0.1 and not plant.fallen:
-    state = plant.state()
-    walker.lead(state)
-    plant.step(controller.step(state))
+for _ in poise.sim.rollout(plant, controller, walker, duration=plan.duration + 0.1):
     worst = max(worst, float(np.linalg.norm(com.error)))
 
 print(f"walk {walker.status.value} after {walker.steps_made} steps in {plant.time:.1f} s")

@@ -63,7 +63,7 @@ def record_window(
     begin = round(window.at / plant.control_dt)
     found, before = 0, -1
     shape: tuple[int, ...] = ()
-    for tick in rollout(plant, controller, stage.leader):
+    for tick in rollout(plant, controller, stage.leader, estimator=stage.estimator):
         feet = sum(contact.active for contact in controller.stack.contacts)
         if found == 0 and tick.index >= begin and _begins(window, feet, before):
             shape = shape_of(problem_of(controller))

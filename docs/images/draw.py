@@ -38,11 +38,12 @@ def draw_moments() -> None:
     """One moment of each logged run, side by side."""
     robot = poise.load_robot(ROBOT)
     plant = poise.sim.Plant(robot)
-    moments = poise.sim.Recorder(plant)
+    moments = poise.sim.RunRecord()
     names = ("q", "com", "zmp", *(f"wrench/{sole}" for sole in robot.soles))
     for number, (scenario, time) in enumerate(MOMENTS.items()):
         log = poise.sim.read_log(RUNS / f"{scenario}-{ROBOT}" / "log.mcap")
-        moments.sample(float(number), **{name: _at(log, name, time) for name in names})
+        for name in names:
+            moments.add(float(number), name, _at(log, name, time))
     markers = poise.sim.run_markers(robot, moments)
     config = poise.sim.CameraConfig(
         width=400, height=620, azimuth=150.0, elevation=-10.0, distance=1.5, antialiasing=4
@@ -94,7 +95,7 @@ def draw_report() -> None:
         _save(Image.open(shot).convert("RGB"), "report.jpg")
 
 
-def _at(log: "poise.sim.Log", name: str, time: float) -> np.ndarray:
+def _at(log: poise.sim.RunRecord, name: str, time: float) -> np.ndarray:
     times, values = log.signal(name)
     return values[np.searchsorted(times, time)]
 

@@ -54,10 +54,15 @@ def test_the_recorded_walk_moves_the_robot_the_hands_and_the_load(walk, recorded
 
 def test_a_new_controller_on_the_recording_commands_what_it_did_in_the_simulation(walk, recorded):
     run = run_teleop(walk.robot, walk.script.device, walk.plant, duration=2.0, q_start=walk.q_start)
-    controller = walk.controller()
-    commands = [controller.step(tick.state, tick.sample).velocity for tick in recorded]
+    teleoperator = walk.teleoperator()
+    teleoperator.device = walk.script.device(teleoperator)
+    controller, commands = teleoperator.controller(), []
+    for tick in recorded:
+        estimate = teleoperator.estimator.update(tick.state)
+        teleoperator.lead(estimate)
+        commands.append(controller.step(estimate).velocity)
     np.testing.assert_array_equal(commands, run.log.velocity)
-    assert controller.mode.single
+    assert teleoperator.mode.single
 
 
 def test_every_step_is_timed_and_known_to_stand_on_one_foot_or_two(walk, recorded):

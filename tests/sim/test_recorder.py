@@ -4,14 +4,24 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from small_biped import torque
 
-from poise.errors import ConfigurationError, PoiseError, TargetError, UnknownNameError
-from poise.sim import Plant, PlantConfig, Recorder, RecorderConfig, read_log
+from poise.control import CommandStatus
+from poise.errors import (
+    ConfigurationError,
+    MissingExtraError,
+    PoiseError,
+    TargetError,
+    UnknownNameError,
+)
+from poise.sim import Plant, PlantConfig, Recorder, RecorderConfig, read_log, rollout
+from poise.sim._log import read_topics
 
 pytest.importorskip("mcap")
 
@@ -22,10 +32,11 @@ from pathlib import Path
 from small_biped import small_biped
 from poise.sim import Plant, PlantConfig, Recorder, RecorderConfig
 plant = Plant(small_biped(), PlantConfig(actuation="position"))
-recorder = Recorder(plant, Path(sys.argv[2]), config=RecorderConfig(flush_dt=0.25))
+recorder = Recorder(Path(sys.argv[2]), config=RecorderConfig(flush_dt=0.25))
+recorder.begin(plant)
 began = time.monotonic()
 while True:
-    recorder.record()
+    recorder.look()
     plant.step(None)
     while plant.time > time.monotonic() - began:
         time.sleep(0.001)
@@ -34,114 +45,189 @@ while True:
 """
 
 
+@contextmanager
+def recording(plant, path=None, **options):
+    """A recorder by hand, without a rollout."""
+    recorder = Recorder(path, **options)
+    recorder.begin(plant)
+    yield recorder
+    recorder.end()
+
+
 @pytest.fixture
 def plant(biped):
     return Plant(biped, PlantConfig(actuation="position"))
 
 
 def test_memory_keeps_every_sample_exactly(plant):
-    recorder = Recorder(plant)
+    recorder = Recorder()
+    recorder.begin(plant)
     qs, torques = [], []
     for k in range(2500):
-        recorder.record(error=float(k))
+        recorder.look()
+        recorder.sample(plant.time, error=float(k))
         qs.append(plant.true_state().q)
         torques.append(plant.applied_torque)
         plant.step(None)
-    np.testing.assert_array_equal(recorder["q"], qs)
-    np.testing.assert_array_equal(recorder["torque"], torques)
-    np.testing.assert_array_equal(recorder["error"], np.arange(2500.0))
-    np.testing.assert_allclose(recorder.times("q"), np.arange(2500) * 1e-3, rtol=0, atol=1e-12)
-    assert {"v", "com", "zmp", "wrench/left_sole"} <= set(recorder.names)
+    record = recorder.record
+    np.testing.assert_array_equal(record["q"], qs)
+    np.testing.assert_array_equal(record["torque"], torques)
+    np.testing.assert_array_equal(record["error"], np.arange(2500.0))
+    np.testing.assert_allclose(record.times("q"), np.arange(2500) * 1e-3, rtol=0, atol=1e-12)
+    assert {"v", "com", "zmp", "wrench/left_sole"} <= set(record.names)
 
 
-def test_a_finished_log_holds_the_recorded_numbers_exactly(plant, tmp_path):
+def topic(path, name):
+    """Times and numbers that Foxglove sees of a signal."""
+    found = [message for _, message in read_topics(path)[f"/{name}"]]
+    values = np.array([m["value"] for m in found], dtype=np.float64)
+    return np.array([m["time"] for m in found]), values
+
+
+def test_a_finished_log_holds_the_record_and_shows_a_part_of_it(plant, tmp_path):
     path = tmp_path / "log.mcap"
-    with Recorder(plant, path, metadata={"scenario": "none"}) as recorder:
+    with recording(plant, path, metadata={"scenario": "none"}) as recorder:
         for _ in range(501):
-            recorder.record()
+            recorder.look()
             plant.step(None)
-    log = read_log(path)
+    log, record = read_log(path), recorder.record
     assert log.complete
-    assert log.metadata == {"robot": "small_biped", "scenario": "none"}
+    assert log.metadata == record.metadata
+    assert (log.metadata["robot"], log.metadata["scenario"]) == ("small_biped", "none")
     assert recorder.dropped == 0
     for name in ("q", "v", "torque", "com", "wrench/left_sole"):
-        times, values = log.signal(name)
-        np.testing.assert_array_equal(values, recorder[name][::5])
-        np.testing.assert_array_equal(times, recorder.times(name)[::5])
-    joints = [m for _, m in log.messages["/joints"]]
+        times, values = topic(path, name)
+        np.testing.assert_array_equal(values, record[name][::5])
+        np.testing.assert_array_equal(times, record.times(name)[::5])
+    joints = [m for _, m in read_topics(path)["/joints"]]
     assert tuple(joints[0]["name"]) == plant.robot.joint_names
-    np.testing.assert_array_equal([m["position"] for m in joints], recorder["q"][::5, 7:])
+    np.testing.assert_array_equal([m["position"] for m in joints], record["q"][::5, 7:])
 
 
-def test_every_sample_is_logged_if_asked_for(plant, tmp_path):
+def assert_same(one, other):
+    assert one.names == other.names
+    assert one.metadata == other.metadata
+    assert set(one.topics) == set(other.topics)
+    for name in one.names:
+        assert one.unit(name) == other.unit(name)
+        assert one[name].dtype == other[name].dtype
+        np.testing.assert_array_equal(one[name], other[name], strict=True)
+        np.testing.assert_array_equal(one.times(name), other.times(name), strict=True)
+    for subject in one.topics:
+        assert one.notes(subject) == other.notes(subject)
+
+
+@pytest.mark.parametrize("flush_dt", [0.01, 1e9])
+@pytest.mark.parametrize("capacity", [3, 10000])
+@pytest.mark.parametrize("on_full", ["block", "drop"])
+def test_a_log_gives_the_record_back_to_the_last_bit(plant, tmp_path, flush_dt, capacity, on_full):
     path = tmp_path / "log.mcap"
-    with Recorder(plant, path, config=RecorderConfig(log_dt=0.0)) as recorder:
-        for _ in range(100):
-            recorder.record()
+    config = RecorderConfig(flush_dt=flush_dt, capacity=capacity, on_full=on_full)
+    with recording(plant, path, config=config, metadata={"seed": "3"}) as recorder:
+        for k in range(1100):
+            recorder.look()
+            recorder.sample(plant.time, flag=k % 3 == 0, code=np.int8(k % 100), count=k)
+            recorder.sample(plant.time, odd=np.array([[np.nan, -0.0], [np.inf, 1.0 / (k + 1)]]))
+            if k > 500:
+                recorder.sample(plant.time, late=np.arange(3) + k, empty=np.zeros(0))
+            if k % 200 == 0:
+                recorder.note("mode", f"mode {k} \N{GREEK SMALL LETTER ALPHA}")
             plant.step(None)
-    times, values = read_log(path).signal("com")
-    np.testing.assert_array_equal(values, recorder["com"])
+    record = recorder.record
+    assert record["flag"].dtype == np.bool_
+    assert record["code"].dtype == np.int8
+    assert record.unit("com") == "m"
+    log = read_log(path)
+    assert_same(record, log)
+    assert np.signbit(log["odd"][:, 0, 1]).all()
+    assert log.complete
+
+
+def test_what_is_not_kept_is_in_the_log(plant, tmp_path):
+    path = tmp_path / "log.mcap"
+    config = RecorderConfig(flush_dt=1e-4, keep=False)
+    with recording(plant, path, config=config) as recorder:
+        for k in range(300):
+            recorder.sample(k * 1e-3, x=float(k))
+            recorder.note("mode", f"mode {k // 100}")
+    assert len(recorder.record["x"]) < 300
+    np.testing.assert_array_equal(read_log(path)["x"], np.arange(300.0))
+    assert [text for _, text in read_log(path).notes("mode")] == ["mode 0", "mode 1", "mode 2"]
+
+
+def test_every_sample_is_shown_if_asked_for(plant, tmp_path):
+    path = tmp_path / "log.mcap"
+    with recording(plant, path, config=RecorderConfig(log_dt=0.0)) as recorder:
+        for _ in range(100):
+            recorder.look()
+            plant.step(None)
+    times, values = topic(path, "com")
+    np.testing.assert_array_equal(values, recorder.record["com"])
     assert len(times) == 100
 
 
 def test_foxglove_can_show_the_robot(plant, tmp_path):
     path = tmp_path / "log.mcap"
-    with Recorder(plant, path) as recorder:
+    with recording(plant, path) as recorder:
         for _ in range(200):
-            recorder.record()
+            recorder.look()
             plant.step(None)
-    log = read_log(path)
-    transforms = log.messages["/tf"]
+    topics = read_topics(path)
+    transforms = topics["/tf"]
     assert len(transforms) == pytest.approx(0.2 * 30, abs=1)
     frames = {t["child_frame_id"]: t for t in transforms[0][1]["transforms"]}
     np.testing.assert_allclose(
-        [frames["base"]["translation"][a] for a in "xyz"], recorder["q"][0, :3], atol=1e-12
+        [frames["base"]["translation"][a] for a in "xyz"], recorder.record["q"][0, :3], atol=1e-12
     )
-    (scene,) = log.messages["/scene"]
+    (scene,) = topics["/scene"]
     assert {e["id"] for e in scene[1]["entities"]} >= {"base", "chest", "left_foot"}
     assert {e["frame_id"] for e in scene[1]["entities"]} <= set(frames)
 
 
-def test_nan_is_null_in_the_log_and_nan_when_read_back(plant, tmp_path):
+def test_nan_is_null_for_foxglove(plant, tmp_path):
     path = tmp_path / "log.mcap"
-    with Recorder(plant, path) as recorder:
+    with recording(plant, path) as recorder:
         recorder.sample(0.0, zmp=np.array([np.nan, 1.5]), scalar=np.inf)
-    log = read_log(path)
-    raw = json.dumps(log.messages["/zmp"][0][1], allow_nan=False)
+    topics = read_topics(path)
+    raw = json.dumps(topics["/zmp"][0][1], allow_nan=False)
     assert json.loads(raw)["value"] == [None, 1.5]
-    np.testing.assert_array_equal(log.signal("zmp")[1], [[np.nan, 1.5]])
-    assert np.isnan(log.signal("scalar")[1]).all()
+    assert topics["/scalar"][0][1]["value"] is None
 
 
-def test_status_is_logged_when_it_changes(plant, tmp_path):
+def test_status_is_noted_when_it_changes(biped, tmp_path):
+    class Tired:
+        def step(self, state):
+            answered = 0.002 < state.time < 0.006
+            status = CommandStatus.OK if answered else CommandStatus.SOLVER_FAILED
+            return replace(torque(np.zeros(biped.nj)), status=status)
+
     path = tmp_path / "log.mcap"
-    with Recorder(plant, path) as recorder:
-        for k in range(10):
-            recorder.record(torque(np.zeros(plant.robot.nj)) if k > 4 else None)
-            plant.step(None)
-    assert [s for _, s in recorder.statuses] == ["none", "ok"]
-    assert [m["value"] for _, m in read_log(path).messages["/status"]] == ["none", "ok"]
+    recorder = Recorder(path)
+    list(rollout(Plant(biped), Tired(), observers=[recorder], duration=0.01))
+    told = [s for _, s in recorder.record.notes("status")]
+    assert told == ["solver_failed", "ok", "solver_failed"]
+    assert [m["value"] for _, m in read_topics(path)["/status"]] == told
 
 
 def test_a_full_queue_that_drops_counts_what_it_dropped(plant, tmp_path):
     path = tmp_path / "log.mcap"
     config = RecorderConfig(log_dt=0.0, capacity=5, on_full="drop", scene_dt=0.0)
-    with Recorder(plant, path, config=config) as recorder:
+    with recording(plant, path, config=config) as recorder:
         for k in range(3000):
             recorder.sample(k * 1e-3, x=float(k))
         recorder_dropped = recorder.dropped
-    kept = len(read_log(path).signal("x")[0])
+    kept = len(topic(path, "x")[0])
     assert kept + recorder_dropped == 3000
-    assert len(recorder["x"]) == 3000
+    assert len(recorder.record["x"]) == 3000
 
 
 def test_a_full_queue_that_blocks_loses_nothing(plant, tmp_path):
     path = tmp_path / "log.mcap"
     config = RecorderConfig(log_dt=0.0, capacity=5, scene_dt=0.0)
-    with Recorder(plant, path, config=config) as recorder:
+    with recording(plant, path, config=config) as recorder:
         for k in range(3000):
             recorder.sample(k * 1e-3, x=float(k))
-    np.testing.assert_array_equal(read_log(path).signal("x")[1], np.arange(3000.0))
+    np.testing.assert_array_equal(topic(path, "x")[1], np.arange(3000.0))
 
 
 def test_a_killed_run_leaves_its_log_readable_up_to_the_last_second(tmp_path):
@@ -163,17 +249,19 @@ def test_a_killed_run_leaves_its_log_readable_up_to_the_last_second(tmp_path):
     log = read_log(path)
     assert not log.complete
     assert log.end > reached - 1.0
-    times, values = log.signal("q")
+    np.testing.assert_allclose(np.diff(log.times("q")), 0.001, atol=1e-9)
+    assert log["q"].shape[1] == 18
+    times, _ = topic(path, "q")
     np.testing.assert_allclose(np.diff(times), 0.005, atol=1e-9)
-    assert values.shape[1] == 18
-    assert log.messages["/scene"]
+    assert times[-1] > reached - 1.0
+    assert read_topics(path)["/scene"]
 
 
 def test_a_log_cut_anywhere_is_read_up_to_the_cut(plant, tmp_path):
     path, cut = tmp_path / "log.mcap", tmp_path / "cut.mcap"
-    with Recorder(plant, path, config=RecorderConfig(flush_dt=0.02)) as recorder:
+    with recording(plant, path, config=RecorderConfig(flush_dt=0.02)) as recorder:
         for _ in range(1000):
-            recorder.record()
+            recorder.look()
             plant.step(None)
     data = path.read_bytes()
     ends = []
@@ -188,7 +276,8 @@ def test_a_log_cut_anywhere_is_read_up_to_the_cut(plant, tmp_path):
 
 
 def test_a_signal_keeps_its_shape(plant):
-    recorder = Recorder(plant)
+    recorder = Recorder()
+    recorder.begin(plant)
     recorder.sample(0.0, x=np.zeros(3))
     with pytest.raises(TargetError, match="changed its shape"):
         recorder.sample(0.1, x=np.zeros(4))
@@ -196,12 +285,12 @@ def test_a_signal_keeps_its_shape(plant):
 
 def test_unknown_signals_are_named_with_choices(plant, tmp_path):
     path = tmp_path / "log.mcap"
-    with Recorder(plant, path) as recorder:
-        recorder.record()
+    with recording(plant, path) as recorder:
+        recorder.look()
     with pytest.raises(UnknownNameError, match="com"):
-        _ = recorder["con"]
+        _ = recorder.record["con"]
     with pytest.raises(UnknownNameError, match="com"):
-        read_log(path).signal("con")
+        _ = read_log(path)["con"]
 
 
 def test_files_that_are_no_logs_are_refused(tmp_path):
@@ -227,24 +316,97 @@ def test_a_full_disk_is_reported_when_the_log_is_closed(plant):
     if not full.exists():
         pytest.skip("needs /dev/full")
     with pytest.raises(PoiseError, match=r"cannot be written.*space"):
-        Recorder(plant, full)
+        Recorder(full).begin(plant)
 
 
 def test_a_disk_that_fills_up_during_a_run_does_not_stop_it(plant, tmp_path, monkeypatch):
-    recorder = Recorder(plant, tmp_path / "log.mcap", config=RecorderConfig(capacity=20))
+    recorder = Recorder(tmp_path / "log.mcap", config=RecorderConfig(capacity=20))
+    recorder.begin(plant)
 
     def full(*_, **__):
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(recorder._log._writer, "add_message", full)
     for _ in range(300):
-        recorder.record()
+        recorder.look()
         plant.step(None)
-    assert len(recorder["q"]) == 300
+    assert len(recorder.record["q"]) == 300
     with pytest.raises(PoiseError, match=r"cannot be written.*space"):
-        recorder.close()
+        recorder.end()
 
 
 def test_a_folder_that_does_not_exist_is_reported_at_once(plant, tmp_path):
     with pytest.raises(PoiseError, match="cannot be written"):
-        Recorder(plant, tmp_path / "no" / "log.mcap")
+        Recorder(tmp_path / "no" / "log.mcap").begin(plant)
+
+
+def test_a_run_that_breaks_off_leaves_a_whole_log(biped, tmp_path):
+    class Broken:
+        def step(self, state):
+            if state.time > 0.05:
+                raise RuntimeError("a bug")
+            return torque(np.zeros(biped.nj))
+
+    recorder = Recorder(tmp_path / "log.mcap")
+    with pytest.raises(RuntimeError, match="a bug"):
+        list(rollout(Plant(biped), Broken(), observers=[recorder]))
+    log = read_log(tmp_path / "log.mcap")
+    assert log.complete
+    assert_same(recorder.record, log)
+    assert log.end == pytest.approx(0.051)
+
+
+def test_a_rollout_is_recorded_at_the_end_of_each_period(biped):
+    from poise.control import WholeBodyController
+    from poise.stack import ComTask, PostureTask, Stack, SurfaceContact
+
+    stack = Stack([SurfaceContact(s) for s in biped.soles], [[ComTask()], [PostureTask()]])
+    controller, plant, recorder = WholeBodyController(biped, stack), Plant(biped), Recorder()
+    truths, errors = [], []
+
+    class Nod:
+        def __init__(self):
+            self.stack = stack
+
+        def lead(self, state):
+            stack.task("com").set_target(np.array([0.0, 0.0, 0.7]))
+
+        def signals(self):
+            return {"nods": 1.0, "mode": "nodding"}
+
+    for tick in rollout(plant, controller, Nod(), [recorder], duration=0.02):
+        truths.append(tick.truth)
+        errors.append(np.linalg.norm(stack.task("com").error))
+    record = recorder.record
+    np.testing.assert_array_equal(record["q"], [t.q for t in truths])
+    np.testing.assert_array_equal(record.times("q"), [t.time for t in truths])
+    np.testing.assert_array_equal(record["error/com"], errors)
+    np.testing.assert_array_equal(record["com_reference"][-1], [0.0, 0.0, 0.7])
+    np.testing.assert_array_equal(record["nods"], np.ones(20))
+    assert record.notes("mode") == ((0.001, "nodding"),)
+    phases = {n for n in record.names if n.startswith("tick_us/")}
+    assert {"tick_us/leader", "tick_us/solve"} <= phases
+    assert json.loads(record.metadata["tasks"]) == [["com", 0, "m"], ["posture", 1, "rad"]]
+    assert record.unit("error/com") == "m"
+
+
+def test_a_table_of_a_record(plant):
+    pytest.importorskip("pandas")
+    recorder = Recorder()
+    recorder.begin(plant)
+    for k in range(5):
+        recorder.sample(0.1 * k, x=float(k), m=np.full((2, 2), k))
+        if k == 3:
+            recorder.sample(0.1 * k, late=True)
+            recorder.record.note(0.1 * k, "mode", "up")
+    table = recorder.record.to_pandas()
+    assert list(table.columns) == ["x", "m[0, 0]", "m[0, 1]", "m[1, 0]", "m[1, 1]", "late", "mode"]
+    np.testing.assert_array_equal(table["m[1, 0]"], np.arange(5))
+    assert table["late"].notna().tolist() == [False, False, False, True, False]
+    assert table["mode"].tolist() == ["", "", "", "up", "up"]
+
+
+def test_a_table_without_pandas_says_what_to_install(plant, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    with pytest.raises(MissingExtraError, match=r'pip install "poise\[tables\]"'):
+        Recorder().record.to_pandas()

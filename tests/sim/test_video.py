@@ -123,16 +123,17 @@ def test_a_video_has_the_length_and_size_of_the_run(plant, biped, opengl_here, t
 
 def test_a_recorded_run_is_drawn_with_its_forces(plant, biped):
     plant.reset()
-    recorder = Recorder(plant)
+    recorder = Recorder()
+    recorder.begin(plant)
     for _ in range(300):
         plant.step(None)
-        recorder.record()
-    markers = run_markers(biped, recorder)(299)
+        recorder.look()
+    markers = run_markers(biped, recorder.record)(299)
     arrows = [m for m in markers if m.arrow is not None]
     balls = [m for m in markers if m.arrow is None]
     np.testing.assert_allclose(sum(m.arrow[2] for m in arrows), 0.45, rtol=0.05)
-    np.testing.assert_allclose(balls[0].position[:2], recorder["com"][299, :2])
-    np.testing.assert_allclose(balls[1].position[:2], recorder["zmp"][299])
+    np.testing.assert_allclose(balls[0].position[:2], recorder.record["com"][299, :2])
+    np.testing.assert_allclose(balls[1].position[:2], recorder.record["zmp"][299])
 
 
 def test_slow_motion_has_more_pictures(plant, biped, opengl_here):

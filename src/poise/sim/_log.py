@@ -1,7 +1,8 @@
-"""Reading a log back, also one whose run died while writing it.
+"""The log of a run on the disk: an MCAP file, and reading it back.
 
-Signals kept in memory while a run goes on.
-An MCAP log, written by a thread of its own so that the control loop never waits for a disk.
+A thread of its own writes it, so that the control loop never waits for a disk; it is read as far
+as it goes where the run died while writing it. Topics are for people: Foxglove draws them. The
+record itself stands beside them, in blocks of numbers as they were in memory, see `Block`.
 """
 
 import json
@@ -12,69 +13,21 @@ import time
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, Literal, cast
+from typing import Any, Literal
 
-import numpy as np
-from jaxtyping import Float64
-
-from poise.errors import MissingExtraError, PoiseError, TargetError, UnknownNameError
-
-_FIRST_CAPACITY = 1024
-
-
-class Signal:
-    """Samples of one quantity over time, in an array that doubles when full.
-
-    Args:
-        name: the signal's name.
-        shape: shape of one sample.
-    """
-
-    def __init__(self, name: str, shape: tuple[int, ...]) -> None:
-        self.name = name
-        self.shape = shape
-        self._times = np.empty(_FIRST_CAPACITY)
-        self._values = np.empty((_FIRST_CAPACITY, *shape))
-        self._size = 0
-
-    def __len__(self) -> int:
-        return self._size
-
-    def append(self, time: float, value: float | Float64[np.ndarray, "..."]) -> None:
-        """Keep one sample, copied.
-
-        Raises:
-            TargetError: the sample has another shape than the first one had.
-        """
-        if np.shape(value) != self.shape:
-            raise TargetError(
-                f"signal {self.name!r} changed its shape",
-                got=np.shape(value),
-                wanted=str(self.shape),
-            )
-        if self._size == len(self._times):
-            self._times = np.concatenate([self._times, np.empty_like(self._times)])
-            self._values = np.concatenate([self._values, np.empty_like(self._values)])
-        self._times[self._size] = time
-        self._values[self._size] = value
-        self._size += 1
-
-    @property
-    def times(self) -> Float64[np.ndarray, " n"]:
-        """Times of the samples [s]."""
-        return self._times[: self._size].copy()
-
-    @property
-    def values(self) -> Float64[np.ndarray, "n ..."]:
-        """The samples, time first."""
-        return self._values[: self._size].copy()
-
+from poise.errors import MissingExtraError, PoiseError
+from poise.sim._record import Block, RunRecord
 
 Message = tuple[str, str, int, Any]
-"""Topic, schema name, time [ns], and the JSON object (or a function that makes it, run later)."""
+"""Topic, schema name, time [ns], and the JSON object, or a function that makes it or bytes later.
+"""
+
+RECORD_TOPIC = "/record"
+"""Where the blocks of the record are."""
+
+_BLOCK = "poise.Block"
 
 SCHEMAS: dict[str, dict[str, Any]] = {
     "poise.Signal": {
@@ -145,7 +98,7 @@ class McapLog:
             raise MissingExtraError("mcap", "sim", "Writing a log") from error
         self.path = path
         self.dropped = 0
-        self._block = on_full == "block"
+        self._waits = on_full == "block"
         self._flush_dt = flush_dt
         self._queue: queue.Queue[Message] = queue.Queue(capacity)
         self._failure: OSError | None = None
@@ -169,21 +122,37 @@ class McapLog:
 
     def put(self, message: Message) -> None:
         """Hand a message to the writer."""
-        if self._block:
-            self._queue.put(message)
-            return
-        try:
-            self._queue.put_nowait(message)
-        except queue.Full:
+        if not self._offer(message):
             self.dropped += 1
 
-    def close(self) -> None:
+    def put_block(self, time: float, block: Block) -> bool:
+        """Hand over a part of the record, up to a time [s].
+
+        Returns:
+            Whether there was room for it; if not, the next one must hold it too.
+        """
+        return self._offer((RECORD_TOPIC, _BLOCK, round(time * 1e9), block.pack))
+
+    def _offer(self, message: Message) -> bool:
+        try:
+            self._queue.put(message, block=self._waits)
+        except queue.Full:
+            return False
+        return True
+
+    def close(self, last: Block | None = None, time: float = 0.0) -> None:
         """Write all that waits, finish the file and close it.
+
+        Args:
+            last: what of the record is not in it yet.
+            time: up to which [s].
 
         Raises:
             PoiseError: the log could not be written, because the disk is full for example.
         """
         if self._thread.is_alive():
+            if last:
+                self._queue.put((RECORD_TOPIC, _BLOCK, round(time * 1e9), last.pack))
             self._queue.put(_STOP)
             self._thread.join()
         try:
@@ -224,12 +193,17 @@ class McapLog:
             self._stream.flush()
             return
         topic, schema, stamp, content = message
-        data = json.dumps(content() if callable(content) else content, allow_nan=False)
+        content = content() if callable(content) else content
+        if not isinstance(content, bytes):
+            content = json.dumps(content, allow_nan=False).encode()
         self._writer.add_message(
-            self._channel(topic, schema), log_time=stamp, data=data.encode(), publish_time=stamp
+            self._channel(topic, schema), log_time=stamp, data=content, publish_time=stamp
         )
 
     def _channel(self, topic: str, schema: str) -> int:
+        if schema == _BLOCK and topic not in self._channels:
+            # Schema zero is none: nobody but `read_log` needs to understand it.
+            self._channels[topic] = self._writer.register_channel(topic, "poise.block", 0)
         if topic not in self._channels:
             if schema not in self._schemas:
                 text = json.dumps({"title": schema, **SCHEMAS[schema]}).encode()
@@ -244,59 +218,62 @@ _MAGIC = b"\x89MCAP0\r\n"
 """What an MCAP file begins with, and ends with once it is finished."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Log:
-    """What a log holds.
-
-    Attributes:
-        path: the file.
-        complete: whether the log was finished; if not, the run died or still goes on.
-        metadata: the texts that say what the log is of.
-        messages: by topic, each message's time [s] and content.
-    """
-
-    path: Path
-    complete: bool
-    metadata: dict[str, str]
-    messages: dict[str, list[tuple[float, dict[str, Any]]]] = field(repr=False)
-
-    @property
-    def topics(self) -> tuple[str, ...]:
-        """Topics in the log."""
-        return tuple(self.messages)
-
-    @property
-    def end(self) -> float:
-        """Time of the last message [s], 0 for an empty log."""
-        return max((stamps[-1][0] for stamps in self.messages.values()), default=0.0)
-
-    def signal(self, name: str) -> tuple[Float64[np.ndarray, " n"], Float64[np.ndarray, "n ..."]]:
-        """Times [s] and samples of a numeric signal; NaN where the log has null.
-
-        Raises:
-            UnknownNameError: the log has no such signal.
-        """
-        found = self.messages.get(f"/{name}")
-        if found is None or "value" not in found[0][1]:
-            raise UnknownNameError("unknown signal", got=name, choices=self.topics)
-        times = np.array([message["time"] for _, message in found], dtype=np.float64)
-        values = np.array([message["value"] for _, message in found], dtype=np.float64)
-        return times, values
-
-
-def read_log(path: Path | str) -> Log:
-    """Read a log, up to where it ends or breaks off.
+def read_log(path: Path | str) -> RunRecord:
+    """Reads the record of a run from its log, up to where that ends or breaks off.
 
     Args:
         path: an MCAP file that a `Recorder` wrote.
 
     Returns:
-        All whole messages in it.
+        The record as it was in memory, to the last bit; `complete` is False where the log was not
+        finished: the run died, or still goes on.
 
     Raises:
         PoiseError: no such file, or no MCAP file.
         MissingExtraError: the package mcap is not installed.
     """
+    path = _checked(path)
+    from mcap.records import Channel, Footer, Message, Metadata
+
+    record, blocks = RunRecord(), set[int]()
+    record.complete = False
+    for found in _whole_records(path):
+        if isinstance(found, Metadata):
+            record.metadata |= found.metadata
+        elif isinstance(found, Channel) and found.topic == RECORD_TOPIC:
+            blocks.add(found.id)
+        elif isinstance(found, Message) and found.channel_id in blocks:
+            record.take_in(found.data)
+        elif isinstance(found, Footer):
+            record.complete = path.read_bytes().endswith(_MAGIC)
+    return record
+
+
+def read_topics(path: Path | str) -> dict[str, list[tuple[float, dict[str, Any]]]]:
+    """What people see of a log: by topic, each message's time [s] and content.
+
+    Args:
+        path: an MCAP file that a `Recorder` wrote.
+
+    Raises:
+        PoiseError: no such file, or no MCAP file.
+        MissingExtraError: the package mcap is not installed.
+    """
+    path = _checked(path)
+    from mcap.records import Channel, Message
+
+    topics: dict[int, str] = {}
+    messages: dict[str, list[tuple[float, dict[str, Any]]]] = defaultdict(list)
+    for found in _whole_records(path):
+        if isinstance(found, Channel) and found.message_encoding == "json":
+            topics[found.id] = found.topic
+        elif isinstance(found, Message) and found.channel_id in topics:
+            content = json.loads(found.data)
+            messages[topics[found.channel_id]].append((found.log_time * 1e-9, content))
+    return dict(messages)
+
+
+def _checked(path: Path | str) -> Path:
     path = Path(path)
     if not path.is_file():
         raise PoiseError("the log does not exist", got=str(path), wanted="an MCAP file")
@@ -305,27 +282,7 @@ def read_log(path: Path | str) -> Log:
     with path.open("rb") as stream:
         if stream.read(len(_MAGIC)) != _MAGIC:
             raise PoiseError("not an MCAP file", got=str(path), wanted="a log of a run")
-    return _read(path)
-
-
-def _read(path: Path) -> Log:
-    from mcap.records import Channel, Footer, Message, Metadata
-
-    topics: dict[int, str] = {}
-    metadata: dict[str, str] = {}
-    messages: dict[str, list[tuple[float, dict[str, Any]]]] = defaultdict(list)
-    finished = False
-    for record in _whole_records(path):
-        if isinstance(record, Channel):
-            topics[record.id] = record.topic
-        elif isinstance(record, Message):
-            content = cast("dict[str, Any]", json.loads(record.data))
-            messages[topics[record.channel_id]].append((record.log_time * 1e-9, content))
-        elif isinstance(record, Metadata):
-            metadata |= record.metadata
-        elif isinstance(record, Footer):
-            finished = path.read_bytes().endswith(_MAGIC)
-    return Log(path=path, complete=finished, metadata=metadata, messages=dict(messages))
+    return path
 
 
 def _whole_records(path: Path) -> Iterator[Any]:

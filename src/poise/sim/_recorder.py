@@ -1,137 +1,210 @@
-"""`Recorder`: the signals of a run, in memory and in a log that Foxglove opens."""
+"""`Recorder`: the observer that makes the record of a run, in memory and in a log for Foxglove."""
 
+import json
 import math
+import time as clock
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Literal
+from typing import Any, Literal, Protocol, runtime_checkable
 
 import numpy as np
-from jaxtyping import Float64
 
 from poise._schema import Count, Duration, Seconds, checked
 from poise.control import Command
-from poise.errors import UnknownNameError
+from poise.dynamics import RobotState
+from poise.sim._blocks import BlockWatch
 from poise.sim._foxglove import Scene
-from poise.sim._log import McapLog, Signal
+from poise.sim._log import McapLog
 from poise.sim._plant import Plant
+from poise.sim._record import Counts, RunRecord, Value
+from poise.sim._rollout import AnyController, LeadFunction, Tick
+from poise.stack import ComTask, FrameTask, Leader, Stack, Task
 
-Value = float | Float64[np.ndarray, "..."]
+_PHYSICS = ("dynamics, torques", "contacts, joints")
+"""The levels of every controller of a stack above those of the stack."""
 
 
 @checked()
 @dataclass(frozen=True, kw_only=True)
 class RecorderConfig:
-    """How much is logged, and how soon it is on the disk. Memory always keeps every sample.
+    """How much is recorded, how much is shown, and how soon it is on the disk.
 
     Attributes:
-        log_dt: time from one logged sample to the next, 0 for every sample [s].
+        record_dt: time from one recorded tick to the next, 0 for every tick [s].
+        log_dt: time from one sample of the log's topics to the next, 0 for every one [s]. It says
+            what Foxglove draws; the record in the log has every sample.
         scene_dt: time from one logged set of body transforms to the next, 0 for none [s].
         flush_dt: wall-clock time after which a sample is in the file at the latest [s].
         capacity: messages that may wait for the writer.
         on_full: what happens when that many wait: "block" the run, or "drop" and count.
+        keep: whether what is in the log stays in memory too; if not, a run may last for hours.
     """
 
+    record_dt: Seconds = 0.0
     log_dt: Seconds = 0.005
     scene_dt: Seconds = 1.0 / 30.0
     flush_dt: Duration = 0.25
     capacity: Count = 4096
     on_full: Literal["block", "drop"] = "block"
+    keep: bool = True
+
+
+@runtime_checkable
+class SolvesStack(Protocol):
+    """A controller of whose stack there is something to record."""
+
+    @property
+    def stack(self) -> Stack:
+        """What it solves."""
+        ...
+
+    @property
+    def suspended(self) -> tuple[Task, ...]:
+        """Tasks that did not act at the last tick."""
+        ...
+
+    @property
+    def timings(self) -> Mapping[str, float]:
+        """How long the parts of the last tick took [s]."""
+        ...
+
+
+@runtime_checkable
+class HasSignals(Protocol):
+    """A leader with something to tell a recorder."""
+
+    def signals(self) -> Mapping[str, Value | str]:
+        """After a tick: samples of signals by name, and notes by topic."""
+        ...
 
 
 class Recorder:
-    """Records signals of a plant's run; a context manager that finishes the log.
+    """Records a rollout; give it as one of the observers.
 
-    In memory every sample of every signal is kept as it was given. The log, if there is one, has
-    a topic a signal (`/com`, `/zmp`, ...), `/joints`, `/status`, `/tf` and `/scene`; NaN and
-    infinity, which JSON does not know, are null there.
+    What belongs to the end of a tick's period is recorded with the time of that end: the true `q`
+    and `v`, `torque` as applied, `com`, `zmp`, a `wrench/<sole>` each, and where there are blocks
+    on the floor `clearance` and `touched`; `command_torque` or `command_velocity` and `residuals`;
+    of a controller with a stack `error/<task>`, `target/<task>` of each point, `com_reference` and
+    `planned/<sole>`; how long leader and controller took, `tick_us/<phase>`; what the leader's
+    `signals` say; and notes about the `status` of the commands.
+
+    The log, if there is one, holds that record to the last bit, see `read_log`. Beside it a topic
+    a signal (`/com`, `/zmp`, ...), one a topic of notes, `/joints`, `/tf` and `/scene` are for
+    Foxglove; NaN and infinity, which JSON does not know, are null there.
 
     Args:
-        plant: the plant, for the names of its joints and its looks.
         path: the MCAP file, None for memory alone.
         config: rates and buffers.
-        metadata: texts kept in the log: scenario, controller, seed.
+        metadata: texts kept with the record: scenario, controller, seed.
 
-    Raises:
-        MissingExtraError: a log is wanted and the package mcap is not installed.
-        PoiseError: the log cannot be made.
+    Attributes:
+        record: of the run that is observed, or was last.
     """
 
     def __init__(
         self,
-        plant: Plant,
         path: Path | None = None,
         *,
         config: RecorderConfig | None = None,
         metadata: Mapping[str, str] | None = None,
     ) -> None:
-        self._plant = plant
-        self._config = config if config is not None else RecorderConfig()
-        self._signals: dict[str, Signal] = {}
-        self._statuses: list[tuple[float, str]] = []
-        self._notes: dict[str, list[tuple[float, str]]] = {}
-        self._next_log, self._next_scene = -math.inf, -math.inf
+        self._path, self._config = path, config if config is not None else RecorderConfig()
+        self._metadata = dict(metadata or {})
+        self.record = RunRecord(self._metadata)
         self._log: McapLog | None = None
-        if path is not None:
+
+    @property
+    def dropped(self) -> int:
+        """Messages that the log did not take because its writer was behind."""
+        return 0 if self._log is None else self._log.dropped
+
+    # The observer --------------------------------------------------------------------------------
+
+    def begin(
+        self,
+        plant: Plant,
+        controller: AnyController | None = None,
+        leader: Leader | LeadFunction | None = None,
+    ) -> None:
+        """A run begins: a new record, and the log is made.
+
+        Args:
+            plant: the plant.
+            controller: what commands it; None where nothing shall be recorded of it.
+            leader: likewise.
+
+        Raises:
+            MissingExtraError: a log is wanted and the package mcap is not installed.
+            PoiseError: the log cannot be made.
+        """
+        self._plant = plant
+        self._stack = controller if isinstance(controller, SolvesStack) else None
+        self._leader = leader if isinstance(leader, HasSignals) else None
+        self._watch = BlockWatch(plant) if plant.config.blocks else None
+        tasks = () if self._stack is None else self._stack.stack.tasks()
+        self._units = {f"error/{task.name}": task.unit for _, task in tasks}
+        self._joints = JointNames(plant.robot.joint_names, plant.robot.nj, plant.robot.base_dofs)
+        self.record = RunRecord(self._describe() | self._metadata)
+        self._written: Counts = {}
+        self._next_tick, self._next_log, self._next_scene = -math.inf, -math.inf, -math.inf
+        self._next_flush = clock.monotonic() + self._config.flush_dt
+        if self._path is not None:
             self._log = McapLog(
-                path,
-                metadata={"robot": plant.robot.name} | dict(metadata or {}),
+                self._path,
+                metadata=self.record.metadata,
                 flush_dt=self._config.flush_dt,
                 capacity=self._config.capacity,
                 on_full=self._config.on_full,
             )
             self._scene = Scene(plant.robot, plant.model)
 
-    def record(self, command: Command | None = None, **extra: Value) -> None:
-        """Record the plant as it is now, with the command that it was given.
+    def observe(self, tick: Tick) -> None:
+        """Records a tick, if one is due."""
+        status = tick.command.status.value
+        self.note("status", status)
+        told = {} if self._leader is None else self._leader.signals()
+        for topic, text in told.items():
+            if isinstance(text, str):
+                self.note(topic, text)
+        if not self._due(self._plant.time, self._next_tick):
+            return
+        self._next_tick = self._plant.time + self._config.record_dt
+        samples = self._plant_samples(tick.truth) | self._command_samples(tick.command)
+        samples |= self._stack_samples(tick)
+        samples |= {name: value for name, value in told.items() if not isinstance(value, str)}
+        self.sample(self._plant.time, **samples)
 
-        Signals: q, v (true), torque (as applied), com, zmp, and a `wrench/<sole>` each; and, from
-        the command, `command_torque` or `command_velocity` and `residuals`.
-
-        Args:
-            command: the last command.
-            extra: further signals by name, such as task errors; each keeps its first shape.
+    def end(self) -> None:
+        """The run is over: finishes the log.
 
         Raises:
-            TargetError: a signal changed its shape.
+            PoiseError: the log could not be written.
         """
-        plant = self._plant
-        state = plant.true_state()
-        samples: dict[str, Value] = {
-            "q": state.q,
-            "v": state.v,
-            "torque": plant.applied_torque,
-            "com": plant.com,
-            "zmp": plant.zmp(),
-        }
-        samples |= {f"wrench/{name}": wrench for name, wrench in state.contacts.items()}
-        samples |= self._command_samples(command)
-        status = "none" if command is None else command.status.value
-        self.sample(plant.time, status=status, **(samples | extra))
+        if self._log is not None:
+            log, self._log = self._log, None
+            log.close(self.record.block(self._written), self.record.end)
 
-    def sample(self, time: float, *, status: str | None = None, **values: Value) -> None:
-        """Record values of one instant, whatever they are.
+    # By hand -------------------------------------------------------------------------------------
+
+    def look(self) -> None:
+        """Records the plant as it is now, outside of a rollout."""
+        self.sample(self._plant.time, **self._plant_samples(self._plant.true_state()))
+
+    def sample(self, time: float, **values: Value) -> None:
+        """Records values of one instant, whatever they are.
 
         Args:
             time: the instant [s].
-            status: a text, logged under `/status` when it changes.
             values: the signals by name.
 
         Raises:
             TargetError: a signal changed its shape.
         """
         for name, value in values.items():
-            signal = self._signals.get(name)
-            if signal is None:
-                signal = self._signals[name] = Signal(name, np.shape(value))
-            signal.append(time, value)
-        known = self._statuses[-1][1] if self._statuses else None
-        news = status if status != known else None
-        if news is not None:
-            self._statuses.append((time, news))
+            self.record.add(time, name, value, self._units.get(name))
         if self._log is not None:
-            self._write(self._log, time, news, values)
+            self._write(self._log, time, values)
 
     def note(self, topic: str, text: str) -> None:
         """Notes a text of the plant's present time, where it differs from the last of its topic.
@@ -140,77 +213,42 @@ class Recorder:
             topic: such as `mode`; the log has it under that name.
             text: the text.
         """
-        notes = self._notes.setdefault(topic, [])
-        if notes and notes[-1][1] == text:
-            return
         time = self._plant.time
-        notes.append((time, text))
-        if self._log is not None:
+        if self.record.note(time, topic, text) and self._log is not None:
             stamp = round(time * 1e9)
             self._log.put((f"/{topic}", "poise.Signal", stamp, {"time": time, "value": text}))
 
-    def notes(self, topic: str) -> tuple[tuple[float, str], ...]:
-        """What was noted under a topic, with its times [s]."""
-        return tuple(self._notes.get(topic, ()))
+    # What is recorded ----------------------------------------------------------------------------
 
-    def times(self, name: str) -> Float64[np.ndarray, " n"]:
-        """Times of a signal's samples [s].
+    def _describe(self) -> dict[str, str]:
+        """Texts from which a report can be made of the record alone."""
+        plant = self._plant
+        stack = None if self._stack is None else self._stack.stack
+        tasks = [] if stack is None else [(t.name, n, t.unit) for n, t in stack.tasks()]
+        levels = [] if stack is None else [[t.name for t in level] for level in stack.levels]
+        return {
+            "robot": plant.robot.name,
+            "plant": json.dumps(asdict(plant.config)),
+            "tasks": json.dumps(tasks),
+            "levels": json.dumps([*_PHYSICS, *map(", ".join, levels)] if levels else []),
+        }
 
-        Raises:
-            UnknownNameError: no such signal.
-        """
-        return self._signal(name).times
+    def _plant_samples(self, truth: RobotState) -> dict[str, Value]:
+        plant = self._plant
+        samples: dict[str, Value] = {
+            "q": truth.q,
+            "v": truth.v,
+            "torque": plant.applied_torque,
+            "com": plant.com,
+            "zmp": plant.zmp(),
+        }
+        samples |= {f"wrench/{name}": wrench for name, wrench in truth.contacts.items()}
+        if self._watch is not None:
+            samples["clearance"] = self._watch.clearance()
+            samples["touched"] = self._watch.touched()
+        return samples
 
-    def __getitem__(self, name: str) -> Float64[np.ndarray, "n ..."]:
-        """All samples of a signal, time first.
-
-        Raises:
-            UnknownNameError: no such signal.
-        """
-        return self._signal(name).values
-
-    def __contains__(self, name: str) -> bool:
-        return name in self._signals
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """The signals recorded so far."""
-        return tuple(self._signals)
-
-    @property
-    def statuses(self) -> tuple[tuple[float, str], ...]:
-        """Each change of status with its time [s]."""
-        return tuple(self._statuses)
-
-    @property
-    def dropped(self) -> int:
-        """Messages that the log did not take because its writer was behind."""
-        return 0 if self._log is None else self._log.dropped
-
-    def close(self) -> None:
-        """Finish the log.
-
-        Raises:
-            PoiseError: the log could not be written.
-        """
-        if self._log is not None:
-            log, self._log = self._log, None
-            log.close()
-
-    def __enter__(self) -> "Recorder":
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
-
-    def _command_samples(self, command: Command | None) -> dict[str, Value]:
-        if command is None:
-            return {}
+    def _command_samples(self, command: Command) -> dict[str, Value]:
         found: dict[str, Value] = {}
         if command.torque is not None:
             found["command_torque"] = command.torque
@@ -218,70 +256,106 @@ class Recorder:
             found["command_velocity"] = command.velocity
         if command.residuals:
             found["residuals"] = np.array(command.residuals, dtype=np.float64)
-        elif "residuals" in self._signals:
+        elif "residuals" in self.record:
             # A fallback command solved nothing: say so, in the shape of the others.
-            found["residuals"] = np.full(self._signals["residuals"].shape, np.nan)
+            found["residuals"] = np.full(self.record.shape("residuals"), np.nan)
         return found
 
-    def _signal(self, name: str) -> Signal:
-        if name not in self._signals:
-            raise UnknownNameError("unknown signal", got=name, choices=self._signals)
-        return self._signals[name]
+    def _stack_samples(self, tick: Tick) -> dict[str, Value]:
+        solver, found = self._stack, dict[str, Value]()
+        if tick.estimator_seconds > 0.0:
+            found["tick_us/estimator"] = 1e6 * tick.estimator_seconds
+        if self._leader is not None:
+            found["tick_us/leader"] = 1e6 * tick.leader_seconds
+        if solver is None:
+            found["tick_us/controller"] = 1e6 * tick.controller_seconds
+            return found
+        stack, suspended = solver.stack, solver.suspended
+        for _, task in stack.tasks():
+            acts = task not in suspended
+            found[f"error/{task.name}"] = float(np.linalg.norm(task.error)) if acts else np.nan
+            if isinstance(task, ComTask) and task.target_position is not None:
+                found["com_reference"] = task.masked_target()
+            if isinstance(task, FrameTask) and task.unit != "rad":
+                point = task.target_position
+                if point is not None:
+                    found[f"target/{task.name}"] = point if acts else np.full(3, np.nan)
+        for contact in stack.contacts:
+            found[f"planned/{contact.frame}"] = float(contact.active)
+        answered = tick.command.status.ok
+        for phase, seconds in solver.timings.items():
+            found[f"tick_us/{phase}"] = 1e6 * seconds if answered else np.nan
+        return found
 
-    def _write(
-        self, log: McapLog, time: float, status: str | None, values: Mapping[str, Value]
-    ) -> None:
-        stamp = round(time * 1e9)
-        if status is not None:
-            log.put(("/status", "poise.Signal", stamp, {"time": time, "value": status}))
+    # What is written -----------------------------------------------------------------------------
+
+    @staticmethod
+    def _due(time: float, wanted: float) -> bool:
         # Half a nanosecond of slack keeps a rate that the control period divides exact.
-        if time >= self._next_log - 5e-10:
+        return time >= wanted - 5e-10
+
+    def _write(self, log: McapLog, time: float, values: Mapping[str, Value]) -> None:
+        stamp = round(time * 1e9)
+        if self._due(time, self._next_log):
             self._next_log = time + self._config.log_dt
             kept = {n: np.array(v, dtype=np.float64) for n, v in values.items()}
-            self._write_samples(log, time, stamp, kept)
-        if "q" in values and self._config.scene_dt > 0 and time >= self._next_scene - 5e-10:
+            if {"q", "v", "torque"} <= kept.keys():
+                log.put(("/joints", "poise.Joints", stamp, self._joints.message(time, kept)))
+            for name, value in kept.items():
+                log.put((f"/{name}", "poise.Signal", stamp, _later(time, value)))
+        if "q" in values and self._config.scene_dt > 0 and self._due(time, self._next_scene):
             self._write_scene(log, time, stamp, np.array(values["q"]))
+        if clock.monotonic() >= self._next_flush:
+            self._next_flush = clock.monotonic() + self._config.flush_dt
+            self._write_block(log, time)
 
-    def _write_samples(
-        self, log: McapLog, time: float, stamp: int, kept: dict[str, Float64[np.ndarray, "..."]]
-    ) -> None:
-        robot = self._plant.robot
-        if {"q", "v"} <= kept.keys():
-            torque = kept.get("torque", np.zeros(0))
-            q, v = kept["q"][-robot.nj :], kept["v"][robot.base_dofs :]
-            log.put(
-                (
-                    "/joints",
-                    "poise.Joints",
-                    stamp,
-                    lambda: {
-                        "time": time,
-                        "name": robot.joint_names,
-                        "position": _plain(q),
-                        "velocity": _plain(v),
-                        "torque": _plain(torque),
-                    },
-                )
-            )
-        for name, value in kept.items():
-            log.put((f"/{name}", "poise.Signal", stamp, _later(time, value)))
-
-    def _write_scene(
-        self, log: McapLog, time: float, stamp: int, q: Float64[np.ndarray, " nq"]
-    ) -> None:
+    def _write_scene(self, log: McapLog, time: float, stamp: int, q: np.ndarray) -> None:
         scene = self._scene
         if self._next_scene == -math.inf:
             log.put(("/scene", "foxglove.SceneUpdate", stamp, lambda: scene.boxes(time)))
         self._next_scene = time + self._config.scene_dt
         log.put(("/tf", "foxglove.FrameTransforms", stamp, lambda: scene.transforms(time, q)))
 
+    def _write_block(self, log: McapLog, time: float) -> None:
+        if not log.put_block(time, self.record.block(self._written)):
+            return
+        if not self._config.keep:
+            self.record.forget()
+        self._written = self.record.counts()
 
-def _later(time: float, value: Float64[np.ndarray, "..."]) -> Any:
+
+@dataclass(frozen=True)
+class JointNames:
+    """What makes messages for Foxglove's panel of joints.
+
+    Attributes:
+        names: of the joints.
+        joints: how many.
+        base_dofs: velocities before those of the joints.
+    """
+
+    names: tuple[str, ...]
+    joints: int
+    base_dofs: int
+
+    def message(self, time: float, kept: Mapping[str, np.ndarray]) -> Any:
+        """A message that the writer's thread makes of samples of q, v and torque."""
+        q, v = kept["q"][-self.joints :], kept["v"][self.base_dofs :]
+        return lambda: {
+            "time": time,
+            "name": self.names,
+            "position": _plain(q),
+            "velocity": _plain(v),
+            "torque": _plain(kept["torque"]),
+        }
+
+
+def _later(time: float, value: np.ndarray) -> Any:
     """A message whose numbers are turned into text by the writer's thread."""
     return lambda: {"time": time, "value": _plain(value)}
 
 
-def _plain(value: Float64[np.ndarray, "..."]) -> Any:
+def _plain(value: np.ndarray) -> Any:
     """Numbers as JSON knows them, None for those it does not know."""
     finite = np.isfinite(value)
     if finite.all():

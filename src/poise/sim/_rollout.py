@@ -1,11 +1,11 @@
 """`rollout`: the loop between a plant and a controller, and what belongs to one pass of it.
 
 `Tick`: what happened in one control period.
-`Body`, `Controller`, `Estimator`, `Observer`: what the loop needs of those who take part.
+`Body`, `AnyController`, `Estimator`, `Observer`: what the loop needs of those who take part.
 """
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from time import perf_counter
@@ -50,7 +50,7 @@ class Body(Protocol):
 
 
 @runtime_checkable
-class Controller(Protocol):
+class AnyController(Protocol):
     """What a rollout needs of a controller; one that never raises on numbers."""
 
     def step(self, state: RobotState) -> Command:
@@ -78,7 +78,8 @@ class Tick:
         estimate: what leader and controller were given; `state` itself without an estimator.
         command: what the controller answered.
         truth: the true state at the end of the period, with the wrenches at the soles.
-        leader_seconds: wall-clock time that the leader took, zero without one [s].
+        estimator_seconds: wall-clock time that the estimator took, zero without one [s].
+        leader_seconds: and the leader [s].
         controller_seconds: and the controller [s].
     """
 
@@ -88,6 +89,7 @@ class Tick:
     estimate: RobotState
     command: Command
     truth: RobotState
+    estimator_seconds: float
     leader_seconds: float
     controller_seconds: float
 
@@ -107,7 +109,7 @@ class Observer(Protocol[B_contra]):
     """Looks on: records, logs, shows, films, counts. It changes nothing that takes part."""
 
     def begin(
-        self, plant: B_contra, controller: Controller, leader: Leader | LeadFunction | None
+        self, plant: B_contra, controller: AnyController, leader: Leader | LeadFunction | None
     ) -> None:
         """Before the first tick."""
         ...
@@ -123,13 +125,13 @@ class Observer(Protocol[B_contra]):
 
 def rollout(
     plant: B,
-    controller: Controller,
+    controller: AnyController,
     leader: Leader | LeadFunction | None = None,
     observers: Sequence[Observer[B]] = (),
     *,
     estimator: Estimator | EstimateFunction | None = None,
     duration: float | None = None,
-) -> Iterator[Tick]:
+) -> Generator[Tick]:
     """Runs a plant under a controller, one tick an iteration.
 
     A tick is: measure, estimate, lead, control, step the plant, tell the observers. Nothing
@@ -162,12 +164,12 @@ def rollout(
 
 def _ticks(
     plant: B,
-    controller: Controller,
+    controller: AnyController,
     leader: Leader | LeadFunction | None,
     observers: Sequence[Observer[B]],
     estimator: Estimator | EstimateFunction | None,
     duration: float | None,
-) -> Iterator[Tick]:
+) -> Generator[Tick]:
     lead = leader.lead if isinstance(leader, Leader) else leader
     estimate = estimator if estimator is None or callable(estimator) else estimator.update
     count = math.inf if duration is None else math.ceil(duration / plant.control_dt - 0.5)
@@ -179,6 +181,7 @@ def _ticks(
         while index < count and not plant.fallen:
             time = plant.time
             measured = plant.state()
+            asked = perf_counter()
             state = measured if estimate is None else estimate(measured)
             begin = perf_counter()
             if lead is not None:
@@ -194,6 +197,7 @@ def _ticks(
                 estimate=state,
                 command=command,
                 truth=plant.true_state(),
+                estimator_seconds=0.0 if estimate is None else begin - asked,
                 leader_seconds=led - begin,
                 controller_seconds=controlled - led,
             )

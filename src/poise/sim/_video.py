@@ -25,7 +25,7 @@ from poise.sim._camera import (
     force_marker,
 )
 from poise.sim._plant import Plant
-from poise.sim._recorder import Recorder
+from poise.sim._record import RunRecord
 
 _BODY_WEIGHT_LENGTH = 0.45
 """Length of the arrow of a force as large as the robot's weight [m]."""
@@ -40,7 +40,7 @@ _ABOVE_GROUND = 0.005
 """Points on the ground are drawn this high [m], so that half of each ball stands out."""
 
 
-def run_markers(robot: Robot, recorder: Recorder) -> Callable[[int], tuple[Marker, ...]]:
+def run_markers(robot: Robot, record: RunRecord) -> Callable[[int], tuple[Marker, ...]]:
     """Markers for each sample of a run: COM (orange), ZMP (magenta), sole forces (blue arrows).
 
     The centre of mass is drawn as its projection on the ground. Forces are drawn before the toes:
@@ -48,16 +48,16 @@ def run_markers(robot: Robot, recorder: Recorder) -> Callable[[int], tuple[Marke
 
     Args:
         robot: the robot.
-        recorder: the run, as `Recorder.record` recorded it.
+        record: of the run, as a `Recorder` made it.
 
     Returns:
         The function that `render_video` takes as `markers`.
 
     Raises:
-        UnknownNameError: the run was not recorded with `Recorder.record`.
+        UnknownNameError: the record is not of a plant.
     """
-    qs, coms, zmps = recorder["q"], recorder["com"], recorder["zmp"]
-    wrenches = {name: recorder[f"wrench/{name}"] for name in robot.soles}
+    qs, coms, zmps = record["q"], record["com"], record["zmp"]
+    wrenches = {name: record[f"wrench/{name}"] for name in robot.soles}
     data = robot.model.createData()
     weight = robot.weight
 

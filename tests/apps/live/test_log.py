@@ -37,6 +37,7 @@ def drive(loop, pad, until, what):
 def test_a_run_leaves_a_log_beside_its_recording_that_agrees_with_its_replay(loop, tmp_path):
     pytest.importorskip("mcap")
     from poise.sim import read_log
+    from poise.sim._log import read_topics
 
     drive(loop, Pad(lift=(False, True)), lambda s: s.mode is Mode.SL, "the lift")
     drive(loop, Pad(), lambda s: s.mode is Mode.D, "double support")
@@ -45,9 +46,11 @@ def test_a_run_leaves_a_log_beside_its_recording_that_agrees_with_its_replay(loo
     log = read_log(tmp_path / "takes" / "take-001.mcap")
     assert log.complete
     assert log.metadata["robot"] == "biped20"
-    modes = [message["value"] for _, message in log.messages["/mode"]]
+    assert [mode for _, mode in log.notes("mode")] == ["D", "TL", "SL", "D"]
+    topics = read_topics(tmp_path / "takes" / "take-001.mcap")
+    modes = [message["value"] for _, message in topics["/mode"]]
     assert modes == ["D", "TL", "SL", "D"]
-    assert {"/joints", "/tf", "/scene", "/com", "/zmp", "/wrench/left_sole"} <= set(log.topics)
+    assert {"/joints", "/tf", "/scene", "/com", "/zmp", "/wrench/left_sole"} <= set(topics)
     times, references = log.signal("zmp_reference")
     run = replay_teleop(read_recording(tmp_path / "takes" / "take-001.teleop"))
     at = np.round(times / TELEOP_PLANT.control_dt).astype(int) - 1

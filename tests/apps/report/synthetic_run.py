@@ -11,7 +11,7 @@ from poise.apps.report import (
     Geometry,
     MarkerTrack,
     Replay,
-    RunRecord,
+    RunView,
     SoleTrack,
     SupportPhase,
     TaskTrack,
@@ -320,4 +320,4 @@ def walking_record(duration=6.0, rate=250.0, joints=33, seed=3, mesh=None, **cha
         "replay": replay_of(time, com, feet, forces, mesh),
         "notes": ("No video: this machine has no OpenGL. Install libegl1 or libosmesa6.",),
     }
-    return RunRecord(**{**fields, **changes})
+    return RunView(**{**fields, **changes})

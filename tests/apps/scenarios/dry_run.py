@@ -4,6 +4,7 @@ from dataclasses import replace
 from functools import cache
 
 from poise.apps.scenarios import _run as run_module
+from poise.apps.scenarios import _stage as stage_module
 from poise.apps.scenarios import parse_scenario
 from poise.dynamics import RobotState
 from poise.robots import load_robot
@@ -21,18 +22,17 @@ def loaded(name):
 def forbid_ticks(monkeypatch, times=()):
     """Make a run stop where its first tick would be, after its references at some share of it."""
 
-    def no_loop(scenario, controller, director, plant, recorder, progress):
+    def no_rollout(plant, controller, leader, observers, *, duration):
         state = plant.state()
         for share in times:
-            director.lead(replace_time(state, share * scenario.duration))
+            leader.lead(replace_time(state, share * duration))
         raise FirstTickError
-        yield
 
     def no_step(*_):
         raise AssertionError("the plant was told to move")
 
-    monkeypatch.setattr(run_module, "_loop", no_loop)
-    monkeypatch.setattr(run_module.Plant, "step", no_step)
+    monkeypatch.setattr(run_module, "rollout", no_rollout)
+    monkeypatch.setattr(stage_module.Plant, "step", no_step)
 
 
 def replace_time(state: RobotState, time: float) -> RobotState:

@@ -32,7 +32,7 @@ def test_the_robot_is_walked_over_the_obstacle(shipped_run, robot):
     assert summary["missed_ticks"] == 0
     # Level 2 of the paper gives way by design; what is above it holds exactly.
     assert max(summary["residual_max"][:3]) < 1e-9
-    assert [c["name"] for c in summary["checks"] if "residual" in c["name"]] == []
+    assert len([c for c in summary["checks"] if "residual" in c["name"]]) == 2
     page = (outcome.folder / "report.html").read_text()
     assert all(mode in page for mode in ("TL", "SL", "TR", "SR"))
     log = read_log(outcome.folder / "log.mcap")
@@ -46,7 +46,7 @@ def test_way_points_of_ones_own_lift_a_foot():
     assert run.ok
     assert [mode for _, mode in run.signals.modes] == ["D", "TL", "SL"]
     assert run.signals.sole_positions["right_sole"][-1, 2] > 0.05
-    assert set(run.signals.tick_us) == {"command"}
+    assert {"estimator", "leader", "solve"} <= set(run.signals.tick_us)
     # The hands are in the replay, where the operator held them.
     hand = run.signals.targets["right device"]
     assert hand[-1, 2] - hand[0, 2] == pytest.approx(0.08, abs=1e-9)

@@ -9,7 +9,7 @@ import yaml
 from dry_run import forbid_ticks, loaded, prepare
 
 from poise.apps.scenarios import _reader as reader
-from poise.apps.scenarios import _run as run_module
+from poise.apps.scenarios import _stage as stage_module
 from poise.apps.scenarios import parse_scenario, shipped_scenarios
 from poise.apps.scenarios._reader import SHIPPED
 from poise.errors import PoiseError
@@ -92,8 +92,8 @@ def plant(robot, config, *, seed):
 @pytest.fixture(autouse=True)
 def _no_ticks(monkeypatch):
     forbid_ticks(monkeypatch, times=(0.0, 0.05, 0.3, 0.3001, 0.8, 1.0))
-    monkeypatch.setattr(run_module, "load_robot", lambda name: loaded(str(name)))
-    monkeypatch.setattr(run_module, "Plant", plant)
+    monkeypatch.setattr(stage_module, "load_robot", lambda name: loaded(str(name)))
+    monkeypatch.setattr(stage_module, "Plant", plant)
 
 
 def places(data, path=()):

@@ -58,9 +58,8 @@ def test_a_shipped_scenario_holds(shipped_run, scenario, robot):
     assert scenario in (outcome.folder / "report.html").read_text()
     log = read_log(outcome.folder / "log.mcap")
     assert log.complete
-    assert log.metadata == {
-        "robot": robot, "scenario": scenario, "controller": "whole_body", "seed": "0"
-    }  # fmt: skip
+    about = {"robot": robot, "scenario": scenario, "controller": "whole_body", "seed": "0"}
+    assert about.items() <= log.metadata.items()
     # The log agrees with the summary, and holds the run to its end.
     time, residuals = log.signal("residuals")
     assert residuals.shape[1] == len(summary["residual_max"])
@@ -93,7 +92,7 @@ def test_a_walk_of_a_file_leaves_its_figures(tmp_path, controller):
     assert outcome.summary["missed_ticks"] == 0
     log = read_log(outcome.folder / "log.mcap")
     assert log.signal("zmp_reference")[1].shape[1] == 2
-    assert (log.signal("tick_us/walk")[1] > 0.0).all()
+    assert (log.signal("tick_us/leader")[1] > 0.0).all()
     assert "walk finished" in (outcome.folder / "report.html").read_text()
 
 

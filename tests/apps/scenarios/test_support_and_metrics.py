@@ -78,6 +78,8 @@ def signals():
     residuals = np.zeros((n, 3))
     residuals[6] = [1e-9, 2e-3, NAN]
     return RunSignals(
+        tasks=(),
+        level_names=(),
         time=time, q=np.zeros((n, 9)), torque=torque, torque_max=np.array([60.0, 50.0]),
         com=com, com_reference=reference, zmp=np.zeros((n, 2)),
         zmp_reference=np.linspace([0.0, 0.0], [0.3, 0.4], n),

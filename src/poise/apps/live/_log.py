@@ -3,7 +3,6 @@
 `LiveLog`: the signals of a live run, in a log that Foxglove opens.
 """
 
-import math
 import re
 import threading
 from pathlib import Path
@@ -12,7 +11,6 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float64
 
-from poise.control import Command
 from poise.errors import PoiseError
 from poise.locomotion import (
     DeviceSample,
@@ -21,170 +19,80 @@ from poise.locomotion import (
     StepTeleoperator,
     read_recording,
 )
-from poise.sim import McapLog, Plant, Scene
+from poise.sim import AnyController, LeadFunction, Plant, Recorder, RecorderConfig, Tick
+from poise.stack import Leader
 
 LOG_SUFFIX = ".mcap"
 
-_PERIOD, _SCENE_PERIOD = 0.05, 0.1
-"""Robot time from one sample, and from one picture of the bodies, to the next [s].
-
-The writer's thread takes the interpreter from the robot: at 50 Hz a tick cost a fifth more."""
-_FLUSH_PERIOD = 0.25
-_CAPACITY = 2048
-"""Messages that may wait for the writer; beyond that they are dropped, the robot never waits."""
+_CONFIG = RecorderConfig(
+    record_dt=0.05, log_dt=0.0, scene_dt=0.1, capacity=2048, on_full="drop", keep=False
+)
+"""The writer's thread takes the interpreter from the robot: at 50 Hz a tick cost a fifth more."""
 
 
 class LiveLog:
-    """Writes runs as `poise.sim.Recorder` does, but keeps nothing in memory: they may last hours.
+    """The observer that records live runs: a `Recorder` that is never in the robot's way.
 
-    Topics: true `q` and `v`, `torque`, `com`, `zmp`, a `wrench/<sole>` each, `command_velocity`,
-    `zmp_reference` and `soles` as the controller has them, moved into the simulator's world, the
-    mode under `/mode` and the command's status under `/status` whenever they change, `/joints`,
-    `/tf` and `/scene`. A thread of its own turns them into text. A log that cannot be written ends
-    nothing but itself.
-
-    Args:
-        plant: whose runs.
+    It samples twenty times a second and keeps nothing in memory, for a run may last hours. The
+    file is made when somebody drives. A log that cannot be written ends nothing but itself.
 
     Attributes:
         problem: why there is no log, or not all of it; "" where there is.
     """
 
-    def __init__(self, plant: Plant) -> None:
-        self._plant = plant
-        self._scene = Scene(plant.robot, plant.model)
-        self._path: Path | None = None
-        self._log: McapLog | None = None
+    def __init__(self) -> None:
         self.problem = ""
-        self._forget()
+        self._recorder: Recorder | None = None
 
-    def begin(self, path: Path) -> None:
-        """The next run begins; the file is made when somebody drives.
-
-        Args:
-            path: the file, overwritten.
-        """
-        self.finish()
+    def expect(self, path: Path) -> None:
+        """Says which file the next run goes to, overwritten."""
         self._path = path
-        self._forget()
+        self._tried = False
 
-    def note(
-        self,
-        controller: StepTeleoperator,
-        command: Command,
-        offset: Float64[np.ndarray, "3"],
-        *,
-        driven: bool,
+    def begin(
+        self, plant: Plant, controller: AnyController, leader: Leader | LeadFunction | None
     ) -> None:
-        """Notes a tick if one is due.
+        """The next run begins."""
+        self._cast = plant, controller, leader
 
-        Args:
-            controller: as it is after the tick.
-            command: what it gave.
-            offset: from the controller's world to the simulator's [m].
-            driven: whether a sample came from the operator.
-        """
-        if self._log is None and self._path is not None and driven:
-            self._open(self._path)
-        log, status, time = self._log, controller.status, self._plant.time
-        if log is None or status is None:
-            return
-        stamp = round(1e9 * time)
-        self._say(log, "mode", status.mode.name, time)
-        self._say(log, "status", command.status.value, time)
-        # Half a nanosecond of slack keeps a rate that the tick divides exact.
-        if time >= self._due - 5e-10:
-            self._due = time + _PERIOD
-            values = self._signals(command) | {
-                "zmp_reference": status.zmp_reference + offset[:2],
-                "soles": np.array(status.soles) + offset,
-            }
-            log.put(("/joints", "poise.Joints", stamp, self._joints(time, values)))
-            for name, value in values.items():
-                log.put((f"/{name}", "poise.Signal", stamp, _signal(time, value)))
-        if time >= self._scene_due - 5e-10:
-            self._draw(log, time)
+    def observe(self, tick: Tick) -> None:
+        """Records a tick, from the first one on at which somebody drives."""
+        if not self._tried and self._is_driven():
+            # A file that cannot be made is not tried again at each tick.
+            self._tried = True
+            self._recorder = self._open()
+        if self._recorder is not None:
+            self._recorder.observe(tick)
 
-    def finish(self) -> None:
+    def end(self) -> None:
         """Finishes the file, if there is one."""
-        log, self._log, self._path = self._log, None, None
-        if log is None:
+        recorder, self._recorder = self._recorder, None
+        if recorder is None:
             return
+        dropped = recorder.dropped
         try:
-            log.close()
+            recorder.end()
         except PoiseError as error:
             self.problem = str(error)
         else:
-            if log.dropped:
-                self.problem = f"{log.dropped} messages are missing in {log.path.name}"
+            if dropped:
+                self.problem = f"{dropped} messages are missing in {self._path.name}"
 
-    def _open(self, path: Path) -> None:
-        # A file that cannot be made is not tried again at each tick.
-        self._path = None
+    def _is_driven(self) -> bool:
+        leader = self._cast[2]
+        status = leader.status if isinstance(leader, StepTeleoperator) else None
+        return status is not None and status.sample is not None
+
+    def _open(self) -> Recorder | None:
+        recorder = Recorder(
+            self._path, config=_CONFIG, metadata={"controller": "step teleoperation"}
+        )
         try:
-            self._log = McapLog(
-                path,
-                metadata={"robot": self._plant.robot.name, "controller": "step teleoperation"},
-                flush_dt=_FLUSH_PERIOD,
-                capacity=_CAPACITY,
-                on_full="drop",
-            )
+            recorder.begin(*self._cast)
         except PoiseError as error:
             self.problem = str(error)
-
-    def _forget(self) -> None:
-        self._due, self._scene_due = -math.inf, -math.inf
-        self._said: dict[str, str] = {}
-
-    def _signals(self, command: Command) -> dict[str, Float64[np.ndarray, "..."]]:
-        plant = self._plant
-        state = plant.true_state()
-        values = {
-            "q": state.q,
-            "v": state.v,
-            "torque": plant.applied_torque.copy(),
-            "com": plant.com.copy(),
-            "zmp": plant.zmp(),
-        }
-        values |= {f"wrench/{name}": wrench for name, wrench in state.contacts.items()}
-        if command.velocity is not None:
-            values["command_velocity"] = command.velocity
-        return values
-
-    def _joints(self, time: float, values: dict[str, Float64[np.ndarray, "..."]]) -> Any:
-        robot, q, v = self._plant.robot, values["q"], values["v"]
-        return lambda: {
-            "time": time,
-            "name": robot.joint_names,
-            "position": q[-robot.nj :].tolist(),
-            "velocity": v[robot.base_dofs :].tolist(),
-            "torque": values["torque"].tolist(),
-        }
-
-    def _draw(self, log: McapLog, time: float) -> None:
-        scene, q = self._scene, self._plant.map.q(self._plant.data.qpos)
-        stamp = round(1e9 * time)
-        if self._scene_due == -math.inf:
-            log.put(("/scene", "foxglove.SceneUpdate", stamp, lambda: scene.boxes(time)))
-        self._scene_due = time + _SCENE_PERIOD
-        log.put(("/tf", "foxglove.FrameTransforms", stamp, lambda: scene.transforms(time, q)))
-
-    def _say(self, log: McapLog, topic: str, text: str, time: float) -> None:
-        if self._said.get(topic) != text:
-            self._said[topic] = text
-            message = {"time": time, "value": text}
-            log.put((f"/{topic}", "poise.Signal", round(1e9 * time), message))
-
-
-def _signal(time: float, value: Float64[np.ndarray, "..."]) -> Any:
-    """A message whose numbers the writer's thread turns into text; no NaN, which JSON has not."""
-
-    def make() -> dict[str, Any]:
-        numbers = value.astype(np.object_)
-        numbers[~np.isfinite(value)] = None
-        return {"time": time, "value": numbers.tolist()}
-
-    return make
+            return None
+        return recorder
 
 
 SUFFIX = ".teleop"
@@ -229,7 +137,7 @@ class Takes:
     def sample(self, tick: int, sample: DeviceSample | None) -> None:
         """Notes a tick, and what came before it."""
         self._ticks = tick + 1
-        if self._writer is not None and sample is not None:
+        if self._writer is not None:
             self._writer.sample(tick, sample)
 
     def push(self, tick: int, force: Float64[np.ndarray, "3"], duration: float) -> None:

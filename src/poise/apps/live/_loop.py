@@ -1,4 +1,4 @@
-"""`LiveLoop`: device, controller and plant in real time, in a thread of their own.
+"""`LiveLoop`: a rollout in real time, in a thread of its own, led by whoever is at the controls.
 
 `Snapshot`: how the robot stands, as the page shows it, some 25 times a second.
 """
@@ -7,7 +7,7 @@ import queue
 import threading
 import time as clock
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Generator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,7 +19,7 @@ from poise.apps.teleoperation import TELEOP_PLANT, teleop_setup
 from poise.locomotion import (
     DeviceStatus,
     Mode,
-    RecordedDevice,
+    RecordedPush,
     Recording,
     StepTeleoperator,
     TeleopStatus,
@@ -28,7 +28,7 @@ from poise.locomotion import (
     sole_rectangle,
 )
 from poise.robots import Robot
-from poise.sim import Plant, PlantConfig
+from poise.sim import Plant, PlantConfig, Tick, rollout
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -127,6 +127,32 @@ _ENDLESS = 1e9
 """Duration of a take that goes on [s]."""
 
 
+class _LiveTeleoperator(StepTeleoperator):
+    """A teleoperator whose signals are in the simulator's world, as the rest of the log is.
+
+    Attributes:
+        offset: from the world that it estimates to the simulator's [m].
+    """
+
+    offset: Float64[np.ndarray, "3"] = np.zeros(3)
+
+    def signals(self) -> Mapping[str, np.ndarray | float | str]:
+        """Those of a teleoperator, moved."""
+        told = dict(super().signals())
+        for name, value in told.items():
+            if name in _PLACES or name.startswith("target/"):
+                place = np.asarray(value)
+                told[name] = place + self.offset[: place.shape[-1]]
+        return told
+
+
+_PLACES = (
+    "zmp_reference", "estimate/zmp", "estimate/cart_table_zmp", "estimate/com", "estimate/soles",
+    "foot_target",
+)  # fmt: skip
+"""Signals of a teleoperator that are points."""
+
+
 class LiveLoop:
     """Runs the robot against the clock and never waits for anybody who looks.
 
@@ -166,12 +192,13 @@ class LiveLoop:
         self._config, self._dt = plant, plant.control_dt
         self._weight = robot.mass
         self.plant = Plant(robot, plant, seed=seed)
-        self.log = LiveLog(self.plant)
+        self.log = LiveLog()
         self.error: Exception | None = None
         self._orders: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
         self._stop = threading.Event()
         self._paused, self._speed = False, 1.0
         self._progress: deque[tuple[float, float]] = deque()
+        self._ticks: Generator[Tick] | None = None
         self._start()
         self.snapshot: Snapshot | None = None
         self._thread = threading.Thread(target=self._run, name="poise teleop loop", daemon=True)
@@ -267,19 +294,14 @@ class LiveLoop:
                 due = clock.perf_counter()
 
     def _tick(self) -> None:
-        tick, plant = round(self.plant.time / self._dt), self.plant
-        state = self.controller.estimator.update(plant.state())
-        self.controller.lead(state)
-        command = self._solver.step(state)
-        status = self.controller.status
-        sample = None if status is None else status.sample
-        if isinstance(self._device, RecordedDevice):
-            for force, seconds in self._device.pushes:
-                self._push(force, seconds)
-        self.takes.sample(tick, sample)
-        plant.step(command)
-        self.log.note(self.controller, command, self._feet.offset, driven=sample is not None)
-        if plant.fallen:
+        while self._pushes and self._pushes[0].tick <= round(self.plant.time / self._dt):
+            push = self._pushes.popleft()
+            self._push(np.array(push.force), push.duration)
+        if self._ticks is not None and next(self._ticks, None) is not None:
+            status = self.controller.status
+            tick = round(self.plant.time / self._dt) - 1
+            self.takes.sample(tick, None if status is None else status.sample)
+        if self.plant.fallen:
             self.takes.flush()
 
     def _push(self, force: Float64[np.ndarray, "3"], duration: float) -> None:
@@ -291,16 +313,14 @@ class LiveLoop:
 
     def _start(self) -> None:
         """Robot, controller and device as at the beginning."""
+        self._end_rollout()
         self.plant.reset()
-        self.controller = StepTeleoperator(self.robot)
+        self.controller = _LiveTeleoperator(self.robot)
         self._feet = LiveFeet(self._inputs, self.controller)
-        self._device = (
-            self._feet
-            if self._recording is None
-            else self._recording.device(robot=self.robot.name, dt=self._dt)
-        )
-        self.controller.device = self._device
-        self._solver = self.controller.controller()
+        self.controller.device, self._pushes = self._feet, deque[RecordedPush]()
+        if self._recording is not None:
+            self.controller.device = self._recording.device(robot=self.robot.name, dt=self._dt)
+            self._pushes.extend(self._recording.pushes)
 
     def _begin_take(self) -> None:
         setup = teleop_setup(
@@ -310,11 +330,22 @@ class LiveLoop:
             duration=_ENDLESS,
         )
         self.takes.begin(setup)
-        self.log.begin(self.takes.path.with_suffix(LOG_SUFFIX))
+        self.log.expect(self.takes.path.with_suffix(LOG_SUFFIX))
+        self._ticks = rollout(
+            self.plant,
+            self.controller.controller(),
+            self.controller,
+            [self.log],
+            estimator=self.controller.estimator,
+        )
 
     def _finish_take(self) -> None:
         self.takes.finish()
-        self.log.finish()
+        self._end_rollout()
+
+    def _end_rollout(self) -> None:
+        if self._ticks is not None:
+            self._ticks.close()
 
     # What is shown -------------------------------------------------------------------------------
 
@@ -338,7 +369,7 @@ class LiveLoop:
         if status is None:
             return self.snapshot
         offset = self._offset()
-        self._feet.offset = offset
+        self._feet.offset = self.controller.offset = offset
         flat = offset[:2]
         polygon = support_polygon(controller, status)
         return Snapshot(

@@ -6,7 +6,7 @@ figures of one's own look the same with `html_document`, `house_style` and `inli
 
 from poise.apps.report._page import asset, html_document
 from poise.apps.report._plots import house_style, inline_svg
-from poise.apps.report._record import Check, Event, RunRecord, SoleTrack, SupportPhase, TaskTrack
+from poise.apps.report._record import Check, Event, RunView, SoleTrack, SupportPhase, TaskTrack
 from poise.apps.report._replay import ForceTrack, Geometry, MarkerTrack, Replay
 from poise.apps.report._replay_payload import shapes_payload
 from poise.apps.report._write import write_report
@@ -18,7 +18,7 @@ __all__ = [
     "Geometry",
     "MarkerTrack",
     "Replay",
-    "RunRecord",
+    "RunView",
     "SoleTrack",
     "SupportPhase",
     "TaskTrack",

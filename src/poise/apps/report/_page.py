@@ -13,7 +13,7 @@ from typing import cast
 from urllib.parse import quote
 
 from poise.apps.report._plots import PlotFigure, number
-from poise.apps.report._record import RunRecord
+from poise.apps.report._record import RunView
 from poise.apps.report._replay_payload import replay_json
 from poise.apps.report._tables import checks_html, events_html, tasks_html, ticks_html, verdict
 
@@ -60,7 +60,7 @@ class _Card:
     bad: bool = False
 
 
-def cards_html(record: RunRecord) -> str:
+def cards_html(record: RunView) -> str:
     """A card for each figure of the summary that is there."""
     made = (_com(record), _torque(record), _residual(record), _missed(record), _tick(record))
     cards = [card for card in (*made, _speed(record)) if card is not None]
@@ -78,14 +78,14 @@ def _html(card: _Card) -> str:
     )
 
 
-def _com(record: RunRecord) -> _Card | None:
+def _com(record: RunView) -> _Card | None:
     value = _float(record.summary.get("com_error_max_m"))
     if value is None:
         return None
     return _Card(name="largest COM error", figure=number(1000.0 * value), unit="mm")
 
 
-def _torque(record: RunRecord) -> _Card | None:
+def _torque(record: RunView) -> _Card | None:
     value = _float(record.summary.get("torque_ratio_max"))
     if value is None:
         return None
@@ -96,7 +96,7 @@ def _torque(record: RunRecord) -> _Card | None:
     )
 
 
-def _residual(record: RunRecord) -> _Card | None:
+def _residual(record: RunView) -> _Card | None:
     value = record.summary.get("residual_max")
     listed = cast("list[object]", value) if isinstance(value, list | tuple) else []
     levels = [number(v) for v in map(_float, listed) if v is not None]
@@ -110,7 +110,7 @@ def _residual(record: RunRecord) -> _Card | None:
     )
 
 
-def _missed(record: RunRecord) -> _Card | None:
+def _missed(record: RunView) -> _Card | None:
     value = _float(record.summary.get("missed_ticks"))
     if value is None:
         return None
@@ -122,7 +122,7 @@ def _missed(record: RunRecord) -> _Card | None:
     )
 
 
-def _tick(record: RunRecord) -> _Card | None:
+def _tick(record: RunView) -> _Card | None:
     value = record.summary.get("tick_us")
     if not isinstance(value, Mapping):
         return None
@@ -135,7 +135,7 @@ def _tick(record: RunRecord) -> _Card | None:
     return _Card(name="tick time, p50", figure=number(p50), unit="µs", more=more)
 
 
-def _speed(record: RunRecord) -> _Card | None:
+def _speed(record: RunView) -> _Card | None:
     value = _float(record.summary.get("real_time_factor"))
     if value is None:
         return None
@@ -158,7 +158,7 @@ _TOGGLES = (
 _VIEWS = ("corner", "front", "side", "top")
 
 
-def page_html(record: RunRecord, figures: list[PlotFigure]) -> str:
+def page_html(record: RunView, figures: list[PlotFigure]) -> str:
     """The whole page as text.
 
     Args:
@@ -191,7 +191,7 @@ def page_html(record: RunRecord, figures: list[PlotFigure]) -> str:
     return html_document(title, body)
 
 
-def _header(record: RunRecord) -> str:
+def _header(record: RunView) -> str:
     words, good = verdict(record)
     duration = float(record.time[-1] - record.time[0])
     facts = (
@@ -213,7 +213,7 @@ def _header(record: RunRecord) -> str:
     )
 
 
-def _nav(record: RunRecord, figures: list[PlotFigure]) -> str:
+def _nav(record: RunView, figures: list[PlotFigure]) -> str:
     links = [("checks", "Checks")] if record.checks else []
     if record.replay:
         links.append(("replay", "3D replay"))
@@ -225,7 +225,7 @@ def _nav(record: RunRecord, figures: list[PlotFigure]) -> str:
     return f'<nav><div class="wide">{items}</div></nav>'
 
 
-def _notes(record: RunRecord) -> str:
+def _notes(record: RunView) -> str:
     notes = list(record.notes)
     if record.ended_early:
         notes.insert(0, f"The run stopped before its end: {record.ended_early}")
@@ -261,7 +261,7 @@ aria-label="time"></span><output data-part="time"></output>
 </section>"""
 
 
-def _video(record: RunRecord) -> str:
+def _video(record: RunView) -> str:
     if not record.video:
         return ""
     source = escape(quote(record.video))
@@ -288,7 +288,7 @@ def _figure(figure: PlotFigure) -> str:
     return f'<section id="{figure.name}" data-figure="{figure.name}">{inside}</section>'
 
 
-def _summary(record: RunRecord) -> str:
+def _summary(record: RunView) -> str:
     text = json.dumps(record.summary, indent=2, default=str, ensure_ascii=False)
     return (
         '<section id="summary"><details><summary>Summary as data (summary.json)</summary>'
@@ -296,7 +296,7 @@ def _summary(record: RunRecord) -> str:
     )
 
 
-def _scripts(record: RunRecord) -> str:
+def _scripts(record: RunView) -> str:
     scripts = [f"<script>\n{asset('page.js')}</script>"]
     if record.replay:
         payload = replay_json(record, record.replay)

@@ -1,4 +1,4 @@
-"""`RunRecord`: everything that the report of one run is made from.
+"""`RunView`: everything that the report of one run is made from.
 
 What a run's record is made of: checks, events, and the tracks of tasks, soles and support.
 """
@@ -124,7 +124,7 @@ class SupportPhase:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class RunRecord:
+class RunView:
     """What happened in one run: names, and arrays with one row a control tick (T ticks, nj joints).
 
     NaN stands for "not measured" or "nothing to measure" everywhere.

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float64, Shaped
 
-from poise.apps.report._record import RunRecord, SupportPhase
+from poise.apps.report._record import RunView, SupportPhase
 from poise.apps.report._replay import Geometry, Replay
 
 _QUATERNION_SCALE = 32767
@@ -17,7 +17,7 @@ _STEPS = 65535
 """Steps between a mesh's least and greatest coordinate: a hundredth of a millimetre on a body."""
 
 
-def replay_json(record: RunRecord, replay: Replay) -> str:
+def replay_json(record: RunView, replay: Replay) -> str:
     """Everything the page's 3D replay draws, as one JSON object that is safe inside a script.
 
     Args:
@@ -111,7 +111,7 @@ def _mesh(
     }
 
 
-def _phase(phase: SupportPhase, record: RunRecord) -> dict[str, Any]:
+def _phase(phase: SupportPhase, record: RunView) -> dict[str, Any]:
     first, last = float(record.time[0]), float(record.time[-1])
     return {
         "start": float(np.clip(phase.start, first, last)),

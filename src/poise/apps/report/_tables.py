@@ -3,12 +3,12 @@
 from html import escape
 
 from poise.apps.report._plots import number, tick_percentiles, worst_tasks
-from poise.apps.report._record import Check, RunRecord
+from poise.apps.report._record import Check, RunView
 
 _RELATIONS = {"<=": "≤", ">=": "≥", "==": "="}
 
 
-def verdict(record: RunRecord) -> tuple[str, bool]:
+def verdict(record: RunView) -> tuple[str, bool]:
     """How the run ended, in a few words, and whether that is good."""
     failed = [c for c in record.checks if not c.ok]
     if record.fell:
@@ -25,7 +25,7 @@ def verdict(record: RunRecord) -> tuple[str, bool]:
     return f"✓ All {len(record.checks)} checks hold", True
 
 
-def checks_html(record: RunRecord) -> str:
+def checks_html(record: RunView) -> str:
     """Every check with its value, bound, unit and mark; those that failed come first."""
     if not record.checks:
         return ""
@@ -54,7 +54,7 @@ def _check_row(check: Check) -> str:
     )
 
 
-def tasks_html(record: RunRecord) -> str:
+def tasks_html(record: RunView) -> str:
     """Each task with its level and its largest error."""
     if not record.tasks:
         return ""
@@ -70,7 +70,7 @@ def tasks_html(record: RunRecord) -> str:
     return _folded("tasks", f"The {len(record.tasks)} tasks in figures", table)
 
 
-def ticks_html(record: RunRecord) -> str:
+def ticks_html(record: RunView) -> str:
     """Percentiles of the tick times by phase."""
     rows = "".join(
         f"<tr><td>{escape(name)}</td>"
@@ -85,7 +85,7 @@ def ticks_html(record: RunRecord) -> str:
     return _folded("tick-table", "Tick times in figures", table)
 
 
-def events_html(record: RunRecord) -> str:
+def events_html(record: RunView) -> str:
     """Every event, also those whose labels found no room in the plots."""
     if not record.events:
         return ""

@@ -16,9 +16,9 @@ from poise.apps.report._plots import (
     tracking_figures,
     zmp_figures,
 )
-from poise.apps.report._record import RunRecord
+from poise.apps.report._record import RunView
 
-_Drawing = Callable[[RunRecord], list[PlotFigure] | PlotFigure | None]
+_Drawing = Callable[[RunView], list[PlotFigure] | PlotFigure | None]
 _PLOTS: tuple[_Drawing, ...] = (
     tracking_figures,
     com_figure,
@@ -32,7 +32,7 @@ _PLOTS: tuple[_Drawing, ...] = (
 """The plots, in the page's order."""
 
 
-def write_report(run: RunRecord, directory: Path) -> Path:
+def write_report(run: RunView, directory: Path) -> Path:
     """Write one self-contained page about a run; it needs no network and no server.
 
     The same record gives the same bytes.
@@ -55,7 +55,7 @@ def write_report(run: RunRecord, directory: Path) -> Path:
     return path
 
 
-def draw_plots(run: RunRecord) -> list[PlotFigure]:
+def draw_plots(run: RunView) -> list[PlotFigure]:
     """All plots for which the record has something to show.
 
     Raises:

@@ -70,21 +70,16 @@ def validate_checks(checks: Sequence[CheckPlan], stack: Stack, robot: Robot) -> 
 def evaluate_checks(
     checks: Sequence[CheckPlan],
     run: RunSignals,
-    stack: Stack,
     fell: bool,
     ended_early: str,
-    *,
-    physics: bool = True,
 ) -> tuple[CheckResult, ...]:
     """Measures everything that must hold of a run.
 
     Args:
         checks: the scenario's own.
         run: what was recorded.
-        stack: the controller's stack.
         fell: whether the robot fell.
         ended_early: why the run stopped before its end, "" where it did not.
-        physics: whether the controller has levels of physics; one by hand has none.
 
     Returns:
         The checks of every run first, then the scenario's.
@@ -96,10 +91,10 @@ def evaluate_checks(
         _result("missed ticks", float(missed), "<=", 0.0, ""),
     ]
     names = ("dynamics and torque limits", "contacts and joint limits")
-    for level, name in enumerate(names if physics else (), 1):
+    for level, name in enumerate(names if run.level_names else (), 1):
         plan = CheckPlan(metric="residual_max", at_most=PHYSICS_RESIDUAL, level=level)
-        results.append(_measured(plan, run, stack, f"residual of level {level}, {name}"))
-    results += [_measured(plan, run, stack, _describe(plan)) for plan in checks]
+        results.append(_measured(plan, run, f"residual of level {level}, {name}"))
+    results += [_measured(plan, run, _describe(plan)) for plan in checks]
     return tuple(results)
 
 
@@ -108,11 +103,12 @@ def missed_ticks(run: RunSignals) -> int:
     return sum(status != CommandStatus.OK.value for status in run.status)
 
 
-def _measured(plan: CheckPlan, run: RunSignals, stack: Stack, name: str) -> CheckResult:
+def _measured(plan: CheckPlan, run: RunSignals, name: str) -> CheckResult:
     metric = METRICS[plan.metric]
     rows = (run.time >= plan.begin) & (run.time <= plan.end)
     value = metric.measure(run, plan.subject, plan.axis_index, rows)
-    unit = stack.task(plan.subject).unit if metric.subject == "task" else metric.unit
+    units = {task.name: task.unit for task in run.tasks}
+    unit = units[plan.subject] if metric.subject == "task" else metric.unit
     return _result(name, value, plan.relation, plan.bound, unit)
 
 

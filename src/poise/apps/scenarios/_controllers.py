@@ -1,8 +1,12 @@
-"""Which controller a scenario runs: one of `poise.control`'s, or hands that walk the robot."""
+"""`Cast`: who takes part in a scenario beside the plant: controller, leader, what they need."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
-from poise.apps.scenarios._by_hand import NAME, ByHand
+import numpy as np
+from jaxtyping import Float64
+
+from poise.apps.scenarios._by_hand import NAME, SCRIPTS, HandsPlan
+from poise.apps.scenarios._director import Director
 from poise.apps.scenarios._scenario import Scenario
 from poise.control import (
     CONTROLLERS,
@@ -13,11 +17,32 @@ from poise.control import (
     make_controller,
 )
 from poise.errors import ScenarioError, UnknownNameError
-from poise.locomotion import walking_stack
+from poise.locomotion import ScriptedDevice, StepTeleoperator, walking_stack
 from poise.robots import Robot
+from poise.sim import Block, Estimator
+from poise.stack import Leader
 
 _STRATEGY = "com_shifter"
-"""How `ByHand` keeps the balance."""
+"""How a robot that is walked by hand keeps its balance."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Cast:
+    """Who takes part in a scenario.
+
+    Attributes:
+        controller: gives the commands.
+        leader: sets what it is asked for.
+        estimator: says them where the robot is; nobody does when None.
+        q_start: configuration at the start; the robot's home when None.
+        blocks: on the floor, beside the scenario's own.
+    """
+
+    controller: Controller
+    leader: Leader
+    estimator: Estimator | None = None
+    q_start: Float64[np.ndarray, " nq"] | None = None
+    blocks: tuple[Block, ...] = ()
 
 
 def is_by_hand(plan: ControllerPlan) -> bool:
@@ -55,18 +80,44 @@ def with_actuation(scenario: Scenario) -> Scenario:
     return scenario
 
 
-def controller_of(scenario: Scenario, robot: Robot) -> Controller | ByHand:
-    """Makes the controller of a scenario that `with_actuation` has passed.
+def cast_of(scenario: Scenario, robot: Robot) -> Cast:
+    """Who takes part in a scenario that `with_actuation` has passed.
 
     Raises:
         PoiseError: the scenario does not fit the robot.
     """
     if scenario.hands is not None:
-        return ByHand(robot, scenario.hands, scenario.plant.control_dt)
+        return _hands(robot, scenario.hands, scenario.plant.control_dt)
     stack = scenario.stack.build() if scenario.stack is not None else None
     if stack is None and scenario.walk is not None:
         stack = walking_stack(robot)
-    return make_controller(robot, stack, replace(scenario.controller, dt=scenario.plant.control_dt))
+    plan = replace(scenario.controller, dt=scenario.plant.control_dt)
+    controller = make_controller(robot, stack, plan)
+    director = Director(scenario, controller.stack, robot)
+    return Cast(controller=controller, leader=director)
+
+
+def _hands(robot: Robot, hands: HandsPlan, dt: float) -> Cast:
+    """An operator whose hands follow a script or way-points."""
+    script = SCRIPTS[hands.script](robot) if hands.script else None
+    q_start = robot.q_home if script is None else script.posture(robot)
+    teleoperator = StepTeleoperator(robot, q_start=q_start)
+    if dt != teleoperator.parameters.dt:
+        raise ScenarioError(
+            f"controller {NAME} has another control period than the plant",
+            got=f"plant: control_dt: {dt:g}",
+            wanted=f"control_dt: {teleoperator.parameters.dt:g}",
+        )
+    start = teleoperator.resting_sample
+    points = hands.points if script is None else script.points
+    teleoperator.device = ScriptedDevice(points, start.left, start.right)
+    return Cast(
+        controller=teleoperator.controller(),
+        leader=teleoperator,
+        estimator=teleoperator.estimator,
+        q_start=q_start,
+        blocks=() if script is None else script.blocks,
+    )
 
 
 def _kind(plan: ControllerPlan) -> ControllerKind:

@@ -3,7 +3,6 @@
 How far an arm reaches, from the robot's own kinematics.
 """
 
-import time as clock
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
@@ -16,6 +15,7 @@ from poise.dynamics import Dynamics, Quintic, RobotState
 from poise.errors import ScenarioError, UnknownNameError
 from poise.locomotion import CarriedTarget, Walker
 from poise.robots import Robot
+from poise.sim import Value
 from poise.stack import ComTask, FrameTask, JointTask, Stack, Task
 
 
@@ -104,7 +104,6 @@ class Director:
     Attributes:
         stack: what it leads.
         walker: what leads the feet and the balance of a robot that walks; None for others.
-        walk_seconds: how long the walker took in the last `lead` [s].
 
     Raises:
         UnknownNameError: the scenario names a task, contact, sole or joint that does not exist.
@@ -127,7 +126,6 @@ class Director:
         self._tasks, self._contacts = tasks, contacts
         walk = scenario.walk
         self.walker = None if walk is None else walk.walker(robot, stack, scenario.plant.blocks)
-        self.walk_seconds = 0.0
         if self.walker is not None:
             _check_beside_walk(scenario, self.walker, tasks)
 
@@ -146,9 +144,14 @@ class Director:
             _follow(running, time)
         self._running = [r for r in self._running if not r.trajectory.is_over(time)]
         if self.walker is not None:
-            begin = clock.perf_counter()
             self.walker.lead(state)
-            self.walk_seconds = clock.perf_counter() - begin
+
+    def signals(self) -> dict[str, Value | str]:
+        """What a recorder should know of the last tick: how the walk stands, if there is one."""
+        if self.walker is None:
+            return {}
+        zmp = np.array(self.walker.zmp)
+        return {"zmp_reference": zmp, "mode": f"walk {self.walker.status.value}"}
 
     def _apply(self, change: ContactChange, state: RobotState) -> bool:
         if state.time < change.at:

@@ -1,18 +1,23 @@
 """What a run leaves behind: `summary.json`, the video and the report."""
 
 import json
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from poise.apps.report import Check, Event, RunRecord, SoleTrack, TaskTrack, write_report
-from poise.apps.scenarios._checks import missed_ticks
-from poise.apps.scenarios._controllers import is_by_hand, strategy_of
+from poise.apps.report import Check, Event, RunView, SoleTrack, TaskTrack, write_report
+from poise.apps.scenarios._checks import CheckResult, missed_ticks
 from poise.apps.scenarios._replay import make_replay
 from poise.apps.scenarios._run import Progress, Run
+from poise.apps.scenarios._signals import RunSignals, collect_signals
+from poise.apps.teleoperation import plant_from_json
 from poise.control import PHYSICS_LEVELS
 from poise.errors import MissingExtraError
-from poise.sim import NoOpenGLError, render_video
+from poise.robots import Robot, load_robot
+from poise.sim import NoOpenGLError, Plant, Push, RunRecord, read_log, render_video
 
 SUMMARY, REPORT, VIDEO, LOG = "summary.json", "report.html", "video.mp4", "log.mcap"
 """File names in a run's folder."""
@@ -92,22 +97,59 @@ def write_page(run: Run, summary: dict[str, object], directory: Path, no_video: 
         directory: folder of the run.
         no_video: None where no video was wanted, "" where there is one, else why there is none.
     """
-    return write_report(make_record(run, summary, no_video), directory)
+    view = make_view(run.record, run.robot, plant=run.plant, checks=run.checks, summary=summary)
+    video = VIDEO if no_video == "" else None
+    notes = (no_video,) if no_video else ()
+    view = replace(view, fell=run.fell, ended_early=run.ended_early, video=video, notes=notes)
+    return write_report(view, directory)
 
 
-def make_record(run: Run, summary: dict[str, object], no_video: str | None) -> RunRecord:
-    """Everything that the report's page is made from; see `write_page` for the arguments."""
-    robot, signals, scenario = run.robot, run.signals, run.scenario
+def report(record: RunRecord | Path, directory: Path, robot: Robot | None = None) -> Path:
+    """Writes `report.html` from nothing but the record of a run, or its log.
+
+    Args:
+        record: as a `Recorder` made it, or the file of its log.
+        directory: where the page goes; made if it does not exist.
+        robot: of the run; loaded by the name in the record when None.
+
+    Raises:
+        PoiseError: the file is no log, or the robot cannot be loaded.
+    """
+    if isinstance(record, Path):
+        record = read_log(record)
+    robot = load_robot(record.metadata["robot"]) if robot is None else robot
+    return write_report(make_view(record, robot), directory)
+
+
+def make_view(
+    record: RunRecord,
+    robot: Robot,
+    *,
+    plant: Plant | None = None,
+    checks: Sequence[CheckResult] = (),
+    summary: Mapping[str, object] | None = None,
+) -> RunView:
+    """Everything that the report's page is made from.
+
+    Args:
+        record: of the run.
+        robot: that ran.
+        plant: that it ran on; made again from the record when None.
+        checks: what was demanded of it.
+        summary: its figures.
+    """
+    about, signals = record.metadata, collect_signals(record, robot)
+    config = plant_from_json(json.loads(about["plant"]))
+    plant = Plant(robot, config) if plant is None else plant
+    pushes = [Push(**(p | {"force": tuple(p["force"])})) for p in _read(about, "pushes")]
     first = robot.nq - robot.nj
-    stack = run.controller.stack
-    return RunRecord(
+    strategy = f" ({about['strategy']})" if "strategy" in about else ""
+    return RunView(
         robot=robot.name,
-        controller=f"{scenario.controller.name} ({strategy_of(scenario.controller)})",
-        scenario=scenario.name,
-        description=scenario.description,
-        seed=scenario.seed,
-        fell=run.fell,
-        ended_early=run.ended_early,
+        controller=about.get("controller", "") + strategy,
+        scenario=about.get("scenario", "a run"),
+        description=about.get("description", ""),
+        seed=int(about.get("seed", 0)),
         time=signals.time,
         joint_names=robot.joint_names,
         torque=signals.torque,
@@ -118,11 +160,11 @@ def make_record(run: Run, summary: dict[str, object], no_video: str | None) -> R
         tasks=tuple(
             TaskTrack(
                 name=task.name,
-                level=PHYSICS_LEVELS + level,
+                level=PHYSICS_LEVELS + task.level,
                 unit=task.unit,
                 error=signals.task_errors[task.name],
             )
-            for level, task in stack.tasks()
+            for task in signals.tasks
         ),
         com=signals.com,
         com_reference=signals.com_reference,
@@ -138,51 +180,32 @@ def make_record(run: Run, summary: dict[str, object], no_video: str | None) -> R
             for name in robot.soles
         ),
         residuals=signals.residuals,
-        level_names=()
-        if is_by_hand(scenario.controller)
-        else (
-            "dynamics, torques",
-            "contacts, joints",
-            *(", ".join(task.name for task in level) for level in stack.levels),
-        ),
+        level_names=signals.level_names,
         status=signals.status,
         tick_us=signals.tick_us,
-        tick_budget_us=1e6 * scenario.plant.control_dt,
-        events=tuple(_events(run)),
+        tick_budget_us=1e6 * config.control_dt,
+        events=tuple(_events(record, signals)),
         checks=tuple(
             Check(
                 name=c.name, value=c.value, bound=c.bound, relation=c.relation, unit=c.unit, ok=c.ok
             )
-            for c in run.checks
+            for c in checks
         ),
-        summary=summary,
-        replay=make_replay(run.plant, signals, run.pushes),
-        video=VIDEO if no_video == "" else None,
-        notes=(no_video,) if no_video else (),
+        summary=summary or {},
+        replay=make_replay(plant, signals, pushes),
     )
 
 
-def _events(run: Run) -> list[Event]:
-    scenario = run.scenario
-    events = [
-        Event(time=push.at, label=f"push {push.body}", duration=push.duration)
-        for push in scenario.pushes
-    ]
-    events += [
-        Event(
-            time=change.at,
-            label=f"{'load' if change.load else 'unload'} {change.contact}",
-            duration=change.over,
-        )
-        for change in scenario.contact_changes
-    ]
-    events += [
-        Event(time=motion.at, label=f"{motion.task} moves", duration=motion.over)
-        for motion in scenario.motions
-    ]
+def _events(record: RunRecord, signals: RunSignals) -> list[Event]:
+    known = _read(record.metadata, "events")
+    events = [Event(time=time, label=label, duration=seconds) for time, label, seconds in known]
     # The first mode is where the run begins, no event.
-    events += [Event(time=time, label=mode) for time, mode in run.signals.modes[1:]]
-    return sorted((e for e in events if e.time <= run.signals.time[-1]), key=lambda e: e.time)
+    events += [Event(time=time, label=mode) for time, mode in signals.modes[1:]]
+    return sorted((e for e in events if e.time <= signals.time[-1]), key=lambda e: e.time)
+
+
+def _read(about: Mapping[str, str], name: str) -> list[Any]:
+    return json.loads(about.get(name, "[]"))
 
 
 def _max(values: np.ndarray) -> float | None:

@@ -1,29 +1,46 @@
-"""From the recorder's signals to `RunSignals`.
+"""`RunSignals`: the record of a run as arrays with one row a tick, from which it is judged.
 
-`RunSignals`: what was recorded of a run, as arrays with one row a tick.
 Support polygons: where the soles that carry load stand, and how far inside the ZMP is.
 """
 
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
 from jaxtyping import Float64
 
 from poise.apps.report import SupportPhase
+from poise.apps.teleoperation import plant_from_json
 from poise.locomotion import convex_hull, signed_margin, sole_rectangle
 from poise.robots import Robot
-from poise.sim import Block, Recorder
-from poise.stack import Stack
+from poise.sim import Block, RunRecord
+
+
+class TaskEntry(NamedTuple):
+    """A task of a recorded run.
+
+    Attributes:
+        name: of the task.
+        level: of the stack, from zero.
+        unit: of its error.
+    """
+
+    name: str
+    level: int
+    unit: str
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RunSignals:
-    """Recorded signals of one run, T ticks.
+    """Recorded signals of one run, T ticks: a record with a value of everything at each tick.
 
     Attributes:
+        tasks: of the stack.
+        level_names: names of the levels of the residuals.
         time: time of each tick [s].
         q: true configuration [m, rad].
         torque: torque as applied [N m].
@@ -49,6 +66,8 @@ class RunSignals:
             to which.
     """
 
+    tasks: tuple[TaskEntry, ...]
+    level_names: tuple[str, ...]
     time: Float64[np.ndarray, " T"]
     q: Float64[np.ndarray, "T nq"] = field(repr=False)
     torque: Float64[np.ndarray, "T nj"] = field(repr=False)
@@ -138,45 +157,45 @@ TOUCHING = 1.0
 """A sole that carries more than this counts as standing [N]."""
 
 
-def collect_signals(
-    recorder: Recorder, robot: Robot, stack: Stack, levels: int, blocks: Sequence[Block] = ()
-) -> RunSignals:
-    """Arrays with one row a tick, from what was recorded.
+def collect_signals(record: RunRecord, robot: Robot) -> RunSignals:
+    """Arrays with one row a tick, from the record of a run.
 
     Args:
-        recorder: of a run with at least one tick.
+        record: of a run with at least one tick.
         robot: the robot.
-        stack: the controller's stack.
-        levels: how many levels its commands have residuals of.
-        blocks: on the floor.
 
     Returns:
         The run's signals; ticks with nothing to measure hold NaN.
     """
-    time, q = recorder.times("q"), recorder["q"]
+    tasks = tuple(TaskEntry(*entry) for entry in json.loads(record.metadata["tasks"]))
+    level_names = tuple(json.loads(record.metadata["levels"]))
+    blocks = plant_from_json(json.loads(record.metadata["plant"])).blocks
+    time, q = record.times("q"), record["q"]
     poses = {name: _sole_poses(robot, name, q) for name in robot.soles}
     planned = {
-        name: recorder[f"planned/{name}"] if f"planned/{name}" in recorder else np.zeros(len(time))
+        name: record[f"planned/{name}"] if f"planned/{name}" in record else np.zeros(len(time))
         for name in robot.soles
     }
-    wrenches = {name: recorder[f"wrench/{name}"] for name in robot.soles}
+    wrenches = {name: record[f"wrench/{name}"] for name in robot.soles}
     # A foot that touches down early carries load before the controller counts on it.
     standing = {
         name: np.maximum(planned[name], wrenches[name][:, 2] > TOUCHING) for name in robot.soles
     }
     support = support_phases(robot, time, standing, poses)
-    zmp = recorder["zmp"]
+    zmp = record["zmp"]
     soles = {name: position for name, (position, _) in poses.items()}
-    timed = [name for name in recorder.names if name.startswith(_TICK)]
+    timed = [name for name in record.names if name.startswith(_TICK)]
     return RunSignals(
+        tasks=tasks,
+        level_names=level_names,
         time=time,
         q=q,
-        torque=recorder["torque"],
+        torque=record["torque"],
         torque_max=robot.tau_max,
-        com=recorder["com"],
-        com_reference=_aligned(recorder, "com_reference", time, (3,)),
+        com=record["com"],
+        com_reference=_aligned(record, "com_reference", time, (3,)),
         zmp=zmp,
-        zmp_reference=_aligned(recorder, "zmp_reference", time, (2,)),
+        zmp_reference=_aligned(record, "zmp_reference", time, (2,)),
         zmp_margin=zmp_margins(time, zmp, support),
         support=support,
         sole_forces={name: wrench[:, 2].copy() for name, wrench in wrenches.items()},
@@ -184,29 +203,27 @@ def collect_signals(
         sole_planned=planned,
         wrenches=wrenches,
         targets={
-            name.removeprefix("target/"): _aligned(recorder, name, time, (3,))
-            for name in recorder.names
+            name.removeprefix("target/"): _aligned(record, name, time, (3,))
+            for name in record.names
             if name.startswith("target/")
         },
-        task_errors={
-            t.name: _aligned(recorder, f"error/{t.name}", time, ()) for _, t in stack.tasks()
-        },
-        residuals=_aligned(recorder, "residuals", time, (levels,)),
-        status=_statuses(recorder, time),
-        tick_us={n.removeprefix(_TICK): _aligned(recorder, n, time, ()) for n in timed},
-        clearance=_aligned(recorder, "clearance", time, ()),
+        task_errors={task.name: _aligned(record, f"error/{task.name}", time, ()) for task in tasks},
+        residuals=_aligned(record, "residuals", time, (len(level_names),)),
+        status=_statuses(record, time),
+        tick_us={n.removeprefix(_TICK): _aligned(record, n, time, ()) for n in timed},
+        clearance=_aligned(record, "clearance", time, ()),
         beyond=_beyond(robot, soles, blocks, len(time)),
-        modes=recorder.notes("mode"),
+        modes=record.notes("mode"),
     )
 
 
 def _aligned(
-    recorder: Recorder, name: str, time: Float64[np.ndarray, " T"], shape: tuple[int, ...]
+    record: RunRecord, name: str, time: Float64[np.ndarray, " T"], shape: tuple[int, ...]
 ) -> Float64[np.ndarray, "T ..."]:
     """A signal on every tick, NaN where it was not recorded."""
     values = np.full((len(time), *shape), np.nan)
-    if name in recorder:
-        values[np.searchsorted(time, recorder.times(name))] = recorder[name]
+    if name in record:
+        values[np.searchsorted(time, record.times(name))] = record[name]
     return values
 
 
@@ -237,8 +254,8 @@ def _beyond(
     return np.min(heels, axis=0) - end
 
 
-def _statuses(recorder: Recorder, time: Float64[np.ndarray, " T"]) -> tuple[str, ...]:
-    changes = recorder.statuses
+def _statuses(record: RunRecord, time: Float64[np.ndarray, " T"]) -> tuple[str, ...]:
+    changes = record.notes("status")
     if not changes:
         return ("none",) * len(time)
     starts = np.array([t for t, _ in changes])

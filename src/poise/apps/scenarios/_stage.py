@@ -1,15 +1,15 @@
-"""`stage_scenario`: a scenario on its robot, ready for a rollout that somebody else looks at."""
+"""`stage_scenario`: a scenario on its robot, ready for a rollout."""
 
-from dataclasses import dataclass
+import json
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
 
-from poise.apps.scenarios._by_hand import ByHand
-from poise.apps.scenarios._controllers import controller_of, with_actuation
-from poise.apps.scenarios._director import Director
+from poise.apps.scenarios._checks import validate_checks
+from poise.apps.scenarios._controllers import cast_of, strategy_of, with_actuation
 from poise.apps.scenarios._scenario import Scenario
 from poise.control import Controller
-from poise.errors import ScenarioError
-from poise.robots import load_robot
-from poise.sim import Plant
+from poise.robots import Robot, load_robot
+from poise.sim import Estimator, Plant, Push
 from poise.stack import Leader
 
 
@@ -18,18 +18,26 @@ class Stage:
     """Who takes part in a scenario before its first tick: what `rollout` asks for.
 
     Attributes:
+        scenario: with the actuation and the blocks that its controller brings.
+        robot: the robot.
         plant: the simulated robot, its pushes to come.
         controller: the scenario's.
         leader: moves targets and contacts along the scenario.
+        estimator: says them where the robot is; nobody does when None.
+        pushes: that the plant will be given.
     """
 
+    scenario: Scenario
+    robot: Robot
     plant: Plant
     controller: Controller
     leader: Leader
+    estimator: Estimator | None
+    pushes: tuple[Push, ...]
 
 
 def stage_scenario(scenario: Scenario) -> Stage:
-    """Sets up a scenario that a stack leads: everything but the loop, the record and the checks.
+    """Sets up a scenario: everything but the rollout and who looks at it.
 
     Args:
         scenario: what to set up.
@@ -39,15 +47,46 @@ def stage_scenario(scenario: Scenario) -> Stage:
     """
     scenario = with_actuation(scenario)
     robot = load_robot(scenario.robot)
-    controller = controller_of(scenario, robot)
-    if isinstance(controller, ByHand):
-        raise ScenarioError(
-            f"scenario {scenario.name!r} has no stack to lead",
-            got=scenario.controller.name,
-            wanted="a scenario that is not walked by hand",
-        )
-    leader = Director(scenario, controller.stack, robot)
+    cast = cast_of(scenario, robot)
+    validate_checks(scenario.checks, cast.leader.stack, robot)
+    blocks = scenario.plant.blocks + cast.blocks
+    scenario = replace(scenario, plant=replace(scenario.plant, blocks=blocks))
     plant = Plant(robot, scenario.plant, seed=scenario.seed)
-    for push in scenario.pushes:
+    plant.reset(cast.q_start)
+    pushes = tuple(
         plant.push(push.body, push.force_on(robot.mass), push.duration, push.at)
-    return Stage(plant=plant, controller=controller, leader=leader)
+        for push in scenario.pushes
+    )
+    return Stage(
+        scenario=scenario,
+        robot=robot,
+        plant=plant,
+        controller=cast.controller,
+        leader=cast.leader,
+        estimator=cast.estimator,
+        pushes=pushes,
+    )
+
+
+def describe(scenario: Scenario, pushes: Sequence[Push]) -> dict[str, str]:
+    """What a record says of the scenario, so that a report can be made of the record alone.
+
+    Args:
+        scenario: that is run.
+        pushes: that its plant is given.
+    """
+    events = [(push.at, f"push {push.body}", push.duration) for push in scenario.pushes]
+    events += [
+        (change.at, f"{'load' if change.load else 'unload'} {change.contact}", change.over)
+        for change in scenario.contact_changes
+    ]
+    events += [(motion.at, f"{motion.task} moves", motion.over) for motion in scenario.motions]
+    return {
+        "scenario": scenario.name,
+        "description": scenario.description,
+        "controller": scenario.controller.name,
+        "strategy": strategy_of(scenario.controller),
+        "seed": str(scenario.seed),
+        "events": json.dumps(events),
+        "pushes": json.dumps([asdict(push) for push in pushes]),
+    }

@@ -1,11 +1,11 @@
-"""`run_teleop`: the loop from device to controller to plant, without a person.
+"""`run_teleop`: a rollout in which a device walks the robot, without a person.
 
 The plant that step teleoperation is simulated on.
-`TeleopLog`: everything about a teleoperated run, a row a tick.
+`TeleopLog`: what its record says of the operator's side, a row a tick.
 """
 
 import time as clock
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
@@ -16,7 +16,6 @@ from jaxtyping import Bool, Float64, Int8
 
 from poise._checks import checked_number
 from poise._schema import read
-from poise.control import Command
 from poise.errors import ConfigurationError
 from poise.locomotion import (
     ComDriver,
@@ -29,16 +28,17 @@ from poise.locomotion import (
     RecordingWriter,
     StepTeleoperator,
     TeleopParameters,
-    TeleopStatus,
     read_recording,
 )
 from poise.robots import Robot, load_robot
 from poise.sim import (
-    BlockWatch,
     Plant,
     PlantConfig,
+    Recorder,
+    RunRecord,
     SensorConfig,
     ServoConfig,
+    rollout,
 )
 
 TELEOP_PLANT = PlantConfig(
@@ -85,12 +85,14 @@ def plant_from_json(data: dict[str, Any]) -> PlantConfig:
 MODES = tuple(Mode)
 """The number of a mode in a log is its place here."""
 DEVICE_STATUSES = tuple(DeviceStatus)
-"""Likewise the device's status."""
+"""The number of a device's status in a log is its place here."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TeleopLog:
-    """Signals of one run, T ticks. Positions are in the world as the controller estimates it.
+    """A teleoperated run as its operator's side sees it: columns of its record, T ticks.
+
+    Positions are in the world as the teleoperator estimates it.
 
     Attributes:
         time: before the tick [s].
@@ -106,8 +108,8 @@ class TeleopLog:
         loads: left and right [N].
         tilt: of the torso [rad].
         velocity: commanded, each joint [rad/s].
-        q: true configuration before the tick [m, rad].
-        touched: whether any part of the robot touched a block.
+        q: true configuration after the tick [m, rad].
+        touched: whether any part of the robot touched a block after the tick.
     """
 
     time: Float64[np.ndarray, " T"]
@@ -126,6 +128,37 @@ class TeleopLog:
     q: Float64[np.ndarray, "T nq"]
     touched: Bool[np.ndarray, " T"]
 
+    @classmethod
+    def of(cls, record: RunRecord, dt: float) -> "TeleopLog":
+        """The log of a record.
+
+        Args:
+            record: of a rollout that a step teleoperator led.
+            dt: length of a tick [s].
+        """
+        # A state that the teleoperator cannot use before it began leaves no status: no row.
+        end = record.times("zmp_reference")
+        rows = np.isin(record.times("q"), end)
+        touched = record["touched"][rows] if "touched" in record else np.zeros(len(end), np.bool_)
+        hands = (record[f"target/{side} device"][rows] for side in ("left", "right"))
+        return cls(
+            time=dt * (np.round(end / dt) - 1.0),
+            mode=_places(record.notes("mode"), [mode.name for mode in MODES], end),
+            device=_places(record.notes("device"), [d.name for d in DEVICE_STATUSES], end),
+            hands=np.stack(tuple(hands), axis=1),
+            zmp=record["estimate/zmp"],
+            zmp_reference=record["zmp_reference"],
+            cart_table_zmp=record["estimate/cart_table_zmp"],
+            com=record["estimate/com"],
+            soles=record["estimate/soles"],
+            target=record["foot_target"],
+            loads=record["estimate/loads"],
+            tilt=record["estimate/tilt"],
+            velocity=record["command_velocity"][rows],
+            q=record["q"][rows],
+            touched=touched,
+        )
+
     def __len__(self) -> int:
         return len(self.time)
 
@@ -139,55 +172,13 @@ class TeleopLog:
         return self.time[now & ~np.concatenate(([False], now[:-1]))]
 
 
-class LogWriter:
-    """Fills a log tick by tick.
-
-    Args:
-        plant: whose run.
-        ticks: how many there are at most.
-    """
-
-    def __init__(self, plant: Plant, ticks: int) -> None:
-        robot = plant.robot
-        shapes = {
-            "time": (), "hands": (2, 3), "zmp": (2,), "zmp_reference": (2,),
-            "cart_table_zmp": (2,), "com": (3,), "soles": (2, 3), "target": (3,), "loads": (2,),
-            "tilt": (), "velocity": (robot.nj,), "q": (robot.nq,),
-        }  # fmt: skip
-        self._columns = {k: np.full((ticks, *shape), np.nan) for k, shape in shapes.items()}
-        self._codes = {k: np.zeros(ticks, dtype=np.int8) for k in ("mode", "device")}
-        self._touched = np.zeros(ticks, dtype=np.bool_)
-        self._count = 0
-
-    def add(
-        self,
-        plant: Plant,
-        status: TeleopStatus,
-        command: Command,
-        *,
-        touched: bool,
-    ) -> None:
-        """Adds a tick, before the plant moves."""
-        i, columns = self._count, self._columns
-        columns["time"][i] = plant.time
-        if status.sample is not None:
-            columns["hands"][i] = status.sample.left, status.sample.right
-        for name in ("zmp", "zmp_reference", "cart_table_zmp", "com", "soles", "loads", "tilt"):
-            columns[name][i] = getattr(status, name)
-        if status.target is not None:
-            columns["target"][i] = status.target
-        columns["velocity"][i] = command.velocity
-        columns["q"][i] = plant.map.q(plant.data.qpos)
-        self._codes["mode"][i] = MODES.index(status.mode)
-        self._codes["device"][i] = DEVICE_STATUSES.index(status.device)
-        self._touched[i] = touched
-        self._count += 1
-
-    def finish(self) -> TeleopLog:
-        """The log so far."""
-        n = self._count
-        parts = self._columns | self._codes | {"touched": self._touched}
-        return TeleopLog(**{name: column[:n].copy() for name, column in parts.items()})
+def _places(
+    notes: Sequence[tuple[float, str]], names: Sequence[str], times: Float64[np.ndarray, " T"]
+) -> Int8[np.ndarray, " T"]:
+    """The place of the note that holds at each time."""
+    starts = np.array([time for time, _ in notes])
+    places = np.array([names.index(text) for _, text in notes], dtype=np.int8)
+    return places[np.searchsorted(starts, times, side="right") - 1]
 
 
 MakeDevice = Callable[[StepTeleoperator], Device]
@@ -199,7 +190,8 @@ class TeleopRun:
     """A finished run.
 
     Attributes:
-        log: everything, a row a tick.
+        record: of the run.
+        log: what it says of the operator's side, a row a tick.
         plant: as it was left.
         controller: as it was left.
         fell: whether the robot fell; the run ends there.
@@ -208,6 +200,7 @@ class TeleopRun:
         real_time_factor: simulated over elapsed time.
     """
 
+    record: RunRecord = field(repr=False)
     log: TeleopLog
     plant: Plant = field(repr=False)
     controller: StepTeleoperator = field(repr=False)
@@ -269,17 +262,46 @@ def run_teleop(
             got=(driver, leader.__name__),
         )
     body = Plant(robot, plant, seed=seed)
-    if q_start is not None:
-        body.reset(q_start)
-    controller.device = device(controller) if callable(device) else device
-    setup = _setup(controller, plant, seed, duration, rotator=rotator, q_start=q_start)
-    notes = (
+    body.reset(q_start)
+    source = device(controller) if callable(device) else device
+    controller.device = source
+    if isinstance(source, RecordedDevice):
+        for push in source.recording.pushes:
+            body.push(robot.torso, push.force, push.duration, push.tick * plant.control_dt)
+    setup = teleop_setup(
+        controller, plant, seed=seed, duration=duration, rotator=rotator, q_start=q_start
+    )
+    writing = (
         nullcontext()
         if recording is None
         else RecordingWriter(recording, robot=robot.name, dt=plant.control_dt, setup=setup)
     )
-    with notes as writer:
-        return _loop(controller, body, duration, writer)
+    recorder, times = Recorder(), list[float]()
+    begin = clock.perf_counter()
+    with writing as writer:
+        for tick in rollout(
+            body,
+            controller.controller(),
+            controller,
+            [recorder],
+            estimator=controller.estimator,
+            duration=duration,
+        ):
+            times.append(tick.estimator_seconds + tick.leader_seconds + tick.controller_seconds)
+            if writer is not None and controller.status is not None:
+                writer.sample(round(tick.state.time / plant.control_dt), controller.status.sample)
+    wall = clock.perf_counter() - begin
+    record = recorder.record
+    return TeleopRun(
+        record=record,
+        log=TeleopLog.of(record, plant.control_dt),
+        plant=body,
+        controller=controller,
+        fell=body.fallen,
+        clearance=float(record["clearance"].min()) if "clearance" in record else None,
+        tick_us=1e6 * float(np.median(times)),
+        real_time_factor=body.time / wall,
+    )
 
 
 def replay_teleop(recording: Recording | Path, robot: Robot | None = None) -> TeleopRun:
@@ -339,18 +361,6 @@ def teleop_setup(
         rotator: whether the body rotator acts.
         q_start: configuration at the start; None for the robot's home.
     """
-    return _setup(controller, plant, seed, duration, rotator=rotator, q_start=q_start)
-
-
-def _setup(
-    controller: StepTeleoperator,
-    plant: PlantConfig,
-    seed: int,
-    duration: float,
-    *,
-    rotator: bool,
-    q_start: Float64[np.ndarray, " nq"] | None,
-) -> dict[str, Any]:
     return {
         "parameters": asdict(controller.parameters),
         "rotator": rotator,
@@ -359,50 +369,3 @@ def _setup(
         "duration": duration,
         "q_start": None if q_start is None else q_start.tolist(),
     }
-
-
-def _loop(
-    controller: StepTeleoperator,
-    plant: Plant,
-    duration: float,
-    writer: RecordingWriter | None,
-) -> TeleopRun:
-    solver, device = controller.controller(), controller.device
-    ticks = round(duration / plant.config.control_dt)
-    log, times = LogWriter(plant, ticks), np.zeros(ticks)
-    watch = BlockWatch(plant) if plant.config.blocks else None
-    clearance, done = np.inf, 0
-    begin = clock.perf_counter()
-    for tick in range(ticks):
-        state = plant.state()
-        start = clock.perf_counter()
-        state = controller.estimator.update(state)
-        controller.lead(state)
-        command = solver.step(state)
-        times[tick] = clock.perf_counter() - start
-        sample = None if controller.status is None else controller.status.sample
-        if writer is not None and sample is not None:
-            writer.sample(tick, sample)
-        if isinstance(device, RecordedDevice):
-            for force, seconds in device.pushes:
-                x, y, z = force.tolist()
-                plant.push(plant.robot.torso, (x, y, z), seconds)
-        done = tick + 1
-        touched = False
-        if watch is not None:
-            touched, clearance = watch.touched(), min(clearance, watch.clearance())
-        if controller.status is not None:
-            log.add(plant, controller.status, command, touched=touched)
-        plant.step(command)
-        if plant.fallen:
-            break
-    wall = clock.perf_counter() - begin
-    return TeleopRun(
-        log=log.finish(),
-        plant=plant,
-        controller=controller,
-        fell=plant.fallen,
-        clearance=float(clearance) if watch is not None else None,
-        tick_us=1e6 * float(np.median(times[:done])),
-        real_time_factor=plant.time / wall,
-    )

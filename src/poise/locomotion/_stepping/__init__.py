@@ -13,6 +13,7 @@ from poise.locomotion._stepping._modes import Event, Mode, draw_modes
 from poise.locomotion._stepping._parameters import TeleopParameters, scaled_parameters
 from poise.locomotion._stepping._recording import (
     RecordedDevice,
+    RecordedPush,
     Recording,
     RecordingError,
     RecordingWriter,
@@ -30,6 +31,7 @@ __all__ = [
     "Event",
     "Mode",
     "RecordedDevice",
+    "RecordedPush",
     "Recording",
     "RecordingError",
     "RecordingWriter",

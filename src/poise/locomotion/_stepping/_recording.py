@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 from pathlib import Path
 from types import TracebackType
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float64
@@ -167,8 +167,10 @@ class RecordingWriter:
         self._file.write(text)
         self._rows = 0
 
-    def sample(self, tick: int, sample: DeviceSample) -> None:
-        """Notes a sample that came before a tick, good or bad."""
+    def sample(self, tick: int, sample: DeviceSample | None) -> None:
+        """Notes a sample that came before a tick, good or bad; nothing where none came."""
+        if sample is None:
+            return
         self._write(
             tick, RowKind.SAMPLE, sample.time, sample.left, sample.right, upright=sample.upright
         )
@@ -235,6 +237,20 @@ _AT_ONCE = 100_000
 """Rows that are checked at a time."""
 
 
+class RecordedPush(NamedTuple):
+    """A push that a recorded robot was given.
+
+    Attributes:
+        tick: at whose beginning.
+        force: in the world [N].
+        duration: how long [s].
+    """
+
+    tick: int
+    force: tuple[float, float, float]
+    duration: float
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Recording:
     """A recording, opened; its rows stay on the disk.
@@ -257,6 +273,14 @@ class Recording:
     def duration(self) -> float:
         """Time of the last row [s]."""
         return float(self.rows["tick"][-1] + 1) * self.dt if len(self.rows) else 0.0
+
+    @property
+    def pushes(self) -> list["RecordedPush"]:
+        """Pushes on the torso, in order of time."""
+        return [
+            RecordedPush(int(row["tick"]), tuple(row["left"].tolist()), float(row["right"][0]))
+            for row in self.rows[self.rows["kind"] == RowKind.PUSH]
+        ]
 
     def device(self, *, robot: str, dt: float) -> "RecordedDevice":
         """The recording as a device.
@@ -290,24 +314,23 @@ class RecordedDevice:
 
     Args:
         recording: where they are.
+
+    Attributes:
+        recording: where they are.
     """
 
     def __init__(self, recording: Recording) -> None:
+        self.recording = recording
         self._rows, self._dt, self._next = recording.rows, recording.dt, 0
-        self.pushes: list[tuple[Float64[np.ndarray, "3"], float]] = []
-        """Pushes that came with the last sample: force [N] and duration [s]."""
 
     def sample(self, time: float) -> DeviceSample | None:
         """What came before the tick at a time [s]; ticks are asked for in order."""
         tick, found = round(time / self._dt), None
-        self.pushes = []
         while self._next < len(self._rows) and self._rows[self._next]["tick"] <= tick:
             row = self._rows[self._next]
             self._next += 1
             left, right = row["left"].astype(np.float64), row["right"].astype(np.float64)
-            if row["kind"] == RowKind.PUSH:
-                self.pushes.append((left, float(right[0])))
-            else:
+            if row["kind"] != RowKind.PUSH:
                 found = DeviceSample(float(row["time"]), left, right, bool(row["upright"]))
         return found
 

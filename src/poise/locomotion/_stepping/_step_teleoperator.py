@@ -3,6 +3,7 @@
 `TeleopStatus`: how the last tick of the step teleoperator stood.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -179,6 +180,37 @@ class StepTeleoperator:
         """A sample that asks for nothing: both devices on the feet where they stand."""
         left, right = (anchor.copy() for anchor in self.estimator.anchors)
         return DeviceSample(0.0, left, right)
+
+    def signals(self) -> Mapping[str, np.ndarray | float | str]:
+        """What a recorder should know of the last tick; nothing before the first.
+
+        Where the operator's devices and the foot in the air should be, the reference of the ZMP,
+        which soles carry the robot, mode and device; and what is estimated, under `estimate/`, for
+        `com` and `zmp` are the plant's own.
+        """
+        status, nowhere = self._status, np.full(3, np.nan)
+        if status is None:
+            return {}
+        support = status.mode.support if status.mode.single else None
+        sample = status.sample
+        planned = {
+            f"planned/{sole}": float(support in (None, i)) for i, sole in enumerate(self.soles)
+        }
+        return {
+            **planned,
+            "target/left device": nowhere if sample is None else sample.left,
+            "target/right device": nowhere if sample is None else sample.right,
+            "foot_target": nowhere if status.target is None else status.target,
+            "zmp_reference": status.zmp_reference,
+            "estimate/zmp": status.zmp,
+            "estimate/cart_table_zmp": status.cart_table_zmp,
+            "estimate/com": status.com,
+            "estimate/soles": np.array(status.soles),
+            "estimate/loads": status.loads,
+            "estimate/tilt": status.tilt,
+            "mode": status.mode.name,
+            "device": status.device.name,
+        }
 
     def lead(self, state: RobotState) -> None:
         """Sets contacts, velocities and weights of the stack for the tick that begins.

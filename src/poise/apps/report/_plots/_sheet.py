@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from poise.apps.report._plots._style import EVENT, inline_svg, plain, plain_number, power_of_ten
-from poise.apps.report._record import Event, RunRecord
+from poise.apps.report._record import Event, RunView
 
 
 def decimate(
@@ -115,7 +115,7 @@ class TimeSheet:
         heights: height of each row [in].
     """
 
-    def __init__(self, record: RunRecord, heights: Sequence[float]) -> None:
+    def __init__(self, record: RunView, heights: Sequence[float]) -> None:
         from matplotlib.figure import Figure
 
         self._record = record
@@ -186,7 +186,7 @@ class TimeSheet:
             )
 
 
-def time_span(record: RunRecord) -> tuple[float, float]:
+def time_span(record: RunView) -> tuple[float, float]:
     """First and last time of the plots [s]; half a second about a single sample."""
     start, end = float(record.time[0]), float(record.time[-1])
     return (start, end) if end > start else (start - 0.5, end + 0.5)

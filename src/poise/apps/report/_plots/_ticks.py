@@ -30,7 +30,7 @@ from poise.apps.report._plots._style import (
     plain,
     plain_number,
 )
-from poise.apps.report._record import RunRecord
+from poise.apps.report._record import RunView
 
 _OK = "ok"
 """The value of `CommandStatus.OK`."""
@@ -38,7 +38,7 @@ _TOTAL = "total"
 _BINS = 70
 
 
-def tick_figures(record: RunRecord) -> list[PlotFigure]:
+def tick_figures(record: RunView) -> list[PlotFigure]:
     """Histogram and percentiles of the tick times, and both tick time and status over time."""
     figures = [_over_time(record)]
     if record.tick_us and np.isfinite(total_tick(record)).any():
@@ -46,7 +46,7 @@ def tick_figures(record: RunRecord) -> list[PlotFigure]:
     return figures
 
 
-def total_tick(record: RunRecord) -> Float64[np.ndarray, " T"]:
+def total_tick(record: RunView) -> Float64[np.ndarray, " T"]:
     """Time of the whole tick [us]: as recorded, or the sum of its phases."""
     if _TOTAL in record.tick_us:
         return record.tick_us[_TOTAL]
@@ -55,7 +55,7 @@ def total_tick(record: RunRecord) -> Float64[np.ndarray, " T"]:
     return np.sum(list(record.tick_us.values()), axis=0)
 
 
-def tick_percentiles(record: RunRecord) -> list[tuple[str, float, float, float]]:
+def tick_percentiles(record: RunView) -> list[tuple[str, float, float, float]]:
     """p50, p99 and greatest tick time [us] of each phase, and of the whole at the end."""
     parts = [(name, values) for name, values in record.tick_us.items() if name != _TOTAL]
     rows: list[tuple[str, float, float, float]] = []
@@ -67,7 +67,7 @@ def tick_percentiles(record: RunRecord) -> list[tuple[str, float, float, float]]
     return rows
 
 
-def _over_time(record: RunRecord) -> PlotFigure:
+def _over_time(record: RunView) -> PlotFigure:
     sheet = TimeSheet(record, [1.5, 0.3])
     time, status = sheet.axes
     sheet.plot(time, total_tick(record), color=PALETTE[0], linewidth=0.8, label="tick")
@@ -86,7 +86,7 @@ def _over_time(record: RunRecord) -> PlotFigure:
     )
 
 
-def _useful_top(record: RunRecord) -> float:
+def _useful_top(record: RunView) -> float:
     """Top of the axis [us]: one slow tick may stand out, but not flatten all others."""
     total = total_tick(record)
     total = total[np.isfinite(total)]
@@ -99,7 +99,7 @@ def _useful_top(record: RunRecord) -> float:
     return max(1.08 * top, 1e-3)
 
 
-def _draw_status(ax: Any, record: RunRecord, end: float) -> None:
+def _draw_status(ax: Any, record: RunView, end: float) -> None:
     codes = [_OK, *sorted(set(record.status) - {_OK})]
     status = np.array([codes.index(s) for s in record.status])
     edges = np.concatenate([[0], np.flatnonzero(np.diff(status)) + 1, [len(status)]])
@@ -123,7 +123,7 @@ def _draw_status(ax: Any, record: RunRecord, end: float) -> None:
     legend_beside(ax)
 
 
-def _distribution(record: RunRecord) -> PlotFigure:
+def _distribution(record: RunView) -> PlotFigure:
     from matplotlib.figure import Figure
 
     rows = tick_percentiles(record)
@@ -211,7 +211,7 @@ _FLOOR = 1e-12
 """The axis never shows less than this, which is rounding."""
 
 
-def residuals_figure(record: RunRecord) -> PlotFigure | None:
+def residuals_figure(record: RunView) -> PlotFigure | None:
     """Relative residual of each level over time, on a logarithmic axis."""
     levels = record.residuals.shape[1]
     if levels == 0:

@@ -21,7 +21,7 @@ from poise.apps.report._plots._style import (
     number,
     plain,
 )
-from poise.apps.report._record import RunRecord
+from poise.apps.report._record import RunView
 
 _PARTS = (
     ("leg", ("hip", "knee", "ankle", "leg", "thigh", "foot", "toe")),
@@ -78,7 +78,7 @@ def short_names(names: Sequence[str]) -> list[str]:
 _LINES = 6
 
 
-def joints_figure(record: RunRecord) -> PlotFigure | None:
+def joints_figure(record: RunView) -> PlotFigure | None:
     """Distance of the six tightest joints to the nearer of their limits."""
     if not record.joint_names:
         return None
@@ -105,7 +105,7 @@ def joints_figure(record: RunRecord) -> PlotFigure | None:
     )
 
 
-def limit_margin(record: RunRecord) -> Float64[np.ndarray, "T nj"]:
+def limit_margin(record: RunView) -> Float64[np.ndarray, "T nj"]:
     """Distance of each joint to its nearer position limit [rad], negative beyond it."""
     return np.minimum(record.position - record.position_min, record.position_max - record.position)
 
@@ -115,7 +115,7 @@ _ROW = 0.155
 """Height of a joint in the heat map [in]: its name is still readable."""
 
 
-def torque_figure(record: RunRecord) -> PlotFigure | None:
+def torque_figure(record: RunView) -> PlotFigure | None:
     """Heat map of all joints over time, and lines of the six that come nearest to their limits."""
     if not record.joint_names:
         return None
@@ -132,14 +132,14 @@ def torque_figure(record: RunRecord) -> PlotFigure | None:
     )
 
 
-def torque_ratio(record: RunRecord) -> Float64[np.ndarray, "T nj"]:
+def torque_ratio(record: RunView) -> Float64[np.ndarray, "T nj"]:
     """Torque over its limit [-]; NaN for a joint without a limit."""
     limit = np.where(record.torque_max > 0.0, record.torque_max, np.nan)
     limit = np.where(np.isfinite(limit), limit, np.nan)
     return record.torque / limit
 
 
-def _heat_map(sheet: TimeSheet, record: RunRecord, ratio: Float64[np.ndarray, "T nj"]) -> None:
+def _heat_map(sheet: TimeSheet, record: RunView, ratio: Float64[np.ndarray, "T nj"]) -> None:
     ax = sheet.axes[0]
     order, groups = grouped_order(record.joint_names, record.joint_groups)
     names = short_names(record.joint_names)
@@ -187,7 +187,7 @@ def _colour_bar(sheet: TimeSheet, image: object) -> None:
     bar.outline.set_visible(False)
 
 
-def _highest(sheet: TimeSheet, record: RunRecord, ratio: Float64[np.ndarray, "T nj"]) -> None:
+def _highest(sheet: TimeSheet, record: RunView, ratio: Float64[np.ndarray, "T nj"]) -> None:
     ax = sheet.axes[1]
     names = short_names(record.joint_names)
     filled = np.where(np.isfinite(ratio), np.abs(ratio), 0.0).max(axis=0)

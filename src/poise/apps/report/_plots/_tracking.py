@@ -14,13 +14,13 @@ from poise.apps.report._plots._sheet import (
     log_axis,
 )
 from poise.apps.report._plots._style import COM, PALETTE, REFERENCE, line_style, number, plain
-from poise.apps.report._record import RunRecord, TaskTrack
+from poise.apps.report._record import RunView, TaskTrack
 
 _LEAST_SPAN = 0.01
 """Least height of an axis [m]: a COM that stands still must not look as if it shook."""
 
 
-def com_figure(record: RunRecord) -> PlotFigure:
+def com_figure(record: RunView) -> PlotFigure:
     """COM and reference over time."""
     sheet = TimeSheet(record, [1.35] * 3)
     for i, (ax, name) in enumerate(zip(sheet.axes, ("x", "y", "z"), strict=True)):
@@ -49,7 +49,7 @@ _LOG_DECADES = 8.0
 """Decades that a logarithmic panel shows at most, below its largest error."""
 
 
-def tracking_figures(record: RunRecord) -> list[PlotFigure]:
+def tracking_figures(record: RunView) -> list[PlotFigure]:
     """Error of every task over time, and its components where the record has them."""
     if not record.tasks:
         return []
@@ -59,7 +59,7 @@ def tracking_figures(record: RunRecord) -> list[PlotFigure]:
     return figures
 
 
-def _norms(record: RunRecord) -> PlotFigure:
+def _norms(record: RunView) -> PlotFigure:
     units = list(dict.fromkeys(task.unit for task in record.tasks))
     sheet = TimeSheet(record, [2.3 if len(units) < 3 else 1.8] * len(units))
     for ax, unit in zip(sheet.axes, units, strict=True):
@@ -85,7 +85,7 @@ def _norms(record: RunRecord) -> PlotFigure:
     )
 
 
-def _components(record: RunRecord) -> PlotFigure:
+def _components(record: RunView) -> PlotFigure:
     tasks = [t for t in record.tasks if t.components is not None]
     sheet = TimeSheet(record, [1.25] * len(tasks))
     for ax, task in zip(sheet.axes, tasks, strict=True):
@@ -139,6 +139,6 @@ def _greatest(values: Float64[np.ndarray, " T"]) -> float:
     return float(finite.max()) if finite.size else 0.0
 
 
-def worst_tasks(record: RunRecord) -> list[tuple[str, str]]:
+def worst_tasks(record: RunView) -> list[tuple[str, str]]:
     """Each task's largest error as words, for the page's table of tasks."""
     return [(t.name, f"{number(_greatest(t.error))} {t.unit}".strip()) for t in record.tasks]

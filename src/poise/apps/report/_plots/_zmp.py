@@ -22,12 +22,12 @@ from poise.apps.report._plots._style import (
     line_style,
     plain,
 )
-from poise.apps.report._record import RunRecord
+from poise.apps.report._record import RunView
 from poise.locomotion import signed_margin
 
 
 def support_over_time(
-    record: RunRecord,
+    record: RunView,
 ) -> tuple[Float64[np.ndarray, "T 2"], Float64[np.ndarray, "T 2"], Float64[np.ndarray, " T"]]:
     """Least and greatest x, y of the support polygon, and the ZMP's margin in it, tick by tick.
 
@@ -48,7 +48,7 @@ def support_over_time(
     return low, high, margin
 
 
-def forces_figure(record: RunRecord) -> PlotFigure | None:
+def forces_figure(record: RunView) -> PlotFigure | None:
     """Normal force of every sole, their sum, and a bar while each contact is planned."""
     if not record.soles:
         return None
@@ -100,12 +100,12 @@ _WIDE = 1.8
 """A ground this many times longer than wide gets its two views one above the other."""
 
 
-def zmp_figures(record: RunRecord) -> list[PlotFigure]:
+def zmp_figures(record: RunView) -> list[PlotFigure]:
     """View from above, and the ZMP over time."""
     return [_from_above(record), _over_time(record)]
 
 
-def _from_above(record: RunRecord) -> PlotFigure:
+def _from_above(record: RunView) -> PlotFigure:
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import Normalize
     from matplotlib.figure import Figure
@@ -140,7 +140,7 @@ def _from_above(record: RunRecord) -> PlotFigure:
     )
 
 
-def _over_time(record: RunRecord) -> PlotFigure:
+def _over_time(record: RunView) -> PlotFigure:
     low, high, margin = support_over_time(record)
     sheet = TimeSheet(record, [1.35, 1.35, 1.15])
     kept = _changes(low, high)
@@ -177,7 +177,7 @@ def _changes(
     return np.unique(np.concatenate([[0], new, new + 1, [len(both) - 1]]))
 
 
-def _draw_polygons(ax: Any, record: RunRecord) -> None:
+def _draw_polygons(ax: Any, record: RunView) -> None:
     from matplotlib.patches import Polygon
 
     seen: set[bytes] = set()
@@ -228,7 +228,7 @@ def _draw_trail(
         )
 
 
-def _view(record: RunRecord) -> tuple[Float64[np.ndarray, "2"], Float64[np.ndarray, "2"]]:
+def _view(record: RunView) -> tuple[Float64[np.ndarray, "2"], Float64[np.ndarray, "2"]]:
     """Centre and half-widths [m] of what the view from above must show."""
     points = [record.zmp, record.com[:, :2], *(p.vertices for p in record.support)]
     everything = np.concatenate(points)
