@@ -86,8 +86,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         "--methods",
         metavar="M,M",
         help="tick: such as cascade/osqp,cascade/proxqp,weighted; direct is always timed; hqp: "
-        "likewise, or daqp-hard, daqp-hierarchical, lexls/solve (default: all that are installed); "
-        "lexls is always timed",
+        "likewise, or daqp-hard, daqp-hierarchical, direct/solve (default: all that are "
+        "installed); direct is always timed",
     )
     parser.add_argument(
         "--peers",

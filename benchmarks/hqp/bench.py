@@ -20,7 +20,7 @@ class HqpBench:
     """What to race; checked when made.
 
     Attributes:
-        methods: of `METHODS`, all usual ones that are installed when None; `lexls` is always
+        methods: of `METHODS`, all usual ones that are installed when None; `direct` is always
             raced, because the others are compared with it.
         cap: on a solve [s]; what takes longer counts as not solved.
 
@@ -116,7 +116,7 @@ def _runners(sequence: ProblemSequence, methods: Sequence[str], cap: float) -> l
     ]
 
 
-FAMILY_HEADS = ("p50", "p99", "x lexls", "solved", "silent", "gap")
+FAMILY_HEADS = ("p50", "p99", "x direct", "solved", "silent", "gap")
 """Columns of a method in the table of a family, once for a cold start and once for a warm one."""
 
 SEQUENCE_HEADS = ("sequence", "start", "n", "rows", "levels", "count")
@@ -166,7 +166,7 @@ def _family_cells(laps: Sequence[Lap], method: str) -> list[str]:
     return [
         _time(figures["p50_us"]),
         _time(figures["p99_us"]),
-        _ratio(figures["ratio_to_lexls"]),
+        _ratio(figures["ratio_to_direct"]),
         _share(figures["solved"]),
         str(figures["silent"]),
         "-" if figures["gap"] is None else f"{figures['gap']:.0e}",
@@ -186,14 +186,14 @@ def _by_sequence(race: HqpRace) -> str:
         cells += [_sequence_cell(found[method]) for method in others]
         rows.append(cells)
     title = (
-        "**by sequence**: median of `lexls` in us, of the others in multiples of it; in brackets "
+        "**by sequence**: median of `direct` in us, of the others in multiples of it; in brackets "
         "the share solved, where it is not all"
     )
     return f"{title}\n\n{_markdown([*SEQUENCE_HEADS, REFERENCE, *others], rows)}"
 
 
 def _sequence_cell(result: HqpResult) -> str:
-    return f"{_ratio(result.ratio_to_lexls)}{_unsolved(result)}"
+    return f"{_ratio(result.ratio_to_direct)}{_unsolved(result)}"
 
 
 def _unsolved(result: HqpResult) -> str:

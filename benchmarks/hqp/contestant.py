@@ -45,7 +45,7 @@ class Contestant(Protocol):
         ...
 
 
-class LexlsContestant:
+class DirectContestant:
     """`LexicographicSolver.run`, the call of a loop.
 
     Args:

@@ -13,7 +13,7 @@ import daqp
 import numpy as np
 from jaxtyping import Float64, Int32
 
-from benchmarks.hqp.contestant import Answer, Contestant, LexlsContestant, StrategyContestant
+from benchmarks.hqp.contestant import Answer, Contestant, DirectContestant, StrategyContestant
 from poise.errors import MissingExtraError, UnknownNameError
 from poise.hqp import ACCURACY, HierarchicalProblem, make_solver
 
@@ -199,15 +199,15 @@ class DaqpHierarchical(_DaqpContestant):
         self._x, _, self._flag, _ = self._model.solve()
 
 
-REFERENCE = "lexls"
+REFERENCE = "direct"
 """What every other method is compared with."""
 
-_OWN = ("lexls", "daqp-hard", "daqp-hierarchical", "weighted")
+_OWN = ("direct", "daqp-hard", "daqp-hierarchical", "weighted")
 
 METHODS = (
     *_OWN,
     *(f"cascade/{backend}" for backend in ACCURACY),
-    "lexls/solve",
+    "direct/solve",
     "daqp-hierarchical/own-scale",
     *(f"weighted/{backend}" for backend in ACCURACY),
 )
@@ -215,7 +215,7 @@ METHODS = (
 
 _USUAL = (*_OWN, *(f"cascade/{backend}" for backend in ACCURACY))
 
-QUICK = ("lexls", "daqp-hard", "daqp-hierarchical")
+QUICK = ("direct", "daqp-hard", "daqp-hierarchical")
 """Methods, or what stands before their slash, that take turns problem by problem."""
 
 
@@ -267,8 +267,8 @@ def make_contestant(method: str, time_limit: float) -> Contestant:
         time_limit: cap on a solve [s].
     """
     if method == REFERENCE:
-        return LexlsContestant(time_limit)
-    if method == "lexls/solve":
+        return DirectContestant(time_limit)
+    if method == "direct/solve":
         return StrategyContestant(make_solver("direct", time_limit=time_limit))
     if method == "daqp-hard":
         return DaqpHard(time_limit)

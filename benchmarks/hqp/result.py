@@ -24,7 +24,7 @@ class HqpResult:
         rows: most two-sided rows, finite bounds on single variables among them.
         levels: most levels.
         count: solves that count; one less than there are problems where it is warm.
-        method: "lexls", "cascade/osqp", ...
+        method: "direct", "cascade/osqp", ...
         start: "cold" or "warm".
         p50_us: median solve, right or wrong [us]; None where none took place.
         p99_us: 99th percentile [us]; likewise.
@@ -34,7 +34,7 @@ class HqpResult:
         gap: by how much, relative to its scale, a level was worse than the best known at most,
             where the method says it solved the problem; None where it never does.
         cost_gap: likewise of the final cost, where all levels are as good; None likewise.
-        ratio_to_lexls: median by that of `lexls` on the same sequence from the same start; None
+        ratio_to_direct: median by that of `direct` on the same sequence from the same start; None
             where no solve took place.
         statuses: how often solves ended in which way.
     """
@@ -54,7 +54,7 @@ class HqpResult:
     silent: int
     gap: float | None
     cost_gap: float | None
-    ratio_to_lexls: float | None
+    ratio_to_direct: float | None
     statuses: dict[str, int]
 
     def to_json(self) -> dict[str, Any]:
@@ -67,7 +67,7 @@ def hqp_results(sequences: Sequence[ProblemSequence], laps: Sequence[Lap]) -> li
 
     Args:
         sequences: what was raced.
-        laps: one a sequence, method and start; those of `lexls` among them.
+        laps: one a sequence, method and start; those of `direct` among them.
     """
     by_name = {one.name: one for one in sequences}
     reference = {(lap.sequence, lap.start): lap for lap in laps if lap.method == REFERENCE}
@@ -97,7 +97,7 @@ def lap_figures(laps: Sequence[Lap], reference: Sequence[Lap]) -> dict[str, Any]
 
     Args:
         laps: on one sequence or several.
-        reference: of `lexls`, on the same.
+        reference: of `direct`, on the same.
     """
     seconds = np.concatenate([lap.seconds for lap in laps])
     seconds = seconds[~np.isnan(seconds)]
@@ -112,7 +112,7 @@ def lap_figures(laps: Sequence[Lap], reference: Sequence[Lap]) -> dict[str, Any]
         "silent": sum(int(lap.silent.sum()) for lap in laps),
         "gap": _largest(np.concatenate([lap.gaps for lap in laps])[claimed]),
         "cost_gap": _largest(np.concatenate([lap.cost_gaps for lap in laps])[claimed]),
-        "ratio_to_lexls": None if median is None or not base else round(median / base, 3),
+        "ratio_to_direct": None if median is None or not base else round(median / base, 3),
     }
 
 

@@ -9,8 +9,7 @@ import pytest
 
 pytest.importorskip("mujoco")
 
-from poise.apps.scenarios import _outputs as outputs
-from poise.apps.scenarios import shipped_scenarios
+from poise.apps.scenarios import _outputs as outputs, shipped_scenarios
 from poise.cli.main import main
 from poise.robots import catalog
 from poise.sim import NoOpenGLError, Plant, find_opengl, read_log

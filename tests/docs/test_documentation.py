@@ -11,9 +11,12 @@ import yaml
 
 import poise
 from poise import hqp, stack
-from poise.apps.scenarios import _reader as reader
-from poise.apps.scenarios import _stack_plan as stack_plan
-from poise.apps.scenarios import parse_scenario, shipped_scenarios
+from poise.apps.scenarios import (
+    _reader as reader,
+    _stack_plan as stack_plan,
+    parse_scenario,
+    shipped_scenarios,
+)
 from poise.apps.scenarios._metrics import METRICS
 from poise.cli.main import main
 from poise.robots import catalog

@@ -14,12 +14,12 @@ from poise.sim import (
     PlantConfig,
     Recorder,
     VideoConfig,
+    _camera as opengl,
     find_opengl,
     open_viewer,
     render_video,
     run_markers,
 )
-from poise.sim import _camera as opengl
 
 SMALL = CameraConfig(width=320, height=180)
 

@@ -5,16 +5,16 @@ from poise.control._controller import Controller
 from poise.control._differential_ik import ROW_WEIGHT, DifferentialIK
 from poise.control._make import (
     CONTROLLERS,
-    ControllerKind,
+    ControllerKind as ControllerKind,
     ControllerPlan,
-    check_plan,
+    check_plan as check_plan,
     make_controller,
 )
 from poise.control._osf import OperationalSpaceController
 from poise.control._rank import RankTreatment
 from poise.control._reduced import ReducedController
-from poise.control._state_check import is_usable
-from poise.control._status import ControllerStatus, TaskStatus
+from poise.control._state_check import is_usable as is_usable
+from poise.control._status import ControllerStatus, TaskStatus as TaskStatus
 from poise.control._strategy import PHYSICS_LEVELS
 from poise.control._whole_body import WholeBodyController
 
@@ -25,16 +25,12 @@ __all__ = [
     "Command",
     "CommandStatus",
     "Controller",
-    "ControllerKind",
     "ControllerPlan",
     "ControllerStatus",
     "DifferentialIK",
     "OperationalSpaceController",
     "RankTreatment",
     "ReducedController",
-    "TaskStatus",
     "WholeBodyController",
-    "check_plan",
-    "is_usable",
     "make_controller",
 ]

@@ -2,7 +2,7 @@
 
 from poise.hqp._active_set import LexicographicSolver
 from poise.hqp._certificate import certify_point
-from poise.hqp._problem import HierarchicalProblem, Level, LevelView
+from poise.hqp._problem import HierarchicalProblem, Level, LevelView as LevelView
 from poise.hqp._solution import Solution, SolveStatus
 from poise.hqp._strategies import STRATEGIES, Solver, make_solver, solve
 from poise.hqp._tolerances import ACCURACY
@@ -12,7 +12,6 @@ __all__ = [
     "STRATEGIES",
     "HierarchicalProblem",
     "Level",
-    "LevelView",
     "LexicographicSolver",
     "Solution",
     "SolveStatus",

@@ -5,8 +5,7 @@ import pytest
 
 pytest.importorskip("websockets")
 
-from poise.apps.live import LiveFeet, OperatorInputs, Pad
-from poise.apps.live import _inputs as inputs
+from poise.apps.live import LiveFeet, OperatorInputs, Pad, _inputs as inputs
 from poise.apps.live._gamepad import pad_from
 from poise.locomotion import StepTeleoperator
 

@@ -193,9 +193,7 @@ def is_number(text):
 
 def drawn_axes(record):
     """The matplotlib figures behind a page, caught on their way into SVG."""
-    from poise.apps.report._plots import _sheet as sheet
-    from poise.apps.report._plots import _ticks as ticks
-    from poise.apps.report._plots import _zmp as zmp
+    from poise.apps.report._plots import _sheet as sheet, _ticks as ticks, _zmp as zmp
 
     caught = []
     with pytest.MonkeyPatch.context() as patch:

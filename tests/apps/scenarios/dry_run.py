@@ -3,9 +3,7 @@
 from dataclasses import replace
 from functools import cache
 
-from poise.apps.scenarios import _run as run_module
-from poise.apps.scenarios import _stage as stage_module
-from poise.apps.scenarios import parse_scenario
+from poise.apps.scenarios import _run as run_module, _stage as stage_module, parse_scenario
 from poise.dynamics import RobotState
 from poise.robots import load_robot
 

@@ -8,9 +8,12 @@ import pytest
 import yaml
 from dry_run import forbid_ticks, loaded, prepare
 
-from poise.apps.scenarios import _reader as reader
-from poise.apps.scenarios import _stage as stage_module
-from poise.apps.scenarios import parse_scenario, shipped_scenarios
+from poise.apps.scenarios import (
+    _reader as reader,
+    _stage as stage_module,
+    parse_scenario,
+    shipped_scenarios,
+)
 from poise.apps.scenarios._reader import SHIPPED
 from poise.errors import PoiseError
 from poise.sim import Plant

@@ -49,7 +49,7 @@ def test_one_json_object_a_sequence_method_and_start_and_files_on_demand(folder,
     assert main(["hqp", "--problems", str(folder), *wanted]) == 0
     printed = capsys.readouterr().out
     rows = [json.loads(line) for line in printed.splitlines()]
-    methods = ["lexls", "daqp-hierarchical", "cascade/daqp"]
+    methods = ["direct", "daqp-hierarchical", "cascade/daqp"]
     assert [(row["sequence"], row["start"], row["method"], row["count"]) for row in rows] == [
         (name, start, method, count)
         for name, start, count in (
@@ -59,7 +59,7 @@ def test_one_json_object_a_sequence_method_and_start_and_files_on_demand(folder,
     ]  # fmt: skip
     assert set(rows[0]) == {
         "sequence", "family", "n", "rows", "levels", "count", "method", "start", "p50_us",
-        "p99_us", "max_us", "solved", "silent", "gap", "cost_gap", "ratio_to_lexls", "statuses",
+        "p99_us", "max_us", "solved", "silent", "gap", "cost_gap", "ratio_to_direct", "statuses",
     }  # fmt: skip
     for row in rows:
         assert (row["n"], row["rows"], row["levels"]) == (2, 3, 2)
@@ -77,8 +77,8 @@ def test_the_table_is_markdown(folder, capsys):
     family, sequences = tables(capsys.readouterr().out)
     starts = ["cold", "warm"]
     assert family[0] == ["method", *(f"{s} {head}" for s in starts for head in FAMILY_HEADS)]
-    assert [line[0] for line in family[1:]] == ["lexls", "weighted"]
-    assert sequences[0] == [*SEQUENCE_HEADS, "lexls", "weighted"]
+    assert [line[0] for line in family[1:]] == ["direct", "weighted"]
+    assert sequences[0] == [*SEQUENCE_HEADS, "direct", "weighted"]
     assert [line[:6] for line in sequences[1:]] == [
         ["a-moving", "cold", "2", "3", "2", "3"],
         ["a-moving", "warm", "2", "3", "2", "2"],
@@ -151,7 +151,7 @@ def test_the_tables_of_the_page_are_those_that_the_command_makes():
     assert output is not None
     *families, sequences = tables(output[1])
     usual = [
-        name for name in METHODS if name in ("lexls", "daqp-hard", "daqp-hierarchical", "weighted")
+        name for name in METHODS if name in ("direct", "daqp-hard", "daqp-hierarchical", "weighted")
     ]
     usual += [f"cascade/{backend}" for backend in ACCURACY]
     assert re.findall(r"^\*\*(.*?)\*\*: \d+ seq", output[1], re.MULTILINE) == list(FAMILIES)

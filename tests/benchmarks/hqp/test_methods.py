@@ -66,7 +66,7 @@ def test_daqp_gets_the_users_weights_and_would_not_keep_them_by_itself(weight):
 
 
 def test_a_method_that_persists_answers_the_next_problem_too():
-    for method in ("lexls", "daqp-hard", "daqp-hierarchical"):
+    for method in ("direct", "daqp-hard", "daqp-hierarchical"):
         contestant = make_contestant(method, 1.0)
         for shift in (0.0, 0.5, 1.0):
             one = problem(possible=True)
@@ -109,9 +109,9 @@ def test_names_that_are_none_are_refused_with_the_choices():
         HqpBench(methods=("cascade/gurobi",))
 
 
-def test_lexls_always_comes_first():
-    assert checked_methods(["weighted", "lexls"]) == ("lexls", "weighted")
-    assert checked_methods(None)[0] == "lexls"
+def test_direct_always_comes_first():
+    assert checked_methods(["weighted", "direct"]) == ("direct", "weighted")
+    assert checked_methods(None)[0] == "direct"
 
 
 def test_what_is_not_installed_is_left_out_or_an_error_where_it_is_asked_for(monkeypatch):

@@ -53,19 +53,19 @@ def lap(method, sequence, seconds, right, start=COLD):
 
 def laps():
     return [
-        lap("lexls", "one", [1.0, 2.0], [True, True]),
+        lap("direct", "one", [1.0, 2.0], [True, True]),
         lap("b", "one", [2.0, np.nan], [True, False]),
-        lap("lexls", "two", [4.0], [True]),
+        lap("direct", "two", [4.0], [True]),
         lap("b", "two", [1.0], [True]),
-        lap("lexls", "two", [1.0], [True], WARM),
+        lap("direct", "two", [1.0], [True], WARM),
         lap("b", "two", [8.0], [True], WARM),
     ]
 
 
 def test_all_sequences_of_a_start_count_together():
-    lexls, other = profiles_of(laps(), COLD)
-    assert (lexls.method, other.method) == ("lexls", "b")
-    np.testing.assert_array_equal(lexls.factors, [1.0, 1.0, 4.0])
+    direct, other = profiles_of(laps(), COLD)
+    assert (direct.method, other.method) == ("direct", "b")
+    np.testing.assert_array_equal(direct.factors, [1.0, 1.0, 4.0])
     np.testing.assert_array_equal(other.factors, [1.0, 2.0])
     assert other.at(np.inf) == pytest.approx(2.0 / 3.0)
     assert [one.at(1.0) for one in profiles_of(laps(), WARM)] == [1.0, 0.0]

@@ -53,7 +53,7 @@ class Fake:
 def race_fakes(monkeypatch, fakes, *, count=5, consecutive=False):
     """Races made-up contestants in the place of the real ones of these names."""
     monkeypatch.setattr(bench, "make_contestant", lambda name, cap: fakes[name])
-    others = tuple(name for name in fakes if name != "lexls")
+    others = tuple(name for name in fakes if name != "direct")
     plan = HqpBench(methods=others)
     found = bench_hqp([sequence(count, consecutive=consecutive)], plan)
     return {(r.method, r.start): r for r in found.results}, found
@@ -120,35 +120,35 @@ def test_where_a_norm_is_flat_most_points_decide_who_leads():
 
 def test_a_wrong_answer_with_a_good_status_is_silent(monkeypatch):
     results, _ = race_fakes(
-        monkeypatch, {"lexls": Fake(), "weighted": Fake(error=(0.0, 1e-2)), "daqp-hard": Fake()}
+        monkeypatch, {"direct": Fake(), "weighted": Fake(error=(0.0, 1e-2)), "daqp-hard": Fake()}
     )
     wrong = results["weighted", COLD]
     assert (wrong.solved, wrong.silent) == (0.0, 5)
     assert wrong.gap == pytest.approx((np.hypot(2.0, 1e-2) - 2.0) / np.hypot(3.0, 4.0), rel=0.1)
-    assert results["lexls", COLD].solved == results["daqp-hard", COLD].solved == 1.0
-    assert results["lexls", COLD].silent == 0
+    assert results["direct", COLD].solved == results["daqp-hard", COLD].solved == 1.0
+    assert results["direct", COLD].silent == 0
 
 
-def test_lexls_loses_where_another_is_better(monkeypatch):
+def test_direct_loses_where_another_is_better(monkeypatch):
     results, _ = race_fakes(
-        monkeypatch, {"lexls": Fake(error=(-0.1, 0.0)), "weighted": Fake(error=(0.0, 0.0))}
+        monkeypatch, {"direct": Fake(error=(-0.1, 0.0)), "weighted": Fake(error=(0.0, 0.0))}
     )
-    assert (results["lexls", COLD].solved, results["lexls", COLD].silent) == (0.0, 5)
+    assert (results["direct", COLD].solved, results["direct", COLD].silent) == (0.0, 5)
     assert results["weighted", COLD].solved == 1.0
 
 
 def test_a_wrong_answer_that_says_so_is_not_silent(monkeypatch):
     results, _ = race_fakes(
-        monkeypatch, {"lexls": Fake(), "weighted": Fake(error=(1.0, 0.0), claimed=False)}
+        monkeypatch, {"direct": Fake(), "weighted": Fake(error=(1.0, 0.0), claimed=False)}
     )
     wrong = results["weighted", COLD]
     assert (wrong.solved, wrong.silent, wrong.gap) == (0.0, 0, None)
 
 
 def test_a_point_that_is_not_finite_is_wrong_and_no_best(monkeypatch):
-    results, _ = race_fakes(monkeypatch, {"lexls": Fake(), "weighted": Fake(error=(np.nan, 0.0))})
+    results, _ = race_fakes(monkeypatch, {"direct": Fake(), "weighted": Fake(error=(np.nan, 0.0))})
     assert results["weighted", COLD].silent == 5
-    assert results["lexls", COLD].solved == 1.0
+    assert results["direct", COLD].solved == 1.0
 
 
 def test_a_dearer_point_of_the_same_levels_is_right_and_shows_its_cost():
@@ -192,12 +192,12 @@ def test_cold_forgets_before_every_solve_and_warm_never():
 
 def test_the_first_problem_does_not_count_for_a_warm_start(monkeypatch):
     results, found = race_fakes(
-        monkeypatch, {"lexls": Fake(), "weighted": Fake()}, consecutive=True
+        monkeypatch, {"direct": Fake(), "weighted": Fake()}, consecutive=True
     )
     assert [(r.method, r.start, r.count) for r in found.results] == [
-        ("lexls", COLD, 5), ("weighted", COLD, 5), ("lexls", WARM, 4), ("weighted", WARM, 4),
+        ("direct", COLD, 5), ("weighted", COLD, 5), ("direct", WARM, 4), ("weighted", WARM, 4),
     ]  # fmt: skip
-    assert results["lexls", WARM].ratio_to_lexls == 1.0
+    assert results["direct", WARM].ratio_to_direct == 1.0
 
 
 def test_what_is_late_is_unsolved_and_after_some_the_method_is_out():
@@ -210,7 +210,7 @@ def test_what_is_late_is_unsolved_and_after_some_the_method_is_out():
 
 def test_the_table_says_what_is_not_solved(monkeypatch):
     _, found = race_fakes(
-        monkeypatch, {"lexls": Fake(), "weighted": Fake(error=(0.5, 0.0))}, consecutive=True
+        monkeypatch, {"direct": Fake(), "weighted": Fake(error=(0.5, 0.0))}, consecutive=True
     )
     lines = format_hqp_table(found).splitlines()
     weighted = next(line for line in lines if line.startswith("| weighted"))

@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from oracles import near_home, random_state
 from osf_world import Rows, dense_recursion, missing, random_references, redundant_stacks, stack_for
 

@@ -7,19 +7,14 @@ from poise.errors import MissingExtraError
 if find_spec("websockets") is None:
     raise MissingExtraError("websockets", "teleop", "Live teleoperation")
 
-from poise.apps.live._gamepad import HostGamepad
-from poise.apps.live._inputs import LiveFeet, OperatorInputs, Pad
-from poise.apps.live._log import Takes
-from poise.apps.live._loop import LiveLoop, Snapshot
+from poise.apps.live._gamepad import HostGamepad as HostGamepad
+from poise.apps.live._inputs import (
+    LiveFeet as LiveFeet,
+    OperatorInputs as OperatorInputs,
+    Pad as Pad,
+)
+from poise.apps.live._log import Takes as Takes
+from poise.apps.live._loop import LiveLoop as LiveLoop, Snapshot as Snapshot
 from poise.apps.live._session import LiveSession
 
-__all__ = [
-    "HostGamepad",
-    "LiveFeet",
-    "LiveLoop",
-    "LiveSession",
-    "OperatorInputs",
-    "Pad",
-    "Snapshot",
-    "Takes",
-]
+__all__ = ["LiveSession"]

@@ -4,28 +4,23 @@ Nothing of the simulator is imported here, and matplotlib only when a page is wr
 figures of one's own look the same with `html_document`, `house_style` and `inline_svg`.
 """
 
-from poise.apps.report._page import asset, html_document
+from poise.apps.report._page import asset as asset, html_document
 from poise.apps.report._plots import house_style, inline_svg
-from poise.apps.report._record import Check, Event, RunView, SoleTrack, SupportPhase, TaskTrack
-from poise.apps.report._replay import ForceTrack, Geometry, MarkerTrack, Replay
-from poise.apps.report._replay_payload import shapes_payload
+from poise.apps.report._record import (
+    Check as Check,
+    Event as Event,
+    RunView as RunView,
+    SoleTrack as SoleTrack,
+    SupportPhase as SupportPhase,
+    TaskTrack as TaskTrack,
+)
+from poise.apps.report._replay import (
+    ForceTrack as ForceTrack,
+    Geometry as Geometry,
+    MarkerTrack as MarkerTrack,
+    Replay as Replay,
+)
+from poise.apps.report._replay_payload import shapes_payload as shapes_payload
 from poise.apps.report._write import write_report
 
-__all__ = [
-    "Check",
-    "Event",
-    "ForceTrack",
-    "Geometry",
-    "MarkerTrack",
-    "Replay",
-    "RunView",
-    "SoleTrack",
-    "SupportPhase",
-    "TaskTrack",
-    "asset",
-    "house_style",
-    "html_document",
-    "inline_svg",
-    "shapes_payload",
-    "write_report",
-]
+__all__ = ["house_style", "html_document", "inline_svg", "write_report"]

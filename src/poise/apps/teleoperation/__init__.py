@@ -1,17 +1,17 @@
 """Step teleoperation in simulation: scripted and recorded hands, and everything noted."""
 
 from poise.apps.teleoperation._run import (
-    DEVICE_STATUSES,
+    DEVICE_STATUSES as DEVICE_STATUSES,
     MODES,
-    REAL_SENSORS,
+    REAL_SENSORS as REAL_SENSORS,
     TELEOP_PLANT,
     TeleopLog,
     TeleopRun,
     noisy,
-    plant_from_json,
+    plant_from_json as plant_from_json,
     replay_teleop,
     run_teleop,
-    teleop_setup,
+    teleop_setup as teleop_setup,
 )
 from poise.apps.teleoperation._scripts import (
     Script,
@@ -20,12 +20,10 @@ from poise.apps.teleoperation._scripts import (
     swing_fast,
     switch_feet,
 )
-from poise.apps.teleoperation._terrain import terrain_blocks
+from poise.apps.teleoperation._terrain import terrain_blocks as terrain_blocks
 
 __all__ = [
-    "DEVICE_STATUSES",
     "MODES",
-    "REAL_SENSORS",
     "TELEOP_PLANT",
     "Script",
     "TeleopLog",
@@ -33,11 +31,8 @@ __all__ = [
     "lift_one_foot",
     "noisy",
     "over_an_obstacle",
-    "plant_from_json",
     "replay_teleop",
     "run_teleop",
     "swing_fast",
     "switch_feet",
-    "teleop_setup",
-    "terrain_blocks",
 ]
