@@ -10,7 +10,14 @@ import time
 import pytest
 from conftest import poise_run
 
-from poise.apps.scenarios import parse_scenario, run_scenario, summarise, write_page, write_summary
+from poise.apps.scenarios import (
+    parse_scenario,
+    report,
+    run_scenario,
+    summarise,
+    write_page,
+    write_summary,
+)
 from poise.control import CommandStatus
 from poise.sim import read_log
 
@@ -231,3 +238,12 @@ def test_a_killed_run_leaves_a_log_up_to_the_last_second(tmp_path, scenario_file
         time, values = log.signal(name)
         assert values.shape == (len(time), size)
         assert time[-1] >= a_second_ago - 0.01
+
+
+def test_a_report_can_be_made_of_a_log_alone(tmp_path):
+    log = tmp_path / "log.mcap"
+    done = run_scenario(parse_scenario(stand(0.1), "stand.yaml"), log=log)
+    page = report(log, tmp_path / "again").read_text()
+    assert page == report(done.record, tmp_path / "memory", done.robot).read_text()
+    for words in ("stand still", "whole_body", "tracking", "left_sole"):
+        assert words in page
