@@ -29,7 +29,9 @@ height = plant.com[2]
 
 def sway(state: poise.RobotState) -> None:
     """The leader: before each tick it sets what the stack asks for."""
-    com.set_target([0.0, 0.03 * math.sin(2.0 * state.time), height])
+    c, s = math.cos(2.0 * state.time), math.sin(2.0 * state.time)
+    y, vy, ay = 0.015 * (1.0 - c), 0.03 * s, 0.06 * c
+    com.set_target([0.0, y, height], velocity=[0.0, vy, 0.0], acceleration=[0.0, ay, 0.0])
 
 
 for tick in poise.sim.rollout(plant, controller, sway, [recorder], duration=options.seconds):

@@ -12,7 +12,7 @@ import poise
 from docs import update_api
 
 SURFACE = set(poise.__all__)
-MOST_NAMES = 136
+MOST_NAMES = 146
 """What there is now; a new public name takes the place of another, or says why it is needed."""
 
 

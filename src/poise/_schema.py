@@ -156,6 +156,9 @@ Text = Annotated[
 ]
 """A text that is not empty, without the space around it."""
 
+AnyText = Annotated[str, StringConstraints(strict=True, strip_whitespace=True), Wanting("a text")]
+"""A text that may be empty: a description, or a name that its look-up refuses with the choices."""
+
 Number = Annotated[float, Bounds()]
 Positive = Annotated[float, Bounds(positive=True)]
 NotNegative = Annotated[float, Bounds(least=0.0)]

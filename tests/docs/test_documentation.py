@@ -11,13 +11,14 @@ import yaml
 
 import poise
 from poise import hqp, stack
+from poise._schema import _keys
 from poise.apps.scenarios import (
-    _reader as reader,
     _stack_plan as stack_plan,
     parse_scenario,
     shipped_scenarios,
 )
 from poise.apps.scenarios._metrics import METRICS
+from poise.apps.scenarios._scenario import CheckPlan, Motion, Scenario
 from poise.cli.main import main
 from poise.robots import catalog
 from poise.sim import Block, LinkError, Payload, PlantConfig, SensorConfig, ServoConfig
@@ -109,7 +110,7 @@ def fields_of(*kinds: type) -> list[str]:
 
 def test_scenarios_page_names_every_key_of_the_file():
     kinds = (PlantConfig, SensorConfig, ServoConfig, Block, LinkError, Payload)
-    keys = [*reader._KEYS, *reader._GOALS, *fields_of(*kinds)]
+    keys = [*_keys(Scenario), *_keys(Motion), *_keys(CheckPlan), *fields_of(*kinds)]
     keys += [*stack_plan._TASKS, *stack_plan._CONTACTS]
     assert missing("scenarios.md", keys) == []
 

@@ -108,7 +108,7 @@ def test_own_robot_prints_a_template_that_names_its_links_and_joints(run, capsys
 def test_push_and_log_leaves_a_log_that_reads_back(run, tmp_path):
     printed = run("07_push_and_log.py")
     assert "fallen: False" in printed
-    assert numbers(r"push.mcap: (\d+) samples", printed)[0] == 60
+    assert numbers(r"push.mcap: (\d+) samples", printed)[0] == 300
     assert (tmp_path / "push.mcap").is_file()
 
 

@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
-from poise._schema import NOT_IN_FILES, Duration, Text, checked
+from poise._schema import NOT_IN_FILES, AnyText, Duration, Text, checked
 from poise.control._controller import Controller
 from poise.control._differential_ik import METHODS, DifferentialIK
 from poise.control._osf import OperationalSpaceController
@@ -30,7 +30,7 @@ class ControllerPlan:
             puts its plant's in.
     """
 
-    name: Text = "whole_body"
+    name: AnyText = "whole_body"
     strategy: Text | None = None
     backend: Text | None = None
     time_limit: Duration | None = None

@@ -20,7 +20,7 @@ def loaded(name):
 def forbid_ticks(monkeypatch, times=()):
     """Make a run stop where its first tick would be, after its references at some share of it."""
 
-    def no_rollout(plant, controller, leader, observers, *, duration):
+    def no_rollout(plant, controller, leader, observers, *, estimator, duration):
         state = plant.state()
         for share in times:
             leader.lead(replace_time(state, share * duration))

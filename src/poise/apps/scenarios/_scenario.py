@@ -13,6 +13,7 @@ from pydantic import BeforeValidator, Field
 
 from poise._schema import (
     NOT_IN_FILES,
+    AnyText,
     Bounds,
     Duration,
     Number,
@@ -335,8 +336,8 @@ class Scenario:
     """
 
     name: Text
-    description: str = ""
-    robot: Text = "humanoid33"
+    description: AnyText = ""
+    robot: AnyText = "humanoid33"
     controller: Annotated[ControllerPlan, BeforeValidator(_named)] = field(
         default_factory=ControllerPlan
     )
