@@ -93,6 +93,7 @@ def measure(folder: Path) -> dict[str, int]:
         "library: lines of code": sum(code_lines(path) for path in library),
         "library and laboratory: files": len(both),
         "library and laboratory: lines": lines(both),
+        "library and laboratory: lines of code": sum(code_lines(path) for path in both),
         "public names": len(public_names(library)),
         "files that join plant and controller": len(Counter(calls(both, "plant", "step"))),
         "files that evaluate tasks": len(Counter(calls(library, "task", "evaluate"))),
