@@ -77,6 +77,19 @@ def test_imports_go_downwards(path):
         assert FLOOR[part] < FLOOR[own], f"{own} imports {name}"
 
 
+@pytest.mark.parametrize("path", modules(), ids=lambda p: str(p.relative_to(ROOT)))
+def test_packages_are_reached_through_their_faces(path):
+    """Past another package's face nobody goes; inside one, modules are called by their names."""
+    own = ("poise", *path.relative_to(ROOT).parts[:-1])
+    for name in imports_of(path):
+        words = name.split(".")
+        # A module stands in its package, a package's face in the one around it.
+        package = tuple(words[:-1])
+        if part_of(name) is None or not any(word.startswith("_") for word in words[2:]):
+            continue
+        assert own[: len(package)] == package, name
+
+
 def test_the_simulator_takes_nothing_from_control_but_the_command():
     for path in (ROOT / "sim").rglob("*.py"):
         used = {name for name in imports_of(path) if part_of(name) in ("control", "locomotion")}
