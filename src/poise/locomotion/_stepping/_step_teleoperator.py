@@ -188,7 +188,7 @@ class StepTeleoperator:
         which soles carry the robot, mode and device; and what is estimated, under `estimate/`, for
         `com` and `zmp` are the plant's own.
         """
-        status, nowhere = self._status, np.full(3, np.nan)
+        status, nowhere = self.status, np.full(3, np.nan)
         if status is None:
             return {}
         support = status.mode.support if status.mode.single else None
