@@ -53,21 +53,17 @@ class FullProblem:
         problem.H[nv:, nv:] = WRENCH_COST * np.eye(n - nv)
         # The stack's rows begin where the dynamics' end, and the bounds on x precede them all.
         stacked = slice(n + nv, None)
-        problem.weights[stacked] = rows.weight
         rows.write_into(
-            problem.A[nv:, :nv],
-            problem.lower[stacked],
-            problem.x_lower[nv:],
-            problem.x_upper[nv:],
+            problem.A,
+            nv,
+            (problem.lower[stacked], problem.upper[stacked]),
+            problem.weights[stacked],
+            (problem.x_lower[nv:], problem.x_upper[nv:]),
         )
-        physics, upper = problem.level(0), problem.upper[stacked]
+        physics = problem.level(0)
         self._mass_rows, self._actuated_rows = physics.A[:, :nv], physics.A[self._base :]
         self._wrench_columns = physics.A[:, nv:]
         self._cost_mass = problem.H[:nv, :nv]
-        self._equalities = [
-            (rows.target[part], upper[part])
-            for part in (rows.contact_rows, slice(rows.own_rows.stop, None))
-        ]
         joints = slice(self._base, nv)
         self._joint_lower, self._joint_upper = problem.x_lower[joints], problem.x_upper[joints]
         touch = problem.level(1)
@@ -81,8 +77,6 @@ class FullProblem:
             dynamics: the state, up to date.
         """
         self.rows.update(dynamics)
-        for target, upper in self._equalities:
-            upper[:] = target
         limit = self._stack.joint_limit
         self._joint_lower[:] = limit.lower
         self._joint_upper[:] = limit.upper
