@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float64
 
+from poise._compiled import compiled
 from poise.dynamics import Dynamics
 from poise.hqp import HierarchicalProblem
 from poise.robots import Robot
@@ -60,12 +61,7 @@ class FullProblem:
             problem.weights[stacked],
             (problem.x_lower[nv:], problem.x_upper[nv:]),
         )
-        physics = problem.level(0)
-        self._mass_rows, self._actuated_rows = physics.A[:, :nv], physics.A[self._base :]
-        self._wrench_columns = physics.A[:, nv:]
-        self._cost_mass = problem.H[:nv, :nv]
-        joints = slice(self._base, nv)
-        self._joint_lower, self._joint_upper = problem.x_lower[joints], problem.x_upper[joints]
+        self._actuated_rows = problem.level(0).A[self._base :]
         touch = problem.level(1)
         touch.A[rows.own_rows, nv:] = rows.cone
         touch.lower[rows.own_rows], touch.upper[rows.own_rows] = -np.inf, 0.0
@@ -77,11 +73,15 @@ class FullProblem:
             dynamics: the state, up to date.
         """
         self.rows.update(dynamics)
-        limit = self._stack.joint_limit
-        self._joint_lower[:] = limit.lower
-        self._joint_upper[:] = limit.upper
-        np.negative(self.rows.J[self.rows.contact_rows].T, out=self._wrench_columns)
-        self._fill_dynamics(dynamics)
+        torque, joint, problem = self._stack.torque_limit, self._stack.joint_limit, self.problem
+        _fill(
+            dynamics.M,
+            dynamics.h,
+            (self._base, self.rows.contact_rows.stop),
+            (torque.lower, torque.upper),
+            (joint.lower, joint.upper),
+            (problem.A, problem.lower, problem.upper, problem.H),
+        )
 
     def torque(
         self, x: Float64[np.ndarray, " n"], dynamics: Dynamics
@@ -103,17 +103,6 @@ class FullProblem:
         """Norm of what each task could not meet, by its name, from a solution's slacks."""
         return self.rows.task_residuals(slacks[self.problem.n + self._nv :])
 
-    def _fill_dynamics(self, dynamics: Dynamics) -> None:
-        base, physics = self._base, self.problem.level(0)
-        limit = self._stack.torque_limit
-        h = dynamics.h
-        self._mass_rows[:] = dynamics.M
-        self._cost_mass[:] = dynamics.M
-        np.negative(h[:base], out=physics.lower[:base])
-        physics.upper[:base] = physics.lower[:base]
-        np.subtract(limit.lower, h[base:], out=physics.lower[base:])
-        np.subtract(limit.upper, h[base:], out=physics.upper[base:])
-
     @staticmethod
     def _allocate(robot: Robot, rows: StackRows) -> HierarchicalProblem:
         wrench_dim, cones = rows.contact_rows.stop, len(rows.cone)
@@ -129,6 +118,38 @@ class FullProblem:
             ],
             bounds_level=1,
         )
+
+
+@compiled
+def _fill(
+    M: Float64[np.ndarray, "nv nv"],
+    h: Float64[np.ndarray, " nv"],
+    sizes: tuple[int, int],
+    torques: tuple[Float64[np.ndarray, " nj"], Float64[np.ndarray, " nj"]],
+    joints: tuple[Float64[np.ndarray, " nj"], Float64[np.ndarray, " nj"]],
+    problem: tuple[
+        Float64[np.ndarray, "m n"],
+        Float64[np.ndarray, " nm"],
+        Float64[np.ndarray, " nm"],
+        Float64[np.ndarray, "n n"],
+    ],
+) -> None:
+    """Writes all but the rows of the stack, which stand there already."""
+    (base, wrench_dim), (A, lower, upper, H) = sizes, problem
+    nv, n = len(h), len(H)
+    for i in range(nv):
+        for k in range(nv):
+            A[i, k] = M[i, k]
+            H[i, k] = M[i, k]
+        for k in range(wrench_dim):
+            A[i, nv + k] = -A[nv + k, i]
+    for i in range(base):
+        lower[n + i] = upper[n + i] = -h[i]
+    for i in range(nv - base):
+        lower[n + base + i] = torques[0][i] - h[base + i]
+        upper[n + base + i] = torques[1][i] - h[base + i]
+        lower[base + i] = joints[0][i]
+        upper[base + i] = joints[1][i]
 
 
 def _bound_labels(robot: Robot, rows: StackRows) -> list[tuple[str, int]]:

@@ -44,6 +44,7 @@ class JointTask(ShippedTask):
         if joints is not None and not joints:
             raise ConfigurationError(f"task {name!r} names no joint", got=[], wanted="joint names")
         self.joints = None if joints is None else tuple(joints)
+        self._target = VectorTarget(0, f"task {name!r}")
 
     def set_target(
         self,
@@ -62,8 +63,7 @@ class JointTask(ShippedTask):
             TargetError: wrong shape, NaN or infinite.
             ConfigurationError: the task serves no robot yet, so their number is unknown.
         """
-        # Their number is known once there is a robot.
-        self.robot.joint_names  # noqa: B018
+        _ = self.robot  # without one the number of joints is unknown, and this says so
         self._target.set(position, velocity, acceleration)
 
     @property
