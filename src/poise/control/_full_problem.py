@@ -65,6 +65,8 @@ class FullProblem:
         touch = problem.level(1)
         touch.A[rows.own_rows, nv:] = rows.cone
         touch.lower[rows.own_rows], touch.upper[rows.own_rows] = -np.inf, 0.0
+        # What is compiled is compiled now, not in the first tick.
+        self._fill_dynamics(np.zeros((nv, nv)), np.zeros(nv))
 
     def fill(self, dynamics: Dynamics) -> None:
         """Writes one state's rows into the problem.
@@ -73,10 +75,15 @@ class FullProblem:
             dynamics: the state, up to date.
         """
         self.rows.update(dynamics)
+        self._fill_dynamics(dynamics.M, dynamics.h)
+
+    def _fill_dynamics(
+        self, M: Float64[np.ndarray, "nv nv"], h: Float64[np.ndarray, " nv"]
+    ) -> None:
         torque, joint, problem = self._stack.torque_limit, self._stack.joint_limit, self.problem
         _fill(
-            dynamics.M,
-            dynamics.h,
+            M,
+            h,
             (self._base, self.rows.contact_rows.stop),
             (torque.lower, torque.upper),
             (joint.lower, joint.upper),

@@ -93,6 +93,8 @@ class Dynamics:
         h: nonlinear effects: Coriolis, centrifugal and gravity forces [N, N m].
         momentum_matrix: centroidal momentum matrix A_G, maps `v` to `momentum`.
         motion: the same memory for compiled code.
+        q: configuration of the last `update`, for compiled code: one layout, whatever came.
+        v: velocity.
     """
 
     def __init__(self, robot: Robot) -> None:
@@ -107,6 +109,8 @@ class Dynamics:
         self.h: Float64[np.ndarray, " nv"] = data.nle
         self.momentum_matrix: Float64[np.ndarray, "6 nv"] = data.Ag
         self.motion = motion_of(robot.model, data)
+        self.q: Float64[np.ndarray, " nq"] = np.zeros(robot.nq)
+        self.v: Float64[np.ndarray, " nv"] = np.zeros(robot.nv)
         self.update(self.state)
         # What is compiled is compiled now, not in the first tick.
         self.frame(0)
@@ -122,9 +126,10 @@ class Dynamics:
         self.state = state
         self._frames.clear()
         self._centroid = None
+        self.q[:], self.v[:] = state.q, state.v
         # In the world's convention CRBA leaves the joints' Jacobians and A_G behind, too.
-        pin.crba(self.robot.model, self._data, state.q, pin.Convention.WORLD)
-        pin.nonLinearEffects(self.robot.model, self._data, state.q, state.v)
+        pin.crba(self.robot.model, self._data, self.q, pin.Convention.WORLD)
+        pin.nonLinearEffects(self.robot.model, self._data, self.q, self.v)
 
     @property
     def com(self) -> Float64[np.ndarray, "3"]:
@@ -182,7 +187,7 @@ class Dynamics:
         """Centroidal momentum and its rate at zero `dv`, evaluated once a tick."""
         if self._centroid is None:
             self._centroid = np.empty(12)
-            evaluate_centroid(self.motion, self.state.v, self._centroid)
+            evaluate_centroid(self.motion, self.v, self._centroid)
         return self._centroid
 
     def _evaluate_frame(self, frame_id: int) -> FrameKinematics:

@@ -6,9 +6,10 @@
 import math
 
 import numpy as np
+import pinocchio as pin
 from jaxtyping import Float64
 
-from poise._compiled import compiled, part
+from poise._compiled import part
 
 
 def saturate(limit: float, value: Float64[np.ndarray, " n"]) -> Float64[np.ndarray, " n"]:
@@ -38,14 +39,7 @@ def rotation_vector(
     Returns:
         Axis times angle along the world's axes, angle in [0, pi] [rad].
     """
-    out = np.empty(3)
-    _rotation_vector(np.append(target, actual), out)
-    return out
-
-
-@compiled
-def _rotation_vector(matrices: Float64[np.ndarray, "18"], out: Float64[np.ndarray, "3"]) -> None:
-    turn_between(matrices, 0, matrices, 9, out, 0)
+    return pin.log3(target.dot(actual.T))
 
 
 @part
@@ -57,7 +51,7 @@ def turn_between(
     out: Float64[np.ndarray, " k"],
     at: int,
 ) -> None:
-    """`rotation_vector` of two matrices that stand row by row in longer arrays.
+    """`rotation_vector` for compiled code: of matrices that stand row by row in longer arrays.
 
     By the unit quaternion of target actual^T, whose largest component is found first, so that no
     angle loses digits.

@@ -14,7 +14,7 @@ from poise.stack._kernels import Kind
 from poise.stack._shipped import ShippedTask, VectorTarget
 
 
-class ComTask(ShippedTask):
+class ComTask(ShippedTask[VectorTarget]):
     """The centre of mass follows a target in the world: J_com dv + drift = reference.
 
     Args:
@@ -26,7 +26,6 @@ class ComTask(ShippedTask):
     """
 
     kind = Kind.COM
-    _target: VectorTarget
 
     def __init__(
         self,
@@ -84,7 +83,7 @@ class ComTask(ShippedTask):
         return len(self.chosen)
 
 
-class MomentumTask(ShippedTask):
+class MomentumTask(ShippedTask[VectorTarget]):
     """The angular momentum about the COM follows a target: A_G dv + A_Gdot v = Ldot_ref.
 
     Momentum has no position to hold, so feedback is on the momentum alone:
@@ -99,7 +98,6 @@ class MomentumTask(ShippedTask):
     """
 
     kind = Kind.MOMENTUM
-    _target: VectorTarget
 
     def __init__(
         self,

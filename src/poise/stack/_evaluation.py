@@ -181,13 +181,14 @@ class Evaluation:
         """Evaluates nothing once, so that nothing is compiled in a tick."""
         motion = motion_of(robot.model, robot.model.createData())
         nobody = self._inputs._replace(table=self._inputs.table[:0])
-        evaluate(robot.q_home, np.zeros(robot.nv), motion, nobody, self.rows, False, self._work)
+        evaluate(
+            np.zeros(robot.nq), np.zeros(robot.nv), motion, nobody, self.rows, False, self._work
+        )
 
     def _run(self, dynamics: Dynamics, velocities: bool) -> bool:
         np.concatenate(self._parameters, out=self._inputs.parameters)
-        state = dynamics.state
         return evaluate(
-            state.q, state.v, dynamics.motion, self._inputs, self.rows, velocities, self._work
+            dynamics.q, dynamics.v, dynamics.motion, self._inputs, self.rows, velocities, self._work
         )
 
     def _hand_out(self) -> None:

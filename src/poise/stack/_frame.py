@@ -15,7 +15,7 @@ ORIENTATION_ERRORS = ("logarithm", "sine")
 """Measures of how far two orientations are apart."""
 
 
-class FrameTask(ShippedTask):
+class FrameTask(ShippedTask[PoseTarget]):
     """A frame follows a target pose in the world.
 
     Rows are world axes, position first: J dv + drift = reference with the `LOCAL_WORLD_ALIGNED`
@@ -41,7 +41,6 @@ class FrameTask(ShippedTask):
     """
 
     kind = Kind.FRAME
-    _target: PoseTarget
 
     def __init__(
         self,

@@ -14,7 +14,7 @@ from poise.stack._kernels import Kind
 from poise.stack._shipped import ShippedTask, VectorTarget
 
 
-class JointTask(ShippedTask):
+class JointTask(ShippedTask[VectorTarget]):
     """Named joints follow target angles: their accelerations equal the reference.
 
     Args:
@@ -26,7 +26,6 @@ class JointTask(ShippedTask):
     """
 
     kind = Kind.JOINTS
-    _target: VectorTarget
 
     def __init__(
         self,

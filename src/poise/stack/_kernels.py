@@ -129,7 +129,7 @@ def evaluate(
     """
     for i in range(len(owners.table)):
         line = owners.table[i]
-        kind, target = line[KIND], line[START] + GAINS * line[COUNT]
+        kind, target = int(line[KIND]), int(line[START] + GAINS * line[COUNT])
         if kind == CONTACT:
             _contact(motion, owners, line, rows, velocities, work)
             continue
@@ -200,7 +200,7 @@ def _contact(
     frames, parameters, at = owners.frames, owners.parameters, line[START]
     place_frame(motion, frames, frame, work, 0)
     for k in range(frames.starts[frame], frames.starts[frame + 1]):
-        column = frames.columns[k]
+        column = int(frames.columns[k])
         x = column_at(motion, column, work[0], work[1], work[2])
         for i in range(m):
             # Linear rows along the frame's axes, then angular ones.
@@ -231,13 +231,13 @@ def _com(
     parameters, m = owners.parameters, line[COUNT]
     momentum_rate(motion, work, 0)
     for i in range(m):
-        axis = owners.chosen[line[CHOSEN] + i]
+        axis = int(owners.chosen[line[CHOSEN] + i])
         row, actual = rows.first + line[FIRST] + i, 0.0
         for k in range(len(v)):
             x = motion.momentum[axis, k] / motion.mass
             rows.matrix[row, k] = x
             actual += x * v[k]
-        target = line[START] + GAINS * m + axis
+        target = int(line[START] + GAINS * m) + axis
         velocity = parameters[target + 3]
         _write(
             rows,
@@ -267,13 +267,13 @@ def _momentum(
     parameters, m = owners.parameters, line[COUNT]
     momentum_rate(motion, work, 0)
     for i in range(m):
-        axis = owners.chosen[line[CHOSEN] + i]
+        axis = int(owners.chosen[line[CHOSEN] + i])
         row, actual = rows.first + line[FIRST] + i, 0.0
         for k in range(len(v)):
             x = motion.momentum[3 + axis, k]
             rows.matrix[row, k] = x
             actual += x * v[k]
-        target = line[START] + GAINS * m + axis
+        target = int(line[START] + GAINS * m) + axis
         error = parameters[target] - actual
         _write(
             rows,
@@ -299,10 +299,10 @@ def _joints(
     velocities: bool,
 ) -> None:
     """Single joints, whose coefficients are constant and stand there already."""
-    parameters, m = owners.parameters, line[COUNT]
+    parameters, m = owners.parameters, int(line[COUNT])
     for i in range(m):
-        joint = owners.chosen[line[CHOSEN] + i]
-        target = line[START] + GAINS * m + i
+        joint = int(owners.chosen[line[CHOSEN] + i])
+        target = int(line[START] + GAINS * m) + i
         velocity = parameters[target + m]
         _write(
             rows,
@@ -330,7 +330,7 @@ def _frame(
     """A frame's pose along the world's axes."""
     frame, m, error = line[FRAME_INDEX], line[COUNT], KINEMATICS
     frames, parameters = owners.frames, owners.parameters
-    target = line[START] + GAINS * m
+    target = int(line[START] + GAINS * m)
     place_frame(motion, frames, frame, work, 0)
     turn_to_world(work, 0)
     for i in range(3):
@@ -340,13 +340,13 @@ def _frame(
     elif line[TURNS]:
         turn_between(parameters, target + TARGET_ROTATION, work, ROTATION, work, error + 3)
     for k in range(frames.starts[frame], frames.starts[frame + 1]):
-        column = frames.columns[k]
+        column = int(frames.columns[k])
         x = column_at(motion, column, work[0], work[1], work[2])
         for i in range(m):
-            component = owners.chosen[line[CHOSEN] + i]
+            component = int(owners.chosen[line[CHOSEN] + i])
             rows.matrix[rows.first + line[FIRST] + i, column] = x[component]
     for i in range(m):
-        component = owners.chosen[line[CHOSEN] + i]
+        component = int(owners.chosen[line[CHOSEN] + i])
         velocity = parameters[target + TARGET_VELOCITY + component]
         _write(
             rows,
@@ -373,7 +373,7 @@ def _relative_frame(
 ) -> None:
     """A frame's pose as seen from another, along the other's axes; targets are at rest."""
     m, other, error = line[COUNT], KINEMATICS, 2 * KINEMATICS
-    parameters, target = owners.parameters, line[START] + GAINS * line[COUNT]
+    parameters, target = owners.parameters, int(line[START] + GAINS * m)
     place_frame(motion, owners.frames, line[FRAME_INDEX], work, 0)
     turn_to_world(work, 0)
     place_frame(motion, owners.frames, line[ROOT_INDEX], work, other)
@@ -385,7 +385,7 @@ def _relative_frame(
     if line[TURNS]:
         turn_between(parameters, target + TARGET_ROTATION, work, ROTATION, work, error + 3)
     for i in range(m):
-        component = owners.chosen[line[CHOSEN] + i]
+        component = int(owners.chosen[line[CHOSEN] + i])
         _write(
             rows,
             parameters,
@@ -418,12 +418,12 @@ def _relative_columns(
         one, other = one + 1, other + 1
     for k in range(one_end - one + other_end - other):
         ahead = k < one_end - one
-        column = columns[one + k] if ahead else columns[other + k - (one_end - one)]
+        column = int(columns[one + k] if ahead else columns[other + k - (one_end - one)])
         # A root that turns carries the point where the frame is with it.
         x = column_at(motion, column, work[0], work[1], work[2])
         sign = 1.0 if ahead else -1.0
         for i in range(m):
-            component = owners.chosen[line[CHOSEN] + i]
+            component = int(owners.chosen[line[CHOSEN] + i])
             o, axis = 3 * (component // 3), R + component % 3
             seen = work[axis] * x[o] + work[axis + 3] * x[o + 1] + work[axis + 6] * x[o + 2]
             rows.matrix[rows.first + line[FIRST] + i, column] = sign * seen

@@ -8,7 +8,7 @@ from poise.stack._kernels import Kind
 from poise.stack._shipped import PoseTarget, ShippedTask
 
 
-class RelativeFrameTask(ShippedTask):
+class RelativeFrameTask(ShippedTask[PoseTarget]):
     """A frame follows a target pose given in a second, moving frame of the robot.
 
     With root frame r and frame f, all along the root's axes,
@@ -30,7 +30,6 @@ class RelativeFrameTask(ShippedTask):
     """
 
     kind = Kind.RELATIVE_FRAME
-    _target: PoseTarget
 
     def __init__(
         self,

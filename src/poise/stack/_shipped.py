@@ -3,6 +3,8 @@
 `VectorTarget` and `PoseTarget`: what such a task is told, in the array that its formulas read.
 """
 
+from typing import Generic, TypeVar
+
 import numpy as np
 from jaxtyping import Float64
 
@@ -160,7 +162,10 @@ class PoseTarget:
 _POSITION, _ROTATION = slice(0, TARGET_ROTATION), slice(TARGET_ROTATION, TARGET_VELOCITY)
 
 
-class ShippedTask(Owner, Task):
+T = TypeVar("T", VectorTarget, PoseTarget)
+
+
+class ShippedTask(Owner, Task, Generic[T]):
     """A task whose formulas stand in `_kernels`.
 
     A subclass says in its attributes which, and keeps what it is told in its target. One that has
@@ -168,7 +173,7 @@ class ShippedTask(Owner, Task):
     compiled.
     """
 
-    _target: VectorTarget | PoseTarget
+    _target: T
 
     def bind(self, robot: Robot) -> None:
         """Resolves names and puts all that the formulas read into one array."""

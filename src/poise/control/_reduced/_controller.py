@@ -96,6 +96,8 @@ class ReducedProgram:
         if partition.nu:
             self.second = UnconstrainedChainProblem(robot, stack, self.tasks, self.reduced)
             self._second_solver = make_solver()
+            # What is compiled is compiled now, not in the tick that needs it.
+            self.second.fill(np.zeros(partition.nr))
 
     @property
     def suspended(self) -> tuple[Task, ...]:
@@ -217,9 +219,14 @@ class ReducedProgram:
         """LQP 1 as it is where no task loses rank, so that the first tick finds it ready."""
         self.reduced.update(Dynamics(self._robot))
         # No task is asked: it might take what it finds for its target.
-        self.tasks.J[:] = np.random.default_rng(_TYPICAL).normal(size=self.tasks.J.shape)
+        constant = self.tasks.J.copy()
+        self.tasks.J[:] = np.random.default_rng(_TYPICAL).normal(size=constant.shape)
         self.chain.update()
-        return self._first_for(self.chain.shape)
+        self.tasks.J[:] = constant
+        pair = self._first_for(self.chain.shape)
+        # What is compiled is compiled now, not in the first tick.
+        pair[0].fill(self.chain)
+        return pair
 
     def _first_for(self, shape: tuple[int, ...]) -> tuple[ConstraintChainProblem, Solver]:
         pair = self._firsts.get(shape)
