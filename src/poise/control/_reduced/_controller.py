@@ -67,7 +67,7 @@ class ReducedProgram:
         second: LQP 2; None without an unconstrained chain.
         first_solution: solution of LQP 1, None before the first solve.
         second_solution: solution of LQP 2; None where the last solve did not need it.
-        whole: the whole problem; None before it is needed.
+        whole: the whole problem, made ahead: the tick that needs it has no time for that.
     """
 
     def __init__(
@@ -78,8 +78,7 @@ class ReducedProgram:
         partition: Partition,
         make_solver: Callable[[], Solver],
     ) -> None:
-        self._robot, self._stack, self._contacts = robot, stack, tuple(contacts)
-        self._make_solver = make_solver
+        self._robot, self._stack, self._make_solver = robot, stack, make_solver
         self.rows = StackRows(robot, stack, contacts)
         self.tasks = AssignedRows(self.rows, robot, partition)
         self.reduced = ReducedDynamics(robot, partition)
@@ -89,7 +88,7 @@ class ReducedProgram:
         self.second: UnconstrainedChainProblem | None = None
         self.first_solution: Solution | None = None
         self.second_solution: Solution | None = None
-        self.whole: FullProgram | None = None
+        self.whole = FullProgram(FullProblem(robot, stack, contacts), make_solver())
         self._solved_whole, self._whole_ticks = False, 0
         self._joining = ChainJoining(robot.base_dofs, self.reduced, stack)
         self._current = self._prepare()
@@ -112,7 +111,7 @@ class ReducedProgram:
     @property
     def size(self) -> tuple[int, int]:
         """Variables and rows of LQP 1, and of LQP 2 or the whole problem where it took them."""
-        if self.whole is not None and self._solved_whole:
+        if self._solved_whole:
             return self.whole.size
         n, m = self.first.problem.size
         if self.second is not None and self.second_solution is not None:
@@ -128,7 +127,7 @@ class ReducedProgram:
         """
         self._dynamics = dynamics
         self._solved_whole = self._whole_ticks > 0
-        if self.whole is not None and self._solved_whole:
+        if self._solved_whole:
             self.whole.assemble(dynamics)
             return
         self.reduced.update(dynamics)
@@ -140,7 +139,7 @@ class ReducedProgram:
     def solve(self) -> Answer:
         """Solves what was assembled; nothing raises on numbers."""
         self.second_solution = None
-        if self.whole is not None and self._solved_whole:
+        if self._solved_whole:
             self._whole_ticks -= 1
             return self.whole.solve()
         problem, solver = self._current
@@ -174,20 +173,19 @@ class ReducedProgram:
             solver.reset()
         if self.second is not None:
             self._second_solver.reset()
-        if self.whole is not None:
-            self.whole.reset()
+        self.whole.reset()
         self.first_solution = self.second_solution = None
         self._whole_ticks = 0
 
     def task_residuals(self) -> dict[str, float]:
         """Norm of what each task could not meet at the last solve [unit/s^2]."""
-        if self.whole is not None and self._solved_whole:
+        if self._solved_whole:
             return self.whole.task_residuals()
         return self.rows.task_residuals()
 
     def explain(self) -> str:
         """Which rows conflict and with what, in words."""
-        if self.whole is not None and self._solved_whole:
+        if self._solved_whole:
             return self.whole.explain()
         if self.first_solution is None:
             return "nothing solved yet"
@@ -201,11 +199,6 @@ class ReducedProgram:
         return float(dv.dot(self._dynamics.M).dot(dv)) + 1e-300
 
     def _solve_whole(self) -> Answer:
-        # Not made before it is needed, which may be never.
-        if self.whole is None:
-            self.whole = FullProgram(
-                FullProblem(self._robot, self._stack, self._contacts), self._make_solver()
-            )
         self._solved_whole, self._whole_ticks = True, PATIENCE
         self.whole.assemble(self._dynamics)
         return self.whole.solve()
@@ -213,7 +206,7 @@ class ReducedProgram:
     @property
     def whole_solution(self) -> Solution | None:
         """Solution of the whole problem at the last state; None where it was not needed."""
-        return self.whole.solution if self.whole is not None and self._solved_whole else None
+        return self.whole.solution if self._solved_whole else None
 
     def _prepare(self) -> tuple[ConstraintChainProblem, Solver]:
         """LQP 1 as it is where no task loses rank, so that the first tick finds it ready."""
