@@ -61,12 +61,12 @@ class FullProblem:
             problem.weights[stacked],
             (problem.x_lower[nv:], problem.x_upper[nv:]),
         )
-        self._actuated_rows = problem.level(0).A[self._base :]
         touch = problem.level(1)
         touch.A[rows.own_rows, nv:] = rows.cone
         touch.lower[rows.own_rows], touch.upper[rows.own_rows] = -np.inf, 0.0
         # What is compiled is compiled now, not in the first tick.
         self._fill_dynamics(np.zeros((nv, nv)), np.zeros(nv))
+        _answer(np.zeros(n), problem.A, np.zeros(nv), np.zeros(n), np.zeros(robot.nj))
 
     def fill(self, dynamics: Dynamics) -> None:
         """Writes one state's rows into the problem.
@@ -90,13 +90,21 @@ class FullProblem:
             (problem.A, problem.lower, problem.upper, problem.H),
         )
 
-    def torque(
+    def answer(
         self, x: Float64[np.ndarray, " n"], dynamics: Dynamics
-    ) -> Float64[np.ndarray, " nj"]:
-        """Joint torques of a solution: the actuated rows (7), M_l dv + h_l - J_c,l^T F [N m]."""
-        torque = np.dot(self._actuated_rows, x)
-        torque += dynamics.h[self._base :]
-        return torque
+    ) -> tuple[Float64[np.ndarray, " n"], Float64[np.ndarray, " nj"]]:
+        """A copy of a solution, and its joint torques [N m].
+
+        Args:
+            x: the solution.
+            dynamics: the state that it is for.
+
+        Returns:
+            The solution; and the actuated rows (7), M_l dv + h_l - J_c,l^T F.
+        """
+        point, torque = np.empty(len(x)), np.empty(self._nv - self._base)
+        _answer(x, self.problem.A, dynamics.h, point, torque)
+        return point, torque
 
     def acceleration(self, x: Float64[np.ndarray, " n"]) -> Float64[np.ndarray, " nv"]:
         """Generalized acceleration of a solution."""
@@ -157,6 +165,24 @@ def _fill(
         upper[n + base + i] = torques[1][i] - h[base + i]
         lower[base + i] = joints[0][i]
         upper[base + i] = joints[1][i]
+
+
+@compiled
+def _answer(
+    x: Float64[np.ndarray, " n"],
+    A: Float64[np.ndarray, "m n"],
+    h: Float64[np.ndarray, " nv"],
+    point: Float64[np.ndarray, " n"],
+    torque: Float64[np.ndarray, " nj"],
+) -> None:
+    base = len(h) - len(torque)
+    for i in range(len(x)):
+        point[i] = x[i]
+    for i in range(len(torque)):
+        total = h[base + i]
+        for k in range(len(x)):
+            total += A[base + i, k] * x[k]
+        torque[i] = total
 
 
 def _bound_labels(robot: Robot, rows: StackRows) -> list[tuple[str, int]]:

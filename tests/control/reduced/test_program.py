@@ -84,7 +84,7 @@ class Both:
     def of(self, x):
         """Accelerations, all wrenches and torques in a point of the whole problem."""
         nv = self.robot.nv
-        return x[:nv], x[nv:], self.whole.torque(x, self.dynamics)
+        return x[:nv], x[nv:], self.whole.answer(x, self.dynamics)[1]
 
     def point(self, answer):
         """An answer as a point of the whole problem."""

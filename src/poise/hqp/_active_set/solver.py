@@ -67,6 +67,7 @@ class LexicographicSolver:
         self._max_changes = max_changes
         self._shape: tuple[int, ...] = ()
         self._fitted: HierarchicalProblem | None = None
+        self._status, self._seconds = SolveStatus.FAILED, 0.0
         self._compile()
 
     def _compile(self) -> None:
@@ -115,9 +116,16 @@ class LexicographicSolver:
         Raises:
             ConfigurationError: the first problem of a shape has not as many levels as `damping`.
         """
+        begin = perf_counter()
         self._fit(problem)
-        deadline = None if self.time_limit is None else perf_counter() + self.time_limit
+        deadline = None if self.time_limit is None else begin + self.time_limit
         found, late = self._change(problem, self._limit, deadline)
+        self._status = self._taken(found, late)
+        self._seconds = perf_counter() - begin
+        return self._status
+
+    def _taken(self, found: int, late: bool) -> SolveStatus:
+        """The status of what was found; what cannot be used is cleared away."""
         if found == UNSOUND:
             self._work.rows.side[:] = 0
             return SolveStatus.BAD_PROBLEM
@@ -140,10 +148,15 @@ class LexicographicSolver:
         Raises:
             ConfigurationError: as for `run`.
         """
-        start = perf_counter()
-        status = self.run(problem)
+        self.run(problem)
+        return self.report()
+
+    def report(self) -> Solution:
+        """All about the last `run`; it owns its arrays."""
+        status, problem = self._status, self._fitted
+        assert problem is not None
         if status in (SolveStatus.BAD_PROBLEM, SolveStatus.FAILED):
-            return failure(problem, status, self.name, start)
+            return failure(problem, status, self.name, perf_counter() - self._seconds)
         return LexicographicSolution(
             status=status,
             x=self.x.copy(),
@@ -158,7 +171,7 @@ class LexicographicSolver:
             strategy=self.name,
             relaxed=bool(self.relative_residuals.max() > RELAXED),
             iterations=self.changes,
-            timings={"total": perf_counter() - start},
+            timings={"total": self._seconds},
         )
 
     @property
