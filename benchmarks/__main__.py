@@ -181,8 +181,7 @@ def _peers(options: argparse.Namespace) -> None:
 
 def _run_ticks(options: argparse.Namespace, plan: Any, bench: Any) -> None:
     """Times, prints, and writes `bench.json` and a figure where a folder is wanted."""
-    from benchmarks.figure import write_figure
-    from benchmarks.result import format_table
+    from benchmarks.result import format_table, write_figure
 
     results, folder = _run(options, plan, bench, format_table)
     if folder is not None:
@@ -190,8 +189,7 @@ def _run_ticks(options: argparse.Namespace, plan: Any, bench: Any) -> None:
 
 
 def _dof(options: argparse.Namespace) -> None:
-    from benchmarks.dof import DofBench, bench_dof, format_dof_table
-    from benchmarks.targets import speed_targets
+    from benchmarks.dof import DofBench, bench_dof, format_dof_table, speed_targets
 
     given = _given(options, ("ticks", "stack"))
     if options.joints is not None:
@@ -210,8 +208,7 @@ def _bias(options: argparse.Namespace) -> None:
 
 
 def _teleop(options: argparse.Namespace) -> None:
-    from benchmarks.teleop import TeleopBench, bench_teleop
-    from benchmarks.teleop_table import format_teleop_table
+    from benchmarks.teleop import TeleopBench, bench_teleop, format_teleop_table
 
     plan = TeleopBench(**_given(options, ("robot", "ticks")))
     _run(options, plan, bench_teleop, format_teleop_table)
@@ -264,7 +261,7 @@ def _numbers(text: str) -> tuple[int, ...]:
 
 
 def _stacks(name: str) -> tuple[str, ...]:
-    from benchmarks.stances import STACKS
+    from benchmarks.recording import STACKS
 
     return STACKS if name == "both" else (name,)
 

@@ -1,7 +1,10 @@
-"""`bench_teleop`: times the control step of the step teleoperator, and its whole simulation."""
+"""`bench_teleop`: times the control step of the step teleoperator, and its whole simulation.
+
+`record_walk`: a walk by scripted hands, recorded once: what the step teleoperator was told.
+"""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from time import perf_counter, process_time
 from typing import Any
 
@@ -10,11 +13,112 @@ from jaxtyping import Float64
 
 from benchmarks.clocked import collector_paused
 from benchmarks.recording import Progress
-from benchmarks.teleop_recording import SCENARIO, Walk, WalkTick, record_walk
-from poise.apps.teleoperation import TeleopRun, run_teleop
+from poise.apps.teleoperation import TELEOP_PLANT, Script, TeleopRun, over_an_obstacle, run_teleop
+from poise.dynamics import RobotState
 from poise.errors import ConfigurationError, PoiseError
 from poise.locomotion import Device, DeviceSample, StepTeleoperator
-from poise.robots import load_robot
+from poise.robots import Robot, load_robot
+from poise.sim import Plant, PlantConfig, rollout
+
+SCENARIO = "over_an_obstacle"
+"""The script that is walked: both feet stand, shift, swing and land in it."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Walk:
+    """A scripted scenario on a robot, before anything moves.
+
+    Attributes:
+        robot: a biped with legs of six joints.
+        script: way-points of the hands.
+        q_start: where the robot starts.
+        plant: with the script's blocks.
+    """
+
+    robot: Robot
+    script: Script
+    q_start: Float64[np.ndarray, " nq"]
+    plant: PlantConfig
+
+    @classmethod
+    def over_an_obstacle(cls, robot: Robot) -> "Walk":
+        """Scenario 1 of Zhang and Kikuuwe, scaled to the robot.
+
+        Args:
+            robot: a biped with legs of six joints.
+
+        Raises:
+            ConfigurationError: the robot cannot be walked.
+        """
+        # Says what is wrong with a robot that is no biped, before a script is made for it.
+        StepTeleoperator(robot)
+        script = over_an_obstacle(robot)
+        return cls(
+            robot=robot,
+            script=script,
+            q_start=script.posture(robot),
+            plant=replace(TELEOP_PLANT, blocks=script.blocks),
+        )
+
+    @property
+    def ticks(self) -> int:
+        """Control periods in the whole script."""
+        return round(self.script.duration / self.plant.control_dt)
+
+    def teleoperator(self) -> StepTeleoperator:
+        """A teleoperator that has not begun."""
+        return StepTeleoperator(self.robot, q_start=self.q_start)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class WalkTick:
+    """What the teleoperator was told at a tick.
+
+    Attributes:
+        state: as measured, contacts and time included.
+        sample: of the operator's devices.
+    """
+
+    state: RobotState
+    sample: DeviceSample | None
+
+
+def record_walk(walk: Walk, ticks: int, progress: Progress | None = None) -> tuple[WalkTick, ...]:
+    """Walks a simulated robot and records the first ticks.
+
+    Args:
+        walk: what to walk.
+        ticks: how many to record, from the start.
+        progress: told how many of all ticks are done.
+
+    Raises:
+        PoiseError: the robot fell.
+    """
+    teleoperator = walk.teleoperator()
+    controller = teleoperator.controller()
+    plant = Plant(walk.robot, walk.plant)
+    plant.reset(walk.q_start)
+    device = walk.script.device(teleoperator)
+    teleoperator.device = device
+    recorded: list[WalkTick] = []
+    ticking = rollout(
+        plant,
+        controller,
+        teleoperator,
+        estimator=teleoperator.estimator,
+        duration=ticks * plant.control_dt,
+    )
+    for tick in ticking:
+        # The script always says something.
+        assert teleoperator.status is not None
+        assert teleoperator.status.sample is not None
+        recorded.append(WalkTick(tick.state, teleoperator.status.sample))
+        if plant.fallen:
+            raise PoiseError(f"{walk.robot.name} fell at {plant.time:.3f} s while being recorded")
+        if progress is not None and len(recorded) % 50 == 0:
+            progress(float(len(recorded)), float(ticks))
+    return tuple(recorded)
+
 
 WARM_UP = 30
 """Ticks before those that count, in every pass: a controller that has just been made."""
@@ -234,3 +338,34 @@ def _counted(columns: Sequence[Sequence[bool]]) -> list[bool]:
 def _short(microseconds: float) -> float:
     # A clock call takes some 50 ns: further digits say nothing.
     return round(microseconds, 1)
+
+
+_HEADS = ("p50", "p99", "max", "% of T", "in sim.", "real time", "by CPU")
+
+
+def format_teleop_table(results: Sequence[TeleopResult]) -> str:
+    """One line a robot; times in microseconds.
+
+    Args:
+        results: of one benchmark.
+    """
+    first = results[0]
+    width = max(len(r.robot) for r in results)
+    lines = [
+        f"step teleoperator, {first.scenario}, T = {first.period_us / 1e3:g} ms; times in us",
+        "  ".join([" " * width, *(f"{head:>9}" for head in _HEADS)]),
+    ]
+    for r in results:
+        cells = [
+            *(f"{t:.0f}" for t in (r.p50_us, r.p99_us, r.max_us)),
+            f"{100.0 * r.share_of_period:.1f}",
+            f"{r.simulation_p50_us:.0f}",
+            f"x {r.real_time_factor:.1f}",
+            f"x {r.real_time_factor_cpu:.1f}",
+        ]
+        line = "  ".join([f"{r.robot:{width}}", *(f"{cell:>9}" for cell in cells)])
+        line += f"  {r.joints} joints, {r.ticks} ticks, {100.0 * r.single_support:.0f}% on one foot"
+        if r.missed_ticks:
+            line += f", {r.missed_ticks} FAILED"
+        lines.append(line)
+    return "\n".join(lines)

@@ -9,9 +9,8 @@ from pathlib import Path
 from benchmarks.clocked import Subject, collector_paused
 from benchmarks.methods import DIRECT, parse_method, timed_methods
 from benchmarks.peers.process import PEERS, PeerProcess
-from benchmarks.recording import Progress, Recording, record_run
+from benchmarks.recording import STACKS, STANCES, Progress, Recording, check_biped, record_run
 from benchmarks.result import TickResult, Ticks, time_statistics
-from benchmarks.stances import STACKS, STANCES, check_biped
 from poise.control import CONTROLLERS
 from poise.errors import ConfigurationError, UnknownNameError
 from poise.hqp import make_solver

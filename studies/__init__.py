@@ -1,11 +1,17 @@
 """The papers' own experiments: each study gives findings, tables and figures beside the paper's."""
 
-from studies.figure import Figure, draw
-from studies.finding import Finding, Section, Table
+from studies.finding import Figure, Finding, Section, Table, draw
 from studies.page import write_study
-from studies.plan import Part, Progress, StudyOptions, StudyPlan
-from studies.registry import STUDIES, load_study
-from studies.study import Study, Unfinished
+from studies.plan import (
+    STUDIES,
+    Part,
+    Progress,
+    Study,
+    StudyOptions,
+    StudyPlan,
+    Unfinished,
+    load_study,
+)
 
 __all__ = [
     "STUDIES",

@@ -43,8 +43,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _act(options: argparse.Namespace) -> int:
     """Runs the study and writes everything."""
     from studies.page import write_study
-    from studies.plan import StudyOptions
-    from studies.registry import load_study
+    from studies.plan import StudyOptions, load_study
 
     plan = load_study(options.name)
     folder = make_folder(options.out, f"runs/study-{plan.name}")

@@ -10,9 +10,8 @@ from html import escape
 from pathlib import Path
 
 from poise.apps.report import html_document
-from studies.figure import Figure, Film
-from studies.finding import Cell, Finding, Section, Table, number_text
-from studies.study import Study, Unfinished
+from studies.finding import Cell, Figure, Film, Finding, Section, Table, number_text
+from studies.plan import Study, Unfinished
 
 _CODE = re.compile(r"`([^`]+)`")
 

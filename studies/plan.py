@@ -1,17 +1,81 @@
 """`StudyPlan`: a study's parts, and running them so that nothing computed is lost.
 
-`Steps`: the progress of a part that consists of several runs.
+`Study`: what it found. `Steps`: the progress of a part that consists of several runs.
 """
 
 import traceback
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
+from importlib import import_module
 
-from poise.errors import ConfigurationError, PoiseError
-from studies.figure import require_matplotlib
-from studies.finding import Section
-from studies.study import Study, Unfinished
+from poise.errors import ConfigurationError, PoiseError, UnknownNameError
+from studies.finding import Finding, Section, require_matplotlib
+
+
+@dataclass(frozen=True, kw_only=True)
+class Unfinished:
+    """A part of a study that has no result.
+
+    Attributes:
+        name: id of the part.
+        title: its heading.
+        reason: why, in one line.
+        details: the traceback where an error was the reason.
+    """
+
+    name: str
+    title: str
+    reason: str
+    details: str = ""
+
+    def finding(self) -> Finding:
+        """The part's place in the list of findings: one that does not hold."""
+        return Finding(
+            name=f"part {self.name!r} of the study",
+            paper=None,
+            ours=None,
+            unit="",
+            ok=False,
+            note=f"{self.title}: {self.reason}",
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Study:
+    """What a study found.
+
+    Attributes:
+        name: as the command line has it.
+        title: heading of its page.
+        introduction: paragraphs of plain text, as in sections.
+        source: the paper, as one cites it.
+        quick: whether it ran in its shorter version.
+        seed: of everything random in it.
+        sections: the parts that are done, in order.
+        unfinished: the parts that failed or were not computed.
+    """
+
+    name: str
+    title: str
+    introduction: tuple[str, ...]
+    source: str
+    quick: bool
+    seed: int
+    sections: tuple[Section, ...] = ()
+    unfinished: tuple[Unfinished, ...] = ()
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """All findings in order; behind them one that does not hold for each unfinished part."""
+        done = tuple(finding for section in self.sections for finding in section.findings)
+        return done + tuple(part.finding() for part in self.unfinished)
+
+    @property
+    def ok(self) -> bool:
+        """Whether every part was computed and every finding holds."""
+        return all(finding.ok for finding in self.findings)
+
 
 Progress = Callable[[float, float], None]
 """Says how far a part is: what is done, and the whole, in any unit."""
@@ -160,3 +224,29 @@ class Steps:
     def finish(self) -> None:
         """Says that all is done."""
         self._progress(float(self._count), float(self._count))
+
+
+_MODULES = {
+    "bias-acceleration": "studies.bias_acceleration",
+    "step-teleoperation": "studies.step_teleoperation",
+    "reduced-dynamics": "studies.reduced_dynamics",
+    "bad-operator": "studies.bad_operator",
+}
+"""Where each study's `PLAN` is."""
+
+STUDIES = tuple(_MODULES)
+"""Names of the studies."""
+
+
+def load_study(name: str) -> StudyPlan:
+    """The plan of a study.
+
+    Args:
+        name: one of `STUDIES`.
+
+    Raises:
+        UnknownNameError: there is no such study.
+    """
+    if name not in _MODULES:
+        raise UnknownNameError("unknown study", got=name, choices=STUDIES)
+    return import_module(_MODULES[name]).PLAN

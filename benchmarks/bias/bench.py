@@ -14,7 +14,7 @@ from benchmarks.bias import formulas
 from benchmarks.bias.formulas import FORMULAS, BiasTick, PrioritisedTask
 from benchmarks.bias.recording import BiasInputs, record_motion
 from benchmarks.clocked import collector_paused
-from benchmarks.flops.counter import FlopCounter
+from benchmarks.flops import FlopCounter
 from benchmarks.recording import Progress
 from poise.errors import ConfigurationError
 from poise.robots import Robot, load_robot

@@ -1,6 +1,6 @@
 """Hierarchical QPs as a benchmark: problems that anyone can use, and a race of methods on them."""
 
-from benchmarks.hqp.bench import HqpBench, HqpRace, bench_hqp, format_hqp_table
+from benchmarks.hqp.bench import HqpBench, HqpRace, HqpResult, bench_hqp, format_hqp_table
 from benchmarks.hqp.figure import Profile, make_profiles, profiles_of, write_profile_figure
 from benchmarks.hqp.judge import LEVEL_TOLERANCE, best_known, judge_point, measure_point
 from benchmarks.hqp.methods import METHODS, usual_methods, what_is_missing
@@ -12,7 +12,6 @@ from benchmarks.hqp.problem_set import (
     save_sequence,
 )
 from benchmarks.hqp.problem_sources import USUAL_SEQUENCES, make_sequence, save_all, sequence_names
-from benchmarks.hqp.result import HqpResult
 
 __all__ = [
     "FAMILIES",

@@ -7,13 +7,15 @@ means stands in `docs/problem_set.md`.
 import re
 import zipfile
 import zlib
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from importlib.metadata import version
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
 
-from benchmarks.hqp.packed import INTEGERS, TEXTS, pack_problems, unpack_problems
+from benchmarks.hqp.packed import FLOATS, INTEGERS, TEXTS, pack_problems, unpack_problems
 from poise.errors import ConfigurationError, ProblemError, UnknownNameError
 from poise.hqp import HierarchicalProblem
 
@@ -184,3 +186,73 @@ def _check_keys(arrays: dict[str, np.ndarray], path: Path) -> None:
                 got=None if array is None else f"{array.dtype} with {array.ndim} dimensions",
                 wanted=f"an array of kind {kind!r} with {dimensions} dimensions",
             )
+
+
+Progress = Callable[[int, int], None]
+"""Called with what is done and what there is in all."""
+
+Make = Callable[[int, Progress | None], Iterable[HierarchicalProblem]]
+"""Makes up to so many problems; each call makes the same ones."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Source:
+    """What a sequence is and how it is made.
+
+    Attributes:
+        name: of the sequence.
+        family: one of `FAMILIES`.
+        description: one sentence.
+        consecutive: whether neighbours are one tick apart.
+        make: makes its problems.
+    """
+
+    name: str
+    family: str
+    description: str
+    consecutive: bool
+    make: Make
+
+    def sequence(self, count: int, progress: Progress | None = None) -> ProblemSequence:
+        """Makes the sequence.
+
+        Args:
+            count: how many problems; fewer where the phase that is recorded ends before.
+            progress: told how far it is.
+
+        Raises:
+            ConfigurationError: `count` is not positive.
+            PoiseError: something that it is made with is not installed.
+        """
+        if count < 1:
+            raise ConfigurationError("no problems to make", got=count, wanted="count >= 1")
+        return ProblemSequence(
+            name=self.name,
+            family=self.family,
+            description=self.description,
+            consecutive=self.consecutive,
+            problems=tuple(islice(self.make(count, progress), count)),
+        )
+
+
+def copy_problem(problem: HierarchicalProblem) -> HierarchicalProblem:
+    """The same problem in a storage of its own; its views look into that storage.
+
+    Args:
+        problem: what to copy.
+    """
+    copy = HierarchicalProblem.allocate(
+        problem.n,
+        [len(view.lower) for view in problem.levels],
+        names=[view.name for view in problem.levels],
+        bounds_level=problem.bounds_level,
+    )
+    for key in FLOATS:
+        getattr(copy, key)[...] = getattr(problem, key)
+    copy.labels = list(problem.labels)
+    return copy
+
+
+def shape_of(problem: HierarchicalProblem) -> tuple[int, ...]:
+    """Number of variables, and of rows of each level."""
+    return (problem.n, *(len(view.lower) for view in problem.levels))

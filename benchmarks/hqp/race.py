@@ -9,8 +9,8 @@ import numpy as np
 from jaxtyping import Bool, Float64
 
 from benchmarks.clocked import collector_paused
-from benchmarks.hqp.contestant import Contestant
 from benchmarks.hqp.judge import Verdict, best_known, judge_point, measure_point
+from benchmarks.hqp.methods import Contestant
 from benchmarks.hqp.problem_set import ProblemSequence
 from poise.hqp import HierarchicalProblem
 

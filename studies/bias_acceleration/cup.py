@@ -8,11 +8,11 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float64
 
-from benchmarks.bias.motion import Cubic
+from benchmarks.bias.recording import Cubic
 from benchmarks.bias.recursion import PaperRecursion
-from benchmarks.encoder import Encoder
 from benchmarks.rigid_plant import (
     CONTROL_DT,
+    Encoder,
     Gravity,
     Moment,
     RigidPlant,

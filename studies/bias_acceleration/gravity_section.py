@@ -12,8 +12,7 @@ from studies.bias_acceleration.controller import OldGravityRecursion
 from studies.bias_acceleration.cup import DURATION, KP, PAPER_GRAVITY, CupRun, CupTrace, carry_cup
 from studies.bias_acceleration.side_by_side import SideBySide, compare_along
 from studies.bias_acceleration.signals import degrees_most, draw_signal
-from studies.figure import Figure, draw
-from studies.finding import Finding, Section, Table
+from studies.finding import Figure, Finding, Section, Table, draw
 from studies.plan import Progress, Steps, StudyOptions
 
 MARS = -3.71

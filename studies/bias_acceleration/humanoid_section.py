@@ -9,8 +9,7 @@ from jaxtyping import Float64
 from benchmarks.drawing import PALETTE, decimate
 from poise.apps.scenarios import Run, load_scenario, run_scenario
 from poise.control import ControllerPlan
-from studies.figure import Figure, draw
-from studies.finding import Finding, Section, Table
+from studies.finding import Figure, Finding, Section, Table, draw
 from studies.plan import Progress, Steps, StudyOptions
 
 _CONTROLLERS = ("osf", "whole_body")

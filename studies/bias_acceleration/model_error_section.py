@@ -4,10 +4,9 @@ from typing import Any
 
 from benchmarks.drawing import plain_number
 from studies.bias_acceleration.cup import FORMULAS, CupRun, CupTrace, carry_cup
-from studies.bias_acceleration.encoder_runs import ENCODER
+from studies.bias_acceleration.encoder_section import ENCODER
 from studies.bias_acceleration.signals import COLOURS, DASHES, degrees_most
-from studies.figure import Figure, draw
-from studies.finding import Finding, Section, Table
+from studies.finding import Figure, Finding, Section, Table, draw
 from studies.plan import Progress, Steps, StudyOptions
 
 _SCALES, _QUICK_SCALES = (0.8, 0.9, 1.0, 1.1, 1.2), (0.8, 1.0, 1.2)

@@ -3,15 +3,14 @@
 import numpy as np
 
 from benchmarks.bias import formulas, recursion
-from benchmarks.bias.rates import MatrixRates
 from benchmarks.bias.recursion import FusedRecursion, PaperRecursion
-from benchmarks.bias.rows import PaperRows
-from benchmarks.flops.counter import FlopCounter
+from benchmarks.bias.rows import MatrixRates, PaperRows
+from benchmarks.flops import FlopCounter
 from poise.dynamics import Dynamics, RobotState
 from poise.robots import Robot, load_robot
 from studies.bias_acceleration import cost_model as cost
-from studies.bias_acceleration.cost_findings import plain
 from studies.bias_acceleration.cost_model import FIGURE_2
+from studies.bias_acceleration.cost_section import plain
 from studies.finding import Finding, Section, Table
 from studies.plan import Progress, StudyOptions
 

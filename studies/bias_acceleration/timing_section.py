@@ -2,7 +2,7 @@
 
 from benchmarks.bias import BiasBench, BiasResult, bench_bias
 from studies.bias_acceleration import cost_model as cost
-from studies.bias_acceleration.cost_findings import plain
+from studies.bias_acceleration.cost_section import plain
 from studies.finding import Finding, Section, Table, number_text
 from studies.plan import Progress, StudyOptions
 

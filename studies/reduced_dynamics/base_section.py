@@ -14,8 +14,7 @@ from benchmarks.drawing import PALETTE
 from poise.control import Command
 from poise.dynamics import Dynamics, Partition, Partitions, RobotState
 from poise.robots import Robot
-from studies.figure import Figure, draw
-from studies.finding import Finding, Section, Table
+from studies.finding import Figure, Finding, Section, Table, draw
 from studies.plan import Progress, StudyOptions
 from studies.reduced_dynamics.walk_run import STANCES, WalkRun, walk_run
 

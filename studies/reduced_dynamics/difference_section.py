@@ -6,8 +6,7 @@ import numpy as np
 from jaxtyping import Float64, Int64
 
 from benchmarks.drawing import PALETTE, power_of_ten
-from studies.figure import Figure, draw
-from studies.finding import Cell, Finding, Section, Table
+from studies.finding import Cell, Figure, Finding, Section, Table, draw
 from studies.plan import Progress, StudyOptions
 from studies.reduced_dynamics.walk_run import STANCES, WalkRun, walk_run
 

@@ -2,12 +2,10 @@
 
 from typing import Any
 
-from benchmarks.dof import JOINTS, DofBench, bench_dof
+from benchmarks.dof import JOINTS, DofBench, bench_dof, speed_targets
 from benchmarks.drawing import PALETTE, plain_number
 from benchmarks.result import TickResult
-from benchmarks.targets import speed_targets
-from studies.figure import Figure, draw
-from studies.finding import Cell, Finding, Section, Table
+from studies.finding import Cell, Figure, Finding, Section, Table, draw
 from studies.plan import Progress, StudyOptions
 
 _QUICK_JOINTS = (20, 45)

@@ -14,8 +14,7 @@ from benchmarks.walk_recording import record_walk
 from poise.dynamics import Dynamics
 from poise.errors import PoiseError
 from poise.robots import Robot, load_robot
-from studies.figure import Figure, draw
-from studies.finding import Cell, Finding, Section, Table
+from studies.finding import Cell, Figure, Finding, Section, Table, draw
 from studies.plan import Progress, Steps, StudyOptions
 from studies.reduced_dynamics.base_section import PaperTorques
 from studies.reduced_dynamics.walk_run import ROBOT

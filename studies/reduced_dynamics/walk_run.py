@@ -6,10 +6,9 @@ from functools import cache
 import numpy as np
 from jaxtyping import Int64
 
+from benchmarks.clocked import Turns, take_turns
 from benchmarks.methods import Method, timed_methods
-from benchmarks.schedule import Turns, take_turns
-from benchmarks.walk_recording import WalkRecording, record_walk
-from benchmarks.walk_subject import WalkSubject
+from benchmarks.walk_recording import WalkRecording, WalkSubject, record_walk
 from poise.robots import load_robot
 from studies.plan import Progress, StudyOptions
 

@@ -6,8 +6,7 @@ import numpy as np
 
 from benchmarks.drawing import PALETTE
 from poise.locomotion import CartFlywheelTable, ComShifter
-from studies.figure import Figure, draw
-from studies.finding import Finding, Section, Table
+from studies.finding import Figure, Finding, Section, Table, draw
 from studies.plan import Progress, StudyOptions
 
 _HEIGHT, _MASS, _STEP, _DT, _SECONDS = 0.765, 65.0, 0.21, 1e-3, 3.0

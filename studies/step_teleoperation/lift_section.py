@@ -1,16 +1,17 @@
 """Scenario 2: from the lifted device to the lifted foot, by COM shifter and by preview control."""
 
+from collections import deque
 from typing import Any
 
+import numpy as np
+from jaxtyping import Float64
+
 from poise.apps.teleoperation import TeleopRun, lift_one_foot
-from poise.locomotion import Mode
+from poise.locomotion import Mode, PreviewControl, natural_frequency
 from poise.robots import load_robot
-from studies.figure import draw
-from studies.finding import Finding, Section, Table
+from studies.finding import Finding, Section, Table, draw
 from studies.plan import Progress, Steps, StudyOptions
-from studies.step_teleoperation.films import films
-from studies.step_teleoperation.plots import one_legend, paint_zmp
-from studies.step_teleoperation.preview_driver import PreviewDriver
+from studies.step_teleoperation.pictures import films, one_legend, paint_zmp, snapshots
 from studies.step_teleoperation.runs import (
     edge_distance,
     first,
@@ -18,7 +19,51 @@ from studies.step_teleoperation.runs import (
     run_script,
     script_parameters,
 )
-from studies.step_teleoperation.snapshots import snapshots
+
+
+class PreviewDriver:
+    """A `poise.locomotion.ComDriver`: the reference goes through a buffer of N ticks first.
+
+    What the controller takes for the present is the reference of N ticks ago; the buffer holds
+    what comes after it. So a reference that jumps acts N T later, and the ZMP begins to move
+    earlier.
+
+    Args:
+        height: of the COM [m].
+        dt: length of a tick [s].
+        length: N.
+    """
+
+    def __init__(self, height: float, dt: float, length: int) -> None:
+        self.control = PreviewControl(height, dt, length)
+        self.omega = natural_frequency(height)
+        self._buffer: deque[Float64[np.ndarray, "2"]] = deque(maxlen=length)
+        self._acceleration = np.zeros(2)
+
+    def drive(
+        self,
+        reference: Float64[np.ndarray, "2"],
+        position: Float64[np.ndarray, "2"],
+        velocity: Float64[np.ndarray, "2"],
+        dt: float,
+    ) -> tuple[Float64[np.ndarray, "2"], Float64[np.ndarray, "2"]]:
+        """One tick, with the position fed back."""
+        del dt
+        missing = self.control.length - len(self._buffer)
+        self._buffer.extend([reference.copy()] * max(missing, 1))
+        # The newest reference is N ticks ahead: until then nothing is to be seen of it.
+        state = np.stack((position, velocity, self._acceleration))
+        jerk = self.control.jerk(state, np.stack(self._buffer))
+        _, velocity, self._acceleration = self.control.advance(state, jerk)
+        return velocity, self._acceleration
+
+    def restart(
+        self, commanded: Float64[np.ndarray, "2"], measured: Float64[np.ndarray, "2"]
+    ) -> Float64[np.ndarray, "2"]:
+        """The commanded velocity: the pattern goes on across modes."""
+        del measured
+        return commanded
+
 
 _LENGTHS = (240, 120)
 _LIFTED = 0.565

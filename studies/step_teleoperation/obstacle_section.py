@@ -4,13 +4,10 @@ from typing import Any
 
 from poise.apps.teleoperation import over_an_obstacle
 from poise.robots import load_robot
-from studies.figure import draw
-from studies.finding import Finding, Section
+from studies.finding import Finding, Section, draw
 from studies.plan import Progress, StudyOptions
-from studies.step_teleoperation.films import films
-from studies.step_teleoperation.plots import one_legend, paint_zmp
+from studies.step_teleoperation.pictures import films, one_legend, paint_zmp, snapshots
 from studies.step_teleoperation.runs import beyond, edge_distance, run_script
-from studies.step_teleoperation.snapshots import snapshots
 
 
 def obstacle_section(options: StudyOptions, progress: Progress) -> Section:

@@ -7,12 +7,10 @@ import numpy as np
 from benchmarks.drawing import PALETTE, REFERENCE
 from poise.apps.teleoperation import TeleopRun, swing_fast
 from poise.robots import load_robot
-from studies.figure import Figure, draw
-from studies.finding import Finding, Section, Table
+from studies.finding import Figure, Finding, Section, Table, draw
 from studies.plan import Progress, Steps, StudyOptions
-from studies.step_teleoperation.films import films
+from studies.step_teleoperation.pictures import films, snapshots
 from studies.step_teleoperation.runs import edge_distance, fall_note, run_script
-from studies.step_teleoperation.snapshots import snapshots
 
 _FIRST_SWING = 3.0
 """When the script begins to swing [s]."""

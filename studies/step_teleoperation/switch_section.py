@@ -7,13 +7,10 @@ import numpy as np
 from poise.apps.teleoperation import TeleopRun, switch_feet
 from poise.locomotion import Mode
 from poise.robots import load_robot
-from studies.figure import draw
-from studies.finding import Finding, Section, Table
+from studies.finding import Finding, Section, Table, draw
 from studies.plan import Progress, Steps, StudyOptions
-from studies.step_teleoperation.films import films
-from studies.step_teleoperation.plots import one_legend, paint_zmp
+from studies.step_teleoperation.pictures import films, one_legend, paint_zmp, snapshots
 from studies.step_teleoperation.runs import edge_distance, fall_note, first, run_script
-from studies.step_teleoperation.snapshots import snapshots
 
 AFTER = (0.1, 0.6, 1.1)
 """From the right device's touching the ground to the left one's lift [s]: with the paper's 1.2, 1.7

@@ -8,11 +8,9 @@ import numpy as np
 import pytest
 
 from poise.errors import ConfigurationError, MissingExtraError, UnknownNameError
-from studies.figure import Figure, draw
-from studies.finding import Finding, Section, Table, number_text, with_unit
+from studies.finding import Figure, Finding, Section, Table, draw, number_text, with_unit
 from studies.page import write_study
-from studies.plan import Part, StudyOptions, StudyPlan
-from studies.registry import STUDIES, load_study
+from studies.plan import STUDIES, Part, StudyOptions, StudyPlan, load_study
 
 pytest.importorskip("matplotlib")
 

@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from benchmarks.bias.rates import MatrixRates, contact_jacobian_rate, task_jacobian_rate
+from benchmarks.bias.rows import MatrixRates, contact_jacobian_rate, task_jacobian_rate
 from poise.dynamics import Dynamics, RobotState
 from poise.robots import Robot
 from poise.stack import (

@@ -10,8 +10,13 @@ import numpy as np
 import pytest
 
 from benchmarks.hqp.packed import FLOATS
-from benchmarks.hqp.problem_set import ProblemSequence, load_folder, load_sequence, save_sequence
-from benchmarks.hqp.source import copy_problem
+from benchmarks.hqp.problem_set import (
+    ProblemSequence,
+    copy_problem,
+    load_folder,
+    load_sequence,
+    save_sequence,
+)
 from poise.errors import ConfigurationError, PoiseError, ProblemError, UnknownNameError
 from poise.hqp import HierarchicalProblem, Level
 
