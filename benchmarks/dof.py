@@ -4,13 +4,21 @@
 """
 
 from collections.abc import Generator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any, Literal
 
 from benchmarks.clocked import Subject, Turns, take_turns
 from benchmarks.methods import Method, timed_methods
 from benchmarks.recording import STACKS, STANCES, Progress, Recording, record_run
-from benchmarks.result import PHASES, TickResult, method_name
+from benchmarks.result import (
+    TIME_HEADS,
+    Result,
+    TickResult,
+    method_name,
+    or_dash,
+    text_table,
+    time_cells,
+)
 from benchmarks.tick import tick_results
 from poise.errors import ConfigurationError, UnknownNameError
 from poise.hqp import make_solver
@@ -29,7 +37,7 @@ _TIMES_FASTER, _ASSEMBLY, _SPREAD, _GROWTH = 8.0, 0.25, 2.0, 1.8
 
 
 @dataclass(frozen=True, kw_only=True)
-class Target:
+class Target(Result):
     """A ratio, and what it should be.
 
     Attributes:
@@ -53,7 +61,7 @@ class Target:
 
     def to_json(self) -> dict[str, Any]:
         """The target as JSON holds it."""
-        return {**asdict(self), "met": self.met}
+        return {**super().to_json(), "met": self.met}
 
 
 def speed_targets(results: Sequence[TickResult]) -> list[Target]:
@@ -209,8 +217,7 @@ def _results(
     return sorted(results, key=lambda r: (r.solver != "direct", r.controller == "reduced"))
 
 
-_TIMES = ("p50", "p99", "max", "cpu p99", *PHASES)
-_HEADS = ("joints", "variables", "rows", *_TIMES, "x whole", "residual", "relaxed")
+_HEADS = ("joints", "variables", "rows", *TIME_HEADS, "x whole", "residual", "relaxed")
 
 
 def format_dof_table(results: Sequence[TickResult]) -> str:
@@ -225,8 +232,7 @@ def format_dof_table(results: Sequence[TickResult]) -> str:
         for name in dict.fromkeys(method_name(r) for r in rows):
             own = [r for r in rows if method_name(r) == name]
             lines += ["", f"{name}, {stance} support, stack {own[0].stack!r}, times in us"]
-            lines.append("  ".join(f"{head:>9}" for head in _HEADS))
-            lines += [_line(row) for row in own]
+            lines += text_table(_HEADS, [("", *_cells(row)) for row in own])
     targets = speed_targets(results)
     if targets:
         width = max(len(t.target) for t in targets)
@@ -239,20 +245,10 @@ def format_dof_table(results: Sequence[TickResult]) -> str:
     return "\n".join(lines).lstrip("\n")
 
 
-def _line(row: TickResult) -> str:
-    cells = [str(row.joints), str(row.variables), str(row.rows)]
-    times = (
-        row.p50_us,
-        row.p99_us,
-        row.max_us,
-        row.cpu_p99_us,
-        *(row.phases_us[p] for p in PHASES),
-    )
-    cells += ["-" if t is None else f"{t:.0f}" for t in times]
-    cells.append("-" if row.ratio_to_whole is None else f"{row.ratio_to_whole:.2f}")
-    cells.append("-" if row.residual_max is None else f"{row.residual_max:.0e}")
+def _cells(row: TickResult) -> tuple[list[str], str]:
     # By its own tolerance a cascade on OSQP never meets a level in full.
     known = row.solver == "direct" and row.relaxed_ticks is not None
+    cells = [str(row.joints), str(row.variables), str(row.rows), *time_cells(row)]
+    cells += [or_dash(row.ratio_to_whole, ".2f"), or_dash(row.residual_max, ".0e")]
     cells.append(f"{row.relaxed_ticks}/{row.ticks}" if known else "-")
-    line = "  ".join(f"{cell:>9}" for cell in cells)
-    return line + (f"  {row.missed_ticks} ticks FAILED" if row.missed_ticks else "")
+    return cells, f"  {row.missed_ticks} ticks FAILED" if row.missed_ticks else ""

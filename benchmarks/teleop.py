@@ -4,15 +4,15 @@
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from time import perf_counter, process_time
-from typing import Any
 
 import numpy as np
 from jaxtyping import Float64
 
 from benchmarks.clocked import collector_paused
 from benchmarks.recording import Progress
+from benchmarks.result import Result, spread_us, text_table
 from poise.apps.teleoperation import TELEOP_PLANT, Script, TeleopRun, over_an_obstacle, run_teleop
 from poise.dynamics import RobotState
 from poise.errors import ConfigurationError, PoiseError
@@ -143,7 +143,7 @@ class TeleopBench:
 
 
 @dataclass(frozen=True, kw_only=True)
-class TeleopResult:
+class TeleopResult(Result):
     """What the control step of one robot needs.
 
     Attributes:
@@ -183,10 +183,6 @@ class TeleopResult:
     real_time_factor: float
     real_time_factor_cpu: float
     simulation_p50_us: float
-
-    def to_json(self) -> dict[str, Any]:
-        """The result as JSON holds it."""
-        return asdict(self)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -308,36 +304,29 @@ def _simulate(walk: Walk, ticks: int) -> tuple[TeleopRun, float]:
 def _result(
     walk: Walk, run: TeleopRun, processor: float, passes: Sequence[StepTimes]
 ) -> TeleopResult:
-    times = 1e6 * np.concatenate([each.seconds[WARM_UP:] for each in passes])
-    period, median = 1e6 * walk.plant.control_dt, float(np.median(times))
+    times = np.concatenate([each.seconds[WARM_UP:] for each in passes])
+    period = walk.plant.control_dt
     return TeleopResult(
         robot=walk.robot.name,
         joints=walk.robot.nj,
         controller="teleop",
         scenario=SCENARIO,
-        period_us=_short(period),
-        p50_us=_short(median),
-        p99_us=_short(float(np.percentile(times, 99))),
-        max_us=_short(float(times.max())),
-        share_of_period=round(median / period, 4),
+        period_us=round(1e6 * period, 1),
+        share_of_period=round(float(np.median(times)) / period, 4),
         ticks=len(times),
         single_support=round(float(np.mean(_counted([each.single for each in passes]))), 3),
         missed_ticks=sum(_counted([each.missed for each in passes])),
         simulated_s=round(run.plant.time, 3),
         real_time_factor=round(run.real_time_factor, 2),
         real_time_factor_cpu=round(run.plant.time / processor, 2),
-        simulation_p50_us=_short(run.tick_us),
+        simulation_p50_us=round(run.tick_us, 1),
+        **spread_us(times),
     )
 
 
 def _counted(columns: Sequence[Sequence[bool]]) -> list[bool]:
     """What counts of every pass, in a row."""
     return [value for column in columns for value in column[WARM_UP:]]
-
-
-def _short(microseconds: float) -> float:
-    # A clock call takes some 50 ns: further digits say nothing.
-    return round(microseconds, 1)
 
 
 _HEADS = ("p50", "p99", "max", "% of T", "in sim.", "real time", "by CPU")
@@ -350,11 +339,7 @@ def format_teleop_table(results: Sequence[TeleopResult]) -> str:
         results: of one benchmark.
     """
     first = results[0]
-    width = max(len(r.robot) for r in results)
-    lines = [
-        f"step teleoperator, {first.scenario}, T = {first.period_us / 1e3:g} ms; times in us",
-        "  ".join([" " * width, *(f"{head:>9}" for head in _HEADS)]),
-    ]
+    rows: list[tuple[str, list[str], str]] = []
     for r in results:
         cells = [
             *(f"{t:.0f}" for t in (r.p50_us, r.p99_us, r.max_us)),
@@ -363,9 +348,9 @@ def format_teleop_table(results: Sequence[TeleopResult]) -> str:
             f"x {r.real_time_factor:.1f}",
             f"x {r.real_time_factor_cpu:.1f}",
         ]
-        line = "  ".join([f"{r.robot:{width}}", *(f"{cell:>9}" for cell in cells)])
-        line += f"  {r.joints} joints, {r.ticks} ticks, {100.0 * r.single_support:.0f}% on one foot"
-        if r.missed_ticks:
-            line += f", {r.missed_ticks} FAILED"
-        lines.append(line)
-    return "\n".join(lines)
+        words = f"  {r.joints} joints, {r.ticks} ticks, {100.0 * r.single_support:.0f}% on one foot"
+        rows.append(
+            (r.robot, cells, words + (f", {r.missed_ticks} FAILED" if r.missed_ticks else ""))
+        )
+    title = f"step teleoperator, {first.scenario}, T = {first.period_us / 1e3:g} ms; times in us"
+    return "\n".join([title, *text_table(_HEADS, rows)])

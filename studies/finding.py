@@ -58,7 +58,7 @@ class Figure:
 
 
 def draw(
-    *, name: str, title: str, caption: str, height: float, paint: Callable[[Any], None]
+    name: str, title: str, caption: str, height: float, paint: Callable[[Any], None]
 ) -> Figure:
     """Draws in the report's style, as wide as the page.
 
@@ -82,6 +82,12 @@ def draw(
         canvas = Canvas(figsize=(WIDTH, height), layout="constrained")
         paint(canvas)
         return Figure(name=name, title=title, caption=caption, svg=inline_svg(canvas, name, title))
+
+
+def one_legend(canvas: Any, panel: Any) -> None:
+    """The legend of one panel for the whole drawing."""
+    handles, labels = panel.get_legend_handles_labels()
+    canvas.legend(handles, labels, loc="outside upper left", ncols=len(labels))
 
 
 def require_matplotlib() -> None:
@@ -135,10 +141,10 @@ class Finding:
     """
 
     name: str
-    paper: int | float | None
     ours: int | float | None
-    unit: str
     ok: bool
+    paper: int | float | None = None
+    unit: str = ""
     note: str = ""
 
     def __post_init__(self) -> None:
@@ -194,24 +200,29 @@ class Table:
 
     Attributes:
         title: its heading.
-        header: a name for each column, with the unit in brackets.
+        header: names of the columns with their units in brackets, a ` | ` between them.
         rows: cells in the order of the header.
         caption: what the reader should see in it.
     """
 
     title: str
-    header: tuple[str, ...]
+    header: str
     rows: tuple[tuple[Cell, ...], ...]
     caption: str = ""
 
     def __post_init__(self) -> None:
         for row in self.rows:
-            if len(row) != len(self.header):
+            if len(row) != len(self.columns):
                 raise ConfigurationError(
                     f"a row of the table {self.title!r} does not fit its header",
                     got=row,
-                    wanted=f"{len(self.header)} cells",
+                    wanted=f"{len(self.columns)} cells",
                 )
+
+    @property
+    def columns(self) -> list[str]:
+        """Names of the columns."""
+        return self.header.split(" | ")
 
 
 @dataclass(frozen=True, kw_only=True)

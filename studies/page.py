@@ -172,10 +172,10 @@ def _figure(figure: Figure) -> str:
 
 def _table(table: Table) -> str:
     numeric = [
-        all(not isinstance(row[i], str) for row in table.rows) for i in range(len(table.header))
+        all(not isinstance(row[i], str) for row in table.rows) for i in range(len(table.columns))
     ]
     kinds = [' class="number"' if is_number else "" for is_number in numeric]
-    head = "".join(f"<th{k}>{escape(h)}</th>" for k, h in zip(kinds, table.header, strict=True))
+    head = "".join(f"<th{k}>{escape(h)}</th>" for k, h in zip(kinds, table.columns, strict=True))
     rows = "".join(
         "<tr>"
         + "".join(f"<td{k}>{_cell(c)}</td>" for k, c in zip(kinds, row, strict=True))

@@ -33,9 +33,7 @@ class Unfinished:
         """The part's place in the list of findings: one that does not hold."""
         return Finding(
             name=f"part {self.name!r} of the study",
-            paper=None,
             ours=None,
-            unit="",
             ok=False,
             note=f"{self.title}: {self.reason}",
         )
@@ -102,7 +100,7 @@ class StudyOptions:
             raise ConfigurationError("a seed cannot be negative", got=self.seed, wanted=">= 0")
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Part:
     """One part of a study, to be computed.
 

@@ -5,7 +5,7 @@ Results as JSON, and as tables: Markdown, which a terminal shows as well as a pa
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,11 +15,12 @@ from benchmarks.hqp.methods import REFERENCE, checked_methods, is_quick, make_co
 from benchmarks.hqp.problem_set import FAMILIES, ProblemSequence
 from benchmarks.hqp.race import COLD, WARM, Lap, Runner, judge_runners, take_turns
 from benchmarks.recording import Progress
+from benchmarks.result import Result, or_dash, spread_us
 from poise.errors import ConfigurationError
 
 
 @dataclass(frozen=True, kw_only=True)
-class HqpResult:
+class HqpResult(Result):
     """One method on one sequence, cold or warm.
 
     Attributes:
@@ -62,10 +63,6 @@ class HqpResult:
     ratio_to_direct: float | None
     statuses: dict[str, int]
 
-    def to_json(self) -> dict[str, Any]:
-        """The result as JSON holds it."""
-        return asdict(self)
-
 
 def hqp_results(sequences: Sequence[ProblemSequence], laps: Sequence[Lap]) -> list[HqpResult]:
     """Figures of every lap.
@@ -104,36 +101,30 @@ def lap_figures(laps: Sequence[Lap], reference: Sequence[Lap]) -> dict[str, Any]
         laps: on one sequence or several.
         reference: of `direct`, on the same.
     """
-    seconds = np.concatenate([lap.seconds for lap in laps])
-    seconds = seconds[~np.isnan(seconds)]
-    median = _percentile(seconds, 50.0)
-    base = _percentile(np.concatenate([lap.seconds for lap in reference]), 50.0)
+    seconds, base = (_solved_in(own) for own in (laps, reference))
     claimed = np.concatenate([lap.claimed for lap in laps])
+    ratio = None
+    if len(seconds) and len(base) and np.median(base) > 0.0:
+        ratio = round(float(np.median(seconds) / np.median(base)), 3)
     return {
-        "p50_us": _short(median),
-        "p99_us": _short(_percentile(seconds, 99.0)),
-        "max_us": _short(_percentile(seconds, 100.0)),
+        **spread_us(seconds),
         "solved": round(float(np.concatenate([lap.solved for lap in laps]).mean()), 4),
         "silent": sum(int(lap.silent.sum()) for lap in laps),
         "gap": _largest(np.concatenate([lap.gaps for lap in laps])[claimed]),
         "cost_gap": _largest(np.concatenate([lap.cost_gaps for lap in laps])[claimed]),
-        "ratio_to_direct": None if median is None or not base else round(median / base, 3),
+        "ratio_to_direct": ratio,
     }
 
 
-def _percentile(seconds: Float64[np.ndarray, " count"], percent: float) -> float | None:
-    seconds = seconds[~np.isnan(seconds)]
-    return None if len(seconds) == 0 else float(np.percentile(seconds, percent))
+def _solved_in(laps: Sequence[Lap]) -> Float64[np.ndarray, " count"]:
+    """Times of the solves that took place [s]."""
+    seconds = np.concatenate([lap.seconds for lap in laps])
+    return seconds[~np.isnan(seconds)]
 
 
 def _largest(gaps: Float64[np.ndarray, " count"]) -> float | None:
     known = gaps[~np.isnan(gaps)]
     return None if len(known) == 0 else float(f"{known.max():.3g}")
-
-
-def _short(seconds: float | None) -> float | None:
-    # A clock call takes some 50 ns: further digits say nothing.
-    return None if seconds is None else round(1e6 * seconds, 1)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -285,8 +276,8 @@ def _family_cells(laps: Sequence[Lap], method: str) -> list[str]:
         [lap for lap in laps if lap.method == REFERENCE],
     )
     return [
-        _time(figures["p50_us"]),
-        _time(figures["p99_us"]),
+        or_dash(figures["p50_us"], ".0f"),
+        or_dash(figures["p99_us"], ".0f"),
         _ratio(figures["ratio_to_direct"]),
         _share(figures["solved"]),
         str(figures["silent"]),
@@ -303,7 +294,7 @@ def _by_sequence(race: HqpRace) -> str:
         found = {r.method: r for r in race.results if (r.sequence, r.start) == key}
         own = found[REFERENCE]
         cells = [*key, *(str(number) for number in (own.n, own.rows, own.levels, own.count))]
-        cells.append(f"{_time(own.p50_us)}{_unsolved(own)}")
+        cells.append(f"{or_dash(own.p50_us, '.0f')}{_unsolved(own)}")
         cells += [_sequence_cell(found[method]) for method in others]
         rows.append(cells)
     title = (
@@ -319,10 +310,6 @@ def _sequence_cell(result: HqpResult) -> str:
 
 def _unsolved(result: HqpResult) -> str:
     return "" if result.solved == 1.0 else f" ({_share(result.solved)})"
-
-
-def _time(microseconds: float | None) -> str:
-    return "-" if microseconds is None else f"{microseconds:.0f}"
 
 
 def _ratio(ratio: float | None) -> str:

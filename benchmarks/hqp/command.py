@@ -17,34 +17,6 @@ MADE = 31
 """Problems of a sequence that is made, where `--count` says nothing: warm starts count 30."""
 
 
-def add_hqp_options(parser: argparse.ArgumentParser) -> None:
-    """Adds what only this benchmark takes.
-
-    Args:
-        parser: of the benchmarks.
-    """
-    parser.add_argument(
-        "--problems",
-        metavar="FOLDER",
-        help="hqp: race on the sequences saved there, not on new ones",
-    )
-    parser.add_argument(
-        "--sequences",
-        metavar="S,S",
-        help="hqp: names of sequences (default: all of FOLDER, or a selection that is quickly "
-        "made; all: every one that can be made)",
-    )
-    parser.add_argument(
-        "--count",
-        metavar="N",
-        type=int,
-        help=f"hqp: most problems of a sequence (default: {MADE}, or all of those in FOLDER)",
-    )
-    parser.add_argument(
-        "--save", metavar="FOLDER", help="hqp: make all sequences and save them, race nothing"
-    )
-
-
 def act_hqp(options: argparse.Namespace) -> None:
     """Races, or saves the problems.
 

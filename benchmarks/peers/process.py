@@ -276,3 +276,24 @@ class PeerProcess:
         words = Path(self._words.name).read_text(encoding="utf-8").strip().splitlines()
         last = words[-1].strip() if words else "it said nothing"
         return PoiseError(f"peer {self.name!r} ended unexpectedly: {last}")
+
+
+_INSTALL = {
+    "tsid": '"tsid==1.7.1" "pin==3.4.0" "cmeel-urdfdom<5" "cmeel-tinyxml2<11"',
+    "placo": '"placo==0.9.3" "pin==3.7.0" "cmeel-boost<1.88" "cmeel-urdfdom<5" "cmeel-tinyxml2<11"',
+}
+"""What each needs in an environment of its own; the pins are those that were tried."""
+
+
+def how_to_install(name: str) -> str:
+    """How to time a peer that was not timed.
+
+    Args:
+        name: one of `PEERS`.
+    """
+    return (
+        f"{name} was not timed. It needs an environment of its own:\n"
+        f"  python3.11 -m venv peers/{name}\n"
+        f"  peers/{name}/bin/pip install {_INSTALL[name]}\n"
+        f"  python -m benchmarks peers --peers {name}=peers/{name}/bin/python"
+    )

@@ -123,9 +123,7 @@ def falls_section(options: StudyOptions, progress: Progress) -> Section:
         findings=(
             Finding(
                 name=f"falls in {count} seeds",
-                paper=None,
                 ours=len(falls),
-                unit="",
                 ok=len(falls) <= allowed,
                 note=f"asked: at most {ALLOWED} in {_SEEDS}; {steps} feet were lifted in all",
             ),
@@ -133,7 +131,7 @@ def falls_section(options: StudyOptions, progress: Progress) -> Section:
         tables=(
             Table(
                 title="Falls",
-                header=("seed", "fell at [s]", "mode", "feet lifted before", "recording"),
+                header="seed | fell at [s] | mode | feet lifted before | recording",
                 rows=tuple(
                     (o.seed, o.seconds, o.mode, o.steps, str(o.recording or "")) for o in falls
                 ),

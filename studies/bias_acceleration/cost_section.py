@@ -1,14 +1,24 @@
 """Operations by the paper's formulas beside the numbers that it quotes: Table 1, Figures 1 to 3."""
 
-from collections.abc import Callable
+from collections.abc import Generator
 from fractions import Fraction
+from functools import partial
 from math import floor
 from typing import Any
 
 from benchmarks.drawing import PALETTE
 from studies.bias_acceleration import cost_model as cost
-from studies.bias_acceleration.cost_model import FIGURE_2, QUOTED, SWEEPS, Quoted, Size, Sweep
-from studies.finding import Figure, Finding, Section, Table, draw, number_text
+from studies.bias_acceleration.cost_model import (
+    FIGURE_2,
+    QUOTED,
+    SWEEPS,
+    Formula,
+    Quoted,
+    Size,
+    Sweep,
+    plain,
+)
+from studies.finding import Figure, Finding, Section, Table, draw, number_text, one_legend
 from studies.plan import Progress, StudyOptions
 
 _LARGE_SHARE = 5.0
@@ -19,11 +29,6 @@ def cost_findings() -> tuple[Finding, ...]:
     """All findings of Table 1, eqs (42) to (46) and Figures 1 to 3."""
     quoted = [finding for case in QUOTED for finding in _quoted(case)]
     return (*quoted, *_figure_2(), *_misprints(), *_sums(), *_claims(), _shared())
-
-
-def plain(value: Fraction) -> int | float:
-    """A count as a plain number: whole where it is."""
-    return value.numerator if value.denominator == 1 else float(value)
 
 
 def _quoted(case: Quoted) -> list[Finding]:
@@ -80,51 +85,42 @@ def _misprints() -> list[Finding]:
 
 def _sums() -> list[Finding]:
     n, k, m = FIGURE_2
-    original = sum(cost.row_cost(row.original, n, k, m) for row in cost.TABLE_1)
-    proposed = sum(cost.row_cost(row.proposed, n, k, m) for row in cost.TABLE_1)
-    sizes = _all_sizes()
-    pairs = {
+    pairs: dict[str, tuple[Formula, Formula]] = {
         "original column of Table 1 and (43)": (
-            original,
-            cost.bias_original(n, k, m),
-            all(
-                sum(cost.row_cost(row.original, *s) for row in cost.TABLE_1)
-                == cost.bias_original(*s)
-                for s in sizes
-            ),
+            lambda *s: _column("original", s),
+            cost.bias_original,
         ),
         "proposed column of Table 1 and (45)": (
-            proposed,
-            cost.bias_proposed(n, k, m),
-            all(
-                sum(cost.row_cost(row.proposed, *s) for row in cost.TABLE_1)
-                == cost.bias_proposed(*s)
-                for s in sizes
-            ),
+            lambda *s: _column("proposed", s),
+            cost.bias_proposed,
         ),
         "(42) + (45) and (46) as printed": (
-            cost.osf_without_bias(n, k, m) + cost.bias_proposed(n, k, m),
-            cost.osf_proposed(n, k, m),
-            all(
-                cost.osf_without_bias(*s) + cost.bias_proposed(*s) == cost.osf_proposed(*s)
-                for s in sizes
-            ),
+            lambda *s: cost.osf_without_bias(*s) + cost.bias_proposed(*s),
+            cost.osf_proposed,
         ),
     }
-    return [
-        Finding(
-            name=f"{name} (n = {n}, k = {k}, m = {m})",
-            paper=plain(printed),
-            ours=plain(Fraction(summed)),
-            unit="FLOP",
-            ok=always,
-            note="They add up, at every size of the three sweeps; under “paper” stands the printed "
-            "formula's value, under “ours” the sum."
-            if always
-            else "They do not add up.",
+    findings: list[Finding] = []
+    for name, (summed, printed) in pairs.items():
+        always = all(summed(*s) == printed(*s) for s in _all_sizes())
+        findings.append(
+            Finding(
+                name=f"{name} (n = {n}, k = {k}, m = {m})",
+                paper=plain(printed(*FIGURE_2)),
+                ours=plain(summed(*FIGURE_2)),
+                unit="FLOP",
+                ok=always,
+                note="They add up, at every size of the three sweeps; under “paper” stands the "
+                "printed formula's value, under “ours” the sum."
+                if always
+                else "They do not add up.",
+            )
         )
-        for name, (summed, printed, always) in pairs.items()
-    ]
+    return findings
+
+
+def _column(name: str, size: Size) -> Fraction:
+    """Sum of a column of Table 1."""
+    return sum((cost.row_cost(getattr(row, name), *size) for row in cost.TABLE_1), Fraction(0))
 
 
 def _claims() -> list[Finding]:
@@ -170,7 +166,6 @@ def _claims() -> list[Finding]:
         ),
         Finding(
             name="greatest ratio of proposed to original over all sizes, Figure 3",
-            paper=None,
             ours=float(100 * ratios[dearest]),
             unit="%",
             ok=ratios[dearest] < 1,
@@ -187,7 +182,6 @@ def _shared() -> Finding:
     shared, proposed = cost.bias_original_shared(n, k, m), cost.bias_proposed(n, k, m)
     return Finding(
         name=f"original bias acceleration with J M⁻¹ computed once (n = {n}, k = {k}, m = {m})",
-        paper=None,
         ours=plain(shared),
         unit="FLOP",
         ok=all(cost.bias_proposed(*s) < cost.bias_original_shared(*s) for s in _all_sizes()),
@@ -256,7 +250,7 @@ def _rounded(value: Fraction) -> int:
 _BLUE, _RED, _GREEN = PALETTE[0], PALETTE[1], PALETTE[2]
 _GREY, _LIGHT, _YELLOW = "#9AA5B1", PALETTE[5], PALETTE[4]
 
-Curve = tuple[str, Callable[[int, int, int], Fraction], str, str]
+Curve = tuple[str, Formula, str, str]
 """Label, cost, colour and marker of a curve."""
 
 _OSF: Curve = ("whole OSF with the original formula", cost.osf_original, _BLUE, "o")
@@ -264,43 +258,40 @@ _ORIGINAL: Curve = ("original bias acceleration", cost.bias_original, _RED, "D")
 _PROPOSED: Curve = ("proposed bias acceleration", cost.bias_proposed, _GREEN, "s")
 
 
-def figure_1() -> Figure:
-    """Cost of the whole formulation and of the original bias acceleration within it."""
-    return draw(
-        name="figure-1",
-        title="Figure 1: what the original bias acceleration costs within the formulation",
-        caption="Operations of one control tick as the robot gets more joints, as it gets more "
-        "tasks, and as the tasks get more rows. Numbers at the right end are those that the paper "
-        "quotes.",
-        height=4.1,
-        paint=lambda canvas: _paint_sweeps(canvas, (_OSF, _ORIGINAL)),
+def _figures() -> Generator[Figure]:
+    sweeps = (
+        (
+            "figure-1",
+            "Figure 1: what the original bias acceleration costs within the formulation",
+            "Operations of one control tick as the robot gets more joints, as it gets more tasks, "
+            "and as the tasks get more rows. Numbers at the right end are those that the paper "
+            "quotes.",
+            (_OSF, _ORIGINAL),
+        ),
+        (
+            "figure-3",
+            "Figure 3: the bias acceleration by the original and by the proposed formula",
+            "The same sweeps as in Figure 1, on a scale of their own: the proposed formula grows "
+            "with n, not with its square, and with m, not with its cube.",
+            (_ORIGINAL, _PROPOSED),
+        ),
     )
-
-
-def figure_3() -> Figure:
-    """Cost of the bias acceleration by either formula."""
-    return draw(
-        name="figure-3",
-        title="Figure 3: the bias acceleration by the original and by the proposed formula",
-        caption="The same sweeps as in Figure 1, on a scale of their own: the proposed formula "
-        "grows with n, not with its square, and with m, not with its cube.",
-        height=4.1,
-        paint=lambda canvas: _paint_sweeps(canvas, (_ORIGINAL, _PROPOSED)),
+    first, third = (
+        draw(name, title, caption, 4.1, partial(_paint_sweeps, curves=curves))
+        for name, title, caption, curves in sweeps
     )
-
-
-def figure_2() -> Figure:
-    """What each step of either formula costs for one robot."""
+    yield first
     n, k, m = FIGURE_2
-    return draw(
-        name="figure-2",
-        title="Figure 2: where the operations go",
-        caption=f"A robot with n = {n} degrees of freedom and k = {k} tasks of m = {m} rows. The "
-        "proposed formula has only the grey step in common with the original one; it is drawn "
-        "a second time below, enlarged.",
-        height=3.9,
-        paint=_paint_steps,
+    yield draw(
+        "figure-2",
+        "Figure 2: where the operations go",
+        f"A robot with n = {n} degrees of freedom and k = {k} tasks of m = {m} rows. The proposed "
+        "formula has only the grey step in common with the original one; it is drawn a second "
+        "time below, enlarged.",
+        3.9,
+        _paint_steps,
     )
+    yield third
 
 
 def _paint_sweeps(canvas: Any, curves: tuple[Curve, ...]) -> None:
@@ -315,8 +306,7 @@ def _paint_sweeps(canvas: Any, curves: tuple[Curve, ...]) -> None:
         panel.margins(x=0.04)
         panel.yaxis.set_major_formatter(_thousands)
     panels[0].set_ylabel("operations in a tick [FLOP]")
-    handles, labels = panels[0].get_legend_handles_labels()
-    canvas.legend(handles, labels, loc="outside upper left", ncols=len(labels))
+    one_legend(canvas, panels[0])
 
 
 def _paint_curve(panel: Any, sweep: Sweep, curve: Curve) -> None:
@@ -355,8 +345,13 @@ _NARROW = 0.03
 
 
 def _paint_steps(canvas: Any) -> None:
-    original = [_step_cost([cost.TABLE_1[row].original for row in rows]) for _, rows, _ in _STEPS]
-    proposed = [_step_cost([cost.TABLE_1[row].proposed for row in rows]) for _, rows, _ in _STEPS]
+    original, proposed = (
+        [
+            float(sum(cost.row_cost(getattr(cost.TABLE_1[i], column), *FIGURE_2) for i in rows))
+            for _, rows, _ in _STEPS
+        ]
+        for column in ("original", "proposed")
+    )
     both, enlarged = canvas.subplots(2, 1, height_ratios=(2.0, 1.0))
     _paint_bar(both, 0, original, sum(original))
     _paint_bar(both, 1, proposed, sum(original))
@@ -382,10 +377,6 @@ def _paint_steps(canvas: Any) -> None:
         title="step: original | proposed [FLOP]",
         alignment="left",
     )
-
-
-def _step_cost(costs: list[Callable[[int, int], Fraction] | None]) -> float:
-    return float(sum(cost.row_cost(one, *FIGURE_2) for one in costs))
 
 
 def _paint_bar(panel: Any, y: int, widths: list[float], whole: float) -> None:
@@ -417,8 +408,8 @@ _PROSE = (
 def cost_section(_options: StudyOptions, progress: Progress) -> Section:
     """Table 1, eqs (42) to (46) and Figures 1 to 3; the same in the quick version."""
     figures: list[Figure] = []
-    for make in (figure_1, figure_2, figure_3):
-        figures.append(make())
+    for figure in _figures():
+        figures.append(figure)
         progress(float(len(figures)), 3.0)
     return Section(
         prose=_PROSE,
@@ -433,8 +424,10 @@ def _table_1() -> Table:
     rows = [
         (
             row.name,
-            plain(cost.row_cost(row.original, n, k, m)) if row.original else None,
-            plain(cost.row_cost(row.proposed, n, k, m)) if row.proposed else None,
+            *(
+                plain(cost.row_cost(step, n, k, m)) if step else None
+                for step in (row.original, row.proposed)
+            ),
             row.source,
         )
         for row in cost.TABLE_1
@@ -442,7 +435,7 @@ def _table_1() -> Table:
     sums = plain(cost.bias_original(n, k, m)), plain(cost.bias_proposed(n, k, m))
     return Table(
         title="Table 1, evaluated",
-        header=("calculation", "original [FLOP]", "proposed [FLOP]", "once costs"),
+        header="calculation | original [FLOP] | proposed [FLOP] | once costs",
         rows=(*rows, ("sum: (43) and (45)", *sums, "")),
         caption=f"All k − 1 bias accelerations of a robot with n = {n}, k = {k}, m = {m}. The "
         "paper gives the costs; how the original formula comes to them is our reading.",
@@ -450,25 +443,20 @@ def _table_1() -> Table:
 
 
 def _totals() -> Table:
+    formulas = (
+        cost.osf_without_bias,
+        cost.osf_original,
+        cost.osf_original_as_printed,
+        cost.osf_proposed,
+    )
     rows = [
-        (
-            f"n = {n}, k = {k}, m = {m}",
-            plain(cost.osf_without_bias(n, k, m)),
-            plain(cost.osf_original(n, k, m)),
-            plain(cost.osf_original_as_printed(n, k, m)),
-            plain(cost.osf_proposed(n, k, m)),
-        )
-        for n, k, m in (case.size for case in QUOTED)
+        ("n = {}, k = {}, m = {}".format(*q.size), *(plain(f(*q.size)) for f in formulas))
+        for q in QUOTED
     ]
     return Table(
         title="The whole formulation",
-        header=(
-            "size",
-            "without bias, (42) [FLOP]",
-            "original, (44) corrected [FLOP]",
-            "(44) as printed [FLOP]",
-            "proposed, (46) [FLOP]",
-        ),
+        header="size | without bias, (42) [FLOP] | original, (44) corrected [FLOP] | "
+        "(44) as printed [FLOP] | proposed, (46) [FLOP]",
         rows=tuple(rows),
         caption="Whole numbers where the thirds add up to them, rounded elsewhere.",
     )

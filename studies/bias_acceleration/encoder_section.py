@@ -11,7 +11,7 @@ from studies.bias_acceleration.cup import FORMULAS, KP, CupRun, CupTrace, carry_
 from studies.bias_acceleration.gravity_section import ROUNDING
 from studies.bias_acceleration.side_by_side import PAPER_FORMULAS, SideBySide, compare_along
 from studies.bias_acceleration.signals import degrees_most, draw_signal
-from studies.finding import Figure, Finding, Section, Table, draw, number_text
+from studies.finding import Figure, Finding, Section, Table, draw, number_text, one_legend
 from studies.plan import Progress, Steps, StudyOptions
 
 ENCODER = Encoder(bits=17, gear=100.0)
@@ -140,8 +140,7 @@ def _paint(canvas: Any, by_formula: dict[str, CupTrace], along: SideBySide) -> N
         panel.yaxis.minorticks_off()
     for panel in panels[-1]:
         panel.set_xlabel("time [s]")
-    handles, labels = sigma.get_legend_handles_labels()
-    canvas.legend(handles, labels, loc="outside upper left", ncols=4)
+    one_legend(canvas, sigma)
     canvas.align_ylabels()
 
 
@@ -213,9 +212,7 @@ def _table_2(runs: EncoderRuns) -> list[Finding]:
         ),
         Finding(
             name="fused: greatest difference of its torque from the original's, relative",
-            paper=None,
             ours=fused,
-            unit="",
             ok=fused < ROUNDING,
             note="At rounding level, by the largest torque.",
         ),
@@ -270,7 +267,6 @@ def _sigma(runs: EncoderRuns) -> list[Finding]:
             name="Table 3: greatest σ, numerical to original",
             paper=211,
             ours=runs.sigma_ratio(KP),
-            unit="",
             ok=min(ratios) > _ORDER_OF_MAGNITUDE,
             note="“211 times larger”: more than an order of magnitude at every gain "
             f"({number_text(min(ratios))} to {number_text(max(ratios))}). With the true state's "
@@ -319,7 +315,6 @@ def _tilt(runs: EncoderRuns) -> list[Finding]:
             name=f"Table 3: greatest tilt, numerical to original, kp = {KP:g}/s²",
             paper=12,
             ours=ratios[KP],
-            unit="",
             ok=ratios[KP] > 1.0,
             note="Larger, as claimed, but at this gain by less than an order of magnitude. The "
             "ratio depends on gains, which the paper does not give: the numerical formula's tilt "
@@ -330,7 +325,6 @@ def _tilt(runs: EncoderRuns) -> list[Finding]:
             name="Table 3: greatest tilt, numerical to original, over the gains tried",
             paper=12,
             ours=ratios[best],
-            unit="",
             ok=ratios[best] > _ORDER_OF_MAGNITUDE and min(ratios.values()) > 1.0,
             note=f"At kp = {best:g}/s². The paper's ratio, an order of magnitude, is reached at "
             f"stiff gains only: {_by_gain(ratios)}.",
@@ -348,9 +342,7 @@ def _derivatives(runs: EncoderRuns) -> Finding:
     bias = np.linalg.norm(after.bias["original"] - before.bias["original"], axis=1).max()
     return Finding(
         name="change of the torque with exact derivatives in place of numerical ones, relative",
-        paper=None,
         ours=torque,
-        unit="",
         ok=torque < ROUNDING,
         note="None beyond rounding, for the original and the proposed formula on the same states, "
         f"though the bias acceleration itself changes by up to {np.degrees(bias):.1g} °/s²: what "
@@ -376,14 +368,8 @@ def _table_3(runs: EncoderRuns) -> Table:
     ]
     return Table(
         title="Table 3, by formula",
-        header=(
-            "formula",
-            "max σ [°/s²]",
-            "max σ, true state's reference [°/s²]",
-            "max tilt [°]",
-            f"max tilt after {_START:g} s [°]",
-            "max distance of the hand [mm]",
-        ),
+        header="formula | max σ [°/s²] | max σ, true state's reference [°/s²] | max tilt [°] | "
+        f"max tilt after {_START:g} s [°] | max distance of the hand [mm]",
         rows=tuple(rows),
         caption="The paper: σ 1.13, 1.13 and 238.20 °/s², tilt 0.0008, 0.0008 and 0.0093° for the "
         "original, the proposed and the numerical formula.",
@@ -403,15 +389,8 @@ def _gains(runs: EncoderRuns) -> Table:
     ]
     return Table(
         title="The same at other gains",
-        header=(
-            "kp [1/s²]",
-            "max σ, original [°/s²]",
-            "numerical [°/s²]",
-            "ratio",
-            "max tilt, original [°]",
-            "numerical [°]",
-            "ratio",
-        ),
+        header="kp [1/s²] | max σ, original [°/s²] | numerical [°/s²] | ratio | "
+        "max tilt, original [°] | numerical [°] | ratio",
         rows=tuple(rows),
         caption="Both tasks, critically damped. σ hardly depends on gains; tilt does.",
     )

@@ -150,7 +150,7 @@ def accuracy_section(options: StudyOptions, progress: Progress) -> Section:
         tables=(
             Table(
                 title="Largest residual along the walk",
-                header=("level", "what", "unit", *header),
+                header=" | ".join(("level", "what", "unit", *header)),
                 rows=tuple(rows),
                 caption="; ".join(f"{s}: {counts[s]} ticks" for s in SOLVERS)
                 + ". Contacts, tasks and base by their own units.",
@@ -195,7 +195,6 @@ def _finding(worst: Worst, solver: str) -> Finding:
         name=f"{solver}: largest residual, proposed to conventional",
         paper=1.0,
         ours=float(ratios[k]),
-        unit="",
         ok=bool(max(ratios) <= _SIMILAR),
         note=f"“similar magnitudes”: at most {_SIMILAR:g}. Worst: {QUANTITIES[k][1]}; largest "
         f"residual of the proposed method {own.max():.1e} {most[2]} ({most[1]}); zero where all "

@@ -127,8 +127,8 @@ def base_section(options: StudyOptions, progress: Progress) -> Section:
         tables=(
             Table(
                 title="Torque that is missing in the unconstrained chain",
-                header=("form", "support", "most [N m]", "worst joint, median [N m]",
-                        "most of an arm's joint [N m]", "largest torque of an arm's joint [N m]"),
+                header="form | support | most [N m] | worst joint, median [N m] | "
+                       "most of an arm's joint [N m] | largest torque of an arm's joint [N m]",
                 rows=tuple(rows),
                 caption="In single support the swing leg belongs to the unconstrained chain.",
             ),

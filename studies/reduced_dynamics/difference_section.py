@@ -43,7 +43,6 @@ def difference_section(options: StudyOptions, progress: Progress) -> Section:
                         name=f"full and reduced by direct: difference in {kind}",
                         paper=0.0,
                         ours=worst / largest,
-                        unit="",
                         ok=worst / largest <= _EXACT,
                         note="“without compromising control performance”; relative to the largest "
                         f"along the walk, {largest:.3g} {unit}",
@@ -56,8 +55,8 @@ def difference_section(options: StudyOptions, progress: Progress) -> Section:
         tables=(
             Table(
                 title="Difference between full and reduced along the walk",
-                header=("solver", "what", "unit", "largest value", "median, double",
-                        "median, single", "most, double", "most, single"),
+                header="solver | what | unit | largest value | median, double | median, single | "
+                       "most, double | most, single",
                 rows=tuple(rows),
                 caption="Of all components at a tick the largest; then median and most over ticks.",
             ),

@@ -275,7 +275,6 @@ def _energy_findings(energy: dict[str, _Tally]) -> list[Finding]:
             ),
             Finding(
                 name=f"{stance} support, energy above hands: change of a contact force, most",
-                paper=None,
                 ours=worst["force"],
                 unit="N, N m",
                 ok=worst["com"] <= _SAME,
@@ -320,7 +319,6 @@ def _order_findings(orders: dict[float, dict[str, dict[str, _Tally]]]) -> list[F
                     name=f"{case}: accelerations, full to reduced",
                     paper=0.0,
                     ours=gap,
-                    unit="",
                     ok=gap <= _SAME,
                     note=f"relative to the largest, {both['size']:.3g}"
                     + ("" if gap <= _SAME else _WHY.format(energy=both["energy"])),
@@ -333,9 +331,8 @@ def _energy_table(energy: dict[str, _Tally]) -> Table:
     keys = ("base", "joints", "torque", "force", "com", "hands", "dynamics")
     return Table(
         title="Energy above the hands (the paper's order) beside energy below them (Table 1)",
-        header=("support", "base [m/s², rad/s²]", "joints [rad/s²]", "torque [N m]",
-                "wrench [N, N m]", "COM misses [m/s²]", "hands and foot miss [m/s², rad/s²]",
-                "dynamics miss [N, N m]"),
+        header="support | base [m/s², rad/s²] | joints [rad/s²] | torque [N m] | wrench [N, N m] | "
+               "COM misses [m/s²] | hands and foot miss [m/s², rad/s²] | dynamics miss [N, N m]",
         rows=tuple((s, *(t.worst[k] for k in keys)) for s, t in energy.items()),
         caption="Largest differences of the two along the walk; what the paper's order misses.",
     )  # fmt: skip
@@ -355,10 +352,10 @@ def _order_table(orders: dict[float, dict[str, dict[str, _Tally]]]) -> Table:
     )
     return Table(
         title="Hands above and below the COM",
-        header=("order", "asked of the hands [m/s²]", "COM misses, full [m/s²]",
-                "COM misses, reduced", "hands miss, full [m/s², rad/s²]", "hands miss, reduced",
-                "programs, most", "residuals, full to reduced",
-                "accelerations, full to reduced", "energy, reduced to full"),
+        header="order | asked of the hands [m/s²] | COM misses, full [m/s²] | COM misses, reduced "
+               "| hands miss, full [m/s², rad/s²] | hands miss, reduced | programs, most | "
+               "residuals, full to reduced | accelerations, full to reduced | "
+               "energy, reduced to full",
         rows=rows,
         caption="Largest over the ticks. Programs: 1 LQP 1 alone, 2 with LQP 2, 3 the whole "
         "problem after all.",

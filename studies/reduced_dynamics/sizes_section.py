@@ -93,7 +93,6 @@ def _findings(stance: str, s: _Sizes) -> list[Finding]:
             name=f"{stance} support: {what}",
             paper=paper,
             ours=ours,
-            unit="",
             ok=ours == paper,
             note=note,
         )
@@ -118,7 +117,7 @@ def _weak(problem: HierarchicalProblem) -> int:
 
 
 def _tables(stance: str, s: _Sizes) -> list[Table]:
-    header = ("level", "rows", "in the code, two-sided", "in the paper")
+    header = "level | rows | in the code, two-sided | in the paper"
     n, c, k, n_r = s.n, s.contacts, s.effectors, s.n_cc + 6
     paper_1 = {
         "base dynamics": "6 eq",

@@ -72,7 +72,6 @@ def _findings(run: WalkRun, reduction: dict[str, float]) -> list[Finding]:
                 name=f"Table 3, {stance} support: proposed to conventional, cascade/osqp",
                 paper=paper,
                 ours=ours,
-                unit="",
                 ok=ours <= paper,
                 note=f"a decrease by {100 * (1 - paper):.1f}%",
             )
@@ -83,7 +82,6 @@ def _findings(run: WalkRun, reduction: dict[str, float]) -> list[Finding]:
                 name=f"Table 3, {stance} support: proposed to conventional, direct",
                 paper=paper,
                 ours=direct,
-                unit="",
                 ok=direct < 1.0,
                 note="the proposed one is quicker with any solver; the paper's number is that of "
                 "OSQP, whose programs take a far larger share of the tick",
@@ -97,7 +95,6 @@ def _findings(run: WalkRun, reduction: dict[str, float]) -> list[Finding]:
             name="Table 3: ratio in single support to ratio in double support, cascade/osqp",
             paper=_PAPER_RATIO["single"] / _PAPER_RATIO["double"],
             ours=ratios[1] / ratios[0],
-            unit="",
             ok=ratios[1] < ratios[0],
             note="more is saved in single support, where the swing leg hangs freely, too",
         )
@@ -109,7 +106,6 @@ def _findings(run: WalkRun, reduction: dict[str, float]) -> list[Finding]:
             name="Table 3: LQP 1 in single support to LQP 1 in double support, cascade/osqp",
             paper=243 / 579,
             ours=lqp_1[1] / lqp_1[0],
-            unit="",
             ok=lqp_1[1] < lqp_1[0],
             note="fewer joints and half the contacts are left in LQP 1",
         )
@@ -126,7 +122,6 @@ def _against_paper_way(run: WalkRun, stance: str) -> Finding:
         name=f"Table 3, {stance} support: conventional by cascade/osqp to proposed by direct",
         paper=1.0 / _PAPER_RATIO[stance],
         ours=ratio,
-        unit="",
         ok=ratio >= 1.0 / _PAPER_RATIO[stance],
         note="what reduction and solver save together; the paper's number is the reduction's alone",
     )
@@ -173,9 +168,9 @@ def _table(run: WalkRun, solver: str, reduction: dict[str, float]) -> Table:
                 rows.append((stance, f"{name}, paper", mean, most, *blank, dynamics, first, second))
     return Table(
         title=f"Table 3 by {solver}",
-        header=("support", "method", "mean [µs]", "max [µs]", "median [µs]", "99% [µs]",
-                "processor, 99% [µs]", "dynamics [µs]", "assembly [µs]", "command [µs]",
-                "of it reduction [µs]", "LQP 1 [µs]", "LQP 2 [µs]"),
+        header="support | method | mean [µs] | max [µs] | median [µs] | 99% [µs] | "
+               "processor, 99% [µs] | dynamics [µs] | assembly [µs] | command [µs] | "
+               "of it reduction [µs] | LQP 1 [µs] | LQP 2 [µs]",
         rows=tuple(rows),
         caption="From dynamics to LQP 2 medians. LQP 1 of the conventional method is its only "
         "problem.",
@@ -217,8 +212,8 @@ def _programs(run: WalkRun) -> Table:
             rows.append((stance, solver, len(ticks), *counts, *_missed(run, solver, ticks)))
     return Table(
         title="What the proposed method had to solve, and ticks without a usable answer",
-        header=("support", "solver", "ticks", "LQP 1 alone", "LQP 2, too", "the whole problem",
-                "missed, conventional", "missed, proposed"),
+        header="support | solver | ticks | LQP 1 alone | LQP 2, too | the whole problem | "
+               "missed, conventional | missed, proposed",
         rows=tuple(rows),
     )  # fmt: skip
 

@@ -169,7 +169,6 @@ def _findings(case: str, curves: list[_Curve]) -> list[Finding]:
                     name=f"Figure 4, {case}, {words}: RMS error, {name} to {reference}",
                     paper=1.0,
                     ours=ratio,
-                    unit="",
                     ok=ratio is not None and 1.0 / _SIMILAR <= ratio <= _SIMILAR,
                     note=fell
                     or f"“similar magnitudes of control error”: {own:.3f} to {full:.3f} mm",
@@ -189,8 +188,8 @@ def _table(cases: dict[str, list[_Curve]]) -> Table:
             )  # fmt: skip
     return Table(
         title="Tracking errors",
-        header=("run", "method", "COM, RMS [mm]", "COM, most [mm]", "hand, RMS [mm]",
-                "hand, most [mm]", "robot"),
+        header="run | method | COM, RMS [mm] | COM, most [mm] | hand, RMS [mm] | hand, most [mm] | "
+               "robot",
         rows=tuple(rows),
         caption="The COM of the walk has no stiffness of its own: a feedback of the divergent "
         "component leads it.",

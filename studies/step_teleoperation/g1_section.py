@@ -48,7 +48,6 @@ def g1_section(options: StudyOptions, progress: Progress) -> Section:
         findings.append(
             Finding(
                 name=f"G1, {script.name}: largest angle of the torso",
-                paper=None,
                 ours=float(run.log.tilt.max()),
                 unit="rad",
                 ok=done,
@@ -66,12 +65,12 @@ def g1_section(options: StudyOptions, progress: Progress) -> Section:
         tables=(
             Table(
                 title="G1",
-                header=("scenario", "robot", "touched a block", "ZMP to edge, least [mm]"),
+                header="scenario | robot | touched a block | ZMP to edge, least [mm]",
                 rows=tuple(rows),
             ),
             Table(
                 title="Parameters that differ, as scaled for scenario 2",
-                header=("parameter", "biped20", "G1"),
+                header="parameter | biped20 | G1",
                 rows=tuple((n, getattr(paper, n), getattr(ours, n)) for n in changed),
             ),
         ),

@@ -9,9 +9,9 @@ from jaxtyping import Float64
 from poise.apps.teleoperation import TeleopRun, lift_one_foot
 from poise.locomotion import Mode, PreviewControl, natural_frequency
 from poise.robots import load_robot
-from studies.finding import Finding, Section, Table, draw
+from studies.finding import Finding, Section, Table, draw, one_legend
 from studies.plan import Progress, Steps, StudyOptions
-from studies.step_teleoperation.pictures import films, one_legend, paint_zmp, snapshots
+from studies.step_teleoperation.pictures import films, paint_zmp, snapshots
 from studies.step_teleoperation.runs import (
     edge_distance,
     first,
@@ -150,8 +150,8 @@ def lift_section(options: StudyOptions, progress: Progress) -> Section:
         tables=(
             Table(
                 title="Lifting one foot",
-                header=("controller", "e_TS after the lift [s]", "lift-off [s]",
-                        "steady ZMP error [mm]", "ZMP to edge, least [mm]", "torso, most [rad]"),
+                header="controller | e_TS after the lift [s] | lift-off [s] | steady ZMP error [mm] "
+                       "| ZMP to edge, least [mm] | torso, most [rad]",
                 rows=rows,
                 caption="Lift-off: the sole is 2 mm up. The ZMP passes the polygon's edge where "
                 "the polygon shrinks to one foot.",

@@ -4,9 +4,9 @@ from typing import Any
 
 from poise.apps.teleoperation import over_an_obstacle
 from poise.robots import load_robot
-from studies.finding import Finding, Section, draw
+from studies.finding import Finding, Section, draw, one_legend
 from studies.plan import Progress, StudyOptions
-from studies.step_teleoperation.pictures import films, one_legend, paint_zmp, snapshots
+from studies.step_teleoperation.pictures import films, paint_zmp, snapshots
 from studies.step_teleoperation.runs import beyond, edge_distance, run_script
 
 
@@ -52,18 +52,18 @@ def obstacle_section(options: StudyOptions, progress: Progress) -> Section:
             *notes,
         ),
         findings=(
-            Finding(name="scenario 1: both feet beyond both blocks", paper=None,
+            Finding(name="scenario 1: both feet beyond both blocks",
                     ours=1e3 * ahead, unit="mm", ok=stood and ahead > 0.0,
                     note="distance of the nearer heel behind the second block at the end"),
-            Finding(name="scenario 1: nearest that the robot came to a block", paper=None,
+            Finding(name="scenario 1: nearest that the robot came to a block",
                     ours=None if run.clearance is None else 1e3 * run.clearance, unit="mm",
                     ok=not log.touched.any() and stood and (run.clearance or 0.0) > 0.0,
                     note="no touch"),
-            Finding(name="scenario 1: largest angle of the torso", paper=None,
+            Finding(name="scenario 1: largest angle of the torso",
                     ours=float(log.tilt.max()), unit="rad", ok=stood,
                     note="the paper's torso varies “significantly”; ours by this much"),
             Finding(name="scenario 1: smallest distance of the ZMP from the polygon's edge",
-                    paper=None, ours=1e3 * float(margin.min()), unit="mm", ok=stood,
+                    ours=1e3 * float(margin.min()), unit="mm", ok=stood,
                     note="zero is on the edge: a foot that lifts or lands passes it"),
         ),
         figures=(*pictures, figure),

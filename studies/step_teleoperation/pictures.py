@@ -52,12 +52,6 @@ def paint_zmp(panel: Any, robot: Robot, log: TeleopLog, axis: int, *, start: flo
     panel.margins(x=0.01)
 
 
-def one_legend(canvas: Any, panel: Any) -> None:
-    """The legend of one panel for the whole drawing."""
-    handles, labels = panel.get_legend_handles_labels()
-    canvas.legend(handles, labels, loc="outside upper left", ncols=len(labels))
-
-
 def _support(robot: Robot, log: TeleopLog, axis: int) -> tuple[np.ndarray, np.ndarray]:
     half = np.array(
         [

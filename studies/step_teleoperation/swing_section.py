@@ -88,9 +88,8 @@ def swing_section(options: StudyOptions, progress: Progress) -> Section:
         tables=(
             Table(
                 title="A fast swing",
-                header=("way", "rotator", "robot", "ZMP peak to peak [mm]", "deviation [mm]",
-                        "foot travel [mm]", "foot error, rms [mm]", "ZMP to edge, least [mm]",
-                        "torso, most [rad]"),
+                header="way | rotator | robot | ZMP peak to peak [mm] | deviation [mm] "
+                       "| foot travel [mm] | foot error, rms [mm] | ZMP to edge, least [mm] | torso, most [rad]",
                 rows=tuple(rows),
             ),
         ),
@@ -120,14 +119,14 @@ def _findings(
     travels = with_it.travel / without.travel
     del off
     return [
-        Finding(name=f"swing {way}: ZMP peak to peak without over with rotator", paper=None,
-                ours=peaks, unit="", ok=stood and peaks >= 2.0,
+        Finding(name=f"swing {way}: ZMP peak to peak without over with rotator",
+                ours=peaks, ok=stood and peaks >= 2.0,
                 note="“much smaller with the body rotator”; asked: at least 2"),
         Finding(name=f"swing {way}: standard deviation of the ZMP without over with rotator",
-                paper=None, ours=deviations, unit="", ok=stood and deviations >= 2.5,
+                ours=deviations, ok=stood and deviations >= 2.5,
                 note="asked: at least 2.5"),
         Finding(name=f"swing {way}: travel of the foot with over without rotator", paper=1.0,
-                ours=travels, unit="", ok=stood and abs(travels - 1.0) <= 0.1,
+                ours=travels, ok=stood and abs(travels - 1.0) <= 0.1,
                 note="“almost the same foot motions”; asked: within 10%"),
     ]  # fmt: skip
 

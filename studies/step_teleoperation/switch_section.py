@@ -7,9 +7,9 @@ import numpy as np
 from poise.apps.teleoperation import TeleopRun, switch_feet
 from poise.locomotion import Mode
 from poise.robots import load_robot
-from studies.finding import Finding, Section, Table, draw
+from studies.finding import Finding, Section, Table, draw, one_legend
 from studies.plan import Progress, Steps, StudyOptions
-from studies.step_teleoperation.pictures import films, one_legend, paint_zmp, snapshots
+from studies.step_teleoperation.pictures import films, paint_zmp, snapshots
 from studies.step_teleoperation.runs import edge_distance, fall_note, first, run_script
 
 AFTER = (0.1, 0.6, 1.1)
@@ -61,7 +61,6 @@ def switch_section(options: StudyOptions, progress: Progress) -> Section:
     findings = tuple(
         Finding(
             name=f"scenario 3, lift {after:.1f} s after landing: the left foot is lifted",
-            paper=None,
             ours=None if (time := first(run.log, Mode.SR, 3.0)) is None else time,
             unit="s",
             ok=not run.fell and time is not None,
@@ -83,8 +82,8 @@ def switch_section(options: StudyOptions, progress: Progress) -> Section:
         tables=(
             Table(
                 title="Switching the support foot",
-                header=("lift after landing [s]", "robot", "SR at [s]", "ZMP overshoot [mm]",
-                        "excursion [mm]", "ZMP to edge, least [mm]", "torso, most [rad]"),
+                header="lift after landing [s] | robot | SR at [s] | ZMP overshoot [mm] "
+                       "| excursion [mm] | ZMP to edge, least [mm] | torso, most [rad]",
                 rows=rows,
                 caption="Overshoot: how far the ZMP goes beyond the right foot's centre. Excursion "
                 "is how far it first goes the other way, from where it was when TR began.",

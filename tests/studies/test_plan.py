@@ -32,7 +32,7 @@ def good(options, progress):
         prose=("Some `code` & <words>, n = 3.",),
         findings=(finding(),),
         figures=(draw(name="line", title="A line", caption="It rises.", height=2.0, paint=paint),),
-        tables=(Table(title="T", header=("what", "x [m]"), rows=(("a", 1), ("b", None))),),
+        tables=(Table(title="T", header="what | x [m]", rows=(("a", 1), ("b", None))),),
     )
 
 
@@ -215,7 +215,7 @@ BAD = {
     "a finding without a name": lambda: finding(" "),
     "a finding that holds without a number": lambda: finding(ours=None),
     "a finding that holds with no number": lambda: finding(ours=float("nan")),
-    "a row that does not fit": lambda: Table(title="T", header=("a", "b"), rows=((1,),)),
+    "a row that does not fit": lambda: Table(title="T", header="a | b", rows=((1,),)),
     "a figure that is no file": lambda: Figure(name="../x", title="", caption="", svg=""),
     "a negative seed": lambda: StudyOptions(seed=-1),
 }
