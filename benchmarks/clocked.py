@@ -8,7 +8,7 @@ from collections.abc import Callable, Generator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from time import perf_counter, thread_time
-from typing import Protocol, runtime_checkable
+from typing import Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 from jaxtyping import Int64
@@ -18,6 +18,8 @@ from benchmarks.recording import Recording, bench_stack
 from benchmarks.result import PHASES, Ticks, TickTimes
 from poise.control import PHYSICS_LEVELS, Command, Controller, make_controller
 from poise.dynamics import RobotState
+
+Item = TypeVar("Item")
 
 RELAXED = 1e-8
 """Relative residual from which a level counts as not met in full."""
@@ -117,6 +119,20 @@ def collector_paused() -> Generator[None]:
             gc.enable()
 
 
+def batches(count: int, size: int) -> Generator[range]:
+    """Ticks, a batch at a time; the garbage collector runs between batches, never within one."""
+    with collector_paused():
+        for first in range(0, count, size):
+            yield range(first, min(first + size, count))
+            gc.collect()
+
+
+def in_turn(items: Sequence[Item], turn: int) -> Sequence[Item]:
+    """A B C, then B C A, ...: so that none always comes after the same other one."""
+    first = turn % len(items) if items else 0
+    return [*items[first:], *items[:first]]
+
+
 class Subject(Clocked):
     """A controller with a stack of its own, led by the targets of a recording.
 
@@ -172,10 +188,6 @@ class Turns:
     batch: int = 50
     slow: int = 5
 
-    def starts(self) -> range:
-        """The first tick of each batch."""
-        return range(0, self.ticks, self.batch)
-
     def quick_counted(self) -> Int64[np.ndarray, " n"]:
         """Ticks that count for quick methods."""
         every = np.arange(self.batch, self.ticks, dtype=np.int64)
@@ -198,18 +210,15 @@ def take_turns(quick: Sequence[Timed], slow: Sequence[Timed], turns: Turns) -> G
     Yields:
         The number of ticks done, a batch at a time.
     """
-    with collector_paused():
-        for first in turns.starts():
-            last = min(first + turns.batch, turns.ticks)
-            for index in range(first, last):
-                for one in quick if index % 2 else quick[::-1]:
-                    one.tick(index)
-            timed = min(first + turns.slow + 1, last)
-            for index in range(first, timed):
-                for one in slow if index % 2 else slow[::-1]:
-                    one.tick(index)
-            for index in range(timed, last):
-                for one in slow:
-                    one.skip(index)
-            gc.collect()
-            yield last
+    for batch in batches(turns.ticks, turns.batch):
+        for index in batch:
+            for one in quick if index % 2 else quick[::-1]:
+                one.tick(index)
+        timed, left_out = batch[: turns.slow + 1], batch[turns.slow + 1 :]
+        for index in timed:
+            for one in slow if index % 2 else slow[::-1]:
+                one.tick(index)
+        for index in left_out:
+            for one in slow:
+                one.skip(index)
+        yield batch.stop

@@ -1,4 +1,20 @@
-"""What each array operation costs [FLOP], by the conventions of (Park, Jin, Kang 2022).
+"""`FlopCounter`: counts the floating point operations that array code really does.
+
+The code runs as it is, on arrays that count:
+
+    counter = FlopCounter()
+    J, M = counter.array(J), counter.array(M)
+    with counter.solvers_of(module):      # only where the code calls scipy.linalg or its lapack
+        code(J, M)
+    counter.total                         # [FLOP], exact
+    counter.by_operation                  # the same by kind: "matmul", "add", "dpotrf", ...
+
+Honesty comes first: an operation without a known cost, and a counted array about to become a plain
+one whose further use nobody would count, raise an error. What cannot be seen are numbers that the
+code makes plain on purpose, by `float(x)` or `x.tolist()`, and arithmetic on arrays that were never
+wrapped: wrap every array that goes in.
+
+What each array operation costs [FLOP], by the conventions of (Park, Jin, Kang 2022).
 
 Each of the four arithmetic operations on two floating point numbers is one, as in the paper's
 section III.F; so is a square root and any other elementary function. What only moves, compares or
@@ -28,7 +44,7 @@ from collections.abc import Callable, Generator, Iterator
 from contextlib import contextmanager
 from fractions import Fraction
 from types import ModuleType
-from typing import Any, Protocol, runtime_checkable
+from typing import Any
 
 import numpy as np
 from jaxtyping import Shaped
@@ -69,62 +85,47 @@ FREE = {
 """Functions that move or compare entries."""
 
 
-def matrix_product(arguments: tuple[Any, ...], result: Any) -> int:
+def _matrix_product(arguments: tuple[Any, ...], result: Any) -> int:
     """Product of matrices or vectors, also of stacks of them: 2 b - 1 an entry of the result."""
     return _dot_length(np.shape(arguments[0])[-1:]) * np.size(result)
 
 
-def total(arguments: tuple[Any, ...], result: Any) -> int:
+def _total(arguments: tuple[Any, ...], result: Any) -> int:
     """Sum of entries, as a whole or along an axis."""
     return np.size(arguments[0]) - np.size(result)
 
 
-def _norm(arguments: tuple[Any, ...], result: Any) -> Fraction | int:
+def _norm(arguments: tuple[Any, ...], _result: Any) -> Fraction | int:
     a, order = arguments[0], arguments[1] if len(arguments) > 1 else None
     if order == 2 and np.ndim(a) == 2:
-        return _svd(arguments, result)
+        large, small = sorted(np.shape(a), reverse=True)
+        return 4 * large * small**2 - Fraction(4 * small**3, 3)
     # Squares, their sums, and a root each.
     return 2 * np.size(a)
-
-
-def _vdot(arguments: tuple[Any, ...], _result: Any) -> int:
-    return _dot_length((np.size(arguments[0]),))
 
 
 def _dot_length(shape: tuple[int, ...]) -> int:
     return max(2 * shape[0] - 1, 0) if shape else 1
 
 
-def _third(arguments: tuple[Any, ...], _result: Any) -> Fraction:
-    return Fraction(len(arguments[0]) ** 3, 3)
+def _factor(thirds: int, substitutions: int = 0, *, of_pair: bool = False) -> Cost:
+    """So many thirds of m^3, and substitutions of m^2 a right-hand side.
 
+    Args:
+        thirds: of m^3.
+        substitutions: a right-hand side, which is the second argument.
+        of_pair: whether the first argument is a factor with a flag behind it.
+    """
 
-def _two_thirds(arguments: tuple[Any, ...], result: Any) -> Fraction:
-    return 2 * _third(arguments, result)
+    def cost(arguments: tuple[Any, ...], _result: Any) -> Fraction:
+        m = len(arguments[0][0] if of_pair else arguments[0])
+        sides = 0
+        if substitutions:
+            shape = np.shape(arguments[1])
+            sides = 1 if len(shape) == 1 else shape[1]
+        return Fraction(thirds * m**3, 3) + substitutions * m**2 * sides
 
-
-def _columns(array: Any) -> int:
-    return 1 if np.ndim(array) == 1 else np.shape(array)[1]
-
-
-def _substitution(arguments: tuple[Any, ...], _result: Any) -> int:
-    return len(arguments[0]) ** 2 * _columns(arguments[1])
-
-
-def _two_substitutions(arguments: tuple[Any, ...], result: Any) -> int:
-    return 2 * _substitution(arguments, result)
-
-
-def _cho_solve(arguments: tuple[Any, ...], result: Any) -> int:
-    return _two_substitutions((arguments[0][0], arguments[1]), result)
-
-
-def _solve(arguments: tuple[Any, ...], result: Any) -> Fraction:
-    return _two_thirds(arguments, result) + _two_substitutions(arguments, result)
-
-
-def _cholesky_solve(arguments: tuple[Any, ...], result: Any) -> Fraction:
-    return _third(arguments, result) + _two_substitutions(arguments, result)
+    return cost
 
 
 def _qr(arguments: tuple[Any, ...], _result: Any) -> Fraction:
@@ -139,66 +140,44 @@ def _reflectors(arguments: tuple[Any, ...], _result: Any) -> int:
     return 4 * m * k * others - 2 * k**2 * others
 
 
-def _eigh(arguments: tuple[Any, ...], _result: Any) -> int:
-    return 9 * len(arguments[0]) ** 3
-
-
-def _svd(arguments: tuple[Any, ...], _result: Any) -> Fraction:
-    large, small = sorted(np.shape(arguments[0]), reverse=True)
-    return 4 * large * small**2 - Fraction(4 * small**3, 3)
-
-
 NUMPY: dict[Any, Cost] = {
-    np.dot: matrix_product,
-    np.inner: matrix_product,
-    np.vdot: _vdot,
+    np.dot: _matrix_product,
+    np.inner: _matrix_product,
+    np.vdot: lambda arguments, _result: _dot_length((np.size(arguments[0]),)),
     np.outer: lambda _arguments, result: np.size(result),
-    np.sum: total,
+    np.sum: _total,
     np.trace: lambda arguments, _result: min(np.shape(arguments[0])) - 1,
     np.cross: lambda _arguments, result: 3 * np.size(result),
     np.linalg.norm: _norm,
-    np.linalg.inv: _third,
-    np.linalg.cholesky: _third,
-    np.linalg.solve: _solve,
-    np.linalg.eigh: _eigh,
+    np.linalg.inv: _factor(1),
+    np.linalg.cholesky: _factor(1),
+    np.linalg.solve: _factor(2, 2),
+    np.linalg.eigh: _factor(27),
 }
 """Functions of NumPy that cost something."""
 
 SCIPY: dict[Any, Cost] = {
-    _linalg.inv: _third,
-    _linalg.cholesky: _third,
-    _linalg.cho_factor: _third,
-    _linalg.cho_solve: _cho_solve,
-    _linalg.solve_triangular: _substitution,
-    _linalg.solve: _solve,
-    _linalg.eigh: _eigh,
+    _linalg.inv: _factor(1),
+    _linalg.cholesky: _factor(1),
+    _linalg.cho_factor: _factor(1),
+    _linalg.cho_solve: _factor(0, 2, of_pair=True),
+    _linalg.solve_triangular: _factor(0, 1),
+    _linalg.solve: _factor(2, 2),
+    _linalg.eigh: _factor(27),
 }
 """Functions of `scipy.linalg`."""
 
 LAPACK: dict[str, Cost] = {
-    "dpotrf": _third,
-    "dpotri": _two_thirds,
-    "dtrtri": _third,
-    "dpotrs": _two_substitutions,
-    "dtrtrs": _substitution,
-    "dposv": _cholesky_solve,
+    "dpotrf": _factor(1),
+    "dpotri": _factor(2),
+    "dtrtri": _factor(1),
+    "dpotrs": _factor(0, 2),
+    "dtrtrs": _factor(0, 1),
+    "dposv": _factor(1, 2),
     "dgeqrf": _qr,
     "dormqr": _reflectors,
 }
 """Routines of `scipy.linalg.lapack`, by name."""
-
-
-@runtime_checkable
-class Tally(Protocol):
-    """What an array needs of its counter."""
-
-    def add(self, operation: str, cost: Fraction | int) -> None:
-        """Counts an operation."""
-        ...
-
-    def wrap(self, result: Any) -> Any:
-        """The result, counted where it is a floating point array or number."""
-        ...
 
 
 class CountedArray(NDArrayOperatorsMixin):
@@ -212,7 +191,7 @@ class CountedArray(NDArrayOperatorsMixin):
         value: the plain array, for use outside of what is counted.
     """
 
-    def __init__(self, value: Shaped[np.ndarray, "..."], counter: Tally) -> None:
+    def __init__(self, value: Shaped[np.ndarray, "..."], counter: "FlopCounter") -> None:
         self.value = value
         self._counter = counter
 
@@ -305,7 +284,7 @@ _REARRANGING = {"copy", "reshape", "ravel", "flatten", "transpose", "max", "min"
 class _CountedFlat:
     """The entries of a counted array in a row, to read and to write."""
 
-    def __init__(self, entries: Any, counter: Tally) -> None:
+    def __init__(self, entries: Any, counter: "FlopCounter") -> None:
         self._entries, self._counter = entries, counter
 
     def __getitem__(self, index: Any) -> Any:
@@ -319,12 +298,12 @@ def _ufunc_cost(ufunc: Any, method: str, inputs: tuple[Any, ...], result: Any) -
     if ufunc in FREE_ENTRYWISE:
         return 0
     if ufunc in (np.matmul, np.vecdot) and method == "__call__":
-        return matrix_product(inputs, result)
+        return _matrix_product(inputs, result)
     if ufunc in ENTRYWISE:
         if method in ("__call__", "outer"):
             return np.size(result)
         if method == "reduce":
-            return total(inputs, result)
+            return _total(inputs, result)
     raise unknown(f"{ufunc.__name__}, {method}")
 
 

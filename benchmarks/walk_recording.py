@@ -194,6 +194,21 @@ def record_walk(
     )
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Answer:
+    """Accelerations, torques and wrenches that a controller gave for a state.
+
+    Attributes:
+        acceleration: dv [m/s^2, rad/s^2].
+        torque: of the joints [N m].
+        wrench: of the contacts in the order of the stack, zero of inactive ones [N, N m].
+    """
+
+    acceleration: Float64[np.ndarray, " nv"]
+    torque: Float64[np.ndarray, " nj"]
+    wrench: Float64[np.ndarray, " nf"]
+
+
 class WalkSubject(Clocked):
     """A controller with a stack and a walker of its own, whose answers are kept.
 
@@ -249,6 +264,14 @@ class WalkSubject(Clocked):
             self.wrench[index, place] = command.wrenches.get(contact.name, 0.0)
             first = place.stop
         self.lqp[index], self.programs[index] = self._solver_time()
+
+    def answer(self, index: int) -> Answer:
+        """What it answered at a tick that was timed."""
+        return Answer(
+            acceleration=self.acceleration[index],
+            torque=self.torque[index],
+            wrench=self.wrench[index],
+        )
 
     def skip(self, index: int) -> None:
         """Leaves one tick out; the walker goes on."""

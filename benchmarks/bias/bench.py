@@ -1,6 +1,5 @@
 """`bench_bias`: times the formulas of the bias acceleration, interleaved in one run."""
 
-import gc
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from fractions import Fraction
@@ -12,7 +11,7 @@ import numpy as np
 from benchmarks.bias import formulas
 from benchmarks.bias.formulas import FORMULAS, BiasTick
 from benchmarks.bias.recording import BiasInputs, record_motion
-from benchmarks.clocked import collector_paused
+from benchmarks.clocked import batches, in_turn
 from benchmarks.flops import FlopCounter
 from benchmarks.recording import Progress
 from benchmarks.result import Result, spread_us, text_table
@@ -102,16 +101,13 @@ def bench_bias(plan: BiasBench, progress: Progress | None = None) -> list[BiasRe
     names = list(FORMULAS)
     total = WARM_UP + plan.ticks
     seconds = np.zeros((total, len(names)))
-    with collector_paused():
-        for i in range(total):
+    for batch in batches(total, 50):
+        for i in batch:
             tick = inputs.of(states[i % len(states)])
-            for turn in range(len(names)):
-                j = (i + turn) % len(names)
+            for j in in_turn(range(len(names)), i):
                 seconds[i, j] = _timed(FORMULAS[names[j]], tick)
-            if i % 50 == 0:
-                gc.collect()
-                if progress is not None:
-                    progress(float(i), float(total))
+        if progress is not None:
+            progress(float(batch.stop), float(total))
     tick = inputs.of(states[-1])
     counts = count_operations(tick)
     times = seconds[WARM_UP:]

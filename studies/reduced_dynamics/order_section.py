@@ -5,13 +5,12 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float64
 
 from benchmarks.methods import parse_method
-from benchmarks.walk_recording import WalkRecording, WalkSubject
+from benchmarks.walk_recording import Answer, WalkRecording, WalkSubject
 from poise.control import WholeBodyController
 from poise.dynamics import Dynamics, Partitions, ReducedDynamics, RobotState
 from poise.errors import PoiseError
@@ -20,23 +19,18 @@ from poise.robots import Robot
 from poise.stack import Stack, Task
 from studies.finding import Finding, Section, Table
 from studies.plan import Progress, StudyOptions
-from studies.reduced_dynamics.accuracy_section import QUANTITIES, Answer, Judge
+from studies.reduced_dynamics.accuracy_section import QUANTITIES, Judge
 from studies.reduced_dynamics.walk_run import STANCES, walk_run
 
 
-class SequentialAnswer(NamedTuple):
-    """What the two problems of the paper decide one after the other.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SequentialAnswer(Answer):
+    """What the two problems of the paper decide one after the other, by exact rows.
 
     Attributes:
-        acceleration: dv [m/s^2, rad/s^2].
-        torque: of the joints, with the exact rows of the unconstrained chain [N m].
-        wrench: of the contacts in the order of the stack, zero of inactive ones [N, N m].
         missing: largest residual of a task of the unconstrained chain [m/s^2, rad/s^2].
     """
 
-    acceleration: Float64[np.ndarray, " nv"]
-    torque: Float64[np.ndarray, " nj"]
-    wrench: Float64[np.ndarray, " nf"]
     missing: float
 
 
@@ -84,7 +78,12 @@ class Sequential:
         base = self._robot.base_dofs
         torque[part.u.index - base] = reduced.torques_u(dv_a, dv_u)
         wrenches = [command.wrenches.get(c.name, np.zeros(c.dim)) for c in self._stack.contacts]
-        return SequentialAnswer(part.merge(dv_a, dv_u), torque, np.concatenate(wrenches), missing)
+        return SequentialAnswer(
+            acceleration=part.merge(dv_a, dv_u),
+            torque=torque,
+            wrench=np.concatenate(wrenches),
+            missing=missing,
+        )
 
     def _reduced_of(self, frames: tuple[str, ...]) -> ReducedDynamics:
         if frames not in self._reduced:
@@ -195,9 +194,7 @@ def _energy_first(
         full.tick(index)
         answer = sequential.step(state)
         judge.evaluate()
-        measured = judge.measure(
-            Answer(acceleration=answer.acceleration, torque=answer.torque, wrench=answer.wrench)
-        )
+        measured = judge.measure(answer)
         gap = np.abs(answer.acceleration - full.acceleration[index])
         tallies["double" if recording.feet[index] == 2 else "single"].add(
             base=float(gap[:base].max()),
@@ -234,7 +231,7 @@ def _orders(recording: WalkRecording, every: int, demand: float) -> dict[str, di
                 subject.tick(index)
             judge.place(state)
             judge.evaluate()
-            measured = {name: judge.measure(_answer(one, index)) for name, one in subjects.items()}
+            measured = {name: judge.measure(one.answer(index)) for name, one in subjects.items()}
             for name, one in subjects.items():
                 com, hands = (float(measured[name][k]) for k in (_COM, _HANDS))
                 tallies[name].add(com=com, hands=hands, programs=float(one.programs[index]))
@@ -249,14 +246,6 @@ def _orders(recording: WalkRecording, every: int, demand: float) -> dict[str, di
             )
         found[kind] = tallies
     return found
-
-
-def _answer(subject: WalkSubject, index: int) -> Answer:
-    return Answer(
-        acceleration=subject.acceleration[index],
-        torque=subject.torque[index],
-        wrench=subject.wrench[index],
-    )
 
 
 def _energy_findings(energy: dict[str, _Tally]) -> list[Finding]:

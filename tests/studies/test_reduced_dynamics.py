@@ -11,14 +11,14 @@ import pytest
 
 from benchmarks.clocked import Turns, take_turns
 from benchmarks.methods import timed_methods
-from benchmarks.walk_recording import WalkRecording, WalkSubject
+from benchmarks.walk_recording import Answer, WalkRecording, WalkSubject
 from poise.control import Command, CommandStatus
 from poise.dynamics import RobotState
 from poise.locomotion import Stride, plan_footsteps
 from poise.robots import load_robot
 from studies.plan import StudyOptions
 from studies.reduced_dynamics import PLAN, walk_run
-from studies.reduced_dynamics.accuracy_section import QUANTITIES, Answer, Judge, accuracy_section
+from studies.reduced_dynamics.accuracy_section import QUANTITIES, Judge, accuracy_section
 from studies.reduced_dynamics.base_section import PaperTorques, base_section
 from studies.reduced_dynamics.difference_section import difference_section
 from studies.reduced_dynamics.order_section import Sequential, order_section
