@@ -78,12 +78,7 @@ class Clocked:
         """Leaves one tick out; where targets have no memory there is nothing to do."""
 
     def run(self, first: int, count: int) -> None:
-        """Times a batch of ticks in a row.
-
-        Args:
-            first: index of the first state.
-            count: how many states.
-        """
+        """Times a batch of ticks in a row."""
         for index in range(first, first + count):
             self.tick(index)
 
@@ -201,11 +196,6 @@ class Turns:
 
 def take_turns(quick: Sequence[Timed], slow: Sequence[Timed], turns: Turns) -> Generator[int]:
     """Times everything, the garbage collector waiting between batches.
-
-    Args:
-        quick: timed on every tick.
-        slow: timed on some.
-        turns: who is timed when.
 
     Yields:
         The number of ticks done, a batch at a time.

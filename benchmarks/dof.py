@@ -65,11 +65,7 @@ class Target(Result):
 
 
 def speed_targets(results: Sequence[TickResult]) -> list[Target]:
-    """Everything that can be said of the robots and stances that were timed.
-
-    Args:
-        results: of `bench_dof`.
-    """
+    """Everything that can be said of the robots and stances that were timed."""
     targets: list[Target] = []
     for stance in dict.fromkeys(r.contacts for r in results):
         rows = {(r.joints, r.controller, r.solver): r for r in results if r.contacts == stance}
@@ -221,11 +217,7 @@ _HEADS = ("joints", "variables", "rows", *TIME_HEADS, "x whole", "residual", "re
 
 
 def format_dof_table(results: Sequence[TickResult]) -> str:
-    """A block a stance and method, a line a robot, times in microseconds; then the targets.
-
-    Args:
-        results: of `bench_dof`.
-    """
+    """A block a stance and method, a line a robot, times in microseconds; then the targets."""
     lines: list[str] = []
     for stance in dict.fromkeys(r.contacts for r in results):
         rows = [r for r in results if r.contacts == stance]

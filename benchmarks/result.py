@@ -179,11 +179,7 @@ _HEADS = (*TIME_HEADS, "x direct", "x whole", "variables", "rows", "residual")
 
 
 def format_table(results: Sequence[TickResult]) -> str:
-    """One block a stack, one line a method; times in microseconds.
-
-    Args:
-        results: of one benchmark.
-    """
+    """One block a stack, one line a method; times in microseconds."""
     blocks: list[str] = []
     longest = max(len(method_name(r)) for r in results)
     for stack in dict.fromkeys(r.stack for r in results):

@@ -241,12 +241,7 @@ def bench_teleop(plan: TeleopBench, progress: Progress | None = None) -> list[Te
 
 
 def time_steps(walk: Walk, recorded: Sequence[WalkTick]) -> StepTimes:
-    """Times a new controller on a recorded walk, from its start.
-
-    Args:
-        walk: whose controller.
-        recorded: its first ticks.
-    """
+    """Times a new controller on a recorded walk, from its start."""
     teleoperator = walk.teleoperator()
     controller = teleoperator.controller()
     samples = iter([tick.sample for tick in recorded])
@@ -333,11 +328,7 @@ _HEADS = ("p50", "p99", "max", "% of T", "in sim.", "real time", "by CPU")
 
 
 def format_teleop_table(results: Sequence[TeleopResult]) -> str:
-    """One line a robot; times in microseconds.
-
-    Args:
-        results: of one benchmark.
-    """
+    """One line a robot; times in microseconds."""
     first = results[0]
     rows: list[tuple[str, list[str], str]] = []
     for r in results:

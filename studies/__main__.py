@@ -64,7 +64,7 @@ def _act(options: argparse.Namespace) -> int:
 
 
 def _print(study: Any) -> None:
-    print(f"{study.name}: {verdict(study)}")
+    print(f"{study.plan.name}: {verdict(study)}")
     for section in study.sections:
         print(section.title)
         for finding in section.findings:

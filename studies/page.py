@@ -34,9 +34,9 @@ def page_html(study: Study) -> str:
         *(_section(section) for section in study.sections),
         "</main>",
         '<footer class="wide">Made by Poise. The numbers under “paper” are those of '
-        f"{escape(study.source)}</footer>",
+        f"{escape(study.plan.source)}</footer>",
     ]
-    return html_document(study.title, body)
+    return html_document(study.plan.title, body)
 
 
 def verdict(study: Study) -> str:
@@ -53,21 +53,21 @@ def verdict(study: Study) -> str:
 
 def _header(study: Study) -> str:
     facts = (
-        ("study", study.name),
-        ("version", "quick, shortened for tests" if study.quick else "full"),
-        ("seed", str(study.seed)),
+        ("study", study.plan.name),
+        ("version", "quick, shortened for tests" if study.options.quick else "full"),
+        ("seed", str(study.options.seed)),
     )
     listed = "".join(f"<div><dt>{k}</dt><dd>{escape(v)}</dd></div>" for k, v in facts)
     words = verdict(study)
     mark = "✓" if study.ok else "✗"
     return (
         '<header><div class="wide"><div class="title">'
-        f"<h1>{escape(study.title)}</h1>"
+        f"<h1>{escape(study.plan.title)}</h1>"
         f'<div class="verdict {"good" if study.ok else "bad"}">'
         f"{mark} {escape(words[:1].upper() + words[1:])}</div></div>"
         f'<dl class="facts">{listed}</dl>'
-        f'<div class="description">{_paragraphs(study.introduction)}'
-        f"<p>After {escape(study.source)}</p></div></div></header>"
+        f'<div class="description">{_paragraphs(study.plan.introduction)}'
+        f"<p>After {escape(study.plan.source)}</p></div></div></header>"
     )
 
 

@@ -39,42 +39,6 @@ class Unfinished:
         )
 
 
-@dataclass(frozen=True, kw_only=True)
-class Study:
-    """What a study found.
-
-    Attributes:
-        name: as the command line has it.
-        title: heading of its page.
-        introduction: paragraphs of plain text, as in sections.
-        source: the paper, as one cites it.
-        quick: whether it ran in its shorter version.
-        seed: of everything random in it.
-        sections: the parts that are done, in order.
-        unfinished: the parts that failed or were not computed.
-    """
-
-    name: str
-    title: str
-    introduction: tuple[str, ...]
-    source: str
-    quick: bool
-    seed: int
-    sections: tuple[Section, ...] = ()
-    unfinished: tuple[Unfinished, ...] = ()
-
-    @property
-    def findings(self) -> tuple[Finding, ...]:
-        """All findings in order; behind them one that does not hold for each unfinished part."""
-        done = tuple(finding for section in self.sections for finding in section.findings)
-        return done + tuple(part.finding() for part in self.unfinished)
-
-    @property
-    def ok(self) -> bool:
-        """Whether every part was computed and every finding holds."""
-        return all(finding.ok for finding in self.findings)
-
-
 Progress = Callable[[float, float], None]
 """Says how far a part is: what is done, and the whole, in any unit."""
 ShowProgress = Callable[[str], AbstractContextManager[Progress]]
@@ -137,8 +101,8 @@ class StudyPlan:
         self,
         options: StudyOptions,
         show: ShowProgress | None = None,
-        save: Callable[[Study], object] | None = None,
-    ) -> Study:
+        save: Callable[["Study"], object] | None = None,
+    ) -> "Study":
         """Computes part by part; one that fails is reported and the next ones still run.
 
         Args:
@@ -159,25 +123,49 @@ class StudyPlan:
         ]
         for index, part in enumerate(self.parts):
             if save is not None:
-                save(self._study(options, outcomes))
+                save(Study(self, options, tuple(outcomes)))
             with nullcontext(_silent) if show is None else show(part.title) as progress:
                 outcomes[index] = _outcome(part, options, progress)
-        study = self._study(options, outcomes)
+        study = Study(self, options, tuple(outcomes))
         if save is not None:
             save(study)
         return study
 
-    def _study(self, options: StudyOptions, outcomes: list[Section | Unfinished]) -> Study:
-        return Study(
-            name=self.name,
-            title=self.title,
-            introduction=self.introduction,
-            source=self.source,
-            quick=options.quick,
-            seed=options.seed,
-            sections=tuple(o for o in outcomes if isinstance(o, Section)),
-            unfinished=tuple(o for o in outcomes if isinstance(o, Unfinished)),
-        )
+
+@dataclass(frozen=True)
+class Study:
+    """What a study found, complete or as far as it came.
+
+    Attributes:
+        plan: what was to be computed.
+        options: length and seed.
+        outcomes: of the parts, in order.
+    """
+
+    plan: StudyPlan
+    options: StudyOptions
+    outcomes: tuple[Section | Unfinished, ...]
+
+    @property
+    def sections(self) -> tuple[Section, ...]:
+        """The parts that are done."""
+        return tuple(o for o in self.outcomes if isinstance(o, Section))
+
+    @property
+    def unfinished(self) -> tuple[Unfinished, ...]:
+        """The parts that failed or were not computed."""
+        return tuple(o for o in self.outcomes if isinstance(o, Unfinished))
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """All findings in order; behind them one that does not hold for each unfinished part."""
+        done = tuple(finding for section in self.sections for finding in section.findings)
+        return done + tuple(part.finding() for part in self.unfinished)
+
+    @property
+    def ok(self) -> bool:
+        """Whether every part was computed and every finding holds."""
+        return all(finding.ok for finding in self.findings)
 
 
 def _outcome(part: Part, options: StudyOptions, progress: Progress) -> Section | Unfinished:
@@ -202,12 +190,7 @@ def _silent(_done: float, _total: float) -> None:
 
 
 class Steps:
-    """Counts runs, and shares of the run at hand.
-
-    Args:
-        progress: of the whole part.
-        count: how many runs there are.
-    """
+    """Counts runs, and shares of the run at hand."""
 
     def __init__(self, progress: Progress, count: int) -> None:
         self._progress, self._count, self._done = progress, count, -1

@@ -130,11 +130,7 @@ def bench_bias(plan: BiasBench, progress: Progress | None = None) -> list[BiasRe
 
 
 def format_bias_table(results: Sequence[BiasResult]) -> str:
-    """One line a formula; times in microseconds.
-
-    Args:
-        results: of one benchmark.
-    """
+    """One line a formula; times in microseconds."""
     first = results[0]
     rows: list[tuple[str, list[str], str]] = []
     for r in results:

@@ -143,11 +143,6 @@ def bias_fused(
 
     xdd_i,ref minus it is alpha_i = xdd_i|p,ref - Jdot_i|p v, all that the torque needs; no
     derivative of a projected Jacobian appears, see `FusedRecursion`.
-
-    Args:
-        J: J_i.
-        drift: Jdot_i v.
-        S_above: S_i-1.
     """
     bias = J.dot(S_above)
     bias += drift

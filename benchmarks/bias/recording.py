@@ -179,11 +179,7 @@ def record_motion(robot: Robot, progress: Progress | None = None) -> tuple[Robot
 
 
 class BiasInputs:
-    """Computes, state by state, what all formulas share.
-
-    Args:
-        robot: whose states.
-    """
+    """Computes, state by state, what all formulas share."""
 
     def __init__(self, robot: Robot) -> None:
         self._motion = BiasMotion(robot)
@@ -193,11 +189,7 @@ class BiasInputs:
         self._before = [np.zeros(task.dim) for _, task in self._motion.stack.tasks()][1:]
 
     def of(self, state: RobotState) -> BiasTick:
-        """The quantities of the next state, exact derivatives among them; valid until the next.
-
-        Args:
-            state: the state.
-        """
+        """The quantities of the next state, exact derivatives among them; valid until the next."""
         dynamics, rates, formulation = self._dynamics, self._rates, self._formulation
         dynamics.update(state)
         rates.update(state)

@@ -131,10 +131,6 @@ class ExactRates:
 
         Jdot_i|p = Jdot_i N_i + J_i Ndot_i
         Ndot_i+1 = Ndot_i - d(Jbar_i|p) J_i|p - Jbar_i|p Jdot_i|p
-
-    Args:
-        M_inverse: M^-1.
-        M_rate: dM/dt.
     """
 
     def __init__(
@@ -150,13 +146,7 @@ class ExactRates:
         J_rate: Float64[np.ndarray, "m n"],
         N: Float64[np.ndarray, "n n"],
     ) -> Float64[np.ndarray, "m n"]:
-        """Jdot_i|p of the next task.
-
-        Args:
-            J: J_i.
-            J_rate: Jdot_i.
-            N: N_i.
-        """
+        """Jdot_i|p of the next task."""
         return J_rate @ N + J @ self._N_rate
 
     def pass_by(
@@ -166,14 +156,7 @@ class ExactRates:
         Jbar: Float64[np.ndarray, "n m"],
         J_p_rate: Float64[np.ndarray, "m n"],
     ) -> None:
-        """Propagates Ndot past a task.
-
-        Args:
-            J_p: J_i|p.
-            Lambda: Lambda_i|p.
-            Jbar: Jbar_i|p.
-            J_p_rate: Jdot_i|p.
-        """
+        """Propagates Ndot past a task."""
         M_inverse = self._M_inverse
         half = J_p_rate @ M_inverse @ J_p.T
         rate = half + half.T + J_p @ self._M_inverse_rate @ J_p.T

@@ -236,11 +236,7 @@ SEQUENCE_HEADS = ("sequence", "start", "n", "rows", "levels", "count")
 
 
 def format_hqp_table(race: HqpRace) -> str:
-    """A table a family, a line a method; then one with a line for every sequence and start.
-
-    Args:
-        race: what came out.
-    """
+    """A table a family, a line a method; then one with a line for every sequence and start."""
     raced = {one.family for one in race.sequences}
     families = [family for family in FAMILIES if family in raced]
     parts = [_family(race, family) for family in families]

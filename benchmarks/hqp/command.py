@@ -20,9 +20,6 @@ MADE = 31
 def act_hqp(options: argparse.Namespace) -> None:
     """Races, or saves the problems.
 
-    Args:
-        options: of the command line.
-
     Raises:
         PoiseError: bad input.
     """

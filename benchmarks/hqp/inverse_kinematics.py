@@ -63,13 +63,7 @@ def velocity_bounds(
 def equalities(
     name: str, J: Float64[np.ndarray, "m n"], velocity: Float64[np.ndarray, " m"]
 ) -> Level:
-    """A task J u = velocity.
-
-    Args:
-        name: of the level.
-        J: Jacobian.
-        velocity: what is wanted.
-    """
+    """A task J u = velocity."""
     return Level(J, velocity, velocity, name=name, labels=name)
 
 
@@ -157,11 +151,6 @@ def singular_problems(
     """Poses of all hands within joint limits, then posture; a trunk that is held comes first.
 
     The joints come, at problem number `count // 2` they are at the singularity, and go again.
-
-    Args:
-        singularity: where to.
-        count: how many ticks.
-        progress: told how many are done.
 
     Raises:
         PoiseError: the robot is not installed.

@@ -143,9 +143,6 @@ def daqp_rows(problem: HierarchicalProblem) -> DaqpRows:
     A row of zeros has nothing to say about x, but with bounds that zero does not meet DAQP calls
     the whole problem infeasible, so such rows lose their bounds. Bounds that belong to the first
     level stay simple bounds; others become rows.
-
-    Args:
-        problem: the problem.
     """
     A, lower, upper, weights = problem.A, problem.lower, problem.upper, problem.weights
     ends = [0, *(problem.n + view.slice.stop for view in problem.levels)]

@@ -109,9 +109,6 @@ def save_sequence(sequence: ProblemSequence, folder: Path) -> Path:
 def load_sequence(path: Path) -> ProblemSequence:
     """Reads what `save_sequence` wrote; the numbers are the same bit for bit.
 
-    Args:
-        path: of the file.
-
     Raises:
         ProblemError: no such file, not an `.npz`, another format, missing keys, arrays that do not
             fit each other, or numbers that cannot be a problem.
@@ -236,11 +233,7 @@ class Source:
 
 
 def copy_problem(problem: HierarchicalProblem) -> HierarchicalProblem:
-    """The same problem in a storage of its own; its views look into that storage.
-
-    Args:
-        problem: what to copy.
-    """
+    """The same problem in a storage of its own; its views look into that storage."""
     copy = HierarchicalProblem.allocate(
         problem.n,
         [len(view.lower) for view in problem.levels],

@@ -68,11 +68,7 @@ class Runner:
             self._run(first if self.start == COLD else max(first - 1, 0))
 
     def tick(self, index: int) -> None:
-        """Times one problem.
-
-        Args:
-            index: of the problem.
-        """
+        """Times one problem."""
         if self._late >= PATIENCE:
             return
         spent = self._run(index)
@@ -164,10 +160,6 @@ def judge_runners(sequence: ProblemSequence, runners: Sequence[Runner]) -> list[
     """Judges every point beside the best that any runner found.
 
     The first problem does not count for a warm runner: it was solved twice, and cold.
-
-    Args:
-        sequence: what was raced.
-        runners: after the last problem.
     """
     verdicts: list[list[Verdict | None]] = [[] for _ in runners]
     for index, problem in enumerate(sequence.problems):

@@ -34,9 +34,6 @@ def base_knobs(rng: np.random.Generator) -> Knobs:
 
     Equalities take a quarter to 0.35 of the variables' freedom, so that there is room for blocked
     rows and active bounds in every family.
-
-    Args:
-        rng: chooses.
     """
     n, levels = int(rng.integers(20, 81)), int(rng.integers(1, 6))
     equalities = _split(rng, int(n * rng.uniform(0.25, 0.35)), levels)
@@ -81,13 +78,7 @@ def turn_active(knobs: Knobs, number: int) -> Knobs:
 
 
 def family_knobs(turn: Turn, seed: int, number: int) -> Knobs:
-    """Knobs of one problem of a family.
-
-    Args:
-        turn: what the family is about.
-        seed: of the family.
-        number: of the problem.
-    """
+    """Knobs of one problem of a family."""
     return turn(base_knobs(_rng(seed, number)), number)
 
 
@@ -185,13 +176,7 @@ class Drift:
 def drifting_problems(
     drift: Drift, count: int, progress: Progress | None = None
 ) -> Generator[HierarchicalProblem]:
-    """Ticks of a drifting problem; the first ones are the same however many there are.
-
-    Args:
-        drift: how it drifts.
-        count: how many ticks.
-        progress: told how many are done.
-    """
+    """Ticks of a drifting problem; the first ones are the same however many there are."""
     for tick in range(count):
         rng = np.random.default_rng([drift.seed, _SWINGING])
         yield _move(random_hierarchy(rng, _SIZE), drift, tick)

@@ -189,10 +189,6 @@ class PeerProcess:
     def run(self, first: int, count: int) -> None:
         """Lets the peer do a batch of ticks.
 
-        Args:
-            first: index of the first state.
-            count: how many states.
-
         Raises:
             PoiseError: the peer died or does not answer.
         """

@@ -53,12 +53,7 @@ class EncoderRuns:
 
 
 def run_all(share: float, progress: Progress) -> EncoderRuns:
-    """Simulates everything.
-
-    Args:
-        share: share of the motion.
-        progress: of the part.
-    """
+    """Simulates everything."""
     others = [kp for kp in GAINS if kp != KP]
     steps = Steps(progress, len(FORMULAS) + 2 + 2 * len(others) + 3)
 

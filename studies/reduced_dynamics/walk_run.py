@@ -64,10 +64,6 @@ def walk_run(options: StudyOptions, progress: Progress) -> WalkRun:
 
     Several parts show different sides of it. The robot walks under the full controller, with a
     posture below everything; what is timed on its states is the stack of the paper's Table 1.
-
-    Args:
-        options: quick or not.
-        progress: of the part that asks.
     """
     holder = _holder(options.quick)
     if not holder:

@@ -150,8 +150,8 @@ def lift_section(options: StudyOptions, progress: Progress) -> Section:
         tables=(
             Table(
                 title="Lifting one foot",
-                header="controller | e_TS after the lift [s] | lift-off [s] | steady ZMP error [mm] "
-                       "| ZMP to edge, least [mm] | torso, most [rad]",
+                header="controller | e_TS after the lift [s] | lift-off [s] | "
+                       "steady ZMP error [mm] | ZMP to edge, least [mm] | torso, most [rad]",
                 rows=rows,
                 caption="Lift-off: the sole is 2 mm up. The ZMP passes the polygon's edge where "
                 "the polygon shrinks to one foot.",

@@ -89,7 +89,8 @@ def swing_section(options: StudyOptions, progress: Progress) -> Section:
             Table(
                 title="A fast swing",
                 header="way | rotator | robot | ZMP peak to peak [mm] | deviation [mm] "
-                       "| foot travel [mm] | foot error, rms [mm] | ZMP to edge, least [mm] | torso, most [rad]",
+                       "| foot travel [mm] | foot error, rms [mm] | ZMP to edge, least [mm] "
+                       "| torso, most [rad]",
                 rows=tuple(rows),
             ),
         ),

@@ -64,7 +64,7 @@ def test_findings_stand_in_the_order_of_the_parts():
     assert [f.name for f in study.findings] == ["a number", "random"]
     assert [(s.name, s.title) for s in study.sections] == [("one", "Part one"), ("two", "Part two")]
     assert study.ok
-    assert (study.seed, study.quick) == (3, False)
+    assert (study.options.seed, study.options.quick) == (3, False)
 
 
 def test_the_seed_decides_everything_random():
