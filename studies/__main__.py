@@ -4,12 +4,11 @@ import argparse
 import json
 import sys
 from collections.abc import Sequence
-from typing import Any
 
 from poise.cli import Bar, add_output_options, make_folder, run_command, whole_number
-from studies import STUDIES
 from studies.finding import with_unit
-from studies.page import verdict
+from studies.page import verdict, write_study
+from studies.plan import STUDIES, Study, StudyOptions, load_study
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -42,9 +41,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _act(options: argparse.Namespace) -> int:
     """Runs the study and writes everything."""
-    from studies.page import write_study
-    from studies.plan import StudyOptions, load_study
-
     plan = load_study(options.name)
     folder = make_folder(options.out, f"runs/study-{plan.name}")
     study = plan.run(
@@ -63,7 +59,7 @@ def _act(options: argparse.Namespace) -> int:
     return 0 if study.ok else 1
 
 
-def _print(study: Any) -> None:
+def _print(study: Study) -> None:
     print(f"{study.plan.name}: {verdict(study)}")
     for section in study.sections:
         print(section.title)

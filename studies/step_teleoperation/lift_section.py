@@ -107,13 +107,14 @@ def lift_section(options: StudyOptions, progress: Progress) -> Section:
         paint=paint,
     )
     shifter = runs["COM shifter"]
-    pictures, notes = ((), ()) if options.quick else snapshots(
+    pictures, notes = snapshots(
+        options,
         "figure-9",
         "Figure 9: lifting the right foot",
         "Seen from the front.",
         [("", shifter, (0.5, 0.8, 1.1, 1.5, 3.0))],
         azimuth=180.0,
-    )  # fmt: skip
+    )
     findings = [
         _event(shifter, "COM shifter", 0.5, (0.45, 0.55), "around 0.5 s; asked: 0.45 to 0.55 s"),
         _steady(shifter, "COM shifter", 0.0, (-2.0, 2.0), "no steady error; asked: below 2 mm"),
@@ -144,9 +145,7 @@ def lift_section(options: StudyOptions, progress: Progress) -> Section:
         ),
         findings=tuple(findings),
         figures=(*pictures, figure),
-        films=()
-        if options.quick
-        else films([("scenario-2", "Scenario 2, by the COM shifter", shifter)]),
+        films=films(options, [("scenario-2", "Scenario 2, by the COM shifter", shifter)]),
         tables=(
             Table(
                 title="Lifting one foot",
@@ -172,26 +171,30 @@ def _error(run: TeleopRun) -> float | None:
     return 1e3 * float((log.zmp - log.zmp_reference)[rows, 1].mean()) if rows.any() else None
 
 
+def _within(
+    run: TeleopRun,
+    name: str,
+    bounds: tuple[float, float],
+    note: str,
+    *,
+    paper: float | None,
+    ours: float | None,
+    unit: str,
+) -> Finding:
+    """A number that has to lie within bounds at the end of a run without a fall."""
+    ok = ours is not None and not run.fell and bounds[0] <= ours <= bounds[1]
+    return Finding(name=name, paper=paper, ours=ours, unit=unit, ok=ok, note=note)
+
+
 def _event(
     run: TeleopRun, name: str, paper: float, bounds: tuple[float, float], note: str
 ) -> Finding:
-    ours = _since(first(run.log, Mode.SL))
-    ok = ours is not None and not run.fell and bounds[0] <= ours <= bounds[1]
-    return Finding(
-        name=f"e_TS after the lift event, {name}",
-        paper=paper,
-        ours=ours,
-        unit="s",
-        ok=ok,
-        note=note,
-    )
+    what, ours = f"e_TS after the lift event, {name}", _since(first(run.log, Mode.SL))
+    return _within(run, what, bounds, note, paper=paper, ours=ours, unit="s")
 
 
 def _steady(
     run: TeleopRun, name: str, paper: float | None, bounds: tuple[float, float], note: str
 ) -> Finding:
-    ours = _error(run)
-    ok = ours is not None and not run.fell and bounds[0] <= ours <= bounds[1]
-    return Finding(
-        name=f"steady error of the ZMP, {name}", paper=paper, ours=ours, unit="mm", ok=ok, note=note
-    )
+    what = f"steady error of the ZMP, {name}"
+    return _within(run, what, bounds, note, paper=paper, ours=_error(run), unit="mm")

@@ -34,12 +34,13 @@ def obstacle_section(options: StudyOptions, progress: Progress) -> Section:
         height=5.0,
         paint=paint,
     )
-    pictures, notes = ((), ()) if options.quick else snapshots(
+    pictures, notes = snapshots(
+        options,
         "figure-7",
         "Figure 7: two steps over two blocks",
         "Red balls are the devices.",
         [("", run, (0.5, 2.5, 4.0, 6.5, 9.0, 10.5, 13.5))],
-    )  # fmt: skip
+    )
     progress(2.0, 2.0)
     margin = edge_distance(robot, log)[log.time > 0.3]
     stood = not run.fell
@@ -67,5 +68,5 @@ def obstacle_section(options: StudyOptions, progress: Progress) -> Section:
                     note="zero is on the edge: a foot that lifts or lands passes it"),
         ),
         figures=(*pictures, figure),
-        films=() if options.quick else films([("scenario-1", "Scenario 1", run)]),
+        films=films(options, [("scenario-1", "Scenario 1", run)]),
     )  # fmt: skip

@@ -13,6 +13,7 @@ from poise.errors import MissingExtraError
 from poise.robots import Robot
 from poise.sim import Camera, CameraConfig, Marker, NoOpenGLError, render_video
 from studies.finding import Figure, Film, draw
+from studies.plan import StudyOptions
 
 _AXES = ("x forward [m]", "y left [m]")
 
@@ -76,6 +77,7 @@ _WIDTH, _HEIGHT = 300, 420
 
 
 def snapshots(
+    options: StudyOptions,
     name: str,
     title: str,
     caption: str,
@@ -83,9 +85,10 @@ def snapshots(
     *,
     azimuth: float = 145.0,
 ) -> tuple[tuple[Figure, ...], tuple[str, ...]]:
-    """A figure with a row of pictures a run, or a note.
+    """A figure with a row of pictures a run, or a note; neither in the quick version.
 
     Args:
+        options: quick or not.
         name: of the figure.
         title: of it.
         caption: of it.
@@ -95,6 +98,8 @@ def snapshots(
     Returns:
         The figure and no note, or no figure and a note.
     """  # fmt: skip
+    if options.quick:
+        return (), ()
     try:
         pictures = [_pictures(run, times, azimuth) for _, run, times in rows]
     except NoOpenGLError as error:
@@ -134,12 +139,15 @@ def _hands(hands: np.ndarray) -> list[Marker]:
     ]
 
 
-def films(runs: Sequence[tuple[str, str, TeleopRun]]) -> tuple[Film, ...]:
-    """A video a run.
+def films(options: StudyOptions, runs: Sequence[tuple[str, str, TeleopRun]]) -> tuple[Film, ...]:
+    """A video a run; none in the quick version.
 
     Args:
+        options: quick or not.
         runs: name of the file, title, and the run.
     """
+    if options.quick:
+        return ()
     made: list[Film] = []
     with tempfile.TemporaryDirectory() as folder:
         for name, title, run in runs:

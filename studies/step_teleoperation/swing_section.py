@@ -60,8 +60,9 @@ def swing_section(options: StudyOptions, progress: Progress) -> Section:
                  float(run.log.tilt.max()))
             )  # fmt: skip
         figures.append(_figure(way, axis, on, off))
-        if way == "forward" and not options.quick:
+        if way == "forward":
             pictures, notes = snapshots(
+                options,
                 "figure-13",
                 "Figure 13: a fast swing forward, body rotator on and off",
                 "With the rotator the torso leans against the swing.",
@@ -84,7 +85,7 @@ def swing_section(options: StudyOptions, progress: Progress) -> Section:
         ),
         findings=tuple(findings),
         figures=tuple(figures),
-        films=() if options.quick else films(shown),
+        films=films(options, shown),
         tables=(
             Table(
                 title="A fast swing",

@@ -44,13 +44,14 @@ def switch_section(options: StudyOptions, progress: Progress) -> Section:
         height=3.8,
         paint=paint,
     )
-    pictures, notes = ((), ()) if options.quick else snapshots(
+    pictures, notes = snapshots(
+        options,
         "figure-11",
         "Figure 11: switching the support foot",
         "The second timing.",
         [("", runs[1], (2.5, 3.3, 3.9, 4.3, 6.0))],
         azimuth=180.0,
-    )  # fmt: skip
+    )
     figures = [_measure(run) for run in runs]
     rows = tuple(
         (after, fall_note(run), first(run.log, Mode.SR, 3.0), *numbers,
@@ -76,9 +77,7 @@ def switch_section(options: StudyOptions, progress: Progress) -> Section:
         ),
         findings=findings,
         figures=(*pictures, figure),
-        films=()
-        if options.quick
-        else films([("scenario-3", "Scenario 3, second timing", runs[1])]),
+        films=films(options, [("scenario-3", "Scenario 3, second timing", runs[1])]),
         tables=(
             Table(
                 title="Switching the support foot",
