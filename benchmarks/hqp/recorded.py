@@ -7,9 +7,9 @@ from functools import partial
 import numpy as np
 
 from benchmarks.clocked import Subject
-from benchmarks.hqp.problem_set import Progress, Source, copy_problem, shape_of
+from benchmarks.hqp.problem_set import Make, Progress, Source, copy_problem, shape_of
 from benchmarks.methods import REFERENCE, parse_method
-from benchmarks.recording import record_run
+from benchmarks.recording import STANCES, record_run
 from benchmarks.teleop import Walk, WalkTick, record_walk
 from poise.apps.scenarios import load_scenario, stage_scenario
 from poise.control import (
@@ -132,74 +132,6 @@ def _begins(window: Window, feet: int, before: int) -> bool:
     return window.begins is None or (feet == window.begins and before not in (feet, -1))
 
 
-_VELOCITY = ControllerPlan(name="differential_ik", strategy="hqp")
-
-_STANDING = (
-    ("stand", "stand", 0.2, "Standing on both feet"),
-    ("squat", "squat", 1.4, "A squat, half way down, with both hands held where they are"),
-    ("reach", "reach", 1.4, "Both hands on their way to the edge of their reach"),
-    ("reach-beyond", "reach", 3.8, "Both hands are sent beyond their reach, which they miss"),
-    ("push", "push", 4.145, "After a push from the side, which makes tasks give way"),
-    ("one-leg", "balance_one_leg", 3.5, "Standing on the right foot, the left one going up"),
-)
-
-_ROBOTS = ("humanoid33", "g1")
-
-
-def _source(name: str, about: str, window: Window) -> Source:
-    return Source(
-        name=name,
-        family="recorded",
-        description=f"{about}; {window.robot}, every tick.",
-        consecutive=True,
-        make=partial(record_window, window),
-    )
-
-
-def _walk(name: str, robot: str, scenario: str, at: float, feet: int, about: str) -> Source:
-    window = Window(scenario=scenario, robot=robot, at=at, begins=feet)
-    return _source(f"{name}-{robot}", about, window)
-
-
-_SCENARIOS = (
-    *(
-        _source(f"{name}-{robot}", about, Window(scenario=scenario, robot=robot, at=at))
-        for name, scenario, at, about in _STANDING
-        for robot in _ROBOTS
-    ),
-    *(
-        _walk(name, robot, "walk", 3.0, feet, about)
-        for name, feet, about in (
-            ("walk-lift-off", 1, "A walk from a lift-off on"),
-            ("walk-touch-down", 2, "A walk from a touch-down to the lift-off"),
-        )
-        for robot in _ROBOTS
-    ),
-    _source(
-        "walk-pushed-humanoid33",
-        "A walk on one foot while it is pushed, which makes tasks give way",
-        Window(scenario="walk", robot="humanoid33", at=9.354),
-    ),
-    _walk("walk-pushed-landing", "humanoid33", "walk", 9.5, 2, "The touch-down after the push"),
-    _walk("walk-sideways", "humanoid33", "walk_sideways", 3.0, 1, "A step to the side"),
-    _walk("walk-turn", "humanoid33", "walk_turn", 3.0, 1, "A step of a walk in a circle"),
-    _walk("walk-step", "humanoid33", "walk_step", 5.0, 1, "A step onto a block"),
-    _source(
-        "reduced-squat-humanoid33",
-        "A squat, LQP 1 of the reduced controller",
-        Window(scenario="squat", robot="humanoid33", at=1.4, plan=ControllerPlan(name="reduced")),
-    ),
-    *(
-        _source(
-            f"velocity-reach-{robot}",
-            "Differential inverse kinematics, a hand sent beyond its reach",
-            Window(scenario=scenario, robot=robot, at=3.8, plan=_VELOCITY),
-        )
-        for scenario, robot in (("reach", "humanoid33"), ("reach_arm", "arm6"))
-    ),
-)
-
-
 LADDER = (20, 28, 37, 45, 60)
 """Joints of the humanoids that are recorded on two feet and on one."""
 
@@ -304,57 +236,115 @@ def _aim(stack: Stack, robot: Robot, dynamics: Dynamics, tick: WalkTick) -> None
             task.set_target(np.array(tick.state.q[-robot.nj :]))
 
 
-def _stance_source(
-    name: str, robot: str, stance: str, stack: str, controller: str, about: str
+_STANDING = (
+    ("stand", "stand", 0.2, "Standing on both feet"),
+    ("squat", "squat", 1.4, "A squat, half way down, with both hands held where they are"),
+    ("reach", "reach", 1.4, "Both hands on their way to the edge of their reach"),
+    ("reach-beyond", "reach", 3.8, "Both hands are sent beyond their reach, which they miss"),
+    ("push", "push", 4.145, "After a push from the side, which makes tasks give way"),
+    ("one-leg", "balance_one_leg", 3.5, "Standing on the right foot, the left one going up"),
+)
+"""Name, scenario, time [s], and what happens."""
+
+_WALKING = (
+    ("walk-pushed-landing", "walk", 9.5, 2, "The touch-down after the push"),
+    ("walk-sideways", "walk_sideways", 3.0, 1, "A step to the side"),
+    ("walk-turn", "walk_turn", 3.0, 1, "A step of a walk in a circle"),
+    ("walk-step", "walk_step", 5.0, 1, "A step onto a block"),
+)
+"""Likewise, with the number of feet on the ground from which it counts before the last."""
+
+_MOVING = (
+    *(
+        (joints, "moving", STANCES, "default", "whole_body", "the posture level gives way")
+        for joints in LADDER
+    ),
+    (33, "table1", STANCES, "table1", "whole_body", "everything can be met"),
+    *(
+        (joints, "reduced", STANCES[:1], "table1", "reduced", "LQP 1 of the reduced controller")
+        for joints in (33, 60)
+    ),
+)
+"""Joints, name, stances, stack, controller, and what is special."""
+
+
+def _window(
+    name: str,
+    about: str,
+    scenario: str,
+    at: float,
+    *,
+    robot: str = "humanoid33",
+    begins: int | None = None,
+    plan: ControllerPlan | None = None,
 ) -> Source:
-    feet = "two feet" if stance == "double" else "one foot"
+    window = Window(scenario=scenario, robot=robot, at=at, begins=begins, plan=plan)
+    words = f"{about}; {robot}, every tick."
+    return _source(f"{name}-{robot}", words, partial(record_window, window))
+
+
+def _source(name: str, description: str, make: Make) -> Source:
     return Source(
-        name=f"{name}-{stance}",
-        family="recorded",
-        description=f"{robot} on {feet}, COM and hands go round; {about}.",
-        consecutive=True,
-        make=partial(record_stance, robot, stance, stack, controller),
+        name=name, family="recorded", description=description, consecutive=True, make=make
     )
 
 
-_STANCES = (
+SOURCES = (
     *(
-        _stance_source(
-            f"moving-{joints}",
-            f"humanoid{joints}",
-            stance,
-            "default",
-            "whole_body",
-            "the posture level gives way",
-        )
-        for joints in LADDER
-        for stance in ("double", "single")
+        _window(name, about, scenario, at, robot=robot)
+        for name, scenario, at, about in _STANDING
+        for robot in ("humanoid33", "g1")
     ),
     *(
-        _stance_source(
-            "table1-33", "humanoid33", stance, "table1", "whole_body", "everything can be met"
+        _window(name, about, "walk", 3.0, robot=robot, begins=feet)
+        for name, feet, about in (
+            ("walk-lift-off", 1, "A walk from a lift-off on"),
+            ("walk-touch-down", 2, "A walk from a touch-down to the lift-off"),
         )
-        for stance in ("double", "single")
+        for robot in ("humanoid33", "g1")
+    ),
+    _window(
+        "walk-pushed",
+        "A walk on one foot while it is pushed, which makes tasks give way",
+        "walk",
+        9.354,
     ),
     *(
-        _stance_source(
-            f"reduced-{joints}",
-            f"humanoid{joints}",
-            "double",
-            "table1",
-            "reduced",
-            "LQP 1 of the reduced controller",
-        )
-        for joints in (33, 60)
+        _window(name, about, scenario, at, begins=feet)
+        for name, scenario, at, feet, about in _WALKING
     ),
-    Source(
-        name="by-hand-biped20",
-        family="recorded",
-        description="A walk by hand over an obstacle, followed by differential inverse kinematics.",
-        consecutive=True,
-        make=record_by_hand,
+    _window(
+        "reduced-squat",
+        "A squat, LQP 1 of the reduced controller",
+        "squat",
+        1.4,
+        plan=ControllerPlan(name="reduced"),
+    ),
+    *(
+        _window(
+            "velocity-reach",
+            "Differential inverse kinematics, a hand sent beyond its reach",
+            scenario,
+            3.8,
+            robot=robot,
+            plan=ControllerPlan(name="differential_ik", strategy="hqp"),
+        )
+        for scenario, robot in (("reach", "humanoid33"), ("reach_arm", "arm6"))
+    ),
+    *(
+        _source(
+            f"{name}-{joints}-{stance}",
+            f"humanoid{joints} on {'two feet' if stance == 'double' else 'one foot'}, COM and "
+            f"hands go round; {about}.",
+            partial(record_stance, f"humanoid{joints}", stance, stack, controller),
+        )
+        for joints, name, stances, stack, controller, about in _MOVING
+        for stance in stances
+    ),
+    _source(
+        "by-hand-biped20",
+        "A walk by hand over an obstacle, followed by differential inverse kinematics.",
+        record_by_hand,
     ),
 )
-
-SOURCES = (*_SCENARIOS, *_STANCES)
 """Sequences of the shipped scenarios, of robots that move, by joints, and of the walk by hand."""
