@@ -9,9 +9,9 @@ from studies.finding import Finding, Section, Table
 from studies.plan import Progress, Steps, StudyOptions
 from studies.step_teleoperation.runs import (
     beyond,
-    edge_distance,
     fall_note,
     first,
+    least_margin,
     run_script,
     script_parameters,
 )
@@ -19,9 +19,6 @@ from studies.step_teleoperation.switch_section import AFTER
 
 _LIFTED = {"right": Mode.SL, "left": Mode.SR}
 """A foot, and the mode in which it is in the air."""
-
-_SETTLED = 0.3
-"""From when on margins count: the robot has come to rest on the ground [s]."""
 
 
 def g1_section(options: StudyOptions, progress: Progress) -> Section:
@@ -54,8 +51,7 @@ def g1_section(options: StudyOptions, progress: Progress) -> Section:
                 note="asked: " + ", ".join(asked),
             )
         )
-        margin = 1e3 * float(edge_distance(robot, run.log)[run.log.time > _SETTLED].min())
-        rows.append((script.name, fall_note(run), "yes" if touched else "no", margin))
+        rows.append((script.name, fall_note(run), "yes" if touched else "no", least_margin(run)))
     steps.finish()
     paper, ours = TeleopParameters(), script_parameters(robot, scripts[1])
     changed = [f.name for f in fields(paper) if getattr(paper, f.name) != getattr(ours, f.name)]

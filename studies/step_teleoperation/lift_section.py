@@ -1,7 +1,6 @@
 """Scenario 2: from the lifted device to the lifted foot, by COM shifter and by preview control."""
 
 from collections import deque
-from typing import Any
 
 import numpy as np
 from jaxtyping import Float64
@@ -9,12 +8,12 @@ from jaxtyping import Float64
 from poise.apps.teleoperation import TeleopRun, lift_one_foot
 from poise.locomotion import Mode, PreviewControl, natural_frequency
 from poise.robots import load_robot
-from studies.finding import Finding, Section, Table, draw, one_legend
+from studies.finding import Finding, Section, Table, draw
 from studies.plan import Progress, Steps, StudyOptions
-from studies.step_teleoperation.pictures import films, paint_zmp, snapshots
+from studies.step_teleoperation.pictures import films, paint_sideways, snapshots
 from studies.step_teleoperation.runs import (
-    edge_distance,
     first,
+    least_margin,
     lift_off,
     run_script,
     script_parameters,
@@ -90,21 +89,12 @@ def lift_section(options: StudyOptions, progress: Progress) -> Section:
         runs[name] = run_script(robot, script, driver=driver, rotator=False)
     steps.finish()
 
-    def paint(canvas: Any) -> None:
-        panels = canvas.subplots(1, len(runs), sharey=True)
-        for panel, (name, run) in zip(panels, runs.items(), strict=True):
-            paint_zmp(panel, robot, run.log, 1)
-            panel.set_title(name, fontweight="normal", pad=14)
-            panel.set_xlim(0.3, 2.6)
-            panel.set_xlabel("time [s]")
-        one_legend(canvas, panels[0])
-
     figure = draw(
         name="figure-10",
         title="Figure 10: from double to single support",
         caption=f"The right device is lifted at {_LIFTED} s; SL begins with the event e_TS.",
         height=3.8,
-        paint=paint,
+        paint=lambda canvas: paint_sideways(canvas, runs, (0.3, 2.6)),
     )
     shifter = runs["COM shifter"]
     pictures, notes = snapshots(
@@ -132,7 +122,7 @@ def lift_section(options: StudyOptions, progress: Progress) -> Section:
         ]  # fmt: skip
     rows = tuple(
         (name, _since(first(run.log, Mode.SL)), _since(lift_off(run.log, 1, _LIFTED)),
-         _error(run), 1e3 * float(edge_distance(robot, run.log)[run.log.time > 0.3].min()),
+         _error(run), least_margin(run),
          float(run.log.tilt.max()))
         for name, run in runs.items()
     )  # fmt: skip

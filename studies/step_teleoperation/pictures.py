@@ -1,7 +1,7 @@
 """What a run looks like: ZMP and COM over time, as the paper has them, pictures and videos."""
 
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,7 @@ from poise.apps.teleoperation import MODES, TeleopLog, TeleopRun
 from poise.errors import MissingExtraError
 from poise.robots import Robot
 from poise.sim import Camera, CameraConfig, Marker, NoOpenGLError, render_video
-from studies.finding import Figure, Film, draw
+from studies.finding import Figure, Film, draw, one_legend
 from studies.plan import StudyOptions
 
 _AXES = ("x forward [m]", "y left [m]")
@@ -51,6 +51,23 @@ def paint_zmp(panel: Any, robot: Robot, log: TeleopLog, axis: int, *, start: flo
             )  # fmt: skip
     panel.set_ylabel(_AXES[axis])
     panel.margins(x=0.01)
+
+
+def paint_sideways(canvas: Any, runs: Mapping[str, TeleopRun], span: tuple[float, float]) -> None:
+    """ZMP and COM sideways, a panel a run.
+
+    Args:
+        canvas: to draw on.
+        runs: by the title of the panel.
+        span: times that are shown [s].
+    """
+    panels = canvas.subplots(1, len(runs), sharey=True)
+    for panel, (title, run) in zip(panels, runs.items(), strict=True):
+        paint_zmp(panel, run.plant.robot, run.log, 1)
+        panel.set_title(title, fontweight="normal", pad=14)
+        panel.set_xlim(*span)
+        panel.set_xlabel("time [s]")
+    one_legend(canvas, panels[0])
 
 
 def _support(robot: Robot, log: TeleopLog, axis: int) -> tuple[np.ndarray, np.ndarray]:

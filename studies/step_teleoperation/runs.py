@@ -16,6 +16,9 @@ from poise.locomotion import (
 )
 from poise.robots import Robot
 
+SETTLED = 0.3
+"""From when on margins count: the robot has come to rest on the ground [s]."""
+
 
 def run_script(robot: Robot, script: Script, **changes: Any) -> TeleopRun:
     """One script on the plant of teleoperation; `changes` go to `run_teleop`."""
@@ -62,6 +65,12 @@ def edge_distance(robot: Robot, log: TeleopLog) -> Float64[np.ndarray, " T"]:
         x, y = log.zmp[i]
         out[i] = SupportPolygon(corners, 0.0).depth((float(x), float(y)))
     return out
+
+
+def least_margin(run: TeleopRun, after: float = SETTLED) -> float:
+    """The ZMP's least distance from the edge after a time [s], negative outside [mm]."""
+    margin = edge_distance(run.plant.robot, run.log)[run.log.time > after]
+    return 1e3 * float(margin.min())
 
 
 def beyond(robot: Robot, log: TeleopLog, script: Script) -> float:

@@ -10,7 +10,7 @@ from poise.robots import load_robot
 from studies.finding import Figure, Finding, Section, Table, draw
 from studies.plan import Progress, Steps, StudyOptions
 from studies.step_teleoperation.pictures import films, snapshots
-from studies.step_teleoperation.runs import edge_distance, fall_note, run_script
+from studies.step_teleoperation.runs import fall_note, least_margin, run_script
 
 _FIRST_SWING = 3.0
 """When the script begins to swing [s]."""
@@ -54,9 +54,8 @@ def swing_section(options: StudyOptions, progress: Progress) -> Section:
         with_it, without = measure(on, axis), measure(off, axis)
         findings += _findings(way, on, off, with_it, without)
         for name, run, numbers in (("on", on, with_it), ("off", off, without)):
-            margin = edge_distance(robot, run.log)[run.log.time > _FIRST_SWING]
             rows.append(
-                (way, name, fall_note(run), *numbers, 1e3 * float(margin.min()),
+                (way, name, fall_note(run), *numbers, least_margin(run, _FIRST_SWING),
                  float(run.log.tilt.max()))
             )  # fmt: skip
         figures.append(_figure(way, axis, on, off))

@@ -1,16 +1,14 @@
 """Scenario 3: from one foot to the other, with three timings."""
 
-from typing import Any
-
 import numpy as np
 
 from poise.apps.teleoperation import TeleopRun, switch_feet
 from poise.locomotion import Mode
 from poise.robots import load_robot
-from studies.finding import Finding, Section, Table, draw, one_legend
+from studies.finding import Finding, Section, Table, draw
 from studies.plan import Progress, Steps, StudyOptions
-from studies.step_teleoperation.pictures import films, paint_zmp, snapshots
-from studies.step_teleoperation.runs import edge_distance, fall_note, first, run_script
+from studies.step_teleoperation.pictures import films, paint_sideways, snapshots
+from studies.step_teleoperation.runs import fall_note, first, least_margin, run_script
 
 AFTER = (0.1, 0.6, 1.1)
 """From the right device's touching the ground to the left one's lift [s]: with the paper's 1.2, 1.7
@@ -27,22 +25,14 @@ def switch_section(options: StudyOptions, progress: Progress) -> Section:
         runs.append(run_script(robot, switch_feet(robot, after)))
     steps.finish()
 
-    def paint(canvas: Any) -> None:
-        panels = canvas.subplots(1, len(runs), sharey=True)
-        for panel, run, after in zip(panels, runs, AFTER, strict=True):
-            paint_zmp(panel, robot, run.log, 1)
-            panel.set_title(f"lift {after:.1f} s later", fontweight="normal", pad=14)
-            panel.set_xlim(2.8, 6.3)
-            panel.set_xlabel("time [s]")
-        one_legend(canvas, panels[0])
-
+    by_title = {f"lift {after:.1f} s later": run for after, run in zip(AFTER, runs, strict=True)}
     figure = draw(
         name="figure-12",
         title="Figure 12: from SL over D and TR to SR",
         caption="The left device is lifted shortly after the right foot has landed, after the ZMP "
         "has reached the middle, and after COM and ZMP have settled there.",
         height=3.8,
-        paint=paint,
+        paint=lambda canvas: paint_sideways(canvas, by_title, (2.8, 6.3)),
     )
     pictures, notes = snapshots(
         options,
@@ -55,7 +45,7 @@ def switch_section(options: StudyOptions, progress: Progress) -> Section:
     figures = [_measure(run) for run in runs]
     rows = tuple(
         (after, fall_note(run), first(run.log, Mode.SR, 3.0), *numbers,
-         1e3 * float(edge_distance(robot, run.log)[run.log.time > 0.3].min()),
+         least_margin(run),
          float(run.log.tilt.max()))
         for after, run, numbers in zip(AFTER, runs, figures, strict=True)
     )  # fmt: skip

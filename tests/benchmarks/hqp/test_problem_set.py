@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.hqp.packed import FLOATS
 from benchmarks.hqp.problem_set import (
+    FLOATS,
     ProblemSequence,
     copy_problem,
     load_folder,
