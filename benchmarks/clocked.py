@@ -4,7 +4,7 @@
 """
 
 import gc
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Generator, Iterable, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from time import perf_counter, thread_time
@@ -192,6 +192,23 @@ class Turns:
         """Ticks that count for slow methods."""
         every = self.quick_counted()
         return every[every % self.batch <= self.slow]
+
+    def counted(self, solver: str) -> Int64[np.ndarray, " n"]:
+        """Ticks that count for a method by its name."""
+        return self.quick_counted() if is_quick(solver) else self.slow_counted()
+
+
+def is_quick(solver: str) -> bool:
+    """Whether a method is timed on every tick: one of Poise's own, which has no backend."""
+    return "/" not in solver
+
+
+def time_all(subjects: Iterable[Clocked], turns: Turns) -> Generator[int]:
+    """Times controllers in turn, quick or slow by the names of their methods; see `take_turns`."""
+    groups: dict[bool, list[Clocked]] = {True: [], False: []}
+    for one in subjects:
+        groups[is_quick(one.solver)].append(one)
+    yield from take_turns(groups[True], groups[False], turns)
 
 
 def take_turns(quick: Sequence[Timed], slow: Sequence[Timed], turns: Turns) -> Generator[int]:

@@ -3,13 +3,13 @@
 `speed_targets`: the ratios that the reduced controller should reach, beside what it reaches.
 """
 
-from collections.abc import Generator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from benchmarks.clocked import Subject, Turns, take_turns
-from benchmarks.methods import Method, timed_methods
-from benchmarks.recording import STACKS, STANCES, Progress, Recording, record_run
+from benchmarks.clocked import Subject, Turns, time_all
+from benchmarks.methods import timed_methods
+from benchmarks.recording import STACKS, STANCES, Progress, record_run
 from benchmarks.result import (
     TIME_HEADS,
     Result,
@@ -188,29 +188,14 @@ def bench_dof(plan: DofBench, progress: Progress | None = None) -> list[TickResu
     for i, (joints, stance) in enumerate(plan.cases):
         turns = Turns(ticks=50 + plan.ticks, slow=plan.slow_ticks)
         recording = record_run(robots[joints], stance, turns.ticks)
-        subjects = {m: Subject(recording, plan.stack, m) for m in methods}
-        for done in _time(subjects, turns):
+        subjects = [Subject(recording, plan.stack, m) for m in methods]
+        for done in time_all(subjects, turns):
             if progress is not None:
                 progress(i + done / turns.ticks, float(len(plan.cases)))
-        results += _results(recording, plan.stack, subjects, turns)
+        counted = {m.name: turns.counted(m.name) for m in methods}
+        found = tick_results(recording, plan.stack, "tick", subjects, counted)
+        results += sorted(found, key=lambda r: (r.solver != "direct", r.controller == "reduced"))
     return results
-
-
-def _time(subjects: dict[Method, Subject], turns: Turns) -> Generator[int]:
-    quick = [one for method, one in subjects.items() if method.backend is None]
-    slow = [one for method, one in subjects.items() if method.backend is not None]
-    yield from take_turns(quick, slow, turns)
-
-
-def _results(
-    recording: Recording, kind: str, subjects: dict[Method, Subject], turns: Turns
-) -> list[TickResult]:
-    counted = {
-        method.name: turns.quick_counted() if method.backend is None else turns.slow_counted()
-        for method in subjects
-    }
-    results = tick_results(recording, kind, "tick", list(subjects.values()), counted)
-    return sorted(results, key=lambda r: (r.solver != "direct", r.controller == "reduced"))
 
 
 _HEADS = ("joints", "variables", "rows", *TIME_HEADS, "x whole", "residual", "relaxed")

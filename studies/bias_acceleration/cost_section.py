@@ -259,28 +259,14 @@ _PROPOSED: Curve = ("proposed bias acceleration", cost.bias_proposed, _GREEN, "s
 
 
 def _figures() -> Generator[Figure]:
-    sweeps = (
-        (
-            "figure-1",
-            "Figure 1: what the original bias acceleration costs within the formulation",
-            "Operations of one control tick as the robot gets more joints, as it gets more tasks, "
-            "and as the tasks get more rows. Numbers at the right end are those that the paper "
-            "quotes.",
-            (_OSF, _ORIGINAL),
-        ),
-        (
-            "figure-3",
-            "Figure 3: the bias acceleration by the original and by the proposed formula",
-            "The same sweeps as in Figure 1, on a scale of their own: the proposed formula grows "
-            "with n, not with its square, and with m, not with its cube.",
-            (_ORIGINAL, _PROPOSED),
-        ),
+    yield draw(
+        "figure-1",
+        "Figure 1: what the original bias acceleration costs within the formulation",
+        "Operations of one control tick as the robot gets more joints, as it gets more tasks, and "
+        "as the tasks get more rows. Numbers at the right end are those that the paper quotes.",
+        4.1,
+        partial(_paint_sweeps, curves=(_OSF, _ORIGINAL)),
     )
-    first, third = (
-        draw(name, title, caption, 4.1, partial(_paint_sweeps, curves=curves))
-        for name, title, caption, curves in sweeps
-    )
-    yield first
     n, k, m = FIGURE_2
     yield draw(
         "figure-2",
@@ -291,7 +277,14 @@ def _figures() -> Generator[Figure]:
         3.9,
         _paint_steps,
     )
-    yield third
+    yield draw(
+        "figure-3",
+        "Figure 3: the bias acceleration by the original and by the proposed formula",
+        "The same sweeps as in Figure 1, on a scale of their own: the proposed formula grows with "
+        "n, not with its square, and with m, not with its cube.",
+        4.1,
+        partial(_paint_sweeps, curves=(_ORIGINAL, _PROPOSED)),
+    )
 
 
 def _paint_sweeps(canvas: Any, curves: tuple[Curve, ...]) -> None:

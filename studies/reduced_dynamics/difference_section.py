@@ -32,7 +32,7 @@ def difference_section(options: StudyOptions, progress: Progress) -> Section:
     for solver in ("direct", "cascade/osqp"):
         for kind, unit in _KINDS:
             largest = _largest(run, solver, kind)
-            by_stance = {s: _difference(run, solver, s, kind) for s in STANCES}
+            by_stance = {s: _gap(run, solver, kind, run.answered(solver, s)) for s in STANCES}
             worst = max(float(d.max()) for d in by_stance.values())
             typical = [float(np.median(d)) for d in by_stance.values()]
             most = [float(d.max()) for d in by_stance.values()]
@@ -67,10 +67,6 @@ def difference_section(options: StudyOptions, progress: Progress) -> Section:
 def _answers(run: WalkRun, controller: str, solver: str, kind: str) -> Float64[np.ndarray, "T n"]:
     found: Float64[np.ndarray, "T n"] = getattr(run.subjects[controller, solver], kind)
     return found
-
-
-def _difference(run: WalkRun, solver: str, stance: str, kind: str) -> Float64[np.ndarray, " n"]:
-    return _gap(run, solver, kind, run.answered(solver, stance))
 
 
 def _gap(
