@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float64, Int64
 
-from benchmarks.drawing import INK, PALETTE, plain_number
-from poise.apps.report import house_style
+from benchmarks.drawing import INK, PALETTE, picture, plain_number
 from poise.control import CONTROLLERS
 
 PHASES = ("dynamics", "assembly", "solve", "command")
@@ -226,11 +225,8 @@ def write_figure(results: Sequence[TickResult], path: Path) -> Path:
     """
     stacks = list(dict.fromkeys(r.stack for r in results))
     tallest = max(sum(r.stack == stack for r in results) for stack in stacks)
-    with house_style():
-        from matplotlib.figure import Figure
-
-        height = 1.1 + len(stacks) * (0.6 + 0.36 * tallest)
-        figure: Any = Figure(figsize=(9.0, height), layout="constrained")
+    height = 1.1 + len(stacks) * (0.6 + 0.36 * tallest)
+    with picture(path, 9.0, height, 150) as figure:
         panels = figure.subplots(
             len(stacks), 2, squeeze=False, sharex="col", width_ratios=(1.5, 1.0)
         )
@@ -245,7 +241,6 @@ def write_figure(results: Sequence[TickResult], path: Path) -> Path:
         panels[-1, 1].set_xlabel("share of the tick, medians [%]")
         handles, labels = panels[0, 1].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside upper right", ncols=len(labels))
-        figure.savefig(path, facecolor="white", dpi=150)
     return path
 
 

@@ -1,7 +1,7 @@
 """First study, with encoders: Figure 6, Tables 2 and 3."""
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -19,6 +19,10 @@ ENCODER = Encoder(bits=17, gear=100.0)
 
 GAINS = (25.0, KP, 400.0, 900.0)
 """Stiffnesses that are tried [1/s^2]: a task's error dies away at 5 to 30 rad/s."""
+
+
+_PAIR = ("numerical", "original")
+"""What is compared at all gains."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -41,15 +45,10 @@ class EncoderRuns:
     along_exact: SideBySide
     along_numerical: SideBySide
 
-    def sigma_ratio(self, kp: float) -> float:
-        """Greatest sigma, numerical to original."""
-        pair = self.by_gain[kp]
-        return float(pair["numerical"].sigma.max() / pair["original"].sigma.max())
-
-    def tilt_ratio(self, kp: float) -> float:
-        """Greatest tilt, numerical to original."""
-        pair = self.by_gain[kp]
-        return float(pair["numerical"].tilt.max() / pair["original"].tilt.max())
+    def ratio(self, what: Literal["sigma", "tilt"], kp: float) -> float:
+        """Greatest sigma or tilt at a gain, numerical to original."""
+        numerical, original = (getattr(self.by_gain[kp][f], what) for f in _PAIR)
+        return float(numerical.max() / original.max())
 
 
 def run_all(share: float, progress: Progress) -> EncoderRuns:
@@ -63,9 +62,7 @@ def run_all(share: float, progress: Progress) -> EncoderRuns:
 
     by_formula = {name: carry(name) for name in FORMULAS}
     exact = {name: carry(name, "exact") for name in ("original", "proposed")}
-    by_gain = {KP: by_formula} | {
-        kp: {name: carry(name, kp=kp) for name in ("original", "numerical")} for kp in others
-    }
+    by_gain = {KP: by_formula} | {kp: {name: carry(name, kp=kp) for name in _PAIR} for kp in others}
     along = [
         compare_along(by_formula[name], KP, derivative=derivative, progress=steps.next())
         for name, derivative in (
@@ -254,14 +251,14 @@ def _sigma(runs: EncoderRuns) -> list[Finding]:
             ),
         )
     ]
-    ratios = [runs.sigma_ratio(kp) for kp in GAINS]
+    ratios = [runs.ratio("sigma", kp) for kp in GAINS]
     true = runs.by_formula["numerical"].sigma_true.max()
     true_ratio = true / runs.by_formula["original"].sigma_true.max()
     findings.append(
         Finding(
             name="Table 3: greatest σ, numerical to original",
             paper=211,
-            ours=runs.sigma_ratio(KP),
+            ours=runs.ratio("sigma", KP),
             ok=min(ratios) > _ORDER_OF_MAGNITUDE,
             note="“211 times larger”: more than an order of magnitude at every gain "
             f"({number_text(min(ratios))} to {number_text(max(ratios))}). With the true state's "
@@ -273,7 +270,7 @@ def _sigma(runs: EncoderRuns) -> list[Finding]:
 
 def _tilt(runs: EncoderRuns) -> list[Finding]:
     most = {name: degrees_most(trace.tilt) for name, trace in runs.by_formula.items()}
-    ratios = {kp: runs.tilt_ratio(kp) for kp in GAINS}
+    ratios = {kp: runs.ratio("tilt", kp) for kp in GAINS}
     best = max(ratios, key=ratios.__getitem__)
     return [
         Finding(
@@ -376,9 +373,9 @@ def _gains(runs: EncoderRuns) -> Table:
         (
             kp,
             *(degrees_most(pair[name].sigma) for name in ("original", "numerical")),
-            runs.sigma_ratio(kp),
+            runs.ratio("sigma", kp),
             *(degrees_most(pair[name].tilt) for name in ("original", "numerical")),
-            runs.tilt_ratio(kp),
+            runs.ratio("tilt", kp),
         )
         for kp, pair in runs.by_gain.items()
     ]
