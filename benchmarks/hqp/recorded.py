@@ -252,7 +252,7 @@ _WALKING = (
     ("walk-turn", "walk_turn", 3.0, 1, "A step of a walk in a circle"),
     ("walk-step", "walk_step", 5.0, 1, "A step onto a block"),
 )
-"""Likewise, with the number of feet on the ground from which it counts before the last."""
+"""Name, scenario, time [s], on how many feet it begins, and what happens."""
 
 _MOVING = (
     *(
