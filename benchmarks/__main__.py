@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from benchmarks.hqp.command import MADE, act_hqp
 from poise.cli import Bar, add_output_options, make_folder, run_command, words_of
 from poise.errors import ConfigurationError, UnknownNameError
 
@@ -71,7 +72,7 @@ _OPTIONS: dict[str, tuple[str, tuple[str, ...], str]] = {
     "count": (
         "N",
         ("hqp",),
-        "hqp: most problems of a sequence (default: 31, or all of those in FOLDER)",
+        f"hqp: most problems of a sequence (default: {MADE}, or all of those in FOLDER)",
     ),
     "save": ("FOLDER", ("hqp",), "hqp: make all sequences and save them, race nothing"),
 }
@@ -118,14 +119,8 @@ def _act(options: argparse.Namespace) -> int:
     teleop = options.name == "tick" and options.controller == "teleop"
     name = "teleop" if teleop else options.name
     _refuse_foreign(options, name)
-    if name == "hqp":
-        from benchmarks.hqp.command import act_hqp
-
-        act_hqp(options)
-    else:
-        {"tick": _tick, "teleop": _teleop, "dof": _dof, "peers": _peers, "bias": _bias}[name](
-            options
-        )
+    runs = {"tick": _tick, "teleop": _teleop, "dof": _dof, "peers": _peers, "bias": _bias}
+    (runs | {"hqp": act_hqp})[name](options)
     return 0
 
 
