@@ -168,7 +168,7 @@ def time_cells(row: "TickResult") -> list[str]:
     return [or_dash(t, ".0f") for t in (*times, *(row.phases_us[phase] for phase in PHASES))]
 
 
-def or_dash(value: float | None, form: str) -> str:
+def or_dash(value: int | float | None, form: str) -> str:
     """A number by a format; a dash for None."""
     return "-" if value is None else format(value, form)
 
