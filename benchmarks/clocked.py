@@ -16,7 +16,7 @@ from benchmarks.methods import Method
 from benchmarks.recording import Recording
 from benchmarks.result import PHASES, Ticks, TickTimes
 from benchmarks.stances import bench_stack
-from poise.control import PHYSICS_LEVELS, Command, Controller, make_controller
+from poise.control import Command, Controller, make_controller
 from poise.dynamics import RobotState
 
 RELAXED = 1e-8
@@ -68,7 +68,8 @@ class Clocked:
         self._phases[index] = [timings[phase] for phase in PHASES]
         self._missed[index] = not command.status.ok
         if residuals:
-            self._residual[index] = max(residuals[:PHYSICS_LEVELS])
+            physics = len(residuals) - len(controller.stack.levels)
+            self._residual[index] = max(residuals[:physics])
             self._relaxed[index] = max(residuals) > RELAXED
         self.command = command
 

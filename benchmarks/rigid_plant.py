@@ -14,9 +14,9 @@ from benchmarks.encoder import Encoder, JointSensors
 from poise.control import Command
 from poise.dynamics import RobotState
 from poise.errors import ConfigurationError, PoiseError
-from poise.robots import GRAVITY, Robot
+from poise.robots import Robot
 
-EARTH = -GRAVITY
+EARTH = -9.81
 """Vertical gravity on Earth, as robots' models have it [m/s^2]."""
 
 CONTROL_DT = 1e-3

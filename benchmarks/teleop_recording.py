@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from benchmarks.recording import Progress
-from poise.apps.teleoperation import TELEOP_PLANT, Script, over_an_obstacle
+from poise.apps.teleoperation import SCRIPTS, TELEOP_PLANT, Script
 from poise.dynamics import RobotState
 from poise.errors import PoiseError
 from poise.locomotion import DeviceSample, StepTeleoperator
@@ -45,7 +45,7 @@ class Walk:
         """
         # Says what is wrong with a robot that is no biped, before a script is made for it.
         StepTeleoperator(robot)
-        script = over_an_obstacle(robot)
+        script = SCRIPTS[SCENARIO](robot)
         return cls(
             robot=robot,
             script=script,

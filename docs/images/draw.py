@@ -17,7 +17,7 @@ import numpy as np
 from PIL import Image
 
 import poise
-from poise.apps.teleoperation import over_an_obstacle
+from poise.apps.teleoperation import SCRIPTS
 
 HERE = Path(__file__).parent
 ROBOT = "humanoid33"
@@ -57,7 +57,7 @@ def draw_obstacle() -> None:
     """The main job, moment by moment."""
     robot = poise.load_robot("biped20")
     log = poise.sim.read_log(RUNS / MAIN / "log.mcap")
-    plant = poise.sim.Plant(robot, poise.sim.PlantConfig(blocks=over_an_obstacle(robot).blocks))
+    plant = poise.sim.Plant(robot, poise.sim.PlantConfig(blocks=SCRIPTS["over_an_obstacle"](robot).blocks))
     config = poise.sim.CameraConfig(
         width=230, height=420, azimuth=140.0, elevation=-12.0, distance=1.45, antialiasing=4
     )

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-from poise.apps.teleoperation import noisy, run_teleop
+from poise.apps.teleoperation import TELEOP_PLANT, run_teleop
 from poise.locomotion import Mode, TeleopParameters
 from poise.robots import Robot, load_robot
 from studies.bad_operator.operator import BadOperator
@@ -58,7 +58,7 @@ def run_trial(trial: Trial) -> Outcome:
     run = run_teleop(
         _robot(trial.robot),
         lambda controller: BadOperator(controller, trial.seed),
-        noisy(),
+        TELEOP_PLANT.with_noise(),
         duration=trial.seconds,
         seed=trial.seed,
         parameters=trial.parameters,

@@ -20,7 +20,7 @@ from benchmarks.rigid_plant import (
     with_gravity,
 )
 from poise.control import OperationalSpaceController
-from poise.dynamics import Dynamics, FrameKinematics, RobotState, rotation_vector
+from poise.dynamics import Dynamics, RobotState
 from poise.robots import Robot, load_robot
 from poise.sim import rollout
 from poise.stack import FrameTask, Stack
@@ -164,7 +164,7 @@ class _Recorder:
         axes = pin.LOCAL_WORLD_ALIGNED
         turning = pin.getFrameVelocity(model, data, hand, axes).angular
         turned = pin.getFrameClassicalAcceleration(model, data, hand, axes).angular
-        error = rotation_vector(self._tasks.home, place.rotation)
+        error = pin.log3(self._tasks.home.dot(place.rotation.T))
         wanted = task.kp * error - task.kd * turning
         up = place.rotation @ self._up
         target = self._tasks.position.target_position

@@ -12,7 +12,7 @@ from jaxtyping import Float64
 
 from benchmarks.drawing import PALETTE
 from poise.control import Command
-from poise.dynamics import Dynamics, Partition, Partitions, RobotState
+from poise.dynamics import Dynamics, Partitions, RobotState
 from poise.robots import Robot
 from studies.figure import Figure, draw
 from studies.finding import Finding, Section, Table

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from poise.apps.teleoperation import TeleopRun, lift_one_foot
+from poise.apps.teleoperation import SCRIPTS, TeleopRun
 from poise.locomotion import Mode
 from poise.robots import load_robot
 from studies.figure import draw
@@ -31,7 +31,7 @@ _STEADY = (3.0, 4.4)
 def lift_section(options: StudyOptions, progress: Progress) -> Section:
     """The section."""
     robot = load_robot("biped20")
-    script = lift_one_foot(robot)
+    script = SCRIPTS["lift_one_foot"](robot)
     steps = Steps(progress, 1 + len(_LENGTHS))
     dt = script_parameters(robot, script).dt
     steps.next()

@@ -5,7 +5,8 @@ from typing import Any
 import numpy as np
 
 from benchmarks.drawing import COM, EVENT, PALETTE, REFERENCE, SUPPORT, ZMP
-from poise.apps.teleoperation import MODES, TeleopLog
+from poise.apps.teleoperation import TeleopLog
+from poise.locomotion import Mode
 from poise.robots import Robot
 
 _AXES = ("x forward [m]", "y left [m]")
@@ -39,7 +40,7 @@ def paint_zmp(panel: Any, robot: Robot, log: TeleopLog, axis: int, *, start: flo
         if log.time[i] >= start:
             panel.axvline(log.time[i], color=EVENT, linewidth=0.7)
             panel.text(
-                log.time[i], 1.01, MODES[log.mode[i]].name, fontsize=7, color=EVENT,
+                log.time[i], 1.01, modes[log.mode[i]].name, fontsize=7, color=EVENT,
                 transform=panel.get_xaxis_transform(),
             )  # fmt: skip
     panel.set_ylabel(_AXES[axis])
@@ -60,7 +61,7 @@ def _support(robot: Robot, log: TeleopLog, axis: int) -> tuple[np.ndarray, np.nd
         ]
     )
     stands = np.ones((len(log), 2), dtype=np.bool_)
-    for i, mode in enumerate(MODES):
+    for i, mode in enumerate(Mode):
         if mode.single and mode.support is not None:
             stands[log.mode == i, 1 - mode.support] = False
     centre = log.soles[:, :, axis]

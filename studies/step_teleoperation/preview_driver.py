@@ -5,7 +5,7 @@ from collections import deque
 import numpy as np
 from jaxtyping import Float64
 
-from poise.locomotion import PreviewControl, natural_frequency
+from poise.locomotion import PreviewControl
 
 
 class PreviewDriver:
@@ -23,7 +23,7 @@ class PreviewDriver:
 
     def __init__(self, height: float, dt: float, length: int) -> None:
         self.control = PreviewControl(height, dt, length)
-        self.omega = natural_frequency(height)
+        self.omega = self.control.omega
         self._buffer: deque[Float64[np.ndarray, "2"]] = deque(maxlen=length)
         self._acceleration = np.zeros(2)
 

@@ -5,7 +5,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from benchmarks.drawing import PALETTE, REFERENCE
-from poise.apps.teleoperation import TeleopRun, swing_fast
+from poise.apps.teleoperation import SCRIPTS, TeleopRun
 from poise.robots import load_robot
 from studies.figure import Figure, draw
 from studies.finding import Finding, Section, Table
@@ -48,7 +48,7 @@ def swing_section(options: StudyOptions, progress: Progress) -> Section:
     shown: list[tuple[str, str, TeleopRun]] = []
     for way in WAYS:
         axis = WAYS.index(way)
-        script = swing_fast(robot, way, 2 if options.quick else 3)
+        script = SCRIPTS["swing_fast"](robot, way, 2 if options.quick else 3)
         steps.next()
         on = run_script(robot, script)
         steps.next()

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from poise.apps.teleoperation import TeleopRun, switch_feet
+from poise.apps.teleoperation import SCRIPTS, TeleopRun
 from poise.locomotion import Mode
 from poise.robots import load_robot
 from studies.figure import draw
@@ -27,7 +27,7 @@ def switch_section(options: StudyOptions, progress: Progress) -> Section:
     runs: list[TeleopRun] = []
     for after in AFTER:
         steps.next()
-        runs.append(run_script(robot, switch_feet(robot, after)))
+        runs.append(run_script(robot, SCRIPTS["switch_feet"](robot, after)))
     steps.finish()
 
     def paint(canvas: Any) -> None:

@@ -4,12 +4,11 @@ from poise.hqp._active_set import LexicographicSolver
 from poise.hqp._certificate import certify_point
 from poise.hqp._problem import HierarchicalProblem, Level, LevelView as LevelView
 from poise.hqp._solution import Solution, SolveStatus
-from poise.hqp._strategies import STRATEGIES, Solver, make_solver, solve
+from poise.hqp._strategies import STRATEGIES as STRATEGIES, Solver, make_solver, solve
 from poise.hqp._tolerances import ACCURACY
 
 __all__ = [
     "ACCURACY",
-    "STRATEGIES",
     "HierarchicalProblem",
     "Level",
     "LexicographicSolver",

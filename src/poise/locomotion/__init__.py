@@ -1,11 +1,9 @@
 """Balance on the cart-flywheel-table: where the COM goes so that the ZMP goes elsewhere."""
 
 from poise.locomotion._pendulum import (
-    BodyRotator,
-    CartFlywheelTable,
+    BodyRotator as BodyRotator,
     ComShifter,
-    ZmpRegulator as ZmpRegulator,
-    natural_frequency,
+    natural_frequency as natural_frequency,
     pole_zero_damping as pole_zero_damping,
 )
 from poise.locomotion._preview import PreviewControl
@@ -26,14 +24,14 @@ from poise.locomotion._stepping import (
     TeleopParameters,
     TeleopStatus,
     WayPoint,
-    draw_modes,
-    read_recording,
+    draw_modes as draw_modes,
+    read_recording as read_recording,
 )
 from poise.locomotion._support import (
     SupportPolygon,
     convex_hull as convex_hull,
     signed_margin as signed_margin,
-    sole_rectangle,
+    sole_rectangle as sole_rectangle,
 )
 from poise.locomotion._walking import (
     CarriedTarget as CarriedTarget,
@@ -49,8 +47,6 @@ from poise.locomotion._walking import (
 )
 
 __all__ = [
-    "BodyRotator",
-    "CartFlywheelTable",
     "ComShifter",
     "Device",
     "DeviceSample",
@@ -70,10 +66,6 @@ __all__ = [
     "WalkSettings",
     "Walker",
     "WayPoint",
-    "draw_modes",
-    "natural_frequency",
     "plan_footsteps",
-    "read_recording",
-    "sole_rectangle",
     "walking_stack",
 ]

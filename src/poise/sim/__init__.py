@@ -22,7 +22,7 @@ from poise.sim._camera import (
 from poise.sim._config import Actuation as Actuation, PlantConfig, ServoConfig
 from poise.sim._disturbances import Block, LinkError, Payload, Push
 from poise.sim._log import read_log
-from poise.sim._mapping import StateMap
+from poise.sim._mapping import StateMap as StateMap
 from poise.sim._plant import Plant
 from poise.sim._record import RunRecord, Value as Value
 from poise.sim._recorder import HasSignals as HasSignals, Recorder, RecorderConfig as RecorderConfig
@@ -36,7 +36,7 @@ from poise.sim._rollout import (
     rollout,
 )
 from poise.sim._sensors import SensorConfig
-from poise.sim._video import VideoConfig as VideoConfig, render_video, run_markers
+from poise.sim._video import VideoConfig as VideoConfig, render_video, run_markers as run_markers
 from poise.sim._viewer import (
     NoDisplayError as NoDisplayError,
     Viewer as Viewer,
@@ -61,10 +61,8 @@ __all__ = [
     "RunRecord",
     "SensorConfig",
     "ServoConfig",
-    "StateMap",
     "Tick",
     "read_log",
     "render_video",
     "rollout",
-    "run_markers",
 ]

@@ -1,6 +1,6 @@
 """`PlantConfig`: everything about the simulated robot and its world that can be chosen."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Annotated, Literal
 
 from poise._schema import Bounds, Duration, Ratio, Vector, checked
@@ -78,6 +78,10 @@ class PlantConfig:
     joint_damping: Annotated[float, Bounds(least=0.0, most=1e6, unit="N m s/rad")] = 0.0
     joint_friction: Annotated[float, Bounds(least=0.0, most=1e6, unit="N m")] = 0.0
     fall_height_ratio: Ratio = 0.6
+
+    def with_noise(self) -> "PlantConfig":
+        """The same plant, measured by `SensorConfig.typical()`."""
+        return replace(self, sensors=SensorConfig.typical())
 
     @property
     def substeps(self) -> int:

@@ -11,7 +11,7 @@ pytest.importorskip("websockets")
 pytest.importorskip("mujoco")
 
 from poise.apps.live import LiveLoop, OperatorInputs, Pad, Takes
-from poise.apps.teleoperation import TELEOP_PLANT, noisy, replay_teleop, terrain_blocks
+from poise.apps.teleoperation import TELEOP_PLANT, replay_teleop, terrain_blocks
 from poise.errors import ConfigurationError
 from poise.locomotion import DeviceStatus, Mode, RecordingError, read_recording
 from poise.sim import PlantConfig, ServoConfig
@@ -48,7 +48,7 @@ def drive(loop, operator, pad, until, what):
 
 def test_a_step_and_its_recording_gives_the_same_commands_again(start, tmp_path):
     operator = OperatorInputs()
-    loop = start(operator, plant=noisy(), seed=5)
+    loop = start(operator, plant=TELEOP_PLANT.with_noise(), seed=5)
     wait_for(lambda: loop.snapshot.time > 0.5, "some time")
     loop.reset()
     wait_for(lambda: loop.snapshot.time < 0.5, "the reset")

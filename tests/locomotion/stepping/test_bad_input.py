@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from poise.apps.teleoperation import TELEOP_PLANT, noisy, plant_from_json, run_teleop
+from poise.apps.teleoperation import TELEOP_PLANT, plant_from_json, run_teleop
 from poise.apps.teleoperation._run import plant_to_json
 from poise.errors import ConfigurationError, RobotError
 from poise.locomotion import ScriptedDevice, StepTeleoperator, TeleopParameters, WayPoint
@@ -139,7 +139,7 @@ def test_a_plant_survives_json():
     from poise.sim import Block, LinkError, Payload
 
     plant = replace(
-        noisy(),
+        TELEOP_PLANT.with_noise(),
         blocks=(Block(center=(0.1, 0.2), size=(0.1, 0.2, 0.3)),),
         link_errors=(LinkError(link="torso_link", mass_scale=1.1),),
         payloads=(Payload(frame="torso", mass=1.0),),

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from walker import sample, up_and_down, walk
 
-from poise.apps.teleoperation import noisy, replay_teleop, run_teleop
+from poise.apps.teleoperation import TELEOP_PLANT, replay_teleop, run_teleop
 from poise.errors import ConfigurationError, PoiseError
 from poise.locomotion import (
     DeviceSample,
@@ -40,7 +40,7 @@ def test_a_recording_replays_bit_for_bit(get_robot, tmp_path, seed):
         run = walk(robot, up_and_down(lower=1.4), 2.5, recording=path)
     else:
         run = run_teleop(
-            robot, lambda c: BadOperator(c, seed), noisy(), duration=5.0, seed=seed, recording=path
+            robot, lambda c: BadOperator(c, seed), TELEOP_PLANT.with_noise(), duration=5.0, seed=seed, recording=path
         )
     again = replay_teleop(path)
     assert np.array_equal(run.log.velocity, again.log.velocity)

@@ -1,31 +1,14 @@
 """`HandsPlan`: what an operator's hands do in a scenario whose robot is walked by them."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 from poise._schema import checked
-from poise.apps.teleoperation import (
-    Script,
-    lift_one_foot,
-    over_an_obstacle,
-    swing_fast,
-    switch_feet,
-)
+from poise.apps.teleoperation import SCRIPTS
 from poise.errors import ScenarioError, UnknownNameError
 from poise.locomotion import WayPoint
-from poise.robots import Robot
 
 NAME = "step_teleoperation"
 """What scenario files call the controller."""
-
-SCRIPTS: dict[str, Callable[[Robot], Script]] = {
-    "over_an_obstacle": over_an_obstacle,
-    "lift_one_foot": lift_one_foot,
-    "switch_feet": lambda robot: switch_feet(robot, 0.6),
-    "swing_fast": lambda robot: swing_fast(robot, "forward"),
-}
-"""The paper's scenarios 1 to 4, in the size of the robot."""
-
 
 @checked(ScenarioError)
 @dataclass(frozen=True, kw_only=True)

@@ -5,9 +5,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float64
 
-from poise.apps.scenarios._by_hand import NAME, SCRIPTS, HandsPlan
+from poise.apps.scenarios._by_hand import NAME, HandsPlan
 from poise.apps.scenarios._director import Director
 from poise.apps.scenarios._scenario import Scenario
+from poise.apps.teleoperation import SCRIPTS
 from poise.control import (
     CONTROLLERS,
     Controller,

@@ -7,7 +7,7 @@ The plant that step teleoperation is simulated on.
 import time as clock
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -36,7 +36,6 @@ from poise.sim import (
     PlantConfig,
     Recorder,
     RunRecord,
-    SensorConfig,
     ServoConfig,
     rollout,
 )
@@ -51,22 +50,6 @@ TELEOP_PLANT = PlantConfig(
 
 The servos are stiff enough that the commanded velocity is the velocity: with those of a standing
 robot that is commanded torques the ZMP lags by what the joints sag."""
-
-REAL_SENSORS = SensorConfig(
-    encoder_resolution=2.0 * np.pi / 2**17,
-    joint_velocity_noise=0.01,
-    base_orientation_noise=1e-3,
-    gyro_noise=5e-3,
-    force_noise=2.0,
-    moment_noise=0.3,
-)
-"""Encoders of 17 bits, an inertial unit and load cells as one buys them; white noise."""
-
-
-def noisy(plant: PlantConfig = TELEOP_PLANT) -> PlantConfig:
-    """The plant with `REAL_SENSORS`."""
-    return replace(plant, sensors=REAL_SENSORS)
-
 
 def plant_to_json(config: PlantConfig) -> dict[str, Any]:
     """A plant as plain numbers and texts, for a recording."""
@@ -96,8 +79,8 @@ class TeleopLog:
 
     Attributes:
         time: before the tick [s].
-        mode: place in `MODES`.
-        device: place in `DEVICE_STATUSES`.
+        mode: place in `tuple(Mode)`.
+        device: place in `tuple(DeviceStatus)`.
         hands: left and right device, NaN where no sample came [m].
         zmp: measured, smoothed [m].
         zmp_reference: of it [m].
