@@ -24,7 +24,7 @@ stack = poise.Stack(
 controller = poise.WholeBodyController(robot, stack)
 config = poise.sim.PlantConfig(
     mass_scale=1.03,
-    payloads=(poise.sim.Payload(frame="torso", mass=0.02 * robot.mass),),
+    payloads=(poise.sim.PlantConfig.Payload(frame="torso", mass=0.02 * robot.mass),),
     sensors=poise.sim.SensorConfig(joint_velocity_noise=0.005, gyro_noise=0.002),
 )
 plant = poise.sim.Plant(robot, config, seed=1)

@@ -6,7 +6,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from jaxtyping import Float64
 
-from poise.hqp import HierarchicalProblem, LexicographicSolver, Solution, Solver, SolveStatus
+from poise.hqp import HierarchicalProblem, LexicographicSolver, Solution, SolveStatus, make_solver
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,11 +77,13 @@ class StrategyContestant:
     """Any strategy, by its `solve`, which makes a `Solution`.
 
     Args:
-        solver: with its cap on time.
+        strategy: its name.
+        backend: QP solver of the strategy; its own when None.
+        time_limit: cap on a solve [s].
     """
 
-    def __init__(self, solver: Solver) -> None:
-        self._solver = solver
+    def __init__(self, strategy: str, backend: str | None, time_limit: float) -> None:
+        self._solver = make_solver(strategy, backend, time_limit=time_limit)
 
     def forget(self) -> None:
         """Forgets the last solution."""

@@ -15,7 +15,7 @@ from jaxtyping import Float64, Int32
 
 from benchmarks.hqp.contestant import Answer, Contestant, DirectContestant, StrategyContestant
 from poise.errors import MissingExtraError, UnknownNameError
-from poise.hqp import ACCURACY, HierarchicalProblem, make_solver
+from poise.hqp import HierarchicalProblem, make_solver
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -204,16 +204,19 @@ REFERENCE = "direct"
 
 _OWN = ("direct", "daqp-hard", "daqp-hierarchical", "weighted")
 
+_BACKENDS = ("daqp", "proxqp", "quadprog", "piqp", "clarabel", "osqp")
+"""QP solvers of Poise's cascade and weighted strategies."""
+
 METHODS = (
     *_OWN,
-    *(f"cascade/{backend}" for backend in ACCURACY),
+    *(f"cascade/{backend}" for backend in _BACKENDS),
     "direct/solve",
     "daqp-hierarchical/own-scale",
-    *(f"weighted/{backend}" for backend in ACCURACY),
+    *(f"weighted/{backend}" for backend in _BACKENDS),
 )
 """All names: what is raced by default, then what must be asked for."""
 
-_USUAL = (*_OWN, *(f"cascade/{backend}" for backend in ACCURACY))
+_USUAL = (*_OWN, *(f"cascade/{backend}" for backend in _BACKENDS))
 
 QUICK = ("direct", "daqp-hard", "daqp-hierarchical")
 """Methods, or what stands before their slash, that take turns problem by problem."""
@@ -269,19 +272,19 @@ def make_contestant(method: str, time_limit: float) -> Contestant:
     if method == REFERENCE:
         return DirectContestant(time_limit)
     if method == "direct/solve":
-        return StrategyContestant(make_solver("direct", time_limit=time_limit))
+        return StrategyContestant("direct", None, time_limit)
     if method == "daqp-hard":
         return DaqpHard(time_limit)
     if method.startswith("daqp-hierarchical"):
         return DaqpHierarchical(time_limit, weighs=method == "daqp-hierarchical")
     strategy, _, backend = method.partition("/")
-    return StrategyContestant(make_solver(strategy, backend or None, time_limit=time_limit))
+    return StrategyContestant(strategy, backend or None, time_limit)
 
 
 def _missing(method: str) -> MissingExtraError | None:
     """The error that a method which is not installed would raise."""
     _, _, backend = method.partition("/")
-    if backend not in ACCURACY:
+    if backend not in _BACKENDS:
         return None
     try:
         make_solver("cascade", backend)

@@ -262,12 +262,13 @@ def level_start(robot: Robot) -> Float64[np.ndarray, " n"]:
         robot: `arm6`.
     """
     q = np.array([0.0, _SHOULDER, _ELBOW, 0.0, math.pi - _SHOULDER - _ELBOW, 0.0])
-    reach = float(_hand_at(robot, q).position[0])
+    reach = float(_hand_at(robot, q).translation[0])
     q[0] = -math.asin(0.5 * WAY / reach)
     return q
 
 
-def _hand_at(robot: Robot, q: Float64[np.ndarray, " n"]) -> FrameKinematics:
+def _hand_at(robot: Robot, q: Float64[np.ndarray, " n"]) -> pin.SE3:
     dynamics = Dynamics(robot)
     dynamics.update(RobotState(q, np.zeros(robot.nv)))
-    return dynamics.frame(robot.frame_id(_HAND))
+    frame = dynamics.frame(robot.frame_id(_HAND))
+    return pin.SE3(frame.rotation, frame.position)

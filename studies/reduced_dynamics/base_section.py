@@ -35,10 +35,6 @@ class PaperTorques:
         self._dynamics = Dynamics(robot)
         self._data = robot.model.createData()
 
-    def partition(self, contacts: tuple[str, ...]) -> Partition:
-        """The chains for the frames in contact."""
-        return self._partitions.of(contacts)
-
     def left_out(
         self,
         state: RobotState,
@@ -55,7 +51,7 @@ class PaperTorques:
             contacts: frames in contact.
             fixed_base: whether b_uc is that of a base that does not move, either.
         """
-        part, base = self.partition(contacts), self._robot.base_dofs
+        part, base = self._partitions.of(contacts), self._robot.base_dofs
         self._dynamics.update(state)
         a, u = part.a.index, part.u.index
         torque = self._dynamics.M[np.ix_(u, a)] @ dv[a]

@@ -30,7 +30,9 @@ def g1_section(options: StudyOptions, progress: Progress) -> Section:
         return Section(prose=("G1 is not installed (extra `robots`): nothing was run.",))
     robot = load_robot("g1")
     scripts = [SCRIPTS[name](robot) for name in ("over_an_obstacle", "lift_one_foot")]
-    scripts += [SCRIPTS["switch_feet"](robot, after) for after in AFTER[: 1 if options.quick else None]]
+    scripts += [
+        SCRIPTS["switch_feet"](robot, after) for after in AFTER[: 1 if options.quick else None]
+    ]
     steps = Steps(progress, len(scripts))
     findings, rows = [], []
     for script in scripts:

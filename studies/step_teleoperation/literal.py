@@ -1,5 +1,6 @@
 """`LiteralTeleoperator`: the rules of Zhang and Kikuuwe word for word, to show where they fall."""
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -7,10 +8,9 @@ import pinocchio as pin
 from jaxtyping import Float64
 
 from poise.control import DifferentialIK
-from poise.dynamics import Dynamics, RobotState, saturate
+from poise.dynamics import Dynamics, RobotState
 from poise.locomotion import (
     DeviceSample,
-    DeviceStatus,
     Mode,
     StepTeleoperator,
     TeleopStatus,
@@ -29,6 +29,16 @@ def momentum_weights(error: Sequence[float], least: float) -> list[float]:
     """
     x, y = error
     return [max(_K1 * y * y, least), max(_K2 * x * x, least)]
+
+
+def saturate(limit: float, value: Float64[np.ndarray, " n"]) -> Float64[np.ndarray, " n"]:
+    """Eq. (18): limit value / max(limit, |value|).
+
+    Args:
+        limit: largest norm of the answer, positive [unit of `value`].
+        value: the vector.
+    """
+    return value * (limit / max(limit, math.sqrt(float(value.dot(value)))))
 
 
 class LiteralTeleoperator(StepTeleoperator):
@@ -161,7 +171,6 @@ class LiteralTeleoperator(StepTeleoperator):
         other = 1 - self.estimator.stance
         return TeleopStatus(
             mode=self._paper_mode,
-            device=DeviceStatus.OK,
             sample=sample,
             zmp=self.zmp_sensor.zmp,
             zmp_reference=reference,

@@ -36,6 +36,7 @@ def paint_zmp(panel: Any, robot: Robot, log: TeleopLog, axis: int, *, start: flo
     panel.plot(
         time, log.zmp_reference[rows, axis], color=REFERENCE, linestyle="--", label="ZMP reference"
     )
+    modes = tuple(Mode)
     for i in np.flatnonzero(np.diff(log.mode)) + 1:
         if log.time[i] >= start:
             panel.axvline(log.time[i], color=EVENT, linewidth=0.7)

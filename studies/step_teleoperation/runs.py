@@ -5,12 +5,12 @@ from typing import Any
 
 import numpy as np
 from jaxtyping import Float64
+from scipy.spatial import ConvexHull
 
 from poise.apps.teleoperation import TELEOP_PLANT, Script, TeleopLog, TeleopRun, run_teleop
 from poise.locomotion import (
     Mode,
     StepTeleoperator,
-    SupportPolygon,
     TeleopParameters,
 )
 from poise.robots import Robot
@@ -64,7 +64,9 @@ def edge_distance(robot: Robot, log: TeleopLog) -> Float64[np.ndarray, " T"]:
             for y in (-halves[f][1], halves[f][1])
         ]
         x, y = log.zmp[i]
-        out[i] = SupportPolygon(corners, 0.0).depth((float(x), float(y)))
+        # Rows [n, d] of the edges: n is a unit vector outwards, n x + d is negative inside.
+        edges = ConvexHull(corners).equations
+        out[i] = -(edges @ (x, y, 1.0)).max()
     return out
 
 

@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 
 from poise.apps.teleoperation import TeleopRun
-from poise.sim import Camera, CameraConfig, Marker, NoOpenGLError
+from poise.errors import MissingExtraError
+from poise.sim import Camera, Marker
 from studies.figure import Figure, draw
 
 NO_PICTURES = "This machine cannot draw without a screen: snapshots are left out ({reason})."
@@ -37,8 +38,8 @@ def snapshots(
     """  # fmt: skip
     try:
         pictures = [_pictures(run, times, azimuth) for _, run, times in rows]
-    except NoOpenGLError as error:
-        return (), (NO_PICTURES.format(reason=str(error).split(":")[0]),)
+    except MissingExtraError as error:
+        return (), (NO_PICTURES.format(reason=error),)
 
     def paint(canvas: Any) -> None:
         columns = max(len(times) for _, _, times in rows)
@@ -55,7 +56,7 @@ def snapshots(
 
 
 def _pictures(run: TeleopRun, times: Sequence[float], azimuth: float) -> list[np.ndarray]:
-    config = CameraConfig(
+    config = Camera.Config(
         width=_WIDTH, height=_HEIGHT, azimuth=azimuth, elevation=-10.0, distance=1.5
     )
     log, images = run.log, []

@@ -14,7 +14,11 @@ from poise.dynamics._partition import (
 )
 from poise.dynamics._reduction import ReducedDynamics
 from poise.dynamics._trajectory import Quintic as Quintic, least_jerk
-from poise.dynamics._vectors import rotation_sine as rotation_sine, rotation_vector as rotation_vector, saturate
+from poise.dynamics._vectors import (
+    rotation_sine as rotation_sine,
+    rotation_vector as rotation_vector,
+    saturate as saturate,
+)
 
 __all__ = [
     "Dynamics",
@@ -22,5 +26,4 @@ __all__ = [
     "ReducedDynamics",
     "RobotState",
     "least_jerk",
-    "saturate",
 ]

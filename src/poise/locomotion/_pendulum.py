@@ -113,7 +113,8 @@ class ComShifter:
         """The COM's acceleration before saturation.
 
         Under the gain rule its CT-ZMP is r_ref + k_s (xi - r_ref) with the divergent component
-        xi = p + pdot / omega and k_s = 1 + k_p / omega^2: Sugihara's regulator, eq. (33), without its limits.
+        xi = p + pdot / omega and k_s = 1 + k_p / omega^2: Sugihara's regulator, eq. (33), without
+        its limits.
 
         Args:
             reference: of the ZMP [m].

@@ -16,14 +16,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from types import TracebackType
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 import mujoco
 import numpy as np
 from jaxtyping import Float64, UInt8
 
 from poise._schema import Bounds, Count, Number, Positive, Triple, Vector, checked
-from poise.errors import PoiseError
+from poise.errors import MissingExtraError
 from poise.robots import Robot
 from poise.sim._mapping import StateMap
 
@@ -41,16 +41,6 @@ context.free()
 
 _TRIAL_SECONDS = 60.0
 """A driver that hangs counts as none."""
-
-INSTALL_HINT = (
-    "no OpenGL without a screen (neither EGL nor OSMesa): on Debian or Ubuntu install one with "
-    "'apt install libegl1' or 'apt install libosmesa6'"
-)
-"""What to tell somebody whose machine cannot draw."""
-
-
-class NoOpenGLError(PoiseError):
-    """This machine cannot draw without a screen; the message says what to install."""
 
 
 @cache
@@ -87,11 +77,16 @@ def make_context(width: int, height: int) -> Any:
         The context, to be freed with its `free()`.
 
     Raises:
-        NoOpenGLError: this machine cannot draw.
+        MissingExtraError: this machine cannot draw.
     """
     way = find_opengl()
     if way is None:
-        raise NoOpenGLError(INSTALL_HINT)
+        raise MissingExtraError(
+            "libegl1",
+            "",
+            "Drawing without a screen",
+            install="apt install libegl1, or apt install libosmesa6 (Debian, Ubuntu)",
+        )
     context = importlib.import_module(f"mujoco.{way}").GLContext(width, height)
     context.make_current()
     return context
@@ -201,8 +196,10 @@ class Camera:
         config: size and view.
 
     Raises:
-        NoOpenGLError: this machine cannot draw without a screen.
+        MissingExtraError: this machine cannot draw without a screen.
     """
+
+    Config: ClassVar = CameraConfig
 
     def __init__(
         self, robot: Robot, model: mujoco.MjModel, config: CameraConfig | None = None

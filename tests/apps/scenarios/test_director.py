@@ -10,7 +10,7 @@ from poise.apps.scenarios import Scenario
 from poise.apps.scenarios._director import TOUCHDOWN_PATIENCE, Director
 from poise.apps.scenarios._scenario import ContactChange, Motion
 from poise.dynamics import Dynamics, RobotState
-from poise.errors import PoiseError, ScenarioError, UnknownNameError
+from poise.errors import ConfigurationError, PoiseError, UnknownNameError
 from poise.stack import (
     ComTask,
     FrameTask,
@@ -282,16 +282,20 @@ def test_loading_does_not_wait_for_ever(scene):
 
 WRONG = {
     "unknown task": (move("con", "by", [0, 0, 0]), UnknownNameError, "'con'.*com"),
-    "turning the com": (move("com", "turn", [0, 0, 1]), ScenarioError, "'turn'.*to, by, above"),
+    "turning the com": (
+        move("com", "turn", [0, 0, 1]),
+        ConfigurationError,
+        "'turn'.*to, by, above",
+    ),
     "reaching with the com": (
         move("com", "reach", {"direction": [0, 0, 1], "share": 1.0}),
-        ScenarioError,
+        ConfigurationError,
         "reach",
     ),
-    "moving a posture by": (move("posture", "by", [0, 0, 1]), ScenarioError, "'by'.*joints"),
-    "moving a momentum": (move("angular momentum", "to", [0, 0, 1]), ScenarioError, "'to'"),
-    "turning a position": (move("place", "turn", [0, 0, 1]), ScenarioError, "'turn'.*to, by"),
-    "shifting an orientation": (move("lean", "by", [0, 0, 1]), ScenarioError, "'by'.*turn"),
+    "moving a posture by": (move("posture", "by", [0, 0, 1]), ConfigurationError, "'by'.*joints"),
+    "moving a momentum": (move("angular momentum", "to", [0, 0, 1]), ConfigurationError, "'to'"),
+    "turning a position": (move("place", "turn", [0, 0, 1]), ConfigurationError, "'turn'.*to, by"),
+    "shifting an orientation": (move("lean", "by", [0, 0, 1]), ConfigurationError, "'by'.*turn"),
     "over no sole": (
         move("foot", "above", ("left_toe",)),
         UnknownNameError,
@@ -304,7 +308,7 @@ WRONG = {
     ),
     "degrees": (
         move("posture", "joints", {"left_elbow": -90.0}),
-        ScenarioError,
+        ConfigurationError,
         "beyond.*-90.*rad",
     ),
 }

@@ -12,8 +12,8 @@ pytest.importorskip("mujoco")
 from careful import careful_steps
 
 from poise.apps.teleoperation import (
-    TELEOP_PLANT,
     SCRIPTS,
+    TELEOP_PLANT,
     plant_from_json,
     replay_teleop,
     run_teleop,

@@ -136,12 +136,12 @@ def test_a_posture_stands_as_asked(get_robot):
 def test_a_plant_survives_json():
     import json
 
-    from poise.sim import Block, LinkError, Payload
+    from poise.sim import Block
 
     plant = replace(
         TELEOP_PLANT.with_noise(),
         blocks=(Block(center=(0.1, 0.2), size=(0.1, 0.2, 0.3)),),
-        link_errors=(LinkError(link="torso_link", mass_scale=1.1),),
-        payloads=(Payload(frame="torso", mass=1.0),),
+        link_errors=(PlantConfig.LinkError(link="torso_link", mass_scale=1.1),),
+        payloads=(PlantConfig.Payload(frame="torso", mass=1.0),),
     )
     assert plant_from_json(json.loads(json.dumps(plant_to_json(plant)))) == plant

@@ -40,7 +40,12 @@ def test_a_recording_replays_bit_for_bit(get_robot, tmp_path, seed):
         run = walk(robot, up_and_down(lower=1.4), 2.5, recording=path)
     else:
         run = run_teleop(
-            robot, lambda c: BadOperator(c, seed), TELEOP_PLANT.with_noise(), duration=5.0, seed=seed, recording=path
+            robot,
+            lambda c: BadOperator(c, seed),
+            TELEOP_PLANT.with_noise(),
+            duration=5.0,
+            seed=seed,
+            recording=path,
         )
     again = replay_teleop(path)
     assert np.array_equal(run.log.velocity, again.log.velocity)

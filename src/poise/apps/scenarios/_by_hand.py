@@ -4,13 +4,14 @@ from dataclasses import dataclass
 
 from poise._schema import checked
 from poise.apps.teleoperation import SCRIPTS
-from poise.errors import ScenarioError, UnknownNameError
+from poise.errors import ConfigurationError, UnknownNameError
 from poise.locomotion import WayPoint
 
 NAME = "step_teleoperation"
 """What scenario files call the controller."""
 
-@checked(ScenarioError)
+
+@checked()
 @dataclass(frozen=True, kw_only=True)
 class HandsPlan:
     """What the operator's hands do: one of the scripts, or way-points.
@@ -28,7 +29,7 @@ class HandsPlan:
         if self.script and self.script not in SCRIPTS:
             raise UnknownNameError("no such script of hands", got=self.script, choices=SCRIPTS)
         if bool(self.script) == bool(self.points):
-            raise ScenarioError(
+            raise ConfigurationError(
                 "hands need either a script or points",
                 got=f"script {self.script!r} and {len(self.points)} points",
                 wanted="one of the two",

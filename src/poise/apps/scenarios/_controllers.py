@@ -17,7 +17,7 @@ from poise.control import (
     check_plan,
     make_controller,
 )
-from poise.errors import ScenarioError, UnknownNameError
+from poise.errors import ConfigurationError, UnknownNameError
 from poise.locomotion import ScriptedDevice, StepTeleoperator, walking_stack
 from poise.robots import Robot
 from poise.sim import Block, Estimator
@@ -63,7 +63,7 @@ def with_actuation(scenario: Scenario) -> Scenario:
 
     Raises:
         UnknownNameError: no such controller or strategy.
-        ScenarioError: the controller does not fit the scenario or its plant.
+        ConfigurationError: the controller does not fit the scenario or its plant.
     """
     plan, plant = scenario.controller, scenario.plant
     _check_walk(scenario)
@@ -72,7 +72,7 @@ def with_actuation(scenario: Scenario) -> Scenario:
         return replace(scenario, plant=replace(plant, actuation=actuation))
     if plant.actuation != actuation:
         fitting = [n for n, k in CONTROLLERS.items() if k.actuation == plant.actuation]
-        raise ScenarioError(
+        raise ConfigurationError(
             f"controller {plan.name!r} wants another actuation of the plant",
             got=plant.actuation,
             wanted=f"actuation {actuation}, or a controller that commands {plant.actuation}",
@@ -104,7 +104,7 @@ def _hands(robot: Robot, hands: HandsPlan, dt: float) -> Cast:
     q_start = robot.q_home if script is None else script.posture(robot)
     teleoperator = StepTeleoperator(robot, q_start=q_start)
     if dt != teleoperator.parameters.dt:
-        raise ScenarioError(
+        raise ConfigurationError(
             f"controller {NAME} has another control period than the plant",
             got=f"plant: control_dt: {dt:g}",
             wanted=f"control_dt: {teleoperator.parameters.dt:g}",
@@ -133,7 +133,7 @@ def _check_walk(scenario: Scenario) -> None:
     if scenario.walk is None:
         return
     if is_by_hand(plan) or _kind(plan).actuation != "torque":
-        raise ScenarioError(
+        raise ConfigurationError(
             f"controller {plan.name!r} cannot follow the walk of scenario {scenario.name!r}",
             got=plan.name,
             choices=[n for n, k in CONTROLLERS.items() if k.actuation == "torque"],
@@ -146,14 +146,14 @@ def _check_by_hand(scenario: Scenario) -> bool:
     if not is_by_hand(plan):
         _kind(plan)
         if scenario.hands is not None:
-            raise ScenarioError(
+            raise ConfigurationError(
                 f"controller {plan.name!r} does not heed the hands of scenario {scenario.name!r}",
                 got=plan.name,
                 wanted=f"controller {NAME}",
             )
         return False
     if scenario.hands is None:
-        raise ScenarioError(
+        raise ConfigurationError(
             f"controller {NAME} needs hands, and scenario {scenario.name!r} has none",
             wanted="the section hands in the scenario's file",
         )
@@ -163,7 +163,7 @@ def _check_by_hand(scenario: Scenario) -> bool:
         )
     for value, what in ((plan.backend, "backend"), (plan.time_limit, "time_limit")):
         if value is not None:
-            raise ScenarioError(
+            raise ConfigurationError(
                 f"controller {NAME} has no {what}: it solves in closed form", got=value
             )
     given = {
@@ -172,7 +172,7 @@ def _check_by_hand(scenario: Scenario) -> bool:
         "contacts": bool(scenario.contact_changes),
     }
     for what in (name for name, there in given.items() if there):
-        raise ScenarioError(
+        raise ConfigurationError(
             f"controller {NAME} takes no {what}: it follows the hands", wanted=f"no {what}"
         )
     return True

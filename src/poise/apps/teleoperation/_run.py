@@ -36,7 +36,6 @@ from poise.sim import (
     PlantConfig,
     Recorder,
     RunRecord,
-    ServoConfig,
     rollout,
 )
 
@@ -44,12 +43,13 @@ TELEOP_PLANT = PlantConfig(
     actuation="velocity",
     control_dt=5e-3,
     physics_dt=1e-3,
-    servo=ServoConfig(stiffness=70.0, damping=2.5),
+    servo=PlantConfig.Servo(stiffness=70.0, damping=2.5),
 )
 """Velocity servos with position feedback; physics 1 ms, control 5 ms, as Zhang and Kikuuwe have it.
 
 The servos are stiff enough that the commanded velocity is the velocity: with those of a standing
 robot that is commanded torques the ZMP lags by what the joints sag."""
+
 
 def plant_to_json(config: PlantConfig) -> dict[str, Any]:
     """A plant as plain numbers and texts, for a recording."""

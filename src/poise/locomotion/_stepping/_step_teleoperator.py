@@ -37,7 +37,7 @@ _LIMIT_TIME = 0.05
 """Time in which a joint may at most reach its position limit [s]."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class TeleopStatus:
     """How the last tick stood.
 
@@ -56,7 +56,7 @@ class TeleopStatus:
     """
 
     mode: Mode
-    device: DeviceStatus
+    device: DeviceStatus = DeviceStatus.OK
     sample: DeviceSample | None
     zmp: Float64[np.ndarray, "2"]
     zmp_reference: Float64[np.ndarray, "2"]
