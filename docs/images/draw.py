@@ -38,7 +38,7 @@ STEPS = (0.5, 2.6, 4.2, 6.5, 9.3, 11.0, 13.9)
 def draw_moments() -> None:
     """One moment of each logged run, side by side."""
     robot = poise.load_robot(ROBOT)
-    plant = poise.sim.Plant(robot)
+    plant = poise.Plant(robot)
     moments = poise.sim.RunRecord()
     names = ("q", "com", "zmp", *(f"wrench/{sole}" for sole in robot.soles))
     for number, (scenario, time) in enumerate(MOMENTS.items()):
@@ -58,7 +58,7 @@ def draw_obstacle() -> None:
     """The main job, moment by moment."""
     robot = poise.load_robot("biped20")
     log = poise.sim.read_log(RUNS / MAIN / "log.mcap")
-    plant = poise.sim.Plant(
+    plant = poise.Plant(
         robot, poise.sim.PlantConfig(blocks=SCRIPTS["over_an_obstacle"](robot).blocks)
     )
     config = poise.sim.Camera.Config(
@@ -73,7 +73,7 @@ def draw_walk() -> None:
     """G1 under the reduced controller, step by step; the camera goes along."""
     robot = poise.load_robot("g1")
     log = poise.sim.read_log(RUNS / WALK / "log.mcap")
-    plant = poise.sim.Plant(robot)
+    plant = poise.Plant(robot)
     config = poise.sim.Camera.Config(
         width=230, height=360, azimuth=120.0, elevation=-10.0, distance=1.5, antialiasing=4
     )

@@ -109,14 +109,8 @@ def fields_of(*kinds: type) -> list[str]:
 
 
 def test_scenarios_page_names_every_key_of_the_file():
-    kinds = (
-        PlantConfig,
-        SensorConfig,
-        PlantConfig.Servo,
-        Block,
-        PlantConfig.LinkError,
-        PlantConfig.Payload,
-    )
+    parts = (PlantConfig.Servo, PlantConfig.LinkError, PlantConfig.Payload)
+    kinds = (PlantConfig, *parts, SensorConfig, Block)
     keys = [*_keys(Scenario), *_keys(Motion), *_keys(CheckPlan), *fields_of(*kinds)]
     keys += [*stack_plan._TASKS, *stack_plan._CONTACTS]
     assert missing("scenarios.md", keys) == []

@@ -12,6 +12,8 @@ from poise.sim import Block, Plant, PlantConfig, Push, SensorConfig
 
 NAN, INF = float("nan"), float("inf")
 
+Servo, Payload, LinkError = PlantConfig.Servo, PlantConfig.Payload, PlantConfig.LinkError
+
 
 @pytest.mark.parametrize(
     ("make", "says"),
@@ -33,20 +35,20 @@ NAN, INF = float("nan"), float("inf")
         (lambda: PlantConfig(sensors=SensorConfig(delay=0.0015)), "delay"),
         (lambda: SensorConfig(gyro_noise=-0.1), "gyro_noise"),
         (lambda: SensorConfig(encoder_resolution=NAN), "encoder_resolution"),
-        (lambda: PlantConfig.Servo(stiffness=0.0), "stiffness"),
-        (lambda: PlantConfig.Servo(damping=-1.0), "damping"),
-        (lambda: PlantConfig.Payload(frame="left_hand", mass=-1.0), "mass"),
-        (lambda: PlantConfig.Payload(frame="left_hand", mass=NAN), "mass"),
-        (lambda: PlantConfig.Payload(frame="left_hand", mass=1.0, radius=0.0), "radius"),
+        (lambda: Servo(stiffness=0.0), "stiffness"),
+        (lambda: Servo(damping=-1.0), "damping"),
+        (lambda: Payload(frame="left_hand", mass=-1.0), "mass"),
+        (lambda: Payload(frame="left_hand", mass=NAN), "mass"),
+        (lambda: Payload(frame="left_hand", mass=1.0, radius=0.0), "radius"),
         (
-            lambda: PlantConfig.Payload(frame="left_hand", mass=1.0, offset=(0.0, INF, 0.0)),
+            lambda: Payload(frame="left_hand", mass=1.0, offset=(0.0, INF, 0.0)),
             "offset",
         ),
         (lambda: Push(body="torso", force=(NAN, 0.0, 0.0), start=0.0, duration=1.0), "force"),
         (lambda: Push(body="torso", force=(1.0, 0.0, 0.0), start=-1.0, duration=1.0), "start"),
         (lambda: Push(body="torso", force=(1.0, 0.0, 0.0), start=0.0, duration=0.0), "duration"),
-        (lambda: PlantConfig.LinkError(link="chest", mass_scale=-1.0), "mass_scale"),
-        (lambda: PlantConfig.LinkError(link="chest", com_offset=(0.0, 0.0, NAN)), "com_offset"),
+        (lambda: LinkError(link="chest", mass_scale=-1.0), "mass_scale"),
+        (lambda: LinkError(link="chest", com_offset=(0.0, 0.0, NAN)), "com_offset"),
         (lambda: Block(center=(0.0, 0.0), size=(1.0, 1.0, 0.0)), "size"),
         (lambda: Block(center=(0.0, NAN), size=(1.0, 1.0, 0.1)), "center"),
     ],
@@ -64,8 +66,8 @@ def test_an_unknown_actuation_is_refused_with_the_choices():
 @pytest.mark.parametrize(
     "config",
     [
-        PlantConfig(payloads=(PlantConfig.Payload(frame="left_hnad", mass=1.0),)),
-        PlantConfig(link_errors=(PlantConfig.LinkError(link="left_hnad"),)),
+        PlantConfig(payloads=(Payload(frame="left_hnad", mass=1.0),)),
+        PlantConfig(link_errors=(LinkError(link="left_hnad"),)),
     ],
 )
 def test_unknown_frames_in_the_configuration_are_refused_with_choices(biped, config):
