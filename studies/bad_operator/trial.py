@@ -73,7 +73,7 @@ def run_trial(trial: Trial) -> Outcome:
         fell=run.fell,
         seconds=run.plant.time,
         steps=len(log.entries(Mode.SL)) + len(log.entries(Mode.SR)),
-        mode=run.controller.mode.name,
+        mode=run.teleoperator.mode.name,
         tilt=float(log.tilt.max()),
         recording=path,
     )

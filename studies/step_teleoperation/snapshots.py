@@ -63,7 +63,7 @@ def _pictures(run: TeleopRun, times: Sequence[float], azimuth: float) -> list[np
     with Camera(run.plant.robot, run.plant.model, config) as camera:
         for time in times:
             i = min(int(np.searchsorted(log.time, time)), len(log) - 1)
-            images.append(camera.picture(log.q[i], _hands(log.hands[i])))
+            images.append(camera.picture(log.q[i], _hands(log.devices[i])))
     return images
 
 

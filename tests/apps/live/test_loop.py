@@ -191,7 +191,7 @@ def test_a_robot_without_feet_is_refused(get_robot, tmp_path):
     plant = PlantConfig(
         actuation="velocity", control_dt=0.005, servo=PlantConfig.Servo(stiffness=70.0, damping=3.5)
     )
-    with pytest.raises(ConfigurationError, match="cannot be walked"):
+    with pytest.raises(ConfigurationError, match="cannot walk on two feet"):
         LiveLoop(get_robot("arm6"), OperatorInputs(), takes, plant=plant)
 
 

@@ -228,12 +228,12 @@ CASES = {
     "above nothing": (motion("task: com, at: 0, over: 1, above: []"), "above is empty"),
     "above no sole": (motion("task: com, at: 0, over: 1, above: floor"), "'floor'.*left_sole"),
     "reach nowhere": (
-        motion("task: hand, at: 0, over: 1, reach: {direction: [0, 0, 0], share: 1}"),
+        motion("task: hand, at: 0, over: 1, reach: {direction: [0, 0, 0], ratio: 1}"),
         "zero",
     ),
-    "reach by a negative share": (
-        motion("task: hand, at: 0, over: 1, reach: {direction: [1, 0, 0], share: -1}"),
-        "share.*-1",
+    "reach by a negative ratio": (
+        motion("task: hand, at: 0, over: 1, reach: {direction: [1, 0, 0], ratio: -1}"),
+        "ratio.*-1",
     ),
     "turning a position": (motion("task: hand, at: 0, over: 1, turn: [0, 0, 1]"), "'turn'.*to, by"),
     "moving an orientation": (motion("task: pelvis, at: 0, over: 1, by: [0, 0, 1]"), "'by'.*turn"),

@@ -124,11 +124,11 @@ def test_above_one_sole_or_between_two_keeps_the_height(scene):
     np.testing.assert_allclose(s.com.target_position, [*middle[:2], height], atol=1e-12)
 
 
-def test_reach_ends_on_the_ray_from_the_shoulder_at_a_share_of_the_arm(scene):
+def test_reach_ends_on_the_ray_from_the_shoulder_at_a_ratio_of_the_arm(scene):
     direction = np.array([0.6, 0.0, 0.8])
     s = scene(
-        move("hand", "reach", {"direction": direction, "share": 0.5}),
-        move("hand", "reach", {"direction": direction, "share": 1.0}, at=10.0),
+        move("hand", "reach", {"direction": direction, "ratio": 0.5}),
+        move("hand", "reach", {"direction": direction, "ratio": 1.0}, at=10.0),
     )
     s.at(1.0)
     s.at(3.0)
@@ -288,7 +288,7 @@ WRONG = {
         "'turn'.*to, by, above",
     ),
     "reaching with the com": (
-        move("com", "reach", {"direction": [0, 0, 1], "share": 1.0}),
+        move("com", "reach", {"direction": [0, 0, 1], "ratio": 1.0}),
         ConfigurationError,
         "reach",
     ),
@@ -325,7 +325,7 @@ def test_a_frame_without_an_arm_cannot_reach(get_robot):
     robot = get_robot("humanoid33")
     stack = Stack([SurfaceContact("left_sole")], [[FrameTask("torso", name="trunk")]])
     stack.bind(robot)
-    motion = move("trunk", "reach", {"direction": [1, 0, 0], "share": 0.5})
+    motion = move("trunk", "reach", {"direction": [1, 0, 0], "ratio": 0.5})
     with pytest.raises(PoiseError, match="no joint between torso and frame.*left_hand"):
         Director(Scenario(name="s", duration=5.0, motions=(motion,)), stack, robot)
 

@@ -17,7 +17,7 @@ from poise.sim import PlantConfig
 
 
 def test_a_robot_without_feet_is_refused(get_robot):
-    with pytest.raises(ConfigurationError, match="arm6.*cannot be walked"):
+    with pytest.raises(ConfigurationError, match="arm6.*cannot walk on two feet"):
         StepTeleoperator(get_robot("arm6"))
 
 

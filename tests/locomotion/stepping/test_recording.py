@@ -79,7 +79,7 @@ def test_a_lost_device_brings_the_foot_down(get_robot, tmp_path):
     device = read_recording(path).device(robot="biped20", dt=0.005)
     run = run_teleop(robot, device, duration=4.0)
     assert run.log.when(Mode.SL).any()
-    assert run.controller.mode is Mode.D
+    assert run.teleoperator.mode is Mode.D
     assert not run.fell
 
 
@@ -97,7 +97,7 @@ def test_a_walk_with_gaps_and_times_that_go_backwards_ends_on_both_feet(get_robo
     seen = {tuple(DeviceStatus)[i] for i in np.unique(run.log.device)}
     assert {DeviceStatus.OK, DeviceStatus.LOST, DeviceStatus.REFUSED} <= seen
     assert run.log.when(Mode.SL).any()
-    assert run.controller.mode is Mode.D
+    assert run.teleoperator.mode is Mode.D
     assert not run.fell
 
 

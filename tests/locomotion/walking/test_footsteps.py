@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from poise.errors import ConfigurationError, RobotError
+from poise.errors import ConfigurationError
 from poise.locomotion import Gait, Ground, Stride, plan_footsteps
 
 GAIT = Gait(step_time=0.8, crouch=0.02)
@@ -111,7 +111,7 @@ def test_a_swing_clears_a_platform_all_the_way(get_robot):
 
 
 def test_a_robot_without_two_soles_is_refused(get_robot):
-    with pytest.raises(RobotError, match="cannot walk on two feet"):
+    with pytest.raises(ConfigurationError, match="cannot walk on two feet"):
         plan_footsteps(get_robot("arm6"), [Stride(steps=4, length=0.1)])
 
 

@@ -1,4 +1,4 @@
-"""`HandsPlan`: what an operator's hands do in a scenario whose robot is walked by them."""
+"""`DevicePlan`: how the foot devices move in a scenario whose robot is walked by an operator."""
 
 from dataclasses import dataclass
 
@@ -13,8 +13,8 @@ NAME = "step_teleoperation"
 
 @checked()
 @dataclass(frozen=True, kw_only=True)
-class HandsPlan:
-    """What the operator's hands do: one of the scripts, or way-points.
+class DevicePlan:
+    """How the operator moves the foot devices: one of the scripts, or way-points.
 
     Attributes:
         script: one of `SCRIPTS`, which also has the blocks and the posture at the start; empty
@@ -27,10 +27,10 @@ class HandsPlan:
 
     def __post_init__(self) -> None:
         if self.script and self.script not in SCRIPTS:
-            raise UnknownNameError("no such script of hands", got=self.script, choices=SCRIPTS)
+            raise UnknownNameError("no such script of devices", got=self.script, choices=SCRIPTS)
         if bool(self.script) == bool(self.points):
             raise ConfigurationError(
-                "hands need either a script or points",
+                "devices need either a script or points",
                 got=f"script {self.script!r} and {len(self.points)} points",
                 wanted="one of the two",
             )

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float64
 
-from poise.apps.scenarios._by_hand import NAME, HandsPlan
+from poise.apps.scenarios._by_hand import NAME, DevicePlan
 from poise.apps.scenarios._director import Director
 from poise.apps.scenarios._scenario import Scenario
 from poise.apps.teleoperation import SCRIPTS
@@ -47,7 +47,7 @@ class Cast:
 
 
 def is_by_hand(plan: ControllerPlan) -> bool:
-    """Whether hands walk the robot."""
+    """Whether an operator walks the robot."""
     return plan.name == NAME
 
 
@@ -87,8 +87,8 @@ def cast_of(scenario: Scenario, robot: Robot) -> Cast:
     Raises:
         PoiseError: the scenario does not fit the robot.
     """
-    if scenario.hands is not None:
-        return _hands(robot, scenario.hands, scenario.plant.control_dt)
+    if scenario.devices is not None:
+        return _by_hand(robot, scenario.devices, scenario.plant.control_dt)
     stack = scenario.stack.build() if scenario.stack is not None else None
     if stack is None and scenario.walk is not None:
         stack = walking_stack(robot)
@@ -98,9 +98,9 @@ def cast_of(scenario: Scenario, robot: Robot) -> Cast:
     return Cast(controller=controller, leader=director)
 
 
-def _hands(robot: Robot, hands: HandsPlan, dt: float) -> Cast:
-    """An operator whose hands follow a script or way-points."""
-    script = SCRIPTS[hands.script](robot) if hands.script else None
+def _by_hand(robot: Robot, devices: DevicePlan, dt: float) -> Cast:
+    """An operator whose devices follow a script or way-points."""
+    script = SCRIPTS[devices.script](robot) if devices.script else None
     q_start = robot.q_home if script is None else script.posture(robot)
     teleoperator = StepTeleoperator(robot, q_start=q_start)
     if dt != teleoperator.parameters.dt:
@@ -110,7 +110,7 @@ def _hands(robot: Robot, hands: HandsPlan, dt: float) -> Cast:
             wanted=f"control_dt: {teleoperator.parameters.dt:g}",
         )
     start = teleoperator.resting_sample
-    points = hands.points if script is None else script.points
+    points = devices.points if script is None else script.points
     teleoperator.device = ScriptedDevice(points, start.left, start.right)
     return Cast(
         controller=teleoperator.controller(),
@@ -141,21 +141,21 @@ def _check_walk(scenario: Scenario) -> None:
 
 
 def _check_by_hand(scenario: Scenario) -> bool:
-    """Whether hands walk the robot, and then whether they can."""
+    """Whether an operator walks the robot, and then whether they can."""
     plan = scenario.controller
     if not is_by_hand(plan):
         _kind(plan)
-        if scenario.hands is not None:
+        if scenario.devices is not None:
             raise ConfigurationError(
-                f"controller {plan.name!r} does not heed the hands of scenario {scenario.name!r}",
+                f"controller {plan.name!r} does not heed the devices of scenario {scenario.name!r}",
                 got=plan.name,
                 wanted=f"controller {NAME}",
             )
         return False
-    if scenario.hands is None:
+    if scenario.devices is None:
         raise ConfigurationError(
-            f"controller {NAME} needs hands, and scenario {scenario.name!r} has none",
-            wanted="the section hands in the scenario's file",
+            f"controller {NAME} needs devices, and scenario {scenario.name!r} has none",
+            wanted="the section devices in the scenario's file",
         )
     if plan.strategy not in (None, _STRATEGY):
         raise UnknownNameError(
@@ -173,6 +173,6 @@ def _check_by_hand(scenario: Scenario) -> bool:
     }
     for what in (name for name, there in given.items() if there):
         raise ConfigurationError(
-            f"controller {NAME} takes no {what}: it follows the hands", wanted=f"no {what}"
+            f"controller {NAME} takes no {what}: it follows the devices", wanted=f"no {what}"
         )
     return True

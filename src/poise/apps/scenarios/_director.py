@@ -24,9 +24,9 @@ def reach_point(
     dynamics: Dynamics,
     hand: str,
     direction: Float64[np.ndarray, "3"],
-    share: float,
+    ratio: float,
 ) -> Float64[np.ndarray, "3"]:
-    """A point along a direction from the shoulder, at a share of the arm's length.
+    """A point along a direction from the shoulder, at a fraction of the arm's length.
 
     The shoulder is the first joint between torso and hand; the arm's length is the sum of its
     links' lengths, an upper bound that offsets between joint axes keep from being reached exactly.
@@ -36,7 +36,7 @@ def reach_point(
         dynamics: its state, up to date.
         hand: frame of the hand.
         direction: unit vector in the world.
-        share: share of the arm's length; above one is out of reach.
+        ratio: distance from the shoulder over the arm's length; above one is out of reach.
 
     Returns:
         The point in the world [m].
@@ -50,7 +50,7 @@ def reach_point(
     length = float(np.linalg.norm(hand_frame.placement.translation))
     length += sum(float(np.linalg.norm(model.jointPlacements[j].translation)) for j in chain[1:])
     shoulder = dynamics.joint_position(chain[0])
-    return shoulder + share * length * direction
+    return shoulder + ratio * length * direction
 
 
 def require_arm(robot: Robot, hand: str) -> list[int]:
@@ -221,8 +221,8 @@ class Director:
         if motion.kind == "by":
             return start + motion.vector
         if motion.reach is not None:
-            frame, share = _as_frame(task).frame, motion.reach.share
-            return reach_point(self._robot, self._dynamics, frame, motion.vector, share)
+            frame, ratio = _as_frame(task).frame, motion.reach.ratio
+            return reach_point(self._robot, self._dynamics, frame, motion.vector, ratio)
         ids = [self._robot.frame_id(sole) for sole in motion.above or ()]
         middle = np.mean([self._dynamics.frame(i).position for i in ids], axis=0)
         return np.array([middle[0], middle[1], start[2]])

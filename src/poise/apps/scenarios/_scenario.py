@@ -23,7 +23,7 @@ from poise._schema import (
     Vector,
     checked,
 )
-from poise.apps.scenarios._by_hand import HandsPlan
+from poise.apps.scenarios._by_hand import DevicePlan
 from poise.apps.scenarios._metrics import METRICS
 from poise.apps.scenarios._stack_plan import StackPlan
 from poise.control import ControllerPlan
@@ -75,11 +75,11 @@ class Reach:
 
     Attributes:
         direction: from the shoulder, in the world; of any length but zero.
-        share: share of the arm's length, such as 0.9.
+        ratio: distance from the shoulder over the arm's length, such as 0.9.
     """
 
     direction: _Goal
-    share: Annotated[float, Bounds(positive=True, most=_LARGEST)]
+    ratio: Annotated[float, Bounds(positive=True, most=_LARGEST)]
 
     def __post_init__(self) -> None:
         if not np.any(self.direction):
@@ -98,7 +98,7 @@ class Motion:
         to: a point in the world [m].
         by: a shift from the target as it is at `at` [m].
         above: a sole or several, over whose middle the target goes (x and y only).
-        reach: a share of the arm's length in a direction from the shoulder.
+        reach: a fraction of the arm's length in a direction from the shoulder.
         turn: a rotation vector in the world from the orientation as it is at `at` [rad].
         joints: angles by joint name [rad].
     """
@@ -326,7 +326,8 @@ class Scenario:
         actuation_given: whether the plant's actuation was asked for by name; where it was not, the
             controller's own is taken.
         stack: contacts, limits and tasks; None for the default stack of the robot.
-        hands: what the operator of a robot that is walked by hand does; None for other robots.
+        devices: how the operator of a robot that is walked by hand moves its foot devices; None for
+            other robots.
         walk: where the robot walks; None for one that stays.
         motions: how targets move, by time.
         contact_changes: contacts loaded and unloaded, by time.
@@ -345,7 +346,7 @@ class Scenario:
     plant: PlantConfig = field(default_factory=PlantConfig)
     actuation_given: bool = field(default=True, metadata=NOT_IN_FILES)
     stack: StackPlan | None = None
-    hands: HandsPlan | None = None
+    devices: DevicePlan | None = None
     walk: WalkPlan | None = None
     motions: tuple[Motion, ...] = ()
     contact_changes: Annotated[tuple[ContactChange, ...], Field(alias="contacts")] = ()

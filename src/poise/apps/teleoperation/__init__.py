@@ -1,4 +1,4 @@
-"""Step teleoperation in simulation: scripted and recorded hands, and everything noted."""
+"""Step teleoperation in simulation: scripted and recorded foot devices, and everything noted."""
 
 from poise.apps.teleoperation._run import (
     DEVICE_STATUSES as DEVICE_STATUSES,

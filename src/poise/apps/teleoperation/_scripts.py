@@ -39,9 +39,9 @@ class Script:
     com_height: float
     blocks: tuple[Block, ...] = ()
 
-    def device(self, controller: StepTeleoperator) -> ScriptedDevice:
-        """The operator's hands, on the feet where they stand."""
-        start = controller.resting_sample
+    def device(self, teleoperator: StepTeleoperator) -> ScriptedDevice:
+        """The operator's foot devices, on the feet where they stand."""
+        start = teleoperator.resting_sample
         return ScriptedDevice(self.points, start.left, start.right)
 
     def posture(self, robot: Robot) -> Float64[np.ndarray, " nq"]:
