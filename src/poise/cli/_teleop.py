@@ -35,7 +35,8 @@ def add_parser(verbs: Any) -> None:
         metavar="D",
         default="browser",
         help="where the feet are led from: browser (its mouse, keys, or a gamepad at its "
-        "computer), gamepad (one at this machine), or the file of a recording (default: %(default)s)",
+        "computer), gamepad (one at this machine), or the file of a recording "
+        "(default: %(default)s)",
     )
     parser.add_argument(
         "--terrain",
