@@ -96,7 +96,7 @@ def test_way_points_have_to_be_in_order_and_finite():
         ScriptedDevice([WayPoint(at=1.0, left=(0.0, 0.0, 0.0))] * 2, zero, zero)
     with pytest.raises(ConfigurationError, match=r"left\[1\] is out of range; got nan.*\[m\]"):
         WayPoint(at=1.0, left=(0.0, np.nan, 0.0))
-    with pytest.raises(ConfigurationError, match="moves no hand"):
+    with pytest.raises(ConfigurationError, match="moves no device"):
         WayPoint(at=1.0)
 
 
