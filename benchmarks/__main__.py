@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.hqp.command import MADE, act_hqp
-from poise.cli import Bar, add_output_options, make_folder, run_command, words_of
+from benchmarks.options import folder_of, words_of
+from poise.cli import Bar, run_command
 from poise.errors import ConfigurationError, UnknownNameError
 
 BENCHMARKS = ("tick", "dof", "peers", "bias", "hqp")
@@ -108,7 +109,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for name, (metavar, _, words) in _OPTIONS.items():
         kind = int if metavar == "N" else str
         parser.add_argument(f"--{name}", metavar=metavar, type=kind, help=words)
-    add_output_options(parser, "none is written")
+    parser.add_argument("--out", metavar="DIR", help="folder to write into (default: none)")
+    parser.add_argument("--json", action="store_true", help="print the figures as JSON")
     parser.set_defaults(act=_act)
     return run_command(parser, arguments)
 
@@ -233,7 +235,7 @@ def _run(
     Returns:
         The results, and the folder.
     """
-    folder = make_folder(options.out, ".") if options.out else None
+    folder = folder_of(options.out)
     with Bar("timing", " ticks") as bar:
         results = bench(plan, bar)
     objects = [*results, *(more(results) if more is not None else ())]

@@ -16,7 +16,7 @@ from jaxtyping import Int64
 from benchmarks.methods import Method
 from benchmarks.recording import Recording, bench_stack
 from benchmarks.result import PHASES, Ticks, TickTimes
-from poise.control import PHYSICS_LEVELS, Command, Controller, make_controller
+from poise.control import Command, Controller, make_controller
 from poise.dynamics import RobotState
 
 Item = TypeVar("Item")
@@ -70,7 +70,7 @@ class Clocked:
         self._phases[index] = [timings[phase] for phase in PHASES]
         self._missed[index] = not command.status.ok
         if residuals:
-            self._residual[index] = max(residuals[:PHYSICS_LEVELS])
+            self._residual[index] = max(residuals[: len(residuals) - len(controller.stack.levels)])
             self._relaxed[index] = max(residuals) > RELAXED
         self.command = command
 

@@ -15,7 +15,7 @@ from jaxtyping import Float64
 from poise.control import Command
 from poise.dynamics import RobotState
 from poise.errors import ConfigurationError, PoiseError
-from poise.robots import GRAVITY, Robot
+from poise.robots import Robot
 
 _MOST_BITS = 32
 """Beyond this a count is lost in the rounding of angles behind large gears."""
@@ -90,7 +90,7 @@ class JointSensors:
         return RobotState(angle, velocity, time=time)
 
 
-EARTH = -GRAVITY
+EARTH = -9.81
 """Vertical gravity on Earth, as robots' models have it [m/s^2]."""
 
 CONTROL_DT = 1e-3

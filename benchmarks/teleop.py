@@ -13,7 +13,7 @@ from jaxtyping import Float64
 from benchmarks.clocked import collector_paused
 from benchmarks.recording import Progress
 from benchmarks.result import Result, spread_us, text_table
-from poise.apps.teleoperation import TELEOP_PLANT, Script, TeleopRun, over_an_obstacle, run_teleop
+from poise.apps.teleoperation import SCRIPTS, TELEOP_PLANT, Script, TeleopRun, run_teleop
 from poise.dynamics import RobotState
 from poise.errors import ConfigurationError, PoiseError
 from poise.locomotion import Device, DeviceSample, StepTeleoperator
@@ -52,7 +52,7 @@ class Walk:
         """
         # Says what is wrong with a robot that is no biped, before a script is made for it.
         StepTeleoperator(robot)
-        script = over_an_obstacle(robot)
+        script = SCRIPTS[SCENARIO](robot)
         return cls(
             robot=robot,
             script=script,

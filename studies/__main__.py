@@ -4,8 +4,9 @@ import argparse
 import json
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 
-from poise.cli import Bar, add_output_options, make_folder, run_command, whole_number
+from poise.cli import Bar, run_command
 from studies.finding import with_unit
 from studies.page import verdict, write_study
 from studies.plan import STUDIES, Study, StudyOptions, load_study
@@ -32,17 +33,27 @@ def main(arguments: Sequence[str] | None = None) -> int:
         "--quick", action="store_true", help="a shorter version of the same, to try it out"
     )
     parser.add_argument(
-        "--seed", metavar="N", type=whole_number, default=0, help="seed (default: %(default)s)"
+        "--seed", metavar="N", type=_seed, default=0, help="seed (default: %(default)s)"
     )
-    add_output_options(parser, "runs/study-NAME")
+    parser.add_argument(
+        "--out", metavar="DIR", help="folder to write into (default: runs/study-NAME)"
+    )
+    parser.add_argument("--json", action="store_true", help="print the figures as JSON")
     parser.set_defaults(act=_act)
     return run_command(parser, arguments)
+
+
+def _seed(text: str) -> int:
+    if not (text.isascii() and text.isdigit()):
+        raise argparse.ArgumentTypeError(f"got {text!r}, wanted 0, 1, 2, ...")
+    return int(text)
 
 
 def _act(options: argparse.Namespace) -> int:
     """Runs the study and writes everything."""
     plan = load_study(options.name)
-    folder = make_folder(options.out, f"runs/study-{plan.name}")
+    folder = Path(options.out or f"runs/study-{plan.name}")
+    folder.mkdir(parents=True, exist_ok=True)
     study = plan.run(
         StudyOptions(quick=options.quick, seed=options.seed),
         show=lambda title: Bar(title, ""),

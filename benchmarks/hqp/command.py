@@ -7,7 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from poise.cli import Bar, make_folder, words_of
+from benchmarks.options import folder_of, words_of
+from poise.cli import Bar
 from poise.errors import ConfigurationError, MissingExtraError, UnknownNameError
 
 _RACING = ("problems", "sequences", "methods", "count", "out", "json")
@@ -39,7 +40,8 @@ def _save(options: argparse.Namespace) -> None:
             raise ConfigurationError(
                 "--save makes problems and races nothing", got=f"--{name}", wanted="--count"
             )
-    folder = make_folder(options.save, ".")
+    folder = Path(options.save)
+    folder.mkdir(parents=True, exist_ok=True)
     with Bar("making problems", "") as bar:
         paths = save_all(folder, options.count or MADE, bar)
     print(f"{len(paths)} sequences in {folder}")
@@ -52,7 +54,7 @@ def _race(options: argparse.Namespace) -> None:
 
     methods = words_of(options.methods) if options.methods is not None else None
     plan = HqpBench(methods=methods)
-    folder = make_folder(options.out, ".") if options.out else None
+    folder = folder_of(options.out)
     sequences = _loaded(options) if options.problems else _made(options)
     with Bar("racing", " problems") as bar:
         race = bench_hqp(sequences, plan, bar)

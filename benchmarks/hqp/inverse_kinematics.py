@@ -5,6 +5,7 @@ quadratic programming: Fast online humanoid-robot motion generation"), at the ve
 limits and the COM's support as inequalities, reaching and gaze below them.
 """
 
+import math
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass, field
 from functools import partial
@@ -14,7 +15,7 @@ import pinocchio as pin
 from jaxtyping import Float64
 
 from benchmarks.hqp.problem_set import Make, Progress, Source
-from poise.dynamics import Dynamics, RobotState, saturate
+from poise.dynamics import Dynamics, RobotState
 from poise.hqp import HierarchicalProblem, Level, make_solver
 from poise.robots import Robot, load_robot
 from poise.stack import JointLimit
@@ -285,7 +286,8 @@ def _problem(
     levels = [_support(robot, dynamics, middle)]
     for hand, target in zip(reversed(robot.hands), (reach.right, reach.left), strict=True):
         frame = dynamics.frame(robot.frame_id(hand))
-        velocity = saturate(_FASTEST, _GAIN * (np.array(target) - frame.position))
+        velocity = _GAIN * (np.array(target) - frame.position)
+        velocity *= _FASTEST / max(_FASTEST, math.sqrt(float(velocity.dot(velocity))))
         levels.append(equalities(hand, frame.jacobian[:3], velocity))
     levels.append(_gaze(robot, dynamics, np.array(reach.gaze)))
     posture = np.hstack([np.zeros((nj, nv - nj)), np.eye(nj)])

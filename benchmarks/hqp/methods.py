@@ -10,11 +10,9 @@ from jaxtyping import Float64, Int32
 
 from poise.errors import MissingExtraError, UnknownNameError
 from poise.hqp import (
-    ACCURACY,
     HierarchicalProblem,
     LexicographicSolver,
     Solution,
-    Solver,
     SolveStatus,
     make_solver,
 )
@@ -88,11 +86,13 @@ class StrategyContestant:
     """Any strategy, by its `solve`, which makes a `Solution`.
 
     Args:
-        solver: with its cap on time.
+        strategy: its name.
+        backend: QP solver of the strategy; its own when None.
+        time_limit: cap on a solve [s].
     """
 
-    def __init__(self, solver: Solver) -> None:
-        self._solver = solver
+    def __init__(self, strategy: str, backend: str | None, time_limit: float) -> None:
+        self._solver = make_solver(strategy, backend, time_limit=time_limit)
 
     def forget(self) -> None:
         """Forgets the last solution."""
@@ -295,16 +295,19 @@ REFERENCE = "direct"
 
 _OWN = ("direct", "daqp-hard", "daqp-hierarchical", "weighted")
 
+_BACKENDS = ("daqp", "proxqp", "quadprog", "piqp", "clarabel", "osqp")
+"""QP solvers of Poise's cascade and weighted strategies."""
+
 METHODS = (
     *_OWN,
-    *(f"cascade/{backend}" for backend in ACCURACY),
+    *(f"cascade/{backend}" for backend in _BACKENDS),
     "direct/solve",
     "daqp-hierarchical/own-scale",
-    *(f"weighted/{backend}" for backend in ACCURACY),
+    *(f"weighted/{backend}" for backend in _BACKENDS),
 )
 """All names: what is raced by default, then what must be asked for."""
 
-_USUAL = (*_OWN, *(f"cascade/{backend}" for backend in ACCURACY))
+_USUAL = (*_OWN, *(f"cascade/{backend}" for backend in _BACKENDS))
 
 QUICK = ("direct", "daqp-hard", "daqp-hierarchical")
 """Methods, or what stands before their slash, that take turns problem by problem."""
@@ -360,19 +363,19 @@ def make_contestant(method: str, time_limit: float) -> Contestant:
     if method == REFERENCE:
         return DirectContestant(time_limit)
     if method == "direct/solve":
-        return StrategyContestant(make_solver("direct", time_limit=time_limit))
+        return StrategyContestant("direct", None, time_limit)
     if method == "daqp-hard":
         return DaqpHard(time_limit)
     if method.startswith("daqp-hierarchical"):
         return DaqpHierarchical(time_limit, weighs=method == "daqp-hierarchical")
     strategy, _, backend = method.partition("/")
-    return StrategyContestant(make_solver(strategy, backend or None, time_limit=time_limit))
+    return StrategyContestant(strategy, backend or None, time_limit)
 
 
 def _missing(method: str) -> MissingExtraError | None:
     """The error that a method which is not installed would raise."""
     _, _, backend = method.partition("/")
-    if backend not in ACCURACY:
+    if backend not in _BACKENDS:
         return None
     try:
         make_solver("cascade", backend)

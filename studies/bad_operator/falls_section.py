@@ -8,7 +8,7 @@ from functools import cache
 from multiprocessing import get_context
 from pathlib import Path
 
-from poise.apps.teleoperation import noisy, run_teleop
+from poise.apps.teleoperation import TELEOP_PLANT, run_teleop
 from poise.locomotion import Mode, TeleopParameters
 from poise.robots import Robot, load_robot
 from studies.bad_operator.operator import BadOperator
@@ -64,7 +64,7 @@ def run_trial(trial: Trial) -> Outcome:
     run = run_teleop(
         _robot(trial.robot),
         lambda controller: BadOperator(controller, trial.seed),
-        noisy(),
+        TELEOP_PLANT.with_noise(),
         duration=trial.seconds,
         seed=trial.seed,
         parameters=trial.parameters,
@@ -79,7 +79,7 @@ def run_trial(trial: Trial) -> Outcome:
         fell=run.fell,
         seconds=run.plant.time,
         steps=len(log.entries(Mode.SL)) + len(log.entries(Mode.SR)),
-        mode=run.controller.mode.name,
+        mode=run.teleoperator.mode.name,
         tilt=float(log.tilt.max()),
         recording=path,
     )

@@ -5,9 +5,10 @@ from typing import Any
 import numpy as np
 
 from benchmarks.drawing import PALETTE
-from poise.locomotion import CartFlywheelTable, ComShifter
+from poise.locomotion import ComShifter
 from studies.finding import Figure, Finding, Section, Table, draw
 from studies.plan import Progress, StudyOptions
+from studies.step_teleoperation.cart_table import CartFlywheelTable
 
 _HEIGHT, _MASS, _STEP, _DT, _SECONDS = 0.765, 65.0, 0.21, 1e-3, 3.0
 _SHARES = (0.7, 1.0, 1.6)

@@ -2,7 +2,7 @@
 
 from dataclasses import fields
 
-from poise.apps.teleoperation import lift_one_foot, over_an_obstacle, switch_feet
+from poise.apps.teleoperation import SCRIPTS
 from poise.locomotion import Mode, TeleopParameters
 from poise.robots import catalog, load_robot
 from studies.finding import Finding, Section, Table
@@ -26,8 +26,10 @@ def g1_section(options: StudyOptions, progress: Progress) -> Section:
     if not any(entry.name == "g1" and entry.installed for entry in catalog()):
         return Section(prose=("G1 is not installed (extra `robots`): nothing was run.",))
     robot = load_robot("g1")
-    scripts = [over_an_obstacle(robot), lift_one_foot(robot)]
-    scripts += [switch_feet(robot, after) for after in AFTER[: 1 if options.quick else None]]
+    scripts = [SCRIPTS[name](robot) for name in ("over_an_obstacle", "lift_one_foot")]
+    scripts += [
+        SCRIPTS["switch_feet"](robot, after) for after in AFTER[: 1 if options.quick else None]
+    ]
     steps = Steps(progress, len(scripts))
     findings, rows = [], []
     for script in scripts:

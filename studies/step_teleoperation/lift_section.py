@@ -5,8 +5,8 @@ from collections import deque
 import numpy as np
 from jaxtyping import Float64
 
-from poise.apps.teleoperation import TeleopRun, lift_one_foot
-from poise.locomotion import Mode, PreviewControl, natural_frequency
+from poise.apps.teleoperation import SCRIPTS, TeleopRun
+from poise.locomotion import Mode, PreviewControl
 from poise.robots import load_robot
 from studies.finding import Finding, Section, Table, draw
 from studies.plan import Progress, Steps, StudyOptions
@@ -35,7 +35,7 @@ class PreviewDriver:
 
     def __init__(self, height: float, dt: float, length: int) -> None:
         self.control = PreviewControl(height, dt, length)
-        self.omega = natural_frequency(height)
+        self.omega = self.control.omega
         self._buffer: deque[Float64[np.ndarray, "2"]] = deque(maxlen=length)
         self._acceleration = np.zeros(2)
 
@@ -75,7 +75,7 @@ _STEADY = (3.0, 4.4)
 def lift_section(options: StudyOptions, progress: Progress) -> Section:
     """The section."""
     robot = load_robot("biped20")
-    script = lift_one_foot(robot)
+    script = SCRIPTS["lift_one_foot"](robot)
     steps = Steps(progress, 1 + len(_LENGTHS))
     dt = script_parameters(robot, script).dt
     steps.next()

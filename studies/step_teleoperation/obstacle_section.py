@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from poise.apps.teleoperation import over_an_obstacle
+from poise.apps.teleoperation import SCRIPTS
 from poise.robots import load_robot
 from studies.finding import Finding, Section, draw, one_legend
 from studies.plan import Progress, StudyOptions
@@ -13,7 +13,7 @@ from studies.step_teleoperation.runs import beyond, least_margin, run_script
 def obstacle_section(options: StudyOptions, progress: Progress) -> Section:
     """The section."""
     robot = load_robot("biped20")
-    script = over_an_obstacle(robot)
+    script = SCRIPTS["over_an_obstacle"](robot)
     run = run_script(robot, script)
     progress(1.0, 2.0)
     log = run.log

@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 
 from benchmarks.drawing import COM, EVENT, PALETTE, REFERENCE, SUPPORT, ZMP
-from poise.apps.teleoperation import MODES, TeleopLog, TeleopRun
+from poise.apps.teleoperation import TeleopLog, TeleopRun
 from poise.errors import MissingExtraError
+from poise.locomotion import Mode
 from poise.robots import Robot
-from poise.sim import Camera, CameraConfig, Marker, NoOpenGLError, render_video
+from poise.sim import Camera, Marker, render_video
 from studies.finding import Figure, Film, draw, one_legend
 from studies.plan import StudyOptions
 
@@ -42,11 +43,12 @@ def paint_zmp(panel: Any, robot: Robot, log: TeleopLog, axis: int, *, start: flo
     panel.plot(
         time, log.zmp_reference[rows, axis], color=REFERENCE, linestyle="--", label="ZMP reference"
     )
+    modes = tuple(Mode)
     for i in np.flatnonzero(np.diff(log.mode)) + 1:
         if log.time[i] >= start:
             panel.axvline(log.time[i], color=EVENT, linewidth=0.7)
             panel.text(
-                log.time[i], 1.01, MODES[log.mode[i]].name, fontsize=7, color=EVENT,
+                log.time[i], 1.01, modes[log.mode[i]].name, fontsize=7, color=EVENT,
                 transform=panel.get_xaxis_transform(),
             )  # fmt: skip
     panel.set_ylabel(_AXES[axis])
@@ -78,7 +80,7 @@ def _support(robot: Robot, log: TeleopLog, axis: int) -> tuple[np.ndarray, np.nd
         ]
     )
     stands = np.ones((len(log), 2), dtype=np.bool_)
-    for i, mode in enumerate(MODES):
+    for i, mode in enumerate(Mode):
         if mode.single and mode.support is not None:
             stands[log.mode == i, 1 - mode.support] = False
     centre = log.soles[:, :, axis]
@@ -119,8 +121,8 @@ def snapshots(
         return (), ()
     try:
         pictures = [_pictures(run, times, azimuth) for _, run, times in rows]
-    except NoOpenGLError as error:
-        return (), (NO_PICTURES.format(reason=str(error).split(":")[0]),)
+    except MissingExtraError as error:
+        return (), (NO_PICTURES.format(reason=error),)
 
     def paint(canvas: Any) -> None:
         columns = max(len(times) for _, _, times in rows)
@@ -137,14 +139,14 @@ def snapshots(
 
 
 def _pictures(run: TeleopRun, times: Sequence[float], azimuth: float) -> list[np.ndarray]:
-    config = CameraConfig(
+    config = Camera.Config(
         width=_WIDTH, height=_HEIGHT, azimuth=azimuth, elevation=-10.0, distance=1.5
     )
     log, images = run.log, []
     with Camera(run.plant.robot, run.plant.model, config) as camera:
         for time in times:
             i = min(int(np.searchsorted(log.time, time)), len(log) - 1)
-            images.append(camera.picture(log.q[i], _hands(log.hands[i])))
+            images.append(camera.picture(log.q[i], _hands(log.devices[i])))
     return images
 
 
@@ -171,7 +173,7 @@ def films(options: StudyOptions, runs: Sequence[tuple[str, str, TeleopRun]]) -> 
             path = Path(folder) / f"{name}.mp4"
             try:
                 render_video(run.plant, run.log.time, run.log.q, path)
-            except (NoOpenGLError, MissingExtraError):
+            except MissingExtraError:
                 # The snapshots' note says why.
                 return ()
             made.append(Film(name=name, title=title, data=path.read_bytes()))

@@ -3,7 +3,7 @@
 from dataclasses import replace
 from typing import Any
 
-from poise.apps.teleoperation import noisy, over_an_obstacle, run_teleop, switch_feet
+from poise.apps.teleoperation import SCRIPTS, TELEOP_PLANT, run_teleop
 from poise.locomotion import StepTeleoperator, TeleopParameters
 from poise.robots import Robot, load_robot
 from studies.bad_operator.operator import BadOperator
@@ -86,14 +86,14 @@ def _three_runs(
         return {"parameters": replace(parameters, **changes), "leader": leader}
 
     cells: list[str] = []
-    for script in (over_an_obstacle(robot), switch_feet(robot, 0.1)):
+    for script in (SCRIPTS["over_an_obstacle"](robot), SCRIPTS["switch_feet"](robot, 0.1)):
         run = run_script(robot, script, **settings(script_parameters(robot, script)))
         touched = ", touched a block" if run.log.touched.any() else ""
         cells.append(fall_note(run) + touched)
     run = run_teleop(
         robot,
         lambda c: BadOperator(c, _SEED),
-        noisy(),
+        TELEOP_PLANT.with_noise(),
         duration=_SECONDS,
         **settings(StepTeleoperator(robot).parameters),
     )

@@ -5,7 +5,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from benchmarks.drawing import PALETTE, REFERENCE
-from poise.apps.teleoperation import TeleopRun, swing_fast
+from poise.apps.teleoperation import SCRIPTS, TeleopRun
 from poise.robots import load_robot
 from studies.finding import Figure, Finding, Section, Table, draw
 from studies.plan import Progress, Steps, StudyOptions
@@ -46,7 +46,7 @@ def swing_section(options: StudyOptions, progress: Progress) -> Section:
     shown: list[tuple[str, str, TeleopRun]] = []
     for way in WAYS:
         axis = WAYS.index(way)
-        script = swing_fast(robot, way, 2 if options.quick else 3)
+        script = SCRIPTS["swing_fast"](robot, way, 2 if options.quick else 3)
         steps.next()
         on = run_script(robot, script)
         steps.next()

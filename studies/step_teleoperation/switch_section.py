@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from poise.apps.teleoperation import TeleopRun, switch_feet
+from poise.apps.teleoperation import SCRIPTS, TeleopRun
 from poise.locomotion import Mode
 from poise.robots import load_robot
 from studies.finding import Finding, Section, Table, draw
@@ -22,7 +22,7 @@ def switch_section(options: StudyOptions, progress: Progress) -> Section:
     runs: list[TeleopRun] = []
     for after in AFTER:
         steps.next()
-        runs.append(run_script(robot, switch_feet(robot, after)))
+        runs.append(run_script(robot, SCRIPTS["switch_feet"](robot, after)))
     steps.finish()
 
     by_title = {f"lift {after:.1f} s later": run for after, run in zip(AFTER, runs, strict=True)}
