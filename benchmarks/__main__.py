@@ -4,30 +4,80 @@ import argparse
 import json
 import os
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from benchmarks.hqp.command import act_hqp, add_hqp_options
-from poise.cli import Bar, add_output_options, make_folder, run_command, words_of
+from benchmarks.hqp.command import MADE, act_hqp
+from benchmarks.options import folder_of, words_of
+from poise.cli import Bar, run_command
 from poise.errors import ConfigurationError, UnknownNameError
 
-_TELEOP = "teleop"
-"""A controller that is no resolver of tasks: it walks, and is timed on a walk."""
+BENCHMARKS = ("tick", "dof", "peers", "bias", "hqp")
+"""What can be timed. `tick --controller teleop` stands apart, because the step teleoperator is no
+resolver of tasks: it walks, and is timed on a walk. It is called `teleop` here."""
 
-_OWN = {
-    "tick": ("robot", "contacts", "controller", "stack", "methods", "peers", "ticks"),
-    "dof": ("joints", "contacts", "stack", "ticks"),
-    "peers": ("robot", "contacts", "stack", "peers", "ticks"),
-    "bias": ("robot", "ticks"),
-    "hqp": ("problems", "sequences", "methods", "count", "save"),
+_OPTIONS: dict[str, tuple[str, tuple[str, ...], str]] = {
+    "robot": (
+        "R",
+        ("tick", "teleop", "peers", "bias"),
+        "tick, peers: a biped (default: humanoid33; with --controller teleop: biped20); bias: a "
+        "robot on a fixed base with hands (default: upper17)",
+    ),
+    "joints": ("N,N", ("dof",), "dof: joints of the robots, 20 to 60 (default: ten of them)"),
+    "contacts": (
+        "C",
+        ("tick", "dof", "peers"),
+        "tick, peers: double (default) or single; dof: double, single or double,single (default)",
+    ),
+    "controller": (
+        "C",
+        ("tick", "teleop"),
+        "tick: whole_body (default), reduced, osf, differential_ik, or teleop, which takes only "
+        "--robot, --ticks, --out and --json beside it",
+    ),
+    "stack": (
+        "S",
+        ("tick", "dof", "peers"),
+        "table1, default or both (tick: both; dof, peers: table1)",
+    ),
+    "methods": (
+        "M,M",
+        ("tick", "hqp"),
+        "tick: such as cascade/osqp,cascade/proxqp,weighted; direct is always timed; hqp: "
+        "likewise, or daqp-hard, daqp-hierarchical, direct/solve (default: all that are "
+        "installed); direct is always timed",
+    ),
+    "peers": (
+        "P=PYTHON",
+        ("tick", "peers"),
+        "tick, peers: other packages and the Python of their environment: tsid=PATH,placo=PATH",
+    ),
+    "ticks": (
+        "N",
+        ("tick", "teleop", "dof", "peers", "bias"),
+        "timed ticks (default: 500 for tick and peers, 300 for dof, one walk with --controller "
+        "teleop, 1100 for bias)",
+    ),
+    "problems": (
+        "FOLDER",
+        ("hqp",),
+        "hqp: race on the sequences saved there, not on new ones",
+    ),
+    "sequences": (
+        "S,S",
+        ("hqp",),
+        "hqp: names of sequences (default: all of FOLDER, or a selection that is quickly made; "
+        "all: every one that can be made)",
+    ),
+    "count": (
+        "N",
+        ("hqp",),
+        f"hqp: most problems of a sequence (default: {MADE}, or all of those in FOLDER)",
+    ),
+    "save": ("FOLDER", ("hqp",), "hqp: make all sequences and save them, race nothing"),
 }
-"""Benchmarks by name, and the options that mean something to each."""
-
-_OWN_TELEOP = ("robot", "ticks", "controller")
-"""Options that mean something to the step teleoperator's timing."""
-
-_OPTIONS = tuple(dict.fromkeys(option for own in _OWN.values() for option in own))
+"""Options by name: what their value is called, the benchmarks that take them, and the help."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -55,165 +105,118 @@ def main(arguments: Sequence[str] | None = None) -> int:
         "python -m benchmarks bias --json; "
         "python -m benchmarks hqp --methods daqp-hierarchical,cascade/osqp --out bench",
     )
-    parser.add_argument("name", metavar="NAME", help="what to time: " + ", ".join(_OWN))
-    parser.add_argument(
-        "--robot",
-        metavar="R",
-        help="tick, peers: a biped (default: humanoid33; with --controller teleop: biped20); bias: "
-        "a robot on a fixed base with hands (default: upper17)",
-    )
-    parser.add_argument(
-        "--joints",
-        metavar="N,N",
-        help="dof: joints of the robots, 20 to 60 (default: ten of them)",
-    )
-    parser.add_argument(
-        "--contacts",
-        metavar="C",
-        help="tick, peers: double (default) or single; dof: double, single or double,single "
-        "(default)",
-    )
-    parser.add_argument(
-        "--controller",
-        metavar="C",
-        help="tick: whole_body (default), reduced, osf, differential_ik, or teleop, which takes "
-        "only --robot, --ticks, --out and --json beside it",
-    )
-    parser.add_argument(
-        "--stack", metavar="S", help="table1, default or both (tick: both; dof, peers: table1)"
-    )
-    parser.add_argument(
-        "--methods",
-        metavar="M,M",
-        help="tick: such as cascade/osqp,cascade/proxqp,weighted; direct is always timed; hqp: "
-        "likewise, or daqp-hard, daqp-hierarchical, direct/solve (default: all that are "
-        "installed); direct is always timed",
-    )
-    parser.add_argument(
-        "--peers",
-        metavar="P=PYTHON",
-        help="tick, peers: other packages and the Python of their environment: "
-        "tsid=PATH,placo=PATH",
-    )
-    parser.add_argument(
-        "--ticks",
-        metavar="N",
-        type=int,
-        help="timed ticks (default: 500 for tick and peers, 300 for dof, one walk with "
-        "--controller teleop, 1100 for bias)",
-    )
-    add_hqp_options(parser)
-    add_output_options(parser, "none is written")
+    parser.add_argument("name", metavar="NAME", help="what to time: " + ", ".join(BENCHMARKS))
+    for name, (metavar, _, words) in _OPTIONS.items():
+        kind = int if metavar == "N" else str
+        parser.add_argument(f"--{name}", metavar=metavar, type=kind, help=words)
+    parser.add_argument("--out", metavar="DIR", help="folder to write into (default: none)")
+    parser.add_argument("--json", action="store_true", help="print the figures as JSON")
     parser.set_defaults(act=_act)
     return run_command(parser, arguments)
 
 
 def _act(options: argparse.Namespace) -> int:
-    """Runs a benchmark."""
-    if options.name not in _OWN:
-        raise UnknownNameError("unknown benchmark", got=options.name, choices=_OWN)
-    teleop = options.name == "tick" and options.controller == _TELEOP
-    _refuse_foreign(options, teleop)
-    runs: dict[str, Callable[[argparse.Namespace], None]] = {
-        "tick": _teleop if teleop else _tick,
-        "dof": _dof,
-        "peers": _peers,
-        "bias": _bias,
-        "hqp": act_hqp,
-    }
-    runs[options.name](options)
+    if options.name not in BENCHMARKS:
+        raise UnknownNameError("unknown benchmark", got=options.name, choices=BENCHMARKS)
+    teleop = options.name == "tick" and options.controller == "teleop"
+    name = "teleop" if teleop else options.name
+    _refuse_foreign(options, name)
+    runs = {"tick": _tick, "teleop": _teleop, "dof": _dof, "peers": _peers, "bias": _bias}
+    (runs | {"hqp": act_hqp})[name](options)
     return 0
 
 
-def _refuse_foreign(options: argparse.Namespace, teleop: bool) -> None:
+def _refuse_foreign(options: argparse.Namespace, benchmark: str) -> None:
     """Refuses options that mean nothing to a benchmark.
 
     Raises:
         ConfigurationError: one of them was given.
     """
-    own = _OWN_TELEOP if teleop else _OWN[options.name]
-    for name in _OPTIONS:
+    teleop = benchmark == "teleop"
+    own = [name for name, (_, owners, _) in _OPTIONS.items() if benchmark in owners]
+    for name, (_, owners, _) in _OPTIONS.items():
         if name in own or getattr(options, name) is None:
             continue
-        others = [other for other, names in _OWN.items() if name in names]
-        why = "controllers of tasks" if teleop else f"the benchmark {' or '.join(others)}"
-        what = "--controller teleop" if teleop else options.name
+        others = " or ".join(owner for owner in owners if owner != "teleop")
+        what = "--controller teleop" if teleop else benchmark
         raise ConfigurationError(
-            f"--{name} belongs to {why}",
+            f"--{name} belongs to "
+            + ("controllers of tasks" if teleop else f"the benchmark {others}"),
             got=f"--{name} {getattr(options, name)}",
             wanted=", ".join(f"--{n}" for n in (*own, "out", "json")) + f" with {what}",
         )
 
 
 def _tick(options: argparse.Namespace) -> None:
-    from benchmarks.tick import TickBench, bench_tick
+    from benchmarks.tick import TickBench
     from poise.control import CONTROLLERS
 
     if options.controller is not None and options.controller not in CONTROLLERS:
         raise UnknownNameError(
-            "no such controller", got=options.controller, choices=(*CONTROLLERS, _TELEOP)
+            "no such controller", got=options.controller, choices=(*CONTROLLERS, "teleop")
         )
     plan = TickBench(
-        **_given(options, ("robot", "contacts", "controller", "ticks")),
+        **_given(options, "robot", "contacts", "controller", "ticks"),
         stacks=_stacks(options.stack or "both"),
         methods=words_of(options.methods) if options.methods else None,
         peers=_interpreters(options.peers or ""),
     )
-    _run_ticks(options, plan, bench_tick)
+    _run_ticks(options, plan)
 
 
 def _peers(options: argparse.Namespace) -> None:
-    from benchmarks.peers.process import PEERS
-    from benchmarks.peers_bench import how_to_install, peers_bench
-    from benchmarks.tick import bench_tick
+    """Other packages beside the full and the reduced controller, by their default solver."""
+    from benchmarks.peers.process import PEERS, how_to_install
+    from benchmarks.tick import TickBench
 
-    peers = _interpreters(options.peers) if options.peers else _interpreters_of_environment(PEERS)
-    plan = peers_bench(
-        peers,
-        **_given(options, ("robot", "contacts", "ticks")),
+    # POISE_TSID_PYTHON and POISE_PLACO_PYTHON name their Python where the command line does not.
+    named = {name: os.environ.get(f"POISE_{name.upper()}_PYTHON") for name in PEERS}
+    peers = {name: Path(path) for name, path in named.items() if path}
+    if options.peers:
+        peers = _interpreters(options.peers)
+    plan = TickBench(
+        **_given(options, "robot", "contacts", "ticks"),
+        controller="reduced",
         stacks=_stacks(options.stack or "table1"),
+        methods=("direct",),
+        peers=peers,
     )
-    _run_ticks(options, plan, bench_tick)
+    _run_ticks(options, plan)
     for name in PEERS:
         if name not in peers:
             print(how_to_install(name), file=sys.stderr)
 
 
-def _run_ticks(options: argparse.Namespace, plan: Any, bench: Any) -> None:
-    """Times, prints, and writes `bench.json` and a figure where a folder is wanted."""
-    from benchmarks.figure import write_figure
-    from benchmarks.result import format_table
+def _run_ticks(options: argparse.Namespace, plan: Any) -> None:
+    from benchmarks.result import format_table, write_figure
+    from benchmarks.tick import bench_tick
 
-    results, folder = _run(options, plan, bench, format_table)
+    results, folder = _run(options, plan, bench_tick, format_table)
     if folder is not None:
         write_figure(results, folder / "bench.png")
 
 
 def _dof(options: argparse.Namespace) -> None:
-    from benchmarks.dof import DofBench, bench_dof, format_dof_table
-    from benchmarks.targets import speed_targets
+    from benchmarks.dof import DofBench, bench_dof, format_dof_table, speed_targets
 
-    given = _given(options, ("ticks", "stack"))
+    given = _given(options, "ticks", "stack")
     if options.joints is not None:
         given["joints"] = _numbers(options.joints)
     if options.contacts is not None:
         given["contacts"] = words_of(options.contacts)
-    plan = DofBench(**given)
-    _run(options, plan, bench_dof, format_dof_table, speed_targets)
+    _run(options, DofBench(**given), bench_dof, format_dof_table, speed_targets)
 
 
 def _bias(options: argparse.Namespace) -> None:
     from benchmarks.bias import BiasBench, bench_bias, format_bias_table
 
-    plan = BiasBench(**_given(options, ("robot", "ticks")))
-    _run(options, plan, bench_bias, format_bias_table)
+    _run(options, BiasBench(**_given(options, "robot", "ticks")), bench_bias, format_bias_table)
 
 
 def _teleop(options: argparse.Namespace) -> None:
-    from benchmarks.teleop import TeleopBench, bench_teleop
-    from benchmarks.teleop_table import format_teleop_table
+    from benchmarks.teleop import TeleopBench, bench_teleop, format_teleop_table
 
-    plan = TeleopBench(**_given(options, ("robot", "ticks")))
+    plan = TeleopBench(**_given(options, "robot", "ticks"))
     _run(options, plan, bench_teleop, format_teleop_table)
 
 
@@ -232,7 +235,7 @@ def _run(
     Returns:
         The results, and the folder.
     """
-    folder = make_folder(options.out, ".") if options.out else None
+    folder = folder_of(options.out)
     with Bar("timing", " ticks") as bar:
         results = bench(plan, bar)
     objects = [*results, *(more(results) if more is not None else ())]
@@ -243,17 +246,13 @@ def _run(
     return results, folder
 
 
-def _given(options: argparse.Namespace, names: Sequence[str]) -> dict[str, Any]:
+def _given(options: argparse.Namespace, *names: str) -> dict[str, Any]:
     """Options that were given; for the others the benchmark's own defaults hold."""
     return {name: getattr(options, name) for name in names if getattr(options, name) is not None}
 
 
 def _numbers(text: str) -> tuple[int, ...]:
-    """Reads `20,33,60`.
-
-    Raises:
-        ConfigurationError: a part that is no whole number.
-    """
+    """Reads `20,33,60`."""
     words = words_of(text)
     for word in words:
         if not (word.isascii() and word.isdigit()):
@@ -264,23 +263,13 @@ def _numbers(text: str) -> tuple[int, ...]:
 
 
 def _stacks(name: str) -> tuple[str, ...]:
-    from benchmarks.stances import STACKS
+    from benchmarks.recording import STACKS
 
     return STACKS if name == "both" else (name,)
 
 
-def _interpreters_of_environment(names: Sequence[str]) -> dict[str, Path]:
-    """Peers whose Python the environment names: POISE_TSID_PYTHON, POISE_PLACO_PYTHON."""
-    found = {name: os.environ.get(f"POISE_{name.upper()}_PYTHON") for name in names}
-    return {name: Path(path) for name, path in found.items() if path}
-
-
 def _interpreters(text: str) -> dict[str, Path]:
-    """Reads `name=path,name=path`.
-
-    Raises:
-        ConfigurationError: a part without a path.
-    """
+    """Reads `name=path,name=path`."""
     peers: dict[str, Path] = {}
     for word in words_of(text):
         name, separator, path = word.partition("=")

@@ -1,10 +1,15 @@
 """Colours, lines and numbers of the laboratory's figures, which are drawn in the report's style."""
 
+from collections.abc import Generator
+from contextlib import contextmanager
 from math import isfinite, isnan, log10
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float64
+
+from poise.apps.report import house_style
 
 # Okabe and Ito's colours, which stay apart for colour-blind readers.
 PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#7A5C3E")
@@ -64,3 +69,24 @@ def decimate(
     index |= {s + int(highs[s : s + width].argmax()) for s in starts}
     kept = np.array(sorted(index))
     return time[kept], values[kept]
+
+
+@contextmanager
+def picture(path: Path, width: float, height: float, dpi: int) -> Generator[Any]:
+    """A `matplotlib.figure.Figure` to draw on, which is written in the end.
+
+    Args:
+        path: file to write; its suffix says the format.
+        width: [in].
+        height: [in].
+        dpi: resolution [1/in].
+
+    Raises:
+        MissingExtraError: matplotlib is not installed.
+    """
+    with house_style():
+        from matplotlib.figure import Figure
+
+        figure = Figure(figsize=(width, height), layout="constrained")
+        yield figure
+        figure.savefig(path, facecolor="white", dpi=dpi)

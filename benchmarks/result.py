@@ -1,15 +1,14 @@
-"""`TickResult`: what one method needed, as the command line prints it.
-
-Results as a table for a terminal.
-"""
+"""`TickResult`: what one method needed, as JSON, as a table for a terminal and as a picture."""
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float64, Int64
 
+from benchmarks.drawing import INK, PALETTE, picture, plain_number
 from poise.control import CONTROLLERS
 
 PHASES = ("dynamics", "assembly", "solve", "command")
@@ -35,7 +34,16 @@ class TickTimes:
 
 
 @dataclass(frozen=True, kw_only=True)
-class TickResult:
+class Result:
+    """Figures of one benchmark, a field each."""
+
+    def to_json(self) -> dict[str, Any]:
+        """The figures as JSON holds them."""
+        return asdict(self)
+
+
+@dataclass(frozen=True, kw_only=True)
+class TickResult(Result):
     """One method on one stack.
 
     Attributes:
@@ -91,10 +99,6 @@ class TickResult:
     relaxed_ticks: int | None
     missed_ticks: int
 
-    def to_json(self) -> dict[str, Any]:
-        """The result as JSON holds it."""
-        return asdict(self)
-
 
 def time_statistics(
     times: TickTimes, direct: TickTimes, whole: TickTimes | None = None
@@ -106,19 +110,17 @@ def time_statistics(
         direct: of `direct`, on the same states.
         whole: of the whole-body controller's method of the same name, likewise.
     """
-    total = 1e6 * times.total
     medians = 1e6 * np.median(times.phases, axis=0)
+    cpu = {"p50_us": None, "p99_us": None} if np.isnan(times.cpu).any() else spread_us(times.cpu)
     return {
-        "p50_us": _short(float(np.median(total))),
-        "p99_us": _short(float(np.percentile(total, 99))),
-        "max_us": _short(float(total.max())),
-        "cpu_p50_us": _quantile(times.cpu, 50.0),
-        "cpu_p99_us": _quantile(times.cpu, 99.0),
+        **spread_us(times.total),
+        "cpu_p50_us": cpu["p50_us"],
+        "cpu_p99_us": cpu["p99_us"],
         "phases_us": {
-            name: None if np.isnan(value) else _short(float(value))
+            name: None if np.isnan(value) else round(float(value), 1)
             for name, value in zip(PHASES, medians, strict=True)
         },
-        "ticks": len(total),
+        "ticks": len(times.total),
         "ratio_to_direct": median_ratio(times, direct),
         "ratio_to_whole": None if whole is None else median_ratio(times, whole),
     }
@@ -129,54 +131,72 @@ def median_ratio(times: TickTimes, reference: TickTimes) -> float:
     return round(float(np.median(times.total / reference.total)), 3)
 
 
-def _quantile(seconds: Float64[np.ndarray, " ticks"], percent: float) -> float | None:
-    if np.isnan(seconds).any():
-        return None
-    return _short(1e6 * float(np.percentile(seconds, percent)))
+def spread_us(seconds: Float64[np.ndarray, " ticks"], digits: int = 1) -> dict[str, Any]:
+    """Median, 99th percentile and greatest of times [us]; None where there are none.
+
+    Args:
+        seconds: times [s].
+        digits: behind the point; a clock call takes some 50 ns, so that more say nothing.
+    """
+    percents = {"p50_us": 50.0, "p99_us": 99.0, "max_us": 100.0}
+    if not len(seconds):
+        return dict.fromkeys(percents)
+    return {k: round(1e6 * float(np.percentile(seconds, p)), digits) for k, p in percents.items()}
 
 
-def _short(microseconds: float) -> float:
-    # A clock call takes some 50 ns: further digits say nothing.
-    return round(microseconds, 1)
+def text_table(
+    heads: Sequence[str], rows: Sequence[tuple[str, Sequence[str], str]], width: int = 9
+) -> list[str]:
+    """Lines of a table for a terminal.
+
+    Args:
+        heads: of the columns behind the names.
+        rows: a name, which may be empty in all rows, cells, and what is said behind them.
+        width: of a column.
+    """
+    longest = max((len(name) for name, _, _ in rows), default=0)
+    return [
+        "  ".join(([f"{name:{longest}}"] if longest else []) + [f"{c:>{width}}" for c in cells])
+        + remark
+        for name, cells, remark in [("", heads, ""), *rows]
+    ]
 
 
-_HEADS = (
-    "p50", "p99", "max", "cpu p99", *PHASES, "x direct", "x whole", "variables", "rows", "residual",
-)  # fmt: skip
+def time_cells(row: "TickResult") -> list[str]:
+    """Times of a result as a table has them: `TIME_HEADS`."""
+    times = (row.p50_us, row.p99_us, row.max_us, row.cpu_p99_us)
+    return [or_dash(t, ".0f") for t in (*times, *(row.phases_us[phase] for phase in PHASES))]
+
+
+def or_dash(value: int | float | None, form: str) -> str:
+    """A number by a format; a dash for None."""
+    return "-" if value is None else format(value, form)
+
+
+TIME_HEADS = ("p50", "p99", "max", "cpu p99", *PHASES)
+_HEADS = (*TIME_HEADS, "x direct", "x whole", "variables", "rows", "residual")
 
 
 def format_table(results: Sequence[TickResult]) -> str:
-    """One block a stack, one line a method; times in microseconds.
-
-    Args:
-        results: of one benchmark.
-    """
-    width = max(len(method_name(r)) for r in results)
-    lines: list[str] = []
+    """One block a stack, one line a method; times in microseconds."""
+    blocks: list[str] = []
+    longest = max(len(method_name(r)) for r in results)
     for stack in dict.fromkeys(r.stack for r in results):
         rows = [r for r in results if r.stack == stack]
         first = rows[0]
-        lines += [
-            "",
+        lines = [(f"{method_name(r):{longest}}", *_cells(r)) for r in rows]
+        blocks.append(
             f"{first.robot}, {first.joints} joints, {first.contacts} support, stack {stack!r}: "
-            f"{first.ticks} ticks, times in us",
-            "  ".join([" " * width, *(f"{head:>9}" for head in _HEADS)]),
-        ]
-        lines += [_line(row, width) for row in rows]
-    return "\n".join(lines).lstrip("\n")
+            f"{first.ticks} ticks, times in us\n" + "\n".join(text_table(_HEADS, lines))
+        )
+    return "\n\n".join(blocks)
 
 
-def _line(row: TickResult, width: int) -> str:
-    phases = [row.phases_us[phase] for phase in PHASES]
-    cells = [_time(t) for t in (row.p50_us, row.p99_us, row.max_us, row.cpu_p99_us, *phases)]
-    cells.append(f"{row.ratio_to_direct:.2f}")
-    cells.append("-" if row.ratio_to_whole is None else f"{row.ratio_to_whole:.2f}")
-    cells += [str(row.variables), "-" if row.rows is None else str(row.rows)]
-    cells.append("-" if row.residual_max is None else f"{row.residual_max:.0e}")
-    line = "  ".join([f"{method_name(row):{width}}", *(f"{cell:>9}" for cell in cells)])
-    if row.missed_ticks:
-        line += f"  {row.missed_ticks} of {row.ticks} ticks FAILED"
-    return line
+def _cells(row: TickResult) -> tuple[list[str], str]:
+    cells = [*time_cells(row), f"{row.ratio_to_direct:.2f}", or_dash(row.ratio_to_whole, ".2f")]
+    cells += [str(row.variables), or_dash(row.rows, "d"), or_dash(row.residual_max, ".0e")]
+    missed = f"  {row.missed_ticks} of {row.ticks} ticks FAILED" if row.missed_ticks else ""
+    return cells, missed
 
 
 def method_name(row: TickResult) -> str:
@@ -186,5 +206,70 @@ def method_name(row: TickResult) -> str:
     return name if row.schedule == "tick" else f"{name}, in batches"
 
 
-def _time(microseconds: float | None) -> str:
-    return "-" if microseconds is None else f"{microseconds:.0f}"
+_BAR = "#9AA5B1"
+"""Colour of the whole tick: none of the phases'."""
+
+
+def write_figure(results: Sequence[TickResult], path: Path) -> Path:
+    """Draws, a row a stack, how long each tick takes and how its time is shared by the phases.
+
+    Args:
+        results: of one benchmark.
+        path: file to write; its suffix says the format.
+
+    Returns:
+        The path.
+
+    Raises:
+        MissingExtraError: matplotlib is not installed.
+    """
+    stacks = list(dict.fromkeys(r.stack for r in results))
+    tallest = max(sum(r.stack == stack for r in results) for stack in stacks)
+    height = 1.1 + len(stacks) * (0.6 + 0.36 * tallest)
+    with picture(path, 9.0, height, 150) as figure:
+        panels = figure.subplots(
+            len(stacks), 2, squeeze=False, sharex="col", width_ratios=(1.5, 1.0)
+        )
+        for (times, shares), stack in zip(panels, stacks, strict=True):
+            rows = [r for r in results if r.stack == stack]
+            _draw_times(times, rows)
+            _draw_shares(shares, rows)
+        longest = max(r.p99_us for r in results)
+        # Room for the words behind the longest line.
+        panels[-1, 0].set_xlim(min(r.p50_us for r in results) / 3.0, 12.0 * longest)
+        panels[-1, 0].set_xlabel("tick, median [µs]; line to the 99th percentile")
+        panels[-1, 1].set_xlabel("share of the tick, medians [%]")
+        handles, labels = panels[0, 1].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside upper right", ncols=len(labels))
+    return path
+
+
+def _draw_times(ax: Any, rows: list[TickResult]) -> None:
+    first = rows[0]
+    for y, row in enumerate(rows):
+        ax.barh(y, row.p50_us, height=0.55, color=_BAR)
+        ax.plot([row.p50_us, row.p99_us], [y, y], color=INK, linewidth=1.0)
+        words = f"{row.p50_us:.0f} µs, {row.ratio_to_direct:.2f} × direct"
+        words += f", {row.missed_ticks} failed" if row.missed_ticks else ""
+        ax.annotate(words, (row.p99_us, y), xytext=(5, 0), textcoords="offset points", va="center")
+    ax.set_xscale("log")
+    ax.xaxis.set_major_formatter(plain_number)
+    ax.set_yticks(range(len(rows)), [method_name(r).replace(", ", "\n") for r in rows])
+    ax.invert_yaxis()
+    ax.grid(visible=False, axis="y")
+    ax.set_title(f"{first.robot}, {first.contacts} support, stack {first.stack}")
+
+
+def _draw_shares(ax: Any, rows: list[TickResult]) -> None:
+    for y, row in enumerate(rows):
+        known = [row.phases_us[phase] or 0.0 for phase in PHASES]
+        left = 0.0
+        for i, value in enumerate(known):
+            share = 100.0 * value / sum(known)
+            label = PHASES[i] if y == 0 else None
+            ax.barh(y, share, left=left, height=0.55, color=PALETTE[i], label=label)
+            left += share
+    ax.set_xlim(0.0, 100.0)
+    ax.set_yticks([])
+    ax.invert_yaxis()
+    ax.grid(visible=False)

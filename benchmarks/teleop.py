@@ -1,20 +1,124 @@
-"""`bench_teleop`: times the control step of the step teleoperator, and its whole simulation."""
+"""`bench_teleop`: times the control step of the step teleoperator, and its whole simulation.
+
+`record_walk`: a walk by scripted hands, recorded once: what the step teleoperator was told.
+"""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass, replace
 from time import perf_counter, process_time
-from typing import Any
 
 import numpy as np
 from jaxtyping import Float64
 
 from benchmarks.clocked import collector_paused
 from benchmarks.recording import Progress
-from benchmarks.teleop_recording import SCENARIO, Walk, WalkTick, record_walk
-from poise.apps.teleoperation import TeleopRun, run_teleop
+from benchmarks.result import Result, spread_us, text_table
+from poise.apps.teleoperation import SCRIPTS, TELEOP_PLANT, Script, TeleopRun, run_teleop
+from poise.dynamics import RobotState
 from poise.errors import ConfigurationError, PoiseError
 from poise.locomotion import Device, DeviceSample, StepTeleoperator
-from poise.robots import load_robot
+from poise.robots import Robot, load_robot
+from poise.sim import Plant, PlantConfig, rollout
+
+SCENARIO = "over_an_obstacle"
+"""The script that is walked: both feet stand, shift, swing and land in it."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Walk:
+    """A scripted scenario on a robot, before anything moves.
+
+    Attributes:
+        robot: a biped with legs of six joints.
+        script: way-points of the hands.
+        q_start: where the robot starts.
+        plant: with the script's blocks.
+    """
+
+    robot: Robot
+    script: Script
+    q_start: Float64[np.ndarray, " nq"]
+    plant: PlantConfig
+
+    @classmethod
+    def over_an_obstacle(cls, robot: Robot) -> "Walk":
+        """Scenario 1 of Zhang and Kikuuwe, scaled to the robot.
+
+        Args:
+            robot: a biped with legs of six joints.
+
+        Raises:
+            ConfigurationError: the robot cannot be walked.
+        """
+        # Says what is wrong with a robot that is no biped, before a script is made for it.
+        StepTeleoperator(robot)
+        script = SCRIPTS[SCENARIO](robot)
+        return cls(
+            robot=robot,
+            script=script,
+            q_start=script.posture(robot),
+            plant=replace(TELEOP_PLANT, blocks=script.blocks),
+        )
+
+    @property
+    def ticks(self) -> int:
+        """Control periods in the whole script."""
+        return round(self.script.duration / self.plant.control_dt)
+
+    def teleoperator(self) -> StepTeleoperator:
+        """A teleoperator that has not begun."""
+        return StepTeleoperator(self.robot, q_start=self.q_start)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class WalkTick:
+    """What the teleoperator was told at a tick.
+
+    Attributes:
+        state: as measured, contacts and time included.
+        sample: of the operator's devices.
+    """
+
+    state: RobotState
+    sample: DeviceSample | None
+
+
+def record_walk(walk: Walk, ticks: int, progress: Progress | None = None) -> tuple[WalkTick, ...]:
+    """Walks a simulated robot and records the first ticks.
+
+    Args:
+        walk: what to walk.
+        ticks: how many to record, from the start.
+        progress: told how many of all ticks are done.
+
+    Raises:
+        PoiseError: the robot fell.
+    """
+    teleoperator = walk.teleoperator()
+    controller = teleoperator.controller()
+    plant = Plant(walk.robot, walk.plant)
+    plant.reset(walk.q_start)
+    device = walk.script.device(teleoperator)
+    teleoperator.device = device
+    recorded: list[WalkTick] = []
+    ticking = rollout(
+        plant,
+        controller,
+        teleoperator,
+        estimator=teleoperator.estimator,
+        duration=ticks * plant.control_dt,
+    )
+    for tick in ticking:
+        # The script always says something.
+        assert teleoperator.status is not None
+        assert teleoperator.status.sample is not None
+        recorded.append(WalkTick(tick.state, teleoperator.status.sample))
+        if plant.fallen:
+            raise PoiseError(f"{walk.robot.name} fell at {plant.time:.3f} s while being recorded")
+        if progress is not None and len(recorded) % 50 == 0:
+            progress(float(len(recorded)), float(ticks))
+    return tuple(recorded)
+
 
 WARM_UP = 30
 """Ticks before those that count, in every pass: a controller that has just been made."""
@@ -39,7 +143,7 @@ class TeleopBench:
 
 
 @dataclass(frozen=True, kw_only=True)
-class TeleopResult:
+class TeleopResult(Result):
     """What the control step of one robot needs.
 
     Attributes:
@@ -79,10 +183,6 @@ class TeleopResult:
     real_time_factor: float
     real_time_factor_cpu: float
     simulation_p50_us: float
-
-    def to_json(self) -> dict[str, Any]:
-        """The result as JSON holds it."""
-        return asdict(self)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -141,12 +241,7 @@ def bench_teleop(plan: TeleopBench, progress: Progress | None = None) -> list[Te
 
 
 def time_steps(walk: Walk, recorded: Sequence[WalkTick]) -> StepTimes:
-    """Times a new controller on a recorded walk, from its start.
-
-    Args:
-        walk: whose controller.
-        recorded: its first ticks.
-    """
+    """Times a new controller on a recorded walk, from its start."""
     teleoperator = walk.teleoperator()
     controller = teleoperator.controller()
     samples = iter([tick.sample for tick in recorded])
@@ -204,25 +299,23 @@ def _simulate(walk: Walk, ticks: int) -> tuple[TeleopRun, float]:
 def _result(
     walk: Walk, run: TeleopRun, processor: float, passes: Sequence[StepTimes]
 ) -> TeleopResult:
-    times = 1e6 * np.concatenate([each.seconds[WARM_UP:] for each in passes])
-    period, median = 1e6 * walk.plant.control_dt, float(np.median(times))
+    times = np.concatenate([each.seconds[WARM_UP:] for each in passes])
+    period = walk.plant.control_dt
     return TeleopResult(
         robot=walk.robot.name,
         joints=walk.robot.nj,
         controller="teleop",
         scenario=SCENARIO,
-        period_us=_short(period),
-        p50_us=_short(median),
-        p99_us=_short(float(np.percentile(times, 99))),
-        max_us=_short(float(times.max())),
-        share_of_period=round(median / period, 4),
+        period_us=round(1e6 * period, 1),
+        share_of_period=round(float(np.median(times)) / period, 4),
         ticks=len(times),
         single_support=round(float(np.mean(_counted([each.single for each in passes]))), 3),
         missed_ticks=sum(_counted([each.missed for each in passes])),
         simulated_s=round(run.plant.time, 3),
         real_time_factor=round(run.real_time_factor, 2),
         real_time_factor_cpu=round(run.plant.time / processor, 2),
-        simulation_p50_us=_short(run.tick_us),
+        simulation_p50_us=round(run.tick_us, 1),
+        **spread_us(times),
     )
 
 
@@ -231,6 +324,24 @@ def _counted(columns: Sequence[Sequence[bool]]) -> list[bool]:
     return [value for column in columns for value in column[WARM_UP:]]
 
 
-def _short(microseconds: float) -> float:
-    # A clock call takes some 50 ns: further digits say nothing.
-    return round(microseconds, 1)
+_HEADS = ("p50", "p99", "max", "% of T", "in sim.", "real time", "by CPU")
+
+
+def format_teleop_table(results: Sequence[TeleopResult]) -> str:
+    """One line a robot; times in microseconds."""
+    first = results[0]
+    rows: list[tuple[str, list[str], str]] = []
+    for r in results:
+        cells = [
+            *(f"{t:.0f}" for t in (r.p50_us, r.p99_us, r.max_us)),
+            f"{100.0 * r.share_of_period:.1f}",
+            f"{r.simulation_p50_us:.0f}",
+            f"x {r.real_time_factor:.1f}",
+            f"x {r.real_time_factor_cpu:.1f}",
+        ]
+        words = f"  {r.joints} joints, {r.ticks} ticks, {100.0 * r.single_support:.0f}% on one foot"
+        rows.append(
+            (r.robot, cells, words + (f", {r.missed_ticks} FAILED" if r.missed_ticks else ""))
+        )
+    title = f"step teleoperator, {first.scenario}, T = {first.period_us / 1e3:g} ms; times in us"
+    return "\n".join([title, *text_table(_HEADS, rows)])

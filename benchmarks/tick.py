@@ -1,17 +1,15 @@
 """`bench_tick`: times a controller's tick by phase, all methods interleaved in one run."""
 
-import gc
 from collections.abc import Generator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from benchmarks.clocked import Subject, collector_paused
+from benchmarks.clocked import Subject, batches, in_turn
 from benchmarks.methods import DIRECT, parse_method, timed_methods
 from benchmarks.peers.process import PEERS, PeerProcess
-from benchmarks.recording import Progress, Recording, record_run
+from benchmarks.recording import STACKS, STANCES, Progress, Recording, check_biped, record_run
 from benchmarks.result import TickResult, Ticks, time_statistics
-from benchmarks.stances import STACKS, STANCES, check_biped
 from poise.control import CONTROLLERS
 from poise.errors import ConfigurationError, UnknownNameError
 from poise.hqp import make_solver
@@ -111,35 +109,21 @@ def bench_tick(plan: TickBench, progress: Progress | None = None) -> list[TickRe
             for done in _interleave(subjects, guests, ticks):
                 if progress is not None:
                     progress(float(i * ticks + done), float(len(plan.stacks) * ticks))
-            results += _results(recording, kind, subjects, guests)
+            results += tick_results(recording, kind, "tick", subjects)
+            if guests:
+                results += tick_results(recording, kind, "batch", guests)
     return results
 
 
 def _interleave(subjects: Sequence[Subject], guests: Sequence[Guest], ticks: int) -> Generator[int]:
     """Times everything; yields the number of ticks done, a batch at a time."""
-    with collector_paused():
-        for first in range(0, ticks, BATCH):
-            count = min(BATCH, ticks - first)
-            for tick in range(first, first + count):
-                for turn in range(len(subjects)):
-                    subjects[(tick + turn) % len(subjects)].tick(tick)
-            for turn in range(len(guests)):
-                guests[(first // BATCH + turn) % len(guests)].run(first, count)
-            gc.collect()
-            yield first + count
-
-
-def _results(
-    recording: Recording,
-    kind: str,
-    subjects: Sequence[Subject],
-    guests: Sequence[Guest],
-) -> list[TickResult]:
-    results: list[TickResult] = []
-    for schedule, timed in (("tick", subjects), ("batch", guests)):
-        if timed:
-            results += tick_results(recording, kind, schedule, timed)
-    return results
+    for batch in batches(ticks, BATCH):
+        for tick in batch:
+            for one in in_turn(subjects, tick):
+                one.tick(tick)
+        for one in in_turn(guests, batch.start // BATCH):
+            one.run(batch.start, len(batch))
+        yield batch.stop
 
 
 def tick_results(

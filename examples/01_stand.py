@@ -23,7 +23,7 @@ stack = poise.Stack(
     ],
 )
 controller = poise.WholeBodyController(robot, stack)
-plant, recorder = poise.sim.Plant(robot), poise.sim.Recorder()
+plant, recorder = poise.Plant(robot), poise.Recorder()
 height = plant.com[2]
 
 
@@ -34,7 +34,7 @@ def sway(state: poise.RobotState) -> None:
     com.set_target([0.0, y, height], velocity=[0.0, vy, 0.0], acceleration=[0.0, ay, 0.0])
 
 
-for tick in poise.sim.rollout(plant, controller, sway, [recorder], duration=options.seconds):
+for tick in poise.rollout(plant, controller, sway, [recorder], duration=options.seconds):
     assert tick.command.status.ok  # tick.command.torque [N m]; a controller never raises
 print(controller.status())  # each task: level, error with unit, residual
-print(poise.scenarios.report(recorder.record, options.out, robot))
+print(poise.report(recorder.record, options.out, robot))

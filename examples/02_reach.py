@@ -26,7 +26,7 @@ stack = poise.Stack(
     ],
 )
 controller = poise.WholeBodyController(robot, stack)
-plant = poise.sim.Plant(robot)
+plant = poise.Plant(robot)
 
 start = controller.dynamics.frame(robot.frame_id("right_hand")).position.copy()
 rate = 2.0 * math.pi / PERIOD  # [rad/s]
@@ -50,7 +50,7 @@ def lead(state: poise.RobotState) -> None:
     )
 
 
-for _ in poise.sim.rollout(plant, controller, lead, duration=options.seconds):
+for _ in poise.rollout(plant, controller, lead, duration=options.seconds):
     worst["hand"] = max(worst["hand"], float(np.linalg.norm(hand.error)))
     worst["com"] = max(worst["com"], float(np.linalg.norm(com.error)))
 print(f"largest error: hand {1e3 * worst['hand']:.2f} mm, COM {1e3 * worst['com']:.2f} mm")

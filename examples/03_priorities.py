@@ -34,14 +34,14 @@ def reach_too_far(*, hand_first: bool) -> poise.WholeBodyController:
         ],
     )
     controller = poise.WholeBodyController(robot, stack)
-    plant = poise.sim.Plant(robot)
+    plant = poise.Plant(robot)
     start = controller.dynamics.frame(robot.frame_id("left_hand")).position.copy()
 
     def lead(state: poise.RobotState) -> None:
         share = min(1.0, state.time / 3.0)
         hand.set_target(start + share * share * (3.0 - 2.0 * share) * AWAY)
 
-    for _ in poise.sim.rollout(plant, controller, lead, duration=options.seconds):
+    for _ in poise.rollout(plant, controller, lead, duration=options.seconds):
         pass
     return controller
 

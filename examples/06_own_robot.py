@@ -21,7 +21,7 @@ robot = poise.load_robot(model)
 print(f"{robot.name}: {robot.nj} joints, {robot.mass:.1f} kg, soles {', '.join(robot.soles)}")
 controller = poise.WholeBodyController(robot)  # with the default stack of this robot
 com = controller.stack.task("com")
-plant = poise.sim.Plant(robot)
+plant = poise.Plant(robot)
 middle = controller.dynamics.com.copy()
 
 
@@ -30,6 +30,6 @@ def squat(state: poise.RobotState) -> None:
     com.set_target(middle - [0.0, 0.0, 0.05 * min(1.0, state.time / 2.0)])
 
 
-for _ in poise.sim.rollout(plant, controller, squat, duration=options.seconds):
+for _ in poise.rollout(plant, controller, squat, duration=options.seconds):
     pass
 print(controller.status())

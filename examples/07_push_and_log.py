@@ -24,15 +24,15 @@ stack = poise.Stack(
 controller = poise.WholeBodyController(robot, stack)
 config = poise.sim.PlantConfig(
     mass_scale=1.03,
-    payloads=(poise.sim.Payload(frame="torso", mass=0.02 * robot.mass),),
+    payloads=(poise.sim.PlantConfig.Payload(frame="torso", mass=0.02 * robot.mass),),
     sensors=poise.sim.SensorConfig(joint_velocity_noise=0.005, gyro_noise=0.002),
 )
-plant = poise.sim.Plant(robot, config, seed=1)
+plant = poise.Plant(robot, config, seed=1)
 # A tenth of a second, strong enough to change the speed of the whole robot by 0.1 m/s.
 plant.push("torso", force=(robot.mass * 0.1 / 0.1, 0.0, 0.0), duration=0.1, start=0.5)
 
-recorder = poise.sim.Recorder(options.log)
-for _ in poise.sim.rollout(plant, controller, None, [recorder], duration=options.seconds):
+recorder = poise.Recorder(options.log)
+for _ in poise.rollout(plant, controller, None, [recorder], duration=options.seconds):
     pass
 
 com = recorder.record["com"]

@@ -3,19 +3,17 @@
 import argparse
 from pathlib import Path
 
-from poise.apps.scenarios import load_scenario, run_scenario, summarise, write_page, write_summary
+import poise
 
 parser = argparse.ArgumentParser(description=__doc__)
 parser.add_argument("--out", type=Path, default=Path("runs/wave"))
 options = parser.parse_args()
 
 # The same from the command line: poise run examples/wave.yaml --out runs/wave
-scenario = load_scenario(Path(__file__).parent / "wave.yaml")
+scenario = poise.load_scenario(Path(__file__).parent / "wave.yaml")
 options.out.mkdir(parents=True, exist_ok=True)
-run = run_scenario(scenario, log=options.out / "log.mcap")
-summary = summarise(run)
-write_summary(summary, options.out)
-page = write_page(run, summary, options.out, no_video=None)
+run = poise.run_scenario(scenario, log=options.out / "log.mcap")
+page = poise.report(run, options.out)  # with summary.json beside it
 for check in run.checks:
     print("ok  " if check.ok else "FAIL", f"{check.name}: {check.value:.3g} {check.unit}")
 print(f"report: {page}")

@@ -50,8 +50,8 @@ stack = poise.Stack(
     ],
 )
 controller = poise.WholeBodyController(robot, stack)
-plant = poise.sim.Plant(robot)
-for _ in poise.sim.rollout(plant, controller, duration=options.seconds):
+plant = poise.Plant(robot)
+for _ in poise.rollout(plant, controller, duration=options.seconds):
     pass
 hands = [controller.dynamics.frame(robot.frame_id(name)).position for name in robot.hands]
 print(f"hands {1e3 * np.linalg.norm(hands[0] - hands[1]):.1f} mm apart")

@@ -15,7 +15,7 @@ stack = poise.Stack(
 )
 # No torque may change by more than 5 N m from one tick to the next, whatever is switched.
 controller = poise.OperationalSpaceController(robot, stack, torque_step=5.0)
-plant = poise.sim.Plant(robot)
+plant = poise.Plant(robot)
 
 largest_step, before = 0.0, None
 
@@ -32,7 +32,7 @@ def switch(state: poise.RobotState) -> None:
         hands[0].set_target(where + np.array([0.0, 0.0, 0.05]))
 
 
-for tick in poise.sim.rollout(plant, controller, switch, duration=1.5):
+for tick in poise.rollout(plant, controller, switch, duration=1.5):
     command = tick.command
     if before is not None:
         largest_step = max(largest_step, float(np.abs(command.torque - before).max()))

@@ -32,11 +32,11 @@ plan = plan_footsteps(
 )
 walker = Walker(robot, plan, stack)
 controller = poise.WholeBodyController(robot, stack)
-plant = poise.sim.Plant(robot, poise.sim.PlantConfig(control_dt=0.002))
+plant = poise.Plant(robot, poise.sim.PlantConfig(control_dt=0.002))
 
 com = stack.task("com")
 worst = 0.0
-for _ in poise.sim.rollout(plant, controller, walker, duration=plan.duration + 0.1):
+for _ in poise.rollout(plant, controller, walker, duration=plan.duration + 0.1):
     worst = max(worst, float(np.linalg.norm(com.error)))
 
 print(f"walk {walker.status.value} after {walker.steps_made} steps in {plant.time:.1f} s")

@@ -4,12 +4,12 @@ import argparse
 import json
 import sys
 from collections.abc import Sequence
-from typing import Any
+from pathlib import Path
 
-from poise.cli import Bar, add_output_options, make_folder, run_command, whole_number
-from studies import STUDIES
+from poise.cli import Bar, run_command
 from studies.finding import with_unit
-from studies.page import verdict
+from studies.page import verdict, write_study
+from studies.plan import STUDIES, Study, StudyOptions, load_study
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -33,21 +33,27 @@ def main(arguments: Sequence[str] | None = None) -> int:
         "--quick", action="store_true", help="a shorter version of the same, to try it out"
     )
     parser.add_argument(
-        "--seed", metavar="N", type=whole_number, default=0, help="seed (default: %(default)s)"
+        "--seed", metavar="N", type=_seed, default=0, help="seed (default: %(default)s)"
     )
-    add_output_options(parser, "runs/study-NAME")
+    parser.add_argument(
+        "--out", metavar="DIR", help="folder to write into (default: runs/study-NAME)"
+    )
+    parser.add_argument("--json", action="store_true", help="print the figures as JSON")
     parser.set_defaults(act=_act)
     return run_command(parser, arguments)
 
 
+def _seed(text: str) -> int:
+    if not (text.isascii() and text.isdigit()):
+        raise argparse.ArgumentTypeError(f"got {text!r}, wanted 0, 1, 2, ...")
+    return int(text)
+
+
 def _act(options: argparse.Namespace) -> int:
     """Runs the study and writes everything."""
-    from studies.page import write_study
-    from studies.plan import StudyOptions
-    from studies.registry import load_study
-
     plan = load_study(options.name)
-    folder = make_folder(options.out, f"runs/study-{plan.name}")
+    folder = Path(options.out or f"runs/study-{plan.name}")
+    folder.mkdir(parents=True, exist_ok=True)
     study = plan.run(
         StudyOptions(quick=options.quick, seed=options.seed),
         show=lambda title: Bar(title, ""),
@@ -64,8 +70,8 @@ def _act(options: argparse.Namespace) -> int:
     return 0 if study.ok else 1
 
 
-def _print(study: Any) -> None:
-    print(f"{study.name}: {verdict(study)}")
+def _print(study: Study) -> None:
+    print(f"{study.plan.name}: {verdict(study)}")
     for section in study.sections:
         print(section.title)
         for finding in section.findings:

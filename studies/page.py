@@ -10,9 +10,8 @@ from html import escape
 from pathlib import Path
 
 from poise.apps.report import html_document
-from studies.figure import Figure, Film
-from studies.finding import Cell, Finding, Section, Table, number_text
-from studies.study import Study, Unfinished
+from studies.finding import Cell, Figure, Film, Finding, Section, Table, number_text
+from studies.plan import Study, Unfinished
 
 _CODE = re.compile(r"`([^`]+)`")
 
@@ -35,9 +34,9 @@ def page_html(study: Study) -> str:
         *(_section(section) for section in study.sections),
         "</main>",
         '<footer class="wide">Made by Poise. The numbers under “paper” are those of '
-        f"{escape(study.source)}</footer>",
+        f"{escape(study.plan.source)}</footer>",
     ]
-    return html_document(study.title, body)
+    return html_document(study.plan.title, body)
 
 
 def verdict(study: Study) -> str:
@@ -54,21 +53,21 @@ def verdict(study: Study) -> str:
 
 def _header(study: Study) -> str:
     facts = (
-        ("study", study.name),
-        ("version", "quick, shortened for tests" if study.quick else "full"),
-        ("seed", str(study.seed)),
+        ("study", study.plan.name),
+        ("version", "quick, shortened for tests" if study.options.quick else "full"),
+        ("seed", str(study.options.seed)),
     )
     listed = "".join(f"<div><dt>{k}</dt><dd>{escape(v)}</dd></div>" for k, v in facts)
     words = verdict(study)
     mark = "✓" if study.ok else "✗"
     return (
         '<header><div class="wide"><div class="title">'
-        f"<h1>{escape(study.title)}</h1>"
+        f"<h1>{escape(study.plan.title)}</h1>"
         f'<div class="verdict {"good" if study.ok else "bad"}">'
         f"{mark} {escape(words[:1].upper() + words[1:])}</div></div>"
         f'<dl class="facts">{listed}</dl>'
-        f'<div class="description">{_paragraphs(study.introduction)}'
-        f"<p>After {escape(study.source)}</p></div></div></header>"
+        f'<div class="description">{_paragraphs(study.plan.introduction)}'
+        f"<p>After {escape(study.plan.source)}</p></div></div></header>"
     )
 
 
@@ -96,24 +95,23 @@ def _unfinished(parts: tuple[Unfinished, ...]) -> str:
 
 def _overview(study: Study) -> str:
     """A line a part, and every finding that does not hold."""
-    rows = "".join(
-        f'<tr class="{"held" if held == len(section.findings) else "failed"}">'
-        f'<td><a href="#{escape(section.name)}">{escape(section.title)}</a></td>'
-        f'<td class="number">{len(section.findings)}</td><td class="number">{held}</td>'
-        f"{_mark(held == len(section.findings))}</tr>"
+    rows = [
+        (
+            held == len(section.findings),
+            f'<td><a href="#{escape(section.name)}">{escape(section.title)}</a></td>'
+            f"{_number(len(section.findings))}{_number(held)}"
+            f"{_mark(held == len(section.findings))}",
+        )
         for section in study.sections
         for held in (sum(finding.ok for finding in section.findings),)
-    )
-    head = (
-        '<tr><th>part</th><th class="number">findings</th><th class="number">that hold</th>'
-        "<th>verdict</th></tr>"
-    )
+    ]
+    head = '<th>part</th><th class="number">findings</th><th class="number">that hold</th>'
     failed = tuple(f for section in study.sections for f in section.findings if not f.ok)
     return (
         '<section id="overview"><h2>Overview</h2><p class="how">A finding holds when what the '
         "paper claims (a value, a ratio, an order, a bound) is met by our number; it is never "
         "measured against an earlier run of ours.</p>"
-        f"<table><thead>{head}</thead><tbody>{rows}</tbody></table>"
+        f"<table>{_judged(head + '<th>verdict</th>', rows)}</table>"
         + (f"<h3>Findings that failed</h3>{_findings(failed)}" if failed else "")
         + "</section>"
     )
@@ -134,20 +132,28 @@ def _section(section: Section) -> str:
 
 def _findings(findings: tuple[Finding, ...]) -> str:
     head = (
-        '<tr><th>finding</th><th class="number">paper</th><th class="number">ours</th>'
-        "<th>unit</th><th>verdict</th><th>what is claimed, and why they differ</th></tr>"
+        '<th>finding</th><th class="number">paper</th><th class="number">ours</th>'
+        "<th>unit</th><th>verdict</th><th>what is claimed, and why they differ</th>"
     )
-    rows = "".join(
-        f'<tr class="{"held" if f.ok else "failed"}"><td>{_inline(f.name)}</td>'
-        f'<td class="number">{number_text(f.paper)}</td>'
-        f'<td class="number">{number_text(f.ours)}</td>'
-        f'<td class="unit">{escape(f.unit) or "–"}</td>{_mark(f.ok)}<td>{_inline(f.note)}</td></tr>'
+    rows = [
+        (
+            f.ok,
+            f"<td>{_inline(f.name)}</td>{_number(f.paper)}{_number(f.ours)}"
+            f'<td class="unit">{escape(f.unit) or "–"}</td>{_mark(f.ok)}<td>{_inline(f.note)}</td>',
+        )
         for f in findings
-    )
-    return (
-        f'<div class="scroll"><table class="findings"><thead>{head}</thead><tbody>{rows}</tbody>'
-        "</table></div>"
-    )
+    ]
+    return f'<div class="scroll"><table class="findings">{_judged(head, rows)}</table></div>'
+
+
+def _judged(head: str, rows: list[tuple[bool, str]]) -> str:
+    """Head and body of a table whose rows hold or fail."""
+    body = "".join(f'<tr class="{"held" if ok else "failed"}">{row}</tr>' for ok, row in rows)
+    return f"<thead><tr>{head}</tr></thead><tbody>{body}</tbody>"
+
+
+def _number(value: int | float | None) -> str:
+    return f'<td class="number">{number_text(value)}</td>'
 
 
 def _mark(ok: bool) -> str:
@@ -173,10 +179,10 @@ def _figure(figure: Figure) -> str:
 
 def _table(table: Table) -> str:
     numeric = [
-        all(not isinstance(row[i], str) for row in table.rows) for i in range(len(table.header))
+        all(not isinstance(row[i], str) for row in table.rows) for i in range(len(table.columns))
     ]
     kinds = [' class="number"' if is_number else "" for is_number in numeric]
-    head = "".join(f"<th{k}>{escape(h)}</th>" for k, h in zip(kinds, table.header, strict=True))
+    head = "".join(f"<th{k}>{escape(h)}</th>" for k, h in zip(kinds, table.columns, strict=True))
     rows = "".join(
         "<tr>"
         + "".join(f"<td{k}>{_cell(c)}</td>" for k, c in zip(kinds, row, strict=True))

@@ -1,17 +1,43 @@
 """`StudyPlan`: a study's parts, and running them so that nothing computed is lost.
 
-`Steps`: the progress of a part that consists of several runs.
+`Study`: what it found. `Steps`: the progress of a part that consists of several runs.
 """
 
 import traceback
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
+from importlib import import_module
 
-from poise.errors import ConfigurationError, PoiseError
-from studies.figure import require_matplotlib
-from studies.finding import Section
-from studies.study import Study, Unfinished
+from poise.errors import ConfigurationError, PoiseError, UnknownNameError
+from studies.finding import Finding, Section, require_matplotlib
+
+
+@dataclass(frozen=True, kw_only=True)
+class Unfinished:
+    """A part of a study that has no result.
+
+    Attributes:
+        name: id of the part.
+        title: its heading.
+        reason: why, in one line.
+        details: the traceback where an error was the reason.
+    """
+
+    name: str
+    title: str
+    reason: str
+    details: str = ""
+
+    def finding(self) -> Finding:
+        """The part's place in the list of findings: one that does not hold."""
+        return Finding(
+            name=f"part {self.name!r} of the study",
+            ours=None,
+            ok=False,
+            note=f"{self.title}: {self.reason}",
+        )
+
 
 Progress = Callable[[float, float], None]
 """Says how far a part is: what is done, and the whole, in any unit."""
@@ -38,7 +64,7 @@ class StudyOptions:
             raise ConfigurationError("a seed cannot be negative", got=self.seed, wanted=">= 0")
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Part:
     """One part of a study, to be computed.
 
@@ -75,8 +101,8 @@ class StudyPlan:
         self,
         options: StudyOptions,
         show: ShowProgress | None = None,
-        save: Callable[[Study], object] | None = None,
-    ) -> Study:
+        save: Callable[["Study"], object] | None = None,
+    ) -> "Study":
         """Computes part by part; one that fails is reported and the next ones still run.
 
         Args:
@@ -97,25 +123,49 @@ class StudyPlan:
         ]
         for index, part in enumerate(self.parts):
             if save is not None:
-                save(self._study(options, outcomes))
+                save(Study(self, options, tuple(outcomes)))
             with nullcontext(_silent) if show is None else show(part.title) as progress:
                 outcomes[index] = _outcome(part, options, progress)
-        study = self._study(options, outcomes)
+        study = Study(self, options, tuple(outcomes))
         if save is not None:
             save(study)
         return study
 
-    def _study(self, options: StudyOptions, outcomes: list[Section | Unfinished]) -> Study:
-        return Study(
-            name=self.name,
-            title=self.title,
-            introduction=self.introduction,
-            source=self.source,
-            quick=options.quick,
-            seed=options.seed,
-            sections=tuple(o for o in outcomes if isinstance(o, Section)),
-            unfinished=tuple(o for o in outcomes if isinstance(o, Unfinished)),
-        )
+
+@dataclass(frozen=True)
+class Study:
+    """What a study found, complete or as far as it came.
+
+    Attributes:
+        plan: what was to be computed.
+        options: length and seed.
+        outcomes: of the parts, in order.
+    """
+
+    plan: StudyPlan
+    options: StudyOptions
+    outcomes: tuple[Section | Unfinished, ...]
+
+    @property
+    def sections(self) -> tuple[Section, ...]:
+        """The parts that are done."""
+        return tuple(o for o in self.outcomes if isinstance(o, Section))
+
+    @property
+    def unfinished(self) -> tuple[Unfinished, ...]:
+        """The parts that failed or were not computed."""
+        return tuple(o for o in self.outcomes if isinstance(o, Unfinished))
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """All findings in order; behind them one that does not hold for each unfinished part."""
+        done = tuple(finding for section in self.sections for finding in section.findings)
+        return done + tuple(part.finding() for part in self.unfinished)
+
+    @property
+    def ok(self) -> bool:
+        """Whether every part was computed and every finding holds."""
+        return all(finding.ok for finding in self.findings)
 
 
 def _outcome(part: Part, options: StudyOptions, progress: Progress) -> Section | Unfinished:
@@ -140,12 +190,7 @@ def _silent(_done: float, _total: float) -> None:
 
 
 class Steps:
-    """Counts runs, and shares of the run at hand.
-
-    Args:
-        progress: of the whole part.
-        count: how many runs there are.
-    """
+    """Counts runs, and shares of the run at hand."""
 
     def __init__(self, progress: Progress, count: int) -> None:
         self._progress, self._count, self._done = progress, count, -1
@@ -160,3 +205,29 @@ class Steps:
     def finish(self) -> None:
         """Says that all is done."""
         self._progress(float(self._count), float(self._count))
+
+
+_MODULES = {
+    "bias-acceleration": "studies.bias_acceleration",
+    "step-teleoperation": "studies.step_teleoperation",
+    "reduced-dynamics": "studies.reduced_dynamics",
+    "bad-operator": "studies.bad_operator",
+}
+"""Where each study's `PLAN` is."""
+
+STUDIES = tuple(_MODULES)
+"""Names of the studies."""
+
+
+def load_study(name: str) -> StudyPlan:
+    """The plan of a study.
+
+    Args:
+        name: one of `STUDIES`.
+
+    Raises:
+        UnknownNameError: there is no such study.
+    """
+    if name not in _MODULES:
+        raise UnknownNameError("unknown study", got=name, choices=STUDIES)
+    return import_module(_MODULES[name]).PLAN

@@ -21,7 +21,7 @@ from poise._schema import (
     read,
 )
 from poise._yaml import read_yaml
-from poise.errors import ConfigurationError, PoiseError, RobotError, ScenarioError
+from poise.errors import ConfigurationError, PoiseError, RobotError
 
 
 @checked()
@@ -49,7 +49,9 @@ class Cart:
 
 
 def cart(text):
-    return read(Cart, read_yaml(text, "cart.yaml", error=ScenarioError), "c", error=ScenarioError)
+    return read(
+        Cart, read_yaml(text, "cart.yaml", error=ConfigurationError), "c", error=ConfigurationError
+    )
 
 
 def test_a_file_becomes_nested_dataclasses():
@@ -108,7 +110,7 @@ def test_python_gets_the_same_words_as_files():
         RobotError, match="Cart: load is out of range; got -1; wanted a positive"
     ) as here:
         Cart(load=-1)
-    with pytest.raises(ScenarioError) as there:
+    with pytest.raises(ConfigurationError) as there:
         cart("load: -1")
     assert str(here.value).split(": ", 1)[1] == str(there.value).split(": ", 1)[1]
     with pytest.raises(ConfigurationError, match="^an unlucky wheel; got 13"):

@@ -1,23 +1,22 @@
 """`bench_bias`: times the formulas of the bias acceleration, interleaved in one run."""
 
-import gc
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass, fields, replace
 from fractions import Fraction
 from time import perf_counter
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float64
 
 from benchmarks.bias import formulas
-from benchmarks.bias.formulas import FORMULAS, BiasTick, PrioritisedTask
+from benchmarks.bias.formulas import FORMULAS, BiasTick
 from benchmarks.bias.recording import BiasInputs, record_motion
-from benchmarks.clocked import collector_paused
-from benchmarks.flops.counter import FlopCounter
+from benchmarks.clocked import batches, in_turn
+from benchmarks.flops import FlopCounter
 from benchmarks.recording import Progress
+from benchmarks.result import Result, spread_us, text_table
 from poise.errors import ConfigurationError
-from poise.robots import Robot, load_robot
+from poise.robots import load_robot
 
 WARM_UP = 30
 """Ticks before those that count."""
@@ -46,7 +45,7 @@ class BiasBench:
 
 
 @dataclass(frozen=True, kw_only=True)
-class BiasResult:
+class BiasResult(Result):
     """One formula. Times are those of all bias accelerations of a tick.
 
     Attributes:
@@ -79,10 +78,6 @@ class BiasResult:
     flops: int
     ticks: int
 
-    def to_json(self) -> dict[str, Any]:
-        """The result as JSON holds it."""
-        return asdict(self)
-
 
 def bench_bias(plan: BiasBench, progress: Progress | None = None) -> list[BiasResult]:
     """Records a moving run, then times every formula on its states, tick by tick in turn.
@@ -106,44 +101,47 @@ def bench_bias(plan: BiasBench, progress: Progress | None = None) -> list[BiasRe
     names = list(FORMULAS)
     total = WARM_UP + plan.ticks
     seconds = np.zeros((total, len(names)))
-    with collector_paused():
-        for i in range(total):
+    for batch in batches(total, 50):
+        for i in batch:
             tick = inputs.of(states[i % len(states)])
-            for turn in range(len(names)):
-                j = (i + turn) % len(names)
+            for j in in_turn(range(len(names)), i):
                 seconds[i, j] = _timed(FORMULAS[names[j]], tick)
-            if i % 50 == 0:
-                gc.collect()
-                if progress is not None:
-                    progress(float(i), float(total))
+        if progress is not None:
+            progress(float(batch.stop), float(total))
     tick = inputs.of(states[-1])
     counts = count_operations(tick)
-    times = 1e6 * seconds[WARM_UP:]
+    times = seconds[WARM_UP:]
     ratios = np.median(times / times[:, [names.index(REFERENCE)]], axis=0)
     return [
-        _result(robot, len(tick.tasks), name, times[:, j], float(ratios[j]), counts[name])
+        BiasResult(
+            robot=robot.name,
+            joints=robot.nj,
+            tasks=len(tick.tasks),
+            formula=name,
+            mean_us=round(1e6 * float(times[:, j].mean()), 2),
+            std_us=round(1e6 * float(times[:, j].std()), 2),
+            ratio_to_original=round(float(ratios[j]), 4),
+            flops=round(counts[name]),
+            ticks=plan.ticks,
+            **spread_us(times[:, j], 2),
+        )
         for j, name in enumerate(names)
     ]
 
 
 def format_bias_table(results: Sequence[BiasResult]) -> str:
-    """One line a formula; times in microseconds.
-
-    Args:
-        results: of one benchmark.
-    """
+    """One line a formula; times in microseconds."""
     first = results[0]
-    width = max(len(r.formula) for r in results)
-    lines = [
-        f"{first.robot}, {first.joints} joints, {first.tasks} tasks: all bias accelerations of a "
-        f"tick; {first.ticks} ticks, times in us",
-        "  ".join([" " * width, *(f"{head:>10}" for head in _HEADS)]),
-    ]
+    rows: list[tuple[str, list[str], str]] = []
     for r in results:
         times = (r.mean_us, r.std_us, r.p50_us, r.p99_us, r.max_us)
         cells = [*(f"{t:.2f}" for t in times), f"{r.ratio_to_original:.3f}", str(r.flops)]
-        lines.append("  ".join([f"{r.formula:{width}}", *(f"{cell:>10}" for cell in cells)]))
-    return "\n".join(lines)
+        rows.append((r.formula, cells, ""))
+    title = (
+        f"{first.robot}, {first.joints} joints, {first.tasks} tasks: all bias accelerations of a "
+        f"tick; {first.ticks} ticks, times in us"
+    )
+    return "\n".join([title, *text_table(_HEADS, rows, 10)])
 
 
 def count_operations(tick: BiasTick) -> dict[str, Fraction]:
@@ -171,47 +169,15 @@ def _counted(tick: BiasTick, counter: FlopCounter) -> BiasTick:
     def each(values: list[Any]) -> list[Any]:
         return [counter.array(value) for value in values]
 
-    return BiasTick(
-        tasks=[
-            PrioritisedTask(
-                **{f.name: counter.array(getattr(task, f.name)) for f in fields(PrioritisedTask)}
-            )
-            for task in tick.tasks
-        ],
-        references=each(tick.references),
-        references_p=each(tick.references_p),
-        torques_above=each(tick.torques_above),
-        M_inverse=counter.array(tick.M_inverse),
-        h=counter.array(tick.h),
-        v=counter.array(tick.v),
-        before=each(tick.before),
-    )
+    def all_of(holder: Any) -> Any:
+        """The same dataclass with its arrays counted, one by one or in lists."""
+        return replace(
+            holder,
+            **{
+                f.name: each(value) if isinstance(value, list) else counter.array(value)
+                for f in fields(holder)
+                if (value := getattr(holder, f.name)) is not None and f.name != "tasks"
+            },
+        )
 
-
-def _result(
-    robot: Robot,
-    tasks: int,
-    formula: str,
-    times: Float64[np.ndarray, " ticks"],
-    ratio: float,
-    flops: Fraction,
-) -> BiasResult:
-    return BiasResult(
-        robot=robot.name,
-        joints=robot.nj,
-        tasks=tasks,
-        formula=formula,
-        mean_us=_short(float(times.mean())),
-        std_us=_short(float(times.std())),
-        p50_us=_short(float(np.median(times))),
-        p99_us=_short(float(np.percentile(times, 99))),
-        max_us=_short(float(times.max())),
-        ratio_to_original=round(ratio, 4),
-        flops=round(flops),
-        ticks=len(times),
-    )
-
-
-def _short(microseconds: float) -> float:
-    # A clock call takes some 50 ns: further digits say nothing.
-    return round(microseconds, 2)
+    return replace(all_of(tick), tasks=[all_of(task) for task in tick.tasks])

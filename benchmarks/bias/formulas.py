@@ -18,6 +18,7 @@ comes with the frames' kinematics, for all formulas alike.
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from jaxtyping import Float64
@@ -95,6 +96,8 @@ def bias_original(
     M_inverse: Float64[np.ndarray, "n n"],
     Gamma_above: Float64[np.ndarray, " n"],
     h: Float64[np.ndarray, " n"],
+    *,
+    plain: bool = False,
 ) -> Float64[np.ndarray, " m"]:
     """Eq. (23), with (20) to (22): from torques.
 
@@ -105,11 +108,15 @@ def bias_original(
         M_inverse: M^-1.
         Gamma_above: sum of the torques of the tasks above.
         h: V + G.
+        plain: whether Lambda_i is a plain inverse, which the task must have.
     """
     J_Minv = task.J.dot(M_inverse)
     Lambda_inverse = J_Minv.dot(task.J.T)
     # Lambda_i appears with its inverse only: nothing may be lost of it that Lambda_i|p still has.
-    Lambda, _ = invert(Lambda_inverse, task.scale, FIRM_RANK)
+    if plain:
+        Lambda = np.linalg.inv(Lambda_inverse)
+    else:
+        Lambda, _ = invert(Lambda_inverse, task.scale, FIRM_RANK)
     mu = Lambda.dot(J_Minv.dot(h) - task.drift)
     bias = J_Minv.dot(Gamma_above)
     bias += task.Lambda_p_inverse.dot(task.mu_p)
@@ -143,11 +150,6 @@ def bias_fused(
 
     xdd_i,ref minus it is alpha_i = xdd_i|p,ref - Jdot_i|p v, all that the torque needs; no
     derivative of a projected Jacobian appears, see `FusedRecursion`.
-
-    Args:
-        J: J_i.
-        drift: Jdot_i v.
-        S_above: S_i-1.
     """
     bias = J.dot(S_above)
     bias += drift
@@ -183,26 +185,12 @@ class BiasTick:
     before: Biases
 
 
-def original(tick: BiasTick) -> Biases:
-    """By (23)."""
+def original(tick: BiasTick, *, plain: bool = False) -> Biases:
+    """By (23); `plain` for tasks that have their full rank by themselves."""
     return [
-        bias_original(task, tick.M_inverse, above, tick.h)
+        bias_original(task, tick.M_inverse, above, tick.h, plain=plain)
         for task, above in zip(tick.tasks[1:], tick.torques_above, strict=True)
     ]
-
-
-def original_plain(tick: BiasTick) -> Biases:
-    """By (23), for tasks that have their full rank by themselves."""
-    found: Biases = []
-    for task, Gamma_above in zip(tick.tasks[1:], tick.torques_above, strict=True):
-        J_Minv = task.J.dot(tick.M_inverse)
-        Lambda_inverse = J_Minv.dot(task.J.T)
-        mu = np.linalg.inv(Lambda_inverse).dot(J_Minv.dot(tick.h) - task.drift)
-        bias = J_Minv.dot(Gamma_above)
-        bias += task.Lambda_p_inverse.dot(task.mu_p)
-        bias -= Lambda_inverse.dot(mu)
-        found.append(bias)
-    return found
 
 
 def proposed(tick: BiasTick) -> Biases:
@@ -241,7 +229,7 @@ def fused(tick: BiasTick) -> Biases:
 
 FORMULAS: dict[str, Callable[[BiasTick], Biases]] = {
     "original": original,
-    "original_plain": original_plain,
+    "original_plain": partial(original, plain=True),
     "proposed": proposed,
     "numerical": numerical,
     "fused": fused,

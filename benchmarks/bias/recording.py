@@ -1,20 +1,152 @@
-"""`BiasRecording`: a moving run on a fixed base, and what each tick's bias formulas start from."""
+"""A moving run on a fixed base, and what each tick's bias formulas start from.
+
+`BiasMotion`: its tasks and targets. `Cubic`: the paper's smooth motion from one value to another.
+"""
 
 import math
+from dataclasses import dataclass
+from functools import reduce
 
 import numpy as np
 
 from benchmarks.bias.formulas import BiasTick
-from benchmarks.bias.motion import DURATION, TICKS, BiasMotion
-from benchmarks.bias.rates import MatrixRates
 from benchmarks.bias.recursion import PaperRecursion
-from benchmarks.bias.rows import PaperFormulation
+from benchmarks.bias.rows import MatrixRates, PaperFormulation
 from benchmarks.recording import Progress
-from benchmarks.rigid_plant import EARTH, RigidPlant, with_gravity
+from benchmarks.rigid_plant import CONTROL_DT, EARTH, RigidPlant, with_gravity
 from poise.control import OperationalSpaceController, RankTreatment
 from poise.dynamics import Dynamics, RobotState
+from poise.errors import ConfigurationError
 from poise.robots import Robot
 from poise.sim import rollout
+from poise.stack import FrameTask, JointTask, Stack, Task
+
+DURATION = 0.55
+"""Length of the motion [s]."""
+
+TICKS = round(DURATION / CONTROL_DT)
+"""Control periods in it."""
+
+_TURN = float(np.deg2rad(15.0))
+"""How far the first joint of the torso turns [rad]."""
+
+_WAY = 0.05
+"""How far the hand of a single arm goes along y [m]."""
+
+_KP = 100.0
+"""Stiffness of all tasks, critically damped [1/s^2]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cubic:
+    """A cubic polynomial from rest to rest: displacement (3 r^2 - 2 r^3) with r = t / duration.
+
+    Its acceleration jumps at both ends.
+
+    Attributes:
+        displacement: how far [unit].
+        duration: how long [s].
+    """
+
+    displacement: float
+    duration: float
+
+    def at(self, time: float) -> tuple[float, float, float]:
+        """Value, rate [unit/s] and second rate [unit/s^2] at a time [s]; still after the end."""
+        if time >= self.duration:
+            return self.displacement, 0.0, 0.0
+        r, T = time / self.duration, self.duration
+        return (
+            self.displacement * r * r * (3.0 - 2.0 * r),
+            6.0 * self.displacement * r * (1.0 - r) / T,
+            6.0 * self.displacement * (1.0 - 2.0 * r) / T**2,
+        )
+
+
+class BiasMotion:
+    """A stack with one task a level, and its moving target.
+
+    With two hands it is the second study of (Park, Jin, Kang 2022): the first joint of the torso
+    turns by 15 degrees while its other joints are held (task 1), and each hand keeps its pose
+    (tasks 2 and 3), as if they held a tray. A single arm moves its hand (task 1) and keeps its
+    orientation (task 2). It starts in the home posture.
+
+    Args:
+        robot: on a fixed base, with one hand, or several on a torso that moves.
+
+    Attributes:
+        stack: the tasks, bound to the robot.
+
+    Raises:
+        ConfigurationError: the robot is something else.
+    """
+
+    def __init__(self, robot: Robot) -> None:
+        if robot.floating_base or not robot.hands:
+            raise ConfigurationError(
+                "the bias benchmark takes robots on a fixed base, with hands",
+                got=robot.name,
+                wanted="a robot such as upper17, arm6 or panda",
+            )
+        home = Dynamics(robot)
+        if len(robot.hands) == 1:
+            hand = robot.hands[0]
+            place = home.frame(robot.frame_id(hand))
+            self._way, self._start = (
+                Cubic(displacement=_WAY, duration=DURATION),
+                place.position.copy(),
+            )
+            self._moving: JointTask | FrameTask = FrameTask(hand, "position", kp=_KP)
+            turning = FrameTask(hand, "orientation", kp=_KP)
+            turning.set_target(rotation=place.rotation.copy())
+            tasks: list[Task] = [self._moving, turning]
+        else:
+            torso = _shared_joints(robot)
+            self._way = Cubic(displacement=_TURN, duration=DURATION)
+            self._start = robot.q_home[[robot.joint_index(name) for name in torso]]
+            self._moving = JointTask(torso, kp=_KP, name="torso")
+            tasks = [self._moving]
+            for hand in robot.hands:
+                place = home.frame(robot.frame_id(hand))
+                task = FrameTask(hand, kp=_KP)
+                task.set_target(position=place.position.copy(), rotation=place.rotation.copy())
+                tasks.append(task)
+        self.stack = Stack([], [[task] for task in tasks])
+        self.stack.bind(robot)
+        self.aim(0.0)
+
+    def aim(self, time: float) -> None:
+        """Sets the moving target of a time [s]."""
+        joints = isinstance(self._moving, JointTask)
+        # The first joint turns; a single hand goes along y.
+        along = np.zeros(len(self._start) if joints else 6)
+        along[0 if joints else 1] = 1.0
+        value, rate, second = self._way.at(time)
+        self._moving.set_target(
+            position=self._start + value * along[: len(self._start)],
+            velocity=rate * along,
+            acceleration=second * along,
+        )
+
+
+def _shared_joints(robot: Robot) -> list[str]:
+    """Joints that move every hand, from the base up."""
+    model = robot.model
+    chains = [
+        set(model.supports[model.frames[robot.frame_id(hand)].parentJoint].tolist())
+        for hand in robot.hands
+    ]
+    shared = reduce(set[int].intersection, chains)
+    names = [model.names[joint] for joint in sorted(shared)]
+    torso = [name for name in names if name in robot.joint_names]
+    if not torso:
+        raise ConfigurationError(
+            "the bias benchmark needs a joint that moves all hands",
+            got=robot.name,
+            wanted="hands on one torso that moves, as upper17 has",
+        )
+    return torso
+
 
 RANK = RankTreatment(low=0.02, high=0.1)
 """The torso's five joints move each other so much that one combination of them has a singular value
@@ -47,11 +179,7 @@ def record_motion(robot: Robot, progress: Progress | None = None) -> tuple[Robot
 
 
 class BiasInputs:
-    """Computes, state by state, what all formulas share.
-
-    Args:
-        robot: whose states.
-    """
+    """Computes, state by state, what all formulas share."""
 
     def __init__(self, robot: Robot) -> None:
         self._motion = BiasMotion(robot)
@@ -61,11 +189,7 @@ class BiasInputs:
         self._before = [np.zeros(task.dim) for _, task in self._motion.stack.tasks()][1:]
 
     def of(self, state: RobotState) -> BiasTick:
-        """The quantities of the next state, exact derivatives among them; valid until the next.
-
-        Args:
-            state: the state.
-        """
+        """The quantities of the next state, exact derivatives among them; valid until the next."""
         dynamics, rates, formulation = self._dynamics, self._rates, self._formulation
         dynamics.update(state)
         rates.update(state)

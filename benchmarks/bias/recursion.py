@@ -17,8 +17,7 @@ from benchmarks.bias.formulas import (
     bias_proposed,
     invert,
 )
-from benchmarks.bias.rates import BackwardDifferences, ExactRates
-from benchmarks.bias.rows import PaperRows
+from benchmarks.bias.rows import BackwardDifferences, ExactRates, PaperRows
 from poise.control import RankTreatment
 from poise.dynamics import Dynamics
 from poise.errors import PoiseError, UnknownNameError

@@ -1,18 +1,130 @@
 """`bench_hqp`: races methods on sequences of hierarchical problems.
 
-Results of `bench_hqp` as tables: Markdown, which a terminal shows as well as a page does.
+Results as JSON, and as tables: Markdown, which a terminal shows as well as a page does.
 """
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+from jaxtyping import Float64
+
 from benchmarks.hqp.methods import REFERENCE, checked_methods, is_quick, make_contestant
 from benchmarks.hqp.problem_set import FAMILIES, ProblemSequence
 from benchmarks.hqp.race import COLD, WARM, Lap, Runner, judge_runners, take_turns
-from benchmarks.hqp.result import HqpResult, hqp_results, lap_figures
 from benchmarks.recording import Progress
+from benchmarks.result import Result, or_dash, spread_us
 from poise.errors import ConfigurationError
+
+
+@dataclass(frozen=True, kw_only=True)
+class HqpResult(Result):
+    """One method on one sequence, cold or warm.
+
+    Attributes:
+        sequence: name of the sequence.
+        family: of the sequence.
+        n: most variables of its problems.
+        rows: most two-sided rows, finite bounds on single variables among them.
+        levels: most levels.
+        count: solves that count; one less than there are problems where it is warm.
+        method: "direct", "cascade/osqp", ...
+        start: "cold" or "warm".
+        p50_us: median solve, right or wrong [us]; None where none took place.
+        p99_us: 99th percentile [us]; likewise.
+        max_us: longest [us]; likewise.
+        solved: share of the problems that the method says it solved, and did.
+        silent: number of problems that it says it solved, and did not.
+        gap: by how much, relative to its scale, a level was worse than the best known at most,
+            where the method says it solved the problem; None where it never does.
+        cost_gap: likewise of the final cost, where all levels are as good; None likewise.
+        ratio_to_direct: median by that of `direct` on the same sequence from the same start; None
+            where no solve took place.
+        statuses: how often solves ended in which way.
+    """
+
+    sequence: str
+    family: str
+    n: int
+    rows: int
+    levels: int
+    count: int
+    method: str
+    start: str
+    p50_us: float | None
+    p99_us: float | None
+    max_us: float | None
+    solved: float
+    silent: int
+    gap: float | None
+    cost_gap: float | None
+    ratio_to_direct: float | None
+    statuses: dict[str, int]
+
+
+def hqp_results(sequences: Sequence[ProblemSequence], laps: Sequence[Lap]) -> list[HqpResult]:
+    """Figures of every lap.
+
+    Args:
+        sequences: what was raced.
+        laps: one a sequence, method and start; those of `direct` among them.
+    """
+    by_name = {one.name: one for one in sequences}
+    reference = {(lap.sequence, lap.start): lap for lap in laps if lap.method == REFERENCE}
+    results: list[HqpResult] = []
+    for lap in laps:
+        problems = by_name[lap.sequence].problems
+        sizes = [problem.size for problem in problems]
+        results.append(
+            HqpResult(
+                sequence=lap.sequence,
+                family=lap.family,
+                n=max(n for n, _ in sizes),
+                rows=max(rows for _, rows in sizes),
+                levels=max(len(problem.levels) for problem in problems),
+                count=len(lap.seconds),
+                method=lap.method,
+                start=lap.start,
+                statuses=dict(Counter(lap.statuses)),
+                **lap_figures([lap], [reference[lap.sequence, lap.start]]),
+            )
+        )
+    return results
+
+
+def lap_figures(laps: Sequence[Lap], reference: Sequence[Lap]) -> dict[str, Any]:
+    """The fields of a result that follow from laps of one method, all solves taken together.
+
+    Args:
+        laps: on one sequence or several.
+        reference: of `direct`, on the same.
+    """
+    seconds, base = (_solved_in(own) for own in (laps, reference))
+    claimed = np.concatenate([lap.claimed for lap in laps])
+    ratio = None
+    if len(seconds) and len(base) and np.median(base) > 0.0:
+        ratio = round(float(np.median(seconds) / np.median(base)), 3)
+    return {
+        **spread_us(seconds),
+        "solved": round(float(np.concatenate([lap.solved for lap in laps]).mean()), 4),
+        "silent": sum(int(lap.silent.sum()) for lap in laps),
+        "gap": _largest(np.concatenate([lap.gaps for lap in laps])[claimed]),
+        "cost_gap": _largest(np.concatenate([lap.cost_gaps for lap in laps])[claimed]),
+        "ratio_to_direct": ratio,
+    }
+
+
+def _solved_in(laps: Sequence[Lap]) -> Float64[np.ndarray, " count"]:
+    """Times of the solves that took place [s]."""
+    seconds = np.concatenate([lap.seconds for lap in laps])
+    return seconds[~np.isnan(seconds)]
+
+
+def _largest(gaps: Float64[np.ndarray, " count"]) -> float | None:
+    known = gaps[~np.isnan(gaps)]
+    return None if len(known) == 0 else float(f"{known.max():.3g}")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -124,11 +236,7 @@ SEQUENCE_HEADS = ("sequence", "start", "n", "rows", "levels", "count")
 
 
 def format_hqp_table(race: HqpRace) -> str:
-    """A table a family, a line a method; then one with a line for every sequence and start.
-
-    Args:
-        race: what came out.
-    """
+    """A table a family, a line a method; then one with a line for every sequence and start."""
     raced = {one.family for one in race.sequences}
     families = [family for family in FAMILIES if family in raced]
     parts = [_family(race, family) for family in families]
@@ -164,8 +272,8 @@ def _family_cells(laps: Sequence[Lap], method: str) -> list[str]:
         [lap for lap in laps if lap.method == REFERENCE],
     )
     return [
-        _time(figures["p50_us"]),
-        _time(figures["p99_us"]),
+        or_dash(figures["p50_us"], ".0f"),
+        or_dash(figures["p99_us"], ".0f"),
         _ratio(figures["ratio_to_direct"]),
         _share(figures["solved"]),
         str(figures["silent"]),
@@ -182,7 +290,7 @@ def _by_sequence(race: HqpRace) -> str:
         found = {r.method: r for r in race.results if (r.sequence, r.start) == key}
         own = found[REFERENCE]
         cells = [*key, *(str(number) for number in (own.n, own.rows, own.levels, own.count))]
-        cells.append(f"{_time(own.p50_us)}{_unsolved(own)}")
+        cells.append(f"{or_dash(own.p50_us, '.0f')}{_unsolved(own)}")
         cells += [_sequence_cell(found[method]) for method in others]
         rows.append(cells)
     title = (
@@ -198,10 +306,6 @@ def _sequence_cell(result: HqpResult) -> str:
 
 def _unsolved(result: HqpResult) -> str:
     return "" if result.solved == 1.0 else f" ({_share(result.solved)})"
-
-
-def _time(microseconds: float | None) -> str:
-    return "-" if microseconds is None else f"{microseconds:.0f}"
 
 
 def _ratio(ratio: float | None) -> str:

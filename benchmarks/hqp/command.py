@@ -7,7 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from poise.cli import Bar, make_folder, words_of
+from benchmarks.options import folder_of, words_of
+from poise.cli import Bar
 from poise.errors import ConfigurationError, MissingExtraError, UnknownNameError
 
 _RACING = ("problems", "sequences", "methods", "count", "out", "json")
@@ -17,39 +18,8 @@ MADE = 31
 """Problems of a sequence that is made, where `--count` says nothing: warm starts count 30."""
 
 
-def add_hqp_options(parser: argparse.ArgumentParser) -> None:
-    """Adds what only this benchmark takes.
-
-    Args:
-        parser: of the benchmarks.
-    """
-    parser.add_argument(
-        "--problems",
-        metavar="FOLDER",
-        help="hqp: race on the sequences saved there, not on new ones",
-    )
-    parser.add_argument(
-        "--sequences",
-        metavar="S,S",
-        help="hqp: names of sequences (default: all of FOLDER, or a selection that is quickly "
-        "made; all: every one that can be made)",
-    )
-    parser.add_argument(
-        "--count",
-        metavar="N",
-        type=int,
-        help=f"hqp: most problems of a sequence (default: {MADE}, or all of those in FOLDER)",
-    )
-    parser.add_argument(
-        "--save", metavar="FOLDER", help="hqp: make all sequences and save them, race nothing"
-    )
-
-
 def act_hqp(options: argparse.Namespace) -> None:
     """Races, or saves the problems.
-
-    Args:
-        options: of the command line.
 
     Raises:
         PoiseError: bad input.
@@ -70,7 +40,8 @@ def _save(options: argparse.Namespace) -> None:
             raise ConfigurationError(
                 "--save makes problems and races nothing", got=f"--{name}", wanted="--count"
             )
-    folder = make_folder(options.save, ".")
+    folder = Path(options.save)
+    folder.mkdir(parents=True, exist_ok=True)
     with Bar("making problems", "") as bar:
         paths = save_all(folder, options.count or MADE, bar)
     print(f"{len(paths)} sequences in {folder}")
@@ -83,7 +54,7 @@ def _race(options: argparse.Namespace) -> None:
 
     methods = words_of(options.methods) if options.methods is not None else None
     plan = HqpBench(methods=methods)
-    folder = make_folder(options.out, ".") if options.out else None
+    folder = folder_of(options.out)
     sequences = _loaded(options) if options.problems else _made(options)
     with Bar("racing", " problems") as bar:
         race = bench_hqp(sequences, plan, bar)

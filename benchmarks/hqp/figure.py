@@ -13,10 +13,9 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float64
 
-from benchmarks.drawing import INK, line_style, plain_number
+from benchmarks.drawing import INK, line_style, picture, plain_number
 from benchmarks.hqp.methods import REFERENCE
 from benchmarks.hqp.race import COLD, WARM, Lap
-from poise.apps.report import house_style
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -111,10 +110,7 @@ def write_profile_figure(laps: Sequence[Lap], path: Path) -> Path:
     """
     starts = [start for start in (COLD, WARM) if any(lap.start == start for lap in laps)]
     methods = list(dict.fromkeys(lap.method for lap in laps))
-    with house_style():
-        from matplotlib.figure import Figure
-
-        figure: Any = Figure(figsize=(9.0, 4.4), layout="constrained")
+    with picture(path, 9.0, 4.4, 110) as figure:
         panels = figure.subplots(1, len(starts), squeeze=False, sharey=True)[0]
         for ax, start in zip(panels, starts, strict=True):
             profiles = profiles_of(laps, start)
@@ -125,7 +121,6 @@ def write_profile_figure(laps: Sequence[Lap], path: Path) -> Path:
         panels[0].set_ylabel("solved within that factor [%]")
         handles, labels = panels[0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside lower center", ncols=4, handlelength=3.2)
-        figure.savefig(path, facecolor="white", dpi=110)
     return path
 
 

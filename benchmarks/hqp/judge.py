@@ -71,12 +71,7 @@ class Verdict:
 
 
 def measure_point(problem: HierarchicalProblem, x: Float64[np.ndarray, " n"]) -> Measured:
-    """Measures a point on the problem's own rows.
-
-    Args:
-        problem: the problem.
-        x: the point.
-    """
+    """Measures a point on the problem's own rows."""
     reached = np.concatenate([x, problem.A @ x])
     outside, at_zero = (
         problem.weights
@@ -123,12 +118,7 @@ def best_known(points: Sequence[Measured]) -> Best:
 
 
 def judge_point(point: Measured, best: Best) -> Verdict:
-    """Compares a point with the best known, from the highest level down.
-
-    Args:
-        point: the point.
-        best: of the same problem.
-    """
+    """Compares a point with the best known, from the highest level down."""
     gap = 0.0
     for worse in (point.residuals - best.residuals).tolist():
         gap = max(gap, worse)

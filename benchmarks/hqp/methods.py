@@ -1,21 +1,115 @@
-"""What is raced: names of methods, which of them are installed, and a contestant of each.
-
-DAQP on its own: all levels hard in one QP, and its hierarchical mode.
-
-`DaqpRows`: a hierarchical problem as DAQP takes it.
-"""
+"""What is raced: names of methods, which of them are installed, and a contestant of each."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol, runtime_checkable
 
 import daqp
 import numpy as np
 from jaxtyping import Float64, Int32
 
-from benchmarks.hqp.contestant import Answer, Contestant, DirectContestant, StrategyContestant
 from poise.errors import MissingExtraError, UnknownNameError
-from poise.hqp import ACCURACY, HierarchicalProblem, make_solver
+from poise.hqp import (
+    HierarchicalProblem,
+    LexicographicSolver,
+    Solution,
+    SolveStatus,
+    make_solver,
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Answer:
+    """What a method says.
+
+    Attributes:
+        x: its point.
+        status: how its solve ended, in its own words.
+        claimed: whether it says that this is the answer.
+    """
+
+    x: Float64[np.ndarray, " n"]
+    status: str
+    claimed: bool
+
+
+@runtime_checkable
+class Contestant(Protocol):
+    """A method with a workspace. Only `solve` is timed."""
+
+    def forget(self) -> None:
+        """Forgets the last solve, so that the next one starts cold."""
+        ...
+
+    def take(self, problem: HierarchicalProblem) -> None:
+        """Takes the next problem, and states it the way the method's own user would write it."""
+        ...
+
+    def solve(self) -> None:
+        """Solves it, as a user pays for it."""
+        ...
+
+    def answer(self) -> Answer:
+        """What the last solve found; owns its numbers."""
+        ...
+
+
+class DirectContestant:
+    """`LexicographicSolver.run`, the call of a loop.
+
+    Args:
+        time_limit: cap on a solve [s].
+    """
+
+    def __init__(self, time_limit: float) -> None:
+        self._solver = LexicographicSolver(time_limit)
+        self._status = SolveStatus.FAILED
+
+    def forget(self) -> None:
+        """Forgets the last active set."""
+        self._solver.reset()
+
+    def take(self, problem: HierarchicalProblem) -> None:
+        """Takes the problem as it is."""
+        self._problem = problem
+
+    def solve(self) -> None:
+        """Solves it; the answer stays in the workspace."""
+        self._status = self._solver.run(self._problem)
+
+    def answer(self) -> Answer:
+        """Copies the answer out of the workspace."""
+        return Answer(x=self._solver.x.copy(), status=self._status.value, claimed=self._status.ok)
+
+
+class StrategyContestant:
+    """Any strategy, by its `solve`, which makes a `Solution`.
+
+    Args:
+        strategy: its name.
+        backend: QP solver of the strategy; its own when None.
+        time_limit: cap on a solve [s].
+    """
+
+    def __init__(self, strategy: str, backend: str | None, time_limit: float) -> None:
+        self._solver = make_solver(strategy, backend, time_limit=time_limit)
+
+    def forget(self) -> None:
+        """Forgets the last solution."""
+        self._solver.reset()
+
+    def take(self, problem: HierarchicalProblem) -> None:
+        """Takes the problem as it is."""
+        self._problem = problem
+
+    def solve(self) -> None:
+        """Solves it."""
+        self._solution: Solution = self._solver.solve(self._problem)
+
+    def answer(self) -> Answer:
+        """The solution's point and status."""
+        found = self._solution
+        return Answer(x=found.x, status=found.status.value, claimed=found.ok)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,9 +143,6 @@ def daqp_rows(problem: HierarchicalProblem) -> DaqpRows:
     A row of zeros has nothing to say about x, but with bounds that zero does not meet DAQP calls
     the whole problem infeasible, so such rows lose their bounds. Bounds that belong to the first
     level stay simple bounds; others become rows.
-
-    Args:
-        problem: the problem.
     """
     A, lower, upper, weights = problem.A, problem.lower, problem.upper, problem.weights
     ends = [0, *(problem.n + view.slice.stop for view in problem.levels)]
@@ -204,16 +295,19 @@ REFERENCE = "direct"
 
 _OWN = ("direct", "daqp-hard", "daqp-hierarchical", "weighted")
 
+_BACKENDS = ("daqp", "proxqp", "quadprog", "piqp", "clarabel", "osqp")
+"""QP solvers of Poise's cascade and weighted strategies."""
+
 METHODS = (
     *_OWN,
-    *(f"cascade/{backend}" for backend in ACCURACY),
+    *(f"cascade/{backend}" for backend in _BACKENDS),
     "direct/solve",
     "daqp-hierarchical/own-scale",
-    *(f"weighted/{backend}" for backend in ACCURACY),
+    *(f"weighted/{backend}" for backend in _BACKENDS),
 )
 """All names: what is raced by default, then what must be asked for."""
 
-_USUAL = (*_OWN, *(f"cascade/{backend}" for backend in ACCURACY))
+_USUAL = (*_OWN, *(f"cascade/{backend}" for backend in _BACKENDS))
 
 QUICK = ("direct", "daqp-hard", "daqp-hierarchical")
 """Methods, or what stands before their slash, that take turns problem by problem."""
@@ -269,19 +363,19 @@ def make_contestant(method: str, time_limit: float) -> Contestant:
     if method == REFERENCE:
         return DirectContestant(time_limit)
     if method == "direct/solve":
-        return StrategyContestant(make_solver("direct", time_limit=time_limit))
+        return StrategyContestant("direct", None, time_limit)
     if method == "daqp-hard":
         return DaqpHard(time_limit)
     if method.startswith("daqp-hierarchical"):
         return DaqpHierarchical(time_limit, weighs=method == "daqp-hierarchical")
     strategy, _, backend = method.partition("/")
-    return StrategyContestant(make_solver(strategy, backend or None, time_limit=time_limit))
+    return StrategyContestant(strategy, backend or None, time_limit)
 
 
 def _missing(method: str) -> MissingExtraError | None:
     """The error that a method which is not installed would raise."""
     _, _, backend = method.partition("/")
-    if backend not in ACCURACY:
+    if backend not in _BACKENDS:
         return None
     try:
         make_solver("cascade", backend)

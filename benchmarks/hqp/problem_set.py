@@ -1,21 +1,149 @@
 """`ProblemSequence`: hierarchical problems with a name, and the files that they are kept in.
 
-One compressed `.npz` a sequence, which NumPy alone reads with `allow_pickle=False`; what every key
-means stands in `docs/problem_set.md`.
+One compressed `.npz` a sequence, which NumPy alone reads with `allow_pickle=False`: a few flat
+arrays, in which what repeats stands once; what every key means stands in `docs/problem_set.md`.
+
+`Source`: a sequence that can be made. `copy_problem`: a problem of its own, from a controller that
+fills one storage every tick.
 """
 
 import re
 import zipfile
 import zlib
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
 
-from benchmarks.hqp.packed import INTEGERS, TEXTS, pack_problems, unpack_problems
 from poise.errors import ConfigurationError, ProblemError, UnknownNameError
 from poise.hqp import HierarchicalProblem
+
+FLOATS = ("A", "lower", "upper", "weights", "H", "g")
+"""Numbers of a problem; of each, problem `k` has what begins at `KEY_start[k]` in `KEY`."""
+
+TEXTS = ("level_names", "label_names")
+INTEGERS = (
+    "n",
+    "levels",
+    "bounds_level",
+    "labels",
+    "rows",
+    "rows_start",
+    "level_names_start",
+    "label_rows",
+    "label_rows_start",
+    "label_names_start",
+    *(f"{key}_start" for key in FLOATS),
+)
+
+
+class _Pool:
+    """Arrays laid end to end; one that is there already is not laid again."""
+
+    def __init__(self) -> None:
+        self.parts: list[np.ndarray] = []
+        self.starts: list[int] = []
+        self._length, self._known = 0, dict[tuple[str, bytes], int]()
+
+    def add(self, array: np.ndarray) -> None:
+        flat = np.ascontiguousarray(array).ravel()
+        # Bytes tell -0.0 from 0.0, and texts of another width from each other.
+        key = (flat.dtype.str, flat.tobytes())
+        if key not in self._known:
+            self._known[key] = self._length
+            self.parts.append(flat)
+            self._length += len(flat)
+        self.starts.append(self._known[key])
+
+
+def pack_problems(problems: Sequence[HierarchicalProblem]) -> dict[str, np.ndarray]:
+    """The arrays of a file, without its header.
+
+    Args:
+        problems: at least one.
+    """
+    ragged = (*FLOATS, "rows", "level_names", "label_rows", "label_names")
+    pools = {key: _Pool() for key in ragged}
+    for problem in problems:
+        for key in FLOATS:
+            pools[key].add(getattr(problem, key))
+        pools["rows"].add(np.array([len(view.lower) for view in problem.levels]))
+        pools["level_names"].add(np.array([view.name for view in problem.levels]))
+        pools["label_rows"].add(np.array([count for _, count in problem.labels]))
+        pools["label_names"].add(np.array([name for name, _ in problem.labels]))
+    packed = {
+        "n": np.array([problem.n for problem in problems]),
+        "levels": np.array([len(problem.levels) for problem in problems]),
+        "bounds_level": np.array([problem.bounds_level for problem in problems]),
+        "labels": np.array([len(problem.labels) for problem in problems]),
+    }
+    for key, pool in pools.items():
+        packed[key] = np.concatenate(pool.parts)
+        packed[f"{key}_start"] = np.array(pool.starts)
+    return packed
+
+
+def unpack_problems(arrays: Mapping[str, np.ndarray]) -> tuple[HierarchicalProblem, ...]:
+    """The problems of a file whose integers and texts have been found to be there.
+
+    Raises:
+        ProblemError: numbers that are not there, do not fit each other or cannot be a problem.
+    """
+    for key in FLOATS:
+        array = arrays.get(key)
+        if array is None or array.dtype != np.float64 or array.ndim != 1:
+            raise ProblemError(
+                f"no usable {key!r}",
+                got=None if array is None else f"{array.dtype} with {array.ndim} dimensions",
+                wanted="float64 with 1 dimension",
+            )
+    count = len(arrays["n"])
+    per_problem = [key for key in INTEGERS if key.endswith("_start")]
+    for key in (*per_problem, "levels", "bounds_level", "labels"):
+        if len(arrays[key]) != count:
+            raise ProblemError(
+                f"{key!r} has the wrong length", got=len(arrays[key]), wanted=f"{count}, as 'n'"
+            )
+    return tuple(_problem(arrays, k) for k in range(count))
+
+
+def _problem(arrays: Mapping[str, np.ndarray], k: int) -> HierarchicalProblem:
+    n, levels = int(arrays["n"][k]), int(arrays["levels"][k])
+    rows = _part(arrays, "rows", k, levels).tolist()
+    names = _part(arrays, "level_names", k, levels).tolist()
+    problem = HierarchicalProblem.allocate(
+        n, rows, names=names, bounds_level=int(arrays["bounds_level"][k])
+    )
+    for key in FLOATS:
+        storage: np.ndarray = getattr(problem, key)
+        storage[...] = _part(arrays, key, k, storage.size).reshape(storage.shape)
+    labels = int(arrays["labels"][k])
+    counts = _part(arrays, "label_rows", k, labels).tolist()
+    if sum(counts) != n + problem.m or min(counts, default=0) < 0:
+        raise ProblemError(
+            f"labels of problem {k} do not add up to its rows",
+            got=counts,
+            wanted=f"counts that sum to {n + problem.m}",
+        )
+    texts = _part(arrays, "label_names", k, labels).tolist()
+    problem.labels = list(zip(texts, counts, strict=True))
+    problem.validate()
+    return problem
+
+
+def _part(arrays: Mapping[str, np.ndarray], key: str, k: int, size: int) -> np.ndarray:
+    start = int(arrays[f"{key}_start"][k])
+    if size < 0 or start < 0 or start + size > len(arrays[key]):
+        raise ProblemError(
+            f"{key!r} of problem {k} is not all there",
+            got=f"{len(arrays[key])} entries",
+            wanted=f"entries {start} to {start + size}",
+        )
+    return arrays[key][start : start + size]
+
 
 FAMILIES = ("recorded", "random", "inverse kinematics")
 """Where problems come from."""
@@ -63,7 +191,7 @@ class ProblemSequence:
             raise UnknownNameError("unknown family of problems", got=self.family, choices=FAMILIES)
         if not self.problems:
             raise ConfigurationError(f"sequence {self.name!r} has no problems", got=0, wanted="1")
-        shapes = {_rows(problem) for problem in self.problems}
+        shapes = {shape_of(problem) for problem in self.problems}
         if self.consecutive and len(shapes) > 1:
             raise ConfigurationError(
                 f"consecutive problems of {self.name!r} differ in shape",
@@ -107,9 +235,6 @@ def save_sequence(sequence: ProblemSequence, folder: Path) -> Path:
 def load_sequence(path: Path) -> ProblemSequence:
     """Reads what `save_sequence` wrote; the numbers are the same bit for bit.
 
-    Args:
-        path: of the file.
-
     Raises:
         ProblemError: no such file, not an `.npz`, another format, missing keys, arrays that do not
             fit each other, or numbers that cannot be a problem.
@@ -147,10 +272,6 @@ def load_folder(folder: Path) -> tuple[ProblemSequence, ...]:
     return tuple(load_sequence(path) for path in paths)
 
 
-def _rows(problem: HierarchicalProblem) -> tuple[int, ...]:
-    return (problem.n, *(len(view.lower) for view in problem.levels))
-
-
 def _read(path: Path) -> dict[str, np.ndarray]:
     wanted = "an .npz file written by save_sequence"
     try:
@@ -184,3 +305,69 @@ def _check_keys(arrays: dict[str, np.ndarray], path: Path) -> None:
                 got=None if array is None else f"{array.dtype} with {array.ndim} dimensions",
                 wanted=f"an array of kind {kind!r} with {dimensions} dimensions",
             )
+
+
+Progress = Callable[[int, int], None]
+"""Called with what is done and what there is in all."""
+
+Make = Callable[[int, Progress | None], Iterable[HierarchicalProblem]]
+"""Makes up to so many problems; each call makes the same ones."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Source:
+    """What a sequence is and how it is made.
+
+    Attributes:
+        name: of the sequence.
+        family: one of `FAMILIES`.
+        description: one sentence.
+        consecutive: whether neighbours are one tick apart.
+        make: makes its problems.
+    """
+
+    name: str
+    family: str
+    description: str
+    consecutive: bool
+    make: Make
+
+    def sequence(self, count: int, progress: Progress | None = None) -> ProblemSequence:
+        """Makes the sequence.
+
+        Args:
+            count: how many problems; fewer where the phase that is recorded ends before.
+            progress: told how far it is.
+
+        Raises:
+            ConfigurationError: `count` is not positive.
+            PoiseError: something that it is made with is not installed.
+        """
+        if count < 1:
+            raise ConfigurationError("no problems to make", got=count, wanted="count >= 1")
+        return ProblemSequence(
+            name=self.name,
+            family=self.family,
+            description=self.description,
+            consecutive=self.consecutive,
+            problems=tuple(islice(self.make(count, progress), count)),
+        )
+
+
+def copy_problem(problem: HierarchicalProblem) -> HierarchicalProblem:
+    """The same problem in a storage of its own; its views look into that storage."""
+    copy = HierarchicalProblem.allocate(
+        problem.n,
+        [len(view.lower) for view in problem.levels],
+        names=[view.name for view in problem.levels],
+        bounds_level=problem.bounds_level,
+    )
+    for key in FLOATS:
+        getattr(copy, key)[...] = getattr(problem, key)
+    copy.labels = list(problem.labels)
+    return copy
+
+
+def shape_of(problem: HierarchicalProblem) -> tuple[int, ...]:
+    """Number of variables, and of rows of each level."""
+    return (problem.n, *(len(view.lower) for view in problem.levels))

@@ -6,29 +6,16 @@
 from collections.abc import Mapping
 from pathlib import Path
 
-from benchmarks.hqp import (
-    drifting,
-    humanoid_kinematics,
-    moving,
-    planar_arm,
-    random_families,
-    recorded,
-    singular_arm,
-)
-from benchmarks.hqp.problem_set import ProblemSequence, save_sequence
-from benchmarks.hqp.source import Progress, Source
+from benchmarks.hqp import inverse_kinematics, random_families, recorded
+from benchmarks.hqp.problem_set import ProblemSequence, Progress, Source, save_sequence
 from poise.errors import UnknownNameError
 
 SOURCES: Mapping[str, Source] = {
     source.name: source
     for source in (
         *recorded.SOURCES,
-        *moving.SOURCES,
         *random_families.SOURCES,
-        *drifting.SOURCES,
-        *planar_arm.SOURCES,
-        *singular_arm.SOURCES,
-        *humanoid_kinematics.SOURCES,
+        *inverse_kinematics.SOURCES,
     )
 }
 """What each sequence is and how it is made."""

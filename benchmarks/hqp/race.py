@@ -8,9 +8,9 @@ from time import perf_counter
 import numpy as np
 from jaxtyping import Bool, Float64
 
-from benchmarks.clocked import collector_paused
-from benchmarks.hqp.contestant import Contestant
+from benchmarks.clocked import batches, in_turn
 from benchmarks.hqp.judge import Verdict, best_known, judge_point, measure_point
+from benchmarks.hqp.methods import Contestant
 from benchmarks.hqp.problem_set import ProblemSequence
 from poise.hqp import HierarchicalProblem
 
@@ -68,11 +68,7 @@ class Runner:
             self._run(first if self.start == COLD else max(first - 1, 0))
 
     def tick(self, index: int) -> None:
-        """Times one problem.
-
-        Args:
-            index: of the problem.
-        """
+        """Times one problem."""
         if self._late >= PATIENCE:
             return
         spent = self._run(index)
@@ -149,27 +145,21 @@ def take_turns(runners: Sequence[Runner], count: int) -> Generator[int]:
     """
     groups = [[one for one in runners if one.quick is quick] for quick in (True, False)]
     groups = [group for group in groups if group]
-    with collector_paused():
-        for first in range(0, count, BATCH):
-            last = min(first + BATCH, count)
-            for group in groups:
-                for one in group:
-                    one.rouse(first)
-                for index in range(first, last):
-                    for turn in range(len(group)):
-                        group[(index + turn) % len(group)].tick(index)
-                gc.collect()
-            yield last
+    for batch in batches(count, BATCH):
+        for group in groups:
+            for one in group:
+                one.rouse(batch.start)
+            for index in batch:
+                for one in in_turn(group, index):
+                    one.tick(index)
+            gc.collect()
+        yield batch.stop
 
 
 def judge_runners(sequence: ProblemSequence, runners: Sequence[Runner]) -> list[Lap]:
     """Judges every point beside the best that any runner found.
 
     The first problem does not count for a warm runner: it was solved twice, and cold.
-
-    Args:
-        sequence: what was raced.
-        runners: after the last problem.
     """
     verdicts: list[list[Verdict | None]] = [[] for _ in runners]
     for index, problem in enumerate(sequence.problems):

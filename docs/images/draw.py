@@ -17,7 +17,8 @@ import numpy as np
 from PIL import Image
 
 import poise
-from poise.apps.teleoperation import over_an_obstacle
+from poise.apps.teleoperation import SCRIPTS
+from poise.sim import run_markers
 
 HERE = Path(__file__).parent
 ROBOT = "humanoid33"
@@ -37,15 +38,15 @@ STEPS = (0.5, 2.6, 4.2, 6.5, 9.3, 11.0, 13.9)
 def draw_moments() -> None:
     """One moment of each logged run, side by side."""
     robot = poise.load_robot(ROBOT)
-    plant = poise.sim.Plant(robot)
+    plant = poise.Plant(robot)
     moments = poise.sim.RunRecord()
     names = ("q", "com", "zmp", *(f"wrench/{sole}" for sole in robot.soles))
     for number, (scenario, time) in enumerate(MOMENTS.items()):
         log = poise.sim.read_log(RUNS / f"{scenario}-{ROBOT}" / "log.mcap")
         for name in names:
             moments.add(float(number), name, _at(log, name, time))
-    markers = poise.sim.run_markers(robot, moments)
-    config = poise.sim.CameraConfig(
+    markers = run_markers(robot, moments)
+    config = poise.sim.Camera.Config(
         width=400, height=620, azimuth=150.0, elevation=-10.0, distance=1.5, antialiasing=4
     )
     with poise.sim.Camera(robot, plant.model, config) as camera:
@@ -57,8 +58,10 @@ def draw_obstacle() -> None:
     """The main job, moment by moment."""
     robot = poise.load_robot("biped20")
     log = poise.sim.read_log(RUNS / MAIN / "log.mcap")
-    plant = poise.sim.Plant(robot, poise.sim.PlantConfig(blocks=over_an_obstacle(robot).blocks))
-    config = poise.sim.CameraConfig(
+    plant = poise.Plant(
+        robot, poise.sim.PlantConfig(blocks=SCRIPTS["over_an_obstacle"](robot).blocks)
+    )
+    config = poise.sim.Camera.Config(
         width=230, height=420, azimuth=140.0, elevation=-12.0, distance=1.45, antialiasing=4
     )
     with poise.sim.Camera(robot, plant.model, config) as camera:
@@ -70,8 +73,8 @@ def draw_walk() -> None:
     """G1 under the reduced controller, step by step; the camera goes along."""
     robot = poise.load_robot("g1")
     log = poise.sim.read_log(RUNS / WALK / "log.mcap")
-    plant = poise.sim.Plant(robot)
-    config = poise.sim.CameraConfig(
+    plant = poise.Plant(robot)
+    config = poise.sim.Camera.Config(
         width=230, height=360, azimuth=120.0, elevation=-10.0, distance=1.5, antialiasing=4
     )
     with poise.sim.Camera(robot, plant.model, config) as camera:

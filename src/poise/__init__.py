@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from poise.control import (
     Command,
     CommandStatus,
-    ControllerStatus,
+    Controller,
     DifferentialIK,
     OperationalSpaceController,
     ReducedController,
@@ -25,6 +25,7 @@ from poise.stack import (
     FrameTask,
     JointLimit,
     JointTask,
+    Leader,
     MomentumTask,
     PointContact,
     PostureTask,
@@ -37,8 +38,10 @@ from poise.stack import (
 )
 
 if TYPE_CHECKING:
-    from poise import sim
-    from poise.apps import scenarios
+    from poise import sim as sim
+    from poise.apps.scenarios import load_scenario, report, run_scenario
+    from poise.locomotion import StepTeleoperator, Walker
+    from poise.sim import Plant, Recorder, rollout
 
 __version__ = "0.1.0"
 
@@ -47,43 +50,61 @@ __all__ = [
     "Command",
     "CommandStatus",
     "Contact",
-    "ControllerStatus",
+    "Controller",
     "DifferentialIK",
     "Dynamics",
     "FrameTask",
     "HierarchicalProblem",
     "JointLimit",
     "JointTask",
+    "Leader",
     "Level",
     "MomentumTask",
     "OperationalSpaceController",
+    "Plant",
     "PointContact",
     "PoiseError",
     "PostureTask",
+    "Recorder",
     "ReducedController",
     "RelativeFrameTask",
     "Robot",
     "RobotState",
     "Solution",
     "Stack",
+    "StepTeleoperator",
     "SurfaceContact",
     "Task",
     "TorqueLimit",
+    "Walker",
     "WholeBodyController",
     "default_stack",
     "load_robot",
-    "scenarios",
-    "sim",
+    "load_scenario",
+    "report",
+    "rollout",
+    "run_scenario",
     "solve",
 ]
 
 
-_LATER = {"sim": "poise.sim", "scenarios": "poise.apps.scenarios"}
-"""Packages by the name that they have here, which take more than the core needs."""
+_LATER = {
+    "Plant": "poise.sim",
+    "Recorder": "poise.sim",
+    "StepTeleoperator": "poise.locomotion",
+    "Walker": "poise.locomotion",
+    "load_scenario": "poise.apps.scenarios",
+    "report": "poise.apps.scenarios",
+    "rollout": "poise.sim",
+    "run_scenario": "poise.apps.scenarios",
+}
+"""Names whose packages take longer to import, or more to be installed, than the core."""
 
 
 def __getattr__(name: str) -> Any:
-    """The simulator's side is imported when first asked for: the core runs without it."""
+    """What is more than the core is imported when first asked for: the core runs without it."""
+    if name == "sim":
+        return import_module("poise.sim")
     if name in _LATER:
-        return import_module(_LATER[name])
+        return getattr(import_module(_LATER[name]), name)
     raise AttributeError(f"module 'poise' has no attribute {name!r}")

@@ -14,7 +14,6 @@ __all__ = [
     "PoiseError",
     "ProblemError",
     "RobotError",
-    "ScenarioError",
     "TargetError",
     "UnknownNameError",
 ]
@@ -72,7 +71,7 @@ class UnknownNameError(PoiseError):
 
 
 class ConfigurationError(PoiseError):
-    """A gain, bound, mask, stack or scenario that cannot be right."""
+    """A gain, bound, mask, stack, scenario or setting that cannot be right."""
 
 
 class TargetError(PoiseError):
@@ -83,19 +82,23 @@ class ProblemError(PoiseError):
     """A hierarchical problem that is not one: wrong shapes, NaN coefficients, crossing bounds."""
 
 
-class ScenarioError(ConfigurationError):
-    """A scenario file with an unknown key, a missing key or a value of the wrong kind."""
-
-
 class MissingExtraError(PoiseError):
-    """An optional package is not installed; the message names the command that installs it."""
+    """Something optional is not installed; the message names the command that installs it.
 
-    def __init__(self, package: str, extra: str, purpose: str) -> None:
-        self.package = package
-        self.extra = extra
+    Args:
+        package: what is missing.
+        extra: of Poise that has it, "" where no extra does.
+        purpose: what it is needed for.
+        install: the command that installs it; pip with the extra when None.
+    """
+
+    def __init__(
+        self, package: str, extra: str, purpose: str, *, install: str | None = None
+    ) -> None:
+        install = f'pip install "poise[{extra}]"' if install is None else install
         super().__init__(
             f"{purpose} needs the package {package!r}, which is not installed; "
-            f'install it with: pip install "poise[{extra}]"'
+            f"install it with: {install}"
         )
 
 

@@ -14,6 +14,6 @@ PLAN = StudyPlan(
     ),
     source="The controller is that of Y. Zhang, R. Kikuuwe, “COM Shifter and Body Rotator for "
     "Step-by-Step Teleoperation of Bipedal Robots”, with Poise's departures; the operator is ours.",
-    parts=(Part(name="falls", title="Falls", compute=falls_section),),
+    parts=(Part("falls", "Falls", falls_section),),
 )
 """The study: one part."""

@@ -24,35 +24,13 @@ PLAN = StudyPlan(
     "Acceleration Satisfying Time Precedence for Operational Space Formulation”, IEEE Access, "
     "2022.",
     parts=(
-        Part(
-            name="cost-model", title="Operations by formula: Figures 1 to 3", compute=cost_section
-        ),
-        Part(
-            name="gravity",
-            title="First study: bias acceleration and gravity, Figure 5",
-            compute=gravity_section,
-        ),
-        Part(
-            name="encoders",
-            title="First study: behind encoders, Figure 6, Tables 2 and 3",
-            compute=encoder_section,
-        ),
-        Part(name="timing", title="Second study: time, Table 4", compute=timing_section),
-        Part(
-            name="operations",
-            title="Beyond the paper: operations of whole resolves",
-            compute=operations_section,
-        ),
-        Part(
-            name="model-error",
-            title="Beyond the paper: where the model is wrong",
-            compute=model_error_section,
-        ),
-        Part(
-            name="humanoid",
-            title="Beyond the paper: a standing humanoid",
-            compute=humanoid_section,
-        ),
+        Part("cost-model", "Operations by formula: Figures 1 to 3", cost_section),
+        Part("gravity", "First study: bias acceleration and gravity, Figure 5", gravity_section),
+        Part("encoders", "First study: behind encoders, Figure 6, Tables 2 and 3", encoder_section),
+        Part("timing", "Second study: time, Table 4", timing_section),
+        Part("operations", "Beyond the paper: operations of whole resolves", operations_section),
+        Part("model-error", "Beyond the paper: where the model is wrong", model_error_section),
+        Part("humanoid", "Beyond the paper: a standing humanoid", humanoid_section),
     ),
 )
 """The study: its parts in order. A part is a function in a file of its own."""

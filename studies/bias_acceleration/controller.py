@@ -8,9 +8,8 @@ import pinocchio as pin
 from jaxtyping import Float64
 
 from benchmarks.bias.formulas import bias_original
-from benchmarks.bias.rates import MatrixRates
 from benchmarks.bias.recursion import PaperRecursion
-from benchmarks.bias.rows import PaperFormulation, PaperRows
+from benchmarks.bias.rows import MatrixRates, PaperFormulation, PaperRows
 from benchmarks.rigid_plant import with_gravity
 from poise.control import Command, CommandStatus
 from poise.dynamics import Dynamics, RobotState

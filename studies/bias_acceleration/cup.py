@@ -8,11 +8,11 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float64
 
-from benchmarks.bias.motion import Cubic
+from benchmarks.bias.recording import Cubic
 from benchmarks.bias.recursion import PaperRecursion
-from benchmarks.encoder import Encoder
 from benchmarks.rigid_plant import (
     CONTROL_DT,
+    Encoder,
     Gravity,
     Moment,
     RigidPlant,
@@ -20,7 +20,7 @@ from benchmarks.rigid_plant import (
     with_gravity,
 )
 from poise.control import OperationalSpaceController
-from poise.dynamics import Dynamics, FrameKinematics, RobotState, rotation_vector
+from poise.dynamics import Dynamics, RobotState
 from poise.robots import Robot, load_robot
 from poise.sim import rollout
 from poise.stack import FrameTask, Stack
@@ -164,7 +164,7 @@ class _Recorder:
         axes = pin.LOCAL_WORLD_ALIGNED
         turning = pin.getFrameVelocity(model, data, hand, axes).angular
         turned = pin.getFrameClassicalAcceleration(model, data, hand, axes).angular
-        error = rotation_vector(self._tasks.home, place.rotation)
+        error = pin.log3(self._tasks.home.dot(place.rotation.T))
         wanted = task.kp * error - task.kd * turning
         up = place.rotation @ self._up
         target = self._tasks.position.target_position
@@ -262,12 +262,13 @@ def level_start(robot: Robot) -> Float64[np.ndarray, " n"]:
         robot: `arm6`.
     """
     q = np.array([0.0, _SHOULDER, _ELBOW, 0.0, math.pi - _SHOULDER - _ELBOW, 0.0])
-    reach = float(_hand_at(robot, q).position[0])
+    reach = float(_hand_at(robot, q).translation[0])
     q[0] = -math.asin(0.5 * WAY / reach)
     return q
 
 
-def _hand_at(robot: Robot, q: Float64[np.ndarray, " n"]) -> FrameKinematics:
+def _hand_at(robot: Robot, q: Float64[np.ndarray, " n"]) -> pin.SE3:
     dynamics = Dynamics(robot)
     dynamics.update(RobotState(q, np.zeros(robot.nv)))
-    return dynamics.frame(robot.frame_id(_HAND))
+    frame = dynamics.frame(robot.frame_id(_HAND))
+    return pin.SE3(frame.rotation, frame.position)

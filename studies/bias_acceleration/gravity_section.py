@@ -12,8 +12,7 @@ from studies.bias_acceleration.controller import OldGravityRecursion
 from studies.bias_acceleration.cup import DURATION, KP, PAPER_GRAVITY, CupRun, CupTrace, carry_cup
 from studies.bias_acceleration.side_by_side import SideBySide, compare_along
 from studies.bias_acceleration.signals import degrees_most, draw_signal
-from studies.figure import Figure, draw
-from studies.finding import Finding, Section, Table
+from studies.finding import Figure, Finding, Section, Table, draw, one_legend
 from studies.plan import Progress, Steps, StudyOptions
 
 MARS = -3.71
@@ -121,7 +120,6 @@ def _on_mars(there: dict[str, CupTrace]) -> list[Finding]:
     findings = [
         Finding(
             name=f"Mars: greatest σ with the {name} formula",
-            paper=None,
             ours=degrees_most(trace.sigma),
             unit="°/s²",
             ok=float(trace.sigma.max()) < ROUNDING * _size(there["original"].bias),
@@ -140,7 +138,6 @@ def _on_mars(there: dict[str, CupTrace]) -> list[Finding]:
     findings.append(
         Finding(
             name="Mars: greatest σ with an original formula that is not told",
-            paper=None,
             ours=degrees_most(old.sigma),
             unit="°/s²",
             ok=degrees_most(old.sigma) > 1e6 * degrees_most(there["proposed"].sigma),
@@ -157,9 +154,7 @@ def _regular(traces: tuple[CupTrace, ...]) -> Finding:
     held = sum(trace.held for trace in traces)
     return Finding(
         name="runs in which a task lost rank, or ticks at a joint's limit",
-        paper=None,
         ours=lost + held,
-        unit="",
         ok=lost + held == 0,
         note="None: the whole way is clear of singularities and limits, so that neither the "
         "treatment of lost ranks nor of limits has a part in these numbers.",
@@ -169,7 +164,7 @@ def _regular(traces: tuple[CupTrace, ...]) -> Finding:
 def _mars_table(there: dict[str, CupTrace]) -> Table:
     return Table(
         title="On Mars, gravity 3.71 m/s²",
-        header=("formula", "max σ [°/s²]", "max tilt [°]", "max distance from the target [mm]"),
+        header="formula | max σ [°/s²] | max tilt [°] | max distance from the target [mm]",
         rows=tuple(
             (
                 name,
@@ -225,6 +220,5 @@ def _paint_5(
             draw_signal(panel, time, np.degrees(bias[:, axis]), "original", label=label, **look)
         panel.set_ylabel(f"bias {'xyz'[axis]} [°/s²]")
     panels[-1].set_xlabel("time [s]")
-    handles, labels = panels[0].get_legend_handles_labels()
-    canvas.legend(handles, labels, loc="outside upper left", ncols=3)
+    one_legend(canvas, panels[0])
     canvas.align_ylabels()

@@ -9,8 +9,7 @@ from jaxtyping import Float64
 from benchmarks.drawing import PALETTE, decimate
 from poise.apps.scenarios import Run, load_scenario, run_scenario
 from poise.control import ControllerPlan
-from studies.figure import Figure, draw
-from studies.finding import Finding, Section, Table
+from studies.finding import Figure, Finding, Section, Table, draw
 from studies.plan import Progress, Steps, StudyOptions
 
 _CONTROLLERS = ("osf", "whole_body")
@@ -68,9 +67,7 @@ def _finding(name: str, runs: Runs) -> Finding:
     failed = [check.name for check in run.checks if not check.ok]
     return Finding(
         name=f"humanoid33, scenario {name}, osf: checks that fail",
-        paper=None,
         ours=len(failed) + run.fell,
-        unit="",
         ok=run.ok,
         note=("It does not fall, and every check of the scenario holds" if run.ok else "Failed: ")
         + ", ".join(failed)
@@ -100,18 +97,9 @@ def _table(runs: Runs) -> Table:
         )
     return Table(
         title="Standing, by controller",
-        header=(
-            "scenario",
-            "controller",
-            "max COM error [mm]",
-            "max left hand [mm]",
-            "max right hand [mm]",
-            "hands at the end [mm]",
-            "max torque to limit [%]",
-            "torque, rms [N m]",
-            "tick, median [µs]",
-            "tick, 99% [µs]",
-        ),
+        header="scenario | controller | max COM error [mm] | max left hand [mm] | "
+        "max right hand [mm] | hands at the end [mm] | max torque to limit [%] | "
+        "torque, rms [N m] | tick, median [µs] | tick, 99% [µs]",
         rows=tuple(rows),
         caption="Errors of the hands in `reach` are largest while the target is out of reach. In "
         "`stand` they hold position and orientation [mm, 0.001 rad].",

@@ -4,10 +4,9 @@ from typing import Any
 
 from benchmarks.drawing import plain_number
 from studies.bias_acceleration.cup import FORMULAS, CupRun, CupTrace, carry_cup
-from studies.bias_acceleration.encoder_runs import ENCODER
+from studies.bias_acceleration.encoder_section import ENCODER
 from studies.bias_acceleration.signals import COLOURS, DASHES, degrees_most
-from studies.figure import Figure, draw
-from studies.finding import Finding, Section, Table
+from studies.finding import Figure, Finding, Section, Table, draw, one_legend
 from studies.plan import Progress, Steps, StudyOptions
 
 _SCALES, _QUICK_SCALES = (0.8, 0.9, 1.0, 1.1, 1.2), (0.8, 1.0, 1.2)
@@ -91,9 +90,7 @@ def _numerical(runs: Runs) -> Finding:
     )
     return Finding(
         name="model error: worst orientation error at 20%, numerical to original",
-        paper=None,
         ours=ratio,
-        unit="",
         ok=ratio < 1.0 + _SLIGHT,
         note="No claim of the paper: this formula is not equivalent. It does better where the "
         "model is wrong. The others take it that task 1 will get the acceleration it asks for; "
@@ -107,7 +104,6 @@ def _harm(runs: Runs) -> Finding:
     right, wrong = _errors(by_scale[1.0])[1], _errors(by_scale[max(by_scale)])[1]
     return Finding(
         name="model error: worst orientation error, links 20% heavier, original",
-        paper=None,
         ours=wrong,
         unit="°",
         ok=wrong > right,
@@ -125,13 +121,7 @@ def _table(runs: Runs) -> Table:
     ]
     return Table(
         title="Worst errors by model error",
-        header=(
-            "true links to model's",
-            "formula",
-            "position [mm]",
-            "orientation [°]",
-            "max σ [°/s²]",
-        ),
+        header="true links to model's | formula | position [mm] | orientation [°] | max σ [°/s²]",
         rows=tuple(rows),
     )
 
@@ -172,5 +162,4 @@ def _paint(canvas: Any, runs: Runs) -> None:
         panel.yaxis.minorticks_off()
         panel.set_ylabel(f"worst {what}")
         panel.set_xlabel("mass and inertia of the true links, relative to the model's [-]")
-    handles, labels = panels[0].get_legend_handles_labels()
-    canvas.legend(handles, labels, loc="outside upper left", ncols=4)
+    one_legend(canvas, panels[0])

@@ -3,15 +3,13 @@
 import numpy as np
 
 from benchmarks.bias import formulas, recursion
-from benchmarks.bias.rates import MatrixRates
 from benchmarks.bias.recursion import FusedRecursion, PaperRecursion
-from benchmarks.bias.rows import PaperRows
-from benchmarks.flops.counter import FlopCounter
+from benchmarks.bias.rows import MatrixRates, PaperRows
+from benchmarks.flops import FlopCounter
 from poise.dynamics import Dynamics, RobotState
 from poise.robots import Robot, load_robot
 from studies.bias_acceleration import cost_model as cost
-from studies.bias_acceleration.cost_findings import plain
-from studies.bias_acceleration.cost_model import FIGURE_2
+from studies.bias_acceleration.cost_model import FIGURE_2, plain
 from studies.finding import Finding, Section, Table
 from studies.plan import Progress, StudyOptions
 
@@ -126,7 +124,6 @@ def _findings(counts: dict[str, int]) -> tuple[Finding, ...]:
         ),
         Finding(
             name="whole resolve: fused to proposed",
-            paper=None,
             ours=100 * counts["fused"] / proposed,
             unit="%",
             ok=counts["fused"] < proposed,
@@ -144,7 +141,7 @@ def _table(counts: dict[str, int]) -> Table:
     }
     return Table(
         title="Operations of a whole resolve",
-        header=("formula", "counted [FLOP]", "the paper's model [FLOP]", "counted, to fused"),
+        header="formula | counted [FLOP] | the paper's model [FLOP] | counted, to fused",
         rows=tuple(
             (
                 name,

@@ -6,9 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float64
 
-from benchmarks.bias.rates import MatrixRates
 from benchmarks.bias.recursion import PAPER_FORMULAS, FusedRecursion, PaperRecursion
-from benchmarks.bias.rows import PaperFormulation
+from benchmarks.bias.rows import MatrixRates, PaperFormulation
 from benchmarks.rigid_plant import set_gravity, with_gravity
 from poise.dynamics import Dynamics
 from poise.robots import load_robot

@@ -2,7 +2,7 @@
 
 from benchmarks.bias import BiasBench, BiasResult, bench_bias
 from studies.bias_acceleration import cost_model as cost
-from studies.bias_acceleration.cost_findings import plain
+from studies.bias_acceleration.cost_model import plain
 from studies.finding import Finding, Section, Table, number_text
 from studies.plan import Progress, StudyOptions
 
@@ -95,7 +95,6 @@ def _operations(results: dict[str, BiasResult]) -> list[Finding]:
     return [
         Finding(
             name="upper17: operations of the fused formula",
-            paper=None,
             ours=flops["fused"],
             unit="FLOP",
             ok=flops["fused"] < flops["proposed"],
@@ -118,16 +117,8 @@ def _operations(results: dict[str, BiasResult]) -> list[Finding]:
 def _table_4(results: dict[str, BiasResult]) -> Table:
     return Table(
         title="Table 4: time of both bias accelerations of a tick",
-        header=(
-            "formula",
-            "mean [µs]",
-            "SD [µs]",
-            "median [µs]",
-            "99% [µs]",
-            "max [µs]",
-            "to original [%]",
-            "to original_plain [%]",
-        ),
+        header="formula | mean [µs] | SD [µs] | median [µs] | 99% [µs] | max [µs] | "
+        "to original [%] | to original_plain [%]",
         rows=tuple(
             (
                 name,
@@ -154,7 +145,7 @@ def _counts(results: dict[str, BiasResult]) -> Table:
     original = results["original"].flops
     return Table(
         title="Operations of both bias accelerations of a tick",
-        header=("formula", "counted [FLOP]", "to original [%]", "(43), (45) [FLOP]"),
+        header="formula | counted [FLOP] | to original [%] | (43), (45) [FLOP]",
         rows=tuple(
             (name, r.flops, 100 * r.flops / original, plain(model[name]) if name in model else None)
             for name, r in results.items()

@@ -25,28 +25,14 @@ PLAN = StudyPlan(
     source="J. Ahn, J. Jung, Y. Lee, H. Lee, S. Haddadin, J. Park, “Efficient Computation of "
     "Whole-Body Control Utilizing Simplified Whole-Body Dynamics via Centroidal Dynamics”, 2024.",
     parts=(
-        Part(name="time", title="Time along a walk, Table 3", compute=timing_section),
-        Part(name="sizes", title="Sizes of the problems, Tables 1 and 2", compute=sizes_section),
-        Part(name="tracking", title="Tracking errors, Figure 4", compute=tracking_section),
-        Part(name="joints", title="Time by joints, Figure 5", compute=dof_section),
-        Part(
-            name="difference",
-            title="Beyond the paper: full and reduced at every tick",
-            compute=difference_section,
-        ),
-        Part(
-            name="base",
-            title="Beyond the paper: the acceleration of the base",
-            compute=base_section,
-        ),
-        Part(
-            name="accuracy",
-            title="Beyond the paper: accuracy by level",
-            compute=accuracy_section,
-        ),
-        Part(
-            name="order", title="Beyond the paper: the order of priorities", compute=order_section
-        ),
+        Part("time", "Time along a walk, Table 3", timing_section),
+        Part("sizes", "Sizes of the problems, Tables 1 and 2", sizes_section),
+        Part("tracking", "Tracking errors, Figure 4", tracking_section),
+        Part("joints", "Time by joints, Figure 5", dof_section),
+        Part("difference", "Beyond the paper: full and reduced at every tick", difference_section),
+        Part("base", "Beyond the paper: the acceleration of the base", base_section),
+        Part("accuracy", "Beyond the paper: accuracy by level", accuracy_section),
+        Part("order", "Beyond the paper: the order of priorities", order_section),
     ),
 )
 """The study: its parts in order. A part is a function in a file of its own."""

@@ -3,12 +3,10 @@
 `Judge`: what an answer is worth at a state, by the full equations of motion.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 from jaxtyping import Float64
 
-from benchmarks.walk_recording import WalkLead, WalkRecording
+from benchmarks.walk_recording import Answer, WalkLead, WalkRecording
 from poise.dynamics import Dynamics, RobotState
 from poise.robots import Robot
 from poise.stack import Task
@@ -27,21 +25,6 @@ QUANTITIES = (
     ("4", "hands and foot", "m/s², rad/s²"),
 )
 """Level, name and unit of what `Judge` measures."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Answer:
-    """Accelerations, torques and wrenches that a controller gave for a state.
-
-    Attributes:
-        acceleration: dv [m/s^2, rad/s^2].
-        torque: of the joints [N m].
-        wrench: of the contacts in the order of the stack, zero of inactive ones [N, N m].
-    """
-
-    acceleration: Float64[np.ndarray, " nv"]
-    torque: Float64[np.ndarray, " nj"]
-    wrench: Float64[np.ndarray, " nf"]
 
 
 class Judge:
@@ -150,7 +133,7 @@ def accuracy_section(options: StudyOptions, progress: Progress) -> Section:
         tables=(
             Table(
                 title="Largest residual along the walk",
-                header=("level", "what", "unit", *header),
+                header=" | ".join(("level", "what", "unit", *header)),
                 rows=tuple(rows),
                 caption="; ".join(f"{s}: {counts[s]} ticks" for s in SOLVERS)
                 + ". Contacts, tasks and base by their own units.",
@@ -173,12 +156,7 @@ def _worst(run: WalkRun, progress: Progress) -> tuple[Worst, dict[str, int]]:
         if due:
             judge.evaluate()
         for key in due:
-            one = run.subjects[key]
-            answer = Answer(
-                acceleration=one.acceleration[index],
-                torque=one.torque[index],
-                wrench=one.wrench[index],
-            )
+            answer = run.subjects[key].answer(index)
             worst[key] = np.maximum(worst[key], judge.measure(answer))
         if index % 200 == 0:
             progress(0.8 + 0.2 * index / total, 1.0)
@@ -195,7 +173,6 @@ def _finding(worst: Worst, solver: str) -> Finding:
         name=f"{solver}: largest residual, proposed to conventional",
         paper=1.0,
         ours=float(ratios[k]),
-        unit="",
         ok=bool(max(ratios) <= _SIMILAR),
         note=f"“similar magnitudes”: at most {_SIMILAR:g}. Worst: {QUANTITIES[k][1]}; largest "
         f"residual of the proposed method {own.max():.1e} {most[2]} ({most[1]}); zero where all "

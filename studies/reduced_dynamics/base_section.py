@@ -12,10 +12,9 @@ from jaxtyping import Float64
 
 from benchmarks.drawing import PALETTE
 from poise.control import Command
-from poise.dynamics import Dynamics, Partition, Partitions, RobotState
+from poise.dynamics import Dynamics, Partitions, RobotState
 from poise.robots import Robot
-from studies.figure import Figure, draw
-from studies.finding import Finding, Section, Table
+from studies.finding import Figure, Finding, Section, Table, draw
 from studies.plan import Progress, StudyOptions
 from studies.reduced_dynamics.walk_run import STANCES, WalkRun, walk_run
 
@@ -35,10 +34,6 @@ class PaperTorques:
         self._dynamics = Dynamics(robot)
         self._data = robot.model.createData()
 
-    def partition(self, contacts: tuple[str, ...]) -> Partition:
-        """The chains for the frames in contact."""
-        return self._partitions.of(contacts)
-
     def left_out(
         self,
         state: RobotState,
@@ -55,7 +50,7 @@ class PaperTorques:
             contacts: frames in contact.
             fixed_base: whether b_uc is that of a base that does not move, either.
         """
-        part, base = self.partition(contacts), self._robot.base_dofs
+        part, base = self._partitions.of(contacts), self._robot.base_dofs
         self._dynamics.update(state)
         a, u = part.a.index, part.u.index
         torque = self._dynamics.M[np.ix_(u, a)] @ dv[a]
@@ -128,8 +123,8 @@ def base_section(options: StudyOptions, progress: Progress) -> Section:
         tables=(
             Table(
                 title="Torque that is missing in the unconstrained chain",
-                header=("form", "support", "most [N m]", "worst joint, median [N m]",
-                        "most of an arm's joint [N m]", "largest torque of an arm's joint [N m]"),
+                header="form | support | most [N m] | worst joint, median [N m] | "
+                       "most of an arm's joint [N m] | largest torque of an arm's joint [N m]",
                 rows=tuple(rows),
                 caption="In single support the swing leg belongs to the unconstrained chain.",
             ),

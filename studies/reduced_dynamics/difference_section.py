@@ -6,8 +6,7 @@ import numpy as np
 from jaxtyping import Float64, Int64
 
 from benchmarks.drawing import PALETTE, power_of_ten
-from studies.figure import Figure, draw
-from studies.finding import Cell, Finding, Section, Table
+from studies.finding import Cell, Figure, Finding, Section, Table, draw
 from studies.plan import Progress, StudyOptions
 from studies.reduced_dynamics.walk_run import STANCES, WalkRun, walk_run
 
@@ -33,7 +32,7 @@ def difference_section(options: StudyOptions, progress: Progress) -> Section:
     for solver in ("direct", "cascade/osqp"):
         for kind, unit in _KINDS:
             largest = _largest(run, solver, kind)
-            by_stance = {s: _difference(run, solver, s, kind) for s in STANCES}
+            by_stance = {s: _gap(run, solver, kind, run.answered(solver, s)) for s in STANCES}
             worst = max(float(d.max()) for d in by_stance.values())
             typical = [float(np.median(d)) for d in by_stance.values()]
             most = [float(d.max()) for d in by_stance.values()]
@@ -44,7 +43,6 @@ def difference_section(options: StudyOptions, progress: Progress) -> Section:
                         name=f"full and reduced by direct: difference in {kind}",
                         paper=0.0,
                         ours=worst / largest,
-                        unit="",
                         ok=worst / largest <= _EXACT,
                         note="“without compromising control performance”; relative to the largest "
                         f"along the walk, {largest:.3g} {unit}",
@@ -57,8 +55,8 @@ def difference_section(options: StudyOptions, progress: Progress) -> Section:
         tables=(
             Table(
                 title="Difference between full and reduced along the walk",
-                header=("solver", "what", "unit", "largest value", "median, double",
-                        "median, single", "most, double", "most, single"),
+                header="solver | what | unit | largest value | median, double | median, single | "
+                       "most, double | most, single",
                 rows=tuple(rows),
                 caption="Of all components at a tick the largest; then median and most over ticks.",
             ),
@@ -69,10 +67,6 @@ def difference_section(options: StudyOptions, progress: Progress) -> Section:
 def _answers(run: WalkRun, controller: str, solver: str, kind: str) -> Float64[np.ndarray, "T n"]:
     found: Float64[np.ndarray, "T n"] = getattr(run.subjects[controller, solver], kind)
     return found
-
-
-def _difference(run: WalkRun, solver: str, stance: str, kind: str) -> Float64[np.ndarray, " n"]:
-    return _gap(run, solver, kind, run.answered(solver, stance))
 
 
 def _gap(

@@ -2,12 +2,10 @@
 
 from typing import Any
 
-from benchmarks.dof import JOINTS, DofBench, bench_dof
+from benchmarks.dof import JOINTS, DofBench, bench_dof, speed_targets
 from benchmarks.drawing import PALETTE, plain_number
 from benchmarks.result import TickResult
-from benchmarks.targets import speed_targets
-from studies.figure import Figure, draw
-from studies.finding import Cell, Finding, Section, Table
+from studies.finding import Cell, Figure, Finding, Section, Table, draw
 from studies.plan import Progress, StudyOptions
 
 _QUICK_JOINTS = (20, 45)
@@ -82,7 +80,6 @@ def _trends(rows: Rows, plan: DofBench) -> list[Finding]:
                     f"at {small}",
                     paper=(1319 / 4081) / (571 / 754) if stance == "double" else None,
                     ours=last / first,
-                    unit="",
                     ok=last < first,
                     note="“more pronounced with an increase in the DOF”; the paper's number is 45 "
                     f"to 20. Proposed to conventional: {first:.2f} and {last:.2f}.",
@@ -112,9 +109,9 @@ def _table(rows: Rows, plan: DofBench, stance: str) -> Table:
                 )  # fmt: skip
     return Table(
         title=f"Times by joints, {stance} support",
-        header=("solver", "joints", "method", "variables", "rows", "median [µs]", "99% [µs]",
-                "max [µs]", "processor, 99% [µs]", "dynamics [µs]", "assembly [µs]", "solve [µs]",
-                "command [µs]", "to conventional", "something gave way [% of ticks]"),
+        header="solver | joints | method | variables | rows | median [µs] | 99% [µs] | max [µs] | "
+               "processor, 99% [µs] | dynamics [µs] | assembly [µs] | solve [µs] | command [µs] | "
+               "to conventional | something gave way [% of ticks]",
         rows=tuple(lines),
     )  # fmt: skip
 
@@ -122,7 +119,7 @@ def _table(rows: Rows, plan: DofBench, stance: str) -> Table:
 def _targets(results: list[TickResult]) -> Table:
     return Table(
         title="Targets for Poise, as ratios",
-        header=("support", "what", "ours", "should be", "met"),
+        header="support | what | ours | should be | met",
         rows=tuple(
             (t.contacts, t.target, t.value, f"{t.relation} {t.bound:g}", "yes" if t.met else "no")
             for t in speed_targets(results)

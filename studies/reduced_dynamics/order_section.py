@@ -1,18 +1,122 @@
-"""Beyond the paper: what the order of priorities decides, and whether both methods agree on it."""
+"""Beyond the paper: what the order of priorities decides, and whether both methods agree on it.
+
+`Sequential`: the paper's order, energy before the tasks of the unconstrained chain.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
+from jaxtyping import Float64
 
 from benchmarks.methods import parse_method
-from benchmarks.walk_recording import WalkRecording
-from benchmarks.walk_subject import WalkSubject
+from benchmarks.walk_recording import Answer, WalkRecording, WalkSubject
+from poise.control import WholeBodyController
+from poise.dynamics import Dynamics, Partitions, ReducedDynamics, RobotState
+from poise.errors import PoiseError
+from poise.hqp import HierarchicalProblem, Level, make_solver
+from poise.robots import Robot
+from poise.stack import Stack, Task
 from studies.finding import Finding, Section, Table
 from studies.plan import Progress, StudyOptions
-from studies.reduced_dynamics.accuracy_section import QUANTITIES, Answer, Judge
-from studies.reduced_dynamics.sequential import Sequential
+from studies.reduced_dynamics.accuracy_section import QUANTITIES, Judge
 from studies.reduced_dynamics.walk_run import STANCES, walk_run
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SequentialAnswer(Answer):
+    """What the two problems of the paper decide one after the other, by exact rows.
+
+    Attributes:
+        missing: largest residual of a task of the unconstrained chain [m/s^2, rad/s^2].
+    """
+
+    missing: float
+
+
+class Sequential:
+    """LQP 1, blind for the tasks of the unconstrained chain, then LQP 2 under its centroid.
+
+    LQP 1 as (28) has it: contacts, balance and the acceleration energy with that of the centroids.
+    What it decides equals what the whole problem without the other tasks decides, so that this is
+    what is solved here. Then LQP 2, (29): the centroid (30), the tasks, the energy. Limits of the
+    unconstrained chain are left out of LQP 2.
+
+    Args:
+        robot: the robot.
+        stack: contacts and levels of a walk; the first level is LQP 1's, the others LQP 2's. Tasks
+            and contacts are shared with it, and led by whoever leads it.
+    """
+
+    def __init__(self, robot: Robot, stack: Stack) -> None:
+        self._robot, self._stack = robot, stack
+        self._first = WholeBodyController(robot, Stack(stack.contacts, stack.levels[:1]))
+        self._tasks = [task for level in stack.levels[1:] for task in level]
+        self._partitions, self._dynamics = Partitions(robot), Dynamics(robot)
+        self._reduced: dict[tuple[str, ...], ReducedDynamics] = {}
+        self._solver = make_solver("direct", None)
+
+    def step(self, state: RobotState) -> SequentialAnswer:
+        """The answer for a state; targets and loads are set beforehand.
+
+        Raises:
+            PoiseError: one of the two cannot be solved.
+        """
+        command = self._first.step(state)
+        if not command.status.ok or command.acceleration is None or command.torque is None:
+            raise PoiseError("LQP 1 has no answer", got=command.status.value)
+        self._dynamics.update(state)
+        active = [c for c in self._stack.contacts if c.active]
+        reduced = self._reduced_of(tuple(c.frame for c in active))
+        reduced.update(self._dynamics)
+        part, dv = reduced.partition, command.acceleration
+        dv_a, z = np.split(reduced.reduce(dv), [part.na])
+        held = {c.frame for c in active}
+        tasks = [t for t in self._tasks if getattr(t, "frame", "") not in held]
+        dv_u, missing = self._second(reduced, tasks, dv_a, z)
+        torque = command.torque.copy()
+        base = self._robot.base_dofs
+        torque[part.u.index - base] = reduced.torques_u(dv_a, dv_u)
+        wrenches = [command.wrenches.get(c.name, np.zeros(c.dim)) for c in self._stack.contacts]
+        return SequentialAnswer(
+            acceleration=part.merge(dv_a, dv_u),
+            torque=torque,
+            wrench=np.concatenate(wrenches),
+            missing=missing,
+        )
+
+    def _reduced_of(self, frames: tuple[str, ...]) -> ReducedDynamics:
+        if frames not in self._reduced:
+            self._reduced[frames] = ReducedDynamics(self._robot, self._partitions.of(frames))
+        return self._reduced[frames]
+
+    def _second(
+        self,
+        reduced: ReducedDynamics,
+        tasks: list[Task],
+        dv_a: Float64[np.ndarray, " na"],
+        z: Float64[np.ndarray, " nz"],
+    ) -> tuple[Float64[np.ndarray, " nu"], float]:
+        """LQP 2: the unconstrained chain's acceleration and what its tasks miss at most."""
+        part = reduced.partition
+        for task in tasks:
+            task.evaluate(self._dynamics)
+        J = np.vstack([task.jacobian for task in tasks])
+        wanted = np.concatenate([task.reference - task.drift for task in tasks])
+        wanted -= J[:, part.a.index] @ dv_a
+        J_u = J[:, part.u.index]
+        problem = HierarchicalProblem(
+            [
+                Level(A=reduced.J_z.copy(), lower=z.copy(), upper=z.copy()),
+                Level(A=J_u, lower=wanted, upper=wanted),
+            ],
+            H=0.5 * (reduced.M_uu + reduced.M_uu.T),
+        )
+        solution = self._solver.solve(problem)
+        if not solution.ok:
+            raise PoiseError("LQP 2 has no answer", got=solution.status.value)
+        return solution.x.copy(), float(np.abs(J_u @ solution.x - wanted).max())
+
 
 _EVERY, _QUICK_EVERY = 10, 40
 """One tick in so many is looked at."""
@@ -90,9 +194,7 @@ def _energy_first(
         full.tick(index)
         answer = sequential.step(state)
         judge.evaluate()
-        measured = judge.measure(
-            Answer(acceleration=answer.acceleration, torque=answer.torque, wrench=answer.wrench)
-        )
+        measured = judge.measure(answer)
         gap = np.abs(answer.acceleration - full.acceleration[index])
         tallies["double" if recording.feet[index] == 2 else "single"].add(
             base=float(gap[:base].max()),
@@ -129,7 +231,7 @@ def _orders(recording: WalkRecording, every: int, demand: float) -> dict[str, di
                 subject.tick(index)
             judge.place(state)
             judge.evaluate()
-            measured = {name: judge.measure(_answer(one, index)) for name, one in subjects.items()}
+            measured = {name: judge.measure(one.answer(index)) for name, one in subjects.items()}
             for name, one in subjects.items():
                 com, hands = (float(measured[name][k]) for k in (_COM, _HANDS))
                 tallies[name].add(com=com, hands=hands, programs=float(one.programs[index]))
@@ -144,14 +246,6 @@ def _orders(recording: WalkRecording, every: int, demand: float) -> dict[str, di
             )
         found[kind] = tallies
     return found
-
-
-def _answer(subject: WalkSubject, index: int) -> Answer:
-    return Answer(
-        acceleration=subject.acceleration[index],
-        torque=subject.torque[index],
-        wrench=subject.wrench[index],
-    )
 
 
 def _energy_findings(energy: dict[str, _Tally]) -> list[Finding]:
@@ -170,7 +264,6 @@ def _energy_findings(energy: dict[str, _Tally]) -> list[Finding]:
             ),
             Finding(
                 name=f"{stance} support, energy above hands: change of a contact force, most",
-                paper=None,
                 ours=worst["force"],
                 unit="N, N m",
                 ok=worst["com"] <= _SAME,
@@ -215,7 +308,6 @@ def _order_findings(orders: dict[float, dict[str, dict[str, _Tally]]]) -> list[F
                     name=f"{case}: accelerations, full to reduced",
                     paper=0.0,
                     ours=gap,
-                    unit="",
                     ok=gap <= _SAME,
                     note=f"relative to the largest, {both['size']:.3g}"
                     + ("" if gap <= _SAME else _WHY.format(energy=both["energy"])),
@@ -228,9 +320,8 @@ def _energy_table(energy: dict[str, _Tally]) -> Table:
     keys = ("base", "joints", "torque", "force", "com", "hands", "dynamics")
     return Table(
         title="Energy above the hands (the paper's order) beside energy below them (Table 1)",
-        header=("support", "base [m/s², rad/s²]", "joints [rad/s²]", "torque [N m]",
-                "wrench [N, N m]", "COM misses [m/s²]", "hands and foot miss [m/s², rad/s²]",
-                "dynamics miss [N, N m]"),
+        header="support | base [m/s², rad/s²] | joints [rad/s²] | torque [N m] | wrench [N, N m] | "
+               "COM misses [m/s²] | hands and foot miss [m/s², rad/s²] | dynamics miss [N, N m]",
         rows=tuple((s, *(t.worst[k] for k in keys)) for s, t in energy.items()),
         caption="Largest differences of the two along the walk; what the paper's order misses.",
     )  # fmt: skip
@@ -250,10 +341,10 @@ def _order_table(orders: dict[float, dict[str, dict[str, _Tally]]]) -> Table:
     )
     return Table(
         title="Hands above and below the COM",
-        header=("order", "asked of the hands [m/s²]", "COM misses, full [m/s²]",
-                "COM misses, reduced", "hands miss, full [m/s², rad/s²]", "hands miss, reduced",
-                "programs, most", "residuals, full to reduced",
-                "accelerations, full to reduced", "energy, reduced to full"),
+        header="order | asked of the hands [m/s²] | COM misses, full [m/s²] | COM misses, reduced "
+               "| hands miss, full [m/s², rad/s²] | hands miss, reduced | programs, most | "
+               "residuals, full to reduced | accelerations, full to reduced | "
+               "energy, reduced to full",
         rows=rows,
         caption="Largest over the ticks. Programs: 1 LQP 1 alone, 2 with LQP 2, 3 the whole "
         "problem after all.",

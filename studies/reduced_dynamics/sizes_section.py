@@ -93,7 +93,6 @@ def _findings(stance: str, s: _Sizes) -> list[Finding]:
             name=f"{stance} support: {what}",
             paper=paper,
             ours=ours,
-            unit="",
             ok=ours == paper,
             note=note,
         )
@@ -118,59 +117,53 @@ def _weak(problem: HierarchicalProblem) -> int:
 
 
 def _tables(stance: str, s: _Sizes) -> list[Table]:
-    header = ("level", "rows", "in the code, two-sided", "in the paper")
-    n, c, k, n_r = s.n, s.contacts, s.effectors, s.n_cc + 6
-    paper_1 = {
-        "base dynamics": "6 eq",
-        "torque limits": f"2 n = {2 * n} ineq",
-        "joint limits": f"2 n = {2 * n} ineq",
-    }
-    paper_2 = {
-        "base dynamics": "6 eq",
-        "torque limits": f"2 n_r = {2 * n_r} ineq",
-        "joint limits": f"2 n_r = {2 * n_r} ineq",
-    }
+    n_r = s.n_cc + 6
     shared = {
-        "contacts": f"6 c = {6 * c} eq",
-        "cones": f"10 c = {10 * c} ineq",
+        "base dynamics": "6 eq",
+        "contacts": f"6 c = {6 * s.contacts} eq",
+        "cones": f"10 c = {10 * s.contacts} ineq",
         "com": "3 eq",
         "pelvis": "3 eq",
-        "effectors": f"6 k = {6 * k} eq",
+        "effectors": f"6 k = {6 * s.effectors} eq",
     }
-    tables = [
-        Table(
-            title=f"Table 1, {stance} support: the full problem",
-            header=header,
-            rows=_rows(s.whole, {**shared, **paper_1}),
-            caption=f"{s.whole.n} variables, {s.whole.m} rows; c = {c}, k = {k}. Rows of a foot "
-            "that stands are there, without bounds, and not listed.",
+    second = {"centroid": "6 eq", "effectors": shared["effectors"]}
+    tables = (
+        (
+            "Table 1, {} support: the full problem",
+            s.whole,
+            shared | _limits("n", s.n),
+            f"; c = {s.contacts}, k = {s.effectors}. Rows of a foot that stands are there, "
+            "without bounds, and not listed.",
         ),
-        Table(
-            title=f"Table 2, {stance} support: LQP 1",
-            header=header,
-            rows=_rows(s.first, {**shared, **paper_2, "effectors": "in LQP 2"}),
-            caption=f"{s.first.n} variables, {s.first.m} rows; n_cc = {s.n_cc}. A centroid has no "
-            "torque limit, so the code has n_cc rows of them. With effectors: what their tasks "
-            "leave over for LQP 1.",
+        (
+            "Table 2, {} support: LQP 1",
+            s.first,
+            shared | _limits("n_r", n_r) | {"effectors": "in LQP 2"},
+            f"; n_cc = {s.n_cc}. A centroid has no torque limit, so the code has n_cc rows of "
+            "them. With effectors: what their tasks leave over for LQP 1.",
         ),
-    ]
-    if s.second is not None:
-        paper = {
-            "centroid": "6 eq",
-            "torque limits": f"2 n_uc = {2 * s.n_uc} ineq",
-            "joint limits": f"2 n_uc = {2 * s.n_uc} ineq",
-            "effectors": shared["effectors"],
-        }
-        tables.append(
-            Table(
-                title=f"Table 2, {stance} support: LQP 2",
-                header=header,
-                rows=_rows(s.second, paper),
-                caption=f"{s.second.n} variables, {s.second.m} rows; solved only where a limit "
-                "would be exceeded.",
-            )
+        (
+            "Table 2, {} support: LQP 2",
+            s.second,
+            second | _limits("n_uc", s.n_uc),
+            "; solved only where a limit would be exceeded.",
+        ),
+    )
+    return [
+        Table(
+            title=title.format(stance),
+            header="level | rows | in the code, two-sided | in the paper",
+            rows=_rows(problem, paper),
+            caption=f"{problem.n} variables, {problem.m} rows{words}",
         )
-    return tables
+        for title, problem, paper, words in tables
+        if problem is not None
+    ]
+
+
+def _limits(letter: str, count: int) -> dict[str, str]:
+    words = f"2 {letter} = {2 * count} ineq"
+    return {"torque limits": words, "joint limits": words}
 
 
 def _rows(problem: HierarchicalProblem, paper: dict[str, str]) -> tuple[tuple[Cell, ...], ...]:

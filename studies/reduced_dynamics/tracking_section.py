@@ -14,8 +14,7 @@ from benchmarks.walk_recording import record_walk
 from poise.dynamics import Dynamics
 from poise.errors import PoiseError
 from poise.robots import Robot, load_robot
-from studies.figure import Figure, draw
-from studies.finding import Cell, Finding, Section, Table
+from studies.finding import Cell, Figure, Finding, Section, Table, draw
 from studies.plan import Progress, Steps, StudyOptions
 from studies.reduced_dynamics.base_section import PaperTorques
 from studies.reduced_dynamics.walk_run import ROBOT
@@ -170,7 +169,6 @@ def _findings(case: str, curves: list[_Curve]) -> list[Finding]:
                     name=f"Figure 4, {case}, {words}: RMS error, {name} to {reference}",
                     paper=1.0,
                     ours=ratio,
-                    unit="",
                     ok=ratio is not None and 1.0 / _SIMILAR <= ratio <= _SIMILAR,
                     note=fell
                     or f"“similar magnitudes of control error”: {own:.3f} to {full:.3f} mm",
@@ -190,8 +188,8 @@ def _table(cases: dict[str, list[_Curve]]) -> Table:
             )  # fmt: skip
     return Table(
         title="Tracking errors",
-        header=("run", "method", "COM, RMS [mm]", "COM, most [mm]", "hand, RMS [mm]",
-                "hand, most [mm]", "robot"),
+        header="run | method | COM, RMS [mm] | COM, most [mm] | hand, RMS [mm] | hand, most [mm] | "
+               "robot",
         rows=tuple(rows),
         caption="The COM of the walk has no stiffness of its own: a feedback of the divergent "
         "component leads it.",

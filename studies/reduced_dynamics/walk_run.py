@@ -6,10 +6,9 @@ from functools import cache
 import numpy as np
 from jaxtyping import Int64
 
-from benchmarks.methods import Method, timed_methods
-from benchmarks.schedule import Turns, take_turns
-from benchmarks.walk_recording import WalkRecording, record_walk
-from benchmarks.walk_subject import WalkSubject
+from benchmarks.clocked import Turns, time_all
+from benchmarks.methods import timed_methods
+from benchmarks.walk_recording import WalkRecording, WalkSubject, record_walk
 from poise.robots import load_robot
 from studies.plan import Progress, StudyOptions
 
@@ -43,9 +42,7 @@ class WalkRun:
 
     def counted(self, solver: str, stance: str) -> Int64[np.ndarray, " n"]:
         """Ticks in a stance that count for a method."""
-        turns = self.turns
-        ticks = turns.quick_counted() if is_quick(solver) else turns.slow_counted()
-        return np.intersect1d(ticks, self.recording.ticks(stance))
+        return np.intersect1d(self.turns.counted(solver), self.recording.ticks(stance))
 
     def answered(self, solver: str, stance: str) -> Int64[np.ndarray, " n"]:
         """Ticks in a stance that a method's two controllers both answered."""
@@ -55,20 +52,11 @@ class WalkRun:
         return ticks[known[0] & known[1]]
 
 
-def is_quick(solver: str) -> bool:
-    """Whether a method is timed on every tick."""
-    return "/" not in solver
-
-
 def walk_run(options: StudyOptions, progress: Progress) -> WalkRun:
     """The walk of the study, made when it is first asked for.
 
     Several parts show different sides of it. The robot walks under the full controller, with a
     posture below everything; what is timed on its states is the stack of the paper's Table 1.
-
-    Args:
-        options: quick or not.
-        progress: of the part that asks.
     """
     holder = _holder(options.quick)
     if not holder:
@@ -93,14 +81,6 @@ def _run(options: StudyOptions, progress: Progress) -> WalkRun:
     subjects = {(m.controller, m.name): WalkSubject(recording, STACK, m) for m in methods}
     slow = _QUICK_SLOW if options.quick else _SLOW
     turns = Turns(ticks=len(recording.states), slow=slow)
-    for done in take_turns(
-        _those(subjects, methods, True), _those(subjects, methods, False), turns
-    ):
+    for done in time_all(subjects.values(), turns):
         progress(share + (1.0 - share) * done / turns.ticks, 1.0)
     return WalkRun(recording=recording, turns=turns, subjects=subjects)
-
-
-def _those(
-    subjects: dict[tuple[str, str], WalkSubject], methods: tuple[Method, ...], quick: bool
-) -> list[WalkSubject]:
-    return [subjects[m.controller, m.name] for m in methods if is_quick(m.name) is quick]

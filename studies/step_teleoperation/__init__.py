@@ -24,35 +24,17 @@ PLAN = StudyPlan(
     source="Y. Zhang, R. Kikuuwe, “COM Shifter and Body Rotator for Step-by-Step Teleoperation of "
     "Bipedal Robots”.",
     parts=(
+        Part("cart-table", "The COM shifter by itself, Figure 6", cart_table_section),
+        Part("scenario-1", "Scenario 1: over an obstacle, Figures 7 and 8", obstacle_section),
+        Part("scenario-2", "Scenario 2: lifting one foot, Figures 9 and 10", lift_section),
         Part(
-            name="cart-table",
-            title="The COM shifter by itself, Figure 6",
-            compute=cart_table_section,
+            "scenario-3",
+            "Scenario 3: switching the support foot, Figures 11 and 12",
+            switch_section,
         ),
-        Part(
-            name="scenario-1",
-            title="Scenario 1: over an obstacle, Figures 7 and 8",
-            compute=obstacle_section,
-        ),
-        Part(
-            name="scenario-2",
-            title="Scenario 2: lifting one foot, Figures 9 and 10",
-            compute=lift_section,
-        ),
-        Part(
-            name="scenario-3",
-            title="Scenario 3: switching the support foot, Figures 11 and 12",
-            compute=switch_section,
-        ),
-        Part(
-            name="scenario-4",
-            title="Scenario 4: a fast swing, Figures 13 and 14",
-            compute=swing_section,
-        ),
-        Part(name="g1", title="Beyond the paper: scenarios 1 to 3 on G1", compute=g1_section),
-        Part(
-            name="rules", title="Beyond the paper: each departure taken back", compute=rules_section
-        ),
+        Part("scenario-4", "Scenario 4: a fast swing, Figures 13 and 14", swing_section),
+        Part("g1", "Beyond the paper: scenarios 1 to 3 on G1", g1_section),
+        Part("rules", "Beyond the paper: each departure taken back", rules_section),
     ),
 )
 """The study: its parts in order. A part is a function in a file of its own."""

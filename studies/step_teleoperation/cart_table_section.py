@@ -5,10 +5,10 @@ from typing import Any
 import numpy as np
 
 from benchmarks.drawing import PALETTE
-from poise.locomotion import CartFlywheelTable, ComShifter
-from studies.figure import Figure, draw
-from studies.finding import Finding, Section, Table
+from poise.locomotion import ComShifter
+from studies.finding import Figure, Finding, Section, Table, draw
 from studies.plan import Progress, StudyOptions
+from studies.step_teleoperation.cart_table import CartFlywheelTable
 
 _HEIGHT, _MASS, _STEP, _DT, _SECONDS = 0.765, 65.0, 0.21, 1e-3, 3.0
 _SHARES = (0.7, 1.0, 1.6)
@@ -48,20 +48,20 @@ def cart_table_section(_options: StudyOptions, progress: Progress) -> Section:
             Finding(name="overshoot of the ZMP under the gain rule", paper=0.0,
                     ours=1e3 * max(overshoot[1], 0.0), unit="mm", ok=overshoot[1] < 1e-5,
                     note="no overshoot under (30)"),
-            Finding(name="overshoot of the ZMP with 0.7 times that k_d", paper=None,
+            Finding(name="overshoot of the ZMP with 0.7 times that k_d",
                     ours=1e3 * overshoot[0], unit="mm", ok=overshoot[0] > 1e-3,
                     note="a smaller k_d overshoots"),
-            Finding(name="settling with 1.6 times that k_d over that of the rule", paper=None,
-                    ours=settle[2] / settle[1], unit="", ok=settle[2] > settle[1],
+            Finding(name="settling with 1.6 times that k_d over that of the rule",
+                    ours=settle[2] / settle[1], ok=settle[2] > settle[1],
                     note="a larger k_d is slower; settled within 1% of the step"),
             Finding(name="k_d of the fastest response that does not overshoot, over the rule's",
-                    paper=1.0, ours=fastest, unit="", ok=abs(fastest - 1.0) < 0.02,
+                    paper=1.0, ours=fastest, ok=abs(fastest - 1.0) < 0.02,
                     note="the fastest of 57 values from 0.8 to 1.5 times the rule's"),
         ),
         tables=(
             Table(
                 title="Responses to a step of 0.21 m",
-                header=("k_d [1/s]", "overshoot [mm]", "settling time [s]"),
+                header="k_d [1/s] | overshoot [mm] | settling time [s]",
                 rows=tuple(
                     (round(kd, 2), 1e3 * max(over, 0.0), time)
                     for (kd, _, _), over, time in zip(responses, overshoot, settle, strict=True)

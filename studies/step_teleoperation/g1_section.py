@@ -2,16 +2,16 @@
 
 from dataclasses import fields
 
-from poise.apps.teleoperation import lift_one_foot, over_an_obstacle, switch_feet
+from poise.apps.teleoperation import SCRIPTS
 from poise.locomotion import Mode, TeleopParameters
 from poise.robots import catalog, load_robot
 from studies.finding import Finding, Section, Table
 from studies.plan import Progress, Steps, StudyOptions
 from studies.step_teleoperation.runs import (
     beyond,
-    edge_distance,
     fall_note,
     first,
+    least_margin,
     run_script,
     script_parameters,
 )
@@ -20,17 +20,16 @@ from studies.step_teleoperation.switch_section import AFTER
 _LIFTED = {"right": Mode.SL, "left": Mode.SR}
 """A foot, and the mode in which it is in the air."""
 
-_SETTLED = 0.3
-"""From when on margins count: the robot has come to rest on the ground [s]."""
-
 
 def g1_section(options: StudyOptions, progress: Progress) -> Section:
     """The section."""
     if not any(entry.name == "g1" and entry.installed for entry in catalog()):
         return Section(prose=("G1 is not installed (extra `robots`): nothing was run.",))
     robot = load_robot("g1")
-    scripts = [over_an_obstacle(robot), lift_one_foot(robot)]
-    scripts += [switch_feet(robot, after) for after in AFTER[: 1 if options.quick else None]]
+    scripts = [SCRIPTS[name](robot) for name in ("over_an_obstacle", "lift_one_foot")]
+    scripts += [
+        SCRIPTS["switch_feet"](robot, after) for after in AFTER[: 1 if options.quick else None]
+    ]
     steps = Steps(progress, len(scripts))
     findings, rows = [], []
     for script in scripts:
@@ -48,15 +47,13 @@ def g1_section(options: StudyOptions, progress: Progress) -> Section:
         findings.append(
             Finding(
                 name=f"G1, {script.name}: largest angle of the torso",
-                paper=None,
                 ours=float(run.log.tilt.max()),
                 unit="rad",
                 ok=done,
                 note="asked: " + ", ".join(asked),
             )
         )
-        margin = 1e3 * float(edge_distance(robot, run.log)[run.log.time > _SETTLED].min())
-        rows.append((script.name, fall_note(run), "yes" if touched else "no", margin))
+        rows.append((script.name, fall_note(run), "yes" if touched else "no", least_margin(run)))
     steps.finish()
     paper, ours = TeleopParameters(), script_parameters(robot, scripts[1])
     changed = [f.name for f in fields(paper) if getattr(paper, f.name) != getattr(ours, f.name)]
@@ -66,12 +63,12 @@ def g1_section(options: StudyOptions, progress: Progress) -> Section:
         tables=(
             Table(
                 title="G1",
-                header=("scenario", "robot", "touched a block", "ZMP to edge, least [mm]"),
+                header="scenario | robot | touched a block | ZMP to edge, least [mm]",
                 rows=tuple(rows),
             ),
             Table(
                 title="Parameters that differ, as scaled for scenario 2",
-                header=("parameter", "biped20", "G1"),
+                header="parameter | biped20 | G1",
                 rows=tuple((n, getattr(paper, n), getattr(ours, n)) for n in changed),
             ),
         ),

@@ -1,24 +1,68 @@
 """Scenario 2: from the lifted device to the lifted foot, by COM shifter and by preview control."""
 
-from typing import Any
+from collections import deque
 
-from poise.apps.teleoperation import TeleopRun, lift_one_foot
-from poise.locomotion import Mode
+import numpy as np
+from jaxtyping import Float64
+
+from poise.apps.teleoperation import SCRIPTS, TeleopRun
+from poise.locomotion import Mode, PreviewControl
 from poise.robots import load_robot
-from studies.figure import draw
-from studies.finding import Finding, Section, Table
+from studies.finding import Finding, Section, Table, draw
 from studies.plan import Progress, Steps, StudyOptions
-from studies.step_teleoperation.films import films
-from studies.step_teleoperation.plots import one_legend, paint_zmp
-from studies.step_teleoperation.preview_driver import PreviewDriver
+from studies.step_teleoperation.pictures import films, paint_sideways, snapshots
 from studies.step_teleoperation.runs import (
-    edge_distance,
     first,
+    least_margin,
     lift_off,
     run_script,
     script_parameters,
 )
-from studies.step_teleoperation.snapshots import snapshots
+
+
+class PreviewDriver:
+    """A `poise.locomotion.ComDriver`: the reference goes through a buffer of N ticks first.
+
+    What the controller takes for the present is the reference of N ticks ago; the buffer holds
+    what comes after it. So a reference that jumps acts N T later, and the ZMP begins to move
+    earlier.
+
+    Args:
+        height: of the COM [m].
+        dt: length of a tick [s].
+        length: N.
+    """
+
+    def __init__(self, height: float, dt: float, length: int) -> None:
+        self.control = PreviewControl(height, dt, length)
+        self.omega = self.control.omega
+        self._buffer: deque[Float64[np.ndarray, "2"]] = deque(maxlen=length)
+        self._acceleration = np.zeros(2)
+
+    def drive(
+        self,
+        reference: Float64[np.ndarray, "2"],
+        position: Float64[np.ndarray, "2"],
+        velocity: Float64[np.ndarray, "2"],
+        dt: float,
+    ) -> tuple[Float64[np.ndarray, "2"], Float64[np.ndarray, "2"]]:
+        """One tick, with the position fed back."""
+        del dt
+        missing = self.control.length - len(self._buffer)
+        self._buffer.extend([reference.copy()] * max(missing, 1))
+        # The newest reference is N ticks ahead: until then nothing is to be seen of it.
+        state = np.stack((position, velocity, self._acceleration))
+        jerk = self.control.jerk(state, np.stack(self._buffer))
+        _, velocity, self._acceleration = self.control.advance(state, jerk)
+        return velocity, self._acceleration
+
+    def restart(
+        self, commanded: Float64[np.ndarray, "2"], measured: Float64[np.ndarray, "2"]
+    ) -> Float64[np.ndarray, "2"]:
+        """The commanded velocity: the pattern goes on across modes."""
+        del measured
+        return commanded
+
 
 _LENGTHS = (240, 120)
 _LIFTED = 0.565
@@ -31,7 +75,7 @@ _STEADY = (3.0, 4.4)
 def lift_section(options: StudyOptions, progress: Progress) -> Section:
     """The section."""
     robot = load_robot("biped20")
-    script = lift_one_foot(robot)
+    script = SCRIPTS["lift_one_foot"](robot)
     steps = Steps(progress, 1 + len(_LENGTHS))
     dt = script_parameters(robot, script).dt
     steps.next()
@@ -45,30 +89,22 @@ def lift_section(options: StudyOptions, progress: Progress) -> Section:
         runs[name] = run_script(robot, script, driver=driver, rotator=False)
     steps.finish()
 
-    def paint(canvas: Any) -> None:
-        panels = canvas.subplots(1, len(runs), sharey=True)
-        for panel, (name, run) in zip(panels, runs.items(), strict=True):
-            paint_zmp(panel, robot, run.log, 1)
-            panel.set_title(name, fontweight="normal", pad=14)
-            panel.set_xlim(0.3, 2.6)
-            panel.set_xlabel("time [s]")
-        one_legend(canvas, panels[0])
-
     figure = draw(
         name="figure-10",
         title="Figure 10: from double to single support",
         caption=f"The right device is lifted at {_LIFTED} s; SL begins with the event e_TS.",
         height=3.8,
-        paint=paint,
+        paint=lambda canvas: paint_sideways(canvas, runs, (0.3, 2.6)),
     )
     shifter = runs["COM shifter"]
-    pictures, notes = ((), ()) if options.quick else snapshots(
+    pictures, notes = snapshots(
+        options,
         "figure-9",
         "Figure 9: lifting the right foot",
         "Seen from the front.",
         [("", shifter, (0.5, 0.8, 1.1, 1.5, 3.0))],
         azimuth=180.0,
-    )  # fmt: skip
+    )
     findings = [
         _event(shifter, "COM shifter", 0.5, (0.45, 0.55), "around 0.5 s; asked: 0.45 to 0.55 s"),
         _steady(shifter, "COM shifter", 0.0, (-2.0, 2.0), "no steady error; asked: below 2 mm"),
@@ -86,7 +122,7 @@ def lift_section(options: StudyOptions, progress: Progress) -> Section:
         ]  # fmt: skip
     rows = tuple(
         (name, _since(first(run.log, Mode.SL)), _since(lift_off(run.log, 1, _LIFTED)),
-         _error(run), 1e3 * float(edge_distance(robot, run.log)[run.log.time > 0.3].min()),
+         _error(run), least_margin(run),
          float(run.log.tilt.max()))
         for name, run in runs.items()
     )  # fmt: skip
@@ -99,14 +135,12 @@ def lift_section(options: StudyOptions, progress: Progress) -> Section:
         ),
         findings=tuple(findings),
         figures=(*pictures, figure),
-        films=()
-        if options.quick
-        else films([("scenario-2", "Scenario 2, by the COM shifter", shifter)]),
+        films=films(options, [("scenario-2", "Scenario 2, by the COM shifter", shifter)]),
         tables=(
             Table(
                 title="Lifting one foot",
-                header=("controller", "e_TS after the lift [s]", "lift-off [s]",
-                        "steady ZMP error [mm]", "ZMP to edge, least [mm]", "torso, most [rad]"),
+                header="controller | e_TS after the lift [s] | lift-off [s] | "
+                       "steady ZMP error [mm] | ZMP to edge, least [mm] | torso, most [rad]",
                 rows=rows,
                 caption="Lift-off: the sole is 2 mm up. The ZMP passes the polygon's edge where "
                 "the polygon shrinks to one foot.",
@@ -127,26 +161,30 @@ def _error(run: TeleopRun) -> float | None:
     return 1e3 * float((log.zmp - log.zmp_reference)[rows, 1].mean()) if rows.any() else None
 
 
+def _within(
+    run: TeleopRun,
+    name: str,
+    bounds: tuple[float, float],
+    note: str,
+    *,
+    paper: float | None,
+    ours: float | None,
+    unit: str,
+) -> Finding:
+    """A number that has to lie within bounds at the end of a run without a fall."""
+    ok = ours is not None and not run.fell and bounds[0] <= ours <= bounds[1]
+    return Finding(name=name, paper=paper, ours=ours, unit=unit, ok=ok, note=note)
+
+
 def _event(
     run: TeleopRun, name: str, paper: float, bounds: tuple[float, float], note: str
 ) -> Finding:
-    ours = _since(first(run.log, Mode.SL))
-    ok = ours is not None and not run.fell and bounds[0] <= ours <= bounds[1]
-    return Finding(
-        name=f"e_TS after the lift event, {name}",
-        paper=paper,
-        ours=ours,
-        unit="s",
-        ok=ok,
-        note=note,
-    )
+    what, ours = f"e_TS after the lift event, {name}", _since(first(run.log, Mode.SL))
+    return _within(run, what, bounds, note, paper=paper, ours=ours, unit="s")
 
 
 def _steady(
     run: TeleopRun, name: str, paper: float | None, bounds: tuple[float, float], note: str
 ) -> Finding:
-    ours = _error(run)
-    ok = ours is not None and not run.fell and bounds[0] <= ours <= bounds[1]
-    return Finding(
-        name=f"steady error of the ZMP, {name}", paper=paper, ours=ours, unit="mm", ok=ok, note=note
-    )
+    what = f"steady error of the ZMP, {name}"
+    return _within(run, what, bounds, note, paper=paper, ours=_error(run), unit="mm")

@@ -1,16 +1,16 @@
 """`LiteralTeleoperator`: the rules of Zhang and Kikuuwe word for word, to show where they fall."""
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
+import pinocchio as pin
 from jaxtyping import Float64
 
-from poise.control import ROW_WEIGHT
-from poise.dynamics import Dynamics, RobotState, rotation_vector, saturate
+from poise.control import DifferentialIK
+from poise.dynamics import Dynamics, RobotState
 from poise.locomotion import (
-    BodyRotator,
     DeviceSample,
-    DeviceStatus,
     Mode,
     StepTeleoperator,
     TeleopStatus,
@@ -31,6 +31,16 @@ def momentum_weights(error: Sequence[float], least: float) -> list[float]:
     return [max(_K1 * y * y, least), max(_K2 * x * x, least)]
 
 
+def saturate(limit: float, value: Float64[np.ndarray, " n"]) -> Float64[np.ndarray, " n"]:
+    """Eq. (18): limit value / max(limit, |value|).
+
+    Args:
+        limit: largest norm of the answer, positive [unit of `value`].
+        value: the vector.
+    """
+    return value * (limit / max(limit, math.sqrt(float(value.dot(value)))))
+
+
 class LiteralTeleoperator(StepTeleoperator):
     """Leads the same stack on the same estimate, by the paper's rules and no others.
 
@@ -43,7 +53,6 @@ class LiteralTeleoperator(StepTeleoperator):
         super().reset()
         estimator, weight = self.estimator, self.robot.weight
         self._paper_mode, self._last_status = Mode.D, None
-        self._rotator_law = BodyRotator(weight)
         self._landed_load = self.parameters.land_load * weight
         self._nominal = float(estimator.dynamics.com[2] - estimator.anchors[0][2])
         self._sample = self.resting_sample
@@ -121,8 +130,8 @@ class LiteralTeleoperator(StepTeleoperator):
         com, dt = dynamics.com[:2], self.parameters.dt
         self._velocity, self._acceleration = self.driver.drive(reference, com, self._velocity, dt)
         if self._paper_mode.single:
-            rate = self._rotator_law.momentum_rate(reference, self._cart_table_zmp(dynamics))
-            self._momentum = self._momentum + dt * rate
+            x, y = (reference - self._cart_table_zmp(dynamics)).tolist()
+            self._momentum = self._momentum + dt * (self.robot.weight * np.array([y, -x]))
 
     def _cart_table_zmp(self, dynamics: Dynamics) -> Float64[np.ndarray, "2"]:
         """Eq. (26)."""
@@ -140,7 +149,7 @@ class LiteralTeleoperator(StepTeleoperator):
         stack.task("angular momentum").set_velocity(self._momentum)
         for task, frame in (("torso", self.robot.torso), (f"{self.soles[other]} level", None)):
             rotation = dynamics.frame(self.robot.frame_id(frame or self.soles[other])).rotation
-            turn = p.k_omega * rotation_vector(np.eye(3), rotation)
+            turn = p.k_omega * pin.log3(rotation.T)
             stack.task(task).set_velocity(saturate(p.omega_lim, turn))
         foot, here = stack.task(f"{self.soles[other]} place"), estimator.sole(other)
         single = self._paper_mode.single
@@ -153,7 +162,7 @@ class LiteralTeleoperator(StepTeleoperator):
             ("torso", p.epsilon if single else p.w_B),
             (foot.name, p.w_S1 if single else _W_S2),
         ):
-            stack.task(task).set_weight(np.sqrt(np.array(weight) / ROW_WEIGHT))
+            stack.task(task).set_weight(np.sqrt(np.array(weight) / DifferentialIK.ROW_WEIGHT))
 
     def _paper_status(
         self, reference: Float64[np.ndarray, "2"], sample: DeviceSample | None, dynamics: Dynamics
@@ -162,7 +171,6 @@ class LiteralTeleoperator(StepTeleoperator):
         other = 1 - self.estimator.stance
         return TeleopStatus(
             mode=self._paper_mode,
-            device=DeviceStatus.OK,
             sample=sample,
             zmp=self.zmp_sensor.zmp,
             zmp_reference=reference,

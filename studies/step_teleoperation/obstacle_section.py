@@ -2,21 +2,18 @@
 
 from typing import Any
 
-from poise.apps.teleoperation import over_an_obstacle
+from poise.apps.teleoperation import SCRIPTS
 from poise.robots import load_robot
-from studies.figure import draw
-from studies.finding import Finding, Section
+from studies.finding import Finding, Section, draw, one_legend
 from studies.plan import Progress, StudyOptions
-from studies.step_teleoperation.films import films
-from studies.step_teleoperation.plots import one_legend, paint_zmp
-from studies.step_teleoperation.runs import beyond, edge_distance, run_script
-from studies.step_teleoperation.snapshots import snapshots
+from studies.step_teleoperation.pictures import films, paint_zmp, snapshots
+from studies.step_teleoperation.runs import beyond, least_margin, run_script
 
 
 def obstacle_section(options: StudyOptions, progress: Progress) -> Section:
     """The section."""
     robot = load_robot("biped20")
-    script = over_an_obstacle(robot)
+    script = SCRIPTS["over_an_obstacle"](robot)
     run = run_script(robot, script)
     progress(1.0, 2.0)
     log = run.log
@@ -37,14 +34,14 @@ def obstacle_section(options: StudyOptions, progress: Progress) -> Section:
         height=5.0,
         paint=paint,
     )
-    pictures, notes = ((), ()) if options.quick else snapshots(
+    pictures, notes = snapshots(
+        options,
         "figure-7",
         "Figure 7: two steps over two blocks",
         "Red balls are the devices.",
         [("", run, (0.5, 2.5, 4.0, 6.5, 9.0, 10.5, 13.5))],
-    )  # fmt: skip
+    )
     progress(2.0, 2.0)
-    margin = edge_distance(robot, log)[log.time > 0.3]
     stood = not run.fell
     return Section(
         prose=(
@@ -55,20 +52,20 @@ def obstacle_section(options: StudyOptions, progress: Progress) -> Section:
             *notes,
         ),
         findings=(
-            Finding(name="scenario 1: both feet beyond both blocks", paper=None,
+            Finding(name="scenario 1: both feet beyond both blocks",
                     ours=1e3 * ahead, unit="mm", ok=stood and ahead > 0.0,
                     note="distance of the nearer heel behind the second block at the end"),
-            Finding(name="scenario 1: nearest that the robot came to a block", paper=None,
+            Finding(name="scenario 1: nearest that the robot came to a block",
                     ours=None if run.clearance is None else 1e3 * run.clearance, unit="mm",
                     ok=not log.touched.any() and stood and (run.clearance or 0.0) > 0.0,
                     note="no touch"),
-            Finding(name="scenario 1: largest angle of the torso", paper=None,
+            Finding(name="scenario 1: largest angle of the torso",
                     ours=float(log.tilt.max()), unit="rad", ok=stood,
                     note="the paper's torso varies “significantly”; ours by this much"),
             Finding(name="scenario 1: smallest distance of the ZMP from the polygon's edge",
-                    paper=None, ours=1e3 * float(margin.min()), unit="mm", ok=stood,
+                    ours=least_margin(run), unit="mm", ok=stood,
                     note="zero is on the edge: a foot that lifts or lands passes it"),
         ),
         figures=(*pictures, figure),
-        films=() if options.quick else films([("scenario-1", "Scenario 1", run)]),
+        films=films(options, [("scenario-1", "Scenario 1", run)]),
     )  # fmt: skip

@@ -5,16 +5,18 @@ from typing import Any
 
 import numpy as np
 from jaxtyping import Float64
+from scipy.spatial import ConvexHull
 
-from poise.apps.teleoperation import MODES, TELEOP_PLANT, Script, TeleopLog, TeleopRun, run_teleop
+from poise.apps.teleoperation import TELEOP_PLANT, Script, TeleopLog, TeleopRun, run_teleop
 from poise.locomotion import (
     Mode,
     StepTeleoperator,
-    SupportPolygon,
     TeleopParameters,
-    sole_rectangle,
 )
 from poise.robots import Robot
+
+SETTLED = 0.3
+"""From when on margins count: the robot has come to rest on the ground [s]."""
 
 
 def run_script(robot: Robot, script: Script, **changes: Any) -> TeleopRun:
@@ -53,15 +55,28 @@ def edge_distance(robot: Robot, log: TeleopLog) -> Float64[np.ndarray, " T"]:
 
     Soles are taken to be level and turned as in the world, which is what they are commanded to be.
     """
-    sizes = [(sole.length, sole.width) for sole in list(robot.soles.values())[:2]]
-    out = np.empty(len(log))
+    halves = [(0.5 * s.length, 0.5 * s.width) for s in list(robot.soles.values())[:2]]
+    modes, out = tuple(Mode), np.empty(len(log))
     for i in range(len(log)):
-        support = MODES[log.mode[i]].support if MODES[log.mode[i]].single else None
+        support = modes[log.mode[i]].support if modes[log.mode[i]].single else None
         feet = (0, 1) if support is None else (support,)
-        corners = [c for f in feet for c in sole_rectangle(log.soles[i, f], np.eye(3), sizes[f])]
+        corners = [
+            (float(log.soles[i, f, 0]) + x, float(log.soles[i, f, 1]) + y)
+            for f in feet
+            for x in (-halves[f][0], halves[f][0])
+            for y in (-halves[f][1], halves[f][1])
+        ]
         x, y = log.zmp[i]
-        out[i] = SupportPolygon(corners, 0.0).depth((float(x), float(y)))
+        # Rows [n, d] of the edges: n is a unit vector outwards, n x + d is negative inside.
+        edges = ConvexHull(corners).equations
+        out[i] = -(edges @ (x, y, 1.0)).max()
     return out
+
+
+def least_margin(run: TeleopRun, after: float = SETTLED) -> float:
+    """The ZMP's least distance from the edge after a time [s], negative outside [mm]."""
+    margin = edge_distance(run.plant.robot, run.log)[run.log.time > after]
+    return 1e3 * float(margin.min())
 
 
 def beyond(robot: Robot, log: TeleopLog, script: Script) -> float:

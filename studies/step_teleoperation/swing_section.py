@@ -5,14 +5,12 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from benchmarks.drawing import PALETTE, REFERENCE
-from poise.apps.teleoperation import TeleopRun, swing_fast
+from poise.apps.teleoperation import SCRIPTS, TeleopRun
 from poise.robots import load_robot
-from studies.figure import Figure, draw
-from studies.finding import Finding, Section, Table
+from studies.finding import Figure, Finding, Section, Table, draw
 from studies.plan import Progress, Steps, StudyOptions
-from studies.step_teleoperation.films import films
-from studies.step_teleoperation.runs import edge_distance, fall_note, run_script
-from studies.step_teleoperation.snapshots import snapshots
+from studies.step_teleoperation.pictures import films, snapshots
+from studies.step_teleoperation.runs import fall_note, least_margin, run_script
 
 _FIRST_SWING = 3.0
 """When the script begins to swing [s]."""
@@ -48,7 +46,7 @@ def swing_section(options: StudyOptions, progress: Progress) -> Section:
     shown: list[tuple[str, str, TeleopRun]] = []
     for way in WAYS:
         axis = WAYS.index(way)
-        script = swing_fast(robot, way, 2 if options.quick else 3)
+        script = SCRIPTS["swing_fast"](robot, way, 2 if options.quick else 3)
         steps.next()
         on = run_script(robot, script)
         steps.next()
@@ -56,14 +54,14 @@ def swing_section(options: StudyOptions, progress: Progress) -> Section:
         with_it, without = measure(on, axis), measure(off, axis)
         findings += _findings(way, on, off, with_it, without)
         for name, run, numbers in (("on", on, with_it), ("off", off, without)):
-            margin = edge_distance(robot, run.log)[run.log.time > _FIRST_SWING]
             rows.append(
-                (way, name, fall_note(run), *numbers, 1e3 * float(margin.min()),
+                (way, name, fall_note(run), *numbers, least_margin(run, _FIRST_SWING),
                  float(run.log.tilt.max()))
             )  # fmt: skip
         figures.append(_figure(way, axis, on, off))
-        if way == "forward" and not options.quick:
+        if way == "forward":
             pictures, notes = snapshots(
+                options,
                 "figure-13",
                 "Figure 13: a fast swing forward, body rotator on and off",
                 "With the rotator the torso leans against the swing.",
@@ -86,13 +84,13 @@ def swing_section(options: StudyOptions, progress: Progress) -> Section:
         ),
         findings=tuple(findings),
         figures=tuple(figures),
-        films=() if options.quick else films(shown),
+        films=films(options, shown),
         tables=(
             Table(
                 title="A fast swing",
-                header=("way", "rotator", "robot", "ZMP peak to peak [mm]", "deviation [mm]",
-                        "foot travel [mm]", "foot error, rms [mm]", "ZMP to edge, least [mm]",
-                        "torso, most [rad]"),
+                header="way | rotator | robot | ZMP peak to peak [mm] | deviation [mm] "
+                       "| foot travel [mm] | foot error, rms [mm] | ZMP to edge, least [mm] "
+                       "| torso, most [rad]",
                 rows=tuple(rows),
             ),
         ),
@@ -122,14 +120,14 @@ def _findings(
     travels = with_it.travel / without.travel
     del off
     return [
-        Finding(name=f"swing {way}: ZMP peak to peak without over with rotator", paper=None,
-                ours=peaks, unit="", ok=stood and peaks >= 2.0,
+        Finding(name=f"swing {way}: ZMP peak to peak without over with rotator",
+                ours=peaks, ok=stood and peaks >= 2.0,
                 note="“much smaller with the body rotator”; asked: at least 2"),
         Finding(name=f"swing {way}: standard deviation of the ZMP without over with rotator",
-                paper=None, ours=deviations, unit="", ok=stood and deviations >= 2.5,
+                ours=deviations, ok=stood and deviations >= 2.5,
                 note="asked: at least 2.5"),
         Finding(name=f"swing {way}: travel of the foot with over without rotator", paper=1.0,
-                ours=travels, unit="", ok=stood and abs(travels - 1.0) <= 0.1,
+                ours=travels, ok=stood and abs(travels - 1.0) <= 0.1,
                 note="“almost the same foot motions”; asked: within 10%"),
     ]  # fmt: skip
 

@@ -1,19 +1,14 @@
 """Scenario 3: from one foot to the other, with three timings."""
 
-from typing import Any
-
 import numpy as np
 
-from poise.apps.teleoperation import TeleopRun, switch_feet
+from poise.apps.teleoperation import SCRIPTS, TeleopRun
 from poise.locomotion import Mode
 from poise.robots import load_robot
-from studies.figure import draw
-from studies.finding import Finding, Section, Table
+from studies.finding import Finding, Section, Table, draw
 from studies.plan import Progress, Steps, StudyOptions
-from studies.step_teleoperation.films import films
-from studies.step_teleoperation.plots import one_legend, paint_zmp
-from studies.step_teleoperation.runs import edge_distance, fall_note, first, run_script
-from studies.step_teleoperation.snapshots import snapshots
+from studies.step_teleoperation.pictures import films, paint_sideways, snapshots
+from studies.step_teleoperation.runs import fall_note, first, least_margin, run_script
 
 AFTER = (0.1, 0.6, 1.1)
 """From the right device's touching the ground to the left one's lift [s]: with the paper's 1.2, 1.7
@@ -27,44 +22,36 @@ def switch_section(options: StudyOptions, progress: Progress) -> Section:
     runs: list[TeleopRun] = []
     for after in AFTER:
         steps.next()
-        runs.append(run_script(robot, switch_feet(robot, after)))
+        runs.append(run_script(robot, SCRIPTS["switch_feet"](robot, after)))
     steps.finish()
 
-    def paint(canvas: Any) -> None:
-        panels = canvas.subplots(1, len(runs), sharey=True)
-        for panel, run, after in zip(panels, runs, AFTER, strict=True):
-            paint_zmp(panel, robot, run.log, 1)
-            panel.set_title(f"lift {after:.1f} s later", fontweight="normal", pad=14)
-            panel.set_xlim(2.8, 6.3)
-            panel.set_xlabel("time [s]")
-        one_legend(canvas, panels[0])
-
+    by_title = {f"lift {after:.1f} s later": run for after, run in zip(AFTER, runs, strict=True)}
     figure = draw(
         name="figure-12",
         title="Figure 12: from SL over D and TR to SR",
         caption="The left device is lifted shortly after the right foot has landed, after the ZMP "
         "has reached the middle, and after COM and ZMP have settled there.",
         height=3.8,
-        paint=paint,
+        paint=lambda canvas: paint_sideways(canvas, by_title, (2.8, 6.3)),
     )
-    pictures, notes = ((), ()) if options.quick else snapshots(
+    pictures, notes = snapshots(
+        options,
         "figure-11",
         "Figure 11: switching the support foot",
         "The second timing.",
         [("", runs[1], (2.5, 3.3, 3.9, 4.3, 6.0))],
         azimuth=180.0,
-    )  # fmt: skip
+    )
     figures = [_measure(run) for run in runs]
     rows = tuple(
         (after, fall_note(run), first(run.log, Mode.SR, 3.0), *numbers,
-         1e3 * float(edge_distance(robot, run.log)[run.log.time > 0.3].min()),
+         least_margin(run),
          float(run.log.tilt.max()))
         for after, run, numbers in zip(AFTER, runs, figures, strict=True)
     )  # fmt: skip
     findings = tuple(
         Finding(
             name=f"scenario 3, lift {after:.1f} s after landing: the left foot is lifted",
-            paper=None,
             ours=None if (time := first(run.log, Mode.SR, 3.0)) is None else time,
             unit="s",
             ok=not run.fell and time is not None,
@@ -80,14 +67,12 @@ def switch_section(options: StudyOptions, progress: Progress) -> Section:
         ),
         findings=findings,
         figures=(*pictures, figure),
-        films=()
-        if options.quick
-        else films([("scenario-3", "Scenario 3, second timing", runs[1])]),
+        films=films(options, [("scenario-3", "Scenario 3, second timing", runs[1])]),
         tables=(
             Table(
                 title="Switching the support foot",
-                header=("lift after landing [s]", "robot", "SR at [s]", "ZMP overshoot [mm]",
-                        "excursion [mm]", "ZMP to edge, least [mm]", "torso, most [rad]"),
+                header="lift after landing [s] | robot | SR at [s] | ZMP overshoot [mm] "
+                       "| excursion [mm] | ZMP to edge, least [mm] | torso, most [rad]",
                 rows=rows,
                 caption="Overshoot: how far the ZMP goes beyond the right foot's centre. Excursion "
                 "is how far it first goes the other way, from where it was when TR began.",

@@ -27,7 +27,7 @@ from benchmarks.__main__ import main
         (["bias", "--methods", "direct"], "belongs to the benchmark tick"),
         (["bias", "--controller", "osf"], "belongs to the benchmark tick"),
         (["tick", "--controller", "walk"], "teleop"),
-        (["tick", "--controller", "teleop", "--robot", "arm6"], "cannot be walked"),
+        (["tick", "--controller", "teleop", "--robot", "arm6"], "cannot walk on two feet"),
         (["tick", "--controller", "teleop", "--robot", "biped"], "unknown robot"),
         (["tick", "--controller", "teleop", "--ticks", "0"], "at least one tick"),
         (["tick", "--controller", "teleop", "--contacts", "double"], "controllers of tasks"),

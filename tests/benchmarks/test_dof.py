@@ -6,9 +6,8 @@ import sys
 
 import pytest
 
-from benchmarks.dof import format_dof_table
+from benchmarks.dof import format_dof_table, speed_targets
 from benchmarks.result import PHASES, TickResult
-from benchmarks.targets import speed_targets
 
 
 def result(joints, controller, solver, p50, *, p99=None, assembly=10.0, contacts="double"):

@@ -5,8 +5,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from benchmarks.bias.motion import Cubic
-from benchmarks.encoder import Encoder, JointSensors
+from benchmarks.bias.recording import Cubic
+from benchmarks.rigid_plant import Encoder, JointSensors
 from poise.errors import ConfigurationError
 
 

@@ -10,8 +10,7 @@ from pathlib import Path
 import pinocchio as pin
 import pytest
 
-from benchmarks.peers.handoff import FRAME_PREFIX, URDF, write_handoff
-from benchmarks.peers.process import PEERS, PeerProcess
+from benchmarks.peers.process import FRAME_PREFIX, PEERS, URDF, PeerProcess, write_handoff
 from benchmarks.tick import TickBench, bench_tick
 from poise.errors import PoiseError
 

@@ -2,7 +2,7 @@
 
 from itertools import pairwise
 
-from benchmarks.schedule import Turns, take_turns
+from benchmarks.clocked import Turns, take_turns
 
 
 class Listener:

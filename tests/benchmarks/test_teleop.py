@@ -12,11 +12,12 @@ from benchmarks.teleop import (
     StepTimes,
     TeleopBench,
     TeleopResult,
+    Walk,
     bench_teleop,
+    format_teleop_table,
+    record_walk,
     time_steps,
 )
-from benchmarks.teleop_recording import Walk, record_walk
-from benchmarks.teleop_table import format_teleop_table
 from poise.apps.teleoperation import run_teleop
 from poise.errors import ConfigurationError
 from poise.robots import load_robot

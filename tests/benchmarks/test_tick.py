@@ -10,9 +10,8 @@ import pytest
 
 from benchmarks.clocked import Subject
 from benchmarks.methods import parse_method, timed_methods
-from benchmarks.recording import Recording
+from benchmarks.recording import Recording, bench_stack
 from benchmarks.result import PHASES, TickResult, format_table
-from benchmarks.stances import bench_stack
 from poise.control import WholeBodyController
 from poise.dynamics import RobotState
 from poise.robots import load_robot

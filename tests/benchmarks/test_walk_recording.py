@@ -15,7 +15,7 @@ import json
 import numpy as np
 from benchmarks.methods import parse_method
 from benchmarks.walk_recording import record_walk
-from benchmarks.walk_subject import WalkSubject
+from benchmarks.walk_recording import WalkSubject
 from poise.robots import load_robot
 
 walk = record_walk(load_robot("humanoid33"), 1, seconds=1.8)

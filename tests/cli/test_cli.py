@@ -11,8 +11,9 @@ pytest.importorskip("mujoco")
 
 from poise.apps.scenarios import _outputs as outputs, shipped_scenarios
 from poise.cli.main import main
+from poise.errors import MissingExtraError
 from poise.robots import catalog
-from poise.sim import NoOpenGLError, Plant, find_opengl, read_log
+from poise.sim import Plant, find_opengl, read_log
 
 SHORT = """
 name: short
@@ -79,11 +80,13 @@ def test_without_opengl_the_report_comes_and_says_what_to_install(
     in_folder, short, capsys, monkeypatch
 ):
     def cannot(*_, **__):
-        raise NoOpenGLError("no OpenGL: install libegl1")
+        raise MissingExtraError("libegl1", "", "Drawing", install="apt install libegl1")
 
     monkeypatch.setattr(outputs, "render_video", cannot)
     assert main(["run", short, "--out", "o"]) == 0
-    assert "No video: no OpenGL: install libegl1" in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert said.startswith("No video: Drawing needs")
+    assert "apt install libegl1" in said
     assert files(in_folder / "o") == {"report.html", "log.mcap", "summary.json"}
     page = (in_folder / "o" / "report.html").read_text()
     assert "install libegl1" in page

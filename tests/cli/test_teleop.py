@@ -54,7 +54,7 @@ def test_it_says_where_to_drive_where_to_watch_and_how_to_step(in_folder, capsys
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (("--robot", "arm6"), "cannot be walked"),
+        (("--robot", "arm6"), "cannot walk on two feet"),
         (("--robot", "no_such_robot"), "no_such_robot"),
         (("--port", "99999"), "0 to 65535"),
         (("--terrain", "swamp"), "flat, obstacle, steps, bumps"),

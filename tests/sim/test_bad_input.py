@@ -8,9 +8,11 @@ from small_biped import document, torque, velocity
 
 from poise.errors import ConfigurationError, PoiseError, RobotError, TargetError, UnknownNameError
 from poise.robots import ModelSource
-from poise.sim import Block, LinkError, Payload, Plant, PlantConfig, Push, SensorConfig, ServoConfig
+from poise.sim import Block, Plant, PlantConfig, Push, SensorConfig
 
 NAN, INF = float("nan"), float("inf")
+
+Servo, Payload, LinkError = PlantConfig.Servo, PlantConfig.Payload, PlantConfig.LinkError
 
 
 @pytest.mark.parametrize(
@@ -33,12 +35,15 @@ NAN, INF = float("nan"), float("inf")
         (lambda: PlantConfig(sensors=SensorConfig(delay=0.0015)), "delay"),
         (lambda: SensorConfig(gyro_noise=-0.1), "gyro_noise"),
         (lambda: SensorConfig(encoder_resolution=NAN), "encoder_resolution"),
-        (lambda: ServoConfig(stiffness=0.0), "stiffness"),
-        (lambda: ServoConfig(damping=-1.0), "damping"),
+        (lambda: Servo(stiffness=0.0), "stiffness"),
+        (lambda: Servo(damping=-1.0), "damping"),
         (lambda: Payload(frame="left_hand", mass=-1.0), "mass"),
         (lambda: Payload(frame="left_hand", mass=NAN), "mass"),
         (lambda: Payload(frame="left_hand", mass=1.0, radius=0.0), "radius"),
-        (lambda: Payload(frame="left_hand", mass=1.0, offset=(0.0, INF, 0.0)), "offset"),
+        (
+            lambda: Payload(frame="left_hand", mass=1.0, offset=(0.0, INF, 0.0)),
+            "offset",
+        ),
         (lambda: Push(body="torso", force=(NAN, 0.0, 0.0), start=0.0, duration=1.0), "force"),
         (lambda: Push(body="torso", force=(1.0, 0.0, 0.0), start=-1.0, duration=1.0), "start"),
         (lambda: Push(body="torso", force=(1.0, 0.0, 0.0), start=0.0, duration=0.0), "duration"),

@@ -4,7 +4,7 @@ import pinocchio as pin
 import pytest
 from small_biped import MASS, SOLE_LENGTH, SOLE_WIDTH, torque, velocity
 
-from poise.sim import Block, LinkError, Payload, Plant, PlantConfig, SensorConfig
+from poise.sim import Block, Plant, PlantConfig, SensorConfig
 
 G = 9.81
 
@@ -248,7 +248,7 @@ def test_the_same_control_period_in_finer_physics_agrees(biped):
 
 
 def test_a_payload_adds_its_mass_and_moves_the_centre_of_mass(biped):
-    payload = Payload(frame="left_hand", mass=2.5, offset=(0.0, 0.0, 0.1))
+    payload = PlantConfig.Payload(frame="left_hand", mass=2.5, offset=(0.0, 0.0, 0.1))
     bare, loaded = Plant(biped), Plant(biped, PlantConfig(payloads=(payload,)))
     assert loaded.mass - bare.mass == pytest.approx(2.5, abs=1e-12)
     hand = bare.data.site("left_hand")
@@ -263,7 +263,7 @@ def test_model_error_changes_the_plant_and_not_the_robot(biped):
     config = PlantConfig(
         mass_scale=1.1,
         link_errors=(
-            LinkError(
+            PlantConfig.LinkError(
                 link="chest", mass_scale=1.2, inertia_scale=1.5, com_offset=(0.01, 0.0, -0.02)
             ),
         ),
@@ -291,7 +291,7 @@ def test_model_error_changes_the_plant_and_not_the_robot(biped):
 
 
 def test_a_shifted_mass_is_felt_in_the_dynamics(biped):
-    error = LinkError(link="base", com_offset=(0.0, 0.05, 0.0))
+    error = PlantConfig.LinkError(link="base", com_offset=(0.0, 0.05, 0.0))
     plain, shifted = Plant(biped), Plant(biped, PlantConfig(link_errors=(error,)))
     np.testing.assert_allclose(
         shifted.com - plain.com, [0.0, 0.05 * 12.0 / MASS, 0.0], rtol=0, atol=1e-12

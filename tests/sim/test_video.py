@@ -3,25 +3,22 @@ import subprocess
 import numpy as np
 import pytest
 
-from poise.errors import ConfigurationError, TargetError
+from poise.errors import ConfigurationError, MissingExtraError, TargetError
 from poise.sim import (
     Camera,
-    CameraConfig,
     Marker,
     NoDisplayError,
-    NoOpenGLError,
     Plant,
     PlantConfig,
     Recorder,
     VideoConfig,
-    _camera as opengl,
     find_opengl,
     open_viewer,
     render_video,
     run_markers,
 )
 
-SMALL = CameraConfig(width=320, height=180)
+SMALL = Camera.Config(width=320, height=180)
 
 
 @pytest.fixture(scope="module")
@@ -32,7 +29,7 @@ def plant(biped):
 @pytest.fixture
 def opengl_here():
     if find_opengl() is None:
-        pytest.skip(opengl.INSTALL_HINT)
+        pytest.skip("no OpenGL without a screen")
 
 
 def test_the_robot_is_in_the_middle_of_the_picture(plant, biped, opengl_here):
@@ -71,7 +68,7 @@ def test_an_arrow_is_as_long_as_it_says(plant, biped, opengl_here):
         changed = np.abs(camera.picture(biped.q_home, markers).astype(int) - plain) > 20
         return np.ptp(np.nonzero(changed.any(axis=(1, 2)))[0])
 
-    with Camera(biped, plant.model, CameraConfig()) as camera:
+    with Camera(biped, plant.model, Camera.Config()) as camera:
         plain = camera.picture(biped.q_home).astype(int)
         arrow = rows(Marker(position=(0.0, 0.6, 0.0), arrow=(0.0, 0.0, 0.6)))
         ball = rows(Marker(position=(0.0, 0.6, 0.3), radius=0.3))
@@ -153,7 +150,7 @@ def test_without_opengl_the_reason_names_what_to_install(plant, biped, monkeypat
     monkeypatch.setattr(subprocess, "run", fails)
     try:
         assert find_opengl() is None
-        with pytest.raises(NoOpenGLError, match=r"libegl1.*libosmesa6"):
+        with pytest.raises(MissingExtraError, match=r"libegl1.*libosmesa6"):
             render_video(plant, np.zeros(1), biped.q_home[None], tmp_path / "x.mp4")
     finally:
         find_opengl.cache_clear()
@@ -188,9 +185,9 @@ def test_recordings_that_do_not_fit_are_refused(plant, biped, tmp_path):
     [
         lambda: VideoConfig(fps=0.0),
         lambda: VideoConfig(speed=-1.0),
-        lambda: VideoConfig(camera=CameraConfig(width=321)),
-        lambda: CameraConfig(height=0),
-        lambda: CameraConfig(azimuth=float("nan")),
+        lambda: VideoConfig(camera=Camera.Config(width=321)),
+        lambda: Camera.Config(height=0),
+        lambda: Camera.Config(azimuth=float("nan")),
         lambda: Marker(position=(0.0, float("nan"), 0.0)),
     ],
 )

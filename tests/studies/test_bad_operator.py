@@ -5,8 +5,7 @@ from unchecked import run_unchecked
 
 pytest.importorskip("mujoco")
 
-from studies.bad_operator.falls_section import run_trials
-from studies.bad_operator.trial import Trial, run_trial
+from studies.bad_operator.falls_section import Trial, run_trial, run_trials
 
 
 def test_outcomes_do_not_depend_on_the_processes():
@@ -23,7 +22,7 @@ FALL = """
 import json, sys
 from pathlib import Path
 from dataclasses import replace
-from studies.bad_operator.trial import Trial, run_trial
+from studies.bad_operator.falls_section import Trial, run_trial
 from poise.locomotion import StepTeleoperator, read_recording
 from poise.apps.teleoperation import replay_teleop
 from poise.robots import load_robot

@@ -10,8 +10,7 @@ import pytest
 from poise.cli._progress import Bar
 from studies.bias_acceleration.cost_section import cost_section
 from studies.page import write_study
-from studies.plan import StudyOptions
-from studies.registry import STUDIES, load_study
+from studies.plan import STUDIES, StudyOptions, load_study
 
 pytest.importorskip("matplotlib")
 

@@ -8,8 +8,7 @@ import sys
 import numpy as np
 import pytest
 
-from benchmarks.encoder import Encoder
-from benchmarks.rigid_plant import Gravity
+from benchmarks.rigid_plant import Encoder, Gravity
 from poise.dynamics import Dynamics, RobotState
 from poise.robots import load_robot
 from studies.bias_acceleration.controller import OldGravityRecursion

@@ -7,7 +7,7 @@ import pytest
 
 pytest.importorskip("matplotlib")
 
-from studies import registry
+from studies import plan as plans
 from studies.__main__ import main
 from studies.finding import Finding, Section
 from studies.plan import Part, StudyPlan
@@ -31,8 +31,8 @@ def trial(monkeypatch, tmp_path):
     def install(**parts):
         made = tuple(Part(name=n, title=f"Part {n}", compute=c) for n, c in parts.items())
         plan = StudyPlan(name="trial", title="T", introduction=(), source="S.", parts=made)
-        monkeypatch.setitem(registry._MODULES, "trial", "trial")
-        monkeypatch.setattr(registry, "import_module", lambda _: SimpleNamespace(PLAN=plan))
+        monkeypatch.setitem(plans._MODULES, "trial", "trial")
+        monkeypatch.setattr(plans, "import_module", lambda _: SimpleNamespace(PLAN=plan))
 
     monkeypatch.chdir(tmp_path)
     return install

@@ -6,8 +6,8 @@ import pytest
 
 from poise.errors import ConfigurationError
 from studies.bias_acceleration import cost_model as cost
-from studies.bias_acceleration.cost_findings import cost_findings
 from studies.bias_acceleration.cost_model import QUOTED, SWEEPS
+from studies.bias_acceleration.cost_section import cost_findings
 
 FORMULAS = (
     cost.osf_without_bias, cost.bias_original, cost.osf_original, cost.osf_original_as_printed,

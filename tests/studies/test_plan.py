@@ -8,11 +8,9 @@ import numpy as np
 import pytest
 
 from poise.errors import ConfigurationError, MissingExtraError, UnknownNameError
-from studies.figure import Figure, draw
-from studies.finding import Finding, Section, Table, number_text, with_unit
+from studies.finding import Figure, Finding, Section, Table, draw, number_text, with_unit
 from studies.page import write_study
-from studies.plan import Part, StudyOptions, StudyPlan
-from studies.registry import STUDIES, load_study
+from studies.plan import STUDIES, Part, StudyOptions, StudyPlan, load_study
 
 pytest.importorskip("matplotlib")
 
@@ -34,7 +32,7 @@ def good(options, progress):
         prose=("Some `code` & <words>, n = 3.",),
         findings=(finding(),),
         figures=(draw(name="line", title="A line", caption="It rises.", height=2.0, paint=paint),),
-        tables=(Table(title="T", header=("what", "x [m]"), rows=(("a", 1), ("b", None))),),
+        tables=(Table(title="T", header="what | x [m]", rows=(("a", 1), ("b", None))),),
     )
 
 
@@ -66,7 +64,7 @@ def test_findings_stand_in_the_order_of_the_parts():
     assert [f.name for f in study.findings] == ["a number", "random"]
     assert [(s.name, s.title) for s in study.sections] == [("one", "Part one"), ("two", "Part two")]
     assert study.ok
-    assert (study.seed, study.quick) == (3, False)
+    assert (study.options.seed, study.options.quick) == (3, False)
 
 
 def test_the_seed_decides_everything_random():
@@ -217,7 +215,7 @@ BAD = {
     "a finding without a name": lambda: finding(" "),
     "a finding that holds without a number": lambda: finding(ours=None),
     "a finding that holds with no number": lambda: finding(ours=float("nan")),
-    "a row that does not fit": lambda: Table(title="T", header=("a", "b"), rows=((1,),)),
+    "a row that does not fit": lambda: Table(title="T", header="a | b", rows=((1,),)),
     "a figure that is no file": lambda: Figure(name="../x", title="", caption="", svg=""),
     "a negative seed": lambda: StudyOptions(seed=-1),
 }

@@ -9,21 +9,19 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from benchmarks.clocked import Turns, take_turns
 from benchmarks.methods import timed_methods
-from benchmarks.schedule import Turns, take_turns
-from benchmarks.walk_recording import WalkRecording
-from benchmarks.walk_subject import WalkSubject
+from benchmarks.walk_recording import Answer, WalkRecording, WalkSubject
 from poise.control import Command, CommandStatus
 from poise.dynamics import RobotState
 from poise.locomotion import Stride, plan_footsteps
 from poise.robots import load_robot
 from studies.plan import StudyOptions
 from studies.reduced_dynamics import PLAN, walk_run
-from studies.reduced_dynamics.accuracy_section import QUANTITIES, Answer, Judge, accuracy_section
+from studies.reduced_dynamics.accuracy_section import QUANTITIES, Judge, accuracy_section
 from studies.reduced_dynamics.base_section import PaperTorques, base_section
 from studies.reduced_dynamics.difference_section import difference_section
-from studies.reduced_dynamics.order_section import order_section
-from studies.reduced_dynamics.sequential import Sequential
+from studies.reduced_dynamics.order_section import Sequential, order_section
 from studies.reduced_dynamics.sizes_section import sizes_section
 from studies.reduced_dynamics.timing_section import timing_section
 from tests.benchmarks.test_dof import robot as dof_robot

@@ -11,7 +11,7 @@ for package in ("matplotlib", "mujoco"):
 COMPUTE = """
 import json, sys
 from importlib import import_module
-from studies import StudyOptions
+from studies.plan import StudyOptions
 name = sys.argv[1]
 section = getattr(import_module(f"studies.step_teleoperation.{name}"), name)
 seen = []

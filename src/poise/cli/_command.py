@@ -39,7 +39,11 @@ def run_command(parser: argparse.ArgumentParser, arguments: Sequence[str] | None
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return OK
     except OSError as error:
-        # A full disk, or a folder where a file should be written.
-        print(f"{program}: {error}", file=sys.stderr)
+        # A full disk, or a folder where a file should be written; the former names no file.
+        place = "" if error.filename is None else f"; got {str(error.filename)!r}"
+        print(
+            f"{program}: cannot write ({error.strerror}){place}, wanted a writable place",
+            file=sys.stderr,
+        )
         return BAD_INPUT
     return status

@@ -3,8 +3,6 @@
 import argparse
 from pathlib import Path
 
-from poise.errors import ConfigurationError
-
 
 def add_output_options(parser: argparse.ArgumentParser, default: str) -> None:
     """Adds `--out` and `--json`.
@@ -17,25 +15,11 @@ def add_output_options(parser: argparse.ArgumentParser, default: str) -> None:
     parser.add_argument("--json", action="store_true", help="print the figures as JSON")
 
 
-def make_folder(wanted: str | None, default: str) -> Path:
-    """The folder to write into, made if it is not there.
-
-    Raises:
-        ConfigurationError: it cannot be made.
-    """
-    folder = Path(wanted or default)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ConfigurationError(
-            f"cannot make the folder ({error.strerror})", got=str(folder), wanted="a writable place"
-        ) from None
+def make_folder(given: str | None, default: str) -> Path:
+    """The folder to write into, made if it is not there."""
+    folder = Path(given or default)
+    folder.mkdir(parents=True, exist_ok=True)
     return folder
-
-
-def words_of(text: str) -> tuple[str, ...]:
-    """Reads `a,b,c`: words with commas between them."""
-    return tuple(word.strip() for word in text.split(",") if word.strip())
 
 
 def whole_number(text: str) -> int:

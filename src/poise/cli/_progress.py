@@ -1,7 +1,6 @@
 """A progress bar on stderr, for anything that takes more than two seconds."""
 
 import sys
-from types import TracebackType
 from typing import Any
 
 PATIENCE = 1.0
@@ -41,11 +40,6 @@ class Bar:
     def __enter__(self) -> "Bar":
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         if self._bar is not None:
             self._bar.close()

@@ -34,8 +34,9 @@ def add_parser(verbs: Any) -> None:
         "--device",
         metavar="D",
         default="browser",
-        help="where the hands come from: browser (its mouse, keys, or a gamepad at its computer), "
-        "gamepad (one at this machine), or the file of a recording (default: %(default)s)",
+        help="where the feet are led from: browser (its mouse, keys, or a gamepad at its "
+        "computer), gamepad (one at this machine), or the file of a recording "
+        "(default: %(default)s)",
     )
     parser.add_argument(
         "--terrain",

@@ -2,7 +2,7 @@
 
 from poise.control._command import Command, CommandStatus
 from poise.control._controller import Controller
-from poise.control._differential_ik import ROW_WEIGHT, DifferentialIK
+from poise.control._differential_ik import DifferentialIK
 from poise.control._make import (
     CONTROLLERS,
     ControllerKind as ControllerKind,
@@ -14,19 +14,16 @@ from poise.control._osf import OperationalSpaceController
 from poise.control._rank import RankTreatment
 from poise.control._reduced import ReducedController
 from poise.control._state_check import is_usable as is_usable
-from poise.control._status import ControllerStatus, TaskStatus as TaskStatus
-from poise.control._strategy import PHYSICS_LEVELS
+from poise.control._status import ControllerStatus as ControllerStatus, TaskStatus as TaskStatus
+from poise.control._strategy import PHYSICS_LEVELS as PHYSICS_LEVELS
 from poise.control._whole_body import WholeBodyController
 
 __all__ = [
     "CONTROLLERS",
-    "PHYSICS_LEVELS",
-    "ROW_WEIGHT",
     "Command",
     "CommandStatus",
     "Controller",
     "ControllerPlan",
-    "ControllerStatus",
     "DifferentialIK",
     "OperationalSpaceController",
     "RankTreatment",

@@ -5,7 +5,7 @@ from poise.dynamics._chain_coordinates import (
     from_coordinates as from_coordinates,
     to_coordinates as to_coordinates,
 )
-from poise.dynamics._dynamics import Dynamics, FrameKinematics, RobotState
+from poise.dynamics._dynamics import Dynamics, FrameKinematics as FrameKinematics, RobotState
 from poise.dynamics._motion import (
     BIAS as BIAS,
     KINEMATICS as KINEMATICS,
@@ -22,27 +22,23 @@ from poise.dynamics._motion import (
 )
 from poise.dynamics._partition import (
     FreeChain as FreeChain,
-    Partition,
+    Partition as Partition,
     Partitions,
     Selection as Selection,
 )
 from poise.dynamics._reduction import ReducedDynamics
 from poise.dynamics._trajectory import Quintic as Quintic, least_jerk
 from poise.dynamics._vectors import (
-    rotation_vector,
-    saturate,
+    rotation_vector as rotation_vector,
+    saturate as saturate,
     sine_between as sine_between,
     turn_between as turn_between,
 )
 
 __all__ = [
     "Dynamics",
-    "FrameKinematics",
-    "Partition",
     "Partitions",
     "ReducedDynamics",
     "RobotState",
     "least_jerk",
-    "rotation_vector",
-    "saturate",
 ]

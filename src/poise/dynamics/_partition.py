@@ -1,4 +1,4 @@
-"""`Partition`: which joints carry contacts, and which hang on them freely.
+"""`Partition`: which joints carry contacts, and which form free chains on them.
 
 `Selection`: some of the coordinates of the velocity vector, in an order of their own.
 """
@@ -92,7 +92,7 @@ class Selection:
 
 @dataclass(frozen=True, kw_only=True)
 class FreeChain:
-    """The unconstrained joints that hang on one body; branches of their own count as one.
+    """The unconstrained joints carried by one body; branches of their own count as one.
 
     All that the rest of the robot feels of them is one wrench on that body, so that one centroid
     stands in for all of them exactly. Joints on two bodies with a joint between them need two.

@@ -1,22 +1,18 @@
 """Hierarchical QPs: ordered levels of two-sided rows plus a final quadratic cost."""
 
 from poise.hqp._active_set import LexicographicSolver
-from poise.hqp._certificate import certify_point
+from poise.hqp._certificate import certify_point as certify_point
 from poise.hqp._problem import HierarchicalProblem, Level, LevelView as LevelView
 from poise.hqp._solution import Solution, SolveStatus
-from poise.hqp._strategies import STRATEGIES, Solver, make_solver, solve
-from poise.hqp._tolerances import ACCURACY
+from poise.hqp._strategies import STRATEGIES as STRATEGIES, Solver as Solver, make_solver, solve
+from poise.hqp._tolerances import ACCURACY as ACCURACY
 
 __all__ = [
-    "ACCURACY",
-    "STRATEGIES",
     "HierarchicalProblem",
     "Level",
     "LexicographicSolver",
     "Solution",
     "SolveStatus",
-    "Solver",
-    "certify_point",
     "make_solver",
     "solve",
 ]

@@ -89,7 +89,7 @@ def proximal_point(
     """Solve a semidefinite QP with a solver for definite ones, which DAQP and quadprog are.
 
     Each repetition adds `weight |x - x_last|^2 / 2`, which vanishes where they converge: unlike a
-    ridge it pulls towards the last point and not towards zero, so it swallows nothing. A small
+    ridge it draws the answer to the last point and not to zero, so it swallows nothing. A small
     weight converges fastest, but magnifies the solver's own tolerance: where rows are missed, a
     larger one is tried. Of 2,000 random hierarchies all were right so, against 2 to 13 silently
     wrong with any single weight, and 2 to 7 with DAQP's own proximal iterations.

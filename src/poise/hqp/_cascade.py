@@ -38,7 +38,7 @@ _linalg: Any = scipy.linalg  # its stubs do not tell the modes of qr apart
 
 
 @dataclass(frozen=True, slots=True)
-class Rows:
+class TwoSidedRows:
     """Two-sided rows `lower <= A y <= upper`."""
 
     A: Float64[np.ndarray, "k d"]
@@ -77,15 +77,17 @@ class Reduction:
         """Return the stacked indices of a level's bounded rows."""
         return np.flatnonzero((self.problem.level_of == level) & self.bounded)
 
-    def rows(self, indices: Int[np.ndarray, " k"]) -> Rows:
+    def rows(self, indices: Int[np.ndarray, " k"]) -> TwoSidedRows:
         """Return rows in y. What projection left of dependent rows is set to zero exactly."""
         A = self.coefficients[indices] @ self.basis
         gone = np.linalg.norm(A, axis=1) <= PROJECTION_RANK * self.norms[indices]
         A[gone] = 0.0
         offset = self.coefficients[indices] @ self.point
-        return Rows(A, self.problem.lower[indices] - offset, self.problem.upper[indices] - offset)
+        return TwoSidedRows(
+            A, self.problem.lower[indices] - offset, self.problem.upper[indices] - offset
+        )
 
-    def held_rows(self, slop: float = 0.0) -> Rows:
+    def held_rows(self, slop: float = 0.0) -> TwoSidedRows:
         """Return the held inequalities in y, widened by rounding so that `y = 0` meets them.
 
         Args:
@@ -93,7 +95,9 @@ class Reduction:
         """
         rows = self.rows(self.held)
         room = slop * np.maximum(1.0, self.norms[self.held] * float(np.linalg.norm(self.point)))
-        return Rows(rows.A, np.minimum(rows.lower, 0.0) - room, np.maximum(rows.upper, 0.0) + room)
+        return TwoSidedRows(
+            rows.A, np.minimum(rows.lower, 0.0) - room, np.maximum(rows.upper, 0.0) + room
+        )
 
     def move(self, y: Float64[np.ndarray, " d"]) -> None:
         """Make `point + basis y` the new point."""

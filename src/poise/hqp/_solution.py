@@ -7,7 +7,7 @@ from time import perf_counter
 import numpy as np
 from jaxtyping import Bool, Float64, Int64
 
-from poise.hqp._certificate import certify_point
+from poise.hqp._certificate import Certificate, certify_point
 from poise.hqp._measure import measure_point
 from poise.hqp._problem import HierarchicalProblem
 from poise.hqp._tolerances import OPPOSING_RATIO, VISIBLE_VIOLATION
@@ -138,11 +138,21 @@ class Solution:
             lines.append(f"  level {level + 1} ({problem.level(level).name}): {_say(label, rows)}")
         return "\n".join(lines)
 
+    def certify(self, problem: HierarchicalProblem) -> Certificate:
+        """Check the optimality conditions of every level and of the final cost at the point.
+
+        Nothing that the solver says of itself is used: the multipliers are found anew.
+
+        Args:
+            problem: the problem as it was when it was solved.
+        """
+        return certify_point(problem, self.x)
+
     def _multipliers_by_level(
         self, problem: HierarchicalProblem
     ) -> tuple[Float64[np.ndarray, " nm"], ...]:
         """Multipliers of each level over bounds and rows."""
-        return certify_point(problem, self.x).multipliers
+        return self.certify(problem).multipliers
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,11 +1,9 @@
 """Balance on the cart-flywheel-table: where the COM goes so that the ZMP goes elsewhere."""
 
 from poise.locomotion._pendulum import (
-    BodyRotator,
-    CartFlywheelTable,
+    BodyRotator as BodyRotator,
     ComShifter,
-    ZmpRegulator as ZmpRegulator,
-    natural_frequency,
+    natural_frequency as natural_frequency,
     pole_zero_damping as pole_zero_damping,
 )
 from poise.locomotion._preview import PreviewControl
@@ -13,7 +11,7 @@ from poise.locomotion._stepping import (
     ComDriver as ComDriver,
     Device,
     DeviceSample,
-    DeviceStatus,
+    DeviceStatus as DeviceStatus,
     Mode,
     RecordedDevice as RecordedDevice,
     RecordedPush as RecordedPush,
@@ -26,21 +24,20 @@ from poise.locomotion._stepping import (
     TeleopParameters,
     TeleopStatus,
     WayPoint,
-    draw_modes,
-    read_recording,
+    draw_modes as draw_modes,
+    read_recording as read_recording,
 )
 from poise.locomotion._support import (
-    SupportPolygon,
+    SupportPolygon as SupportPolygon,
     convex_hull as convex_hull,
     signed_margin as signed_margin,
-    sole_rectangle,
+    sole_rectangle as sole_rectangle,
 )
 from poise.locomotion._walking import (
     CarriedTarget as CarriedTarget,
     FootstepPlan,
     Gait,
     Ground,
-    Platform,
     Stride,
     Walker,
     WalkSettings,
@@ -49,31 +46,22 @@ from poise.locomotion._walking import (
 )
 
 __all__ = [
-    "BodyRotator",
-    "CartFlywheelTable",
     "ComShifter",
     "Device",
     "DeviceSample",
-    "DeviceStatus",
     "FootstepPlan",
     "Gait",
     "Ground",
     "Mode",
-    "Platform",
     "PreviewControl",
     "ScriptedDevice",
     "StepTeleoperator",
     "Stride",
-    "SupportPolygon",
     "TeleopParameters",
     "TeleopStatus",
     "WalkSettings",
     "Walker",
     "WayPoint",
-    "draw_modes",
-    "natural_frequency",
     "plan_footsteps",
-    "read_recording",
-    "sole_rectangle",
     "walking_stack",
 ]

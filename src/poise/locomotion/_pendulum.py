@@ -1,8 +1,6 @@
-"""`BodyRotator`: angular momentum that makes up for what the cart-table model lacks.
+"""`ComShifter`: moves the centre of mass so that the ZMP gets where it should, soon.
 
-`CartFlywheelTable`: the smallest model of a biped whose ZMP one controls.
-`ZmpRegulator`: the dual of the COM shifter, from COM reference to ZMP.
-`ComShifter`: moves the centre of mass so that the ZMP gets where it should, soon.
+`BodyRotator`: angular momentum that makes up for what the cart-table model lacks.
 """
 
 import math
@@ -27,107 +25,6 @@ def natural_frequency(height: float, gravity: float = GRAVITY) -> float:
     """
     checked_number(height, "height of the table [m]", above=0.0)
     return math.sqrt(checked_number(gravity, "gravity of the table [m/s^2]", above=0.0) / height)
-
-
-class CartFlywheelTable:
-    """Cart and flywheel on a table, eq. (24) of Zhang and Kikuuwe, in as many axes as `p` has.
-
-        pdd = u_1,   Ldot = u_2,   r = p - u_1 / omega^2 - u_2 / W
-
-    p is the COM, r the ZMP, L the angular momentum about the COM in the sense that moves the ZMP
-    back (for a robot that walks along x, L is -L_Gx for the axis y and L_Gy for the axis x). With
-    u_2 = 0 it is the cart-table model.
-
-    Args:
-        height: of the table [m].
-        mass: of the cart [kg].
-        position: p at the start [m].
-        gravity: [m/s^2].
-
-    Raises:
-        ConfigurationError: not positive.
-
-    Attributes:
-        omega: sqrt(g / H) [1/s].
-        weight: W = m g [N].
-        position: p [m].
-        velocity: pdot [m/s].
-        momentum: L [kg m^2/s].
-        zmp: r under the last inputs [m].
-    """
-
-    def __init__(
-        self,
-        height: float,
-        mass: float,
-        position: Float64[np.ndarray, " n"],
-        gravity: float = GRAVITY,
-    ) -> None:
-        self.omega = natural_frequency(height, gravity)
-        self.weight = checked_number(mass, "mass of the cart [kg]", above=0.0) * gravity
-        self.position = position.copy()
-        self.velocity = np.zeros_like(position)
-        self.momentum = np.zeros_like(position)
-        self.zmp = position.copy()
-
-    def step(
-        self,
-        acceleration: Float64[np.ndarray, " n"],
-        momentum_rate: Float64[np.ndarray, " n"],
-        dt: float,
-    ) -> None:
-        """Moves on under inputs that stay the same for a while; exact.
-
-        Args:
-            acceleration: u_1 [m/s^2].
-            momentum_rate: u_2 [N m].
-            dt: how long [s].
-        """
-        self.zmp = self.position - acceleration / self.omega**2 - momentum_rate / self.weight
-        self.position = self.position + dt * self.velocity + (0.5 * dt * dt) * acceleration
-        self.velocity = self.velocity + dt * acceleration
-        self.momentum = self.momentum + dt * momentum_rate
-
-
-class ZmpRegulator:
-    """Sugihara's regulator on the linear inverted pendulum, eqs (33) and (34).
-
-        u = max(r_1, min(r_2, p_ref + k_s (p - p_ref) + b_s pdot)),   b_s = k_s / omega,  k_s > 1
-
-    It commands the ZMP within a support from r_1 to r_2, where the COM shifter commands the COM's
-    acceleration; the plant is pdd = omega^2 (p - u), eq. (32).
-
-    Args:
-        omega: sqrt(g / H) [1/s].
-        ks: k_s.
-
-    Raises:
-        ConfigurationError: omega not positive, or k_s not above one.
-    """
-
-    def __init__(self, omega: float, *, ks: float = 2.0) -> None:
-        self.omega = checked_number(omega, "omega of the regulator [1/s]", above=0.0)
-        if not ks > 1.0:
-            raise ConfigurationError("k_s of the regulator is too small", got=ks, wanted="> 1")
-        self.ks, self.bs = float(ks), float(ks) / self.omega
-
-    def zmp(
-        self,
-        reference: Float64[np.ndarray, " n"],
-        position: Float64[np.ndarray, " n"],
-        velocity: Float64[np.ndarray, " n"],
-        support: tuple[Float64[np.ndarray, " n"], Float64[np.ndarray, " n"]],
-    ) -> Float64[np.ndarray, " n"]:
-        """Where the ZMP should be [m].
-
-        Args:
-            reference: of the COM [m].
-            position: of the COM [m].
-            velocity: of the COM [m/s].
-            support: r_1 and r_2 [m].
-        """
-        wanted = reference + self.ks * (position - reference) + self.bs * velocity
-        return np.clip(wanted, *support)
 
 
 def pole_zero_damping(kp: float, omega: float) -> float:
@@ -204,8 +101,8 @@ class ComShifter:
             position: of the COM [m].
             velocity: of the COM [m/s].
         """
-        wanted = self.unlimited(reference, position, velocity)
-        return np.clip(wanted, -self.acceleration_max, self.acceleration_max)
+        unlimited = self.unlimited(reference, position, velocity)
+        return np.clip(unlimited, -self.acceleration_max, self.acceleration_max)
 
     def unlimited(
         self,
@@ -216,7 +113,8 @@ class ComShifter:
         """The COM's acceleration before saturation.
 
         Under the gain rule its CT-ZMP is r_ref + k_s (xi - r_ref) with the divergent component
-        xi = p + pdot / omega and k_s = 1 + k_p / omega^2: the regulator (33) without its limits.
+        xi = p + pdot / omega and k_s = 1 + k_p / omega^2: Sugihara's regulator, eq. (33), without
+        its limits.
 
         Args:
             reference: of the ZMP [m].

@@ -32,6 +32,7 @@ class PreviewControl:
         ConfigurationError: a number that is not positive, or a length below one.
 
     Attributes:
+        omega: sqrt(g / H) [1/s].
         K: feedback gains on [p, pdot, pdd].
         f: preview gains, f_1 first.
     """
@@ -46,7 +47,7 @@ class PreviewControl:
         R: float = 1e-6,
         gravity: float = GRAVITY,
     ) -> None:
-        omega = natural_frequency(height, gravity)
+        self.omega = natural_frequency(height, gravity)
         dt = checked_number(dt, "dt of the preview control [s]", above=0.0)
         checked_number(Q, "Q of the preview control", above=0.0)
         checked_number(R, "R of the preview control", above=0.0)
@@ -59,7 +60,7 @@ class PreviewControl:
             [[1.0, dt, 0.5 * dt * dt], [0.0, 1.0, dt], [0.0, 0.0, 1.0]]
         )
         self.b: Float64[np.ndarray, "3"] = np.array([dt**3 / 6.0, 0.5 * dt * dt, dt])
-        self.c: Float64[np.ndarray, "3"] = np.array([1.0, 0.0, -1.0 / omega**2])
+        self.c: Float64[np.ndarray, "3"] = np.array([1.0, 0.0, -1.0 / self.omega**2])
         P = solve_discrete_are(
             self.A, self.b[:, None], Q * np.outer(self.c, self.c), np.array([[R]])
         )

@@ -1,5 +1,6 @@
 """`SupportPolygon`: where the ZMP can be, and the nearest point of it.
 
+`two_soles`: what a robot that walks stands on.
 `sole_rectangle`, `convex_hull`, `signed_margin`: its corners, its outline, and distances to that.
 """
 
@@ -7,6 +8,9 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 from jaxtyping import Float64
+
+from poise.errors import ConfigurationError
+from poise.robots import Robot
 
 Point = tuple[float, float]
 
@@ -59,6 +63,22 @@ class SupportPolygon:
             if rate < 0.0:
                 ratio = min(ratio, -inside / rate)
         return (x + ratio * ex, y + ratio * ey)
+
+
+def two_soles(robot: Robot) -> tuple[str, str]:
+    """Names of the left and the right sole of a robot that walks.
+
+    Raises:
+        ConfigurationError: it has no floating base, or does not stand on two soles.
+    """
+    if not robot.floating_base or len(robot.soles) != 2:
+        raise ConfigurationError(
+            f"robot {robot.name!r} cannot walk on two feet",
+            got=f"soles {list(robot.soles)}",
+            wanted="a floating base and two soles",
+        )
+    left, right = robot.soles
+    return left, right
 
 
 def sole_rectangle(

@@ -9,11 +9,11 @@ from poise.robots._loader import description_template, load_robot
 from poise.robots._meshes import mesh_path as mesh_path
 from poise.robots._posture import standing_posture as standing_posture
 from poise.robots._robot import (
-    GRAVITY,
+    GRAVITY as GRAVITY,
     FrameRole as FrameRole,
     ModelSource as ModelSource,
     Robot,
     Sole as Sole,
 )
 
-__all__ = ["GRAVITY", "Robot", "catalog", "description_template", "load_robot"]
+__all__ = ["Robot", "catalog", "description_template", "load_robot"]

@@ -103,7 +103,7 @@ _MIN_INERTIA = 1e-9
 """Smallest eigenvalue of the mass matrix that still counts as a mass [kg or kg m^2]."""
 
 _PART_OF_MOTION = 0.1
-"""Joints with a smaller share in a unit motion are not named."""
+"""Joints with a smaller part in a unit motion are not named."""
 
 
 def build_model(

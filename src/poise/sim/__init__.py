@@ -13,30 +13,28 @@ if find_spec("mujoco") is None:
 from poise.sim._blocks import BlockWatch as BlockWatch
 from poise.sim._camera import (
     Camera,
-    CameraConfig,
     Marker,
-    NoOpenGLError,
     find_opengl as find_opengl,
     force_marker as force_marker,
 )
-from poise.sim._config import Actuation as Actuation, PlantConfig, ServoConfig
-from poise.sim._disturbances import Block, LinkError, Payload, Push
+from poise.sim._config import Actuation as Actuation, PlantConfig
+from poise.sim._disturbances import Block, Push as Push
 from poise.sim._log import read_log
-from poise.sim._mapping import StateMap
+from poise.sim._mapping import StateMap as StateMap
 from poise.sim._plant import Plant
 from poise.sim._record import RunRecord, Value as Value
 from poise.sim._recorder import HasSignals as HasSignals, Recorder, RecorderConfig as RecorderConfig
 from poise.sim._rollout import (
     AnyController as AnyController,
     Body,
-    Estimator,
+    Estimator as Estimator,
     LeadFunction as LeadFunction,
     Observer,
     Tick,
     rollout,
 )
 from poise.sim._sensors import SensorConfig
-from poise.sim._video import VideoConfig as VideoConfig, render_video, run_markers
+from poise.sim._video import VideoConfig as VideoConfig, render_video, run_markers as run_markers
 from poise.sim._viewer import (
     NoDisplayError as NoDisplayError,
     Viewer as Viewer,
@@ -47,24 +45,15 @@ __all__ = [
     "Block",
     "Body",
     "Camera",
-    "CameraConfig",
-    "Estimator",
-    "LinkError",
     "Marker",
-    "NoOpenGLError",
     "Observer",
-    "Payload",
     "Plant",
     "PlantConfig",
-    "Push",
     "Recorder",
     "RunRecord",
     "SensorConfig",
-    "ServoConfig",
-    "StateMap",
     "Tick",
     "read_log",
     "render_video",
     "rollout",
-    "run_markers",
 ]

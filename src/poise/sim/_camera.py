@@ -1,11 +1,11 @@
 """Pictures of the plant, drawn without a screen.
 
-Finding a way to draw without a screen, without touching the user's environment.
+Finding a platform to draw without a screen, without touching the user's environment.
 Points and arrows drawn into a picture: centre of mass, targets, contact forces.
 
 MuJoCo's package decides on OpenGL while it is imported, and PyOpenGL does so once for the life of a
-process. So each way is tried in a process of its own, and the first that draws is then used here
-by its own module, whatever MuJoCo's package has decided.
+process. So each platform is tried in a process of its own, and the first that draws is then used
+here by its own module, whatever MuJoCo's package has decided.
 """
 
 import importlib
@@ -15,19 +15,18 @@ import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
-from types import TracebackType
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 import mujoco
 import numpy as np
 from jaxtyping import Float64, UInt8
 
 from poise._schema import Bounds, Count, Number, Positive, Triple, Vector, checked
-from poise.errors import PoiseError
+from poise.errors import MissingExtraError
 from poise.robots import Robot
 from poise.sim._mapping import StateMap
 
-_WAYS = ("egl", "osmesa")
+_PLATFORMS = ("egl", "osmesa")
 """EGL first: it uses a graphics card where there is one."""
 
 _TRIAL = """
@@ -42,29 +41,19 @@ context.free()
 _TRIAL_SECONDS = 60.0
 """A driver that hangs counts as none."""
 
-INSTALL_HINT = (
-    "no OpenGL without a screen (neither EGL nor OSMesa): on Debian or Ubuntu install one with "
-    "'apt install libegl1' or 'apt install libosmesa6'"
-)
-"""What to tell somebody whose machine cannot draw."""
-
-
-class NoOpenGLError(PoiseError):
-    """This machine cannot draw without a screen; the message says what to install."""
-
 
 @cache
 def find_opengl() -> str | None:
-    """The way to draw without a screen that works here: "egl", "osmesa", or None.
+    """The platform to draw without a screen that works here: "egl", "osmesa", or None.
 
     MUJOCO_GL and PYOPENGL_PLATFORM are obeyed if they name one of the two. The answer is kept for
     the life of the process.
     """
-    for way in _candidates():
+    for platform in _candidates():
         try:
             done = subprocess.run(
-                [sys.executable, "-c", _TRIAL, way],
-                env=os.environ | {"MUJOCO_GL": way, "PYOPENGL_PLATFORM": way},
+                [sys.executable, "-c", _TRIAL, platform],
+                env=os.environ | {"MUJOCO_GL": platform, "PYOPENGL_PLATFORM": platform},
                 capture_output=True,
                 timeout=_TRIAL_SECONDS,
                 check=False,
@@ -72,7 +61,7 @@ def find_opengl() -> str | None:
         except subprocess.TimeoutExpired:
             continue
         if done.returncode == 0:
-            return way
+            return platform
     return None
 
 
@@ -87,22 +76,27 @@ def make_context(width: int, height: int) -> Any:
         The context, to be freed with its `free()`.
 
     Raises:
-        NoOpenGLError: this machine cannot draw.
+        MissingExtraError: this machine cannot draw.
     """
-    way = find_opengl()
-    if way is None:
-        raise NoOpenGLError(INSTALL_HINT)
-    context = importlib.import_module(f"mujoco.{way}").GLContext(width, height)
+    platform = find_opengl()
+    if platform is None:
+        raise MissingExtraError(
+            "libegl1",
+            "",
+            "Drawing without a screen",
+            install="apt install libegl1, or apt install libosmesa6 (Debian, Ubuntu)",
+        )
+    context = importlib.import_module(f"mujoco.{platform}").GLContext(width, height)
     context.make_current()
     return context
 
 
 def _candidates() -> tuple[str, ...]:
     for variable in ("PYOPENGL_PLATFORM", "MUJOCO_GL"):
-        wanted = os.environ.get(variable, "").lower()
-        if wanted in _WAYS:
-            return (wanted,)
-    return _WAYS
+        asked = os.environ.get(variable, "").lower()
+        if asked in _PLATFORMS:
+            return (asked,)
+    return _PLATFORMS
 
 
 Colour = Annotated[tuple[float, float, float, float], Vector(4, Bounds(least=0.0, most=1.0))]
@@ -201,8 +195,10 @@ class Camera:
         config: size and view.
 
     Raises:
-        NoOpenGLError: this machine cannot draw without a screen.
+        MissingExtraError: this machine cannot draw without a screen.
     """
+
+    Config: ClassVar = CameraConfig
 
     def __init__(
         self, robot: Robot, model: mujoco.MjModel, config: CameraConfig | None = None
@@ -272,12 +268,7 @@ class Camera:
     def __enter__(self) -> "Camera":
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def _make_drawing_context(self) -> mujoco.MjrContext:
@@ -312,7 +303,7 @@ class Camera:
         return np.array([com[0], com[1], com[2] + self._lift])
 
     def _follow(self, dt: float | None) -> None:
-        share = 1.0 if dt is None else 1.0 - np.exp(-dt / _FOLLOW_SECONDS)
+        ratio = 1.0 if dt is None else 1.0 - np.exp(-dt / _FOLLOW_SECONDS)
         aim = self._aim()
         if np.isfinite(aim).all():
-            self._view.lookat[:] += share * (aim - self._view.lookat)
+            self._view.lookat[:] += ratio * (aim - self._view.lookat)

@@ -1,11 +1,11 @@
 """`PlantConfig`: everything about the simulated robot and its world that can be chosen."""
 
-from dataclasses import dataclass, field
-from typing import Annotated, Literal
+from dataclasses import dataclass, field, replace
+from typing import Annotated, ClassVar, Literal
 
 from poise._schema import Bounds, Duration, Ratio, Vector, checked
 from poise.errors import ConfigurationError
-from poise.sim._disturbances import Block, Factor, LinkError, Payload
+from poise.sim._disturbances import Block, Factor, LinkError as _LinkError, Payload as _Payload
 from poise.sim._sensors import SensorConfig
 
 Actuation = Literal["torque", "position", "velocity"]
@@ -42,7 +42,7 @@ class PlantConfig:
             following the integral of the commanded velocity).
         control_dt: time from one command to the next [s].
         physics_dt: time step of the physics [s]; `control_dt` is a multiple of it.
-        servo: gains for position and velocity actuation.
+        servo: gains for position and velocity actuation, a `PlantConfig.Servo`.
         sensors: what the state is measured with.
         friction: sliding friction of the floor.
         contact_time_constant: how fast a contact gives back penetration [s]; at least twice
@@ -51,13 +51,18 @@ class PlantConfig:
         blocks: boxes on the floor.
         mass_scale: factor on the mass and inertia of every link.
         inertia_scale: a further factor on the inertia of every link.
-        link_errors: links that differ from their description by themselves.
-        payloads: masses attached to frames.
+        link_errors: links that differ from their description by themselves, each a
+            `PlantConfig.LinkError`.
+        payloads: masses attached to frames, each a `PlantConfig.Payload`.
         joint_damping: viscous friction of every joint [N m s/rad].
         joint_friction: dry friction of every joint [N m].
         fall_height_ratio: the robot has fallen when its pelvis is below this fraction of its home
             height.
     """
+
+    Servo: ClassVar = ServoConfig
+    LinkError: ClassVar = _LinkError
+    Payload: ClassVar = _Payload
 
     actuation: Actuation = "torque"
     control_dt: Duration = 1e-3
@@ -73,11 +78,15 @@ class PlantConfig:
     blocks: tuple[Block, ...] = ()
     mass_scale: Factor = 1.0
     inertia_scale: Factor = 1.0
-    link_errors: tuple[LinkError, ...] = ()
-    payloads: tuple[Payload, ...] = ()
+    link_errors: tuple[_LinkError, ...] = ()
+    payloads: tuple[_Payload, ...] = ()
     joint_damping: Annotated[float, Bounds(least=0.0, most=1e6, unit="N m s/rad")] = 0.0
     joint_friction: Annotated[float, Bounds(least=0.0, most=1e6, unit="N m")] = 0.0
     fall_height_ratio: Ratio = 0.6
+
+    def with_noise(self) -> "PlantConfig":
+        """The same plant, measured by `SensorConfig.typical()`."""
+        return replace(self, sensors=SensorConfig.typical())
 
     @property
     def substeps(self) -> int:

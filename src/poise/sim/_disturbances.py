@@ -31,11 +31,11 @@ class Push:
     start: Seconds
     duration: Duration
 
-    def share(self, begin: float, end: float) -> float:
+    def fraction(self, begin: float, end: float) -> float:
         """How much of the interval [begin, end] the push is active, in [0, 1].
 
-        A push that starts or ends inside a physics step acts with this share of its force, so that
-        its impulse is force x duration whatever the step.
+        A push that starts or ends inside a physics step acts with this fraction of its force, so
+        that its impulse is force x duration whatever the step.
         """
         overlap = min(end, self.start + self.duration) - max(begin, self.start)
         return max(0.0, overlap) / (end - begin)

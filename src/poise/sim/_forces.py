@@ -61,10 +61,10 @@ class PushSchedule:
             data.qfrc_applied[:] = 0.0
             self._acting = False
         for push, body, site in self._pushes:
-            share = push.share(begin, end)
-            if share > 0.0:
+            fraction = push.fraction(begin, end)
+            if fraction > 0.0:
                 point = data.site_xpos[site] if site >= 0 else data.xipos[body]
-                force = share * np.array(push.force, dtype=np.float64)
+                force = fraction * np.array(push.force, dtype=np.float64)
                 mujoco.mj_applyFT(
                     self._model, data, force, self._torque, point, body, data.qfrc_applied
                 )

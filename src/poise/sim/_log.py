@@ -2,7 +2,7 @@
 
 A thread of its own writes it, so that the control loop never waits for a disk; it is read as far
 as it goes where the run died while writing it. Topics are for people: Foxglove draws them. The
-record itself stands beside them, in blocks of numbers as they were in memory, see `Block`.
+record itself stands beside them, in blocks of numbers as they were in memory, see `RecordPart`.
 """
 
 import json
@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from poise.errors import MissingExtraError, PoiseError
-from poise.sim._record import Block, RunRecord
+from poise.sim._record import RecordPart, RunRecord
 
 Message = tuple[str, str, int, Any]
 """Topic, schema name, time [ns], and the JSON object, or a function that makes it or bytes later.
@@ -125,7 +125,7 @@ class McapLog:
         if not self._offer(message):
             self.dropped += 1
 
-    def put_block(self, time: float, block: Block) -> bool:
+    def put_block(self, time: float, block: RecordPart) -> bool:
         """Hand over a part of the record, up to a time [s].
 
         Returns:
@@ -140,7 +140,7 @@ class McapLog:
             return False
         return True
 
-    def close(self, last: Block | None = None, time: float = 0.0) -> None:
+    def close(self, last: RecordPart | None = None, time: float = 0.0) -> None:
         """Write all that waits, finish the file and close it.
 
         Args:

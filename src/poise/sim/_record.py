@@ -250,7 +250,7 @@ class RunRecord:
         sizes = {name: len(signal) for name, signal in self._signals.items()}
         return sizes | {f"note {topic}": len(notes) for topic, notes in self._notes.items()}
 
-    def block(self, since: Counts) -> "Block":
+    def block(self, since: Counts) -> "RecordPart":
         """What came after an earlier `counts`; later samples leave it alone."""
         signals = {
             name: (signal, *signal.since(since.get(name, 0)))
@@ -259,10 +259,10 @@ class RunRecord:
         notes = {
             topic: found[since.get(f"note {topic}", 0) :] for topic, found in self._notes.items()
         }
-        return Block(signals, notes)
+        return RecordPart(signals, notes)
 
     def take_in(self, block: bytes) -> None:
-        """Adds what `Block.pack` made bytes of."""
+        """Adds what `RecordPart.pack` made bytes of."""
         length = int.from_bytes(block[:4], "little")
         header = json.loads(block[4 : 4 + length])
         data = memoryview(block)[4 + length :]
@@ -285,7 +285,7 @@ class RunRecord:
         return self._signals[name]
 
 
-class Block:
+class RecordPart:
     """A part of a record: its samples and notes from one moment to another.
 
     Args:

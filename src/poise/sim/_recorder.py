@@ -132,10 +132,10 @@ class Recorder:
         Args:
             plant: the plant.
             controller: what commands it; None where nothing shall be recorded of it.
-            leader: likewise.
+            leader: what leads its stack; None where nothing shall be recorded of it.
 
         Raises:
-            MissingExtraError: a log is wanted and the package mcap is not installed.
+            MissingExtraError: a log was asked for and the package mcap is not installed.
             PoiseError: the log cannot be made.
         """
         self._plant = plant
@@ -290,9 +290,9 @@ class Recorder:
     # What is written -----------------------------------------------------------------------------
 
     @staticmethod
-    def _due(time: float, wanted: float) -> bool:
+    def _due(time: float, planned: float) -> bool:
         # Half a nanosecond of slack keeps a rate that the control period divides exact.
-        return time >= wanted - 5e-10
+        return time >= planned - 5e-10
 
     def _write(self, log: McapLog, time: float, values: Mapping[str, Value]) -> None:
         stamp = round(time * 1e9)

@@ -46,6 +46,18 @@ class SensorConfig:
     moment_noise: Deviation = 0.0
     delay: Seconds = 0.0
 
+    @classmethod
+    def typical(cls) -> "SensorConfig":
+        """Encoders of 17 bits, an inertial unit and load cells as one buys them."""
+        return cls(
+            encoder_resolution=2.0 * math.pi / 2**17,
+            joint_velocity_noise=0.01,
+            base_orientation_noise=1e-3,
+            gyro_noise=5e-3,
+            force_noise=2.0,
+            moment_noise=0.3,
+        )
+
     @property
     def ideal(self) -> bool:
         """Whether the measured state is the true one."""

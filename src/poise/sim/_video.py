@@ -131,8 +131,8 @@ def render_video(
         The path of the video.
 
     Raises:
-        NoOpenGLError: this machine cannot draw without a screen; the message says what to install.
-        MissingExtraError: the package imageio-ffmpeg is not installed.
+        MissingExtraError: this machine cannot draw without a screen, or the package imageio-ffmpeg
+            is not installed; the message says what to install.
         TargetError: times and configurations do not belong together.
     """
     config = config if config is not None else VideoConfig()

@@ -11,10 +11,10 @@ pytest.importorskip("websockets")
 pytest.importorskip("mujoco")
 
 from poise.apps.live import LiveLoop, OperatorInputs, Pad, Takes
-from poise.apps.teleoperation import TELEOP_PLANT, noisy, replay_teleop, terrain_blocks
+from poise.apps.teleoperation import TELEOP_PLANT, replay_teleop, terrain_blocks
 from poise.errors import ConfigurationError
 from poise.locomotion import DeviceStatus, Mode, RecordingError, read_recording
-from poise.sim import PlantConfig, ServoConfig
+from poise.sim import PlantConfig
 
 
 @pytest.fixture
@@ -48,7 +48,7 @@ def drive(loop, operator, pad, until, what):
 
 def test_a_step_and_its_recording_gives_the_same_commands_again(start, tmp_path):
     operator = OperatorInputs()
-    loop = start(operator, plant=noisy(), seed=5)
+    loop = start(operator, plant=TELEOP_PLANT.with_noise(), seed=5)
     wait_for(lambda: loop.snapshot.time > 0.5, "some time")
     loop.reset()
     wait_for(lambda: loop.snapshot.time < 0.5, "the reset")
@@ -189,9 +189,9 @@ def test_a_recording_drives_in_place_of_a_person(start, tmp_path):
 def test_a_robot_without_feet_is_refused(get_robot, tmp_path):
     takes = Takes(tmp_path, robot="arm6", dt=0.005)
     plant = PlantConfig(
-        actuation="velocity", control_dt=0.005, servo=ServoConfig(stiffness=70.0, damping=3.5)
+        actuation="velocity", control_dt=0.005, servo=PlantConfig.Servo(stiffness=70.0, damping=3.5)
     )
-    with pytest.raises(ConfigurationError, match="cannot be walked"):
+    with pytest.raises(ConfigurationError, match="cannot walk on two feet"):
         LiveLoop(get_robot("arm6"), OperatorInputs(), takes, plant=plant)
 
 

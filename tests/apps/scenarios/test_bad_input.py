@@ -5,7 +5,7 @@ from dry_run import forbid_ticks, prepare
 
 from poise.apps.scenarios import Scenario, load_scenario
 from poise.apps.scenarios._scenario import CheckPlan
-from poise.errors import PoiseError, ScenarioError, UnknownNameError
+from poise.errors import ConfigurationError, PoiseError, UnknownNameError
 
 STACK = """
 stack:
@@ -228,12 +228,12 @@ CASES = {
     "above nothing": (motion("task: com, at: 0, over: 1, above: []"), "above is empty"),
     "above no sole": (motion("task: com, at: 0, over: 1, above: floor"), "'floor'.*left_sole"),
     "reach nowhere": (
-        motion("task: hand, at: 0, over: 1, reach: {direction: [0, 0, 0], share: 1}"),
+        motion("task: hand, at: 0, over: 1, reach: {direction: [0, 0, 0], ratio: 1}"),
         "zero",
     ),
-    "reach by a negative share": (
-        motion("task: hand, at: 0, over: 1, reach: {direction: [1, 0, 0], share: -1}"),
-        "share.*-1",
+    "reach by a negative ratio": (
+        motion("task: hand, at: 0, over: 1, reach: {direction: [1, 0, 0], ratio: -1}"),
+        "ratio.*-1",
     ),
     "turning a position": (motion("task: hand, at: 0, over: 1, turn: [0, 0, 1]"), "'turn'.*to, by"),
     "moving an orientation": (motion("task: pelvis, at: 0, over: 1, by: [0, 0, 1]"), "'by'.*turn"),
@@ -349,7 +349,7 @@ def test_a_scenario_that_is_not_there_lists_those_that_are(tmp_path):
 def test_a_file_of_bytes_is_refused(tmp_path):
     path = tmp_path / "s.yaml"
     path.write_bytes(bytes(range(128, 256)))
-    with pytest.raises(ScenarioError, match="not text.*UTF-8"):
+    with pytest.raises(ConfigurationError, match="not text.*UTF-8"):
         load_scenario(path)
 
 
@@ -358,8 +358,8 @@ def test_a_number_may_be_written_with_an_exponent():
 
 
 def test_a_scenario_made_in_python_is_checked_too():
-    with pytest.raises(ScenarioError, match="duration"):
+    with pytest.raises(ConfigurationError, match="duration"):
         Scenario(name="s", duration=float("nan"))
     late = CheckPlan(metric="com_travel", at_most=1.0, begin=9.0)
-    with pytest.raises(ScenarioError, match="outside the run"):
+    with pytest.raises(ConfigurationError, match="outside the run"):
         Scenario(name="s", duration=5.0, checks=(late,))

@@ -1,12 +1,12 @@
-"""Scenarios in which hands walk the robot: the shipped one, way-points of one's own, bad input."""
+"""An operator walks the robot in a scenario: the shipped one, own way-points, bad input."""
 
 import numpy as np
 import pytest
 from dry_run import forbid_ticks
 
 from poise.apps.scenarios import load_scenario, parse_scenario, run_scenario
-from poise.apps.scenarios._by_hand import SCRIPTS
-from poise.errors import ConfigurationError, PoiseError, ScenarioError
+from poise.apps.teleoperation import SCRIPTS
+from poise.errors import ConfigurationError, PoiseError
 from poise.sim import read_log
 
 OWN = """
@@ -15,7 +15,7 @@ robot: biped20
 controller: step_teleoperation
 duration: 2.0
 plant: {control_dt: 0.005, servo: {stiffness: 70.0, damping: 2.5}}
-hands:
+devices:
   points:
     - {at: 0.2, right: [0.0, 0.0, 0.0]}
     - {at: 0.8, right: [0.0, 0.0, 0.08]}
@@ -47,9 +47,9 @@ def test_way_points_of_ones_own_lift_a_foot():
     assert [mode for _, mode in run.signals.modes] == ["D", "TL", "SL"]
     assert run.signals.sole_positions["right_sole"][-1, 2] > 0.05
     assert {"estimator", "leader", "solve"} <= set(run.signals.tick_us)
-    # The hands are in the replay, where the operator held them.
-    hand = run.signals.targets["right device"]
-    assert hand[-1, 2] - hand[0, 2] == pytest.approx(0.08, abs=1e-9)
+    # The devices are in the replay, where the operator held them.
+    device = run.signals.targets["right device"]
+    assert device[-1, 2] - device[0, 2] == pytest.approx(0.08, abs=1e-9)
     assert np.isfinite(run.signals.zmp_reference).all()
 
 
@@ -66,10 +66,10 @@ def changed(old, new):
 POINTS = OWN[OWN.index("  points:") :]
 
 CASES = {
-    "no hands": (OWN[: OWN.index("hands:")], "needs hands"),
-    "hands that nobody heeds": (
+    "no devices": (OWN[: OWN.index("devices:")], "needs devices"),
+    "devices that nobody heeds": (
         changed("controller: step_teleoperation\n", ""),
-        "does not heed the hands",
+        "does not heed the devices",
     ),
     "another period": (changed("0.005", "0.001"), "control period.*0.001.*0.005"),
     "another actuation": (changed("{control_dt", "{actuation: torque, control_dt"), "actuation"),
@@ -91,32 +91,34 @@ CASES = {
         "takes no motions",
     ),
     "an unknown script": (OWN.replace(POINTS, "  script: dance\n"), "dance.*over_an_obstacle"),
-    "script and points": (changed("hands:\n", "hands:\n  script: switch_feet\n"), "one of the two"),
+    "script and points": (
+        changed("devices:\n", "devices:\n  script: switch_feet\n"),
+        "one of the two",
+    ),
     "neither": (OWN.replace(POINTS, "  points: []\n"), "one of the two"),
     "points that are no list": (OWN.replace(POINTS, "  points: {at: 1}\n"), "a list"),
     "time that goes back": (changed("at: 0.8", "at: 0.1"), "order of time.*0.2.*0.1"),
-    "a hand far away": (changed("0.08]", "80.0]"), "out of range.*80"),
+    "a device far away": (changed("0.08]", "80.0]"), "out of range.*80"),
     "two numbers": (changed("0.0, 0.08]", "0.08]"), "right"),
     "NaN": (changed("0.08]", ".nan]"), "right"),
-    "no hand": (changed("right: [0.0, 0.0, 0.08]", ""), "moves no hand"),
+    "no device": (changed("right: [0.0, 0.0, 0.08]", ""), "moves no device"),
     "an unknown key": (changed("right: [0.0, 0.0, 0.08]", "foot: [0, 0, 0]"), "foot.*left.*right"),
 }
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_bad_hands_are_refused_before_the_first_tick(case, monkeypatch):
+def test_bad_devices_are_refused_before_the_first_tick(case, monkeypatch):
     text, message = CASES[case]
     forbid_ticks(monkeypatch)
     with pytest.raises(PoiseError, match=rf"(?s){message}"):
         run_scenario(parse_scenario(text, "own.yaml"))
 
 
-def test_another_scenario_takes_no_hands_from_the_command_line():
+def test_another_scenario_takes_no_devices_from_the_command_line():
     from dataclasses import replace
 
     from poise.control import ControllerPlan
 
     stand = load_scenario("stand")
-    with pytest.raises(ScenarioError, match="needs hands"):
+    with pytest.raises(ConfigurationError, match="needs devices"):
         run_scenario(replace(stand, controller=ControllerPlan(name="step_teleoperation")))
-    assert issubclass(ScenarioError, ConfigurationError)

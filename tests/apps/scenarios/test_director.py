@@ -10,7 +10,7 @@ from poise.apps.scenarios import Scenario
 from poise.apps.scenarios._director import TOUCHDOWN_PATIENCE, Director
 from poise.apps.scenarios._scenario import ContactChange, Motion
 from poise.dynamics import Dynamics, RobotState
-from poise.errors import PoiseError, ScenarioError, UnknownNameError
+from poise.errors import ConfigurationError, PoiseError, UnknownNameError
 from poise.stack import (
     ComTask,
     FrameTask,
@@ -124,11 +124,11 @@ def test_above_one_sole_or_between_two_keeps_the_height(scene):
     np.testing.assert_allclose(s.com.target_position, [*middle[:2], height], atol=1e-12)
 
 
-def test_reach_ends_on_the_ray_from_the_shoulder_at_a_share_of_the_arm(scene):
+def test_reach_ends_on_the_ray_from_the_shoulder_at_a_ratio_of_the_arm(scene):
     direction = np.array([0.6, 0.0, 0.8])
     s = scene(
-        move("hand", "reach", {"direction": direction, "share": 0.5}),
-        move("hand", "reach", {"direction": direction, "share": 1.0}, at=10.0),
+        move("hand", "reach", {"direction": direction, "ratio": 0.5}),
+        move("hand", "reach", {"direction": direction, "ratio": 1.0}, at=10.0),
     )
     s.at(1.0)
     s.at(3.0)
@@ -282,16 +282,20 @@ def test_loading_does_not_wait_for_ever(scene):
 
 WRONG = {
     "unknown task": (move("con", "by", [0, 0, 0]), UnknownNameError, "'con'.*com"),
-    "turning the com": (move("com", "turn", [0, 0, 1]), ScenarioError, "'turn'.*to, by, above"),
+    "turning the com": (
+        move("com", "turn", [0, 0, 1]),
+        ConfigurationError,
+        "'turn'.*to, by, above",
+    ),
     "reaching with the com": (
-        move("com", "reach", {"direction": [0, 0, 1], "share": 1.0}),
-        ScenarioError,
+        move("com", "reach", {"direction": [0, 0, 1], "ratio": 1.0}),
+        ConfigurationError,
         "reach",
     ),
-    "moving a posture by": (move("posture", "by", [0, 0, 1]), ScenarioError, "'by'.*joints"),
-    "moving a momentum": (move("angular momentum", "to", [0, 0, 1]), ScenarioError, "'to'"),
-    "turning a position": (move("place", "turn", [0, 0, 1]), ScenarioError, "'turn'.*to, by"),
-    "shifting an orientation": (move("lean", "by", [0, 0, 1]), ScenarioError, "'by'.*turn"),
+    "moving a posture by": (move("posture", "by", [0, 0, 1]), ConfigurationError, "'by'.*joints"),
+    "moving a momentum": (move("angular momentum", "to", [0, 0, 1]), ConfigurationError, "'to'"),
+    "turning a position": (move("place", "turn", [0, 0, 1]), ConfigurationError, "'turn'.*to, by"),
+    "shifting an orientation": (move("lean", "by", [0, 0, 1]), ConfigurationError, "'by'.*turn"),
     "over no sole": (
         move("foot", "above", ("left_toe",)),
         UnknownNameError,
@@ -304,7 +308,7 @@ WRONG = {
     ),
     "degrees": (
         move("posture", "joints", {"left_elbow": -90.0}),
-        ScenarioError,
+        ConfigurationError,
         "beyond.*-90.*rad",
     ),
 }
@@ -321,7 +325,7 @@ def test_a_frame_without_an_arm_cannot_reach(get_robot):
     robot = get_robot("humanoid33")
     stack = Stack([SurfaceContact("left_sole")], [[FrameTask("torso", name="trunk")]])
     stack.bind(robot)
-    motion = move("trunk", "reach", {"direction": [1, 0, 0], "share": 0.5})
+    motion = move("trunk", "reach", {"direction": [1, 0, 0], "ratio": 0.5})
     with pytest.raises(PoiseError, match="no joint between torso and frame.*left_hand"):
         Director(Scenario(name="s", duration=5.0, motions=(motion,)), stack, robot)
 

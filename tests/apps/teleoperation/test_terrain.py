@@ -12,8 +12,8 @@ pytest.importorskip("mujoco")
 from careful import careful_steps
 
 from poise.apps.teleoperation import (
+    SCRIPTS,
     TELEOP_PLANT,
-    over_an_obstacle,
     plant_from_json,
     replay_teleop,
     run_teleop,
@@ -58,7 +58,7 @@ def soles(robot, place=(0.0, 0.0)):
 def test_flat_has_nothing_and_the_obstacle_is_that_of_scenario_1(get_robot):
     robot = get_robot("biped20")
     assert terrain_blocks("flat", robot) == ()
-    assert terrain_blocks("obstacle", robot) == over_an_obstacle(robot).blocks
+    assert terrain_blocks("obstacle", robot) == SCRIPTS["over_an_obstacle"](robot).blocks
 
 
 @pytest.mark.parametrize("name", ["biped20", "g1"])

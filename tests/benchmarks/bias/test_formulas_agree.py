@@ -16,9 +16,8 @@ from osf_world import (
     stack_for,
 )
 
-from benchmarks.bias.rates import MatrixRates
 from benchmarks.bias.recursion import FusedRecursion, PaperRecursion
-from benchmarks.bias.rows import PaperFormulation
+from benchmarks.bias.rows import MatrixRates, PaperFormulation
 from poise.control import OperationalSpaceController, RankTreatment
 from poise.dynamics import Dynamics, RobotState
 from poise.errors import PoiseError, UnknownNameError

@@ -6,14 +6,20 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from benchmarks.hqp import humanoid_kinematics, planar_arm, singular_arm
-from benchmarks.hqp.humanoid_kinematics import humanoid_problems
-from benchmarks.hqp.planar_arm import hand_jacobian, planar_problems
+from benchmarks.hqp.inverse_kinematics import (
+    HUMANOID,
+    PLANAR,
+    SINGULAR,
+    Reach,
+    hand_jacobian,
+    humanoid_problems,
+    planar_problems,
+)
 from poise.dynamics import Dynamics, RobotState
 from poise.hqp import LexicographicSolver
 
-ARMS = {source.name: source for source in singular_arm.SOURCES}
-HUMANOIDS = {source.name: source for source in humanoid_kinematics.SOURCES}
+ARMS = {source.name: source for source in SINGULAR}
+HUMANOIDS = {source.name: source for source in HUMANOID}
 
 
 def solve(problems):
@@ -37,7 +43,7 @@ def test_a_planar_arms_jacobian_is_that_of_its_hand(links):
     np.testing.assert_allclose(hand_jacobian(q), differences, atol=1e-9)
 
 
-@pytest.mark.parametrize("source", planar_arm.SOURCES, ids=lambda source: source.name)
+@pytest.mark.parametrize("source", PLANAR, ids=lambda source: source.name)
 def test_a_planar_arm_is_stretched_in_the_middle_and_misses_what_it_cannot_do(source):
     problems = list(source.make(21, None))
     smallest = [np.linalg.svd(p.level(1).A, compute_uv=False)[-1] for p in problems]
@@ -109,9 +115,7 @@ def test_overstretched_arms_change_many_limits_every_tick():
 
 def test_a_humanoids_rows_are_derivatives_of_what_they_move(get_robot):
     robot = get_robot("humanoid33")
-    reach = humanoid_kinematics.Reach(
-        right=(0.4, -0.2, 0.9), left=(0.4, 0.2, 0.9), gaze=(1.5, 0.3, 1.2), before=0
-    )
+    reach = Reach(right=(0.4, -0.2, 0.9), left=(0.4, 0.2, 0.9), gaze=(1.5, 0.3, 1.2), before=0)
     (problem,) = humanoid_problems(reach, 1)
     dynamics = Dynamics(robot)
 

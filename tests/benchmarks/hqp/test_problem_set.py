@@ -9,9 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.hqp.packed import FLOATS
-from benchmarks.hqp.problem_set import ProblemSequence, load_folder, load_sequence, save_sequence
-from benchmarks.hqp.source import copy_problem
+from benchmarks.hqp.problem_set import (
+    FLOATS,
+    ProblemSequence,
+    copy_problem,
+    load_folder,
+    load_sequence,
+    save_sequence,
+)
 from poise.errors import ConfigurationError, PoiseError, ProblemError, UnknownNameError
 from poise.hqp import HierarchicalProblem, Level
 

@@ -6,8 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.hqp.packed import FLOATS
-from benchmarks.hqp.problem_set import FAMILIES, load_sequence, save_sequence
+from benchmarks.hqp.problem_set import FAMILIES, FLOATS, load_sequence, save_sequence
 from benchmarks.hqp.problem_sources import SOURCES, make_sequence, save_all, sequence_names
 from benchmarks.hqp.recorded import Window, record_window
 from poise.errors import ConfigurationError, UnknownNameError

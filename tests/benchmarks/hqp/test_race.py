@@ -5,8 +5,8 @@ import pytest
 
 from benchmarks.hqp import bench
 from benchmarks.hqp.bench import HqpBench, bench_hqp, format_hqp_table
-from benchmarks.hqp.contestant import Answer
 from benchmarks.hqp.judge import best_known, judge_point, measure_point
+from benchmarks.hqp.methods import Answer
 from benchmarks.hqp.problem_set import ProblemSequence
 from benchmarks.hqp.race import BATCH, COLD, GIVEN_UP, LATE, PATIENCE, WARM, Runner, take_turns
 from poise.errors import ConfigurationError

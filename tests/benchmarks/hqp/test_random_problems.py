@@ -6,8 +6,9 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from benchmarks.hqp.drifting import Drift, drifting_problems
 from benchmarks.hqp.random_families import (
+    Drift,
+    drifting_problems,
     family_knobs,
     random_problems,
     turn_active,

@@ -7,7 +7,7 @@ import pytest
 from poise.apps.scenarios import load_scenario, parse_scenario, run_scenario
 from poise.cli.main import main
 from poise.control import CONTROLLERS, ControllerPlan, DifferentialIK, make_controller
-from poise.errors import ConfigurationError, ScenarioError, UnknownNameError
+from poise.errors import ConfigurationError, UnknownNameError
 
 SQUAT = """
 name: a quick squat
@@ -67,7 +67,9 @@ def test_an_actuation_that_the_controller_does_not_command_is_refused(
     controller, actuation, choice
 ):
     text = f"name: s\nduration: 1\ncontroller: {controller}\nplant: {{actuation: {actuation}}}\n"
-    with pytest.raises(ScenarioError, match=f"{controller}.*'{actuation}'.*choices: .*{choice}"):
+    with pytest.raises(
+        ConfigurationError, match=f"{controller}.*'{actuation}'.*choices: .*{choice}"
+    ):
         run_scenario(parse_scenario(text, "s.yaml"))
 
 

@@ -6,7 +6,8 @@ from hypothesis import given, strategies as st
 
 from poise.dynamics import saturate
 from poise.errors import ConfigurationError
-from poise.locomotion import BodyRotator, CartFlywheelTable, ComShifter, ZmpRegulator
+from poise.locomotion import BodyRotator, ComShifter
+from studies.step_teleoperation.cart_table import CartFlywheelTable, ZmpRegulator
 
 
 def test_rotator_puts_the_zmp_on_its_reference():

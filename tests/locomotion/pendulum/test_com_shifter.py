@@ -5,7 +5,8 @@ import pytest
 from scipy import signal
 
 from poise.errors import ConfigurationError
-from poise.locomotion import CartFlywheelTable, ComShifter, natural_frequency, pole_zero_damping
+from poise.locomotion import ComShifter, natural_frequency, pole_zero_damping
+from studies.step_teleoperation.cart_table import CartFlywheelTable
 
 HEIGHT, MASS = 0.765, 65.0
 DT = 1e-4

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from poise.apps.teleoperation import TELEOP_PLANT, noisy, plant_from_json, run_teleop
+from poise.apps.teleoperation import TELEOP_PLANT, plant_from_json, run_teleop
 from poise.apps.teleoperation._run import plant_to_json
 from poise.errors import ConfigurationError, RobotError
 from poise.locomotion import ScriptedDevice, StepTeleoperator, TeleopParameters, WayPoint
@@ -17,7 +17,7 @@ from poise.sim import PlantConfig
 
 
 def test_a_robot_without_feet_is_refused(get_robot):
-    with pytest.raises(ConfigurationError, match="arm6.*cannot be walked"):
+    with pytest.raises(ConfigurationError, match="arm6.*cannot walk on two feet"):
         StepTeleoperator(get_robot("arm6"))
 
 
@@ -96,7 +96,7 @@ def test_way_points_have_to_be_in_order_and_finite():
         ScriptedDevice([WayPoint(at=1.0, left=(0.0, 0.0, 0.0))] * 2, zero, zero)
     with pytest.raises(ConfigurationError, match=r"left\[1\] is out of range; got nan.*\[m\]"):
         WayPoint(at=1.0, left=(0.0, np.nan, 0.0))
-    with pytest.raises(ConfigurationError, match="moves no hand"):
+    with pytest.raises(ConfigurationError, match="moves no device"):
         WayPoint(at=1.0)
 
 
@@ -136,12 +136,12 @@ def test_a_posture_stands_as_asked(get_robot):
 def test_a_plant_survives_json():
     import json
 
-    from poise.sim import Block, LinkError, Payload
+    from poise.sim import Block
 
     plant = replace(
-        noisy(),
+        TELEOP_PLANT.with_noise(),
         blocks=(Block(center=(0.1, 0.2), size=(0.1, 0.2, 0.3)),),
-        link_errors=(LinkError(link="torso_link", mass_scale=1.1),),
-        payloads=(Payload(frame="torso", mass=1.0),),
+        link_errors=(PlantConfig.LinkError(link="torso_link", mass_scale=1.1),),
+        payloads=(PlantConfig.Payload(frame="torso", mass=1.0),),
     )
     assert plant_from_json(json.loads(json.dumps(plant_to_json(plant)))) == plant

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from walker import hands, up_and_down, walk
 
-from poise.apps.teleoperation import TELEOP_PLANT, noisy
+from poise.apps.teleoperation import TELEOP_PLANT
 from poise.control import CommandStatus
 from poise.dynamics import RobotState
 from poise.locomotion import StepTeleoperator
@@ -18,15 +18,15 @@ def test_soles_and_com_are_where_the_simulator_has_them(get_robot):
     run = walk(robot, up_and_down(), 4.0)
     plant = run.plant
     soles = [plant.data.site(name).xpos for name in list(robot.soles)[:2]]
-    estimated = run.controller.status.soles
+    estimated = run.teleoperator.status.soles
     for truth, ours in zip(soles, estimated, strict=True):
         assert np.abs(truth - ours).max() < 5e-3
-    assert np.abs(plant.com - run.controller.status.com).max() < 5e-3
+    assert np.abs(plant.com - run.teleoperator.status.com).max() < 5e-3
 
 
 def test_with_noise_the_estimate_drifts_by_millimetres(get_robot):
-    run = walk(get_robot("biped20"), up_and_down(), 4.0, plant=noisy(), seed=3)
-    assert np.abs(run.plant.com - run.controller.status.com).max() < 1e-2
+    run = walk(get_robot("biped20"), up_and_down(), 4.0, plant=TELEOP_PLANT.with_noise(), seed=3)
+    assert np.abs(run.plant.com - run.teleoperator.status.com).max() < 1e-2
 
 
 @pytest.mark.parametrize("garbage", [1e4, np.nan], ids=["far away", "nan"])

@@ -8,7 +8,7 @@ from walker import up_and_down, walk
 from poise.apps.teleoperation import MODES
 from poise.errors import ConfigurationError
 from poise.locomotion import Mode
-from poise.locomotion._stepping._modes import TRANSITIONS, Event, ModeMachine, draw_modes
+from poise.locomotion._stepping._modes import TRANSITIONS, ModeEvent, ModeMachine, draw_modes
 
 
 def test_every_mode_can_be_reached_and_left():
@@ -18,7 +18,7 @@ def test_every_mode_can_be_reached_and_left():
 
 def test_an_event_out_of_place_changes_nothing():
     machine = ModeMachine()
-    assert not machine.advance(Event.LANDED, 1.0)
+    assert not machine.advance(ModeEvent.LANDED, 1.0)
     assert machine.mode is Mode.D
     assert machine.since == 0.0
 
@@ -66,10 +66,10 @@ def test_the_zmp_stays_in_the_foot_that_carries(stepped):
 
 def test_a_device_that_is_lowered_before_the_foot_left_gives_both_feet_back(get_robot):
     run = walk(get_robot("biped20"), up_and_down(lift=0.5, lower=1.2, height=0.03)[:2], 0.75)
-    assert run.controller.mode is Mode.TL
+    assert run.teleoperator.mode is Mode.TL
     from poise.locomotion import WayPoint
 
     points = [*up_and_down(lift=0.5)[:2], WayPoint(at=0.7, right=(0.0, 0.0, 0.0))]
     run = walk(get_robot("biped20"), points, 1.2)
-    assert run.controller.mode is Mode.D
+    assert run.teleoperator.mode is Mode.D
     assert not run.log.when(Mode.SL).any()

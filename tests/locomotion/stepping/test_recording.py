@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from walker import sample, up_and_down, walk
 
-from poise.apps.teleoperation import noisy, replay_teleop, run_teleop
+from poise.apps.teleoperation import TELEOP_PLANT, replay_teleop, run_teleop
 from poise.errors import ConfigurationError, PoiseError
 from poise.locomotion import (
     DeviceSample,
@@ -40,7 +40,12 @@ def test_a_recording_replays_bit_for_bit(get_robot, tmp_path, seed):
         run = walk(robot, up_and_down(lower=1.4), 2.5, recording=path)
     else:
         run = run_teleop(
-            robot, lambda c: BadOperator(c, seed), noisy(), duration=5.0, seed=seed, recording=path
+            robot,
+            lambda c: BadOperator(c, seed),
+            TELEOP_PLANT.with_noise(),
+            duration=5.0,
+            seed=seed,
+            recording=path,
         )
     again = replay_teleop(path)
     assert np.array_equal(run.log.velocity, again.log.velocity)
@@ -74,7 +79,7 @@ def test_a_lost_device_brings_the_foot_down(get_robot, tmp_path):
     device = read_recording(path).device(robot="biped20", dt=0.005)
     run = run_teleop(robot, device, duration=4.0)
     assert run.log.when(Mode.SL).any()
-    assert run.controller.mode is Mode.D
+    assert run.teleoperator.mode is Mode.D
     assert not run.fell
 
 
@@ -92,7 +97,7 @@ def test_a_walk_with_gaps_and_times_that_go_backwards_ends_on_both_feet(get_robo
     seen = {tuple(DeviceStatus)[i] for i in np.unique(run.log.device)}
     assert {DeviceStatus.OK, DeviceStatus.LOST, DeviceStatus.REFUSED} <= seen
     assert run.log.when(Mode.SL).any()
-    assert run.controller.mode is Mode.D
+    assert run.teleoperator.mode is Mode.D
     assert not run.fell
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from poise.locomotion import Gait, Ground, Platform, Stride, plan_footsteps
+from poise.locomotion import Gait, Ground, Stride, plan_footsteps
 from poise.locomotion._walking._reference import WalkReference
 
 GAIT = Gait(step_time=0.8, crouch=0.02)
@@ -61,7 +61,7 @@ def test_references_between_the_grid_lie_between_its_points(walk):
 
 
 def test_the_com_is_never_higher_than_the_lower_foot_allows(get_robot):
-    ground = Ground(platforms=(Platform(center=(0.65, 0.0), size=(0.5, 1.2, 0.05)),))
+    ground = Ground(platforms=(Ground.Platform(center=(0.65, 0.0), size=(0.5, 1.2, 0.05)),))
     plan = plan_footsteps(
         get_robot("humanoid33"),
         [Stride(steps=12, length=0.1)],

@@ -102,18 +102,18 @@ class LiveFeet:
 
     Args:
         inputs: what the operator does.
-        controller: knows where the feet are.
+        teleoperator: knows where the feet are.
 
     Attributes:
-        offset: from the world that the controller estimates to the drawn one, x, y, z [m].
-        places: where the devices are, left and right, in the controller's world [m].
+        offset: from the world that the teleoperator estimates to the drawn one, x, y, z [m].
+        places: where the devices are, left and right, in the teleoperator's world [m].
     """
 
-    def __init__(self, inputs: OperatorInputs, controller: StepTeleoperator) -> None:
-        self._inputs, self._controller = inputs, controller
-        self._dt = controller.parameters.dt
+    def __init__(self, inputs: OperatorInputs, teleoperator: StepTeleoperator) -> None:
+        self._inputs, self._teleoperator = inputs, teleoperator
+        self._dt = teleoperator.parameters.dt
         self.offset: Float64[np.ndarray, "3"] = np.zeros(3)
-        self.places = [anchor.copy() for anchor in controller.estimator.anchors]
+        self.places = [anchor.copy() for anchor in teleoperator.estimator.anchors]
 
     def sample(self, time: float) -> DeviceSample | None:
         """Where the devices are.
@@ -139,11 +139,11 @@ class LiveFeet:
 
     def _goal(self, foot: int, pad: Pad) -> tuple[Float64[np.ndarray, "3"], bool]:
         """Where a device goes [m], and whether it does so because it was let go."""
-        estimator, place = self._controller.estimator, self.places[foot]
+        estimator, place = self._teleoperator.estimator, self.places[foot]
         anchor, drag = estimator.anchors[foot], pad.drag[foot]
         if drag is not None:
             return np.array(drag) - self.offset, False
-        mode = self._controller.mode
+        mode = self._teleoperator.mode
         in_air = mode.single and mode.support != foot
         if pad.lift[foot]:
             height = anchor[2] + HOLD_HEIGHT
@@ -155,6 +155,6 @@ class LiveFeet:
             return np.array([*moved, height]), False
         if in_air:
             x, y = estimator.sole(foot)[:2]
-            lowest = anchor[2] - self._controller.parameters.press_depth
+            lowest = anchor[2] - self._teleoperator.parameters.press_depth
             return np.array([x, y, lowest]), True
         return anchor, False

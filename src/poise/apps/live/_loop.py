@@ -81,23 +81,23 @@ class Snapshot:
 
 
 def support_polygon(
-    controller: StepTeleoperator, status: TeleopStatus
+    teleoperator: StepTeleoperator, status: TeleopStatus
 ) -> Float64[np.ndarray, "h 2"]:
-    """The corners of what the robot stands on, in the controller's world.
+    """The corners of what the robot stands on, in the teleoperator's world.
 
     Args:
-        controller: knows where the soles are and how they are turned.
+        teleoperator: knows where the soles are and how they are turned.
         status: of the last tick.
 
     Returns:
         x and y, counter-clockwise [m].
     """
-    robot, dynamics = controller.robot, controller.estimator.dynamics
+    robot, dynamics = teleoperator.robot, teleoperator.estimator.dynamics
     feet = [status.mode.support] if status.mode.single else [0, 1]
     corners: list[tuple[float, float]] = []
     for foot in feet:
         assert foot is not None
-        name = controller.soles[foot]
+        name = teleoperator.soles[foot]
         frame = dynamics.frame(robot.frame_id(name))
         sole = robot.soles[name]
         corners += sole_rectangle(frame.position, frame.rotation, (sole.length, sole.width))
@@ -298,7 +298,7 @@ class LiveLoop:
             push = self._pushes.popleft()
             self._push(np.array(push.force), push.duration)
         if self._ticks is not None and next(self._ticks, None) is not None:
-            status = self.controller.status
+            status = self.teleoperator.status
             tick = round(self.plant.time / self._dt) - 1
             self.takes.sample(tick, None if status is None else status.sample)
         if self.plant.fallen:
@@ -312,19 +312,19 @@ class LiveLoop:
         self.plant.push(self.robot.torso, (x, y, z), duration)
 
     def _start(self) -> None:
-        """Robot, controller and device as at the beginning."""
+        """Robot, teleoperator and device as at the beginning."""
         self._end_rollout()
         self.plant.reset()
-        self.controller = _LiveTeleoperator(self.robot)
-        self._feet = LiveFeet(self._inputs, self.controller)
-        self.controller.device, self._pushes = self._feet, deque[RecordedPush]()
+        self.teleoperator = _LiveTeleoperator(self.robot)
+        self._feet = LiveFeet(self._inputs, self.teleoperator)
+        self.teleoperator.device, self._pushes = self._feet, deque[RecordedPush]()
         if self._recording is not None:
-            self.controller.device = self._recording.device(robot=self.robot.name, dt=self._dt)
+            self.teleoperator.device = self._recording.device(robot=self.robot.name, dt=self._dt)
             self._pushes.extend(self._recording.pushes)
 
     def _begin_take(self) -> None:
         setup = teleop_setup(
-            self.controller,
+            self.teleoperator,
             self._config,
             seed=self._seed,
             duration=_ENDLESS,
@@ -333,10 +333,10 @@ class LiveLoop:
         self.log.expect(self.takes.path.with_suffix(LOG_SUFFIX))
         self._ticks = rollout(
             self.plant,
-            self.controller.controller(),
-            self.controller,
+            self.teleoperator.controller(),
+            self.teleoperator,
             [self.log],
-            estimator=self.controller.estimator,
+            estimator=self.teleoperator.estimator,
         )
 
     def _finish_take(self) -> None:
@@ -364,14 +364,14 @@ class LiveLoop:
         return max(0.0, (last - first) / (now - began) / self._speed)
 
     def _picture(self) -> Snapshot | None:
-        controller, plant = self.controller, self.plant
-        status = controller.status
+        teleoperator, plant = self.teleoperator, self.plant
+        status = teleoperator.status
         if status is None:
             return self.snapshot
         offset = self._offset()
-        self._feet.offset = self.controller.offset = offset
+        self._feet.offset = self.teleoperator.offset = offset
         flat = offset[:2]
-        polygon = support_polygon(controller, status)
+        polygon = support_polygon(teleoperator, status)
         return Snapshot(
             time=plant.time,
             mode=status.mode,
@@ -396,7 +396,7 @@ class LiveLoop:
         )
 
     def _offset(self) -> Float64[np.ndarray, "3"]:
-        """From the controller's dead reckoning to the simulator's truth, at the stance sole [m]."""
-        stance = self.controller.estimator.stance
-        site = self.plant.data.site(self.controller.soles[stance])
-        return site.xpos - self.controller.estimator.sole(stance)
+        """From the teleoperator's dead reckoning to the plant's truth, at the stance sole [m]."""
+        stance = self.teleoperator.estimator.stance
+        site = self.plant.data.site(self.teleoperator.soles[stance])
+        return site.xpos - self.teleoperator.estimator.sole(stance)

@@ -31,7 +31,7 @@ class _Order(Struct, tag_field="do", tag=str.lower):
     """What an operator's page may say beside `Pad`."""
 
 
-class Push(_Order):
+class PushOrder(_Order, tag="push"):
     """The torso is pushed."""
 
     value: Literal["left", "right", "forward", "back"]
@@ -57,8 +57,8 @@ class Keep(_Order):
     """A copy of the run so far is kept."""
 
 
-_ORDERS: msgspec.json.Decoder[Pad | Push | Pause | Slow | Reset | Keep] = msgspec.json.Decoder(
-    Pad | Push | Pause | Slow | Reset | Keep
+_ORDERS: msgspec.json.Decoder[Pad | PushOrder | Pause | Slow | Reset | Keep] = msgspec.json.Decoder(
+    Pad | PushOrder | Pause | Slow | Reset | Keep
 )
 """JSON whose member `do` is the name of an order, or "drive" for a `Pad`."""
 
@@ -158,7 +158,7 @@ class LiveSession:
                 if self._source == "browser":
                     self.inputs.pad(message)
                 return {"echo": message.beat}
-            case Push():
+            case PushOrder():
                 self.loop.push(message.value)
             case Pause():
                 self.loop.pause(message.value)

@@ -21,6 +21,6 @@ from poise.apps.report._replay import (
     Replay as Replay,
 )
 from poise.apps.report._replay_payload import shapes_payload as shapes_payload
-from poise.apps.report._write import write_report
+from poise.apps.report._write import write_report as write_report
 
-__all__ = ["house_style", "html_document", "inline_svg", "write_report"]
+__all__ = ["house_style", "html_document", "inline_svg"]

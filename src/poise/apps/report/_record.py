@@ -210,10 +210,10 @@ class RunView:
             raise ConfigurationError(
                 "the times of a record do not increase", wanted="finite, increasing times [s]"
             )
-        for name, (got, wanted) in self._shapes().items():
-            if got != wanted:
+        for name, (got, due) in self._shapes().items():
+            if got != due:
                 raise ConfigurationError(
-                    f"wrong shape of the record's {name}", got=got, wanted=str(wanted)
+                    f"wrong shape of the record's {name}", got=got, wanted=str(due)
                 )
 
     def _shapes(self) -> dict[str, tuple[tuple[int, ...], tuple[int, ...]]]:

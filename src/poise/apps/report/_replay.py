@@ -123,16 +123,16 @@ class Replay:
 
     def __post_init__(self) -> None:
         frames, bodies = len(self.time), len(self.body_names)
-        wanted: dict[str, tuple[tuple[int, ...], tuple[int, ...]]] = {
+        shapes: dict[str, tuple[tuple[int, ...], tuple[int, ...]]] = {
             "position": (self.position.shape, (frames, bodies, 3)),
             "quaternion": (self.quaternion.shape, (frames, bodies, 4)),
         }
         for force in self.forces:
-            wanted[f"point of force {force.name!r}"] = (force.point.shape, (frames, 3))
-            wanted[f"force {force.name!r}"] = (force.force.shape, (frames, 3))
+            shapes[f"point of force {force.name!r}"] = (force.point.shape, (frames, 3))
+            shapes[f"force {force.name!r}"] = (force.force.shape, (frames, 3))
         for marker in self.markers:
-            wanted[f"marker {marker.name!r}"] = (marker.position.shape, (frames, 3))
-        for name, (got, shape) in wanted.items():
+            shapes[f"marker {marker.name!r}"] = (marker.position.shape, (frames, 3))
+        for name, (got, shape) in shapes.items():
             if got != shape:
                 raise ConfigurationError(
                     f"wrong shape of the replay's {name}", got=got, wanted=str(shape)

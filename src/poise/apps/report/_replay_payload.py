@@ -51,13 +51,13 @@ def replay_json(record: RunView, replay: Replay) -> str:
 
 
 def _nearest(
-    time: Float64[np.ndarray, " T"], wanted: Float64[np.ndarray, " F"]
+    time: Float64[np.ndarray, " T"], moments: Float64[np.ndarray, " F"]
 ) -> Shaped[np.ndarray, " F"]:
     """Index of the tick nearest to each frame."""
-    after = np.clip(np.searchsorted(time, wanted), 1, max(len(time) - 1, 1))
+    after = np.clip(np.searchsorted(time, moments), 1, max(len(time) - 1, 1))
     after = np.minimum(after, len(time) - 1)
     before = np.maximum(after - 1, 0)
-    return np.where(wanted - time[before] <= time[after] - wanted, before, after)
+    return np.where(moments - time[before] <= time[after] - moments, before, after)
 
 
 def _quantised(quaternion: Float64[np.ndarray, "F B 4"]) -> Shaped[np.ndarray, "F B 4"]:

@@ -3,9 +3,9 @@
 from poise.apps.scenarios._outputs import (
     LOG as LOG,
     report,
-    summarise,
-    write_page,
-    write_summary,
+    summarise as summarise,
+    write_page as write_page,
+    write_summary as write_summary,
     write_video as write_video,
 )
 from poise.apps.scenarios._reader import (
@@ -25,7 +25,4 @@ __all__ = [
     "report",
     "run_scenario",
     "stage_scenario",
-    "summarise",
-    "write_page",
-    "write_summary",
 ]

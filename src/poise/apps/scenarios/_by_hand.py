@@ -1,36 +1,20 @@
-"""`HandsPlan`: what an operator's hands do in a scenario whose robot is walked by them."""
+"""`DevicePlan`: how the foot devices move in a scenario whose robot is walked by an operator."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 from poise._schema import checked
-from poise.apps.teleoperation import (
-    Script,
-    lift_one_foot,
-    over_an_obstacle,
-    swing_fast,
-    switch_feet,
-)
-from poise.errors import ScenarioError, UnknownNameError
+from poise.apps.teleoperation import SCRIPTS
+from poise.errors import ConfigurationError, UnknownNameError
 from poise.locomotion import WayPoint
-from poise.robots import Robot
 
 NAME = "step_teleoperation"
 """What scenario files call the controller."""
 
-SCRIPTS: dict[str, Callable[[Robot], Script]] = {
-    "over_an_obstacle": over_an_obstacle,
-    "lift_one_foot": lift_one_foot,
-    "switch_feet": lambda robot: switch_feet(robot, 0.6),
-    "swing_fast": lambda robot: swing_fast(robot, "forward"),
-}
-"""The paper's scenarios 1 to 4, in the size of the robot."""
 
-
-@checked(ScenarioError)
+@checked()
 @dataclass(frozen=True, kw_only=True)
-class HandsPlan:
-    """What the operator's hands do: one of the scripts, or way-points.
+class DevicePlan:
+    """How the operator moves the foot devices: one of the scripts, or way-points.
 
     Attributes:
         script: one of `SCRIPTS`, which also has the blocks and the posture at the start; empty
@@ -43,10 +27,10 @@ class HandsPlan:
 
     def __post_init__(self) -> None:
         if self.script and self.script not in SCRIPTS:
-            raise UnknownNameError("no such script of hands", got=self.script, choices=SCRIPTS)
+            raise UnknownNameError("no such script of devices", got=self.script, choices=SCRIPTS)
         if bool(self.script) == bool(self.points):
-            raise ScenarioError(
-                "hands need either a script or points",
+            raise ConfigurationError(
+                "devices need either a script or points",
                 got=f"script {self.script!r} and {len(self.points)} points",
                 wanted="one of the two",
             )

@@ -10,7 +10,7 @@ from poise.apps.scenarios._metrics import METRICS
 from poise.apps.scenarios._scenario import CheckPlan
 from poise.apps.scenarios._signals import RunSignals
 from poise.control import PHYSICS_LEVELS, CommandStatus
-from poise.errors import ScenarioError, UnknownNameError
+from poise.errors import ConfigurationError, UnknownNameError
 from poise.robots import Robot
 from poise.stack import ComTask, Stack
 
@@ -44,7 +44,7 @@ def validate_checks(checks: Sequence[CheckPlan], stack: Stack, robot: Robot) -> 
 
     Raises:
         UnknownNameError: no such task or sole.
-        ScenarioError: no such level, or nothing that could be measured.
+        ConfigurationError: no such level, or nothing that could be measured.
     """
     levels = PHYSICS_LEVELS + len(stack.levels)
     tasks = [task.name for _, task in stack.tasks()]
@@ -56,13 +56,13 @@ def validate_checks(checks: Sequence[CheckPlan], stack: Stack, robot: Robot) -> 
                 f"a check names an unknown {kind}", got=check.subject, choices=known
             )
         if kind == "level" and not 1 <= int(check.subject) <= levels:
-            raise ScenarioError(
+            raise ConfigurationError(
                 "a check names an unknown level", got=check.subject, wanted=f"1 to {levels}"
             )
         if check.metric == "com_error_max" and not any(
             isinstance(task, ComTask) for _, task in stack.tasks()
         ):
-            raise ScenarioError(
+            raise ConfigurationError(
                 "a check needs a com task in the stack", got=check.metric, choices=tasks
             )
 

@@ -5,9 +5,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float64
 
-from poise.apps.scenarios._by_hand import NAME, SCRIPTS, HandsPlan
+from poise.apps.scenarios._by_hand import NAME, DevicePlan
 from poise.apps.scenarios._director import Director
 from poise.apps.scenarios._scenario import Scenario
+from poise.apps.teleoperation import SCRIPTS
 from poise.control import (
     CONTROLLERS,
     Controller,
@@ -16,7 +17,7 @@ from poise.control import (
     check_plan,
     make_controller,
 )
-from poise.errors import ScenarioError, UnknownNameError
+from poise.errors import ConfigurationError, UnknownNameError
 from poise.locomotion import ScriptedDevice, StepTeleoperator, walking_stack
 from poise.robots import Robot
 from poise.sim import Block, Estimator
@@ -46,7 +47,7 @@ class Cast:
 
 
 def is_by_hand(plan: ControllerPlan) -> bool:
-    """Whether hands walk the robot."""
+    """Whether an operator walks the robot."""
     return plan.name == NAME
 
 
@@ -62,7 +63,7 @@ def with_actuation(scenario: Scenario) -> Scenario:
 
     Raises:
         UnknownNameError: no such controller or strategy.
-        ScenarioError: the controller does not fit the scenario or its plant.
+        ConfigurationError: the controller does not fit the scenario or its plant.
     """
     plan, plant = scenario.controller, scenario.plant
     _check_walk(scenario)
@@ -71,7 +72,7 @@ def with_actuation(scenario: Scenario) -> Scenario:
         return replace(scenario, plant=replace(plant, actuation=actuation))
     if plant.actuation != actuation:
         fitting = [n for n, k in CONTROLLERS.items() if k.actuation == plant.actuation]
-        raise ScenarioError(
+        raise ConfigurationError(
             f"controller {plan.name!r} wants another actuation of the plant",
             got=plant.actuation,
             wanted=f"actuation {actuation}, or a controller that commands {plant.actuation}",
@@ -86,8 +87,8 @@ def cast_of(scenario: Scenario, robot: Robot) -> Cast:
     Raises:
         PoiseError: the scenario does not fit the robot.
     """
-    if scenario.hands is not None:
-        return _hands(robot, scenario.hands, scenario.plant.control_dt)
+    if scenario.devices is not None:
+        return _by_hand(robot, scenario.devices, scenario.plant.control_dt)
     stack = scenario.stack.build() if scenario.stack is not None else None
     if stack is None and scenario.walk is not None:
         stack = walking_stack(robot)
@@ -97,19 +98,19 @@ def cast_of(scenario: Scenario, robot: Robot) -> Cast:
     return Cast(controller=controller, leader=director)
 
 
-def _hands(robot: Robot, hands: HandsPlan, dt: float) -> Cast:
-    """An operator whose hands follow a script or way-points."""
-    script = SCRIPTS[hands.script](robot) if hands.script else None
+def _by_hand(robot: Robot, devices: DevicePlan, dt: float) -> Cast:
+    """An operator whose devices follow a script or way-points."""
+    script = SCRIPTS[devices.script](robot) if devices.script else None
     q_start = robot.q_home if script is None else script.posture(robot)
     teleoperator = StepTeleoperator(robot, q_start=q_start)
     if dt != teleoperator.parameters.dt:
-        raise ScenarioError(
+        raise ConfigurationError(
             f"controller {NAME} has another control period than the plant",
             got=f"plant: control_dt: {dt:g}",
             wanted=f"control_dt: {teleoperator.parameters.dt:g}",
         )
     start = teleoperator.resting_sample
-    points = hands.points if script is None else script.points
+    points = devices.points if script is None else script.points
     teleoperator.device = ScriptedDevice(points, start.left, start.right)
     return Cast(
         controller=teleoperator.controller(),
@@ -132,7 +133,7 @@ def _check_walk(scenario: Scenario) -> None:
     if scenario.walk is None:
         return
     if is_by_hand(plan) or _kind(plan).actuation != "torque":
-        raise ScenarioError(
+        raise ConfigurationError(
             f"controller {plan.name!r} cannot follow the walk of scenario {scenario.name!r}",
             got=plan.name,
             choices=[n for n, k in CONTROLLERS.items() if k.actuation == "torque"],
@@ -140,21 +141,21 @@ def _check_walk(scenario: Scenario) -> None:
 
 
 def _check_by_hand(scenario: Scenario) -> bool:
-    """Whether hands walk the robot, and then whether they can."""
+    """Whether an operator walks the robot, and then whether they can."""
     plan = scenario.controller
     if not is_by_hand(plan):
         _kind(plan)
-        if scenario.hands is not None:
-            raise ScenarioError(
-                f"controller {plan.name!r} does not heed the hands of scenario {scenario.name!r}",
+        if scenario.devices is not None:
+            raise ConfigurationError(
+                f"controller {plan.name!r} does not heed the devices of scenario {scenario.name!r}",
                 got=plan.name,
                 wanted=f"controller {NAME}",
             )
         return False
-    if scenario.hands is None:
-        raise ScenarioError(
-            f"controller {NAME} needs hands, and scenario {scenario.name!r} has none",
-            wanted="the section hands in the scenario's file",
+    if scenario.devices is None:
+        raise ConfigurationError(
+            f"controller {NAME} needs devices, and scenario {scenario.name!r} has none",
+            wanted="the section devices in the scenario's file",
         )
     if plan.strategy not in (None, _STRATEGY):
         raise UnknownNameError(
@@ -162,7 +163,7 @@ def _check_by_hand(scenario: Scenario) -> bool:
         )
     for value, what in ((plan.backend, "backend"), (plan.time_limit, "time_limit")):
         if value is not None:
-            raise ScenarioError(
+            raise ConfigurationError(
                 f"controller {NAME} has no {what}: it solves in closed form", got=value
             )
     given = {
@@ -171,7 +172,7 @@ def _check_by_hand(scenario: Scenario) -> bool:
         "contacts": bool(scenario.contact_changes),
     }
     for what in (name for name, there in given.items() if there):
-        raise ScenarioError(
-            f"controller {NAME} takes no {what}: it follows the hands", wanted=f"no {what}"
+        raise ConfigurationError(
+            f"controller {NAME} takes no {what}: it follows the devices", wanted=f"no {what}"
         )
     return True

@@ -12,7 +12,7 @@ from jaxtyping import Float64
 
 from poise.apps.scenarios._scenario import ContactChange, Motion, Scenario
 from poise.dynamics import Dynamics, Quintic, RobotState
-from poise.errors import ScenarioError, UnknownNameError
+from poise.errors import ConfigurationError, UnknownNameError
 from poise.locomotion import CarriedTarget, Walker
 from poise.robots import Robot
 from poise.sim import Value
@@ -24,9 +24,9 @@ def reach_point(
     dynamics: Dynamics,
     hand: str,
     direction: Float64[np.ndarray, "3"],
-    share: float,
+    ratio: float,
 ) -> Float64[np.ndarray, "3"]:
-    """A point along a direction from the shoulder, at a share of the arm's length.
+    """A point along a direction from the shoulder, at a fraction of the arm's length.
 
     The shoulder is the first joint between torso and hand; the arm's length is the sum of its
     links' lengths, an upper bound that offsets between joint axes keep from being reached exactly.
@@ -36,13 +36,13 @@ def reach_point(
         dynamics: its state, up to date.
         hand: frame of the hand.
         direction: unit vector in the world.
-        share: share of the arm's length; above one is out of reach.
+        ratio: distance from the shoulder over the arm's length; above one is out of reach.
 
     Returns:
         The point in the world [m].
 
     Raises:
-        ScenarioError: the frame has no arm of its own.
+        ConfigurationError: the frame has no arm of its own.
     """
     chain = require_arm(robot, hand)
     model = robot.model
@@ -50,7 +50,7 @@ def reach_point(
     length = float(np.linalg.norm(hand_frame.placement.translation))
     length += sum(float(np.linalg.norm(model.jointPlacements[j].translation)) for j in chain[1:])
     shoulder = dynamics.joint_position(chain[0])
-    return shoulder + share * length * direction
+    return shoulder + ratio * length * direction
 
 
 def require_arm(robot: Robot, hand: str) -> list[int]:
@@ -61,7 +61,7 @@ def require_arm(robot: Robot, hand: str) -> list[int]:
         hand: frame of the hand.
 
     Raises:
-        ScenarioError: the frame has no arm of its own.
+        ConfigurationError: the frame has no arm of its own.
     """
     model = robot.model
     torso = model.frames[robot.frame_id(robot.torso)].parentJoint
@@ -69,7 +69,7 @@ def require_arm(robot: Robot, hand: str) -> list[int]:
     hand_joint = model.frames[robot.frame_id(hand)].parentJoint
     chain = [j for j in model.supports[hand_joint].tolist() if j not in torso_chain]
     if not chain:
-        raise ScenarioError(
+        raise ConfigurationError(
             "no joint between torso and frame to reach with",
             got=hand,
             wanted="a frame at the end of an arm",
@@ -107,7 +107,7 @@ class Director:
 
     Raises:
         UnknownNameError: the scenario names a task, contact, sole or joint that does not exist.
-        ScenarioError: a goal that does not fit its task, or something that the walk leads.
+        ConfigurationError: a goal that does not fit its task, or something that the walk leads.
     """
 
     def __init__(self, scenario: Scenario, stack: Stack, robot: Robot) -> None:
@@ -221,8 +221,8 @@ class Director:
         if motion.kind == "by":
             return start + motion.vector
         if motion.reach is not None:
-            frame, share = _as_frame(task).frame, motion.reach.share
-            return reach_point(self._robot, self._dynamics, frame, motion.vector, share)
+            frame, ratio = _as_frame(task).frame, motion.reach.ratio
+            return reach_point(self._robot, self._dynamics, frame, motion.vector, ratio)
         ids = [self._robot.frame_id(sole) for sole in motion.above or ()]
         middle = np.mean([self._dynamics.frame(i).position for i in ids], axis=0)
         return np.array([middle[0], middle[1], start[2]])
@@ -280,7 +280,7 @@ def _require(name: str, known: Iterable[str], what: str) -> None:
 
 def _as_frame(task: Task) -> FrameTask:
     if not isinstance(task, FrameTask):
-        raise ScenarioError(
+        raise ConfigurationError(
             f"task {task.name!r} has no point to move", wanted="a com or frame task"
         )
     return task
@@ -297,7 +297,7 @@ def _check_goal(motion: Motion, task: Task, robot: Robot) -> None:
     elif isinstance(task, FrameTask):
         allowed = {"m": points, "rad": ("turn",)}.get(task.unit, (*points, "turn"))
     if motion.kind not in allowed:
-        raise ScenarioError(
+        raise ConfigurationError(
             f"a motion of task {task.name!r} cannot be given like this",
             got=motion.kind,
             choices=allowed,
@@ -318,20 +318,20 @@ def _check_beside_walk(scenario: Scenario, walker: Walker, tasks: Mapping[str, T
     for motion in scenario.motions:
         task = tasks[motion.task]
         if walker.leads(task):
-            raise ScenarioError(
+            raise ConfigurationError(
                 "a motion of a task that the walk leads",
                 got=motion.task,
                 choices=[t.name for t in tasks.values() if not walker.leads(t)],
             )
         if motion.task in walker.carried and motion.kind != "by":
-            raise ScenarioError(
+            raise ConfigurationError(
                 f"a motion of task {motion.task!r}, which goes along with the walk",
                 got=motion.kind,
                 wanted='a shift "by", or a walk that does not carry the task',
             )
     for change in scenario.contact_changes:
         if walker.holds(change.contact):
-            raise ScenarioError(
+            raise ConfigurationError(
                 "a contact change of a sole that walks", got=change.contact, wanted="no change"
             )
 
@@ -340,7 +340,7 @@ def _check_angle(joint: str, angle: float, robot: Robot) -> None:
     i = robot.joint_index(joint)
     low, high = float(robot.q_min[i]), float(robot.q_max[i])
     if not low <= angle <= high:
-        raise ScenarioError(
+        raise ConfigurationError(
             f"a motion takes joint {joint!r} beyond its limits",
             got=angle,
             wanted=f"{low:g} to {high:g} rad",

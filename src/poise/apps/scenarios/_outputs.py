@@ -17,7 +17,7 @@ from poise.apps.teleoperation import plant_from_json
 from poise.control import PHYSICS_LEVELS
 from poise.errors import MissingExtraError
 from poise.robots import Robot, load_robot
-from poise.sim import NoOpenGLError, Plant, Push, RunRecord, read_log, render_video
+from poise.sim import Plant, Push, RunRecord, read_log, render_video
 
 SUMMARY, REPORT, VIDEO, LOG = "summary.json", "report.html", "video.mp4", "log.mcap"
 """File names in a run's folder."""
@@ -83,7 +83,7 @@ def write_video(run: Run, directory: Path, progress: Progress | None = None) -> 
             directory / VIDEO,
             progress=None if progress is None else lambda n, of: progress(float(n), float(of)),
         )
-    except (NoOpenGLError, MissingExtraError) as reason:
+    except MissingExtraError as reason:
         return f"No video: {reason}"
     return ""
 
@@ -104,19 +104,29 @@ def write_page(run: Run, summary: dict[str, object], directory: Path, no_video: 
     return write_report(view, directory)
 
 
-def report(record: RunRecord | Path, directory: Path, robot: Robot | None = None) -> Path:
-    """Writes `report.html` from nothing but the record of a run, or its log.
+def report(run: Run | RunRecord | Path, directory: Path, robot: Robot | None = None) -> Path:
+    """Writes `report.html`: of a scenario's run, or from nothing but a record or its log.
+
+    A scenario's run is reported with its checks and its figures, which `summary.json` beside the
+    page has too.
 
     Args:
-        record: as a `Recorder` made it, or the file of its log.
+        run: of a scenario; or a record as a `Recorder` made it, or the file of its log.
         directory: where the page goes; made if it does not exist.
-        robot: of the run; loaded by the name in the record when None.
+        robot: of the record; loaded by the name in the record when None.
+
+    Returns:
+        Path of the page.
 
     Raises:
         PoiseError: the file is no log, or the robot cannot be loaded.
     """
-    if isinstance(record, Path):
-        record = read_log(record)
+    if isinstance(run, Run):
+        directory.mkdir(parents=True, exist_ok=True)
+        summary = summarise(run)
+        write_summary(summary, directory)
+        return write_page(run, summary, directory, no_video=None)
+    record = read_log(run) if isinstance(run, Path) else run
     robot = load_robot(record.metadata["robot"]) if robot is None else robot
     return write_report(make_view(record, robot), directory)
 

@@ -6,7 +6,7 @@ from pathlib import Path
 from poise._schema import read
 from poise._yaml import read_text, read_yaml
 from poise.apps.scenarios._scenario import Scenario
-from poise.errors import ScenarioError, UnknownNameError
+from poise.errors import ConfigurationError, UnknownNameError
 
 SHIPPED = Path(__file__).parent / "shipped"
 """Folder of the scenarios that come with Poise."""
@@ -25,12 +25,12 @@ def load_scenario(name_or_path: str | Path) -> Scenario:
 
     Raises:
         UnknownNameError: neither a shipped scenario nor a file.
-        ScenarioError: an unknown key, a missing key, or a value of the wrong kind.
+        ConfigurationError: an unknown key, a missing key, or a value of the wrong kind.
         ConfigurationError: values that cannot be right.
     """
     shipped = SHIPPED / f"{name_or_path}.yaml"
     if str(name_or_path) in shipped_scenarios():
-        return parse_scenario(read_text(shipped, error=ScenarioError), shipped.name)
+        return parse_scenario(read_text(shipped, error=ConfigurationError), shipped.name)
     path = Path(name_or_path)
     if not path.is_file():
         raise UnknownNameError(
@@ -38,7 +38,7 @@ def load_scenario(name_or_path: str | Path) -> Scenario:
             got=str(name_or_path),
             choices=shipped_scenarios(),
         )
-    return parse_scenario(read_text(path, error=ScenarioError), path.name)
+    return parse_scenario(read_text(path, error=ConfigurationError), path.name)
 
 
 def parse_scenario(text: str, where: str) -> Scenario:
@@ -49,9 +49,9 @@ def parse_scenario(text: str, where: str) -> Scenario:
         where: what messages call it.
 
     Raises:
-        ScenarioError: an unknown key, a missing key, or a value of the wrong kind.
+        ConfigurationError: an unknown key, a missing key, or a value of the wrong kind.
         ConfigurationError: values that cannot be right.
     """
-    data = read_yaml(text, where, error=ScenarioError)
-    scenario = read(Scenario, data, where, error=ScenarioError)
+    data = read_yaml(text, where, error=ConfigurationError)
+    scenario = read(Scenario, data, where, error=ConfigurationError)
     return replace(scenario, actuation_given="actuation" in data.get("plant", {}))

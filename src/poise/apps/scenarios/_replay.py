@@ -63,8 +63,8 @@ def make_replay(plant: Plant, run: RunSignals, pushes: Sequence[Push] = ()) -> R
 
 
 def _frame_rows(time: Float64[np.ndarray, " T"]) -> Int[np.ndarray, " F"]:
-    wanted = np.arange(time[0], time[-1] + 0.5 / FRAMES_PER_SECOND, 1.0 / FRAMES_PER_SECOND)
-    return np.unique(np.clip(np.searchsorted(time, wanted), 0, len(time) - 1))
+    moments = np.arange(time[0], time[-1] + 0.5 / FRAMES_PER_SECOND, 1.0 / FRAMES_PER_SECOND)
+    return np.unique(np.clip(np.searchsorted(time, moments), 0, len(time) - 1))
 
 
 def _contact_forces(plant: Plant, run: RunSignals, rows: Int[np.ndarray, " F"]) -> list[ForceTrack]:

@@ -23,15 +23,14 @@ from poise._schema import (
     Vector,
     checked,
 )
-from poise.apps.scenarios._by_hand import HandsPlan
+from poise.apps.scenarios._by_hand import DevicePlan
 from poise.apps.scenarios._metrics import METRICS
 from poise.apps.scenarios._stack_plan import StackPlan
 from poise.control import ControllerPlan
-from poise.errors import ScenarioError, UnknownNameError
+from poise.errors import ConfigurationError, UnknownNameError
 from poise.locomotion import (
     Gait,
     Ground,
-    Platform,
     Stride,
     Walker,
     WalkSettings,
@@ -59,7 +58,7 @@ def _given(plan: object, keys: tuple[str, ...]) -> str:
     """Which one of several keys is there."""
     found = [key for key in keys if getattr(plan, key) is not None]
     if len(found) != 1:
-        raise ScenarioError("there must be one of these keys", got=found, choices=keys)
+        raise ConfigurationError("there must be one of these keys", got=found, choices=keys)
     return found[0]
 
 
@@ -69,25 +68,25 @@ MotionKind = Literal["to", "by", "above", "reach", "turn", "joints"]
 _GOALS: tuple[MotionKind, ...] = ("to", "by", "above", "reach", "turn", "joints")
 
 
-@checked(ScenarioError)
+@checked()
 @dataclass(frozen=True, kw_only=True)
 class Reach:
     """A goal for a hand, as far as its arm goes.
 
     Attributes:
         direction: from the shoulder, in the world; of any length but zero.
-        share: share of the arm's length, such as 0.9.
+        ratio: distance from the shoulder over the arm's length, such as 0.9.
     """
 
     direction: _Goal
-    share: Annotated[float, Bounds(positive=True, most=_LARGEST)]
+    ratio: Annotated[float, Bounds(positive=True, most=_LARGEST)]
 
     def __post_init__(self) -> None:
         if not np.any(self.direction):
-            raise ScenarioError("direction is zero", got=[0.0, 0.0, 0.0], wanted="a direction")
+            raise ConfigurationError("direction is zero", got=[0.0, 0.0, 0.0], wanted="a direction")
 
 
-@checked(ScenarioError)
+@checked()
 @dataclass(frozen=True, kw_only=True)
 class Motion:
     """A task's target moves from where it is to a goal, which one of six keys gives.
@@ -99,7 +98,7 @@ class Motion:
         to: a point in the world [m].
         by: a shift from the target as it is at `at` [m].
         above: a sole or several, over whose middle the target goes (x and y only).
-        reach: a share of the arm's length in a direction from the shoulder.
+        reach: a fraction of the arm's length in a direction from the shoulder.
         turn: a rotation vector in the world from the orientation as it is at `at` [rad].
         joints: angles by joint name [rad].
     """
@@ -120,7 +119,7 @@ class Motion:
     def __post_init__(self) -> None:
         _given(self, _GOALS)
         if self.above == ():
-            raise ScenarioError("above is empty", wanted="a sole or several")
+            raise ConfigurationError("above is empty", wanted="a sole or several")
 
     @property
     def kind(self) -> MotionKind:
@@ -135,7 +134,7 @@ class Motion:
         return next((v for v in (self.to, self.by, self.turn) if v is not None), np.zeros(3))
 
 
-@checked(ScenarioError)
+@checked()
 @dataclass(frozen=True, kw_only=True)
 class ContactChange:
     """A contact is loaded or unloaded.
@@ -158,7 +157,7 @@ class ContactChange:
     def __post_init__(self) -> None:
         _given(self, ("load", "unload"))
         if self.unload is not None and self.touchdown > 0.0:
-            raise ScenarioError("touchdown goes with load", got="unload")
+            raise ConfigurationError("touchdown goes with load", got="unload")
 
     @property
     def contact(self) -> str:
@@ -166,7 +165,7 @@ class ContactChange:
         return self.load or self.unload or ""
 
 
-@checked(ScenarioError)
+@checked()
 @dataclass(frozen=True, kw_only=True)
 class PushPlan:
     """A push, as a force or as the change of speed it would give the whole robot.
@@ -197,7 +196,7 @@ class PushPlan:
         return (scale * x, scale * y, scale * z)
 
 
-@checked(ScenarioError)
+@checked()
 @dataclass(frozen=True, kw_only=True)
 class CheckPlan:
     """Something that must hold of the run.
@@ -230,16 +229,16 @@ class CheckPlan:
         metric = METRICS[self.metric]
         given = [k for k in ("task", "sole", "level") if getattr(self, k) is not None]
         if given != ([metric.subject] if metric.subject else []):
-            raise ScenarioError(
+            raise ConfigurationError(
                 f"metric {self.metric!r} is measured on something else",
                 got=given,
                 wanted=f"the key {metric.subject!r}" if metric.subject else "no task, sole, level",
             )
         _given(self, ("at_most", "at_least"))
         if self.axis is not None and not metric.takes_axis:
-            raise ScenarioError("axis", got=self.axis, wanted="no axis with this metric")
+            raise ConfigurationError("axis", got=self.axis, wanted="no axis with this metric")
         if self.begin >= self.end:
-            raise ScenarioError(
+            raise ConfigurationError(
                 "the window is empty", got=(self.begin, self.end), wanted="from < until"
             )
 
@@ -264,7 +263,7 @@ class CheckPlan:
         return None if self.axis is None else "xyz".index(self.axis)
 
 
-@checked(ScenarioError)
+@checked()
 @dataclass(frozen=True, kw_only=True)
 class WalkPlan:
     """Where a robot walks, and how; the steps depend on the robot.
@@ -284,7 +283,7 @@ class WalkPlan:
     def __post_init__(self) -> None:
         steps = sum(stride.steps for stride in self.strides)
         if not 0 < steps <= _MOST_STEPS:
-            raise ScenarioError(
+            raise ConfigurationError(
                 "too many steps" if steps else "strides is empty",
                 got=steps,
                 wanted=f"at least one and at most {_MOST_STEPS}",
@@ -301,7 +300,7 @@ class WalkPlan:
         Raises:
             PoiseError: the robot cannot walk like this, or its stack cannot be led.
         """
-        platforms = tuple(Platform(center=b.center, size=b.size, yaw=b.yaw) for b in blocks)
+        platforms = tuple(Ground.Platform(center=b.center, size=b.size, yaw=b.yaw) for b in blocks)
         plan = plan_footsteps(robot, self.strides, self.gait, ground=Ground(platforms=platforms))
         return Walker(robot, plan, stack, self.feedback, carry=self.carry)
 
@@ -311,7 +310,7 @@ def _named(value: Any) -> Any:
     return {"name": value} if isinstance(value, str) else value
 
 
-@checked(ScenarioError)
+@checked()
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Scenario:
     """One run: robot, controller, stack, references over time, disturbances and checks.
@@ -327,7 +326,8 @@ class Scenario:
         actuation_given: whether the plant's actuation was asked for by name; where it was not, the
             controller's own is taken.
         stack: contacts, limits and tasks; None for the default stack of the robot.
-        hands: what the operator of a robot that is walked by hand does; None for other robots.
+        devices: how the operator of a robot that is walked by hand moves its foot devices; None for
+            other robots.
         walk: where the robot walks; None for one that stays.
         motions: how targets move, by time.
         contact_changes: contacts loaded and unloaded, by time.
@@ -346,7 +346,7 @@ class Scenario:
     plant: PlantConfig = field(default_factory=PlantConfig)
     actuation_given: bool = field(default=True, metadata=NOT_IN_FILES)
     stack: StackPlan | None = None
-    hands: HandsPlan | None = None
+    devices: DevicePlan | None = None
     walk: WalkPlan | None = None
     motions: tuple[Motion, ...] = ()
     contact_changes: Annotated[tuple[ContactChange, ...], Field(alias="contacts")] = ()
@@ -355,13 +355,13 @@ class Scenario:
 
     def __post_init__(self) -> None:
         if _NAME.fullmatch(self.name) is None:
-            raise ScenarioError(
+            raise ConfigurationError(
                 "name of a scenario cannot name a folder",
                 got=self.name,
                 wanted="letters, digits, spaces and any of _ - . + ( )",
             )
         if self.duration < self.plant.control_dt:
-            raise ScenarioError(
+            raise ConfigurationError(
                 f"duration of scenario {self.name!r} is out of range",
                 got=self.duration,
                 wanted=f"seconds, one control period of {self.plant.control_dt:g} s or more",
@@ -372,7 +372,7 @@ class Scenario:
         times += [(f"the window of a check of {c.metric!r}", c.begin) for c in self.checks]
         for what, time in times:
             if not 0.0 <= time < self.duration:
-                raise ScenarioError(
+                raise ConfigurationError(
                     f"{what} begins outside the run",
                     got=time,
                     wanted=f"seconds, from 0 to less than the duration of {self.duration:g}",

@@ -11,7 +11,6 @@ from pydantic_core import CoreSchema, core_schema
 
 from poise._checks import Numbers
 from poise._schema import Number, Text, Wanting, checked, key_error, locatable, mapping_schema
-from poise.errors import ScenarioError
 from poise.stack import (
     ComTask,
     FrameTask,
@@ -123,7 +122,7 @@ def _one_kind(makers: Mapping[str, Callable[..., Any]], entry: object) -> object
     return {entry: {}} if isinstance(entry, str) else entry
 
 
-@checked(ScenarioError)
+@checked()
 @dataclass(frozen=True, kw_only=True)
 class StackPlan:
     """A recipe for a `Stack`.

@@ -7,7 +7,7 @@ The plant that step teleoperation is simulated on.
 import time as clock
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -36,8 +36,6 @@ from poise.sim import (
     PlantConfig,
     Recorder,
     RunRecord,
-    SensorConfig,
-    ServoConfig,
     rollout,
 )
 
@@ -45,27 +43,12 @@ TELEOP_PLANT = PlantConfig(
     actuation="velocity",
     control_dt=5e-3,
     physics_dt=1e-3,
-    servo=ServoConfig(stiffness=70.0, damping=2.5),
+    servo=PlantConfig.Servo(stiffness=70.0, damping=2.5),
 )
 """Velocity servos with position feedback; physics 1 ms, control 5 ms, as Zhang and Kikuuwe have it.
 
 The servos are stiff enough that the commanded velocity is the velocity: with those of a standing
 robot that is commanded torques the ZMP lags by what the joints sag."""
-
-REAL_SENSORS = SensorConfig(
-    encoder_resolution=2.0 * np.pi / 2**17,
-    joint_velocity_noise=0.01,
-    base_orientation_noise=1e-3,
-    gyro_noise=5e-3,
-    force_noise=2.0,
-    moment_noise=0.3,
-)
-"""Encoders of 17 bits, an inertial unit and load cells as one buys them; white noise."""
-
-
-def noisy(plant: PlantConfig = TELEOP_PLANT) -> PlantConfig:
-    """The plant with `REAL_SENSORS`."""
-    return replace(plant, sensors=REAL_SENSORS)
 
 
 def plant_to_json(config: PlantConfig) -> dict[str, Any]:
@@ -96,9 +79,9 @@ class TeleopLog:
 
     Attributes:
         time: before the tick [s].
-        mode: place in `MODES`.
-        device: place in `DEVICE_STATUSES`.
-        hands: left and right device, NaN where no sample came [m].
+        mode: place in `tuple(Mode)`.
+        device: place in `tuple(DeviceStatus)`.
+        devices: left and right, NaN where no sample came [m].
         zmp: measured, smoothed [m].
         zmp_reference: of it [m].
         cart_table_zmp: CT-ZMP [m].
@@ -115,7 +98,7 @@ class TeleopLog:
     time: Float64[np.ndarray, " T"]
     mode: Int8[np.ndarray, " T"]
     device: Int8[np.ndarray, " T"]
-    hands: Float64[np.ndarray, "T 2 3"]
+    devices: Float64[np.ndarray, "T 2 3"]
     zmp: Float64[np.ndarray, "T 2"]
     zmp_reference: Float64[np.ndarray, "T 2"]
     cart_table_zmp: Float64[np.ndarray, "T 2"]
@@ -140,12 +123,12 @@ class TeleopLog:
         end = record.times("zmp_reference")
         rows = np.isin(record.times("q"), end)
         touched = record["touched"][rows] if "touched" in record else np.zeros(len(end), np.bool_)
-        hands = (record[f"target/{side} device"][rows] for side in ("left", "right"))
+        devices = (record[f"target/{side} device"][rows] for side in ("left", "right"))
         return cls(
             time=dt * (np.round(end / dt) - 1.0),
             mode=_places(record.notes("mode"), [mode.name for mode in MODES], end),
             device=_places(record.notes("device"), [d.name for d in DEVICE_STATUSES], end),
-            hands=np.stack(tuple(hands), axis=1),
+            devices=np.stack(tuple(devices), axis=1),
             zmp=record["estimate/zmp"],
             zmp_reference=record["zmp_reference"],
             cart_table_zmp=record["estimate/cart_table_zmp"],
@@ -182,7 +165,7 @@ def _places(
 
 
 MakeDevice = Callable[[StepTeleoperator], Device]
-"""Makes a device for a controller that has not begun: it knows where the feet stand."""
+"""Makes a device for a teleoperator that has not begun: it knows where the feet stand."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -193,7 +176,7 @@ class TeleopRun:
         record: of the run.
         log: what it says of the operator's side, a row a tick.
         plant: as it was left.
-        controller: as it was left.
+        teleoperator: as it was left.
         fell: whether the robot fell; the run ends there.
         clearance: smallest distance of any part of the robot from a block [m]; None without blocks.
         tick_us: median time of one control step [us].
@@ -203,7 +186,7 @@ class TeleopRun:
     record: RunRecord = field(repr=False)
     log: TeleopLog
     plant: Plant = field(repr=False)
-    controller: StepTeleoperator = field(repr=False)
+    teleoperator: StepTeleoperator = field(repr=False)
     fell: bool
     clearance: float | None
     tick_us: float
@@ -228,8 +211,8 @@ def run_teleop(
 
     Args:
         robot: a biped.
-        device: gives samples, or makes what gives them from the controller.
-        plant: with velocity actuation, and the controller's tick.
+        device: gives samples, or makes what gives them from the teleoperator.
+        plant: with velocity actuation, and the teleoperator's tick.
         duration: [s]; a fall ends the run earlier.
         seed: of the sensor noise.
         parameters: scaled to the robot when None.
@@ -243,17 +226,17 @@ def run_teleop(
         ConfigurationError: the plant takes no velocities or has another tick.
     """
     checked_number(duration, "duration of the run [s]", above=0.0)
-    controller = leader(
+    teleoperator = leader(
         robot, parameters=parameters, q_start=q_start, rotator=rotator, driver=driver
     )
     if plant.actuation != "velocity":
         raise ConfigurationError(
             "step teleoperation commands velocities", got=plant.actuation, wanted="velocity"
         )
-    if plant.control_dt != controller.parameters.dt:
+    if plant.control_dt != teleoperator.parameters.dt:
         raise ConfigurationError(
-            "controller and plant have different ticks",
-            got=(controller.parameters.dt, plant.control_dt),
+            "teleoperator and plant have different ticks",
+            got=(teleoperator.parameters.dt, plant.control_dt),
             wanted="the same",
         )
     if recording is not None and (driver is not None or leader is not StepTeleoperator):
@@ -263,13 +246,13 @@ def run_teleop(
         )
     body = Plant(robot, plant, seed=seed)
     body.reset(q_start)
-    source = device(controller) if callable(device) else device
-    controller.device = source
+    source = device(teleoperator) if callable(device) else device
+    teleoperator.device = source
     if isinstance(source, RecordedDevice):
         for push in source.recording.pushes:
             body.push(robot.torso, push.force, push.duration, push.tick * plant.control_dt)
     setup = teleop_setup(
-        controller, plant, seed=seed, duration=duration, rotator=rotator, q_start=q_start
+        teleoperator, plant, seed=seed, duration=duration, rotator=rotator, q_start=q_start
     )
     writing = (
         nullcontext()
@@ -281,22 +264,22 @@ def run_teleop(
     with writing as writer:
         for tick in rollout(
             body,
-            controller.controller(),
-            controller,
+            teleoperator.controller(),
+            teleoperator,
             [recorder],
-            estimator=controller.estimator,
+            estimator=teleoperator.estimator,
             duration=duration,
         ):
             times.append(tick.estimator_seconds + tick.leader_seconds + tick.controller_seconds)
-            if writer is not None and controller.status is not None:
-                writer.sample(round(tick.state.time / plant.control_dt), controller.status.sample)
+            if writer is not None and teleoperator.status is not None:
+                writer.sample(round(tick.state.time / plant.control_dt), teleoperator.status.sample)
     wall = clock.perf_counter() - begin
     record = recorder.record
     return TeleopRun(
         record=record,
         log=TeleopLog.of(record, plant.control_dt),
         plant=body,
-        controller=controller,
+        teleoperator=teleoperator,
         fell=body.fallen,
         clearance=float(record["clearance"].min()) if "clearance" in record else None,
         tick_us=1e6 * float(np.median(times)),
@@ -343,7 +326,7 @@ def replay_teleop(recording: Recording | Path, robot: Robot | None = None) -> Te
 
 
 def teleop_setup(
-    controller: StepTeleoperator,
+    teleoperator: StepTeleoperator,
     plant: PlantConfig,
     *,
     seed: int,
@@ -354,7 +337,7 @@ def teleop_setup(
     """What a recording's header needs so that `replay_teleop` can run it again.
 
     Args:
-        controller: that drives the robot.
+        teleoperator: that walks the robot.
         plant: of the run.
         seed: of the sensor noise.
         duration: of the run [s]; a live run may give a long one: a replay ends there.
@@ -362,7 +345,7 @@ def teleop_setup(
         q_start: configuration at the start; None for the robot's home.
     """
     return {
-        "parameters": asdict(controller.parameters),
+        "parameters": asdict(teleoperator.parameters),
         "rotator": rotator,
         "plant": plant_to_json(plant),
         "seed": seed,

@@ -1,5 +1,6 @@
 """The paper's scenarios as scripts: way-points that a careful operator would take."""
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
@@ -38,9 +39,9 @@ class Script:
     com_height: float
     blocks: tuple[Block, ...] = ()
 
-    def device(self, controller: StepTeleoperator) -> ScriptedDevice:
-        """The operator's hands, on the feet where they stand."""
-        start = controller.resting_sample
+    def device(self, teleoperator: StepTeleoperator) -> ScriptedDevice:
+        """The operator's foot devices, on the feet where they stand."""
+        start = teleoperator.resting_sample
         return ScriptedDevice(self.points, start.left, start.right)
 
     def posture(self, robot: Robot) -> Float64[np.ndarray, " nq"]:
@@ -49,7 +50,7 @@ class Script:
 
 
 def over_an_obstacle(robot: Robot) -> Script:
-    """Scenario 1: right foot, then left foot over two blocks that lie across the way.
+    """Scenario 1: right foot, then left foot over two blocks that lie across its path.
 
     The step is as long as a sole, both blocks and room before and behind them; heights go with the
     size of the robot.
@@ -91,7 +92,7 @@ def lift_one_foot(robot: Robot) -> Script:
     )
 
 
-def switch_feet(robot: Robot, after: float) -> Script:
+def switch_feet(robot: Robot, after: float = 0.6) -> Script:
     """Scenario 3: down with the right foot, up with the left one.
 
     Args:
@@ -119,17 +120,19 @@ def switch_feet(robot: Robot, after: float) -> Script:
     )
 
 
-def swing_fast(robot: Robot, way: Literal["forward", "sideways"], times: int = 3) -> Script:
-    """Scenario 4: the foot in the air is swung out and back, each way in 0.3 s.
+def swing_fast(
+    robot: Robot, direction: Literal["forward", "sideways"] = "forward", times: int = 3
+) -> Script:
+    """Scenario 4: the foot in the air is swung out in 0.3 s, and back in 0.3 s.
 
     Args:
         robot: a biped.
-        way: by 0.3 m forward, or by 0.15 m outward, in the size of the robot.
+        direction: by 0.3 m forward, or by 0.15 m outward, in the size of the robot.
         times: how often.
     """
     size = _size(robot)
     up = 0.1 * size
-    out = (0.3 * size, 0.0, up) if way == "forward" else (0.0, -0.15 * size, up)
+    out = (0.3 * size, 0.0, up) if direction == "forward" else (0.0, -0.15 * size, up)
     home = (0.0, 0.0, up)
     points = [WayPoint(at=0.5, right=(0.0, 0.0, 0.0)), WayPoint(at=1.3, right=home)]
     start = SWING_START
@@ -142,7 +145,7 @@ def swing_fast(robot: Robot, way: Literal["forward", "sideways"], times: int = 3
         ]
         start += 2.0
     return Script(
-        name=f"scenario 4, {way}",
+        name=f"scenario 4, {direction}",
         points=tuple(points),
         duration=start,
         feet_apart=_home_stance(robot),
@@ -152,6 +155,16 @@ def swing_fast(robot: Robot, way: Literal["forward", "sideways"], times: int = 3
 
 SWING_START = 3.0
 """When the first swing of scenario 4 begins [s]."""
+
+SCRIPTS: Mapping[str, Callable[..., Script]] = {
+    "over_an_obstacle": over_an_obstacle,
+    "lift_one_foot": lift_one_foot,
+    "switch_feet": switch_feet,
+    "swing_fast": swing_fast,
+}
+"""The paper's scenarios 1 to 4 by name: each makes a script in the size of the robot it is given.
+
+`switch_feet` also takes the time between the feet, `swing_fast` the direction and how often."""
 
 
 def _careful_step(

@@ -4,7 +4,6 @@ from poise.control._differential_ik._bounds import limit_weights
 from poise.control._differential_ik._closed_form import VelocityLevel, solve_levels
 from poise.control._differential_ik._controller import DifferentialIK
 from poise.control._differential_ik._rows import (
-    ROW_WEIGHT,
     RowWeights,
     base_from_joints,
     constrained,
@@ -13,7 +12,6 @@ from poise.control._differential_ik._strategy import METHODS
 
 __all__ = [
     "METHODS",
-    "ROW_WEIGHT",
     "DifferentialIK",
     "RowWeights",
     "VelocityLevel",

@@ -1,6 +1,7 @@
 """`DifferentialIK`: prioritised joint velocities."""
 
 from collections.abc import Mapping, Sequence
+from typing import ClassVar
 
 import numpy as np
 from jaxtyping import Float64, Int64
@@ -9,7 +10,7 @@ from poise._checks import Numbers, checked_kind, checked_number
 from poise.control._controller import Controller
 from poise.control._differential_ik._bounds import VelocityBounds
 from poise.control._differential_ik._closed_form import RANK
-from poise.control._differential_ik._rows import RowWeights
+from poise.control._differential_ik._rows import ROW_WEIGHT, RowWeights
 from poise.control._differential_ik._strategy import VelocityStrategy
 from poise.control._rank import RankTreatment
 from poise.control._strategy import bound_stack
@@ -52,6 +53,7 @@ class DifferentialIK(Controller):
         dynamics: shared with the estimator of the state, see `Controller`; its own when None.
 
     Attributes:
+        ROW_WEIGHT: W_A of a row whose task has weight one; with weight w it is w^2 times that.
         dt: control period [s].
         method: how the levels are solved.
 
@@ -59,6 +61,8 @@ class DifferentialIK(Controller):
         PoiseError: a name that the robot does not have, a floating base without a surface contact,
             or a setting that cannot be right.
     """
+
+    ROW_WEIGHT: ClassVar = ROW_WEIGHT
 
     def __init__(
         self,

@@ -9,7 +9,7 @@ from poise.locomotion._stepping._device import (
     ScriptedDevice,
     WayPoint,
 )
-from poise.locomotion._stepping._modes import Event, Mode, draw_modes
+from poise.locomotion._stepping._modes import Mode, ModeEvent, draw_modes
 from poise.locomotion._stepping._parameters import TeleopParameters, scaled_parameters
 from poise.locomotion._stepping._recording import (
     RecordedDevice,
@@ -28,8 +28,8 @@ __all__ = [
     "DeviceGuard",
     "DeviceSample",
     "DeviceStatus",
-    "Event",
     "Mode",
+    "ModeEvent",
     "RecordedDevice",
     "RecordedPush",
     "Recording",

@@ -11,6 +11,7 @@ from jaxtyping import Float64
 from poise.dynamics import Dynamics, RobotState
 from poise.errors import ConfigurationError
 from poise.locomotion._stepping._parameters import TeleopParameters
+from poise.locomotion._support import two_soles
 from poise.robots import Robot
 
 _HIP_JOINTS = 3
@@ -154,25 +155,6 @@ class Biped:
     weight: float
     legs: tuple[str, ...]
     knees: tuple[str, str]
-
-
-def two_soles(robot: Robot) -> tuple[str, str]:
-    """Names of the left and the right sole.
-
-    Args:
-        robot: any.
-
-    Raises:
-        ConfigurationError: no floating base, or no two soles.
-    """
-    if not robot.floating_base or len(robot.soles) < 2:
-        raise ConfigurationError(
-            f"robot {robot.name!r} cannot be walked",
-            got=f"soles {list(robot.soles)}",
-            wanted="a floating base and two soles",
-        )
-    left, right, *_ = robot.soles
-    return left, right
 
 
 def biped_of(robot: Robot, parameters: TeleopParameters) -> Biped:

@@ -179,7 +179,7 @@ class ShifterDriver:
 
 
 class ComMotion:
-    """Integrates what the driver wants, within what the soles can support.
+    """Integrates the driver's reference, within what the soles can support.
 
     Args:
         driver: COM shifter or preview control.
@@ -188,7 +188,7 @@ class ComMotion:
     Attributes:
         omega: sqrt(g / H) [1/s].
         velocity: commanded in the last tick [m/s].
-        acceleration: likewise [m/s^2].
+        acceleration: commanded in the last tick [m/s^2].
     """
 
     def __init__(self, driver: ComDriver, parameters: TeleopParameters) -> None:

@@ -26,7 +26,7 @@ class DeviceSample:
     Attributes:
         time: when it was measured, on the operator's clock [s].
         left: position commanded for the left sole, in the controller's world [m].
-        right: likewise for the right sole.
+        right: position commanded for the right sole [m].
         upright: button: bring the torso upright although one foot is in the air.
     """
 
@@ -148,7 +148,7 @@ class WayPoint:
     Attributes:
         at: [s].
         left: offset of the left device from its foot's start; as before when None [m].
-        right: likewise.
+        right: offset of the right device from its foot's start; as before when None [m].
     """
 
     at: Seconds
@@ -157,7 +157,7 @@ class WayPoint:
 
     def __post_init__(self) -> None:
         if self.left is None and self.right is None:
-            raise ConfigurationError("a way-point moves no hand", wanted="left, right or both")
+            raise ConfigurationError("a way-point moves no device", wanted="left, right or both")
 
 
 class ScriptedDevice:

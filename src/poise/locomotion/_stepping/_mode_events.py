@@ -8,7 +8,7 @@ import numpy as np
 from poise.locomotion._stepping._com import ComMotion
 from poise.locomotion._stepping._device import DeviceSample
 from poise.locomotion._stepping._estimator import StanceEstimator, ZmpSensor
-from poise.locomotion._stepping._modes import Event, Mode, ModeMachine
+from poise.locomotion._stepping._modes import Mode, ModeEvent, ModeMachine
 from poise.locomotion._stepping._parameters import TeleopParameters
 
 _STUCK_TIME = 0.3
@@ -142,7 +142,9 @@ class ModeEvents:
         for foot, lift in enumerate(self._lifts):
             lift.reset(0.0 if device is None else self._lift_height(device, foot))
 
-    def _event(self, device: DeviceSample | None, time: float, *, rescuing: bool) -> Event | None:
+    def _event(
+        self, device: DeviceSample | None, time: float, *, rescuing: bool
+    ) -> ModeEvent | None:
         support = self.mode.support
         if support is None:
             return self._lifted(device)
@@ -151,10 +153,10 @@ class ModeEvents:
             return self._landed(device, swing, rescuing=rescuing)
         late = time - self._machine.since > self._parameters.shift_timeout
         if late or self._is_given_back(device, swing):
-            return Event.CANCEL
+            return ModeEvent.CANCEL
         return self._shift(support)
 
-    def _lifted(self, device: DeviceSample | None) -> Event | None:
+    def _lifted(self, device: DeviceSample | None) -> ModeEvent | None:
         """Eqs (14a) and (14b): a device has been lifted in double support."""
         if device is None:
             return None
@@ -164,25 +166,27 @@ class ModeEvents:
         if left and right:
             # Both at once: the foot that carries less goes first, the other has to ask again.
             loads = self._sensor.loads
-            return Event.LIFT_LEFT if loads[0] < loads[1] else Event.LIFT_RIGHT
+            return ModeEvent.LIFT_LEFT if loads[0] < loads[1] else ModeEvent.LIFT_RIGHT
         if left:
-            return Event.LIFT_LEFT
-        return Event.LIFT_RIGHT if right else None
+            return ModeEvent.LIFT_LEFT
+        return ModeEvent.LIFT_RIGHT if right else None
 
-    def _landed(self, device: DeviceSample | None, swing: int, *, rescuing: bool) -> Event | None:
+    def _landed(
+        self, device: DeviceSample | None, swing: int, *, rescuing: bool
+    ) -> ModeEvent | None:
         """The foot in the air has landed, or has not left the ground and need not any more."""
         load = float(self._sensor.loads[swing])
         lifting = not rescuing and self._is_sent_up(device, swing)
         if self._landing.update(load, lifting=lifting):
-            return Event.LANDED
+            return ModeEvent.LANDED
         given_back = rescuing or self._is_given_back(device, swing)
-        return Event.LANDED if given_back and not self._landing.armed else None
+        return ModeEvent.LANDED if given_back and not self._landing.armed else None
 
-    def _shift(self, support: int) -> Event | None:
+    def _shift(self, support: int) -> ModeEvent | None:
         """The weight is on the foot that shall carry, for long enough."""
         p = self._parameters
         self._shifted = self._shifted + p.dt if self._has_shifted(support) else 0.0
-        return Event.SHIFTED if self._shifted > p.shift_time else None
+        return ModeEvent.SHIFTED if self._shifted > p.shift_time else None
 
     def _has_shifted(self, support: int) -> bool:
         """Eq. (14e), and the COM too: while it brakes, the ZMP is there and the COM is not."""

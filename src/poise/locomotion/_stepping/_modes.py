@@ -34,7 +34,7 @@ class Mode(Enum):
 _SUPPORT = {Mode.D: None, Mode.TL: 0, Mode.SL: 0, Mode.TR: 1, Mode.SR: 1}
 
 
-class Event(Enum):
+class ModeEvent(Enum):
     """What leads from one mode to another, eq. (14)."""
 
     LIFT_RIGHT = "the right device was lifted"
@@ -44,15 +44,15 @@ class Event(Enum):
     CANCEL = "the device was lowered before the foot left the ground"
 
 
-TRANSITIONS: dict[tuple[Mode, Event], Mode] = {
-    (Mode.D, Event.LIFT_RIGHT): Mode.TL,
-    (Mode.D, Event.LIFT_LEFT): Mode.TR,
-    (Mode.TL, Event.SHIFTED): Mode.SL,
-    (Mode.TR, Event.SHIFTED): Mode.SR,
-    (Mode.SL, Event.LANDED): Mode.D,
-    (Mode.SR, Event.LANDED): Mode.D,
-    (Mode.TL, Event.CANCEL): Mode.D,
-    (Mode.TR, Event.CANCEL): Mode.D,
+TRANSITIONS: dict[tuple[Mode, ModeEvent], Mode] = {
+    (Mode.D, ModeEvent.LIFT_RIGHT): Mode.TL,
+    (Mode.D, ModeEvent.LIFT_LEFT): Mode.TR,
+    (Mode.TL, ModeEvent.SHIFTED): Mode.SL,
+    (Mode.TR, ModeEvent.SHIFTED): Mode.SR,
+    (Mode.SL, ModeEvent.LANDED): Mode.D,
+    (Mode.SR, ModeEvent.LANDED): Mode.D,
+    (Mode.TL, ModeEvent.CANCEL): Mode.D,
+    (Mode.TR, ModeEvent.CANCEL): Mode.D,
 }
 """The whole diagram: where each event leads; an event that is not here changes nothing.
 
@@ -71,7 +71,7 @@ class ModeMachine:
     mode: Mode = Mode.D
     since: float = 0.0
 
-    def advance(self, event: Event, time: float) -> bool:
+    def advance(self, event: ModeEvent, time: float) -> bool:
         """Takes an event.
 
         Args:

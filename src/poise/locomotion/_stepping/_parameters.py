@@ -41,7 +41,7 @@ class TeleopParameters:
         momentum_leak: how fast the desired angular momentum is forgotten [1/s].
         capture_max: largest distance of the divergent component from the support foot's centre at
             which the other foot may leave the ground [m].
-        ct_zmp_max: likewise of the CT-ZMP [m].
+        ct_zmp_max: largest distance of the CT-ZMP from there at which it may [m].
         shift_time: how long all this must hold [s].
         lift_height: how far a device is lifted to lift its foot [m].
         lower_height: how far it may be above the ground to count as lowered again [m].
@@ -57,12 +57,12 @@ class TeleopParameters:
         lift_speed: largest vertical speed of the COM [m/s].
         lift_acceleration: largest vertical acceleration of the COM [m/s^2].
         lower_speed: largest speed of a foot downwards [m/s].
-        touch_speed: likewise at the height of the ground [m/s].
+        touch_speed: largest speed of a foot downwards at the height of the ground [m/s].
         tilt_soft: tilt of the torso at which its attitude weighs twice as much [rad].
         velocity_leak: how fast the COM's commanded velocity leaks into the measured one [1/s].
         press_speed: largest speed of a foot without load downwards in double support [m/s].
         knee_min: least knee angle; straighter the leg is singular [rad].
-        reach_margin: share of the leg's length that a foot command stays short of.
+        reach_margin: fraction of the leg's length that a foot command stays short of.
         stoop_max: how far the COM may come down for the legs to reach, over its height.
         step_max: largest distance of the feet forward or sideways that can be commanded [m].
         feet_gap: least distance of the soles' edges, side by side [m].

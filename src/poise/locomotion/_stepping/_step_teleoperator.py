@@ -13,7 +13,7 @@ from poise._checks import checked_kind
 from poise.control import DifferentialIK, is_usable
 from poise.dynamics import RobotState
 from poise.locomotion._pendulum import BodyRotator, ComShifter
-from poise.locomotion._stepping._biped import biped_of, two_soles
+from poise.locomotion._stepping._biped import biped_of
 from poise.locomotion._stepping._com import (
     BodyMomentum,
     ComDriver,
@@ -30,6 +30,7 @@ from poise.locomotion._stepping._modes import Mode
 from poise.locomotion._stepping._parameters import TeleopParameters, scaled_parameters
 from poise.locomotion._stepping._reach import FootRange
 from poise.locomotion._stepping._tasks import DesiredVelocities, SteppingTasks, TaskWeights
+from poise.locomotion._support import two_soles
 from poise.robots import Robot
 from poise.stack import Stack
 
@@ -37,7 +38,7 @@ _LIMIT_TIME = 0.05
 """Time in which a joint may at most reach its position limit [s]."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class TeleopStatus:
     """How the last tick stood.
 
@@ -56,7 +57,7 @@ class TeleopStatus:
     """
 
     mode: Mode
-    device: DeviceStatus
+    device: DeviceStatus = DeviceStatus.OK
     sample: DeviceSample | None
     zmp: Float64[np.ndarray, "2"]
     zmp_reference: Float64[np.ndarray, "2"]

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float64
 
-from poise.control import ROW_WEIGHT
+from poise.control import DifferentialIK
 from poise.dynamics import rotation_vector, saturate
 from poise.locomotion._stepping._biped import Biped
 from poise.locomotion._stepping._footing import Footing
@@ -164,7 +164,7 @@ class SteppingTasks:
 
 
 def _weigh(task: Task, row_weight: float) -> None:
-    task.set_weight((row_weight / ROW_WEIGHT) ** 0.5)
+    task.set_weight((row_weight / DifferentialIK.ROW_WEIGHT) ** 0.5)
 
 
 class _Turn:

@@ -6,7 +6,6 @@ from poise.locomotion._walking._footsteps import (
     Gait,
     Ground,
     Placement,
-    Platform,
     Stride,
 )
 from poise.locomotion._walking._plan import plan_footsteps
@@ -21,7 +20,6 @@ __all__ = [
     "Gait",
     "Ground",
     "Placement",
-    "Platform",
     "Stride",
     "WalkReference",
     "WalkSettings",

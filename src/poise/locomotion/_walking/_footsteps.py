@@ -28,36 +28,35 @@ def yaw_rotation(yaw: float) -> Float64[np.ndarray, "2 2"]:
     return np.array([[c, -s], [s, c]])
 
 
-@checked()
-@dataclass(frozen=True, kw_only=True)
-class Platform:
-    """A box on the floor whose top a robot may step on.
-
-    Attributes:
-        center: of its footprint in the world [m].
-        size: along its x, along its y, and its height [m].
-        yaw: its rotation about z [rad].
-    """
-
-    center: Annotated[tuple[float, float], Vector(2, Bounds(unit="m"))]
-    size: Annotated[tuple[float, float, float], Vector(3, Bounds(positive=True, unit="m"))]
-    yaw: Number = 0.0
-
-    def heights(self, points: Float64[np.ndarray, "n 2"]) -> Float64[np.ndarray, " n"]:
-        """The platform's height where it is under a point, else zero [m]."""
-        local = (points - np.array(self.center)) @ yaw_rotation(self.yaw)
-        inside = (np.abs(local) <= 0.5 * np.array(self.size[:2])).all(axis=1)
-        return np.where(inside, self.size[2], 0.0)
-
-
 @dataclass(frozen=True, kw_only=True)
 class Ground:
     """A floor at one height with platforms on it.
 
     Attributes:
         height: of the floor in the world [m].
-        platforms: what stands on it.
+        platforms: what stands on it, each a `Ground.Platform`.
     """
+
+    @checked()
+    @dataclass(frozen=True, kw_only=True)
+    class Platform:
+        """A box on the floor whose top a robot may step on.
+
+        Attributes:
+            center: of its footprint in the world [m].
+            size: along its x, along its y, and its height [m].
+            yaw: its rotation about z [rad].
+        """
+
+        center: Annotated[tuple[float, float], Vector(2, Bounds(unit="m"))]
+        size: Annotated[tuple[float, float, float], Vector(3, Bounds(positive=True, unit="m"))]
+        yaw: Number = 0.0
+
+        def heights(self, points: Float64[np.ndarray, "n 2"]) -> Float64[np.ndarray, " n"]:
+            """The platform's height where it is under a point, else zero [m]."""
+            local = (points - np.array(self.center)) @ yaw_rotation(self.yaw)
+            inside = (np.abs(local) <= 0.5 * np.array(self.size[:2])).all(axis=1)
+            return np.where(inside, self.size[2], 0.0)
 
     height: float = 0.0
     platforms: tuple[Platform, ...] = ()

@@ -8,7 +8,8 @@ import pinocchio as pin
 from jaxtyping import Float64
 
 from poise._checks import checked_kind
-from poise.errors import ConfigurationError, RobotError
+from poise.errors import ConfigurationError
+from poise.locomotion._support import two_soles
 from poise.locomotion._walking._footsteps import (
     RISE,
     Footstep,
@@ -40,22 +41,6 @@ _FLAT = 0.05
 """Soles tilted more than this do not stand on the ground [rad]."""
 
 
-def two_soles(robot: Robot) -> tuple[str, str]:
-    """Names of the left and the right sole.
-
-    Raises:
-        RobotError: the robot does not stand on two soles.
-    """
-    if not robot.floating_base or len(robot.soles) != 2:
-        raise RobotError(
-            f"robot {robot.name!r} cannot walk on two feet",
-            got=list(robot.soles),
-            wanted="a floating base and two soles",
-        )
-    left, right = robot.soles
-    return left, right
-
-
 def plan_footsteps(
     robot: Robot,
     strides: Sequence[Stride],
@@ -80,8 +65,8 @@ def plan_footsteps(
         The plan, with one step more than the strides have where the feet have to close.
 
     Raises:
-        RobotError: the robot does not stand on two soles.
-        ConfigurationError: no stride, feet that cross, or no place for a foot.
+        ConfigurationError: a robot that does not stand on two soles, no stride, feet that cross,
+            or no place for a foot.
     """
     gait = gait or Gait()
     soles = two_soles(robot)

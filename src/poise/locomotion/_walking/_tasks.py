@@ -13,8 +13,8 @@ import pinocchio as pin
 from jaxtyping import Float64
 
 from poise.errors import ConfigurationError, UnknownNameError
+from poise.locomotion._support import two_soles
 from poise.locomotion._walking._footsteps import FootstepPlan
-from poise.locomotion._walking._plan import two_soles
 from poise.robots import Robot
 from poise.stack import ComTask, Contact, FrameTask, PostureTask, Stack, SurfaceContact, Task
 
@@ -180,11 +180,11 @@ def _foot_task(stack: Stack, sole: str) -> FrameTask:
     raise _lacking(stack, f"a FrameTask of the pose of {sole!r}")
 
 
-def _lacking(stack: Stack, wanted: str) -> ConfigurationError:
+def _lacking(stack: Stack, lacking: str) -> ConfigurationError:
     return ConfigurationError(
         "a stack without a task that a walk needs",
         got=[task.name for _, task in stack.tasks()],
-        wanted=wanted,
+        wanted=lacking,
     )
 
 

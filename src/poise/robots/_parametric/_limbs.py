@@ -86,8 +86,8 @@ def add_arm(
     spans = [(end - j.station) * length for j, end in zip(chain, ends, strict=True)]
     has_clavicle = joints > len(_CORE)
     weights = [_JOINT_WEIGHT + _LENGTH_WEIGHT * span / length for span in spans]
-    shares = sum(weights) + _HAND_WEIGHT + (_JOINT_WEIGHT if has_clavicle else 0.0)
-    unit = mass / shares
+    parts = sum(weights) + _HAND_WEIGHT + (_JOINT_WEIGHT if has_clavicle else 0.0)
+    unit = mass / parts
     x, y, z = shoulder
     at = (x, sign * y, z)
     if has_clavicle:
@@ -176,7 +176,7 @@ _LEG = (
     ("ankle_link", 0.045, Hinge("ankle_pitch", "y", (-80.0, 50.0), 200.0)),
     ("foot_link", 0.145, Hinge("ankle_roll", "x", (-40.0, 40.0), 110.0)),
 )
-"""Links of a leg from above: name, share of the leg's mass, and the hinge they hang on."""
+"""Links of a leg from above: name, fraction of the leg's mass, and the hinge they hang on."""
 
 
 def add_leg(tree: Tree, side: Literal["left", "right"], p: Proportions) -> None:
@@ -204,10 +204,10 @@ def add_leg(tree: Tree, side: Literal["left", "right"], p: Proportions) -> None:
         _foot(p),
     )
     parent = "pelvis_link"
-    for (link, share, hinge), at, look in zip(_LEG, places, shapes, strict=True):
+    for (link, fraction, hinge), at, look in zip(_LEG, places, shapes, strict=True):
         child = f"{side}_{link}"
         tree.connect(hinge, parent, child, at=at, velocity=12.0, strength=p.strength, side=side)
-        tree.add(child, mass * share, look)
+        tree.add(child, mass * fraction, look)
         parent = child
 
 

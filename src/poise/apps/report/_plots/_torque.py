@@ -1,4 +1,4 @@
-"""Torques as shares of their limits: all joints as a heat map, the highest ones as lines.
+"""Torques over their limits: all joints as a heat map, the highest ones as lines.
 
 Which joints belong together: given by the record, or guessed from their names.
 Joint positions: the joints that come nearest to their limits.
@@ -125,7 +125,7 @@ def torque_figure(record: RunView) -> PlotFigure | None:
     _highest(sheet, record, ratio)
     return sheet.finish(
         "torque",
-        "Joint torques as a share of their limits",
+        "Joint torques over their limits",
         "Above, every joint is a row and dark red is at its limit; below are the joints that "
         "came nearest to their limits, drawn as dark lines at −1 and 1.",
         short="Torques",

@@ -10,7 +10,7 @@ from beartype import beartype
 from jaxtyping import Float64, jaxtyped
 from scipy.linalg import lapack
 
-from benchmarks.flops.counter import FlopCounter
+from benchmarks.flops import FlopCounter
 from poise.errors import ConfigurationError
 
 A = np.arange(15.0).reshape(3, 5) + 1.0

@@ -1,5 +1,0 @@
-"""Counting the floating point operations that array code really does."""
-
-from benchmarks.flops.counter import FlopCounter
-
-__all__ = ["FlopCounter"]

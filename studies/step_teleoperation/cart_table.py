@@ -1,0 +1,120 @@
+"""The small models of Zhang and Kikuuwe: what the COM shifter is designed on, and its dual.
+
+`CartFlywheelTable`: the smallest model of a biped whose ZMP one controls.
+`ZmpRegulator`: the dual of the COM shifter, from COM reference to ZMP.
+"""
+
+import math
+
+import numpy as np
+from jaxtyping import Float64
+
+from poise.errors import ConfigurationError
+
+
+class CartFlywheelTable:
+    """Cart and flywheel on a table, eq. (24) of Zhang and Kikuuwe, in as many axes as `p` has.
+
+        pdd = u_1,   Ldot = u_2,   r = p - u_1 / omega^2 - u_2 / W
+
+    p is the COM, r the ZMP, L the angular momentum about the COM in the sense that moves the ZMP
+    back (for a robot that walks along x, L is -L_Gx for the axis y and L_Gy for the axis x). With
+    u_2 = 0 it is the cart-table model.
+
+    Args:
+        height: of the table [m].
+        mass: of the cart [kg].
+        position: p at the start [m].
+        gravity: [m/s^2].
+
+    Raises:
+        ConfigurationError: not positive.
+
+    Attributes:
+        omega: sqrt(g / H) [1/s].
+        weight: W = m g [N].
+        position: p [m].
+        velocity: pdot [m/s].
+        momentum: L [kg m^2/s].
+        zmp: r under the last inputs [m].
+    """
+
+    def __init__(
+        self,
+        height: float,
+        mass: float,
+        position: Float64[np.ndarray, " n"],
+        gravity: float = 9.81,
+    ) -> None:
+        if not (height > 0.0 and mass > 0.0 and gravity > 0.0):
+            raise ConfigurationError(
+                "height, mass or gravity of the cart-table model is out of range",
+                got=(height, mass, gravity),
+                wanted="three numbers > 0",
+            )
+        self.omega = math.sqrt(gravity / height)
+        self.weight = mass * gravity
+        self.position = position.copy()
+        self.velocity = np.zeros_like(position)
+        self.momentum = np.zeros_like(position)
+        self.zmp = position.copy()
+
+    def step(
+        self,
+        acceleration: Float64[np.ndarray, " n"],
+        momentum_rate: Float64[np.ndarray, " n"],
+        dt: float,
+    ) -> None:
+        """Moves on under inputs that stay the same for a while; exact.
+
+        Args:
+            acceleration: u_1 [m/s^2].
+            momentum_rate: u_2 [N m].
+            dt: how long [s].
+        """
+        self.zmp = self.position - acceleration / self.omega**2 - momentum_rate / self.weight
+        self.position = self.position + dt * self.velocity + (0.5 * dt * dt) * acceleration
+        self.velocity = self.velocity + dt * acceleration
+        self.momentum = self.momentum + dt * momentum_rate
+
+
+class ZmpRegulator:
+    """Sugihara's regulator on the linear inverted pendulum, eqs (33) and (34).
+
+        u = max(r_1, min(r_2, p_ref + k_s (p - p_ref) + b_s pdot)),   b_s = k_s / omega,  k_s > 1
+
+    It commands the ZMP within a support from r_1 to r_2, where the COM shifter commands the COM's
+    acceleration; the plant is pdd = omega^2 (p - u), eq. (32).
+
+    Args:
+        omega: sqrt(g / H) [1/s].
+        ks: k_s.
+
+    Raises:
+        ConfigurationError: omega not positive, or k_s not above one.
+    """
+
+    def __init__(self, omega: float, *, ks: float = 2.0) -> None:
+        if not omega > 0.0:
+            raise ConfigurationError("omega of the regulator", got=omega, wanted="> 0 [1/s]")
+        if not ks > 1.0:
+            raise ConfigurationError("k_s of the regulator is too small", got=ks, wanted="> 1")
+        self.omega, self.ks, self.bs = omega, ks, ks / omega
+
+    def zmp(
+        self,
+        reference: Float64[np.ndarray, " n"],
+        position: Float64[np.ndarray, " n"],
+        velocity: Float64[np.ndarray, " n"],
+        support: tuple[Float64[np.ndarray, " n"], Float64[np.ndarray, " n"]],
+    ) -> Float64[np.ndarray, " n"]:
+        """Where the ZMP should be [m].
+
+        Args:
+            reference: of the COM [m].
+            position: of the COM [m].
+            velocity: of the COM [m/s].
+            support: r_1 and r_2 [m].
+        """
+        unlimited = reference + self.ks * (position - reference) + self.bs * velocity
+        return np.clip(unlimited, *support)
