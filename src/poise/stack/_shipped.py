@@ -50,17 +50,14 @@ class VectorTarget:
         Raises:
             TargetError: wrong shape, NaN or infinite.
         """
-        given = (
-            (position, "target"),
-            (velocity, "target velocity"),
-            (acceleration, "target acceleration"),
-        )
-        new = [
-            0.0 if value is None else checked_target(value, self._dim, f"{name} of {self._what}")
-            for value, name in given
-        ]
-        for part, value in zip(self.memory.reshape(3, -1), new, strict=True):
-            part[:] = value
+        new = np.zeros((3, self._dim))
+        new[0] = checked_target(position, self._dim, f"target of {self._what}")
+        if velocity is not None:
+            new[1] = checked_target(velocity, self._dim, f"target velocity of {self._what}")
+        if acceleration is not None:
+            what = f"target acceleration of {self._what}"
+            new[2] = checked_target(acceleration, self._dim, what)
+        self.memory[:] = new.ravel()
         self._held = False
 
     @property
