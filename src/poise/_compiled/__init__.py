@@ -4,11 +4,14 @@ Python's own time for a call into NumPy or LAPACK is that of some thousand opera
 most of these functions do. They work in place and allocate nothing.
 """
 
+from poise._compiled._blocks import Block, allocate, view
 from poise._compiled._compiling import compiled, part, say_if_slow
 from poise._compiled._householder import make_reflection, reflect, reflect_columns, reflect_rows
 from poise._compiled._triangular import factor, solve_rows, solve_transposed
 
 __all__ = [
+    "Block",
+    "allocate",
     "compiled",
     "factor",
     "make_reflection",
@@ -19,4 +22,5 @@ __all__ = [
     "say_if_slow",
     "solve_rows",
     "solve_transposed",
+    "view",
 ]

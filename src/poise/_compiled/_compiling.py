@@ -10,6 +10,8 @@ from typing import Any, ParamSpec, TypeVar, cast
 
 import numba
 
+from poise._compiled._libraries import PartCompiler, WholeCompiler
+
 P = ParamSpec("P")
 R = TypeVar("R")
 
@@ -36,7 +38,13 @@ def compiled(function: Callable[P, R]) -> Callable[P, R]:
         return cast("Callable[P, R]", plain)
     njit = cast("Any", numba).njit
     try:
-        dispatcher = njit(cache=True, fastmath=_FAST, error_model="numpy")(plain)
+        dispatcher = njit(
+            cache=True,
+            pipeline_class=WholeCompiler,
+            fastmath=_FAST,
+            error_model="numpy",
+            no_cfunc_wrapper=True,
+        )(plain)
     except RuntimeError:
         # No folder to keep it in, as for a package that lies in an archive.
         return njit(fastmath=_FAST, error_model="numpy")(plain)
@@ -59,7 +67,12 @@ def part(function: Callable[P, R]) -> Callable[P, R]:
     if _DISABLED:
         return cast("Callable[P, R]", plain)
     dispatcher = cast("Any", numba).njit(
-        fastmath=_FAST, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True
+        fastmath=_FAST,
+        error_model="numpy",
+        no_cpython_wrapper=True,
+        no_cfunc_wrapper=True,
+        pipeline_class=PartCompiler,
+        _nrt=False,
     )(plain)
     dispatcher.stamp = _stamp(plain)
     return dispatcher
