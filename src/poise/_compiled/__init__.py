@@ -6,6 +6,7 @@ most of these functions do. They work in place and allocate nothing.
 
 from poise._compiled._blocks import Block, allocate, view
 from poise._compiled._compiling import compiled, part, say_if_slow
+from poise._compiled._first_use import functions_of
 from poise._compiled._householder import make_reflection, reflect, reflect_columns, reflect_rows
 from poise._compiled._triangular import factor, solve_rows, solve_transposed
 
@@ -14,6 +15,7 @@ __all__ = [
     "allocate",
     "compiled",
     "factor",
+    "functions_of",
     "make_reflection",
     "part",
     "reflect",

@@ -79,28 +79,36 @@ class Block(metaclass=_BlockMeta):
         values: one for every field, but an `int` may be left out and is zero then.
 
     Attributes:
+        fields: what stands in the table, by name.
+        table: of this block.
         address: of the table; `view` makes the block of it, as long as somebody holds the block.
     """
 
     stamp: ClassVar[str]
     """Says how the table is laid out; machine code that was made for another is of no use."""
 
-    _fields: ClassVar[dict[str, _Field]]
-    _live: ClassVar[WeakValueDictionary[int, "Block"]] = WeakValueDictionary()
+    fields: ClassVar[dict[str, _Field]]
+    table: np.ndarray
+    address: int
 
     def __init_subclass__(cls) -> None:
-        cls._fields, place = {}, 0
+        cls.fields, place = {}, 0
         for name, kind in inspect.get_annotations(cls).items():
             field = _field(place, kind)
-            cls._fields[name] = field
+            cls.fields[name] = field
             if field.kind == "int":
                 setattr(cls, name, _number(place))
             place += 1 + len(field.dims)
-        cls.stamp = repr([(name, f.kind, f.dims, f.dtype) for name, f in cls._fields.items()])
+        cls.stamp = repr(
+            [
+                (name, field.kind, field.dims, field.dtype, field.block and field.block.stamp)
+                for name, field in cls.fields.items()
+            ]
+        )
 
     def __init__(self, **values: Any) -> None:
         words: list[int] = []
-        for name, field in self._fields.items():
+        for name, field in self.fields.items():
             value = values.pop(name) if field.kind != "int" else values.pop(name, 0)
             if field.kind == "array":
                 words += _describe(value, field, name)
@@ -110,13 +118,17 @@ class Block(metaclass=_BlockMeta):
                 setattr(self, name, value)
         if values:
             raise TypeError(f"{type(self).__name__} has no {', '.join(values)}")
-        self._table = np.array(words, dtype=np.int64)
-        self.address = _address(self._table)
-        self._live[self.address] = self
+        self.table = np.array(words, dtype=np.int64)
+        self.address = _address(self.table)
+        _LIVE[self.address] = self
 
     def arrays(self) -> dict[str, Any]:
         """Its own arrays by name, without those of the blocks in it."""
-        return {name: getattr(self, name) for name, f in self._fields.items() if f.kind == "array"}
+        return {name: getattr(self, name) for name, f in self.fields.items() if f.kind == "array"}
+
+
+_LIVE: WeakValueDictionary[int, Block] = WeakValueDictionary()
+"""Blocks by their address, for compiled functions that run as plain Python."""
 
 
 def allocate(kind: type[B], sizes: Mapping[str, int], **given: Any) -> B:
@@ -127,7 +139,7 @@ def allocate(kind: type[B], sizes: Mapping[str, int], **given: Any) -> B:
         sizes: of the arrays, by the names that stand in the annotations.
         given: fields that are there already.
     """
-    for name, field in kind._fields.items():
+    for name, field in kind.fields.items():
         if name not in given and field.kind == "array":
             given[name] = _zeros([sizes[dim] for dim in field.dims], field.dtype)
         elif name not in given and field.block is not None:
@@ -142,7 +154,7 @@ def view(kind: type[B], address: int) -> B:
         kind: its class.
         address: as in `Block`.
     """
-    block = Block._live[address]
+    block = _LIVE[address]
     assert isinstance(block, kind)
     return block
 
@@ -160,10 +172,10 @@ def _number(place: int) -> property:
     """An `int` in the table, seen from Python."""
 
     def read(block: Block) -> int:
-        return int(block._table[place])
+        return int(block.table[place])
 
     def write(block: Block, value: int) -> None:
-        block._table[place] = value
+        block.table[place] = value
 
     return property(read, write)
 
@@ -226,9 +238,9 @@ def _(context: Any, _builder: Any, _kind: Any, _value: Any) -> Any:
     return context.get_dummy_value()
 
 
-@infer_global(view)
+@cast("Any", infer_global)(view)
 class _View(AbstractTemplate):
-    def generic(self, args: Any, kws: Any) -> Any:
+    def generic(self, args: Any, _kws: Any) -> Any:
         kind, address = args
         if isinstance(kind, _ClassType) and isinstance(address, types.Integer):
             return signature(_BlockType(kind.block), kind, types.int64)
@@ -245,7 +257,7 @@ class _Attributes(AttributeTemplate):
     key = _BlockType
 
     def generic_resolve(self, block: Any, name: str) -> Any:
-        field = block.block._fields.get(name)
+        field = block.block.fields.get(name)
         return None if field is None else _type_of(field)
 
 
@@ -260,7 +272,7 @@ def _type_of(field: _Field) -> Any:
 
 @lower_getattr_generic(_BlockType)
 def _(context: Any, builder: Any, kind: Any, block: Any, name: str) -> Any:
-    field = kind.block._fields[name]
+    field = kind.block.fields[name]
     first = builder.load(_word(builder, block, field.place))
     if field.kind == "int":
         return first
@@ -289,7 +301,7 @@ def _(context: Any, builder: Any, kind: Any, block: Any, name: str) -> Any:
 
 @lower_setattr_generic(_BlockType)
 def _(_context: Any, builder: Any, sig: Any, args: Any, name: str) -> None:
-    field = sig.args[0].block._fields[name]
+    field = sig.args[0].block.fields[name]
     if field.kind != "int":
         raise TypeError(f"{name} cannot be replaced")
     builder.store(args[1], _word(builder, args[0], field.place))

@@ -5,13 +5,15 @@ nobody ever calls most of them: of the time that takes, what is in this file sav
 stands on names that Numba keeps to itself; `tests/compiled` says when they have changed.
 """
 
-from typing import Any
+from typing import Any, cast
 
+from llvmlite import binding as llvm
+from numba.core import types
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
 
-_LEVEL = 2
-"""LLVM's level of optimisation; a third only takes longer."""
+_LEVEL = 1
+"""LLVM's level of optimisation; more takes longer and gains nothing here."""
 
 
 class PartCompiler(Compiler):
@@ -30,6 +32,21 @@ class WholeCompiler(Compiler):
         """Numba's own passes, into a library that is optimised once, as a whole."""
         _use(self, _Whole)
         return super().define_pipelines()
+
+
+def compile_once_for_all_numbers(function: Any) -> None:
+    """Keeps Numba from compiling a function anew for each whole number in the source of a call.
+
+    Args:
+        function: a dispatcher of Numba's.
+    """
+    resolve = function.get_call_template
+
+    def resolve_any(args: Any, kws: Any) -> Any:
+        named = {name: types.unliteral(kind) for name, kind in kws.items()}
+        return resolve([types.unliteral(kind) for kind in args], named)
+
+    function.get_call_template = resolve_any
 
 
 def _use(compiler: Any, kind: type[JITCodeLibrary]) -> None:
@@ -52,23 +69,24 @@ class _Part(JITCodeLibrary):
     def codegen(self) -> Any:
         return _NoEnvironment()
 
-    def add_llvm_module(self, module: Any) -> None:
-        self._final_module.link_in(module)
+    def add_llvm_module(self, ll_module: Any) -> None:
+        self._final_module.link_in(ll_module)
 
     def finalize(self) -> None:
         self._raise_if_finalized()
         self._finalized = True
 
     def get_pointer_to_function(self, name: str) -> int:
-        """None is made."""
+        """None is made, whatever the name."""
+        del name
         return 0
 
 
 class _Whole(JITCodeLibrary):
     """Machine code of one function and all its parts."""
 
-    def add_llvm_module(self, module: Any) -> None:
-        self._final_module.link_in(module)
+    def add_llvm_module(self, ll_module: Any) -> None:
+        self._final_module.link_in(ll_module)
 
     def finalize(self) -> None:
         self._linking_libraries = _with_parts(self._linking_libraries)
@@ -81,8 +99,11 @@ class _Whole(JITCodeLibrary):
                     if not function.is_declaration:
                         # Nobody else can call it, so that it may become part of its only caller.
                         self._final_module.get_function(function.name).linkage = "internal"
-        passes, builder = self._codegen._module_pass_manager(opt=_LEVEL)
-        passes.run(self._final_module, builder)
+        tuning = llvm.create_pipeline_tuning_options(speed_level=_LEVEL)
+        tuning.loop_vectorization = True
+        machine = cast("Any", self._codegen)._tm
+        builder = llvm.create_pass_builder(machine, tuning)
+        builder.getModulePassManager().run(self._final_module, builder)
 
 
 def _with_parts(libraries: list[Any]) -> list[Any]:
@@ -94,5 +115,5 @@ def _with_parts(libraries: list[Any]) -> list[Any]:
         if library not in found:
             found[library] = None
             if isinstance(library, _Part):
-                left += library._linking_libraries
+                left += cast("Any", library)._linking_libraries
     return list(found)

@@ -36,6 +36,7 @@ from poise.hqp._active_set.workspace import (
     Problem,
     Rows,
     State,
+    Vector,
     Work,
 )
 from poise.hqp._tolerances import ADD_RATIOS, ASTRAY, COLD_CHANGES, MANY, WARM_CHANGES
@@ -90,7 +91,7 @@ def _begin_search(problem: Problem, work: Work) -> bool:
     inequalities = _prepare_rows(problem, work.rows)
     if inequalities < 0:
         return False
-    if np.any(problem.damping):
+    if _is_damped(problem.damping):
         damp_equalities(problem, work)
     work.duals.multipliers[:] = 0.0
     state = work.state
@@ -98,6 +99,15 @@ def _begin_search(problem: Problem, work: Work) -> bool:
     state.guess_at = WARM_CHANGES if inequalities > 0 else COLD_CHANGES
     _begin_from(LAST, state, work.rows)
     return True
+
+
+@part
+def _is_damped(damping: Vector) -> bool:
+    """Whether any level is."""
+    total = 0.0
+    for level in range(len(damping)):
+        total += damping[level]
+    return total > 0.0
 
 
 @part

@@ -33,8 +33,8 @@ class LexicographicSolver:
         >>> solution.level_multipliers[1]
         array([ 0.,  0.,  2., -2.,  0.])
 
-    The first solver ever made on a machine compiles the search, which takes about a minute and
-    is kept on disk; making one is never cheap, so do not make one in a control loop.
+    The first solver ever made on a machine compiles the search, which takes some twenty seconds
+    and is kept on disk; making one is never cheap, so do not make one in a control loop.
 
     Args:
         time_limit: cap on a solve [s]; None for none.
