@@ -2,6 +2,9 @@
 
 Python's own time for a call into NumPy or LAPACK is that of some thousand operations, as many as
 most of these functions do. They work in place and allocate nothing.
+
+`compiled` and `part` make compiled functions, a `Block` hands many arrays to one, and `say_if_slow`
+shows what the first use on a machine waits for.
 """
 
 from poise._compiled._blocks import Block, allocate, view

@@ -1,4 +1,4 @@
-"""What is seen of compiling, which happens once on a machine and takes as long as a deep breath."""
+"""What is seen of compiling, which happens once on a machine and takes some twenty seconds."""
 
 import gc
 import logging

@@ -1,7 +1,7 @@
 """How compiled functions go through LLVM: a whole program at once, instead of each part by itself.
 
 Numba would turn every function into machine code of its own, with all that it calls, although
-nobody ever calls most of them: of the time that takes, what is in this file saves nine tenths. It
+nobody ever calls most of them: of the time that takes, what is in this file saves four fifths. It
 stands on names that Numba keeps to itself; `tests/compiled` says when they have changed.
 """
 
