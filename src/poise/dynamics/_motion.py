@@ -28,7 +28,7 @@ class Motion(NamedTuple):
         forces: force that each joint needs for that of all it carries, along its own axes [N, N m].
         momentum: A_G, maps `v` to the centroidal momentum.
         com: centre of mass in the world [m].
-        gravity: acceleration of gravity [m/s^2].
+        gravity: the model's acceleration of gravity [m/s^2].
         roots: joints that the world carries.
         mass: of the whole robot [kg].
     """
@@ -61,7 +61,7 @@ def motion_of(model: pin.Model, data: pin.Data) -> Motion:
         _rows_of([force.linear for force in data.f], 6),
         data.Ag,
         data.com[0],
-        np.array(model.gravity.linear),
+        model.gravity.linear,
         np.array(roots, dtype=np.int64),
         float(pin.computeTotalMass(model)),
     )
