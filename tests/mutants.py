@@ -85,9 +85,12 @@ def mutants_of(module: Path) -> Iterator[Mutant]:
         operator_class = get_operator(name)
         if name in LEFT_OUT or operator_class.arguments() or not is_plausible(name):
             continue
-        places = (start for node in nodes for start, _ in operator_class().mutation_positions(node))
-        for occurrence, start in enumerate(places):
-            if not any(low <= start < high for low, high in spared):
+        operator = operator_class()
+        places = ((start, node) for node in nodes for start, _ in operator.mutation_positions(node))
+        for occurrence, (start, node) in enumerate(places):
+            # The star before arguments by name is taken for a product.
+            star = node.parent is not None and node.parent.type == "parameters"
+            if not star and not any(low <= start < high for low, high in spared):
                 yield Mutant(
                     module=str(module.relative_to(ROOT)),
                     operator=name,
