@@ -47,6 +47,22 @@ BAD = {
     "x bounds cross": (lambda: problem(x_lower=1.0, x_upper=0.0), "bounds of x cross"),
     "x bound NaN": (lambda: problem(x_lower=np.nan), "x_lower is NaN"),
     "no variables": (lambda: HierarchicalProblem.allocate(0, [1]), "not a problem's size"),
+    "names missing": (
+        lambda: HierarchicalProblem.allocate(1, [1], names=[]),
+        "one entry a level",
+    ),
+    "labels missing": (
+        lambda: HierarchicalProblem.allocate(1, [1], labels=[]),
+        "one entry a level",
+    ),
+    "names left over": (
+        lambda: HierarchicalProblem.allocate(1, [1], names=["a", "b"]),
+        "one entry a level",
+    ),
+    "labels left over": (
+        lambda: HierarchicalProblem.allocate(1, [1], labels=["a", "b"]),
+        "one entry a level",
+    ),
     "negative rows": (lambda: HierarchicalProblem.allocate(1, [-1]), "not a problem's size"),
 }
 

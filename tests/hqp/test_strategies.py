@@ -108,6 +108,14 @@ def test_weighted_comes_near_the_residuals_worked_out_by_hand(make):
     np.testing.assert_allclose(solution.residuals, residuals, atol=1e-2)
 
 
+def test_weights_decide_inside_a_level_that_is_a_term_of_the_cost():
+    """min (2 x)^2 + (x - 1)^2 below a limit, which makes it one: x = 1 / 5."""
+    limit = Level([[1.0]], -5.0, 5.0)
+    task = Level([[1.0], [1.0]], [0.0, 1.0], [0.0, 1.0], weights=[2.0, 1.0])
+    solution = WeightedSolver().solve(HierarchicalProblem([limit, task]))
+    np.testing.assert_allclose(solution.x, [0.2], atol=1e-3)
+
+
 def test_a_larger_ratio_brings_weighted_nearer_to_the_hierarchy():
     problem, residuals = conflict_between_levels()
     gaps = [

@@ -9,7 +9,15 @@ from poise.hqp._measure import measure_point
 
 from .campaign import beaten_by, cascades
 from .conditions import worst_violation
-from .families import FAMILIES, degenerate, feasible, humanoid
+from .families import (
+    FAMILIES,
+    degenerate,
+    duplicates,
+    feasible,
+    humanoid,
+    nearly_dependent,
+    overdetermined,
+)
 from .reference import search
 
 SOLVER = LexicographicSolver()
@@ -58,6 +66,19 @@ def test_the_compiled_search_takes_the_steps_of_the_reference():
         np.testing.assert_allclose(solution.x, found.x, atol=1e-8 * (1 + np.abs(found.x).max()))
         same += solution.iterations == found.changes
     assert same >= 70
+
+
+@pytest.mark.parametrize("family", [nearly_dependent, overdetermined, duplicates])
+def test_the_compiled_search_goes_from_set_to_set_as_the_reference(family):
+    """Here it exchanges and leaps as often as it takes one step."""
+    same = 0
+    for seed in range(40):
+        problem = family(seed)
+        SOLVER.reset()
+        solution, found = SOLVER.solve(problem), search(problem)
+        gap = np.abs(solution.x - found.x).max() / (1 + np.abs(found.x).max())
+        same += solution.iterations == found.changes and gap <= 1e-8
+    assert same >= 38
 
 
 def test_residuals_equal_those_of_the_cascade():

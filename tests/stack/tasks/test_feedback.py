@@ -253,6 +253,19 @@ def test_rates_stay_with_the_part_of_the_pose_they_were_given_for(robot):
     assert np.abs(task.error_rate).max() < 1e-12
 
 
+def test_rates_given_alone_are_those_of_the_whole_pose(robot):
+    state = random_state(robot, 1, 0.0)
+    task = FrameTask("left_hand")
+    task.bind(robot)
+    for given, left in (({}, [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]), ({"rotation": np.eye(3)}, [1, 2, 3])):
+        task.set_target(velocity=[1.0, 2.0, 3.0, 4.0, 5.0, 6.0])
+        if given:
+            task.set_target(**given)
+        task.evaluate(dynamics_at(robot, state.q, state.v))
+        expected = np.concatenate((left, np.zeros(6 - len(left))))
+        np.testing.assert_allclose(task.error_rate, expected, atol=1e-12)
+
+
 def test_a_given_acceleration_replaces_feedback_until_it_is_taken_back(robot):
     state = random_state(robot, 1)
     dynamics = dynamics_at(robot, state.q, state.v)
@@ -280,6 +293,12 @@ def test_a_target_is_copied_from_what_the_user_holds(robot):
     task.evaluate(Dynamics(robot))
     assert np.array_equal(task.target_position, [0.1, 0.2, 0.3])
     assert np.array_equal(task.reference, [1.0, 2.0, 3.0])
+
+
+def test_rows_weigh_one_unless_told(robot):
+    for task in (*holding(robot), MomentumTask(), PostureTask()):
+        task.bind(robot)
+        np.testing.assert_array_equal(task.weight, 1.0)
 
 
 def test_weights_are_one_a_row(robot):
