@@ -76,6 +76,10 @@ def test_bad_input_is_refused_with_what_was_got_and_wanted(name):
     assert "wanted" in str(error.value)
 
 
+def test_a_label_may_have_no_rows():
+    assert Level(I2, 0.0, 1.0, labels=[("a", 0), ("b", 2)]).labels == [("a", 0), ("b", 2)]
+
+
 def test_numbers_spoiled_after_allocation_are_refused_by_solve_and_survived_by_a_solver():
     spoiled = HierarchicalProblem.allocate(2, [1])
     spoiled.A[0, 0] = np.nan

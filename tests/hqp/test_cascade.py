@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from poise.hqp import HierarchicalProblem, Level
+from poise.hqp import HierarchicalProblem, Level, SolveStatus
 from poise.hqp._backends import QP, QpsolversBackend, make_backend
-from poise.hqp._cascade import Reduction
+from poise.hqp._cascade import CascadeSolver, Reduction
 
 
 def test_what_projection_leaves_of_a_dependent_row_is_exactly_nothing():
@@ -37,3 +37,22 @@ def test_a_time_limit_reaches_the_one_backend_that_has_a_name_for_it(backend, mo
     for limit in (0.25, 0.0, np.inf):
         solve(qp, limit)
     assert given == ([0.25, 1e-6, None] if backend == "osqp" else [None] * 3)
+
+
+def test_a_final_cost_that_is_not_solved_in_time_is_not_called_optimal(monkeypatch):
+    now = [0.0]
+    monkeypatch.setattr("poise.hqp._cascade.perf_counter", lambda: now[0])
+    solver = CascadeSolver("daqp", time_limit=1.0)
+    solve_qp = solver._solve_qp
+
+    def late(qp, limit):
+        if len(qp.lower) > 0:
+            return solve_qp(qp, limit)
+        now[0] = 2.0
+        return None
+
+    solver._solve_qp = late
+    solution = solver.solve(HierarchicalProblem([Level([[1.0, 0.0]], 1.0, 1.0)]))
+    assert now == [2.0]
+    assert solution.status is SolveStatus.TIME_LIMIT
+    np.testing.assert_allclose(solution.x, [1.0, 0.0])
