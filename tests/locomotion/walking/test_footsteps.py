@@ -102,6 +102,17 @@ def test_soles_that_do_not_lie_flat_are_refused(get_robot, axis):
                 plan_footsteps(robot, [Stride(steps=2)], GAIT, q=q)
 
 
+@pytest.mark.parametrize("yaw", [0.0, 0.4])
+def test_a_platform_is_as_long_and_as_wide_as_it_says_where_it_is_turned_to(yaw):
+    platform = Platform(center=(3.0, -2.0), size=(0.4, 0.2, 0.1), yaw=yaw)
+    c, s = math.cos(yaw), math.sin(yaw)
+    ends = [[0.19, 0.09], [-0.19, -0.09], [0.21, 0.0], [-0.21, 0.0], [0.0, 0.11], [0.0, -0.11]]
+    points = np.array(ends) @ np.array([[c, s], [-s, c]]) + [3.0, -2.0]
+    np.testing.assert_array_equal(platform.heights(points), [0.1, 0.1, 0.0, 0.0, 0.0, 0.0])
+    heights = Ground(height=0.5, platforms=(platform,)).heights(points)
+    np.testing.assert_allclose(heights, [0.6, 0.6, 0.5, 0.5, 0.5, 0.5])
+
+
 @pytest.mark.parametrize("side", [(1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)])
 def test_a_swing_keeps_a_centimetre_off_what_stands_beside_the_sole(side):
     size, place = (0.2, 0.1), Placement(position=(1.0, 2.0, 0.0), yaw=0.0)

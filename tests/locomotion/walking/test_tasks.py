@@ -1,8 +1,22 @@
-"""Targets that go along with a body that walks and turns, against finite differences."""
+"""What a walk sets: which tasks, and targets that go along with a body that walks and turns."""
 
 import numpy as np
+import pytest
 
-from poise.locomotion._walking._tasks import _in_turning_axes
+from poise.locomotion import Stride, plan_footsteps, walking_stack
+from poise.locomotion._walking._tasks import _in_turning_axes, find_walk_tasks
+
+
+@pytest.mark.parametrize("robot", ["humanoid33", "g1"])
+def test_a_walk_sets_the_com_and_each_foots_own_task_and_contact(get_robot, robot):
+    robot = get_robot(robot)
+    plan, stack = plan_footsteps(robot, [Stride(steps=2)]), walking_stack(robot)
+    stack.bind(robot)
+    found = find_walk_tasks(robot, plan, stack, None)
+    assert found.com is stack.task("com")
+    assert [task.frame for task in found.feet] == list(plan.soles)
+    assert [contact.frame for contact in found.contacts] == list(plan.soles)
+    assert not {task.name for task in found.feet} & set(found.carried)
 
 
 def test_rates_of_a_point_in_turning_axes_are_derivatives():

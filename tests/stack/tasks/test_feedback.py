@@ -307,6 +307,16 @@ def test_weights_are_one_a_row(robot):
     assert np.array_equal(task.weight, [1.0, 2.0, 3.0])
 
 
+def test_weights_that_were_given_one_a_row_are_copied_and_can_be_set_anew(robot):
+    given = np.array([1.0, 2.0, 3.0])
+    task = ComTask(weight=given)
+    task.bind(robot)
+    for weight in (5.0, [4.0, 5.0, 6.0]):
+        task.set_weight(weight)
+        np.testing.assert_array_equal(task.weight, weight)
+    np.testing.assert_array_equal(given, [1.0, 2.0, 3.0])
+
+
 def test_errors_carry_their_unit(robot):
     units = {t.name: t.unit for t in holding(robot)}
     assert units["left_hand pose"] == "m, rad"
