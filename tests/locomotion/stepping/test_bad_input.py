@@ -1,9 +1,11 @@
 """What cannot be walked, and numbers that cannot be."""
 
-from dataclasses import replace
+from dataclasses import FrozenInstanceError, replace
 
 import numpy as np
 import pytest
+from standing import biped, footing
+from walker import sample
 
 from poise.apps.teleoperation import TELEOP_PLANT, noisy, plant_from_json, run_teleop
 from poise.apps.teleoperation._run import plant_to_json
@@ -145,3 +147,17 @@ def test_a_plant_survives_json():
         payloads=(Payload(frame="torso", mass=1.0),),
     )
     assert plant_from_json(json.loads(json.dumps(plant_to_json(plant)))) == plant
+
+
+def test_parameters_stay_as_they_were_checked():
+    with pytest.raises(FrozenInstanceError):
+        TeleopParameters().dt = 0.0
+
+
+def test_what_holds_arrays_is_compared_as_the_thing_it_is(get_robot):
+    """Not number by number, which would be no answer."""
+    robot = get_robot("biped20")
+    for make in (lambda: sample(0.0), lambda: biped(robot), lambda: footing(robot)):
+        one, other = make(), make()
+        assert one == one
+        assert one != other

@@ -53,6 +53,12 @@ def test_a_moved_foothold_moves_the_references_as_the_pendulum_does():
     assert shift.com[0, 0] == pytest.approx(moved, abs=2e-3)
 
 
+def test_a_shift_begins_with_nothing_beside_the_plan():
+    shift = PlanShift(OMEGA)
+    np.testing.assert_array_equal(shift.com, REST)
+    np.testing.assert_array_equal([shift.settled, shift.coming], np.zeros((2, 2)))
+
+
 @pytest.fixture(scope="module")
 def plan(get_robot):
     return plan_footsteps(

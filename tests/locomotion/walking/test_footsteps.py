@@ -1,6 +1,7 @@
 """Footstep plans: where feet go, and what is refused before anything moves."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
@@ -181,6 +182,13 @@ def test_a_robot_without_two_soles_is_refused(get_robot):
 def test_a_plan_that_cannot_be_walked_is_refused(get_robot, strides, gait, message):
     with pytest.raises(ConfigurationError, match=message):
         plan_footsteps(get_robot("humanoid33"), strides, gait)
+
+
+def test_two_steps_with_one_foot_are_refused(get_robot):
+    plan = plan_footsteps(get_robot("humanoid33"), [Stride(steps=4, length=0.1)], GAIT)
+    steps = (*plan.steps[:3], replace(plan.steps[3], foot=plan.steps[2].foot))
+    with pytest.raises(ConfigurationError, match="step 4 of the plan is made with the foot of"):
+        replace(plan, steps=steps)
 
 
 def test_a_place_too_narrow_for_a_foot_is_refused(get_robot):
