@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from poise.hqp import HierarchicalProblem, Level, LexicographicSolver, certify_point
+from poise.hqp._active_set.workspace import EQUALITY
 from poise.hqp._cascade import CascadeSolver
 from poise.hqp._measure import measure_point
 
@@ -79,6 +80,23 @@ def test_the_compiled_search_goes_from_set_to_set_as_the_reference(family):
         gap = np.abs(solution.x - found.x).max() / (1 + np.abs(found.x).max())
         same += solution.iterations == found.changes and gap <= 1e-8
     assert same >= 38
+
+
+@pytest.mark.parametrize("family", FAMILIES, ids=lambda family: family.__name__)
+def test_a_mirrored_problem_is_solved_by_the_mirrored_steps(family):
+    for seed in range(5 if family is humanoid else 30):
+        problem, mirrored = family(seed), family(seed)
+        mirrored.lower[:], mirrored.upper[:] = -problem.upper, -problem.lower
+        mirrored.g[:] = -problem.g
+        solutions = []
+        for each in (problem, mirrored):
+            SOLVER.reset()
+            solutions.append(SOLVER.solve(each))
+        here, there = solutions
+        assert here.iterations == there.iterations, seed
+        sided = here.sides != EQUALITY
+        np.testing.assert_array_equal(here.sides[sided], -there.sides[sided])
+        np.testing.assert_allclose(here.x, -there.x, rtol=1e-12, atol=1e-12)
 
 
 def test_residuals_equal_those_of_the_cascade():
