@@ -12,6 +12,7 @@ from poise.apps.teleoperation._run import plant_to_json
 from poise.errors import ConfigurationError, RobotError
 from poise.locomotion import ScriptedDevice, StepTeleoperator, TeleopParameters, WayPoint
 from poise.locomotion._pendulum import ComShifter
+from poise.locomotion._stepping._biped import leg_geometry
 from poise.locomotion._stepping._com import ShifterDriver
 from poise.locomotion._stepping._parameters import scaled_parameters
 from poise.robots import Sole, standing_posture
@@ -157,7 +158,13 @@ def test_parameters_stay_as_they_were_checked():
 def test_what_holds_arrays_is_compared_as_the_thing_it_is(get_robot):
     """Not number by number, which would be no answer."""
     robot = get_robot("biped20")
-    for make in (lambda: sample(0.0), lambda: biped(robot), lambda: footing(robot)):
+    makes = (
+        lambda: sample(0.0),
+        lambda: leg_geometry(robot, next(iter(robot.soles)), 0.1),
+        lambda: biped(robot),
+        lambda: footing(robot),
+    )
+    for make in makes:
         one, other = make(), make()
         assert one == one
         assert one != other
