@@ -186,8 +186,8 @@ def test_a_plan_that_cannot_be_walked_is_refused(get_robot, strides, gait, messa
 
 def test_two_steps_with_one_foot_are_refused(get_robot):
     plan = plan_footsteps(get_robot("humanoid33"), [Stride(steps=4, length=0.1)], GAIT)
-    steps = (*plan.steps[:3], replace(plan.steps[3], foot=plan.steps[2].foot))
-    with pytest.raises(ConfigurationError, match="step 4 of the plan is made with the foot of"):
+    steps = (*plan.steps[:2], replace(plan.steps[2], foot=plan.steps[1].foot))
+    with pytest.raises(ConfigurationError, match="step 3 of the plan is made with the foot of"):
         replace(plan, steps=steps)
 
 
