@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from poise.dynamics import rotation_vector
+from poise.dynamics import rotation_sine, rotation_vector
 
 AXES = [
     (1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1),
@@ -45,6 +45,16 @@ def test_small_and_large_turns_are_exact(axis, angle):
     unit = np.asarray(axis, dtype=float) / np.linalg.norm(axis)
     vector = rotation_vector(turn(axis, angle), np.eye(3))
     assert np.abs(vector - angle * unit).max() < 1e-12
+
+
+@pytest.mark.parametrize("axis", AXES)
+def test_the_sine_error_is_the_axis_times_the_sine_of_the_angle(axis):
+    unit = np.asarray(axis, dtype=float) / np.linalg.norm(axis)
+    at = turn((2, -1, 5), 0.7)
+    for angle in (0.0, 1e-3, 1.0, 0.5 * np.pi, 3.0, np.pi):
+        np.testing.assert_allclose(
+            rotation_sine(turn(axis, angle) @ at, at), np.sin(angle) * unit, atol=1e-12
+        )
 
 
 def test_random_pairs_equal_scipy():

@@ -14,12 +14,14 @@ from .units import contradictory
 
 
 @pytest.mark.parametrize(("side", "bounds"), [(1, (-np.inf, 1.0)), (-1, (-1.0, np.inf))])
-def test_multipliers_are_positive_at_upper_bounds_and_negative_at_lower_ones(side, bounds):
-    """min (x -+ 3)^2 / 2 beside the bound: H x + g + multiplier = 0."""
+@pytest.mark.parametrize("beyond", [1.0, 2.0])
+def test_multipliers_are_positive_at_upper_bounds_and_negative_at_lower_ones(side, bounds, beyond):
+    """min (x -+ 1 -+ beyond)^2 / 2 beside the bound: H x + g + multiplier = 0."""
     limit = Level([[1.0]], *bounds)
-    solution = solve([limit], ([[1.0]], -3.0 * side))
+    solution = solve([limit], ([[1.0]], -(1.0 + beyond) * side))
+    assert solution.ok
     np.testing.assert_allclose(solution.x, [side])
-    np.testing.assert_allclose(solution.multipliers, [0.0, 2.0 * side])
+    np.testing.assert_allclose(solution.multipliers, [0.0, beyond * side])
     np.testing.assert_array_equal(solution.sides, [0, side])
 
 
