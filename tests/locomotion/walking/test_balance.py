@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from poise.locomotion import Gait, Ground, Platform, Stride, plan_footsteps
+from poise.locomotion import Gait, Ground, Stride, plan_footsteps
 from poise.locomotion._support import SupportPolygon
 from poise.locomotion._walking._feedback import DcmFeedback, PlanShift, StepCatcher
 
@@ -138,7 +138,7 @@ def test_feet_never_come_together_and_never_go_farther_than_allowed(plan, step, 
 def test_a_foothold_moves_only_where_the_ground_is_level(plan, ahead, carries):
     """Beside its plan by 0.2 m at most, and a platform so far ahead of the planned place."""
     x, y, _ = plan.steps[2].goal.position
-    block = Platform(center=(x + ahead, y), size=(0.1, 0.5, 0.05))
+    block = Ground.Platform(center=(x + ahead, y), size=(0.1, 0.5, 0.05))
     moved, _ = caught(replace(plan, ground=Ground(platforms=(block,))), (0.12, 0.0))
     expected, _ = caught(plan, (0.12, 0.0))
     assert expected[0] > 0.1
