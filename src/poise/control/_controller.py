@@ -1,12 +1,11 @@
 """`Controller`: from a state to a command, tick by tick, by whatever strategy."""
 
-import math
 from time import perf_counter
-from typing import Any, cast
 
 import numpy as np
-from scipy.linalg import blas
+from jaxtyping import Float64
 
+from poise._compiled import compiled
 from poise.control._command import Command, CommandStatus
 from poise.control._fallback import Fallback, RateLimit
 from poise.control._state_check import is_usable
@@ -16,8 +15,6 @@ from poise.dynamics import Dynamics, RobotState
 from poise.hqp import SolveStatus
 from poise.robots import Robot
 from poise.stack import Stack, Task
-
-_norm: Any = cast("Any", blas).dnrm2  # SciPy's stubs do not know the wrapped routines
 
 
 class Controller:
@@ -56,14 +53,20 @@ class Controller:
         self.timings: dict[str, float] = {}
         self._last_status = CommandStatus.OK
         self._commands_torque = strategy.commands == "torque"
-        self._limit = strategy.stack.torque_limit
+        limit = strategy.stack.torque_limit
         self._fallback = (
-            Fallback.of_torque(strategy.robot, self._limit)
+            Fallback.of_torque(strategy.robot, limit)
             if self._commands_torque
             else Fallback.of_velocity(strategy.robot)
         )
+        unbounded = np.full(strategy.robot.nj, np.inf)
+        self._bounds = (
+            (limit.lower, limit.upper) if self._commands_torque else (-unbounded, unbounded)
+        )
         # What is compiled is compiled now.
         strategy.stack.joint_limit.evaluate(self.dynamics)
+        is_usable(self.dynamics.state, strategy.robot)
+        _clip(np.zeros(strategy.robot.nj), *self._bounds)
 
     @property
     def strategy(self) -> Strategy:
@@ -152,15 +155,12 @@ class Controller:
 
     def _command(self, answer: Answer, state: RobotState) -> Command:
         joints = answer.joints
-        # Unlike NumPy's sums and products nrm2 never warns of overflow.
-        if answer.status not in USABLE or not math.isfinite(_norm(joints)):
+        lower, upper = self._bounds
+        if answer.status not in USABLE or not _clip(joints, lower, upper):
             late = answer.status is SolveStatus.TIME_LIMIT
             return self._fall_back(
                 CommandStatus.TIME_LIMIT if late else CommandStatus.SOLVER_FAILED, state
             )
-        if self._commands_torque:
-            np.maximum(joints, self._limit.lower, out=joints)
-            np.minimum(joints, self._limit.upper, out=joints)
         if self._rate_limit is not None:
             joints = self._rate_limit.limited(joints)
         self._fallback.remember(joints, state.time)
@@ -180,3 +180,17 @@ class Controller:
         if self._commands_torque:
             return Command(status=status, torque=joints)
         return Command(status=status, velocity=joints)
+
+
+@compiled
+def _clip(
+    joints: Float64[np.ndarray, " nj"],
+    lower: Float64[np.ndarray, " nj"],
+    upper: Float64[np.ndarray, " nj"],
+) -> bool:
+    """Clips a command to its bounds, in place; whether all of it was finite."""
+    finite = True
+    for i in range(len(joints)):
+        finite &= bool(np.isfinite(joints[i]))
+        joints[i] = min(max(joints[i], lower[i]), upper[i])
+    return finite

@@ -1,15 +1,13 @@
 """Whether a state may be used for control at all."""
 
 import math
-from typing import Any, cast
 
 import numpy as np
-from scipy.linalg import blas
+from jaxtyping import Float64
 
+from poise._compiled import compiled
 from poise.dynamics import RobotState
 from poise.robots import Robot
-
-_norm: Any = cast("Any", blas).dnrm2  # SciPy's stubs do not know the wrapped routines
 
 _QUATERNION_TOLERANCE = 1e-3
 """How far the base quaternion's norm may be from one; Pinocchio assumes a unit quaternion."""
@@ -30,13 +28,23 @@ def is_usable(state: object, robot: Robot) -> bool:
     q, v = state.q, state.v
     if not (_is_vector(q, robot.nq) and _is_vector(v, robot.nv) and _is_time(state.time)):
         return False
-    # NaN fails the comparison; and unlike NumPy's sums and products nrm2 never warns of overflow.
-    if not (_norm(q) <= _LARGEST and _norm(v) <= _LARGEST):
-        return False
-    if not robot.floating_base:
+    # Copies: whatever layout came, compiled code is made for one.
+    return _is_sane(np.array(q), np.array(v), robot.floating_base)
+
+
+@compiled
+def _is_sane(
+    q: Float64[np.ndarray, " nq"], v: Float64[np.ndarray, " nv"], floating_base: bool
+) -> bool:
+    """Written so that NaN fails every comparison."""
+    for numbers in (q, v):
+        for i in range(len(numbers)):
+            if not abs(numbers[i]) <= _LARGEST:
+                return False
+    if not floating_base:
         return True
-    x, y, z, w = q[3:7].tolist()
-    return abs(x * x + y * y + z * z + w * w - 1.0) < 2.0 * _QUATERNION_TOLERANCE
+    square = q[3] * q[3] + q[4] * q[4] + q[5] * q[5] + q[6] * q[6]
+    return abs(square - 1.0) < 2.0 * _QUATERNION_TOLERANCE
 
 
 def _is_vector(value: object, size: int) -> bool:

@@ -14,8 +14,6 @@ these conditions are sufficient.
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.linalg
-import scipy.optimize
 from jaxtyping import Bool, Float64, Int
 
 from poise.hqp._measure import measure_point, row_sizes, row_values
@@ -124,13 +122,14 @@ class _Certifier:
         elif len(signs) == 0:
             error, sizes = float(np.linalg.norm(target)), np.zeros(0)
         else:
+            # SciPy's optimizers take long to import, and no tick needs them.
+            from scipy.optimize import nnls
+
             scaled = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
             outside = null.T @ (columns / scaled)
             # Rounding times a huge multiplier would balance anything.
             outside[:, np.linalg.norm(outside, axis=0) <= CERTIFIED_RANK] = 0.0
-            sizes, error = scipy.optimize.nnls(
-                outside, target / size, maxiter=30 * len(scaled) + 300
-            )
+            sizes, error = nnls(outside, target / size, maxiter=30 * len(scaled) + 300)
             error, sizes = error * size, sizes * size / scaled
         np.add.at(found, np.concatenate([upper, lower]), sizes * signs)
         if len(free):
@@ -147,7 +146,8 @@ def _null_space(
     if not kept.any():
         return np.eye(rows.shape[1])
     unit = rows[kept] / norms[kept, None]
-    return scipy.linalg.null_space(unit, rcond=CERTIFIED_RANK)
+    _, singular, V = np.linalg.svd(unit)
+    return V[np.count_nonzero(singular > CERTIFIED_RANK * singular[0]) :].T
 
 
 def _signed_columns(

@@ -7,10 +7,8 @@ from jaxtyping import Float64
 
 from poise.errors import UnknownNameError
 from poise.hqp._active_set import LexicographicSolver
-from poise.hqp._cascade import CascadeSolver
 from poise.hqp._problem import HierarchicalProblem
 from poise.hqp._solution import Solution, SolveStatus
-from poise.hqp._weighted import WeightedSolver
 
 STRATEGIES = ("direct", "cascade", "weighted")
 """Names that `solve` and `make_solver` take."""
@@ -67,9 +65,14 @@ def make_solver(
         if backend is not None:
             raise UnknownNameError("direct has no backends", got=backend, choices=["None"])
         return LexicographicSolver(time_limit)
+    # SciPy's optimizers, which these use, take long to import; most controllers need neither.
     if strategy == "cascade":
+        from poise.hqp._cascade import CascadeSolver
+
         return CascadeSolver(backend or "daqp", time_limit)
     if strategy == "weighted":
+        from poise.hqp._weighted import WeightedSolver
+
         return WeightedSolver(backend or "daqp", time_limit=time_limit)
     raise UnknownNameError("no such strategy", got=strategy, choices=STRATEGIES)
 

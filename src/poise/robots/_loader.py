@@ -6,8 +6,8 @@ from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
+import pinocchio as pin
 from jaxtyping import Float64
-from scipy.spatial.transform import Rotation
 
 from poise._yaml import read_text, read_yaml
 from poise.errors import RobotError, UnknownNameError
@@ -185,7 +185,7 @@ def _roles(facts: Description, root: str) -> dict[str, FrameRole]:
 
 
 def _role(name: str, mount: Mount) -> FrameRole:
-    rotation = Rotation.from_euler("xyz", mount.rpy).as_matrix()
+    rotation = pin.rpy.rpyToMatrix(*mount.rpy)
     return FrameRole(
         name=name, link=mount.link, position=_frozen(mount.position), rotation=_frozen(rotation)
     )

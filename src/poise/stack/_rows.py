@@ -9,7 +9,6 @@ from typing import Generic, TypeVar
 
 import numpy as np
 from jaxtyping import Float64, Int64
-from scipy.linalg import block_diag
 
 from poise._compiled import compiled
 from poise.dynamics import Dynamics
@@ -90,8 +89,12 @@ class StackRows:
         sizes = [sum(t.dim for t in level) for level in self.levels]
         self.ends: Int64[np.ndarray, " ends"] = np.array([*accumulate(sizes, initial=first)])
         count = int(self.ends[-1])
-        empty = np.zeros((0, 0))
-        self.cone: Float64[np.ndarray, "cone w"] = block_diag(empty, *(c.cone for c in contacts))
+        self.cone: Float64[np.ndarray, "cone w"] = np.zeros(
+            (sum(len(c.cone) for c in contacts), wrench_dim)
+        )
+        cone_rows = _spans([len(c.cone) for c in contacts])
+        for contact, rows, columns in zip(contacts, cone_rows, self.wrench_slices, strict=True):
+            self.cone[rows, columns] = contact.cone
         self._missing = np.zeros(count)
         self._residuals = np.zeros(1 + len(sizes))
         self._own = [pair for pair in self.task_rows if not is_compiled(pair[0])]

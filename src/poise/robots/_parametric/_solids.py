@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+import pinocchio as pin
 from jaxtyping import Float64
-from scipy.spatial.transform import Rotation
 
 _PARALLEL = 1e-9
 """Directions closer than this to the z axis need no rotation."""
@@ -45,7 +45,7 @@ class Shape:
     @property
     def rotation(self) -> Float64[np.ndarray, "3 3"]:
         """Orientation in the link, link_R_shape."""
-        return Rotation.from_euler("xyz", self.rpy).as_matrix()
+        return pin.rpy.rpyToMatrix(*self.rpy)
 
     def inertia(self, mass: float) -> Float64[np.ndarray, "3 3"]:
         """Inertia about the solid's own centre, along the link's axes [kg m^2]."""
