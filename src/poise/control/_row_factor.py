@@ -29,7 +29,7 @@ def factor_rows(
     turn(X, begin, end, X, 0, begin, tau)
     for k in range(begin, end):
         tau[k] = _make_reflection(X, k)
-        turn(X, k + 1, end, X, k, k + 1, tau)
+        _reflect(X, k + 1, end, X, k, tau[k])
 
 
 @part
@@ -54,8 +54,7 @@ def turn(
         tau: their factors.
     """
     for k in range(first, last):
-        for row in range(begin, end):
-            _reflect(T, row, X, k, tau[k])
+        _reflect(T, begin, end, X, k, tau[k])
 
 
 @part
@@ -78,8 +77,7 @@ def turn_back(
         tau: their factors.
     """
     for k in range(last - 1, -1, -1):
-        for row in range(begin, end):
-            _reflect(T, row, X, k, tau[k])
+        _reflect(T, begin, end, X, k, tau[k])
 
 
 @part
@@ -141,13 +139,14 @@ def keeps_rank(
         least: what is large enough.
         G: scratch.
     """
-    for i in range(begin, end):
-        for j in range(begin, i + 1):
-            total = 0.0
-            for k in range(begin, j + 1):
-                total += X[i, k] * X[j, k]
-            G[i - begin, j - begin] = total
-        G[i - begin, i - begin] -= least * least
+    for i in range(end - begin):
+        row = X[begin + i, begin:]
+        for j in range(i + 1):
+            other, total = X[begin + j, begin:], 0.0
+            for k in range(j + 1):
+                total += row[k] * other[k]
+            G[i, j] = total
+        G[i, i] -= least * least
     return factor_leading(G, end - begin)
 
 
@@ -207,37 +206,61 @@ def _make_reflection(X: Float64[np.ndarray, "n n"], k: int) -> float:
     Returns:
         tau, zero where nothing has to be turned.
     """
-    n, rest, first = X.shape[1], 0.0, X[k, k]
-    for j in range(k + 1, n):
-        rest += X[k, j] * X[k, j]
+    v, rest, first = X[k, k + 1 :], 0.0, X[k, k]
+    for j in range(len(v)):
+        rest += v[j] * v[j]
     if rest == 0.0:
         return 0.0
     length = sqrt(first * first + rest)
     end = -length if first >= 0.0 else length
     shrink = 1.0 / (first - end)
-    for j in range(k + 1, n):
-        X[k, j] *= shrink
+    for j in range(len(v)):
+        v[j] *= shrink
     X[k, k] = end
     return (end - first) / end
 
 
 @part
 def _reflect(
-    T: Float64[np.ndarray, "m n"], row: int, X: Float64[np.ndarray, "n n"], k: int, tau: float
+    T: Float64[np.ndarray, "m n"],
+    begin: int,
+    end: int,
+    X: Float64[np.ndarray, "n n"],
+    k: int,
+    tau: float,
 ) -> None:
-    """Reflects one row.
+    """Reflects rows, two at a time so that neither waits for its own sum.
 
     Args:
-        T: whose row is overwritten.
-        row: which one.
+        T: whose rows are overwritten.
+        begin: first of them.
+        end: where they end.
         X: the factored rows.
         k: which reflection.
         tau: its factor.
     """
-    n, along = X.shape[1], T[row, k]
-    for j in range(k + 1, n):
-        along += T[row, j] * X[k, j]
-    along *= tau
-    T[row, k] -= along
-    for j in range(k + 1, n):
-        T[row, j] -= along * X[k, j]
+    # Rows by themselves are known to lie in one piece.
+    v, row = X[k, k + 1 :], begin
+    while row + 2 <= end:
+        x_0, x_1 = T[row, k + 1 :], T[row + 1, k + 1 :]
+        s_0, s_1 = T[row, k], T[row + 1, k]
+        for j in range(len(v)):
+            s_0 += x_0[j] * v[j]
+            s_1 += x_1[j] * v[j]
+        s_0 *= tau
+        s_1 *= tau
+        T[row, k] -= s_0
+        T[row + 1, k] -= s_1
+        for j in range(len(v)):
+            x_0[j] -= s_0 * v[j]
+            x_1[j] -= s_1 * v[j]
+        row += 2
+    while row < end:
+        x_0, s_0 = T[row, k + 1 :], T[row, k]
+        for j in range(len(v)):
+            s_0 += x_0[j] * v[j]
+        s_0 *= tau
+        T[row, k] -= s_0
+        for j in range(len(v)):
+            x_0[j] -= s_0 * v[j]
+        row += 1

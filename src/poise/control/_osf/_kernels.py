@@ -153,36 +153,37 @@ def _factor_mass(M: Float64[np.ndarray, "n n"], L: Float64[np.ndarray, "n n"]) -
         for j in range(i + 1):
             L[i, j] = M[i, j]
     for k in range(n - 1, -1, -1):
-        pivot = sqrt(L[k, k])
-        L[k, k] = pivot
+        coupled, pivot = L[k], sqrt(L[k, k])
+        for i in range(k + 1):
+            coupled[i] /= pivot
         for i in range(k):
-            L[k, i] /= pivot
-        for i in range(k):
-            factor = L[k, i]
+            factor, row = coupled[i], L[i]
             if factor != 0.0:
                 for j in range(i + 1):
-                    L[i, j] -= factor * L[k, j]
+                    row[j] -= factor * coupled[j]
 
 
 @part
 def _divide_row(L: Float64[np.ndarray, "n n"], X: Float64[np.ndarray, "m n"], row: int) -> None:
     """X <- x L^-1 for one row; what a limb does not move stays zero and costs nothing."""
+    x = X[row]
     for k in range(len(L) - 1, -1, -1):
-        if X[row, k] != 0.0:
-            X[row, k] /= L[k, k]
-            factor = X[row, k]
+        if x[k] != 0.0:
+            x[k] /= L[k, k]
+            factor, coupled = x[k], L[k]
             for j in range(k):
-                X[row, j] -= factor * L[k, j]
+                x[j] -= factor * coupled[j]
 
 
 @part
 def _to_acceleration(L: Float64[np.ndarray, "n n"], Z: Float64[np.ndarray, "m n"], row: int) -> None:
     """Z <- L^-1 z for one row: from the mass metric's coordinates to accelerations."""
+    z = Z[row]
     for i in range(len(L)):
-        rest = Z[row, i]
+        coupled, rest = L[i], z[i]
         for j in range(i):
-            rest -= L[i, j] * Z[row, j]
-        Z[row, i] = rest / L[i, i]
+            rest -= coupled[j] * z[j]
+        z[i] = rest / coupled[i]
 
 
 @part
@@ -286,8 +287,8 @@ def _take_rest(
     Returns:
         Whether it was: no singular value of A is too small, and not too much is asked for.
     """
-    n, begin, end = len(dv), int(levels.ends[level]), int(levels.ends[level + 1])
-    left, G, F, z = n - int(levels.ends[level]), work.G, work.F, work.z
+    begin, end = int(levels.ends[level]), int(levels.ends[level + 1])
+    left, G, F, z = len(dv) - begin, work.G, work.F, work.z
     if end - begin < left:
         return False
     _square(levels, work, begin, end, left)
@@ -300,14 +301,13 @@ def _take_rest(
         return False
     x = z[1]
     solve_leading(G, left, x)
-    for i in range(n):
-        z[0, i] = 0.0
-    for i in range(left):
-        for j in range(n):
+    for j in range(len(dv)):
+        z[0, j] = 0.0
+        for i in range(left):
             z[0, j] += x[i] * work.B[i, j]
     if level >= levels.constraints and not _is_kept(z, bounds):
         return False
-    for j in range(n):
+    for j in range(len(dv)):
         dv[j] += z[0, j]
     return True
 
@@ -315,21 +315,20 @@ def _take_rest(
 @part
 def _square(levels: LevelRows, work: Work, begin: int, end: int, left: int) -> None:
     """G = A^T A, in its lower triangle, and z[1] = A^T c, row by row of A."""
-    n, G, B, z, J = len(work.S), work.G, work.B, work.z, levels.jacobian
+    S, G, a, total = work.S, work.G, work.z[0], work.z[1]
     for i in range(left):
-        z[1, i] = 0.0
+        total[i] = 0.0
         for j in range(i + 1):
             G[i, j] = 0.0
     for row in range(begin, end):
-        scale, c = levels.scale[row], levels.target[row]
-        for k in range(n):
-            c -= J[row, k] * work.S[k]
+        J, scale, c = levels.jacobian[row], levels.scale[row], levels.target[row]
+        for k in range(len(S)):
+            c -= J[k] * S[k]
         for i in range(left):
-            a = 0.0
-            for k in range(n):
-                a += J[row, k] * B[i, k]
-            z[0, i] = scale * a
-            z[1, i] += z[0, i] * scale * c
-        for i in range(left):
+            direction, a[i] = work.B[i], 0.0
+            for k in range(len(S)):
+                a[i] += J[k] * direction[k]
+            a[i] *= scale
+            total[i] += a[i] * scale * c
             for j in range(i + 1):
-                G[i, j] += z[0, i] * z[0, j]
+                G[i, j] += a[i] * a[j]

@@ -49,6 +49,7 @@ class OperationalRecursion:
         )
         self._work = make_work(n)
         self.regular = 0
+        self._compile(n)
 
     def resolve(self, levels: LevelRows, dynamics: Dynamics) -> Float64[np.ndarray, " n"]:
         """The acceleration of one state.
@@ -79,6 +80,13 @@ class OperationalRecursion:
             sum_levels(self._levels, self._work, count, first[-1])
         find_rest(self._work, int(self._levels.ends[self.regular]))
         return self._settle([*first, *self._tail()])
+
+    def _compile(self, n: int) -> None:
+        """Resolves nothing once, so that nothing is compiled in a tick."""
+        nothing, zero = LevelRows.nothing(n), np.zeros(n)
+        resolve(np.eye(n), zero, nothing, self._bounds, self._work, zero)
+        find_rest(self._work, 0)
+        sum_levels(nothing, self._work, 0, zero)
 
     def _tail(self) -> list[Float64[np.ndarray, " n"]]:
         """S after each level from the first on that is no ordinary one."""

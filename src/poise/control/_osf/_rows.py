@@ -43,6 +43,11 @@ class LevelRows(NamedTuple):
         """Rows of each level."""
         return [slice(a, b) for a, b in pairwise(self.ends.tolist())]
 
+    @classmethod
+    def nothing(cls, nv: int) -> "LevelRows":
+        """No level at all, for a robot of so many coordinates."""
+        return cls(np.zeros((0, nv)), np.zeros(0), np.zeros(0), np.zeros(1, dtype=np.int64))
+
     def with_joints(
         self,
         index: Int64[np.ndarray, " k"],
