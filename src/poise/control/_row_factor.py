@@ -196,6 +196,32 @@ def solve_leading(G: Float64[np.ndarray, "n n"], m: int, x: Float64[np.ndarray, 
 
 
 @part
+def add_row(
+    G: Float64[np.ndarray, "n n"],
+    x: Float64[np.ndarray, " n"],
+    a: Float64[np.ndarray, " n"],
+    size: int,
+    weight: float,
+    c: float,
+) -> None:
+    """Adds a row a y = c to normal equations: G <- G + w a^T a, x <- x + w a^T c.
+
+    Args:
+        G: whose lower triangle is added to.
+        x: right-hand side, added to.
+        a: coefficients.
+        size: how many.
+        weight: w.
+        c: value.
+    """
+    for i in range(size):
+        own, factor = G[i], weight * a[i]
+        x[i] += factor * c
+        for j in range(i + 1):
+            own[j] += factor * a[j]
+
+
+@part
 def _make_reflection(X: Float64[np.ndarray, "n n"], k: int) -> float:
     """The reflection that turns a row from its diagonal on into (-+ length, 0, ..., 0), in place.
 

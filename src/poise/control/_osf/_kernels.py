@@ -9,6 +9,7 @@ from jaxtyping import Float64
 from poise._compiled import compiled, part
 from poise.control._osf._rows import LevelRows
 from poise.control._row_factor import (
+    add_row,
     factor_leading,
     factor_rows,
     fill_complement,
@@ -176,7 +177,9 @@ def _divide_row(L: Float64[np.ndarray, "n n"], X: Float64[np.ndarray, "m n"], ro
 
 
 @part
-def _to_acceleration(L: Float64[np.ndarray, "n n"], Z: Float64[np.ndarray, "m n"], row: int) -> None:
+def _to_acceleration(
+    L: Float64[np.ndarray, "n n"], Z: Float64[np.ndarray, "m n"], row: int
+) -> None:
     """Z <- L^-1 z for one row: from the mass metric's coordinates to accelerations."""
     z = Z[row]
     for i in range(len(L)):
@@ -328,7 +331,4 @@ def _square(levels: LevelRows, work: Work, begin: int, end: int, left: int) -> N
             direction, a[i] = work.B[i], 0.0
             for k in range(len(S)):
                 a[i] += J[k] * direction[k]
-            a[i] *= scale
-            total[i] += a[i] * scale * c
-            for j in range(i + 1):
-                G[i, j] += a[i] * a[j]
+        add_row(G, total, a, left, scale * scale, c)

@@ -1,6 +1,5 @@
 """`DemandLimit`: how hard a level may drive the joints.
 
-`excess`: how far joints are outside their bounds.
 `truncate_levels`: lets go of tasks from the bottom up until contacts and torque limits hold.
 """
 
@@ -11,7 +10,6 @@ import numpy as np
 from jaxtyping import Float64
 
 from poise._checks import checked_number
-from poise._compiled import compiled
 
 _ITERATIONS = 50
 """Far more than Newton's method takes on the secular equation: it converges from one side."""
@@ -131,27 +129,3 @@ def truncate_levels(
     answer = base + low * step
     fits(answer)
     return answer
-
-
-@compiled
-def excess(
-    acceleration: Float64[np.ndarray, " nv"],
-    base: int,
-    lower: Float64[np.ndarray, " nj"],
-    upper: Float64[np.ndarray, " nj"],
-) -> float:
-    """How far outside its bounds the worst joint is, zero for none [rad/s^2]; NaN stays NaN.
-
-    Args:
-        acceleration: of all coordinates.
-        base: number of coordinates before the joints.
-        lower: bounds of the joints.
-        upper: upper ones.
-    """
-    worst = 0.0
-    for i in range(len(lower)):
-        value = acceleration[base + i]
-        outside = max(value - upper[i], lower[i] - value)
-        if outside > worst or np.isnan(outside):
-            worst = outside
-    return worst

@@ -44,9 +44,7 @@ class OperationalRecursion:
     def __init__(self, n: int, rank: RankTreatment, demand: DemandLimit | None = None) -> None:
         self._rank, self._demand = rank, demand
         most, base = (np.inf, 0) if demand is None else (demand.acceleration, demand.base)
-        self._bounds = Bounds(
-            PHYSICS_RANK.high, HELD_RANK.high, rank.high, float(most), int(base)
-        )
+        self._bounds = Bounds(PHYSICS_RANK.high, HELD_RANK.high, rank.high, float(most), int(base))
         self._work = make_work(n)
         self.regular = 0
         self._compile(n)

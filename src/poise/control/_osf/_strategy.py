@@ -7,8 +7,9 @@ import numpy as np
 from jaxtyping import Float64
 
 from poise._checks import Numbers
+from poise.control._excess import excess
 from poise.control._osf._contact_forces import TOLERANCE, ContactForces
-from poise.control._osf._limits import DemandLimit, excess, truncate_levels
+from poise.control._osf._limits import DemandLimit, truncate_levels
 from poise.control._osf._recursion import OperationalRecursion
 from poise.control._osf._rows import LevelRows, OperationalRows, RowScales
 from poise.control._rank import RankTreatment
