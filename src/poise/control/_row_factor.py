@@ -139,6 +139,24 @@ def keeps_rank(
         least: what is large enough.
         G: scratch.
     """
+    square_level(X, begin, end, G)
+    for i in range(end - begin):
+        G[i, i] -= least * least
+    return factor_leading(G, end - begin)
+
+
+@part
+def square_level(
+    X: Float64[np.ndarray, "n n"], begin: int, end: int, G: Float64[np.ndarray, "n n"]
+) -> None:
+    """G = L L^T with a level's own block of L, in the lower triangle.
+
+    Args:
+        X: the factored rows.
+        begin: the level's first row.
+        end: where it ends.
+        G: whose leading block is overwritten.
+    """
     for i in range(end - begin):
         row = X[begin + i, begin:]
         for j in range(i + 1):
@@ -146,8 +164,6 @@ def keeps_rank(
             for k in range(j + 1):
                 total += row[k] * other[k]
             G[i, j] = total
-        G[i, i] -= least * least
-    return factor_leading(G, end - begin)
 
 
 @part

@@ -16,6 +16,7 @@ from poise.control._row_factor import (
     keeps_rank,
     solve_leading,
     solve_level,
+    square_level,
     turn_back,
 )
 
@@ -131,12 +132,16 @@ def serve_levels(
     served, rest = count, False
     for level in range(count):
         rows = int(levels.ends[level + 1] - levels.ends[level])
-        rest = level == count - 1 and level >= exact and rows > 0
-        # Below the last level nobody asks what it leaves, and its rows need not be factored.
-        if not rest and not _serve_level(levels, level, level < exact, least, work, taken):
+        last = level == count - 1 and level >= exact
+        rest = last and taken + rows > n
+        if rest:
+            break
+        # Below the last level nobody asks what it leaves, nor whether it keeps its rank.
+        needed = 0.0 if last else least
+        if not _serve_level(levels, level, level < exact, needed, work, taken):
             served = level
             break
-        taken += 0 if rest else rows
+        taken += rows
     for i in range(n):
         work.z[0, i] = work.y[i] if i < taken else 0.0
     turn_back(work.z, 0, 1, work.X, taken, work.tau)
@@ -159,7 +164,7 @@ def _serve_level(
         levels: all levels.
         level: which one.
         exact: whether by the right inverse (22c); else by the SR-inverse (22e).
-        least: singular value below which rank is being lost.
+        least: singular value below which rank is being lost; zero where that does not matter.
         work: memory.
         taken: how many coordinates the levels above decide.
     """
@@ -174,7 +179,7 @@ def _serve_level(
             own[j] = scale * J[j] * work.shrink[j]
         y[place] = scale * levels.velocity[row]
     factor_rows(X, taken, end, work.tau)
-    if not keeps_rank(X, taken, end, least, work.G):
+    if least > 0.0 and not keeps_rank(X, taken, end, least, work.G):
         return False
     if exact:
         solve_level(X, taken, end, y)
@@ -184,27 +189,42 @@ def _serve_level(
 
 
 @part
-def _serve_robustly(levels: VelocityLevels, begin: int, work: Work, taken: int, end: int) -> None:
-    """The SR-inverse (22e) of a level's own block of L, for places `taken` to `end` of y."""
-    x = work.z[1]
-    _clear(work, end - taken)
-    for place in range(taken, end):
-        own, c = work.X[place], work.y[place]
+def _serve_robustly(
+    levels: VelocityLevels, begin: int, work: Work, taken: int, end: int
+) -> None:
+    """The SR-inverse (22e) of a level's own block of L, for places `taken` to `end` of y.
+
+    As B^T (B B^T + I)^-1 sqrt(W) v with B = sqrt(W) L, which stays accurate for large weights.
+    """
+    X, y, G, x, root = work.X, work.y, work.G, work.z[1], work.z[2]
+    size = end - taken
+    square_level(X, taken, end, G)
+    for i in range(size):
+        own, c = X[taken + i], y[taken + i]
         for j in range(taken):
-            c -= own[j] * work.y[j]
-        row = begin + place - taken
-        weight = levels.weight[row] / (levels.scale[row] * levels.scale[row])
-        add_row(work.G, x, own[taken:], place - taken + 1, weight, c)
-    _solve_robustly(work, end - taken)
-    for place in range(taken, end):
-        work.y[place] = x[place - taken]
+            c -= own[j] * y[j]
+        # The rows of X carry their scales.
+        root[i] = sqrt(levels.weight[begin + i]) / levels.scale[begin + i]
+        x[i] = root[i] * c
+        for j in range(i + 1):
+            G[i, j] *= root[i] * root[j]
+    _solve_robustly(work, size)
+    for k in range(size):
+        y[taken + k] = 0.0
+    for i in range(size):
+        own, factor = X[taken + i, taken:], root[i] * x[i]
+        for k in range(i + 1):
+            y[taken + k] += own[k] * factor
 
 
 @part
 def _serve_rest(levels: VelocityLevels, work: Work, left: int) -> None:
     """The SR-inverse (22e) of the last level in what the others leave, added to z."""
     z, x, a, n = work.z[0], work.z[1], work.z[2], len(work.shrink)
-    _clear(work, left)
+    for i in range(left):
+        x[i] = 0.0
+        for j in range(i + 1):
+            work.G[i, j] = 0.0
     for row in range(levels.ends[-2], levels.ends[-1]):
         J, c = levels.jacobian[row], levels.velocity[row]
         for j in range(n):
@@ -220,15 +240,6 @@ def _serve_rest(levels: VelocityLevels, work: Work, left: int) -> None:
         direction = work.B[i]
         for j in range(n):
             z[j] += x[i] * direction[j]
-
-
-@part
-def _clear(work: Work, size: int) -> None:
-    """G and the right-hand side begin from nothing."""
-    for i in range(size):
-        work.z[1, i] = 0.0
-        for j in range(i + 1):
-            work.G[i, j] = 0.0
 
 
 @part

@@ -167,13 +167,12 @@ def _factor_mass(M: Float64[np.ndarray, "n n"], L: Float64[np.ndarray, "n n"]) -
 @part
 def _divide_row(L: Float64[np.ndarray, "n n"], X: Float64[np.ndarray, "m n"], row: int) -> None:
     """X <- x L^-1 for one row; what a limb does not move stays zero and costs nothing."""
-    x = X[row]
     for k in range(len(L) - 1, -1, -1):
-        if x[k] != 0.0:
-            x[k] /= L[k, k]
-            factor, coupled = x[k], L[k]
+        if X[row, k] != 0.0:
+            X[row, k] /= L[k, k]
+            factor = X[row, k]
             for j in range(k):
-                x[j] -= factor * coupled[j]
+                X[row, j] -= factor * L[k, j]
 
 
 @part
