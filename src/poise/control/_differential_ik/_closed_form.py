@@ -14,6 +14,7 @@ from scipy.linalg import lapack as _scipy_lapack
 from poise.control._differential_ik._kernels import (
     VelocityLevel,
     VelocityLevels,
+    drop_rounding,
     make_work,
     serve_levels,
 )
@@ -133,8 +134,8 @@ class ClosedForm:
     def __init__(self, n: int, exact: int, rank: RankTreatment) -> None:
         self.exact = exact
         self._rank, self._work = rank, make_work(n)
-        # Serves nothing once, so that nothing is compiled in a tick.
-        self.solve(VelocityLevels.nothing(n), np.ones(n))
+        # What is compiled is compiled now, not in the first tick.
+        drop_rounding(self.solve(VelocityLevels.nothing(n), np.ones(n)))
 
     def solve(
         self, levels: VelocityLevels, joint_weight: Float64[np.ndarray, " n"]
@@ -172,4 +173,6 @@ class ClosedForm:
                 step, filled = right_inverse(rows, missing, level.scale, self._rank)
                 z += N @ step if i < self.exact else 0.0
                 N = N - N @ filled
-        return shrink * z
+        u = shrink * z
+        drop_rounding(u)
+        return u

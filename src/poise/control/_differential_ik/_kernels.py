@@ -57,8 +57,13 @@ class VelocityLevels(NamedTuple):
     @classmethod
     def of(cls, levels: Sequence[VelocityLevel]) -> "VelocityLevels":
         """Copies levels, most important first."""
-        columns = [np.concatenate(column) for column in zip(*levels, strict=True)]
-        return cls(*columns, np.cumsum([0, *(len(level.velocity) for level in levels)]))
+        return cls(
+            np.concatenate([level.jacobian for level in levels]),
+            np.concatenate([level.velocity for level in levels]),
+            np.concatenate([level.weight for level in levels]),
+            np.concatenate([level.scale for level in levels]),
+            np.cumsum([0, *(len(level.velocity) for level in levels)]),
+        )
 
     @classmethod
     def nothing(cls, n: int) -> "VelocityLevels":
@@ -72,6 +77,10 @@ class VelocityLevels(NamedTuple):
         return VelocityLevel(
             self.jacobian[rows], self.velocity[rows], self.weight[rows], self.scale[rows]
         )
+
+
+ROUNDING = 1e-12
+"""Velocities smaller than this, relative to the largest, are rounding."""
 
 
 class Work(NamedTuple):
@@ -151,7 +160,24 @@ def serve_levels(
         _serve_rest(levels, work, n - taken)
     for i in range(n):
         u[i] = work.shrink[i] * work.z[0, i]
+    drop_rounding(u)
     return served, taken
+
+
+@compiled
+def drop_rounding(u: Float64[np.ndarray, " n"]) -> None:
+    """Lets joints rest that nothing moves: the next tick's weights go by the signs of velocities.
+
+    Args:
+        u: joint velocities [rad/s].
+    """
+    largest = 0.0
+    for i in range(len(u)):
+        largest = max(largest, abs(u[i]))
+    for i in range(len(u)):
+        # Written so that NaN stays.
+        if abs(u[i]) < ROUNDING * largest:
+            u[i] = 0.0
 
 
 @part
@@ -189,9 +215,7 @@ def _serve_level(
 
 
 @part
-def _serve_robustly(
-    levels: VelocityLevels, begin: int, work: Work, taken: int, end: int
-) -> None:
+def _serve_robustly(levels: VelocityLevels, begin: int, work: Work, taken: int, end: int) -> None:
     """The SR-inverse (22e) of a level's own block of L, for places `taken` to `end` of y.
 
     As B^T (B B^T + I)^-1 sqrt(W) v with B = sqrt(W) L, which stays accurate for large weights.

@@ -245,12 +245,10 @@ def _add_levels(levels: LevelRows, bounds: Bounds, work: Work, regular: int) -> 
 @part
 def _is_kept(z: Float64[np.ndarray, "2 n"], bounds: Bounds) -> bool:
     """Whether the first row asks no more of any joint than is allowed; False for NaN."""
-    if np.isinf(bounds.demand):
-        return True
+    kept = True
     for i in range(bounds.base, z.shape[1]):
-        if not abs(z[0, i]) <= bounds.demand:
-            return False
-    return True
+        kept = kept and abs(z[0, i]) <= bounds.demand
+    return kept or np.isinf(bounds.demand)
 
 
 @part
