@@ -6,7 +6,13 @@ from scipy.linalg import null_space
 from scipy.optimize import minimize
 
 from poise.control._differential_ik import VelocityLevel, solve_levels
-from poise.control._differential_ik._closed_form import RANK, right_inverse, robust_step
+from poise.control._differential_ik._closed_form import (
+    RANK,
+    ClosedForm,
+    right_inverse,
+    robust_step,
+)
+from poise.control._differential_ik._kernels import VelocityLevels
 
 
 def level(rng, m, n, jacobian=None):
@@ -198,3 +204,35 @@ def test_the_robust_step_is_as_short_as_its_docstring_says(seed):
     v, w = rng.normal(size=m), 10.0 ** rng.uniform(-3, 6)
     step = robust_step(J, v, np.full(m, w))
     assert np.linalg.norm(step) <= 0.5 * np.sqrt(w) * np.linalg.norm(v) * (1.0 + 1e-9)
+
+
+@pytest.mark.parametrize("sizes", [(3, 2, 4), (6, 0, 3, 12), (2, 2), (5, 3, 2, 2), (0, 12)])
+@pytest.mark.parametrize("exact", [1, 2])
+def test_projectors_and_eigenvalues_give_what_the_compiled_levels_do(sizes, exact):
+    """The way of levels that lose rank, taken by levels that keep it."""
+    rng = np.random.default_rng(7)
+    levels = VelocityLevels.of([level(rng, m, 12) for m in sizes])
+    form, wb = ClosedForm(12, exact, RANK), rng.uniform(1.0, 20.0, size=12)
+    u = form.solve(levels, wb)
+    form.solve(levels._replace(ends=levels.ends[:1]), wb)
+    form._work.B[:] = np.eye(12)
+    assert np.abs(form._serve_lost(levels, 0, 0) - u).max() < 1e-9
+
+
+def test_joints_that_nothing_moves_rest_exactly():
+    """The next tick's weights go by the signs of velocities, which rounding must not decide."""
+    rng = np.random.default_rng(8)
+    levels = [level(rng, m, 12) for m in (3, 4, 2)]
+    for each in levels:
+        each.jacobian[:, [0, 5, 7]] = 0.0
+    u = solve_levels(levels, rng.uniform(1.0, 20.0, size=12), exact=2)
+    assert (u[[0, 5, 7]] == 0.0).all()
+    assert np.count_nonzero(u) == 9
+
+
+def test_what_is_no_number_stays_none():
+    rng = np.random.default_rng(9)
+    for bad in range(3):
+        levels = [level(rng, m, 12) for m in (3, 4, 9)]
+        levels[bad].velocity[1] = np.nan
+        assert np.isnan(solve_levels(levels, np.ones(12), exact=2)).any()

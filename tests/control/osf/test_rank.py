@@ -4,7 +4,17 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 from oracles import near_home, random_state
-from osf_world import Rows, dense_recursion, missing, random_references, redundant_stacks, stack_for
+from osf_world import (
+    FLOATING,
+    Rows,
+    dense_acceleration,
+    dense_recursion,
+    missing,
+    random_references,
+    redundant_stacks,
+    relative,
+    stack_for,
+)
 
 from poise.control import OperationalSpaceController, RankTreatment
 from poise.control._osf._limits import DemandLimit
@@ -77,6 +87,22 @@ def test_steps_end_with_the_answer(get_any, name):
         steps = recursion.steps()
         assert len(steps) == len(rows.slices)
         assert np.abs(steps[-1] - found).max() < 1e-9 * max(1.0, np.abs(found).max())
+
+
+@pytest.mark.parametrize("name", FLOATING)
+def test_a_posture_that_takes_all_that_is_left_needs_no_eigenvalues(get_any, monkeypatch, name):
+    robot = get_any(name)
+    world = Rows(robot, stack_for(robot))
+    random_references(world.stack, np.random.default_rng(8))
+    rows = world.at(near_home(robot, 0, spread=0.02))
+    # More rows than freedom left, so that the posture cannot be one of the regular levels.
+    assert len(rows.target) > robot.nv
+    recursion = OperationalRecursion(robot.nv, RankTreatment())
+    monkeypatch.setattr(OperationalRecursion, "_tail", None)
+    found = recursion.resolve(rows, world.dynamics)
+    assert recursion.regular == len(rows.slices) - 1
+    wanted = dense_acceleration(rows, world.dynamics, rank=RankTreatment())
+    assert relative(found, wanted) < 1e-9
 
 
 def singular_arm(robot, bend):

@@ -6,6 +6,7 @@
 import numpy as np
 from jaxtyping import Float64, Int64
 
+from poise._compiled import compiled
 from poise.robots import Robot
 from poise.stack import JointLimit
 
@@ -43,17 +44,34 @@ class VelocityBounds:
         self.q_min: Float64[np.ndarray, " n"] = limit.q_min[joints]
         self.q_max: Float64[np.ndarray, " n"] = limit.q_max[joints]
         self.v_max: Float64[np.ndarray, " n"] = limit.velocity_scale * robot.v_max[joints]
-        self._slowest = -self.v_max
         self._rate = 1.0 / limit_time
 
     def at(
         self, q: Float64[np.ndarray, " n"]
     ) -> tuple[Float64[np.ndarray, " n"], Float64[np.ndarray, " n"]]:
         """Lower and upper bounds [rad/s] at positions of these joints [rad]."""
-        return self._slow((self.q_min - q) * self._rate), self._slow((self.q_max - q) * self._rate)
+        lower, upper = np.empty((2, len(q)))
+        _bound(q, self.q_min, self.q_max, self.v_max, self._rate, lower, upper)
+        return lower, upper
 
-    def _slow(self, velocity: Float64[np.ndarray, " n"]) -> Float64[np.ndarray, " n"]:
-        return np.minimum(np.maximum(velocity, self._slowest), self.v_max)
+
+@compiled
+def _bound(
+    q: Float64[np.ndarray, " n"],
+    q_min: Float64[np.ndarray, " n"],
+    q_max: Float64[np.ndarray, " n"],
+    v_max: Float64[np.ndarray, " n"],
+    rate: float,
+    lower: Float64[np.ndarray, " n"],
+    upper: Float64[np.ndarray, " n"],
+) -> None:
+    """The bounds of `VelocityBounds`, with 1 / T as rate; NaN stays NaN."""
+    for i in range(len(q)):
+        lower[i], upper[i] = (q_min[i] - q[i]) * rate, (q_max[i] - q[i]) * rate
+        if abs(lower[i]) > v_max[i]:
+            lower[i] = v_max[i] if lower[i] > 0.0 else -v_max[i]
+        if abs(upper[i]) > v_max[i]:
+            upper[i] = v_max[i] if upper[i] > 0.0 else -v_max[i]
 
 
 LARGEST_WEIGHT = 1e4
@@ -83,10 +101,26 @@ def limit_weights(
         q_min: lower limits [rad].
         q_max: upper limits [rad].
     """
-    above, below, span = q - q_min, q_max - q, q_max - q_min
-    square, room = span * span, 4.0 * above * below
-    inside = room * LARGEST_WEIGHT > square
-    weight = np.full(len(q), LARGEST_WEIGHT)
-    np.divide(square, room, out=weight, where=inside)
-    weight[(above - below) * rate <= 0.0] = 1.0
+    weight = np.empty(len(q))
+    _weigh(q, rate, q_min, q_max, weight)
     return weight
+
+
+@compiled
+def _weigh(
+    q: Float64[np.ndarray, " n"],
+    rate: Float64[np.ndarray, " n"],
+    q_min: Float64[np.ndarray, " n"],
+    q_max: Float64[np.ndarray, " n"],
+    weight: Float64[np.ndarray, " n"],
+) -> None:
+    """Equation (23), as `limit_weights` has it."""
+    for i in range(len(q)):
+        above, below, span = q[i] - q_min[i], q_max[i] - q[i], q_max[i] - q_min[i]
+        square, room = span * span, 4.0 * above * below
+        if (above - below) * rate[i] <= 0.0:
+            weight[i] = 1.0
+        elif room * LARGEST_WEIGHT > square:
+            weight[i] = square / room
+        else:
+            weight[i] = LARGEST_WEIGHT

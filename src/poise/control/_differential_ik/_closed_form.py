@@ -1,15 +1,23 @@
 """`solve_levels`: prioritised differential inverse kinematics in closed form.
 
+`ClosedForm`: the same with memory of its own, for many ticks.
 Inverses of one level's rows: the right inverse (22c), and the SR-inverse (22e).
 """
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple, cast
+from typing import Any, cast
 
 import numpy as np
 from jaxtyping import Float64
 from scipy.linalg import lapack as _scipy_lapack
 
+from poise.control._differential_ik._kernels import (
+    VelocityLevel,
+    VelocityLevels,
+    drop_rounding,
+    make_work,
+    serve_levels,
+)
 from poise.control._rank import RankTreatment
 
 _lapack: Any = cast("Any", _scipy_lapack)  # SciPy's stubs do not know the wrapped routines
@@ -26,8 +34,6 @@ def right_inverse(
     Equation (22c) of Zhang and Kikuuwe, which has no answer where J J^T cannot be inverted. There,
     directions get the activation that `rank` gives them, from one down to zero.
 
-    LAPACK's `dtrtrs` and its like are kept away from: they wait for threads on a busy machine.
-
     Args:
         jacobian: J.
         velocity: v.
@@ -39,15 +45,7 @@ def right_inverse(
         The step, and P = J^+ J, which projects on the space that J takes from those below it.
     """
     rows, scaled = jacobian * scale[:, None], velocity * scale
-    gram = rows @ rows.T
-    shifted = gram.copy()
-    shifted.flat[:: len(scale) + 1] -= rank.high * rank.high
-    if _lapack.dpotrf(shifted, lower=1, overwrite_a=1)[1] == 0:
-        factor = _lapack.dpotrf(gram, lower=1)[0]
-        inverse_factor = _lapack.dtrtri(factor, lower=1)[0]
-        basis = inverse_factor @ rows
-        return basis.T @ (inverse_factor @ scaled), basis.T @ basis
-    squares, directions = np.linalg.eigh(gram)
+    squares, directions = np.linalg.eigh(rows @ rows.T)
     _, gain = rank.activate(squares)
     turned = directions.T @ rows
     inverse = turned.T * gain
@@ -84,22 +82,6 @@ Closer to singularities than accelerations are followed, because velocities are 
 and nothing is divided by them again."""
 
 
-class VelocityLevel(NamedTuple):
-    """Rows J u = v of one priority.
-
-    Attributes:
-        jacobian: J, maps joint velocities to the rows' velocities.
-        velocity: v, the reference.
-        weight: diagonal of W_A, for levels that give way; not negative.
-        scale: what rows are multiplied by where ranks are decided, see `right_inverse`.
-    """
-
-    jacobian: Float64[np.ndarray, "m n"]
-    velocity: Float64[np.ndarray, " m"]
-    weight: Float64[np.ndarray, " m"]
-    scale: Float64[np.ndarray, " m"]
-
-
 def solve_levels(
     levels: Sequence[VelocityLevel],
     joint_weight: Float64[np.ndarray, " n"],
@@ -131,22 +113,66 @@ def solve_levels(
     Returns:
         Joint velocities u [rad/s].
     """
-    shrink = 1.0 / np.sqrt(joint_weight)
-    z = np.zeros(len(shrink))
-    free: Float64[np.ndarray, "n n"] | None = None
-    for i, level in enumerate(levels):
-        if not len(level.velocity):
-            continue
-        jacobian = level.jacobian * shrink
-        missing = level.velocity - jacobian @ z
-        rows = jacobian if free is None else jacobian @ free
-        last = i == len(levels) - 1
-        if i < exact:
-            step, filled = right_inverse(rows, missing, level.scale, rank)
-        else:
-            step = robust_step(rows, missing, level.weight)
-            filled = None if last else right_inverse(rows, missing, level.scale, rank)[1]
-        z += step if free is None else free @ step
-        if filled is not None and not last:
-            free = np.eye(len(z)) - filled if free is None else free - free @ filled
-    return shrink * z
+    form = ClosedForm(len(joint_weight), exact, rank)
+    return form.solve(VelocityLevels.of(levels), joint_weight)
+
+
+class ClosedForm:
+    """`solve_levels` with memory of its own.
+
+    With rows J_i W_B^-1/2 one below the other as [L 0] Q, no projector is needed: (22c) is the
+    substitution with L, and (22e) is about L's diagonal blocks. From the first level that loses
+    rank on, levels are taken one by one by projectors and the eigenvalues of their rows; both ways
+    give the same numbers where both apply. The first way is compiled.
+
+    Args:
+        n: number of joints.
+        exact: how many levels, from the top, are met exactly where that is possible.
+        rank: what happens to directions that are lost.
+    """
+
+    def __init__(self, n: int, exact: int, rank: RankTreatment) -> None:
+        self.exact = exact
+        self._rank, self._work = rank, make_work(n)
+        # What is compiled is compiled now, not in the first tick.
+        drop_rounding(self.solve(VelocityLevels.nothing(n), np.ones(n)))
+
+    def solve(
+        self, levels: VelocityLevels, joint_weight: Float64[np.ndarray, " n"]
+    ) -> Float64[np.ndarray, " n"]:
+        """Joint velocities u [rad/s], see `solve_levels`.
+
+        Args:
+            levels: most important first.
+            joint_weight: diagonal of W_B.
+        """
+        u = np.empty(len(joint_weight))
+        served, taken = serve_levels(
+            levels, joint_weight, self.exact, self._rank.high, self._work, u
+        )
+        if served == len(levels.ends) - 1:
+            return u
+        return self._serve_lost(levels, served, taken)
+
+    def _serve_lost(
+        self, levels: VelocityLevels, served: int, taken: int
+    ) -> Float64[np.ndarray, " n"]:
+        """Serves the levels from the first one that lost rank on."""
+        shrink, z = self._work.shrink, self._work.z[0].copy()
+        basis = self._work.B[: len(z) - taken]
+        N, count = basis.T @ basis, len(levels.ends) - 1
+        for i in range(served, count):
+            level = levels.level(i)
+            if not len(level.velocity):
+                continue
+            jacobian = level.jacobian * shrink
+            rows, missing = jacobian @ N, level.velocity - jacobian @ z
+            if i >= self.exact:
+                z += N @ robust_step(rows, missing, level.weight)
+            if i < self.exact or i < count - 1:
+                step, filled = right_inverse(rows, missing, level.scale, self._rank)
+                z += N @ step if i < self.exact else 0.0
+                N = N - N @ filled
+        u = shrink * z
+        drop_rounding(u)
+        return u

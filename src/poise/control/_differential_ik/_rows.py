@@ -7,20 +7,17 @@ The floating base under a stance contact: its velocity follows from the joints'.
 
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import accumulate, pairwise
-from typing import Any, cast
 
 import numpy as np
 from jaxtyping import Float64, Int64
-from scipy.linalg import lapack as _scipy_lapack
 
 from poise._checks import Numbers
-from poise.control._differential_ik._closed_form import VelocityLevel
+from poise.control._differential_ik._base import BASE, constrain, map_base
+from poise.control._differential_ik._kernels import VelocityLevels
 from poise.dynamics import Dynamics, saturate
 from poise.errors import ConfigurationError
 from poise.robots import Robot
 from poise.stack import Contact, Stack, StackRows, Task, checked_gain, home_jacobians
-
-_lapack: Any = cast("Any", _scipy_lapack)  # SciPy's stubs do not know the wrapped routines
 
 ROW_WEIGHT = 1e4
 """W_A of a row whose task has weight one.
@@ -83,10 +80,6 @@ class RowWeights:
         return self._tasks[name]
 
 
-BASE = 6
-"""Velocities of a floating base."""
-
-
 def base_from_joints(
     contact_jacobian: Float64[np.ndarray, "6 nv"],
 ) -> Float64[np.ndarray, "6 nj"]:
@@ -99,7 +92,11 @@ def base_from_joints(
     Args:
         contact_jacobian: Jacobian of the contact frame, six rows.
     """
-    return _lapack.dgesv(contact_jacobian[:, :BASE], -contact_jacobian[:, BASE:])[2]
+    jacobian = np.array(contact_jacobian, order="C")
+    joints = np.arange(jacobian.shape[1] - BASE)
+    base_map = np.zeros((BASE, len(joints)))
+    map_base(jacobian, joints, base_map, np.zeros((BASE, BASE)))
+    return base_map
 
 
 def constrained(
@@ -113,7 +110,9 @@ def constrained(
         jacobian: maps the whole velocity v = [v_base; u].
         base_map: X.
     """
-    return jacobian[:, :BASE] @ base_map + jacobian[:, BASE:]
+    found = np.zeros((len(jacobian), base_map.shape[1]))
+    constrain(np.array(jacobian, order="C"), np.arange(base_map.shape[1]), base_map, found)
+    return found
 
 
 class HomeJacobians:
@@ -126,13 +125,9 @@ class HomeJacobians:
         robot: the robot.
         stack: contacts and tasks, bound to the robot; tasks forget targets that they took from
             the robot.
-
-    Attributes:
-        joints: indices of all joints.
     """
 
     def __init__(self, robot: Robot, stack: Stack) -> None:
-        self.joints: Int64[np.ndarray, " nj"] = np.arange(robot.nj)
         owners = [*stack.contacts, *(task for _, task in stack.tasks())]
         self._jacobians = home_jacobians(Dynamics(robot), owners)
 
@@ -179,7 +174,8 @@ class VelocityRows:
     Attributes:
         stance: the contact that stands.
         stack_rows: the rows of the stack, on the whole velocity.
-        levels: held contacts, then the user's levels; views that `fill` writes into.
+        stacked: the rows of held contacts, then of the user's levels, that `fill` writes.
+        levels: the same level by level, in views.
         jacobian: rows of all levels, on the velocities of the joints that may move.
         velocity: their velocities.
         base_map: base velocity by joint velocities, for the joints that may move; None for a fixed
@@ -204,19 +200,21 @@ class VelocityRows:
             for task, place in rows.task_rows
             if task.name in speeds
         ]
-        self._everything = len(joints) == len(home.joints)
         self._weight = np.ones(len(rows.target))
         self.jacobian: Float64[np.ndarray, "m n"] = np.zeros((len(rows.target), len(joints)))
         self.velocity: Float64[np.ndarray, " m"] = rows.target
-        self.base_map: Float64[np.ndarray, "6 n"] | None = None
+        # A fixed base has no velocity to be mapped.
+        base = 0 if stance is None else BASE
+        self._base_map, self._scratch = np.zeros((base, len(joints))), np.zeros((base, base))
+        self.base_map = None if stance is None else self._base_map
         scale = np.ones(len(rows.target))
         contact_rows = zip(rows.contacts, rows.wrench_slices, strict=True)
         for owner, place in (*contact_rows, *rows.task_rows):
             scale[place] = home.scale(owner, stance, joints)
-        self.levels = [
-            VelocityLevel(self.jacobian[s], self.velocity[s], self._weight[s], scale[s])
-            for s in (slice(a, b) for a, b in pairwise((0, *rows.ends.tolist())))
-        ]
+        ends = np.append(0, rows.ends)
+        self.stacked = VelocityLevels(self.jacobian, self.velocity, self._weight, scale, ends)
+        self.levels = [self.stacked.level(i) for i in range(len(ends) - 1)]
+        self._compile(robot.nv)
 
     def fill(self, dynamics: Dynamics) -> None:
         """Writes one state's rows.
@@ -231,12 +229,15 @@ class VelocityRows:
                     self.velocity[block] = saturate(largest, self.velocity[block])
         np.multiply(self.stack_rows.weight, self.stack_rows.weight, out=self._weight)
         self._weight *= ROW_WEIGHT
-        reduced = self.stack_rows.J
         if self.stance is not None:
-            base_map = base_from_joints(self.stance.jacobian)
-            reduced = constrained(reduced, base_map)
-            self.base_map = base_map if self._everything else base_map[:, self._joints]
-        self.jacobian[:] = reduced if self._everything else reduced[:, self._joints]
+            map_base(self.stance.jacobian, self._joints, self._base_map, self._scratch)
+        constrain(self.stack_rows.J, self._joints, self._base_map, self.jacobian)
+
+    def _compile(self, nv: int) -> None:
+        """Eliminates nothing once, so that nothing is compiled in a tick."""
+        none = self._joints[:0]
+        map_base(np.zeros((0, nv)), none, np.zeros((0, 0)), np.zeros((0, 0)))
+        constrain(self.stack_rows.J[:0], none, self._base_map, self.jacobian)
 
 
 def _bounded_blocks(

@@ -10,13 +10,15 @@ import numpy as np
 from jaxtyping import Float64, Int64
 
 from poise.control._differential_ik._bounds import VelocityBounds, limit_weights
+from poise.control._differential_ik._closed_form import ClosedForm
 from poise.control._differential_ik._rows import (
     ROW_WEIGHT,
     HomeJacobians,
     RowWeights,
     VelocityRows,
 )
-from poise.control._differential_ik._within_bounds import solve_within_bounds
+from poise.control._differential_ik._within_bounds import hold_within_bounds
+from poise.control._excess import excess
 from poise.control._rank import RankTreatment
 from poise.control._strategy import PHYSICS_LEVELS, USABLE, Answer
 from poise.dynamics import Dynamics
@@ -129,7 +131,8 @@ class VelocityStrategy:
         if method not in METHODS:
             raise UnknownNameError("no such method", got=method, choices=METHODS)
         self.robot, self.stack, self._method = robot, stack, method
-        self._joints, self._bounds, self._rank = joints, bounds, rank
+        self._joints, self._bounds = joints, bounds
+        self._form = ClosedForm(len(joints), _EXACT, rank)
         self._q_index = joints + (robot.nq - robot.nj)
         self._speeds, self._home = speeds, HomeJacobians(robot, stack)
         self.weights = RowWeights(stack)
@@ -149,6 +152,9 @@ class VelocityStrategy:
         }
         self._current = self._find(stack.active_contacts)
         self.reset()
+        # What is compiled is compiled now, not in the first tick.
+        limit_weights(bounds.q_min, self._last, bounds.q_min, bounds.q_max)
+        excess(self._last, 0, *bounds.at(bounds.q_min))
 
     @property
     def current(self) -> VelocityRows:
@@ -251,13 +257,8 @@ class VelocityStrategy:
         bounds = self._bounds
         # By the last answer: the sign of a measured velocity is noise where a joint rests.
         self._joint_weight = limit_weights(self._q, self._last, bounds.q_min, bounds.q_max)
-        u, self._held = solve_within_bounds(
-            self.current.levels,
-            self._joint_weight,
-            self._lower,
-            self._upper,
-            exact=_EXACT,
-            rank=self._rank,
+        u, self._held = hold_within_bounds(
+            self._form, self.current.stacked, self._joint_weight, self._lower, self._upper
         )
         return SolveStatus.OPTIMAL, u
 

@@ -6,7 +6,9 @@ from itertools import count
 import numpy as np
 from jaxtyping import Bool, Float64
 
-from poise.control._differential_ik._closed_form import RANK, VelocityLevel, solve_levels
+from poise.control._differential_ik._closed_form import RANK, ClosedForm
+from poise.control._differential_ik._kernels import VelocityLevel, VelocityLevels
+from poise.control._excess import excess
 from poise.control._rank import RankTreatment
 
 _SLACK = 1e-9
@@ -58,36 +60,77 @@ def solve_within_bounds(
     Returns:
         Joint velocities [rad/s], and which joints are held.
     """
-    levels = list(levels)
-    u, held = _hold(levels, joint_weight, lower, upper, exact, rank)
-    if not held.any():
-        return u, held
-    missed = _missed(levels[:exact], u)
-    depth = len(levels) - 1
-    while missed > _MISSED and depth >= exact:
-        # A lower level may have spent the joints that an exact one needed.
-        other, other_held = _hold(levels[:depth], joint_weight, lower, upper, exact, rank)
-        other_missed = _missed(levels[:exact], other)
-        if other_missed < missed - _MISSED:
-            u, held, missed = other, other_held, other_missed
-        depth -= 1
-    if _missed(levels[:1], u) > _SLIPPED:
-        u = _slowed(levels, joint_weight, lower, upper, exact, rank)
-    return u, held
+    form = ClosedForm(len(joint_weight), exact, rank)
+    return hold_within_bounds(form, VelocityLevels.of(levels), joint_weight, lower, upper)
 
 
-def _hold(
-    levels: list[VelocityLevel],
+def hold_within_bounds(
+    form: ClosedForm,
+    levels: VelocityLevels,
     joint_weight: Float64[np.ndarray, " n"],
     lower: Float64[np.ndarray, " n"],
     upper: Float64[np.ndarray, " n"],
-    exact: int,
-    rank: RankTreatment,
+) -> tuple[Float64[np.ndarray, " n"], Bool[np.ndarray, " n"]]:
+    """`solve_within_bounds` by a closed form that is there already.
+
+    Args:
+        form: solves levels without bounds.
+        levels: most important first.
+        joint_weight: diagonal of W_B.
+        lower: lower bounds of the joint velocities [rad/s].
+        upper: upper bounds, not below the lower ones.
+
+    Returns:
+        Joint velocities [rad/s], and which joints are held.
+    """
+    u, held = _hold(form, levels, joint_weight, lower, upper)
+    if not held.any():
+        return u, held
+    missed = _missed(levels, form.exact, u)
+    depth = len(levels.ends) - 2
+    while missed > _MISSED and depth >= form.exact:
+        # A lower level may have spent the joints that an exact one needed.
+        other, other_held = _hold(form, _first(levels, depth), joint_weight, lower, upper)
+        other_missed = _missed(levels, form.exact, other)
+        if other_missed < missed - _MISSED:
+            u, held, missed = other, other_held, other_missed
+        depth -= 1
+    if _missed(levels, 1, u) > _SLIPPED:
+        u = _slowed(form, levels, joint_weight, lower, upper)
+    return u, held
+
+
+def _first(levels: VelocityLevels, count: int) -> VelocityLevels:
+    """The first levels alone."""
+    return levels._replace(ends=levels.ends[: count + 1])
+
+
+def _hold(
+    form: ClosedForm,
+    levels: VelocityLevels,
+    joint_weight: Float64[np.ndarray, " n"],
+    lower: Float64[np.ndarray, " n"],
+    upper: Float64[np.ndarray, " n"],
 ) -> tuple[Float64[np.ndarray, " n"], Bool[np.ndarray, " n"]]:
     """Joints held, those farthest outside first, until none is outside."""
     held = np.zeros(len(lower), dtype=np.bool_)
+    u = form.solve(levels, joint_weight)
+    if excess(u, 0, lower, upper) > _SLACK:
+        u = _held_one_by_one(form, levels, joint_weight, lower, upper, u, held)
+    return np.minimum(np.maximum(u, lower), upper), held
+
+
+def _held_one_by_one(
+    form: ClosedForm,
+    levels: VelocityLevels,
+    joint_weight: Float64[np.ndarray, " n"],
+    lower: Float64[np.ndarray, " n"],
+    upper: Float64[np.ndarray, " n"],
+    u: Float64[np.ndarray, " n"],
+    held: Bool[np.ndarray, " n"],
+) -> Float64[np.ndarray, " n"]:
+    """Velocities with those joints held that would be outside, which `held` receives."""
     fixed = np.zeros(len(lower))
-    u = solve_levels(levels, joint_weight, exact=exact, rank=rank)
     for round_ in count():
         outside = np.maximum(u - upper, lower - u)
         outside[held] = 0.0
@@ -97,30 +140,29 @@ def _hold(
         far = outside >= (worst if round_ < _SINGLY else _FAR * worst)
         held |= far
         fixed[far] = np.where(u > upper, upper, lower)[far]
-        left = [
-            level._replace(velocity=level.velocity - level.jacobian @ fixed) for level in levels
-        ]
-        u = fixed + solve_levels(left, np.where(held, np.inf, joint_weight), exact=exact, rank=rank)
-    return np.minimum(np.maximum(u, lower), upper), held
+        left = levels._replace(velocity=levels.velocity - levels.jacobian @ fixed)
+        u = fixed + form.solve(left, np.where(held, np.inf, joint_weight))
+    return u
 
 
 def _slowed(
-    levels: list[VelocityLevel],
+    form: ClosedForm,
+    levels: VelocityLevels,
     joint_weight: Float64[np.ndarray, " n"],
     lower: Float64[np.ndarray, " n"],
     upper: Float64[np.ndarray, " n"],
-    exact: int,
-    rank: RankTreatment,
 ) -> Float64[np.ndarray, " n"]:
     """From what serves the first level alone, as far towards all levels as the bounds allow."""
-    least, _ = _hold(levels[:1], joint_weight, lower, upper, exact, rank)
-    step = solve_levels(levels, joint_weight, exact=exact, rank=rank) - least
+    least, _ = _hold(form, _first(levels, 1), joint_weight, lower, upper)
+    step = form.solve(levels, joint_weight) - least
     room = np.where(step > 0.0, upper - least, lower - least)
     moves = step != 0.0
     ratio = np.divide(room, step, out=np.ones(len(step)), where=moves)
     return np.minimum(np.maximum(least + min(1.0, float(ratio.min())) * step, lower), upper)
 
 
-def _missed(levels: Sequence[VelocityLevel], u: Float64[np.ndarray, " n"]) -> float:
-    missing = [level.velocity - level.jacobian @ u for level in levels]
-    return float(np.sqrt(sum(m.dot(m) for m in missing)))
+def _missed(levels: VelocityLevels, count: int, u: Float64[np.ndarray, " n"]) -> float:
+    """Norm of the velocity that the first levels miss."""
+    end = int(levels.ends[: count + 1][-1])
+    missing = levels.velocity[:end] - levels.jacobian[:end] @ u
+    return float(np.sqrt(missing.dot(missing)))

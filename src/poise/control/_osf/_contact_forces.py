@@ -5,8 +5,9 @@ from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Float64
-from scipy.linalg import block_diag, lapack
+from scipy.linalg import block_diag
 
+from poise.control._osf._balance import Balance, measure, solve_nearest, weigh_base
 from poise.dynamics import Dynamics
 from poise.hqp import HierarchicalProblem, make_solver
 from poise.robots import Robot
@@ -57,24 +58,37 @@ class ContactForces:
         self._base, self._weight = robot.base_dofs, robot.weight
         ends = np.cumsum([0, *(c.dim for c in contacts)]).tolist()
         self.slices = [slice(a, b) for a, b in pairwise(ends)]
-        self.torque: Float64[np.ndarray, " nj"] = np.zeros(robot.nj)
-        self.wrench: Float64[np.ndarray, " c"] = np.zeros(ends[-1])
-        self.reference: Float64[np.ndarray, " c"] = np.zeros(ends[-1])
         self.base_error = self.cone_error = self.torque_error = 0.0
         # A surface carries any wrench of the base, so that its equations have full rank.
-        self._carried = any(c.dim == 6 for c in contacts)
+        self._carried = not contacts or any(c.dim == 6 for c in contacts)
         cones = [contact.cone for contact in contacts]
         self._cone: Float64[np.ndarray, "rows c"] = block_diag(np.zeros((0, 0)), *cones)
         normals = np.eye(ends[-1])[[rows.start + 2 for rows in self.slices]]
-        self._bounded_rows = np.concatenate((self._cone, normals, -normals))
-        self._bounds = np.zeros(len(self._bounded_rows))
-        self._per_torque = 1.0 / self._limit.upper
+        bounded_rows = np.concatenate((self._cone, normals, -normals))
         self._metrics = [_metric(c) for c in self.contacts]
         self._cost = np.zeros((ends[-1], ends[-1]))
-        self._cost_inverse = np.zeros_like(self._cost)
         self._loads: tuple[float, ...] = ()
+        self._balance = Balance(
+            cost_inverse=np.zeros_like(self._cost),
+            reference=np.zeros(ends[-1]),
+            rows=bounded_rows,
+            limits=np.zeros(len(bounded_rows)),
+            per_torque=1.0 / self._limit.upper,
+            weight=float(robot.weight),
+            force=np.zeros(robot.nv),
+            wrench=np.zeros(ends[-1]),
+            torque=np.zeros(robot.nj),
+            errors=np.zeros(3),
+            weighted=np.zeros((self._base, ends[-1])),
+            system=np.zeros((self._base, self._base)),
+            multiplier=np.zeros(self._base),
+        )
+        self.torque: Float64[np.ndarray, " nj"] = self._balance.torque
+        self.wrench: Float64[np.ndarray, " c"] = self._balance.wrench
+        self.reference: Float64[np.ndarray, " c"] = self._balance.reference
         self._problem = _make_problem(self._base, self._cone, robot.nj) if contacts else None
         self._solver = make_solver("direct", time_limit=_TIME_LIMIT)
+        self._compile(robot.nv)
 
     def solve(
         self,
@@ -92,16 +106,17 @@ class ContactForces:
         Returns:
             Whether all cones and limits hold.
         """
-        force = dynamics.M.dot(acceleration)
-        force += dynamics.h
-        self._jacobian, self._force = jacobian, force
         if self.contacts:
             self._read_bounds()
-            self._nearest()
-        self._measure()
+        if self._carried:
+            solve_nearest(dynamics.M, dynamics.h, acceleration, jacobian, self._balance)
+        else:
+            self._solve_by_range(dynamics, acceleration, jacobian)
+        self._read_errors()
         if self._problem is not None and not self.ok:
-            self._solve_bounded(self._problem)
-            self._measure()
+            self._solve_bounded(self._problem, jacobian)
+            measure(jacobian, self._balance)
+            self._read_errors()
         return self.ok
 
     def set_references(self, wrenches: Mapping[str, Float64[np.ndarray, " c"]]) -> None:
@@ -122,35 +137,48 @@ class ContactForces:
         if loads == self._loads:
             return
         self._loads = loads
-        self._bounds[len(self._cone) :] = *upper, *(-value for value in lower)
+        self._balance.limits[len(self._cone) :] = *upper, *(-value for value in lower)
         for rows, metric, most in zip(self.slices, self._metrics, upper, strict=True):
             load = min(1.0, max(_LEAST_LOAD, most / self._weight))
             self._cost[rows, rows] = metric / (load * load)
-        self._cost_inverse = np.linalg.inv(self._cost)
+        self._balance.cost_inverse[:] = np.linalg.inv(self._cost)
 
-    def _nearest(self) -> None:
-        """Wrenches nearest to the reference that carry the base."""
-        A_T = self._jacobian[:, : self._base]
-        weighted = self._cost_inverse.dot(A_T)
-        missing = self._force[: self._base] - self.reference.dot(A_T)
-        system = A_T.T.dot(weighted)
-        if self._carried:
-            _, multiplier, _ = lapack.dposv(system, missing)
-        else:
-            # The formulation asks for none of the wrenches that points cannot carry.
-            multiplier = np.linalg.lstsq(system, missing, rcond=_RANGE_TOLERANCE)[0]
-        self.wrench = weighted.dot(multiplier)
+    def _solve_by_range(
+        self,
+        dynamics: Dynamics,
+        acceleration: Float64[np.ndarray, " nv"],
+        jacobian: Float64[np.ndarray, "c nv"],
+    ) -> None:
+        """Nearest wrenches of points, asked for none that they cannot carry."""
+        balance = self._balance
+        weigh_base(dynamics.M, dynamics.h, acceleration, jacobian, balance)
+        system, missing = balance.system, balance.multiplier
+        multiplier = np.linalg.lstsq(system, missing, rcond=_RANGE_TOLERANCE)[0]
+        np.matmul(multiplier, balance.weighted, out=self.wrench)
         self.wrench += self.reference
+        measure(jacobian, balance)
 
-    def _solve_bounded(self, problem: HierarchicalProblem) -> None:
+    def _read_errors(self) -> None:
+        self.base_error, self.cone_error, self.torque_error = self._balance.errors.tolist()
+
+    def _compile(self, nv: int) -> None:
+        """Solves for nothing once, so that nothing is compiled in a tick."""
+        jacobian, M = np.zeros((len(self.wrench), nv)), np.eye(nv)
+        weigh_base(M, np.zeros(nv), np.zeros(nv), jacobian, self._balance)
+        solve_nearest(M, np.zeros(nv), np.zeros(nv), jacobian, self._balance)
+        measure(jacobian, self._balance)
+
+    def _solve_bounded(
+        self, problem: HierarchicalProblem, jacobian: Float64[np.ndarray, "c nv"]
+    ) -> None:
         """Wrenches nearest to the reference within cones and torque limits."""
-        base = self._base
+        base, force = self._base, self._balance.force
         dynamics, torque = problem.level(0), problem.level(2)
-        dynamics.A[:] = self._jacobian[:, :base].T
-        dynamics.lower[:] = dynamics.upper[:] = self._force[:base]
-        torque.A[:] = self._jacobian[:, base:].T
-        np.subtract(self._force[base:], self._limit.upper, out=torque.lower)
-        np.subtract(self._force[base:], self._limit.lower, out=torque.upper)
+        dynamics.A[:] = jacobian[:, :base].T
+        dynamics.lower[:] = dynamics.upper[:] = force[:base]
+        torque.A[:] = jacobian[:, base:].T
+        np.subtract(force[base:], self._limit.upper, out=torque.lower)
+        np.subtract(force[base:], self._limit.lower, out=torque.upper)
         for contact, rows in zip(self.contacts, self.slices, strict=True):
             problem.x_lower[rows] = contact.wrench_lower
             problem.x_upper[rows] = contact.wrench_upper
@@ -158,23 +186,7 @@ class ContactForces:
         np.matmul(self._cost, -self.reference, out=problem.g)
         solution = self._solver.solve(problem)
         if np.isfinite(np.add.reduce(solution.x)):
-            self.wrench = solution.x
-
-    def _measure(self) -> None:
-        base = self._base
-        rest = self._force - self.wrench.dot(self._jacobian)
-        self.torque = rest[base:]
-        self.torque_error = max(_largest(self.torque * self._per_torque) - 1.0, 0.0)
-        if base:
-            self.base_error = _largest(rest[:base]) / self._weight
-        if self.contacts:
-            outside = self._bounded_rows.dot(self.wrench)
-            outside -= self._bounds
-            self.cone_error = max(float(outside.max()), 0.0) / self._weight
-
-
-def _largest(values: Float64[np.ndarray, " m"]) -> float:
-    return max(float(values.max()), -float(values.min()))
+            self.wrench[:] = solution.x
 
 
 def _metric(contact: Contact) -> Float64[np.ndarray, "dim dim"]:

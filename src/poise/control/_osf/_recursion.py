@@ -1,14 +1,12 @@
 """`OperationalRecursion`: prioritised accelerations, with no projected Jacobian differentiated."""
 
-from collections.abc import Sequence
-
 import numpy as np
 from jaxtyping import Float64
-from scipy.linalg import lapack
 
+from poise.control._osf._kernels import Bounds, find_rest, make_work, resolve, sum_levels
 from poise.control._osf._limits import DemandLimit
 from poise.control._osf._rows import LevelRows
-from poise.control._rank import RankTreatment, rank_of
+from poise.control._rank import HELD_RANK, PHYSICS_RANK, RankTreatment, rank_of
 from poise.dynamics import Dynamics
 
 
@@ -26,12 +24,12 @@ class OperationalRecursion:
     because alpha_i equals xdd_i|p,ref - Jdot_i|p v: what the projected Jacobian's derivative adds
     to the bias acceleration it takes away again in mu_i|p.
 
-    With M = L L^T and rows J~ = J L^-T, all projections are orthogonal ones. Levels that the robot
-    can follow without loss of rank need no projector at all: their stacked rows have one Cholesky
-    factor R^T R = J~ J~^T, R's diagonal blocks are the factors of the Lambda_i|p^-1, and the
-    recursion above is the substitution with R^T. From the first level that loses rank on, levels
-    are taken one by one in the basis of what is left, with activations of directions as
-    `RankTreatment` has them; both ways give the same numbers where both apply.
+    With M = L^T L and rows J~ = J L^-1, all projections are orthogonal ones. Levels that the robot
+    can follow without loss of rank need no projector at all: their stacked rows are J~ = [L_J 0] Q,
+    the squares of L_J's diagonal blocks are the Lambda_i|p^-1, and the recursion above is the
+    substitution with L_J. From the first level that loses rank on, levels are taken one by one in
+    the basis of what is left, with activations of directions as `RankTreatment` has them; both ways
+    give the same numbers where both apply. The first way is compiled.
 
     Args:
         n: number of generalized coordinates.
@@ -44,9 +42,12 @@ class OperationalRecursion:
     """
 
     def __init__(self, n: int, rank: RankTreatment, demand: DemandLimit | None = None) -> None:
-        self._n, self._rank, self._demand = n, rank, demand
-        self._levels: Sequence[slice] = ()
+        self._rank, self._demand = rank, demand
+        most, base = (np.inf, 0) if demand is None else (demand.acceleration, demand.base)
+        self._bounds = Bounds(PHYSICS_RANK.high, HELD_RANK.high, rank.high, float(most), int(base))
+        self._work = make_work(n)
         self.regular = 0
+        self._compile(n)
 
     def resolve(self, levels: LevelRows, dynamics: Dynamics) -> Float64[np.ndarray, " n"]:
         """The acceleration of one state.
@@ -60,18 +61,10 @@ class OperationalRecursion:
         Returns:
             The generalized acceleration dv; the force is `M dv + h`.
         """
-        self._rows, self._target = levels.scaled()
-        self._levels, self._constraints, self._h = levels.slices, levels.constraints, dynamics.h
-        # L^-1 outright, and products with it: the routine that solves with L runs on several
-        # threads, and waits for all of them on a machine that is busy.
-        factor, _ = lapack.dpotrf(dynamics.M.T, lower=1, clean=1)
-        self._L_inverse: Float64[np.ndarray, "n n"] = lapack.dtrtri(factor, lower=1, overwrite_c=1)[
-            0
-        ]
-        self._factor()
-        if self.regular == len(self._levels):
-            return self._all_regular()
-        return self._settle(self._tail(self._regular_sum(self.regular)))[-1]
+        self._levels, self._h = levels, dynamics.h
+        dv = np.empty(len(dynamics.h))
+        self.regular, done = resolve(dynamics.M, self._h, levels, self._bounds, self._work, dv)
+        return dv if done else self._settle(self._tail())[-1]
 
     def steps(self) -> list[Float64[np.ndarray, " n"]]:
         """Accelerations of the last state with one more level each time, `resolve`'s at the end.
@@ -79,76 +72,38 @@ class OperationalRecursion:
         The first has the physics only; directions that later levels decide are held without
         acceleration in it, not let go.
         """
-        first = [self._regular_sum(count) for count in range(1, self.regular + 1)]
-        rest = self._tail(first[-1] if first else np.zeros(self._n))
-        return self._settle([*first, *rest])
+        first: list[Float64[np.ndarray, " n"]] = []
+        for count in range(1, self.regular + 1):
+            first.append(np.empty(len(self._h)))
+            sum_levels(self._levels, self._work, count, first[-1])
+        find_rest(self._work, int(self._levels.ends[self.regular]))
+        return self._settle([*first, *self._tail()])
 
-    def _factor(self) -> None:
-        """Factors the leading levels; stops before the first that loses rank."""
-        ends = [level.stop for level in self._levels if level.stop <= self._n]
-        end = ends[-1] if ends else 0
-        self._tilde: Float64[np.ndarray, "c n"] = self._rows[:end].dot(self._L_inverse.T)
-        R, failed = lapack.dpotrf(self._tilde.dot(self._tilde.T).T, lower=0, clean=1, overwrite_a=1)
-        if failed:
-            end = failed - 1
-            R = R[:end, :end]
-        self._inverse: Float64[np.ndarray, "c c"] = lapack.dtrtri(R, lower=0)[0] if end else R
-        self.regular = 0
-        for level in self._levels:
-            least = rank_of(self.regular, self._constraints, self._rank).high
-            block = (level, level)
-            if level.stop > end or not _is_regular(R[block], self._inverse[block], least):
-                break
-            self.regular += 1
-        if self._demand is not None:
-            parts = self._each()
-            if not self._demand.is_kept(parts):
-                self.regular = [self._demand.is_kept(part) for part in parts].index(False)
+    def _compile(self, n: int) -> None:
+        """Resolves nothing once, so that nothing is compiled in a tick."""
+        nothing, zero = LevelRows.nothing(n), np.zeros(n)
+        resolve(np.eye(n), zero, nothing, self._bounds, self._work, zero)
+        find_rest(self._work, 0)
+        sum_levels(nothing, self._work, 0, zero)
 
-    def _each(self) -> Float64[np.ndarray, "k n"]:
-        """What each regular level adds to the acceleration; zero for constraints."""
-        count = self.regular
-        end = self._levels[count - 1].stop if count else 0
-        inverse = self._inverse[:end, :end]
-        coefficients = inverse.T.dot(self._target[:end])
-        parts = np.zeros((max(count, 1), end))
-        for i, level in enumerate(self._levels[self._constraints : count], start=self._constraints):
-            parts[i, level] = coefficients[level]
-        return parts.dot(inverse.T).dot(self._tilde[:end]).dot(self._L_inverse)
-
-    def _all_regular(self) -> Float64[np.ndarray, " n"]:
-        # Gamma = sum J_i^T F_i with F from J M^-1 (Gamma - h) = target, all levels at once.
-        tilde, inverse = self._tilde, self._inverse
-        w = self._L_inverse.dot(self._h)
-        rhs = tilde.dot(w)
-        rhs += self._target
-        z = inverse.dot(inverse.T.dot(rhs)).dot(tilde)
-        z -= w
-        return z.dot(self._L_inverse)
-
-    def _regular_sum(self, count: int) -> Float64[np.ndarray, " n"]:
-        """S after a number of regular levels."""
-        end = self._levels[count - 1].stop if count else 0
-        inverse = self._inverse[:end, :end]
-        forces = inverse.dot(inverse.T.dot(self._target[:end]))
-        return forces.dot(self._tilde[:end]).dot(self._L_inverse)
-
-    def _tail(self, S: Float64[np.ndarray, " n"]) -> list[Float64[np.ndarray, " n"]]:
-        """S after each level from the first that lost rank, given S before it."""
-        end = self._levels[self.regular - 1].stop if self.regular else 0
-        self._basis = self._complement(self._tilde[:end])
+    def _tail(self) -> list[Float64[np.ndarray, " n"]]:
+        """S after each level from the first on that is no ordinary one."""
+        levels, S = self._levels, self._work.S.copy()
+        left = len(S) - int(levels.ends[self.regular])
+        self._basis = self._work.B[:left].T
         # What is left of each direction of the basis: N in the mass metric.
-        self._left = np.eye(self._basis.shape[1])
+        self._left = np.eye(left)
         found: list[Float64[np.ndarray, " n"]] = []
-        for i, level in enumerate(self._levels[self.regular :], start=self.regular):
-            rank = rank_of(i, self._constraints, self._rank)
-            rows = self._rows[level]
+        for i, level in enumerate(levels.slices[self.regular :], start=self.regular):
+            rank = rank_of(i, levels.constraints, self._rank)
+            scale = levels.scale[level]
+            rows, target = levels.jacobian[level] * scale[:, None], levels.target[level] * scale
             A = (rows @ self._basis) @ self._left
             squares, V = np.linalg.eigh(A.T @ A)
             activation, gain = rank.activate(squares)
-            projection = V.T @ (A.T @ (self._target[level] - rows @ S))
+            projection = V.T @ (A.T @ (target - rows @ S))
             motion = self._basis @ V
-            if self._demand is not None and i >= self._constraints:
+            if self._demand is not None and i >= levels.constraints:
                 gain = self._demand.tempered(activation, gain, projection, motion)
             S = S + motion @ (gain * projection)
             self._left -= (V * activation) @ V.T
@@ -159,25 +114,3 @@ class OperationalRecursion:
         """Accelerations dv = S - N M^-1 h: what no level decides is let go."""
         let_go = self._basis @ (self._left @ (self._basis.T @ self._h))
         return [S - let_go for S in found]
-
-    def _complement(self, tilde: Float64[np.ndarray, "c n"]) -> Float64[np.ndarray, "n r"]:
-        """Accelerations that leave the leading levels alone, orthonormal in the mass metric."""
-        taken, n = tilde.shape
-        basis = np.zeros((n, n - taken), order="F")
-        basis[taken:] = np.eye(n - taken)
-        if taken:
-            factor, tau, _, _ = lapack.dgeqrf(tilde.T)
-            basis, _, _ = lapack.dormqr("L", "N", factor, tau, basis, 64 * n, overwrite_c=1)
-        return self._L_inverse.T.dot(basis)
-
-
-def _is_regular(
-    factor: Float64[np.ndarray, "m m"], inverse: Float64[np.ndarray, "m m"], least: float
-) -> bool:
-    """Whether all singular values of a triangular block are `least` or more."""
-    # The Frobenius norm bounds the largest singular value of the inverse from above, cheaply.
-    if np.vdot(inverse, inverse) * least * least <= 1.0:
-        return True
-    gram = factor.T @ factor
-    gram.flat[:: len(gram) + 1] -= least * least
-    return lapack.dpotrf(gram, overwrite_a=1)[1] == 0

@@ -27,7 +27,7 @@ class LevelRows(NamedTuple):
         target: xdd_i,ref - Jdot_i v, stacked.
         scale: what a row is multiplied by where ranks are decided: its weight over the mobility
             sqrt(J M^-1 J^T) that its block of rows has in the home posture.
-        slices: rows of each level.
+        ends: where each level ends; the first entry is zero.
         constraints: number of leading levels that are no tasks: the physics, and joints that are
             held. No `DemandLimit` touches them.
     """
@@ -35,12 +35,18 @@ class LevelRows(NamedTuple):
     jacobian: Float64[np.ndarray, "t nv"]
     target: Float64[np.ndarray, " t"]
     scale: Float64[np.ndarray, " t"]
-    slices: Sequence[slice]
+    ends: Int64[np.ndarray, " ends"]
     constraints: int = 1
 
-    def scaled(self) -> tuple[Float64[np.ndarray, "t nv"], Float64[np.ndarray, " t"]]:
-        """Rows and their right-hand sides, both times `scale`."""
-        return self.jacobian * self.scale[:, None], self.target * self.scale
+    @property
+    def slices(self) -> list[slice]:
+        """Rows of each level."""
+        return [slice(a, b) for a, b in pairwise(self.ends.tolist())]
+
+    @classmethod
+    def nothing(cls, nv: int) -> "LevelRows":
+        """No level at all, for a robot of so many coordinates."""
+        return cls(np.zeros((0, nv)), np.zeros(0), np.zeros(0), np.zeros(1, dtype=np.int64))
 
     def with_joints(
         self,
@@ -55,15 +61,14 @@ class LevelRows(NamedTuple):
             acceleration: theirs [rad/s^2].
             scale: their rows' scale.
         """
-        first, count = self.slices[0].stop, len(index)
+        first, count = int(self.ends[1]), len(index)
         selection = np.zeros((count, self.jacobian.shape[1]))
         selection[np.arange(count), index] = 1.0
-        moved = [slice(s.start + count, s.stop + count) for s in self.slices[1:]]
         return LevelRows(
             jacobian=_insert(self.jacobian, selection, first),
             target=_insert(self.target, acceleration, first),
             scale=_insert(self.scale, scale, first),
-            slices=[self.slices[0], slice(first, first + count), *moved],
+            ends=np.concatenate((self.ends[:2], self.ends[1:] + count)),
             constraints=2,
         )
 
@@ -159,8 +164,8 @@ class OperationalRows:
         for owner, place in (*contact_rows, *rows.task_rows):
             scale[place] = scales.of(owner)
         scale[rows.own_rows] = scales.base[: self._base]
-        slices = [slice(a, b) for a, b in pairwise((0, *rows.ends.tolist()))]
-        self.levels = LevelRows(rows.J, rows.target, scale.copy(), slices)
+        ends = np.append(0, rows.ends)
+        self.levels = LevelRows(rows.J, rows.target, scale.copy(), ends)
         self.contact_jacobian: Float64[np.ndarray, "c nv"] = rows.J[rows.contact_rows]
 
     def fill(self, dynamics: Dynamics) -> None:

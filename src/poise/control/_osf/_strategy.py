@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from poise._checks import Numbers
+from poise.control._excess import excess
 from poise.control._osf._contact_forces import TOLERANCE, ContactForces
 from poise.control._osf._limits import DemandLimit, truncate_levels
 from poise.control._osf._recursion import OperationalRecursion
@@ -56,6 +57,8 @@ class OperationalStrategy:
         self._wrenches: dict[str, Float64[np.ndarray, " c"]] = {}
         self._all_forces = ContactSets(stack, self._make_forces)
         self._set_stack(stack)
+        # What is compiled is compiled now, not in the first tick.
+        excess(np.zeros(robot.nv), robot.base_dofs, np.zeros(robot.nj), np.zeros(robot.nj))
 
     @property
     def current(self) -> OperationalRows:
@@ -129,7 +132,7 @@ class OperationalStrategy:
             forces.torque.copy(),
             self._measure(acceleration),
             acceleration,
-            rows.stack_rows.wrenches(forces.wrench),
+            rows.stack_rows.wrenches(forces.wrench.copy()),
         )
 
     def task_residuals(self) -> dict[str, float]:
@@ -179,6 +182,8 @@ class OperationalStrategy:
         acceleration = self.recursion.resolve(rows, self._dynamics)
         self._held = np.zeros(self.robot.nj, dtype=np.bool_)
         for _ in range(_LIMIT_ROUNDS):
+            if not excess(acceleration, base, limit.lower, limit.upper) > _SLACK:
+                break
             joints = acceleration[base:]
             outside = (joints < limit.lower - _SLACK) | (joints > limit.upper + _SLACK)
             outside &= ~self._held
@@ -198,9 +203,9 @@ class OperationalStrategy:
 
     def _measure(self, acceleration: Float64[np.ndarray, " nv"]) -> tuple[float, ...]:
         """Residuals: dynamics and torque limits, contacts and joint limits, then the levels."""
-        limit, joints = self.stack.joint_limit, acceleration[self.robot.base_dofs :]
-        outside = np.maximum(joints - limit.upper, limit.lower - joints)
-        self._bound_error = max(float(outside.max()), 0.0) / limit.acceleration_max
+        limit, base = self.stack.joint_limit, self.robot.base_dofs
+        outside = excess(acceleration, base, limit.lower, limit.upper)
+        self._bound_error = outside / limit.acceleration_max
         contacts, *levels = self._current.stack_rows.measure(acceleration).tolist()
         forces = self.forces
         return (

@@ -1,0 +1,30 @@
+"""`excess`: how far a solution is outside its bounds."""
+
+import numpy as np
+from jaxtyping import Float64
+
+from poise._compiled import compiled
+
+
+@compiled
+def excess(
+    x: Float64[np.ndarray, " n"],
+    first: int,
+    lower: Float64[np.ndarray, " m"],
+    upper: Float64[np.ndarray, " m"],
+) -> float:
+    """How far the worst of some coordinates is outside, zero for none; NaN stays NaN.
+
+    Args:
+        x: all coordinates.
+        first: the first of those that have bounds.
+        lower: their lower bounds.
+        upper: their upper bounds.
+    """
+    worst = 0.0
+    for i in range(len(lower)):
+        value = x[first + i]
+        outside = max(value - upper[i], lower[i] - value)
+        if outside > worst or np.isnan(outside):
+            worst = outside
+    return worst

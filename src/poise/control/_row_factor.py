@@ -1,0 +1,308 @@
+"""Rows as [L 0] Q, compiled: L lower triangular, Q orthogonal, by Householder reflections.
+
+Prioritised levels one below the other become a staircase by it: the first columns of Q^T are what
+the levels take, in their order, and the others an orthonormal basis of what they leave. A square
+array X of n columns holds the rows that were factored so far, in place: L on and below the diagonal
+and right of it the vectors of the reflections I - tau v v^T, whose leading ones are not written.
+"""
+
+from math import sqrt
+
+import numpy as np
+from jaxtyping import Float64
+
+from poise._compiled import part
+
+
+@part
+def factor_rows(
+    X: Float64[np.ndarray, "n n"], begin: int, end: int, tau: Float64[np.ndarray, " n"]
+) -> None:
+    """Factors a level's rows below those that are factored already.
+
+    Args:
+        X: whose rows `begin` to `end` are overwritten.
+        begin: how many rows are factored, and the level's first.
+        end: where the level ends; at most n.
+        tau: receives the factors of the new reflections.
+    """
+    turn(X, begin, end, X, 0, begin, tau)
+    for k in range(begin, end):
+        tau[k] = _make_reflection(X, k)
+        _reflect(X, k + 1, end, X, k, tau[k])
+
+
+@part
+def turn(
+    T: Float64[np.ndarray, "m n"],
+    begin: int,
+    end: int,
+    X: Float64[np.ndarray, "n n"],
+    first: int,
+    last: int,
+    tau: Float64[np.ndarray, " n"],
+) -> None:
+    """Turns rows into the coordinates of the staircase: T <- T Q^T, by some of the reflections.
+
+    Args:
+        T: whose rows are overwritten.
+        begin: first of them.
+        end: where they end.
+        X: the factored rows.
+        first: first reflection.
+        last: where the reflections end.
+        tau: their factors.
+    """
+    for k in range(first, last):
+        _reflect(T, begin, end, X, k, tau[k])
+
+
+@part
+def turn_back(
+    T: Float64[np.ndarray, "m n"],
+    begin: int,
+    end: int,
+    X: Float64[np.ndarray, "n n"],
+    last: int,
+    tau: Float64[np.ndarray, " n"],
+) -> None:
+    """Turns rows back from those coordinates: T <- T Q.
+
+    Args:
+        T: whose rows are overwritten.
+        begin: first of them.
+        end: where they end.
+        X: the factored rows.
+        last: how many reflections.
+        tau: their factors.
+    """
+    for k in range(last - 1, -1, -1):
+        _reflect(T, begin, end, X, k, tau[k])
+
+
+@part
+def fill_complement(
+    B: Float64[np.ndarray, "n n"],
+    X: Float64[np.ndarray, "n n"],
+    taken: int,
+    tau: Float64[np.ndarray, " n"],
+) -> None:
+    """An orthonormal basis of what the first rows leave, in rows.
+
+    Args:
+        B: receives it in its first n - `taken` rows.
+        X: the factored rows.
+        taken: how many of them.
+        tau: factors of their reflections.
+    """
+    n = len(B)
+    for i in range(n - taken):
+        for j in range(n):
+            B[i, j] = 0.0
+        B[i, taken + i] = 1.0
+    turn_back(B, 0, n - taken, X, taken, tau)
+
+
+@part
+def solve_level(
+    X: Float64[np.ndarray, "n n"], begin: int, end: int, y: Float64[np.ndarray, " n"]
+) -> None:
+    """Solves a level's rows of L y = b, given y above them, in place.
+
+    Args:
+        X: the factored rows.
+        begin: the level's first row.
+        end: where it ends.
+        y: holds b in these places, and receives y.
+    """
+    for i in range(begin, end):
+        rest = y[i]
+        for j in range(i):
+            rest -= X[i, j] * y[j]
+        y[i] = rest / X[i, i]
+
+
+@part
+def keeps_rank(
+    X: Float64[np.ndarray, "n n"],
+    begin: int,
+    end: int,
+    least: float,
+    G: Float64[np.ndarray, "n n"],
+) -> bool:
+    """Whether all singular values of a level's own block of L are large enough; False for NaN.
+
+    Args:
+        X: the factored rows.
+        begin: the level's first row.
+        end: where it ends.
+        least: what is large enough.
+        G: scratch.
+    """
+    square_level(X, begin, end, G)
+    for i in range(end - begin):
+        G[i, i] -= least * least
+    return factor_leading(G, end - begin)
+
+
+@part
+def square_level(
+    X: Float64[np.ndarray, "n n"], begin: int, end: int, G: Float64[np.ndarray, "n n"]
+) -> None:
+    """G = L L^T with a level's own block of L, in the lower triangle.
+
+    Args:
+        X: the factored rows.
+        begin: the level's first row.
+        end: where it ends.
+        G: whose leading block is overwritten.
+    """
+    for i in range(end - begin):
+        row = X[begin + i, begin:]
+        for j in range(i + 1):
+            other, total = X[begin + j, begin:], 0.0
+            for k in range(j + 1):
+                total += row[k] * other[k]
+            G[i, j] = total
+
+
+@part
+def factor_leading(G: Float64[np.ndarray, "n n"], m: int) -> bool:
+    """Cholesky factor of the leading block of a symmetric matrix, in its lower triangle.
+
+    Args:
+        G: overwritten.
+        m: size of the block.
+
+    Returns:
+        Whether the block is positive definite; False for NaN, too.
+    """
+    for i in range(m):
+        for j in range(i):
+            rest = G[i, j]
+            for k in range(j):
+                rest -= G[i, k] * G[j, k]
+            G[i, j] = rest / G[j, j]
+        rest = G[i, i]
+        for k in range(i):
+            rest -= G[i, k] * G[i, k]
+        if not rest > 0.0:
+            return False
+        G[i, i] = sqrt(rest)
+    return True
+
+
+@part
+def solve_leading(G: Float64[np.ndarray, "n n"], m: int, x: Float64[np.ndarray, " n"]) -> None:
+    """X <- G^-1 x with the factor that `factor_leading` left.
+
+    Args:
+        G: the factor.
+        m: its size.
+        x: overwritten.
+    """
+    for i in range(m):
+        for k in range(i):
+            x[i] -= G[i, k] * x[k]
+        x[i] /= G[i, i]
+    for i in range(m - 1, -1, -1):
+        x[i] /= G[i, i]
+        for k in range(i):
+            x[k] -= G[i, k] * x[i]
+
+
+@part
+def add_row(
+    G: Float64[np.ndarray, "n n"],
+    x: Float64[np.ndarray, " n"],
+    a: Float64[np.ndarray, " n"],
+    size: int,
+    weight: float,
+    c: float,
+) -> None:
+    """Adds a row a y = c to normal equations: G <- G + w a^T a, x <- x + w a^T c.
+
+    Args:
+        G: whose lower triangle is added to.
+        x: right-hand side, added to.
+        a: coefficients.
+        size: how many.
+        weight: w.
+        c: value.
+    """
+    for i in range(size):
+        own, factor = G[i], weight * a[i]
+        x[i] += factor * c
+        for j in range(i + 1):
+            own[j] += factor * a[j]
+
+
+@part
+def _make_reflection(X: Float64[np.ndarray, "n n"], k: int) -> float:
+    """The reflection that turns a row from its diagonal on into (-+ length, 0, ..., 0), in place.
+
+    Args:
+        X: whose row k receives that length and the reflection's vector.
+        k: which row.
+
+    Returns:
+        tau, zero where nothing has to be turned.
+    """
+    v, rest, first = X[k, k + 1 :], 0.0, X[k, k]
+    for j in range(len(v)):
+        rest += v[j] * v[j]
+    if rest == 0.0:
+        return 0.0
+    length = sqrt(first * first + rest)
+    end = -length if first >= 0.0 else length
+    shrink = 1.0 / (first - end)
+    for j in range(len(v)):
+        v[j] *= shrink
+    X[k, k] = end
+    return (end - first) / end
+
+
+@part
+def _reflect(
+    T: Float64[np.ndarray, "m n"],
+    begin: int,
+    end: int,
+    X: Float64[np.ndarray, "n n"],
+    k: int,
+    tau: float,
+) -> None:
+    """Reflects rows, two at a time so that neither waits for its own sum.
+
+    Args:
+        T: whose rows are overwritten.
+        begin: first of them.
+        end: where they end.
+        X: the factored rows.
+        k: which reflection.
+        tau: its factor.
+    """
+    # Rows by themselves are known to lie in one piece.
+    v, row = X[k, k + 1 :], begin
+    while row + 2 <= end:
+        x_0, x_1 = T[row, k + 1 :], T[row + 1, k + 1 :]
+        s_0, s_1 = T[row, k], T[row + 1, k]
+        for j in range(len(v)):
+            s_0 += x_0[j] * v[j]
+            s_1 += x_1[j] * v[j]
+        s_0 *= tau
+        s_1 *= tau
+        T[row, k] -= s_0
+        T[row + 1, k] -= s_1
+        for j in range(len(v)):
+            x_0[j] -= s_0 * v[j]
+            x_1[j] -= s_1 * v[j]
+        row += 2
+    while row < end:
+        x_0, s_0 = T[row, k + 1 :], T[row, k]
+        for j in range(len(v)):
+            s_0 += x_0[j] * v[j]
+        s_0 *= tau
+        T[row, k] -= s_0
+        for j in range(len(v)):
+            x_0[j] -= s_0 * v[j]
+        row += 1
