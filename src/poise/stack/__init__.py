@@ -13,6 +13,7 @@ from poise.stack._rows import (
     ContactSets as ContactSets,
     StackRows as StackRows,
     home_jacobians as home_jacobians,
+    stacked_cones as stacked_cones,
 )
 from poise.stack._stack import Stack, default_stack, is_held as is_held
 from poise.stack._task import Task

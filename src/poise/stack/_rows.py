@@ -89,12 +89,7 @@ class StackRows:
         sizes = [sum(t.dim for t in level) for level in self.levels]
         self.ends: Int64[np.ndarray, " ends"] = np.array([*accumulate(sizes, initial=first)])
         count = int(self.ends[-1])
-        self.cone: Float64[np.ndarray, "cone w"] = np.zeros(
-            (sum(len(c.cone) for c in contacts), wrench_dim)
-        )
-        cone_rows = _spans([len(c.cone) for c in contacts])
-        for contact, rows, columns in zip(contacts, cone_rows, self.wrench_slices, strict=True):
-            self.cone[rows, columns] = contact.cone
+        self.cone: Float64[np.ndarray, "cone w"] = stacked_cones(contacts)
         self._missing = np.zeros(count)
         self._residuals = np.zeros(1 + len(sizes))
         self._own = [pair for pair in self.task_rows if not is_compiled(pair[0])]
@@ -267,6 +262,20 @@ def home_jacobians(
         if isinstance(owner, Task):
             owner.reset()
     return found
+
+
+def stacked_cones(contacts: Sequence[Contact]) -> Float64[np.ndarray, "cone w"]:
+    """The rows C of all wrench cones C F <= 0, on all wrenches.
+
+    Args:
+        contacts: in the order of their wrenches.
+    """
+    rows = _spans([len(c.cone) for c in contacts])
+    columns = _spans([c.dim for c in contacts])
+    cones = np.zeros((sum(len(c.cone) for c in contacts), sum(c.dim for c in contacts)))
+    for contact, at, wrench in zip(contacts, rows, columns, strict=True):
+        cones[at, wrench] = contact.cone
+    return cones
 
 
 def _spans(sizes: Iterable[int], start: int = 0) -> list[slice]:

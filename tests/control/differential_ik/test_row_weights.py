@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from poise.control._differential_ik import ROW_WEIGHT
-from poise.control._differential_ik._rows import RowWeights
+from poise.control._differential_ik._rows import ROW_WEIGHT, RowWeights
 from poise.errors import ConfigurationError
 from poise.stack import ComTask, PostureTask, Stack
 

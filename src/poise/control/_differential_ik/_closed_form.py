@@ -5,11 +5,9 @@ Inverses of one level's rows: the right inverse (22c), and the SR-inverse (22e).
 """
 
 from collections.abc import Sequence
-from typing import Any, cast
 
 import numpy as np
 from jaxtyping import Float64
-from scipy.linalg import lapack as _scipy_lapack
 
 from poise.control._differential_ik._kernels import (
     VelocityLevel,
@@ -19,8 +17,6 @@ from poise.control._differential_ik._kernels import (
     serve_levels,
 )
 from poise.control._rank import RankTreatment
-
-_lapack: Any = cast("Any", _scipy_lapack)  # SciPy's stubs do not know the wrapped routines
 
 
 def right_inverse(
@@ -72,7 +68,7 @@ def robust_step(
     rows = jacobian * root[:, None]
     gram = rows @ rows.T
     gram.flat[:: len(root) + 1] += 1.0
-    return rows.T @ _lapack.dposv(gram, root * velocity, lower=1)[1]
+    return rows.T @ np.linalg.solve(gram, root * velocity)
 
 
 RANK = RankTreatment(low=0.005, high=0.02)

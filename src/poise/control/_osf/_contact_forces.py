@@ -5,13 +5,12 @@ from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Float64
-from scipy.linalg import block_diag
 
 from poise.control._osf._balance import Balance, measure, solve_nearest, weigh_base
 from poise.dynamics import Dynamics
 from poise.hqp import HierarchicalProblem, make_solver
 from poise.robots import Robot
-from poise.stack import Contact, Stack
+from poise.stack import Contact, Stack, stacked_cones
 
 TOLERANCE = 1e-6
 """Violation of a cone or limit, relative to the weight or the limit, that counts as none."""
@@ -61,8 +60,7 @@ class ContactForces:
         self.base_error = self.cone_error = self.torque_error = 0.0
         # A surface carries any wrench of the base, so that its equations have full rank.
         self._carried = not contacts or any(c.dim == 6 for c in contacts)
-        cones = [contact.cone for contact in contacts]
-        self._cone: Float64[np.ndarray, "rows c"] = block_diag(np.zeros((0, 0)), *cones)
+        self._cone: Float64[np.ndarray, "rows c"] = stacked_cones(contacts)
         normals = np.eye(ends[-1])[[rows.start + 2 for rows in self.slices]]
         bounded_rows = np.concatenate((self._cone, normals, -normals))
         self._metrics = [_metric(c) for c in self.contacts]
