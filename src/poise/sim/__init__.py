@@ -31,6 +31,7 @@ from poise.sim._rollout import (
     LeadFunction as LeadFunction,
     Observer,
     Tick,
+    garbage_frozen,
     rollout,
 )
 from poise.sim._sensors import SensorConfig
@@ -53,6 +54,7 @@ __all__ = [
     "RunRecord",
     "SensorConfig",
     "Tick",
+    "garbage_frozen",
     "read_log",
     "render_video",
     "rollout",

@@ -36,8 +36,9 @@ def drive(loop, pad, until, what):
 
 def test_a_run_leaves_a_log_beside_its_recording_that_agrees_with_its_replay(loop, tmp_path):
     pytest.importorskip("mcap")
+    from log_topics import read_topics
+
     from poise.sim import read_log
-    from poise.sim._log import read_topics
 
     drive(loop, Pad(lift=(False, True)), lambda s: s.mode is Mode.SL, "the lift")
     drive(loop, Pad(), lambda s: s.mode is Mode.D, "double support")
