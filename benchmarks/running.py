@@ -1,4 +1,4 @@
-"""`bench_run`: where the processor time of a whole recorded run goes, and its longest collection."""
+"""`bench_run`: the processor time of whole recorded runs, where it goes, and their collections."""
 
 import gc
 import tempfile
@@ -12,9 +12,8 @@ from typing import Any
 
 from benchmarks.recording import Progress
 from benchmarks.result import Result, text_table
-from poise.apps.scenarios import load_scenario
-from poise.apps.scenarios._checks import evaluate_checks
-from poise.apps.scenarios._signals import collect_signals
+from poise.apps.scenarios import Run, load_scenario, run_scenario
+from poise.apps.scenarios._scenario import Scenario
 from poise.apps.scenarios._stage import describe, stage_scenario
 from poise.sim import Recorder, rollout
 
@@ -22,10 +21,10 @@ REAL_TIME = {"walk": 2.0, "over_an_obstacle": 5.0}
 """How many seconds of a scenario a second of processor time simulates at least."""
 
 LONGEST_COLLECTION_MS = 1.0
-"""How long the loop stands still at most while Python looks for garbage [ms]."""
+"""How long a loop stands still at most while Python looks for garbage [ms]."""
 
-PARTS = ("stage", "measuring", "physics", "leader", "control", "recording", "log", "loop", "checks")
-"""Of a run, in the order in which a table shows them: the loop is what is left of it."""
+PARTS = ("physics", "sensors", "estimator", "leader", "control", "recording", "log", "rest")
+"""Of a loop, in the order of a table: `log` is the thread that writes, `rest` what is left."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,43 +34,44 @@ class RunBench:
     Attributes:
         scenario: a shipped scenario or a file.
         robot: another robot than the scenario's; the scenario's own when None.
-        duration: another one than the scenario's [s]; its own when None.
     """
 
     scenario: str = "walk"
     robot: str | None = None
-    duration: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
 class RunResult(Result):
-    """Where the time went.
+    """Where the time of a run went.
 
     Attributes:
         scenario: that ran.
         robot: on this one.
-        simulated: time that passed for the robot [s].
+        simulated_s: time that passed for the robot [s].
         ticks: of the controller.
-        parts: processor time of each part [s], see `PARTS`; `log` is the thread that writes.
-        processor: of the whole process from the scenario's file to its checks [s].
-        real_time: `simulated` over `processor`.
+        start_s: processor time of the process before the run: Python and its packages [s].
+        processor_s: of the run, from the scenario to its checks, all threads [s].
+        real_time: `simulated_s` over `processor_s`.
+        parts_us: processor time of each part of a tick, see `PARTS`, in a second run that is
+            watched [us].
         collections: how often Python looked for garbage inside the loop.
-        collection_ms: the longest of those [ms].
+        collection_ms: processor time of the longest of those [ms].
     """
 
     scenario: str
     robot: str
-    simulated: float
+    simulated_s: float
     ticks: int
-    parts: dict[str, float]
-    processor: float
+    start_s: float
+    processor_s: float
     real_time: float
+    parts_us: dict[str, float]
     collections: int
     collection_ms: float
 
 
 @dataclass(frozen=True, kw_only=True)
-class Figure(Result):
+class RunFigure(Result):
     """A figure and what it has to be.
 
     Attributes:
@@ -85,6 +85,44 @@ class Figure(Result):
     bound: float
     ours: float
     ok: bool
+
+
+def bench_run(plan: RunBench, progress: Progress | None = None) -> list[RunResult]:
+    """Runs a scenario as `poise run` does, recorded and logged, without its report and video.
+
+    Args:
+        plan: what to run.
+        progress: told how far both runs are.
+    """
+    start = time.process_time()
+    scenario = load_scenario(plan.scenario)
+    scenario = replace(scenario, robot=scenario.robot if plan.robot is None else plan.robot)
+    with tempfile.TemporaryDirectory() as folder, watched_collections() as found:
+        begin = time.process_time()
+        run = run_scenario(scenario, log=Path(folder) / "log.mcap", progress=progress)
+        processor = time.process_time() - begin
+        parts = _parts(scenario, Path(folder) / "again.mcap")
+    return [_result(run, start, processor, parts, found)]
+
+
+@contextmanager
+def watched_collections() -> Generator[list[float]]:
+    """Processor times of the garbage collections inside loops that froze theirs [ms]."""
+    found: list[float] = []
+    begin = 0.0
+
+    def note(phase: str, _info: dict[str, int]) -> None:
+        nonlocal begin
+        if phase == "start":
+            begin = time.thread_time()
+        elif gc.get_freeze_count():
+            found.append(1e3 * (time.thread_time() - begin))
+
+    gc.callbacks.append(note)
+    try:
+        yield found
+    finally:
+        gc.callbacks.remove(note)
 
 
 class _Clock:
@@ -106,96 +144,97 @@ class _Clock:
 
         setattr(owner, method, timed)
 
-    @contextmanager
-    def part(self, name: str) -> Generator[None]:
-        """Times a block."""
-        begin = time.thread_time()
-        yield
-        self.seconds[name] += time.thread_time() - begin
 
-
-@contextmanager
-def watched_collections() -> Generator[list[float]]:
-    """Durations of the garbage collections inside a block [ms of the processor]."""
-    found: list[float] = []
-    begin = 0.0
-
-    def note(phase: str, _info: dict[str, int]) -> None:
-        nonlocal begin
-        if phase == "start":
-            begin = time.thread_time()
-        else:
-            found.append(1e3 * (time.thread_time() - begin))
-
-    gc.callbacks.append(note)
-    try:
-        yield found
-    finally:
-        gc.callbacks.remove(note)
-
-
-def bench_run(plan: RunBench, progress: Progress | None = None) -> list[RunResult]:
-    """Runs a scenario as `poise run` does, recorded and logged, without its report and video.
-
-    Args:
-        plan: what to run.
-        progress: told how many ticks are done.
-    """
-    begin, clock = time.process_time(), _Clock()
-    with clock.part("stage"):
-        scenario = load_scenario(plan.scenario)
-        robot = scenario.robot if plan.robot is None else plan.robot
-        stage = stage_scenario(replace(scenario, robot=robot))
-        duration = scenario.duration if plan.duration is None else plan.duration
-    with tempfile.TemporaryDirectory() as folder:
-        recorder = Recorder(
-            Path(folder) / "log.mcap", metadata=describe(stage.scenario, stage.pushes)
-        )
-        for owner, method, part in (
-            (stage.plant, "step", "physics"),
-            (stage.plant, "state", "measuring"),
-            (stage.plant, "true_state", "measuring"),
-            (stage.leader, "lead", "leader"),
-            (stage.controller, "step", "control"),
-            (recorder, "observe", "recording"),
-        ):
-            clock.watch(owner, method, part)
-        count = round(duration / stage.plant.control_dt)
-        collections: list[float] = []
-        loop, others = time.thread_time(), time.process_time()
-        for tick in rollout(
+def _parts(scenario: Scenario, log: Path) -> dict[str, float]:
+    """Processor time of the parts of a run's loop, a tick [us]."""
+    stage, clock = stage_scenario(scenario), _Clock()
+    recorder = Recorder(log, metadata=describe(stage.scenario, stage.pushes))
+    watched = [
+        (stage.plant, "step", "physics"),
+        (stage.plant, "state", "sensors"),
+        (stage.plant, "true_state", "sensors"),
+        (stage.leader, "lead", "leader"),
+        (stage.controller, "step", "control"),
+        (recorder, "observe", "recording"),
+    ]
+    if stage.estimator is not None:
+        watched.append((stage.estimator, "update", "estimator"))
+    for owner, method, part in watched:
+        clock.watch(owner, method, part)
+    ticks, begin, all_threads = 0, 0.0, 0.0
+    for ticks, _ in enumerate(
+        rollout(
             stage.plant,
             stage.controller,
             stage.leader,
             [recorder],
             estimator=stage.estimator,
-            duration=duration,
-        ):
-            if tick.index == 0:
-                watching = watched_collections()
-                collections = watching.__enter__()
-            if progress is not None and tick.index % 100 == 0:
-                progress(float(tick.index), float(count))
-        watching.__exit__(None, None, None)
-        loop = time.thread_time() - loop
-        clock.seconds["log"] = time.process_time() - others - loop
-    clock.seconds["loop"] = loop - sum(
-        clock.seconds[part] for part in ("measuring", "physics", "leader", "control", "recording")
-    )
-    with clock.part("checks"):
-        signals = collect_signals(recorder.record, stage.robot)
-        evaluate_checks(stage.scenario.checks, signals, stage.plant.fallen, "")
-    processor = time.process_time() - begin
-    return [
-        RunResult(
-            scenario=stage.scenario.name,
-            robot=stage.robot.name,
-            simulated=stage.plant.time,
-            ticks=len(signals.time),
-            parts={part: round(clock.seconds[part], 3) for part in PARTS},
-            processor=round(processor, 3),
-            real_time=round(stage.plant.time / processor, 3),
-            collections=len(collections),
-            collection_ms=round(max(collections, default=0.0), 3),
+            duration=scenario.duration,
         )
+    ):
+        if ticks == 0:
+            # The first tick is not counted: what comes before it is no part of a tick.
+            clock.seconds.clear()
+            begin, all_threads = time.thread_time(), time.process_time()
+    loop = time.thread_time() - begin
+    seconds = clock.seconds | {"log": time.process_time() - all_threads - loop}
+    seconds["rest"] = loop - sum(clock.seconds.values())
+    return {part: round(1e6 * seconds.get(part, 0.0) / max(ticks, 1), 1) for part in PARTS}
+
+
+def _result(
+    run: Run, start: float, processor: float, parts: dict[str, float], found: Sequence[float]
+) -> RunResult:
+    return RunResult(
+        scenario=run.scenario.name,
+        robot=run.robot.name,
+        simulated_s=round(run.plant.time, 3),
+        ticks=len(run.signals.time),
+        start_s=round(start, 2),
+        processor_s=round(processor, 2),
+        real_time=round(run.plant.time / processor, 2),
+        parts_us=parts,
+        collections=len(found),
+        collection_ms=round(max(found, default=0.0), 3),
+    )
+
+
+def run_figures(results: Sequence[RunResult]) -> list[RunFigure]:
+    """What must hold of runs."""
+    figures: list[RunFigure] = []
+    for result in results:
+        name = f"{result.scenario} on {result.robot}"
+        least, longest = REAL_TIME.get(result.scenario), result.collection_ms
+        if least is not None:
+            ours, what = result.real_time, "seconds simulated in one of the processor"
+            figures.append(
+                RunFigure(name=f"{name}: {what}", bound=least, ours=ours, ok=ours >= least)
+            )
+        figures.append(
+            RunFigure(
+                name=f"{name}: longest garbage collection inside the loop [ms]",
+                bound=LONGEST_COLLECTION_MS,
+                ours=longest,
+                ok=longest <= LONGEST_COLLECTION_MS,
+            )
+        )
+    return figures
+
+
+def format_run_table(results: Sequence[RunResult]) -> str:
+    """The parts of a tick, and the figures, for a terminal."""
+    rows = [
+        (f"{r.scenario} on {r.robot}", [f"{r.parts_us[part]:.0f}" for part in PARTS], "")
+        for r in results
     ]
+    lines = ["processor time of a tick [us]:", *text_table(PARTS, rows)]
+    lines += [
+        f"{result.simulated_s:g} s simulated in {result.processor_s:g} s of the processor, "
+        f"after {result.start_s:g} s to start; {result.collections} collections"
+        for result in results
+    ]
+    lines += [
+        f"{'ok  ' if figure.ok else 'FAIL'}  {figure.name}: {figure.ours:g} ({figure.bound:g})"
+        for figure in run_figures(results)
+    ]
+    return "\n".join(lines)

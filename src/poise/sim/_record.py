@@ -326,7 +326,7 @@ class RunRecord:
             table.clear()
         self._notes = {topic: found[-1:] for topic, found in self._notes.items()}
 
-    # Parts: for a log ------------------------------------------------------------------------------
+    # Parts, for a log -----------------------------------------------------------------------------
 
     def counts(self) -> Counts:
         """How much there is of everything."""
