@@ -113,10 +113,11 @@ def watched_collections() -> Generator[list[float]]:
 
     def note(phase: str, _info: dict[str, int]) -> None:
         nonlocal begin
+        now = time.thread_time()
         if phase == "start":
-            begin = time.thread_time()
-        elif gc.get_freeze_count():
-            found.append(1e3 * (time.thread_time() - begin))
+            begin = now
+        elif gc.get_freeze_count():  # Counts a long list: not to be timed.
+            found.append(1e3 * (now - begin))
 
     gc.callbacks.append(note)
     try:

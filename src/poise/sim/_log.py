@@ -16,7 +16,7 @@ from typing import Any
 
 from poise.errors import MissingExtraError, PoiseError
 from poise.sim._foxglove import Topics
-from poise.sim._mcap import MAGIC, McapFile
+from poise.sim._mcap import MAGIC, McapFile, compressor
 from poise.sim._record import RecordPart, RunRecord
 
 RECORD_TOPIC = "/record"
@@ -53,6 +53,8 @@ class McapLog:
         capacity: int,
         waits: bool,
     ) -> None:
+        # Before there is a file.
+        compress = compressor()
         self.path = path
         self._topics, self._waits = topics, waits
         self._queue: queue.Queue[tuple[float, RecordPart] | None] = queue.Queue(capacity)
@@ -62,7 +64,7 @@ class McapLog:
         except OSError as error:
             raise self._error(error) from error
         try:
-            self._file = McapFile(self._stream, library=_LIBRARY, metadata=metadata)
+            self._file = McapFile(self._stream, compress, library=_LIBRARY, metadata=metadata)
         except OSError as error:
             with suppress(OSError):
                 self._stream.close()

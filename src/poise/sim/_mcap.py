@@ -10,7 +10,7 @@ integers are little-endian and a text or a map has its length in four bytes befo
 
 import struct
 import zlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from enum import IntEnum
 from typing import BinaryIO, NamedTuple
 
@@ -59,6 +59,19 @@ _RECORD_PREFIX = 9
 _INDEX_ENTRY = np.dtype([("log_time", "<u8"), ("offset", "<u8")])
 
 
+def compressor() -> Callable[[bytes], bytes]:
+    """What makes chunks small; it lets other threads run meanwhile.
+
+    Raises:
+        MissingExtraError: the package zstandard is not installed.
+    """
+    try:
+        from zstandard import ZstdCompressor
+    except ModuleNotFoundError as error:
+        raise MissingExtraError("zstandard", "sim", "Writing a log") from error
+    return ZstdCompressor(level=_LEVEL).compress
+
+
 class _Entry(NamedTuple):
     """A schema or a channel: its number in the file, and its record."""
 
@@ -73,21 +86,23 @@ class McapFile:
 
     Args:
         stream: what is written to; the caller closes it.
+        compress: a `compressor`.
         library: says who wrote the file.
         metadata: texts that say what the file is of.
 
     Raises:
-        MissingExtraError: the package zstandard is not installed.
         OSError: the stream cannot be written.
     """
 
-    def __init__(self, stream: BinaryIO, *, library: str, metadata: Mapping[str, str]) -> None:
-        try:
-            from zstandard import ZstdCompressor
-        except ModuleNotFoundError as error:
-            raise MissingExtraError("zstandard", "sim", "Writing a log") from error
-        self._stream = stream
-        self._compressor = ZstdCompressor(level=_LEVEL)
+    def __init__(
+        self,
+        stream: BinaryIO,
+        compress: Callable[[bytes], bytes],
+        *,
+        library: str,
+        metadata: Mapping[str, str],
+    ) -> None:
+        self._stream, self._compress = stream, compress
         self._schemas: dict[str, _Entry] = {}
         self._channels: dict[tuple[str, str], _Entry] = {}
         self._chunks: list[bytes] = []
@@ -163,7 +178,7 @@ class McapFile:
         stamps = [found["log_time"] for parts in entries.values() for found in parts]
         first = int(min((s.min() for s in stamps), default=0))
         last = int(max((s.max() for s in stamps), default=0))
-        compressed = self._compressor.compress(data)
+        compressed = self._compress(data)
         start = self._stream.tell()
         self._stream.write(
             _record(
