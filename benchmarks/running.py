@@ -12,9 +12,7 @@ from typing import Any
 
 from benchmarks.recording import Progress
 from benchmarks.result import Result, text_table
-from poise.apps.scenarios import Run, load_scenario, run_scenario
-from poise.apps.scenarios._scenario import Scenario
-from poise.apps.scenarios._stage import describe, stage_scenario
+from poise.apps.scenarios import Run, Scenario, load_scenario, run_scenario, stage_scenario
 from poise.sim import Recorder, rollout
 
 REAL_TIME = {"walk": 2.0, "over_an_obstacle": 5.0}
@@ -149,7 +147,7 @@ class _Clock:
 def _parts(scenario: Scenario, log: Path) -> dict[str, float]:
     """Processor time of the parts of a run's loop, a tick [us]."""
     stage, clock = stage_scenario(scenario), _Clock()
-    recorder = Recorder(log, metadata=describe(stage.scenario, stage.pushes))
+    recorder = Recorder(log)
     watched = [
         (stage.plant, "step", "physics"),
         (stage.plant, "state", "sensors"),
