@@ -148,7 +148,7 @@ def _parts(scenario: Scenario, log: Path) -> dict[str, float]:
     """Processor time of the parts of a run's loop, a tick [us]."""
     stage, clock = stage_scenario(scenario), _Clock()
     recorder = Recorder(log)
-    watched = [
+    watched: list[tuple[Any, str, str]] = [
         (stage.plant, "step", "physics"),
         (stage.plant, "state", "sensors"),
         (stage.plant, "true_state", "sensors"),
