@@ -5,9 +5,9 @@
 
 Mutants are drawn from what Cosmic Ray's operators can make of a package: a sign, an operator, a
 comparison, a number, a condition turned round. Each is put into a copy of the project, where the
-tests of its own package run until the first one fails; long simulations elsewhere do not count. A
-line of JSON a mutant is written as it is done, and a run that was interrupted goes on where it
-stopped.
+tests of its own package run until the first one fails: those in files named like its module first,
+then the quick ones, and no more than `--seconds` of them; long simulations do not count. A line of
+JSON a mutant is written as it is done, and a run that was interrupted goes on where it stopped.
 """
 
 import argparse
@@ -26,6 +26,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from queue import Queue
+from xml.etree import ElementTree
 
 from cosmic_ray.ast import ast_nodes, get_ast
 from cosmic_ray.mutating import mutate_code
@@ -44,7 +45,10 @@ ARITHMETIC = {"Add", "Sub", "Mul", "Div", "USub", "UAdd"}
 TIMEOUT = 900.0
 """Longest that the tests of one mutant may take [s]; a mutant that never ends counts as noticed."""
 
-CHECKED = "--jaxtyping-packages=poise,beartype.beartype"
+PYTEST = ("-m", "pytest", "-q", "-p", "no:cacheprovider")
+
+Durations = dict[str, float]
+"""Tests that pass without a mistake, by the name that pytest takes, and how long they take [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,9 +89,12 @@ def mutants_of(module: Path) -> Iterator[Mutant]:
         operator_class = get_operator(name)
         if name in LEFT_OUT or operator_class.arguments() or not is_plausible(name):
             continue
-        places = (start for node in nodes for start, _ in operator_class().mutation_positions(node))
-        for occurrence, start in enumerate(places):
-            if not any(low <= start < high for low, high in spared):
+        operator = operator_class()
+        places = ((start, node) for node in nodes for start, _ in operator.mutation_positions(node))
+        for occurrence, (start, node) in enumerate(places):
+            # The star before arguments by name is taken for a product.
+            star = node.parent is not None and node.parent.type == "parameters"
+            if not star and not any(low <= start < high for low, high in spared):
                 yield Mutant(
                     module=str(module.relative_to(ROOT)),
                     operator=name,
@@ -127,25 +134,45 @@ def draw(count: int, seed: int, packages: tuple[str, ...]) -> list[Mutant]:
     return random.Random(seed).sample(everything, min(count, len(everything)))
 
 
-def tests_of(mutant: Mutant) -> list[str]:
-    """The tests beside a module: those named like it first, then the others of its package."""
-    package = Path(mutant.module).parts[2]
-    stem = Path(mutant.module).stem.strip("_")
-    files = sorted((ROOT / "tests" / package).rglob("test_*.py"))
-    words = set(stem.split("_"))
-    files.sort(key=lambda f: -len(words & set(f.stem.split("_"))))
-    return [str(f.relative_to(ROOT)) for f in files]
+def measure(package: str) -> Durations:
+    """Runs a package's tests once, without a mistake."""
+    with tempfile.TemporaryDirectory() as place:
+        report = Path(place) / "report.xml"
+        options = [f"--junitxml={report}", "-o", "junit_family=xunit1", f"tests/{package}"]
+        subprocess.run([sys.executable, *PYTEST, *options], cwd=ROOT, check=False)
+        cases = ElementTree.parse(report).iter("testcase")
+        # A case that failed or was skipped says so in an element of its own.
+        passed = [case for case in cases if len(case) == 0]
+        return {f"{c.get('file')}::{c.get('name')}": float(c.get("time", 0.0)) for c in passed}
 
 
-def judge(mutant: Mutant, copy: Path) -> str:
-    """Runs the tests on a copy with the mistake in it: killed, survived or timeout."""
-    target = copy / mutant.module
-    original = target.read_text(encoding="utf-8")
-    target.write_text(mutant.code(), encoding="utf-8")
-    options = ["-q", "-x", "-p", "no:cacheprovider", CHECKED]
-    command = [sys.executable, "-m", "pytest", *options, *tests_of(mutant)]
+def tests_of(mutant: Mutant, durations: Durations, seconds: float) -> list[str]:
+    """The tests beside a module: files named like it first, then those that are soon through."""
+    module = Path(mutant.module)
+    words, folder = set(module.stem.strip("_").split("_")), module.parent.name.strip("_")
+    files: dict[str, list[str]] = {}
+    for test in durations:
+        files.setdefault(test.partition("::")[0], []).append(test)
+
+    def cost(file: str) -> float:
+        path = Path(file)
+        alike = len(words & set(path.stem.split("_"))) + 0.5 * (path.parent.name == folder)
+        return (2.0 + sum(durations[test] for test in files[file])) / (1.0 + 20.0 * alike)
+
+    chosen: list[str] = []
+    for test in (test for file in sorted(files, key=cost) for test in files[file]):
+        if durations[test] <= seconds:
+            seconds -= durations[test]
+            chosen.append(test)
+    return chosen
+
+
+def judge(mutant: Mutant, copy: Path, tests: list[str]) -> str:
+    """Runs tests on a copy with the mistake in it: killed, survived or timeout."""
+    (copy / mutant.module).write_text(mutant.code(), encoding="utf-8")
     paths = os.pathsep.join([str(copy / "src"), str(copy)])
     environment = {**os.environ, "PYTHONPATH": paths, "OMP_NUM_THREADS": "1"}
+    command = [sys.executable, *PYTEST, "-x", *tests]
     try:
         done = subprocess.run(
             command, cwd=copy, env=environment, capture_output=True, timeout=TIMEOUT, check=False
@@ -153,7 +180,8 @@ def judge(mutant: Mutant, copy: Path) -> str:
     except subprocess.TimeoutExpired:
         return "timeout"
     finally:
-        target.write_text(original, encoding="utf-8")
+        # The machine code, too: that of the mistake has taken the place of what was kept.
+        shutil.copytree(ROOT / "src", copy / "src", dirs_exist_ok=True)
     return "survived" if done.returncode == 0 else "killed"
 
 
@@ -163,8 +191,11 @@ def copy_of_the_project(folder: Path) -> Path:
     return Path(shutil.copytree(ROOT, folder / "poise", ignore=ignored))
 
 
-def run(count: int, seed: int, packages: tuple[str, ...], out: Path, workers: int) -> None:
+def run(
+    count: int, seed: int, packages: tuple[str, ...], out: Path, workers: int, seconds: float
+) -> None:
     """Judges a sample, two at a time or more, and writes each verdict as it comes."""
+    durations = {package: measure(package) for package in packages}
     known = [json.loads(line) for line in out.read_text().splitlines()] if out.exists() else []
     done = {(k["module"], k["operator"], k["occurrence"]) for k in known}
     left = [
@@ -180,9 +211,10 @@ def run(count: int, seed: int, packages: tuple[str, ...], out: Path, workers: in
             copies.put(copy_of_the_project(Path(place) / str(number)))
 
         def one(mutant: Mutant) -> tuple[Mutant, str]:
+            tests = tests_of(mutant, durations[Path(mutant.module).parts[2]], seconds)
             copy = copies.get()
             try:
-                return mutant, judge(mutant, copy)
+                return mutant, judge(mutant, copy, tests)
             finally:
                 copies.put(copy)
 
@@ -207,9 +239,10 @@ def main() -> None:
     parser.add_argument("--packages", default=",".join(PACKAGES), help="(default: %(default)s)")
     parser.add_argument("--out", type=Path, default=Path("mutants.jsonl"), help="where verdicts go")
     parser.add_argument("--workers", type=int, default=2, help="copies (default: %(default)s)")
+    parser.add_argument("--seconds", type=float, default=40.0, help="of tests a mutant, at most")
     options = parser.parse_args()
     packages = tuple(options.packages.split(","))
-    run(options.count, options.seed, packages, options.out, options.workers)
+    run(options.count, options.seed, packages, options.out, options.workers, options.seconds)
     for (package, verdict), number in sorted(summary(options.out).items()):
         print(f"{package} {verdict} {number}")
 

@@ -31,9 +31,10 @@ def contact_rows(robot, dynamics, frames):
     """Jacobian and drift of all contacts, along their own axes."""
     jacobians, drifts = [np.zeros((0, robot.nv))], [np.zeros(0)]
     for frame in frames:
-        jacobian, _, drift = dynamics.motion_in_own_axes(robot.frame_id(frame))
-        jacobians.append(jacobian)
-        drifts.append(drift)
+        kinematics = dynamics.frame(robot.frame_id(frame))
+        turn = np.kron(np.eye(2), kinematics.rotation.T)
+        jacobians.append(turn @ kinematics.jacobian)
+        drifts.append(turn @ kinematics.bias)
     return np.concatenate(jacobians), np.concatenate(drifts)
 
 

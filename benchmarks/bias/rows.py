@@ -68,14 +68,11 @@ class MatrixRates:
         return rate
 
 
-def task_jacobian_rate(
-    task: Task, dynamics: Dynamics, rates: MatrixRates
-) -> Float64[np.ndarray, "m nv"]:
+def task_jacobian_rate(task: Task, rates: MatrixRates) -> Float64[np.ndarray, "m nv"]:
     """Exact time derivative of a task's Jacobian.
 
     Args:
         task: of a kind that Poise has, evaluated for the state; not relative to a moving frame.
-        dynamics: the state.
         rates: derivatives of the robot's matrices for the same state.
 
     Raises:
@@ -85,19 +82,18 @@ def task_jacobian_rate(
         case JointTask():
             return np.zeros_like(task.jacobian)
         case FrameTask():
-            frame = rates.robot.frame_id(task.frame)
-            whole, rate = dynamics.frame(frame).jacobian, rates.frame(frame)
+            rate = rates.frame(rates.robot.frame_id(task.frame))
         case ComTask():
-            whole, rate = dynamics.com_jacobian, rates.momentum_matrix[:3] / rates.robot.mass
+            rate = rates.momentum_matrix[:3] / rates.robot.mass
         case MomentumTask():
-            whole, rate = dynamics.momentum_matrix[3:], rates.momentum_matrix[3:]
+            rate = rates.momentum_matrix[3:]
         case _:
             raise ConfigurationError(
                 f"task {task.name!r} has no exact derivative of its Jacobian",
                 got=type(task).__name__,
                 wanted="a JointTask, FrameTask, ComTask or MomentumTask, or numerical derivatives",
             )
-    return rate[_rows_of(task.jacobian, whole)]
+    return rate[task.chosen]
 
 
 def contact_jacobian_rate(
@@ -113,15 +109,6 @@ def contact_jacobian_rate(
     frame = rates.robot.frame_id(contact.frame)
     rate, R = rates.frame(frame), dynamics.frame(frame).rotation.T
     return np.concatenate((R @ rate[:3], R @ rate[3:]))[: contact.dim]
-
-
-def _rows_of(part: Float64[np.ndarray, "m nv"], whole: Float64[np.ndarray, "r nv"]) -> list[int]:
-    """Which rows of a matrix a task took; they stand in their order."""
-    found: list[int] = []
-    for row in part:
-        start = found[-1] + 1 if found else 0
-        found.append(start + int(np.flatnonzero((whole[start:] == row).all(axis=1))[0]))
-    return found
 
 
 class ExactRates:
@@ -294,7 +281,7 @@ def _rate(
     owner: Contact | Task, dynamics: Dynamics, rates: MatrixRates
 ) -> Float64[np.ndarray, "m nv"]:
     if isinstance(owner, Task):
-        return task_jacobian_rate(owner, dynamics, rates)
+        return task_jacobian_rate(owner, rates)
     return contact_jacobian_rate(owner, dynamics, rates)
 
 

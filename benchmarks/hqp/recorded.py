@@ -113,7 +113,7 @@ def problem_of(controller: object) -> HierarchicalProblem:
     elif isinstance(controller, ReducedController):
         reduced = controller.strategy.current
         # After a tick in which that was of no use, LQP 1 is not even written.
-        if reduced.whole is not None and reduced.whole_solution is not None:
+        if reduced.whole_solution is not None:
             problem = reduced.whole.full.problem
         elif reduced.first_solution is not None:
             problem = reduced.first.problem

@@ -20,7 +20,7 @@ from matplotlib.patches import FancyBboxPatch, Rectangle
 from PIL import Image
 
 from benchmarks.hqp.problem_set import load_sequence
-from poise._compiled import compiled
+from poise._compiled import compiled, view
 from poise.apps.report._plots._style import INK, LINE, MUTED, PALETTE, house_style
 from poise.hqp import HierarchicalProblem, LexicographicSolver
 from poise.hqp._active_set.guess import guess
@@ -36,8 +36,7 @@ from poise.hqp._active_set.workspace import (
     NOTHING,
     STEPPING,
     Problem,
-    States,
-    cut,
+    Work,
 )
 from poise.hqp._tolerances import (
     ASTRAY,
@@ -94,7 +93,7 @@ def draw_factor(ax: Axes) -> None:
     solver = LexicographicSolver()
     solver.run(problem)
     levels, n = len(problem.levels), problem.n
-    rows, free = int(solver._work.factor.begin[levels]), int(solver._state["free"][0])
+    rows, free = int(solver._work.factor.begin[levels]), solver._work.state.free
     R = rotated_rows(problem, solver)
     for level in range(levels):
         draw_level(ax, problem, solver, R, level)
@@ -192,11 +191,11 @@ def count_ends() -> dict[str, Counter[str]]:
 def follow(solver: LexicographicSolver, problem: HierarchicalProblem) -> str:
     """Solves a problem, change by change, and says how its search ended."""
     solver._fit(problem)
-    state = solver._state[0]
+    state = solver._work.state
     state.begun = 0
     guessed, found = 0, UNFINISHED
     for changes in range(1, solver._limit + 1):
-        found = solver._search(problem, changes)
+        found = solver._search(changes)
         if found != UNFINISHED:
             break
         if state.origin == GUESS and guessed == 0:
@@ -329,12 +328,12 @@ def search(solver: LexicographicSolver, problem: HierarchicalProblem, origin: in
     """How many factorisations a cold search takes that is told where its active set came from."""
     solver.reset()
     solver._fit(problem)
-    state = solver._state[0]
+    state = solver._work.state
     state.begun = 0
     # Sets the search up and ends at once.
-    solver._search(problem, 0)
+    solver._search(0)
     state.origin = origin
-    if solver._search(problem, solver._limit) != CONVERGED:
+    if solver._search(solver._limit) != CONVERGED:
         raise RuntimeError("a search that is counted should end at the optimum")
     return solver.changes
 
@@ -357,32 +356,37 @@ def draw_ways(ax: Axes, ways: dict[str, dict[str, float]]) -> None:
 
 
 @compiled
-def run_nothing(problem: Problem, floats: Any, ints: Any, states: States) -> None:
-    """What it takes to hand everything to a compiled function."""
-    cut(floats, ints, states, len(problem.g), len(problem.A), len(problem.damping))
+def run_nothing(_problem_at: int, _work_at: int) -> None:
+    """What it takes to call a compiled function."""
 
 
 @compiled
-def run_guess(problem: Problem, floats: Any, ints: Any, states: States) -> None:
+def run_guess(problem_at: int, work_at: int) -> None:
     """The guess, which only compiled functions may call."""
-    guess(problem, cut(floats, ints, states, len(problem.g), len(problem.A), len(problem.damping)))
+    guess(view(Problem, problem_at), view(Work, work_at))
 
 
 @compiled
-def run_leap(problem: Problem, floats: Any, ints: Any, states: States) -> None:
+def run_leap(problem_at: int, work_at: int) -> None:
     """The leap before it, which only compiled functions may call."""
-    work = cut(floats, ints, states, len(problem.g), len(problem.A), len(problem.damping))
+    problem, work = view(Problem, problem_at), view(Work, work_at)
     find_optimum(problem, work)
     find_values(problem.A, work.points.target, work.points.target_values)
     leap(problem, work)
 
 
 @compiled
-def run_factoring(problem: Problem, floats: Any, ints: Any, states: States) -> None:
+def run_factoring(problem_at: int, work_at: int) -> None:
     """The factorisation, which only compiled functions may call."""
-    work = cut(floats, ints, states, len(problem.g), len(problem.A), len(problem.damping))
-    states[0].changes = 1  # So that every level is factored anew.
+    problem, work = view(Problem, problem_at), view(Work, work_at)
+    work.state.changes = 1  # So that every level is factored anew.
     find_optimum(problem, work)
+
+
+def arrays_of(work: Work) -> list[np.ndarray]:
+    """All arrays of a workspace."""
+    groups = (work.rows, work.points, work.factor, work.squares, work.cost, work.duals)
+    return [a for group in (*groups, work.answer, work.guessed) for a in group.arrays().values()]
 
 
 def time_guess() -> list[float]:
@@ -398,18 +402,18 @@ def time_guess() -> list[float]:
             solver._fit(problem)
             solver.reset()
         after.run(problem)
-        if before._search(problem, 1) != UNFINISHED or before._state[0].phase != LEAPING:
+        if before._search(1) != UNFINISHED or before._work.state.phase != LEAPING:
             continue
-        numbers = (problem.A, problem.lower, problem.upper, problem.weights, problem.H, problem.g)
-        whole = Problem(*numbers, before._damping, before._starts, problem.bounds_level)
-        run_leap(whole, before._floats, before._ints, before._state)
-        floats, ints, spent = before._floats.copy(), before._ints.copy(), []
+        run_leap(before._problem.address, before._work.address)
+        arrays, spent = arrays_of(before._work), []
+        found = [array.copy() for array in arrays]
         for _ in range(REPEATS):
-            before._floats[:], before._ints[:] = floats, ints
+            for array, numbers in zip(arrays, found, strict=True):
+                array[:] = numbers
             runs = ((run_nothing, before), (run_factoring, after), (run_guess, before))
             spent.append(
                 [
-                    seconds(partial(run, whole, solver._floats, solver._ints, solver._state))
+                    seconds(partial(run, solver._problem.address, solver._work.address))
                     for run, solver in runs
                 ]
             )

@@ -128,7 +128,7 @@ class CupTasks:
     def __init__(self, robot: Robot, kp: float) -> None:
         self.start = level_start(robot)
         place = _hand_at(robot, self.start)
-        self.home, self._from = place.rotation.copy(), place.position.copy()
+        self.home, self._from = place.rotation.copy(), place.translation.copy()
         self.position = FrameTask(_HAND, "position", kp=kp, name="position")
         self.orientation = FrameTask(_HAND, "orientation", kp=kp, name="orientation")
         self.orientation.set_target(rotation=self.home)

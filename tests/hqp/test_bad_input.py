@@ -47,6 +47,22 @@ BAD = {
     "x bounds cross": (lambda: problem(x_lower=1.0, x_upper=0.0), "bounds of x cross"),
     "x bound NaN": (lambda: problem(x_lower=np.nan), "x_lower is NaN"),
     "no variables": (lambda: HierarchicalProblem.allocate(0, [1]), "not a problem's size"),
+    "names missing": (
+        lambda: HierarchicalProblem.allocate(1, [1], names=[]),
+        "one entry a level",
+    ),
+    "labels missing": (
+        lambda: HierarchicalProblem.allocate(1, [1], labels=[]),
+        "one entry a level",
+    ),
+    "names left over": (
+        lambda: HierarchicalProblem.allocate(1, [1], names=["a", "b"]),
+        "one entry a level",
+    ),
+    "labels left over": (
+        lambda: HierarchicalProblem.allocate(1, [1], labels=["a", "b"]),
+        "one entry a level",
+    ),
     "negative rows": (lambda: HierarchicalProblem.allocate(1, [-1]), "not a problem's size"),
 }
 
@@ -58,6 +74,10 @@ def test_bad_input_is_refused_with_what_was_got_and_wanted(name):
         make()
     assert "got" in str(error.value)
     assert "wanted" in str(error.value)
+
+
+def test_a_label_may_have_no_rows():
+    assert Level(I2, 0.0, 1.0, labels=[("a", 0), ("b", 2)]).labels == [("a", 0), ("b", 2)]
 
 
 def test_numbers_spoiled_after_allocation_are_refused_by_solve_and_survived_by_a_solver():

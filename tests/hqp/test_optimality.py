@@ -30,3 +30,15 @@ def test_points_beside_the_optimum_are_refused(feasible):
         assert certify_point(problem, x).worst < 1e-8
         beside = x + 1e-3 * (1.0 + np.abs(x).max()) * rng.standard_normal(len(x))
         assert certify_point(problem, beside).worst > 1e-5
+
+
+@pytest.mark.parametrize("feasible", [True, False])
+def test_the_certificates_multipliers_balance_every_level(feasible):
+    """sum_i m_ki a_i = 0, with bounds' own normals first."""
+    for seed in range(20):
+        problem = random_problem(seed, feasible=feasible)
+        rows = np.vstack([np.eye(problem.n), problem.A])
+        norms = np.linalg.norm(rows, axis=1)
+        for multipliers in certify_point(problem, solve(problem).x).multipliers:
+            size = np.abs(multipliers * norms).max(initial=1e-300)
+            assert np.abs(rows.T @ multipliers).max() < 1e-7 * size, seed

@@ -108,6 +108,31 @@ def test_weighted_comes_near_the_residuals_worked_out_by_hand(make):
     np.testing.assert_allclose(solution.residuals, residuals, atol=1e-2)
 
 
+def test_weights_decide_inside_a_level_that_is_a_term_of_the_cost():
+    """min (2 x)^2 + (x - 1)^2 below a limit, which makes it one: x = 1 / 5."""
+    limit = Level([[1.0]], -5.0, 5.0)
+    task = Level([[1.0], [1.0]], [0.0, 1.0], [0.0, 1.0], weights=[2.0, 1.0])
+    solution = WeightedSolver().solve(HierarchicalProblem([limit, task]))
+    np.testing.assert_allclose(solution.x, [0.2], atol=1e-3)
+
+
+@pytest.mark.parametrize("weight", [1.0, 2.0])
+def test_slack_of_an_inequality_costs_the_ratio_times_its_weight_squared(weight):
+    """min x^2 / 2 + ratio weight^2 (x - 1)^2 where x >= 1 stands below a limit."""
+    limit, task = Level([[1.0]], -5.0, 5.0), Level([[1.0]], 1.0, np.inf, weights=weight)
+    solution = WeightedSolver(ratio=3.0).solve(HierarchicalProblem([limit, task]))
+    cost = 2.0 * 3.0 * weight**2
+    np.testing.assert_allclose(solution.x, [cost / (1.0 + cost)], rtol=1e-6)
+
+
+@pytest.mark.parametrize("strategy", ["direct", "cascade"])
+@pytest.mark.parametrize("far", [0.0, 0.02, 20.0])
+def test_relaxed_says_whether_something_gave(strategy, far):
+    limit, task = Level([[1.0]], -np.inf, 1.0), Level([[1.0]], 1.0 + far, np.inf)
+    solution = make_solver(strategy).solve(HierarchicalProblem([limit, task]))
+    assert solution.relaxed == (far > 0.0)
+
+
 def test_a_larger_ratio_brings_weighted_nearer_to_the_hierarchy():
     problem, residuals = conflict_between_levels()
     gaps = [

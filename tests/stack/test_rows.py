@@ -14,7 +14,10 @@ from poise.stack import (
     Stack,
     StackRows,
     SurfaceContact,
+    Task,
+    _evaluation,
 )
+from poise.stack._kernels import KIND
 
 
 @pytest.fixture
@@ -44,21 +47,46 @@ def dynamics(robot):
     return dynamics
 
 
-def counted(stack):
-    """Counts how often each contact and task is evaluated."""
-    calls = {}
+class OwnTask(Task):
+    """The height of the base, in Python; counts how often it is evaluated."""
 
-    def count(owner):
-        evaluate = owner.evaluate
+    def __init__(self, name="own"):
+        super().__init__(name, kp=4.0, kd=None, weight=11.0)
+        self.calls = 0
 
-        def counting(dynamics):
-            calls[owner.name] = calls.get(owner.name, 0) + 1
-            evaluate(dynamics)
+    def _resolve(self, robot):
+        self._base = robot.frame_id(robot.pelvis)
+        return 1
 
-        owner.evaluate = counting
+    def _evaluate(self, dynamics):
+        self.calls += 1
+        frame = dynamics.frame(self._base)
+        self.jacobian, self.drift = frame.jacobian[2:3], frame.bias[2:3]
+        self.error, self.error_rate = np.array([0.5]), -frame.velocity[2:3]
+        return np.array([0.25])
 
-    for owner in (*stack.contacts, *(task for _, task in stack.tasks()), stack.joint_limit):
-        count(owner)
+
+@pytest.fixture
+def with_own(robot):
+    """The same with a task in Python between the others, and one that is suspended."""
+    foot = FrameTask("right_sole", name="foot")
+    stack = Stack(
+        [SurfaceContact(sole) for sole in robot.soles],
+        [[ComTask(), foot, OwnTask()], [FrameTask("left_hand", name="hand")], [PostureTask()]],
+    )
+    stack.bind(robot)
+    return stack
+
+
+def counted(monkeypatch):
+    """The tables of owners that the compiled call gets, one a call."""
+    calls, run = [], _evaluation.evaluate
+
+    def counting(q, v, motion, owners, *others):
+        calls.append(owners.table)
+        return run(q, v, motion, owners, *others)
+
+    monkeypatch.setattr(_evaluation, "evaluate", counting)
     return calls
 
 
@@ -99,53 +127,115 @@ def test_rows_have_the_weights_of_their_tasks(robot, stack):
     assert rows.weight.tolist() == expected
 
 
-def test_everything_is_evaluated_once_and_a_suspended_task_never(robot, stack, dynamics):
-    calls = counted(stack)
-    rows = StackRows(robot, stack, stack.contacts)
+def test_everything_is_evaluated_once_and_a_suspended_task_never(
+    robot, with_own, dynamics, monkeypatch
+):
+    rows = StackRows(robot, with_own, with_own.contacts)
+    com, hand, posture = (with_own.task(name) for name in ("com", "hand", "posture"))
+    for task in (com, hand):
+        task.hold(dynamics)
+    calls, own = counted(monkeypatch), with_own.task("own")
     for update in (rows.update, rows.update_velocities):
         calls.clear()
+        before = own.calls
         update(dynamics)
-        assert {name for name in calls if name != "joint limit"} == {
-            *robot.soles,
-            "com",
-            "hand",
-            "posture",
-        }
-        assert set(calls.values()) == {1}
-    assert rows.suspended == (stack.task("foot"),)
-    assert rows.levels[0] == (stack.task("com"),)
+        assert len(calls) == 1
+        shipped = [*with_own.contacts, com, hand, posture]
+        assert calls[0][:, KIND].tolist() == [int(owner.kind) for owner in shipped]
+        assert own.calls == before + 1
+    foot = with_own.task("foot")
+    assert rows.suspended == (foot,)
+    assert foot.evaluation is None
+    assert not foot.jacobian.any()
+
+
+def test_a_task_of_ones_own_stands_among_the_others(robot, with_own, dynamics):
+    rows = StackRows(robot, with_own, with_own.contacts)
+    rows.update(dynamics)
+    own, base = with_own.task("own"), dynamics.frame(robot.frame_id(robot.pelvis))
+    place = dict(rows.task_rows)[own]
+    assert place == slice(15, 16)
+    assert np.array_equal(rows.J[place], base.jacobian[2:3])
+    expected = 4.0 * 0.5 - 4.0 * base.velocity[2] + 0.25 - base.bias[2]
+    assert rows.target[15] == pytest.approx(expected, rel=1e-12)
+    assert rows.weight[15] == 11.0
+    own.set_weight(13.0)
+    rows.update_velocities(dynamics)
+    assert rows.weight[15] == 13.0
+    expected = base.jacobian[2] @ dynamics.state.v + 4.0 / 4.0 * 0.5 - base.velocity[2]
+    assert rows.target[15] == pytest.approx(expected, rel=1e-12)
+
+
+def test_a_kind_with_formulas_of_its_own_is_evaluated_by_them(robot, dynamics):
+    class Doubled(ComTask):
+        def _evaluate(self, dynamics):
+            feedforward = super()._evaluate(dynamics)
+            self.jacobian = 2.0 * self.jacobian
+            return feedforward
+
+    task, usual = Doubled(name="doubled"), ComTask()
+    stack = Stack([], [[task, usual]])
+    stack.bind(robot)
+    rows = StackRows(robot, stack, ())
+    rows.update(dynamics)
+    assert np.array_equal(rows.J[:3], 2.0 * rows.J[3:])
+    assert np.array_equal(rows.target[:3], rows.target[3:])
+
+
+def test_gains_and_weights_may_change_from_tick_to_tick(robot, stack, dynamics):
+    rows = StackRows(robot, stack, stack.contacts)
+    com = stack.task("com")
+    com.set_target(dynamics.com + 0.1)
+    com.set_weight(17.0)
+    rows.update(dynamics)
+    assert rows.weight[12:15].tolist() == [17.0] * 3
+    com.set_acceleration([1.0, 2.0, 3.0])
+    rows.update(dynamics)
+    assert np.array_equal(rows.target[12:15], np.array([1.0, 2.0, 3.0]) - com.drift)
+    com.set_acceleration(None)
+    rows.update(dynamics)
+    expected = com.kp * 0.1 - com.kd * dynamics.com_velocity - dynamics.com_bias
+    assert rows.target[12:15] == pytest.approx(expected, rel=1e-9)
+
+
+def test_two_sets_of_rows_of_one_stack_show_what_was_evaluated_last(robot, stack, dynamics):
+    both, left = (StackRows(robot, stack, stack.contacts[:k]) for k in (2, 1))
+    com = stack.task("com")
+    for rows in (both, left, both):
+        rows.update(dynamics)
+        assert np.shares_memory(com.jacobian, rows.J)
 
 
 def test_a_contact_without_rows_suspends_and_is_evaluated_all_the_same(robot, stack, dynamics):
     left, right = stack.contacts
-    calls = counted(stack)
     rows = StackRows(robot, stack, [left], stance=right)
     rows.update_velocities(dynamics)
     assert rows.suspended == (stack.task("foot"),)
-    assert calls[right.name] == 1
+    assert right.jacobian.any()
     assert rows.contact_rows == slice(0, 6)
     # Where it is no contact at all, its foot may move.
     assert StackRows(robot, stack, [left]).suspended == ()
 
 
-def test_rows_are_written_into_memory_of_any_layout_and_leave_own_rows_alone(
-    robot, stack, dynamics
-):
+def test_rows_are_written_into_memory_of_a_problem_and_leave_own_rows_alone(robot, stack, dynamics):
     usual = StackRows(robot, stack, stack.contacts)
     usual.update(dynamics)
     rows = StackRows(robot, stack, stack.contacts, own_rows=4)
     count = len(rows.target)
-    A, bounds = np.full((count, robot.nv + 3), np.nan), np.full((3, count), np.nan)
-    rows.write_into(A[:, : robot.nv], bounds[0], bounds[1, :12], bounds[2, :12])
+    A, bounds = np.full((5 + count, robot.nv + 3), np.nan), np.full((2, count), np.nan)
+    weight, wrenches = np.full(count, np.nan), np.full((2, 12), np.nan)
+    rows.write_into(A, 5, tuple(bounds), weight, tuple(wrenches))
     rows.update(dynamics)
     assert np.isnan(A[:, robot.nv :]).all()
+    assert np.isnan(A[:5]).all()
+    A = A[5:]
     assert np.isnan(A[rows.own_rows]).all()
-    assert np.isnan(bounds[0, rows.own_rows]).all()
+    assert np.isnan(bounds[:, rows.own_rows]).all()
     kept = np.r_[0:12, 16:count]
     assert np.array_equal(A[kept, : robot.nv], usual.J)
-    assert np.array_equal(bounds[0, kept], usual.target)
-    assert np.array_equal(bounds[1, :12], usual.wrench_lower)
-    assert np.array_equal(bounds[2, :12], usual.wrench_upper)
+    assert np.array_equal(bounds[:, kept], [usual.target, usual.target])
+    assert np.array_equal(weight[kept], usual.weight)
+    assert np.array_equal(wrenches, [usual.wrench_lower, usual.wrench_upper])
 
 
 def test_velocities_are_those_of_the_targets_with_errors_fed_back(robot, stack, dynamics):

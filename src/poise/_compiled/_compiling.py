@@ -2,55 +2,73 @@
 
 import hashlib
 import inspect
-import logging
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from types import FunctionType
 from typing import Any, ParamSpec, TypeVar, cast
 
 import numba
 
+from poise._compiled._first_use import FirstUse
+from poise._compiled._kept_code import KeptCode
+from poise._compiled._libraries import (
+    PartCompiler,
+    WholeCompiler,
+    compile_once_for_all_numbers,
+)
+
 P = ParamSpec("P")
 R = TypeVar("R")
 
-_FAST = {"reassoc", "contract", "nsz", "arcp"}
-"""Freedoms that let sums run in vector registers; NaN and infinity keep their meaning."""
+_OPTIONS = {
+    # Freedoms that let sums run in vector registers; NaN and infinity keep their meaning.
+    "fastmath": {"reassoc", "contract", "nsz", "arcp"},
+    "error_model": "numpy",
+    "no_cfunc_wrapper": True,
+    # Nobody counts the owners of arrays.
+    "_nrt": False,
+}
+"""For all; so none may make an array, nor return one that it did not get."""
 
 
 _DISABLED = bool(cast("Any", numba).config.DISABLE_JIT)
 """Numba's own switch, NUMBA_DISABLE_JIT: everything runs as plain Python."""
+
+_COMPILER = b"".join(
+    (Path(__file__).parent / f"{name}.py").read_bytes()
+    for name in ("_blocks", "_compiling", "_libraries")
+)
+"""What else machine code depends on."""
 
 
 def compiled(function: Callable[P, R]) -> Callable[P, R]:
     """Compiles a function at its first call, and keeps the machine code on disk for later runs.
 
     Compiled functions may call each other. The code that was kept is made anew when the file of a
-    function changes, or that of any compiled function or a number that its file imports.
+    function changes, or that of any compiled function or a number that its file imports. Where it
+    cannot be kept, every process makes its own.
 
     Args:
-        function: of arrays and numbers, in the part of Python that Numba compiles.
+        function: of arrays and numbers, in the part of Python that Numba compiles. It may neither
+            make an array nor return one that it did not get.
     """
     # Tests wrap functions in checks of their annotations, which cannot be compiled.
     plain = cast("FunctionType", inspect.unwrap(function))
     if _DISABLED:
         return cast("Callable[P, R]", plain)
-    njit = cast("Any", numba).njit
-    try:
-        dispatcher = njit(cache=True, fastmath=_FAST, error_model="numpy")(plain)
-    except RuntimeError:
-        # No folder to keep it in, as for a package that lies in an archive.
-        return njit(fastmath=_FAST, error_model="numpy")(plain)
+    dispatcher = cast("Any", numba).njit(pipeline_class=WholeCompiler, **_OPTIONS)(plain)
     dispatcher.stamp = _stamp(plain)
-    # Numba looks at the function's own file only, and would go on with what its callees once were.
-    dispatcher._cache._cache_file._source_stamp = dispatcher.stamp
+    # Without a folder to keep it in, as for a package that lies in an archive, it is not kept.
+    with suppress(RuntimeError):
+        dispatcher._cache = KeptCode(plain, dispatcher.stamp)
     return dispatcher
 
 
 def part(function: Callable[P, R]) -> Callable[P, R]:
     """Compiles a function that nobody but compiled functions calls.
 
-    It has no way in from Python and no file of its own, which is a third of the work where it takes
-    many arrays. Calling it from Python ends the process.
+    It becomes machine code only as a part of them. Calling it from Python ends the process.
 
     Args:
         function: as for `compiled`.
@@ -59,34 +77,36 @@ def part(function: Callable[P, R]) -> Callable[P, R]:
     if _DISABLED:
         return cast("Callable[P, R]", plain)
     dispatcher = cast("Any", numba).njit(
-        fastmath=_FAST, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True
+        pipeline_class=PartCompiler, no_cpython_wrapper=True, **_OPTIONS
     )(plain)
     dispatcher.stamp = _stamp(plain)
+    compile_once_for_all_numbers(dispatcher)
     return dispatcher
 
 
 def say_if_slow(function: Callable[..., object], what: str) -> None:
-    """Logs that something is about to be compiled, unless its machine code is there already.
+    """Lets what is to be seen of compiling be seen, unless the machine code is there already.
 
     Args:
         function: a compiled function, about to be called for the first time.
         what: what it belongs to.
     """
     dispatcher = cast("Any", function)
-    if _DISABLED:
+    if _DISABLED or dispatcher.signatures:
         return
-    if not dispatcher.signatures and not dispatcher._cache._cache_file._load_index():
-        # A warning is what Python shows where nobody has set logging up.
-        logging.getLogger("poise").warning("compiling %s, once: this may take a minute", what)
+    kept = dispatcher._cache if isinstance(dispatcher._cache, KeptCode) else None
+    if kept is None or not kept.has_code(dispatcher.targetctx):
+        FirstUse(dispatcher, what, None if kept is None else kept.cache_path).watch()
 
 
 def _stamp(plain: FunctionType) -> str:
     """Names the source that a function is compiled from, callees in other files included."""
-    digest = hashlib.sha256(Path(plain.__code__.co_filename).read_bytes())
+    digest = hashlib.sha256(_COMPILER + Path(plain.__code__.co_filename).read_bytes())
     for name, value in sorted(plain.__globals__.items()):
+        # Functions and blocks have a stamp of their own.
         known = value if isinstance(value, int | float | tuple) else getattr(value, "stamp", None)
         # A named tuple is handed over by the order of its fields.
-        known = getattr(value, "_fields", known)
+        known = getattr(value, "_fields", known) if known is None else known
         if isinstance(known, int | float | str | tuple):
             digest.update(f"{name}={known!r};".encode())
     return digest.hexdigest()

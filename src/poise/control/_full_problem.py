@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float64
 
+from poise._compiled import compiled
 from poise.dynamics import Dynamics
 from poise.hqp import HierarchicalProblem
 from poise.robots import Robot
@@ -53,26 +54,19 @@ class FullProblem:
         problem.H[nv:, nv:] = WRENCH_COST * np.eye(n - nv)
         # The stack's rows begin where the dynamics' end, and the bounds on x precede them all.
         stacked = slice(n + nv, None)
-        problem.weights[stacked] = rows.weight
         rows.write_into(
-            problem.A[nv:, :nv],
-            problem.lower[stacked],
-            problem.x_lower[nv:],
-            problem.x_upper[nv:],
+            problem.A,
+            nv,
+            (problem.lower[stacked], problem.upper[stacked]),
+            problem.weights[stacked],
+            (problem.x_lower[nv:], problem.x_upper[nv:]),
         )
-        physics, upper = problem.level(0), problem.upper[stacked]
-        self._mass_rows, self._actuated_rows = physics.A[:, :nv], physics.A[self._base :]
-        self._wrench_columns = physics.A[:, nv:]
-        self._cost_mass = problem.H[:nv, :nv]
-        self._equalities = [
-            (rows.target[part], upper[part])
-            for part in (rows.contact_rows, slice(rows.own_rows.stop, None))
-        ]
-        joints = slice(self._base, nv)
-        self._joint_lower, self._joint_upper = problem.x_lower[joints], problem.x_upper[joints]
         touch = problem.level(1)
         touch.A[rows.own_rows, nv:] = rows.cone
         touch.lower[rows.own_rows], touch.upper[rows.own_rows] = -np.inf, 0.0
+        # What is compiled is compiled now, not in the first tick.
+        self._fill_dynamics(np.zeros((nv, nv)), np.zeros(nv))
+        _answer(np.zeros(n), problem.A, np.zeros(nv), np.zeros(n), np.zeros(robot.nj))
 
     def fill(self, dynamics: Dynamics) -> None:
         """Writes one state's rows into the problem.
@@ -81,21 +75,36 @@ class FullProblem:
             dynamics: the state, up to date.
         """
         self.rows.update(dynamics)
-        for target, upper in self._equalities:
-            upper[:] = target
-        limit = self._stack.joint_limit
-        self._joint_lower[:] = limit.lower
-        self._joint_upper[:] = limit.upper
-        np.negative(self.rows.J[self.rows.contact_rows].T, out=self._wrench_columns)
-        self._fill_dynamics(dynamics)
+        self._fill_dynamics(dynamics.M, dynamics.h)
 
-    def torque(
+    def _fill_dynamics(
+        self, M: Float64[np.ndarray, "nv nv"], h: Float64[np.ndarray, " nv"]
+    ) -> None:
+        torque, joint, problem = self._stack.torque_limit, self._stack.joint_limit, self.problem
+        _fill(
+            M,
+            h,
+            (self._base, self.rows.contact_rows.stop),
+            (torque.lower, torque.upper),
+            (joint.lower, joint.upper),
+            (problem.A, problem.lower, problem.upper, problem.H),
+        )
+
+    def answer(
         self, x: Float64[np.ndarray, " n"], dynamics: Dynamics
-    ) -> Float64[np.ndarray, " nj"]:
-        """Joint torques of a solution: the actuated rows (7), M_l dv + h_l - J_c,l^T F [N m]."""
-        torque = np.dot(self._actuated_rows, x)
-        torque += dynamics.h[self._base :]
-        return torque
+    ) -> tuple[Float64[np.ndarray, " n"], Float64[np.ndarray, " nj"]]:
+        """A copy of a solution, and its joint torques [N m].
+
+        Args:
+            x: the solution.
+            dynamics: the state that it is for.
+
+        Returns:
+            The solution; and the actuated rows (7), M_l dv + h_l - J_c,l^T F.
+        """
+        point, torque = np.empty(len(x)), np.empty(self._nv - self._base)
+        _answer(x, self.problem.A, dynamics.h, point, torque)
+        return point, torque
 
     def acceleration(self, x: Float64[np.ndarray, " n"]) -> Float64[np.ndarray, " nv"]:
         """Generalized acceleration of a solution."""
@@ -108,17 +117,6 @@ class FullProblem:
     def task_residuals(self, slacks: Float64[np.ndarray, " nm"]) -> dict[str, float]:
         """Norm of what each task could not meet, by its name, from a solution's slacks."""
         return self.rows.task_residuals(slacks[self.problem.n + self._nv :])
-
-    def _fill_dynamics(self, dynamics: Dynamics) -> None:
-        base, physics = self._base, self.problem.level(0)
-        limit = self._stack.torque_limit
-        h = dynamics.h
-        self._mass_rows[:] = dynamics.M
-        self._cost_mass[:] = dynamics.M
-        np.negative(h[:base], out=physics.lower[:base])
-        physics.upper[:base] = physics.lower[:base]
-        np.subtract(limit.lower, h[base:], out=physics.lower[base:])
-        np.subtract(limit.upper, h[base:], out=physics.upper[base:])
 
     @staticmethod
     def _allocate(robot: Robot, rows: StackRows) -> HierarchicalProblem:
@@ -135,6 +133,56 @@ class FullProblem:
             ],
             bounds_level=1,
         )
+
+
+@compiled
+def _fill(
+    M: Float64[np.ndarray, "nv nv"],
+    h: Float64[np.ndarray, " nv"],
+    sizes: tuple[int, int],
+    torques: tuple[Float64[np.ndarray, " nj"], Float64[np.ndarray, " nj"]],
+    joints: tuple[Float64[np.ndarray, " nj"], Float64[np.ndarray, " nj"]],
+    problem: tuple[
+        Float64[np.ndarray, "m n"],
+        Float64[np.ndarray, " nm"],
+        Float64[np.ndarray, " nm"],
+        Float64[np.ndarray, "n n"],
+    ],
+) -> None:
+    """Writes all but the rows of the stack, which stand there already."""
+    (base, wrench_dim), (A, lower, upper, H) = sizes, problem
+    nv, n = len(h), len(H)
+    for i in range(nv):
+        for k in range(nv):
+            A[i, k] = M[i, k]
+            H[i, k] = M[i, k]
+        for k in range(wrench_dim):
+            A[i, nv + k] = -A[nv + k, i]
+    for i in range(base):
+        lower[n + i] = upper[n + i] = -h[i]
+    for i in range(nv - base):
+        lower[n + base + i] = torques[0][i] - h[base + i]
+        upper[n + base + i] = torques[1][i] - h[base + i]
+        lower[base + i] = joints[0][i]
+        upper[base + i] = joints[1][i]
+
+
+@compiled
+def _answer(
+    x: Float64[np.ndarray, " n"],
+    A: Float64[np.ndarray, "m n"],
+    h: Float64[np.ndarray, " nv"],
+    point: Float64[np.ndarray, " n"],
+    torque: Float64[np.ndarray, " nj"],
+) -> None:
+    base = len(h) - len(torque)
+    for i in range(len(x)):
+        point[i] = x[i]
+    for i in range(len(torque)):
+        total = h[base + i]
+        for k in range(len(x)):
+            total += A[base + i, k] * x[k]
+        torque[i] = total
 
 
 def _bound_labels(robot: Robot, rows: StackRows) -> list[tuple[str, int]]:

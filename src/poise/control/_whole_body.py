@@ -18,12 +18,15 @@ class FullProgram:
 
     Attributes:
         full: the problem.
-        solution: of the last solve, None before.
     """
 
     def __init__(self, full: FullProblem, solver: Solver) -> None:
-        self.full, self._solver = full, solver
-        self.solution: Solution | None = None
+        self.full, self._solver, self._solved = full, solver, False
+
+    @property
+    def solution(self) -> Solution | None:
+        """The last solve's, made when it is asked for; None before the first."""
+        return self._solver.report() if self._solved else None
 
     @property
     def suspended(self) -> tuple[Task, ...]:
@@ -42,30 +45,32 @@ class FullProgram:
 
     def solve(self) -> Answer:
         """Solves what was assembled."""
-        full = self.full
-        self.solution = solution = self._solver.solve(full.problem)
+        full, solver = self.full, self._solver
+        status = solver.run(full.problem)
+        self._solved = True
+        x, torque = full.answer(solver.x, self._dynamics)
         return Answer(
-            solution.status,
-            full.torque(solution.x, self._dynamics),
-            tuple(solution.relative_residuals.tolist()),
-            full.acceleration(solution.x),
-            full.wrenches(solution.x),
+            status,
+            torque,
+            tuple(solver.relative_residuals.tolist()),
+            full.acceleration(x),
+            full.wrenches(x),
         )
 
     def reset(self) -> None:
         """Forgets the last solution."""
-        self.solution = None
+        self._solved = False
         self._solver.reset()
 
     def task_residuals(self) -> dict[str, float]:
         """Norm of what each task could not meet at the last solve [unit/s^2]."""
-        return {} if self.solution is None else self.full.task_residuals(self.solution.slacks)
+        solution = self.solution
+        return {} if solution is None else self.full.task_residuals(solution.slacks)
 
     def explain(self) -> str:
         """Which rows conflict and with what, in words."""
-        if self.solution is None:
-            return "nothing solved yet"
-        return self.solution.explain(self.full.problem)
+        solution = self.solution
+        return "nothing solved yet" if solution is None else solution.explain(self.full.problem)
 
 
 class WholeBodyController(Controller):

@@ -6,6 +6,20 @@ from poise.dynamics._chain_coordinates import (
     to_coordinates as to_coordinates,
 )
 from poise.dynamics._dynamics import Dynamics, FrameKinematics as FrameKinematics, RobotState
+from poise.dynamics._motion import (
+    BIAS as BIAS,
+    KINEMATICS as KINEMATICS,
+    ROTATION as ROTATION,
+    VELOCITY as VELOCITY,
+    Frames as Frames,
+    Motion as Motion,
+    column_at as column_at,
+    frames_of as frames_of,
+    momentum_rate as momentum_rate,
+    motion_of as motion_of,
+    place_frame as place_frame,
+    turn_to_world as turn_to_world,
+)
 from poise.dynamics._partition import (
     FreeChain as FreeChain,
     Partition as Partition,
@@ -15,9 +29,10 @@ from poise.dynamics._partition import (
 from poise.dynamics._reduction import ReducedDynamics
 from poise.dynamics._trajectory import Quintic as Quintic, least_jerk
 from poise.dynamics._vectors import (
-    rotation_sine as rotation_sine,
     rotation_vector as rotation_vector,
     saturate as saturate,
+    sine_between as sine_between,
+    turn_between as turn_between,
 )
 
 __all__ = [

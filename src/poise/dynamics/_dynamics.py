@@ -12,6 +12,17 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float64
 
+from poise.dynamics._motion import (
+    BIAS,
+    KINEMATICS,
+    ROTATION,
+    VELOCITY,
+    Frames,
+    evaluate_centroid,
+    evaluate_frame,
+    frames_of,
+    motion_of,
+)
 from poise.robots import Robot
 
 
@@ -64,8 +75,7 @@ class Dynamics:
 
     `update` runs Pinocchio's recursions once; frames and momentum are evaluated when first asked
     for and kept until the next `update`, so that two tasks on one frame cost one evaluation. The
-    next `update` overwrites the matrices and `h` in place; other vectors and frames keep their
-    numbers.
+    next `update` overwrites `M`, `h` and `momentum_matrix` in place; all else keeps its numbers.
 
     The equation of motion is
 
@@ -81,24 +91,30 @@ class Dynamics:
         state: the state of the last `update`.
         M: mass matrix, both triangles, rotor inertias included [kg, kg m, kg m^2].
         h: nonlinear effects: Coriolis, centrifugal and gravity forces [N, N m].
-        com: centre of mass in the world [m].
-        com_velocity: its velocity [m/s].
-        com_jacobian: maps `v` to the COM's velocity.
-        com_bias: acceleration of the COM at zero `dv` [m/s^2].
+        momentum_matrix: centroidal momentum matrix A_G, maps `v` to `momentum`.
+        motion: the same memory for compiled code.
+        q: configuration of the last `update`, for compiled code: one layout, whatever came.
+        v: velocity.
     """
 
     def __init__(self, robot: Robot) -> None:
         self.robot = robot
         self.state: RobotState = RobotState(robot.q_home, np.zeros(robot.nv))
         self._data = data = robot.model.createData()
-        self._no_acceleration = np.zeros(robot.nv)
         self._frames: dict[int, FrameKinematics] = {}
+        self._tables: dict[int, Frames] = {}
+        self._centroid: Float64[np.ndarray, "12"] | None = None
         # Pinocchio's own arrays; M has both triangles filled and is turned to row-major.
         self.M: Float64[np.ndarray, "nv nv"] = data.M.T
         self.h: Float64[np.ndarray, " nv"] = data.nle
-        self.com_jacobian: Float64[np.ndarray, "3 nv"] = data.Jcom
-        self._com, self._com_velocity, self._com_bias = data.com[0], data.vcom[0], data.acom[0]
+        self.momentum_matrix: Float64[np.ndarray, "6 nv"] = data.Ag
+        self.motion = motion_of(robot.model, data)
+        self.q: Float64[np.ndarray, " nq"] = np.zeros(robot.nq)
+        self.v: Float64[np.ndarray, " nv"] = np.zeros(robot.nv)
         self.update(self.state)
+        # What is compiled is compiled now, not in the first tick.
+        self.frame(0)
+        self._momenta()
 
     def update(self, state: RobotState) -> None:
         """Computes everything for a state.
@@ -107,40 +123,43 @@ class Dynamics:
             state: configuration and velocity; must be finite and of the robot's size, which the
                 controllers check.
         """
-        model, data, q, v = self.robot.model, self._data, state.q, state.v
         self.state = state
         self._frames.clear()
-        self._momentum_is_known = self._momentum_map_is_known = False
-        # Quicker than Pinocchio's computeAllTerms, which has energies and momentum in it.
-        pin.crba(model, data, q)
-        pin.nonLinearEffects(model, data, q, v)
-        # At zero acceleration the accelerations of frames and COM are their drift.
-        pin.forwardKinematics(model, data, q, v, self._no_acceleration)
-        pin.computeJointJacobians(model, data)
-        pin.centerOfMass(model, data, pin.ACCELERATION, False)
-        pin.jacobianCenterOfMass(model, data, False)
-        # Copied, because a user may keep what was measured.
-        self.com: Float64[np.ndarray, "3"] = self._com.copy()
-        self.com_velocity: Float64[np.ndarray, "3"] = self._com_velocity.copy()
-        self.com_bias: Float64[np.ndarray, "3"] = self._com_bias.copy()
+        self._centroid = None
+        self.q[:], self.v[:] = state.q, state.v
+        # In the world's convention CRBA leaves the joints' Jacobians and A_G behind, too.
+        pin.crba(self.robot.model, self._data, self.q, pin.Convention.WORLD)
+        pin.nonLinearEffects(self.robot.model, self._data, self.q, self.v)
+
+    @property
+    def com(self) -> Float64[np.ndarray, "3"]:
+        """Centre of mass in the world [m]."""
+        return self.motion.com.copy()
+
+    @property
+    def com_velocity(self) -> Float64[np.ndarray, "3"]:
+        """Velocity of the COM [m/s]."""
+        return self._momenta()[:3] / self.motion.mass
+
+    @property
+    def com_jacobian(self) -> Float64[np.ndarray, "3 nv"]:
+        """Maps `v` to the COM's velocity."""
+        return self.momentum_matrix[:3] / self.motion.mass
+
+    @property
+    def com_bias(self) -> Float64[np.ndarray, "3"]:
+        """Acceleration of the COM at zero `dv` [m/s^2]."""
+        return self._momenta()[6:9] / self.motion.mass
 
     @property
     def momentum(self) -> Float64[np.ndarray, "6"]:
         """Centroidal momentum, linear [kg m/s] then angular about the COM [kg m^2/s]."""
-        return self._with_momentum().hg.vector.copy()
-
-    @property
-    def momentum_matrix(self) -> Float64[np.ndarray, "6 nv"]:
-        """Centroidal momentum matrix A_G, maps `v` to `momentum`."""
-        if not self._momentum_map_is_known:
-            pin.computeCentroidalMap(self.robot.model, self._data, self.state.q)
-            self._momentum_map_is_known = True
-        return self._data.Ag
+        return self._momenta()[:6].copy()
 
     @property
     def momentum_bias(self) -> Float64[np.ndarray, "6"]:
         """Rate of `momentum` at zero `dv` [N, N m]."""
-        return self._with_momentum().dhg.vector.copy()
+        return self._momenta()[6:].copy()
 
     def frame(self, frame_id: int) -> FrameKinematics:
         """Kinematics of a frame, evaluated once a tick.
@@ -153,25 +172,8 @@ class Dynamics:
         """
         kinematics = self._frames.get(frame_id)
         if kinematics is None:
-            kinematics = self._evaluate_frame(frame_id)
-            self._frames[frame_id] = kinematics
+            kinematics = self._frames[frame_id] = self._evaluate_frame(frame_id)
         return kinematics
-
-    def motion_in_own_axes(
-        self, frame_id: int
-    ) -> tuple[Float64[np.ndarray, "6 nv"], Float64[np.ndarray, "6"], Float64[np.ndarray, "6"]]:
-        """Jacobian, velocity and bias of a frame as in `frame`, but along the frame's own axes.
-
-        Args:
-            frame_id: index from `Robot.frame_id`.
-        """
-        model, data = self.robot.model, self._data
-        pin.updateFramePlacement(model, data, frame_id)
-        return (
-            pin.getFrameJacobian(model, data, frame_id, pin.LOCAL),
-            pin.getFrameVelocity(model, data, frame_id, pin.LOCAL).vector,
-            pin.getFrameClassicalAcceleration(model, data, frame_id, pin.LOCAL).vector,
-        )
 
     def joint_position(self, joint_id: int) -> Float64[np.ndarray, "3"]:
         """Origin of a joint in the world [m].
@@ -181,22 +183,23 @@ class Dynamics:
         """
         return self._data.oMi[joint_id].translation.copy()
 
-    def _with_momentum(self) -> pin.Data:
-        if not self._momentum_is_known:
-            model, data, state = self.robot.model, self._data, self.state
-            pin.computeCentroidalMomentumTimeVariation(
-                model, data, state.q, state.v, self._no_acceleration
-            )
-            self._momentum_is_known = True
-        return self._data
+    def _momenta(self) -> Float64[np.ndarray, "12"]:
+        """Centroidal momentum and its rate at zero `dv`, evaluated once a tick."""
+        if self._centroid is None:
+            self._centroid = np.empty(12)
+            evaluate_centroid(self.motion, self.v, self._centroid)
+        return self._centroid
 
     def _evaluate_frame(self, frame_id: int) -> FrameKinematics:
-        model, data, axes = self.robot.model, self._data, pin.LOCAL_WORLD_ALIGNED
-        placement = pin.updateFramePlacement(model, data, frame_id)
+        table = self._tables.get(frame_id)
+        if table is None:
+            table = self._tables[frame_id] = frames_of(self.robot.model, [frame_id])
+        out, jacobian = np.empty(KINEMATICS), np.zeros((6, self.robot.nv))
+        evaluate_frame(self.motion, table, out, jacobian)
         return FrameKinematics(
-            placement.translation,
-            placement.rotation,
-            pin.getFrameJacobian(model, data, frame_id, axes),
-            pin.getFrameVelocity(model, data, frame_id, axes).vector,
-            pin.getFrameClassicalAcceleration(model, data, frame_id, axes).vector,
+            out[:ROTATION],
+            out[ROTATION:VELOCITY].reshape(3, 3),
+            jacobian,
+            out[VELOCITY:BIAS],
+            out[BIAS:],
         )

@@ -22,7 +22,7 @@ from jaxtyping import Bool, Float64, Int
 from poise.hqp._backends import QP, make_backend
 from poise.hqp._measure import measure_point, row_sizes
 from poise.hqp._problem import HierarchicalProblem, is_sound
-from poise.hqp._solution import Solution, SolveStatus, failure
+from poise.hqp._solution import KeepsSolution, Solution, SolveStatus, failure
 from poise.hqp._tolerances import (
     ACCURACY,
     HELD_ACTIVE,
@@ -123,7 +123,7 @@ class Reduction:
             self.fix(indices[equality])
 
 
-class CascadeSolver:
+class CascadeSolver(KeepsSolution):
     """Solves level by level with any QP backend; nothing is kept from one solve to the next.
 
     Args:

@@ -190,6 +190,36 @@ class LexicographicSolution(Solution):
         return tuple(self.level_multipliers)
 
 
+class KeepsSolution:
+    """A solver whose `solve` makes a `Solution` anyway: `run` keeps it."""
+
+    _kept: Solution | None = None
+
+    def solve(self, problem: HierarchicalProblem) -> Solution:
+        """Solve one problem; the answer owns its arrays."""
+        raise NotImplementedError
+
+    def run(self, problem: HierarchicalProblem) -> SolveStatus:
+        """Solve one problem and keep the answer."""
+        self._kept = self.solve(problem)
+        return self._kept.status
+
+    def report(self) -> Solution:
+        """All about the last `run`."""
+        assert self._kept is not None, "nothing was run yet"
+        return self._kept
+
+    @property
+    def x(self) -> Float64[np.ndarray, " n"]:
+        """The point of the last `run`; empty before."""
+        return np.zeros(0) if self._kept is None else self._kept.x
+
+    @property
+    def relative_residuals(self) -> Float64[np.ndarray, " p"]:
+        """What each level leaves over there, see `Solution`; empty before."""
+        return np.zeros(0) if self._kept is None else self._kept.relative_residuals
+
+
 def failure(
     problem: HierarchicalProblem, status: SolveStatus, strategy: str, start: float
 ) -> Solution:

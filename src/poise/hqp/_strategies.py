@@ -2,11 +2,14 @@
 
 from typing import Protocol, runtime_checkable
 
+import numpy as np
+from jaxtyping import Float64
+
 from poise.errors import UnknownNameError
 from poise.hqp._active_set import LexicographicSolver
 from poise.hqp._cascade import CascadeSolver
 from poise.hqp._problem import HierarchicalProblem
-from poise.hqp._solution import Solution
+from poise.hqp._solution import Solution, SolveStatus
 from poise.hqp._weighted import WeightedSolver
 
 STRATEGIES = ("direct", "cascade", "weighted")
@@ -20,7 +23,25 @@ class Solver(Protocol):
     time_limit: float | None
 
     def solve(self, problem: HierarchicalProblem) -> Solution:
-        """Solve one problem."""
+        """Solve one problem; the answer owns its arrays."""
+        ...
+
+    def run(self, problem: HierarchicalProblem) -> SolveStatus:
+        """Solve one problem; the answer stays here until the next call."""
+        ...
+
+    @property
+    def x(self) -> Float64[np.ndarray, " n"]:
+        """The point that the last `run` left; zero where there is none."""
+        ...
+
+    @property
+    def relative_residuals(self) -> Float64[np.ndarray, " p"]:
+        """What each level leaves over at that point, see `Solution`."""
+        ...
+
+    def report(self) -> Solution:
+        """All about the last `run`; it owns its arrays."""
         ...
 
     def reset(self) -> None:

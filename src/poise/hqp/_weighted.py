@@ -15,11 +15,11 @@ from poise.errors import ConfigurationError
 from poise.hqp._backends import QP, make_backend
 from poise.hqp._measure import measure_point
 from poise.hqp._problem import HierarchicalProblem, is_sound
-from poise.hqp._solution import Solution, SolveStatus, failure
+from poise.hqp._solution import KeepsSolution, Solution, SolveStatus, failure
 from poise.hqp._tolerances import MET_TOLERANCE, WEIGHT_SPAN
 
 
-class WeightedSolver:
+class WeightedSolver(KeepsSolution):
     """Solves one QP over x and all slacks.
 
     Args:

@@ -84,7 +84,7 @@ _ORTHOGONALITY_TOLERANCE = 1e-6
 
 
 def checked_gain(value: Numbers, dim: int, what: str) -> Float64[np.ndarray, " m"]:
-    """A gain or weight per axis, from a scalar or a vector.
+    """A gain or weight per axis, from a scalar or a vector; a copy.
 
     Raises:
         ConfigurationError: wrong length, not a number, negative or not finite.
@@ -98,7 +98,7 @@ def checked_gain(value: Numbers, dim: int, what: str) -> Float64[np.ndarray, " m
         raise ConfigurationError(
             f"{what} must not be negative or infinite", got=value, wanted="finite numbers >= 0"
         )
-    return np.ascontiguousarray(np.broadcast_to(array, (dim,)), dtype=np.float64)
+    return np.array(np.broadcast_to(array, (dim,)), dtype=np.float64, order="C")
 
 
 def checked_target(value: Numbers, dim: int, what: str) -> Float64[np.ndarray, " m"]:

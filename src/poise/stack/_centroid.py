@@ -9,11 +9,12 @@ from jaxtyping import Float64
 from poise._checks import Numbers
 from poise.dynamics import Dynamics
 from poise.robots import Robot
-from poise.stack._axes import as_rows, parse_axes
-from poise.stack._task import Task, VectorTarget
+from poise.stack._axes import parse_axes
+from poise.stack._kernels import Kind
+from poise.stack._shipped import ShippedTask, VectorTarget
 
 
-class ComTask(Task):
+class ComTask(ShippedTask[VectorTarget]):
     """The centre of mass follows a target in the world: J_com dv + drift = reference.
 
     Args:
@@ -23,6 +24,8 @@ class ComTask(Task):
         weight: weight of its rows in their level.
         name: what reports call it.
     """
+
+    kind = Kind.COM
 
     def __init__(
         self,
@@ -34,8 +37,7 @@ class ComTask(Task):
         name: str = "com",
     ) -> None:
         super().__init__(name, kp=kp, kd=kd, weight=weight)
-        index = parse_axes(axes, {"position": 0})
-        self._size, self._rows = len(index), as_rows(index)
+        self.chosen = parse_axes(axes, {"position": 0})
         self._target = VectorTarget(3, f"task {name!r}")
 
     def set_target(
@@ -64,31 +66,24 @@ class ComTask(Task):
     def masked_target(self) -> Float64[np.ndarray, "3"]:
         """The target along the axes that count, NaN along the others [m]."""
         shown = np.full(3, np.nan)
-        if self._target.position is not None:
-            shown[self._rows] = self._target.position[self._rows]
+        position = self._target.position
+        if position is not None:
+            shown[self.chosen] = position[self.chosen]
         return shown
 
-    def reset(self) -> None:
-        """Forgets a target that was taken from the robot."""
-        self._target.release_hold()
+    def hold(self, dynamics: Dynamics) -> None:
+        """Takes a target that was never set from the robot.
 
-    def evaluate_jacobian(self, dynamics: Dynamics) -> None:
-        """Fills `jacobian` alone."""
-        self.jacobian = dynamics.com_jacobian[self._rows]
+        Args:
+            dynamics: the state, up to date.
+        """
+        self._target.hold(dynamics.com)
 
     def _resolve(self, robot: Robot) -> int:  # noqa: ARG002
-        return self._size
-
-    def _evaluate(self, dynamics: Dynamics) -> Float64[np.ndarray, " m"]:
-        rows, target = self._rows, self._target
-        self.jacobian = dynamics.com_jacobian[rows]
-        self.drift = dynamics.com_bias[rows]
-        self.error = target.error(dynamics.com)[rows]
-        self.error_rate = (target.velocity - dynamics.com_velocity)[rows]
-        return target.acceleration[rows]
+        return len(self.chosen)
 
 
-class MomentumTask(Task):
+class MomentumTask(ShippedTask[VectorTarget]):
     """The angular momentum about the COM follows a target: A_G dv + A_Gdot v = Ldot_ref.
 
     Momentum has no position to hold, so feedback is on the momentum alone:
@@ -102,6 +97,8 @@ class MomentumTask(Task):
         name: what reports call it.
     """
 
+    kind = Kind.MOMENTUM
+
     def __init__(
         self,
         axes: str = "angular",
@@ -112,8 +109,7 @@ class MomentumTask(Task):
     ) -> None:
         super().__init__(name, kp=0.0, kd=kd, weight=weight)
         self.unit = "kg m^2/s"
-        index = parse_axes(axes, {"angular": 0})
-        self._size, self._rows = len(index), as_rows(index)
+        self.chosen = parse_axes(axes, {"angular": 0})
         self._target = VectorTarget(3, f"task {name!r}")
         self._target.set(np.zeros(3))
 
@@ -129,16 +125,5 @@ class MomentumTask(Task):
         """
         self._target.set(momentum, rate)
 
-    def evaluate_jacobian(self, dynamics: Dynamics) -> None:
-        """Fills `jacobian` alone: the drift takes another recursion."""
-        self.jacobian = dynamics.momentum_matrix[3:][self._rows]
-
     def _resolve(self, robot: Robot) -> int:  # noqa: ARG002
-        return self._size
-
-    def _evaluate(self, dynamics: Dynamics) -> Float64[np.ndarray, " m"]:
-        rows = self._rows
-        self.jacobian = dynamics.momentum_matrix[3:][rows]
-        self.drift = dynamics.momentum_bias[3:][rows]
-        self.error = self.error_rate = self._target.error(dynamics.momentum[3:])[rows]
-        return self._target.velocity[rows]
+        return len(self.chosen)

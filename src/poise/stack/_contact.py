@@ -13,6 +13,8 @@ from poise._checks import checked_kind, checked_number
 from poise.dynamics import Dynamics
 from poise.errors import ConfigurationError
 from poise.robots import Robot
+from poise.stack._evaluation import Owner
+from poise.stack._kernels import Kind
 
 _ROUNDING = 1e-9
 """Load left that is the sum's rounding, not a tick's part of the ramp."""
@@ -60,7 +62,7 @@ MAX_LOAD_FACTOR = 5.0
 """A loaded contact may carry this many times the robot's weight: no bound in practice."""
 
 
-class Contact(ABC):
+class Contact(Owner, ABC):
     """A unilateral frictional contact at a frame whose z axis is the contact normal.
 
     Wrenches act on the robot, at the frame's origin, along the frame's own axes, so that the cone
@@ -87,6 +89,8 @@ class Contact(ABC):
         wrench_upper: upper ones.
     """
 
+    kind = Kind.CONTACT
+
     def __init__(
         self,
         frame: str,
@@ -111,8 +115,11 @@ class Contact(ABC):
         self.dim = dim
         self.cone: Float64[np.ndarray, "rows dim"] = np.zeros((0, dim))
         self.reference: Float64[np.ndarray, " dim"] = np.zeros(dim)
-        self.wrench_lower: Float64[np.ndarray, " dim"] = np.full(dim, -np.inf)
-        self.wrench_upper: Float64[np.ndarray, " dim"] = np.full(dim, np.inf)
+        self.parameters: Float64[np.ndarray, " p"] = np.empty(1 + 2 * dim)
+        self.parameters[0] = self.damping
+        self.wrench_lower: Float64[np.ndarray, " dim"] = self.parameters[1 : 1 + dim]
+        self.wrench_upper: Float64[np.ndarray, " dim"] = self.parameters[1 + dim :]
+        self.wrench_lower[:], self.wrench_upper[:] = -np.inf, np.inf
         self.wrench_lower[2] = 0.0
         self._load = LoadRamp()
         self._bounded_load = math.nan
@@ -133,7 +140,7 @@ class Contact(ABC):
                 got=robot.name,
                 wanted=f"robot {self._robot.name!r}, or a contact of its own",
             )
-        self._frame_id = robot.frame_id(self.frame)
+        self.frame_ids = (robot.frame_id(self.frame),)
         self._weight = robot.weight
         self.jacobian: Float64[np.ndarray, "dim nv"] = np.zeros((self.dim, robot.nv))
         self.drift: Float64[np.ndarray, " dim"] = np.zeros(self.dim)
@@ -194,9 +201,7 @@ class Contact(ABC):
         Args:
             dynamics: the state, up to date.
         """
-        jacobian, velocity, bias = dynamics.motion_in_own_axes(self._frame_id)
-        self.jacobian, self.drift = jacobian[: self.dim], bias[: self.dim]
-        np.multiply(velocity[: self.dim], -self.damping, out=self.reference)
+        self.evaluate_alone(dynamics)
 
     @abstractmethod
     def _make_cone(self, robot: Robot) -> Float64[np.ndarray, "rows dim"]:

@@ -4,21 +4,18 @@ import numpy as np
 from jaxtyping import Float64
 
 from poise._checks import Numbers, checked_kind
-from poise.dynamics import Dynamics, rotation_sine, rotation_vector
+from poise.dynamics import Dynamics
 from poise.errors import UnknownNameError
 from poise.robots import Robot
-from poise.stack._axes import as_rows, checked_rotation, checked_target, parse_axes, split_rows
-from poise.stack._task import Task, VectorTarget
+from poise.stack._axes import parse_axes, split_rows
+from poise.stack._kernels import Kind
+from poise.stack._shipped import PoseTarget, ShippedTask
 
-_LINEAR = np.array([0, 1, 2, 6, 7, 8])
-_ANGULAR = np.array([3, 4, 5, 9, 10, 11])
-"""Where linear and angular parts stand in velocity and acceleration put behind one another."""
-
-ORIENTATION_ERRORS = {"logarithm": rotation_vector, "sine": rotation_sine}
-"""Measures of how far two orientations are apart, by name."""
+ORIENTATION_ERRORS = ("logarithm", "sine")
+"""Measures of how far two orientations are apart."""
 
 
-class FrameTask(Task):
+class FrameTask(ShippedTask[PoseTarget]):
     """A frame follows a target pose in the world.
 
     Rows are world axes, position first: J dv + drift = reference with the `LOCAL_WORLD_ALIGNED`
@@ -43,6 +40,8 @@ class FrameTask(Task):
         turns: whether any of its rows is an orientation.
     """
 
+    kind = Kind.FRAME
+
     def __init__(
         self,
         frame: str,
@@ -58,23 +57,17 @@ class FrameTask(Task):
         self.frame = checked_kind(frame, str, f"frame of task {self.name!r}")
         mask = "position+orientation" if axes == "pose" else axes
         index = parse_axes(mask, {"position": 0, "orientation": 3})
-        self._size, self._rows = len(index), as_rows(index)
-        self._blocks = split_rows(index)
+        self.chosen, self._blocks = index, split_rows(index)
         if orientation_error not in ORIENTATION_ERRORS:
             raise UnknownNameError(
                 f"no such orientation error of task {self.name!r}",
                 got=orientation_error,
                 choices=ORIENTATION_ERRORS,
             )
-        self._orientation_error = ORIENTATION_ERRORS[orientation_error]
         self.turns = bool(index[-1] >= 3)
+        self.sine = self.turns and orientation_error == "sine"
         self.unit = ("m, rad" if index[0] < 3 else "rad") if self.turns else "m"
-        self._target = VectorTarget(3, f"task {self.name!r}")
-        self._orientation: Float64[np.ndarray, "3 3"] | None = None
-        self._orientation_held = False
-        self._rates = np.zeros(12)
-        self._velocity, self._acceleration = self._rates[:6], self._rates[6:]
-        self._frame_id = -1
+        self._target = PoseTarget(f"task {self.name!r}")
 
     def set_target(
         self,
@@ -96,24 +89,7 @@ class FrameTask(Task):
         Raises:
             TargetError: wrong shape, NaN, or not a rotation.
         """
-        new = np.zeros(12)
-        if velocity is not None:
-            new[:6] = checked_target(velocity, 6, f"target velocity of task {self.name!r}")
-        if acceleration is not None:
-            what = f"target acceleration of task {self.name!r}"
-            new[6:] = checked_target(acceleration, 6, what)
-        orientation = None
-        if rotation is not None:
-            orientation = checked_rotation(rotation, f"target rotation of task {self.name!r}")
-        if position is not None:
-            self._target.set(position)
-        if orientation is not None:
-            self._orientation = orientation
-            self._orientation_held = False
-        if position is not None or rotation is None:
-            self._rates[_LINEAR] = new[_LINEAR]
-        if rotation is not None or position is None:
-            self._rates[_ANGULAR] = new[_ANGULAR]
+        self._target.set(position, rotation, velocity, acceleration)
 
     @property
     def target_position(self) -> Float64[np.ndarray, "3"] | None:
@@ -123,42 +99,22 @@ class FrameTask(Task):
     @property
     def target_rotation(self) -> Float64[np.ndarray, "3 3"] | None:
         """How the frame should be turned, world_R_frame; None until set or taken from the robot."""
-        return self._orientation
-
-    def reset(self) -> None:
-        """Forgets a target that was taken from the robot."""
-        self._target.release_hold()
-        if self._orientation_held:
-            self._orientation, self._orientation_held = None, False
+        return self._target.rotation
 
     @property
     def blocks(self) -> tuple[int, ...]:
         """Position rows, then orientation rows."""
         return self._blocks
 
-    def evaluate_jacobian(self, dynamics: Dynamics) -> None:
-        """Fills `jacobian` alone."""
-        self.jacobian = dynamics.frame(self._frame_id).jacobian[self._rows]
+    def hold(self, dynamics: Dynamics) -> None:
+        """Takes what was never set of its target from the robot.
+
+        Args:
+            dynamics: the state, up to date.
+        """
+        frame = dynamics.frame(self.frame_ids[0])
+        self._target.hold(frame.position, frame.rotation if self.turns else None)
 
     def _resolve(self, robot: Robot) -> int:
-        self._frame_id = robot.frame_id(self.frame)
-        return self._size
-
-    def _evaluate(self, dynamics: Dynamics) -> Float64[np.ndarray, " m"]:
-        frame, error = dynamics.frame(self._frame_id), np.zeros(6)
-        error[:3] = self._target.error(frame.position)
-        if self.turns:
-            if self._orientation is None:
-                self._orientation, self._orientation_held = frame.rotation, True
-            error[3:] = self._orientation_error(self._orientation, frame.rotation)
-        parts = (
-            frame.jacobian,
-            frame.bias,
-            error,
-            self._velocity - frame.velocity,
-            self._acceleration,
-        )
-        if self._size < 6:
-            parts = tuple([part[self._rows] for part in parts])
-        self.jacobian, self.drift, self.error, self.error_rate, acceleration = parts
-        return acceleration
+        self.frame_ids = (robot.frame_id(self.frame),)
+        return len(self.chosen)

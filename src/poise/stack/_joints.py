@@ -10,10 +10,11 @@ from poise.dynamics import Dynamics
 from poise.errors import ConfigurationError
 from poise.robots import Robot
 from poise.stack._axes import checked_target
-from poise.stack._task import Task, VectorTarget
+from poise.stack._kernels import Kind
+from poise.stack._shipped import ShippedTask, VectorTarget
 
 
-class JointTask(Task):
+class JointTask(ShippedTask[VectorTarget]):
     """Named joints follow target angles: their accelerations equal the reference.
 
     Args:
@@ -23,6 +24,8 @@ class JointTask(Task):
         weight: weight of its rows in their level.
         name: what reports call it.
     """
+
+    kind = Kind.JOINTS
 
     def __init__(
         self,
@@ -40,7 +43,7 @@ class JointTask(Task):
         if joints is not None and not joints:
             raise ConfigurationError(f"task {name!r} names no joint", got=[], wanted="joint names")
         self.joints = None if joints is None else tuple(joints)
-        self._target: VectorTarget | None = None
+        self._target = VectorTarget(0, f"task {name!r}")
 
     def set_target(
         self,
@@ -59,50 +62,42 @@ class JointTask(Task):
             TargetError: wrong shape, NaN or infinite.
             ConfigurationError: the task serves no robot yet, so their number is unknown.
         """
-        self._bound_target().set(position, velocity, acceleration)
+        _ = self.robot  # without one the number of joints is unknown, and this says so
+        self._target.set(position, velocity, acceleration)
 
     @property
     def target_position(self) -> Float64[np.ndarray, " m"] | None:
         """Where the joints should be [rad]; None until a target is set or taken from the robot."""
-        return None if self._target is None else self._target.position
+        return None if self._robot is None else self._target.position
 
-    def reset(self) -> None:
-        """Forgets a target that was taken from the robot."""
-        if self._target is not None:
-            self._target.release_hold()
+    def hold(self, dynamics: Dynamics) -> None:
+        """Takes a target that was never set from the robot.
+
+        Args:
+            dynamics: the state, up to date.
+        """
+        robot = self.robot
+        self._target.hold(dynamics.state.q[self.chosen + robot.nq - robot.nv])
+
+    def write_constants(self, J: Float64[np.ndarray, "m nv"]) -> None:
+        """Writes its coefficients: one where a joint is its own.
+
+        Args:
+            J: its rows, zero.
+        """
+        J[np.arange(self.dim), self.chosen] = 1.0
 
     @property
     def blocks(self) -> tuple[int, ...]:
         """Every joint by itself."""
         return (1,) * self.dim
 
-    def _bound_target(self) -> VectorTarget:
-        if self._target is None:
-            raise ConfigurationError(
-                f"task {self.name!r} serves no robot yet",
-                wanted="a controller made with it, or a call of bind(robot)",
-            )
-        return self._target
-
     def _resolve(self, robot: Robot) -> int:
         names = robot.joint_names if self.joints is None else self.joints
         index = np.array([robot.joint_index(name) for name in names], dtype=np.int64)
         self._target = VectorTarget(len(index), f"task {self.name!r}")
-        base_dofs = robot.base_dofs
-        self._v_index = index + base_dofs
-        self._q_index = index + (robot.nq - robot.nj)
-        self._selection = np.zeros((len(index), robot.nv))
-        self._selection[np.arange(len(index)), self._v_index] = 1.0
-        self._no_drift = np.zeros(len(index))
+        self.chosen = index + robot.base_dofs
         return len(index)
-
-    def _evaluate(self, dynamics: Dynamics) -> Float64[np.ndarray, " m"]:
-        target = self._bound_target()
-        state = dynamics.state
-        self.jacobian, self.drift = self._selection, self._no_drift
-        self.error = target.error(state.q[self._q_index])
-        self.error_rate = target.velocity - state.v[self._v_index]
-        return target.acceleration
 
 
 class PostureTask(JointTask):
@@ -133,5 +128,5 @@ class PostureTask(JointTask):
     def _resolve(self, robot: Robot) -> int:
         dim = super()._resolve(robot)
         home = robot.q_home[robot.nq - robot.nj :]
-        self._bound_target().set(home if self._posture is None else self._posture)
+        self._target.set(home if self._posture is None else self._posture)
         return dim

@@ -187,8 +187,8 @@ class JointLimit:
         Args:
             dynamics: the state, up to date.
         """
-        state = dynamics.state
-        self._viable.bounds(state.q[self._q_slice], state.v[self._v_slice], self.lower, self.upper)
+        q, v = dynamics.q[self._q_slice], dynamics.v[self._v_slice]
+        self._viable.bounds(q, v, self.lower, self.upper)
 
 
 class ViableAcceleration:

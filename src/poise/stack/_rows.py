@@ -4,7 +4,6 @@
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from functools import cached_property
 from itertools import accumulate, chain, combinations, pairwise
 from typing import Generic, TypeVar
 
@@ -16,6 +15,9 @@ from poise._compiled import compiled
 from poise.dynamics import Dynamics
 from poise.robots import Robot
 from poise.stack._contact import Contact
+from poise.stack._evaluation import Evaluation
+from poise.stack._kernels import Rows
+from poise.stack._shipped import ShippedTask
 from poise.stack._stack import Stack, is_held
 from poise.stack._task import Task
 
@@ -88,44 +90,53 @@ class StackRows:
         sizes = [sum(t.dim for t in level) for level in self.levels]
         self.ends: Int64[np.ndarray, " ends"] = np.array([*accumulate(sizes, initial=first)])
         count = int(self.ends[-1])
-        self.weight: Float64[np.ndarray, " m"] = np.ones(count)
-        for task, rows in self.task_rows:
-            self.weight[rows] = task.weight
         empty = np.zeros((0, 0))
         self.cone: Float64[np.ndarray, "cone w"] = block_diag(empty, *(c.cone for c in contacts))
         self._missing = np.zeros(count)
         self._residuals = np.zeros(1 + len(sizes))
-        self.write_into(
-            np.zeros((count, robot.nv)),
-            np.zeros(count),
-            np.full(wrench_dim, -np.inf),
-            np.full(wrench_dim, np.inf),
-        )
+        self._own = [pair for pair in self.task_rows if not is_compiled(pair[0])]
+        shipped = [pair for pair in self.task_rows if is_compiled(pair[0])]
+        contact_rows = zip(self.contacts, self.wrench_slices, strict=True)
+        owners, places = zip(*contact_rows, *shipped, strict=True) if count else ((), ())
+        self._evaluation = Evaluation(robot, owners, places, count, wrench_dim)
+        self._nv = robot.nv
+        self._take(self._evaluation.rows)
         # What is compiled is compiled now, not in the first tick.
         self.measure(np.zeros(robot.nv))
 
     def write_into(
         self,
-        J: Float64[np.ndarray, "m nv"],
-        target: Float64[np.ndarray, " m"],
-        wrench_lower: Float64[np.ndarray, " w"],
-        wrench_upper: Float64[np.ndarray, " w"],
+        matrix: Float64[np.ndarray, "rows columns"],
+        first: int,
+        bounds: tuple[Float64[np.ndarray, " m"], Float64[np.ndarray, " m"]],
+        weight: Float64[np.ndarray, " m"],
+        wrench_bounds: tuple[Float64[np.ndarray, " w"], Float64[np.ndarray, " w"]],
     ) -> None:
         """Has the rows written into a strategy's own memory from now on, without another copy.
 
+        Rows of the strategy's own are left alone.
+
         Args:
-            J: receives the coefficients; rows of the strategy's own are left alone.
-            target: receives the right-hand sides; those of the strategy's own are left alone.
-            wrench_lower: receives the lower bounds of the wrenches.
-            wrench_upper: receives the upper ones.
+            matrix: receives the coefficients, in its first columns.
+            first: where the rows begin in it.
+            bounds: receive the right-hand sides, as lower and upper bounds of equalities.
+            weight: receives the weights.
+            wrench_bounds: receive the lower and upper bounds of the wrenches.
         """
-        self.J, self.target = J, target
-        self.wrench_lower, self.wrench_upper = wrench_lower, wrench_upper
-        self._contact_views = [
-            (c, J[rows], target[rows], wrench_lower[rows], wrench_upper[rows])
-            for c, rows in zip(self.contacts, self.wrench_slices, strict=True)
+        weight[:] = self.weight
+        self._evaluation.write_into(matrix, first, *bounds, weight, *wrench_bounds)
+        self._take(self._evaluation.rows)
+
+    def _take(self, rows: Rows) -> None:
+        self.J = rows.matrix[rows.first : rows.first + len(rows.target), : self._nv]
+        self.target, self.weight, self._upper = rows.target, rows.weight, rows.upper
+        self.wrench_lower, self.wrench_upper = rows.wrench_lower, rows.wrench_upper
+        for task, place in self.task_rows:
+            self.weight[place] = task.weight
+        self._own_views = [
+            (task, self.J[place], self.target[place], self._upper[place], self.weight[place])
+            for task, place in self._own
         ]
-        self._task_views = [(task, J[rows], target[rows]) for task, rows in self.task_rows]
 
     def update(self, dynamics: Dynamics) -> None:
         """Evaluates limits, contacts and tasks for a state: rows on accelerations.
@@ -134,16 +145,12 @@ class StackRows:
             dynamics: the state, up to date.
         """
         self._stack.joint_limit.evaluate(dynamics)
-        for contact, J, target, lower, upper in self._contact_views:
-            contact.evaluate(dynamics)
-            J[:] = contact.jacobian
-            np.subtract(contact.reference, contact.drift, out=target)
-            lower[:] = contact.wrench_lower
-            upper[:] = contact.wrench_upper
-        for task, J, target in self._task_views:
+        self._evaluation.update(dynamics)
+        for task, J, target, upper, weight in self._own_views:
             task.evaluate(dynamics)
             J[:] = task.jacobian
             np.subtract(task.reference, task.drift, out=target)
+            upper[:], weight[:] = target, task.weight
 
     def update_velocities(self, dynamics: Dynamics) -> None:
         """Evaluates contacts and tasks for a state: rows on velocities.
@@ -156,29 +163,18 @@ class StackRows:
         """
         if self._stance is not None:
             self._stance.evaluate(dynamics)
-        for contact, J, *_ in self._contact_views:
-            contact.evaluate(dynamics)
-            J[:] = contact.jacobian
-        self.target[self.contact_rows] = 0.0
-        for (task, J, target), (_, rows), gain in zip(
-            self._task_views, self.task_rows, self._gains, strict=True
-        ):
-            self.weight[rows] = task.weight
-            if task.given_velocity is not None:
-                task.evaluate_jacobian(dynamics)
-                J[:] = task.jacobian
-                target[:] = task.given_velocity
-                continue
+        self._evaluation.update(dynamics, velocities=True)
+        for task, J, target, upper, weight in self._own_views:
             task.evaluate(dynamics)
             J[:] = task.jacobian
-            # The rate of an error is the target's velocity less that of the robot, J v.
-            np.matmul(J, dynamics.state.v, out=target)
-            target += gain * task.error
-            target += task.error_rate
-
-    @cached_property
-    def _gains(self) -> list[Float64[np.ndarray, " m"]]:
-        return [task.velocity_gain for task, _ in self.task_rows]
+            if task.given_velocity is not None:
+                target[:] = task.given_velocity
+            else:
+                # The rate of an error is the target's velocity less that of the robot, J v.
+                np.matmul(J, dynamics.state.v, out=target)
+                target += task.velocity_gain * task.error
+                target += task.error_rate
+            upper[:], weight[:] = target, task.weight
 
     def measure(
         self, x: Float64[np.ndarray, " n"], J: Float64[np.ndarray, "m n"] | None = None
@@ -240,6 +236,15 @@ class StackRows:
         """All wrenches by the names of their contacts, as views [N, N m]."""
         slices = zip(self.contacts, self.wrench_slices, strict=True)
         return {contact.name: wrench[rows] for contact, rows in slices}
+
+
+def is_compiled(task: Task) -> bool:
+    """Whether a task's formulas are compiled, and evaluated with all others of that kind.
+
+    Args:
+        task: the task.
+    """
+    return isinstance(task, ShippedTask) and task.is_compiled
 
 
 def home_jacobians(

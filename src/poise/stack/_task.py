@@ -1,7 +1,4 @@
-"""`Task`: something the robot should do, as rows of an acceleration-level equation.
-
-`VectorTarget`: position, velocity and acceleration that a vector quantity should have.
-"""
+"""`Task`: something the robot should do, as rows of an acceleration-level equation."""
 
 import math
 from abc import ABC, abstractmethod
@@ -14,67 +11,10 @@ from poise.dynamics import Dynamics
 from poise.errors import ConfigurationError
 from poise.robots import Robot
 from poise.stack._axes import checked_gain, checked_target
+from poise.stack._kernels import ACCELERATION, GAINS, KD, KP, RATE, SPEED, WEIGHT
 
-
-class VectorTarget:
-    """A moving target for a vector, or "where you are" until one is set.
-
-    Attributes:
-        position: reference value, None to hold the value of the first tick.
-        velocity: its rate.
-        acceleration: its second rate.
-    """
-
-    def __init__(self, dim: int, what: str) -> None:
-        self._dim = dim
-        self._what = what
-        self._held = False
-        self.position: Float64[np.ndarray, " m"] | None = None
-        self.velocity: Float64[np.ndarray, " m"] = np.zeros(dim)
-        self.acceleration: Float64[np.ndarray, " m"] = np.zeros(dim)
-
-    def set(
-        self,
-        position: Numbers,
-        velocity: Numbers | None = None,
-        acceleration: Numbers | None = None,
-    ) -> None:
-        """Sets the target; rates that are not given are zero.
-
-        Raises:
-            TargetError: wrong shape, NaN or infinite.
-        """
-        dim, what, zero = self._dim, self._what, np.zeros(self._dim)
-        new_position = checked_target(position, dim, f"target of {what}")
-        new_velocity = (
-            zero
-            if velocity is None
-            else checked_target(velocity, dim, f"target velocity of {what}")
-        )
-        new_acceleration = (
-            zero
-            if acceleration is None
-            else checked_target(acceleration, dim, f"target acceleration of {what}")
-        )
-        self.position, self.velocity, self.acceleration = (
-            new_position,
-            new_velocity,
-            new_acceleration,
-        )
-        self._held = False
-
-    def error(self, actual: Float64[np.ndarray, " m"]) -> Float64[np.ndarray, " m"]:
-        """Target minus actual; the first actual value becomes the target where none was set."""
-        if self.position is None:
-            self.position = actual.copy()
-            self._held = True
-        return self.position - actual
-
-    def release_hold(self) -> None:
-        """Forgets a target that was taken from the robot."""
-        if self._held:
-            self.position = None
-            self._held = False
+_GIVEN = {ACCELERATION: "acceleration", SPEED: "velocity"}
+"""What a user may give in place of feedback, by its row among the gains."""
 
 
 class Task(ABC):
@@ -114,8 +54,8 @@ class Task(ABC):
             if value is not None:
                 checked_gain(value, np.size(value), f"{what} of task {name!r}")
         self._robot: Robot | None = None
-        self._user_acceleration: Float64[np.ndarray, " m"] | None = None
-        self._user_velocity: Float64[np.ndarray, " m"] | None = None
+        # What was given before the number of rows was known.
+        self._given: dict[int, Float64[np.ndarray, " m"]] = {}
 
     def bind(self, robot: Robot) -> None:
         """Resolves names on a robot and allocates; controllers call it before the first tick.
@@ -138,25 +78,39 @@ class Task(ABC):
             )
         self.dim = self._resolve(robot)
         kp, kd, weight = self._gains
-        self.kp = checked_gain(kp, self.dim, f"kp of task {self.name!r} [1/s^2]")
-        damping = 2.0 * np.sqrt(self.kp) if kd is None else kd
-        self.kd = checked_gain(damping, self.dim, f"kd of task {self.name!r} [1/s]")
-        self.weight = checked_gain(weight, self.dim, f"weight of task {self.name!r}")
-        if not np.all(self.weight > 0.0):
+        rows = np.full((GAINS, self.dim), np.nan)
+        rows[KP] = checked_gain(kp, self.dim, f"kp of task {self.name!r} [1/s^2]")
+        damping = 2.0 * np.sqrt(rows[KP]) if kd is None else kd
+        rows[KD] = checked_gain(damping, self.dim, f"kd of task {self.name!r} [1/s]")
+        rows[WEIGHT] = checked_gain(weight, self.dim, f"weight of task {self.name!r}")
+        if not np.all(rows[WEIGHT] > 0.0):
             raise ConfigurationError(
                 f"weight of task {self.name!r} must be positive", got=weight, wanted="> 0"
             )
-        if self._user_acceleration is not None:
-            # Given before the number of rows was known.
-            checked_target(self._user_acceleration, self.dim, f"acceleration of task {self.name!r}")
-        if self._user_velocity is not None:
-            checked_target(self._user_velocity, self.dim, f"velocity of task {self.name!r}")
+        with np.errstate(divide="ignore"):
+            rows[RATE] = np.divide(rows[KP], rows[KD], out=np.zeros(self.dim), where=rows[KP] > 0.0)
+        for row, value in self._given.items():
+            rows[row] = checked_target(value, self.dim, f"{_GIVEN[row]} of task {self.name!r}")
+        self._take_gains(rows)
         self.jacobian: Float64[np.ndarray, "m nv"] = np.zeros((self.dim, robot.nv))
         self.drift: Float64[np.ndarray, " m"] = np.zeros(self.dim)
         self.error: Float64[np.ndarray, " m"] = np.zeros(self.dim)
         self.error_rate: Float64[np.ndarray, " m"] = np.zeros(self.dim)
         self.reference: Float64[np.ndarray, " m"] = np.zeros(self.dim)
         self._robot = robot
+
+    def _take_gains(self, rows: Float64[np.ndarray, "gains m"]) -> None:
+        """Has its gains in the rows of an array from now on."""
+        self._gain_rows = rows
+        self.kp, self.kd, self.weight = rows[KP], rows[KD], rows[WEIGHT]
+
+    def is_bound_to(self, robot: Robot) -> bool:
+        """Whether it serves that robot already.
+
+        Args:
+            robot: the robot.
+        """
+        return self._robot is robot
 
     @property
     def robot(self) -> Robot:
@@ -181,10 +135,7 @@ class Task(ABC):
         Raises:
             TargetError: wrong shape, NaN or infinite.
         """
-        if acceleration is not None:
-            size = self.dim if self._robot is not None else np.size(acceleration)
-            acceleration = checked_target(acceleration, size, f"acceleration of task {self.name!r}")
-        self._user_acceleration = acceleration
+        self._give(ACCELERATION, acceleration)
 
     def set_velocity(self, velocity: Numbers | None) -> None:
         """Replaces the reference velocity by a given one; None brings the target's back.
@@ -198,16 +149,22 @@ class Task(ABC):
         Raises:
             TargetError: wrong shape, NaN or infinite.
         """
-        if velocity is not None:
-            size = self.dim if self._robot is not None else np.size(velocity)
-            velocity = checked_target(velocity, size, f"velocity of task {self.name!r}")
-        self._user_velocity = velocity
+        self._give(SPEED, velocity)
+
+    def _give(self, row: int, value: Numbers | None) -> None:
+        """Puts a number a row, or NaN for none, in place of what feedback would ask for."""
+        if value is not None:
+            size = self.dim if self._robot is not None else np.size(value)
+            value = checked_target(value, size, f"{_GIVEN[row]} of task {self.name!r}")
+        if self._robot is not None:
+            self._gain_rows[row] = np.nan if value is None else value
+        elif value is None:
+            self._given.pop(row, None)
+        else:
+            self._given[row] = value
 
     def set_weight(self, weight: Numbers) -> None:
         """Sets the weight of its rows against other rows of the same level, from the next tick.
-
-        Controllers that command velocities follow it: `DifferentialIK`. Those that command torques
-        take the weights that a task has when they are made.
 
         Args:
             weight: one number or one a row.
@@ -233,7 +190,8 @@ class Task(ABC):
     @property
     def given_velocity(self) -> Float64[np.ndarray, " m"] | None:
         """What `set_velocity` was given; None for nothing."""
-        return self._user_velocity
+        given = self._gain_rows[SPEED]
+        return None if np.isnan(given[0]) else given
 
     @property
     def velocity_gain(self) -> Float64[np.ndarray, " m"]:
@@ -241,7 +199,7 @@ class Task(ABC):
 
         A PD controller with these gains lets a slow error die out at this rate.
         """
-        return np.divide(self.kp, self.kd, out=np.zeros(self.dim), where=self.kp > 0.0)
+        return self._gain_rows[RATE]
 
     def evaluate(self, dynamics: Dynamics) -> None:
         """Fills `jacobian`, `drift`, `error`, `error_rate` and `reference` for one state.
@@ -252,21 +210,14 @@ class Task(ABC):
             dynamics: the state, up to date.
         """
         feedforward = self._evaluate(dynamics)
-        if self._user_acceleration is not None:
-            self.reference = self._user_acceleration
+        given = self._gain_rows[ACCELERATION]
+        if not np.isnan(given[0]):
+            self.reference = given
         else:
             reference = self.kp * self.error
             reference += self.kd * self.error_rate
             reference += feedforward
             self.reference = reference
-
-    def evaluate_jacobian(self, dynamics: Dynamics) -> None:
-        """Fills `jacobian` at least: all that a task needs whose velocity was given.
-
-        Args:
-            dynamics: the state, up to date.
-        """
-        self.evaluate(dynamics)
 
     def reset(self) -> None:  # noqa: B027 - most tasks have nothing to forget
         """Forgets targets that the task took from the robot itself, not those a user set."""

@@ -5,7 +5,7 @@ import pytest
 
 from poise.control._differential_ik import VelocityLevel, solve_levels
 from poise.control._differential_ik._bounds import VelocityBounds
-from poise.control._differential_ik._within_bounds import solve_within_bounds
+from poise.control._differential_ik._within_bounds import RANK, _hold, solve_within_bounds
 from poise.hqp import HierarchicalProblem, Level, solve
 from poise.stack import JointLimit
 
@@ -54,6 +54,25 @@ def test_lower_levels_never_cost_the_first_one_what_it_could_have(seed):
         return np.linalg.norm(levels[0].jacobian @ x - levels[0].velocity)
 
     assert missed(u) <= missed(alone) + 2e-3
+
+
+def test_the_last_level_is_let_go_where_that_serves_an_exact_one():
+    """Contacts that stand still, an exact level, and one that spends its joints below it."""
+    served = 0
+    for seed in range(60):
+        rng = np.random.default_rng(seed)
+        levels, bound = levels_of(rng, 10, (3, 3, 8)), np.full(10, 0.5)
+        levels[0].velocity[:] = 0.0
+        with_all, _ = _hold(levels, np.ones(10), -bound, bound, 2, RANK)
+        if np.abs(levels[0].jacobian @ with_all).max() > 1e-7:
+            continue
+        u, _ = solve_within_bounds(levels, np.ones(10), -bound, bound, exact=2)
+        missed, before = (
+            np.linalg.norm(levels[1].jacobian @ x - levels[1].velocity) for x in (u, with_all)
+        )
+        assert missed <= before + 1e-9, seed
+        served += missed < before - 1e-2
+    assert served > 5
 
 
 def test_holding_joints_misses_little_more_than_the_optimum_must():

@@ -188,6 +188,23 @@ def test_releasing_a_contact_shifts_its_load_smoothly(get_any):
     assert np.linalg.norm(stack.task("right_sole pose").error[:3]) < 0.01
 
 
+def test_a_foot_that_is_being_unloaded_carries_less_than_it_still_may(get_any):
+    """Its wrench costs one over its load squared: at a half, four times the other's."""
+    robot = get_any("humanoid33")
+    stack = stack_for(robot)
+    controller = OperationalSpaceController(robot, stack)
+    controller.step(home(robot))
+    foot, weight, ratios = stack.contact("right_sole"), robot.mass * WEIGHT, []
+    foot.release(1.0)
+    for time in np.linspace(0.0, 0.95, 20):
+        command = controller.step(home(robot, float(time)))
+        most = foot.wrench_upper[2] / weight
+        if 0.4 < most < 0.6:
+            ratios.append(command.wrenches["right_sole"][2] / weight / most)
+    assert len(ratios) > 1
+    assert max(ratios) < 0.7
+
+
 @pytest.mark.parametrize("levels", ["posture", "hand and posture", "com"])
 def test_in_flight_the_base_obeys_gravity_and_torques_are_finite(get_any, levels):
     robot = get_any("humanoid33")

@@ -4,12 +4,21 @@ import numpy as np
 import pytest
 
 from poise.hqp import HierarchicalProblem, Level, LexicographicSolver, certify_point
+from poise.hqp._active_set.workspace import EQUALITY
 from poise.hqp._cascade import CascadeSolver
 from poise.hqp._measure import measure_point
 
 from .campaign import beaten_by, cascades
 from .conditions import worst_violation
-from .families import FAMILIES, degenerate, feasible, humanoid
+from .families import (
+    FAMILIES,
+    degenerate,
+    duplicates,
+    feasible,
+    humanoid,
+    nearly_dependent,
+    overdetermined,
+)
 from .reference import search
 
 SOLVER = LexicographicSolver()
@@ -58,6 +67,36 @@ def test_the_compiled_search_takes_the_steps_of_the_reference():
         np.testing.assert_allclose(solution.x, found.x, atol=1e-8 * (1 + np.abs(found.x).max()))
         same += solution.iterations == found.changes
     assert same >= 70
+
+
+@pytest.mark.parametrize("family", [nearly_dependent, overdetermined, duplicates])
+def test_the_compiled_search_goes_from_set_to_set_as_the_reference(family):
+    """Here it exchanges and leaps as often as it takes one step."""
+    same = 0
+    for seed in range(40):
+        problem = family(seed)
+        SOLVER.reset()
+        solution, found = SOLVER.solve(problem), search(problem)
+        gap = np.abs(solution.x - found.x).max() / (1 + np.abs(found.x).max())
+        same += solution.iterations == found.changes and gap <= 1e-8
+    assert same >= 38
+
+
+@pytest.mark.parametrize("family", FAMILIES, ids=lambda family: family.__name__)
+def test_a_mirrored_problem_is_solved_by_the_mirrored_steps(family):
+    for seed in range(5 if family is humanoid else 30):
+        problem, mirrored = family(seed), family(seed)
+        mirrored.lower[:], mirrored.upper[:] = -problem.upper, -problem.lower
+        mirrored.g[:] = -problem.g
+        solutions = []
+        for each in (problem, mirrored):
+            SOLVER.reset()
+            solutions.append(SOLVER.solve(each))
+        here, there = solutions
+        assert here.iterations == there.iterations, seed
+        sided = here.sides != EQUALITY
+        np.testing.assert_array_equal(here.sides[sided], -there.sides[sided])
+        np.testing.assert_allclose(here.x, -there.x, rtol=1e-12, atol=1e-12)
 
 
 def test_residuals_equal_those_of_the_cascade():

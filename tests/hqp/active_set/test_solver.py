@@ -237,6 +237,15 @@ def test_a_cap_on_changes_ends_with_a_finite_point_that_is_not_called_optimal():
     np.testing.assert_array_equal(solution.level_multipliers, 0.0)
 
 
+def test_a_cap_on_time_leaves_the_cap_on_changes_as_it_is():
+    problem = humanoid(222)
+    needed = LexicographicSolver().solve(problem).iterations
+    for cap in (1, 2, needed - 1, needed):
+        solution = LexicographicSolver(time_limit=60.0, max_changes=cap).solve(problem)
+        assert solution.iterations == cap
+        assert solution.ok == (cap == needed)
+
+
 def test_a_capped_answer_is_no_worse_than_the_point_it_began_with():
     capped = LexicographicSolver(max_changes=1)
     for seed in range(30):

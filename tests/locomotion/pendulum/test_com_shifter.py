@@ -128,3 +128,8 @@ def test_an_unlimited_answer_is_the_dual_regulators_in_the_divergent_component()
     zmp = shifter.cart_table_zmp(p, shifter.unlimited(r, p, v))
     xi = p + v / shifter.omega
     np.testing.assert_allclose(zmp, r + (1.0 + 40.0 / shifter.omega**2) * (xi - r), atol=1e-12)
+
+
+def test_a_stiffness_below_what_the_rule_is_for_is_refused_with_its_bound():
+    with pytest.raises(ConfigurationError, match=r"wanted more than omega\^2 = 12\.25 /s"):
+        pole_zero_damping(9.0, 3.5)

@@ -1,5 +1,7 @@
 """The support polygon: corners, outline, how far inside a point is, where it is moved to."""
 
+import math
+
 import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
@@ -23,6 +25,13 @@ def test_a_sole_has_its_corners_where_it_is_turned_to():
     assert as_set(corners) == {(1.1, 2.05), (0.9, 2.05), (0.9, 1.95), (1.1, 1.95)}
     corners = sole_rectangle(np.array([1.0, 2.0, 0.3]), turned(np.pi / 2), (0.2, 0.1))
     assert as_set(corners) == {(1.05, 2.1), (1.05, 1.9), (0.95, 1.9), (0.95, 2.1)}
+
+
+def test_a_sole_that_is_turned_and_tilted_has_its_corners_in_order():
+    rotation = turned(0.7) @ np.array([[0.8, 0.0, 0.6], [0.0, 1.0, 0.0], [-0.6, 0.0, 0.8]])
+    corners = sole_rectangle(np.array([1.0, 2.0, 0.3]), rotation, (0.2, 0.1))
+    own = np.array([[0.1, 0.05, 0.0], [-0.1, 0.05, 0.0], [-0.1, -0.05, 0.0], [0.1, -0.05, 0.0]])
+    np.testing.assert_allclose(corners, [1.0, 2.0] + (own @ rotation.T)[:, :2], atol=1e-12)
 
 
 @pytest.mark.parametrize("seed", range(10))
@@ -59,6 +68,26 @@ def test_towards_keeps_the_direction_where_nearest_does_not():
     assert square.nearest((2.5, 1.5)) == pytest.approx((2.0, 1.0))
     # From outside there is no way inside: the nearest point.
     assert square.towards((-1.0, 0.5), (2.5, 0.5)) == pytest.approx((2.0, 0.5))
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_nearest_and_depth_agree_with_a_densely_sampled_edge(seed):
+    """Of a polygon with edges in all directions, away from the origin."""
+    rng = np.random.default_rng(seed)
+    corners = 0.3 * rng.normal(size=(8, 2)) + [2.0, -1.0]
+    polygon, edge = SupportPolygon([tuple(c) for c in corners.tolist()], 0.0), []
+    hull = np.array(convex_hull([tuple(c) for c in corners.tolist()]))
+    for a, b in zip(hull, np.roll(hull, -1, axis=0), strict=True):
+        edge.append(a + np.linspace(0.0, 1.0, 2001)[:, None] * (b - a))
+    edge = np.concatenate(edge)
+    for point in 1.5 * rng.normal(size=(20, 2)) + [2.0, -1.0]:
+        x, y = polygon.nearest(tuple(point.tolist()))
+        away = np.linalg.norm(edge - point, axis=1)
+        if polygon.depth((float(point[0]), float(point[1]))) >= 0.0:
+            assert (x, y) == tuple(point)
+        else:
+            assert math.hypot(x - point[0], y - point[1]) == pytest.approx(away.min(), abs=1e-3)
+            assert np.linalg.norm(edge - [x, y], axis=1).min() < 1e-3
 
 
 @pytest.mark.parametrize("seed", range(6))

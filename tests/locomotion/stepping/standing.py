@@ -27,8 +27,10 @@ def sensor(robot, left, right):
     return sensor
 
 
-def footing(robot, mode=Mode.SL, lifted=0.0, com_velocity=(0.0, 0.0)):
+def footing(robot, mode=Mode.SL, lifted=0.0, com_velocity=(0.0, 0.0), at=(0.0, 0.0)):
     """Standing at home, with the ground below the right foot so far down as if it were lifted.
+
+    Home may be moved along the ground.
 
     The stance is the left foot.
     """
@@ -36,9 +38,11 @@ def footing(robot, mode=Mode.SL, lifted=0.0, com_velocity=(0.0, 0.0)):
     ours.stand_on(0)
     v = np.zeros(robot.nv)
     v[:2] = com_velocity
-    ours.dynamics.update(RobotState(robot.q_home, v))
+    q = robot.q_home.copy()
+    q[:2] += at
+    ours.dynamics.update(RobotState(q, v))
     for anchor in ours.anchors:
-        anchor[2] -= lifted
+        anchor += [*at, -lifted]
     height = float(ours.dynamics.com[2])
     return Footing(
         biped=biped(robot),

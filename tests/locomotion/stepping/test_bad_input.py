@@ -1,15 +1,18 @@
 """What cannot be walked, and numbers that cannot be."""
 
-from dataclasses import replace
+from dataclasses import FrozenInstanceError, replace
 
 import numpy as np
 import pytest
+from standing import biped, footing
+from walker import sample
 
 from poise.apps.teleoperation import TELEOP_PLANT, plant_from_json, run_teleop
 from poise.apps.teleoperation._run import plant_to_json
 from poise.errors import ConfigurationError, RobotError
 from poise.locomotion import ScriptedDevice, StepTeleoperator, TeleopParameters, WayPoint
 from poise.locomotion._pendulum import ComShifter
+from poise.locomotion._stepping._biped import leg_geometry
 from poise.locomotion._stepping._com import ShifterDriver
 from poise.locomotion._stepping._parameters import scaled_parameters
 from poise.robots import Sole, standing_posture
@@ -145,3 +148,23 @@ def test_a_plant_survives_json():
         payloads=(PlantConfig.Payload(frame="torso", mass=1.0),),
     )
     assert plant_from_json(json.loads(json.dumps(plant_to_json(plant)))) == plant
+
+
+def test_parameters_stay_as_they_were_checked():
+    with pytest.raises(FrozenInstanceError):
+        TeleopParameters().dt = 0.0
+
+
+def test_what_holds_arrays_is_compared_as_the_thing_it_is(get_robot):
+    """Not number by number, which would be no answer."""
+    robot = get_robot("biped20")
+    makes = (
+        lambda: sample(0.0),
+        lambda: leg_geometry(robot, next(iter(robot.soles)), 0.1),
+        lambda: biped(robot),
+        lambda: footing(robot),
+    )
+    for make in makes:
+        one, other = make(), make()
+        assert one == one
+        assert one != other

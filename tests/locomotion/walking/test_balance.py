@@ -1,11 +1,12 @@
 """Feedback, and footholds that move, on the linear inverted pendulum by itself."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from poise.locomotion import Gait, Stride, plan_footsteps
+from poise.locomotion import Gait, Ground, Stride, plan_footsteps
 from poise.locomotion._support import SupportPolygon
 from poise.locomotion._walking._feedback import DcmFeedback, PlanShift, StepCatcher
 
@@ -50,6 +51,12 @@ def test_a_moved_foothold_moves_the_references_as_the_pendulum_does():
         worst = max(worst, abs(shift.com[0, 0] - c))
     assert worst < 2e-3
     assert shift.com[0, 0] == pytest.approx(moved, abs=2e-3)
+
+
+def test_a_shift_begins_with_nothing_beside_the_plan():
+    shift = PlanShift(OMEGA)
+    np.testing.assert_array_equal(shift.com, REST)
+    np.testing.assert_array_equal([shift.settled, shift.coming], np.zeros((2, 2)))
 
 
 @pytest.fixture(scope="module")
@@ -125,6 +132,17 @@ def test_feet_never_come_together_and_never_go_farther_than_allowed(plan, step, 
     side = 1.0 if foot == 0 else -1.0
     apart = side * (plan.steps[step].goal.position[1] + moved[1] - stance.position[1])
     assert apart >= 0.5 * (plan.sizes[0][1] + plan.sizes[1][1]) + plan.clearance - 1e-9
+
+
+@pytest.mark.parametrize(("ahead", "carries"), [(0.2, False), (2.0, True)])
+def test_a_foothold_moves_only_where_the_ground_is_level(plan, ahead, carries):
+    """Beside its plan by 0.2 m at most, and a platform so far ahead of the planned place."""
+    x, y, _ = plan.steps[2].goal.position
+    block = Ground.Platform(center=(x + ahead, y), size=(0.1, 0.5, 0.05))
+    moved, _ = caught(replace(plan, ground=Ground(platforms=(block,))), (0.12, 0.0))
+    expected, _ = caught(plan, (0.12, 0.0))
+    assert expected[0] > 0.1
+    np.testing.assert_allclose(moved, expected if carries else 0.0, atol=1e-9)
 
 
 def test_a_walk_beside_its_plan_comes_back_to_it(plan):

@@ -1,12 +1,16 @@
 """Footstep plans: where feet go, and what is refused before anything moves."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 from poise.errors import ConfigurationError
 from poise.locomotion import Gait, Ground, Stride, plan_footsteps
+from poise.locomotion._walking._footsteps import Placement
+from poise.locomotion._walking._plan import _highest
 
 GAIT = Gait(step_time=0.8, crouch=0.02)
 
@@ -70,6 +74,57 @@ def test_feet_are_as_far_apart_as_the_gait_says(get_robot):
     assert side_by_side(plan)[0][1] == pytest.approx(0.2)
 
 
+@pytest.mark.parametrize("robot", ["humanoid33", "g1"])
+@pytest.mark.parametrize("way", STRIDES)
+def test_a_walk_from_elsewhere_is_the_same_walk_moved_and_turned(get_robot, robot, way):
+    robot, yaw, at = get_robot(robot), 2.0, np.array([3.0, -2.0])
+    turned = pin.utils.rotate("z", yaw)
+    q = robot.q_home.copy()
+    q[:2] = turned[:2, :2] @ q[:2] + at
+    q[3:7] = (pin.Quaternion(turned) * pin.Quaternion(q[3:7].copy())).coeffs()
+    here, there = (plan_footsteps(robot, STRIDES[way], GAIT, q=q) for q in (robot.q_home, q))
+    expected = positions(here) @ turned.T + [*at, 0.0]
+    np.testing.assert_allclose(positions(there), expected, atol=1e-6)
+    for a, b in zip(here.steps, there.steps, strict=True):
+        assert b.goal.yaw == pytest.approx(a.goal.yaw + yaw, abs=1e-6)
+    np.testing.assert_allclose(there.middle, turned @ here.middle + [*at, 0.0], atol=1e-6)
+
+
+@pytest.mark.parametrize("axis", [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+def test_soles_that_do_not_lie_flat_are_refused(get_robot, axis):
+    robot = get_robot("humanoid33")
+    for tilt, flat in ((0.04, True), (-0.04, True), (0.06, False), (-0.06, False)):
+        q = robot.q_home.copy()
+        q[3:7] = pin.Quaternion(pin.exp3(tilt * np.array(axis))).coeffs()
+        if flat:
+            assert plan_footsteps(robot, [Stride(steps=2)], GAIT, q=q).count == 3
+        else:
+            with pytest.raises(ConfigurationError, match="does not lie flat"):
+                plan_footsteps(robot, [Stride(steps=2)], GAIT, q=q)
+
+
+@pytest.mark.parametrize("yaw", [0.0, 0.4])
+def test_a_platform_is_as_long_and_as_wide_as_it_says_where_it_is_turned_to(yaw):
+    platform = Ground.Platform(center=(3.0, -2.0), size=(0.4, 0.2, 0.1), yaw=yaw)
+    c, s = math.cos(yaw), math.sin(yaw)
+    ends = [[0.19, 0.09], [-0.19, -0.09], [0.21, 0.0], [-0.21, 0.0], [0.0, 0.11], [0.0, -0.11]]
+    points = np.array(ends) @ np.array([[c, s], [-s, c]]) + [3.0, -2.0]
+    np.testing.assert_array_equal(platform.heights(points), [0.1, 0.1, 0.0, 0.0, 0.0, 0.0])
+    heights = Ground(height=0.5, platforms=(platform,)).heights(points)
+    np.testing.assert_allclose(heights, [0.6, 0.6, 0.5, 0.5, 0.5, 0.5])
+
+
+@pytest.mark.parametrize("side", [(1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)])
+def test_a_swing_keeps_a_centimetre_off_what_stands_beside_the_sole(side):
+    size, place = (0.2, 0.1), Placement(position=(1.0, 2.0, 0.0), yaw=0.0)
+    for gap, height in ((0.008, 0.3), (0.012, 0.0)):
+        away = [0.5 * s + gap + 0.5 for s in size]
+        block = Ground.Platform(
+            center=(1.0 + side[0] * away[0], 2.0 + side[1] * away[1]), size=(1.0, 1.0, 0.3)
+        )
+        assert _highest(place, place, 0.0, size, Ground(platforms=(block,))) == height
+
+
 BLOCK = Ground.Platform(center=(0.65, 0.0), size=(0.5, 1.2, 0.05))
 
 
@@ -127,6 +182,13 @@ def test_a_robot_without_two_soles_is_refused(get_robot):
 def test_a_plan_that_cannot_be_walked_is_refused(get_robot, strides, gait, message):
     with pytest.raises(ConfigurationError, match=message):
         plan_footsteps(get_robot("humanoid33"), strides, gait)
+
+
+def test_two_steps_with_one_foot_are_refused(get_robot):
+    plan = plan_footsteps(get_robot("humanoid33"), [Stride(steps=4, length=0.1)], GAIT)
+    steps = (*plan.steps[:2], replace(plan.steps[2], foot=plan.steps[1].foot))
+    with pytest.raises(ConfigurationError, match="step 3 of the plan is made with the foot of"):
+        replace(plan, steps=steps)
 
 
 def test_a_place_too_narrow_for_a_foot_is_refused(get_robot):

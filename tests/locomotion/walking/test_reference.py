@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from poise.locomotion import Gait, Ground, Stride, plan_footsteps
-from poise.locomotion._walking._reference import WalkReference
+from poise.locomotion._walking._reference import WalkReference, _preview
 
 GAIT = Gait(step_time=0.8, crouch=0.02)
 
@@ -51,6 +51,14 @@ def test_the_walk_ends_at_rest_above_the_middle_of_the_feet(walk):
     np.testing.assert_allclose(com[0, :2], middle[:2], atol=2e-3)
     np.testing.assert_allclose(com[1:], 0.0, atol=5e-3)
     assert displacement[0, 3] == pytest.approx(6 * 0.05)
+
+
+def test_over_a_zmp_that_stays_the_com_does_not_move():
+    """However short the preview's window is: what is beyond it is made up for."""
+    at = np.array([2.0, -1.0])
+    states = _preview(0.8, at, np.tile(at, (400, 1)))
+    np.testing.assert_allclose(states[:, 0], np.tile(at, (400, 1)), atol=1e-9)
+    np.testing.assert_allclose(states[:, 1:], 0.0, atol=1e-8)
 
 
 def test_references_between_the_grid_lie_between_its_points(walk):

@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 
 from poise.errors import ConfigurationError
-from poise.locomotion._walking._footsteps import Placement, SwingShape
+from poise.locomotion._walking._footsteps import RISE, Placement, SwingShape
 from poise.locomotion._walking._swing import SwingFoot
 
 DT, T = 0.002, 0.6
@@ -67,7 +67,21 @@ def test_a_foot_goes_straight_up_before_it_departs_and_straight_down_after_it_ar
     np.testing.assert_allclose(
         rows[: int(0.24 * n), :2], BEGIN[None, :2] * np.ones((int(0.24 * n), 1))
     )
+    np.testing.assert_array_equal(rows[: int(0.24 * n), 3:5], 0.0)
+    np.testing.assert_array_equal(rows[: int(0.24 * n), 9:11], 0.0)
     np.testing.assert_allclose(rows[int(0.8 * n) :, 0], GOAL.position[0], atol=2e-3)
+
+
+def test_the_last_millimetre_goes_by_three_equal_poles():
+    """x= -p^3 e - 3 p^2 v - 3 p a has e(t) = e_0 (1 + p t + (p t)^2 / 2) exp(-p t)."""
+    foot, pole, dt = swing(SwingShape(apex=0.1, arrive=0.5)), 50.0, 1e-4
+    # The time to arrive is over at once, and the foot is still where it was.
+    foot.elapsed = 0.5 * T
+    for i in range(1, 1001):
+        foot.advance(dt, np.zeros(2))
+        s = pole * i * dt
+        left = (1.0 + s + 0.5 * s * s) * math.exp(-s) * (BEGIN[:2] - GOAL.position[:2])
+        np.testing.assert_allclose(foot.position[:2] - GOAL.position[:2], left, atol=2e-3)
 
 
 def test_a_foot_that_finds_no_ground_looks_so_far_down_and_no_farther():
@@ -79,13 +93,33 @@ def test_a_foot_that_finds_no_ground_looks_so_far_down_and_no_farther():
     assert rows[:, 5].min() > -0.6
 
 
+def test_looking_for_the_ground_begins_when_the_foot_is_due():
+    """It speeds up by 1.5 m/s^2, and goes on at 0.1 m/s."""
+    foot = swing(depth=1.0)
+    foot.elapsed = T - DT
+    rows = flown(foot, seconds=0.3)
+    time = DT * np.arange(1, len(rows) + 1)
+    np.testing.assert_allclose(rows[:, 5], -np.minimum(1.5 * time, 0.1), atol=1e-12)
+    np.testing.assert_allclose(rows[:, 2], GOAL.position[2] + DT * np.cumsum(rows[:, 5]))
+    np.testing.assert_array_equal(rows[:, 11], np.where(1.5 * (time - DT) < 0.1, -1.5, 0.0))
+
+
 def test_a_foot_that_is_stopped_comes_straight_down():
     foot = swing()
     rows = flown(foot, seconds=0.3)
     foot.stop_here()
     after = flown(foot, seconds=1.0)
-    np.testing.assert_allclose(after[-1, :2], rows[-1, :2], atol=1e-9)
+    assert foot.goal.position[:2] == tuple(rows[-1, :2])
+    np.testing.assert_allclose(after[:, :2] - rows[-1, :2], 0.0, atol=1e-9)
+    np.testing.assert_allclose(after[:, [3, 4, 9, 10]], 0.0, atol=1e-6)
     assert after[-1, 2] < GOAL.position[2]
+
+
+def test_a_foot_that_is_stopped_does_not_go_on_up():
+    foot = swing()
+    flown(foot, seconds=0.1)
+    foot.stop_here()
+    assert foot.phase == pytest.approx(RISE)
 
 
 @pytest.mark.parametrize(

@@ -172,6 +172,17 @@ def test_clocks_that_jump_end_in_a_status_and_not_in_an_error(frozen):
     assert robot.walker.status in WalkStatus
 
 
+def test_a_clock_that_jumps_moves_the_walk_on_by_a_twentieth_of_a_second(frozen):
+    robot = frozen()
+    robot.until(0.1)
+    before = robot.walker.clock
+    for jump, moved in ((0.03, 0.03), (2.0, 0.05), (-1.0, 0.0)):
+        robot.time += jump - DT
+        robot.tick()
+        assert robot.walker.clock - before == pytest.approx(moved)
+        before = robot.walker.clock
+
+
 def test_what_goes_along_turns_with_the_body(frozen):
     robot = frozen(strides=(Stride(steps=4, turn=0.1),))
     hand = robot.walker.carried["left_hand"]

@@ -253,6 +253,19 @@ def test_rates_stay_with_the_part_of_the_pose_they_were_given_for(robot):
     assert np.abs(task.error_rate).max() < 1e-12
 
 
+def test_rates_given_alone_are_those_of_the_whole_pose(robot):
+    state = random_state(robot, 1, 0.0)
+    task = FrameTask("left_hand")
+    task.bind(robot)
+    for given, left in (({}, [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]), ({"rotation": np.eye(3)}, [1, 2, 3])):
+        task.set_target(velocity=[1.0, 2.0, 3.0, 4.0, 5.0, 6.0])
+        if given:
+            task.set_target(**given)
+        task.evaluate(dynamics_at(robot, state.q, state.v))
+        expected = np.concatenate((left, np.zeros(6 - len(left))))
+        np.testing.assert_allclose(task.error_rate, expected, atol=1e-12)
+
+
 def test_a_given_acceleration_replaces_feedback_until_it_is_taken_back(robot):
     state = random_state(robot, 1)
     dynamics = dynamics_at(robot, state.q, state.v)
@@ -282,10 +295,26 @@ def test_a_target_is_copied_from_what_the_user_holds(robot):
     assert np.array_equal(task.reference, [1.0, 2.0, 3.0])
 
 
+def test_rows_weigh_one_unless_told(robot):
+    for task in (*holding(robot), MomentumTask(), PostureTask()):
+        task.bind(robot)
+        np.testing.assert_array_equal(task.weight, 1.0)
+
+
 def test_weights_are_one_a_row(robot):
     task = FrameTask("left_hand", "position", weight=[1.0, 2.0, 3.0])
     task.bind(robot)
     assert np.array_equal(task.weight, [1.0, 2.0, 3.0])
+
+
+def test_weights_that_were_given_one_a_row_are_copied_and_can_be_set_anew(robot):
+    given = np.array([1.0, 2.0, 3.0])
+    task = ComTask(weight=given)
+    task.bind(robot)
+    for weight in (5.0, [4.0, 5.0, 6.0]):
+        task.set_weight(weight)
+        np.testing.assert_array_equal(task.weight, weight)
+    np.testing.assert_array_equal(given, [1.0, 2.0, 3.0])
 
 
 def test_errors_carry_their_unit(robot):

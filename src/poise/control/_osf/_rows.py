@@ -73,7 +73,7 @@ def _insert(old: np.ndarray, new: np.ndarray, at: int) -> np.ndarray:
 
 
 class RowScales:
-    """One over the mobility sqrt(J M^-1 J^T) of rows in the home posture, times their weight.
+    """One over the mobility sqrt(J M^-1 J^T) of rows in the home posture.
 
     Rows that share a unit and turn into one another as axes turn share the largest mobility among
     them, so that the scale does not depend on how the axes lie: a stretched arm has no mobility
@@ -108,8 +108,7 @@ class RowScales:
         owners = [*stack.contacts, *(task for _, task in stack.tasks())]
         new = [owner for owner in owners if owner not in self._scales]
         for owner, jacobian in home_jacobians(self._home, new).items():
-            weight = owner.weight if isinstance(owner, Task) else 1.0
-            self._scales[owner] = weight * self._blocks(jacobian, owner.blocks)
+            self._scales[owner] = self._blocks(jacobian, owner.blocks)
 
     def of(self, owner: Contact | Task) -> Float64[np.ndarray, " m"]:
         """Scales of the rows of a contact or a task that was learned."""
@@ -155,13 +154,13 @@ class OperationalRows:
         # A surface carries any wrench; so does a fixed base.
         self._base = 0 if any(c.dim == 6 for c in contacts) else robot.base_dofs
         self.stack_rows = rows = StackRows(robot, stack, contacts, own_rows=self._base)
-        scale = np.ones(len(rows.target))
+        self._scale = scale = np.ones(len(rows.target))
         contact_rows = zip(rows.contacts, rows.wrench_slices, strict=True)
         for owner, place in (*contact_rows, *rows.task_rows):
             scale[place] = scales.of(owner)
         scale[rows.own_rows] = scales.base[: self._base]
         slices = [slice(a, b) for a, b in pairwise((0, *rows.ends.tolist()))]
-        self.levels = LevelRows(rows.J, rows.target, scale, slices)
+        self.levels = LevelRows(rows.J, rows.target, scale.copy(), slices)
         self.contact_jacobian: Float64[np.ndarray, "c nv"] = rows.J[rows.contact_rows]
 
     def fill(self, dynamics: Dynamics) -> None:
@@ -171,6 +170,7 @@ class OperationalRows:
             dynamics: the state, up to date.
         """
         self.stack_rows.update(dynamics)
+        np.multiply(self._scale, self.stack_rows.weight, out=self.levels.scale)
         if self._base:
             self._fill_base(dynamics)
 

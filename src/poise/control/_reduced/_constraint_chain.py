@@ -89,11 +89,11 @@ class ConstraintChainProblem:
         _fill(
             self._index,
             (self._reduced.M, self._reduced.h_a, rows.J[rows.contact_rows]),
-            (tasks.J, tasks.target),
+            (tasks.J, tasks.target, tasks.weight),
             (chain.out, chain.used, chain.kept, chain.centroid_rows),
             (torque.lower, torque.upper, joint.lower, joint.upper),
             self._base,
-            (problem.A, problem.lower, problem.upper, problem.H, problem.g),
+            (problem.A, problem.lower, problem.upper, problem.weights, problem.H, problem.g),
         )
 
     def acceleration(self, x: Float64[np.ndarray, " n"]) -> Float64[np.ndarray, " k"]:
@@ -152,9 +152,6 @@ class ConstraintChainProblem:
             for assignment in level:
                 count = len(assignment.first)
                 firsts += range(row, row + count)
-                self.problem.weights[self.problem.n + row : self.problem.n + row + count] = (
-                    assignment.task.weight[assignment.first]
-                )
                 row += count
             leftovers += range(row, row + k)
         return np.array(firsts + leftovers, dtype=np.int64)
@@ -186,6 +183,7 @@ _Problem = tuple[
     Float64[np.ndarray, "m n"],
     Float64[np.ndarray, " nm"],
     Float64[np.ndarray, " nm"],
+    Float64[np.ndarray, " nm"],
     Float64[np.ndarray, "n n"],
     Float64[np.ndarray, " n"],
 ]
@@ -195,7 +193,7 @@ _Problem = tuple[
 def _fill(
     index: _Index,
     robot: _Robot,
-    tasks: tuple[Float64[np.ndarray, "t nv"], Float64[np.ndarray, " t"]],
+    tasks: tuple[Float64[np.ndarray, "t nv"], Float64[np.ndarray, " t"], Float64[np.ndarray, " t"]],
     chain: _Chain,
     limits: _Limits,
     base: int,
@@ -203,10 +201,10 @@ def _fill(
 ) -> None:
     a, first, places, centroid = index
     M_r, h_a, J_c = robot
-    J, target = tasks
+    J, target, weight = tasks
     eliminated, used, kept, centroid_rows = chain
     tau_min, tau_max, dv_min, dv_max = limits
-    A, lower, upper, H, g = problem
+    A, lower, upper, weights, H, g = problem
     na, nr, n = len(a), len(M_r), len(g)
     motion, nz = nr + kept, nr - na
     # Level 1: [M_aa C] [dv_a; z] - J_c,a^T F.
@@ -232,6 +230,7 @@ def _fill(
             for i in range(nz):
                 A[place, na + i] = centroid_rows[centroid[k], i]
         lower[n + place] = upper[n + place] = target[row]
+        weights[n + place] = weight[row]
     # What tasks of the unconstrained chain leave.
     for k in range(len(places) - len(first)):
         place = places[len(first) + k]

@@ -65,9 +65,7 @@ class ReducedProgram:
         rows: the rows of the stack.
         tasks: which of them each problem gets.
         second: LQP 2; None without an unconstrained chain.
-        first_solution: solution of LQP 1, None before the first solve.
-        second_solution: solution of LQP 2; None where the last solve did not need it.
-        whole: the whole problem; None before it is needed.
+        whole: the whole problem, made ahead: the tick that needs it has no time for that.
     """
 
     def __init__(
@@ -78,8 +76,7 @@ class ReducedProgram:
         partition: Partition,
         make_solver: Callable[[], Solver],
     ) -> None:
-        self._robot, self._stack, self._contacts = robot, stack, tuple(contacts)
-        self._make_solver = make_solver
+        self._robot, self._stack, self._make_solver = robot, stack, make_solver
         self.rows = StackRows(robot, stack, contacts)
         self.tasks = AssignedRows(self.rows, robot, partition)
         self.reduced = ReducedDynamics(robot, partition)
@@ -87,15 +84,16 @@ class ReducedProgram:
         # One for each shape: it changes only where tasks of the unconstrained chain lose rank.
         self._firsts: dict[tuple[int, ...], tuple[ConstraintChainProblem, Solver]] = {}
         self.second: UnconstrainedChainProblem | None = None
-        self.first_solution: Solution | None = None
-        self.second_solution: Solution | None = None
-        self.whole: FullProgram | None = None
+        self._solved = self._used_second = False
+        self.whole = FullProgram(FullProblem(robot, stack, contacts), make_solver())
         self._solved_whole, self._whole_ticks = False, 0
         self._joining = ChainJoining(robot.base_dofs, self.reduced, stack)
         self._current = self._prepare()
         if partition.nu:
             self.second = UnconstrainedChainProblem(robot, stack, self.tasks, self.reduced)
             self._second_solver = make_solver()
+            # What is compiled is compiled now, not in the tick that needs it.
+            self.second.fill(np.zeros(partition.nr))
 
     @property
     def suspended(self) -> tuple[Task, ...]:
@@ -108,12 +106,22 @@ class ReducedProgram:
         return self._current[0]
 
     @property
+    def first_solution(self) -> Solution | None:
+        """Solution of LQP 1 at the last solve; None before, or where it was not asked."""
+        return self._current[1].report() if self._solved else None
+
+    @property
+    def second_solution(self) -> Solution | None:
+        """Solution of LQP 2; None where the last solve did not need it."""
+        return self._second_solver.report() if self._used_second else None
+
+    @property
     def size(self) -> tuple[int, int]:
         """Variables and rows of LQP 1, and of LQP 2 or the whole problem where it took them."""
-        if self.whole is not None and self._solved_whole:
+        if self._solved_whole:
             return self.whole.size
         n, m = self.first.problem.size
-        if self.second is not None and self.second_solution is not None:
+        if self.second is not None and self._used_second:
             n2, m2 = self.second.problem.size
             n, m = n + n2, m + m2
         return n, m
@@ -126,7 +134,7 @@ class ReducedProgram:
         """
         self._dynamics = dynamics
         self._solved_whole = self._whole_ticks > 0
-        if self.whole is not None and self._solved_whole:
+        if self._solved_whole:
             self.whole.assemble(dynamics)
             return
         self.reduced.update(dynamics)
@@ -137,33 +145,35 @@ class ReducedProgram:
 
     def solve(self) -> Answer:
         """Solves what was assembled; nothing raises on numbers."""
-        self.second_solution = None
-        if self.whole is not None and self._solved_whole:
+        self._solved, self._used_second = not self._solved_whole, False
+        if self._solved_whole:
             self._whole_ticks -= 1
             return self.whole.solve()
         problem, solver = self._current
-        self.first_solution = first = solver.solve(problem.problem)
-        x, torque_a = problem.acceleration(first.x), problem.torque(first.x)
+        status = solver.run(problem.problem)
+        point = solver.x.copy()
+        x, torque_a = problem.acceleration(point), problem.torque(point)
         joined = self._joining.join(x, torque_a, self.chain.recover(x))
-        physics = first.relative_residuals[:PHYSICS_LEVELS]
+        physics = solver.relative_residuals[:PHYSICS_LEVELS]
         levels = self.rows.measure(joined.acceleration)[1:].tolist()
-        if self.second is not None and first.ok and not joined.within:
+        if self.second is not None and status.ok and not joined.within:
             self.second.fill(x[: self.reduced.partition.nr])
-            self.second_solution = second = self._second_solver.solve(self.second.problem)
+            second, self._used_second = self._second_solver, True
+            found = second.run(self.second.problem)
             free, joined = joined.acceleration, self._joining.join(x, torque_a, second.x)
             costs = max(second.relative_residuals[:PHYSICS_LEVELS])
             bounded = self.rows.measure(joined.acceleration)[1:].tolist()
             costs = max([costs, *(b - f for f, b in zip(levels, bounded, strict=True))])
             energy = self._energy(joined.acceleration) / self._energy(free)
-            if not (second.ok and costs <= _TOLERANCE and energy <= 1.0 + _MORE_ENERGY):
+            if not (found.ok and costs <= _TOLERANCE and energy <= 1.0 + _MORE_ENERGY):
                 return self._solve_whole()
             physics = np.maximum(physics, second.relative_residuals[:PHYSICS_LEVELS])
         return Answer(
-            first.status,
+            status,
             joined.torque,
             (*physics.tolist(), *levels),
             joined.acceleration,
-            problem.wrenches(first.x),
+            problem.wrenches(point),
         )
 
     def reset(self) -> None:
@@ -172,26 +182,26 @@ class ReducedProgram:
             solver.reset()
         if self.second is not None:
             self._second_solver.reset()
-        if self.whole is not None:
-            self.whole.reset()
-        self.first_solution = self.second_solution = None
+        self.whole.reset()
+        self._solved = self._used_second = False
         self._whole_ticks = 0
 
     def task_residuals(self) -> dict[str, float]:
         """Norm of what each task could not meet at the last solve [unit/s^2]."""
-        if self.whole is not None and self._solved_whole:
+        if self._solved_whole:
             return self.whole.task_residuals()
         return self.rows.task_residuals()
 
     def explain(self) -> str:
         """Which rows conflict and with what, in words."""
-        if self.whole is not None and self._solved_whole:
+        if self._solved_whole:
             return self.whole.explain()
-        if self.first_solution is None:
+        first, second = self.first_solution, self.second_solution
+        if first is None:
             return "nothing solved yet"
-        words = [self.first_solution.explain(self.first.problem)]
-        if self.second is not None and self.second_solution is not None:
-            words.append(self.second_solution.explain(self.second.problem))
+        words = [first.explain(self.first.problem)]
+        if self.second is not None and second is not None:
+            words.append(second.explain(self.second.problem))
         return "; ".join(words)
 
     def _energy(self, dv: Float64[np.ndarray, " nv"]) -> float:
@@ -199,11 +209,6 @@ class ReducedProgram:
         return float(dv.dot(self._dynamics.M).dot(dv)) + 1e-300
 
     def _solve_whole(self) -> Answer:
-        # Not made before it is needed, which may be never.
-        if self.whole is None:
-            self.whole = FullProgram(
-                FullProblem(self._robot, self._stack, self._contacts), self._make_solver()
-            )
         self._solved_whole, self._whole_ticks = True, PATIENCE
         self.whole.assemble(self._dynamics)
         return self.whole.solve()
@@ -211,15 +216,20 @@ class ReducedProgram:
     @property
     def whole_solution(self) -> Solution | None:
         """Solution of the whole problem at the last state; None where it was not needed."""
-        return self.whole.solution if self.whole is not None and self._solved_whole else None
+        return self.whole.solution if self._solved_whole else None
 
     def _prepare(self) -> tuple[ConstraintChainProblem, Solver]:
         """LQP 1 as it is where no task loses rank, so that the first tick finds it ready."""
         self.reduced.update(Dynamics(self._robot))
         # No task is asked: it might take what it finds for its target.
-        self.tasks.J[:] = np.random.default_rng(_TYPICAL).normal(size=self.tasks.J.shape)
+        constant = self.tasks.J.copy()
+        self.tasks.J[:] = np.random.default_rng(_TYPICAL).normal(size=constant.shape)
         self.chain.update()
-        return self._first_for(self.chain.shape)
+        self.tasks.J[:] = constant
+        pair = self._first_for(self.chain.shape)
+        # What is compiled is compiled now, not in the first tick.
+        pair[0].fill(self.chain)
+        return pair
 
     def _first_for(self, shape: tuple[int, ...]) -> tuple[ConstraintChainProblem, Solver]:
         pair = self._firsts.get(shape)

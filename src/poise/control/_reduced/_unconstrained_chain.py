@@ -78,7 +78,6 @@ class UnconstrainedChainProblem:
         self._tasks = tasks
         self._rows = problem.A[part.nz + part.nu :]
         self._values = slice(part.nu + part.nz + part.nu, None)
-        problem.weights[self._values] = tasks.weight[tasks.second]
 
     def fill(self, x: Float64[np.ndarray, " nr"]) -> None:
         """Writes one state's rows into the problem.
@@ -104,6 +103,7 @@ class UnconstrainedChainProblem:
         part.a.scatter(dv_a, self._known)
         J = self._tasks.J[self._tasks.second]
         part.u.columns(J, self._rows)
+        problem.weights[self._values] = self._tasks.weight[self._tasks.second]
         values = self._tasks.target[self._tasks.second] - J.dot(self._known)
         problem.lower[self._values] = problem.upper[self._values] = values
 

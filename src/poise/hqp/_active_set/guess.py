@@ -39,7 +39,6 @@ from poise.hqp._active_set.workspace import (
     Problem,
     Vector,
     Work,
-    cut_penalties,
 )
 from poise.hqp._tolerances import (
     CORRECTIONS,
@@ -64,7 +63,7 @@ def guess(problem: Problem, work: Work) -> None:
         work: whose sides are set; where they were and what they were needed for says with which
             rows each level begins. Everything that a factorisation left is lost.
     """
-    guessed = cut_penalties(problem, work)
+    guessed = work.guessed
     prepare_rows(problem, guessed, work.duals.chosen, work.rows.shift)
     count = unchanged = 0
     for level in range(len(problem.damping)):

@@ -52,7 +52,7 @@ def exchange(problem: Problem, work: Work) -> bool:
     Returns:
         Whether there was nothing to change.
     """
-    state, points = work.states[0], work.points
+    state, points = work.state, work.points
     largest = find_violations(problem, work.rows, points.target, points.target_values)
     signs = deactivate_wrong_signs(problem, work, LARGEST)
     optimal = largest == 0.0 and signs == 0
@@ -80,7 +80,7 @@ def leap(problem: Problem, work: Work) -> bool:
     Returns:
         Whether there was nothing to change.
     """
-    state, points = work.states[0], work.points
+    state, points = work.state, work.points
     turn = state.turn
     state.turn += 1
     largest = find_violations(problem, work.rows, points.target, points.target_values)
@@ -104,7 +104,7 @@ def leap(problem: Problem, work: Work) -> bool:
 @part
 def step(problem: Problem, work: Work) -> bool:
     """Goes towards the target, and deactivates a row there; returns whether there was none."""
-    state = work.states[0]
+    state = work.state
     if _step_until_blocked(problem, work.rows, work.points, state):
         state.idle = 0
         for i in range(len(work.rows.locked)):

@@ -46,7 +46,7 @@ def deactivate_wrong_signs(problem: Problem, work: Work, ratio: float) -> int:
         How many rows were deactivated.
     """
     factor, rows, multipliers = work.factor, work.rows, work.duals.multipliers
-    state = work.states[0]
+    state = work.state
     levels = len(factor.rank)
     active = factor.begin[levels]
     state.deactivated, state.doubtful = -1, 0
@@ -241,7 +241,7 @@ def is_optimal(problem: Problem, work: Work) -> bool:
         problem: the problem.
         work: whose point and multipliers are to be the optimum's.
     """
-    if work.states[0].doubtful != 0:
+    if work.state.doubtful != 0:
         return False
     factor, duals, norm = work.factor, work.duals, work.rows.norm
     levels, gradient = len(factor.rank), duals.gradient

@@ -49,13 +49,13 @@ def find_optimum(problem: Problem, work: Work) -> None:
     n, levels = len(target), len(factor.rank)
     start = _first_changed(work.rows, levels)
     # A new problem has new numbers everywhere.
-    start = 0 if work.states[0].changes == 1 else start
+    start = 0 if work.state.changes == 1 else start
     factor.begin[0] = factor.first[0] = 0
     for level in range(start, levels):
         factor_level(problem, work.rows, factor, level)
         solve_level(factor, work.squares, level)
     taken = factor.first[levels]
-    work.states[0].free = n - taken
+    work.state.free = n - taken
     factor.y[taken:] = 0.0
     copy(target, factor.y)
     for k in range(taken - 1, -1, -1):

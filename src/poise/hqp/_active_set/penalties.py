@@ -36,6 +36,7 @@ def prepare_rows(problem: Problem, guessed: Penalties, chosen: Indices, shift: V
             square += row[j] * row[j]
             value -= row[j] * z[j]
         guessed.norm[i], guessed.start[i] = sqrt(square), value
+        guessed.lower[i], guessed.upper[i] = problem.lower[i], problem.upper[i]
         side = guessed.side[i] if guessed.side[i] != EQUALITY else 0
         needed_by = guessed.needed_by[i]
         guessed.needed_by[i] = side * (needed_by if needed_by > 0 else len(problem.damping))

@@ -6,7 +6,7 @@ there: inactive rows that are violated, active rows whose multiplier has the wro
 
 import numpy as np
 
-from poise._compiled import compiled, part
+from poise._compiled import compiled, part, view
 from poise.hqp._active_set.damping import damp_equalities
 from poise.hqp._active_set.guess import guess
 from poise.hqp._active_set.kernels import norm_of
@@ -33,15 +33,11 @@ from poise.hqp._active_set.workspace import (
     LEAPING,
     NOTHING,
     STEPPING,
-    Indices,
-    Matrix,
     Problem,
     Rows,
     State,
-    States,
     Vector,
     Work,
-    cut,
 )
 from poise.hqp._tolerances import ADD_RATIOS, ASTRAY, COLD_CHANGES, MANY, WARM_CHANGES
 
@@ -51,60 +47,25 @@ problem, with an answer that is no number."""
 
 
 @compiled
-def search(
-    A: Matrix,
-    lower: Vector,
-    upper: Vector,
-    weights: Vector,
-    H: Matrix,
-    g: Vector,
-    damping: Vector,
-    starts: Indices,
-    bounds_level: int,
-    floats: Vector,
-    ints: Indices,
-    states: States,
-    changes: int,
-) -> int:
+def search(problem_at: int, work_at: int, changes: int) -> int:
     """Searches from the active set in the workspace, or goes on where the last call ended.
 
     Args:
-        A: see `Problem`.
-        lower: see `Problem`.
-        upper: see `Problem`.
-        weights: see `Problem`.
-        H: see `Problem`.
-        g: see `Problem`.
-        damping: see `Problem`.
-        starts: see `Problem`.
-        bounds_level: see `Problem`.
-        floats: see `cut`; receives the answer.
-        ints: see `cut`; receives the active set.
-        states: see `cut`.
+        problem_at: address of a `Problem`.
+        work_at: address of a `Work`; it receives the answer and its active set.
         changes: of the active set, all calls together, after which to stop.
 
     Returns:
         `CONVERGED` or one of those below it.
     """
-    problem = Problem(
-        A=A,
-        lower=lower,
-        upper=upper,
-        weights=weights,
-        H=H,
-        g=g,
-        damping=damping,
-        starts=starts,
-        bounds_level=bounds_level,
-    )
-    work = cut(floats, ints, states, len(g), len(A), len(starts) - 1)
-    state, found = states[0], UNFINISHED
+    problem, work = view(Problem, problem_at), view(Work, work_at)
+    state, found = work.state, UNFINISHED
     if state.begun == 0 and not _begin_search(problem, work):
         return UNSOUND
     while state.changes < changes:
         state.changes += 1
         find_optimum(problem, work)
-        find_values(A, work.points.target, work.points.target_values)
+        find_values(problem.A, work.points.target, work.points.target_values)
         optimal = _change_active_set(problem, work)
         if optimal and is_optimal(problem, work):
             found = CONVERGED
@@ -130,14 +91,23 @@ def _begin_search(problem: Problem, work: Work) -> bool:
     inequalities = _prepare_rows(problem, work.rows)
     if inequalities < 0:
         return False
-    if np.any(problem.damping):
+    if _is_damped(problem.damping):
         damp_equalities(problem, work)
     work.duals.multipliers[:] = 0.0
-    state = work.states[0]
+    state = work.state
     state.begun, state.changes = 1, 0
     state.guess_at = WARM_CHANGES if inequalities > 0 else COLD_CHANGES
     _begin_from(LAST, state, work.rows)
     return True
+
+
+@part
+def _is_damped(damping: Vector) -> bool:
+    """Whether any level is."""
+    total = 0.0
+    for level in range(len(damping)):
+        total += damping[level]
+    return total > 0.0
 
 
 @part
@@ -161,7 +131,7 @@ def _deactivate_all(rows: Rows) -> None:
 @part
 def _change_active_set(problem: Problem, work: Work) -> bool:
     """Goes on in the way of the phase; returns whether nothing was wrong with the active set."""
-    phase = work.states[0].phase
+    phase = work.state.phase
     if phase == BEGINNING:
         return _choose_phase(problem, work)
     if phase == LEAPING:
@@ -174,7 +144,7 @@ def _change_active_set(problem: Problem, work: Work) -> bool:
 @part
 def _choose_phase(problem: Problem, work: Work) -> bool:
     """Chooses how to go on by how much is wrong with an active set; returns whether nothing is."""
-    state, rows, points = work.states[0], work.rows, work.points
+    state, rows, points = work.state, work.rows, work.points
     largest = find_violations(problem, rows, points.target, points.target_values)
     violated = count_violations(rows)
     signs = deactivate_wrong_signs(problem, work, 0.0)

@@ -8,7 +8,7 @@ from jaxtyping import Float64, Int64
 from poise._compiled import say_if_slow
 from poise.errors import ConfigurationError, ProblemError
 from poise.hqp._active_set.search import CONVERGED, LOST, UNFINISHED, UNSOUND, search
-from poise.hqp._active_set.workspace import STATE, Work, cut
+from poise.hqp._active_set.workspace import Problem, make_work
 from poise.hqp._problem import HierarchicalProblem, Level, Numbers
 from poise.hqp._solution import LexicographicSolution, Solution, SolveStatus, failure
 from poise.hqp._tolerances import RELAXED, changes_allowed
@@ -33,8 +33,8 @@ class LexicographicSolver:
         >>> solution.level_multipliers[1]
         array([ 0.,  0.,  2., -2.,  0.])
 
-    The first solver ever made on a machine compiles the search, which takes about a minute and
-    is kept on disk; making one is never cheap, so do not make one in a control loop.
+    The first solver ever made on a machine compiles the search, which takes some twenty seconds
+    and is kept on disk; making one is never cheap, so do not make one in a control loop.
 
     Args:
         time_limit: cap on a solve [s]; None for none.
@@ -67,6 +67,7 @@ class LexicographicSolver:
         self._max_changes = max_changes
         self._shape: tuple[int, ...] = ()
         self._fitted: HierarchicalProblem | None = None
+        self._status, self._seconds = SolveStatus.FAILED, 0.0
         self._compile()
 
     def _compile(self) -> None:
@@ -79,8 +80,10 @@ class LexicographicSolver:
     def reset(self) -> None:
         """Forget the last active set, so that the next solve starts cold."""
         if self._shape:
-            self._ints[:] = 0
             self._work.points.x[:] = 0.0
+            for numbers in self._work.rows.arrays().values():
+                if numbers.dtype == np.int64:
+                    numbers[:] = 0
 
     def begin_with(self, problem: HierarchicalProblem, sides: Int64[np.ndarray, " nm"]) -> None:
         """Make the next solve, of a problem of this shape, begin with an active set.
@@ -115,9 +118,16 @@ class LexicographicSolver:
         Raises:
             ConfigurationError: the first problem of a shape has not as many levels as `damping`.
         """
+        begin = perf_counter()
         self._fit(problem)
-        deadline = None if self.time_limit is None else perf_counter() + self.time_limit
-        found, late = self._change(problem, self._limit, deadline)
+        deadline = None if self.time_limit is None else begin + self.time_limit
+        found, late = self._change(self._limit, deadline)
+        self._status = self._taken(found, late)
+        self._seconds = perf_counter() - begin
+        return self._status
+
+    def _taken(self, found: int, late: bool) -> SolveStatus:
+        """The status of what was found; what cannot be used is cleared away."""
         if found == UNSOUND:
             self._work.rows.side[:] = 0
             return SolveStatus.BAD_PROBLEM
@@ -140,10 +150,15 @@ class LexicographicSolver:
         Raises:
             ConfigurationError: as for `run`.
         """
-        start = perf_counter()
-        status = self.run(problem)
+        self.run(problem)
+        return self.report()
+
+    def report(self) -> Solution:
+        """All about the last `run`; it owns its arrays."""
+        status, problem = self._status, self._fitted
+        assert problem is not None
         if status in (SolveStatus.BAD_PROBLEM, SolveStatus.FAILED):
-            return failure(problem, status, self.name, start)
+            return failure(problem, status, self.name, perf_counter() - self._seconds)
         return LexicographicSolution(
             status=status,
             x=self.x.copy(),
@@ -158,7 +173,7 @@ class LexicographicSolver:
             strategy=self.name,
             relaxed=bool(self.relative_residuals.max() > RELAXED),
             iterations=self.changes,
-            timings={"total": perf_counter() - start},
+            timings={"total": self._seconds},
         )
 
     @property
@@ -204,7 +219,7 @@ class LexicographicSolver:
     @property
     def changes(self) -> int:
         """How many factorisations the last `run` took."""
-        return int(self._state["changes"][0])
+        return self._work.state.changes
 
     def _fit(self, problem: HierarchicalProblem) -> None:
         """Set the workspace up if the problem has another shape than the last."""
@@ -213,7 +228,7 @@ class LexicographicSolver:
         starts = [view.slice.start for view in problem.levels]
         shape = (problem.n, problem.m, *starts, problem.bounds_level)
         if shape == self._shape:
-            self._fitted = problem
+            self._take(problem)
             return
         if self._asked_damping.size not in (1, len(starts)):
             raise ConfigurationError(
@@ -223,47 +238,40 @@ class LexicographicSolver:
             )
         self._shape = shape
         self._damping = np.broadcast_to(self._asked_damping, len(starts)).copy()
-        size = problem.n, problem.m, len(starts)
-        self._state = np.zeros(1, dtype=STATE)
-        # The first cut only counts.
-        cut(np.zeros(0), np.zeros(0, dtype=np.int64), self._state, *size)
-        self._floats = np.zeros(self._state["floats"][0])
-        self._ints = np.zeros(self._state["ints"][0], dtype=np.int64)
         self._starts = np.array([*starts, problem.m], dtype=np.int64)
-        self._work: Work = cut(self._floats, self._ints, self._state, *size)
-        self._fitted = problem
+        self._work = make_work(problem.n, problem.m, len(starts))
+        self._take(problem)
         self._limit = self._max_changes or changes_allowed(problem.n, problem.m)
 
-    def _change(
-        self, problem: HierarchicalProblem, limit: int, deadline: float | None
-    ) -> tuple[int, bool]:
+    def _change(self, limit: int, deadline: float | None) -> tuple[int, bool]:
         """Search until something is found, up to a number of changes, and whether time ran out."""
-        self._state["begun"] = 0
+        self._work.state.begun = 0
         if deadline is None:
-            return self._search(problem, limit), False
+            return self._search(limit), False
         for allowed in range(1, limit + 1):
-            found = self._search(problem, allowed)
+            found = self._search(allowed)
             if found != UNFINISHED:
                 return found, False
             if perf_counter() > deadline:
                 return found, True
         return UNFINISHED, False
 
-    def _search(self, problem: HierarchicalProblem, changes: int) -> int:
-        return search(
-            problem.A,
-            problem.lower,
-            problem.upper,
-            problem.weights,
-            problem.H,
-            problem.g,
-            self._damping,
-            self._starts,
-            problem.bounds_level,
-            self._floats,
-            self._ints,
-            self._state,
-            changes,
+    def _search(self, changes: int) -> int:
+        return search(self._problem.address, self._work.address, changes)
+
+    def _take(self, problem: HierarchicalProblem) -> None:
+        """Note where a problem's numbers lie."""
+        self._fitted = problem
+        self._problem = Problem(
+            A=problem.A,
+            lower=problem.lower,
+            upper=problem.upper,
+            weights=problem.weights,
+            H=problem.H,
+            g=problem.g,
+            damping=self._damping,
+            starts=self._starts,
+            bounds_level=problem.bounds_level,
         )
 
 

@@ -1,15 +1,15 @@
 """What the compiled search reads, and where it keeps everything it makes, grouped by purpose.
 
-Handing an array to compiled code costs as much as a reflection. So all arrays lie in two buffers,
-which compiled code cuts up, and the numbers that steer the search in one record.
+The annotations are the layout: an array is as long as the names of its sizes say, which `sizes_of`
+knows.
 """
 
-from typing import Any, NamedTuple, Protocol, runtime_checkable
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float64, Int64
 
-from poise._compiled import compiled, part
+from poise._compiled import Block, allocate
 
 Vector = Float64[np.ndarray, " _"]
 Matrix = Float64[np.ndarray, "_ _"]
@@ -29,7 +29,7 @@ UNKNOWN = -9
 """In `Rows.factored`: no side, so that the row's level is factored anew."""
 
 
-class Problem(NamedTuple):
+class Problem(Block):
     """A problem as `HierarchicalProblem` stores it.
 
     Attributes:
@@ -55,13 +55,10 @@ class Problem(NamedTuple):
     bounds_level: int
 
 
-@runtime_checkable
-class State(Protocol):
-    """The numbers that steer the search: a record, of which compiled code changes the fields.
+class State(Block):
+    """The numbers that steer the search.
 
     Attributes:
-        floats: how many floats of the buffer are cut off.
-        ints: how many integers of the buffer are cut off.
         begun: whether the search of a problem has begun.
         changes: of the active set, or factorisations, so far.
         phase: `BEGINNING` or what follows it.
@@ -77,8 +74,6 @@ class State(Protocol):
         free: how many coordinates no level has taken.
     """
 
-    floats: int
-    ints: int
     begun: int
     changes: int
     phase: int
@@ -94,14 +89,7 @@ class State(Protocol):
     free: int
 
 
-STATE = np.dtype((np.record, [(name, np.int64) for name in State.__annotations__]))
-"""`State` as NumPy stores it."""
-
-States = Any
-"""An array of one `STATE`: compiled functions may return it, but not the record itself."""
-
-
-class Rows(NamedTuple):
+class Rows(Block):
     """What the search knows of each bound of a variable and each row.
 
     Attributes:
@@ -127,7 +115,7 @@ class Rows(NamedTuple):
     shift: Float64[np.ndarray, " nm"]
 
 
-class Points(NamedTuple):
+class Points(Block):
     """The point, and where it goes.
 
     Attributes:
@@ -143,7 +131,7 @@ class Points(NamedTuple):
     target_values: Float64[np.ndarray, " nm"]
 
 
-class Factor(NamedTuple):
+class Factor(Block):
     """The active rows, level by level, in the coordinates y = Q^T x.
 
     Attributes:
@@ -179,7 +167,7 @@ class Factor(NamedTuple):
     y: Float64[np.ndarray, " n"]
 
 
-class LeastSquares(NamedTuple):
+class LeastSquares(Block):
     """Room for the least squares of one level.
 
     Attributes:
@@ -203,7 +191,7 @@ class LeastSquares(NamedTuple):
     noise: Float64[np.ndarray, " n"]
 
 
-class FinalCost(NamedTuple):
+class FinalCost(Block):
     """The final cost over what no level has taken.
 
     Attributes:
@@ -225,7 +213,7 @@ class FinalCost(NamedTuple):
     z: Float64[np.ndarray, " n"]
 
 
-class Duals(NamedTuple):
+class Duals(Block):
     """Multipliers, and what they balance.
 
     Attributes:
@@ -241,7 +229,7 @@ class Duals(NamedTuple):
     forces: Float64[np.ndarray, " nm"]
 
 
-class Answer(NamedTuple):
+class Answer(Block):
     """What a point amounts to.
 
     Attributes:
@@ -259,11 +247,10 @@ class Answer(NamedTuple):
     eased: Float64[np.ndarray, " p"]
 
 
-class Penalties(NamedTuple):
+class Penalties(Block):
     """The rows of a guess; an active row counts in the order in which it entered.
 
-    Compiled functions count the owners of every array that they are handed, which takes longer than
-    a step of a small guess. So those of a guess are handed no more than this, some of it lent.
+    Much of it is lent, see `make_work`: a guess makes a factorisation useless.
 
     Attributes:
         M: C^-1 a of all bounds and rows.
@@ -311,11 +298,11 @@ class Penalties(NamedTuple):
     next_multiplier: Float64[np.ndarray, " nm"]
 
 
-class Work(NamedTuple):
+class Work(Block):
     """Everything the search keeps.
 
     Attributes:
-        states: what steers it, one record.
+        state: what steers it.
         rows: what it knows of each row.
         points: where it is, and where it goes.
         factor: the active rows, factored.
@@ -323,10 +310,10 @@ class Work(NamedTuple):
         cost: the final cost over what is left.
         duals: multipliers.
         answer: what the point amounts to.
-        spare: room for the rows of a guess, see `cut_penalties`.
+        guessed: the rows of a guess.
     """
 
-    states: States
+    state: State
     rows: Rows
     points: Points
     factor: Factor
@@ -334,171 +321,52 @@ class Work(NamedTuple):
     cost: FinalCost
     duals: Duals
     answer: Answer
-    spare: Float64[np.ndarray, " s"]
+    guessed: Penalties
 
 
-class _Buffers(NamedTuple):
-    floats: Vector
-    ints: Indices
-    state: State
-
-
-@compiled
-def cut(floats: Vector, ints: Indices, states: States, n: int, m: int, levels: int) -> Work:
-    """Cuts two buffers up into everything the search needs.
+def sizes_of(n: int, m: int, levels: int) -> dict[str, int]:
+    """What the names of sizes stand for in the annotations above.
 
     Args:
-        floats: the first buffer; where it is too short, arrays are empty and only counted.
-        ints: the second buffer.
-        states: one record, of which `floats` and `ints` then say how much was needed.
         n: number of variables.
         m: number of rows.
         levels: number of levels.
     """
-    state, nm = states[0], n + m
-    state.floats = state.ints = 0
-    buffers = _Buffers(floats=floats, ints=ints, state=state)
-    rows = _cut_rows(buffers, nm)
-    points = Points(
-        x=_floats(buffers, n),
-        values=_floats(buffers, nm),
-        target=_floats(buffers, n),
-        target_values=_floats(buffers, nm),
-    )
-    factor = _cut_factor(buffers, n, nm, levels)
-    cost = FinalCost(
-        gradient=_floats(buffers, n),
-        Z=_matrix(buffers, n, n),
-        ZT=_matrix(buffers, n, n),
-        HZ=_matrix(buffers, n, n),
-        C=_matrix(buffers, n, n),
-        pivot=_ints(buffers, n),
-        z=_floats(buffers, n),
-    )
-    return Work(
-        states=states,
-        rows=rows,
-        points=points,
-        factor=factor,
-        squares=LeastSquares(
-            T=_matrix(buffers, n, nm + n),
-            V=_matrix(buffers, n, nm + n),
-            tau=_floats(buffers, nm),
-            v=_floats(buffers, nm + n),
-            rhs=_floats(buffers, nm + n),
-            u=_floats(buffers, n),
-            balance=_floats(buffers, n),
-            noise=_floats(buffers, n),
-        ),
-        cost=cost,
-        duals=Duals(
-            multipliers=_matrix(buffers, levels + 1, nm),
-            gradient=_floats(buffers, n),
-            chosen=_ints(buffers, nm),
-            forces=_floats(buffers, nm),
-        ),
-        answer=Answer(
-            slacks=_floats(buffers, nm),
-            residuals=_floats(buffers, levels),
-            relative=_floats(buffers, levels),
-            target_residuals=_floats(buffers, levels),
-            eased=_floats(buffers, levels),
-        ),
-        spare=_floats(buffers, 8 * nm + min(3 * n, nm) ** 2),
-    )
+    return {
+        "n": n,
+        "m": m,
+        "nm": n + m,
+        "nmn": n + m + n,
+        "p": levels,
+        "p1": levels + 1,
+        # More rows than that are never active in a guess.
+        "g": min(3 * n, n + m),
+    }
 
 
-@part
-def _cut_rows(buffers: _Buffers, nm: int) -> Rows:
-    return Rows(
-        norm=_floats(buffers, nm),
-        level=_ints(buffers, nm),
-        side=_ints(buffers, nm),
-        sign_free=_ints(buffers, nm),
-        locked=_ints(buffers, nm),
-        needed_by=_ints(buffers, nm),
-        factored=_ints(buffers, nm),
-        violation=_floats(buffers, nm),
-        shift=_floats(buffers, nm),
-    )
-
-
-@part
-def _cut_factor(buffers: _Buffers, n: int, nm: int, levels: int) -> Factor:
-    return Factor(
-        V=_matrix(buffers, n, n),
-        tau=_floats(buffers, n),
-        R=_matrix(buffers, nm, n),
-        order=_ints(buffers, nm),
-        bound=_floats(buffers, nm),
-        size=_floats(buffers, nm),
-        slack=_floats(buffers, nm),
-        rhs=_floats(buffers, nm),
-        left=_floats(buffers, nm),
-        left_exact=_floats(buffers, nm),
-        begin=_ints(buffers, levels + 1),
-        first=_ints(buffers, levels + 1),
-        rank=_ints(buffers, levels),
-        y=_floats(buffers, n),
-    )
-
-
-@part
-def cut_penalties(problem: Problem, work: Work) -> Penalties:
-    """Cuts up the room for the rows of a guess.
-
-    The rows themselves lie where those of the factorisation do, which a guess makes useless.
+def make_work(n: int, m: int, levels: int) -> Work:
+    """Everything the search keeps, empty.
 
     Args:
-        problem: whose bounds are lent.
-        work: whose sides a guess overwrites.
+        n: number of variables.
+        m: number of rows.
+        levels: number of levels.
     """
-    rows, factor, state = work.rows, work.factor, work.states[0]
-    n, nm = len(factor.y), len(rows.side)
-    room = min(3 * n, nm)
-    state.floats = 0
-    buffers = _Buffers(floats=work.spare, ints=rows.side, state=state)
-    return Penalties(
-        M=factor.R,
-        norm=_floats(buffers, nm),
-        start=_floats(buffers, nm),
-        values=work.points.target_values,
-        lower=problem.lower,
-        upper=problem.upper,
-        level=rows.level,
-        side=rows.side,
-        sign_free=rows.sign_free,
-        needed_by=rows.needed_by,
-        compliance=_floats(buffers, nm),
-        moved=_floats(buffers, nm),
-        held=_floats(buffers, nm),
-        C=work.cost.C,
-        y=factor.y,
-        order=factor.order,
-        G=_matrix(buffers, room, room),
-        rhs=_floats(buffers, nm),
-        multiplier=_floats(buffers, nm),
-        next_multiplier=_floats(buffers, nm),
+    sizes = sizes_of(n, m, levels)
+    rows, factor = allocate(Rows, sizes), allocate(Factor, sizes)
+    points, cost = allocate(Points, sizes), allocate(FinalCost, sizes)
+    lent: dict[str, Any] = {
+        "M": factor.R,
+        "values": points.target_values,
+        "level": rows.level,
+        "side": rows.side,
+        "sign_free": rows.sign_free,
+        "needed_by": rows.needed_by,
+        "C": cost.C,
+        "y": factor.y,
+        "order": factor.order,
+    }
+    guessed = allocate(Penalties, sizes, **lent)
+    return allocate(
+        Work, sizes, rows=rows, factor=factor, points=points, cost=cost, guessed=guessed
     )
-
-
-@part
-def _floats(buffers: _Buffers, count: int) -> Vector:
-    begin = buffers.state.floats
-    buffers.state.floats = begin + count
-    return buffers.floats[begin : begin + count]
-
-
-@part
-def _matrix(buffers: _Buffers, rows: int, columns: int) -> Matrix:
-    numbers = _floats(buffers, rows * columns)
-    if len(numbers) < rows * columns:
-        return numbers[:0].reshape((0, columns))
-    return numbers.reshape((rows, columns))
-
-
-@part
-def _ints(buffers: _Buffers, count: int) -> Indices:
-    begin = buffers.state.ints
-    buffers.state.ints = begin + count
-    return buffers.ints[begin : begin + count]

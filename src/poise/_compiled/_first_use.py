@@ -1,0 +1,97 @@
+"""What is seen of compiling, which happens once on a machine and takes some twenty seconds."""
+
+import gc
+import logging
+import sys
+from time import perf_counter
+from typing import Any
+
+from numba.core import event
+
+_EVENT = "numba:compile"
+
+_TYPED = 0.6
+"""Part of the time until all functions are read and typed; the rest makes machine code of them."""
+
+_WIDTH = 24
+"""Of the bar [characters]."""
+
+
+class FirstUse(event.Listener):
+    """Says what is compiled and how far that is, and for how long it took.
+
+    Where somebody looks on there is a bar, elsewhere a line in the log before and one after.
+
+    Args:
+        function: the compiled function that is about to be called for the first time.
+        what: what it belongs to.
+        kept: the folder where its code will be kept, None for none.
+    """
+
+    def __init__(self, function: Any, what: str, kept: str | None) -> None:
+        self._function, self._what, self._kept = function, what, kept
+        self._total, self._done = len(functions_of(function)), 0
+        self._begin: float | None = None
+        self._collects = False
+
+    def watch(self) -> None:
+        """Begins to listen to Numba, until the function is compiled."""
+        event.register(_EVENT, self)
+
+    def on_start(self, event: Any) -> None:
+        """Numba begins to compile a function."""
+        if event.data["dispatcher"] is not self._function:
+            return
+        self._begin = perf_counter()
+        # What is made now stays; looking for garbage in it takes a fifth of the time.
+        self._collects = gc.isenabled()
+        gc.disable()
+        if not sys.stderr.isatty():
+            logging.getLogger("poise").warning(
+                "compiling %s, once on this machine: %d functions, half a minute or less",
+                self._what,
+                self._total,
+            )
+
+    def on_end(self, event: Any) -> None:
+        """Numba has compiled a function."""
+        if self._begin is None:
+            return
+        self._done += 1
+        if sys.stderr.isatty():
+            self._draw(perf_counter() - self._begin)
+        if event.data["dispatcher"] is self._function:
+            self._finish(perf_counter() - self._begin)
+
+    def _draw(self, spent: float) -> None:
+        share = _TYPED * min(self._done / self._total, 1.0)
+        bar = "#" * round(_WIDTH * share)
+        left = spent * (1.0 - share) / share
+        sys.stderr.write(
+            f"\rcompiling {self._what}, once on this machine "
+            f"[{bar:.<{_WIDTH}}] {100 * share:3.0f}% {left:3.0f} s left"
+        )
+        sys.stderr.flush()
+
+    def _finish(self, spent: float) -> None:
+        event.unregister(_EVENT, self)
+        if self._collects:
+            gc.enable()
+        if sys.stderr.isatty():
+            sys.stderr.write("\r\033[K")
+        where = f"kept in {self._kept}" if self._kept else "not kept: no folder can be written"
+        logging.getLogger("poise").warning("compiled %s in %.0f s, %s", self._what, spent, where)
+
+
+def functions_of(function: Any) -> list[Any]:
+    """A compiled function and all that it calls, each once."""
+    found: dict[Any, None] = {}
+    left = [function]
+    while left:
+        function = left.pop()
+        if function not in found:
+            found[function] = None
+            plain = function.py_func
+            callees = [plain.__globals__.get(name) for name in plain.__code__.co_names]
+            left += [callee for callee in callees if hasattr(callee, "py_func")]
+    return list(found)

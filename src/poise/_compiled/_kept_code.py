@@ -1,0 +1,96 @@
+"""`KeptCode`: machine code on disk, whatever the disk does.
+
+Numba raises where a file cannot be written or read. A controller must begin all the same: slower,
+and saying why.
+"""
+
+import logging
+from itertools import count
+from typing import Any
+
+from numba.core.caching import FunctionCache, IndexDataCacheFile
+
+_SAID: set[str] = set()
+"""Folders of which was said that they do not work."""
+
+
+class KeptCode(FunctionCache):
+    """Numba's files of one function, in its own folder or in the one that NUMBA_CACHE_DIR names.
+
+    Args:
+        function: the plain function.
+        stamp: names the source that it is compiled from.
+
+    Raises:
+        RuntimeError: there is no folder that can be written.
+    """
+
+    def __init__(self, function: Any, stamp: str) -> None:
+        super().__init__(function)
+        # Numba's own stamp is of the function's file only, not of its callees'.
+        self._cache_file = self._files = _Files(self._cache_path, self._impl.filename_base, stamp)
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """Machine code for a signature, or None."""
+        try:
+            return super().load_overload(sig, target_context)
+        except Exception as error:  # A damaged file makes pickle and LLVM raise anything.
+            self._say("read", error)
+            return None
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Keeps machine code for a signature, if that can be done."""
+        try:
+            super().save_overload(sig, data)
+        except OSError as error:
+            self._say("written", error)
+
+    def has_code(self, target_context: Any) -> bool:
+        """Whether there is any for this processor."""
+        processor = target_context.codegen().magic_tuple()
+        return any(key[1] == processor for key in self._files.load_index())
+
+    def _say(self, what: str, error: Exception) -> None:
+        if self._cache_path in _SAID:
+            return
+        _SAID.add(self._cache_path)
+        logging.getLogger("poise").warning(
+            "compiled code cannot be %s in %s, so that this process compiles it anew (%s: %s); "
+            "NUMBA_CACHE_DIR names another folder",
+            what,
+            self._cache_path,
+            type(error).__name__,
+            error,
+        )
+
+
+class _Files(IndexDataCacheFile):
+    """Files that never mix two versions of a source, whichever process stops at which moment.
+
+    Numba writes the list of files before the files, and uses their names again: who reads in
+    between, or after a disk was full, gets the code of another version.
+    """
+
+    def __init__(self, folder: str, base: str, stamp: str) -> None:
+        super().__init__(folder, base, stamp)
+        self._data_name_pattern = f"{base}.{stamp[:12]}.{{number:d}}.nbc"
+
+    def save(self, key: Any, data: Any) -> None:
+        """Adds code to what the files hold."""
+        names = self._load_index()
+        taken = set(names.values())
+        name = names.get(key) or next(
+            name for number in count(1) if (name := self._data_name(number)) not in taken
+        )
+        self._save_data(name, data)
+        self._save_index({**names, key: name})
+
+    def load_index(self) -> dict[Any, str]:
+        """Names of files by what their code is for; none where they are of another version."""
+        return self._load_index()
+
+    def _load_index(self) -> dict[Any, str]:
+        try:
+            return super()._load_index()
+        except Exception:  # As above: what is damaged is written anew.
+            return {}

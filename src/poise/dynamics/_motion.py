@@ -1,0 +1,266 @@
+"""`Motion`: what Pinocchio found for one state, as arrays that compiled code reads in place.
+
+`Frames`: where frames sit on the robot's joints, and compiled functions for how they move.
+"""
+
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+import pinocchio as pin
+from jaxtyping import Float64, Int64
+
+from poise._compiled import compiled, part
+
+
+class Motion(NamedTuple):
+    """Pinocchio's own memory after `crba` in the world's convention and `nonLinearEffects`.
+
+    Spatial vectors put the linear part first. All arrays are views that the next update overwrites.
+
+    Attributes:
+        J: columns of all joints' Jacobians, along the world's axes at its origin.
+        placements: of each joint: world_R_joint, column by column, then the origin [m].
+        velocities: of each joint, along its own axes [m/s, rad/s].
+        accelerations: spatial acceleration of each joint at zero `dv` less that of gravity, along
+            its own axes.
+        forces: force that each joint needs for that of all it carries, along its own axes [N, N m].
+        momentum: A_G, maps `v` to the centroidal momentum.
+        com: centre of mass in the world [m].
+        gravity: the model's acceleration of gravity [m/s^2].
+        roots: joints that the world carries.
+        mass: of the whole robot [kg].
+    """
+
+    J: Float64[np.ndarray, "6 nv"]
+    placements: Float64[np.ndarray, "joints 12"]
+    velocities: Float64[np.ndarray, "joints 6"]
+    accelerations: Float64[np.ndarray, "joints 6"]
+    forces: Float64[np.ndarray, "joints 6"]
+    momentum: Float64[np.ndarray, "6 nv"]
+    com: Float64[np.ndarray, "3"]
+    gravity: Float64[np.ndarray, "3"]
+    roots: Int64[np.ndarray, " roots"]
+    mass: float
+
+
+def motion_of(model: pin.Model, data: pin.Data) -> Motion:
+    """The arrays of some data, which must live as long as they are read.
+
+    Args:
+        model: the robot's model.
+        data: made for it.
+    """
+    roots = [j for j in range(1, model.njoints) if model.parents[j] == 0]
+    return Motion(
+        data.J,
+        _rows_of([place.rotation for place in data.oMi], 12),
+        _rows_of([velocity.linear for velocity in data.v], 6),
+        _rows_of([acceleration.linear for acceleration in data.a_gf], 6),
+        _rows_of([force.linear for force in data.f], 6),
+        data.Ag,
+        data.com[0],
+        model.gravity.linear,
+        np.array(roots, dtype=np.int64),
+        float(pin.computeTotalMass(model)),
+    )
+
+
+def _rows_of(first: Sequence[Any], width: int) -> Float64[np.ndarray, "joints width"]:
+    """One array over the elements of one of Pinocchio's vectors, which stand side by side.
+
+    Pinocchio gives views of the single elements alone.
+
+    Args:
+        first: what each element begins with.
+        width: numbers in an element.
+    """
+    places = [view.__array_interface__["data"][0] for view in first]
+    step = np.dtype(np.float64).itemsize * width
+    if any(b - a != step for a, b in pairwise(places)):
+        raise RuntimeError(f"Pinocchio {pin.__version__} lays its data out in another way")
+    return np.lib.stride_tricks.as_strided(
+        first[0].ravel(order="K"), shape=(len(first), width), strides=(step, step // width)
+    )
+
+
+class Frames(NamedTuple):
+    """Where frames sit, and which coordinates move them.
+
+    Attributes:
+        joints: the joint that carries each frame.
+        placements: joint_R_frame, row by row, then the frame's origin in the joint [m].
+        starts: where the coordinates of each frame begin in `columns`; one entry more at the end.
+        columns: coordinates of `v` that move the frames.
+    """
+
+    joints: Int64[np.ndarray, " frames"]
+    placements: Float64[np.ndarray, "frames 12"]
+    starts: Int64[np.ndarray, " ends"]
+    columns: Int64[np.ndarray, " columns"]
+
+
+def frames_of(model: pin.Model, frame_ids: Sequence[int]) -> Frames:
+    """The table of some frames.
+
+    Args:
+        model: the robot's model.
+        frame_ids: Pinocchio's indices of the frames.
+    """
+    frames = [model.frames[i] for i in frame_ids]
+    joints = [[j for j in model.supports[f.parentJoint] if j > 0] for f in frames]
+    moved = [[model.idx_vs[j] + k for j in js for k in range(model.nvs[j])] for js in joints]
+    placements = [np.append(f.placement.rotation, f.placement.translation) for f in frames]
+    return Frames(
+        np.array([f.parentJoint for f in frames], dtype=np.int64),
+        np.array(placements).reshape(-1, 12),
+        np.cumsum([0, *map(len, moved)]),
+        np.array([i for columns in moved for i in columns], dtype=np.int64),
+    )
+
+
+POSITION, ROTATION, VELOCITY, BIAS, KINEMATICS = 0, 3, 12, 18, 24
+"""Where a frame's numbers begin in what `place_frame` fills, and how many they are."""
+
+
+@part
+def place_frame(
+    motion: Motion, frames: Frames, frame: int, out: Float64[np.ndarray, " k"], at: int
+) -> None:
+    """Where a frame is, how it moves, and its classical acceleration at zero `dv`.
+
+    Args:
+        motion: the robot's motion.
+        frames: the table that the frame stands in.
+        frame: which one.
+        out: receives position, world_R_frame row by row, velocity and bias along the frame's own
+            axes, linear part first.
+        at: where in `out` they begin.
+    """
+    joint = frames.joints[frame]
+    R, P = motion.placements[joint], frames.placements[frame]
+    for i in range(3):
+        out[at + i] = R[9 + i] + R[i] * P[9] + R[3 + i] * P[10] + R[6 + i] * P[11]
+        for k in range(3):
+            out[at + ROTATION + 3 * i + k] = R[i] * P[k] + R[3 + i] * P[3 + k] + R[6 + i] * P[6 + k]
+    g, V, A = motion.gravity, motion.velocities[joint], motion.accelerations[joint]
+    px, py, pz = P[9], P[10], P[11]
+    # Velocity and acceleration of the frame's origin, along the joint's axes.
+    wx, wy, wz = V[3], V[4], V[5]
+    vx, vy, vz = V[0] + wy * pz - wz * py, V[1] + wz * px - wx * pz, V[2] + wx * py - wy * px
+    ax = A[0] + R[0] * g[0] + R[1] * g[1] + R[2] * g[2] + A[4] * pz - A[5] * py + wy * vz - wz * vy
+    ay = A[1] + R[3] * g[0] + R[4] * g[1] + R[5] * g[2] + A[5] * px - A[3] * pz + wz * vx - wx * vz
+    az = A[2] + R[6] * g[0] + R[7] * g[1] + R[8] * g[2] + A[3] * py - A[4] * px + wx * vy - wy * vx
+    for k in range(3):
+        x, y, z = P[k], P[3 + k], P[6 + k]
+        out[at + VELOCITY + k] = x * vx + y * vy + z * vz
+        out[at + VELOCITY + 3 + k] = x * wx + y * wy + z * wz
+        out[at + BIAS + k] = x * ax + y * ay + z * az
+        out[at + BIAS + 3 + k] = x * A[3] + y * A[4] + z * A[5]
+
+
+@part
+def turn_to_world(out: Float64[np.ndarray, " k"], at: int) -> None:
+    """Turns velocity and bias that `place_frame` left along the frame's axes to the world's."""
+    R = at + ROTATION
+    for first in range(at + VELOCITY, at + KINEMATICS, 3):
+        x, y, z = out[first], out[first + 1], out[first + 2]
+        for i in range(3):
+            out[first + i] = out[R + 3 * i] * x + out[R + 3 * i + 1] * y + out[R + 3 * i + 2] * z
+
+
+@part
+def column_at(
+    motion: Motion, column: int, x: float, y: float, z: float
+) -> tuple[float, float, float, float, float, float]:
+    """A coordinate's part in the velocity of a point, along the world's axes, then in its turning.
+
+    Args:
+        motion: the robot's motion.
+        column: the coordinate.
+        x: the point [m].
+        y: its second coordinate [m].
+        z: its third coordinate [m].
+    """
+    J = motion.J
+    wx, wy, wz = J[3, column], J[4, column], J[5, column]
+    return (
+        J[0, column] + wy * z - wz * y,
+        J[1, column] + wz * x - wx * z,
+        J[2, column] + wx * y - wy * x,
+        wx,
+        wy,
+        wz,
+    )
+
+
+@compiled
+def evaluate_frame(
+    motion: Motion,
+    frames: Frames,
+    out: Float64[np.ndarray, " k"],
+    jacobian: Float64[np.ndarray, "6 nv"],
+) -> None:
+    """Kinematics of the first frame of a table, along the world's axes.
+
+    Args:
+        motion: the robot's motion.
+        frames: the table.
+        out: receives position, rotation, velocity and bias, see `place_frame`.
+        jacobian: receives the Jacobian in the columns that move the frame; the others are left.
+    """
+    place_frame(motion, frames, 0, out, 0)
+    turn_to_world(out, 0)
+    for k in range(frames.starts[0], frames.starts[1]):
+        i = frames.columns[k]
+        column = column_at(motion, i, out[0], out[1], out[2])
+        for row in range(6):
+            jacobian[row, i] = column[row]
+
+
+@part
+def momentum_rate(motion: Motion, out: Float64[np.ndarray, " k"], at: int) -> None:
+    """Rate of the centroidal momentum at zero `dv`, linear then angular about the COM [N, N m].
+
+    The joints that the world carries bear that rate and the weight.
+
+    Args:
+        motion: the robot's motion.
+        out: receives the six numbers.
+        at: where in `out`.
+    """
+    for i in range(3):
+        out[at + i] = motion.mass * motion.gravity[i]
+        out[at + 3 + i] = 0.0
+    for root in motion.roots:
+        R, f = motion.placements[root], motion.forces[root]
+        fx = R[0] * f[0] + R[3] * f[1] + R[6] * f[2]
+        fy = R[1] * f[0] + R[4] * f[1] + R[7] * f[2]
+        fz = R[2] * f[0] + R[5] * f[1] + R[8] * f[2]
+        x, y, z = R[9] - motion.com[0], R[10] - motion.com[1], R[11] - motion.com[2]
+        out[at] += fx
+        out[at + 1] += fy
+        out[at + 2] += fz
+        out[at + 3] += R[0] * f[3] + R[3] * f[4] + R[6] * f[5] + y * fz - z * fy
+        out[at + 4] += R[1] * f[3] + R[4] * f[4] + R[7] * f[5] + z * fx - x * fz
+        out[at + 5] += R[2] * f[3] + R[5] * f[4] + R[8] * f[5] + x * fy - y * fx
+
+
+@compiled
+def evaluate_centroid(
+    motion: Motion, v: Float64[np.ndarray, " nv"], out: Float64[np.ndarray, "12"]
+) -> None:
+    """Centroidal momentum [kg m/s, kg m^2/s], then its rate at zero `dv` [N, N m].
+
+    Args:
+        motion: the robot's motion.
+        v: velocity of the robot.
+        out: receives them, linear before angular.
+    """
+    for i in range(6):
+        out[i] = 0.0
+    for k in range(len(v)):
+        for i in range(6):
+            out[i] += motion.momentum[i, k] * v[k]
+    momentum_rate(motion, out, 6)

@@ -1,0 +1,197 @@
+"""`Evaluation`: the shipped tasks and contacts of a set, evaluated by one compiled call."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float64, Int64
+
+from poise.dynamics import Dynamics, frames_of, motion_of
+from poise.robots import Robot
+from poise.stack._kernels import ENTRIES, WORK, Kind, Owners, Rows, evaluate
+
+
+class Owner:
+    """A task or contact whose formulas are compiled.
+
+    Attributes:
+        kind: which formulas.
+        dim: number of rows.
+        parameters: all that they read, see `_kernels`; the array stays the same.
+        frame_ids: frames that they need.
+        chosen: components that have rows, or coordinates of `v`.
+        turns: whether there is a target rotation.
+        sine: whether the orientation error is the sine.
+        evaluation: who evaluated it last.
+        jacobian: J of its rows; as the two below, a view that the next evaluation overwrites.
+        drift: their acceleration at zero `dv`.
+        reference: their reference acceleration.
+    """
+
+    kind: Kind
+    dim: int
+    parameters: Float64[np.ndarray, " p"]
+    frame_ids: tuple[int, ...] = ()
+    chosen: Int64[np.ndarray, " c"] = np.zeros(0, dtype=np.int64)
+    turns = False
+    sine = False
+    evaluation: "Evaluation | None" = None
+    jacobian: Float64[np.ndarray, "m nv"]
+    drift: Float64[np.ndarray, " m"]
+    reference: Float64[np.ndarray, " m"]
+    _alone: "Evaluation | None" = None
+
+    def evaluate_alone(self, dynamics: Dynamics) -> Rows:
+        """Evaluates it apart from all others.
+
+        Args:
+            dynamics: the state, up to date.
+        """
+        if self._alone is None:
+            wrench_dim = self.dim if self.kind is Kind.CONTACT else 0
+            whole = slice(0, self.dim)
+            self._alone = Evaluation(dynamics.robot, [self], [whole], self.dim, wrench_dim)
+        self._alone.update(dynamics)
+        return self._alone.rows
+
+    def hold(self, dynamics: Dynamics) -> None:
+        """Takes what was never set of its target from the robot.
+
+        Args:
+            dynamics: the state, up to date.
+        """
+
+    def view(self, rows: Rows, own: slice, nv: int) -> None:
+        """Takes views of its rows as its attributes.
+
+        Args:
+            rows: what was evaluated.
+            own: its rows.
+            nv: columns of its Jacobian.
+        """
+        self.jacobian = rows.matrix[rows.first + own.start : rows.first + own.stop, :nv]
+        self.drift, self.reference = rows.drift[own], rows.reference[own]
+
+    def write_constants(self, J: Float64[np.ndarray, "m nv"]) -> None:
+        """Writes coefficients that never change.
+
+        Args:
+            J: its rows, zero.
+        """
+
+
+class Evaluation:
+    """Evaluates some tasks and contacts together.
+
+    Args:
+        robot: the robot that they are bound to.
+        owners: tasks and contacts.
+        places: the rows of each.
+        count: rows in all, those of others between them included.
+        wrench_dim: length of all wrenches; contacts come first.
+
+    Attributes:
+        rows: what was written.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        owners: Sequence[Owner],
+        places: Sequence[slice],
+        count: int,
+        wrench_dim: int,
+    ) -> None:
+        self._owners, self._places, self._nv = tuple(owners), tuple(places), robot.nv
+        self._parameters = [owner.parameters for owner in owners]
+        table = np.zeros((len(owners), ENTRIES), dtype=np.int64)
+        start = frames = chosen = 0
+        for line, owner, place in zip(table, owners, places, strict=True):
+            root = frames + len(owner.frame_ids) - 1
+            turns, sine = int(owner.turns), int(owner.sine)
+            first = [int(owner.kind), place.start, owner.dim, start, frames, root, chosen]
+            line[:] = [*first, turns, sine]
+            start += len(owner.parameters)
+            frames += len(owner.frame_ids)
+            chosen += len(owner.chosen)
+        self._inputs = Owners(
+            table,
+            np.concatenate([np.zeros(0, dtype=np.int64), *(o.chosen for o in owners)]),
+            np.zeros(start),
+            frames_of(robot.model, [i for owner in owners for i in owner.frame_ids]),
+        )
+        self._work = np.zeros(WORK)
+        self._count, self._wrench_dim = count, wrench_dim
+        target = np.zeros(count)
+        wrenches = np.zeros(wrench_dim), np.zeros(wrench_dim)
+        self.write_into(np.zeros((count, robot.nv)), 0, target, target, np.ones(count), *wrenches)
+        self._compile(robot)
+
+    def write_into(
+        self,
+        matrix: Float64[np.ndarray, "rows columns"],
+        first: int,
+        target: Float64[np.ndarray, " m"],
+        upper: Float64[np.ndarray, " m"],
+        weight: Float64[np.ndarray, " m"],
+        wrench_lower: Float64[np.ndarray, " w"],
+        wrench_upper: Float64[np.ndarray, " w"],
+    ) -> None:
+        """Has everything written there from now on, see `Rows`."""
+        drift, reference, error, rate, feedforward = np.zeros((5, self._count))
+        self.rows = Rows(
+            matrix,
+            target,
+            upper,
+            weight,
+            drift,
+            reference,
+            error,
+            rate,
+            feedforward,
+            wrench_lower,
+            wrench_upper,
+            first,
+        )
+        # Rows are written where a joint moves them; elsewhere they stay zero.
+        for owner, place in zip(self._owners, self._places, strict=True):
+            J = matrix[first + place.start : first + place.stop, : self._nv]
+            J[:] = 0.0
+            owner.write_constants(J)
+            owner.evaluation = None
+
+    def update(self, dynamics: Dynamics, *, velocities: bool = False) -> None:
+        """Evaluates all for one state; tasks without a target hold what the robot does now.
+
+        Args:
+            dynamics: the state, up to date.
+            velocities: whether right-hand sides are velocities, not accelerations.
+        """
+        if not self._owners:
+            return
+        if not self._run(dynamics, velocities):
+            for owner in self._owners:
+                owner.hold(dynamics)
+            self._run(dynamics, velocities)
+        for owner in self._owners:
+            if owner.evaluation is not self:
+                self._hand_out()
+                break
+
+    def _compile(self, robot: Robot) -> None:
+        """Evaluates nothing once, so that nothing is compiled in a tick."""
+        motion = motion_of(robot.model, robot.model.createData())
+        nobody = self._inputs._replace(table=self._inputs.table[:0])
+        evaluate(
+            np.zeros(robot.nq), np.zeros(robot.nv), motion, nobody, self.rows, False, self._work
+        )
+
+    def _run(self, dynamics: Dynamics, velocities: bool) -> bool:
+        np.concatenate(self._parameters, out=self._inputs.parameters)
+        return evaluate(
+            dynamics.q, dynamics.v, dynamics.motion, self._inputs, self.rows, velocities, self._work
+        )
+
+    def _hand_out(self) -> None:
+        for owner, place in zip(self._owners, self._places, strict=True):
+            owner.view(self.rows, place, self._nv)
+            owner.evaluation = self

@@ -1,0 +1,482 @@
+"""The formulas of tasks and contacts, compiled: what each kind writes into the rows of a stack.
+
+All that they read of a task stands in one array, its parameters: the rows of `Gains`, each as long
+as the task, then its target. A number that nobody gave is NaN.
+"""
+
+from enum import IntEnum
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float64, Int64
+
+from poise._compiled import compiled, part
+from poise.dynamics import (
+    BIAS,
+    KINEMATICS,
+    ROTATION,
+    VELOCITY,
+    Frames,
+    Motion,
+    column_at,
+    momentum_rate,
+    place_frame,
+    sine_between,
+    turn_between,
+    turn_to_world,
+)
+
+
+class Kind(IntEnum):
+    """What a task or contact is."""
+
+    CONTACT = 0
+    COM = 1
+    MOMENTUM = 2
+    JOINTS = 3
+    FRAME = 4
+    RELATIVE_FRAME = 5
+
+
+CONTACT, COM, MOMENTUM, JOINTS, FRAME = (int(kind) for kind in list(Kind)[:5])
+
+KP, KD, WEIGHT, RATE, ACCELERATION, SPEED, GAINS = range(7)
+"""Rows of a task's gains: stiffness, damping, weight, kp / kd, and what `set_acceleration` and
+`set_velocity` were given; how many there are."""
+
+KIND, FIRST, COUNT, START, FRAME_INDEX, ROOT_INDEX, CHOSEN, TURNS, SINE, ENTRIES = range(10)
+"""Columns of the table of owners: kind, first row and number of rows, where its parameters begin,
+its frames in `Frames`, where its choice of components begins, whether it turns, and how."""
+
+TARGET_ROTATION, TARGET_VELOCITY, TARGET_ACCELERATION, TARGET_SIZE = 3, 12, 18, 24
+"""Where the parts of a frame's target begin after its position, and how long it is."""
+
+WORK = 3 * KINEMATICS
+"""Numbers of work space: two frames, and what is worked out from them."""
+
+
+class Rows(NamedTuple):
+    """Where the rows are written.
+
+    Attributes:
+        matrix: receives the coefficients; rows begin at `first`, in the first columns.
+        target: receives the right-hand sides: reference - drift, or velocities.
+        upper: receives them again, as the upper bounds of equalities.
+        weight: receives the weight of each row.
+        drift: receives accelerations at zero `dv`.
+        reference: receives reference accelerations.
+        error: receives target minus actual.
+        error_rate: receives its rate.
+        feedforward: receives the targets' accelerations.
+        wrench_lower: receives lower bounds of all wrenches [N, N m].
+        wrench_upper: receives the upper ones.
+        first: the matrix's row of the first row.
+    """
+
+    matrix: Float64[np.ndarray, "rows columns"]
+    target: Float64[np.ndarray, " m"]
+    upper: Float64[np.ndarray, " m"]
+    weight: Float64[np.ndarray, " m"]
+    drift: Float64[np.ndarray, " m"]
+    reference: Float64[np.ndarray, " m"]
+    error: Float64[np.ndarray, " m"]
+    error_rate: Float64[np.ndarray, " m"]
+    feedforward: Float64[np.ndarray, " m"]
+    wrench_lower: Float64[np.ndarray, " w"]
+    wrench_upper: Float64[np.ndarray, " w"]
+    first: int
+
+
+class Owners(NamedTuple):
+    """Who the rows belong to.
+
+    Attributes:
+        table: an owner a line: `KIND`, `FIRST`, ...
+        chosen: which components of its quantity each owner has rows for, or which coordinates.
+        parameters: of all owners, one after another.
+        frames: the frames that they name.
+    """
+
+    table: Int64[np.ndarray, "owners entries"]
+    chosen: Int64[np.ndarray, " c"]
+    parameters: Float64[np.ndarray, " p"]
+    frames: Frames
+
+
+@compiled
+def evaluate(
+    q: Float64[np.ndarray, " nq"],
+    v: Float64[np.ndarray, " nv"],
+    motion: Motion,
+    owners: Owners,
+    rows: Rows,
+    velocities: bool,
+    work: Float64[np.ndarray, " work"],
+) -> bool:
+    """Writes the rows of all owners for one state.
+
+    Args:
+        q: configuration.
+        v: velocity.
+        motion: what the dynamics found for them.
+        owners: tasks and contacts.
+        rows: receives their rows.
+        velocities: whether right-hand sides are velocities, not accelerations.
+        work: `WORK` numbers.
+
+    Returns:
+        Whether every task has a target; where one has none the rows are not finished.
+    """
+    for i in range(len(owners.table)):
+        line = owners.table[i]
+        kind, target = int(line[KIND]), int(line[START] + GAINS * line[COUNT])
+        if kind == CONTACT:
+            _contact(motion, owners, line, rows, velocities, work)
+            continue
+        parameters = owners.parameters
+        if np.isnan(parameters[target]):
+            return False
+        if line[TURNS] and np.isnan(parameters[target + TARGET_ROTATION]):
+            return False
+        if kind == COM:
+            _com(v, motion, owners, line, rows, velocities, work)
+        elif kind == MOMENTUM:
+            _momentum(v, motion, owners, line, rows, velocities, work)
+        elif kind == JOINTS:
+            _joints(q, v, owners, line, rows, velocities)
+        elif kind == FRAME:
+            _frame(motion, owners, line, rows, velocities, work)
+        else:
+            _relative_frame(motion, owners, line, rows, velocities, work)
+    return True
+
+
+@part
+def _write(
+    rows: Rows,
+    parameters: Float64[np.ndarray, " p"],
+    line: Int64[np.ndarray, " entries"],
+    i: int,
+    error: float,
+    error_rate: float,
+    feedforward: float,
+    drift: float,
+    velocity: float,
+    velocities: bool,
+) -> None:
+    """All of a task's row but its coefficients: PD feedback, or what was given in its place.
+
+    At velocity level the error is fed back beside the target's velocity: `velocity` plus kp / kd
+    times the error.
+    """
+    m, gains = line[COUNT], line[START]
+    row = line[FIRST] + i
+    reference = parameters[gains + ACCELERATION * m + i]
+    if np.isnan(reference):
+        kp, kd = parameters[gains + KP * m + i], parameters[gains + KD * m + i]
+        reference = kp * error + kd * error_rate + feedforward
+    asked = reference - drift
+    if velocities:
+        asked = parameters[gains + SPEED * m + i]
+        if np.isnan(asked):
+            asked = velocity + parameters[gains + RATE * m + i] * error
+    rows.target[row] = rows.upper[row] = asked
+    rows.weight[row] = parameters[gains + WEIGHT * m + i]
+    rows.drift[row], rows.reference[row], rows.feedforward[row] = drift, reference, feedforward
+    rows.error[row], rows.error_rate[row] = error, error_rate
+
+
+@part
+def _contact(
+    motion: Motion,
+    owners: Owners,
+    line: Int64[np.ndarray, " entries"],
+    rows: Rows,
+    velocities: bool,
+    work: Float64[np.ndarray, " work"],
+) -> None:
+    """A contact's frame along its own axes; parameters: damping, then bounds of the wrench."""
+    frame, first, m = line[FRAME_INDEX], line[FIRST], line[COUNT]
+    frames, parameters, at = owners.frames, owners.parameters, line[START]
+    place_frame(motion, frames, frame, work, 0)
+    for k in range(frames.starts[frame], frames.starts[frame + 1]):
+        column = int(frames.columns[k])
+        x = column_at(motion, column, work[0], work[1], work[2])
+        for i in range(m):
+            # Linear rows along the frame's axes, then angular ones.
+            o, axis = 3 * (i // 3), ROTATION + i % 3
+            rows.matrix[rows.first + first + i, column] = (
+                work[axis] * x[o] + work[axis + 3] * x[o + 1] + work[axis + 6] * x[o + 2]
+            )
+    for i in range(m):
+        drift, reference = work[BIAS + i], -parameters[at] * work[VELOCITY + i]
+        rows.drift[first + i], rows.reference[first + i] = drift, reference
+        asked = 0.0 if velocities else reference - drift
+        rows.target[first + i] = rows.upper[first + i] = asked
+        rows.wrench_lower[first + i] = parameters[at + 1 + i]
+        rows.wrench_upper[first + i] = parameters[at + 1 + m + i]
+
+
+@part
+def _com(
+    v: Float64[np.ndarray, " nv"],
+    motion: Motion,
+    owners: Owners,
+    line: Int64[np.ndarray, " entries"],
+    rows: Rows,
+    velocities: bool,
+    work: Float64[np.ndarray, " work"],
+) -> None:
+    """The COM; its Jacobian and drift are the linear momentum's over the mass."""
+    parameters, m = owners.parameters, line[COUNT]
+    momentum_rate(motion, work, 0)
+    for i in range(m):
+        axis = int(owners.chosen[line[CHOSEN] + i])
+        row, actual = rows.first + line[FIRST] + i, 0.0
+        for k in range(len(v)):
+            x = motion.momentum[axis, k] / motion.mass
+            rows.matrix[row, k] = x
+            actual += x * v[k]
+        target = int(line[START] + GAINS * m) + axis
+        velocity = parameters[target + 3]
+        _write(
+            rows,
+            parameters,
+            line,
+            i,
+            parameters[target] - motion.com[axis],
+            velocity - actual,
+            parameters[target + 6],
+            work[axis] / motion.mass,
+            velocity,
+            velocities,
+        )
+
+
+@part
+def _momentum(
+    v: Float64[np.ndarray, " nv"],
+    motion: Motion,
+    owners: Owners,
+    line: Int64[np.ndarray, " entries"],
+    rows: Rows,
+    velocities: bool,
+    work: Float64[np.ndarray, " work"],
+) -> None:
+    """The angular momentum about the COM; its target's first rate is the feedforward."""
+    parameters, m = owners.parameters, line[COUNT]
+    momentum_rate(motion, work, 0)
+    for i in range(m):
+        axis = int(owners.chosen[line[CHOSEN] + i])
+        row, actual = rows.first + line[FIRST] + i, 0.0
+        for k in range(len(v)):
+            x = motion.momentum[3 + axis, k]
+            rows.matrix[row, k] = x
+            actual += x * v[k]
+        target = int(line[START] + GAINS * m) + axis
+        error = parameters[target] - actual
+        _write(
+            rows,
+            parameters,
+            line,
+            i,
+            error,
+            error,
+            parameters[target + 3],
+            work[3 + axis],
+            parameters[target],
+            velocities,
+        )
+
+
+@part
+def _joints(
+    q: Float64[np.ndarray, " nq"],
+    v: Float64[np.ndarray, " nv"],
+    owners: Owners,
+    line: Int64[np.ndarray, " entries"],
+    rows: Rows,
+    velocities: bool,
+) -> None:
+    """Single joints, whose coefficients are constant and stand there already."""
+    parameters, m = owners.parameters, int(line[COUNT])
+    for i in range(m):
+        joint = int(owners.chosen[line[CHOSEN] + i])
+        target = int(line[START] + GAINS * m) + i
+        velocity = parameters[target + m]
+        _write(
+            rows,
+            parameters,
+            line,
+            i,
+            parameters[target] - q[joint + len(q) - len(v)],
+            velocity - v[joint],
+            parameters[target + 2 * m],
+            0.0,
+            velocity,
+            velocities,
+        )
+
+
+@part
+def _frame(
+    motion: Motion,
+    owners: Owners,
+    line: Int64[np.ndarray, " entries"],
+    rows: Rows,
+    velocities: bool,
+    work: Float64[np.ndarray, " work"],
+) -> None:
+    """A frame's pose along the world's axes."""
+    frame, m, error = line[FRAME_INDEX], line[COUNT], KINEMATICS
+    frames, parameters = owners.frames, owners.parameters
+    target = int(line[START] + GAINS * m)
+    place_frame(motion, frames, frame, work, 0)
+    turn_to_world(work, 0)
+    for i in range(3):
+        work[error + i] = parameters[target + i] - work[i]
+    if line[SINE]:
+        sine_between(parameters, target + TARGET_ROTATION, work, ROTATION, work, error + 3)
+    elif line[TURNS]:
+        turn_between(parameters, target + TARGET_ROTATION, work, ROTATION, work, error + 3)
+    for k in range(frames.starts[frame], frames.starts[frame + 1]):
+        column = int(frames.columns[k])
+        x = column_at(motion, column, work[0], work[1], work[2])
+        for i in range(m):
+            component = int(owners.chosen[line[CHOSEN] + i])
+            rows.matrix[rows.first + line[FIRST] + i, column] = x[component]
+    for i in range(m):
+        component = int(owners.chosen[line[CHOSEN] + i])
+        velocity = parameters[target + TARGET_VELOCITY + component]
+        _write(
+            rows,
+            parameters,
+            line,
+            i,
+            work[error + component],
+            velocity - work[VELOCITY + component],
+            parameters[target + TARGET_ACCELERATION + component],
+            work[BIAS + component],
+            velocity,
+            velocities,
+        )
+
+
+@part
+def _relative_frame(
+    motion: Motion,
+    owners: Owners,
+    line: Int64[np.ndarray, " entries"],
+    rows: Rows,
+    velocities: bool,
+    work: Float64[np.ndarray, " work"],
+) -> None:
+    """A frame's pose as seen from another, along the other's axes; targets are at rest."""
+    m, other, error = line[COUNT], KINEMATICS, 2 * KINEMATICS
+    parameters, target = owners.parameters, int(line[START] + GAINS * m)
+    place_frame(motion, owners.frames, line[FRAME_INDEX], work, 0)
+    turn_to_world(work, 0)
+    place_frame(motion, owners.frames, line[ROOT_INDEX], work, other)
+    turn_to_world(work, other)
+    _relative_columns(motion, owners, line, rows, work)
+    _see_from(work, other)
+    for i in range(3):
+        work[error + i] = parameters[target + i] - work[i]
+    if line[TURNS]:
+        turn_between(parameters, target + TARGET_ROTATION, work, ROTATION, work, error + 3)
+    for i in range(m):
+        component = int(owners.chosen[line[CHOSEN] + i])
+        _write(
+            rows,
+            parameters,
+            line,
+            i,
+            work[error + component],
+            -work[VELOCITY + component],
+            0.0,
+            work[BIAS + component],
+            0.0,
+            velocities,
+        )
+
+
+@part
+def _relative_columns(
+    motion: Motion,
+    owners: Owners,
+    line: Int64[np.ndarray, " entries"],
+    rows: Rows,
+    work: Float64[np.ndarray, " work"],
+) -> None:
+    """Coefficients of a frame's motion seen from a root: of the joints between the two alone."""
+    frames, R, m = owners.frames, KINEMATICS + ROTATION, line[COUNT]
+    starts, columns = frames.starts, frames.columns
+    one, other = starts[line[FRAME_INDEX]], starts[line[ROOT_INDEX]]
+    one_end, other_end = starts[line[FRAME_INDEX] + 1], starts[line[ROOT_INDEX] + 1]
+    # What moves both stands first in either list, and moves neither against the other.
+    while one < one_end and other < other_end and columns[one] == columns[other]:
+        one, other = one + 1, other + 1
+    for k in range(one_end - one + other_end - other):
+        ahead = k < one_end - one
+        column = int(columns[one + k] if ahead else columns[other + k - (one_end - one)])
+        # A root that turns carries the point where the frame is with it.
+        x = column_at(motion, column, work[0], work[1], work[2])
+        sign = 1.0 if ahead else -1.0
+        for i in range(m):
+            component = int(owners.chosen[line[CHOSEN] + i])
+            o, axis = 3 * (component // 3), R + component % 3
+            seen = work[axis] * x[o] + work[axis + 3] * x[o + 1] + work[axis + 6] * x[o + 2]
+            rows.matrix[rows.first + line[FIRST] + i, column] = sign * seen
+
+
+@part
+def _see_from(work: Float64[np.ndarray, " work"], root: int) -> None:
+    """Turns a frame's place and motion in the world into those seen from a root, in its axes.
+
+    With offset p_f - p_r and slip v_f - v_r, the velocity seen is slip - omega_r x offset, and the
+    drift carries the centripetal and Coriolis terms of the turning root.
+
+    Args:
+        work: the frame at 0; it is overwritten.
+        root: where the root's numbers begin.
+    """
+    w = root + VELOCITY + 3
+    for i in range(3):
+        work[i] -= work[root + i]
+    for i in range(6):
+        work[VELOCITY + i] -= work[root + VELOCITY + i]
+        work[BIAS + i] -= work[root + BIAS + i]
+    _subtract_cross(work, root + BIAS + 3, 0, BIAS)
+    _subtract_cross(work, w, VELOCITY, BIAS)
+    _subtract_cross(work, w, 0, VELOCITY)
+    _subtract_cross(work, w, VELOCITY, BIAS)
+    _subtract_cross(work, w, VELOCITY + 3, BIAS + 3)
+    R = root + ROTATION
+    for first in (0, VELOCITY, VELOCITY + 3, BIAS, BIAS + 3):
+        _turn_back(work, R, first, 1)
+    for column in range(3):
+        _turn_back(work, R, ROTATION + column, 3)
+
+
+@part
+def _subtract_cross(work: Float64[np.ndarray, " work"], a: int, b: int, out: int) -> None:
+    """Out -= a x b."""
+    ax, ay, az, bx, by, bz = (
+        work[a],
+        work[a + 1],
+        work[a + 2],
+        work[b],
+        work[b + 1],
+        work[b + 2],
+    )
+    work[out] -= ay * bz - az * by
+    work[out + 1] -= az * bx - ax * bz
+    work[out + 2] -= ax * by - ay * bx
+
+
+@part
+def _turn_back(work: Float64[np.ndarray, " work"], R: int, at: int, step: int) -> None:
+    """R^T times a vector, in place; its components stand a step apart."""
+    x, y, z = work[at], work[at + step], work[at + 2 * step]
+    for i in range(3):
+        work[at + i * step] = work[R + i] * x + work[R + 3 + i] * y + work[R + 6 + i] * z

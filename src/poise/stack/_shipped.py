@@ -1,0 +1,207 @@
+"""`ShippedTask`: a task whose formulas are compiled, so that many cost one call.
+
+`VectorTarget` and `PoseTarget`: what such a task is told, in the array that its formulas read.
+"""
+
+from typing import Generic, TypeVar
+
+import numpy as np
+from jaxtyping import Float64
+
+from poise._checks import Numbers
+from poise.dynamics import Dynamics
+from poise.robots import Robot
+from poise.stack._axes import checked_rotation, checked_target
+from poise.stack._evaluation import Owner
+from poise.stack._kernels import (
+    GAINS,
+    TARGET_ROTATION,
+    TARGET_SIZE,
+    TARGET_VELOCITY,
+    Rows,
+)
+from poise.stack._task import Task
+
+
+class VectorTarget:
+    """A moving target for a vector, or "where you are" until one is set.
+
+    Args:
+        dim: length of the vector.
+        what: what messages call it.
+
+    Attributes:
+        memory: position, velocity and acceleration, one after another; NaN for no position.
+    """
+
+    def __init__(self, dim: int, what: str) -> None:
+        self._dim, self._what, self._held = dim, what, False
+        self.memory: Float64[np.ndarray, " k"] = np.zeros(3 * dim)
+        self.memory[:dim] = np.nan
+
+    def set(
+        self,
+        position: Numbers,
+        velocity: Numbers | None = None,
+        acceleration: Numbers | None = None,
+    ) -> None:
+        """Sets the target; rates that are not given are zero.
+
+        Raises:
+            TargetError: wrong shape, NaN or infinite.
+        """
+        new = np.zeros((3, self._dim))
+        new[0] = checked_target(position, self._dim, f"target of {self._what}")
+        if velocity is not None:
+            new[1] = checked_target(velocity, self._dim, f"target velocity of {self._what}")
+        if acceleration is not None:
+            what = f"target acceleration of {self._what}"
+            new[2] = checked_target(acceleration, self._dim, what)
+        self.memory[:] = new.ravel()
+        self._held = False
+
+    @property
+    def position(self) -> Float64[np.ndarray, " m"] | None:
+        """A copy of the position; None until one is set or held."""
+        return None if np.isnan(self.memory[0]) else self.memory[: self._dim].copy()
+
+    def hold(self, actual: Float64[np.ndarray, " m"]) -> None:
+        """Makes the actual value the target where none was set."""
+        if np.isnan(self.memory[0]):
+            self.memory[: self._dim] = actual
+            self._held = True
+
+    def release_hold(self) -> None:
+        """Forgets a target that was taken from the robot."""
+        if self._held:
+            self.memory[: self._dim], self._held = np.nan, False
+
+
+class PoseTarget:
+    """A moving target for a pose, each half "where you are" until it is set.
+
+    Args:
+        what: what messages call it.
+
+    Attributes:
+        memory: position, rotation row by row, velocity and acceleration, linear before angular;
+            NaN for what is not set.
+    """
+
+    def __init__(self, what: str) -> None:
+        self._what = what
+        self._held = np.zeros(TARGET_VELOCITY, dtype=np.bool_)
+        self.memory: Float64[np.ndarray, "24"] = np.zeros(TARGET_SIZE)
+        self.memory[:TARGET_VELOCITY] = np.nan
+
+    def set(
+        self,
+        position: Numbers | None,
+        rotation: Numbers | None,
+        velocity: Numbers | None = None,
+        acceleration: Numbers | None = None,
+    ) -> None:
+        """Sets what is given; rates belong to what is given beside them.
+
+        Raises:
+            TargetError: wrong shape, NaN, or not a rotation.
+        """
+        rates = np.zeros((2, 6))
+        if velocity is not None:
+            rates[0] = checked_target(velocity, 6, f"target velocity of {self._what}")
+        if acceleration is not None:
+            rates[1] = checked_target(acceleration, 6, f"target acceleration of {self._what}")
+        turn = None
+        if rotation is not None:
+            turn = checked_rotation(rotation, f"target rotation of {self._what}")
+        if position is not None:
+            self._put(_POSITION, checked_target(position, 3, f"target of {self._what}"))
+        if turn is not None:
+            self._put(_ROTATION, turn.ravel())
+        known = self.memory[TARGET_VELOCITY:].reshape(2, 6)
+        if position is not None or rotation is None:
+            known[:, :3] = rates[:, :3]
+        if rotation is not None or position is None:
+            known[:, 3:] = rates[:, 3:]
+
+    @property
+    def position(self) -> Float64[np.ndarray, "3"] | None:
+        """A copy of the position [m]; None until one is set or held."""
+        return None if np.isnan(self.memory[0]) else self.memory[_POSITION].copy()
+
+    @property
+    def rotation(self) -> Float64[np.ndarray, "3 3"] | None:
+        """A copy of the rotation; None until one is set or held."""
+        rotation = self.memory[_ROTATION]
+        return None if np.isnan(rotation[0]) else rotation.reshape(3, 3).copy()
+
+    def hold(
+        self,
+        position: Float64[np.ndarray, "3"],
+        rotation: Float64[np.ndarray, "3 3"] | None,
+    ) -> None:
+        """Makes the actual values the target where none was set; no rotation where it is None."""
+        for part, actual in ((_POSITION, position), (_ROTATION, rotation)):
+            if actual is not None and np.isnan(self.memory[part.start]):
+                self.memory[part] = actual.ravel()
+                self._held[part] = True
+
+    def release_hold(self) -> None:
+        """Forgets what was taken from the robot."""
+        self.memory[:TARGET_VELOCITY][self._held] = np.nan
+        self._held[:] = False
+
+    def _put(self, part: slice, value: Float64[np.ndarray, " m"]) -> None:
+        self.memory[part] = value
+        self._held[part] = False
+
+
+_POSITION, _ROTATION = slice(0, TARGET_ROTATION), slice(TARGET_ROTATION, TARGET_VELOCITY)
+
+
+T = TypeVar("T", VectorTarget, PoseTarget)
+
+
+class ShippedTask(Owner, Task, Generic[T]):
+    """A task whose formulas stand in `_kernels`.
+
+    A subclass says in its attributes which, and keeps what it is told in its target. One that has
+    an `_evaluate` of its own is evaluated in Python, like any task; what it calls by `super()` is
+    compiled.
+    """
+
+    _target: T
+
+    def bind(self, robot: Robot) -> None:
+        """Resolves names and puts all that the formulas read into one array."""
+        if self.is_bound_to(robot):
+            return
+        super().bind(robot)
+        target, gains = self._target, self._gain_rows
+        self.parameters = np.concatenate((gains.ravel(), target.memory))
+        self._take_gains(self.parameters[: gains.size].reshape(GAINS, self.dim))
+        target.memory = self.parameters[gains.size :]
+
+    def reset(self) -> None:
+        """Forgets a target that was taken from the robot."""
+        self._target.release_hold()
+
+    def view(self, rows: Rows, own: slice, nv: int) -> None:
+        """Takes views of its rows as its attributes.
+
+        Args:
+            rows: what was evaluated.
+            own: its rows.
+            nv: columns of its Jacobian.
+        """
+        super().view(rows, own, nv)
+        self.error, self.error_rate = rows.error[own], rows.error_rate[own]
+
+    @property
+    def is_compiled(self) -> bool:
+        """Whether nothing but the compiled formulas says what it does."""
+        kind = type(self)
+        return kind._evaluate is ShippedTask._evaluate and kind.evaluate is Task.evaluate
+
+    def _evaluate(self, dynamics: Dynamics) -> Float64[np.ndarray, " m"]:
+        return self.evaluate_alone(dynamics).feedforward

@@ -1,0 +1,149 @@
+"""The first use on a machine: seen, kept once, and possible wherever nothing can be kept."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+SOURCE = """
+from poise._compiled import compiled, part, say_if_slow
+
+@part
+def scaled(x: float, times: int) -> float:
+    return times * x
+
+@compiled
+def run(x: float) -> float:
+    return scaled(x, 2) + scaled(x, 5)
+"""
+
+ASK = """
+import gc, logging, sys
+logging.basicConfig(format="%(message)s")
+import source
+{before}
+source.say_if_slow(source.run, "the test")
+print(source.run(1.0), sum(source.run.stats.cache_hits.values()), gc.isenabled())
+print(len(source.run.signatures), len(source.scaled.signatures))
+"""
+
+
+@pytest.fixture
+def folder(tmp_path):
+    (tmp_path / "source.py").write_text(SOURCE)
+    (tmp_path / "cache").mkdir()
+    return tmp_path
+
+
+def start(folder, before="", **environment):
+    known = [p for p in sys.path if p]
+    return subprocess.Popen(
+        [sys.executable, "-B", "-c", ASK.format(before=before)],
+        cwd=folder,
+        env={
+            **os.environ,
+            "PYTHONPATH": os.pathsep.join([str(folder), *known]),
+            "NUMBA_CACHE_DIR": str(folder / "cache"),
+            **environment,
+        },
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+def finish(process):
+    """How often code came from the disk, and what was said."""
+    out, err = process.communicate(timeout=300)
+    assert process.returncode == 0, err
+    answer, hits, collects = out.splitlines()[0].split()
+    assert float(answer) == 7.0
+    assert collects == "True"
+    return int(hits), err, out.splitlines()[1]
+
+
+def ask(folder, before="", **environment):
+    return finish(start(folder, before, **environment))
+
+
+def test_it_is_announced_once_and_compiled_once_whatever_numbers_a_call_names(folder):
+    hits, said, signatures = ask(folder)
+    assert hits == 0
+    assert "compiling the test, once on this machine: 2 functions" in said
+    assert "compiled the test in" in said
+    assert str(folder / "cache") in said
+    assert signatures == "1 1"
+    assert ask(folder) == (1, "", "1 0")
+
+
+def test_a_bar_where_somebody_looks_on(folder):
+    looks_on = "sys.stderr.isatty = lambda: True"
+    _, said, _ = ask(folder, looks_on)
+    assert "compiling the test, once on this machine [#######" in said
+    assert "30%" in said
+    assert "s left" in said
+
+
+def test_two_processes_at_once(folder):
+    both = [start(folder), start(folder)]
+    for process in both:
+        finish(process)
+    assert ask(folder)[0] == 1
+
+
+def test_another_processor_has_code_of_its_own(folder):
+    ask(folder)
+    hits, said, _ = ask(folder, NUMBA_CPU_NAME="generic", NUMBA_CPU_FEATURES="")
+    assert hits == 0
+    assert "compiling the test" in said
+    assert ask(folder)[0] == ask(folder, NUMBA_CPU_NAME="generic", NUMBA_CPU_FEATURES="")[0] == 1
+
+
+FULL = """
+import errno
+from numba.core.caching import IndexDataCacheFile
+def full(*_):
+    raise OSError(errno.ENOSPC, "No space left on device")
+IndexDataCacheFile.{what} = full
+"""
+
+
+@pytest.mark.parametrize("what", ["_save_data", "_save_index"])
+def test_a_full_disk(folder, what):
+    hits, said, _ = ask(folder, FULL.format(what=what))
+    assert hits == 0
+    assert "compiled code cannot be written in" in said
+    assert "No space left on device" in said
+    assert "NUMBA_CACHE_DIR" in said
+    assert ask(folder)[0] == 0
+    assert ask(folder)[0] == 1
+
+
+def test_code_of_another_version_is_never_taken_where_a_disk_was_full(folder):
+    ask(folder)
+    (folder / "source.py").write_text(SOURCE.replace("return times", "return 2.0 * times"))
+    for before in (FULL.format(what="_save_data"), ""):
+        out, err = start(folder, before).communicate(timeout=300)
+        assert out.startswith("14.0 0"), err
+
+
+def test_a_damaged_file(folder):
+    ask(folder)
+    for path in (folder / "cache").rglob("source.run*"):
+        path.write_bytes(path.read_bytes()[:-40])
+    assert ask(folder)[0] == 0
+    assert ask(folder)[0] == 1
+
+
+def test_no_folder_that_can_be_written(folder):
+    nowhere = """
+from poise._compiled import _kept_code
+from numba.core.caching import CacheImpl
+CacheImpl._locator_classes = []
+import importlib
+source = importlib.reload(source)
+"""
+    hits, said, _ = ask(folder, nowhere)
+    assert hits == 0
+    assert "not kept: no folder can be written" in said

@@ -1,0 +1,61 @@
+"""Parts of the cascade by themselves: the space that levels leave, and how a backend is called."""
+
+import numpy as np
+import pytest
+
+from poise.hqp import HierarchicalProblem, Level, SolveStatus
+from poise.hqp._backends import QP, QpsolversBackend, make_backend
+from poise.hqp._cascade import CascadeSolver, Reduction
+
+
+def test_what_projection_leaves_of_a_dependent_row_is_exactly_nothing():
+    rng = np.random.default_rng(0)
+    row, other = rng.standard_normal((1, 6)), rng.standard_normal((1, 6))
+    levels = [Level(row, 0.0, 0.0), Level(np.vstack([row / 3.0, other]), 0.0, 0.0)]
+    space = Reduction(HierarchicalProblem(levels))
+    space.hold(space.level_rows(0), np.array([True]))
+    left = space.rows(space.level_rows(1)).A
+    assert space.freedom == 5
+    np.testing.assert_array_equal(left[0], 0.0)
+    # Of the other row the part along the first is gone.
+    unit = row[0] / np.linalg.norm(row)
+    across = other[0] - (other[0] @ unit) * unit
+    assert np.linalg.norm(left[1]) == pytest.approx(np.linalg.norm(across))
+
+
+@pytest.mark.parametrize("backend", sorted(QpsolversBackend.SETTINGS), indirect=True)
+def test_a_time_limit_reaches_the_one_backend_that_has_a_name_for_it(backend, monkeypatch):
+    solve, given = make_backend(backend), []
+
+    def solve_problem(problem, solver, **settings):
+        given.append(settings.get("time_limit"))
+        return qpsolvers.Solution(problem)
+
+    qpsolvers = solve._qpsolvers
+    monkeypatch.setattr(qpsolvers, "solve_problem", solve_problem)
+    qp = QP(P=np.eye(1), q=np.zeros(1), A=np.eye(1), lower=-np.ones(1), upper=np.ones(1))
+    for limit in (0.25, 0.0, np.inf):
+        solve(qp, limit)
+    assert given == ([0.25, 1e-6, None] if backend == "osqp" else [None] * 3)
+
+
+@pytest.mark.parametrize(
+    ("took", "status"), [(2.0, SolveStatus.TIME_LIMIT), (0.1, SolveStatus.INACCURATE)]
+)
+def test_a_final_cost_that_is_not_solved_is_not_called_optimal(monkeypatch, took, status):
+    now = [0.0]
+    monkeypatch.setattr("poise.hqp._cascade.perf_counter", lambda: now[0])
+    solver = CascadeSolver("daqp", time_limit=1.0)
+    solve_qp = solver._solve_qp
+
+    def fail_at_the_end(qp, limit):
+        if len(qp.lower) > 0:
+            return solve_qp(qp, limit)
+        now[0] += took
+        return None
+
+    solver._solve_qp = fail_at_the_end
+    solution = solver.solve(HierarchicalProblem([Level([[1.0, 0.0]], 1.0, 1.0)]))
+    assert now[0] >= took
+    assert solution.status is status
+    np.testing.assert_allclose(solution.x, [1.0, 0.0])

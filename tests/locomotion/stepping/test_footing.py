@@ -1,0 +1,63 @@
+"""What follows from a tick's state and mode: the ZMP's reference, support, and the COM's height."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from standing import PARAMETERS, biped, footing
+
+from poise.locomotion import Mode
+from poise.locomotion._stepping._com import ComHeight
+from poise.locomotion._stepping._reach import FootRange
+
+AWAY = (3.0, -2.0)
+
+
+def com_height(robot, height, **changes):
+    parameters = replace(PARAMETERS, **changes)
+    return ComHeight(height, FootRange(robot, biped(robot).soles, parameters), parameters)
+
+
+@pytest.mark.parametrize(("mode", "foot"), [(Mode.TL, 0), (Mode.SL, 0), (Mode.TR, 1), (Mode.SR, 1)])
+def test_the_zmp_goes_to_the_place_of_the_foot_that_shall_carry(get_robot, mode, foot):
+    now = footing(get_robot("biped20"), mode, at=AWAY)
+    np.testing.assert_array_equal(now.zmp_reference, now.anchors[foot][:2])
+
+
+def test_on_two_feet_the_zmp_goes_to_their_middle(get_robot):
+    now = footing(get_robot("biped20"), Mode.D, at=AWAY)
+    np.testing.assert_allclose(now.zmp_reference, AWAY, atol=0.1)
+    np.testing.assert_allclose(now.sole(0)[:2] + now.sole(1)[:2] - 2.0 * now.zmp_reference, 0.0)
+
+
+@pytest.mark.parametrize(("mode", "inside"), [(Mode.D, [True, True]), (Mode.SL, [True, False])])
+def test_soles_on_the_ground_support_and_others_do_not(get_robot, mode, inside):
+    now = footing(get_robot("biped20"), mode, at=AWAY)
+    depths = [now.support.depth(tuple(now.sole(foot)[:2].tolist())) for foot in (0, 1)]
+    assert [depth > 0.0 for depth in depths] == inside
+
+
+@pytest.mark.parametrize(("height", "share"), [(-0.01, 0.0), (0.01, 0.25), (0.05, 1.0)])
+def test_a_foot_is_clear_from_a_height_above_the_ground(get_robot, height, share):
+    now = footing(get_robot("biped20"), lifted=0.2)
+    ground = float(now.sole(1)[2]) - height
+    assert now.clearance(ground, 0.04) == pytest.approx(share)
+
+
+def test_the_com_comes_down_by_a_part_of_its_height_above_the_ground_that_carries(get_robot):
+    robot, lifted = get_robot("biped20"), 0.2
+    now = footing(robot, lifted=lifted)
+    com = float(now.dynamics.com[2])
+    room = com_height(robot, com, stoop_max=0.1).room_below(now)
+    assert room == pytest.approx(com - (0.9 * com - lifted))
+
+
+@pytest.mark.parametrize("height", [0.5, 2.0])
+def test_how_high_the_com_goes_does_not_depend_on_where_the_robot_is(get_robot, height):
+    """A COM that is to be higher than the legs are long, and one that is to come down."""
+    robot, changes = get_robot("biped20"), {"k_v": 0.1, "dt": 1e3}
+    speeds = []
+    for at in ((0.0, 0.0), AWAY):
+        now = footing(robot, at=at)
+        speeds.append(com_height(robot, height, **changes).velocity(now, now.sole(1)))
+    assert speeds[0] == pytest.approx(speeds[1], abs=1e-9)

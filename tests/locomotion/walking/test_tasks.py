@@ -1,0 +1,42 @@
+"""What a walk sets: which tasks, and targets that go along with a body that walks and turns."""
+
+import numpy as np
+import pytest
+
+from poise.locomotion import Stride, plan_footsteps, walking_stack
+from poise.locomotion._walking._tasks import _in_turning_axes, find_walk_tasks
+
+
+@pytest.mark.parametrize("robot", ["humanoid33", "g1"])
+def test_a_walk_sets_the_com_and_each_foots_own_task_and_contact(get_robot, robot):
+    robot = get_robot(robot)
+    plan, stack = plan_footsteps(robot, [Stride(steps=2)]), walking_stack(robot)
+    stack.bind(robot)
+    found = find_walk_tasks(robot, plan, stack, None)
+    assert found.com is stack.task("com")
+    assert [task.frame for task in found.feet] == list(plan.soles)
+    assert [contact.frame for contact in found.contacts] == list(plan.soles)
+    assert not {task.name for task in found.feet} & set(found.carried)
+
+
+def test_rates_of_a_point_in_turning_axes_are_derivatives():
+    """A point that moves along a parabola, in axes at angle psi = 0.3 + 0.8 t - 0.6 t^2."""
+    rng = np.random.default_rng(0)
+    start, velocity, acceleration = rng.normal(size=(3, 3))
+
+    def at(t):
+        angle, rate, second = 0.3 + 0.8 * t - 0.6 * t * t, 0.8 - 1.2 * t, -1.2
+        c, s = np.cos(angle), np.sin(angle)
+        motion = np.array(
+            [
+                start + t * velocity + 0.5 * t * t * acceleration,
+                velocity + t * acceleration,
+                acceleration,
+            ]
+        )
+        turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+        return _in_turning_axes(motion, turn, rate, second)
+
+    h = 1e-5
+    here, slope = at(0.4), (at(0.4 + h) - at(0.4 - h)) / (2.0 * h)
+    np.testing.assert_allclose(here[1:], slope[:2], atol=1e-8)
