@@ -9,7 +9,8 @@ from small_biped import torque
 
 from poise.dynamics import RobotState
 from poise.errors import ConfigurationError
-from poise.sim import Plant, PlantConfig, Recorder, SensorConfig, garbage_frozen, rollout
+from poise.sim import Plant, PlantConfig, Recorder, SensorConfig, rollout
+from poise.sim._rollout import garbage_frozen
 from poise.stack import Stack
 
 

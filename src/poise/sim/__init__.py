@@ -31,7 +31,6 @@ from poise.sim._rollout import (
     LeadFunction as LeadFunction,
     Observer,
     Tick,
-    garbage_frozen,
     rollout,
 )
 from poise.sim._sensors import SensorConfig
@@ -54,7 +53,6 @@ __all__ = [
     "RunRecord",
     "SensorConfig",
     "Tick",
-    "garbage_frozen",
     "read_log",
     "render_video",
     "rollout",

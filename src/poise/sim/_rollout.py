@@ -127,18 +127,13 @@ class Observer(Protocol[B_contra]):
 
 @contextmanager
 def garbage_frozen() -> Generator[None]:
-    """Keeps Python's search for garbage short inside a loop; `rollout` does it by itself.
+    """Keeps Python's search for garbage short inside a loop.
 
     Everything made so far, some hundred thousand objects of robots, solvers and packages, is set
     aside (`gc.freeze`): a full collection, which otherwise stops the loop for a tenth of a second,
-    then looks at what the loop has made, and takes a fraction of a millisecond. Around a loop of
-    your own:
+    then looks at what the loop has made, and takes a fraction of a millisecond.
 
-        with garbage_frozen():
-            while True:
-                ...
-
-    What is there already when it begins is collected first. At the end everything is as before,
+    What is garbage already when it begins is collected first. At the end everything is as before,
     unless somebody else had frozen objects earlier: then these stay so, with those made since.
     """
     gc.collect()
