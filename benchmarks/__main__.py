@@ -13,17 +13,18 @@ from benchmarks.options import folder_of, words_of
 from poise.cli import Bar, run_command
 from poise.errors import ConfigurationError, UnknownNameError
 
-BENCHMARKS = ("tick", "dof", "peers", "bias", "hqp")
+BENCHMARKS = ("tick", "dof", "peers", "bias", "hqp", "run")
 """What can be timed. `tick --controller teleop` stands apart, because the step teleoperator is no
 resolver of tasks: it walks, and is timed on a walk. It is called `teleop` here."""
 
 _OPTIONS: dict[str, tuple[str, tuple[str, ...], str]] = {
     "robot": (
         "R",
-        ("tick", "teleop", "peers", "bias"),
+        ("tick", "teleop", "peers", "bias", "run"),
         "tick, peers: a biped (default: humanoid33; with --controller teleop: biped20); bias: a "
-        "robot on a fixed base with hands (default: upper17)",
+        "robot on a fixed base with hands (default: upper17); run: another than the scenario's",
     ),
+    "scenario": ("S", ("run",), "run: a shipped scenario or a YAML file (default: walk)"),
     "joints": ("N,N", ("dof",), "dof: joints of the robots, 20 to 60 (default: ten of them)"),
     "contacts": (
         "C",
@@ -97,13 +98,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
         "times the full and the reduced controller on robots of 20 to 60 joints. peers: times "
         "TSID and placo beside both. bias: times the formulas of the bias acceleration on a "
         "recorded run of a robot on a fixed base. hqp: races solvers on hierarchical problems of "
-        "robots, of inverse kinematics and of chance, and judges their answers. Whatever is "
-        "compared is timed in turn on the same states.",
+        "robots, of inverse kinematics and of chance, and judges their answers. run: the processor "
+        "time of a whole scenario, recorded and logged, and where it goes. Whatever is compared is "
+        "timed in turn on the same states.",
         epilog="example: python -m benchmarks tick --controller reduced; "
         "python -m benchmarks tick --controller teleop; python -m benchmarks dof --joints 33,60; "
         "python -m benchmarks peers --peers tsid=peers/tsid/bin/python; "
         "python -m benchmarks bias --json; "
-        "python -m benchmarks hqp --methods daqp-hierarchical,cascade/osqp --out bench",
+        "python -m benchmarks hqp --methods daqp-hierarchical,cascade/osqp --out bench; "
+        "python -m benchmarks run --scenario walk --robot g1",
     )
     parser.add_argument("name", metavar="NAME", help="what to time: " + ", ".join(BENCHMARKS))
     for name, (metavar, _, words) in _OPTIONS.items():
@@ -121,7 +124,14 @@ def _act(options: argparse.Namespace) -> int:
     teleop = options.name == "tick" and options.controller == "teleop"
     name = "teleop" if teleop else options.name
     _refuse_foreign(options, name)
-    runs = {"tick": _tick, "teleop": _teleop, "dof": _dof, "peers": _peers, "bias": _bias}
+    runs = {
+        "tick": _tick,
+        "teleop": _teleop,
+        "dof": _dof,
+        "peers": _peers,
+        "bias": _bias,
+        "run": _whole,
+    }
     (runs | {"hqp": act_hqp})[name](options)
     return 0
 
@@ -218,6 +228,13 @@ def _teleop(options: argparse.Namespace) -> None:
 
     plan = TeleopBench(**_given(options, "robot", "ticks"))
     _run(options, plan, bench_teleop, format_teleop_table)
+
+
+def _whole(options: argparse.Namespace) -> None:
+    from benchmarks.running import RunBench, bench_run, format_run_table, run_figures
+
+    plan = RunBench(**_given(options, "scenario", "robot"))
+    _run(options, plan, bench_run, format_run_table, run_figures)
 
 
 def _run(

@@ -3,6 +3,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from contextlib import contextmanager
 from dataclasses import replace
@@ -21,9 +22,10 @@ from poise.errors import (
     UnknownNameError,
 )
 from poise.sim import Plant, PlantConfig, Recorder, RecorderConfig, read_log, rollout
-from poise.sim._log import read_topics
 
 pytest.importorskip("mcap")
+
+from log_topics import read_by_index, read_topics
 
 RUN_FOR_EVER = """
 import sys, time
@@ -94,7 +96,6 @@ def test_a_finished_log_holds_the_record_and_shows_a_part_of_it(plant, tmp_path)
     assert log.complete
     assert log.metadata == record.metadata
     assert (log.metadata["robot"], log.metadata["scenario"]) == ("small_biped", "none")
-    assert recorder.dropped == 0
     for name in ("q", "v", "torque", "com", "wrench/left_sole"):
         times, values = topic(path, name)
         np.testing.assert_array_equal(values, record[name][::5])
@@ -119,7 +120,7 @@ def assert_same(one, other):
 
 @pytest.mark.parametrize("flush_dt", [0.01, 1e9])
 @pytest.mark.parametrize("capacity", [3, 10000])
-@pytest.mark.parametrize("on_full", ["block", "drop"])
+@pytest.mark.parametrize("on_full", ["block", "hold"])
 def test_a_log_gives_the_record_back_to_the_last_bit(plant, tmp_path, flush_dt, capacity, on_full):
     path = tmp_path / "log.mcap"
     config = RecorderConfig(flush_dt=flush_dt, capacity=capacity, on_full=on_full)
@@ -184,14 +185,52 @@ def test_foxglove_can_show_the_robot(plant, tmp_path):
     assert {e["frame_id"] for e in scene[1]["entities"]} <= set(frames)
 
 
-def test_nan_is_null_for_foxglove(plant, tmp_path):
+def test_nan_and_infinity_are_shown_as_they_are(plant, tmp_path):
     path = tmp_path / "log.mcap"
     with recording(plant, path) as recorder:
         recorder.sample(0.0, zmp=np.array([np.nan, 1.5]), scalar=np.inf)
-    topics = read_topics(path)
-    raw = json.dumps(topics["/zmp"][0][1], allow_nan=False)
-    assert json.loads(raw)["value"] == [None, 1.5]
-    assert topics["/scalar"][0][1]["value"] is None
+    np.testing.assert_array_equal(topic(path, "zmp")[1], [[np.nan, 1.5]])
+    np.testing.assert_array_equal(topic(path, "scalar")[1], [np.inf])
+
+
+def test_shapes_and_kinds_of_number_are_shown_as_numbers(plant, tmp_path):
+    path = tmp_path / "log.mcap"
+    with recording(plant, path) as recorder:
+        recorder.sample(0.0, flag=True, code=np.int8(-3), m=np.arange(6).reshape(2, 3))
+        recorder.sample(0.0, empty=np.zeros(0))
+        recorder.note("mode", "up \N{GREEK SMALL LETTER ALPHA}")
+    assert topic(path, "flag")[1] == [1.0]
+    assert topic(path, "code")[1] == [-3.0]
+    np.testing.assert_array_equal(topic(path, "m")[1], [np.arange(6)])
+    assert topic(path, "empty")[1].shape == (1, 0)
+    (mode,) = read_topics(path)["/mode"]
+    assert mode[1] == {"time": 0.0, "value": "up \N{GREEK SMALL LETTER ALPHA}"}
+
+
+@pytest.mark.parametrize("flush_dt", [0.01, 1e9])
+def test_a_reader_that_goes_by_the_index_finds_every_message(plant, tmp_path, flush_dt):
+    path = tmp_path / "log.mcap"
+    with recording(plant, path, config=RecorderConfig(flush_dt=flush_dt)) as recorder:
+        for k in range(1500):
+            recorder.look()
+            recorder.sample(plant.time, **{"odd": 1.0} if k % 2 else {"odd": 1.0, "even": 2.0})
+            plant.step(None)
+    expected = np.round(recorder.record.times("com")[::5] * 1e9)
+    np.testing.assert_array_equal(read_by_index(path, "/com"), expected)
+    times = read_by_index(path, "/odd")
+    assert times == sorted(times)
+    assert len(times) == len(topic(path, "odd")[0])
+    assert read_by_index(path, "/nothing") == []
+
+
+def test_a_signal_of_several_tables_comes_back_in_the_order_of_its_samples(plant, tmp_path):
+    path = tmp_path / "log.mcap"
+    with recording(plant, path, config=RecorderConfig(flush_dt=1e-4)) as recorder:
+        for k in range(3000):
+            others = {"other": k} if k % 3 == 0 else {}
+            recorder.sample(1e-3 * (k // 2), x=float(k), **others)
+    np.testing.assert_array_equal(recorder.record["x"], np.arange(3000.0))
+    assert_same(recorder.record, read_log(path))
 
 
 def test_status_is_noted_when_it_changes(biped, tmp_path):
@@ -209,21 +248,23 @@ def test_status_is_noted_when_it_changes(biped, tmp_path):
     assert [m["value"] for _, m in read_topics(path)["/status"]] == told
 
 
-def test_a_full_queue_that_drops_counts_what_it_dropped(plant, tmp_path):
-    path = tmp_path / "log.mcap"
-    config = RecorderConfig(log_dt=0.0, capacity=5, on_full="drop", scene_dt=0.0)
+def test_a_full_queue_that_holds_loses_nothing_and_waits_for_nobody(plant, tmp_path, monkeypatch):
+    path, stuck = tmp_path / "log.mcap", threading.Event()
+    config = RecorderConfig(log_dt=0.0, flush_dt=1e-6, capacity=2, on_full="hold", scene_dt=0.0)
     with recording(plant, path, config=config) as recorder:
+        flush = recorder._log._file.flush
+        monkeypatch.setattr(recorder._log._file, "flush", lambda: stuck.wait() and flush())
         for k in range(3000):
             recorder.sample(k * 1e-3, x=float(k))
-        recorder_dropped = recorder.dropped
-    kept = len(topic(path, "x")[0])
-    assert kept + recorder_dropped == 3000
-    assert len(recorder.record["x"]) == 3000
+        assert recorder._log._queue.full()
+        stuck.set()
+    np.testing.assert_array_equal(topic(path, "x")[1], np.arange(3000.0))
+    assert_same(recorder.record, read_log(path))
 
 
 def test_a_full_queue_that_blocks_loses_nothing(plant, tmp_path):
     path = tmp_path / "log.mcap"
-    config = RecorderConfig(log_dt=0.0, capacity=5, scene_dt=0.0)
+    config = RecorderConfig(log_dt=0.0, flush_dt=1e-6, capacity=5, scene_dt=0.0)
     with recording(plant, path, config=config) as recorder:
         for k in range(3000):
             recorder.sample(k * 1e-3, x=float(k))
@@ -302,6 +343,36 @@ def test_files_that_are_no_logs_are_refused(tmp_path):
             read_log(tmp_path / "bad.mcap")
 
 
+def test_a_writer_that_fails_otherwise_is_reported_too(plant, tmp_path, monkeypatch):
+    recorder = Recorder(tmp_path / "log.mcap", config=RecorderConfig(capacity=2, flush_dt=1e-6))
+    recorder.begin(plant)
+
+    def broken(*_):
+        raise ValueError("a bug")
+
+    monkeypatch.setattr(recorder._log._topics, "write", broken)
+    for _ in range(300):
+        recorder.look()
+        plant.step(None)
+    with pytest.raises(PoiseError, match=r"cannot be written: a bug"):
+        recorder.end()
+
+
+@pytest.mark.parametrize("library", ["poise", "somebody else"])
+def test_logs_of_other_versions_and_of_others_are_refused(tmp_path, library):
+    from mcap.writer import Writer
+
+    path = tmp_path / "old.mcap"
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start(profile="", library=library)
+        channel = writer.register_channel("/record", "poise.block", 0)
+        writer.add_message(channel, log_time=0, data=bytes(100), publish_time=0)
+        writer.finish()
+    with pytest.raises(PoiseError, match=f"no log of this version of Poise.*{library}"):
+        read_log(path)
+
+
 @pytest.mark.parametrize(
     "bad",
     [{"log_dt": -1.0}, {"scene_dt": np.nan}, {"flush_dt": 0.0}, {"capacity": 0}],
@@ -320,13 +391,14 @@ def test_a_full_disk_is_reported_when_the_log_is_closed(plant):
 
 
 def test_a_disk_that_fills_up_during_a_run_does_not_stop_it(plant, tmp_path, monkeypatch):
-    recorder = Recorder(tmp_path / "log.mcap", config=RecorderConfig(capacity=20))
+    config = RecorderConfig(capacity=2, flush_dt=1e-6)
+    recorder = Recorder(tmp_path / "log.mcap", config=config)
     recorder.begin(plant)
 
     def full(*_, **__):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(recorder._log._writer, "add_message", full)
+    monkeypatch.setattr(recorder._log._file, "flush", full)
     for _ in range(300):
         recorder.look()
         plant.step(None)

@@ -1,5 +1,6 @@
 import gc
 import itertools
+import time
 from types import SimpleNamespace
 
 import numpy as np
@@ -8,7 +9,8 @@ from small_biped import torque
 
 from poise.dynamics import RobotState
 from poise.errors import ConfigurationError
-from poise.sim import Plant, PlantConfig, SensorConfig, rollout
+from poise.sim import Plant, PlantConfig, Recorder, SensorConfig, rollout
+from poise.sim._rollout import garbage_frozen
 from poise.stack import Stack
 
 
@@ -191,3 +193,69 @@ def test_observers_end_whatever_goes_wrong(plant, who):
     assert log[0] == "begin a"
     assert log[-1] == "end a"
     assert log.count("end bad") == (who not in ("begin", "end"))
+
+
+def collection_ms():
+    """Processor time of the shortest of some full collections."""
+    found = []
+    for _ in range(5):
+        begin = time.thread_time()
+        gc.collect()
+        found.append(1e3 * (time.thread_time() - begin))
+    return min(found)
+
+
+@pytest.fixture
+def crowd():
+    """Many live objects, as robots, solvers and packages are."""
+    objects = [{"number": [i]} for i in range(100_000)]
+    yield objects
+    assert gc.get_freeze_count() == 0
+
+
+def test_no_collection_inside_a_loop_takes_a_millisecond(plant, crowd):
+    outside = collection_ms()
+    ticks = rollout(plant, Limp(plant.robot), observers=[Recorder()], duration=0.05)
+    for tick in ticks:
+        if tick.index % 20 == 19:
+            assert collection_ms() < min(1.0, 0.2 * outside)
+
+
+@pytest.mark.parametrize("end", ["duration", "close", "drop", "controller", "observer", "throw"])
+def test_garbage_is_thawed_however_the_loop_ends(plant, end):
+    class Broken:
+        def step(self, state):
+            if end == "controller" and state.time > 0.0015:
+                raise RuntimeError("controller")
+            return torque(np.zeros(plant.robot.nj))
+
+    fails = Diary(fails_at=2 if end == "observer" else None)
+    ticks = rollout(plant, Broken(), observers=[fails], duration=0.005)
+    assert gc.get_freeze_count() == 0
+    next(ticks)
+    assert gc.get_freeze_count() > 0
+    if end in ("controller", "observer"):
+        with pytest.raises(RuntimeError):
+            list(ticks)
+    elif end == "throw":
+        with pytest.raises(KeyError):
+            ticks.throw(KeyError())
+    elif end == "close":
+        ticks.close()
+    elif end == "duration":
+        list(ticks)
+    del ticks
+    assert gc.get_freeze_count() == 0
+
+
+def test_what_somebody_else_froze_stays_frozen(plant):
+    gc.freeze()
+    try:
+        list(rollout(plant, Limp(plant.robot), duration=0.003))
+        assert gc.get_freeze_count() > 0
+    finally:
+        gc.unfreeze()
+    with garbage_frozen():
+        list(rollout(plant, Limp(plant.robot), duration=0.003))
+        assert gc.get_freeze_count() > 0
+    assert gc.get_freeze_count() == 0

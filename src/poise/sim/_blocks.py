@@ -18,14 +18,13 @@ class BlockWatch:
         self._plant, self._far = plant, distance_max
         model = plant.model
         names = [f"block{i}" for i in range(len(plant.config.blocks))]
-        self._blocks = [int(model.geom(name).id) for name in names]
+        self._blocks = {int(model.geom(name).id) for name in names}
         solid = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
         self._limbs = np.flatnonzero(solid & (model.geom_bodyid > 0)).tolist()
 
     def touched(self) -> bool:
         """Whether any part of the robot touches a block at the last physics step."""
-        pairs = self._plant.data.contact.geom
-        return bool(len(pairs)) and bool(np.isin(pairs, self._blocks).any())
+        return not self._blocks.isdisjoint(self._plant.data.contact.geom.ravel().tolist())
 
     def clearance(self) -> float:
         """Distance between the robot and the nearest block, at most `distance_max` [m]."""

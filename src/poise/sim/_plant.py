@@ -58,6 +58,8 @@ class Plant:
         self.config = config if config is not None else PlantConfig()
         self.model = build_model(robot, self.config)
         self.data = mujoco.MjData(self.model)
+        # A view: how often MuJoCo has warned of what.
+        self._warned = self.data.warning.number
         self.map = StateMap(robot, self.model)
         self._substeps = self.config.substeps
         self._soles = SoleForces(robot, self.model)
@@ -99,6 +101,7 @@ class Plant:
         self._actuators.reset(q[-self.robot.nj :])
         mujoco.mj_forward(self.model, self.data)
         self._truth: RobotState | None = None
+        self._forces_known = False
         state = self.true_state()
         state = state if self._sensors is None else self._sensors.reset(state)
         self._state: RobotState | None = state
@@ -153,7 +156,7 @@ class Plant:
         if not self._diverged:
             self._advance_quietly(begin)
             self._diverged = self._has_diverged()
-        self._truth = None
+        self._truth, self._forces_known = None, False
         self._state = None if self._sensors is None else self._sensors.measure(self.true_state())
 
     def _advance_quietly(self, begin: float) -> None:
@@ -172,7 +175,8 @@ class Plant:
     def _has_diverged(self) -> bool:
         qpos, qvel = self.data.qpos, self.data.qvel
         finite = math.isfinite(float(qpos.dot(qpos)) + float(qvel.dot(qvel)))
-        return not finite or bool(self.data.warning.number[_FATAL].any())
+        warned = self._warned.tolist()
+        return not finite or any(warned[kind] for kind in _FATAL)
 
     def _advance(self, begin: float) -> None:
         data, dt = self.data, self.config.physics_dt
@@ -215,7 +219,7 @@ class Plant:
 
     def sole_wrenches(self) -> dict[str, Float64[np.ndarray, "6"]]:
         """True wrench [force; moment] on the robot by sole, in the sole's frame [N, N m]."""
-        return self._soles.in_soles(self.data)
+        return {name: wrench.copy() for name, wrench in self._forces().in_soles.items()}
 
     def contacts(self) -> dict[str, bool]:
         """Whether each sole carries load."""
@@ -228,7 +232,7 @@ class Plant:
         x = -n_y / f_z and y = n_x / f_z, where f and n are the total force and the total moment
         about (0, 0, height). NaN where no sole carries load.
         """
-        return self._soles.zmp(self.data, height)
+        return self._forces().zmp(height)
 
     @property
     def com(self) -> Float64[np.ndarray, "3"]:
@@ -291,9 +295,16 @@ class Plant:
         return RobotState(
             q=self.map.q(qpos),
             v=self.map.v(qpos, qvel),
-            contacts=self._soles.in_soles(self.data),
+            contacts=self._forces().in_soles,
             time=self.time,
         )
+
+    def _forces(self) -> SoleForces:
+        """The forces of the last physics step, looked at once."""
+        if not self._forces_known:
+            self._soles.update(self.data)
+            self._forces_known = True
+        return self._soles
 
     def _make_sensors(self, seed: int) -> Sensors | None:
         config = self.config.sensors

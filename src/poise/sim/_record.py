@@ -1,21 +1,27 @@
 """`RunRecord`: what is known of one run, from which everything about it is made."""
 
 import json
-from collections.abc import Mapping
+import math
+from collections.abc import Iterable, Mapping
 from importlib import import_module
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from jaxtyping import Float64, Int64, UInt64
 
 from poise.errors import MissingExtraError, TargetError, UnknownNameError
 
 Value = float | int | np.generic | np.ndarray
 """A sample of a signal: a number, or an array of numbers."""
 
-Counts = dict[str, int]
-"""How many samples of each signal, and notes of each topic, are elsewhere already."""
+Names = tuple[str, ...]
+"""Signals that are sampled together, in the order in which they are given."""
 
-_FIRST_CAPACITY = 1024
+Counts = dict[Names | str, int]
+"""How many rows of signals, and how many notes of each topic, are elsewhere already."""
+
+_BLOCK_ROWS = 1024
+"""Rows that are allocated at once."""
 
 UNITS = {
     "q": "m, rad",
@@ -39,68 +45,141 @@ UNITS = {
 """Units of the signals that a recorder records by itself, by the part of a name before its "/"."""
 
 
-class Signal:
-    """Samples of one quantity over time, in an array that doubles when full.
+def nanoseconds(times: Float64[np.ndarray, " n"]) -> UInt64[np.ndarray, " n"]:
+    """Times as logs have them, from seconds; there are none before zero."""
+    return np.round(np.maximum(times, 0.0) * 1e9).astype(np.uint64)
 
-    Args:
+
+class Signal(NamedTuple):
+    """One quantity over time.
+
+    Attributes:
         name: the signal's name.
         unit: of its numbers, "" for a pure number or a flag.
-        first: its first sample, whose shape and kind of number the others have as well.
+        dtype: kind of number of its samples.
+        shape: of a sample.
     """
 
-    def __init__(self, name: str, unit: str, first: Value) -> None:
-        self.name, self.unit = name, unit
-        sample = np.asarray(first)
-        self.shape, self.dtype = sample.shape, sample.dtype
-        self._times = np.empty(_FIRST_CAPACITY)
-        self._values = np.empty((_FIRST_CAPACITY, *self.shape), dtype=self.dtype)
-        self._size = 0
+    name: str
+    unit: str
+    dtype: np.dtype[Any]
+    shape: tuple[int, ...]
+
+    @property
+    def size(self) -> int:
+        """How many numbers a sample has."""
+        return math.prod(self.shape)
+
+
+class Rows(NamedTuple):
+    """Samples of signals that were taken together, a row an instant.
+
+    Attributes:
+        signals: what was sampled.
+        order: how many rows of the whole record came before each.
+        times: of the instants [s].
+        columns: the samples of each signal, time first.
+    """
+
+    signals: tuple[Signal, ...]
+    order: Int64[np.ndarray, " n"]
+    times: Float64[np.ndarray, " n"]
+    columns: list[np.ndarray]
+
+    def between(self, first: int, end: int) -> "Rows":
+        """Some of the rows, as views."""
+        rows = slice(first, end)
+        columns = [column[rows] for column in self.columns]
+        return Rows(self.signals, self.order[rows], self.times[rows], columns)
+
+
+class Table:
+    """Rows of signals that are sampled together, in blocks that stay where they are.
+
+    A table that grows by a block copies nothing, so no tick of a long run waits for that, and what
+    was given out as a view stays as it is.
+
+    Args:
+        signals: that make a row.
+    """
+
+    def __init__(self, signals: tuple[Signal, ...]) -> None:
+        self.signals = signals
+        self._shapes = [signal.shape for signal in signals]
+        # Full ones, with how many rows came before each.
+        self._blocks: list[tuple[Rows, int]] = []
+        self._before = 0
+        self._begin()
 
     def __len__(self) -> int:
-        return self._size
+        return self._before + self._size
 
-    def append(self, time: float, value: Value) -> None:
-        """Keeps one sample, copied.
+    def append(self, order: int, time: float, values: Iterable[Value]) -> None:
+        """Keeps one row, copied.
 
         Raises:
-            TargetError: the sample has another shape than the first one had.
+            TargetError: a sample has another shape than the first one had.
         """
-        if np.shape(value) != self.shape:
-            raise TargetError(
-                f"signal {self.name!r} changed its shape",
-                got=np.shape(value),
-                wanted=str(self.shape),
-            )
-        if self._size == len(self._times):
-            self._times = np.concatenate([self._times, np.empty_like(self._times)])
-            self._values = np.concatenate([self._values, np.empty_like(self._values)])
-        self._times[self._size] = time
-        self._values[self._size] = value
-        self._size += 1
+        if self._size == _BLOCK_ROWS:
+            self._close()
+        row, block = self._size, self._open
+        for column, shape, value in zip(block.columns, self._shapes, values, strict=True):
+            # Plain numbers, which have no shape, are by far the fastest this way.
+            if getattr(value, "shape", ()) != shape:
+                self._refuse(values)
+            column[row] = value
+        block.order[row], block.times[row] = order, time
+        self._size = row + 1
 
-    def extend(self, times: np.ndarray, values: np.ndarray) -> None:
-        """Keeps further samples, copied."""
-        end = self._size + len(times)
-        self._times = np.concatenate([self._times[: self._size], times])
-        self._values = np.concatenate([self._values[: self._size], values])
-        self._size = end
+    def extend(self, rows: Rows) -> None:
+        """Keeps further rows as they are, not copied."""
+        self._close()
+        self._blocks.append((rows, self._before))
+        self._before += len(rows.times)
 
     def clear(self) -> None:
-        """Drops all samples; what `since` gave stays."""
-        self._times, self._values = np.empty_like(self._times), np.empty_like(self._values)
-        self._size = 0
+        """Drops all rows; what `since` gave stays."""
+        self._blocks, self._before = [], 0
+        self._begin()
 
-    def since(self, first: int) -> tuple[np.ndarray, np.ndarray]:
-        """Times and samples from an index on, as views that later samples leave alone."""
-        rows = slice(first, self._size)
-        return self._times[rows], self._values[rows]
+    def since(self, first: int) -> list[Rows]:
+        """Rows from an index on, as views that later rows leave alone."""
+        blocks = [*self._blocks, (self._open.between(0, self._size), self._before)]
+        parts = [rows.between(max(first - before, 0), len(rows.times)) for rows, before in blocks]
+        return [part for part in parts if len(part.times)]
+
+    def last_time(self) -> float:
+        """Time of the last row [s]; minus infinity where there is none."""
+        parts = self.since(len(self) - 1) if len(self) else []
+        return float(parts[-1].times[-1]) if parts else -math.inf
+
+    def _begin(self) -> None:
+        columns = [np.empty((_BLOCK_ROWS, *s.shape), dtype=s.dtype) for s in self.signals]
+        order = np.empty(_BLOCK_ROWS, dtype=np.int64)
+        self._open, self._size = Rows(self.signals, order, np.empty(_BLOCK_ROWS), columns), 0
+
+    def _close(self) -> None:
+        if self._size:
+            self._blocks.append((self._open.between(0, self._size), self._before))
+            self._before += self._size
+            self._begin()
+
+    def _refuse(self, values: Iterable[Value]) -> None:
+        for signal, value in zip(self.signals, values, strict=True):
+            if np.shape(value) != signal.shape:
+                raise TargetError(
+                    f"signal {signal.name!r} changed its shape",
+                    got=np.shape(value),
+                    wanted=str(signal.shape),
+                )
 
 
 class RunRecord:
     """Columns of signals, notes, and texts about the run; grows while the run goes on.
 
-    Every signal has times of its own, for not every tick has something to say about everything. A
-    note is a text under a topic, kept when it differs from the one before: a mode, a status.
+    Signals that are sampled together share a table, a row an instant; not every tick has something
+    to say about everything, so there may be several, and a signal may be in more than one. A note
+    is a text under a topic, kept when it differs from the one before: a mode, a status.
 
     Args:
         metadata: texts that say what the record is of: robot, controller, scenario, seed.
@@ -115,6 +194,8 @@ class RunRecord:
         self.metadata = dict(metadata or {})
         self.complete = True
         self._signals: dict[str, Signal] = {}
+        self._tables: dict[Names, Table] = {}
+        self._rows = 0
         self._notes: dict[str, list[tuple[float, str]]] = {}
 
     # What is in it -------------------------------------------------------------------------------
@@ -132,8 +213,8 @@ class RunRecord:
     @property
     def end(self) -> float:
         """Time of the last sample [s], 0 for an empty record."""
-        ends = (s.since(0)[0][-1] for s in self._signals.values() if len(s))
-        return float(max(ends, default=0.0))
+        last = max((table.last_time() for table in self._tables.values()), default=-math.inf)
+        return last if last > -math.inf else 0.0
 
     def __contains__(self, name: str) -> bool:
         return name in self._signals
@@ -144,7 +225,7 @@ class RunRecord:
         Raises:
             UnknownNameError: no such signal.
         """
-        return self._signal(name).since(0)[1].copy()
+        return self._samples(name)[1]
 
     def times(self, name: str) -> np.ndarray:
         """Times of a signal's samples [s]; the caller's own copy.
@@ -152,7 +233,7 @@ class RunRecord:
         Raises:
             UnknownNameError: no such signal.
         """
-        return self._signal(name).since(0)[0].copy()
+        return self._samples(name)[0]
 
     def signal(self, name: str) -> tuple[np.ndarray, np.ndarray]:
         """Times [s] and samples of a signal; the caller's own copies.
@@ -160,7 +241,7 @@ class RunRecord:
         Raises:
             UnknownNameError: no such signal.
         """
-        return self.times(name), self[name]
+        return self._samples(name)
 
     def unit(self, name: str) -> str:
         """Unit of a signal.
@@ -197,7 +278,7 @@ class RunRecord:
             raise MissingExtraError("pandas", "tables", "A table of a run") from error
         columns: dict[str, Any] = {}
         for name, signal in self._signals.items():
-            times, values = signal.since(0)
+            times, values = self._samples(name)
             flat = values.reshape(len(values), -1)
             for k, index in enumerate(np.ndindex(signal.shape)):
                 label = name + (f"[{', '.join(map(str, index))}]" if index else "")
@@ -211,23 +292,25 @@ class RunRecord:
 
     # Filling it ----------------------------------------------------------------------------------
 
-    def add(self, time: float, name: str, value: Value, unit: str | None = None) -> None:
-        """Keeps a sample of a signal.
+    def add(
+        self, time: float, values: Mapping[str, Value], units: Mapping[str, str] | None = None
+    ) -> None:
+        """Keeps a sample each of some signals.
 
         Args:
-            time: of the sample [s].
-            name: the signal's name.
-            value: the sample, copied; its shape and kind of number stay what they are at first.
-            unit: read once, when the signal is new; that of `UNITS` when None.
+            time: of the samples [s].
+            values: the samples by the signal's name, copied; their shapes and kinds of number stay
+                what they are at first.
+            units: read once, when a signal is new; those of `UNITS` for others.
 
         Raises:
-            TargetError: the signal changed its shape.
+            TargetError: a signal changed its shape.
         """
-        signal = self._signals.get(name)
-        if signal is None:
-            unit = UNITS.get(name.partition("/")[0], "") if unit is None else unit
-            signal = self._signals[name] = Signal(name, unit, value)
-        signal.append(time, value)
+        table = self._tables.get(tuple(values))
+        if table is None:
+            table = self._new_table(values, units or {})
+        table.append(self._rows, time, values.values())
+        self._rows += 1
 
     def note(self, time: float, topic: str, text: str) -> bool:
         """Notes a text; whether it differs from the last of its topic, else nothing is kept."""
@@ -239,45 +322,61 @@ class RunRecord:
 
     def forget(self) -> None:
         """Drops all samples and notes but the last of each topic; signals stay what they are."""
-        for signal in self._signals.values():
-            signal.clear()
+        for table in self._tables.values():
+            table.clear()
         self._notes = {topic: found[-1:] for topic, found in self._notes.items()}
 
-    # Blocks: a part of it as bytes, for a log ----------------------------------------------------
+    # Parts, for a log -----------------------------------------------------------------------------
 
     def counts(self) -> Counts:
         """How much there is of everything."""
-        sizes = {name: len(signal) for name, signal in self._signals.items()}
-        return sizes | {f"note {topic}": len(notes) for topic, notes in self._notes.items()}
+        counts: Counts = {names: len(table) for names, table in self._tables.items()}
+        return counts | {topic: len(notes) for topic, notes in self._notes.items()}
 
-    def block(self, since: Counts) -> "RecordPart":
+    def part(self, since: Counts) -> "RecordPart":
         """What came after an earlier `counts`; later samples leave it alone."""
-        signals = {
-            name: (signal, *signal.since(since.get(name, 0)))
-            for name, signal in self._signals.items()
-        }
-        notes = {
-            topic: found[since.get(f"note {topic}", 0) :] for topic, found in self._notes.items()
-        }
-        return RecordPart(signals, notes)
-
-    def take_in(self, block: bytes) -> None:
-        """Adds what `RecordPart.pack` made bytes of."""
-        length = int.from_bytes(block[:4], "little")
-        header = json.loads(block[4 : 4 + length])
-        data = memoryview(block)[4 + length :]
-        times: list[np.ndarray] = [
-            np.frombuffer(data, np.float64, count, offset) for count, offset in header["times"]
+        rows = [
+            part
+            for names, table in self._tables.items()
+            for part in table.since(since.get(names, 0))
         ]
-        for name, unit, dtype, shape, at, offset in header["signals"]:
-            stamps = times[at]
-            count = len(stamps) * int(np.prod(shape, dtype=np.int64))
-            values = np.frombuffer(data, dtype, count, offset).reshape(len(stamps), *shape)
+        notes = {topic: found[since.get(topic, 0) :] for topic, found in self._notes.items()}
+        return RecordPart(rows, {topic: found for topic, found in notes.items() if found})
+
+    def take_in(self, part: "RecordPart") -> None:
+        """Adds what another record gave as a `part`, the one after the last."""
+        for rows in part.rows:
+            names = tuple(signal.name for signal in rows.signals)
+            self._signals |= {s.name: s for s in rows.signals if s.name not in self._signals}
+            if names not in self._tables:
+                self._tables[names] = Table(rows.signals)
+            self._tables[names].extend(rows)
+        for topic, notes in part.notes.items():
+            self._notes.setdefault(topic, []).extend(notes)
+
+    def _new_table(self, values: Mapping[str, Value], units: Mapping[str, str]) -> Table:
+        for name, value in values.items():
             if name not in self._signals:
-                self._signals[name] = Signal(name, unit, values[0])
-            self._signals[name].extend(stamps, values)
-        for topic, notes in header["notes"].items():
-            self._notes.setdefault(topic, []).extend((time, text) for time, text in notes)
+                sample = np.asarray(value)
+                unit = units.get(name, UNITS.get(name.partition("/")[0], ""))
+                self._signals[name] = Signal(name, unit, sample.dtype, sample.shape)
+        table = Table(tuple(self._signals[name] for name in values))
+        return self._tables.setdefault(tuple(values), table)
+
+    def _samples(self, name: str) -> tuple[np.ndarray, np.ndarray]:
+        """Times and samples of a signal from all tables that have it, in the order taken."""
+        signal = self._signal(name)
+        parts = [
+            (rows.order, rows.times, rows.columns[names.index(name)])
+            for names, table in self._tables.items()
+            if name in names
+            for rows in table.since(0)
+        ]
+        if not parts:
+            return np.empty(0), np.empty((0, *signal.shape), dtype=signal.dtype)
+        order, times, values = (np.concatenate(some) for some in zip(*parts, strict=True))
+        taken = np.argsort(order, kind="stable")
+        return times[taken], values[taken]
 
     def _signal(self, name: str) -> Signal:
         if name not in self._signals:
@@ -285,52 +384,62 @@ class RunRecord:
         return self._signals[name]
 
 
-class RecordPart:
+class RecordPart(NamedTuple):
     """A part of a record: its samples and notes from one moment to another.
 
-    Args:
-        signals: with the times and values of the samples.
-        notes: by topic.
+    Attributes:
+        rows: of each table, in order.
+        notes: by topic: time [s] and text.
     """
 
-    def __init__(
-        self,
-        signals: Mapping[str, tuple[Signal, np.ndarray, np.ndarray]],
-        notes: Mapping[str, list[tuple[float, str]]],
-    ) -> None:
-        self._signals = {name: found for name, found in signals.items() if len(found[1])}
-        self._notes = {topic: found for topic, found in notes.items() if found}
+    rows: list[Rows]
+    notes: dict[str, list[tuple[float, str]]]
 
     def __bool__(self) -> bool:
-        return bool(self._signals or self._notes)
+        return bool(self.rows or self.notes)
 
     def pack(self) -> bytes:
         """The length of a header (four bytes, little-endian), the header in JSON, the numbers.
 
         The numbers are raw, as they are in memory, so nothing is lost: neither a bit nor NaN nor
-        the kind of number. Signals that were sampled at the same times share them.
+        the kind of number. They come table by table: order, times, a column a signal, each filled
+        up to a multiple of eight bytes.
         """
-        parts: list[bytes] = []
-        size = 0
+        tables = [
+            (len(rows.times), [(s.name, s.unit, s.dtype.str, s.shape) for s in rows.signals])
+            for rows in self.rows
+        ]
+        header = json.dumps({"tables": tables, "notes": self.notes}).encode()
+        parts = [len(header).to_bytes(4, "little"), header]
+        for rows in self.rows:
+            for array in (rows.order, rows.times, *rows.columns):
+                parts += [np.ascontiguousarray(array).tobytes(), bytes(-array.nbytes % 8)]
+        return b"".join(parts)
 
-        def put(array: np.ndarray) -> int:
-            nonlocal size
-            start = size
-            parts.append(np.ascontiguousarray(array).tobytes())
-            # Aligned, so that what reads it need not copy.
-            parts[-1] += bytes(-len(parts[-1]) % 8)
-            size += len(parts[-1])
-            return start
+    @classmethod
+    def unpack(cls, data: bytes) -> "RecordPart":
+        """The part that `pack` made bytes of."""
+        place = 4 + int.from_bytes(data[:4], "little")
+        header = json.loads(data[4:place])
 
-        times: list[tuple[int, int]] = []
-        known: dict[bytes, int] = {}
-        signals: list[tuple[str, str, str, tuple[int, ...], int, int]] = []
-        for name, (signal, stamps, values) in self._signals.items():
-            key = stamps.tobytes()
-            if key not in known:
-                known[key] = len(times)
-                times.append((len(stamps), put(stamps)))
-            place = put(values)
-            signals.append((name, signal.unit, signal.dtype.str, signal.shape, known[key], place))
-        header = json.dumps({"times": times, "signals": signals, "notes": self._notes}).encode()
-        return b"".join((len(header).to_bytes(4, "little"), header, *parts))
+        def take(dtype: np.dtype[Any], shape: tuple[int, ...]) -> np.ndarray:
+            nonlocal place
+            array = np.frombuffer(data, dtype, math.prod(shape), place).reshape(shape)
+            place += array.nbytes + (-array.nbytes % 8)
+            return array
+
+        tables: list[Rows] = []
+        for count, found in header["tables"]:
+            signals = tuple(
+                Signal(name, unit, np.dtype(dtype), tuple(shape))
+                for name, unit, dtype, shape in found
+            )
+            order = take(np.dtype(np.int64), (count,))
+            times = take(np.dtype(np.float64), (count,))
+            columns = [take(signal.dtype, (count, *signal.shape)) for signal in signals]
+            tables.append(Rows(signals, order, times, columns))
+        notes = {
+            topic: [(time, text) for time, text in found]
+            for topic, found in header["notes"].items()
+        }
+        return cls(tables, notes)

@@ -24,9 +24,7 @@ from poise.stack import Leader
 
 LOG_SUFFIX = ".mcap"
 
-_CONFIG = RecorderConfig(
-    record_dt=0.05, log_dt=0.0, scene_dt=0.1, capacity=2048, on_full="drop", keep=False
-)
+_CONFIG = RecorderConfig(record_dt=0.05, log_dt=0.0, scene_dt=0.1, on_full="hold", keep=False)
 """The writer's thread takes the interpreter from the robot: at 50 Hz a tick cost a fifth more."""
 
 
@@ -69,14 +67,10 @@ class LiveLog:
         recorder, self._recorder = self._recorder, None
         if recorder is None:
             return
-        dropped = recorder.dropped
         try:
             recorder.end()
         except PoiseError as error:
             self.problem = str(error)
-        else:
-            if dropped:
-                self.problem = f"{dropped} messages are missing in {self._path.name}"
 
     def _is_driven(self) -> bool:
         leader = self._cast[2]

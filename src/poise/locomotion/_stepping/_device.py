@@ -4,6 +4,7 @@
 """
 
 import math
+from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
@@ -203,16 +204,16 @@ class _Path:
     def __init__(self, points: list[tuple[float, Offset]], start: Float64[np.ndarray, "3"]) -> None:
         times = [at for at, _ in points]
         places = [start + np.array(offset, dtype=np.float64) for _, offset in points]
-        self._times = np.array([0.0, *times] if not times or times[0] > 0.0 else times)
+        self._times = [0.0, *times] if not times or times[0] > 0.0 else times
         self._places = places if len(places) == len(self._times) else [start.copy(), *places]
 
     def at(self, time: float) -> Float64[np.ndarray, "3"]:
-        i = int(np.searchsorted(self._times, time, side="right"))
+        i = bisect_right(self._times, time)
         if i == 0:
             return self._places[0].copy()
         if i == len(self._times):
             return self._places[-1].copy()
-        begin, end = self._times[i - 1 : i + 1].tolist()
+        begin, end = self._times[i - 1 : i + 1]
         phase, _, _ = least_jerk(time, begin, end - begin)
         before, after = self._places[i - 1], self._places[i]
         return before + phase * (after - before)

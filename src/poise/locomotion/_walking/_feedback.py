@@ -3,16 +3,18 @@
 `PlanShift`: the walk carried on beside its plan after a foothold that was moved.
 `StepCatcher`: how far the next foothold moves to catch the robot.
 
-All of it lies in the horizontal plane: vectors are x and y in the world.
+All of it lies in the horizontal plane: vectors are x and y in the world. Two numbers are a third as
+expensive plain as in arrays.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float64
 
-from poise.locomotion._support import SupportPolygon
-from poise.locomotion._walking._footsteps import FootstepPlan, Placement, yaw_rotation
+from poise.locomotion._support import Point, SupportPolygon
+from poise.locomotion._walking._footsteps import FootstepPlan, Placement
 
 Vector2 = Float64[np.ndarray, "2"]
 
@@ -59,11 +61,14 @@ class DcmFeedback:
             support: where the ZMP can be.
         """
         w = self.omega
-        position, rate, second = reference
-        self.error = com - position + (velocity - rate) / w
-        x, y = (position - second / (w * w) + self._gain * self.error).tolist()
-        self.zmp = np.array(support.nearest((x, y)))
-        return w * w * (com - self.zmp)
+        (px, py), (rx, ry), (sx, sy) = reference.tolist()
+        (cx, cy), (vx, vy) = com.tolist(), velocity.tolist()
+        ex, ey = cx - px + (vx - rx) / w, cy - py + (vy - ry) / w
+        x, y = support.nearest(
+            (px - sx / (w * w) + self._gain * ex, py - sy / (w * w) + self._gain * ey)
+        )
+        self.error, self.zmp = np.array((ex, ey)), np.array((x, y))
+        return np.array((w * w * (cx - x), w * w * (cy - y)))
 
 
 class PlanShift:
@@ -97,11 +102,17 @@ class PlanShift:
             left: until the ZMP goes over to the next foothold [s].
         """
         w = self._omega
-        anticipated = self.coming * math.exp(-w * max(left, 0.0))
-        xi = self.settled + anticipated
-        com = xi + (self.com[0] - xi) * math.exp(-w * dt)
-        velocity = w * (xi - com)
-        self.com = np.array([com, velocity, w * (w * anticipated - velocity)])
+        ahead, kept = math.exp(-w * max(left, 0.0)), math.exp(-w * dt)
+        axes: list[tuple[float, float, float]] = []
+        for settled, coming, before in zip(
+            self.settled.tolist(), self.coming.tolist(), self.com[0].tolist(), strict=True
+        ):
+            anticipated = coming * ahead
+            xi = settled + anticipated
+            com = xi + (before - xi) * kept
+            velocity = w * (xi - com)
+            axes.append((com, velocity, w * (w * anticipated - velocity)))
+        self.com = np.array(axes).T
 
     def land(self, shift: Vector2) -> None:
         """A foot came down so far beside its plan [m]."""
@@ -165,19 +176,25 @@ class StepCatcher:
             dt: since the last call [s].
         """
         growth = math.exp(self._omega * left)
-        world_R_stance = yaw_rotation(stance.yaw)
-        size = self._plan.sizes[1 - self._plan.steps[step].foot]
-        back = _clip(-shift.settled, _RETURN)
+        stand = _Axes.of(stance)
+        length, width = self._plan.sizes[1 - self._plan.steps[step].foot]
+        coming, settled = _plain(shift.coming), _plain(shift.settled)
+        back_x, back_y = _clipped((-settled[0], -settled[1]), _RETURN)
         # The step back to the plan is intended: only what it does not explain has to be caught.
-        errors = (error + (shift.coming - back) / growth) @ world_R_stance
-        offsets = (zmp - stance.position[:2]) @ world_R_stance
-        caught = [
-            growth * self._beyond_feedback(e, 0.5 * length, offset)
-            for e, length, offset in zip(errors.tolist(), size, offsets.tolist(), strict=True)
-        ]
-        moved = back + world_R_stance @ _clip(np.array(caught), self._farthest)
-        goal = self._allowed(step, stance, world_R_stance, shift.settled, moved)
-        shift.coming = shift.coming + _clip(goal - shift.coming, _RATE * dt)
+        along, across = stand.within(
+            float(error[0]) + (coming[0] - back_x) / growth,
+            float(error[1]) + (coming[1] - back_y) / growth,
+        )
+        ahead, aside = stand.within(float(zmp[0]) - stand.x, float(zmp[1]) - stand.y)
+        caught = (
+            growth * self._beyond_feedback(along, 0.5 * length, ahead),
+            growth * self._beyond_feedback(across, 0.5 * width, aside),
+        )
+        caught_x, caught_y = stand.without(*_clipped(caught, self._farthest))
+        moved = (back_x + caught_x, back_y + caught_y)
+        x, y = self._allowed(step, stand, settled, moved)
+        by_x, by_y = _clipped((x - coming[0], y - coming[1]), _RATE * dt)
+        shift.coming = np.array((coming[0] + by_x, coming[1] + by_y))
 
     def _beyond_feedback(self, error: float, edge: float, offset: float) -> float:
         """What of an error along the standing foot or across it the ZMP cannot bring back [m].
@@ -190,38 +207,68 @@ class StepCatcher:
         room = max(edge - self._margin - math.copysign(1.0, error) * offset, 0.0)
         return math.copysign(max(abs(error) - _TRUSTED * room, 0.0), error)
 
-    def _allowed(
-        self,
-        step: int,
-        stance: Placement,
-        world_R_stance: Float64[np.ndarray, "2 2"],
-        settled: Vector2,
-        shift: Vector2,
-    ) -> Vector2:
+    def _allowed(self, step: int, stand: "_Axes", settled: Point, shift: Point) -> Point:
         """The nearest shift that keeps the feet apart, within reach, and on level ground."""
         plan, goal, foot = self._plan, self._plan.steps[step].goal, self._plan.steps[step].foot
-        planned = goal.position[:2] + settled
-        unmoved = (planned - stance.position[:2]) @ world_R_stance
-        ahead, aside = unmoved.tolist()
-        x, y = (unmoved + shift @ world_R_stance).tolist()
+        planned_x, planned_y = goal.position[0] + settled[0], goal.position[1] + settled[1]
+        ahead, aside = stand.within(planned_x - stand.x, planned_y - stand.y)
+        by_x, by_y = stand.within(*shift)
+        x, y = ahead + by_x, aside + by_y
         far = max(self._reach, abs(ahead))
         x = min(max(x, -far), far)
         side = 1.0 if foot == 0 else -1.0
         near = min(plan.clearance + 0.5 * (plan.sizes[0][1] + plan.sizes[1][1]), abs(aside))
         y = side * min(max(side * y, near), abs(aside) + self._farthest)
-        shift = world_R_stance @ np.array([x - ahead, y - aside])
-        if plan.ground.platforms and not self._carries(goal, planned + shift, plan.sizes[foot]):
-            return -settled
-        return shift
+        by_x, by_y = stand.without(x - ahead, y - aside)
+        place = (planned_x + by_x, planned_y + by_y)
+        if plan.ground.platforms and not self._carries(goal, place, plan.sizes[foot]):
+            return -settled[0], -settled[1]
+        return by_x, by_y
 
-    def _carries(self, goal: Placement, place: Vector2, size: tuple[float, float]) -> bool:
+    def _carries(self, goal: Placement, place: Point, size: tuple[float, float]) -> bool:
         """Whether the ground is as high as a goal under all of a sole at another place."""
-        x, y = place.tolist()
+        x, y = place
         height = goal.position[2]
         sole = Placement(position=(x, y, height), yaw=goal.yaw)
         heights = self._plan.ground.heights(sole.grid(*size))
         return bool(np.abs(heights - height).max() < _LEVEL)
 
 
-def _clip(vector: Vector2, most: float) -> Vector2:
-    return np.minimum(np.maximum(vector, -most), most)
+class _Axes(NamedTuple):
+    """The axes of a foot that stands, along it and across it.
+
+    Attributes:
+        x: of its centre in the world [m].
+        y: likewise.
+        cos: of its yaw.
+        sin: of its yaw.
+    """
+
+    x: float
+    y: float
+    cos: float
+    sin: float
+
+    @classmethod
+    def of(cls, stance: Placement) -> "_Axes":
+        """The axes of a foot that stands there."""
+        x, y, _ = stance.position
+        return cls(x, y, math.cos(stance.yaw), math.sin(stance.yaw))
+
+    def within(self, x: float, y: float) -> Point:
+        """A vector of the world along the foot and across it."""
+        return self.cos * x + self.sin * y, self.cos * y - self.sin * x
+
+    def without(self, along: float, across: float) -> Point:
+        """A vector along the foot and across it in the world."""
+        return self.cos * along - self.sin * across, self.sin * along + self.cos * across
+
+
+def _plain(vector: Vector2) -> Point:
+    x, y = vector.tolist()
+    return x, y
+
+
+def _clipped(vector: Point, most: float) -> Point:
+    x, y = vector
+    return min(max(x, -most), most), min(max(y, -most), most)

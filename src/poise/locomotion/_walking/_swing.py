@@ -87,14 +87,17 @@ class SwingFoot:
         left = self._shape.arrive * self.duration - self.elapsed
         self.elapsed += dt
         if self.elapsed > self._shape.depart * self.duration:
-            x, y = (self.goal.position[:2] + shift).tolist()
+            by_x, by_y = shift.tolist()
+            x, y = self.goal.position[0] + by_x, self.goal.position[1] + by_y
             self._x, self._y = _towards(self._x, x, left, dt), _towards(self._y, y, left, dt)
-        linear = np.array([self._x, self._y, self._vertical(dt)])
+        z = self._vertical(dt)
         phase, rate, second = least_jerk(self.elapsed, 0.0, self.duration)
-        self.position = linear[:, 0]
+        about = self._turn.tolist()
+        position, velocity, acceleration = zip(self._x, self._y, z, strict=True)
+        self.position = np.array(position)
         self.rotation = pin.exp3(phase * self._turn) @ self._start_rotation
-        self.velocity = np.concatenate((linear[:, 1], rate * self._turn))
-        self.acceleration = np.concatenate((linear[:, 2], second * self._turn))
+        self.velocity = np.array((*velocity, *(rate * turn for turn in about)))
+        self.acceleration = np.array((*acceleration, *(second * turn for turn in about)))
 
     def _vertical(self, dt: float) -> Motion:
         """Height and its rates; below the goal if the foot is still in the air when it is due."""
