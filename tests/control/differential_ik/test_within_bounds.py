@@ -5,6 +5,8 @@ import pytest
 
 from poise.control._differential_ik import VelocityLevel, solve_levels
 from poise.control._differential_ik._bounds import VelocityBounds
+from poise.control._differential_ik._closed_form import ClosedForm
+from poise.control._differential_ik._kernels import VelocityLevels
 from poise.control._differential_ik._within_bounds import RANK, _hold, solve_within_bounds
 from poise.hqp import HierarchicalProblem, Level, solve
 from poise.stack import JointLimit
@@ -63,7 +65,8 @@ def test_the_last_level_is_let_go_where_that_serves_an_exact_one():
         rng = np.random.default_rng(seed)
         levels, bound = levels_of(rng, 10, (3, 3, 8)), np.full(10, 0.5)
         levels[0].velocity[:] = 0.0
-        with_all, _ = _hold(levels, np.ones(10), -bound, bound, 2, RANK)
+        form = ClosedForm(10, 2, RANK)
+        with_all, _ = _hold(form, VelocityLevels.of(levels), np.ones(10), -bound, bound)
         if np.abs(levels[0].jacobian @ with_all).max() > 1e-7:
             continue
         u, _ = solve_within_bounds(levels, np.ones(10), -bound, bound, exact=2)
