@@ -13,7 +13,7 @@ from benchmarks.clocked import Turns, take_turns
 from benchmarks.methods import timed_methods
 from benchmarks.walk_recording import Answer, WalkRecording, WalkSubject
 from poise.control import Command, CommandStatus
-from poise.dynamics import RobotState
+from poise.dynamics import Partitions, RobotState
 from poise.locomotion import Stride, plan_footsteps
 from poise.robots import load_robot
 from studies.plan import StudyOptions
@@ -149,7 +149,7 @@ def test_what_17_leaves_out_is_what_the_accelerating_base_asks_of_the_chain(run)
     v, dv = rng.standard_normal((2, robot.nv))
     state = RobotState(q, v)
     form, soles = PaperTorques(robot), tuple(robot.soles)
-    u = form.partition(soles).u.index
+    u = Partitions(robot).of(soles).u.index
     alone, still = np.zeros(robot.nv), v.copy()
     alone[u] = dv[u]
     still[: robot.base_dofs] = 0.0
