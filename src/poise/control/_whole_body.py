@@ -28,6 +28,7 @@ class FullProgram:
 
     def __init__(self, full: FullProblem, solver: Solver) -> None:
         self.full, self._solver, self._solved = full, solver, False
+        solver.prepare(full.problem)
 
     @property
     def solution(self) -> Solution | None:

@@ -105,6 +105,17 @@ class LexicographicSolver:
         self._fit(problem)
         self._work.rows.side[:] = np.clip(sides, -1, 2)
 
+    def prepare(self, problem: HierarchicalProblem) -> None:
+        """Make room for a problem of its shape, so that no solve has to.
+
+        Args:
+            problem: of that shape; its numbers do not matter.
+
+        Raises:
+            ConfigurationError: as for `run`.
+        """
+        self._fit(problem)
+
     def memory_for(self, problem: HierarchicalProblem) -> tuple[Problem, Work, int]:
         """What `search` is given for a problem, for compiled code that calls it by itself.
 
