@@ -13,7 +13,7 @@ from benchmarks.options import folder_of, words_of
 from poise.cli import Bar, run_command
 from poise.errors import ConfigurationError, UnknownNameError
 
-BENCHMARKS = ("tick", "dof", "peers", "batch", "bias", "hqp", "run", "worst")
+BENCHMARKS = ("tick", "growth", "dof", "peers", "batch", "bias", "hqp", "run", "worst")
 """What can be timed. `tick --controller teleop` stands apart, because the step teleoperator is no
 resolver of tasks: it walks, and is timed on a walk. It is called `teleop` here."""
 
@@ -63,9 +63,9 @@ _OPTIONS: dict[str, tuple[str, tuple[str, ...], str]] = {
     ),
     "ticks": (
         "N",
-        ("tick", "teleop", "dof", "peers", "batch", "bias", "worst"),
-        "timed ticks (default: 500 for tick and peers, 300 for dof, one walk with --controller "
-        "teleop, 1100 for bias); batch: states of one (default: 4096); worst: of each "
+        ("tick", "teleop", "growth", "dof", "peers", "batch", "bias", "worst"),
+        "timed ticks (default: 500 for tick and peers, 400 for growth, 300 for dof, one walk with "
+        "--controller teleop, 1100 for bias); batch: states of one (default: 4096); worst: of each "
         "scenario (default: 100000)",
     ),
     "problems": (
@@ -102,8 +102,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         prog="python -m benchmarks",
         description="tick: times a controller's tick from state to command, by phase, on a "
         "recorded moving run. tick --controller teleop: times the step teleoperator on a recorded "
-        "walk over an obstacle, and the whole simulation of that walk against real time. dof: "
-        "times the full and the reduced controller on robots of 20 to 60 joints. peers: times "
+        "walk over an obstacle, and the whole simulation of that walk against real time. growth: "
+        "how a tick grows with joints, levels, tasks and contacts. dof: times the full and the reduced controller on robots of 20 to 60 joints. peers: times "
         "TSID and placo beside both. batch: times many states in one call beside single ticks, on "
         "one thread and on two. bias: times the formulas of the bias acceleration on a "
         "recorded run of a robot on a fixed base. hqp: races solvers on hierarchical problems of "
@@ -137,6 +137,7 @@ def _act(options: argparse.Namespace) -> int:
     runs = {
         "tick": _tick,
         "teleop": _teleop,
+        "growth": _growth,
         "dof": _dof,
         "peers": _peers,
         "batch": _batch,
@@ -216,6 +217,12 @@ def _run_ticks(options: argparse.Namespace, plan: Any) -> None:
     results, folder = _run(options, plan, bench_tick, format_table)
     if folder is not None:
         write_figure(results, folder / "bench.png")
+
+
+def _growth(options: argparse.Namespace) -> None:
+    from benchmarks.growth import GrowthBench, bench_growth, format_growth_table
+
+    _run(options, GrowthBench(**_given(options, "ticks")), bench_growth, format_growth_table)
 
 
 def _dof(options: argparse.Namespace) -> None:
