@@ -8,6 +8,7 @@ from jaxtyping import Float64
 
 from poise._checks import Numbers
 from poise.dynamics import Dynamics
+from poise.errors import ConfigurationError
 from poise.robots import Robot
 from poise.stack._axes import parse_axes
 from poise.stack._kernels import Kind
@@ -112,6 +113,26 @@ class MomentumTask(ShippedTask[VectorTarget]):
         self.chosen = parse_axes(axes, {"angular": 0})
         self._target = VectorTarget(3, f"task {name!r}")
         self._target.set(np.zeros(3))
+
+    def set_gains(self, kp: Numbers = 0.0, kd: Numbers | None = None) -> None:
+        """Sets the gain of the momentum error, from the next tick.
+
+        Args:
+            kp: zero: there is no position to hold.
+            kd: gain of the momentum error [1/s].
+
+        Raises:
+            ConfigurationError: a stiffness, no `kd`, one of the wrong length, or one that is
+                negative or not finite.
+        """
+        stiffness, _ = self._checked_gains(kp, kd)
+        if kd is None or stiffness.any():
+            raise ConfigurationError(
+                f"task {self.name!r} has one gain, that of the momentum itself",
+                got={"kp": kp, "kd": kd},
+                wanted="kd alone",
+            )
+        super().set_gains(kp, kd)
 
     def set_target(self, momentum: Numbers, rate: Numbers | None = None) -> None:
         """Sets the reference angular momentum about the COM.
