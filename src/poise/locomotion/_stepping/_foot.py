@@ -66,12 +66,16 @@ class FootTarget:
         self, footing: Footing, device: DeviceSample, lowest: float, room_below: float
     ) -> Float64[np.ndarray, "3"]:
         """The operator's device, where a foot can be and no lower than it may [m]."""
-        swing, here = footing.other, footing.sole(footing.other)
-        target = device.position(swing).copy()
-        target[2] = max(float(target[2]), lowest)
+        swing = footing.other
+        (x, y, z), (here_x, here_y, _) = (
+            device.position(swing).tolist(),
+            footing.sole(swing).tolist(),
+        )
         # A foot that still touches would be dragged over the ground.
         clear = footing.clearance(footing.lowest_ground, self._parameters.clear_height)
-        target[:2] = here[:2] + clear * (target[:2] - here[:2])
+        target = np.array(
+            [here_x + clear * (x - here_x), here_y + clear * (y - here_y), max(z, lowest)]
+        )
         hip = self._range.hip(swing, footing.dynamics)
         support = footing.anchors[footing.stance]
         return self._range.bring_back(

@@ -116,7 +116,7 @@ class Footing:
 
     def sole(self, foot: int) -> Float64[np.ndarray, "3"]:
         """Where a sole's centre is [m]."""
-        return self.dynamics.frame(self.biped.frames[foot]).position
+        return self.dynamics.placement(self.biped.frames[foot])[0]
 
     @cached_property
     def zmp_reference(self) -> Float64[np.ndarray, "2"]:
@@ -129,14 +129,15 @@ class Footing:
     @cached_property
     def heading(self) -> Float64[np.ndarray, "2"]:
         """Where the torso faces, along the ground."""
-        forward = self.dynamics.frame(self.biped.torso).rotation[:2, 0]
+        _, rotation = self.dynamics.placement(self.biped.torso)
+        forward = rotation[:2, 0]
         return forward / math.hypot(*forward.tolist())
 
     @cached_property
     def tilt(self) -> float:
         """Angle of the torso against upright [rad]."""
-        upward = float(self.dynamics.frame(self.biped.torso).rotation[2, 2])
-        return math.acos(max(-1.0, min(1.0, upward)))
+        _, rotation = self.dynamics.placement(self.biped.torso)
+        return math.acos(max(-1.0, min(1.0, float(rotation[2, 2]))))
 
     @cached_property
     def support(self) -> SupportPolygon:
@@ -147,8 +148,8 @@ class Footing:
         """
         corners: list[tuple[float, float]] = []
         for foot in (self.stance,) if self.mode.single else (0, 1):
-            frame = self.dynamics.frame(self.biped.frames[foot])
-            corners += sole_rectangle(frame.position, frame.rotation, self.biped.sizes[foot])
+            placement = self.dynamics.placement(self.biped.frames[foot])
+            corners += sole_rectangle(*placement, self.biped.sizes[foot])
         return SupportPolygon(corners, self.margin)
 
     @cached_property
