@@ -49,6 +49,7 @@ class Task(ABC):
         self.unit = "m"
         self.dim = 0
         self._robot: Robot | None = None
+        self._whats = {row: f"{what} of task {name!r}" for row, what in _GIVEN.items()}
         # Shape is checked when the number of rows is known; sign and finiteness at once.
         self._checked_gains(kp, kd)
         self._checked_weight(weight)
@@ -81,7 +82,7 @@ class Task(ABC):
         _write_gains(rows, *self._checked_gains(kp, kd))
         rows[WEIGHT] = self._checked_weight(weight)
         for row, value in self._given.items():
-            rows[row] = checked_target(value, self.dim, f"{_GIVEN[row]} of task {self.name!r}")
+            rows[row] = checked_target(value, self.dim, self._whats[row])
         self._take_gains(rows)
         self.jacobian: Float64[np.ndarray, "m nv"] = np.zeros((self.dim, robot.nv))
         self.drift: Float64[np.ndarray, " m"] = np.zeros(self.dim)
@@ -190,13 +191,13 @@ class Task(ABC):
         """Puts a number a row, or NaN for none, in place of what feedback would ask for."""
         if value is not None:
             size = self.dim if self._robot is not None else np.size(value)
-            value = checked_target(value, size, f"{_GIVEN[row]} of task {self.name!r}")
+            value = checked_target(value, size, self._whats[row])
         if self._robot is not None:
             self._gain_rows[row] = np.nan if value is None else value
         elif value is None:
             self._given.pop(row, None)
         else:
-            self._given[row] = value
+            self._given[row] = value.copy()
 
     def set_weight(self, weight: Numbers) -> None:
         """Sets the weight of its rows against other rows of the same level, from the next tick.
