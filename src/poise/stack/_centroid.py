@@ -39,6 +39,7 @@ class ComTask(ShippedTask[VectorTarget]):
     ) -> None:
         super().__init__(name, kp=kp, kd=kd, weight=weight)
         self.chosen = parse_axes(axes, {"position": 0})
+        self._masked = np.setdiff1d(np.arange(3), self.chosen)
         self._target = VectorTarget(3, f"task {name!r}")
 
     def set_target(
@@ -66,10 +67,10 @@ class ComTask(ShippedTask[VectorTarget]):
 
     def masked_target(self) -> Float64[np.ndarray, "3"]:
         """The target along the axes that count, NaN along the others [m]."""
-        shown = np.full(3, np.nan)
-        position = self._target.position
-        if position is not None:
-            shown[self.chosen] = position[self.chosen]
+        shown = self._target.position
+        if shown is None:
+            return np.full(3, np.nan)
+        shown[self._masked] = np.nan
         return shown
 
     def hold(self, dynamics: Dynamics) -> None:

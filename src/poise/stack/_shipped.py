@@ -3,6 +3,7 @@
 `VectorTarget` and `PoseTarget`: what such a task is told, in the array that its formulas read.
 """
 
+import math
 from typing import Generic, TypeVar
 
 import numpy as np
@@ -66,11 +67,11 @@ class VectorTarget:
     @property
     def position(self) -> Float64[np.ndarray, " m"] | None:
         """A copy of the position; None until one is set or held."""
-        return None if np.isnan(self.memory[0]) else self.memory[: self._dim].copy()
+        return None if math.isnan(self.memory[0]) else self.memory[: self._dim].copy()
 
     def hold(self, actual: Float64[np.ndarray, " m"]) -> None:
         """Makes the actual value the target where none was set."""
-        if np.isnan(self.memory[0]):
+        if math.isnan(self.memory[0]):
             self.memory[: self._dim] = actual
             self._held = True
 
@@ -128,13 +129,13 @@ class PoseTarget:
     @property
     def position(self) -> Float64[np.ndarray, "3"] | None:
         """A copy of the position [m]; None until one is set or held."""
-        return None if np.isnan(self.memory[0]) else self.memory[_POSITION].copy()
+        return None if math.isnan(self.memory[0]) else self.memory[_POSITION].copy()
 
     @property
     def rotation(self) -> Float64[np.ndarray, "3 3"] | None:
         """A copy of the rotation; None until one is set or held."""
         rotation = self.memory[_ROTATION]
-        return None if np.isnan(rotation[0]) else rotation.reshape(3, 3).copy()
+        return None if math.isnan(rotation[0]) else rotation.reshape(3, 3).copy()
 
     def hold(
         self,
@@ -143,7 +144,7 @@ class PoseTarget:
     ) -> None:
         """Makes the actual values the target where none was set; no rotation where it is None."""
         for part, actual in ((_POSITION, position), (_ROTATION, rotation)):
-            if actual is not None and np.isnan(self.memory[part.start]):
+            if actual is not None and math.isnan(self.memory[part.start]):
                 self.memory[part] = actual.ravel()
                 self._held[part] = True
 

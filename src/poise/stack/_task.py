@@ -143,7 +143,8 @@ class Task(ABC):
         return self._gain(RATE)
 
     def _gain(self, row: int) -> Float64[np.ndarray, " m"]:
-        _ = self.robot  # without one the number of rows is unknown, and this says so
+        if self._robot is None:
+            _ = self.robot  # the number of rows is unknown, and this says so
         return self._gains_to_read[row]
 
     def set_gains(self, kp: Numbers, kd: Numbers | None = None) -> None:

@@ -114,12 +114,13 @@ class FootVelocity:
             hurry: whether it has to be down as soon as it can.
         """
         p = self._parameters
-        velocity = saturate(p.v_lim, p.k_v * (target - footing.sole(footing.other)))
+        x, y, z = saturate(p.v_lim, p.k_v * (target - footing.sole(footing.other))).tolist()
         if not hurry:
-            velocity[2] = max(float(velocity[2]), -self._lowering_speed(footing))
+            z = max(z, -self._lowering_speed(footing))
         if not footing.mode.single:
-            return velocity
-        velocity[:2] *= _calm(footing)
+            return np.array([x, y, z])
+        calm = _calm(footing)
+        velocity = np.array([calm * x, calm * y, z])
         # Where the foot's velocity jumps, as with a device that jitters, the ZMP jumps too.
         self._smoothed = self._smoothed + self._gain * (velocity - self._smoothed)
         return self._smoothed
@@ -136,7 +137,7 @@ def _calm(footing: Footing) -> float:
 
     Swinging a leg takes angular momentum, which is then missing for the balance.
     """
-    x, y = footing.anchors[footing.stance][:2].tolist()
+    x, y, _ = footing.anchors[footing.stance].tolist()
     most = footing.support.depth((x, y))
     if most <= 0.0:
         # A sole tilted so far that no ground is left under it.
