@@ -11,14 +11,8 @@ from poise._compiled._blocks import Block, allocate, view
 from poise._compiled._compiling import compiled, part, say_if_slow
 from poise._compiled._first_use import functions_of
 from poise._compiled._householder import make_reflection, reflect, reflect_columns, reflect_rows
-from poise._compiled._triangular import (
-    factor,
-    factor_leading,
-    solve_leading,
-    solve_lower,
-    solve_rows,
-    solve_transposed,
-)
+from poise._compiled._leading import factor_leading, solve_leading, solve_lower
+from poise._compiled._triangular import factor, solve_rows, solve_transposed
 
 __all__ = [
     "Block",
