@@ -13,18 +13,24 @@ from benchmarks.options import folder_of, words_of
 from poise.cli import Bar, run_command
 from poise.errors import ConfigurationError, UnknownNameError
 
-BENCHMARKS = ("tick", "dof", "peers", "bias", "hqp", "run")
+BENCHMARKS = ("tick", "dof", "peers", "batch", "bias", "hqp", "run", "worst")
 """What can be timed. `tick --controller teleop` stands apart, because the step teleoperator is no
 resolver of tasks: it walks, and is timed on a walk. It is called `teleop` here."""
 
 _OPTIONS: dict[str, tuple[str, tuple[str, ...], str]] = {
     "robot": (
         "R",
-        ("tick", "teleop", "peers", "bias", "run"),
-        "tick, peers: a biped (default: humanoid33; with --controller teleop: biped20); bias: a "
-        "robot on a fixed base with hands (default: upper17); run: another than the scenario's",
+        ("tick", "teleop", "peers", "batch", "bias", "run", "worst"),
+        "tick, peers, batch: a biped (default: humanoid33; batch: g1; with --controller teleop: "
+        "biped20); bias: a robot on a fixed base with hands (default: upper17); run, worst: "
+        "another than the scenario's",
     ),
     "scenario": ("S", ("run",), "run: a shipped scenario or a YAML file (default: walk)"),
+    "scenarios": (
+        "S,S",
+        ("worst",),
+        "worst: shipped scenarios or YAML files (default: seven of torque controllers)",
+    ),
     "joints": ("N,N", ("dof",), "dof: joints of the robots, 20 to 60 (default: ten of them)"),
     "contacts": (
         "C",
@@ -39,8 +45,9 @@ _OPTIONS: dict[str, tuple[str, tuple[str, ...], str]] = {
     ),
     "stack": (
         "S",
-        ("tick", "dof", "peers"),
-        "table1, default or both (tick: both; dof, peers: table1)",
+        ("tick", "dof", "peers", "batch"),
+        "table1, default or, but for dof and batch, both (tick: both; dof, peers: table1; batch: "
+        "default)",
     ),
     "methods": (
         "M,M",
@@ -56,9 +63,10 @@ _OPTIONS: dict[str, tuple[str, tuple[str, ...], str]] = {
     ),
     "ticks": (
         "N",
-        ("tick", "teleop", "dof", "peers", "bias"),
+        ("tick", "teleop", "dof", "peers", "batch", "bias", "worst"),
         "timed ticks (default: 500 for tick and peers, 300 for dof, one walk with --controller "
-        "teleop, 1100 for bias)",
+        "teleop, 1100 for bias); batch: states of one (default: 4096); worst: of each "
+        "scenario (default: 100000)",
     ),
     "problems": (
         "FOLDER",
@@ -96,17 +104,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
         "recorded moving run. tick --controller teleop: times the step teleoperator on a recorded "
         "walk over an obstacle, and the whole simulation of that walk against real time. dof: "
         "times the full and the reduced controller on robots of 20 to 60 joints. peers: times "
-        "TSID and placo beside both. bias: times the formulas of the bias acceleration on a "
+        "TSID and placo beside both. batch: times many states in one call beside single ticks, on "
+        "one thread and on two. bias: times the formulas of the bias acceleration on a "
         "recorded run of a robot on a fixed base. hqp: races solvers on hierarchical problems of "
         "robots, of inverse kinematics and of chance, and judges their answers. run: the processor "
-        "time of a whole scenario, recorded and logged, and where it goes. Whatever is compared is "
-        "timed in turn on the same states.",
+        "time of a whole scenario, recorded and logged, and where it goes. worst: the worst tick "
+        "of many runs of scenarios. Whatever is compared is timed in turn on the same states.",
         epilog="example: python -m benchmarks tick --controller reduced; "
         "python -m benchmarks tick --controller teleop; python -m benchmarks dof --joints 33,60; "
         "python -m benchmarks peers --peers tsid=peers/tsid/bin/python; "
         "python -m benchmarks bias --json; "
         "python -m benchmarks hqp --methods daqp-hierarchical,cascade/osqp --out bench; "
-        "python -m benchmarks run --scenario walk --robot g1",
+        "python -m benchmarks run --scenario walk --robot g1; "
+        "python -m benchmarks worst --scenarios push,walk",
     )
     parser.add_argument("name", metavar="NAME", help="what to time: " + ", ".join(BENCHMARKS))
     for name, (metavar, _, words) in _OPTIONS.items():
@@ -129,8 +139,10 @@ def _act(options: argparse.Namespace) -> int:
         "teleop": _teleop,
         "dof": _dof,
         "peers": _peers,
+        "batch": _batch,
         "bias": _bias,
         "run": _whole,
+        "worst": _worst,
     }
     (runs | {"hqp": act_hqp})[name](options)
     return 0
@@ -217,6 +229,16 @@ def _dof(options: argparse.Namespace) -> None:
     _run(options, DofBench(**given), bench_dof, format_dof_table, speed_targets)
 
 
+def _batch(options: argparse.Namespace) -> None:
+    from benchmarks.batch import BatchBench, batch_figures, bench_batch, format_batch_table
+    from benchmarks.recording import STACKS
+
+    if options.stack is not None and options.stack not in STACKS:
+        raise UnknownNameError("no such stack", got=options.stack, choices=STACKS)
+    plan = BatchBench(**_given(options, "robot", "stack", "ticks"))
+    _run(options, plan, bench_batch, format_batch_table, batch_figures)
+
+
 def _bias(options: argparse.Namespace) -> None:
     from benchmarks.bias import BiasBench, bench_bias, format_bias_table
 
@@ -235,6 +257,15 @@ def _whole(options: argparse.Namespace) -> None:
 
     plan = RunBench(**_given(options, "scenario", "robot"))
     _run(options, plan, bench_run, format_run_table, run_figures)
+
+
+def _worst(options: argparse.Namespace) -> None:
+    from benchmarks.worst import WorstBench, bench_worst, format_worst_table, worst_figures
+
+    given = _given(options, "robot", "ticks")
+    if options.scenarios is not None:
+        given["scenarios"] = words_of(options.scenarios)
+    _run(options, WorstBench(**given), bench_worst, format_worst_table, worst_figures)
 
 
 def _run(

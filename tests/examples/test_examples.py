@@ -22,6 +22,7 @@ SHORT = {
     "09_own_task.py": ["--seconds", "0.2"],
     "10_operational_space.py": [],
     "11_walk.py": ["--steps", "1"],
+    "12_batch.py": ["--count", "400"],
 }
 
 
@@ -54,6 +55,13 @@ def test_stand_prints_each_task_with_its_level_and_a_small_error(run, get_robot,
     assert numbers(r"3  com +(\S+) m ", printed)[0] < 1e-4
     assert numbers(r"4  right_hand pose +(\S+) m, rad", printed)[0] < 1e-4
     assert re.search(r"5  posture", printed)
+
+
+def test_a_batch_says_what_hands_at_rest_cost(run):
+    printed = run("12_batch.py")
+    for name in ("ahead", "back", "aside"):
+        most, still = numbers(rf"{name}: (\S+) m/s\^2, .* (\S+) m/s\^2", printed)
+        assert 0.5 < still < 3.0 < most < 8.0
 
 
 def test_reach_follows_the_moving_target(run):

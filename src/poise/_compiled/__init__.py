@@ -3,12 +3,12 @@
 Python's own time for a call into NumPy or LAPACK is that of some thousand operations, as many as
 most of these functions do. They work in place and allocate nothing.
 
-`compiled` and `part` make compiled functions, a `Block` hands many arrays to one, and `say_if_slow`
-shows what the first use on a machine waits for.
+`compiled`, `compiled_for_threads` and `part` make compiled functions, a `Block` hands many arrays
+to one, and `say_if_slow` shows what the first use on a machine waits for.
 """
 
 from poise._compiled._blocks import Block, allocate, view
-from poise._compiled._compiling import compiled, part, say_if_slow
+from poise._compiled._compiling import compiled, compiled_for_threads, part, say_if_slow
 from poise._compiled._first_use import functions_of
 from poise._compiled._householder import make_reflection, reflect, reflect_columns, reflect_rows
 from poise._compiled._leading import factor_leading, solve_leading, solve_lower
@@ -18,6 +18,7 @@ __all__ = [
     "Block",
     "allocate",
     "compiled",
+    "compiled_for_threads",
     "factor",
     "factor_leading",
     "functions_of",

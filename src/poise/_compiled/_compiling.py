@@ -53,11 +53,28 @@ def compiled(function: Callable[P, R]) -> Callable[P, R]:
         function: of arrays and numbers, in the part of Python that Numba compiles. It may neither
             make an array nor return one that it did not get.
     """
+    return _whole(function, {})
+
+
+def compiled_for_threads(function: Callable[P, R]) -> Callable[P, R]:
+    """The same for a function that works long: Python's other threads run meanwhile.
+
+    Where others wait to run, whoever calls it may have to wait for them when it ends: so it is
+    nothing for a control loop.
+
+    Args:
+        function: as for `compiled`; nobody may touch what it works on until it ends.
+    """
+    return _whole(function, {"nogil": True})
+
+
+def _whole(function: Callable[P, R], options: dict[str, bool]) -> Callable[P, R]:
     # Tests wrap functions in checks of their annotations, which cannot be compiled.
     plain = cast("FunctionType", inspect.unwrap(function))
     if _DISABLED:
         return cast("Callable[P, R]", plain)
-    dispatcher = cast("Any", numba).njit(pipeline_class=WholeCompiler, **_OPTIONS)(plain)
+    all_options: dict[str, Any] = _OPTIONS | options
+    dispatcher = cast("Any", numba).njit(pipeline_class=WholeCompiler, **all_options)(plain)
     dispatcher.stamp = _stamp(plain)
     # Without a folder to keep it in, as for a package that lies in an archive, it is not kept.
     with suppress(RuntimeError):

@@ -1,6 +1,6 @@
 """Controllers: from a state and a stack to a command, by one strategy or another."""
 
-from poise.control._command import Command, CommandStatus
+from poise.control._command import Command, Commands as Commands, CommandStatus
 from poise.control._controller import Controller
 from poise.control._differential_ik import DifferentialIK
 from poise.control._make import (

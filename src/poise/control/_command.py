@@ -1,11 +1,15 @@
-"""`Command`: what a controller answers each tick, with the status that says how far to trust it."""
+"""`Command`: what a controller answers each tick, with the status that says how far to trust it.
 
-from collections.abc import Mapping
+`Commands`: what it answers to many states at once.
+"""
+
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
+from typing import overload
 
 import numpy as np
-from jaxtyping import Float64
+from jaxtyping import Bool, Float64
 
 
 class CommandStatus(Enum):
@@ -49,3 +53,49 @@ class Command:
     acceleration: Float64[np.ndarray, " nv"] | None = None
     wrenches: Mapping[str, Float64[np.ndarray, " m"]] = field(default_factory=dict)
     residuals: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Commands(Sequence[Command]):
+    """Commands for many states, in their order; each as `Command` by its index.
+
+    Attributes:
+        statuses: how each came about.
+        torque: joint torques, always finite and within limits [N m].
+        acceleration: generalized accelerations that they were computed for [m/s^2, rad/s^2]; as the
+            two below, NaN where there was no answer.
+        wrenches: wrench on the robot expected at each contact, by the contact's name [N, N m].
+        residuals: norm of what each level could not meet, relative to the level's scale.
+    """
+
+    statuses: tuple[CommandStatus, ...]
+    torque: Float64[np.ndarray, "count nj"]
+    acceleration: Float64[np.ndarray, "count nv"]
+    wrenches: dict[str, Float64[np.ndarray, "count _"]]
+    residuals: Float64[np.ndarray, "count levels"]
+
+    @property
+    def ok(self) -> Bool[np.ndarray, " count"]:
+        """Which of them are what the tasks asked for, not a fallback."""
+        return np.array([status.ok for status in self.statuses], dtype=np.bool_)
+
+    def __len__(self) -> int:
+        return len(self.statuses)
+
+    @overload
+    def __getitem__(self, index: int) -> Command: ...
+    @overload
+    def __getitem__(self, index: slice) -> Sequence[Command]: ...
+    def __getitem__(self, index: int | slice) -> Command | Sequence[Command]:
+        if isinstance(index, slice):
+            return [self[i] for i in range(*index.indices(len(self)))]
+        status, torque = self.statuses[index], self.torque[index]
+        if not status.ok:
+            return Command(status=status, torque=torque)
+        return Command(
+            status=status,
+            torque=torque,
+            acceleration=self.acceleration[index],
+            wrenches={name: wrench[index] for name, wrench in self.wrenches.items()},
+            residuals=tuple(self.residuals[index].tolist()),
+        )

@@ -66,7 +66,7 @@ class FullProblem:
         touch.lower[rows.own_rows], touch.upper[rows.own_rows] = -np.inf, 0.0
         # What is compiled is compiled now, not in the first tick.
         self._fill_dynamics(np.zeros((nv, nv)), np.zeros(nv))
-        _answer(np.zeros(n), problem.A, np.zeros(nv), np.zeros(n), np.zeros(robot.nj))
+        answer(np.zeros(n), problem.A, np.zeros(nv), np.zeros(n), np.zeros(robot.nj))
 
     def fill(self, dynamics: Dynamics) -> None:
         """Writes one state's rows into the problem.
@@ -81,7 +81,7 @@ class FullProblem:
         self, M: Float64[np.ndarray, "nv nv"], h: Float64[np.ndarray, " nv"]
     ) -> None:
         torque, joint, problem = self._stack.torque_limit, self._stack.joint_limit, self.problem
-        _fill(
+        fill(
             M,
             h,
             (self._base, self.rows.contact_rows.stop),
@@ -103,7 +103,7 @@ class FullProblem:
             The solution; and the actuated rows (7), M_l dv + h_l - J_c,l^T F.
         """
         point, torque = np.empty(len(x)), np.empty(self._nv - self._base)
-        _answer(x, self.problem.A, dynamics.h, point, torque)
+        answer(x, self.problem.A, dynamics.h, point, torque)
         return point, torque
 
     def acceleration(self, x: Float64[np.ndarray, " n"]) -> Float64[np.ndarray, " nv"]:
@@ -136,7 +136,7 @@ class FullProblem:
 
 
 @compiled
-def _fill(
+def fill(
     M: Float64[np.ndarray, "nv nv"],
     h: Float64[np.ndarray, " nv"],
     sizes: tuple[int, int],
@@ -168,7 +168,7 @@ def _fill(
 
 
 @compiled
-def _answer(
+def answer(
     x: Float64[np.ndarray, " n"],
     A: Float64[np.ndarray, "m n"],
     h: Float64[np.ndarray, " nv"],

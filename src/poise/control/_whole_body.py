@@ -1,9 +1,15 @@
 """`WholeBodyController`: strictly prioritised torque control over the full dynamics."""
 
+from collections.abc import Callable, Sequence
+
+from poise._checks import checked_kind
+from poise.control._batch import Batch
+from poise.control._command import Commands
 from poise.control._controller import Controller
 from poise.control._full_problem import FullProblem
 from poise.control._strategy import Answer, Programs, bound_stack, solver_maker
-from poise.dynamics import Dynamics
+from poise.dynamics import Dynamics, RobotState
+from poise.errors import ConfigurationError
 from poise.hqp import Solution, Solver
 from poise.robots import Robot
 from poise.stack import Stack, Task
@@ -22,6 +28,7 @@ class FullProgram:
 
     def __init__(self, full: FullProblem, solver: Solver) -> None:
         self.full, self._solver, self._solved = full, solver, False
+        solver.prepare(full.problem)
 
     @property
     def solution(self) -> Solution | None:
@@ -101,6 +108,7 @@ class WholeBodyController(Controller):
         time_limit: float | None = None,
     ) -> None:
         stack = bound_stack(robot, stack)
+        self._strategy_name, self._batch = strategy, Batch(robot, stack)
         make_solver = solver_maker(strategy, backend, time_limit)
         self._programs = Programs(
             robot,
@@ -113,3 +121,51 @@ class WholeBodyController(Controller):
     def strategy(self) -> Programs[FullProgram]:
         """The full problem and its solution, one for each set of active contacts."""
         return self._programs
+
+    def solve_batch(
+        self,
+        states: Sequence[RobotState],
+        *,
+        threads: int | None = None,
+        before_each: Callable[[int], None] | None = None,
+    ) -> Commands:
+        """What the next `step` would answer to each of many states, whichever came first.
+
+        For data, planning by sampling, learning: one compiled loop over the states, on threads. All
+        have the stack's targets, and its contacts as they are at the first state's time; a task
+        without a target holds what the robot does in each state. `before_each` may set targets
+        for one state. Answers are those of `step` to rounding, whatever the number of threads;
+        each search begins with the active set of the same place in the last batch, if that was
+        as long. The controller's own last command, solution and status stay as they are.
+
+        Args:
+            states: the states.
+            threads: how many work at a time; as many as there are processors when None.
+            before_each: called before a state is taken up, with its number; one call at a time.
+
+        Returns:
+            The commands. A state that is of no use, or has no answer, gets the fallback of a
+            controller that has given no command yet.
+
+        Raises:
+            ConfigurationError: the strategy is not "direct", or a number of threads below one.
+        """
+        if self._strategy_name != "direct":
+            raise ConfigurationError(
+                "many states at once are solved by one strategy alone",
+                got=self._strategy_name,
+                wanted='strategy="direct"',
+            )
+        if threads is not None and checked_kind(threads, int, "threads of a batch") < 1:
+            raise ConfigurationError(
+                "a batch needs threads", got=threads, wanted="a whole number >= 1, or None"
+            )
+        return self._batch.solve(states, threads, before_each)
+
+    def reset(self) -> None:
+        """Forgets the last command, the last solutions and targets taken from the robot.
+
+        Contacts stay as loaded as they are.
+        """
+        super().reset()
+        self._batch.reset()

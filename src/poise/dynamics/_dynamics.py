@@ -197,6 +197,16 @@ class Dynamics:
             self._places[frame_id] = placement
         return placement
 
+    @property
+    def numbers(self) -> tuple[Float64[np.ndarray, " _"], ...]:
+        """All that `update` writes and compiled code reads, as flat views in one order.
+
+        Copied into those of another `Dynamics` of the robot they make its motion that of this one.
+        """
+        m = self.motion
+        moving = (m.J, m.placements, m.velocities, m.accelerations, m.forces, m.momentum, m.com)
+        return tuple(x.ravel(order="K") for x in (self.q, self.v, self.M, self.h, *moving))
+
     def joint_position(self, joint_id: int) -> Float64[np.ndarray, "3"]:
         """Origin of a joint in the world [m].
 

@@ -1,6 +1,12 @@
 """Hierarchical QPs: ordered levels of two-sided rows plus a final quadratic cost."""
 
-from poise.hqp._active_set import LexicographicSolver
+from poise.hqp._active_set import (
+    LOST as LOST,
+    UNSOUND as UNSOUND,
+    LexicographicSolver,
+    Work as Work,
+    search as search,
+)
 from poise.hqp._certificate import certify_point as certify_point
 from poise.hqp._problem import HierarchicalProblem, Level, LevelView as LevelView
 from poise.hqp._solution import Solution, SolveStatus

@@ -199,6 +199,9 @@ class KeepsSolution:
         """Solve one problem; the answer owns its arrays."""
         raise NotImplementedError
 
+    def prepare(self, problem: HierarchicalProblem) -> None:
+        """Nothing: what such a solver needs is made in each solve."""
+
     def run(self, problem: HierarchicalProblem) -> SolveStatus:
         """Solve one problem and keep the answer."""
         self._kept = self.solve(problem)

@@ -24,6 +24,10 @@ class Solver(Protocol):
         """Solve one problem; the answer owns its arrays."""
         ...
 
+    def prepare(self, problem: HierarchicalProblem) -> None:
+        """Make room for a problem of its shape, so that no solve has to."""
+        ...
+
     def run(self, problem: HierarchicalProblem) -> SolveStatus:
         """Solve one problem; the answer stays here until the next call."""
         ...

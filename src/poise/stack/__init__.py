@@ -4,8 +4,10 @@ from poise.stack._axes import checked_gain as checked_gain, checked_target as ch
 from poise.stack._centroid import ComTask, MomentumTask
 from poise.stack._contact import Contact
 from poise.stack._contacts import PointContact, SurfaceContact
+from poise.stack._evaluation import Owner as Owner
 from poise.stack._frame import FrameTask
 from poise.stack._joints import JointTask, PostureTask
+from poise.stack._kernels import Owners as Owners, Rows as Rows, evaluate as evaluate
 from poise.stack._leader import Leader
 from poise.stack._limits import JointLimit, TorqueLimit
 from poise.stack._relative_frame import RelativeFrameTask

@@ -60,6 +60,9 @@ class Owner:
             dynamics: the state, up to date.
         """
 
+    def reset(self) -> None:
+        """Forgets what was taken from the robot."""
+
     def view(self, rows: Rows, own: slice, nv: int) -> None:
         """Takes views of its rows as its attributes.
 
@@ -91,6 +94,9 @@ class Evaluation:
 
     Attributes:
         rows: what was written.
+        owners: tasks and contacts.
+        inputs: what the formulas read of them; parameters as of the last `update`.
+        work: room for the formulas.
     """
 
     def __init__(
@@ -101,7 +107,7 @@ class Evaluation:
         count: int,
         wrench_dim: int,
     ) -> None:
-        self._owners, self._places, self._nv = tuple(owners), tuple(places), robot.nv
+        self.owners, self._places, self._nv = tuple(owners), tuple(places), robot.nv
         self._parameters = [owner.parameters for owner in owners]
         table = np.zeros((len(owners), ENTRIES), dtype=np.int64)
         start = frames = chosen = 0
@@ -113,13 +119,13 @@ class Evaluation:
             start += len(owner.parameters)
             frames += len(owner.frame_ids)
             chosen += len(owner.chosen)
-        self._inputs = Owners(
+        self.inputs = Owners(
             table,
             np.concatenate([np.zeros(0, dtype=np.int64), *(o.chosen for o in owners)]),
             np.zeros(start),
             frames_of(robot.model, [i for owner in owners for i in owner.frame_ids]),
         )
-        self._work = np.zeros(WORK)
+        self.work = np.zeros(WORK)
         self._count, self._wrench_dim = count, wrench_dim
         target = np.zeros(count)
         wrenches = np.zeros(wrench_dim), np.zeros(wrench_dim)
@@ -153,7 +159,7 @@ class Evaluation:
             first,
         )
         # Rows are written where a joint moves them; elsewhere they stay zero.
-        for owner, place in zip(self._owners, self._places, strict=True):
+        for owner, place in zip(self.owners, self._places, strict=True):
             J = matrix[first + place.start : first + place.stop, : self._nv]
             J[:] = 0.0
             owner.write_constants(J)
@@ -166,13 +172,13 @@ class Evaluation:
             dynamics: the state, up to date.
             velocities: whether right-hand sides are velocities, not accelerations.
         """
-        if not self._owners:
+        if not self.owners:
             return
         if not self._run(dynamics, velocities):
-            for owner in self._owners:
+            for owner in self.owners:
                 owner.hold(dynamics)
             self._run(dynamics, velocities)
-        for owner in self._owners:
+        for owner in self.owners:
             if owner.evaluation is not self:
                 self._hand_out()
                 break
@@ -180,18 +186,18 @@ class Evaluation:
     def _compile(self, robot: Robot) -> None:
         """Evaluates nothing once, so that nothing is compiled in a tick."""
         motion = motion_of(robot.model, robot.model.createData())
-        nobody = self._inputs._replace(table=self._inputs.table[:0])
+        nobody = self.inputs._replace(table=self.inputs.table[:0])
         evaluate(
-            np.zeros(robot.nq), np.zeros(robot.nv), motion, nobody, self.rows, False, self._work
+            np.zeros(robot.nq), np.zeros(robot.nv), motion, nobody, self.rows, False, self.work
         )
 
     def _run(self, dynamics: Dynamics, velocities: bool) -> bool:
-        np.concatenate(self._parameters, out=self._inputs.parameters)
+        np.concatenate(self._parameters, out=self.inputs.parameters)
         return evaluate(
-            dynamics.q, dynamics.v, dynamics.motion, self._inputs, self.rows, velocities, self._work
+            dynamics.q, dynamics.v, dynamics.motion, self.inputs, self.rows, velocities, self.work
         )
 
     def _hand_out(self) -> None:
-        for owner, place in zip(self._owners, self._places, strict=True):
+        for owner, place in zip(self.owners, self._places, strict=True):
             owner.view(self.rows, place, self._nv)
             owner.evaluation = self

@@ -62,6 +62,8 @@ class StackRows:
             the contacts' rows.
         wrench_lower: simple bounds of all wrenches [N, N m].
         wrench_upper: upper ones.
+        evaluation: evaluates contacts and shipped tasks.
+        own_tasks: the tasks that it does not know, with their rows.
         cone: rows C of all wrench cones C F <= 0; constant, in the contacts' own axes.
     """
 
@@ -92,13 +94,13 @@ class StackRows:
         self.cone: Float64[np.ndarray, "cone w"] = stacked_cones(contacts)
         self._missing = np.zeros(count)
         self._residuals = np.zeros(1 + len(sizes))
-        self._own = [pair for pair in self.task_rows if not is_compiled(pair[0])]
+        self.own_tasks = [pair for pair in self.task_rows if not is_compiled(pair[0])]
         shipped = [pair for pair in self.task_rows if is_compiled(pair[0])]
         contact_rows = zip(self.contacts, self.wrench_slices, strict=True)
         owners, places = zip(*contact_rows, *shipped, strict=True) if count else ((), ())
-        self._evaluation = Evaluation(robot, owners, places, count, wrench_dim)
+        self.evaluation = Evaluation(robot, owners, places, count, wrench_dim)
         self._nv = robot.nv
-        self._take(self._evaluation.rows)
+        self._take(self.evaluation.rows)
         # What is compiled is compiled now, not in the first tick.
         self.measure(np.zeros(robot.nv))
 
@@ -122,8 +124,8 @@ class StackRows:
             wrench_bounds: receive the lower and upper bounds of the wrenches.
         """
         weight[:] = self.weight
-        self._evaluation.write_into(matrix, first, *bounds, weight, *wrench_bounds)
-        self._take(self._evaluation.rows)
+        self.evaluation.write_into(matrix, first, *bounds, weight, *wrench_bounds)
+        self._take(self.evaluation.rows)
 
     def _take(self, rows: Rows) -> None:
         self.J = rows.matrix[rows.first : rows.first + len(rows.target), : self._nv]
@@ -133,7 +135,7 @@ class StackRows:
             self.weight[place] = task.weight
         self._own_views = [
             (task, self.J[place], self.target[place], self._upper[place], self.weight[place])
-            for task, place in self._own
+            for task, place in self.own_tasks
         ]
 
     def update(self, dynamics: Dynamics) -> None:
@@ -143,7 +145,15 @@ class StackRows:
             dynamics: the state, up to date.
         """
         self._stack.joint_limit.evaluate(dynamics)
-        self._evaluation.update(dynamics)
+        self.evaluation.update(dynamics)
+        self.update_own(dynamics)
+
+    def update_own(self, dynamics: Dynamics) -> None:
+        """Evaluates for a state what is not compiled: tasks of a user's own.
+
+        Args:
+            dynamics: the state, up to date.
+        """
         for task, J, target, upper, weight in self._own_views:
             task.evaluate(dynamics)
             J[:] = task.jacobian
@@ -161,7 +171,7 @@ class StackRows:
         """
         if self._stance is not None:
             self._stance.evaluate(dynamics)
-        self._evaluation.update(dynamics, velocities=True)
+        self.evaluation.update(dynamics, velocities=True)
         for task, J, target, upper, weight in self._own_views:
             task.evaluate(dynamics)
             J[:] = task.jacobian

@@ -1,5 +1,7 @@
 """Lexicographic least squares: strict hierarchies of two-sided rows by one active set, compiled."""
 
+from poise.hqp._active_set.search import LOST as LOST, UNSOUND as UNSOUND, search as search
 from poise.hqp._active_set.solver import LexicographicSolver
+from poise.hqp._active_set.workspace import Work as Work
 
 __all__ = ["LexicographicSolver"]

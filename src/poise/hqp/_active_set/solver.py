@@ -8,7 +8,7 @@ from jaxtyping import Float64, Int64
 from poise._compiled import say_if_slow
 from poise.errors import ConfigurationError, ProblemError
 from poise.hqp._active_set.search import CONVERGED, LOST, UNFINISHED, UNSOUND, search
-from poise.hqp._active_set.workspace import Problem, make_work
+from poise.hqp._active_set.workspace import Problem, Work, make_work
 from poise.hqp._problem import HierarchicalProblem, Level, Numbers
 from poise.hqp._solution import LexicographicSolution, Solution, SolveStatus, failure
 from poise.hqp._tolerances import RELAXED, changes_allowed
@@ -104,6 +104,32 @@ class LexicographicSolver:
             )
         self._fit(problem)
         self._work.rows.side[:] = np.clip(sides, -1, 2)
+
+    def prepare(self, problem: HierarchicalProblem) -> None:
+        """Make room for a problem of its shape, so that no solve has to.
+
+        Args:
+            problem: of that shape; its numbers do not matter.
+
+        Raises:
+            ConfigurationError: as for `run`.
+        """
+        self._fit(problem)
+
+    def memory_for(self, problem: HierarchicalProblem) -> tuple[Problem, Work, int]:
+        """What `search` is given for a problem, for compiled code that calls it by itself.
+
+        Args:
+            problem: a problem; its numbers may change afterwards, its arrays may not.
+
+        Returns:
+            Where its numbers lie, the workspace, and the cap on changes.
+
+        Raises:
+            ConfigurationError: as for `run`.
+        """
+        self._fit(problem)
+        return self._problem, self._work, self._limit
 
     def run(self, problem: HierarchicalProblem) -> SolveStatus:
         """Solve one problem without making anything: the answer stays in the workspace.
