@@ -11,6 +11,7 @@ from poise._compiled._blocks import Block, allocate, view
 from poise._compiled._compiling import compiled, compiled_for_threads, part, say_if_slow
 from poise._compiled._first_use import functions_of
 from poise._compiled._householder import make_reflection, reflect, reflect_columns, reflect_rows
+from poise._compiled._leading import factor_leading, solve_leading, solve_lower
 from poise._compiled._triangular import factor, solve_rows, solve_transposed
 
 __all__ = [
@@ -19,6 +20,7 @@ __all__ = [
     "compiled",
     "compiled_for_threads",
     "factor",
+    "factor_leading",
     "functions_of",
     "make_reflection",
     "part",
@@ -26,6 +28,8 @@ __all__ = [
     "reflect_columns",
     "reflect_rows",
     "say_if_slow",
+    "solve_leading",
+    "solve_lower",
     "solve_rows",
     "solve_transposed",
     "view",

@@ -1,11 +1,10 @@
 """Cholesky factor and triangular solves of small matrices, in place."""
 
-from math import sqrt
-
 import numpy as np
 from jaxtyping import Float64
 
 from poise._compiled._compiling import compiled
+from poise._compiled._leading import factor_leading, solve_lower, solve_lower_transposed
 
 
 @compiled
@@ -21,19 +20,9 @@ def factor(A: Float64[np.ndarray, "n n"], L: Float64[np.ndarray, "n n"]) -> bool
     """
     n = len(A)
     for i in range(n):
-        for j in range(i):
-            rest = A[i, j]
-            for k in range(j):
-                rest -= L[i, k] * L[j, k]
-            L[i, j] = rest / L[j, j]
-        rest = A[i, i]
-        for k in range(i):
-            rest -= L[i, k] * L[i, k]
-        if not rest > 0.0:
-            return False
-        L[i, i] = sqrt(rest)
-        L[i, i + 1 :] = 0.0
-    return True
+        for j in range(n):
+            L[i, j] = A[i, j] if j <= i else 0.0
+    return factor_leading(L, n)
 
 
 @compiled
@@ -44,13 +33,8 @@ def solve_rows(L: Float64[np.ndarray, "n n"], X: Float64[np.ndarray, "m n"]) -> 
         L: lower triangular.
         X: overwritten.
     """
-    n = len(L)
     for row in range(len(X)):
-        for i in range(n):
-            rest = X[row, i]
-            for k in range(i):
-                rest -= L[i, k] * X[row, k]
-            X[row, i] = rest / L[i, i]
+        solve_lower(L, 0, len(L), X[row])
 
 
 @compiled
@@ -61,7 +45,4 @@ def solve_transposed(L: Float64[np.ndarray, "n n"], x: Float64[np.ndarray, " n"]
         L: lower triangular.
         x: overwritten.
     """
-    for i in range(len(L) - 1, -1, -1):
-        x[i] /= L[i, i]
-        for k in range(i):
-            x[k] -= L[i, k] * x[i]
+    solve_lower_transposed(L, len(L), x)

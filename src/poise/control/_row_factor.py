@@ -11,7 +11,7 @@ from math import sqrt
 import numpy as np
 from jaxtyping import Float64
 
-from poise._compiled import part
+from poise._compiled import factor_leading, part
 
 
 @part
@@ -104,25 +104,6 @@ def fill_complement(
 
 
 @part
-def solve_level(
-    X: Float64[np.ndarray, "n n"], begin: int, end: int, y: Float64[np.ndarray, " n"]
-) -> None:
-    """Solves a level's rows of L y = b, given y above them, in place.
-
-    Args:
-        X: the factored rows.
-        begin: the level's first row.
-        end: where it ends.
-        y: holds b in these places, and receives y.
-    """
-    for i in range(begin, end):
-        rest = y[i]
-        for j in range(i):
-            rest -= X[i, j] * y[j]
-        y[i] = rest / X[i, i]
-
-
-@part
 def keeps_rank(
     X: Float64[np.ndarray, "n n"],
     begin: int,
@@ -164,51 +145,6 @@ def square_level(
             for k in range(j + 1):
                 total += row[k] * other[k]
             G[i, j] = total
-
-
-@part
-def factor_leading(G: Float64[np.ndarray, "n n"], m: int) -> bool:
-    """Cholesky factor of the leading block of a symmetric matrix, in its lower triangle.
-
-    Args:
-        G: overwritten.
-        m: size of the block.
-
-    Returns:
-        Whether the block is positive definite; False for NaN, too.
-    """
-    for i in range(m):
-        for j in range(i):
-            rest = G[i, j]
-            for k in range(j):
-                rest -= G[i, k] * G[j, k]
-            G[i, j] = rest / G[j, j]
-        rest = G[i, i]
-        for k in range(i):
-            rest -= G[i, k] * G[i, k]
-        if not rest > 0.0:
-            return False
-        G[i, i] = sqrt(rest)
-    return True
-
-
-@part
-def solve_leading(G: Float64[np.ndarray, "n n"], m: int, x: Float64[np.ndarray, " n"]) -> None:
-    """X <- G^-1 x with the factor that `factor_leading` left.
-
-    Args:
-        G: the factor.
-        m: its size.
-        x: overwritten.
-    """
-    for i in range(m):
-        for k in range(i):
-            x[i] -= G[i, k] * x[k]
-        x[i] /= G[i, i]
-    for i in range(m - 1, -1, -1):
-        x[i] /= G[i, i]
-        for k in range(i):
-            x[k] -= G[i, k] * x[i]
 
 
 @part

@@ -19,7 +19,7 @@ def saturate(limit: float, value: Float64[np.ndarray, " n"]) -> Float64[np.ndarr
         limit: largest norm of the answer, positive [unit of `value`].
         value: the vector.
     """
-    return value * (limit / max(limit, math.sqrt(float(value.dot(value)))))
+    return value * (limit / max(limit, math.hypot(*value.tolist())))
 
 
 def rotation_vector(

@@ -3,6 +3,7 @@
 import numpy as np
 from jaxtyping import Float64
 
+from poise._compiled import compiled
 from poise.control import Command
 from poise.errors import ConfigurationError
 from poise.robots import Robot
@@ -30,12 +31,15 @@ class Actuators:
         self._torque = np.zeros(robot.nj)
         self._target = np.zeros(robot.nj)
         self._velocity = np.zeros(robot.nj)
+        self._controls = np.zeros((config.substeps, robot.nj))
         self.rejected = 0
+        if self._actuation == "velocity":
+            self.controls()  # what is compiled is compiled now
 
     @property
     def constant(self) -> bool:
         """Whether the control stays the same through a control period."""
-        return self._actuation == "torque"
+        return self._actuation != "velocity"
 
     def reset(self, joints: Float64[np.ndarray, " nj"]) -> None:
         """Stand still where the joints are [rad]."""
@@ -73,17 +77,15 @@ class Actuators:
         elif taken is not None:
             self._target = taken
 
-    def control(self) -> Float64[np.ndarray, " nj"]:
-        """Motor controls for the next physics step."""
-        if self._actuation == "torque":
-            return self._torque
+    def controls(self) -> Float64[np.ndarray, "substeps nj"]:
+        """Motor controls of a control period, a row a physics step; the next call overwrites it."""
         if self._actuation == "velocity":
-            self._target += self._dt * self._velocity
-            # As `numpy.clip` has it, in a fifth of its time.
-            np.maximum(self._target, self._q_min, out=self._target)
-            np.minimum(self._target, self._q_max, out=self._target)
-            return self._target + self._lead * self._velocity
-        return self._target
+            limits = self._q_min, self._q_max
+            _move(self._target, self._velocity, limits, (self._dt, self._lead), self._controls)
+        else:
+            constant = self._torque if self._actuation == "torque" else self._target
+            self._controls[:] = constant
+        return self._controls
 
     def _checked(
         self, value: Float64[np.ndarray, "..."] | None
@@ -100,3 +102,27 @@ class Actuators:
             self.rejected += 1
             return None
         return value.copy()
+
+
+@compiled
+def _move(
+    target: Float64[np.ndarray, " nj"],
+    velocity: Float64[np.ndarray, " nj"],
+    limits: tuple[Float64[np.ndarray, " nj"], Float64[np.ndarray, " nj"]],
+    times: tuple[float, float],
+    controls: Float64[np.ndarray, "substeps nj"],
+) -> None:
+    """Moves targets of servos along with a velocity, within limits, step by step.
+
+    Args:
+        target: q_d, moved on [rad].
+        velocity: v_d [rad/s].
+        limits: lower and upper limits of q_d [rad].
+        times: length of a step, and kd / kp [s].
+        controls: receives q_d + (kd / kp) v_d after each step [rad].
+    """
+    (q_min, q_max), (dt, lead) = limits, times
+    for step in range(len(controls)):
+        for i in range(len(target)):
+            target[i] = min(max(target[i] + dt * velocity[i], q_min[i]), q_max[i])
+            controls[step, i] = target[i] + lead * velocity[i]

@@ -114,8 +114,9 @@ class SoleForces:
             force, center = wrench[3:], data.site_xpos[site].tolist()
             moment = _difference(wrench[:3], _cross(_difference(center, origin), force))
             self._in_world.append((force, moment, center))
-            world_R_sole = data.site_xmat[site].reshape(3, 3)
-            self.in_soles[name] = (np.array((force, moment)) @ world_R_sole).reshape(6)
+            world_R_sole: Sequence[float] = data.site_xmat[site].tolist()
+            turned = (*_turned_back(world_R_sole, force), *_turned_back(world_R_sole, moment))
+            self.in_soles[name] = np.array(turned)
 
     def zmp(self, height: float) -> Float64[np.ndarray, "2"]:
         """Zero-moment point of all soles together on the plane z = height, in the world [m].
@@ -143,3 +144,13 @@ def _difference(a: Vector3, b: Vector3) -> tuple[float, float, float]:
 
 def _cross(a: Vector3, b: Vector3) -> tuple[float, float, float]:
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+def _turned_back(R: Sequence[float], a: Vector3) -> tuple[float, float, float]:
+    """R^T a, with the rows of R one after another."""
+    x, y, z = a
+    return (
+        R[0] * x + R[3] * y + R[6] * z,
+        R[1] * x + R[4] * y + R[7] * z,
+        R[2] * x + R[5] * y + R[8] * z,
+    )

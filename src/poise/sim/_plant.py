@@ -179,14 +179,16 @@ class Plant:
         return not finite or any(warned[kind] for kind in _FATAL)
 
     def _advance(self, begin: float) -> None:
-        data, dt = self.data, self.config.physics_dt
-        if self._actuators.constant and not self._pushes:
-            data.ctrl[:] = self._actuators.control()
+        data, dt, pushes = self.data, self.config.physics_dt, self._pushes
+        controls, now = self._actuators.controls(), data.ctrl
+        if self._actuators.constant and not pushes:
+            now[:] = controls[0]
             mujoco.mj_step(self.model, data, self._substeps)
             return
-        for k in range(self._substeps):
-            data.ctrl[:] = self._actuators.control()
-            self._pushes.apply(data, begin + k * dt, begin + (k + 1) * dt)
+        for k, control in enumerate(controls):
+            now[:] = control
+            if pushes:
+                pushes.apply(data, begin + k * dt, begin + (k + 1) * dt)
             mujoco.mj_step(self.model, data)
 
     def push(

@@ -5,6 +5,7 @@ Axis masks: which components of a task count, written as short words.
 
 import math
 from collections.abc import Mapping
+from typing import TypeGuard
 
 import numpy as np
 from jaxtyping import Float64, Int64
@@ -77,8 +78,6 @@ def split_rows(index: np.ndarray) -> tuple[int, ...]:
     return tuple(size for size in (linear, len(index) - linear) if size)
 
 
-_IDENTITY = np.eye(3)
-
 _ORTHOGONALITY_TOLERANCE = 1e-6
 """How far R^T R may be from the identity before R was hardly meant to be a rotation."""
 
@@ -102,47 +101,62 @@ def checked_gain(value: Numbers, dim: int, what: str) -> Float64[np.ndarray, " m
 
 
 def checked_target(value: Numbers, dim: int, what: str) -> Float64[np.ndarray, " m"]:
-    """A target vector of known length, copied.
+    """A target vector of known length: the same array where it is one already, to be copied.
 
     Raises:
         TargetError: wrong shape, not numbers, NaN or infinite.
     """
-    array = _as_array(value, what, TargetError)
-    if array.shape != (dim,):
-        raise TargetError(f"{what} has the wrong shape", got=array.shape, wanted=f"({dim},)")
-    if not _all_finite(array):
-        raise TargetError(f"{what} holds NaN or infinity", got=value, wanted="finite numbers")
-    return array
+    if not _is_finite_array(value, (dim,)):
+        value = _checked_array(value, (dim,), what)
+    return value
 
 
 def checked_rotation(value: Numbers, what: str) -> Float64[np.ndarray, "3 3"]:
-    """A rotation matrix, copied.
+    """A rotation matrix: the same array where it is one already, to be copied.
 
     Raises:
         TargetError: wrong shape, NaN, or not orthogonal with determinant one.
     """
-    array = _as_array(value, what, TargetError)
-    if array.shape != (3, 3):
-        raise TargetError(f"{what} has the wrong shape", got=array.shape, wanted="(3, 3)")
-    if not _all_finite(array.ravel()):
-        raise TargetError(f"{what} holds NaN or infinity", got=value, wanted="finite numbers")
-    off = array.T @ array
-    off -= _IDENTITY
-    if np.abs(off).max() > _ORTHOGONALITY_TOLERANCE or _determinant(array) < 0.0:
+    if not _is_finite_array(value, (3, 3)):
+        value = _checked_array(value, (3, 3), what)
+    (a, b, c), (d, e, f), (g, h, i) = value.tolist()
+    # R^T R - I, and the determinant of a matrix for which that is small: one or minus one.
+    off = (
+        a * a + d * d + g * g - 1.0,
+        b * b + e * e + h * h - 1.0,
+        c * c + f * f + i * i - 1.0,
+        a * b + d * e + g * h,
+        a * c + d * f + g * i,
+        b * c + e * f + h * i,
+    )
+    determinant = a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
+    if not max(map(abs, off)) <= _ORTHOGONALITY_TOLERANCE or determinant < 0.0:
         raise TargetError(
-            f"{what} is not a rotation", got=array.tolist(), wanted="R^T R = I and det R = 1"
+            f"{what} is not a rotation", got=value.tolist(), wanted="R^T R = I and det R = 1"
         )
+    return value
+
+
+def _is_finite_array(
+    value: object, shape: tuple[int, ...]
+) -> TypeGuard[Float64[np.ndarray, "..."]]:
+    """Whether a value needs no conversion: what leaders set each tick, checked by plain numbers."""
+    return (
+        type(value) is np.ndarray
+        and value.shape == shape
+        and value.dtype == np.float64
+        # A sum of finite numbers that overflows is looked at again.
+        and math.isfinite(sum(value.ravel().tolist()))
+    )
+
+
+def _checked_array(value: Numbers, shape: tuple[int, ...], what: str) -> Float64[np.ndarray, "..."]:
+    array = _as_array(value, what, TargetError)
+    if array.shape != shape:
+        raise TargetError(f"{what} has the wrong shape", got=array.shape, wanted=str(shape))
+    if not np.isfinite(array).all():
+        raise TargetError(f"{what} holds NaN or infinity", got=value, wanted="finite numbers")
     return array
-
-
-def _all_finite(vector: Float64[np.ndarray, " m"]) -> bool:
-    # Targets are short and set each tick: plain numbers take a fifth of what arrays do.
-    return all(map(math.isfinite, vector.tolist()))
-
-
-def _determinant(matrix: Float64[np.ndarray, "3 3"]) -> float:
-    (a, b, c), (d, e, f), (g, h, i) = matrix.tolist()
-    return a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
 
 
 def _as_array(

@@ -8,6 +8,7 @@ from jaxtyping import Float64
 
 from poise._checks import Numbers
 from poise.dynamics import Dynamics
+from poise.errors import ConfigurationError
 from poise.robots import Robot
 from poise.stack._axes import parse_axes
 from poise.stack._kernels import Kind
@@ -38,6 +39,7 @@ class ComTask(ShippedTask[VectorTarget]):
     ) -> None:
         super().__init__(name, kp=kp, kd=kd, weight=weight)
         self.chosen = parse_axes(axes, {"position": 0})
+        self._masked = np.setdiff1d(np.arange(3), self.chosen)
         self._target = VectorTarget(3, f"task {name!r}")
 
     def set_target(
@@ -65,10 +67,10 @@ class ComTask(ShippedTask[VectorTarget]):
 
     def masked_target(self) -> Float64[np.ndarray, "3"]:
         """The target along the axes that count, NaN along the others [m]."""
-        shown = np.full(3, np.nan)
-        position = self._target.position
-        if position is not None:
-            shown[self.chosen] = position[self.chosen]
+        shown = self._target.position
+        if shown is None:
+            return np.full(3, np.nan)
+        shown[self._masked] = np.nan
         return shown
 
     def hold(self, dynamics: Dynamics) -> None:
@@ -112,6 +114,26 @@ class MomentumTask(ShippedTask[VectorTarget]):
         self.chosen = parse_axes(axes, {"angular": 0})
         self._target = VectorTarget(3, f"task {name!r}")
         self._target.set(np.zeros(3))
+
+    def set_gains(self, kp: Numbers = 0.0, kd: Numbers | None = None) -> None:
+        """Sets the gain of the momentum error, from the next tick.
+
+        Args:
+            kp: zero: there is no position to hold.
+            kd: gain of the momentum error [1/s].
+
+        Raises:
+            ConfigurationError: a stiffness, no `kd`, one of the wrong length, or one that is
+                negative or not finite.
+        """
+        stiffness, _ = self._checked_gains(kp, kd)
+        if kd is None or stiffness.any():
+            raise ConfigurationError(
+                f"task {self.name!r} has one gain, that of the momentum itself",
+                got={"kp": kp, "kd": kd},
+                wanted="kd alone",
+            )
+        super().set_gains(kp, kd)
 
     def set_target(self, momentum: Numbers, rate: Numbers | None = None) -> None:
         """Sets the reference angular momentum about the COM.

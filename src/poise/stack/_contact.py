@@ -85,8 +85,6 @@ class Contact(Owner, ABC):
         jacobian: maps `v` to the contact's velocity, along the contact's axes.
         drift: its classical acceleration at zero `dv`.
         reference: reference acceleration of the contact.
-        wrench_lower: simple lower bounds on the wrench [N, N m].
-        wrench_upper: upper ones.
     """
 
     kind = Kind.CONTACT
@@ -103,10 +101,9 @@ class Contact(Owner, ABC):
     ) -> None:
         self.frame = checked_kind(frame, str, "frame of a contact")
         self.name = name or frame
-        self.friction = checked_number(friction, f"friction of contact {self.name!r}", above=0.0)
-        self.damping = checked_number(damping, f"damping of contact {self.name!r} [1/s]")
-        self.min_load = checked_number(min_load, f"min_load of contact {self.name!r}")
-        if self.min_load >= 0.5:
+        self._friction = checked_number(friction, f"friction of contact {self.name!r}", above=0.0)
+        self._min_load = checked_number(min_load, f"min_load of contact {self.name!r}")
+        if self._min_load >= 0.5:
             raise ConfigurationError(
                 f"min_load of contact {self.name!r} is out of range",
                 got=min_load,
@@ -116,9 +113,7 @@ class Contact(Owner, ABC):
         self.cone: Float64[np.ndarray, "rows dim"] = np.zeros((0, dim))
         self.reference: Float64[np.ndarray, " dim"] = np.zeros(dim)
         self.parameters: Float64[np.ndarray, " p"] = np.empty(1 + 2 * dim)
-        self.parameters[0] = self.damping
-        self.wrench_lower: Float64[np.ndarray, " dim"] = self.parameters[1 : 1 + dim]
-        self.wrench_upper: Float64[np.ndarray, " dim"] = self.parameters[1 + dim :]
+        self.set_damping(damping)
         self.wrench_lower[:], self.wrench_upper[:] = -np.inf, np.inf
         self.wrench_lower[2] = 0.0
         self._load = LoadRamp()
@@ -146,6 +141,42 @@ class Contact(Owner, ABC):
         self.drift: Float64[np.ndarray, " dim"] = np.zeros(self.dim)
         self.cone = self._make_cone(robot)
         self._robot = robot
+
+    @property
+    def friction(self) -> float:
+        """Coulomb coefficient; the cone is made of it once."""
+        return self._friction
+
+    @property
+    def min_load(self) -> float:
+        """Least normal force of the loaded contact, by the robot's weight."""
+        return self._min_load
+
+    @property
+    def damping(self) -> float:
+        """How fast a residual velocity dies out [1/s]; `set_damping` changes it."""
+        return float(self.parameters[0])
+
+    def set_damping(self, damping: float) -> None:
+        """Sets how fast a residual velocity of the contact dies out, from the next tick.
+
+        Args:
+            damping: [1/s].
+
+        Raises:
+            ConfigurationError: it is negative or not finite.
+        """
+        self.parameters[0] = checked_number(damping, f"damping of contact {self.name!r} [1/s]")
+
+    @property
+    def wrench_lower(self) -> Float64[np.ndarray, " dim"]:
+        """Simple lower bounds on the wrench [N, N m], a view of what is solved with."""
+        return self.parameters[1 : 1 + self.dim]
+
+    @property
+    def wrench_upper(self) -> Float64[np.ndarray, " dim"]:
+        """Simple upper bounds on the wrench [N, N m], a view of what is solved with."""
+        return self.parameters[1 + self.dim :]
 
     @property
     def active(self) -> bool:
@@ -193,7 +224,7 @@ class Contact(Owner, ABC):
         factor = MAX_LOAD_FACTOR if load >= 1.0 else load
         self.wrench_upper[2] = factor * self._weight
         # A foot that is asked for no force at all lifts off at the first model error.
-        self.wrench_lower[2] = min(load, self.min_load) * self._weight
+        self.wrench_lower[2] = min(load, self._min_load) * self._weight
 
     def evaluate(self, dynamics: Dynamics) -> None:
         """Fills `jacobian`, `drift` and `reference` for one state.

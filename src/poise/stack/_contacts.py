@@ -97,7 +97,12 @@ class SurfaceContact(Contact):
             if value is not None:
                 checked_number(value, f"{what} of contact {self.name!r} [m]", above=0.0)
         self._torsion = torsion
-        self.margin = checked_number(margin, f"margin of contact {self.name!r} [m]")
+        self._margin = checked_number(margin, f"margin of contact {self.name!r} [m]")
+
+    @property
+    def margin(self) -> float:
+        """How far the centre of pressure stays inside the edges [m]; the cone is made of it."""
+        return self._margin
 
     def _make_cone(self, robot: Robot) -> Float64[np.ndarray, "rows dim"]:
         length, width = self._rectangle(robot)

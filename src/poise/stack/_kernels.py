@@ -232,11 +232,8 @@ def _com(
     momentum_rate(motion, work, 0)
     for i in range(m):
         axis = int(owners.chosen[line[CHOSEN] + i])
-        row, actual = rows.first + line[FIRST] + i, 0.0
-        for k in range(len(v)):
-            x = motion.momentum[axis, k] / motion.mass
-            rows.matrix[row, k] = x
-            actual += x * v[k]
+        row = int(rows.first + line[FIRST]) + i
+        actual = _write_momentum_row(v, motion, axis, motion.mass, rows, row)
         target = int(line[START] + GAINS * m) + axis
         velocity = parameters[target + 3]
         _write(
@@ -268,11 +265,8 @@ def _momentum(
     momentum_rate(motion, work, 0)
     for i in range(m):
         axis = int(owners.chosen[line[CHOSEN] + i])
-        row, actual = rows.first + line[FIRST] + i, 0.0
-        for k in range(len(v)):
-            x = motion.momentum[3 + axis, k]
-            rows.matrix[row, k] = x
-            actual += x * v[k]
+        row = int(rows.first + line[FIRST]) + i
+        actual = _write_momentum_row(v, motion, 3 + axis, 1.0, rows, row)
         target = int(line[START] + GAINS * m) + axis
         error = parameters[target] - actual
         _write(
@@ -287,6 +281,24 @@ def _momentum(
             parameters[target],
             velocities,
         )
+
+
+@part
+def _write_momentum_row(
+    v: Float64[np.ndarray, " nv"],
+    motion: Motion,
+    component: int,
+    divisor: float,
+    rows: Rows,
+    row: int,
+) -> float:
+    """A row of the centroidal momentum map A_G over a divisor; returns its product with v."""
+    actual = 0.0
+    for k in range(len(v)):
+        x = motion.momentum[component, k] / divisor
+        rows.matrix[row, k] = x
+        actual += x * v[k]
+    return actual
 
 
 @part

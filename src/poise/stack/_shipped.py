@@ -3,6 +3,7 @@
 `VectorTarget` and `PoseTarget`: what such a task is told, in the array that its formulas read.
 """
 
+import math
 from typing import Generic, TypeVar
 
 import numpy as np
@@ -15,6 +16,7 @@ from poise.stack._axes import checked_rotation, checked_target
 from poise.stack._evaluation import Owner
 from poise.stack._kernels import (
     GAINS,
+    TARGET_ACCELERATION,
     TARGET_ROTATION,
     TARGET_SIZE,
     TARGET_VELOCITY,
@@ -35,7 +37,8 @@ class VectorTarget:
     """
 
     def __init__(self, dim: int, what: str) -> None:
-        self._dim, self._what, self._held = dim, what, False
+        self._dim, self._held = dim, False
+        self._whats = _names_of(what)
         self.memory: Float64[np.ndarray, " k"] = np.zeros(3 * dim)
         self.memory[:dim] = np.nan
 
@@ -50,24 +53,25 @@ class VectorTarget:
         Raises:
             TargetError: wrong shape, NaN or infinite.
         """
-        new = np.zeros((3, self._dim))
-        new[0] = checked_target(position, self._dim, f"target of {self._what}")
+        memory, dim, (what, what_velocity, what_acceleration) = self.memory, self._dim, self._whats
+        position = checked_target(position, dim, what)
         if velocity is not None:
-            new[1] = checked_target(velocity, self._dim, f"target velocity of {self._what}")
+            velocity = checked_target(velocity, dim, what_velocity)
         if acceleration is not None:
-            what = f"target acceleration of {self._what}"
-            new[2] = checked_target(acceleration, self._dim, what)
-        self.memory[:] = new.ravel()
+            acceleration = checked_target(acceleration, dim, what_acceleration)
+        memory[:dim] = position
+        memory[dim : 2 * dim] = 0.0 if velocity is None else velocity
+        memory[2 * dim :] = 0.0 if acceleration is None else acceleration
         self._held = False
 
     @property
     def position(self) -> Float64[np.ndarray, " m"] | None:
         """A copy of the position; None until one is set or held."""
-        return None if np.isnan(self.memory[0]) else self.memory[: self._dim].copy()
+        return None if math.isnan(self.memory[0]) else self.memory[: self._dim].copy()
 
     def hold(self, actual: Float64[np.ndarray, " m"]) -> None:
         """Makes the actual value the target where none was set."""
-        if np.isnan(self.memory[0]):
+        if math.isnan(self.memory[0]):
             self.memory[: self._dim] = actual
             self._held = True
 
@@ -89,7 +93,7 @@ class PoseTarget:
     """
 
     def __init__(self, what: str) -> None:
-        self._what = what
+        self._whats, self._what_rotation = _names_of(what), f"target rotation of {what}"
         self._held = np.zeros(TARGET_VELOCITY, dtype=np.bool_)
         self.memory: Float64[np.ndarray, "24"] = np.zeros(TARGET_SIZE)
         self.memory[:TARGET_VELOCITY] = np.nan
@@ -106,34 +110,32 @@ class PoseTarget:
         Raises:
             TargetError: wrong shape, NaN, or not a rotation.
         """
-        rates = np.zeros((2, 6))
+        what, what_velocity, what_acceleration = self._whats
         if velocity is not None:
-            rates[0] = checked_target(velocity, 6, f"target velocity of {self._what}")
+            velocity = checked_target(velocity, 6, what_velocity)
         if acceleration is not None:
-            rates[1] = checked_target(acceleration, 6, f"target acceleration of {self._what}")
-        turn = None
+            acceleration = checked_target(acceleration, 6, what_acceleration)
         if rotation is not None:
-            turn = checked_rotation(rotation, f"target rotation of {self._what}")
+            rotation = checked_rotation(rotation, self._what_rotation)
         if position is not None:
-            self._put(_POSITION, checked_target(position, 3, f"target of {self._what}"))
-        if turn is not None:
-            self._put(_ROTATION, turn.ravel())
-        known = self.memory[TARGET_VELOCITY:].reshape(2, 6)
-        if position is not None or rotation is None:
-            known[:, :3] = rates[:, :3]
-        if rotation is not None or position is None:
-            known[:, 3:] = rates[:, 3:]
+            self._put(_POSITION, checked_target(position, 3, what))
+        if rotation is not None:
+            self._put(_ROTATION, rotation.ravel())
+        first = 0 if position is not None or rotation is None else 3
+        end = 6 if rotation is not None or position is None else 3
+        for start, rate in ((TARGET_VELOCITY, velocity), (TARGET_ACCELERATION, acceleration)):
+            self.memory[start + first : start + end] = 0.0 if rate is None else rate[first:end]
 
     @property
     def position(self) -> Float64[np.ndarray, "3"] | None:
         """A copy of the position [m]; None until one is set or held."""
-        return None if np.isnan(self.memory[0]) else self.memory[_POSITION].copy()
+        return None if math.isnan(self.memory[0]) else self.memory[_POSITION].copy()
 
     @property
     def rotation(self) -> Float64[np.ndarray, "3 3"] | None:
         """A copy of the rotation; None until one is set or held."""
         rotation = self.memory[_ROTATION]
-        return None if np.isnan(rotation[0]) else rotation.reshape(3, 3).copy()
+        return None if math.isnan(rotation[0]) else rotation.reshape(3, 3).copy()
 
     def hold(
         self,
@@ -142,7 +144,7 @@ class PoseTarget:
     ) -> None:
         """Makes the actual values the target where none was set; no rotation where it is None."""
         for part, actual in ((_POSITION, position), (_ROTATION, rotation)):
-            if actual is not None and np.isnan(self.memory[part.start]):
+            if actual is not None and math.isnan(self.memory[part.start]):
                 self.memory[part] = actual.ravel()
                 self._held[part] = True
 
@@ -154,6 +156,11 @@ class PoseTarget:
     def _put(self, part: slice, value: Float64[np.ndarray, " m"]) -> None:
         self.memory[part] = value
         self._held[part] = False
+
+
+def _names_of(what: str) -> tuple[str, str, str]:
+    """What messages call a target's position, velocity and acceleration."""
+    return f"target of {what}", f"target velocity of {what}", f"target acceleration of {what}"
 
 
 _POSITION, _ROTATION = slice(0, TARGET_ROTATION), slice(TARGET_ROTATION, TARGET_VELOCITY)

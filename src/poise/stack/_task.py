@@ -48,12 +48,12 @@ class Task(ABC):
         self.name = name
         self.unit = "m"
         self.dim = 0
-        self._gains = (kp, kd, weight)
-        # Shape is checked when the number of rows is known; sign and finiteness at once.
-        for value, what in ((kp, "kp"), (kd, "kd"), (weight, "weight")):
-            if value is not None:
-                checked_gain(value, np.size(value), f"{what} of task {name!r}")
         self._robot: Robot | None = None
+        self._whats = {row: f"{what} of task {name!r}" for row, what in _GIVEN.items()}
+        # Shape is checked when the number of rows is known; sign and finiteness at once.
+        self._checked_gains(kp, kd)
+        self._checked_weight(weight)
+        self._gains = (kp, kd, weight)
         # What was given before the number of rows was known.
         self._given: dict[int, Float64[np.ndarray, " m"]] = {}
 
@@ -79,18 +79,10 @@ class Task(ABC):
         self.dim = self._resolve(robot)
         kp, kd, weight = self._gains
         rows = np.full((GAINS, self.dim), np.nan)
-        rows[KP] = checked_gain(kp, self.dim, f"kp of task {self.name!r} [1/s^2]")
-        damping = 2.0 * np.sqrt(rows[KP]) if kd is None else kd
-        rows[KD] = checked_gain(damping, self.dim, f"kd of task {self.name!r} [1/s]")
-        rows[WEIGHT] = checked_gain(weight, self.dim, f"weight of task {self.name!r}")
-        if not np.all(rows[WEIGHT] > 0.0):
-            raise ConfigurationError(
-                f"weight of task {self.name!r} must be positive", got=weight, wanted="> 0"
-            )
-        with np.errstate(divide="ignore"):
-            rows[RATE] = np.divide(rows[KP], rows[KD], out=np.zeros(self.dim), where=rows[KP] > 0.0)
+        _write_gains(rows, *self._checked_gains(kp, kd))
+        rows[WEIGHT] = self._checked_weight(weight)
         for row, value in self._given.items():
-            rows[row] = checked_target(value, self.dim, f"{_GIVEN[row]} of task {self.name!r}")
+            rows[row] = checked_target(value, self.dim, self._whats[row])
         self._take_gains(rows)
         self.jacobian: Float64[np.ndarray, "m nv"] = np.zeros((self.dim, robot.nv))
         self.drift: Float64[np.ndarray, " m"] = np.zeros(self.dim)
@@ -102,7 +94,8 @@ class Task(ABC):
     def _take_gains(self, rows: Float64[np.ndarray, "gains m"]) -> None:
         """Has its gains in the rows of an array from now on."""
         self._gain_rows = rows
-        self.kp, self.kd, self.weight = rows[KP], rows[KD], rows[WEIGHT]
+        self._gains_to_read = rows.view()
+        self._gains_to_read.flags.writeable = False
 
     def is_bound_to(self, robot: Robot) -> bool:
         """Whether it serves that robot already.
@@ -125,6 +118,50 @@ class Task(ABC):
                 wanted="a controller made with it, or a call of bind(robot)",
             )
         return self._robot
+
+    @property
+    def kp(self) -> Float64[np.ndarray, " m"]:
+        """Stiffness of each row [1/s^2], known once bound to a robot; `set_gains` changes it."""
+        return self._gain(KP)
+
+    @property
+    def kd(self) -> Float64[np.ndarray, " m"]:
+        """Damping of each row [1/s], known once bound to a robot; `set_gains` changes it."""
+        return self._gain(KD)
+
+    @property
+    def weight(self) -> Float64[np.ndarray, " m"]:
+        """Weight of each row, known once bound to a robot; `set_weight` changes it."""
+        return self._gain(WEIGHT)
+
+    @property
+    def velocity_gain(self) -> Float64[np.ndarray, " m"]:
+        """Gain of the error in the task's velocity, kp / kd [1/s]; zero without stiffness.
+
+        A PD controller with these gains lets a slow error die out at this rate.
+        """
+        return self._gain(RATE)
+
+    def _gain(self, row: int) -> Float64[np.ndarray, " m"]:
+        if self._robot is None:
+            _ = self.robot  # the number of rows is unknown, and this says so
+        return self._gains_to_read[row]
+
+    def set_gains(self, kp: Numbers, kd: Numbers | None = None) -> None:
+        """Sets stiffness and damping, from the next tick.
+
+        Args:
+            kp: stiffness, one number or one a row [1/s^2].
+            kd: damping [1/s]; critical, 2 sqrt(kp), when None.
+
+        Raises:
+            ConfigurationError: wrong length, or gains that are not finite or negative.
+        """
+        stiffness, damping = self._checked_gains(kp, kd)
+        if self._robot is None:
+            self._gains = (kp, kd, self._gains[2])
+        else:
+            _write_gains(self._gain_rows, stiffness, damping)
 
     def set_acceleration(self, acceleration: Numbers | None) -> None:
         """Replaces the PD reference by a given acceleration; None brings the PD back.
@@ -155,13 +192,13 @@ class Task(ABC):
         """Puts a number a row, or NaN for none, in place of what feedback would ask for."""
         if value is not None:
             size = self.dim if self._robot is not None else np.size(value)
-            value = checked_target(value, size, f"{_GIVEN[row]} of task {self.name!r}")
+            value = checked_target(value, size, self._whats[row])
         if self._robot is not None:
             self._gain_rows[row] = np.nan if value is None else value
         elif value is None:
             self._given.pop(row, None)
         else:
-            self._given[row] = value
+            self._given[row] = value.copy()
 
     def set_weight(self, weight: Numbers) -> None:
         """Sets the weight of its rows against other rows of the same level, from the next tick.
@@ -174,32 +211,41 @@ class Task(ABC):
         """
         if isinstance(weight, float) and 0.0 < weight < math.inf and self._robot is not None:
             # One number each tick, as leaders have it: no array to check.
-            self.weight.fill(weight)
+            self._gain_rows[WEIGHT] = weight
             return
-        size = self.dim if self._robot is not None else np.size(weight)
-        what = f"weight of task {self.name!r}"
-        found = checked_gain(weight, size, what)
-        if not found.min() > 0.0:
-            raise ConfigurationError(f"{what} must be positive", got=weight, wanted="> 0")
+        found = self._checked_weight(weight)
         if self._robot is None:
             self._gains = (*self._gains[:2], weight)
         else:
-            # In place: assembled rows hold on to the array.
-            self.weight[:] = found
+            self._gain_rows[WEIGHT] = found
+
+    def _checked_gains(
+        self, kp: Numbers, kd: Numbers | None
+    ) -> tuple[Float64[np.ndarray, " kp"], Float64[np.ndarray, " kd"]]:
+        """Stiffness and damping, critical where none is given; one a row once rows are known."""
+        stiffness = self._checked_gain(kp, "kp", " [1/s^2]")
+        if kd is None:
+            return stiffness, 2.0 * np.sqrt(stiffness)
+        return stiffness, self._checked_gain(kd, "kd", " [1/s]")
+
+    def _checked_weight(self, weight: Numbers) -> Float64[np.ndarray, " m"]:
+        found = self._checked_gain(weight, "weight")
+        if not np.all(found > 0.0):
+            raise ConfigurationError(
+                f"weight of task {self.name!r} must be positive", got=weight, wanted="> 0"
+            )
+        return found
+
+    def _checked_gain(self, value: Numbers, what: str, unit: str = "") -> Float64[np.ndarray, " m"]:
+        return checked_gain(
+            value, self.dim or np.size(value), f"{what} of task {self.name!r}{unit}"
+        )
 
     @property
     def given_velocity(self) -> Float64[np.ndarray, " m"] | None:
         """What `set_velocity` was given; None for nothing."""
         given = self._gain_rows[SPEED]
         return None if np.isnan(given[0]) else given
-
-    @property
-    def velocity_gain(self) -> Float64[np.ndarray, " m"]:
-        """Gain of the error in the task's velocity, kp / kd [1/s]; zero without stiffness.
-
-        A PD controller with these gains lets a slow error die out at this rate.
-        """
-        return self._gain_rows[RATE]
 
     def evaluate(self, dynamics: Dynamics) -> None:
         """Fills `jacobian`, `drift`, `error`, `error_rate` and `reference` for one state.
@@ -214,8 +260,8 @@ class Task(ABC):
         if not np.isnan(given[0]):
             self.reference = given
         else:
-            reference = self.kp * self.error
-            reference += self.kd * self.error_rate
+            reference = self._gain_rows[KP] * self.error
+            reference += self._gain_rows[KD] * self.error_rate
             reference += feedforward
             self.reference = reference
 
@@ -234,3 +280,14 @@ class Task(ABC):
     @abstractmethod
     def _evaluate(self, dynamics: Dynamics) -> Float64[np.ndarray, " m"]:
         """Fills everything but `reference`; returns the target's acceleration, masked."""
+
+
+def _write_gains(
+    rows: Float64[np.ndarray, "gains m"],
+    kp: Float64[np.ndarray, " m"],
+    kd: Float64[np.ndarray, " m"],
+) -> None:
+    """Writes stiffness, damping, and kp / kd, which is zero without stiffness."""
+    rows[KP], rows[KD], rows[RATE] = kp, kd, 0.0
+    with np.errstate(divide="ignore"):
+        np.divide(kp, kd, out=rows[RATE], where=kp > 0.0)

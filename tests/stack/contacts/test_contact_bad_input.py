@@ -58,3 +58,20 @@ def test_a_contact_serves_one_robot(get_robot):
     contact.bind(get_robot("g1"))
     with pytest.raises(ConfigurationError, match="already serves another robot"):
         contact.bind(get_robot("humanoid33"))
+
+
+@pytest.mark.parametrize("value", [-0.5, NAN, INF])
+def test_a_damping_that_cannot_be_is_refused_and_changes_nothing(value):
+    contact = SurfaceContact("left_sole", damping=7.0)
+    with pytest.raises(ConfigurationError, match="damping of contact 'left_sole'"):
+        contact.set_damping(value)
+    assert contact.damping == 7.0
+
+
+@pytest.mark.parametrize(
+    "name", ["friction", "damping", "min_load", "margin", "wrench_lower", "wrench_upper"]
+)
+def test_what_a_contact_is_made_of_is_not_assigned(name):
+    contact = SurfaceContact("left_sole")
+    with pytest.raises(AttributeError, match=name):
+        setattr(contact, name, 0.5)

@@ -7,15 +7,12 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float64, Int64
 
-from poise._compiled import compiled, part
+from poise._compiled import compiled, factor_leading, part, solve_leading, solve_lower
 from poise.control._row_factor import (
     add_row,
-    factor_leading,
     factor_rows,
     fill_complement,
     keeps_rank,
-    solve_leading,
-    solve_level,
     square_level,
     turn_back,
 )
@@ -208,7 +205,7 @@ def _serve_level(
     if least > 0.0 and not keeps_rank(X, taken, end, least, work.G):
         return False
     if exact:
-        solve_level(X, taken, end, y)
+        solve_lower(X, taken, end, y)
     else:
         _serve_robustly(levels, begin, work, taken, end)
     return True

@@ -5,8 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float64
 
-from poise._compiled import compiled, part
-from poise.control._row_factor import factor_leading, solve_leading
+from poise._compiled import compiled, factor_leading, part, solve_leading
 
 
 class Balance(NamedTuple):

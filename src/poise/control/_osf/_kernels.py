@@ -6,16 +6,13 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float64
 
-from poise._compiled import compiled, part
+from poise._compiled import compiled, factor_leading, part, solve_leading, solve_lower
 from poise.control._osf._rows import LevelRows
 from poise.control._row_factor import (
     add_row,
-    factor_leading,
     factor_rows,
     fill_complement,
     keeps_rank,
-    solve_leading,
-    solve_level,
     turn,
     turn_back,
 )
@@ -205,7 +202,7 @@ def _factor_levels(levels: LevelRows, bounds: Bounds, work: Work) -> int:
         factor_rows(X, begin, end, tau)
         if not keeps_rank(X, begin, end, _least(levels, bounds, level), work.G):
             return level
-        solve_level(X, begin, end, work.y)
+        solve_lower(X, begin, end, work.y)
     return len(ends) - 1
 
 

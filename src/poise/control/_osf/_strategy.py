@@ -95,7 +95,7 @@ class OperationalStrategy:
         size = self.stack.contact(contact).dim
         what = f"wrench of contact {contact!r} [N, N m]"
         self._wrenches[contact] = (
-            np.zeros(size) if wrench is None else checked_target(wrench, size, what)
+            np.zeros(size) if wrench is None else checked_target(wrench, size, what).copy()
         )
         for forces in self._all_forces:
             forces.set_references(self._wrenches)

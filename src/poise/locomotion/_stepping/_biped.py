@@ -20,6 +20,9 @@ _HIP_JOINTS = 3
 KNEE = 3
 """Place of the knee among the joints of a leg: behind the hip's three."""
 
+_BASE_JOINT = 1
+"""Pinocchio's index of the floating base; joint 0 is the world."""
+
 _PITCH, _ROLL = 1, 0
 """Axes of the ankle in the body: across the leg and along the foot."""
 
@@ -141,6 +144,7 @@ class Biped:
         soles: names of the left and the right sole.
         frames: their frames.
         sizes: their lengths and widths [m].
+        base: frame of the floating base.
         torso: its frame.
         weight: m g [N].
         legs: names of the legs' joints, the left leg's first.
@@ -151,6 +155,7 @@ class Biped:
     soles: tuple[str, str]
     frames: tuple[int, int]
     sizes: tuple[tuple[float, float], tuple[float, float]]
+    base: int
     torso: int
     weight: float
     legs: tuple[str, ...]
@@ -177,6 +182,7 @@ def biped_of(robot: Robot, parameters: TeleopParameters) -> Biped:
         soles=soles,
         frames=(robot.frame_id(left), robot.frame_id(right)),
         sizes=(_size(robot, left), _size(robot, right)),
+        base=robot.model.getFrameId(robot.model.names[_BASE_JOINT]),
         torso=robot.frame_id(robot.torso),
         weight=robot.weight,
         legs=(*left_leg, *right_leg),

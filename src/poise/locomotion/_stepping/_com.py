@@ -5,6 +5,7 @@
 `ComDriver`: what moves the COM so that the ZMP gets to its reference; the COM shifter is one.
 """
 
+import math
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -92,21 +93,20 @@ class ComHeight:
 
     def _reference(self, footing: Footing, target: Float64[np.ndarray, "3"]) -> float:
         """Eq. (15b), lower where a leg could not reach its foot, now or at the end [m]."""
-        nominal = self._height + footing.ground
-        com, stance, anchors = footing.dynamics.com, footing.stance, footing.anchors
-        hips = [self._range.hip(foot, footing.dynamics) for foot in (0, 1)]
-        too_high = max(
-            self._range.too_high(foot, place, hips[foot], shift)
-            for foot, place in ((stance, anchors[stance]), (footing.other, target))
-            for shift in (_HERE, footing.zmp_reference - com[:2])
-        )
+        reach, stance, anchors = self._range, footing.stance, footing.anchors
+        com = footing.dynamics.com
+        to_zmp, height = footing.zmp_reference - com[:2], float(com[2])
+        hips = [reach.hip(foot, footing.dynamics) for foot in (0, 1)]
+        too_high = -math.inf
+        for foot, place in ((stance, anchors[stance]), (footing.other, target)):
+            for shift in (_HERE, to_zmp):
+                too_high = max(too_high, reach.too_high(foot, place, hips[foot], shift))
         # A leg that carries bends no further than its ankle lets the sole stay level.
-        too_low = max(
-            self._range.too_low(foot, anchors[foot], hips[foot], footing.heading)
-            for foot in ((stance,) if footing.mode.single else (0, 1))
-        )
-        lowest = max(float(com[2]) + too_low, self._lowest(footing))
-        return min(nominal, max(float(com[2]) - too_high, lowest))
+        too_low = -math.inf
+        for foot in (stance,) if footing.mode.single else (0, 1):
+            too_low = max(too_low, reach.too_low(foot, anchors[foot], hips[foot], footing.heading))
+        lowest = max(height + too_low, self._lowest(footing))
+        return min(self._height + footing.ground, max(height - too_high, lowest))
 
     def _lowest(self, footing: Footing) -> float:
         return (1.0 - self._parameters.stoop_max) * self._height + footing.ground
@@ -228,11 +228,10 @@ class ComMotion:
             self.velocity, self.acceleration = driver.drive(reference, com, before, p.dt)
             return
         unsupported, setting_off = _straight(driver.shifter, reference, com, before)
-        start, goal = (float(com[0]), float(com[1])), com - unsupported / self.omega**2
-        point = (float(goal[0]), float(goal[1]))
-        support = footing.support
-        kept = support.towards(start, point) if setting_off else support.nearest(point)
-        self.acceleration = self.omega**2 * (com - np.array(kept))
+        (x, y), (goal_x, goal_y) = com.tolist(), (com - unsupported / self.omega**2).tolist()
+        support, goal = footing.support, (goal_x, goal_y)
+        kept_x, kept_y = support.towards((x, y), goal) if setting_off else support.nearest(goal)
+        self.acceleration = self.omega**2 * np.array([x - kept_x, y - kept_y])
         self.velocity = before + p.dt * self.acceleration
 
 
@@ -248,6 +247,7 @@ def _straight(
     a_lim is for setting off; a COM that is on its way must be braked by what the soles give.
     """
     free = shifter.unlimited(reference, com, velocity)
-    most, limit = float(np.abs(free).max()), shifter.acceleration_max
-    setting_off = float(free @ velocity) >= 0.0
+    (x, y), (velocity_x, velocity_y) = free.tolist(), velocity.tolist()
+    most, limit = max(abs(x), abs(y)), shifter.acceleration_max
+    setting_off = x * velocity_x + y * velocity_y >= 0.0
     return (free * (limit / most) if setting_off and most > limit else free), setting_off

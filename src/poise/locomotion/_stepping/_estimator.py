@@ -62,9 +62,11 @@ class ZmpSensor:
             _, _, load, mx, my, _ = _NO_WRENCH if wrench is None else wrench.tolist()
             self.loads[i] = load = load if load > 0.0 else 0.0  # not a number is no load
             if load > self._least:
-                frame = dynamics.frame(frame_id)
-                x, y = (load * frame.position[:2] + frame.rotation[:2, :2] @ (-my, mx)).tolist()
-                pressed_x, pressed_y, total = pressed_x + x, pressed_y + y, total + load
+                position, rotation = dynamics.placement(frame_id)
+                (x, y, _), (x_axis, y_axis, _) = position.tolist(), rotation.tolist()
+                pressed_x += load * x - x_axis[0] * my + x_axis[1] * mx
+                pressed_y += load * y - y_axis[0] * my + y_axis[1] * mx
+                total += load
         if total <= 0.0:
             return
         centre = np.array([pressed_x / total, pressed_y / total])
@@ -103,7 +105,7 @@ class StanceEstimator:
     def reset(self) -> None:
         """Back to the configuration at the start."""
         self.dynamics.update(self._start)
-        self.anchors[:] = [self.dynamics.frame(i).position.copy() for i in self._soles]
+        self.anchors[:] = [self.dynamics.placement(i)[0].copy() for i in self._soles]
         self.stance = 1
 
     def update(self, state: RobotState) -> RobotState:
@@ -128,7 +130,7 @@ class StanceEstimator:
 
     def sole(self, foot: int) -> Float64[np.ndarray, "3"]:
         """Where a sole's centre is [m]."""
-        return self.dynamics.frame(self._soles[foot]).position
+        return self.dynamics.placement(self._soles[foot])[0]
 
     def put_down(self, foot: int) -> None:
         """A sole stands on the ground where it is now."""

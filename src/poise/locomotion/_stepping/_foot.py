@@ -66,12 +66,16 @@ class FootTarget:
         self, footing: Footing, device: DeviceSample, lowest: float, room_below: float
     ) -> Float64[np.ndarray, "3"]:
         """The operator's device, where a foot can be and no lower than it may [m]."""
-        swing, here = footing.other, footing.sole(footing.other)
-        target = device.position(swing).copy()
-        target[2] = max(float(target[2]), lowest)
+        swing = footing.other
+        (x, y, z), (here_x, here_y, _) = (
+            device.position(swing).tolist(),
+            footing.sole(swing).tolist(),
+        )
         # A foot that still touches would be dragged over the ground.
         clear = footing.clearance(footing.lowest_ground, self._parameters.clear_height)
-        target[:2] = here[:2] + clear * (target[:2] - here[:2])
+        target = np.array(
+            [here_x + clear * (x - here_x), here_y + clear * (y - here_y), max(z, lowest)]
+        )
         hip = self._range.hip(swing, footing.dynamics)
         support = footing.anchors[footing.stance]
         return self._range.bring_back(
@@ -110,12 +114,13 @@ class FootVelocity:
             hurry: whether it has to be down as soon as it can.
         """
         p = self._parameters
-        velocity = saturate(p.v_lim, p.k_v * (target - footing.sole(footing.other)))
+        x, y, z = saturate(p.v_lim, p.k_v * (target - footing.sole(footing.other))).tolist()
         if not hurry:
-            velocity[2] = max(float(velocity[2]), -self._lowering_speed(footing))
+            z = max(z, -self._lowering_speed(footing))
         if not footing.mode.single:
-            return velocity
-        velocity[:2] *= _calm(footing)
+            return np.array([x, y, z])
+        calm = _calm(footing)
+        velocity = np.array([calm * x, calm * y, z])
         # Where the foot's velocity jumps, as with a device that jitters, the ZMP jumps too.
         self._smoothed = self._smoothed + self._gain * (velocity - self._smoothed)
         return self._smoothed
@@ -132,7 +137,7 @@ def _calm(footing: Footing) -> float:
 
     Swinging a leg takes angular momentum, which is then missing for the balance.
     """
-    x, y = footing.anchors[footing.stance][:2].tolist()
+    x, y, _ = footing.anchors[footing.stance].tolist()
     most = footing.support.depth((x, y))
     if most <= 0.0:
         # A sole tilted so far that no ground is left under it.

@@ -4,8 +4,7 @@
 """
 
 import math
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, field
 
 import numpy as np
 from jaxtyping import Float64
@@ -87,7 +86,7 @@ class StanceChoice:
             anchor[2], self._pressing = height, False
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(slots=True, kw_only=True, eq=False)
 class Footing:
     """Estimated state, mode and stance of a tick, and what follows from them, computed once.
 
@@ -99,6 +98,14 @@ class Footing:
         anchors: where each sole was last put down, left then right [m].
         omega: sqrt(g / H) [1/s].
         margin: how far from the soles' edge support ends [m].
+        zmp_reference: eq. (15a): between the feet, or where the foot that shall carry was put
+            down [m].
+        heading: where the torso faces, along the ground.
+        tilt: angle of the torso against upright [rad].
+        support: of the soles on the ground, with a margin. In double support that is both, whatever
+            their load: a foot that happens to carry nothing carries as soon as the ZMP moves
+            towards it.
+        capture_depth: how far the divergent component p + pdot / omega is inside the support [m].
     """
 
     biped: Biped
@@ -109,6 +116,34 @@ class Footing:
     omega: float
     margin: float
 
+    zmp_reference: Float64[np.ndarray, "2"] = field(init=False)
+    heading: Float64[np.ndarray, "2"] = field(init=False)
+    tilt: float = field(init=False)
+    support: SupportPolygon = field(init=False)
+    capture_depth: float = field(init=False)
+
+    def __post_init__(self) -> None:
+        carries, dynamics = self.mode.support, self.dynamics
+        if carries is None:
+            self.zmp_reference = 0.5 * (self.sole(0) + self.sole(1))[:2]
+        else:
+            self.zmp_reference = self.anchors[carries][:2]
+        _, torso = dynamics.placement(self.biped.torso)
+        (x, _, _), (y, _, _), (_, _, upward) = torso.tolist()
+        length = math.hypot(x, y)
+        self.heading = np.array([x / length, y / length])
+        self.tilt = math.acos(max(-1.0, min(1.0, upward)))
+        self.support = self._support()
+        x, y = (dynamics.com[:2] + dynamics.com_velocity[:2] / self.omega).tolist()
+        self.capture_depth = self.support.depth((x, y))
+
+    def _support(self) -> SupportPolygon:
+        corners: list[tuple[float, float]] = []
+        for foot in (self.stance,) if self.mode.single else (0, 1):
+            placement = self.dynamics.placement(self.biped.frames[foot])
+            corners += sole_rectangle(*placement, self.biped.sizes[foot])
+        return SupportPolygon(corners, self.margin)
+
     @property
     def other(self) -> int:
         """The foot that is not the stance: the swing foot in single support."""
@@ -116,47 +151,7 @@ class Footing:
 
     def sole(self, foot: int) -> Float64[np.ndarray, "3"]:
         """Where a sole's centre is [m]."""
-        return self.dynamics.frame(self.biped.frames[foot]).position
-
-    @cached_property
-    def zmp_reference(self) -> Float64[np.ndarray, "2"]:
-        """Eq. (15a): between the feet, or where the foot that shall carry was put down [m]."""
-        support = self.mode.support
-        if support is None:
-            return 0.5 * (self.sole(0) + self.sole(1))[:2]
-        return self.anchors[support][:2]
-
-    @cached_property
-    def heading(self) -> Float64[np.ndarray, "2"]:
-        """Where the torso faces, along the ground."""
-        forward = self.dynamics.frame(self.biped.torso).rotation[:2, 0]
-        return forward / math.hypot(*forward.tolist())
-
-    @cached_property
-    def tilt(self) -> float:
-        """Angle of the torso against upright [rad]."""
-        upward = float(self.dynamics.frame(self.biped.torso).rotation[2, 2])
-        return math.acos(max(-1.0, min(1.0, upward)))
-
-    @cached_property
-    def support(self) -> SupportPolygon:
-        """Of the soles on the ground, with a margin.
-
-        In double support that is both, whatever their load: a foot that happens to carry nothing
-        carries as soon as the ZMP moves towards it.
-        """
-        corners: list[tuple[float, float]] = []
-        for foot in (self.stance,) if self.mode.single else (0, 1):
-            frame = self.dynamics.frame(self.biped.frames[foot])
-            corners += sole_rectangle(frame.position, frame.rotation, self.biped.sizes[foot])
-        return SupportPolygon(corners, self.margin)
-
-    @cached_property
-    def capture_depth(self) -> float:
-        """How far the divergent component p + pdot / omega is inside the support [m]."""
-        dynamics = self.dynamics
-        x, y = (dynamics.com[:2] + dynamics.com_velocity[:2] / self.omega).tolist()
-        return self.support.depth((x, y))
+        return self.dynamics.placement(self.biped.frames[foot])[0]
 
     @property
     def ground(self) -> float:

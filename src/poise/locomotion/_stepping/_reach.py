@@ -36,6 +36,8 @@ class FootRange:
     def __init__(self, robot: Robot, soles: tuple[str, str], parameters: TeleopParameters) -> None:
         self._pelvis = robot.frame_id(robot.pelvis)
         self._legs = [leg_geometry(robot, name, parameters.knee_min) for name in soles]
+        # A few numbers each tick are several times as quick as such than as arrays.
+        self._ankles: list[list[float]] = [leg.ankle.tolist() for leg in self._legs]
         self._reach = [(1.0 - parameters.reach_margin) * leg.length for leg in self._legs]
         # A level sole beside the hip takes as much roll of the ankle as the leg leans.
         sides = [
@@ -55,8 +57,8 @@ class FootRange:
             foot: 0 left, 1 right.
             dynamics: of the estimated state.
         """
-        pelvis = dynamics.frame(self._pelvis)
-        return pelvis.position + pelvis.rotation @ self._legs[foot].hip
+        position, rotation = dynamics.placement(self._pelvis)
+        return position + rotation.dot(self._legs[foot].hip)
 
     def bring_back(
         self,
@@ -78,22 +80,25 @@ class FootRange:
             heading: unit vector forward, x and y.
             lower: how far the body may still come down for it [m].
         """
-        target = target.copy()
-        across = np.array([-heading[1], heading[0]]) * (1.0 if foot == 0 else -1.0)
-        offset = target[:2] - support[:2]
-        aside, ahead = float(offset @ across), float(offset @ heading)
+        (x, y, z), (support_x, support_y, support_z) = target.tolist(), support.tolist()
+        forward_x, forward_y = heading.tolist()
+        across_x, across_y = (-forward_y, forward_x) if foot == 0 else (forward_y, -forward_x)
+        x, y = x - support_x, y - support_y
+        aside, ahead = x * across_x + y * across_y, x * forward_x + y * forward_y
         aside = min(max(aside, self._apart), self._aside_max)
         ahead = min(max(ahead, -self._step_max), self._step_max)
-        target[:2] = support[:2] + aside * across + ahead * heading
+        x = support_x + aside * across_x + ahead * forward_x
+        y = support_y + aside * across_y + ahead * forward_y
         # Across the ground only: how far down a foot gets is for the ground and the knee to say.
-        arm = self._legs[foot].ankle
-        drop = float(hip[2] - arm[2] - max(target[2], support[2])) - lower
-        room = np.sqrt(max(self._reach[foot] ** 2 - drop * drop, 0.0))
-        offset = target[:2] + arm[:2] - hip[:2]
-        distance = math.hypot(*offset.tolist())
+        (arm_x, arm_y, arm_z), (hip_x, hip_y, hip_z) = self._ankles[foot], hip.tolist()
+        drop = hip_z - arm_z - max(z, support_z) - lower
+        room = math.sqrt(max(self._reach[foot] ** 2 - drop * drop, 0.0))
+        offset_x, offset_y = x + arm_x - hip_x, y + arm_y - hip_y
+        distance = math.hypot(offset_x, offset_y)
         if distance > room:
-            target[:2] -= offset * (1.0 - room / distance)
-        return target
+            shorter = 1.0 - room / distance
+            x, y = x - shorter * offset_x, y - shorter * offset_y
+        return np.array([x, y, z])
 
     def too_high(
         self,
@@ -110,10 +115,10 @@ class FootRange:
             hip: of the foot's leg [m].
             shift: how far the hip will have gone along the ground [m].
         """
-        (ax, ay, az), (hx, hy, hz) = (place + self._legs[foot].ankle).tolist(), hip.tolist()
-        sx, sy = shift.tolist()
-        across = (ax - hx - sx) ** 2 + (ay - hy - sy) ** 2
-        return hz - az - math.sqrt(max(self._reach[foot] ** 2 - across, 0.0))
+        (x, y, z), (arm_x, arm_y, arm_z) = place.tolist(), self._ankles[foot]
+        (hip_x, hip_y, hip_z), (shift_x, shift_y) = hip.tolist(), shift.tolist()
+        across = (x + arm_x - hip_x - shift_x) ** 2 + (y + arm_y - hip_y - shift_y) ** 2
+        return hip_z - z - arm_z - math.sqrt(max(self._reach[foot] ** 2 - across, 0.0))
 
     def too_low(
         self,
@@ -132,9 +137,10 @@ class FootRange:
             hip: of the foot's leg [m].
             heading: unit vector forward, x and y.
         """
-        leg = self._legs[foot]
-        x, y, z = (hip - place - leg.ankle).tolist()
+        leg, (arm_x, arm_y, arm_z) = self._legs[foot], self._ankles[foot]
         forward_x, forward_y = heading.tolist()
+        (hip_x, hip_y, hip_z), (x, y, z) = hip.tolist(), place.tolist()
+        x, y, z = hip_x - x - arm_x, hip_y - y - arm_y, hip_z - z - arm_z
         lean = _LEAN_RATIO * leg.lean_max
         ahead, aside = x * forward_x + y * forward_y, y * forward_x - x * forward_y
         # The shank as far forward as it goes, and the thigh from its knee to the hip.

@@ -140,12 +140,13 @@ class SteppingTasks:
         p, biped, dynamics, other = self._parameters, self._biped, footing.dynamics, footing.other
         self._stand_on(footing.stance)
         turn = _Turn(footing, p)
-        sole, torso = dynamics.frame(biped.frames[other]), dynamics.frame(biped.torso)
+        place, attitude = dynamics.placement(biped.frames[other])
+        _, torso = dynamics.placement(biped.torso)
         self._com.set_velocity(desired.com - turn.velocity_at(dynamics.com))
-        self._turns[other].set_velocity(self._upright(sole.rotation) - turn.rate)
+        self._turns[other].set_velocity(self._upright(attitude) - turn.rate)
         self._momentum.set_velocity(desired.momentum - turn.momentum())
-        self._torso.set_velocity(self._upright(torso.rotation) - turn.rate)
-        self._places[other].set_velocity(desired.foot - turn.velocity_at(sole.position))
+        self._torso.set_velocity(self._upright(torso) - turn.rate)
+        self._places[other].set_velocity(desired.foot - turn.velocity_at(place))
         _weigh(self._momentum, weights.momentum)
         _weigh(self._torso, weights.torso)
         _weigh(self._places[other], weights.foot)
@@ -180,19 +181,21 @@ class _Turn:
 
     def __init__(self, footing: Footing, parameters: TeleopParameters) -> None:
         self._footing = footing
-        self._sole = footing.dynamics.frame(footing.biped.frames[footing.stance])
-        tilt = rotation_vector(_LEVEL, self._sole.rotation)
+        self._sole, rotation = footing.dynamics.placement(footing.biped.frames[footing.stance])
+        tilt = rotation_vector(_LEVEL, rotation)
         tilt[2] = 0.0
         self.rate = saturate(parameters.omega_lim, parameters.k_level * tilt)
 
     def velocity_at(self, point: Float64[np.ndarray, "3"]) -> Float64[np.ndarray, "3"]:
         """Velocity of a point of the robot, rate x (point - sole) [m/s]."""
-        x, y, z = (point - self._sole.position).tolist()
+        (x, y, z), (sole_x, sole_y, sole_z) = point.tolist(), self._sole.tolist()
         wx, wy, _ = self.rate.tolist()
+        x, y, z = x - sole_x, y - sole_y, z - sole_z
         return np.array([wy * z, -wx * z, wx * y - wy * x])
 
     def momentum(self) -> Float64[np.ndarray, "2"]:
         """Angular momentum about the COM, x and y [kg m^2/s]."""
-        # The sole's Jacobian has the base's axes, A_G the robot's inertia about them.
-        world_R_base = self._sole.jacobian[3:, 3:6]
-        return self._footing.dynamics.momentum_matrix[3:5, 3:6] @ (self.rate @ world_R_base)
+        dynamics = self._footing.dynamics
+        _, world_R_base = dynamics.placement(self._footing.biped.base)
+        # Turned by its base alone the robot is rigid: A_G has its inertia about the base's axes.
+        return dynamics.momentum_matrix[3:5, 3:6].dot(self.rate.dot(world_R_base))

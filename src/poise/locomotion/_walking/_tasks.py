@@ -87,11 +87,12 @@ class CarriedTarget:
         if self.task.turns and not (still and angle == self._last_turn):
             rotation = turn @ self._rotation
         self._last_turn = angle if still else math.nan
+        if rotation is None and not self._moves:
+            return
         rates = np.zeros((2, 6))
         rates[:, 5] = rate, second
         if not self._moves:
-            if rotation is not None:
-                self.task.set_target(rotation=rotation, velocity=rates[0], acceleration=rates[1])
+            self.task.set_target(rotation=rotation, velocity=rates[0], acceleration=rates[1])
             return
         point = displacement[:, :3] + self._offset
         if angle != 0.0 or not still:

@@ -370,14 +370,13 @@ class Walker:
     def _lead_com(self, com: Float64[np.ndarray, "3 3"]) -> None:
         """Height by the task's own gains, the rest by feedback of the divergent component."""
         sense, task = self._sense, self._tasks.com
-        acceleration = (
-            com[2] + task.kp * (com[0] - sense.com) + task.kd * (com[1] - sense.com_velocity)
-        )
-        acceleration[:2] = self._feedback.acceleration(
+        x, y = self._feedback.acceleration(
             sense.com[:2], sense.com_velocity[:2], com[:, :2], self._support
-        )
+        ).tolist()
+        height, speed = com[0, 2] - sense.com[2], com[1, 2] - sense.com_velocity[2]
+        z = com[2, 2] + task.kp[2] * height + task.kd[2] * speed
         task.set_target(com[0], com[1], com[2])
-        task.set_acceleration(acceleration)
+        task.set_acceleration(np.array([x, y, z]))
 
     def _catch(self, com: Float64[np.ndarray, "3 3"], left: float, dt: float) -> None:
         """Moves the next foothold if need be, or gives the walk up."""
