@@ -13,16 +13,17 @@ from benchmarks.options import folder_of, words_of
 from poise.cli import Bar, run_command
 from poise.errors import ConfigurationError, UnknownNameError
 
-BENCHMARKS = ("tick", "dof", "peers", "bias", "hqp", "run")
+BENCHMARKS = ("tick", "dof", "peers", "bias", "hqp", "run", "first")
 """What can be timed. `tick --controller teleop` stands apart, because the step teleoperator is no
 resolver of tasks: it walks, and is timed on a walk. It is called `teleop` here."""
 
 _OPTIONS: dict[str, tuple[str, tuple[str, ...], str]] = {
     "robot": (
         "R",
-        ("tick", "teleop", "peers", "bias", "run"),
+        ("tick", "teleop", "peers", "bias", "run", "first"),
         "tick, peers: a biped (default: humanoid33; with --controller teleop: biped20); bias: a "
-        "robot on a fixed base with hands (default: upper17); run: another than the scenario's",
+        "robot on a fixed base with hands (default: upper17); run: another than the scenario's; "
+        "first: any (default: humanoid33)",
     ),
     "scenario": ("S", ("run",), "run: a shipped scenario or a YAML file (default: walk)"),
     "joints": ("N,N", ("dof",), "dof: joints of the robots, 20 to 60 (default: ten of them)"),
@@ -33,9 +34,9 @@ _OPTIONS: dict[str, tuple[str, tuple[str, ...], str]] = {
     ),
     "controller": (
         "C",
-        ("tick", "teleop"),
-        "tick: whole_body (default), reduced, osf, differential_ik, or teleop, which takes only "
-        "--robot, --ticks, --out and --json beside it",
+        ("tick", "teleop", "first"),
+        "tick, first: whole_body (default), reduced, osf, differential_ik; tick: or teleop, which "
+        "takes only --robot, --ticks, --out and --json beside it",
     ),
     "stack": (
         "S",
@@ -99,14 +100,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
         "TSID and placo beside both. bias: times the formulas of the bias acceleration on a "
         "recorded run of a robot on a fixed base. hqp: races solvers on hierarchical problems of "
         "robots, of inverse kinematics and of chance, and judges their answers. run: the processor "
-        "time of a whole scenario, recorded and logged, and where it goes. Whatever is compared is "
+        "time of a whole scenario, recorded and logged, and where it goes. first: import and first "
+        "controller, from an empty cache and in a second process. Whatever is compared is "
         "timed in turn on the same states.",
         epilog="example: python -m benchmarks tick --controller reduced; "
         "python -m benchmarks tick --controller teleop; python -m benchmarks dof --joints 33,60; "
         "python -m benchmarks peers --peers tsid=peers/tsid/bin/python; "
         "python -m benchmarks bias --json; "
         "python -m benchmarks hqp --methods daqp-hierarchical,cascade/osqp --out bench; "
-        "python -m benchmarks run --scenario walk --robot g1",
+        "python -m benchmarks run --scenario walk --robot g1; python -m benchmarks first",
     )
     parser.add_argument("name", metavar="NAME", help="what to time: " + ", ".join(BENCHMARKS))
     for name, (metavar, _, words) in _OPTIONS.items():
@@ -131,6 +133,7 @@ def _act(options: argparse.Namespace) -> int:
         "peers": _peers,
         "bias": _bias,
         "run": _whole,
+        "first": _first,
     }
     (runs | {"hqp": act_hqp})[name](options)
     return 0
@@ -237,6 +240,13 @@ def _whole(options: argparse.Namespace) -> None:
     _run(options, plan, bench_run, format_run_table, run_figures)
 
 
+def _first(options: argparse.Namespace) -> None:
+    from benchmarks.first import FirstBench, bench_first, first_figures, format_first_table
+
+    plan = FirstBench(**_given(options, "robot", "controller"))
+    _run(options, plan, bench_first, format_first_table, first_figures)
+
+
 def _run(
     options: argparse.Namespace, plan: Any, bench: Any, table: Any, more: Any = None
 ) -> tuple[Any, Path | None]:
@@ -253,7 +263,7 @@ def _run(
         The results, and the folder.
     """
     folder = folder_of(options.out)
-    with Bar("timing", " ticks") as bar:
+    with Bar("timing", "") as bar:
         results = bench(plan, bar)
     objects = [*results, *(more(results) if more is not None else ())]
     lines = "".join(json.dumps(one.to_json()) + "\n" for one in objects)

@@ -43,6 +43,27 @@ class Result:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Figure(Result):
+    """A figure and what it has to be.
+
+    Attributes:
+        name: of the figure.
+        bound: for it.
+        ours: as measured.
+        ok: whether it holds.
+    """
+
+    name: str
+    bound: float
+    ours: float
+    ok: bool
+
+    def words(self) -> str:
+        """A line for a terminal."""
+        return f"{'ok  ' if self.ok else 'FAIL'}  {self.name}: {self.ours:g} ({self.bound:g})"
+
+
+@dataclass(frozen=True, kw_only=True)
 class TickResult(Result):
     """One method on one stack.
 

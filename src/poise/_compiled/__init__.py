@@ -4,9 +4,17 @@ Python's own time for a call into NumPy or LAPACK is that of some thousand opera
 most of these functions do. They work in place and allocate nothing.
 
 `compiled` and `part` make compiled functions, a `Block` hands many arrays to one, and `say_if_slow`
-shows what the first use on a machine waits for.
+shows what the first use on a machine waits for; `compiling_told` and its neighbours are for whoever
+compiles ahead.
 """
 
+from poise._compiled._ahead import (
+    check_kept,
+    code_folder,
+    compiling_told,
+    find_unkept,
+    names_of,
+)
 from poise._compiled._blocks import Block, allocate, view
 from poise._compiled._compiling import compiled, part, say_if_slow
 from poise._compiled._first_use import functions_of
@@ -16,10 +24,15 @@ from poise._compiled._triangular import factor, solve_rows, solve_transposed
 __all__ = [
     "Block",
     "allocate",
+    "check_kept",
+    "code_folder",
     "compiled",
+    "compiling_told",
     "factor",
+    "find_unkept",
     "functions_of",
     "make_reflection",
+    "names_of",
     "part",
     "reflect",
     "reflect_columns",

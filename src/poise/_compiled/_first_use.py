@@ -8,7 +8,8 @@ from typing import Any
 
 from numba.core import event
 
-_EVENT = "numba:compile"
+EVENT = "numba:compile"
+"""Numba's, about each function that it compiles."""
 
 _TYPED = 0.6
 """Part of the time until all functions are read and typed; the rest makes machine code of them."""
@@ -36,7 +37,7 @@ class FirstUse(event.Listener):
 
     def watch(self) -> None:
         """Begins to listen to Numba, until the function is compiled."""
-        event.register(_EVENT, self)
+        event.register(EVENT, self)
 
     def on_start(self, event: Any) -> None:
         """Numba begins to compile a function."""
@@ -74,7 +75,7 @@ class FirstUse(event.Listener):
         sys.stderr.flush()
 
     def _finish(self, spent: float) -> None:
-        event.unregister(_EVENT, self)
+        event.unregister(EVENT, self)
         if self._collects:
             gc.enable()
         if sys.stderr.isatty():
