@@ -18,6 +18,7 @@ from benchmarks.peers.process import (
     URDF,
     VELOCITY_PEERS,
     PeerProcess,
+    how_to_install,
     write_handoff,
 )
 from benchmarks.result import PHASES, TickResult
