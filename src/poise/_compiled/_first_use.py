@@ -1,6 +1,5 @@
 """What is seen of compiling, which happens once on a machine and takes some twenty seconds."""
 
-import gc
 import logging
 import sys
 from time import perf_counter
@@ -33,7 +32,6 @@ class FirstUse(event.Listener):
         self._function, self._what, self._kept = function, what, kept
         self._total, self._done = len(functions_of(function)), 0
         self._begin: float | None = None
-        self._collects = False
 
     def watch(self) -> None:
         """Begins to listen to Numba, until the function is compiled."""
@@ -44,9 +42,6 @@ class FirstUse(event.Listener):
         if event.data["dispatcher"] is not self._function:
             return
         self._begin = perf_counter()
-        # What is made now stays; looking for garbage in it takes a fifth of the time.
-        self._collects = gc.isenabled()
-        gc.disable()
         if not sys.stderr.isatty():
             logging.getLogger("poise").warning(
                 "compiling %s, once on this machine: %d functions, half a minute or less",
@@ -76,8 +71,6 @@ class FirstUse(event.Listener):
 
     def _finish(self, spent: float) -> None:
         event.unregister(EVENT, self)
-        if self._collects:
-            gc.enable()
         if sys.stderr.isatty():
             sys.stderr.write("\r\033[K")
         where = f"kept in {self._kept}" if self._kept else "not kept: no folder can be written"
