@@ -50,6 +50,14 @@ from poise.cli.main import main
 sys.exit(main(["warmup", "--controller", "osf"]))
 """
 
+LOOKS_ON = """
+import sys
+sys.modules["tqdm"] = None
+sys.stderr.isatty = lambda: True
+from poise.cli.main import main
+sys.exit(main(["warmup", "--controller", "osf"]))
+"""
+
 
 def run(cache, *command):
     return subprocess.run(
@@ -114,6 +122,14 @@ def test_only_what_is_missing_of_the_controllers_named_is_compiled(partly):
     rest = json.loads(warmup(partly, "--json").stdout)
     assert 0 < rest["functions"] < 60
     assert warmup(partly).stdout.count("nothing to compile") == 1
+
+
+def test_a_bar_where_somebody_looks_on_with_no_extra_installed(partly):
+    done = run(partly, "-c", LOOKS_ON)
+    assert done.returncode == 0, done.stderr
+    assert "functions, once on this machine [#" in done.stderr
+    assert "100%" in done.stderr
+    assert done.stderr.endswith("\033[K")
 
 
 @pytest.mark.parametrize("script", [IN_ONE.format(names=list(CONTROLLERS)), NO_PROCESS])

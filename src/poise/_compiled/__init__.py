@@ -17,7 +17,7 @@ from poise._compiled._ahead import (
 )
 from poise._compiled._blocks import Block, allocate, view
 from poise._compiled._compiling import compiled, part, say_if_slow
-from poise._compiled._first_use import functions_of
+from poise._compiled._first_use import clear_bar, draw_bar, functions_of
 from poise._compiled._householder import make_reflection, reflect, reflect_columns, reflect_rows
 from poise._compiled._triangular import factor, solve_rows, solve_transposed
 
@@ -25,9 +25,11 @@ __all__ = [
     "Block",
     "allocate",
     "check_kept",
+    "clear_bar",
     "code_folder",
     "compiled",
     "compiling_told",
+    "draw_bar",
     "factor",
     "find_unkept",
     "functions_of",

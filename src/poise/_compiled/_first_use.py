@@ -54,27 +54,44 @@ class FirstUse(event.Listener):
         if self._begin is None:
             return
         self._done += 1
-        if sys.stderr.isatty():
-            self._draw(perf_counter() - self._begin)
+        draw_bar(self._what, self._share(), perf_counter() - self._begin)
         if event.data["dispatcher"] is self._function:
             self._finish(perf_counter() - self._begin)
 
-    def _draw(self, spent: float) -> None:
-        share = _TYPED * min(self._done / self._total, 1.0)
-        bar = "#" * round(_WIDTH * share)
-        left = spent * (1.0 - share) / share
-        sys.stderr.write(
-            f"\rcompiling {self._what}, once on this machine "
-            f"[{bar:.<{_WIDTH}}] {100 * share:3.0f}% {left:3.0f} s left"
-        )
-        sys.stderr.flush()
+    def _share(self) -> float:
+        return _TYPED * min(self._done / self._total, 1.0)
 
     def _finish(self, spent: float) -> None:
         event.unregister(EVENT, self)
-        if sys.stderr.isatty():
-            sys.stderr.write("\r\033[K")
+        clear_bar()
         where = f"kept in {self._kept}" if self._kept else "not kept: no folder can be written"
         logging.getLogger("poise").warning("compiled %s in %.0f s, %s", self._what, spent, where)
+
+
+def draw_bar(what: str, share: float, spent: float) -> None:
+    """Shows how far compiling is, where somebody looks on.
+
+    Args:
+        what: is compiled.
+        share: that is done, above zero.
+        spent: time since it began [s].
+    """
+    if not sys.stderr.isatty():
+        return
+    bar = "#" * round(_WIDTH * share)
+    left = spent * (1.0 - share) / share
+    sys.stderr.write(
+        f"\rcompiling {what}, once on this machine "
+        f"[{bar:.<{_WIDTH}}] {100 * share:3.0f}% {left:3.0f} s left"
+    )
+    sys.stderr.flush()
+
+
+def clear_bar() -> None:
+    """Takes the bar away."""
+    if sys.stderr.isatty():
+        sys.stderr.write("\r\033[K")
+        sys.stderr.flush()
 
 
 def functions_of(function: Any) -> list[Any]:

@@ -5,9 +5,10 @@ import json
 import os
 import sys
 from dataclasses import asdict
+from time import perf_counter
 from typing import Any
 
-from poise.cli._progress import Bar
+from poise._compiled import clear_bar, draw_bar
 from poise.control import CONTROLLERS, usable_cores, warm_up
 
 
@@ -39,8 +40,17 @@ def act(options: argparse.Namespace) -> int:
     if not options.json:
         cores = usable_cores()
         print(f"compiling for {', '.join(controllers)}; cores: {cores}", flush=True)
-    with Bar("compiling", " functions") as bar:
-        done = warm_up(controllers, note=bar)
+    begin = perf_counter()
+    try:
+        # A bar of its own: that of the other verbs is none without the extra that they need.
+        done = warm_up(
+            controllers,
+            note=lambda done, total: draw_bar(
+                f"{total} functions", done / total, perf_counter() - begin
+            ),
+        )
+    finally:
+        clear_bar()
     processor = sum(os.times()[:4])
     if options.json:
         print(json.dumps({**asdict(done), "processor_s": processor}))
