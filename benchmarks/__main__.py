@@ -13,17 +13,19 @@ from benchmarks.options import folder_of, words_of
 from poise.cli import Bar, run_command
 from poise.errors import ConfigurationError, UnknownNameError
 
-BENCHMARKS = ("tick", "growth", "dof", "peers", "batch", "bias", "hqp", "run", "worst")
+BENCHMARKS = (
+    "tick", "growth", "dof", "peers", "ik", "batch", "bias", "hqp", "run", "worst", "first",
+)  # fmt: skip
 """What can be timed. `tick --controller teleop` stands apart, because the step teleoperator is no
 resolver of tasks: it walks, and is timed on a walk. It is called `teleop` here."""
 
 _OPTIONS: dict[str, tuple[str, tuple[str, ...], str]] = {
     "robot": (
         "R",
-        ("tick", "teleop", "peers", "batch", "bias", "run", "worst"),
-        "tick, peers, batch: a biped (default: humanoid33; batch: g1; with --controller teleop: "
-        "biped20); bias: a robot on a fixed base with hands (default: upper17); run, worst: "
-        "another than the scenario's",
+        ("tick", "teleop", "peers", "ik", "batch", "bias", "run", "worst", "first"),
+        "tick, peers, ik, batch: a biped (default: humanoid33; ik, batch: g1; with --controller "
+        "teleop: biped20); bias: a robot on a fixed base with hands (default: upper17); run, "
+        "worst: another than the scenario's; first: any (default: humanoid33)",
     ),
     "scenario": ("S", ("run",), "run: a shipped scenario or a YAML file (default: walk)"),
     "scenarios": (
@@ -34,20 +36,21 @@ _OPTIONS: dict[str, tuple[str, tuple[str, ...], str]] = {
     "joints": ("N,N", ("dof",), "dof: joints of the robots, 20 to 60 (default: ten of them)"),
     "contacts": (
         "C",
-        ("tick", "dof", "peers"),
-        "tick, peers: double (default) or single; dof: double, single or double,single (default)",
+        ("tick", "dof", "peers", "ik"),
+        "tick, peers, ik: double (default) or single; dof: double, single or double,single "
+        "(default)",
     ),
     "controller": (
         "C",
-        ("tick", "teleop"),
-        "tick: whole_body (default), reduced, osf, differential_ik, or teleop, which takes only "
-        "--robot, --ticks, --out and --json beside it",
+        ("tick", "teleop", "first"),
+        "tick, first: whole_body (default), reduced, osf, differential_ik; tick: or teleop, which "
+        "takes only --robot, --ticks, --out and --json beside it",
     ),
     "stack": (
         "S",
-        ("tick", "dof", "peers", "batch"),
-        "table1, default or, but for dof and batch, both (tick: both; dof, peers: table1; batch: "
-        "default)",
+        ("tick", "dof", "peers", "ik", "batch"),
+        "table1, default or, but for dof and batch, both (tick, ik: both; dof, peers: table1; "
+        "batch: default)",
     ),
     "methods": (
         "M,M",
@@ -58,15 +61,16 @@ _OPTIONS: dict[str, tuple[str, tuple[str, ...], str]] = {
     ),
     "peers": (
         "P=PYTHON",
-        ("tick", "peers"),
-        "tick, peers: other packages and the Python of their environment: tsid=PATH,placo=PATH",
+        ("tick", "peers", "ik"),
+        "tick, peers: other packages and the Python of their environment: tsid=PATH,placo=PATH; "
+        "ik, tick --controller differential_ik: mink=PATH,pink=PATH",
     ),
     "ticks": (
         "N",
-        ("tick", "teleop", "growth", "dof", "peers", "batch", "bias", "worst"),
-        "timed ticks (default: 500 for tick and peers, 400 for growth, 300 for dof, one walk with "
-        "--controller teleop, 1100 for bias); batch: states of one (default: 4096); worst: of each "
-        "scenario (default: 100000)",
+        ("tick", "teleop", "growth", "dof", "peers", "ik", "batch", "bias", "worst"),
+        "timed ticks (default: 500 for tick, peers and ik, 400 for growth, 300 for dof, one walk "
+        "with --controller teleop, 1100 for bias); batch: states of one (default: 4096); worst: of "
+        "each scenario (default: 100000)",
     ),
     "problems": (
         "FOLDER",
@@ -104,20 +108,23 @@ def main(arguments: Sequence[str] | None = None) -> int:
         "recorded moving run. tick --controller teleop: times the step teleoperator on a recorded "
         "walk over an obstacle, and the whole simulation of that walk against real time. growth: "
         "how a tick grows with joints, levels, tasks and contacts. dof: times the full and the "
-        "reduced controller on robots of 20 to 60 joints. peers: times "
-        "TSID and placo beside both. batch: times many states in one call beside single ticks, on "
-        "one thread and on two. bias: times the formulas of the bias acceleration on a "
-        "recorded run of a robot on a fixed base. hqp: races solvers on hierarchical problems of "
-        "robots, of inverse kinematics and of chance, and judges their answers. run: the processor "
-        "time of a whole scenario, recorded and logged, and where it goes. worst: the worst tick "
-        "of many runs of scenarios. Whatever is compared is timed in turn on the same states.",
+        "reduced controller on robots of 20 to 60 joints. peers: times TSID and placo beside both. "
+        "ik: times mink and pink beside inverse kinematics. batch: times many states in one call "
+        "beside single ticks, on one thread and on two. bias: times the formulas of the bias "
+        "acceleration on a recorded run of a robot on a fixed base. hqp: races solvers on "
+        "hierarchical problems of robots, of inverse kinematics and of chance, and judges their "
+        "answers. run: the processor time of a whole scenario, recorded and logged, and where it "
+        "goes. worst: the worst tick of many runs of scenarios. first: import and first "
+        "controller, from an empty cache and in a second process. Whatever is compared is timed "
+        "in turn on the same states.",
         epilog="example: python -m benchmarks tick --controller reduced; "
         "python -m benchmarks tick --controller teleop; python -m benchmarks dof --joints 33,60; "
         "python -m benchmarks peers --peers tsid=peers/tsid/bin/python; "
+        "python -m benchmarks ik --peers mink=peers/mink/bin/python; "
         "python -m benchmarks bias --json; "
         "python -m benchmarks hqp --methods daqp-hierarchical,cascade/osqp --out bench; "
         "python -m benchmarks run --scenario walk --robot g1; "
-        "python -m benchmarks worst --scenarios push,walk",
+        "python -m benchmarks worst --scenarios push,walk; python -m benchmarks first",
     )
     parser.add_argument("name", metavar="NAME", help="what to time: " + ", ".join(BENCHMARKS))
     for name, (metavar, _, words) in _OPTIONS.items():
@@ -141,10 +148,12 @@ def _act(options: argparse.Namespace) -> int:
         "growth": _growth,
         "dof": _dof,
         "peers": _peers,
+        "ik": _ik,
         "batch": _batch,
         "bias": _bias,
         "run": _whole,
         "worst": _worst,
+        "first": _first,
     }
     (runs | {"hqp": act_hqp})[name](options)
     return 0
@@ -190,32 +199,60 @@ def _tick(options: argparse.Namespace) -> None:
 
 def _peers(options: argparse.Namespace) -> None:
     """Other packages beside the full and the reduced controller, by their default solver."""
-    from benchmarks.peers.process import PEERS, how_to_install
+    from benchmarks.peers.process import TORQUE_PEERS
     from benchmarks.tick import TickBench
 
-    # POISE_TSID_PYTHON and POISE_PLACO_PYTHON name their Python where the command line does not.
-    named = {name: os.environ.get(f"POISE_{name.upper()}_PYTHON") for name in PEERS}
-    peers = {name: Path(path) for name, path in named.items() if path}
-    if options.peers:
-        peers = _interpreters(options.peers)
     plan = TickBench(
         **_given(options, "robot", "contacts", "ticks"),
         controller="reduced",
         stacks=_stacks(options.stack or "table1"),
         methods=("direct",),
-        peers=peers,
+        peers=_peers_at_hand(options, TORQUE_PEERS),
     )
     _run_ticks(options, plan)
-    for name in PEERS:
-        if name not in peers:
+    _say_who_is_missing(plan, TORQUE_PEERS)
+
+
+def _ik(options: argparse.Namespace) -> None:
+    """Other packages beside every method of differential inverse kinematics."""
+    from benchmarks.peers.process import VELOCITY_PEERS
+    from benchmarks.tick import TickBench, velocity_figures
+    from poise.control import CONTROLLERS
+
+    plan = TickBench(
+        **({"robot": "g1"} | _given(options, "robot", "contacts", "ticks")),
+        controller="differential_ik",
+        stacks=_stacks(options.stack or "both"),
+        methods=CONTROLLERS["differential_ik"].strategies,
+        peers=_peers_at_hand(options, VELOCITY_PEERS),
+    )
+    _run_ticks(options, plan, velocity_figures)
+    _say_who_is_missing(plan, VELOCITY_PEERS)
+
+
+def _peers_at_hand(options: argparse.Namespace, names: Sequence[str]) -> dict[str, Path]:
+    """Interpreters from the command line, or else from POISE_TSID_PYTHON and its like."""
+    if options.peers:
+        return _interpreters(options.peers)
+    named = {name: os.environ.get(f"POISE_{name.upper()}_PYTHON") for name in names}
+    return {name: Path(path) for name, path in named.items() if path}
+
+
+def _say_who_is_missing(plan: Any, names: Sequence[str]) -> None:
+    from benchmarks.peers.process import how_to_install
+
+    for name in names:
+        if name not in plan.peers:
             print(how_to_install(name), file=sys.stderr)
 
 
-def _run_ticks(options: argparse.Namespace, plan: Any) -> None:
+def _run_ticks(options: argparse.Namespace, plan: Any, figures: Any = None) -> None:
     from benchmarks.result import format_table, write_figure
     from benchmarks.tick import bench_tick
 
-    results, folder = _run(options, plan, bench_tick, format_table)
+    results, folder = _run(options, plan, bench_tick, format_table, figures)
+    if figures is not None and not options.json:
+        print(*(figure.words() for figure in figures(results)), sep="\n")
     if folder is not None:
         write_figure(results, folder / "bench.png")
 
@@ -264,7 +301,14 @@ def _whole(options: argparse.Namespace) -> None:
     from benchmarks.running import RunBench, bench_run, format_run_table, run_figures
 
     plan = RunBench(**_given(options, "scenario", "robot"))
-    _run(options, plan, bench_run, format_run_table, run_figures)
+    _run(options, plan, bench_run, format_run_table, run_figures, "")
+
+
+def _first(options: argparse.Namespace) -> None:
+    from benchmarks.first import FirstBench, bench_first, first_figures, format_first_table
+
+    plan = FirstBench(**_given(options, "robot", "controller"))
+    _run(options, plan, bench_first, format_first_table, first_figures, " processes")
 
 
 def _worst(options: argparse.Namespace) -> None:
@@ -277,7 +321,12 @@ def _worst(options: argparse.Namespace) -> None:
 
 
 def _run(
-    options: argparse.Namespace, plan: Any, bench: Any, table: Any, more: Any = None
+    options: argparse.Namespace,
+    plan: Any,
+    bench: Any,
+    table: Any,
+    more: Any = None,
+    unit: str = " ticks",
 ) -> tuple[Any, Path | None]:
     """Times, prints, and writes `bench.json` where a folder is wanted.
 
@@ -287,12 +336,13 @@ def _run(
         bench: times it.
         table: makes a table of the results.
         more: makes further lines of JSON of them.
+        unit: of the progress.
 
     Returns:
         The results, and the folder.
     """
     folder = folder_of(options.out)
-    with Bar("timing", " ticks") as bar:
+    with Bar("timing", unit) as bar:
         results = bench(plan, bar)
     objects = [*results, *(more(results) if more is not None else ())]
     lines = "".join(json.dumps(one.to_json()) + "\n" for one in objects)

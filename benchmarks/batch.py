@@ -11,8 +11,7 @@ from time import perf_counter, thread_time
 import numpy as np
 
 from benchmarks.recording import Progress, Recording, bench_stack, record_run
-from benchmarks.result import Result, text_table
-from benchmarks.running import RunFigure
+from benchmarks.result import Figure, Result, text_table
 from poise.control import WholeBodyController
 from poise.dynamics import RobotState
 from poise.errors import ConfigurationError
@@ -200,20 +199,20 @@ def _rate(controller: WholeBodyController, states: Sequence[RobotState]) -> floa
     return done / (perf_counter() - begin)
 
 
-def batch_figures(results: Sequence[BatchResult]) -> list[RunFigure]:
+def batch_figures(results: Sequence[BatchResult]) -> list[Figure]:
     """What must hold of batches."""
-    figures: list[RunFigure] = []
+    figures: list[Figure] = []
     for r in results:
         name = f"{r.states} states of {r.robot}, {r.stack}"
         ours, threads = r.batch_over_single, r.threads
         figures += [
-            RunFigure(
+            Figure(
                 name=f"{name}: a state of a batch over a single tick",
                 bound=DEAREST,
                 ours=ours,
                 ok=ours <= DEAREST,
             ),
-            RunFigure(
+            Figure(
                 name=f"{name}: throughput of two threads over one",
                 bound=THROUGHPUT,
                 ours=threads,
@@ -243,8 +242,5 @@ def format_batch_table(results: Sequence[BatchResult]) -> str:
     ]
     lines = ["processor time of a state [us], and what two threads and processes do by one:"]
     lines += text_table(heads, rows)
-    lines += [
-        f"{'ok  ' if figure.ok else 'FAIL'}  {figure.name}: {figure.ours:g} ({figure.bound:g})"
-        for figure in batch_figures(results)
-    ]
+    lines += [figure.words() for figure in batch_figures(results)]
     return "\n".join(lines)

@@ -43,6 +43,27 @@ class Result:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Figure(Result):
+    """A figure and what it has to be.
+
+    Attributes:
+        name: of the figure.
+        bound: for it.
+        ours: as measured.
+        ok: whether it holds.
+    """
+
+    name: str
+    bound: float
+    ours: float
+    ok: bool
+
+    def words(self) -> str:
+        """A line for a terminal."""
+        return f"{'ok  ' if self.ok else 'FAIL'}  {self.name}: {self.ours:g} ({self.bound:g})"
+
+
+@dataclass(frozen=True, kw_only=True)
 class TickResult(Result):
     """One method on one stack.
 
@@ -61,14 +82,16 @@ class TickResult(Result):
         p50_us: median tick from state to command [us].
         p99_us: 99th percentile [us].
         max_us: longest tick [us].
-        cpu_p50_us: median processor time of a tick, without the times at which another process had
+        cpu_min_us: least processor time of a tick, without the times at which another process had
             the core [us]; None where a peer does not tell it.
-        cpu_p99_us: 99th percentile of the same [us].
+        cpu_p10_us: 10th percentile of the same, which other processes hardly change [us].
+        cpu_p50_us: median [us].
+        cpu_p99_us: 99th percentile [us].
         phases_us: median of each phase [us]; None where a peer does not tell phases apart.
         ticks: timed ticks.
         residual_max: largest relative residual of the physics levels (dynamics with torque limits,
-            contacts with joint limits); for a peer, of the base's equation of motion; None where it
-            cannot be told.
+            contacts with joint limits); for a peer, of the base's equation of motion or of the held
+            contacts; None where it cannot be told.
         ratio_to_direct: median over the ticks of this method's time by that of `direct` on the
             same state, stack and schedule.
         ratio_to_whole: the same by that of the whole-body controller's method of the same name;
@@ -89,6 +112,8 @@ class TickResult(Result):
     p50_us: float
     p99_us: float
     max_us: float
+    cpu_min_us: float | None
+    cpu_p10_us: float | None
     cpu_p50_us: float | None
     cpu_p99_us: float | None
     phases_us: dict[str, float | None]
@@ -111,11 +136,9 @@ def time_statistics(
         whole: of the whole-body controller's method of the same name, likewise.
     """
     medians = 1e6 * np.median(times.phases, axis=0)
-    cpu = {"p50_us": None, "p99_us": None} if np.isnan(times.cpu).any() else spread_us(times.cpu)
     return {
         **spread_us(times.total),
-        "cpu_p50_us": cpu["p50_us"],
-        "cpu_p99_us": cpu["p99_us"],
+        **_processor_us(times.cpu),
         "phases_us": {
             name: None if np.isnan(value) else round(float(value), 1)
             for name, value in zip(PHASES, medians, strict=True)
@@ -123,6 +146,16 @@ def time_statistics(
         "ticks": len(times.total),
         "ratio_to_direct": median_ratio(times, direct),
         "ratio_to_whole": None if whole is None else median_ratio(times, whole),
+    }
+
+
+def _processor_us(seconds: Float64[np.ndarray, " ticks"]) -> dict[str, float | None]:
+    """The fields of processor time [us]; None where a peer does not tell it."""
+    percents = {"min": 0.0, "p10": 10.0, "p50": 50.0, "p99": 99.0}
+    told = not np.isnan(seconds).any()
+    return {
+        f"cpu_{name}_us": round(1e6 * float(np.percentile(seconds, percent)), 1) if told else None
+        for name, percent in percents.items()
     }
 
 
@@ -164,7 +197,7 @@ def text_table(
 
 def time_cells(row: "TickResult") -> list[str]:
     """Times of a result as a table has them: `TIME_HEADS`."""
-    times = (row.p50_us, row.p99_us, row.max_us, row.cpu_p99_us)
+    times = (row.p50_us, row.p99_us, row.max_us, row.cpu_p10_us, row.cpu_p99_us)
     return [or_dash(t, ".0f") for t in (*times, *(row.phases_us[phase] for phase in PHASES))]
 
 
@@ -173,7 +206,7 @@ def or_dash(value: int | float | None, form: str) -> str:
     return "-" if value is None else format(value, form)
 
 
-TIME_HEADS = ("p50", "p99", "max", "cpu p99", *PHASES)
+TIME_HEADS = ("p50", "p99", "max", "cpu p10", "cpu p99", *PHASES)
 _HEADS = (*TIME_HEADS, "x direct", "x whole", "variables", "rows", "residual")
 
 

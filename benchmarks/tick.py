@@ -6,10 +6,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from benchmarks.clocked import Subject, batches, in_turn
-from benchmarks.methods import DIRECT, parse_method, timed_methods
-from benchmarks.peers.process import PEERS, PeerProcess
+from benchmarks.methods import BY_PROGRAMS, DIRECT, Method, parse_method, timed_methods
+from benchmarks.peers.process import TORQUE_PEERS, VELOCITY_PEERS, PeerProcess
 from benchmarks.recording import STACKS, STANCES, Progress, Recording, check_biped, record_run
-from benchmarks.result import TickResult, Ticks, time_statistics
+from benchmarks.result import Figure, TickResult, Ticks, time_statistics
 from poise.control import CONTROLLERS
 from poise.errors import ConfigurationError, UnknownNameError
 from poise.hqp import make_solver
@@ -39,7 +39,8 @@ class TickBench:
         methods: names of the controller's methods, its usual ones when None; the whole-body
             controller's `direct` is timed in any case, as the reference, and beside a method of
             the reduced controller the whole-body controller's of the same name.
-        peers: Python interpreters of other packages' environments by name, see `PEERS`.
+        peers: Python interpreters of other packages' environments by name: of `TORQUE_PEERS`, or of
+            `VELOCITY_PEERS` beside a controller that commands velocities.
         ticks: timed ticks of each method.
     """
 
@@ -55,7 +56,9 @@ class TickBench:
         _check_choice("unknown contacts", [self.contacts], STANCES)
         _check_choice("unknown stack", self.stacks, STACKS)
         _check_choice("no such controller", [self.controller], tuple(CONTROLLERS))
-        _check_choice("unknown peer", tuple(self.peers), PEERS)
+        by_torques = CONTROLLERS[self.controller].actuation == "torque"
+        beside = TORQUE_PEERS if by_torques else VELOCITY_PEERS
+        _check_choice(f"unknown peer of {self.controller}", tuple(self.peers), beside)
         for name in self.methods or ():
             parse_method(self.controller, name)
         if self.ticks < 1:
@@ -73,8 +76,9 @@ def bench_tick(plan: TickBench, progress: Progress | None = None) -> list[TickRe
     """Records a moving run, then times every method on its states, tick by tick in turn.
 
     The order rotates from tick to tick, so that no method always runs after the same other one.
-    Peers are other processes and take their turn a batch at a time; every `direct` is timed once
-    more in the same way, as their reference. The garbage collector runs between batches, never
+    Peers are other processes and take their turn a batch at a time; every `direct`, or every
+    method of a controller that solves otherwise, is timed once more in the same way, as their
+    reference. The garbage collector runs between batches, never
     inside a timed tick.
 
     Args:
@@ -104,7 +108,7 @@ def bench_tick(plan: TickBench, progress: Progress | None = None) -> list[TickRe
                 stack.enter_context(PeerProcess(name, python, recording, kind))
                 for name, python in plan.peers.items()
             ]
-            own = [Subject(recording, kind, m) for m in methods if m.name == DIRECT]
+            own = [Subject(recording, kind, m) for m in methods if _stands_beside_peers(m)]
             guests = [*own, *peers] if peers else []
             for done in _interleave(subjects, guests, ticks):
                 if progress is not None:
@@ -113,6 +117,26 @@ def bench_tick(plan: TickBench, progress: Progress | None = None) -> list[TickRe
             if guests:
                 results += tick_results(recording, kind, "batch", guests)
     return results
+
+
+def _stands_beside_peers(method: Method) -> bool:
+    """Whether peers are compared with it."""
+    return method.name == DIRECT or method.controller not in BY_PROGRAMS
+
+
+def velocity_figures(results: Sequence[TickResult]) -> list[Figure]:
+    """Our inverse kinematics over mink's, by 10th percentiles of processor time."""
+    figures: list[Figure] = []
+    for kind in dict.fromkeys(r.stack for r in results):
+        rows = [r for r in results if r.stack == kind and r.schedule == "batch"]
+        times = [(r.controller, r.solver, r.cpu_p10_us) for r in rows if r.cpu_p10_us is not None]
+        mink = [time for controller, _, time in times if controller == "mink"]
+        for controller, solver, time in times:
+            if mink and controller == "differential_ik":
+                name = f"{controller} {solver} over mink, {rows[0].robot}, stack {kind!r}"
+                ratio = round(time / mink[0], 3)
+                figures.append(Figure(name=name, bound=1.0, ours=ratio, ok=ratio <= 1.0))
+    return figures
 
 
 def _interleave(subjects: Sequence[Subject], guests: Sequence[Guest], ticks: int) -> Generator[int]:

@@ -12,8 +12,8 @@ import numpy as np
 from jaxtyping import Float64
 
 from benchmarks.recording import Progress
-from benchmarks.result import Result, text_table
-from benchmarks.running import LONGEST_COLLECTION_MS, RunFigure, watched_collections
+from benchmarks.result import Figure, Result, text_table
+from benchmarks.running import LONGEST_COLLECTION_MS, watched_collections
 from poise.apps.scenarios import Scenario, load_scenario, stage_scenario
 from poise.control import Command
 from poise.dynamics import RobotState
@@ -146,19 +146,19 @@ def _result(
     )
 
 
-def worst_figures(results: Sequence[WorstResult]) -> list[RunFigure]:
+def worst_figures(results: Sequence[WorstResult]) -> list[Figure]:
     """What must hold of the worst ticks."""
-    figures: list[RunFigure] = []
+    figures: list[Figure] = []
     for r in results:
         name, longest = f"{r.scenario} on {r.robot}", r.collection_ms
         figures += [
-            RunFigure(
+            Figure(
                 name=f"{name}: worst own tick over the median",
                 bound=WORST,
                 ours=r.ratio,
                 ok=r.ratio <= WORST,
             ),
-            RunFigure(
+            Figure(
                 name=f"{name}: longest garbage collection inside the loop [ms]",
                 bound=LONGEST_COLLECTION_MS,
                 ours=longest,
@@ -189,8 +189,5 @@ def format_worst_table(results: Sequence[WorstResult]) -> str:
         for r in results
     ]
     lines = ["own processor time of the ticks [us]:", *text_table(heads, rows)]
-    lines += [
-        f"{'ok  ' if figure.ok else 'FAIL'}  {figure.name}: {figure.ours:g} ({figure.bound:g})"
-        for figure in worst_figures(results)
-    ]
+    lines += [figure.words() for figure in worst_figures(results)]
     return "\n".join(lines)

@@ -17,6 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from benchmarks.recording import Recording, bench_stack
 from benchmarks.result import PHASES, Ticks, TickTimes
+from poise.control import ControllerPlan
 from poise.errors import ConfigurationError, PoiseError
 from poise.robots import Robot
 from poise.stack import ComTask, FrameTask, JointTask, SurfaceContact
@@ -77,6 +78,7 @@ def _facts(recording: Recording, kind: str) -> dict[str, Any]:
     return {
         "joints": robot.joint_names,
         "mass": robot.mass,
+        "dt": ControllerPlan().dt,
         "acceleration_max": stack.joint_limit.acceleration_max,
         "contacts": [
             {
@@ -126,8 +128,10 @@ def _words(vector: np.ndarray) -> str:
     return " ".join(repr(float(value)) for value in vector)
 
 
-PEERS = ("tsid", "placo")
-"""Packages that a worker exists for."""
+TORQUE_PEERS, VELOCITY_PEERS = ("tsid", "placo"), ("mink", "pink")
+PEERS = (*TORQUE_PEERS, *VELOCITY_PEERS)
+"""Packages that a worker exists for: beside controllers by torques, and beside inverse
+kinematics."""
 
 _WORKER = Path(__file__).with_name("worker.py")
 
@@ -138,7 +142,7 @@ _PATIENCE = 60.0
 class PeerProcess:
     """A peer that ticks on the recorded states when it is asked to; a context manager.
 
-    The worker measures its own ticks, with the same clock, from state to torques.
+    The worker measures its own ticks, with the same clocks, from state to torques or velocities.
 
     Args:
         name: one of `PEERS`.
@@ -157,7 +161,7 @@ class PeerProcess:
     def __init__(self, name: str, python: Path, recording: Recording, kind: str) -> None:
         self.name = name
         ticks = len(recording.states)
-        self._seconds = np.full((ticks, 1 + len(PHASES)), np.nan)
+        self._seconds = np.full((ticks, 2 + len(PHASES)), np.nan)
         self._residual = np.zeros(ticks)
         self._failed = np.zeros(ticks, dtype=np.bool_)
         self._folder = tempfile.TemporaryDirectory(prefix="poise-peer-")
@@ -209,9 +213,7 @@ class PeerProcess:
         """Times of the ticks that count."""
         seconds = self._seconds[counted]
         return TickTimes(
-            total=seconds[:, 0].copy(),
-            cpu=np.full(len(seconds), np.nan),
-            phases=seconds[:, 1:].copy(),
+            total=seconds[:, 0].copy(), cpu=seconds[:, 1].copy(), phases=seconds[:, 2:].copy()
         )
 
     def size(self) -> tuple[int, int | None]:
@@ -219,7 +221,7 @@ class PeerProcess:
         return self._size
 
     def accuracy(self, counted: Ticks) -> tuple[float | None, int | None, int]:
-        """Largest relative residual of the base's equation of motion, None, failed ticks."""
+        """Largest relative residual of its hard rows, None, failed ticks."""
         residual = float(self._residual[counted].max())
         failed = int(self._failed[counted].sum())
         return None if np.isnan(residual) else residual, None, failed
@@ -277,6 +279,8 @@ class PeerProcess:
 _INSTALL = {
     "tsid": '"tsid==1.7.1" "pin==3.4.0" "cmeel-urdfdom<5" "cmeel-tinyxml2<11"',
     "placo": '"placo==0.9.3" "pin==3.7.0" "cmeel-boost<1.88" "cmeel-urdfdom<5" "cmeel-tinyxml2<11"',
+    "mink": '"mink==1.3.0" "mujoco==4.0.0" "daqp==0.11.0"',
+    "pink": '"pin-pink==4.4.0" "pin==4.1.0" "daqp==0.11.0"',
 }
 """What each needs in an environment of its own; the pins are those that were tried."""
 
@@ -287,9 +291,10 @@ def how_to_install(name: str) -> str:
     Args:
         name: one of `PEERS`.
     """
+    benchmark = "peers" if name in TORQUE_PEERS else "ik"
     return (
         f"{name} was not timed. It needs an environment of its own:\n"
         f"  python3.11 -m venv peers/{name}\n"
         f"  peers/{name}/bin/pip install {_INSTALL[name]}\n"
-        f"  python -m benchmarks peers --peers {name}=peers/{name}/bin/python"
+        f"  python -m benchmarks {benchmark} --peers {name}=peers/{name}/bin/python"
     )

@@ -46,6 +46,11 @@ from benchmarks.__main__ import main
         (["peers", "--peers", f"drake={sys.executable}"], "unknown peer"),
         (["peers", "--methods", "direct"], "belongs to the benchmark tick"),
         (["tick", "--peers", f"drake={sys.executable}"], "unknown peer"),
+        (["tick", "--peers", f"mink={sys.executable}"], "unknown peer of whole_body"),
+        (["ik", "--peers", f"tsid={sys.executable}"], "unknown peer of differential_ik"),
+        (["ik", "--methods", "hqp"], "belongs to the benchmark tick"),
+        (["first", "--controller", "teleop"], "no such controller"),
+        (["first", "--ticks", "3"], "belongs to the benchmark"),
     ],
 )
 def test_bad_input_is_one_line_and_status_2(arguments, words, capsys):

@@ -29,6 +29,8 @@ KEYS = {
     "p50_us",
     "p99_us",
     "max_us",
+    "cpu_min_us",
+    "cpu_p10_us",
     "cpu_p50_us",
     "cpu_p99_us",
     "phases_us",
@@ -68,7 +70,8 @@ def test_a_line_a_method_and_stack_with_every_key_and_files_in_out(tmp_path):
         assert 0.0 < row["p50_us"] <= row["p99_us"] <= row["max_us"]
         assert row["ratio_to_direct"] > 0.0
         assert row["ratio_to_whole"] == 1.0
-        assert 0.0 < row["cpu_p50_us"] <= row["cpu_p99_us"]
+        assert 0.0 < row["cpu_min_us"] <= row["cpu_p10_us"]
+        assert row["cpu_p10_us"] <= row["cpu_p50_us"] <= row["cpu_p99_us"]
         assert 0.0 <= row["residual_max"] < 1e-3
         assert sum(row["phases_us"].values()) == pytest.approx(row["p50_us"], rel=0.3)
     assert [r["ratio_to_direct"] for r in rows[::2]] == [1.0, 1.0]
@@ -151,6 +154,8 @@ def test_the_table_has_a_line_a_method_and_marks_failures():
         p50_us=100.0,
         p99_us=120.0,
         max_us=150.0,
+        cpu_min_us=97.0,
+        cpu_p10_us=98.0,
         cpu_p50_us=99.0,
         cpu_p99_us=119.0,
         phases_us=dict.fromkeys(PHASES, 25.0),
@@ -170,6 +175,7 @@ def test_the_table_has_a_line_a_method_and_marks_failures():
         missed_ticks=3,
         residual_max=None,
         ratio_to_whole=None,
+        cpu_p10_us=None,
         cpu_p99_us=None,
         phases_us=dict.fromkeys(PHASES, None),
     )
@@ -177,7 +183,7 @@ def test_the_table_has_a_line_a_method_and_marks_failures():
     assert lines[0].startswith("humanoid33, 33 joints, double support, stack 'table1'")
     assert lines[2].split()[:4] == ["whole_body", "direct", "100", "120"]
     assert lines[3].split()[:2] == ["reduced", "direct"]
-    assert lines[3].split()[10:12] == ["1.00", "0.50"]
+    assert lines[3].split()[11:13] == ["1.00", "0.50"]
     assert lines[4].startswith("peer, in batches")
     assert lines[4].split()[6:11] == ["-"] * 5
     assert lines[4].endswith("3 of 10 ticks FAILED")

@@ -28,6 +28,19 @@ print(source.run(1.0), sum(source.run.stats.cache_hits.values()), gc.isenabled()
 print(len(source.run.signatures), len(source.scaled.signatures))
 """
 
+LATER = """
+import sys
+from poise._compiled import compiled
+from source import run, scaled
+print(run(1.0), sum(run.stats.cache_hits.values()), "numba.np.arraymath" in sys.modules)
+
+@compiled
+def later(x: float) -> float:
+    return run(x) + scaled(x, 3)
+
+print(later(1.0))
+"""
+
 
 @pytest.fixture
 def folder(tmp_path):
@@ -36,10 +49,10 @@ def folder(tmp_path):
     return tmp_path
 
 
-def start(folder, before="", **environment):
+def start(folder, before="", script=ASK, **environment):
     known = [p for p in sys.path if p]
     return subprocess.Popen(
-        [sys.executable, "-B", "-c", ASK.format(before=before)],
+        [sys.executable, "-B", "-c", script.format(before=before)],
         cwd=folder,
         env={
             **os.environ,
@@ -75,6 +88,13 @@ def test_it_is_announced_once_and_compiled_once_whatever_numbers_a_call_names(fo
     assert str(folder / "cache") in said
     assert signatures == "1 1"
     assert ask(folder) == (1, "", "1 0")
+
+
+def test_code_is_read_without_the_compiler_and_is_called_by_what_is_compiled_later(folder):
+    ask(folder)
+    (folder / "later.py").write_text(LATER)
+    out, err = start(folder, script="import later").communicate(timeout=300)
+    assert out.splitlines() == ["7.0 1 False", "10.0"], err
 
 
 def test_a_bar_where_somebody_looks_on(folder):

@@ -4,12 +4,14 @@ import hashlib
 import inspect
 from collections.abc import Callable
 from contextlib import suppress
+from functools import cache
 from pathlib import Path
 from types import FunctionType
 from typing import Any, ParamSpec, TypeVar, cast
 
 import numba
 
+from poise._compiled._ahead import is_told
 from poise._compiled._first_use import FirstUse
 from poise._compiled._kept_code import KeptCode
 from poise._compiled._libraries import (
@@ -109,7 +111,7 @@ def say_if_slow(function: Callable[..., object], what: str) -> None:
         what: what it belongs to.
     """
     dispatcher = cast("Any", function)
-    if _DISABLED or dispatcher.signatures:
+    if _DISABLED or dispatcher.signatures or is_told():
         return
     kept = dispatcher._cache if isinstance(dispatcher._cache, KeptCode) else None
     if kept is None or not kept.has_code(dispatcher.targetctx):
@@ -118,7 +120,8 @@ def say_if_slow(function: Callable[..., object], what: str) -> None:
 
 def _stamp(plain: FunctionType) -> str:
     """Names the source that a function is compiled from, callees in other files included."""
-    digest = hashlib.sha256(_COMPILER + Path(plain.__code__.co_filename).read_bytes())
+    file = plain.__code__.co_filename
+    digest = _digest_of(file, Path(file).stat().st_mtime_ns).copy()
     for name, value in sorted(plain.__globals__.items()):
         # Functions and blocks have a stamp of their own.
         known = value if isinstance(value, int | float | tuple) else getattr(value, "stamp", None)
@@ -127,3 +130,10 @@ def _stamp(plain: FunctionType) -> str:
         if isinstance(known, int | float | str | tuple):
             digest.update(f"{name}={known!r};".encode())
     return digest.hexdigest()
+
+
+@cache
+def _digest_of(file: str, changed: int) -> Any:
+    """Of a source and of the compiler; a file is read once, however many functions it holds."""
+    del changed  # A file that was edited meanwhile is read again.
+    return hashlib.sha256(_COMPILER + Path(file).read_bytes())

@@ -1,6 +1,5 @@
 """What is seen of compiling, which happens once on a machine and takes some twenty seconds."""
 
-import gc
 import logging
 import sys
 from time import perf_counter
@@ -8,7 +7,8 @@ from typing import Any
 
 from numba.core import event
 
-_EVENT = "numba:compile"
+EVENT = "numba:compile"
+"""Numba's, about each function that it compiles."""
 
 _TYPED = 0.6
 """Part of the time until all functions are read and typed; the rest makes machine code of them."""
@@ -32,20 +32,16 @@ class FirstUse(event.Listener):
         self._function, self._what, self._kept = function, what, kept
         self._total, self._done = len(functions_of(function)), 0
         self._begin: float | None = None
-        self._collects = False
 
     def watch(self) -> None:
         """Begins to listen to Numba, until the function is compiled."""
-        event.register(_EVENT, self)
+        event.register(EVENT, self)
 
     def on_start(self, event: Any) -> None:
         """Numba begins to compile a function."""
         if event.data["dispatcher"] is not self._function:
             return
         self._begin = perf_counter()
-        # What is made now stays; looking for garbage in it takes a fifth of the time.
-        self._collects = gc.isenabled()
-        gc.disable()
         if not sys.stderr.isatty():
             logging.getLogger("poise").warning(
                 "compiling %s, once on this machine: %d functions, half a minute or less",
@@ -58,29 +54,44 @@ class FirstUse(event.Listener):
         if self._begin is None:
             return
         self._done += 1
-        if sys.stderr.isatty():
-            self._draw(perf_counter() - self._begin)
+        draw_bar(self._what, self._share(), perf_counter() - self._begin)
         if event.data["dispatcher"] is self._function:
             self._finish(perf_counter() - self._begin)
 
-    def _draw(self, spent: float) -> None:
-        share = _TYPED * min(self._done / self._total, 1.0)
-        bar = "#" * round(_WIDTH * share)
-        left = spent * (1.0 - share) / share
-        sys.stderr.write(
-            f"\rcompiling {self._what}, once on this machine "
-            f"[{bar:.<{_WIDTH}}] {100 * share:3.0f}% {left:3.0f} s left"
-        )
-        sys.stderr.flush()
+    def _share(self) -> float:
+        return _TYPED * min(self._done / self._total, 1.0)
 
     def _finish(self, spent: float) -> None:
-        event.unregister(_EVENT, self)
-        if self._collects:
-            gc.enable()
-        if sys.stderr.isatty():
-            sys.stderr.write("\r\033[K")
+        event.unregister(EVENT, self)
+        clear_bar()
         where = f"kept in {self._kept}" if self._kept else "not kept: no folder can be written"
         logging.getLogger("poise").warning("compiled %s in %.0f s, %s", self._what, spent, where)
+
+
+def draw_bar(what: str, share: float, spent: float) -> None:
+    """Shows how far compiling is, where somebody looks on.
+
+    Args:
+        what: is compiled.
+        share: that is done, above zero.
+        spent: time since it began [s].
+    """
+    if not sys.stderr.isatty():
+        return
+    bar = "#" * round(_WIDTH * share)
+    left = spent * (1.0 - share) / share
+    sys.stderr.write(
+        f"\rcompiling {what}, once on this machine "
+        f"[{bar:.<{_WIDTH}}] {100 * share:3.0f}% {left:3.0f} s left"
+    )
+    sys.stderr.flush()
+
+
+def clear_bar() -> None:
+    """Takes the bar away."""
+    if sys.stderr.isatty():
+        sys.stderr.write("\r\033[K")
+        sys.stderr.flush()
 
 
 def functions_of(function: Any) -> list[Any]:

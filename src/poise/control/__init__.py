@@ -16,6 +16,7 @@ from poise.control._reduced import ReducedController
 from poise.control._state_check import is_usable as is_usable
 from poise.control._status import ControllerStatus as ControllerStatus, TaskStatus as TaskStatus
 from poise.control._strategy import PHYSICS_LEVELS as PHYSICS_LEVELS
+from poise.control._warm_up import usable_cores as usable_cores, warm_up as warm_up
 from poise.control._whole_body import WholeBodyController
 
 __all__ = [

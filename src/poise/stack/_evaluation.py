@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float64, Int64
 
+from poise._compiled import say_if_slow
 from poise.dynamics import Dynamics, frames_of, motion_of
 from poise.robots import Robot
 from poise.stack._kernels import ENTRIES, WORK, Kind, Owners, Rows, evaluate
@@ -185,6 +186,7 @@ class Evaluation:
 
     def _compile(self, robot: Robot) -> None:
         """Evaluates nothing once, so that nothing is compiled in a tick."""
+        say_if_slow(evaluate, "tasks and contacts")
         motion = motion_of(robot.model, robot.model.createData())
         nobody = self.inputs._replace(table=self.inputs.table[:0])
         evaluate(

@@ -3,6 +3,7 @@
 import numpy as np
 from jaxtyping import Float64
 
+from poise._compiled import say_if_slow
 from poise.control._osf._kernels import Bounds, find_rest, make_work, resolve, sum_levels
 from poise.control._osf._limits import DemandLimit
 from poise.control._osf._rows import LevelRows
@@ -82,6 +83,7 @@ class OperationalRecursion:
     def _compile(self, n: int) -> None:
         """Resolves nothing once, so that nothing is compiled in a tick."""
         nothing, zero = LevelRows.nothing(n), np.zeros(n)
+        say_if_slow(resolve, "operational space control")
         resolve(np.eye(n), zero, nothing, self._bounds, self._work, zero)
         find_rest(self._work, 0)
         sum_levels(nothing, self._work, 0, zero)

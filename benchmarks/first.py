@@ -1,0 +1,211 @@
+"""`bench_first`: the first controller from an empty cache, and the one of a second process.
+
+Every measurement is a process of its own, so that nothing is loaded that it does not load itself.
+"""
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from benchmarks.recording import Progress
+from benchmarks.result import Figure, Result, text_table
+from poise.control import CONTROLLERS
+from poise.errors import ConfigurationError, PoiseError, UnknownNameError
+
+EMPTY_S = 25.0
+"""Processor time that the first controller from an empty cache takes at most [s]."""
+
+SECOND_S = 0.8
+"""Processor time that the import and the first controller of a second process take at most [s]."""
+
+_CHILD = """
+import json, resource, sys, time
+def spent():
+    own, others = (resource.getrusage(who) for who in (resource.RUSAGE_SELF,
+                                                       resource.RUSAGE_CHILDREN))
+    return sum(use.ru_utime + use.ru_stime for use in (own, others))
+times = [spent()]
+import poise
+from poise.control import ControllerPlan, make_controller
+times.append(spent())
+robot = poise.load_robot(sys.argv[1])
+times.append(spent())
+begin = time.perf_counter()
+controller = make_controller(robot, None, ControllerPlan(name=sys.argv[2]))
+wall = time.perf_counter() - begin
+times.append(spent())
+state = poise.RobotState(robot.q_home, 0.0 * robot.model.armature)
+before = time.thread_time()
+status = controller.step(state).status
+tick = time.thread_time() - before
+print(json.dumps({"times": times, "wall": wall, "tick": tick, "status": status.value}))
+"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FirstBench:
+    """What to time; checked when made.
+
+    Attributes:
+        robot: name or path of a robot.
+        controller: one of `CONTROLLERS`.
+        runs: second processes.
+    """
+
+    robot: str = "humanoid33"
+    controller: str = "whole_body"
+    runs: int = 10
+
+    def __post_init__(self) -> None:
+        if self.controller not in CONTROLLERS:
+            raise UnknownNameError(
+                "no such controller", got=self.controller, choices=tuple(CONTROLLERS)
+            )
+        if self.runs < 1:
+            raise ConfigurationError("nothing to time", got=self.runs, wanted="at least one run")
+
+
+@dataclass(frozen=True, kw_only=True)
+class FirstResult(Result):
+    """One kind of process; processor times unless it says otherwise.
+
+    Attributes:
+        process: "empty cache", or "second" for those that find the machine code.
+        robot: that was loaded.
+        controller: that was made.
+        runs: processes; of several the 10th percentile is given.
+        import_s: `import poise` [s].
+        robot_s: loading the robot [s].
+        controller_s: making the controller [s].
+        controller_wall_s: the same by the clock on the wall [s].
+        tick_us: its first tick, of its thread [us].
+        both_s: import and controller together [s].
+    """
+
+    process: str
+    robot: str
+    controller: str
+    runs: int
+    import_s: float
+    robot_s: float
+    controller_s: float
+    controller_wall_s: float
+    tick_us: float
+    both_s: float
+
+
+def bench_first(plan: FirstBench, progress: Progress | None = None) -> list[FirstResult]:
+    """Makes a controller where nothing is compiled, then again in further processes.
+
+    Args:
+        plan: what to time.
+        progress: told how many processes have ended.
+
+    Raises:
+        PoiseError: the controller cannot be made.
+    """
+    found: list[dict[str, float]] = []
+    # The first process of all leaves Python's own compiled files.
+    _start(["-c", "import poise"], {})
+    with tempfile.TemporaryDirectory() as folder:
+        for count in range(1 + plan.runs):
+            found.append(_run(plan, folder))
+            if progress is not None:
+                progress(float(count), float(plan.runs))
+    return [
+        _result(plan, "empty cache", found[:1]),
+        _result(plan, "second", found[1:]),
+    ]
+
+
+def _run(plan: FirstBench, cache: str) -> dict[str, float]:
+    """Seconds of the parts of one process."""
+    out = _start(["-c", _CHILD, plan.robot, plan.controller], {"NUMBA_CACHE_DIR": cache})
+    answer = json.loads(out.splitlines()[-1])
+    start, imported, loaded, made = answer["times"]
+    parts = {"import": imported - start, "robot": loaded - imported, "controller": made - loaded}
+    both = parts["import"] + parts["controller"]
+    return {**parts, "both": both, "wall": answer["wall"], "tick": answer["tick"]}
+
+
+def _start(command: Sequence[str], environment: dict[str, str]) -> str:
+    """What a process of Python says.
+
+    Raises:
+        PoiseError: it fails.
+    """
+    kept = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
+    done = subprocess.run(
+        [sys.executable, *command],
+        env={**kept, **environment},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    if done.returncode != 0:
+        raise PoiseError("the process failed", got=done.stderr.strip().splitlines()[-1])
+    return done.stdout
+
+
+def _result(plan: FirstBench, process: str, found: Sequence[dict[str, float]]) -> FirstResult:
+    tenth = {part: float(np.percentile([run[part] for run in found], 10.0)) for part in found[0]}
+    return FirstResult(
+        process=process,
+        robot=plan.robot,
+        controller=plan.controller,
+        runs=len(found),
+        import_s=round(tenth["import"], 3),
+        robot_s=round(tenth["robot"], 3),
+        controller_s=round(tenth["controller"], 3),
+        controller_wall_s=round(tenth["wall"], 3),
+        tick_us=round(1e6 * tenth["tick"], 1),
+        both_s=round(tenth["both"], 3),
+    )
+
+
+def first_figures(results: Sequence[FirstResult]) -> list[Figure]:
+    """What must hold of them."""
+    figures: list[Figure] = []
+    for result in results:
+        empty = result.process == "empty cache"
+        bound = EMPTY_S if empty else SECOND_S
+        ours = result.controller_s if empty else result.both_s
+        what = "first controller" if empty else "import and first controller"
+        name = f"{result.process}: {what}, {result.controller} on {result.robot} [s]"
+        figures.append(Figure(name=name, bound=bound, ours=ours, ok=ours <= bound))
+    return figures
+
+
+_HEADS = ("import", "robot", "controller", "by wall", "tick us", "runs")
+
+
+def format_first_table(results: Sequence[FirstResult]) -> str:
+    """The parts, and the figures, for a terminal."""
+    rows = [
+        (
+            r.process,
+            [
+                *(f"{s:.2f}" for s in (r.import_s, r.robot_s, r.controller_s)),
+                f"{r.controller_wall_s:.2f}",
+                f"{r.tick_us:.0f}",
+                str(r.runs),
+            ],
+            "",
+        )
+        for r in results
+    ]
+    first = results[0]
+    title = f"{first.controller} on {first.robot}, processor time [s], 10th percentile of the runs:"
+    return "\n".join(
+        [
+            title,
+            *text_table(_HEADS, rows, 10),
+            *(figure.words() for figure in first_figures(results)),
+        ]
+    )

@@ -1,0 +1,169 @@
+"""`poise warmup`: all that controllers need is compiled and kept, or one line says why not."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+
+import pytest
+
+from poise.cli.main import main
+from poise.control import CONTROLLERS
+
+USE = """
+import json, sys
+import numpy as np
+from numba.core import event
+import poise
+from poise.control import CONTROLLERS, ControllerPlan, make_controller
+robot = poise.load_robot("humanoid33")
+state = poise.RobotState(robot.q_home, np.zeros(robot.nv))
+with event.install_recorder("numba:compile") as seen:
+    for name, kind in CONTROLLERS.items():
+        for strategy in kind.strategies:
+            plan = ControllerPlan(name=name, strategy=strategy)
+            if strategy not in ("cascade", "weighted"):
+                assert make_controller(robot, None, plan).step(state).status.ok
+heavy = [m for m in ("scipy.linalg", "scipy.optimize", "numba.np.arraymath") if m in sys.modules]
+print(json.dumps([[str(e.data["dispatcher"]) for _, e in seen.buffer], heavy]))
+"""
+
+IN_ONE = "import sys; from poise.control import warm_up; print(warm_up({names}, processes=1))"
+
+NO_PROCESS = """
+import sys
+from poise.control import _warm_up
+def none(*_):
+    raise OSError("no process can be started")
+_warm_up.ProcessPoolExecutor = none
+print(_warm_up.warm_up(processes=2))
+"""
+
+FULL = """
+import errno, sys
+from numba.core.caching import IndexDataCacheFile
+def full(*_):
+    raise OSError(errno.ENOSPC, "No space left on device")
+IndexDataCacheFile._save_data = full
+from poise.cli.main import main
+sys.exit(main(["warmup", "--controller", "osf"]))
+"""
+
+LOOKS_ON = """
+import sys
+sys.modules["tqdm"] = None
+sys.stderr.isatty = lambda: True
+from poise.cli.main import main
+sys.exit(main(["warmup", "--controller", "osf"]))
+"""
+
+
+def run(cache, *command):
+    return subprocess.run(
+        [sys.executable, *command],
+        env={**os.environ, "NUMBA_CACHE_DIR": str(cache)},
+        capture_output=True,
+        text=True,
+        timeout=300,
+    )
+
+
+def warmup(cache, *options):
+    return run(cache, "-m", "poise.cli.main", "warmup", *options)
+
+
+@pytest.fixture(scope="module")
+def warm(tmp_path_factory):
+    """A cache that was empty before one `poise warmup`, and what that said."""
+    cache = tmp_path_factory.mktemp("cache")
+    done = warmup(cache, "--json")
+    assert done.returncode == 0, done.stderr
+    return cache, json.loads(done.stdout), done.stderr
+
+
+@pytest.fixture
+def partly(warm, tmp_path):
+    """The same without what two of the controllers have for themselves."""
+    cache = tmp_path / "cache"
+    shutil.copytree(warm[0], cache)
+    for package in ("_osf", "_differential_ik"):
+        (folder,) = cache.glob(f"{package}_*")
+        shutil.rmtree(folder)
+    return cache
+
+
+def test_it_says_what_it_did(warm):
+    cache, said, errors = warm
+    assert errors == ""
+    assert said["controllers"] == list(CONTROLLERS)
+    assert said["functions"] > 150
+    assert said["folder"] == str(cache)
+    assert said["processor_s"] > 1.0
+    assert said["seconds"] > 1.0
+
+
+def test_afterwards_no_controller_compiles_anything_nor_reads_the_compiler(warm):
+    done = run(warm[0], "-c", USE)
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout) == [[], []]
+
+
+def test_it_says_so_when_there_is_nothing_to_do(warm):
+    done = warmup(warm[0])
+    assert (done.returncode, done.stderr) == (0, "")
+    assert f"nothing to compile: all is kept in {warm[0]}" in done.stdout
+
+
+def test_only_what_is_missing_of_the_controllers_named_is_compiled(partly):
+    first = json.loads(warmup(partly, "--controller", "osf", "--json").stdout)
+    assert 0 < first["functions"] < 60
+    assert warmup(partly, "--controller", "osf").stdout.count("nothing to compile") == 1
+    rest = json.loads(warmup(partly, "--json").stdout)
+    assert 0 < rest["functions"] < 60
+    assert warmup(partly).stdout.count("nothing to compile") == 1
+
+
+def test_a_bar_where_somebody_looks_on_with_no_extra_installed(partly):
+    done = run(partly, "-c", LOOKS_ON)
+    assert done.returncode == 0, done.stderr
+    assert "functions, once on this machine [#" in done.stderr
+    assert "100%" in done.stderr
+    assert done.stderr.endswith("\033[K")
+
+
+@pytest.mark.parametrize("script", [IN_ONE.format(names=list(CONTROLLERS)), NO_PROCESS])
+def test_one_process_does_it_where_no_other_can(partly, script):
+    done = run(partly, "-c", script)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "functions=0" not in done.stdout
+    assert warmup(partly).stdout.count("nothing to compile") == 1
+
+
+def test_two_at_once(partly):
+    command = [sys.executable, "-m", "poise.cli.main", "warmup"]
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(partly)}
+    both = [subprocess.Popen(command, env=environment, stdout=subprocess.PIPE) for _ in range(2)]
+    assert [process.communicate(timeout=300) and process.returncode for process in both] == [0, 0]
+    assert warmup(partly).stdout.count("nothing to compile") == 1
+
+
+def test_a_folder_that_cannot_be_written_is_one_line(tmp_path):
+    (tmp_path / "file").write_text("")
+    done = warmup(tmp_path / "file" / "cache")
+    assert done.returncode == 2
+    assert len(done.stderr.splitlines()) == 1
+    assert "compiled code cannot be kept" in done.stderr
+    assert str(tmp_path / "file") in done.stderr
+
+
+def test_a_full_disk_is_an_error(partly):
+    done = run(partly, "-c", FULL)
+    assert done.returncode == 2
+    assert "compiled code is not kept, such as that of poise.control._osf" in done.stderr
+    assert "No space left on device" in done.stderr
+
+
+def test_a_controller_that_does_not_exist_is_one_line(capsys):
+    assert main(["warmup", "--controller", "ofs"]) == 2
+    assert "no such controller; got 'ofs'" in capsys.readouterr().err
