@@ -50,9 +50,10 @@ _OPTIONS: dict[str, tuple[str, tuple[str, ...], str]] = {
         "installed); direct is always timed",
     ),
     "peers": (
-        "P=PYTHON",
+        "P=PATH",
         ("tick", "peers"),
-        "tick, peers: other packages and the Python of their environment: tsid=PATH,placo=PATH",
+        "tick, peers: other packages and the Python of their environment, or their program: "
+        "tsid=PATH,placo=PATH,libdwbc=PATH",
     ),
     "ticks": (
         "N",
@@ -96,8 +97,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         "recorded moving run. tick --controller teleop: times the step teleoperator on a recorded "
         "walk over an obstacle, and the whole simulation of that walk against real time. dof: "
         "times the full and the reduced controller on robots of 20 to 60 joints. peers: times "
-        "TSID and placo beside both. bias: times the formulas of the bias acceleration on a "
-        "recorded run of a robot on a fixed base. hqp: races solvers on hierarchical problems of "
+        "TSID, placo and libdwbc beside both. bias: times the formulas of the bias acceleration on "
+        "a recorded run of a robot on a fixed base. hqp: races solvers on hierarchical problems of "
         "robots, of inverse kinematics and of chance, and judges their answers. run: the processor "
         "time of a whole scenario, recorded and logged, and where it goes. Whatever is compared is "
         "timed in turn on the same states.",
@@ -176,11 +177,11 @@ def _tick(options: argparse.Namespace) -> None:
 
 def _peers(options: argparse.Namespace) -> None:
     """Other packages beside the full and the reduced controller, by their default solver."""
-    from benchmarks.peers.process import PEERS, how_to_install
+    from benchmarks.peers.process import PEERS, how_to_install, peer_variable
     from benchmarks.tick import TickBench
 
-    # POISE_TSID_PYTHON and POISE_PLACO_PYTHON name their Python where the command line does not.
-    named = {name: os.environ.get(f"POISE_{name.upper()}_PYTHON") for name in PEERS}
+    # Where the command line names no peers, POISE_TSID_PYTHON and others do.
+    named = {name: os.environ.get(peer_variable(name)) for name in PEERS}
     peers = {name: Path(path) for name, path in named.items() if path}
     if options.peers:
         peers = _interpreters(options.peers)
@@ -192,16 +193,15 @@ def _peers(options: argparse.Namespace) -> None:
         peers=peers,
     )
     _run_ticks(options, plan)
-    for name in PEERS:
-        if name not in peers:
-            print(how_to_install(name), file=sys.stderr)
+    for words in dict.fromkeys(how_to_install(name) for name in PEERS if name not in peers):
+        print(words, file=sys.stderr)
 
 
 def _run_ticks(options: argparse.Namespace, plan: Any) -> None:
-    from benchmarks.result import format_table, write_figure
-    from benchmarks.tick import bench_tick
+    from benchmarks.result import write_figure
+    from benchmarks.tick import bench_tick, format_tick_table, peer_figures
 
-    results, folder = _run(options, plan, bench_tick, format_table)
+    results, folder = _run(options, plan, bench_tick, format_tick_table, peer_figures)
     if folder is not None:
         write_figure(results, folder / "bench.png")
 
@@ -286,17 +286,20 @@ def _stacks(name: str) -> tuple[str, ...]:
 
 
 def _interpreters(text: str) -> dict[str, Path]:
-    """Reads `name=path,name=path`."""
+    """Reads `name=path,name=path`; libdwbc's program stands for both its ways."""
+    from benchmarks.peers.process import PROGRAMS
+
     peers: dict[str, Path] = {}
     for word in words_of(text):
         name, separator, path = word.partition("=")
         if not separator or not path:
             raise ConfigurationError(
-                "a peer needs the Python of its environment",
+                "a peer needs the Python of its environment, or its program",
                 got=word,
                 wanted="NAME=PATH, such as tsid=peers/tsid/bin/python",
             )
-        peers[name] = Path(path)
+        for one in PROGRAMS if name == "libdwbc" else (name,):
+            peers[one] = Path(path)
     return peers
 
 

@@ -43,6 +43,27 @@ class Result:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Figure(Result):
+    """A figure and what it has to be.
+
+    Attributes:
+        name: of the figure.
+        bound: for it.
+        ours: as measured.
+        ok: whether it holds.
+    """
+
+    name: str
+    bound: float
+    ours: float
+    ok: bool
+
+    def words(self) -> str:
+        """A line for a terminal."""
+        return f"{'ok  ' if self.ok else 'FAIL'}  {self.name}: {self.ours:g} ({self.bound:g})"
+
+
+@dataclass(frozen=True, kw_only=True)
 class TickResult(Result):
     """One method on one stack.
 
@@ -61,6 +82,8 @@ class TickResult(Result):
         p50_us: median tick from state to command [us].
         p99_us: 99th percentile [us].
         max_us: longest tick [us].
+        cpu_p10_us: 10th percentile of the processor time of a tick, which other work on the machine
+            changes least [us]; None where a peer does not tell it.
         cpu_p50_us: median processor time of a tick, without the times at which another process had
             the core [us]; None where a peer does not tell it.
         cpu_p99_us: 99th percentile of the same [us].
@@ -89,6 +112,7 @@ class TickResult(Result):
     p50_us: float
     p99_us: float
     max_us: float
+    cpu_p10_us: float | None
     cpu_p50_us: float | None
     cpu_p99_us: float | None
     phases_us: dict[str, float | None]
@@ -111,9 +135,11 @@ def time_statistics(
         whole: of the whole-body controller's method of the same name, likewise.
     """
     medians = 1e6 * np.median(times.phases, axis=0)
-    cpu = {"p50_us": None, "p99_us": None} if np.isnan(times.cpu).any() else spread_us(times.cpu)
+    told = not np.isnan(times.cpu).any()
+    cpu = spread_us(times.cpu) if told else {"p50_us": None, "p99_us": None}
     return {
         **spread_us(times.total),
+        "cpu_p10_us": round(1e6 * float(np.percentile(times.cpu, 10.0)), 1) if told else None,
         "cpu_p50_us": cpu["p50_us"],
         "cpu_p99_us": cpu["p99_us"],
         "phases_us": {

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.recording import Progress
-from benchmarks.result import Result, text_table
+from benchmarks.result import Figure, Result, text_table
 from poise.apps.scenarios import Run, Scenario, load_scenario, run_scenario, stage_scenario
 from poise.sim import Recorder, rollout
 
@@ -66,23 +66,6 @@ class RunResult(Result):
     parts_us: dict[str, float]
     collections: int
     collection_ms: float
-
-
-@dataclass(frozen=True, kw_only=True)
-class RunFigure(Result):
-    """A figure and what it has to be.
-
-    Attributes:
-        name: of the figure.
-        bound: for it.
-        ours: as measured.
-        ok: whether it holds.
-    """
-
-    name: str
-    bound: float
-    ours: float
-    ok: bool
 
 
 def bench_run(plan: RunBench, progress: Progress | None = None) -> list[RunResult]:
@@ -198,19 +181,17 @@ def _result(
     )
 
 
-def run_figures(results: Sequence[RunResult]) -> list[RunFigure]:
+def run_figures(results: Sequence[RunResult]) -> list[Figure]:
     """What must hold of runs."""
-    figures: list[RunFigure] = []
+    figures: list[Figure] = []
     for result in results:
         name = f"{result.scenario} on {result.robot}"
         least, longest = REAL_TIME.get(result.scenario), result.collection_ms
         if least is not None:
             ours, what = result.real_time, "seconds simulated in one of the processor"
-            figures.append(
-                RunFigure(name=f"{name}: {what}", bound=least, ours=ours, ok=ours >= least)
-            )
+            figures.append(Figure(name=f"{name}: {what}", bound=least, ours=ours, ok=ours >= least))
         figures.append(
-            RunFigure(
+            Figure(
                 name=f"{name}: longest garbage collection inside the loop [ms]",
                 bound=LONGEST_COLLECTION_MS,
                 ours=longest,
@@ -232,8 +213,5 @@ def format_run_table(results: Sequence[RunResult]) -> str:
         f"after {result.start_s:g} s to start; {result.collections} collections"
         for result in results
     ]
-    lines += [
-        f"{'ok  ' if figure.ok else 'FAIL'}  {figure.name}: {figure.ours:g} ({figure.bound:g})"
-        for figure in run_figures(results)
-    ]
+    lines += [figure.words() for figure in run_figures(results)]
     return "\n".join(lines)

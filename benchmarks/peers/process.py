@@ -1,4 +1,4 @@
-"""`PeerProcess`: a peer's worker in the peer's own interpreter, asked for ticks over a pipe.
+"""`PeerProcess`: a peer's worker in a process of its own, asked for ticks over a pipe.
 
 What it is told: the robot as a URDF without geometry, the run's states and targets.
 """
@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from benchmarks.peers.libdwbc import write_libdwbc_handoff
 from benchmarks.recording import Recording, bench_stack
 from benchmarks.result import PHASES, Ticks, TickTimes
 from poise.errors import ConfigurationError, PoiseError
@@ -24,7 +25,7 @@ from poise.stack import ComTask, FrameTask, JointTask, SurfaceContact
 FRAME_PREFIX = "role_"
 """Frames with a part to play get links of their own, under a name that no document uses."""
 
-URDF, RUN = "robot.urdf", "run.npz"
+URDF, RUN, RUN_WORDS = "robot.urdf", "run.npz", "run.txt"
 
 
 def write_handoff(folder: Path, recording: Recording, kind: str) -> None:
@@ -126,8 +127,21 @@ def _words(vector: np.ndarray) -> str:
     return " ".join(repr(float(value)) for value in vector)
 
 
-PEERS = ("tsid", "placo")
+PROGRAMS = {"libdwbc": "full", "libdwbc_reduced": "reduced"}
+"""Peers that are a program, `libdwbc_peer.cpp`, which is told which way to solve."""
+
+PEERS = ("tsid", "placo", *PROGRAMS)
 """Packages that a worker exists for."""
+
+
+def peer_variable(name: str) -> str:
+    """The environment variable that names a peer's interpreter or program.
+
+    Args:
+        name: one of `PEERS`.
+    """
+    return "POISE_LIBDWBC" if name in PROGRAMS else f"POISE_{name.upper()}_PYTHON"
+
 
 _WORKER = Path(__file__).with_name("worker.py")
 
@@ -138,11 +152,11 @@ _PATIENCE = 60.0
 class PeerProcess:
     """A peer that ticks on the recorded states when it is asked to; a context manager.
 
-    The worker measures its own ticks, with the same clock, from state to torques.
+    The worker measures its own ticks, with the same clocks, from state to torques.
 
     Args:
         name: one of `PEERS`.
-        python: interpreter of the environment that has the peer.
+        python: interpreter of the environment that has the peer, or the program.
         recording: the run.
         kind: the stack that its problem should come near to.
 
@@ -157,7 +171,7 @@ class PeerProcess:
     def __init__(self, name: str, python: Path, recording: Recording, kind: str) -> None:
         self.name = name
         ticks = len(recording.states)
-        self._seconds = np.full((ticks, 1 + len(PHASES)), np.nan)
+        self._seconds = np.full((ticks, 2 + len(PHASES)), np.nan)
         self._residual = np.zeros(ticks)
         self._failed = np.zeros(ticks, dtype=np.bool_)
         self._folder = tempfile.TemporaryDirectory(prefix="poise-peer-")
@@ -167,6 +181,9 @@ class PeerProcess:
         try:
             write_handoff(folder, recording, kind)
             command = [python, _WORKER, name, folder / URDF, folder / RUN]
+            if name in PROGRAMS:
+                write_libdwbc_handoff(folder / URDF, folder / RUN_WORDS, recording, kind)
+                command = [python, PROGRAMS[name], folder / URDF, folder / RUN_WORDS]
             self._process = subprocess.Popen(
                 [str(part) for part in command],
                 stdin=subprocess.PIPE,
@@ -209,9 +226,7 @@ class PeerProcess:
         """Times of the ticks that count."""
         seconds = self._seconds[counted]
         return TickTimes(
-            total=seconds[:, 0].copy(),
-            cpu=np.full(len(seconds), np.nan),
-            phases=seconds[:, 1:].copy(),
+            total=seconds[:, 0].copy(), cpu=seconds[:, 1].copy(), phases=seconds[:, 2:].copy()
         )
 
     def size(self) -> tuple[int, int | None]:
@@ -287,6 +302,11 @@ def how_to_install(name: str) -> str:
     Args:
         name: one of `PEERS`.
     """
+    if name in PROGRAMS:
+        return (
+            "libdwbc was not timed. docs/benchmarks.md says how its program is built; then:\n"
+            "  python -m benchmarks peers --peers libdwbc=peers/libdwbc_peer"
+        )
     return (
         f"{name} was not timed. It needs an environment of its own:\n"
         f"  python3.11 -m venv peers/{name}\n"

@@ -4,7 +4,7 @@ Needs tsid (tried: 1.7.1 with pin 3.4.0) and no Poise.
 """
 
 from importlib.metadata import version
-from time import perf_counter
+from time import perf_counter, thread_time
 from typing import Any
 
 import numpy as np
@@ -59,19 +59,20 @@ class Peer:
         return self._problem.nVar, self._problem.nEq + self._problem.nIn
 
     def tick(self, index: int) -> tuple[list[float], float, bool]:
-        """One timed tick: seconds (total, then phases), residual, whether it failed."""
+        """One timed tick: seconds (total, of the processor, then phases), residual, failure."""
         run, problem = self._run, self._problem
         for task, sample, path, pose in self._aims:
             _aim(task, sample, path[:, index], pose)
         time, q, v = float(run["time"][index]), run["q"][index], run["v"][index]
-        begin = perf_counter()
+        cpu, begin = thread_time(), perf_counter()
         data = problem.computeProblemData(time, q, v)
         assembled = perf_counter()
         solution = self._qp.solve(data)
         solved = perf_counter()
         problem.getActuatorForces(solution)
         end = perf_counter()
-        seconds = [end - begin, np.nan, assembled - begin, solved - assembled, end - solved]
+        cpu, solve = thread_time() - cpu, solved - assembled
+        seconds = [end - begin, cpu, np.nan, assembled - begin, solve, end - solved]
         failed = int(solution.status) != 0
         return seconds, np.nan if failed else self._residual(solution), failed
 

@@ -29,6 +29,7 @@ KEYS = {
     "p50_us",
     "p99_us",
     "max_us",
+    "cpu_p10_us",
     "cpu_p50_us",
     "cpu_p99_us",
     "phases_us",
@@ -68,7 +69,7 @@ def test_a_line_a_method_and_stack_with_every_key_and_files_in_out(tmp_path):
         assert 0.0 < row["p50_us"] <= row["p99_us"] <= row["max_us"]
         assert row["ratio_to_direct"] > 0.0
         assert row["ratio_to_whole"] == 1.0
-        assert 0.0 < row["cpu_p50_us"] <= row["cpu_p99_us"]
+        assert 0.0 < row["cpu_p10_us"] <= row["cpu_p50_us"] <= row["cpu_p99_us"]
         assert 0.0 <= row["residual_max"] < 1e-3
         assert sum(row["phases_us"].values()) == pytest.approx(row["p50_us"], rel=0.3)
     assert [r["ratio_to_direct"] for r in rows[::2]] == [1.0, 1.0]
@@ -151,6 +152,7 @@ def test_the_table_has_a_line_a_method_and_marks_failures():
         p50_us=100.0,
         p99_us=120.0,
         max_us=150.0,
+        cpu_p10_us=95.0,
         cpu_p50_us=99.0,
         cpu_p99_us=119.0,
         phases_us=dict.fromkeys(PHASES, 25.0),
