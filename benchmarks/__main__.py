@@ -60,10 +60,11 @@ _OPTIONS: dict[str, tuple[str, tuple[str, ...], str]] = {
         "installed); direct is always timed",
     ),
     "peers": (
-        "P=PYTHON",
+        "P=PATH",
         ("tick", "peers", "ik"),
-        "tick, peers: other packages and the Python of their environment: tsid=PATH,placo=PATH; "
-        "ik, tick --controller differential_ik: mink=PATH,pink=PATH",
+        "tick, peers: other packages and the Python of their environment, or their program: "
+        "tsid=PATH,placo=PATH,libdwbc=PATH; ik, tick --controller differential_ik: "
+        "mink=PATH,pink=PATH",
     ),
     "ticks": (
         "N",
@@ -108,7 +109,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         "recorded moving run. tick --controller teleop: times the step teleoperator on a recorded "
         "walk over an obstacle, and the whole simulation of that walk against real time. growth: "
         "how a tick grows with joints, levels, tasks and contacts. dof: times the full and the "
-        "reduced controller on robots of 20 to 60 joints. peers: times TSID and placo beside both. "
+        "reduced controller on robots of 20 to 60 joints. peers: times TSID, placo and libdwbc "
+        "beside both. "
         "ik: times mink and pink beside inverse kinematics. batch: times many states in one call "
         "beside single ticks, on one thread and on two. bias: times the formulas of the bias "
         "acceleration on a recorded run of a robot on a fixed base. hqp: races solvers on "
@@ -200,7 +202,7 @@ def _tick(options: argparse.Namespace) -> None:
 def _peers(options: argparse.Namespace) -> None:
     """Other packages beside the full and the reduced controller, by their default solver."""
     from benchmarks.peers.process import TORQUE_PEERS
-    from benchmarks.tick import TickBench
+    from benchmarks.tick import TickBench, peer_figures
 
     plan = TickBench(
         **_given(options, "robot", "contacts", "ticks"),
@@ -209,7 +211,7 @@ def _peers(options: argparse.Namespace) -> None:
         methods=("direct",),
         peers=_peers_at_hand(options, TORQUE_PEERS),
     )
-    _run_ticks(options, plan)
+    _run_ticks(options, plan, peer_figures)
     _say_who_is_missing(plan, TORQUE_PEERS)
 
 
@@ -220,7 +222,8 @@ def _ik(options: argparse.Namespace) -> None:
     from poise.control import CONTROLLERS
 
     plan = TickBench(
-        **({"robot": "g1"} | _given(options, "robot", "contacts", "ticks")),
+        **_given(options, "contacts", "ticks"),
+        robot=options.robot or "g1",
         controller="differential_ik",
         stacks=_stacks(options.stack or "both"),
         methods=CONTROLLERS["differential_ik"].strategies,
@@ -231,19 +234,21 @@ def _ik(options: argparse.Namespace) -> None:
 
 
 def _peers_at_hand(options: argparse.Namespace, names: Sequence[str]) -> dict[str, Path]:
-    """Interpreters from the command line, or else from POISE_TSID_PYTHON and its like."""
+    """Peers of the command line, or else those that POISE_TSID_PYTHON and others name."""
+    from benchmarks.peers.process import peer_variable
+
     if options.peers:
         return _interpreters(options.peers)
-    named = {name: os.environ.get(f"POISE_{name.upper()}_PYTHON") for name in names}
+    named = {name: os.environ.get(peer_variable(name)) for name in names}
     return {name: Path(path) for name, path in named.items() if path}
 
 
 def _say_who_is_missing(plan: Any, names: Sequence[str]) -> None:
     from benchmarks.peers.process import how_to_install
 
-    for name in names:
-        if name not in plan.peers:
-            print(how_to_install(name), file=sys.stderr)
+    missing = (how_to_install(name) for name in names if name not in plan.peers)
+    for words in dict.fromkeys(missing):
+        print(words, file=sys.stderr)
 
 
 def _run_ticks(options: argparse.Namespace, plan: Any, figures: Any = None) -> None:
@@ -252,7 +257,8 @@ def _run_ticks(options: argparse.Namespace, plan: Any, figures: Any = None) -> N
 
     results, folder = _run(options, plan, bench_tick, format_table, figures)
     if figures is not None and not options.json:
-        print(*(figure.words() for figure in figures(results)), sep="\n")
+        for figure in figures(results):
+            print(figure.words())
     if folder is not None:
         write_figure(results, folder / "bench.png")
 
@@ -375,17 +381,20 @@ def _stacks(name: str) -> tuple[str, ...]:
 
 
 def _interpreters(text: str) -> dict[str, Path]:
-    """Reads `name=path,name=path`."""
+    """Reads `name=path,name=path`; libdwbc's program stands for both its ways."""
+    from benchmarks.peers.process import PROGRAMS
+
     peers: dict[str, Path] = {}
     for word in words_of(text):
         name, separator, path = word.partition("=")
         if not separator or not path:
             raise ConfigurationError(
-                "a peer needs the Python of its environment",
+                "a peer needs the Python of its environment, or its program",
                 got=word,
                 wanted="NAME=PATH, such as tsid=peers/tsid/bin/python",
             )
-        peers[name] = Path(path)
+        for one in PROGRAMS if name == "libdwbc" else (name,):
+            peers[one] = Path(path)
     return peers
 
 

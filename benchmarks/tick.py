@@ -1,4 +1,7 @@
-"""`bench_tick`: times a controller's tick by phase, all methods interleaved in one run."""
+"""`bench_tick`: times a controller's tick by phase, all methods interleaved in one run.
+
+`peer_figures`: how many times longer the tick of the paper's own code takes.
+"""
 
 from collections.abc import Generator, Mapping, Sequence
 from contextlib import ExitStack
@@ -7,7 +10,7 @@ from pathlib import Path
 
 from benchmarks.clocked import Subject, batches, in_turn
 from benchmarks.methods import BY_PROGRAMS, DIRECT, Method, parse_method, timed_methods
-from benchmarks.peers.process import TORQUE_PEERS, VELOCITY_PEERS, PeerProcess
+from benchmarks.peers.process import PROGRAMS, TORQUE_PEERS, VELOCITY_PEERS, PeerProcess
 from benchmarks.recording import STACKS, STANCES, Progress, Recording, check_biped, record_run
 from benchmarks.result import Figure, TickResult, Ticks, time_statistics
 from poise.control import CONTROLLERS
@@ -22,6 +25,10 @@ _COUNTED = slice(WARM_UP, None)
 
 BATCH = 20
 """A peer, which is another process, takes its turn after this many ticks of our own."""
+
+LIBDWBC_OVER_OURS = {"libdwbc": ("whole_body", 35.0), "libdwbc_reduced": ("reduced", 18.0)}
+"""Which controller each of libdwbc's ways is held against, and how many times longer it takes at
+least: 10th percentiles of processor time, stack `table1`."""
 
 Guest = Subject | PeerProcess
 """Who is timed a batch at a time: peers, and every `direct` beside them as their reference."""
@@ -39,8 +46,8 @@ class TickBench:
         methods: names of the controller's methods, its usual ones when None; the whole-body
             controller's `direct` is timed in any case, as the reference, and beside a method of
             the reduced controller the whole-body controller's of the same name.
-        peers: Python interpreters of other packages' environments by name: of `TORQUE_PEERS`, or of
-            `VELOCITY_PEERS` beside a controller that commands velocities.
+        peers: Python interpreters of other packages' environments, or programs, by name: of
+            `TORQUE_PEERS`, or of `VELOCITY_PEERS` beside a controller that commands velocities.
         ticks: timed ticks of each method.
     """
 
@@ -63,12 +70,15 @@ class TickBench:
             parse_method(self.controller, name)
         if self.ticks < 1:
             raise ConfigurationError("nothing to time", got=self.ticks, wanted="at least one tick")
-        for name, interpreter in self.peers.items():
-            if not interpreter.is_file():
+        for name, path in self.peers.items():
+            if not path.is_file():
+                what, example = "Python interpreter", "peers/tsid/bin/python"
+                if name in PROGRAMS:
+                    what, example = "program", "peers/libdwbc_peer"
                 raise ConfigurationError(
-                    f"the Python interpreter of peer {name!r} does not exist",
-                    got=str(interpreter),
-                    wanted="a path such as peers/tsid/bin/python",
+                    f"the {what} of peer {name!r} does not exist",
+                    got=str(path),
+                    wanted=f"a path such as {example}",
                 )
 
 
@@ -197,6 +207,20 @@ def tick_results(
             )
         )
     return results
+
+
+def peer_figures(results: Sequence[TickResult]) -> list[Figure]:
+    """What must hold of libdwbc's ticks, where they were timed."""
+    rows = {r.controller: r for r in results if (r.schedule, r.stack) == ("batch", "table1")}
+    figures: list[Figure] = []
+    for peer, (controller, bound) in LIBDWBC_OVER_OURS.items():
+        times = [rows[name].cpu_p10_us for name in (peer, controller) if name in rows]
+        if len(times) < 2 or times[0] is None or not times[1]:
+            continue
+        ours, where = round(times[0] / times[1], 1), rows[peer]
+        name = f"{where.robot}, {where.contacts} support: {peer} over {controller}"
+        figures.append(Figure(name=name, bound=bound, ours=ours, ok=ours >= bound))
+    return figures
 
 
 def _check_choice(what: str, names: Sequence[str], choices: Sequence[str]) -> None:

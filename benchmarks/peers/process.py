@@ -1,4 +1,4 @@
-"""`PeerProcess`: a peer's worker in the peer's own interpreter, asked for ticks over a pipe.
+"""`PeerProcess`: a peer's worker in a process of its own, asked for ticks over a pipe.
 
 What it is told: the robot as a URDF without geometry, the run's states and targets.
 """
@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from benchmarks.peers.libdwbc import write_libdwbc_handoff
 from benchmarks.recording import Recording, bench_stack
 from benchmarks.result import PHASES, Ticks, TickTimes
 from poise.control import ControllerPlan
@@ -25,7 +26,7 @@ from poise.stack import ComTask, FrameTask, JointTask, SurfaceContact
 FRAME_PREFIX = "role_"
 """Frames with a part to play get links of their own, under a name that no document uses."""
 
-URDF, RUN = "robot.urdf", "run.npz"
+URDF, RUN, RUN_WORDS = "robot.urdf", "run.npz", "run.txt"
 
 
 def write_handoff(folder: Path, recording: Recording, kind: str) -> None:
@@ -128,10 +129,23 @@ def _words(vector: np.ndarray) -> str:
     return " ".join(repr(float(value)) for value in vector)
 
 
-TORQUE_PEERS, VELOCITY_PEERS = ("tsid", "placo"), ("mink", "pink")
+PROGRAMS = {"libdwbc": "full", "libdwbc_reduced": "reduced"}
+"""Peers that are a program, `libdwbc_peer.cpp`, which is told which way to solve."""
+
+TORQUE_PEERS, VELOCITY_PEERS = ("tsid", "placo", *PROGRAMS), ("mink", "pink")
 PEERS = (*TORQUE_PEERS, *VELOCITY_PEERS)
 """Packages that a worker exists for: beside controllers by torques, and beside inverse
 kinematics."""
+
+
+def peer_variable(name: str) -> str:
+    """The environment variable that names a peer's interpreter or program.
+
+    Args:
+        name: one of `PEERS`.
+    """
+    return "POISE_LIBDWBC" if name in PROGRAMS else f"POISE_{name.upper()}_PYTHON"
+
 
 _WORKER = Path(__file__).with_name("worker.py")
 
@@ -146,7 +160,7 @@ class PeerProcess:
 
     Args:
         name: one of `PEERS`.
-        python: interpreter of the environment that has the peer.
+        python: interpreter of the environment that has the peer, or the program.
         recording: the run.
         kind: the stack that its problem should come near to.
 
@@ -171,6 +185,9 @@ class PeerProcess:
         try:
             write_handoff(folder, recording, kind)
             command = [python, _WORKER, name, folder / URDF, folder / RUN]
+            if name in PROGRAMS:
+                write_libdwbc_handoff(folder / URDF, folder / RUN_WORDS, recording, kind)
+                command = [python, PROGRAMS[name], folder / URDF, folder / RUN_WORDS]
             self._process = subprocess.Popen(
                 [str(part) for part in command],
                 stdin=subprocess.PIPE,
@@ -291,6 +308,11 @@ def how_to_install(name: str) -> str:
     Args:
         name: one of `PEERS`.
     """
+    if name in PROGRAMS:
+        return (
+            "libdwbc was not timed. docs/benchmarks.md says how its program is built; then:\n"
+            "  python -m benchmarks peers --peers libdwbc=peers/libdwbc_peer"
+        )
     benchmark = "peers" if name in TORQUE_PEERS else "ik"
     return (
         f"{name} was not timed. It needs an environment of its own:\n"

@@ -43,6 +43,7 @@ from benchmarks.__main__ import main
         (["dof", "--ticks", "1"], "10 ticks"),
         (["dof", "--robot", "g1"], "belongs to the benchmark"),
         (["peers", "--peers", "tsid=/nowhere/bin/python"], "does not exist"),
+        (["peers", "--peers", "libdwbc=/nowhere/peer"], "the program of peer 'libdwbc' does not"),
         (["peers", "--peers", f"drake={sys.executable}"], "unknown peer"),
         (["peers", "--methods", "direct"], "belongs to the benchmark tick"),
         (["tick", "--peers", f"drake={sys.executable}"], "unknown peer"),
