@@ -205,6 +205,20 @@ def test_a_frame_keeps_its_numbers_after_the_next_update(robot):
 VECTORS = ("com", "com_velocity", "com_bias", "momentum", "momentum_bias")
 
 
+def test_a_placement_is_that_of_the_frame_and_keeps_its_numbers(robot):
+    dynamics, hand = Dynamics(robot), robot.frame_id(next(iter(robot.hands)))
+    dynamics.update(random_state(robot, 1))
+    position, rotation = dynamics.placement(hand)
+    frame = dynamics.frame(hand)
+    np.testing.assert_allclose(position, frame.position, rtol=0.0, atol=1e-13)
+    np.testing.assert_allclose(rotation, frame.rotation, rtol=0.0, atol=1e-13)
+    kept = position.copy(), rotation.copy()
+    dynamics.update(random_state(robot, 2))
+    assert np.abs(dynamics.placement(hand)[0] - kept[0]).max() > 1e-2
+    np.testing.assert_array_equal(position, kept[0])
+    np.testing.assert_array_equal(rotation, kept[1])
+
+
 def test_vectors_keep_their_numbers_after_the_next_update(robot):
     dynamics = Dynamics(robot)
     dynamics.update(random_state(robot, 1))

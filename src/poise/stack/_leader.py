@@ -15,9 +15,11 @@ class Leader(Protocol):
 
     - targets of tasks with their rates (`set_target`), or the reference itself (`set_velocity`,
       `set_acceleration`),
-    - weights of tasks against each other within a level, row by row (`set_weight`),
-    - contacts: `engage` and `release`, with the length of their ramps. A controller that takes one
-      contact to be at rest takes the first active one: a leader chooses by what it engages.
+    - weights of tasks against each other within a level, row by row (`set_weight`), and gains
+      (`set_gains`),
+    - contacts: `engage` and `release`, with the length of their ramps, and `set_damping`. A
+      controller that takes one contact to be at rest takes the first active one: a leader chooses
+      by what it engages.
 
     It knows no solver, no controller and no simulator. Like a controller it never raises on
     numbers: a state that is not finite is passed over.

@@ -30,7 +30,7 @@ from poise.locomotion._stepping._modes import Mode
 from poise.locomotion._stepping._parameters import TeleopParameters, scaled_parameters
 from poise.locomotion._stepping._reach import FootRange
 from poise.locomotion._stepping._tasks import DesiredVelocities, SteppingTasks, TaskWeights
-from poise.locomotion._support import two_soles
+from poise.locomotion._support import SupportPolygon, two_soles
 from poise.robots import Robot
 from poise.stack import Stack
 
@@ -131,6 +131,8 @@ class StepTeleoperator:
         self._reach = FootRange(robot, self.soles, p)
         self._tasks = SteppingTasks(self._biped, p)
         self._weights = TaskWeights(p, rotator=rotator)
+        # What is compiled is compiled now, not in the first tick.
+        SupportPolygon([], p.support_margin)
         self.reset()
 
     def reset(self) -> None:
