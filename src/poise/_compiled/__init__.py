@@ -11,7 +11,7 @@ from poise._compiled._blocks import Block, allocate, view
 from poise._compiled._compiling import compiled, part, say_if_slow
 from poise._compiled._first_use import functions_of
 from poise._compiled._householder import make_reflection, reflect, reflect_columns, reflect_rows
-from poise._compiled._triangular import factor, solve_rows, solve_transposed
+from poise._compiled._triangular import factor, solve_columns, solve_transposed, subtract_rows
 
 __all__ = [
     "Block",
@@ -25,7 +25,8 @@ __all__ = [
     "reflect_columns",
     "reflect_rows",
     "say_if_slow",
-    "solve_rows",
+    "solve_columns",
     "solve_transposed",
+    "subtract_rows",
     "view",
 ]

@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from poise._compiled._compiling import compiled
+from poise._compiled._triangular import subtract_rows
 
 
 @compiled
@@ -53,45 +54,56 @@ def reflect(x: Float64[np.ndarray, " n"], v: Float64[np.ndarray, " n"], tau: flo
 
 
 @compiled
-def reflect_rows(X: Float64[np.ndarray, "m n"], v: Float64[np.ndarray, " n"], tau: float) -> None:
-    """X <- X (I - tau v v^T): reflects every row.
+def reflect_rows(
+    X: Float64[np.ndarray, "m n"],
+    begin: int,
+    end: int,
+    column: int,
+    v: Float64[np.ndarray, " k"],
+    tau: float,
+) -> None:
+    """X <- X (I - tau v v^T): reflects some rows.
 
     Args:
-        X: overwritten.
+        X: whose rows are overwritten.
+        begin: the first of them.
+        end: where they end.
+        column: where v begins in them.
         v: the reflection's vector.
         tau: and its factor.
     """
-    # Not by `reflect`: making a view of a row takes as long as reflecting a short one.
-    for row in range(len(X)):
-        share = 0.0
-        for i in range(len(v)):
-            share += v[i] * X[row, i]
+    for i in range(begin, end):
+        row, share = X[i, column : column + len(v)], 0.0
+        for k in range(len(v)):
+            share += v[k] * row[k]
         share *= tau
-        for i in range(len(v)):
-            X[row, i] -= share * v[i]
+        for k in range(len(v)):
+            row[k] -= share * v[k]
 
 
 @compiled
 def reflect_columns(
     X: Float64[np.ndarray, "m n"],
+    begin: int,
+    end: int,
     v: Float64[np.ndarray, " m"],
     tau: float,
-    shares: Float64[np.ndarray, " s"],
+    shares: Float64[np.ndarray, " n"],
 ) -> None:
     """X <- (I - tau v v^T) X: reflects every column.
 
     Args:
         X: overwritten.
-        v: the reflection's vector.
+        begin: the first row that v moves.
+        end: where they end.
+        v: the reflection's vector, with a number for every row.
         tau: and its factor.
-        shares: scratch of n numbers or more.
+        shares: scratch.
     """
-    rows, columns = X.shape
-    shares[:columns] = 0.0
-    for row in range(rows):
-        for column in range(columns):
-            shares[column] += v[row] * X[row, column]
-    for row in range(rows):
-        share = tau * v[row]
-        for column in range(columns):
-            X[row, column] -= share * shares[column]
+    for i in range(len(shares)):
+        shares[i] = 0.0
+    subtract_rows(shares, v, X, begin, end)
+    for k in range(begin, end):
+        row, share = X[k], tau * v[k]
+        for i in range(len(shares)):
+            row[i] += share * shares[i]

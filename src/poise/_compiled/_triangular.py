@@ -1,67 +1,104 @@
-"""Cholesky factor and triangular solves of small matrices, in place."""
+"""Cholesky factor and triangular solves of small matrices, in place.
+
+Matrices are those of trees: between numbers of two branches there are zeros. `reach[i]` says where
+the numbers of the tree that hangs on number i end; they stand together behind i. A matrix without
+zeros is that of a chain, with its own size as the reach of every number.
+"""
 
 from math import sqrt
 
 import numpy as np
-from jaxtyping import Float64
+from jaxtyping import Float64, Int64
 
 from poise._compiled._compiling import compiled
 
 
 @compiled
-def factor(A: Float64[np.ndarray, "n n"], L: Float64[np.ndarray, "n n"]) -> bool:
-    """Cholesky factor A = L L^T of a symmetric positive definite matrix.
+def factor(
+    A: Float64[np.ndarray, "n n"], reach: Int64[np.ndarray, " n"], U: Float64[np.ndarray, "n n"]
+) -> bool:
+    """Upper factor A = U U^T of a symmetric positive definite matrix.
+
+    Begun at the leaves it has zeros wherever A has them between branches.
 
     Args:
-        A: its lower triangle is read.
-        L: receives the factor; what is above its diagonal becomes zero.
+        A: its upper triangle is read.
+        reach: where the tree on each number ends.
+        U: receives the factor; what is below its diagonal and between branches is left as it is.
 
     Returns:
-        Whether A is positive definite; False for NaN, too. If not, L is of no use.
+        Whether A is positive definite; False for NaN, too. If not, U is of no use.
     """
-    n = len(A)
-    for i in range(n):
-        for j in range(i):
-            rest = A[i, j]
-            for k in range(j):
-                rest -= L[i, k] * L[j, k]
-            L[i, j] = rest / L[j, j]
-        rest = A[i, i]
-        for k in range(i):
-            rest -= L[i, k] * L[i, k]
+    for j in range(len(A) - 1, -1, -1):
+        rest = A[j, j]
+        for k in range(j + 1, reach[j]):
+            rest -= U[j, k] * U[j, k]
         if not rest > 0.0:
             return False
-        L[i, i] = sqrt(rest)
-        L[i, i + 1 :] = 0.0
+        U[j, j] = sqrt(rest)
+        for i in range(j):
+            if reach[i] > j:
+                rest = A[i, j]
+                for k in range(j + 1, reach[j]):
+                    rest -= U[i, k] * U[j, k]
+                U[i, j] = rest / U[j, j]
     return True
 
 
 @compiled
-def solve_rows(L: Float64[np.ndarray, "n n"], X: Float64[np.ndarray, "m n"]) -> None:
-    """X <- X L^-T: every row x becomes the solution y of L y = x.
+def solve_columns(
+    U: Float64[np.ndarray, "n n"], reach: Int64[np.ndarray, " n"], X: Float64[np.ndarray, "n m"]
+) -> None:
+    """X <- U^-1 X.
 
     Args:
-        L: lower triangular.
+        U: of `factor`.
+        reach: of `factor`.
         X: overwritten.
     """
-    n = len(L)
-    for row in range(len(X)):
-        for i in range(n):
-            rest = X[row, i]
-            for k in range(i):
-                rest -= L[i, k] * X[row, k]
-            X[row, i] = rest / L[i, i]
+    for i in range(len(U) - 1, -1, -1):
+        row = X[i]
+        subtract_rows(row, U[i], X, i + 1, reach[i])
+        scale = 1.0 / U[i, i]
+        for column in range(len(row)):
+            row[column] *= scale
 
 
 @compiled
-def solve_transposed(L: Float64[np.ndarray, "n n"], x: Float64[np.ndarray, " n"]) -> None:
-    """X <- L^-T x.
+def solve_transposed(
+    U: Float64[np.ndarray, "n n"], reach: Int64[np.ndarray, " n"], x: Float64[np.ndarray, " n"]
+) -> None:
+    """X <- U^-T x.
 
     Args:
-        L: lower triangular.
+        U: of `factor`.
+        reach: of `factor`.
         x: overwritten.
     """
-    for i in range(len(L) - 1, -1, -1):
-        x[i] /= L[i, i]
-        for k in range(i):
-            x[k] -= L[i, k] * x[i]
+    for i in range(len(U)):
+        x[i] /= U[i, i]
+        for k in range(i + 1, reach[i]):
+            x[k] -= U[i, k] * x[i]
+
+
+@compiled
+def subtract_rows(
+    x: Float64[np.ndarray, " m"],
+    factors: Float64[np.ndarray, " n"],
+    X: Float64[np.ndarray, "n m"],
+    begin: int,
+    end: int,
+) -> None:
+    """X <- x - sum of factors[k] X[k].
+
+    Args:
+        x: overwritten; none of the rows.
+        factors: of all rows of X.
+        X: the rows.
+        begin: the first of them that counts.
+        end: where they end.
+    """
+    for k in range(begin, end):
+        row, share = X[k], factors[k]
+        for i in range(len(x)):
+            x[i] -= share * row[i]
