@@ -290,7 +290,5 @@ def _reduce(
 
 
 @compiled
-def _turn(
-    address: int, X: Float64[np.ndarray, "nu m"], shares: Float64[np.ndarray, " m"]
-) -> None:
+def _turn(address: int, X: Float64[np.ndarray, "nu m"], shares: Float64[np.ndarray, " m"]) -> None:
     to_coordinates(X, view(ReducedMatrices, address).factors, shares)

@@ -30,12 +30,14 @@ class Assignment:
         first: rows that the reduced robot decides: LQP 1.
         second: rows that need the unconstrained chain's own joints: LQP 2, which knows the rest.
         through_centroids: whether the first rows move with the centroids, too.
+        movers: coordinates of `v` that may move the second rows.
     """
 
     task: Task
     first: Int64[np.ndarray, " m1"]
     second: Int64[np.ndarray, " m2"]
     through_centroids: bool = False
+    movers: frozenset[int] = frozenset()
 
 
 def assign(task: Task, robot: Robot, partition: Partition) -> Assignment:
@@ -70,7 +72,7 @@ def assign(task: Task, robot: Robot, partition: Partition) -> Assignment:
         # Nothing is known of it but its rows, which may need anything.
         needed = set(range(robot.nv))
     if needed & set(partition.u.index.tolist()):
-        return Assignment(task=task, first=none, second=rows)
+        return Assignment(task=task, first=none, second=rows, movers=frozenset(needed))
     return Assignment(task=task, first=rows, second=none)
 
 
@@ -99,6 +101,7 @@ class AssignedRows:
         centroid: those of them that move with the centroids.
         second: the rows that need the unconstrained chain's own joints.
         second_ends: where each level ends among those; the first entry is zero.
+        seen: places in `a` of the coordinates that may move the second rows, too.
     """
 
     def __init__(self, rows: StackRows, robot: Robot, partition: Partition) -> None:
@@ -111,14 +114,19 @@ class AssignedRows:
         first: list[int] = []
         second: list[int] = []
         centroid: list[int] = []
+        movers: set[int] = set()
         second_ends, row = [0], 0
         for level in self.levels:
             for a in level:
                 first += (row + a.first).tolist()
                 centroid += (row + a.first).tolist() if a.through_centroids else []
                 second += (row + a.second).tolist()
+                movers |= a.movers
                 row += a.task.dim
             second_ends.append(len(second))
         self.first, self.centroid, self.second, self.second_ends = (
             np.array(index, dtype=np.int64) for index in (first, centroid, second, second_ends)
+        )
+        self.seen: Int64[np.ndarray, " seen"] = np.flatnonzero(
+            np.isin(partition.a.index, sorted(movers))
         )

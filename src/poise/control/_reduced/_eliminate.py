@@ -1,11 +1,22 @@
-"""The elimination of `ChainElimination`, compiled."""
+"""The elimination of `ChainElimination`, compiled.
 
-from typing import NamedTuple
+Rows of tasks stand in columns, side by side, so that what is done to an unknown is done to all rows
+in one pass. One of a level's rows may be any combination of its rows that Q^T, orthogonal, makes of
+them: what a level misses is as long, whichever way it is turned.
+"""
 
 import numpy as np
 from jaxtyping import Float64, Int64
 
-from poise._compiled import compiled, make_reflection, reflect, reflect_columns, reflect_rows
+from poise._compiled import (
+    Block,
+    make_reflection,
+    part,
+    reflect,
+    reflect_columns,
+    reflect_rows,
+    subtract_rows,
+)
 
 RANK_TOLERANCE = 1e-8
 """Pivots smaller than this, relative to the first, are no motion that a task can use."""
@@ -18,218 +29,313 @@ ROUNDING = 1e-12
 """Coefficients smaller than this, relative to the largest of their level, are rounding."""
 
 
-class Eliminated(NamedTuple):
-    """What the elimination leaves; `G` and the rows have room for every p as an unknown.
+class ChainRows(Block):
+    """Rows E y + P p = 0 of tasks, y = (1, x) with x = (dv, z), and what their elimination leaves.
 
     Attributes:
-        G: how p answers to (dv_a, z, s), in the coordinates that V turns it into.
-        c: p at zero, in the same coordinates.
-        V: vectors of the reflections that turn p, each from its own place on.
+        E: coefficients of y; a column for each row. Overwritten by those of the rows that are left.
+        P: coefficients of p; overwritten by those in the coordinates that V turns p into.
+        ends: where each level ends; the first entry is zero.
+        G: how p, so turned, answers: p = -G y. The lower rows are for those p that stay unknowns s.
+        V: vectors of the reflections that turn p, one for each p that is used.
         tau: their factors.
-        rows: what the levels leave for LQP 1, one below the other: coefficients of (dv_a, z, s).
-        values: right-hand sides.
+        kept_rows: rows that are left, level by level.
         left: how many rows each level leaves.
-        scratch: scratch.
-        before: scratch, as large as the coefficients of p.
+        weak: p that stay unknowns s.
+        used: how many p are determined or unknowns s.
+        kept: how many are unknowns s.
+        block: scratch: a level's coefficients of p.
+        pivot: scratch: a level's pivots.
+        rest: scratch: what is left of each row's square.
+        vector: scratch: a reflection of rows, by row.
+        turned: scratch: what a reflection turns.
+        shares: scratch.
     """
 
-    G: Float64[np.ndarray, "np n"]
-    c: Float64[np.ndarray, " np"]
+    E: Float64[np.ndarray, "y m"]
+    P: Float64[np.ndarray, "np m"]
+    ends: Int64[np.ndarray, " ends"]
+    G: Float64[np.ndarray, "y_np np"]
     V: Float64[np.ndarray, "np np"]
     tau: Float64[np.ndarray, " np"]
-    rows: Float64[np.ndarray, "m n"]
-    values: Float64[np.ndarray, " m"]
+    kept_rows: Int64[np.ndarray, " m"]
     left: Int64[np.ndarray, " levels"]
-    scratch: Float64[np.ndarray, " s"]
-    before: Float64[np.ndarray, "m np"]
+    weak: Int64[np.ndarray, " np"]
+    used: int
+    kept: int
+    block: Float64[np.ndarray, "np m"]
+    pivot: Float64[np.ndarray, " m"]
+    rest: Float64[np.ndarray, " m"]
+    vector: Float64[np.ndarray, " m"]
+    turned: Float64[np.ndarray, " np_m"]
+    shares: Float64[np.ndarray, " m"]
 
 
-@compiled
-def eliminate(
-    E: Float64[np.ndarray, "m n"],
-    P: Float64[np.ndarray, "m np"],
-    e: Float64[np.ndarray, " m"],
-    nr: int,
-    ends: Int64[np.ndarray, " k"],
-    out: Eliminated,
-) -> tuple[int, int]:
-    """Solves weighted rows E x + P p = e for p, level by level, as far as they determine it.
+def sizes_of(y: int, inside: int, levels: int, rows: int) -> dict[str, int]:
+    """Sizes of `ChainRows`.
 
     Args:
-        E: coefficients of x = (dv_a, z), with zeros for the unknowns s; overwritten.
-        P: coefficients of p; overwritten.
-        e: right-hand sides; overwritten.
-        nr: number of coordinates (dv_a, z).
-        ends: where each level ends; the first entry is zero.
-        out: receives what is left.
-
-    Returns:
-        How many p are determined or unknowns s, and how many are unknowns s.
+        y: how many (1, x) are.
+        inside: how many p are.
+        levels: number of levels.
+        rows: number of rows in all.
     """
-    G, c, V, tau, rows, values, left, scratch, before = out
-    G[:], c[:] = 0.0, 0.0
-    done = kept = total = 0
-    for level in range(len(left)):
-        begin, end = ends[level], ends[level + 1]
-        block = P[begin:end]
-        free = P.shape[1] - done
-        kept_rows = before[: end - begin]
-        _copy(block, kept_rows)
-        rank = strong = end - begin
-        floor = ROUNDING * max(_largest(block), _largest(E[begin:end, :nr]))
-        # Mostly the freedom left reaches every row, and no other order of rows is needed.
-        if rank > free or _rotate(block, done, rank, floor, V, tau) < rank:
-            _copy(kept_rows, block)
-            rank = _find_reached(block, E[begin:end, :nr], e[begin:end], done, floor, scratch)
-            strong = _rotate(block, done, rank, floor, V, tau)
-        for place in range(done, done + rank):
-            reflect_rows(P[end:, place:], V[place, : P.shape[1] - place], tau[place])
-        width = nr + kept + rank - strong
-        for k in range(end - begin):
-            row, place = begin + k, done + k
-            for j in range(done + min(k, rank)):
-                factor = P[row, j]
-                if factor != 0.0:
-                    e[row] -= factor * c[j]
-                    for i in range(width):
-                        E[row, i] -= factor * G[j, i]
-            if k < strong:
-                c[place] = e[row] / P[row, place]
-                for i in range(width):
-                    G[place, i] = E[row, i] / P[row, place]
-                continue
-            if k < rank:
-                unknown = nr + kept + k - strong
-                G[place, unknown] = -1.0
-                E[row, unknown] += P[row, place]
-            _copy(E[row : row + 1], rows[total : total + 1])
-            values[total] = e[row]
+    sizes = {"y": y, "np": inside, "y_np": y + inside, "np_m": inside + rows}
+    return {**sizes, "m": rows, "levels": levels, "ends": levels + 1}
+
+
+@part
+def eliminate(rows: ChainRows) -> None:
+    """Solves E y + P p = 0 for p, level by level, as far as the rows determine it.
+
+    Args:
+        rows: receives how p answers, and the rows that are left for x and s.
+    """
+    rows.used = rows.kept = total = 0
+    for level in range(len(rows.left)):
+        begin, end = rows.ends[level], rows.ends[level + 1]
+        floor = ROUNDING * max(_largest(rows.P, 0, begin, end), _largest(rows.E, 1, begin, end))
+        reached = rank = end - begin
+        # Mostly the freedom left reaches every row, and none has to be combined with others.
+        if rank > len(rows.P) - rows.used or not _find_turns(rows, begin, rank, floor):
+            reached = rank = _find_reached(rows, begin, end, floor)
+            _find_turns(rows, begin, rank, floor)
+            reached += _compress(rows, begin + rank, end, floor)
+        strong = _count_strong(rows.pivot, rank, floor)
+        _turn(rows, begin, rank)
+        _substitute(rows, begin, strong)
+        for place in range(rows.used + strong, rows.used + rank):
+            _keep(rows, place)
+        for k in range(strong, reached):
+            rows.kept_rows[total] = begin + k
             total += 1
-        left[level] = end - begin - strong
-        kept += rank - strong
-        done += rank
-    return done, kept
+        rows.left[level] = reached - strong
+        rows.used += rank
 
 
-@compiled
-def restore(
-    p: Float64[np.ndarray, " np"],
-    V: Float64[np.ndarray, "np np"],
-    tau: Float64[np.ndarray, " np"],
-    done: int,
-) -> None:
-    """Turns p back into the coordinates that it had before the elimination, in place.
+@part
+def answer(rows: ChainRows, y: Float64[np.ndarray, " n"], p: Float64[np.ndarray, " np"]) -> None:
+    """What p is when x and s are known, in the coordinates that it had before the elimination.
 
     Args:
-        p: overwritten.
-        V: of `Eliminated`.
-        tau: of `Eliminated`.
-        done: how many of p are determined.
+        rows: the elimination.
+        y: (1, x, s).
+        p: receives it.
     """
-    for k in range(done - 1, -1, -1):
-        reflect(p[k:], V[k, : len(p) - k], tau[k])
+    fixed = len(rows.E)
+    for k in range(len(p)):
+        p[k] = 0.0
+    for i in range(fixed + rows.kept):
+        row = rows.G[i if i < fixed else fixed + rows.weak[i - fixed]]
+        for k in range(rows.used):
+            p[k] -= row[k] * y[i]
+    for k in range(rows.used - 1, -1, -1):
+        reflect(p[k:], rows.V[k, k:], rows.tau[k])
 
 
-@compiled
-def _rotate(
-    P: Float64[np.ndarray, "m np"],
-    done: int,
-    rank: int,
-    floor: float,
-    V: Float64[np.ndarray, "np np"],
-    tau: Float64[np.ndarray, " np"],
-) -> int:
-    """Turns p so that the first rows of a level become lower triangular, in place.
+@part
+def _find_turns(rows: ChainRows, begin: int, rank: int, floor: float) -> bool:
+    """Finds the reflections of p that make some rows lower triangular, largest pivots first.
 
     Args:
-        P: coefficients of p, of which the first `done` are spoken for.
-        done: how many of p the levels above have taken.
-        rank: how many rows.
+        rows: whose columns are put in the order of their pivots; receives reflections and pivots.
+        begin: the first row.
+        rank: how many.
         floor: pivots up to this are rounding.
-        V: receives the reflections' vectors.
-        tau: receives their factors.
 
     Returns:
-        How many of the first pivots are strong.
+        Whether all pivots are more than rounding.
     """
-    largest = 0.0
+    used, inside, rest, pivot = rows.used, len(rows.P), rows.rest, rows.pivot
     for k in range(rank):
-        place = done + k
-        v = V[place, : P.shape[1] - place]
-        tau[place] = make_reflection(P[k, place:], v)
-        reflect_rows(P[k + 1 : rank, place:], v, tau[place])
-        largest = max(largest, P[k, place])
+        rest[k] = 0.0
+    for i in range(used, inside):
+        own, block = rows.P[i, begin : begin + rank], rows.block[i]
+        for k in range(len(own)):
+            block[k] = own[k]
+            rest[k] += own[k] * own[k]
+    for k in range(rank):
+        best = k
+        for j in range(k + 1, rank):
+            if rest[j] > rest[best]:
+                best = j
+        if best != k:
+            _swap(rows.E, begin + k, begin + best)
+            _swap(rows.P, begin + k, begin + best)
+            _swap(rows.block, k, best)
+            rest[best] = rest[k]
+        place = used + k
+        for i in range(place, inside):
+            rows.turned[i] = rows.block[i, k]
+        v = rows.V[place]
+        tau = make_reflection(rows.turned[place:inside], v[place:])
+        rows.tau[place], pivot[k] = tau, rows.turned[place]
+        reflect_columns(rows.block, place, inside, v, tau, rows.shares[:rank])
+        for j in range(k + 1, rank):
+            rest[j] -= rows.block[place, j] * rows.block[place, j]
+    # Written so that NaN is none.
+    return rank == 0 or pivot[rank - 1] > max(RANK_TOLERANCE * pivot[0], floor)
+
+
+@part
+def _swap(X: Float64[np.ndarray, "n m"], a: int, b: int) -> None:
+    """Lets two columns change places."""
+    for i in range(len(X)):
+        X[i, a], X[i, b] = X[i, b], X[i, a]
+
+
+@part
+def _count_strong(pivot: Float64[np.ndarray, " m"], rank: int, floor: float) -> int:
+    """How many pivots are strong: the first ones, since they become smaller."""
     strong = 0
-    # A leading block, because the rest is triangular. Written so that NaN ends it.
-    while strong < rank and P[strong, done + strong] > max(WEAK * largest, floor):
+    # Written so that NaN ends it.
+    while strong < rank and pivot[strong] > max(WEAK * pivot[0], floor):
         strong += 1
     return strong
 
 
-@compiled
-def _find_reached(
-    P: Float64[np.ndarray, "m np"],
-    E: Float64[np.ndarray, "m nr"],
-    e: Float64[np.ndarray, " m"],
-    done: int,
-    floor: float,
-    scratch: Float64[np.ndarray, " s"],
-) -> int:
-    """Turns a level's rows so that the first ones are all that the freedom left can reach.
+@part
+def _turn(rows: ChainRows, begin: int, rank: int) -> None:
+    """Turns p in all rows, by the reflections that `_find_turns` found for some."""
+    used, inside = rows.used, len(rows.P)
+    for place in range(used, used + rank):
+        reflect_columns(rows.P, place, inside, rows.V[place], rows.tau[place], rows.shares)
+    for k in range(rank):
+        for place in range(used + k + 1, inside):
+            rows.P[place, begin + k] = 0.0
+
+
+@part
+def _substitute(rows: ChainRows, begin: int, strong: int) -> None:
+    """Solves a level's triangular rows for their p, and puts those into the rows of all levels.
+
+    Rows that come before have no coefficients of these p.
+    """
+    fixed = len(rows.E)
+    for i in range(fixed + rows.kept):
+        weak = rows.weak[i - fixed] if i >= fixed else 0
+        row = rows.E[i] if i < fixed else rows.P[weak]
+        G = rows.G[i if i < fixed else fixed + weak]
+        for k in range(strong):
+            G[rows.used + k] = row[begin + k]
+        for k in range(strong):
+            place = rows.used + k
+            own = rows.P[place]
+            G[place] /= own[begin + k]
+            for j in range(k + 1, strong):
+                G[rows.used + j] -= G[place] * own[begin + j]
+        subtract_rows(row, G, rows.P, rows.used, rows.used + strong)
+
+
+@part
+def _keep(rows: ChainRows, place: int) -> None:
+    """Makes one of p an unknown s: it answers to nothing but itself."""
+    own = rows.G[len(rows.E) + place]
+    for i in range(len(rows.G)):
+        rows.G[i, place] = 0.0
+    for k in range(len(own)):
+        own[k] = 0.0
+    own[place] = -1.0
+    rows.weak[rows.kept] = place
+    rows.kept += 1
+
+
+@part
+def _find_reached(rows: ChainRows, begin: int, end: int, floor: float) -> int:
+    """Combines a level's rows so that the first ones are all that the freedom left can reach.
 
     Args:
-        P: coefficients of p, of which the first `done` are spoken for.
-        E: coefficients of the rest of the robot, turned with them.
-        e: right-hand sides, turned with them, too.
-        done: how many of p the levels above have taken.
+        rows: of which a level's are overwritten.
+        begin: where the level begins.
+        end: where it ends.
         floor: coefficients up to this are rounding.
-        scratch: scratch.
 
     Returns:
-        How many rows are reached; the others have no coefficient left.
+        How many rows are reached; the others have no coefficient of p left.
     """
-    m, inside = P.shape
-    vector, column, scratch = scratch[:m], scratch[m : 2 * m], scratch[2 * m :]
+    used, inside = rows.used, len(rows.P)
     first, rank = 0.0, 0
-    while rank < min(m, inside - done):
-        best, size = done, -1.0
-        for j in range(done, inside):
-            square = 0.0
-            for i in range(rank, m):
-                square += P[i, j] * P[i, j]
-            if square > size:
-                best, size = j, square
-        size = np.sqrt(size)
+    while rank < min(end - begin, inside - used):
+        best, most = used, -1.0
+        for i in range(used, inside):
+            own, square = rows.P[i, begin + rank : end], 0.0
+            for k in range(len(own)):
+                square += own[k] * own[k]
+            if square > most:
+                best, most = i, square
+        size = np.sqrt(most)
         first = max(first, size)
         # Written so that NaN ends it.
         if not size > max(RANK_TOLERANCE * first, floor):
             break
-        for i in range(rank, m):
-            column[i] = P[i, best]
-        v = vector[rank:m]
-        tau = make_reflection(column[rank:m], v)
-        reflect_columns(P[rank:], v, tau, scratch)
-        P[rank + 1 :, best] = 0.0
-        reflect_columns(E[rank:], v, tau, scratch)
-        reflect(e[rank:], v, tau)
+        _combine(rows, rows.P[best], begin + rank, end)
+        for k in range(begin + rank + 1, end):
+            rows.P[best, k] = 0.0
         rank += 1
-    P[rank:, done:] = 0.0
+    for i in range(used, inside):
+        for k in range(begin + rank, end):
+            rows.P[i, k] = 0.0
     return rank
 
 
-@compiled
-def _largest(X: Float64[np.ndarray, "m n"]) -> float:
-    """Largest absolute entry."""
+@part
+def _compress(rows: ChainRows, begin: int, end: int, floor: float) -> int:
+    """Combines rows that p does not reach so that they are no more than they have unknowns.
+
+    Args:
+        rows: of which some are overwritten.
+        begin: the first of them.
+        end: where they end.
+        floor: coefficients up to this are rounding.
+
+    Returns:
+        How many of them have a coefficient left; what the others ask for, nothing can change.
+    """
+    fixed, rank = len(rows.E), 0
+    unknowns = fixed - 1 + rows.kept
+    if end - begin <= unknowns:
+        return end - begin
+    for i in range(unknowns):
+        row = rows.E[1 + i] if i < fixed - 1 else rows.P[rows.weak[i - fixed + 1]]
+        own, largest = row[begin + rank : end], 0.0
+        for k in range(len(own)):
+            largest = max(largest, abs(own[k]))
+        # Written so that NaN is a coefficient.
+        if not largest <= floor:
+            _combine(rows, row, begin + rank, end)
+            rank += 1
+        for k in range(begin + rank, end):
+            row[k] = 0.0
+    return rank
+
+
+@part
+def _combine(rows: ChainRows, row: Float64[np.ndarray, " m"], begin: int, end: int) -> None:
+    """Reflects some rows so that, of one unknown, the first of them has all of the coefficient.
+
+    Args:
+        rows: overwritten.
+        row: the unknown's coefficients.
+        begin: the first row.
+        end: where they end.
+    """
+    turned = rows.turned[: end - begin]
+    for k in range(len(turned)):
+        turned[k] = row[begin + k]
+    v = rows.vector[: end - begin]
+    tau = make_reflection(turned, v)
+    reflect_rows(rows.E, 0, len(rows.E), begin, v, tau)
+    reflect_rows(rows.P, rows.used, len(rows.P), begin, v, tau)
+    for i in range(rows.kept):
+        reflect_rows(rows.P, rows.weak[i], rows.weak[i] + 1, begin, v, tau)
+
+
+@part
+def _largest(X: Float64[np.ndarray, "n m"], first: int, begin: int, end: int) -> float:
+    """Largest absolute coefficient of some rows, from one unknown on."""
     largest = 0.0
-    for row in range(len(X)):
-        for column in range(X.shape[1]):
-            largest = max(largest, abs(X[row, column]))
+    for i in range(first, len(X)):
+        own = X[i, begin:end]
+        for k in range(len(own)):
+            largest = max(largest, abs(own[k]))
     return largest
-
-
-@compiled
-def _copy(X: Float64[np.ndarray, "m n"], out: Float64[np.ndarray, "m n"]) -> None:
-    # An assignment of arrays takes seconds to compile, for the sake of its error message.
-    for row in range(len(X)):
-        for column in range(X.shape[1]):
-            out[row, column] = X[row, column]

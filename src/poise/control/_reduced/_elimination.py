@@ -3,10 +3,45 @@
 import numpy as np
 from jaxtyping import Float64, Int64
 
-from poise._compiled import compiled, say_if_slow
+from poise._compiled import Block, allocate, compiled, part, say_if_slow, view
 from poise.control._reduced._assignment import AssignedRows
-from poise.control._reduced._eliminate import Eliminated, eliminate, restore
-from poise.dynamics import ChainFactors, ReducedDynamics, from_coordinates, to_coordinates
+from poise.control._reduced._eliminate import ChainRows, answer, eliminate, sizes_of
+from poise.dynamics import ReducedDynamics, ReducedMatrices, from_coordinates, to_coordinates
+
+
+class Elimination(Block):
+    """What compiled code reads and writes of a `ChainElimination`.
+
+    Attributes:
+        reduced: the reduced dynamics.
+        J: coefficients of dv of the tasks' rows.
+        target: their right-hand sides.
+        weight: of each row in its level.
+        chosen: rows that need the unconstrained chain's own joints, then those that move with the
+            centroids.
+        seen: places in `a` of the coordinates that move the former.
+        variables: which variable of LQP 1 each of x = (dv_seen, z) is.
+        rows: the former, eliminated.
+        centroid: for the latter, coefficients of z; a column for each row.
+        turned: scratch: all of them in the coordinates (z, p).
+        shares: scratch.
+        y: scratch: (1, x, s).
+        zp: scratch: (z, p).
+    """
+
+    reduced: ReducedMatrices
+    J: Float64[np.ndarray, "t nv"]
+    target: Float64[np.ndarray, " t"]
+    weight: Float64[np.ndarray, " t"]
+    chosen: Int64[np.ndarray, " chosen"]
+    seen: Int64[np.ndarray, " seen"]
+    variables: Int64[np.ndarray, " x"]
+    rows: ChainRows
+    centroid: Float64[np.ndarray, "nz centroid"]
+    turned: Float64[np.ndarray, "nu chosen"]
+    shares: Float64[np.ndarray, " chosen"]
+    y: Float64[np.ndarray, " y_np"]
+    zp: Float64[np.ndarray, " nu"]
 
 
 class ChainElimination:
@@ -27,6 +62,10 @@ class ChainElimination:
     use up the freedom, nothing is left of their levels. Directions in which an arm hardly moves,
     near a singular posture, are not eliminated but join x as unknowns s, with their rows.
 
+    Of a level whose rows outnumber what they depend on, as those of a posture do once the arms have
+    used up the freedom, an orthogonal combination is left: no more rows than unknowns, however many
+    joints the chain has. Of dv_a only those coordinates count that move a frame of such a task.
+
     A task that turns out to move with the centroids alone, N = 0, is left to LQP 1 as it is.
 
     Args:
@@ -34,67 +73,49 @@ class ChainElimination:
         rows: the rows of the tasks, updated by the caller.
 
     Attributes:
-        out: G, c and the rows that are left, with room for more than are there.
-        centroid_rows: for the rows of tasks that move with the centroids, coefficients of (z, p).
-        used: number of p that tasks or unknowns s have taken.
-        kept: number of unknowns s.
+        block: the same memory for compiled code.
     """
 
     def __init__(self, reduced: ReducedDynamics, rows: AssignedRows) -> None:
-        self._reduced, self._rows = reduced, rows
-        part = reduced.partition
-        inside, m = part.nu - part.nz, len(rows.second)
-        width, all_rows = part.nr + inside, m + len(rows.centroid)
-        self.used = self.kept = 0
-        self._index = part.a.index, part.u.index, np.concatenate((rows.second, rows.centroid))
-        self._X, self._Y = np.zeros((all_rows, part.nu)), np.zeros((all_rows, part.nu))
-        self._E, self._e = np.zeros((m, width)), np.zeros(m)
-        self._P = np.zeros((m, inside))
-        self.centroid_rows: Float64[np.ndarray, "k nu"] = self._Y[m:]
-        self.out = Eliminated(
-            G=np.zeros((inside, width)),
-            c=np.zeros(inside),
-            V=np.zeros((inside, inside)),
-            tau=np.zeros(inside),
-            rows=np.zeros((m, width)),
-            values=np.zeros(m),
-            left=np.zeros(len(rows.levels), dtype=np.int64),
-            scratch=np.zeros(2 * m + width),
-            before=np.zeros((m, inside)),
+        part, seen, m = reduced.partition, rows.seen, len(rows.second)
+        inside, y = part.nu - part.nz, 1 + len(seen) + part.nz
+        sizes = sizes_of(y, inside, len(rows.levels), m)
+        self._rows = allocate(ChainRows, sizes, ends=rows.second_ends)
+        chosen = np.concatenate((rows.second, rows.centroid))
+        self.block = allocate(
+            Elimination,
+            {**sizes, "nu": part.nu, "nz": part.nz, "chosen": len(chosen)}
+            | {"centroid": len(rows.centroid)},
+            reduced=reduced.matrices,
+            J=rows.J,
+            target=rows.target,
+            weight=rows.weight,
+            chosen=chosen,
+            seen=seen,
+            variables=np.concatenate((seen, np.arange(part.na, part.nr))),
+            rows=self._rows,
         )
-        self._zp = np.zeros(part.nu)
 
     def update(self) -> None:
         """Eliminates p for the state of the reduced dynamics and of the tasks."""
-        rows, part = self._rows, self._reduced.partition
-        if part.nu:
-            used, kept = _eliminate(
-                (rows.J, rows.target, rows.weight, rows.second_ends),
-                self._index,
-                part.nz,
-                self._reduced.factors,
-                (self._X, self._Y, self._E, self._P, self._e),
-                self.out,
-            )
-            self.used, self.kept = int(used), int(kept)
+        _eliminate(self.block.address)
 
     @property
     def shape(self) -> tuple[int, ...]:
         """Number of unknowns s, then of rows left in each level."""
-        return (self.kept, *self.out.left.tolist())
+        return (self._rows.kept, *self._rows.left.tolist())
 
     def recover(self, x: Float64[np.ndarray, " n"]) -> Float64[np.ndarray, " nu"]:
         """Acceleration of the unconstrained chain for what LQP 1 decided.
 
         Args:
-            x: (dv_a, z, s).
+            x: (dv_a, z, s), or all of LQP 1's variables.
 
         Returns:
             dv_u = Jbar_z z + N_z (c - G x).
         """
-        dv_u = np.empty(len(self._zp))
-        na, nz = self._reduced.partition.na, self._reduced.partition.nz
-        _recover(x, na, nz, self.used, self.out, self._reduced.factors, self._zp, dv_u)
+        dv_u = np.empty(len(self.block.zp))
+        _recover(self.block.address, np.ascontiguousarray(x), dv_u)
         return dv_u
 
 
@@ -103,73 +124,60 @@ def announce() -> None:
     say_if_slow(_eliminate, "the reduced controller")
 
 
-_Rows = tuple[
-    Float64[np.ndarray, "m nv"],
-    Float64[np.ndarray, " m"],
-    Float64[np.ndarray, " m"],
-    Int64[np.ndarray, " k"],
-]
-_Index = tuple[Int64[np.ndarray, " na"], Int64[np.ndarray, " nu"], Int64[np.ndarray, " c"]]
-_Scratch = tuple[
-    Float64[np.ndarray, "c nu"],
-    Float64[np.ndarray, "c nu"],
-    Float64[np.ndarray, "s n"],
-    Float64[np.ndarray, "s np"],
-    Float64[np.ndarray, " s"],
-]
-
-
 @compiled
-def _eliminate(
-    task_rows: _Rows,
-    index: _Index,
-    nz: int,
-    factors: ChainFactors,
-    scratch: _Scratch,
-    out: Eliminated,
-) -> tuple[int, int]:
-    J, target, weight, ends = task_rows
-    a, u, chosen = index
-    X, Y, E, P, e = scratch
-    na, m = len(a), len(e)
-    for i in range(len(chosen)):
-        row = chosen[i]
+def _eliminate(address: int) -> None:
+    chain = view(Elimination, address)
+    factors, rows, X = chain.reduced.factors, chain.rows, chain.turned
+    if len(X) == 0:
+        return
+    m, seen, nz = len(rows.shares), len(chain.seen), len(chain.centroid)
+    for k in range(len(chain.chosen)):
+        row = chain.chosen[k]
         # Rows that only move with the centroids are LQP 1's, which weighs them itself.
-        factor = weight[row] if i < m else 1.0
-        for j in range(len(u)):
-            X[i, j] = factor * J[row, u[j]]
-    to_coordinates(X, factors, Y)
-    E[:, na + nz :] = 0.0
-    for i in range(m):
-        row = chosen[i]
-        e[i] = weight[row] * target[row]
-        for j in range(na):
-            E[i, j] = weight[row] * J[row, a[j]]
-        for j in range(nz):
-            E[i, na + j] = Y[i, j]
-        for j in range(P.shape[1]):
-            P[i, j] = Y[i, nz + j]
-    return eliminate(E, P, e, na + nz, ends, out)
+        own, factor = chain.J[row], chain.weight[row] if k < m else 1.0
+        for i in range(len(X)):
+            X[i, k] = factor * own[chain.reduced.u[i]]
+        if k < m:
+            rows.E[0, k] = -factor * chain.target[row]
+            for i in range(seen):
+                rows.E[1 + i, k] = factor * own[chain.reduced.a[chain.seen[i]]]
+    to_coordinates(X, factors, chain.shares)
+    for i in range(len(X)):
+        own = X[factors.order[i]]
+        kept = rows.E[1 + seen + i] if i < nz else rows.P[i - nz]
+        for k in range(m):
+            kept[k] = own[k]
+        if i < nz:
+            for k in range(chain.centroid.shape[1]):
+                chain.centroid[i, k] = own[m + k]
+    eliminate(rows)
 
 
 @compiled
-def _recover(
-    x: Float64[np.ndarray, " n"],
-    na: int,
-    nz: int,
-    used: int,
-    out: Eliminated,
-    factors: ChainFactors,
-    zp: Float64[np.ndarray, " nu"],
-    dv_u: Float64[np.ndarray, " nu"],
+def _recover(address: int, x: Float64[np.ndarray, " n"], dv_u: Float64[np.ndarray, " nu"]) -> None:
+    recover(view(Elimination, address), x, dv_u)
+
+
+@part
+def recover(
+    chain: Elimination, x: Float64[np.ndarray, " n"], dv_u: Float64[np.ndarray, " nu"]
 ) -> None:
+    """Acceleration of the unconstrained chain for what LQP 1 decided.
+
+    Args:
+        chain: the elimination.
+        x: LQP 1's variables.
+        dv_u: receives it.
+    """
+    if len(dv_u) == 0:
+        return
+    nz, fixed, nr = len(chain.centroid), len(chain.variables), len(chain.reduced.M)
+    chain.y[0] = 1.0
+    for i in range(fixed):
+        chain.y[1 + i] = x[chain.variables[i]]
+    for i in range(chain.rows.kept):
+        chain.y[1 + fixed + i] = x[nr + i]
     for i in range(nz):
-        zp[i] = x[na + i]
-    p = zp[nz:]
-    for k in range(len(p)):
-        p[k] = out.c[k]
-    for k in range(used):
-        for i in range(len(x)):
-            p[k] -= out.G[k, i] * x[i]
-    restore(p, out.V, out.tau, used)
-    from_coordinates(zp, factors, dv_u)
+        chain.zp[i] = x[nr - nz + i]
+    answer(chain.rows, chain.y, chain.zp[nz:])
+    from_coordinates(chain.zp, chain.reduced.factors, dv_u)
