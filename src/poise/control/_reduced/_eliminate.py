@@ -15,7 +15,6 @@ from poise._compiled import (
     reflect,
     reflect_columns,
     reflect_rows,
-    subtract_rows,
 )
 
 RANK_TOLERANCE = 1e-8
@@ -37,17 +36,19 @@ class ChainRows(Block):
         P: coefficients of p; overwritten by those in the coordinates that V turns p into.
         ends: where each level ends; the first entry is zero.
         G: how p, so turned, answers: p = -G y. The lower rows are for those p that stay unknowns s.
-        V: vectors of the reflections that turn p, one for each p that is used.
+        V: vectors of the reflections that turn p.
         tau: their factors.
+        turns: how many they are.
         kept_rows: rows that are left, level by level.
         left: how many rows each level leaves.
         weak: p that stay unknowns s.
         used: how many p are determined or unknowns s.
         kept: how many are unknowns s.
-        block: scratch: a level's coefficients of p.
+        order: scratch: p in the order in which a level's rows determine them.
         pivot: scratch: a level's pivots.
-        rest: scratch: what is left of each row's square.
-        vector: scratch: a reflection of rows, by row.
+        block: scratch: a level's coefficients of p.
+        rest: scratch: what is left of a square, for each row or p.
+        vector: scratch: a reflection of rows.
         turned: scratch: what a reflection turns.
         shares: scratch.
     """
@@ -61,11 +62,13 @@ class ChainRows(Block):
     kept_rows: Int64[np.ndarray, " m"]
     left: Int64[np.ndarray, " levels"]
     weak: Int64[np.ndarray, " np"]
+    turns: int
     used: int
     kept: int
-    block: Float64[np.ndarray, "np m"]
+    order: Int64[np.ndarray, " np"]
     pivot: Float64[np.ndarray, " m"]
-    rest: Float64[np.ndarray, " m"]
+    block: Float64[np.ndarray, "np m"]
+    rest: Float64[np.ndarray, " np_m"]
     vector: Float64[np.ndarray, " m"]
     turned: Float64[np.ndarray, " np_m"]
     shares: Float64[np.ndarray, " m"]
@@ -91,25 +94,27 @@ def eliminate(rows: ChainRows) -> None:
     Args:
         rows: receives how p answers, and the rows that are left for x and s.
     """
-    rows.used = rows.kept = total = 0
+    rows.used = rows.kept = rows.turns = total = 0
     for level in range(len(rows.left)):
         begin, end = rows.ends[level], rows.ends[level + 1]
         floor = ROUNDING * max(_largest(rows.P, 0, begin, end), _largest(rows.E, 1, begin, end))
-        reached = rank = end - begin
+        count = rank = end - begin
         # Mostly the freedom left reaches every row, and none has to be combined with others.
         if rank > len(rows.P) - rows.used or not _find_turns(rows, begin, rank, floor):
-            reached = rank = _find_reached(rows, begin, end, floor)
-            _find_turns(rows, begin, rank, floor)
-            reached += _compress(rows, begin + rank, end, floor)
+            rank = _find_reached(rows, begin, end, floor)
+            count = rank + _compress(rows, begin + rank, end, floor)
+            # Where they reach it with all of the freedom left, there is nothing to choose.
+            if rank < len(rows.P) - rows.used:
+                _find_turns(rows, begin, rank, floor)
         strong = _count_strong(rows.pivot, rank, floor)
-        _turn(rows, begin, rank)
+        for k in range(strong, rank):
+            _keep(rows, rows.order[k])
+        _turn(rows, begin)
         _substitute(rows, begin, strong)
-        for place in range(rows.used + strong, rows.used + rank):
-            _keep(rows, place)
-        for k in range(strong, reached):
+        for k in range(strong, count):
             rows.kept_rows[total] = begin + k
             total += 1
-        rows.left[level] = reached - strong
+        rows.left[level] = count - strong
         rows.used += rank
 
 
@@ -129,7 +134,7 @@ def answer(rows: ChainRows, y: Float64[np.ndarray, " n"], p: Float64[np.ndarray,
         row = rows.G[i if i < fixed else fixed + rows.weak[i - fixed]]
         for k in range(rows.used):
             p[k] -= row[k] * y[i]
-    for k in range(rows.used - 1, -1, -1):
+    for k in range(rows.turns - 1, -1, -1):
         reflect(p[k:], rows.V[k, k:], rows.tau[k])
 
 
@@ -169,7 +174,8 @@ def _find_turns(rows: ChainRows, begin: int, rank: int, floor: float) -> bool:
             rows.turned[i] = rows.block[i, k]
         v = rows.V[place]
         tau = make_reflection(rows.turned[place:inside], v[place:])
-        rows.tau[place], pivot[k] = tau, rows.turned[place]
+        rows.tau[place], pivot[k], rows.order[k] = tau, rows.turned[place], place
+        rows.turns = place + 1
         reflect_columns(rows.block, place, inside, v, tau, rows.shares[:rank])
         for j in range(k + 1, rank):
             rest[j] -= rows.block[place, j] * rows.block[place, j]
@@ -195,36 +201,36 @@ def _count_strong(pivot: Float64[np.ndarray, " m"], rank: int, floor: float) -> 
 
 
 @part
-def _turn(rows: ChainRows, begin: int, rank: int) -> None:
-    """Turns p in all rows, by the reflections that `_find_turns` found for some."""
-    used, inside = rows.used, len(rows.P)
-    for place in range(used, used + rank):
+def _turn(rows: ChainRows, begin: int) -> None:
+    """Turns p in all rows, by the reflections that were found for a level; none may be."""
+    inside = len(rows.P)
+    for place in range(rows.used, rows.turns):
         reflect_columns(rows.P, place, inside, rows.V[place], rows.tau[place], rows.shares)
-    for k in range(rank):
-        for place in range(used + k + 1, inside):
-            rows.P[place, begin + k] = 0.0
+    for place in range(rows.used, rows.turns):
+        for i in range(place + 1, inside):
+            rows.P[i, begin + place - rows.used] = 0.0
 
 
 @part
 def _substitute(rows: ChainRows, begin: int, strong: int) -> None:
     """Solves a level's triangular rows for their p, and puts those into the rows of all levels.
 
-    Rows that come before have no coefficients of these p.
+    Lower triangular where p was turned for it, upper where the rows were. Rows of the levels above
+    have no coefficients of these p, so that nothing changes in them.
     """
-    fixed = len(rows.E)
-    for i in range(fixed + rows.kept):
-        weak = rows.weak[i - fixed] if i >= fixed else 0
-        row = rows.E[i] if i < fixed else rows.P[weak]
-        G = rows.G[i if i < fixed else fixed + weak]
-        for k in range(strong):
-            G[rows.used + k] = row[begin + k]
-        for k in range(strong):
-            place = rows.used + k
-            own = rows.P[place]
-            G[place] /= own[begin + k]
-            for j in range(k + 1, strong):
-                G[rows.used + j] -= G[place] * own[begin + j]
-        subtract_rows(row, G, rows.P, rows.used, rows.used + strong)
+    fixed, lower = len(rows.E), rows.turns > rows.used
+    for step in range(strong):
+        k = step if lower else strong - 1 - step
+        place = rows.order[k]
+        own = rows.P[place]
+        scale = 1.0 / own[begin + k]
+        for i in range(fixed + rows.kept):
+            weak = rows.weak[i - fixed] if i >= fixed else 0
+            row = rows.E[i] if i < fixed else rows.P[weak]
+            share = row[begin + k] * scale
+            rows.G[i if i < fixed else fixed + weak, place] = share
+            for m in range(len(row)):
+                row[m] -= share * own[m]
 
 
 @part
@@ -253,29 +259,45 @@ def _find_reached(rows: ChainRows, begin: int, end: int, floor: float) -> int:
     Returns:
         How many rows are reached; the others have no coefficient of p left.
     """
-    used, inside = rows.used, len(rows.P)
-    first, rank = 0.0, 0
-    while rank < min(end - begin, inside - used):
-        best, most = used, -1.0
-        for i in range(used, inside):
-            own, square = rows.P[i, begin + rank : end], 0.0
-            for k in range(len(own)):
-                square += own[k] * own[k]
-            if square > most:
-                best, most = i, square
-        size = np.sqrt(most)
+    used, free, rest, order = rows.used, len(rows.P) - rows.used, rows.rest, rows.order
+    for i in range(free):
+        order[i], rest[i] = used + i, _square(rows.P[used + i, begin:end])
+    first, rank, rows.turns = 0.0, 0, min(rows.turns, used)
+    while rank < min(end - begin, free):
+        best = rank
+        for i in range(rank + 1, free):
+            if rest[i] > rest[best]:
+                best = i
+        order[rank], order[best] = order[best], order[rank]
+        size = np.sqrt(rest[best])
+        rest[best] = rest[rank]
         first = max(first, size)
         # Written so that NaN ends it.
         if not size > max(RANK_TOLERANCE * first, floor):
             break
-        _combine(rows, rows.P[best], begin + rank, end)
-        for k in range(begin + rank + 1, end):
-            rows.P[best, k] = 0.0
+        own = rows.P[order[rank], begin + rank : end]
+        tau = _combine(rows, own, begin + rank)
+        v = rows.vector[: len(own)]
+        for i in range(rank, free):
+            reflect_rows(rows.P, order[i], order[i] + 1, begin + rank, v, tau)
+            rest[i] = _square(rows.P[order[i], begin + rank + 1 : end])
+        for k in range(1, len(own)):
+            own[k] = 0.0
+        rows.pivot[rank] = own[0]
         rank += 1
-    for i in range(used, inside):
+    for i in range(rank, free):
         for k in range(begin + rank, end):
-            rows.P[i, k] = 0.0
+            rows.P[order[i], k] = 0.0
     return rank
+
+
+@part
+def _square(x: Float64[np.ndarray, " n"]) -> float:
+    """Its length, squared."""
+    square = 0.0
+    for k in range(len(x)):
+        square += x[k] * x[k]
+    return square
 
 
 @part
@@ -302,32 +324,34 @@ def _compress(rows: ChainRows, begin: int, end: int, floor: float) -> int:
             largest = max(largest, abs(own[k]))
         # Written so that NaN is a coefficient.
         if not largest <= floor:
-            _combine(rows, row, begin + rank, end)
+            _combine(rows, own, begin + rank)
             rank += 1
-        for k in range(begin + rank, end):
-            row[k] = 0.0
+            own = own[1:]
+        for k in range(len(own)):
+            own[k] = 0.0
     return rank
 
 
 @part
-def _combine(rows: ChainRows, row: Float64[np.ndarray, " m"], begin: int, end: int) -> None:
-    """Reflects some rows so that, of one unknown, the first of them has all of the coefficient.
+def _combine(rows: ChainRows, own: Float64[np.ndarray, " n"], begin: int) -> float:
+    """Reflects x and s in some rows so that the first has all there is of one unknown.
 
     Args:
-        rows: overwritten.
-        row: the unknown's coefficients.
-        begin: the first row.
-        end: where they end.
+        rows: overwritten; receive the reflection's vector, too.
+        own: the unknown's coefficients in these rows.
+        begin: the first of them.
+
+    Returns:
+        The reflection's factor.
     """
-    turned = rows.turned[: end - begin]
-    for k in range(len(turned)):
-        turned[k] = row[begin + k]
-    v = rows.vector[: end - begin]
+    turned, v = rows.turned[: len(own)], rows.vector[: len(own)]
+    for k in range(len(own)):
+        turned[k] = own[k]
     tau = make_reflection(turned, v)
     reflect_rows(rows.E, 0, len(rows.E), begin, v, tau)
-    reflect_rows(rows.P, rows.used, len(rows.P), begin, v, tau)
     for i in range(rows.kept):
         reflect_rows(rows.P, rows.weak[i], rows.weak[i] + 1, begin, v, tau)
+    return tau
 
 
 @part

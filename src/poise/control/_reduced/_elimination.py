@@ -17,13 +17,15 @@ class Elimination(Block):
         J: coefficients of dv of the tasks' rows.
         target: their right-hand sides.
         weight: of each row in its level.
-        chosen: rows that need the unconstrained chain's own joints, then those that move with the
-            centroids.
-        seen: places in `a` of the coordinates that move the former.
+        second: rows that need the unconstrained chain's own joints.
+        moving: places in `u` of the coordinates that may move each of them, one after the other.
+        moving_ends: where those of each end; the first entry is zero.
+        seen: places in `a` of the coordinates that may move any of them.
+        through: rows that move with the centroids.
         variables: which variable of LQP 1 each of x = (dv_seen, z) is.
-        rows: the former, eliminated.
-        centroid: for the latter, coefficients of z; a column for each row.
-        turned: scratch: all of them in the coordinates (z, p).
+        rows: the second ones, eliminated.
+        centroid: coefficients of z of those that move with the centroids; a column for each row.
+        turned: scratch: both, in the coordinates (z, p).
         shares: scratch.
         y: scratch: (1, x, s).
         zp: scratch: (z, p).
@@ -33,13 +35,16 @@ class Elimination(Block):
     J: Float64[np.ndarray, "t nv"]
     target: Float64[np.ndarray, " t"]
     weight: Float64[np.ndarray, " t"]
-    chosen: Int64[np.ndarray, " chosen"]
+    second: Int64[np.ndarray, " m"]
+    moving: Int64[np.ndarray, " moving"]
+    moving_ends: Int64[np.ndarray, " moving_ends"]
     seen: Int64[np.ndarray, " seen"]
+    through: Int64[np.ndarray, " through"]
     variables: Int64[np.ndarray, " x"]
     rows: ChainRows
-    centroid: Float64[np.ndarray, "nz centroid"]
-    turned: Float64[np.ndarray, "nu chosen"]
-    shares: Float64[np.ndarray, " chosen"]
+    centroid: Float64[np.ndarray, "nz through"]
+    turned: Float64[np.ndarray, "nu wide"]
+    shares: Float64[np.ndarray, " wide"]
     y: Float64[np.ndarray, " y_np"]
     zp: Float64[np.ndarray, " nu"]
 
@@ -81,17 +86,19 @@ class ChainElimination:
         inside, y = part.nu - part.nz, 1 + len(seen) + part.nz
         sizes = sizes_of(y, inside, len(rows.levels), m)
         self._rows = allocate(ChainRows, sizes, ends=rows.second_ends)
-        chosen = np.concatenate((rows.second, rows.centroid))
+        through = len(rows.centroid)
         self.block = allocate(
             Elimination,
-            {**sizes, "nu": part.nu, "nz": part.nz, "chosen": len(chosen)}
-            | {"centroid": len(rows.centroid)},
+            {**sizes, "nu": part.nu, "nz": part.nz, "through": through, "wide": m + through},
             reduced=reduced.matrices,
             J=rows.J,
             target=rows.target,
             weight=rows.weight,
-            chosen=chosen,
+            second=rows.second,
+            moving=rows.moving,
+            moving_ends=rows.moving_ends,
             seen=seen,
+            through=rows.centroid,
             variables=np.concatenate((seen, np.arange(part.na, part.nr))),
             rows=self._rows,
         )
@@ -127,30 +134,47 @@ def announce() -> None:
 @compiled
 def _eliminate(address: int) -> None:
     chain = view(Elimination, address)
-    factors, rows, X = chain.reduced.factors, chain.rows, chain.turned
-    if len(X) == 0:
-        return
-    m, seen, nz = len(rows.shares), len(chain.seen), len(chain.centroid)
-    for k in range(len(chain.chosen)):
-        row = chain.chosen[k]
-        # Rows that only move with the centroids are LQP 1's, which weighs them itself.
-        own, factor = chain.J[row], chain.weight[row] if k < m else 1.0
-        for i in range(len(X)):
-            X[i, k] = factor * own[chain.reduced.u[i]]
-        if k < m:
-            rows.E[0, k] = -factor * chain.target[row]
-            for i in range(seen):
-                rows.E[1 + i, k] = factor * own[chain.reduced.a[chain.seen[i]]]
-    to_coordinates(X, factors, chain.shares)
-    for i in range(len(X)):
-        own = X[factors.order[i]]
-        kept = rows.E[1 + seen + i] if i < nz else rows.P[i - nz]
+    if len(chain.turned) > 0:
+        _read_rows(chain)
+        to_coordinates(chain.turned, chain.reduced.factors, chain.shares)
+        _sort_coordinates(chain)
+        eliminate(chain.rows)
+
+
+@part
+def _read_rows(chain: Elimination) -> None:
+    """Weighted rows, where something moves them; in the rest there is nothing to be read."""
+    a, u, X, E = chain.reduced.a, chain.reduced.u, chain.turned, chain.rows.E
+    X[:] = 0.0
+    for k in range(len(chain.second)):
+        row = chain.second[k]
+        own, weight = chain.J[row], chain.weight[row]
+        for at in range(chain.moving_ends[k], chain.moving_ends[k + 1]):
+            i = chain.moving[at]
+            X[i, k] = weight * own[u[i]]
+        for i in range(len(chain.seen)):
+            E[1 + i, k] = weight * own[a[chain.seen[i]]]
+        E[0, k] = -weight * chain.target[row]
+    # LQP 1 weighs these itself.
+    for k in range(len(chain.through)):
+        own = chain.J[chain.through[k]]
+        for i in range(len(u)):
+            X[i, len(chain.second) + k] = own[u[i]]
+
+
+@part
+def _sort_coordinates(chain: Elimination) -> None:
+    """Puts coefficients of z and of p where they belong."""
+    rows, nz, order = chain.rows, len(chain.centroid), chain.reduced.factors.order
+    m = len(chain.second)
+    for i in range(len(order)):
+        own = chain.turned[order[i]]
+        kept = rows.E[1 + len(chain.seen) + i] if i < nz else rows.P[i - nz]
         for k in range(m):
             kept[k] = own[k]
         if i < nz:
-            for k in range(chain.centroid.shape[1]):
+            for k in range(len(chain.through)):
                 chain.centroid[i, k] = own[m + k]
-    eliminate(rows)
 
 
 @compiled
