@@ -3,7 +3,7 @@
 from math import sqrt
 
 import numpy as np
-from jaxtyping import Float64
+from jaxtyping import Float64, Int64
 
 from poise._compiled._compiling import compiled
 from poise._compiled._triangular import subtract_rows
@@ -56,29 +56,40 @@ def reflect(x: Float64[np.ndarray, " n"], v: Float64[np.ndarray, " n"], tau: flo
 @compiled
 def reflect_rows(
     X: Float64[np.ndarray, "m n"],
-    begin: int,
-    end: int,
+    chosen: Int64[np.ndarray, " c"],
     column: int,
     v: Float64[np.ndarray, " k"],
     tau: float,
 ) -> None:
-    """X <- X (I - tau v v^T): reflects some rows.
+    """X <- X (I - tau v v^T): reflects some rows, four at a time so that no sum is waited for.
 
     Args:
         X: whose rows are overwritten.
-        begin: the first of them.
-        end: where they end.
+        chosen: which of them.
         column: where v begins in them.
         v: the reflection's vector.
         tau: and its factor.
     """
-    for i in range(begin, end):
-        row, share = X[i, column : column + len(v)], 0.0
+    end, i = column + len(v), 0
+    while i + 4 <= len(chosen):
+        a, b = X[chosen[i], column:end], X[chosen[i + 1], column:end]
+        c, d = X[chosen[i + 2], column:end], X[chosen[i + 3], column:end]
+        s_a = s_b = s_c = s_d = 0.0
         for k in range(len(v)):
-            share += v[k] * row[k]
-        share *= tau
+            s_a += v[k] * a[k]
+            s_b += v[k] * b[k]
+            s_c += v[k] * c[k]
+            s_d += v[k] * d[k]
         for k in range(len(v)):
-            row[k] -= share * v[k]
+            share = tau * v[k]
+            a[k] -= s_a * share
+            b[k] -= s_b * share
+            c[k] -= s_c * share
+            d[k] -= s_d * share
+        i += 4
+    while i < len(chosen):
+        reflect(X[chosen[i], column:end], v, tau)
+        i += 1
 
 
 @compiled

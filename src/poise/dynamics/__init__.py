@@ -26,7 +26,11 @@ from poise.dynamics._partition import (
     Partitions,
     Selection as Selection,
 )
-from poise.dynamics._reduction import ReducedDynamics, ReducedMatrices as ReducedMatrices
+from poise.dynamics._reduction import (
+    ReducedDynamics,
+    ReducedMatrices as ReducedMatrices,
+    reduce_dynamics as reduce_dynamics,
+)
 from poise.dynamics._trajectory import Quintic as Quintic, least_jerk
 from poise.dynamics._vectors import (
     rotation_vector as rotation_vector,

@@ -3,7 +3,7 @@
 import numpy as np
 from jaxtyping import Float64, Int64
 
-from poise._compiled import Block, allocate, compiled, view
+from poise._compiled import Block, allocate, compiled, part, view
 from poise.dynamics._chain_coordinates import (
     CENTROID_DIM,
     ChainFactors,
@@ -29,7 +29,8 @@ class ReducedMatrices(Block):
         h_a: nonlinear effects.
         h_u: nonlinear effects.
         factors: what turns motions of u into z and what is left.
-        felt: scratch: what is felt of dv_u, by the base or in A_G, then by all carriers.
+        leading: how many rows of A_G are felt, where there is no base that feels them.
+        felt: scratch: what is felt of dv_u, in A_G and then by all carriers; a column for each.
         shares: scratch.
     """
 
@@ -42,6 +43,7 @@ class ReducedMatrices(Block):
     h_a: Float64[np.ndarray, " na"]
     h_u: Float64[np.ndarray, " nu"]
     factors: ChainFactors
+    leading: int
     felt: Float64[np.ndarray, "nu felt"]
     shares: Float64[np.ndarray, " felt"]
 
@@ -74,10 +76,10 @@ class ReducedDynamics:
     dv_u = Jbar_z z. So a problem that asks nothing else of the unconstrained chain has the same
     solution in (dv_a, z) with the cost M_r as in dv with the cost M.
 
-    One Cholesky factor of M_uu is all there is to invert, and that has no entry between branches. It exists wherever the robot cannot
-    move without inertia, which is checked when a robot is loaded: joints that carry no mass but
-    have a rotor are no trouble. Otherwise, and where the state is not finite, the numbers
-    of the centroids are NaN, which every solver refuses. Nothing raises.
+    One Cholesky factor of M_uu is all there is to invert, and it has no entry between branches. It
+    exists wherever the robot cannot move without inertia, which is checked when a robot is loaded:
+    joints that carry no mass but have a rotor are no trouble. Otherwise, and where the state is not
+    finite, the numbers of the centroids are NaN, which every solver refuses. Nothing raises.
 
     Args:
         robot: the robot.
@@ -100,10 +102,10 @@ class ReducedDynamics:
         self.partition = part = partition
         carriers = _carriers(robot, part)
         # On a floating base A is what the base feels, and the base is among the carriers.
-        self._leading = 0 if robot.floating_base else CENTROID_DIM
+        leading = 0 if robot.floating_base else CENTROID_DIM
         ends = [(chain.u.start, chain.u.stop) for chain in part.chains]
         chains = np.array(ends, dtype=np.int64).reshape(-1, 2)
-        sizes = {"na": part.na, "nu": part.nu, "felt": self._leading + len(carriers)}
+        sizes = {"na": part.na, "nu": part.nu, "felt": leading + len(carriers)}
         self.matrices = matrices = allocate(
             ReducedMatrices,
             sizes,
@@ -112,6 +114,7 @@ class ReducedDynamics:
             carriers=carriers,
             M=np.eye(part.nr),
             factors=chain_factors(chains, _reach(robot, part)),
+            leading=leading,
         )
         na = part.na
         self.M: Float64[np.ndarray, "nr nr"] = matrices.M
@@ -128,8 +131,7 @@ class ReducedDynamics:
         Args:
             dynamics: the state, up to date.
         """
-        momentum = dynamics.momentum_matrix
-        _reduce(self.matrices.address, dynamics.M, dynamics.h, momentum, self._leading)
+        _reduce(self.matrices.address, dynamics.M, dynamics.h, dynamics.momentum_matrix)
 
     @property
     def Jbar_z(self) -> Float64[np.ndarray, "nu nz"]:
@@ -256,37 +258,65 @@ def _reduce(
     M: Float64[np.ndarray, "nv nv"],
     h: Float64[np.ndarray, " nv"],
     momentum: Float64[np.ndarray, "six nv"],
-    leading: int,
 ) -> None:
-    """Fills a `ReducedMatrices`; A is in the momentum matrix where it has leading columns."""
-    matrices = view(ReducedMatrices, address)
-    a, u, carriers, felt = matrices.a, matrices.u, matrices.carriers, matrices.felt
-    for i in range(len(a)):
-        own = M[a[i]]
-        matrices.h_a[i] = h[a[i]]
-        for j in range(len(a)):
-            matrices.M[i, j] = own[a[j]]
-        for j in range(len(u)):
-            matrices.M_au[i, j] = own[u[j]]
-    for i in range(len(u)):
-        own = M[u[i]]
-        matrices.h_u[i] = h[u[i]]
-        for j in range(len(u)):
-            matrices.M_uu[i, j] = own[u[j]]
+    reduce_dynamics(view(ReducedMatrices, address), M, h, momentum)
+
+
+@part
+def reduce_dynamics(
+    matrices: ReducedMatrices,
+    M: Float64[np.ndarray, "nv nv"],
+    h: Float64[np.ndarray, " nv"],
+    momentum: Float64[np.ndarray, "six nv"],
+) -> None:
+    """Computes everything for a state.
+
+    Args:
+        matrices: overwritten.
+        M: mass matrix of the robot.
+        h: its nonlinear effects.
+        momentum: A_G.
+    """
+    a, felt, factors = matrices.a, matrices.felt, matrices.factors
+    _copy_blocks(matrices, M, h)
+    if len(felt) == 0:
+        return
+    carriers, leading = matrices.carriers, matrices.leading
+    for i in range(len(felt)):
         for j in range(leading):
-            felt[i, j] = momentum[j, u[i]]
+            felt[i, j] = momentum[j, matrices.u[i]]
         for j in range(len(carriers)):
             felt[i, leading + j] = matrices.M_au[carriers[j], i]
-    if len(u) == 0:
-        return
-    if not find_coordinates(matrices.M_uu, felt, matrices.factors, matrices.shares):
+    if not find_coordinates(matrices.M_uu, felt, factors, matrices.shares):
         felt[:] = np.nan
-        matrices.factors.U[:] = np.nan
+        factors.U[:] = np.nan
     for j in range(len(carriers)):
         i = carriers[j]
         for k in range(len(matrices.M) - len(a)):
-            value = felt[matrices.factors.order[k], leading + j]
+            value = felt[factors.order[k], leading + j]
             matrices.M[i, len(a) + k] = matrices.M[len(a) + k, i] = value
+
+
+@part
+def _copy_blocks(
+    matrices: ReducedMatrices, M: Float64[np.ndarray, "nv nv"], h: Float64[np.ndarray, " nv"]
+) -> None:
+    """Copies blocks of the robot's, but for zeros between branches and where nothing is carried."""
+    a, u, reach = matrices.a, matrices.u, matrices.factors.reach
+    for i in range(len(a)):
+        own, kept = M[a[i]], matrices.M[i]
+        matrices.h_a[i] = h[a[i]]
+        for j in range(len(a)):
+            kept[j] = own[a[j]]
+    for i in matrices.carriers:
+        own, kept = M[a[i]], matrices.M_au[i]
+        for j in range(len(u)):
+            kept[j] = own[u[j]]
+    for i in range(len(u)):
+        own, kept = M[u[i]], matrices.M_uu[i]
+        matrices.h_u[i] = h[u[i]]
+        for j in range(i, reach[i]):
+            kept[j] = matrices.M_uu[j, i] = own[u[j]]
 
 
 @compiled

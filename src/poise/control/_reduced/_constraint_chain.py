@@ -8,9 +8,13 @@ from jaxtyping import Float64, Int64
 from poise._compiled import Block, compiled, part, view
 from poise.control._full_problem import WRENCH_COST
 from poise.control._reduced._assignment import AssignedRows
-from poise.control._reduced._elimination import ChainElimination, Elimination
+from poise.control._reduced._elimination import (
+    ChainElimination,
+    Elimination,
+    eliminate_chain,
+)
 from poise.control._strategy import PHYSICS_LEVELS
-from poise.dynamics import Partition
+from poise.dynamics import Dynamics, Partition, reduce_dynamics
 from poise.hqp import HierarchicalProblem
 from poise.robots import Robot
 from poise.stack import Stack
@@ -38,6 +42,7 @@ class ConstraintChain(Block):
         weights: of the problem.
         H: of the problem.
         g: of the problem.
+        shape: how many unknowns s and how many rows in each level there is room for.
         torque_u: scratch: torques of the unconstrained chain [N m].
         base: number of base coordinates.
     """
@@ -60,6 +65,7 @@ class ConstraintChain(Block):
     weights: Float64[np.ndarray, " nm"]
     H: Float64[np.ndarray, "n n"]
     g: Float64[np.ndarray, " n"]
+    shape: Int64[np.ndarray, " shape"]
     torque_u: Float64[np.ndarray, " nu"]
     base: int
 
@@ -135,9 +141,22 @@ class ConstraintChainProblem:
             weights=problem.weights,
             H=problem.H,
             g=problem.g,
+            shape=np.array(chain.shape),
             torque_u=np.zeros(partition.nu),
             base=base,
         )
+
+    def assemble(self, dynamics: Dynamics) -> bool:
+        """Reduces the dynamics, eliminates the unconstrained chain, and fills the problem.
+
+        Args:
+            dynamics: the state, up to date; the stack's rows are so, too.
+
+        Returns:
+            Whether there is room for what is left; where there is not, nothing is filled.
+        """
+        momentum = dynamics.momentum_matrix
+        return _assemble(self.block.address, dynamics.M, dynamics.h, momentum)
 
     def fill(self) -> None:
         """Writes one state's rows into the problem; all that they are made of is up to date."""
@@ -205,8 +224,31 @@ class ConstraintChainProblem:
 
 
 @compiled
-def _fill(address: int) -> None:
+def _assemble(
+    address: int,
+    M: Float64[np.ndarray, "nv nv"],
+    h: Float64[np.ndarray, " nv"],
+    momentum: Float64[np.ndarray, "six nv"],
+) -> bool:
     problem = view(ConstraintChain, address)
+    chain = problem.chain
+    reduce_dynamics(chain.reduced, M, h, momentum)
+    eliminate_chain(chain)
+    room = problem.shape[0] == chain.rows.kept
+    for level in range(len(chain.rows.left)):
+        room = room and problem.shape[1 + level] == chain.rows.left[level]
+    if room:
+        _fill_all(problem)
+    return room
+
+
+@compiled
+def _fill(address: int) -> None:
+    _fill_all(view(ConstraintChain, address))
+
+
+@part
+def _fill_all(problem: ConstraintChain) -> None:
     _fill_physics(problem)
     _fill_tasks(problem)
     _fill_cost(problem)

@@ -134,11 +134,10 @@ class ReducedProgram:
         if self._solved_whole:
             self.whole.assemble(dynamics)
             return
-        self.reduced.update(dynamics)
         self.rows.update(dynamics)
-        self.chain.update()
-        self._current = self._first_for(self.chain.shape)
-        self.first.fill()
+        if not self.first.assemble(dynamics):
+            self._current = self._first_for(self.chain.shape)
+            self.first.fill()
 
     def solve(self) -> Answer:
         """Solves what was assembled; nothing raises on numbers."""
@@ -223,7 +222,7 @@ class ReducedProgram:
         self.chain.update()
         self.tasks.J[:] = constant
         pair = self._first_for(self.chain.shape)
-        # What is compiled is compiled now, not in the first tick.
+        # What is compiled is compiled now, not in the tick that needs another shape.
         pair[0].fill()
         return pair
 

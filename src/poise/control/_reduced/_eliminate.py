@@ -10,6 +10,7 @@ from jaxtyping import Float64, Int64
 
 from poise._compiled import (
     Block,
+    allocate,
     make_reflection,
     part,
     reflect,
@@ -44,6 +45,7 @@ class ChainRows(Block):
         weak: p that stay unknowns s.
         used: how many p are determined or unknowns s.
         kept: how many are unknowns s.
+        every: 0, 1, ...: all of E.
         order: scratch: p in the order in which a level's rows determine them.
         pivot: scratch: a level's pivots.
         block: scratch: a level's coefficients of p.
@@ -65,6 +67,7 @@ class ChainRows(Block):
     turns: int
     used: int
     kept: int
+    every: Int64[np.ndarray, " y"]
     order: Int64[np.ndarray, " np"]
     pivot: Float64[np.ndarray, " m"]
     block: Float64[np.ndarray, "np m"]
@@ -74,17 +77,18 @@ class ChainRows(Block):
     shares: Float64[np.ndarray, " m"]
 
 
-def sizes_of(y: int, inside: int, levels: int, rows: int) -> dict[str, int]:
-    """Sizes of `ChainRows`.
+def chain_rows(fixed: int, inside: int, ends: Int64[np.ndarray, " ends"]) -> ChainRows:
+    """Room for the rows of some tasks.
 
     Args:
-        y: how many (1, x) are.
+        fixed: how many (1, x) are.
         inside: how many p are.
-        levels: number of levels.
-        rows: number of rows in all.
+        ends: where each level ends; the first entry is zero.
     """
-    sizes = {"y": y, "np": inside, "y_np": y + inside, "np_m": inside + rows}
-    return {**sizes, "m": rows, "levels": levels, "ends": levels + 1}
+    m = int(ends[-1])
+    sizes = {"y": fixed, "np": inside, "y_np": fixed + inside, "m": m, "np_m": inside + m}
+    sizes["levels"] = len(ends) - 1
+    return allocate(ChainRows, sizes, ends=ends, every=np.arange(fixed))
 
 
 @part
@@ -269,18 +273,18 @@ def _find_reached(rows: ChainRows, begin: int, end: int, floor: float) -> int:
             if rest[i] > rest[best]:
                 best = i
         order[rank], order[best] = order[best], order[rank]
-        size = np.sqrt(rest[best])
         rest[best] = rest[rank]
+        own = rows.P[order[rank], begin + rank : end]
+        # Not from the rest, of which only so much is right as the tolerance asks for.
+        size = np.sqrt(_square(own))
         first = max(first, size)
         # Written so that NaN ends it.
         if not size > max(RANK_TOLERANCE * first, floor):
             break
-        own = rows.P[order[rank], begin + rank : end]
         tau = _combine(rows, own, begin + rank)
-        v = rows.vector[: len(own)]
-        for i in range(rank, free):
-            reflect_rows(rows.P, order[i], order[i] + 1, begin + rank, v, tau)
-            rest[i] = _square(rows.P[order[i], begin + rank + 1 : end])
+        reflect_rows(rows.P, order[rank:free], begin + rank, rows.vector[: len(own)], tau)
+        for i in range(rank + 1, free):
+            rest[i] -= rows.P[order[i], begin + rank] ** 2
         for k in range(1, len(own)):
             own[k] = 0.0
         rows.pivot[rank] = own[0]
@@ -348,9 +352,8 @@ def _combine(rows: ChainRows, own: Float64[np.ndarray, " n"], begin: int) -> flo
     for k in range(len(own)):
         turned[k] = own[k]
     tau = make_reflection(turned, v)
-    reflect_rows(rows.E, 0, len(rows.E), begin, v, tau)
-    for i in range(rows.kept):
-        reflect_rows(rows.P, rows.weak[i], rows.weak[i] + 1, begin, v, tau)
+    reflect_rows(rows.E, rows.every, begin, v, tau)
+    reflect_rows(rows.P, rows.weak[: rows.kept], begin, v, tau)
     return tau
 
 

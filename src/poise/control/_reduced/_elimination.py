@@ -5,7 +5,7 @@ from jaxtyping import Float64, Int64
 
 from poise._compiled import Block, allocate, compiled, part, say_if_slow, view
 from poise.control._reduced._assignment import AssignedRows
-from poise.control._reduced._eliminate import ChainRows, answer, eliminate, sizes_of
+from poise.control._reduced._eliminate import ChainRows, answer, chain_rows, eliminate
 from poise.dynamics import ReducedDynamics, ReducedMatrices, from_coordinates, to_coordinates
 
 
@@ -82,14 +82,14 @@ class ChainElimination:
     """
 
     def __init__(self, reduced: ReducedDynamics, rows: AssignedRows) -> None:
-        part, seen, m = reduced.partition, rows.seen, len(rows.second)
-        inside, y = part.nu - part.nz, 1 + len(seen) + part.nz
-        sizes = sizes_of(y, inside, len(rows.levels), m)
-        self._rows = allocate(ChainRows, sizes, ends=rows.second_ends)
-        through = len(rows.centroid)
+        part, seen = reduced.partition, rows.seen
+        inside, fixed = part.nu - part.nz, 1 + len(seen) + part.nz
+        self._rows = chain_rows(fixed, inside, rows.second_ends)
+        wide = len(rows.second) + len(rows.centroid)
         self.block = allocate(
             Elimination,
-            {**sizes, "nu": part.nu, "nz": part.nz, "through": through, "wide": m + through},
+            {"nu": part.nu, "nz": part.nz, "through": len(rows.centroid), "wide": wide}
+            | {"y_np": fixed + inside},
             reduced=reduced.matrices,
             J=rows.J,
             target=rows.target,
@@ -133,7 +133,16 @@ def announce() -> None:
 
 @compiled
 def _eliminate(address: int) -> None:
-    chain = view(Elimination, address)
+    eliminate_chain(view(Elimination, address))
+
+
+@part
+def eliminate_chain(chain: Elimination) -> None:
+    """Eliminates p for the state of the reduced dynamics and of the tasks.
+
+    Args:
+        chain: receives what is left.
+    """
     if len(chain.turned) > 0:
         _read_rows(chain)
         to_coordinates(chain.turned, chain.reduced.factors, chain.shares)

@@ -106,14 +106,15 @@ def _put_together(
         torque_u[i] = total
     for i in range(len(a)):
         dv[a[i]] = x[i]
-        own = reduced.M_au[i]
-        for j in range(len(u)):
-            torque_u[j] += own[j] * x[i]
         if a[i] >= base:
             row, total = first.A[i], reduced.h_a[i]
             for j in range(len(x)):
                 total += row[j] * x[j]
             torque[a[i] - base] = total
+    for i in reduced.carriers:
+        own = reduced.M_au[i]
+        for j in range(len(u)):
+            torque_u[j] += own[j] * x[i]
     within = True
     for i in range(len(u)):
         joint = u[i] - base
