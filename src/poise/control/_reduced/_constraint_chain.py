@@ -99,6 +99,8 @@ class ConstraintChainProblem:
     Attributes:
         problem: the hierarchical problem, filled by `fill`.
         block: the same memory for compiled code.
+        nv: number of coordinates of the robot.
+        nj: number of its joints.
     """
 
     def __init__(
@@ -111,6 +113,7 @@ class ConstraintChainProblem:
     ) -> None:
         self._tasks, self._rows = tasks, (rows := tasks.stack_rows)
         self._base = base = robot.base_dofs
+        self.nv, self.nj = robot.nv, robot.nj
         kept, *left = chain.shape
         self._motion = motion = slice(0, partition.nr + kept)
         joints = [robot.joint_names[i] for i in partition.a.index[base:] - base]
@@ -302,10 +305,10 @@ def _fill_tasks(problem: ConstraintChain) -> None:
         place, own = places[len(first) + k], rows.kept_rows[k]
         row = A[place]
         for i in range(len(chain.variables)):
-            row[chain.variables[i]] = rows.E[1 + i, own]
+            row[chain.variables[i]] = rows.E[i, own]
         for i in range(rows.kept):
             row[nr + i] = rows.P[rows.weak[i], own]
-        lower[n + place] = upper[n + place] = -rows.E[0, own]
+        lower[n + place] = upper[n + place] = -rows.E[len(chain.variables), own]
 
 
 @part
@@ -320,16 +323,22 @@ def _fill_cost(problem: ConstraintChain) -> None:
             row[j] = M[i, j] if i < nr and j < nr else 0.0
         g[i] = 0.0
     for i in range(fixed + rows.kept):
-        # -c, then G; in its lower rows of the unknowns s.
-        one = rows.G[1 + i if i < fixed else 1 + rows.weak[i - fixed] + fixed]
+        one = rows.G[_row_of(chain, i)]
         at = chain.variables[i] if i < fixed else nr + i - fixed
         for j in range(i + 1):
-            other = rows.G[1 + j if j < fixed else 1 + rows.weak[j - fixed] + fixed]
+            other, total = rows.G[_row_of(chain, j)], 0.0
             to = chain.variables[j] if j < fixed else nr + j - fixed
-            total = 0.0
             for k in range(rows.used):
                 total += one[k] * other[k]
             H[at, to] += total
             H[to, at] = H[at, to]
+        # Where x ends there is -c.
         for k in range(rows.used):
-            g[at] += one[k] * rows.G[0, k]
+            g[at] += one[k] * rows.G[fixed, k]
+
+
+@part
+def _row_of(chain: Elimination, i: int) -> int:
+    """The row of G for one of (x, s)."""
+    fixed = len(chain.variables)
+    return i if i < fixed else fixed + 1 + chain.rows.weak[i - fixed]

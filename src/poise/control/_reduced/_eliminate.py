@@ -30,7 +30,7 @@ ROUNDING = 1e-12
 
 
 class ChainRows(Block):
-    """Rows E y + P p = 0 of tasks, y = (1, x) with x = (dv, z), and what their elimination leaves.
+    """Rows E y + P p = 0 of tasks, y = (x, 1) with x = (dv, z), and what their elimination leaves.
 
     Attributes:
         E: coefficients of y; a column for each row. Overwritten by those of the rows that are left.
@@ -48,7 +48,6 @@ class ChainRows(Block):
         every: 0, 1, ...: all of E.
         order: scratch: p in the order in which a level's rows determine them.
         pivot: scratch: a level's pivots.
-        block: scratch: a level's coefficients of p.
         rest: scratch: what is left of a square, for each row or p.
         vector: scratch: a reflection of rows.
         turned: scratch: what a reflection turns.
@@ -70,7 +69,6 @@ class ChainRows(Block):
     every: Int64[np.ndarray, " y"]
     order: Int64[np.ndarray, " np"]
     pivot: Float64[np.ndarray, " m"]
-    block: Float64[np.ndarray, "np m"]
     rest: Float64[np.ndarray, " np_m"]
     vector: Float64[np.ndarray, " m"]
     turned: Float64[np.ndarray, " np_m"]
@@ -81,7 +79,7 @@ def chain_rows(fixed: int, inside: int, ends: Int64[np.ndarray, " ends"]) -> Cha
     """Room for the rows of some tasks.
 
     Args:
-        fixed: how many (1, x) are.
+        fixed: how many (x, 1) are.
         inside: how many p are.
         ends: where each level ends; the first entry is zero.
     """
@@ -101,19 +99,21 @@ def eliminate(rows: ChainRows) -> None:
     rows.used = rows.kept = rows.turns = total = 0
     for level in range(len(rows.left)):
         begin, end = rows.ends[level], rows.ends[level + 1]
-        floor = ROUNDING * max(_largest(rows.P, 0, begin, end), _largest(rows.E, 1, begin, end))
+        floor = ROUNDING * max(
+            _largest(rows.P, len(rows.P), begin, end), _largest(rows.E, len(rows.E) - 1, begin, end)
+        )
         count = rank = end - begin
         # Mostly the freedom left reaches every row, and none has to be combined with others.
-        if rank > len(rows.P) - rows.used or not _find_turns(rows, begin, rank, floor):
+        if rank > len(rows.P) - rows.used or not _turn(rows, begin, rank, floor):
+            _turn_back(rows)
             rank = _find_reached(rows, begin, end, floor)
             count = rank + _compress(rows, begin + rank, end, floor)
             # Where they reach it with all of the freedom left, there is nothing to choose.
             if rank < len(rows.P) - rows.used:
-                _find_turns(rows, begin, rank, floor)
+                _turn(rows, begin, rank, floor)
         strong = _count_strong(rows.pivot, rank, floor)
         for k in range(strong, rank):
             _keep(rows, rows.order[k])
-        _turn(rows, begin)
         _substitute(rows, begin, strong)
         for k in range(strong, count):
             rows.kept_rows[total] = begin + k
@@ -128,7 +128,7 @@ def answer(rows: ChainRows, y: Float64[np.ndarray, " n"], p: Float64[np.ndarray,
 
     Args:
         rows: the elimination.
-        y: (1, x, s).
+        y: (x, 1, s).
         p: receives it.
     """
     fixed = len(rows.E)
@@ -143,11 +143,11 @@ def answer(rows: ChainRows, y: Float64[np.ndarray, " n"], p: Float64[np.ndarray,
 
 
 @part
-def _find_turns(rows: ChainRows, begin: int, rank: int, floor: float) -> bool:
-    """Finds the reflections of p that make some rows lower triangular, largest pivots first.
+def _turn(rows: ChainRows, begin: int, rank: int, floor: float) -> bool:
+    """Turns p by reflections that make some rows lower triangular, largest pivots first.
 
     Args:
-        rows: whose columns are put in the order of their pivots; receives reflections and pivots.
+        rows: whose p are turned in all of them; these are put in the order of their pivots.
         begin: the first row.
         rank: how many.
         floor: pivots up to this are rounding.
@@ -155,13 +155,12 @@ def _find_turns(rows: ChainRows, begin: int, rank: int, floor: float) -> bool:
     Returns:
         Whether all pivots are more than rounding.
     """
-    used, inside, rest, pivot = rows.used, len(rows.P), rows.rest, rows.pivot
+    used, inside, P, rest, pivot = rows.used, len(rows.P), rows.P, rows.rest, rows.pivot
     for k in range(rank):
         rest[k] = 0.0
     for i in range(used, inside):
-        own, block = rows.P[i, begin : begin + rank], rows.block[i]
+        own = P[i, begin : begin + rank]
         for k in range(len(own)):
-            block[k] = own[k]
             rest[k] += own[k] * own[k]
     for k in range(rank):
         best = k
@@ -170,21 +169,30 @@ def _find_turns(rows: ChainRows, begin: int, rank: int, floor: float) -> bool:
                 best = j
         if best != k:
             _swap(rows.E, begin + k, begin + best)
-            _swap(rows.P, begin + k, begin + best)
-            _swap(rows.block, k, best)
+            _swap(P, begin + k, begin + best)
             rest[best] = rest[k]
         place = used + k
         for i in range(place, inside):
-            rows.turned[i] = rows.block[i, k]
+            rows.turned[i] = P[i, begin + k]
         v = rows.V[place]
-        tau = make_reflection(rows.turned[place:inside], v[place:])
-        rows.tau[place], pivot[k], rows.order[k] = tau, rows.turned[place], place
-        rows.turns = place + 1
-        reflect_columns(rows.block, place, inside, v, tau, rows.shares[:rank])
+        rows.tau[place] = make_reflection(rows.turned[place:inside], v[place:])
+        reflect_columns(P, place, inside, v, rows.tau[place], rows.shares)
+        for i in range(place, inside):
+            P[i, begin + k] = rows.turned[i]
         for j in range(k + 1, rank):
-            rest[j] -= rows.block[place, j] * rows.block[place, j]
+            rest[j] -= P[place, begin + j] * P[place, begin + j]
+        rows.order[k], pivot[k], rows.turns = place, P[place, begin + k], place + 1
     # Written so that NaN is none.
     return rank == 0 or pivot[rank - 1] > max(RANK_TOLERANCE * pivot[0], floor)
+
+
+@part
+def _turn_back(rows: ChainRows) -> None:
+    """Takes back how p was turned for a level, if it was."""
+    while rows.turns > rows.used:
+        place = rows.turns - 1
+        reflect_columns(rows.P, place, len(rows.P), rows.V[place], rows.tau[place], rows.shares)
+        rows.turns = place
 
 
 @part
@@ -202,17 +210,6 @@ def _count_strong(pivot: Float64[np.ndarray, " m"], rank: int, floor: float) -> 
     while strong < rank and pivot[strong] > max(WEAK * pivot[0], floor):
         strong += 1
     return strong
-
-
-@part
-def _turn(rows: ChainRows, begin: int) -> None:
-    """Turns p in all rows, by the reflections that were found for a level; none may be."""
-    inside = len(rows.P)
-    for place in range(rows.used, rows.turns):
-        reflect_columns(rows.P, place, inside, rows.V[place], rows.tau[place], rows.shares)
-    for place in range(rows.used, rows.turns):
-        for i in range(place + 1, inside):
-            rows.P[i, begin + place - rows.used] = 0.0
 
 
 @part
@@ -266,7 +263,7 @@ def _find_reached(rows: ChainRows, begin: int, end: int, floor: float) -> int:
     used, free, rest, order = rows.used, len(rows.P) - rows.used, rows.rest, rows.order
     for i in range(free):
         order[i], rest[i] = used + i, _square(rows.P[used + i, begin:end])
-    first, rank, rows.turns = 0.0, 0, min(rows.turns, used)
+    first, rank = 0.0, 0
     while rank < min(end - begin, free):
         best = rank
         for i in range(rank + 1, free):
@@ -281,7 +278,7 @@ def _find_reached(rows: ChainRows, begin: int, end: int, floor: float) -> int:
         # Written so that NaN ends it.
         if not size > max(RANK_TOLERANCE * first, floor):
             break
-        tau = _combine(rows, own, begin + rank)
+        tau = _combine(rows, own, begin + rank, 0)
         reflect_rows(rows.P, order[rank:free], begin + rank, rows.vector[: len(own)], tau)
         for i in range(rank + 1, free):
             rest[i] -= rows.P[order[i], begin + rank] ** 2
@@ -322,13 +319,13 @@ def _compress(rows: ChainRows, begin: int, end: int, floor: float) -> int:
     if end - begin <= unknowns:
         return end - begin
     for i in range(unknowns):
-        row = rows.E[1 + i] if i < fixed - 1 else rows.P[rows.weak[i - fixed + 1]]
+        row = rows.E[i] if i < fixed - 1 else rows.P[rows.weak[i - fixed + 1]]
         own, largest = row[begin + rank : end], 0.0
         for k in range(len(own)):
             largest = max(largest, abs(own[k]))
         # Written so that NaN is a coefficient.
         if not largest <= floor:
-            _combine(rows, own, begin + rank)
+            _combine(rows, own, begin + rank, i)
             rank += 1
             own = own[1:]
         for k in range(len(own)):
@@ -337,13 +334,14 @@ def _compress(rows: ChainRows, begin: int, end: int, floor: float) -> int:
 
 
 @part
-def _combine(rows: ChainRows, own: Float64[np.ndarray, " n"], begin: int) -> float:
+def _combine(rows: ChainRows, own: Float64[np.ndarray, " n"], begin: int, done: int) -> float:
     """Reflects x and s in some rows so that the first has all there is of one unknown.
 
     Args:
         rows: overwritten; receive the reflection's vector, too.
         own: the unknown's coefficients in these rows.
         begin: the first of them.
+        done: how many of x and s have nothing in these rows any more.
 
     Returns:
         The reflection's factor.
@@ -352,16 +350,18 @@ def _combine(rows: ChainRows, own: Float64[np.ndarray, " n"], begin: int) -> flo
     for k in range(len(own)):
         turned[k] = own[k]
     tau = make_reflection(turned, v)
-    reflect_rows(rows.E, rows.every, begin, v, tau)
-    reflect_rows(rows.P, rows.weak[: rows.kept], begin, v, tau)
+    # The last of E are the constants, which always count.
+    first = min(done, len(rows.E) - 1)
+    reflect_rows(rows.E, rows.every[first:], begin, v, tau)
+    reflect_rows(rows.P, rows.weak[done - first : rows.kept], begin, v, tau)
     return tau
 
 
 @part
-def _largest(X: Float64[np.ndarray, "n m"], first: int, begin: int, end: int) -> float:
-    """Largest absolute coefficient of some rows, from one unknown on."""
+def _largest(X: Float64[np.ndarray, "n m"], count: int, begin: int, end: int) -> float:
+    """Largest absolute coefficient of some rows, of the first unknowns."""
     largest = 0.0
-    for i in range(first, len(X)):
+    for i in range(count):
         own = X[i, begin:end]
         for k in range(len(own)):
             largest = max(largest, abs(own[k]))

@@ -27,7 +27,8 @@ class Elimination(Block):
         centroid: coefficients of z of those that move with the centroids; a column for each row.
         turned: scratch: both, in the coordinates (z, p).
         shares: scratch.
-        y: scratch: (1, x, s).
+        dv_u: acceleration of the unconstrained chain, once it is known.
+        y: scratch: (x, 1, s).
         zp: scratch: (z, p).
     """
 
@@ -45,6 +46,7 @@ class Elimination(Block):
     centroid: Float64[np.ndarray, "nz through"]
     turned: Float64[np.ndarray, "nu wide"]
     shares: Float64[np.ndarray, " wide"]
+    dv_u: Float64[np.ndarray, " nu"]
     y: Float64[np.ndarray, " y_np"]
     zp: Float64[np.ndarray, " nu"]
 
@@ -121,9 +123,8 @@ class ChainElimination:
         Returns:
             dv_u = Jbar_z z + N_z (c - G x).
         """
-        dv_u = np.empty(len(self.block.zp))
-        _recover(self.block.address, np.ascontiguousarray(x), dv_u)
-        return dv_u
+        _recover(self.block.address, np.ascontiguousarray(x))
+        return self.block.dv_u.copy()
 
 
 def announce() -> None:
@@ -162,8 +163,8 @@ def _read_rows(chain: Elimination) -> None:
             i = chain.moving[at]
             X[i, k] = weight * own[u[i]]
         for i in range(len(chain.seen)):
-            E[1 + i, k] = weight * own[a[chain.seen[i]]]
-        E[0, k] = -weight * chain.target[row]
+            E[i, k] = weight * own[a[chain.seen[i]]]
+        E[len(E) - 1, k] = -weight * chain.target[row]
     # LQP 1 weighs these itself.
     for k in range(len(chain.through)):
         own = chain.J[chain.through[k]]
@@ -178,7 +179,7 @@ def _sort_coordinates(chain: Elimination) -> None:
     m = len(chain.second)
     for i in range(len(order)):
         own = chain.turned[order[i]]
-        kept = rows.E[1 + len(chain.seen) + i] if i < nz else rows.P[i - nz]
+        kept = rows.E[len(chain.seen) + i] if i < nz else rows.P[i - nz]
         for k in range(m):
             kept[k] = own[k]
         if i < nz:
@@ -187,30 +188,27 @@ def _sort_coordinates(chain: Elimination) -> None:
 
 
 @compiled
-def _recover(address: int, x: Float64[np.ndarray, " n"], dv_u: Float64[np.ndarray, " nu"]) -> None:
-    recover(view(Elimination, address), x, dv_u)
+def _recover(address: int, x: Float64[np.ndarray, " n"]) -> None:
+    recover(view(Elimination, address), x)
 
 
 @part
-def recover(
-    chain: Elimination, x: Float64[np.ndarray, " n"], dv_u: Float64[np.ndarray, " nu"]
-) -> None:
+def recover(chain: Elimination, x: Float64[np.ndarray, " n"]) -> None:
     """Acceleration of the unconstrained chain for what LQP 1 decided.
 
     Args:
-        chain: the elimination.
+        chain: the elimination; receives it.
         x: LQP 1's variables.
-        dv_u: receives it.
     """
-    if len(dv_u) == 0:
+    if len(chain.dv_u) == 0:
         return
     nz, fixed, nr = len(chain.centroid), len(chain.variables), len(chain.reduced.M)
-    chain.y[0] = 1.0
     for i in range(fixed):
-        chain.y[1 + i] = x[chain.variables[i]]
+        chain.y[i] = x[chain.variables[i]]
+    chain.y[fixed] = 1.0
     for i in range(chain.rows.kept):
-        chain.y[1 + fixed + i] = x[nr + i]
+        chain.y[fixed + 1 + i] = x[nr + i]
     for i in range(nz):
         chain.zp[i] = x[nr - nz + i]
     answer(chain.rows, chain.y, chain.zp[nz:])
-    from_coordinates(chain.zp, chain.reduced.factors, dv_u)
+    from_coordinates(chain.zp, chain.reduced.factors, chain.dv_u)

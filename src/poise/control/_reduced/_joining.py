@@ -37,8 +37,8 @@ def follow(first: ConstraintChainProblem, x: Float64[np.ndarray, " n"]) -> Joine
         first: LQP 1.
         x: its solution.
     """
-    dv, torque, dv_u = _room(first.block)
-    return Joined(dv, torque, _follow(first.block.address, x, dv_u, dv, torque))
+    dv, torque = np.empty(first.nv), np.empty(first.nj)
+    return Joined(dv, torque, _follow(first.block.address, x, dv, torque))
 
 
 def join(
@@ -53,52 +53,43 @@ def join(
         x: its solution.
         dv_u: acceleration of the unconstrained chain.
     """
-    dv, torque, _ = _room(first.block)
-    return Joined(dv, torque, _join(first.block.address, x, dv_u, dv, torque))
-
-
-def _room(
-    first: ConstraintChain,
-) -> tuple[Float64[np.ndarray, " nv"], Float64[np.ndarray, " nj"], Float64[np.ndarray, " nu"]]:
-    nj, nu = len(first.tau_min), len(first.chain.zp)
-    return np.empty(first.base + nj), np.empty(nj), np.empty(nu)
+    dv, torque = np.empty(first.nv), np.empty(first.nj)
+    first.block.chain.dv_u[:] = dv_u
+    return Joined(dv, torque, _join(first.block.address, x, dv, torque))
 
 
 @compiled
 def _follow(
     address: int,
     x: Float64[np.ndarray, " n"],
-    dv_u: Float64[np.ndarray, " nu"],
     dv: Float64[np.ndarray, " nv"],
     torque: Float64[np.ndarray, " nj"],
 ) -> bool:
     first = view(ConstraintChain, address)
-    recover(first.chain, x, dv_u)
-    return _put_together(first, x, dv_u, dv, torque)
+    recover(first.chain, x)
+    return _put_together(first, x, dv, torque)
 
 
 @compiled
 def _join(
     address: int,
     x: Float64[np.ndarray, " n"],
-    dv_u: Float64[np.ndarray, " nu"],
     dv: Float64[np.ndarray, " nv"],
     torque: Float64[np.ndarray, " nj"],
 ) -> bool:
-    return _put_together(view(ConstraintChain, address), x, dv_u, dv, torque)
+    return _put_together(view(ConstraintChain, address), x, dv, torque)
 
 
 @part
 def _put_together(
     first: ConstraintChain,
     x: Float64[np.ndarray, " n"],
-    dv_u: Float64[np.ndarray, " nu"],
     dv: Float64[np.ndarray, " nv"],
     torque: Float64[np.ndarray, " nj"],
 ) -> bool:
     """Writes accelerations and torques; whether the unconstrained chain keeps its limits."""
     reduced, base = first.chain.reduced, first.base
-    a, u, torque_u = reduced.a, reduced.u, first.torque_u
+    a, u, dv_u, torque_u = reduced.a, reduced.u, first.chain.dv_u, first.torque_u
     for i in range(len(u)):
         own, total = reduced.M_uu[i], reduced.h_u[i]
         for j in range(len(u)):
