@@ -263,7 +263,7 @@ def _find_reached(rows: ChainRows, begin: int, end: int, floor: float) -> int:
     used, free, rest, order = rows.used, len(rows.P) - rows.used, rows.rest, rows.order
     for i in range(free):
         order[i], rest[i] = used + i, _square(rows.P[used + i, begin:end])
-    first, rank = 0.0, 0
+    first, size, rank = 0.0, 0.0, 0
     while rank < min(end - begin, free):
         best = rank
         for i in range(rank + 1, free):
@@ -286,9 +286,12 @@ def _find_reached(rows: ChainRows, begin: int, end: int, floor: float) -> int:
             own[k] = 0.0
         rows.pivot[rank] = own[0]
         rank += 1
-    for i in range(rank, free):
-        for k in range(begin + rank, end):
+    for k in range(begin + rank, end):
+        for i in range(rank, free):
             rows.P[order[i], k] = 0.0
+        for i in range(len(rows.E) if np.isnan(size) else 0):
+            # Whoever solves what is left has to learn of it.
+            rows.E[i, k] = np.nan
     return rank
 
 
@@ -320,11 +323,9 @@ def _compress(rows: ChainRows, begin: int, end: int, floor: float) -> int:
         return end - begin
     for i in range(unknowns):
         row = rows.E[i] if i < fixed - 1 else rows.P[rows.weak[i - fixed + 1]]
-        own, largest = row[begin + rank : end], 0.0
-        for k in range(len(own)):
-            largest = max(largest, abs(own[k]))
+        own = row[begin + rank : end]
         # Written so that NaN is a coefficient.
-        if not largest <= floor:
+        if not _square(own) <= floor * floor:
             _combine(rows, own, begin + rank, i)
             rank += 1
             own = own[1:]
