@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float64
 
-from poise._compiled import compiled, part, view
+from poise._compiled import compiled, view
 from poise.control._reduced._constraint_chain import ConstraintChain, ConstraintChainProblem
 from poise.control._reduced._elimination import recover
 
@@ -38,7 +38,7 @@ def follow(first: ConstraintChainProblem, x: Float64[np.ndarray, " n"]) -> Joine
         x: its solution.
     """
     dv, torque = np.empty(first.nv), np.empty(first.nj)
-    return Joined(dv, torque, _follow(first.block.address, x, dv, torque))
+    return Joined(dv, torque, _join(first.block.address, x, True, dv, torque))
 
 
 def join(
@@ -55,39 +55,25 @@ def join(
     """
     dv, torque = np.empty(first.nv), np.empty(first.nj)
     first.block.chain.dv_u[:] = dv_u
-    return Joined(dv, torque, _join(first.block.address, x, dv, torque))
-
-
-@compiled
-def _follow(
-    address: int,
-    x: Float64[np.ndarray, " n"],
-    dv: Float64[np.ndarray, " nv"],
-    torque: Float64[np.ndarray, " nj"],
-) -> bool:
-    first = view(ConstraintChain, address)
-    recover(first.chain, x)
-    return _put_together(first, x, dv, torque)
+    return Joined(dv, torque, _join(first.block.address, x, False, dv, torque))
 
 
 @compiled
 def _join(
     address: int,
     x: Float64[np.ndarray, " n"],
+    follows: bool,
     dv: Float64[np.ndarray, " nv"],
     torque: Float64[np.ndarray, " nj"],
 ) -> bool:
-    return _put_together(view(ConstraintChain, address), x, dv, torque)
+    """Writes both chains' motion; the unconstrained one's is found before, if it follows.
 
-
-@part
-def _put_together(
-    first: ConstraintChain,
-    x: Float64[np.ndarray, " n"],
-    dv: Float64[np.ndarray, " nv"],
-    torque: Float64[np.ndarray, " nj"],
-) -> bool:
-    """Writes accelerations and torques; whether the unconstrained chain keeps its limits."""
+    Returns:
+        Whether the unconstrained chain keeps its limits.
+    """
+    first = view(ConstraintChain, address)
+    if follows:
+        recover(first.chain, x)
     reduced, base = first.chain.reduced, first.base
     a, u, dv_u, torque_u = reduced.a, reduced.u, first.chain.dv_u, first.torque_u
     for i in range(len(u)):
