@@ -26,7 +26,7 @@ class Eliminated:
 
     def __init__(self, E, P, e, ends):
         self.rows = rows = chain_rows(NR + 1, INSIDE, np.array(ends))
-        rows.E[:], rows.P[:] = np.vstack([E.T, -e]), P.T
+        rows.E[:], rows.P[:], rows.ease[:] = np.vstack([E.T, -e]), P.T, 1.0
         run(rows.address)
         self.used, self.kept, self.left = rows.used, rows.kept, rows.left.tolist()
         chosen, weak = rows.kept_rows[: sum(self.left)], rows.weak[: self.kept]

@@ -22,8 +22,9 @@ RANK_TOLERANCE = 1e-8
 """Pivots smaller than this, relative to the first, are no motion that a task can use."""
 
 WEAK = 1e-2
-"""Pivots smaller than this stay unknowns: eliminated, their inverse squares would be in the energy,
-and a nearly straight arm cost LQP 1 its accuracy."""
+"""What p moves by a unit of energy, over what x moves by one, below which p stays an unknown:
+eliminated, the inverse square would be in the energy, beside one, and a nearly straight arm cost
+LQP 1 its accuracy. A heavy leg moves little, but so does the body that it hangs on."""
 
 ROUNDING = 1e-12
 """Coefficients smaller than this, relative to the largest of their level, are rounding."""
@@ -36,6 +37,7 @@ class ChainRows(Block):
         E: coefficients of y; a column for each row. Overwritten by those of the rows that are left.
         P: coefficients of p; overwritten by those in the coordinates that V turns p into.
         ends: where each level ends; the first entry is zero.
+        ease: inverse inertia of each of x.
         G: how p, so turned, answers: p = -G y. The lower rows are for those p that stay unknowns s.
         V: vectors of the reflections that turn p.
         tau: their factors.
@@ -48,6 +50,7 @@ class ChainRows(Block):
         every: 0, 1, ...: all of E.
         order: scratch: p in the order in which a level's rows determine them.
         pivot: scratch: a level's pivots.
+        moved: scratch: by how much x moves each row by a unit of energy, squared.
         rest: scratch: what is left of a square, for each row or p.
         vector: scratch: a reflection of rows.
         turned: scratch: what a reflection turns.
@@ -57,6 +60,7 @@ class ChainRows(Block):
     E: Float64[np.ndarray, "y m"]
     P: Float64[np.ndarray, "np m"]
     ends: Int64[np.ndarray, " ends"]
+    ease: Float64[np.ndarray, " x"]
     G: Float64[np.ndarray, "y_np np"]
     V: Float64[np.ndarray, "np np"]
     tau: Float64[np.ndarray, " np"]
@@ -69,6 +73,7 @@ class ChainRows(Block):
     every: Int64[np.ndarray, " y"]
     order: Int64[np.ndarray, " np"]
     pivot: Float64[np.ndarray, " m"]
+    moved: Float64[np.ndarray, " m"]
     rest: Float64[np.ndarray, " np_m"]
     vector: Float64[np.ndarray, " m"]
     turned: Float64[np.ndarray, " np_m"]
@@ -85,7 +90,7 @@ def chain_rows(fixed: int, inside: int, ends: Int64[np.ndarray, " ends"]) -> Cha
     """
     m = int(ends[-1])
     sizes = {"y": fixed, "np": inside, "y_np": fixed + inside, "m": m, "np_m": inside + m}
-    sizes["levels"] = len(ends) - 1
+    sizes |= {"levels": len(ends) - 1, "x": fixed - 1}
     return allocate(ChainRows, sizes, ends=ends, every=np.arange(fixed))
 
 
@@ -103,15 +108,17 @@ def eliminate(rows: ChainRows) -> None:
             _largest(rows.P, len(rows.P), begin, end), _largest(rows.E, len(rows.E) - 1, begin, end)
         )
         count = rank = end - begin
+        _find_moved(rows, begin, end)
         # Mostly the freedom left reaches every row, and none has to be combined with others.
         if rank > len(rows.P) - rows.used or not _turn(rows, begin, rank, floor):
             _turn_back(rows)
             rank = _find_reached(rows, begin, end, floor)
             count = rank + _compress(rows, begin + rank, end, floor)
+            _find_moved(rows, begin, begin + rank)
             # Where they reach it with all of the freedom left, there is nothing to choose.
             if rank < len(rows.P) - rows.used:
                 _turn(rows, begin, rank, floor)
-        strong = _count_strong(rows.pivot, rank, floor)
+        strong = _count_strong(rows, rank, floor)
         for k in range(strong, rank):
             _keep(rows, rows.order[k])
         _substitute(rows, begin, strong)
@@ -144,7 +151,7 @@ def answer(rows: ChainRows, y: Float64[np.ndarray, " n"], p: Float64[np.ndarray,
 
 @part
 def _turn(rows: ChainRows, begin: int, rank: int, floor: float) -> bool:
-    """Turns p by reflections that make some rows lower triangular, largest pivots first.
+    """Turns p by reflections that make some rows lower triangular, strongest pivots first.
 
     Args:
         rows: whose p are turned in all of them; these are put in the order of their pivots.
@@ -155,7 +162,8 @@ def _turn(rows: ChainRows, begin: int, rank: int, floor: float) -> bool:
     Returns:
         Whether all pivots are more than rounding.
     """
-    used, inside, P, rest, pivot = rows.used, len(rows.P), rows.P, rows.rest, rows.pivot
+    used, inside, P, pivot = rows.used, len(rows.P), rows.P, rows.pivot
+    rest, moved, smallest, largest = rows.rest, rows.moved, np.inf, 0.0
     for k in range(rank):
         rest[k] = 0.0
     for i in range(used, inside):
@@ -165,11 +173,12 @@ def _turn(rows: ChainRows, begin: int, rank: int, floor: float) -> bool:
     for k in range(rank):
         best = k
         for j in range(k + 1, rank):
-            if rest[j] > rest[best]:
+            if rest[j] * moved[best] > rest[best] * moved[j]:
                 best = j
         if best != k:
             _swap(rows.E, begin + k, begin + best)
             _swap(P, begin + k, begin + best)
+            moved[k], moved[best] = moved[best], moved[k]
             rest[best] = rest[k]
         place = used + k
         for i in range(place, inside):
@@ -182,8 +191,11 @@ def _turn(rows: ChainRows, begin: int, rank: int, floor: float) -> bool:
         for j in range(k + 1, rank):
             rest[j] -= P[place, begin + j] * P[place, begin + j]
         rows.order[k], pivot[k], rows.turns = place, P[place, begin + k], place + 1
-    # Written so that NaN is none.
-    return rank == 0 or pivot[rank - 1] > max(RANK_TOLERANCE * pivot[0], floor)
+        smallest, largest = min(smallest, pivot[k]), max(largest, pivot[k])
+        # Written so that NaN is rounding.
+        if not smallest > max(RANK_TOLERANCE * largest, floor):
+            return False
+    return True
 
 
 @part
@@ -203,11 +215,23 @@ def _swap(X: Float64[np.ndarray, "n m"], a: int, b: int) -> None:
 
 
 @part
-def _count_strong(pivot: Float64[np.ndarray, " m"], rank: int, floor: float) -> int:
-    """How many pivots are strong: the first ones, since they become smaller."""
-    strong = 0
+def _find_moved(rows: ChainRows, begin: int, end: int) -> None:
+    """Finds by how much x moves some rows of a level, one of x after the other."""
+    moved = rows.moved[: end - begin]
+    for k in range(len(moved)):
+        moved[k] = 0.0
+    for i in range(len(rows.ease)):
+        own, ease = rows.E[i, begin:end], rows.ease[i]
+        for k in range(len(moved)):
+            moved[k] += ease * own[k] * own[k]
+
+
+@part
+def _count_strong(rows: ChainRows, rank: int, floor: float) -> int:
+    """How many of a level's first pivots are strong."""
+    strong, pivot = 0, rows.pivot
     # Written so that NaN ends it.
-    while strong < rank and pivot[strong] > max(WEAK * pivot[0], floor):
+    while strong < rank and pivot[strong] > max(WEAK * np.sqrt(rows.moved[strong]), floor):
         strong += 1
     return strong
 

@@ -177,6 +177,8 @@ def _sort_coordinates(chain: Elimination) -> None:
     """Puts coefficients of z and of p where they belong."""
     rows, nz, order = chain.rows, len(chain.centroid), chain.reduced.factors.order
     m = len(chain.second)
+    for i in range(len(rows.ease)):
+        rows.ease[i] = 1.0 / chain.reduced.M[chain.variables[i], chain.variables[i]]
     for i in range(len(order)):
         own = chain.turned[order[i]]
         kept = rows.E[len(chain.seen) + i] if i < nz else rows.P[i - nz]
