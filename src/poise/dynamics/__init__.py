@@ -3,7 +3,6 @@
 from poise.dynamics._chain_coordinates import (
     ChainFactors as ChainFactors,
     from_coordinates as from_coordinates,
-    to_coordinates as to_coordinates,
 )
 from poise.dynamics._dynamics import Dynamics, FrameKinematics as FrameKinematics, RobotState
 from poise.dynamics._motion import (

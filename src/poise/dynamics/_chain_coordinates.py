@@ -69,7 +69,7 @@ def chain_factors(
 @part
 def find_coordinates(
     M_uu: Float64[np.ndarray, "nu nu"],
-    felt: Float64[np.ndarray, "nu k"],
+    rows: Float64[np.ndarray, "nu k"],
     factors: ChainFactors,
     shares: Float64[np.ndarray, " k"],
 ) -> bool:
@@ -77,8 +77,8 @@ def find_coordinates(
 
     Args:
         M_uu: mass matrix of the chains.
-        felt: rows A of the wrench, then others that are combinations of them; overwritten with what
-            maps (z, p), at the places that `ChainFactors.order` gives.
+        rows: rows A of the wrench, then any others that map dv_u; overwritten with rows that map
+            (z, p), at the places that `ChainFactors.order` gives.
         factors: receives the rest.
         shares: scratch.
 
@@ -87,16 +87,16 @@ def find_coordinates(
     """
     if not factor(M_uu, factors.reach, factors.U):
         return False
-    solve_columns(factors.U, factors.reach, felt)
+    solve_columns(factors.U, factors.reach, rows)
     for chain in range(len(factors.chains)):
         first, end = factors.chains[chain]
         for j in range(CENTROID_DIM):
             k, place = CENTROID_DIM * chain + j, first + j
             for i in range(place, end):
-                factors.turned[i] = felt[i, j]
+                factors.turned[i] = rows[i, j]
             v = factors.V[k]
             factors.tau[k] = make_reflection(factors.turned[place:end], v[place:end])
-            reflect_columns(felt, place, end, v, factors.tau[k], shares)
+            reflect_columns(rows, place, end, v, factors.tau[k], shares)
     return True
 
 

@@ -259,41 +259,47 @@ def _reduce(
     h: Float64[np.ndarray, " nv"],
     momentum: Float64[np.ndarray, "six nv"],
 ) -> None:
-    reduce_dynamics(view(ReducedMatrices, address), M, h, momentum)
+    matrices = view(ReducedMatrices, address)
+    reduce_dynamics(matrices, matrices.felt, matrices.shares, M, h, momentum)
 
 
 @part
 def reduce_dynamics(
     matrices: ReducedMatrices,
+    rows: Float64[np.ndarray, "nu k"],
+    shares: Float64[np.ndarray, " k"],
     M: Float64[np.ndarray, "nv nv"],
     h: Float64[np.ndarray, " nv"],
     momentum: Float64[np.ndarray, "six nv"],
 ) -> None:
-    """Computes everything for a state.
+    """Computes everything for a state, and turns the caller's own rows on the way.
 
     Args:
         matrices: overwritten.
+        rows: in its columns rows that map dv_u, which become rows that map (z, p), at the places
+            that `ChainFactors.order` gives; the first columns, as many as `felt` has, are scratch.
+        shares: scratch.
         M: mass matrix of the robot.
         h: its nonlinear effects.
         momentum: A_G.
     """
-    a, felt, factors = matrices.a, matrices.felt, matrices.factors
+    a, factors = matrices.a, matrices.factors
     _copy_blocks(matrices, M, h)
-    if len(felt) == 0:
+    if len(rows) == 0:
         return
     carriers, leading = matrices.carriers, matrices.leading
-    for i in range(len(felt)):
+    for i in range(len(rows)):
         for j in range(leading):
-            felt[i, j] = momentum[j, matrices.u[i]]
+            rows[i, j] = momentum[j, matrices.u[i]]
         for j in range(len(carriers)):
-            felt[i, leading + j] = matrices.M_au[carriers[j], i]
-    if not find_coordinates(matrices.M_uu, felt, factors, matrices.shares):
-        felt[:] = np.nan
+            rows[i, leading + j] = matrices.M_au[carriers[j], i]
+    if not find_coordinates(matrices.M_uu, rows, factors, shares):
+        rows[:] = np.nan
         factors.U[:] = np.nan
     for j in range(len(carriers)):
         i = carriers[j]
         for k in range(len(matrices.M) - len(a)):
-            value = felt[factors.order[k], leading + j]
+            value = rows[factors.order[k], leading + j]
             matrices.M[i, len(a) + k] = matrices.M[len(a) + k, i] = value
 
 

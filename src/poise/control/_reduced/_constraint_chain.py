@@ -14,7 +14,7 @@ from poise.control._reduced._elimination import (
     eliminate_chain,
 )
 from poise.control._strategy import PHYSICS_LEVELS
-from poise.dynamics import Dynamics, Partition, reduce_dynamics
+from poise.dynamics import Dynamics, Partition
 from poise.hqp import HierarchicalProblem
 from poise.robots import Robot
 from poise.stack import Stack
@@ -235,8 +235,7 @@ def _assemble(
 ) -> bool:
     problem = view(ConstraintChain, address)
     chain = problem.chain
-    reduce_dynamics(chain.reduced, M, h, momentum)
-    eliminate_chain(chain)
+    eliminate_chain(chain, M, h, momentum)
     room = problem.shape[0] == chain.rows.kept
     for level in range(len(chain.rows.left)):
         room = room and problem.shape[1 + level] == chain.rows.left[level]

@@ -215,11 +215,10 @@ class ReducedProgram:
 
     def _prepare(self) -> tuple[ConstraintChainProblem, Solver]:
         """LQP 1 as it is where no task loses rank, so that the first tick finds it ready."""
-        self.reduced.update(Dynamics(self._robot))
         # No task is asked: it might take what it finds for its target.
         constant = self.tasks.J.copy()
         self.tasks.J[:] = np.random.default_rng(_TYPICAL).normal(size=constant.shape)
-        self.chain.update()
+        self.chain.update(Dynamics(self._robot))
         self.tasks.J[:] = constant
         pair = self._first_for(self.chain.shape)
         # What is compiled is compiled now, not in the tick that needs another shape.

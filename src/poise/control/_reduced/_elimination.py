@@ -6,7 +6,13 @@ from jaxtyping import Float64, Int64
 from poise._compiled import Block, allocate, compiled, part, say_if_slow, view
 from poise.control._reduced._assignment import AssignedRows
 from poise.control._reduced._eliminate import ChainRows, answer, chain_rows, eliminate
-from poise.dynamics import ReducedDynamics, ReducedMatrices, from_coordinates, to_coordinates
+from poise.dynamics import (
+    Dynamics,
+    ReducedDynamics,
+    ReducedMatrices,
+    from_coordinates,
+    reduce_dynamics,
+)
 
 
 class Elimination(Block):
@@ -25,7 +31,7 @@ class Elimination(Block):
         variables: which variable of LQP 1 each of x = (dv_seen, z) is.
         rows: the second ones, eliminated.
         centroid: coefficients of z of those that move with the centroids; a column for each row.
-        turned: scratch: both, in the coordinates (z, p).
+        turned: scratch: what the carriers feel, then both, in the coordinates (z, p).
         shares: scratch.
         dv_u: acceleration of the unconstrained chain, once it is known.
         y: scratch: (x, 1, s).
@@ -76,7 +82,7 @@ class ChainElimination:
     A task that turns out to move with the centroids alone, N = 0, is left to LQP 1 as it is.
 
     Args:
-        reduced: the reduced dynamics, updated by the caller.
+        reduced: the reduced dynamics, updated on the way.
         rows: the rows of the tasks, updated by the caller.
 
     Attributes:
@@ -87,7 +93,7 @@ class ChainElimination:
         part, seen = reduced.partition, rows.seen
         inside, fixed = part.nu - part.nz, 1 + len(seen) + part.nz
         self._rows = chain_rows(fixed, inside, rows.second_ends)
-        wide = len(rows.second) + len(rows.centroid)
+        wide = len(reduced.matrices.shares) + len(rows.second) + len(rows.centroid)
         self.block = allocate(
             Elimination,
             {"nu": part.nu, "nz": part.nz, "through": len(rows.centroid), "wide": wide}
@@ -105,9 +111,13 @@ class ChainElimination:
             rows=self._rows,
         )
 
-    def update(self) -> None:
-        """Eliminates p for the state of the reduced dynamics and of the tasks."""
-        _eliminate(self.block.address)
+    def update(self, dynamics: Dynamics) -> None:
+        """Reduces the dynamics, and eliminates p for the state of the tasks.
+
+        Args:
+            dynamics: the state, up to date.
+        """
+        _eliminate(self.block.address, dynamics.M, dynamics.h, dynamics.momentum_matrix)
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -133,20 +143,33 @@ def announce() -> None:
 
 
 @compiled
-def _eliminate(address: int) -> None:
-    eliminate_chain(view(Elimination, address))
+def _eliminate(
+    address: int,
+    M: Float64[np.ndarray, "nv nv"],
+    h: Float64[np.ndarray, " nv"],
+    momentum: Float64[np.ndarray, "six nv"],
+) -> None:
+    eliminate_chain(view(Elimination, address), M, h, momentum)
 
 
 @part
-def eliminate_chain(chain: Elimination) -> None:
-    """Eliminates p for the state of the reduced dynamics and of the tasks.
+def eliminate_chain(
+    chain: Elimination,
+    M: Float64[np.ndarray, "nv nv"],
+    h: Float64[np.ndarray, " nv"],
+    momentum: Float64[np.ndarray, "six nv"],
+) -> None:
+    """Reduces the dynamics, and eliminates p for the state of the tasks.
 
     Args:
-        chain: receives what is left.
+        chain: receives what is left; the reduced dynamics are overwritten, too.
+        M: mass matrix of the robot.
+        h: its nonlinear effects.
+        momentum: A_G.
     """
+    _read_rows(chain)
+    reduce_dynamics(chain.reduced, chain.turned, chain.shares, M, h, momentum)
     if len(chain.turned) > 0:
-        _read_rows(chain)
-        to_coordinates(chain.turned, chain.reduced.factors, chain.shares)
         _sort_coordinates(chain)
         eliminate(chain.rows)
 
@@ -155,13 +178,14 @@ def eliminate_chain(chain: Elimination) -> None:
 def _read_rows(chain: Elimination) -> None:
     """Weighted rows, where something moves them; in the rest there is nothing to be read."""
     a, u, X, E = chain.reduced.a, chain.reduced.u, chain.turned, chain.rows.E
+    first = len(chain.reduced.shares)
     X[:] = 0.0
     for k in range(len(chain.second)):
         row = chain.second[k]
         own, weight = chain.J[row], chain.weight[row]
         for at in range(chain.moving_ends[k], chain.moving_ends[k + 1]):
             i = chain.moving[at]
-            X[i, k] = weight * own[u[i]]
+            X[i, first + k] = weight * own[u[i]]
         for i in range(len(chain.seen)):
             E[i, k] = weight * own[a[chain.seen[i]]]
         E[len(E) - 1, k] = -weight * chain.target[row]
@@ -169,24 +193,24 @@ def _read_rows(chain: Elimination) -> None:
     for k in range(len(chain.through)):
         own = chain.J[chain.through[k]]
         for i in range(len(u)):
-            X[i, len(chain.second) + k] = own[u[i]]
+            X[i, first + len(chain.second) + k] = own[u[i]]
 
 
 @part
 def _sort_coordinates(chain: Elimination) -> None:
     """Puts coefficients of z and of p where they belong."""
     rows, nz, order = chain.rows, len(chain.centroid), chain.reduced.factors.order
-    m = len(chain.second)
+    first, m = len(chain.reduced.shares), len(chain.second)
     for i in range(len(rows.ease)):
         rows.ease[i] = 1.0 / chain.reduced.M[chain.variables[i], chain.variables[i]]
     for i in range(len(order)):
         own = chain.turned[order[i]]
         kept = rows.E[len(chain.seen) + i] if i < nz else rows.P[i - nz]
         for k in range(m):
-            kept[k] = own[k]
+            kept[k] = own[first + k]
         if i < nz:
             for k in range(len(chain.through)):
-                chain.centroid[i, k] = own[m + k]
+                chain.centroid[i, k] = own[first + m + k]
 
 
 @compiled
