@@ -40,7 +40,7 @@ def test_vectors_rows_and_columns_are_reflected_alike():
     tau = make_reflection(rng.normal(size=5), v)
     Q, X = matrix_of(v, tau), rng.normal(size=(9, 5))
     columns, one = X.T.copy(), X[1].copy()
-    reflect_columns(columns, 0, 5, v, tau, np.empty(len(X)))
+    reflect_columns(columns, 0, 5, 0, v, tau, np.empty(len(X)))
     reflect(one, v, tau)
     assert columns == pytest.approx(Q @ X.T, abs=1e-14)
     assert one == pytest.approx(Q @ X[1], abs=1e-14)
@@ -56,12 +56,15 @@ def test_a_reflection_of_some_numbers_leaves_the_others():
     rng = np.random.default_rng(1)
     X, v = rng.normal(size=(6, 6)), np.zeros(6)
     tau = make_reflection(rng.normal(size=3), v[2:5])
-    Q, rows, columns = matrix_of(v, tau), X.copy(), X.copy()
+    Q, rows, columns, last = matrix_of(v, tau), X.copy(), X.copy(), X.copy()
     reflect_rows(rows, np.arange(6), 2, v[2:5].copy(), tau)
-    reflect_columns(columns, 2, 5, v, tau, np.empty(6))
+    reflect_columns(columns, 2, 5, 0, v, tau, np.empty(6))
+    reflect_columns(last, 2, 5, 4, v, tau, np.empty(6))
     assert rows == pytest.approx(X @ Q, abs=1e-14)
     assert columns == pytest.approx(Q @ X, abs=1e-14)
     assert np.array_equal(columns[[0, 1, 5]], X[[0, 1, 5]])
+    assert np.array_equal(last[:, :4], X[:, :4])
+    assert np.array_equal(last[:, 4:], columns[:, 4:])
 
 
 def test_compiled_functions_are_plain_functions_underneath():

@@ -11,7 +11,7 @@ from poise._compiled._blocks import Block, allocate, view
 from poise._compiled._compiling import compiled, part, say_if_slow
 from poise._compiled._first_use import functions_of
 from poise._compiled._householder import make_reflection, reflect, reflect_columns, reflect_rows
-from poise._compiled._triangular import factor, solve_columns, solve_transposed, subtract_rows
+from poise._compiled._triangular import factor, solve_columns, solve_transposed
 
 __all__ = [
     "Block",
@@ -27,6 +27,5 @@ __all__ = [
     "say_if_slow",
     "solve_columns",
     "solve_transposed",
-    "subtract_rows",
     "view",
 ]

@@ -6,7 +6,6 @@ import numpy as np
 from jaxtyping import Float64, Int64
 
 from poise._compiled._compiling import compiled
-from poise._compiled._triangular import subtract_rows
 
 
 @compiled
@@ -97,24 +96,30 @@ def reflect_columns(
     X: Float64[np.ndarray, "m n"],
     begin: int,
     end: int,
+    column: int,
     v: Float64[np.ndarray, " m"],
     tau: float,
     shares: Float64[np.ndarray, " n"],
 ) -> None:
-    """X <- (I - tau v v^T) X: reflects every column.
+    """X <- (I - tau v v^T) X: reflects all columns from one on.
 
     Args:
         X: overwritten.
         begin: the first row that v moves.
         end: where they end.
+        column: the first column.
         v: the reflection's vector, with a number for every row.
         tau: and its factor.
         shares: scratch.
     """
-    for i in range(len(shares)):
-        shares[i] = 0.0
-    subtract_rows(shares, v, X, begin, end)
+    total = shares[column:]
+    for i in range(len(total)):
+        total[i] = 0.0
     for k in range(begin, end):
-        row, share = X[k], tau * v[k]
-        for i in range(len(shares)):
-            row[i] += share * shares[i]
+        row, factor = X[k, column:], v[k]
+        for i in range(len(total)):
+            total[i] += factor * row[i]
+    for k in range(begin, end):
+        row, factor = X[k, column:], tau * v[k]
+        for i in range(len(total)):
+            row[i] -= factor * total[i]

@@ -57,9 +57,11 @@ def solve_columns(
         X: overwritten.
     """
     for i in range(len(U) - 1, -1, -1):
-        row = X[i]
-        subtract_rows(row, U[i], X, i + 1, reach[i])
-        scale = 1.0 / U[i, i]
+        row, scale = X[i], 1.0 / U[i, i]
+        for k in range(i + 1, reach[i]):
+            other, share = X[k], U[i, k]
+            for column in range(len(row)):
+                row[column] -= share * other[column]
         for column in range(len(row)):
             row[column] *= scale
 
@@ -79,26 +81,3 @@ def solve_transposed(
         x[i] /= U[i, i]
         for k in range(i + 1, reach[i]):
             x[k] -= U[i, k] * x[i]
-
-
-@compiled
-def subtract_rows(
-    x: Float64[np.ndarray, " m"],
-    factors: Float64[np.ndarray, " n"],
-    X: Float64[np.ndarray, "n m"],
-    begin: int,
-    end: int,
-) -> None:
-    """X <- x - sum of factors[k] X[k].
-
-    Args:
-        x: overwritten; none of the rows.
-        factors: of all rows of X.
-        X: the rows.
-        begin: the first of them that counts.
-        end: where they end.
-    """
-    for k in range(begin, end):
-        row, share = X[k], factors[k]
-        for i in range(len(x)):
-            x[i] -= share * row[i]

@@ -96,7 +96,7 @@ def find_coordinates(
                 factors.turned[i] = rows[i, j]
             v = factors.V[k]
             factors.tau[k] = make_reflection(factors.turned[place:end], v[place:end])
-            reflect_columns(rows, place, end, v, factors.tau[k], shares)
+            reflect_columns(rows, place, end, j, v, factors.tau[k], shares)
     return True
 
 
@@ -116,7 +116,7 @@ def to_coordinates(
         first, end = factors.chains[chain]
         for j in range(CENTROID_DIM):
             k = CENTROID_DIM * chain + j
-            reflect_columns(X, first + j, end, factors.V[k], factors.tau[k], shares)
+            reflect_columns(X, first + j, end, 0, factors.V[k], factors.tau[k], shares)
 
 
 @part

@@ -108,10 +108,10 @@ def test_of_a_level_no_more_rows_are_left_than_unknowns(ends):
 
 @pytest.mark.parametrize("ends", [[0, 3], [0, 3, 9], [0, 9]])
 def test_what_the_chain_hardly_moves_stays_unknown(ends):
-    """Eliminated, a thousandth of a motion would take a thousand times as much of it."""
+    """Eliminated, what is a ten-thousandth of the rest would take ten thousand times as much."""
     rng, E, P, e = system(2, ends[-1])
     U, size, V = np.linalg.svd(P[: ends[1]], full_matrices=False)
-    size[-1] = 1e-3 * size[0]
+    size[-1] = 1e-4 * size[0]
     P[: ends[1]] = U * size @ V
     found = Eliminated(E, P, e, ends)
     assert found.kept == 1

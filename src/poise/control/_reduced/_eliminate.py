@@ -26,6 +26,9 @@ WEAK = 1e-2
 eliminated, the inverse square would be in the energy, beside one, and a nearly straight arm cost
 LQP 1 its accuracy. A heavy leg moves little, but so does the body that it hangs on."""
 
+GOOD = 10.0 * WEAK
+"""From here on a row is as good as the best, and need not change places with it."""
+
 ROUNDING = 1e-12
 """Coefficients smaller than this, relative to the largest of their level, are rounding."""
 
@@ -111,7 +114,7 @@ def eliminate(rows: ChainRows) -> None:
         _find_moved(rows, begin, end)
         # Mostly the freedom left reaches every row, and none has to be combined with others.
         if rank > len(rows.P) - rows.used or not _turn(rows, begin, rank, floor):
-            _turn_back(rows)
+            _turn_back(rows, begin)
             rank = _find_reached(rows, begin, end, floor)
             count = rank + _compress(rows, begin + rank, end, floor)
             _find_moved(rows, begin, begin + rank)
@@ -151,7 +154,7 @@ def answer(rows: ChainRows, y: Float64[np.ndarray, " n"], p: Float64[np.ndarray,
 
 @part
 def _turn(rows: ChainRows, begin: int, rank: int, floor: float) -> bool:
-    """Turns p by reflections that make some rows lower triangular, strongest pivots first.
+    """Turns p by reflections that make some rows lower triangular, weak pivots last.
 
     Args:
         rows: whose p are turned in all of them; these are put in the order of their pivots.
@@ -172,9 +175,11 @@ def _turn(rows: ChainRows, begin: int, rank: int, floor: float) -> bool:
             rest[k] += own[k] * own[k]
     for k in range(rank):
         best = k
-        for j in range(k + 1, rank):
-            if rest[j] * moved[best] > rest[best] * moved[j]:
-                best = j
+        # Weak pivots come last; among good ones the order does not matter.
+        if not rest[k] > GOOD * GOOD * moved[k]:
+            for j in range(k + 1, rank):
+                if rest[j] * moved[best] > rest[best] * moved[j]:
+                    best = j
         if best != k:
             _swap(rows.E, begin + k, begin + best)
             _swap(P, begin + k, begin + best)
@@ -185,9 +190,9 @@ def _turn(rows: ChainRows, begin: int, rank: int, floor: float) -> bool:
             rows.turned[i] = P[i, begin + k]
         v = rows.V[place]
         rows.tau[place] = make_reflection(rows.turned[place:inside], v[place:])
-        reflect_columns(P, place, inside, v, rows.tau[place], rows.shares)
         for i in range(place, inside):
             P[i, begin + k] = rows.turned[i]
+        reflect_columns(P, place, inside, begin + k + 1, v, rows.tau[place], rows.shares)
         for j in range(k + 1, rank):
             rest[j] -= P[place, begin + j] * P[place, begin + j]
         rows.order[k], pivot[k], rows.turns = place, P[place, begin + k], place + 1
@@ -199,11 +204,12 @@ def _turn(rows: ChainRows, begin: int, rank: int, floor: float) -> bool:
 
 
 @part
-def _turn_back(rows: ChainRows) -> None:
-    """Takes back how p was turned for a level, if it was."""
+def _turn_back(rows: ChainRows, begin: int) -> None:
+    """Takes back how p was turned for a level that begins with a row, if it was."""
     while rows.turns > rows.used:
         place = rows.turns - 1
-        reflect_columns(rows.P, place, len(rows.P), rows.V[place], rows.tau[place], rows.shares)
+        v = rows.V[place]
+        reflect_columns(rows.P, place, len(rows.P), begin, v, rows.tau[place], rows.shares)
         rows.turns = place
 
 
