@@ -1,8 +1,11 @@
 """The elimination of `ChainElimination`, compiled.
 
 Rows of tasks stand in columns, side by side, so that what is done to an unknown is done to all rows
-in one pass. One of a level's rows may be any combination of its rows that Q^T, orthogonal, makes of
-them: what a level misses is as long, whichever way it is turned.
+in one pass. Reflections make a level's rows triangular in p, in one of two ways:
+
+    P <- V^T P                  where they reach less than all p that are left; V turns p
+    [E; P] <- [E; P] U          of the level alone, where they are more than that, or depend on each
+                                other; what it misses is as long, whichever way its rows are turned
 """
 
 import numpy as np

@@ -90,13 +90,13 @@ class ChainElimination:
     """
 
     def __init__(self, reduced: ReducedDynamics, rows: AssignedRows) -> None:
-        part, seen = reduced.partition, rows.seen
-        inside, fixed = part.nu - part.nz, 1 + len(seen) + part.nz
+        chains, seen = reduced.partition, rows.seen
+        inside, fixed = chains.nu - chains.nz, 1 + len(seen) + chains.nz
         self._rows = chain_rows(fixed, inside, rows.second_ends)
         wide = len(reduced.matrices.shares) + len(rows.second) + len(rows.centroid)
         self.block = allocate(
             Elimination,
-            {"nu": part.nu, "nz": part.nz, "through": len(rows.centroid), "wide": wide}
+            {"nu": chains.nu, "nz": chains.nz, "through": len(rows.centroid), "wide": wide}
             | {"y_np": fixed + inside},
             reduced=reduced.matrices,
             J=rows.J,
@@ -107,7 +107,7 @@ class ChainElimination:
             moving_ends=rows.moving_ends,
             seen=seen,
             through=rows.centroid,
-            variables=np.concatenate((seen, np.arange(part.na, part.nr))),
+            variables=np.concatenate((seen, np.arange(chains.na, chains.nr))),
             rows=self._rows,
         )
 
