@@ -200,10 +200,8 @@ def _turn(rows: ChainRows, begin: int, rank: int, floor: float) -> bool:
             rest[j] -= P[place, begin + j] * P[place, begin + j]
         rows.order[k], pivot[k], rows.turns = place, P[place, begin + k], place + 1
         smallest, largest = min(smallest, pivot[k]), max(largest, pivot[k])
-        # Written so that NaN is rounding.
-        if not smallest > max(RANK_TOLERANCE * largest, floor):
-            return False
-    return True
+    # Written so that NaN is rounding.
+    return smallest > max(RANK_TOLERANCE * largest, floor)
 
 
 @part
