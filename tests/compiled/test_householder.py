@@ -38,14 +38,33 @@ def test_vectors_rows_and_columns_are_reflected_alike():
     rng = np.random.default_rng(0)
     v = np.zeros(5)
     tau = make_reflection(rng.normal(size=5), v)
-    Q, X = matrix_of(v, tau), rng.normal(size=(3, 5))
-    rows, columns, one = X.copy(), X.T.copy(), X[1].copy()
-    reflect_rows(rows, v, tau)
-    reflect_columns(columns, v, tau, np.empty(4))
+    Q, X = matrix_of(v, tau), rng.normal(size=(9, 5))
+    columns, one = X.T.copy(), X[1].copy()
+    reflect_columns(columns, 0, 5, 0, v, tau, np.empty(len(X)))
     reflect(one, v, tau)
-    assert rows == pytest.approx(X @ Q, abs=1e-14)
     assert columns == pytest.approx(Q @ X.T, abs=1e-14)
     assert one == pytest.approx(Q @ X[1], abs=1e-14)
+    for count in range(len(X) + 1):
+        chosen, rows = rng.permutation(len(X))[:count], X.copy()
+        reflect_rows(rows, chosen, 0, v, tau)
+        assert rows[chosen] == pytest.approx(X[chosen] @ Q, abs=1e-14)
+        others = np.setdiff1d(np.arange(len(X)), chosen)
+        assert np.array_equal(rows[others], X[others])
+
+
+def test_a_reflection_of_some_numbers_leaves_the_others():
+    rng = np.random.default_rng(1)
+    X, v = rng.normal(size=(6, 6)), np.zeros(6)
+    tau = make_reflection(rng.normal(size=3), v[2:5])
+    Q, rows, columns, last = matrix_of(v, tau), X.copy(), X.copy(), X.copy()
+    reflect_rows(rows, np.arange(6), 2, v[2:5].copy(), tau)
+    reflect_columns(columns, 2, 5, 0, v, tau, np.empty(6))
+    reflect_columns(last, 2, 5, 4, v, tau, np.empty(6))
+    assert rows == pytest.approx(X @ Q, abs=1e-14)
+    assert columns == pytest.approx(Q @ X, abs=1e-14)
+    assert np.array_equal(columns[[0, 1, 5]], X[[0, 1, 5]])
+    assert np.array_equal(last[:, :4], X[:, :4])
+    assert np.array_equal(last[:, 4:], columns[:, 4:])
 
 
 def test_compiled_functions_are_plain_functions_underneath():

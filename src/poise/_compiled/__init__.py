@@ -14,13 +14,14 @@ from poise._compiled._ahead import (
     compiling_told,
     find_unkept,
     names_of,
+    usable_cores,
 )
 from poise._compiled._blocks import Block, allocate, view
 from poise._compiled._compiling import compiled, compiled_for_threads, part, say_if_slow
 from poise._compiled._first_use import clear_bar, draw_bar, functions_of
 from poise._compiled._householder import make_reflection, reflect, reflect_columns, reflect_rows
 from poise._compiled._leading import factor_leading, solve_leading, solve_lower
-from poise._compiled._triangular import factor, solve_rows, solve_transposed
+from poise._compiled._triangular import factor, solve_columns, solve_transposed
 
 __all__ = [
     "Block",
@@ -43,9 +44,10 @@ __all__ = [
     "reflect_columns",
     "reflect_rows",
     "say_if_slow",
+    "solve_columns",
     "solve_leading",
     "solve_lower",
-    "solve_rows",
     "solve_transposed",
+    "usable_cores",
     "view",
 ]

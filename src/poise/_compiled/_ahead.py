@@ -121,3 +121,10 @@ def _functions() -> list[Any]:
 
 def _name(function: Any) -> str:
     return f"{function.py_func.__module__}.{function.py_func.__qualname__}"
+
+
+def usable_cores() -> int:
+    """Cores that this process may run on."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1

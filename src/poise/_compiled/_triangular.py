@@ -1,48 +1,83 @@
-"""Cholesky factor and triangular solves of small matrices, in place."""
+"""Cholesky factor and triangular solves of small matrices, in place.
+
+Matrices are those of trees: between numbers of two branches there are zeros. `reach[i]` says where
+the numbers of the tree that hangs on number i end; they stand together behind i. A matrix without
+zeros is that of a chain, with its own size as the reach of every number.
+"""
+
+from math import sqrt
 
 import numpy as np
-from jaxtyping import Float64
+from jaxtyping import Float64, Int64
 
 from poise._compiled._compiling import compiled
-from poise._compiled._leading import factor_leading, solve_lower, solve_lower_transposed
 
 
 @compiled
-def factor(A: Float64[np.ndarray, "n n"], L: Float64[np.ndarray, "n n"]) -> bool:
-    """Cholesky factor A = L L^T of a symmetric positive definite matrix.
+def factor(
+    A: Float64[np.ndarray, "n n"], reach: Int64[np.ndarray, " n"], U: Float64[np.ndarray, "n n"]
+) -> bool:
+    """Upper factor A = U U^T of a symmetric positive definite matrix.
+
+    Begun at the leaves it has zeros wherever A has them between branches.
 
     Args:
-        A: its lower triangle is read.
-        L: receives the factor; what is above its diagonal becomes zero.
+        A: its upper triangle is read.
+        reach: where the tree on each number ends.
+        U: receives the factor; what is below its diagonal and between branches is left as it is.
 
     Returns:
-        Whether A is positive definite; False for NaN, too. If not, L is of no use.
+        Whether A is positive definite; False for NaN, too. If not, U is of no use.
     """
-    n = len(A)
-    for i in range(n):
-        for j in range(n):
-            L[i, j] = A[i, j] if j <= i else 0.0
-    return factor_leading(L, n)
+    for j in range(len(A) - 1, -1, -1):
+        rest = A[j, j]
+        for k in range(j + 1, reach[j]):
+            rest -= U[j, k] * U[j, k]
+        if not rest > 0.0:
+            return False
+        U[j, j] = sqrt(rest)
+        for i in range(j):
+            if reach[i] > j:
+                rest = A[i, j]
+                for k in range(j + 1, reach[j]):
+                    rest -= U[i, k] * U[j, k]
+                U[i, j] = rest / U[j, j]
+    return True
 
 
 @compiled
-def solve_rows(L: Float64[np.ndarray, "n n"], X: Float64[np.ndarray, "m n"]) -> None:
-    """X <- X L^-T: every row x becomes the solution y of L y = x.
+def solve_columns(
+    U: Float64[np.ndarray, "n n"], reach: Int64[np.ndarray, " n"], X: Float64[np.ndarray, "n m"]
+) -> None:
+    """X <- U^-1 X.
 
     Args:
-        L: lower triangular.
+        U: of `factor`.
+        reach: of `factor`.
         X: overwritten.
     """
-    for row in range(len(X)):
-        solve_lower(L, 0, len(L), X[row])
+    for i in range(len(U) - 1, -1, -1):
+        row, scale = X[i], 1.0 / U[i, i]
+        for k in range(i + 1, reach[i]):
+            other, share = X[k], U[i, k]
+            for column in range(len(row)):
+                row[column] -= share * other[column]
+        for column in range(len(row)):
+            row[column] *= scale
 
 
 @compiled
-def solve_transposed(L: Float64[np.ndarray, "n n"], x: Float64[np.ndarray, " n"]) -> None:
-    """X <- L^-T x.
+def solve_transposed(
+    U: Float64[np.ndarray, "n n"], reach: Int64[np.ndarray, " n"], x: Float64[np.ndarray, " n"]
+) -> None:
+    """X <- U^-T x.
 
     Args:
-        L: lower triangular.
+        U: of `factor`.
+        reach: of `factor`.
         x: overwritten.
     """
-    solve_lower_transposed(L, len(L), x)
+    for i in range(len(U)):
+        x[i] /= U[i, i]
+        for k in range(i + 1, reach[i]):
+            x[k] -= U[i, k] * x[i]

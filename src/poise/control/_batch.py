@@ -1,6 +1,5 @@
 """`Batch`: many states of one stack, solved by compiled code on several threads."""
 
-import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from threading import Lock
@@ -9,7 +8,15 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float64, Int8, Int64
 
-from poise._compiled import Block, compiled, compiled_for_threads, part, say_if_slow, view
+from poise._compiled import (
+    Block,
+    compiled,
+    compiled_for_threads,
+    part,
+    say_if_slow,
+    usable_cores,
+    view,
+)
 from poise.control._command import Commands, CommandStatus
 from poise.control._fallback import Fallback
 from poise.control._full_problem import FullProblem, answer, fill
@@ -65,7 +72,7 @@ class Batch:
             for contact in self._stack.contacts:
                 contact.advance(states[0].time)
         chunks = [slice(i, min(i + CHUNK, len(states))) for i in range(0, len(states), CHUNK)]
-        wanted = min(threads or _processors(), max(len(chunks), 1))
+        wanted = min(threads or usable_cores(), max(len(chunks), 1))
         lanes = self._lanes_for(self._stack.active_contacts, wanted)
         answers, holding = self._answers_for(len(states), lanes[0]), lanes[0].holding_tasks()
         # Tasks and targets are there only once, so one thread at a time takes states up.
@@ -136,13 +143,6 @@ class Batch:
             },
             residuals=residuals,
         )
-
-
-def _processors() -> int:
-    """How many processors this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 class Answers(NamedTuple):
@@ -256,6 +256,9 @@ class _Lane:
             work.address,
             changes,
         )
+        # What is compiled is compiled now, for the first batch may have no state of use.
+        gather(self._places, self._packed[0])
+        self.solve(slice(0, 0), _no_answers())
 
     def holding_tasks(self) -> list[Owner]:
         """Tasks without a target, which hold what the robot does in each state."""
@@ -400,6 +403,12 @@ def _begin(work: Work, sides: Int8[np.ndarray, " nm"]) -> None:
     for k in range(len(sides)):
         rows.side[k] = sides[k]
         rows.sign_free[k] = rows.locked[k] = rows.needed_by[k] = rows.factored[k] = 0
+
+
+def _no_answers() -> Answers:
+    matrix = np.zeros((0, 0))
+    sides, found = np.zeros((0, 0), dtype=np.int8), np.zeros(0, dtype=np.int64)
+    return Answers(sides, matrix, matrix, matrix, found)
 
 
 def _places(numbers: Sequence[Float64[np.ndarray, " _"]]) -> list[Numbers]:

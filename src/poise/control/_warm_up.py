@@ -1,7 +1,6 @@
 """`warm_up`: compiles ahead what controllers need, in several processes where there are cores."""
 
 import multiprocessing
-import os
 import signal
 from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
@@ -11,8 +10,16 @@ from dataclasses import dataclass
 from time import perf_counter
 from typing import Any
 
-from poise._compiled import check_kept, code_folder, compiling_told, find_unkept, names_of
+from poise._compiled import (
+    check_kept,
+    code_folder,
+    compiling_told,
+    find_unkept,
+    names_of,
+    usable_cores,
+)
 from poise.control._make import CONTROLLERS, ControllerPlan, check_plan, make_controller
+from poise.control._whole_body import WholeBodyController
 from poise.hqp import make_solver
 from poise.robots import load_robot
 
@@ -83,13 +90,6 @@ class WarmUp:
     folder: str
 
 
-def usable_cores() -> int:
-    """Cores that this process may run on."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
-
-
 def warm_up(
     controllers: Sequence[str] = tuple(CONTROLLERS),
     *,
@@ -130,7 +130,10 @@ def warm_up(
     # What all of them need, what no process compiled, and all where none could be started.
     with compiling_told(told):
         for plan in plans:
-            make_controller(load_robot(_ROBOT), None, plan)
+            controller = make_controller(load_robot(_ROBOT), None, plan)
+            if isinstance(controller, WholeBodyController) and plan.strategy == "direct":
+                # The solver of many states compiles when it is first asked.
+                controller.solve_batch([])
     check_kept(done)
     return WarmUp(
         controllers=tuple(controllers),

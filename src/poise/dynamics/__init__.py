@@ -3,7 +3,6 @@
 from poise.dynamics._chain_coordinates import (
     ChainFactors as ChainFactors,
     from_coordinates as from_coordinates,
-    to_coordinates as to_coordinates,
 )
 from poise.dynamics._dynamics import Dynamics, FrameKinematics as FrameKinematics, RobotState
 from poise.dynamics._motion import (
@@ -26,7 +25,11 @@ from poise.dynamics._partition import (
     Partitions,
     Selection as Selection,
 )
-from poise.dynamics._reduction import ReducedDynamics
+from poise.dynamics._reduction import (
+    ReducedDynamics,
+    ReducedMatrices as ReducedMatrices,
+    reduce_dynamics as reduce_dynamics,
+)
 from poise.dynamics._trajectory import Quintic as Quintic, least_jerk
 from poise.dynamics._vectors import (
     rotation_vector as rotation_vector,

@@ -1,23 +1,25 @@
 """Coordinates of a free chain in which its inertia is one, and its centroid comes first.
 
-With M_uu = L L^T and the rows A of the wrench that the chain puts on its body, reflections Q make
-A L^-T Q lower triangular. In the coordinates Q^T L^T dv_u = (z, p) the wrench is that of z alone,
+With M_uu = U U^T and the rows A of the wrench that the chain puts on its body, reflections Q make
+A U^-T Q lower triangular. In the coordinates Q^T U^T dv_u = (z, p) the wrench is that of z alone,
 and the energy dv_u^T M_uu dv_u is |z|^2 + |p|^2. See `ReducedDynamics` for the equations; here they
-are compiled. Neither L^-1 nor Q is ever made.
-"""
+are compiled. Neither U^-1 nor Q is ever made.
 
-from typing import NamedTuple
+Rows that map dv_u stand in the columns of a matrix, side by side, so that one pass turns them all.
+"""
 
 import numpy as np
 from jaxtyping import Float64, Int64
 
 from poise._compiled import (
-    compiled,
+    Block,
+    allocate,
     factor,
     make_reflection,
+    part,
     reflect,
-    reflect_rows,
-    solve_rows,
+    reflect_columns,
+    solve_columns,
     solve_transposed,
 )
 
@@ -25,103 +27,99 @@ CENTROID_DIM = 6
 """Coordinates of a centroid, that is of a wrench. Chains of no more joints gain nothing by one."""
 
 
-class ChainFactors(NamedTuple):
+class ChainFactors(Block):
     """What the coordinates are made of, for all free chains of a robot together.
 
     Attributes:
         chains: where each chain's joints begin and end in `u`.
         order: for each of the coordinates (z, p), its place while reflecting: a centroid takes
             the first six places of its chain.
-        L: Cholesky factor of M_uu.
-        V: the reflections' vectors, each from its own place on.
+        reach: where the joints that hang on each joint end in `u`.
+        U: factor of M_uu, zero between branches.
+        V: the reflections' vectors.
         tau: the reflections' factors.
+        turned: scratch, for the vector that a reflection turns.
     """
 
-    chains: Int64[np.ndarray, "chains 2"]
+    chains: Int64[np.ndarray, "chains ends"]
     order: Int64[np.ndarray, " nu"]
-    L: Float64[np.ndarray, "nu nu"]
+    reach: Int64[np.ndarray, " nu"]
+    U: Float64[np.ndarray, "nu nu"]
     V: Float64[np.ndarray, "nz nu"]
     tau: Float64[np.ndarray, " nz"]
-
-    @classmethod
-    def allocate(cls, chains: Int64[np.ndarray, "chains 2"]) -> "ChainFactors":
-        """Room for the chains of a robot.
-
-        Args:
-            chains: where each begins and ends in `u`.
-        """
-        starts = chains[:, :1] + np.arange(CENTROID_DIM)
-        nu = int(chains[-1, 1]) if len(chains) else 0
-        inside = np.setdiff1d(np.arange(nu), starts)
-        nz = starts.size
-        return cls(
-            chains=chains,
-            order=np.concatenate((starts.ravel(), inside)),
-            L=np.zeros((nu, nu)),
-            V=np.zeros((nz, nu)),
-            tau=np.zeros(nz),
-        )
+    turned: Float64[np.ndarray, " nu"]
 
 
-@compiled
+def chain_factors(
+    chains: Int64[np.ndarray, "chains 2"], reach: Int64[np.ndarray, " nu"]
+) -> ChainFactors:
+    """Room for the chains of a robot.
+
+    Args:
+        chains: where each begins and ends in `u`.
+        reach: where the joints that hang on each joint end in `u`.
+    """
+    starts = chains[:, :1] + np.arange(CENTROID_DIM)
+    inside = np.setdiff1d(np.arange(len(reach)), starts)
+    sizes = {"nu": len(reach), "nz": starts.size}
+    order = np.concatenate((starts.ravel(), inside))
+    return allocate(ChainFactors, sizes, chains=chains, order=order, reach=reach)
+
+
+@part
 def find_coordinates(
     M_uu: Float64[np.ndarray, "nu nu"],
-    A: Float64[np.ndarray, "six nu"],
-    coupled: Float64[np.ndarray, "k nu"],
+    rows: Float64[np.ndarray, "nu k"],
     factors: ChainFactors,
+    shares: Float64[np.ndarray, " k"],
 ) -> bool:
     """Factors M_uu and turns each chain's wrench into its centroid.
 
     Args:
         M_uu: mass matrix of the chains.
-        A: wrenches of the chains' motion; overwritten.
-        coupled: further rows that are combinations of them, in v's coordinates; overwritten with
-            what maps (z, p), at the places that `ChainFactors.order` gives.
+        rows: rows A of the wrench, then any others that map dv_u; overwritten with rows that map
+            (z, p), at the places that `ChainFactors.order` gives.
         factors: receives the rest.
+        shares: scratch.
 
     Returns:
         Whether M_uu is positive definite.
     """
-    chains, _, L, V, tau = factors
-    if not factor(M_uu, L):
+    if not factor(M_uu, factors.reach, factors.U):
         return False
-    solve_rows(L, A)
-    solve_rows(L, coupled)
-    for chain in range(len(chains)):
-        first, end = chains[chain]
+    solve_columns(factors.U, factors.reach, rows)
+    for chain in range(len(factors.chains)):
+        first, end = factors.chains[chain]
         for j in range(CENTROID_DIM):
             k, place = CENTROID_DIM * chain + j, first + j
-            v = V[k, : end - place]
-            tau[k] = make_reflection(A[j, place:end], v)
-            reflect_rows(A[j + 1 :, place:end], v, tau[k])
-            reflect_rows(coupled[:, place:end], v, tau[k])
+            for i in range(place, end):
+                factors.turned[i] = rows[i, j]
+            v = factors.V[k]
+            factors.tau[k] = make_reflection(factors.turned[place:end], v[place:end])
+            reflect_columns(rows, place, end, j, v, factors.tau[k], shares)
     return True
 
 
-@compiled
+@part
 def to_coordinates(
-    X: Float64[np.ndarray, "m nu"], factors: ChainFactors, out: Float64[np.ndarray, "m nu"]
+    X: Float64[np.ndarray, "nu m"], factors: ChainFactors, shares: Float64[np.ndarray, " m"]
 ) -> None:
-    """Rows that map dv_u become rows that map (z, p): [X Jbar_z, X N_z].
+    """Rows that map dv_u become rows that map (z, p), [X Jbar_z, X N_z], in place.
 
     Args:
-        X: overwritten.
+        X: the rows, in its columns; coordinates take the places that `ChainFactors.order` gives.
         factors: the coordinates.
-        out: receives the rows.
+        shares: scratch.
     """
-    chains, order, L, V, tau = factors
-    solve_rows(L, X)
-    for chain in range(len(chains)):
-        first, end = chains[chain]
+    solve_columns(factors.U, factors.reach, X)
+    for chain in range(len(factors.chains)):
+        first, end = factors.chains[chain]
         for j in range(CENTROID_DIM):
-            k, place = CENTROID_DIM * chain + j, first + j
-            reflect_rows(X[:, place:end], V[k, : end - place], tau[k])
-    for row in range(len(X)):
-        for i in range(len(order)):
-            out[row, i] = X[row, order[i]]
+            k = CENTROID_DIM * chain + j
+            reflect_columns(X, first + j, end, 0, factors.V[k], factors.tau[k], shares)
 
 
-@compiled
+@part
 def from_coordinates(
     zp: Float64[np.ndarray, " nu"], factors: ChainFactors, out: Float64[np.ndarray, " nu"]
 ) -> None:
@@ -132,12 +130,11 @@ def from_coordinates(
         factors: the coordinates' own.
         out: receives dv_u.
     """
-    chains, order, L, V, tau = factors
-    for i in range(len(order)):
-        out[order[i]] = zp[i]
-    for chain in range(len(chains)):
-        first, end = chains[chain]
+    for i in range(len(zp)):
+        out[factors.order[i]] = zp[i]
+    for chain in range(len(factors.chains)):
+        first, end = factors.chains[chain]
         for j in range(CENTROID_DIM - 1, -1, -1):
             k, place = CENTROID_DIM * chain + j, first + j
-            reflect(out[place:end], V[k, : end - place], tau[k])
-    solve_transposed(L, out)
+            reflect(out[place:end], factors.V[k, place:end], factors.tau[k])
+    solve_transposed(factors.U, factors.reach, out)

@@ -3,17 +3,49 @@
 import numpy as np
 from jaxtyping import Float64, Int64
 
-from poise._compiled import compiled
+from poise._compiled import Block, allocate, compiled, part, view
 from poise.dynamics._chain_coordinates import (
     CENTROID_DIM,
     ChainFactors,
+    chain_factors,
     find_coordinates,
-    from_coordinates,
     to_coordinates,
 )
 from poise.dynamics._dynamics import Dynamics
 from poise.dynamics._partition import Partition
 from poise.robots import Robot
+
+
+class ReducedMatrices(Block):
+    """What compiled code reads and writes of a `ReducedDynamics`, which says what the names mean.
+
+    Attributes:
+        a: coordinates of the virtual and the constraint chain and kept joints.
+        u: coordinates of the unconstrained chain.
+        carriers: places in `a` of the coordinates that carry a free chain; no others feel it.
+        M: of the reduced robot.
+        M_au: block of the robot's mass matrix.
+        M_uu: block of the robot's mass matrix.
+        h_a: nonlinear effects.
+        h_u: nonlinear effects.
+        factors: what turns motions of u into z and what is left.
+        leading: how many rows of A_G are felt, where there is no base that feels them.
+        felt: scratch: what is felt of dv_u, in A_G and then by all carriers; a column for each.
+        shares: scratch.
+    """
+
+    a: Int64[np.ndarray, " na"]
+    u: Int64[np.ndarray, " nu"]
+    carriers: Int64[np.ndarray, " carriers"]
+    M: Float64[np.ndarray, "nr nr"]
+    M_au: Float64[np.ndarray, "na nu"]
+    M_uu: Float64[np.ndarray, "nu nu"]
+    h_a: Float64[np.ndarray, " na"]
+    h_u: Float64[np.ndarray, " nu"]
+    factors: ChainFactors
+    leading: int
+    felt: Float64[np.ndarray, "nu felt"]
+    shares: Float64[np.ndarray, " felt"]
 
 
 class ReducedDynamics:
@@ -24,12 +56,12 @@ class ReducedDynamics:
     `A` is `M[base, u]`, I_G,uc bJ_G,uc of the paper up to the point of reference; on a fixed base
     it is the chain's part of the centroidal momentum matrix. With the factors
 
-        M_uu = L L^T       A L^-T = R^T Q^T      Q^T Q = I
+        M_uu = U U^T       A U^-T = R^T Q^T      Q^T Q = I
 
-    the centroid's coordinates are z = Q^T L^T dv_u, and y = R^T z. They are better than y itself:
+    the centroid's coordinates are z = Q^T U^T dv_u, and y = R^T z. They are better than y itself:
     their weight in the energy is the identity, where that of y, (A M_uu^-1 A^T)^-1, is infinite for
-    a wrench that the chain cannot make, as a straight arm cannot. With `J_z = Q^T L^T` and
-    `Jbar_z = L^-T Q` (their product J_z Jbar_z is the identity, and Jbar_z makes z with the least
+    a wrench that the chain cannot make, as a straight arm cannot. With `J_z = Q^T U^T` and
+    `Jbar_z = U^-T Q` (their product J_z Jbar_z is the identity, and Jbar_z makes z with the least
     energy) and C = M_au Jbar_z, all of this is exact:
 
         z           = J_z dv_u
@@ -44,10 +76,10 @@ class ReducedDynamics:
     dv_u = Jbar_z z. So a problem that asks nothing else of the unconstrained chain has the same
     solution in (dv_a, z) with the cost M_r as in dv with the cost M.
 
-    One Cholesky factor of M_uu is all there is to invert. It exists wherever the robot cannot
-    move without inertia, which is checked when a robot is loaded: joints that carry no mass but
-    have a rotor are no trouble. Otherwise, and where the state is not finite, the numbers
-    of the centroids are NaN, which every solver refuses. Nothing raises.
+    One Cholesky factor of M_uu is all there is to invert, and it has no entry between branches. It
+    exists wherever the robot cannot move without inertia, which is checked when a robot is loaded:
+    joints that carry no mass but have a rotor are no trouble. Otherwise, and where the state is not
+    finite, the numbers of the centroids are NaN, which every solver refuses. Nothing raises.
 
     Args:
         robot: the robot.
@@ -63,25 +95,35 @@ class ReducedDynamics:
         M_uu: block of the robot's mass matrix.
         h_a: nonlinear effects of a [N, N m].
         h_u: nonlinear effects of u [N m].
-        factors: what turns motions of u into z and what is left, `to_coordinates`.
+        matrices: the same memory for compiled code.
     """
 
     def __init__(self, robot: Robot, partition: Partition) -> None:
         self.partition = part = partition
-        na, nu = part.na, part.nu
-        self.M: Float64[np.ndarray, "nr nr"] = np.eye(part.nr)
+        carriers = _carriers(robot, part)
+        # On a floating base A is what the base feels, and the base is among the carriers.
+        leading = 0 if robot.floating_base else CENTROID_DIM
+        ends = [(chain.u.start, chain.u.stop) for chain in part.chains]
+        chains = np.array(ends, dtype=np.int64).reshape(-1, 2)
+        sizes = {"na": part.na, "nu": part.nu, "felt": leading + len(carriers)}
+        self.matrices = matrices = allocate(
+            ReducedMatrices,
+            sizes,
+            a=part.a.index,
+            u=part.u.index,
+            carriers=carriers,
+            M=np.eye(part.nr),
+            factors=chain_factors(chains, _reach(robot, part)),
+            leading=leading,
+        )
+        na = part.na
+        self.M: Float64[np.ndarray, "nr nr"] = matrices.M
         self.M_aa: Float64[np.ndarray, "na na"] = self.M[:na, :na]
         self.C: Float64[np.ndarray, "na nz"] = self.M[:na, na:]
-        self.M_au: Float64[np.ndarray, "na nu"] = np.zeros((na, nu))
-        self.M_uu: Float64[np.ndarray, "nu nu"] = np.zeros((nu, nu))
-        self.h_a: Float64[np.ndarray, " na"] = np.zeros(na)
-        self.h_u: Float64[np.ndarray, " nu"] = np.zeros(nu)
-        ends = [(chain.u.start, chain.u.stop) for chain in part.chains]
-        self.factors = ChainFactors.allocate(np.array(ends, dtype=np.int64).reshape(-1, 2))
-        self._has_base = robot.floating_base
-        self._coupled = _carriers(robot, part)
-        self._A = np.zeros((CENTROID_DIM, nu))
-        self._X = np.zeros((len(self._coupled), nu))
+        self.M_au: Float64[np.ndarray, "na nu"] = matrices.M_au
+        self.M_uu: Float64[np.ndarray, "nu nu"] = matrices.M_uu
+        self.h_a: Float64[np.ndarray, " na"] = matrices.h_a
+        self.h_u: Float64[np.ndarray, " nu"] = matrices.h_u
 
     def update(self, dynamics: Dynamics) -> None:
         """Computes everything for a state, in place.
@@ -89,20 +131,7 @@ class ReducedDynamics:
         Args:
             dynamics: the state, up to date.
         """
-        part = self.partition
-        if not part.chains:
-            part.a.block(part.a, dynamics.M, self.M_aa)
-            part.a.entries(dynamics.h, self.h_a)
-            return
-        _reduce(
-            dynamics.M,
-            dynamics.h,
-            dynamics.M[:CENTROID_DIM] if self._has_base else dynamics.momentum_matrix,
-            (part.a.index, part.u.index, self._coupled),
-            (self.M, self.M_au, self.M_uu, self.h_a, self.h_u),
-            self.factors,
-            (self._A, self._X),
-        )
+        _reduce(self.matrices.address, dynamics.M, dynamics.h, dynamics.momentum_matrix)
 
     @property
     def Jbar_z(self) -> Float64[np.ndarray, "nu nz"]:
@@ -137,11 +166,7 @@ class ReducedDynamics:
         """
         part = self.partition
         part.a.columns(jacobian, out)
-        if part.chains:
-            rows = np.empty((len(jacobian), part.nu))
-            part.u.columns(jacobian, rows)
-            to_coordinates(rows, self.factors, coordinates := np.empty_like(rows))
-            out[:, part.na :] = coordinates[:, : part.nz]
+        out[:, part.na :] = jacobian[:, part.u.index].dot(self.Jbar_z)
 
     def reduce(self, dv: Float64[np.ndarray, " nv"]) -> Float64[np.ndarray, " nr"]:
         """Acceleration of the reduced robot, (dv_a, z), of an acceleration of the robot.
@@ -201,11 +226,9 @@ class ReducedDynamics:
 
     def _basis(self) -> Float64[np.ndarray, "nu nu"]:
         """[Jbar_z, N_z]."""
-        basis = np.empty_like(self.M_uu)
-        for column, unit in zip(basis.T, np.eye(len(basis)), strict=True):
-            from_coordinates(unit, self.factors, dv_u := np.empty(len(unit)))
-            column[:] = dv_u
-        return basis
+        turned = np.eye(len(self.M_uu))
+        _turn(self.matrices.address, turned, np.empty(len(turned)))
+        return turned[self.matrices.factors.order].T
 
 
 def _carriers(robot: Robot, partition: Partition) -> Int64[np.ndarray, " k"]:
@@ -218,49 +241,90 @@ def _carriers(robot: Robot, partition: Partition) -> Int64[np.ndarray, " k"]:
     return np.flatnonzero(np.isin(partition.a.index, sorted(carrying)))
 
 
-_Index = tuple[Int64[np.ndarray, " na"], Int64[np.ndarray, " nu"], Int64[np.ndarray, " k"]]
-_Matrices = tuple[
-    Float64[np.ndarray, "nr nr"],
-    Float64[np.ndarray, "na nu"],
-    Float64[np.ndarray, "nu nu"],
-    Float64[np.ndarray, " na"],
-    Float64[np.ndarray, " nu"],
-]
+def _reach(robot: Robot, partition: Partition) -> Int64[np.ndarray, " nu"]:
+    """Where what hangs on each joint of the free chains ends in `u`: it stands behind the joint."""
+    index, model = partition.u.index, robot.model
+    trees = [set(robot.model.subtrees[j].tolist()) for j in range(model.njoints)]
+    joint_of = np.repeat(np.arange(model.njoints), model.nvs.tolist())[index]
+    return np.array(
+        [max(k for k, j in enumerate(joint_of) if j in trees[joint]) + 1 for joint in joint_of],
+        dtype=np.int64,
+    )
 
 
 @compiled
 def _reduce(
+    address: int,
     M: Float64[np.ndarray, "nv nv"],
     h: Float64[np.ndarray, " nv"],
-    wrench: Float64[np.ndarray, "six nv"],
-    index: _Index,
-    matrices: _Matrices,
-    factors: ChainFactors,
-    scratch: tuple[Float64[np.ndarray, "six nu"], Float64[np.ndarray, "k nu"]],
+    momentum: Float64[np.ndarray, "six nv"],
 ) -> None:
-    a, u, coupled = index
-    M_r, M_au, M_uu, h_a, h_u = matrices
-    A, X = scratch
-    na, nu = len(a), len(u)
-    for i in range(na):
-        h_a[i] = h[a[i]]
-        for j in range(na):
-            M_r[i, j] = M[a[i], a[j]]
-        for j in range(nu):
-            M_au[i, j] = M[a[i], u[j]]
-    for i in range(nu):
-        h_u[i] = h[u[i]]
-        for j in range(nu):
-            M_uu[i, j] = M[u[i], u[j]]
-        for j in range(CENTROID_DIM):
-            A[j, i] = wrench[j, u[i]]
-        for j in range(len(coupled)):
-            X[j, i] = M_au[coupled[j], i]
-    sound = find_coordinates(M_uu, A, X, factors)
-    if not sound:
-        X[:] = np.nan
-        factors.L[:] = np.nan
-    for i in range(len(coupled)):
-        for k in range(len(M_r) - na):
-            value = X[i, factors.order[k]]
-            M_r[coupled[i], na + k] = M_r[na + k, coupled[i]] = value
+    matrices = view(ReducedMatrices, address)
+    reduce_dynamics(matrices, matrices.felt, matrices.shares, M, h, momentum)
+
+
+@part
+def reduce_dynamics(
+    matrices: ReducedMatrices,
+    rows: Float64[np.ndarray, "nu k"],
+    shares: Float64[np.ndarray, " k"],
+    M: Float64[np.ndarray, "nv nv"],
+    h: Float64[np.ndarray, " nv"],
+    momentum: Float64[np.ndarray, "six nv"],
+) -> None:
+    """Computes everything for a state, and turns the caller's own rows on the way.
+
+    Args:
+        matrices: overwritten.
+        rows: in its columns rows that map dv_u, which become rows that map (z, p), at the places
+            that `ChainFactors.order` gives; the first columns, as many as `felt` has, are scratch.
+        shares: scratch.
+        M: mass matrix of the robot.
+        h: its nonlinear effects.
+        momentum: A_G.
+    """
+    a, factors = matrices.a, matrices.factors
+    _copy_blocks(matrices, M, h)
+    if len(rows) == 0:
+        return
+    carriers, leading = matrices.carriers, matrices.leading
+    for i in range(len(rows)):
+        for j in range(leading):
+            rows[i, j] = momentum[j, matrices.u[i]]
+        for j in range(len(carriers)):
+            rows[i, leading + j] = matrices.M_au[carriers[j], i]
+    if not find_coordinates(matrices.M_uu, rows, factors, shares):
+        rows[:] = np.nan
+        factors.U[:] = np.nan
+    for j in range(len(carriers)):
+        i = carriers[j]
+        for k in range(len(matrices.M) - len(a)):
+            value = rows[factors.order[k], leading + j]
+            matrices.M[i, len(a) + k] = matrices.M[len(a) + k, i] = value
+
+
+@part
+def _copy_blocks(
+    matrices: ReducedMatrices, M: Float64[np.ndarray, "nv nv"], h: Float64[np.ndarray, " nv"]
+) -> None:
+    """Copies blocks of the robot's, but for zeros between branches and where nothing is carried."""
+    a, u, reach = matrices.a, matrices.u, matrices.factors.reach
+    for i in range(len(a)):
+        own, kept = M[a[i]], matrices.M[i]
+        matrices.h_a[i] = h[a[i]]
+        for j in range(len(a)):
+            kept[j] = own[a[j]]
+    for i in matrices.carriers:
+        own, kept = M[a[i]], matrices.M_au[i]
+        for j in range(len(u)):
+            kept[j] = own[u[j]]
+    for i in range(len(u)):
+        own, kept = M[u[i]], matrices.M_uu[i]
+        matrices.h_u[i] = h[u[i]]
+        for j in range(i, reach[i]):
+            kept[j] = matrices.M_uu[j, i] = own[u[j]]
+
+
+@compiled
+def _turn(address: int, X: Float64[np.ndarray, "nu m"], shares: Float64[np.ndarray, " m"]) -> None:
+    to_coordinates(X, view(ReducedMatrices, address).factors, shares)

@@ -185,3 +185,14 @@ def test_sizes_are_those_of_the_small_problem(get_robot):
     assert whole.size[0] == 39 + 12
     assert reduced.size[0] == 18 + 6 + 12
     assert reduced.size[1] < whole.size[1]
+
+
+def test_lqp_1_does_not_grow_with_the_joints_of_the_free_chain(get_robot):
+    """A posture of all joints leaves as many rows as the body and the centroids have unknowns."""
+    sizes = []
+    for name in ("humanoid33", "humanoid45"):
+        robot = get_robot(name)
+        controller = ReducedController(robot)
+        assert controller.step(near_home(robot, 0, spread=0.02, speed=0.02)).status.ok
+        sizes.append(controller.strategy.current.first.problem.size)
+    assert sizes[0] == sizes[1]

@@ -30,12 +30,14 @@ class Assignment:
         first: rows that the reduced robot decides: LQP 1.
         second: rows that need the unconstrained chain's own joints: LQP 2, which knows the rest.
         through_centroids: whether the first rows move with the centroids, too.
+        movers: for each of the second rows, coordinates of `v` that may move it.
     """
 
     task: Task
     first: Int64[np.ndarray, " m1"]
     second: Int64[np.ndarray, " m2"]
     through_centroids: bool = False
+    movers: tuple[set[int], ...] = ()
 
 
 def assign(task: Task, robot: Robot, partition: Partition) -> Assignment:
@@ -59,9 +61,10 @@ def assign(task: Task, robot: Robot, partition: Partition) -> Assignment:
         return Assignment(task=task, first=rows, second=none, through_centroids=True)
     if isinstance(task, JointTask):
         names = robot.joint_names if task.joints is None else task.joints
-        free = set(partition.unconstrained)
-        in_u = np.array([name in free for name in names], dtype=np.bool_)
-        return Assignment(task=task, first=rows[~in_u], second=rows[in_u])
+        moved = [robot.base_dofs + robot.joint_index(name) for name in names]
+        in_u = np.isin(moved, partition.u.index)
+        movers = tuple({moved[row]} for row in rows[in_u])
+        return Assignment(task=task, first=rows[~in_u], second=rows[in_u], movers=movers)
     if isinstance(task, FrameTask):
         needed = _movers(robot, task.frame)
     elif isinstance(task, RelativeFrameTask):
@@ -70,7 +73,7 @@ def assign(task: Task, robot: Robot, partition: Partition) -> Assignment:
         # Nothing is known of it but its rows, which may need anything.
         needed = set(range(robot.nv))
     if needed & set(partition.u.index.tolist()):
-        return Assignment(task=task, first=none, second=rows)
+        return Assignment(task=task, first=none, second=rows, movers=(needed,) * task.dim)
     return Assignment(task=task, first=rows, second=none)
 
 
@@ -99,6 +102,9 @@ class AssignedRows:
         centroid: those of them that move with the centroids.
         second: the rows that need the unconstrained chain's own joints.
         second_ends: where each level ends among those; the first entry is zero.
+        seen: places in `a` of the coordinates that may move any of them.
+        moving: places in `u` of the coordinates that may move each of them, one after the other.
+        moving_ends: where those of each end; the first entry is zero.
     """
 
     def __init__(self, rows: StackRows, robot: Robot, partition: Partition) -> None:
@@ -111,14 +117,22 @@ class AssignedRows:
         first: list[int] = []
         second: list[int] = []
         centroid: list[int] = []
+        movers: list[set[int]] = []
         second_ends, row = [0], 0
         for level in self.levels:
             for a in level:
                 first += (row + a.first).tolist()
                 centroid += (row + a.first).tolist() if a.through_centroids else []
                 second += (row + a.second).tolist()
+                movers += a.movers
                 row += a.task.dim
             second_ends.append(len(second))
         self.first, self.centroid, self.second, self.second_ends = (
             np.array(index, dtype=np.int64) for index in (first, centroid, second, second_ends)
         )
+        self.seen: Int64[np.ndarray, " seen"] = np.flatnonzero(
+            np.isin(partition.a.index, sorted(set().union(*movers)))
+        )
+        moving = [np.flatnonzero(np.isin(partition.u.index, sorted(own))) for own in movers]
+        self.moving: Int64[np.ndarray, " k"] = np.concatenate([np.arange(0), *moving])
+        self.moving_ends: Int64[np.ndarray, " ends"] = np.cumsum([0, *map(len, moving)])

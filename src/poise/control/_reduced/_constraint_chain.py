@@ -5,16 +5,69 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float64, Int64
 
-from poise._compiled import compiled
+from poise._compiled import Block, compiled, part, view
 from poise.control._full_problem import WRENCH_COST
 from poise.control._reduced._assignment import AssignedRows
-from poise.control._reduced._eliminate import Eliminated
-from poise.control._reduced._elimination import ChainElimination
+from poise.control._reduced._elimination import (
+    ChainElimination,
+    Elimination,
+    eliminate_chain,
+)
 from poise.control._strategy import PHYSICS_LEVELS
-from poise.dynamics import ReducedDynamics
+from poise.dynamics import Dynamics, Partition
 from poise.hqp import HierarchicalProblem
 from poise.robots import Robot
 from poise.stack import Stack
+
+
+class ConstraintChain(Block):
+    """What compiled code reads and writes of a `ConstraintChainProblem`.
+
+    Attributes:
+        chain: the unconstrained chain, eliminated.
+        J_c: coefficients of dv of the contacts' rows.
+        contact_target: their right-hand sides.
+        wrench_lower: bounds of all wrenches [N, N m].
+        wrench_upper: upper ones.
+        tau_min: torque limits [N m].
+        tau_max: upper ones.
+        dv_min: bounds of joint accelerations [rad/s^2].
+        dv_max: upper ones.
+        first: rows of the tasks that LQP 1 decides.
+        places: rows of the problem for them, then for what the unconstrained chain leaves.
+        centroid: the place of each of them among those that move with the centroids, or -1.
+        A: of the problem.
+        lower: of the problem.
+        upper: of the problem.
+        weights: of the problem.
+        H: of the problem.
+        g: of the problem.
+        shape: how many unknowns s and how many rows in each level there is room for.
+        torque_u: scratch: torques of the unconstrained chain [N m].
+        base: number of base coordinates.
+    """
+
+    chain: Elimination
+    J_c: Float64[np.ndarray, "w nv"]
+    contact_target: Float64[np.ndarray, " w"]
+    wrench_lower: Float64[np.ndarray, " w"]
+    wrench_upper: Float64[np.ndarray, " w"]
+    tau_min: Float64[np.ndarray, " nj"]
+    tau_max: Float64[np.ndarray, " nj"]
+    dv_min: Float64[np.ndarray, " nj"]
+    dv_max: Float64[np.ndarray, " nj"]
+    first: Int64[np.ndarray, " first"]
+    places: Int64[np.ndarray, " places"]
+    centroid: Int64[np.ndarray, " first"]
+    A: Float64[np.ndarray, "m n"]
+    lower: Float64[np.ndarray, " nm"]
+    upper: Float64[np.ndarray, " nm"]
+    weights: Float64[np.ndarray, " nm"]
+    H: Float64[np.ndarray, "n n"]
+    g: Float64[np.ndarray, " n"]
+    shape: Int64[np.ndarray, " shape"]
+    torque_u: Float64[np.ndarray, " nu"]
+    base: int
 
 
 class ConstraintChainProblem:
@@ -39,12 +92,15 @@ class ConstraintChainProblem:
         robot: the robot.
         stack: contacts, limits and tasks, bound to the robot.
         tasks: the rows of the stack and which of them are for LQP 1.
-        reduced: the reduced dynamics for these contacts, updated by the caller.
-        shape: how many unknowns s and how many rows in each level the unconstrained chain leaves
-            over, `ChainElimination.shape`.
+        partition: the chains for these contacts.
+        chain: the unconstrained chain, eliminated by the caller; how many unknowns s and how many
+            rows in each level it leaves now is what this problem has room for.
 
     Attributes:
         problem: the hierarchical problem, filled by `fill`.
+        block: the same memory for compiled code.
+        nv: number of coordinates of the robot.
+        nj: number of its joints.
     """
 
     def __init__(
@@ -52,59 +108,66 @@ class ConstraintChainProblem:
         robot: Robot,
         stack: Stack,
         tasks: AssignedRows,
-        reduced: ReducedDynamics,
-        shape: Sequence[int],
+        partition: Partition,
+        chain: ChainElimination,
     ) -> None:
-        self._stack, self._rows, self._tasks = stack, tasks.stack_rows, tasks
-        self._reduced = reduced
-        part = reduced.partition
+        self._tasks, self._rows = tasks, (rows := tasks.stack_rows)
         self._base = base = robot.base_dofs
-        kept, *left = shape
-        self._motion = motion = slice(0, part.nr + kept)
-        self._joints = part.a.index[base:] - base
-        self.problem = problem = self._allocate([robot.joint_names[i] for i in self._joints], left)
-        self._label_bounds([robot.joint_names[i] for i in self._joints], part.nz + kept)
-        wrench_dim, touch = self._rows.contact_rows.stop, problem.level(1)
+        self.nv, self.nj = robot.nv, robot.nj
+        kept, *left = chain.shape
+        self._motion = motion = slice(0, partition.nr + kept)
+        joints = [robot.joint_names[i] for i in partition.a.index[base:] - base]
+        self.problem = problem = self._allocate(joints, left)
+        self._label_bounds(joints, partition.nz + kept)
+        wrench_dim, touch = rows.contact_rows.stop, problem.level(1)
         problem.H[motion.stop :, motion.stop :] = WRENCH_COST * np.eye(wrench_dim)
         # Constant: the cones stand in the contacts' own frames.
-        touch.A[wrench_dim:, motion.stop :] = self._rows.cone
+        touch.A[wrench_dim:, motion.stop :] = rows.cone
         touch.lower[wrench_dim:], touch.upper[wrench_dim:] = -np.inf, 0.0
-        self._contact_target = touch.lower[:wrench_dim], touch.upper[:wrench_dim]
-        self._wrench_bounds = problem.x_lower[motion.stop :], problem.x_upper[motion.stop :]
-        self._index = part.a.index, tasks.first, self._places(tasks, left), self._centroid(tasks)
+        torque, joint = stack.torque_limit, stack.joint_limit
+        self.block = ConstraintChain(
+            chain=chain.block,
+            J_c=rows.J[rows.contact_rows],
+            contact_target=rows.target[rows.contact_rows],
+            wrench_lower=rows.wrench_lower,
+            wrench_upper=rows.wrench_upper,
+            tau_min=torque.lower,
+            tau_max=torque.upper,
+            dv_min=joint.lower,
+            dv_max=joint.upper,
+            first=tasks.first,
+            places=self._places(tasks, left),
+            centroid=self._centroid(tasks),
+            A=problem.A,
+            lower=problem.lower,
+            upper=problem.upper,
+            weights=problem.weights,
+            H=problem.H,
+            g=problem.g,
+            shape=np.array(chain.shape),
+            torque_u=np.zeros(partition.nu),
+            base=base,
+        )
 
-    def fill(self, chain: ChainElimination) -> None:
-        """Writes one state's rows into the problem.
+    def assemble(self, dynamics: Dynamics) -> bool:
+        """Reduces the dynamics, eliminates the unconstrained chain, and fills the problem.
 
         Args:
-            chain: the unconstrained chain, with as many rows left as told; it, the reduced dynamics
-                and the stack's rows are up to date.
+            dynamics: the state, up to date; the stack's rows are so, too.
+
+        Returns:
+            Whether there is room for what is left; where there is not, nothing is filled.
         """
-        problem, rows, tasks = self.problem, self._rows, self._tasks
-        for bound in self._contact_target:
-            bound[:] = rows.target[rows.contact_rows]
-        lower, upper = self._wrench_bounds
-        lower[:], upper[:] = rows.wrench_lower, rows.wrench_upper
-        torque, joint = self._stack.torque_limit, self._stack.joint_limit
-        _fill(
-            self._index,
-            (self._reduced.M, self._reduced.h_a, rows.J[rows.contact_rows]),
-            (tasks.J, tasks.target, tasks.weight),
-            (chain.out, chain.used, chain.kept, chain.centroid_rows),
-            (torque.lower, torque.upper, joint.lower, joint.upper),
-            self._base,
-            (problem.A, problem.lower, problem.upper, problem.weights, problem.H, problem.g),
-        )
+        momentum = dynamics.momentum_matrix
+        return _assemble(self.block.address, dynamics.M, dynamics.h, momentum)
+
+    def fill(self) -> None:
+        """Writes one state's rows into the problem; all that they are made of is up to date."""
+        _fill(self.block.address)
 
     def acceleration(self, x: Float64[np.ndarray, " n"]) -> Float64[np.ndarray, " k"]:
         """What a solution decides of the accelerations: (dv_a, z, s)."""
         return x[self._motion]
-
-    def torque(self, x: Float64[np.ndarray, " n"]) -> Float64[np.ndarray, " k"]:
-        """Torques of the joints of `a` in a solution [N m]; the base's rows, near zero, first."""
-        torque = self.problem.level(0).A.dot(x)
-        torque += self._reduced.h_a
-        return torque
 
     def wrenches(self, x: Float64[np.ndarray, " n"]) -> dict[str, Float64[np.ndarray, " m"]]:
         """Wrench at each active contact in a solution, by the contact's name [N, N m]."""
@@ -145,10 +208,10 @@ class ConstraintChainProblem:
         """Rows of the problem for the tasks' first rows, then those for what the levels leave."""
         firsts: list[int] = []
         leftovers: list[int] = []
-        for view, level, k in zip(
+        for of_level, level, k in zip(
             self.problem.levels[PHYSICS_LEVELS:], tasks.levels, left, strict=True
         ):
-            row = view.slice.start
+            row = of_level.slice.start
             for assignment in level:
                 count = len(assignment.first)
                 firsts += range(row, row + count)
@@ -163,90 +226,118 @@ class ConstraintChainProblem:
         return places
 
 
-_Index = tuple[
-    Int64[np.ndarray, " na"],
-    Int64[np.ndarray, " first"],
-    Int64[np.ndarray, " places"],
-    Int64[np.ndarray, " first"],
-]
-_Robot = tuple[
-    Float64[np.ndarray, "nr nr"], Float64[np.ndarray, " na"], Float64[np.ndarray, "w nv"]
-]
-_Chain = tuple[Eliminated, int, int, Float64[np.ndarray, "centroid nu"]]
-_Limits = tuple[
-    Float64[np.ndarray, " nj"],
-    Float64[np.ndarray, " nj"],
-    Float64[np.ndarray, " nj"],
-    Float64[np.ndarray, " nj"],
-]
-_Problem = tuple[
-    Float64[np.ndarray, "m n"],
-    Float64[np.ndarray, " nm"],
-    Float64[np.ndarray, " nm"],
-    Float64[np.ndarray, " nm"],
-    Float64[np.ndarray, "n n"],
-    Float64[np.ndarray, " n"],
-]
+@compiled
+def _assemble(
+    address: int,
+    M: Float64[np.ndarray, "nv nv"],
+    h: Float64[np.ndarray, " nv"],
+    momentum: Float64[np.ndarray, "six nv"],
+) -> bool:
+    problem = view(ConstraintChain, address)
+    chain = problem.chain
+    eliminate_chain(chain, M, h, momentum)
+    room = problem.shape[0] == chain.rows.kept
+    for level in range(len(chain.rows.left)):
+        room = room and problem.shape[1 + level] == chain.rows.left[level]
+    if room:
+        _fill_all(problem)
+    return room
 
 
 @compiled
-def _fill(
-    index: _Index,
-    robot: _Robot,
-    tasks: tuple[Float64[np.ndarray, "t nv"], Float64[np.ndarray, " t"], Float64[np.ndarray, " t"]],
-    chain: _Chain,
-    limits: _Limits,
-    base: int,
-    problem: _Problem,
-) -> None:
-    a, first, places, centroid = index
-    M_r, h_a, J_c = robot
-    J, target, weight = tasks
-    eliminated, used, kept, centroid_rows = chain
-    tau_min, tau_max, dv_min, dv_max = limits
-    A, lower, upper, weights, H, g = problem
-    na, nr, n = len(a), len(M_r), len(g)
-    motion, nz = nr + kept, nr - na
-    # Level 1: [M_aa C] [dv_a; z] - J_c,a^T F.
+def _fill(address: int) -> None:
+    _fill_all(view(ConstraintChain, address))
+
+
+@part
+def _fill_all(problem: ConstraintChain) -> None:
+    _fill_physics(problem)
+    _fill_tasks(problem)
+    _fill_cost(problem)
+
+
+@part
+def _fill_physics(problem: ConstraintChain) -> None:
+    """Levels 1 and 2, and bounds."""
+    reduced, J_c, base = problem.chain.reduced, problem.J_c, problem.base
+    a, M, h_a, A = reduced.a, reduced.M, reduced.h_a, problem.A
+    na, n, contacts = len(a), len(problem.g), len(J_c)
+    motion = n - contacts
+    lower, upper = problem.lower, problem.upper
     for i in range(na):
-        for j in range(nr):
-            A[i, j] = M_r[i, j]
-        for j in range(len(J_c)):
-            A[i, motion + j] = -J_c[j, a[i]]
+        own, row = M[i], A[i]
+        for j in range(len(own)):
+            row[j] = own[j]
+        for j in range(contacts):
             A[na + j, i] = J_c[j, a[i]]
+            row[motion + j] = -J_c[j, a[i]]
         joint = a[i] - base
         if joint < 0:
             lower[n + i] = upper[n + i] = -h_a[i]
         else:
-            lower[n + i] = tau_min[joint] - h_a[i]
-            upper[n + i] = tau_max[joint] - h_a[i]
-            lower[i], upper[i] = dv_min[joint], dv_max[joint]
-    # Tasks of the reduced robot.
+            lower[n + i] = problem.tau_min[joint] - h_a[i]
+            upper[n + i] = problem.tau_max[joint] - h_a[i]
+            lower[i], upper[i] = problem.dv_min[joint], problem.dv_max[joint]
+    for j in range(contacts):
+        lower[n + na + j] = upper[n + na + j] = problem.contact_target[j]
+        lower[motion + j] = problem.wrench_lower[j]
+        upper[motion + j] = problem.wrench_upper[j]
+
+
+@part
+def _fill_tasks(problem: ConstraintChain) -> None:
+    """Tasks of the reduced robot, then what tasks of the unconstrained chain leave."""
+    chain, first, places, A = problem.chain, problem.first, problem.places, problem.A
+    rows, a, n = chain.rows, chain.reduced.a, len(problem.g)
+    nr = len(chain.reduced.M)
+    lower, upper = problem.lower, problem.upper
     for k in range(len(first)):
-        row, place = first[k], places[k]
-        for i in range(na):
-            A[place, i] = J[row, a[i]]
-        if centroid[k] >= 0:
-            for i in range(nz):
-                A[place, na + i] = centroid_rows[centroid[k], i]
-        lower[n + place] = upper[n + place] = target[row]
-        weights[n + place] = weight[row]
-    # What tasks of the unconstrained chain leave.
+        own, row, place = chain.J[first[k]], A[places[k]], n + places[k]
+        for i in range(len(a)):
+            row[i] = own[a[i]]
+        if problem.centroid[k] >= 0:
+            for i in range(len(chain.centroid)):
+                row[len(a) + i] = chain.centroid[i, problem.centroid[k]]
+        lower[place] = upper[place] = chain.target[first[k]]
+        problem.weights[place] = chain.weight[first[k]]
     for k in range(len(places) - len(first)):
-        place = places[len(first) + k]
-        for i in range(motion):
-            A[place, i] = eliminated.rows[k, i]
-        lower[n + place] = upper[n + place] = eliminated.values[k]
-    # The energy of the reduced robot, and |c - G x|^2 / 2 of the motion inside the chain.
-    G, c = eliminated.G, eliminated.c
-    for i in range(motion):
+        place, own = places[len(first) + k], rows.kept_rows[k]
+        row = A[place]
+        for i in range(len(chain.variables)):
+            row[chain.variables[i]] = rows.E[i, own]
+        for i in range(rows.kept):
+            row[nr + i] = rows.P[rows.weak[i], own]
+        lower[n + place] = upper[n + place] = -rows.E[len(chain.variables), own]
+
+
+@part
+def _fill_cost(problem: ConstraintChain) -> None:
+    """The energy of the reduced robot, and |c - G x|^2 / 2 of the motion inside the chain."""
+    chain, H, g = problem.chain, problem.H, problem.g
+    rows, M = chain.rows, chain.reduced.M
+    nr, fixed = len(M), len(chain.variables)
+    for i in range(nr + rows.kept):
+        row = H[i]
+        for j in range(nr + rows.kept):
+            row[j] = M[i, j] if i < nr and j < nr else 0.0
         g[i] = 0.0
-        for j in range(motion):
-            H[i, j] = M_r[i, j] if i < nr and j < nr else 0.0
-    for k in range(used):
-        for i in range(motion):
-            factor = G[k, i]
-            if factor != 0.0:
-                g[i] -= factor * c[k]
-                for j in range(motion):
-                    H[i, j] += factor * G[k, j]
+    for i in range(fixed + rows.kept):
+        one = rows.G[_row_of(chain, i)]
+        at = chain.variables[i] if i < fixed else nr + i - fixed
+        for j in range(i + 1):
+            other, total = rows.G[_row_of(chain, j)], 0.0
+            to = chain.variables[j] if j < fixed else nr + j - fixed
+            for k in range(rows.used):
+                total += one[k] * other[k]
+            H[at, to] += total
+            H[to, at] = H[at, to]
+        # Where x ends there is -c.
+        for k in range(rows.used):
+            g[at] += one[k] * rows.G[fixed, k]
+
+
+@part
+def _row_of(chain: Elimination, i: int) -> int:
+    """The row of G for one of (x, s)."""
+    fixed = len(chain.variables)
+    return i if i < fixed else fixed + 1 + chain.rows.weak[i - fixed]

@@ -13,10 +13,8 @@ from poise.control._full_problem import FullProblem
 from poise.control._reduced._assignment import AssignedRows
 from poise.control._reduced._constraint_chain import ConstraintChainProblem
 from poise.control._reduced._elimination import ChainElimination, announce
-from poise.control._reduced._unconstrained_chain import (
-    ChainJoining,
-    UnconstrainedChainProblem,
-)
+from poise.control._reduced._joining import follow, join
+from poise.control._reduced._unconstrained_chain import UnconstrainedChainProblem
 from poise.control._strategy import PHYSICS_LEVELS, Answer, Programs, bound_stack, solver_maker
 from poise.control._whole_body import FullProgram
 from poise.dynamics import Dynamics, Partition, Partitions, ReducedDynamics
@@ -87,7 +85,6 @@ class ReducedProgram:
         self._solved = self._used_second = False
         self.whole = FullProgram(FullProblem(robot, stack, contacts), make_solver())
         self._solved_whole, self._whole_ticks = False, 0
-        self._joining = ChainJoining(robot.base_dofs, self.reduced, stack)
         self._current = self._prepare()
         if partition.nu:
             self.second = UnconstrainedChainProblem(robot, stack, self.tasks, self.reduced)
@@ -137,11 +134,10 @@ class ReducedProgram:
         if self._solved_whole:
             self.whole.assemble(dynamics)
             return
-        self.reduced.update(dynamics)
         self.rows.update(dynamics)
-        self.chain.update()
-        self._current = self._first_for(self.chain.shape)
-        self.first.fill(self.chain)
+        if not self.first.assemble(dynamics):
+            self._current = self._first_for(self.chain.shape)
+            self.first.fill()
 
     def solve(self) -> Answer:
         """Solves what was assembled; nothing raises on numbers."""
@@ -151,16 +147,15 @@ class ReducedProgram:
             return self.whole.solve()
         problem, solver = self._current
         status = solver.run(problem.problem)
-        point = solver.x.copy()
-        x, torque_a = problem.acceleration(point), problem.torque(point)
-        joined = self._joining.join(x, torque_a, self.chain.recover(x))
+        x = solver.x.copy()
+        joined = follow(problem, x)
         physics = solver.relative_residuals[:PHYSICS_LEVELS]
         levels = self.rows.measure(joined.acceleration)[1:].tolist()
         if self.second is not None and status.ok and not joined.within:
             self.second.fill(x[: self.reduced.partition.nr])
             second, self._used_second = self._second_solver, True
             found = second.run(self.second.problem)
-            free, joined = joined.acceleration, self._joining.join(x, torque_a, second.x)
+            free, joined = joined.acceleration, join(problem, x, second.x)
             costs = max(second.relative_residuals[:PHYSICS_LEVELS])
             bounded = self.rows.measure(joined.acceleration)[1:].tolist()
             costs = max([costs, *(b - f for f, b in zip(levels, bounded, strict=True))])
@@ -173,7 +168,7 @@ class ReducedProgram:
             joined.torque,
             (*physics.tolist(), *levels),
             joined.acceleration,
-            problem.wrenches(point),
+            problem.wrenches(x),
         )
 
     def reset(self) -> None:
@@ -220,22 +215,21 @@ class ReducedProgram:
 
     def _prepare(self) -> tuple[ConstraintChainProblem, Solver]:
         """LQP 1 as it is where no task loses rank, so that the first tick finds it ready."""
-        self.reduced.update(Dynamics(self._robot))
         # No task is asked: it might take what it finds for its target.
         constant = self.tasks.J.copy()
         self.tasks.J[:] = np.random.default_rng(_TYPICAL).normal(size=constant.shape)
-        self.chain.update()
+        self.chain.update(Dynamics(self._robot))
         self.tasks.J[:] = constant
         pair = self._first_for(self.chain.shape)
-        # What is compiled is compiled now, not in the first tick.
-        pair[0].fill(self.chain)
+        # What is compiled is compiled now, not in the tick that needs another shape.
+        pair[0].fill()
         return pair
 
     def _first_for(self, shape: tuple[int, ...]) -> tuple[ConstraintChainProblem, Solver]:
         pair = self._firsts.get(shape)
         if pair is None:
             problem = ConstraintChainProblem(
-                self._robot, self._stack, self.tasks, self.reduced, shape
+                self._robot, self._stack, self.tasks, self.reduced.partition, self.chain
             )
             pair = self._firsts[shape] = (problem, self._make_solver())
         return pair

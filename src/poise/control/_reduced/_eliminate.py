@@ -1,235 +1,400 @@
-"""The elimination of `ChainElimination`, compiled."""
+"""The elimination of `ChainElimination`, compiled.
 
-from typing import NamedTuple
+Rows of tasks stand in columns, side by side, so that what is done to an unknown is done to all rows
+in one pass. Reflections make a level's rows triangular in p, in one of two ways:
+
+    P <- V^T P                  where they reach less than all p that are left; V turns p
+    [E; P] <- [E; P] U          of the level alone, where they are more than that, or depend on each
+                                other; what it misses is as long, whichever way its rows are turned
+"""
 
 import numpy as np
 from jaxtyping import Float64, Int64
 
-from poise._compiled import compiled, make_reflection, reflect, reflect_columns, reflect_rows
+from poise._compiled import (
+    Block,
+    allocate,
+    make_reflection,
+    part,
+    reflect,
+    reflect_columns,
+    reflect_rows,
+)
 
 RANK_TOLERANCE = 1e-8
 """Pivots smaller than this, relative to the first, are no motion that a task can use."""
 
 WEAK = 1e-2
-"""Pivots smaller than this stay unknowns: eliminated, their inverse squares would be in the energy,
-and a nearly straight arm cost LQP 1 its accuracy."""
+"""What p moves by a unit of energy, over what x moves by one, below which p stays an unknown:
+eliminated, the inverse square would be in the energy, beside one, and a nearly straight arm cost
+LQP 1 its accuracy. A heavy leg moves little, but so does the body that it hangs on."""
+
+GOOD = 10.0 * WEAK
+"""From here on a row is as good as the best, and need not change places with it."""
 
 ROUNDING = 1e-12
 """Coefficients smaller than this, relative to the largest of their level, are rounding."""
 
 
-class Eliminated(NamedTuple):
-    """What the elimination leaves; `G` and the rows have room for every p as an unknown.
+class ChainRows(Block):
+    """Rows E y + P p = 0 of tasks, y = (x, 1) with x = (dv, z), and what their elimination leaves.
 
     Attributes:
-        G: how p answers to (dv_a, z, s), in the coordinates that V turns it into.
-        c: p at zero, in the same coordinates.
-        V: vectors of the reflections that turn p, each from its own place on.
+        E: coefficients of y; a column for each row. Overwritten by those of the rows that are left.
+        P: coefficients of p; overwritten by those in the coordinates that V turns p into.
+        ends: where each level ends; the first entry is zero.
+        ease: inverse inertia of each of x.
+        G: how p, so turned, answers: p = -G y. The lower rows are for those p that stay unknowns s.
+        V: vectors of the reflections that turn p.
         tau: their factors.
-        rows: what the levels leave for LQP 1, one below the other: coefficients of (dv_a, z, s).
-        values: right-hand sides.
+        turns: how many they are.
+        kept_rows: rows that are left, level by level.
         left: how many rows each level leaves.
-        scratch: scratch.
-        before: scratch, as large as the coefficients of p.
+        weak: p that stay unknowns s.
+        used: how many p are determined or unknowns s.
+        kept: how many are unknowns s.
+        every: 0, 1, ...: all of E.
+        order: scratch: p in the order in which a level's rows determine them.
+        pivot: scratch: a level's pivots.
+        moved: scratch: by how much x moves each row by a unit of energy, squared.
+        rest: scratch: what is left of a square, for each row or p.
+        vector: scratch: a reflection of rows.
+        turned: scratch: what a reflection turns.
+        shares: scratch.
     """
 
-    G: Float64[np.ndarray, "np n"]
-    c: Float64[np.ndarray, " np"]
+    E: Float64[np.ndarray, "y m"]
+    P: Float64[np.ndarray, "np m"]
+    ends: Int64[np.ndarray, " ends"]
+    ease: Float64[np.ndarray, " x"]
+    G: Float64[np.ndarray, "y_np np"]
     V: Float64[np.ndarray, "np np"]
     tau: Float64[np.ndarray, " np"]
-    rows: Float64[np.ndarray, "m n"]
-    values: Float64[np.ndarray, " m"]
+    kept_rows: Int64[np.ndarray, " m"]
     left: Int64[np.ndarray, " levels"]
-    scratch: Float64[np.ndarray, " s"]
-    before: Float64[np.ndarray, "m np"]
+    weak: Int64[np.ndarray, " np"]
+    turns: int
+    used: int
+    kept: int
+    every: Int64[np.ndarray, " y"]
+    order: Int64[np.ndarray, " np"]
+    pivot: Float64[np.ndarray, " m"]
+    moved: Float64[np.ndarray, " m"]
+    rest: Float64[np.ndarray, " np_m"]
+    vector: Float64[np.ndarray, " m"]
+    turned: Float64[np.ndarray, " np_m"]
+    shares: Float64[np.ndarray, " m"]
 
 
-@compiled
-def eliminate(
-    E: Float64[np.ndarray, "m n"],
-    P: Float64[np.ndarray, "m np"],
-    e: Float64[np.ndarray, " m"],
-    nr: int,
-    ends: Int64[np.ndarray, " k"],
-    out: Eliminated,
-) -> tuple[int, int]:
-    """Solves weighted rows E x + P p = e for p, level by level, as far as they determine it.
+def chain_rows(fixed: int, inside: int, ends: Int64[np.ndarray, " ends"]) -> ChainRows:
+    """Room for the rows of some tasks.
 
     Args:
-        E: coefficients of x = (dv_a, z), with zeros for the unknowns s; overwritten.
-        P: coefficients of p; overwritten.
-        e: right-hand sides; overwritten.
-        nr: number of coordinates (dv_a, z).
+        fixed: how many (x, 1) are.
+        inside: how many p are.
         ends: where each level ends; the first entry is zero.
-        out: receives what is left.
-
-    Returns:
-        How many p are determined or unknowns s, and how many are unknowns s.
     """
-    G, c, V, tau, rows, values, left, scratch, before = out
-    G[:], c[:] = 0.0, 0.0
-    done = kept = total = 0
-    for level in range(len(left)):
-        begin, end = ends[level], ends[level + 1]
-        block = P[begin:end]
-        free = P.shape[1] - done
-        kept_rows = before[: end - begin]
-        _copy(block, kept_rows)
-        rank = strong = end - begin
-        floor = ROUNDING * max(_largest(block), _largest(E[begin:end, :nr]))
-        # Mostly the freedom left reaches every row, and no other order of rows is needed.
-        if rank > free or _rotate(block, done, rank, floor, V, tau) < rank:
-            _copy(kept_rows, block)
-            rank = _find_reached(block, E[begin:end, :nr], e[begin:end], done, floor, scratch)
-            strong = _rotate(block, done, rank, floor, V, tau)
-        for place in range(done, done + rank):
-            reflect_rows(P[end:, place:], V[place, : P.shape[1] - place], tau[place])
-        width = nr + kept + rank - strong
-        for k in range(end - begin):
-            row, place = begin + k, done + k
-            for j in range(done + min(k, rank)):
-                factor = P[row, j]
-                if factor != 0.0:
-                    e[row] -= factor * c[j]
-                    for i in range(width):
-                        E[row, i] -= factor * G[j, i]
-            if k < strong:
-                c[place] = e[row] / P[row, place]
-                for i in range(width):
-                    G[place, i] = E[row, i] / P[row, place]
-                continue
-            if k < rank:
-                unknown = nr + kept + k - strong
-                G[place, unknown] = -1.0
-                E[row, unknown] += P[row, place]
-            _copy(E[row : row + 1], rows[total : total + 1])
-            values[total] = e[row]
+    m = int(ends[-1])
+    sizes = {"y": fixed, "np": inside, "y_np": fixed + inside, "m": m, "np_m": inside + m}
+    sizes |= {"levels": len(ends) - 1, "x": fixed - 1}
+    return allocate(ChainRows, sizes, ends=ends, every=np.arange(fixed))
+
+
+@part
+def eliminate(rows: ChainRows) -> None:
+    """Solves E y + P p = 0 for p, level by level, as far as the rows determine it.
+
+    Args:
+        rows: receives how p answers, and the rows that are left for x and s.
+    """
+    rows.used = rows.kept = rows.turns = total = 0
+    for level in range(len(rows.left)):
+        begin, end = rows.ends[level], rows.ends[level + 1]
+        floor = ROUNDING * max(
+            _largest(rows.P, len(rows.P), begin, end), _largest(rows.E, len(rows.E) - 1, begin, end)
+        )
+        count = rank = end - begin
+        _find_moved(rows, begin, end)
+        # Mostly the freedom left reaches every row, and none has to be combined with others.
+        if rank > len(rows.P) - rows.used or not _turn(rows, begin, rank, floor):
+            _turn_back(rows, begin)
+            rank = _find_reached(rows, begin, end, floor)
+            count = rank + _compress(rows, begin + rank, end, floor)
+            _find_moved(rows, begin, begin + rank)
+            # Where they reach it with all of the freedom left, there is nothing to choose.
+            if rank < len(rows.P) - rows.used:
+                _turn(rows, begin, rank, floor)
+        strong = _count_strong(rows, rank, floor)
+        for k in range(strong, rank):
+            _keep(rows, rows.order[k])
+        _substitute(rows, begin, strong)
+        for k in range(strong, count):
+            rows.kept_rows[total] = begin + k
             total += 1
-        left[level] = end - begin - strong
-        kept += rank - strong
-        done += rank
-    return done, kept
+        rows.left[level] = count - strong
+        rows.used += rank
 
 
-@compiled
-def restore(
-    p: Float64[np.ndarray, " np"],
-    V: Float64[np.ndarray, "np np"],
-    tau: Float64[np.ndarray, " np"],
-    done: int,
-) -> None:
-    """Turns p back into the coordinates that it had before the elimination, in place.
+@part
+def answer(rows: ChainRows, y: Float64[np.ndarray, " n"], p: Float64[np.ndarray, " np"]) -> None:
+    """What p is when x and s are known, in the coordinates that it had before the elimination.
 
     Args:
-        p: overwritten.
-        V: of `Eliminated`.
-        tau: of `Eliminated`.
-        done: how many of p are determined.
+        rows: the elimination.
+        y: (x, 1, s).
+        p: receives it.
     """
-    for k in range(done - 1, -1, -1):
-        reflect(p[k:], V[k, : len(p) - k], tau[k])
+    fixed = len(rows.E)
+    for k in range(len(p)):
+        p[k] = 0.0
+    for i in range(fixed + rows.kept):
+        row = rows.G[i if i < fixed else fixed + rows.weak[i - fixed]]
+        for k in range(rows.used):
+            p[k] -= row[k] * y[i]
+    for k in range(rows.turns - 1, -1, -1):
+        reflect(p[k:], rows.V[k, k:], rows.tau[k])
 
 
-@compiled
-def _rotate(
-    P: Float64[np.ndarray, "m np"],
-    done: int,
-    rank: int,
-    floor: float,
-    V: Float64[np.ndarray, "np np"],
-    tau: Float64[np.ndarray, " np"],
-) -> int:
-    """Turns p so that the first rows of a level become lower triangular, in place.
+@part
+def _turn(rows: ChainRows, begin: int, rank: int, floor: float) -> bool:
+    """Turns p by reflections that make some rows lower triangular, weak pivots last.
 
     Args:
-        P: coefficients of p, of which the first `done` are spoken for.
-        done: how many of p the levels above have taken.
-        rank: how many rows.
+        rows: whose p are turned in all of them; these are put in the order of their pivots.
+        begin: the first row.
+        rank: how many.
         floor: pivots up to this are rounding.
-        V: receives the reflections' vectors.
-        tau: receives their factors.
 
     Returns:
-        How many of the first pivots are strong.
+        Whether all pivots are more than rounding.
     """
-    largest = 0.0
+    used, inside, P, pivot = rows.used, len(rows.P), rows.P, rows.pivot
+    rest, moved, smallest, largest = rows.rest, rows.moved, np.inf, 0.0
     for k in range(rank):
-        place = done + k
-        v = V[place, : P.shape[1] - place]
-        tau[place] = make_reflection(P[k, place:], v)
-        reflect_rows(P[k + 1 : rank, place:], v, tau[place])
-        largest = max(largest, P[k, place])
-    strong = 0
-    # A leading block, because the rest is triangular. Written so that NaN ends it.
-    while strong < rank and P[strong, done + strong] > max(WEAK * largest, floor):
+        rest[k] = 0.0
+    for i in range(used, inside):
+        own = P[i, begin : begin + rank]
+        for k in range(len(own)):
+            rest[k] += own[k] * own[k]
+    for k in range(rank):
+        best = k
+        # Weak pivots come last; among good ones the order does not matter.
+        if not rest[k] > GOOD * GOOD * moved[k]:
+            for j in range(k + 1, rank):
+                if rest[j] * moved[best] > rest[best] * moved[j]:
+                    best = j
+        if best != k:
+            _swap(rows.E, begin + k, begin + best)
+            _swap(P, begin + k, begin + best)
+            moved[k], moved[best] = moved[best], moved[k]
+            rest[best] = rest[k]
+        place = used + k
+        for i in range(place, inside):
+            rows.turned[i] = P[i, begin + k]
+        v = rows.V[place]
+        rows.tau[place] = make_reflection(rows.turned[place:inside], v[place:])
+        for i in range(place, inside):
+            P[i, begin + k] = rows.turned[i]
+        reflect_columns(P, place, inside, begin + k + 1, v, rows.tau[place], rows.shares)
+        for j in range(k + 1, rank):
+            rest[j] -= P[place, begin + j] * P[place, begin + j]
+        rows.order[k], pivot[k], rows.turns = place, P[place, begin + k], place + 1
+        smallest, largest = min(smallest, pivot[k]), max(largest, pivot[k])
+    # Written so that NaN is rounding.
+    return smallest > max(RANK_TOLERANCE * largest, floor)
+
+
+@part
+def _turn_back(rows: ChainRows, begin: int) -> None:
+    """Takes back how p was turned for a level that begins with a row, if it was."""
+    while rows.turns > rows.used:
+        place = rows.turns - 1
+        v = rows.V[place]
+        reflect_columns(rows.P, place, len(rows.P), begin, v, rows.tau[place], rows.shares)
+        rows.turns = place
+
+
+@part
+def _swap(X: Float64[np.ndarray, "n m"], a: int, b: int) -> None:
+    """Lets two columns change places."""
+    for i in range(len(X)):
+        X[i, a], X[i, b] = X[i, b], X[i, a]
+
+
+@part
+def _find_moved(rows: ChainRows, begin: int, end: int) -> None:
+    """Finds by how much x moves some rows of a level, one of x after the other."""
+    moved = rows.moved[: end - begin]
+    for k in range(len(moved)):
+        moved[k] = 0.0
+    for i in range(len(rows.ease)):
+        own, ease = rows.E[i, begin:end], rows.ease[i]
+        for k in range(len(moved)):
+            moved[k] += ease * own[k] * own[k]
+
+
+@part
+def _count_strong(rows: ChainRows, rank: int, floor: float) -> int:
+    """How many of a level's first pivots are strong."""
+    strong, pivot = 0, rows.pivot
+    # Written so that NaN ends it.
+    while strong < rank and pivot[strong] > max(WEAK * np.sqrt(rows.moved[strong]), floor):
         strong += 1
     return strong
 
 
-@compiled
-def _find_reached(
-    P: Float64[np.ndarray, "m np"],
-    E: Float64[np.ndarray, "m nr"],
-    e: Float64[np.ndarray, " m"],
-    done: int,
-    floor: float,
-    scratch: Float64[np.ndarray, " s"],
-) -> int:
-    """Turns a level's rows so that the first ones are all that the freedom left can reach.
+@part
+def _substitute(rows: ChainRows, begin: int, strong: int) -> None:
+    """Solves a level's triangular rows for their p, and puts those into the rows of all levels.
+
+    Lower triangular where p was turned for it, upper where the rows were. Rows of the levels above
+    have no coefficients of these p, so that nothing changes in them.
+    """
+    fixed, lower = len(rows.E), rows.turns > rows.used
+    for step in range(strong):
+        k = step if lower else strong - 1 - step
+        place = rows.order[k]
+        own = rows.P[place]
+        scale = 1.0 / own[begin + k]
+        for i in range(fixed + rows.kept):
+            weak = rows.weak[i - fixed] if i >= fixed else 0
+            row = rows.E[i] if i < fixed else rows.P[weak]
+            share = row[begin + k] * scale
+            rows.G[i if i < fixed else fixed + weak, place] = share
+            for m in range(len(row)):
+                row[m] -= share * own[m]
+
+
+@part
+def _keep(rows: ChainRows, place: int) -> None:
+    """Makes one of p an unknown s: it answers to nothing but itself."""
+    own = rows.G[len(rows.E) + place]
+    for i in range(len(rows.G)):
+        rows.G[i, place] = 0.0
+    for k in range(len(own)):
+        own[k] = 0.0
+    own[place] = -1.0
+    rows.weak[rows.kept] = place
+    rows.kept += 1
+
+
+@part
+def _find_reached(rows: ChainRows, begin: int, end: int, floor: float) -> int:
+    """Combines a level's rows so that the first ones are all that the freedom left can reach.
 
     Args:
-        P: coefficients of p, of which the first `done` are spoken for.
-        E: coefficients of the rest of the robot, turned with them.
-        e: right-hand sides, turned with them, too.
-        done: how many of p the levels above have taken.
+        rows: of which a level's are overwritten.
+        begin: where the level begins.
+        end: where it ends.
         floor: coefficients up to this are rounding.
-        scratch: scratch.
 
     Returns:
-        How many rows are reached; the others have no coefficient left.
+        How many rows are reached; the others have no coefficient of p left.
     """
-    m, inside = P.shape
-    vector, column, scratch = scratch[:m], scratch[m : 2 * m], scratch[2 * m :]
-    first, rank = 0.0, 0
-    while rank < min(m, inside - done):
-        best, size = done, -1.0
-        for j in range(done, inside):
-            square = 0.0
-            for i in range(rank, m):
-                square += P[i, j] * P[i, j]
-            if square > size:
-                best, size = j, square
-        size = np.sqrt(size)
+    used, free, rest, order = rows.used, len(rows.P) - rows.used, rows.rest, rows.order
+    for i in range(free):
+        order[i], rest[i] = used + i, _square(rows.P[used + i, begin:end])
+    first, size, rank = 0.0, 0.0, 0
+    while rank < min(end - begin, free):
+        best = rank
+        for i in range(rank + 1, free):
+            if rest[i] > rest[best]:
+                best = i
+        order[rank], order[best] = order[best], order[rank]
+        rest[best] = rest[rank]
+        own = rows.P[order[rank], begin + rank : end]
+        # Not from the rest, of which only so much is right as the tolerance asks for.
+        size = np.sqrt(_square(own))
         first = max(first, size)
         # Written so that NaN ends it.
         if not size > max(RANK_TOLERANCE * first, floor):
             break
-        for i in range(rank, m):
-            column[i] = P[i, best]
-        v = vector[rank:m]
-        tau = make_reflection(column[rank:m], v)
-        reflect_columns(P[rank:], v, tau, scratch)
-        P[rank + 1 :, best] = 0.0
-        reflect_columns(E[rank:], v, tau, scratch)
-        reflect(e[rank:], v, tau)
+        tau = _combine(rows, own, begin + rank, 0)
+        reflect_rows(rows.P, order[rank:free], begin + rank, rows.vector[: len(own)], tau)
+        for i in range(rank + 1, free):
+            rest[i] -= rows.P[order[i], begin + rank] ** 2
+        for k in range(1, len(own)):
+            own[k] = 0.0
+        rows.pivot[rank] = own[0]
         rank += 1
-    P[rank:, done:] = 0.0
+    for k in range(begin + rank, end):
+        for i in range(rank, free):
+            rows.P[order[i], k] = 0.0
+        for i in range(len(rows.E) if np.isnan(size) else 0):
+            # Whoever solves what is left has to learn of it.
+            rows.E[i, k] = np.nan
     return rank
 
 
-@compiled
-def _largest(X: Float64[np.ndarray, "m n"]) -> float:
-    """Largest absolute entry."""
+@part
+def _square(x: Float64[np.ndarray, " n"]) -> float:
+    """Its length, squared."""
+    square = 0.0
+    for k in range(len(x)):
+        square += x[k] * x[k]
+    return square
+
+
+@part
+def _compress(rows: ChainRows, begin: int, end: int, floor: float) -> int:
+    """Combines rows that p does not reach so that they are no more than they have unknowns.
+
+    Args:
+        rows: of which some are overwritten.
+        begin: the first of them.
+        end: where they end.
+        floor: coefficients up to this are rounding.
+
+    Returns:
+        How many of them have a coefficient left; what the others ask for, nothing can change.
+    """
+    fixed, rank = len(rows.E), 0
+    unknowns = fixed - 1 + rows.kept
+    if end - begin <= unknowns:
+        return end - begin
+    for i in range(unknowns):
+        row = rows.E[i] if i < fixed - 1 else rows.P[rows.weak[i - fixed + 1]]
+        own = row[begin + rank : end]
+        # Written so that NaN is a coefficient.
+        if not _square(own) <= floor * floor:
+            _combine(rows, own, begin + rank, i)
+            rank += 1
+            own = own[1:]
+        for k in range(len(own)):
+            own[k] = 0.0
+    return rank
+
+
+@part
+def _combine(rows: ChainRows, own: Float64[np.ndarray, " n"], begin: int, done: int) -> float:
+    """Reflects x and s in some rows so that the first has all there is of one unknown.
+
+    Args:
+        rows: overwritten; receive the reflection's vector, too.
+        own: the unknown's coefficients in these rows.
+        begin: the first of them.
+        done: how many of x and s have nothing in these rows any more.
+
+    Returns:
+        The reflection's factor.
+    """
+    turned, v = rows.turned[: len(own)], rows.vector[: len(own)]
+    for k in range(len(own)):
+        turned[k] = own[k]
+    tau = make_reflection(turned, v)
+    # The last of E are the constants, which always count.
+    first = min(done, len(rows.E) - 1)
+    reflect_rows(rows.E, rows.every[first:], begin, v, tau)
+    reflect_rows(rows.P, rows.weak[done - first : rows.kept], begin, v, tau)
+    return tau
+
+
+@part
+def _largest(X: Float64[np.ndarray, "n m"], count: int, begin: int, end: int) -> float:
+    """Largest absolute coefficient of some rows, of the first unknowns."""
     largest = 0.0
-    for row in range(len(X)):
-        for column in range(X.shape[1]):
-            largest = max(largest, abs(X[row, column]))
+    for i in range(count):
+        own = X[i, begin:end]
+        for k in range(len(own)):
+            largest = max(largest, abs(own[k]))
     return largest
-
-
-@compiled
-def _copy(X: Float64[np.ndarray, "m n"], out: Float64[np.ndarray, "m n"]) -> None:
-    # An assignment of arrays takes seconds to compile, for the sake of its error message.
-    for row in range(len(X)):
-        for column in range(X.shape[1]):
-            out[row, column] = X[row, column]

@@ -3,10 +3,58 @@
 import numpy as np
 from jaxtyping import Float64, Int64
 
-from poise._compiled import compiled, say_if_slow
+from poise._compiled import Block, allocate, compiled, part, say_if_slow, view
 from poise.control._reduced._assignment import AssignedRows
-from poise.control._reduced._eliminate import Eliminated, eliminate, restore
-from poise.dynamics import ChainFactors, ReducedDynamics, from_coordinates, to_coordinates
+from poise.control._reduced._eliminate import ChainRows, answer, chain_rows, eliminate
+from poise.dynamics import (
+    Dynamics,
+    ReducedDynamics,
+    ReducedMatrices,
+    from_coordinates,
+    reduce_dynamics,
+)
+
+
+class Elimination(Block):
+    """What compiled code reads and writes of a `ChainElimination`.
+
+    Attributes:
+        reduced: the reduced dynamics.
+        J: coefficients of dv of the tasks' rows.
+        target: their right-hand sides.
+        weight: of each row in its level.
+        second: rows that need the unconstrained chain's own joints.
+        moving: places in `u` of the coordinates that may move each of them, one after the other.
+        moving_ends: where those of each end; the first entry is zero.
+        seen: places in `a` of the coordinates that may move any of them.
+        through: rows that move with the centroids.
+        variables: which variable of LQP 1 each of x = (dv_seen, z) is.
+        rows: the second ones, eliminated.
+        centroid: coefficients of z of those that move with the centroids; a column for each row.
+        turned: scratch: what the carriers feel, then both, in the coordinates (z, p).
+        shares: scratch.
+        dv_u: acceleration of the unconstrained chain, once it is known.
+        y: scratch: (x, 1, s).
+        zp: scratch: (z, p).
+    """
+
+    reduced: ReducedMatrices
+    J: Float64[np.ndarray, "t nv"]
+    target: Float64[np.ndarray, " t"]
+    weight: Float64[np.ndarray, " t"]
+    second: Int64[np.ndarray, " m"]
+    moving: Int64[np.ndarray, " moving"]
+    moving_ends: Int64[np.ndarray, " moving_ends"]
+    seen: Int64[np.ndarray, " seen"]
+    through: Int64[np.ndarray, " through"]
+    variables: Int64[np.ndarray, " x"]
+    rows: ChainRows
+    centroid: Float64[np.ndarray, "nz through"]
+    turned: Float64[np.ndarray, "nu wide"]
+    shares: Float64[np.ndarray, " wide"]
+    dv_u: Float64[np.ndarray, " nu"]
+    y: Float64[np.ndarray, " y_np"]
+    zp: Float64[np.ndarray, " nu"]
 
 
 class ChainElimination:
@@ -27,75 +75,66 @@ class ChainElimination:
     use up the freedom, nothing is left of their levels. Directions in which an arm hardly moves,
     near a singular posture, are not eliminated but join x as unknowns s, with their rows.
 
+    Of a level whose rows outnumber what they depend on, as those of a posture do once the arms have
+    used up the freedom, an orthogonal combination is left: no more rows than unknowns, however many
+    joints the chain has. Of dv_a only those coordinates count that move a frame of such a task.
+
     A task that turns out to move with the centroids alone, N = 0, is left to LQP 1 as it is.
 
     Args:
-        reduced: the reduced dynamics, updated by the caller.
+        reduced: the reduced dynamics, updated on the way.
         rows: the rows of the tasks, updated by the caller.
 
     Attributes:
-        out: G, c and the rows that are left, with room for more than are there.
-        centroid_rows: for the rows of tasks that move with the centroids, coefficients of (z, p).
-        used: number of p that tasks or unknowns s have taken.
-        kept: number of unknowns s.
+        block: the same memory for compiled code.
     """
 
     def __init__(self, reduced: ReducedDynamics, rows: AssignedRows) -> None:
-        self._reduced, self._rows = reduced, rows
-        part = reduced.partition
-        inside, m = part.nu - part.nz, len(rows.second)
-        width, all_rows = part.nr + inside, m + len(rows.centroid)
-        self.used = self.kept = 0
-        self._index = part.a.index, part.u.index, np.concatenate((rows.second, rows.centroid))
-        self._X, self._Y = np.zeros((all_rows, part.nu)), np.zeros((all_rows, part.nu))
-        self._E, self._e = np.zeros((m, width)), np.zeros(m)
-        self._P = np.zeros((m, inside))
-        self.centroid_rows: Float64[np.ndarray, "k nu"] = self._Y[m:]
-        self.out = Eliminated(
-            G=np.zeros((inside, width)),
-            c=np.zeros(inside),
-            V=np.zeros((inside, inside)),
-            tau=np.zeros(inside),
-            rows=np.zeros((m, width)),
-            values=np.zeros(m),
-            left=np.zeros(len(rows.levels), dtype=np.int64),
-            scratch=np.zeros(2 * m + width),
-            before=np.zeros((m, inside)),
+        chains, seen = reduced.partition, rows.seen
+        inside, fixed = chains.nu - chains.nz, 1 + len(seen) + chains.nz
+        self._rows = chain_rows(fixed, inside, rows.second_ends)
+        wide = len(reduced.matrices.shares) + len(rows.second) + len(rows.centroid)
+        self.block = allocate(
+            Elimination,
+            {"nu": chains.nu, "nz": chains.nz, "through": len(rows.centroid), "wide": wide}
+            | {"y_np": fixed + inside},
+            reduced=reduced.matrices,
+            J=rows.J,
+            target=rows.target,
+            weight=rows.weight,
+            second=rows.second,
+            moving=rows.moving,
+            moving_ends=rows.moving_ends,
+            seen=seen,
+            through=rows.centroid,
+            variables=np.concatenate((seen, np.arange(chains.na, chains.nr))),
+            rows=self._rows,
         )
-        self._zp = np.zeros(part.nu)
 
-    def update(self) -> None:
-        """Eliminates p for the state of the reduced dynamics and of the tasks."""
-        rows, part = self._rows, self._reduced.partition
-        if part.nu:
-            used, kept = _eliminate(
-                (rows.J, rows.target, rows.weight, rows.second_ends),
-                self._index,
-                part.nz,
-                self._reduced.factors,
-                (self._X, self._Y, self._E, self._P, self._e),
-                self.out,
-            )
-            self.used, self.kept = int(used), int(kept)
+    def update(self, dynamics: Dynamics) -> None:
+        """Reduces the dynamics, and eliminates p for the state of the tasks.
+
+        Args:
+            dynamics: the state, up to date.
+        """
+        _eliminate(self.block.address, dynamics.M, dynamics.h, dynamics.momentum_matrix)
 
     @property
     def shape(self) -> tuple[int, ...]:
         """Number of unknowns s, then of rows left in each level."""
-        return (self.kept, *self.out.left.tolist())
+        return (self._rows.kept, *self._rows.left.tolist())
 
     def recover(self, x: Float64[np.ndarray, " n"]) -> Float64[np.ndarray, " nu"]:
         """Acceleration of the unconstrained chain for what LQP 1 decided.
 
         Args:
-            x: (dv_a, z, s).
+            x: (dv_a, z, s), or all of LQP 1's variables.
 
         Returns:
             dv_u = Jbar_z z + N_z (c - G x).
         """
-        dv_u = np.empty(len(self._zp))
-        na, nz = self._reduced.partition.na, self._reduced.partition.nz
-        _recover(x, na, nz, self.used, self.out, self._reduced.factors, self._zp, dv_u)
-        return dv_u
+        _recover(self.block.address, np.ascontiguousarray(x))
+        return self.block.dv_u.copy()
 
 
 def announce() -> None:
@@ -103,73 +142,99 @@ def announce() -> None:
     say_if_slow(_eliminate, "the reduced controller")
 
 
-_Rows = tuple[
-    Float64[np.ndarray, "m nv"],
-    Float64[np.ndarray, " m"],
-    Float64[np.ndarray, " m"],
-    Int64[np.ndarray, " k"],
-]
-_Index = tuple[Int64[np.ndarray, " na"], Int64[np.ndarray, " nu"], Int64[np.ndarray, " c"]]
-_Scratch = tuple[
-    Float64[np.ndarray, "c nu"],
-    Float64[np.ndarray, "c nu"],
-    Float64[np.ndarray, "s n"],
-    Float64[np.ndarray, "s np"],
-    Float64[np.ndarray, " s"],
-]
-
-
 @compiled
 def _eliminate(
-    task_rows: _Rows,
-    index: _Index,
-    nz: int,
-    factors: ChainFactors,
-    scratch: _Scratch,
-    out: Eliminated,
-) -> tuple[int, int]:
-    J, target, weight, ends = task_rows
-    a, u, chosen = index
-    X, Y, E, P, e = scratch
-    na, m = len(a), len(e)
-    for i in range(len(chosen)):
-        row = chosen[i]
-        # Rows that only move with the centroids are LQP 1's, which weighs them itself.
-        factor = weight[row] if i < m else 1.0
-        for j in range(len(u)):
-            X[i, j] = factor * J[row, u[j]]
-    to_coordinates(X, factors, Y)
-    E[:, na + nz :] = 0.0
-    for i in range(m):
-        row = chosen[i]
-        e[i] = weight[row] * target[row]
-        for j in range(na):
-            E[i, j] = weight[row] * J[row, a[j]]
-        for j in range(nz):
-            E[i, na + j] = Y[i, j]
-        for j in range(P.shape[1]):
-            P[i, j] = Y[i, nz + j]
-    return eliminate(E, P, e, na + nz, ends, out)
+    address: int,
+    M: Float64[np.ndarray, "nv nv"],
+    h: Float64[np.ndarray, " nv"],
+    momentum: Float64[np.ndarray, "six nv"],
+) -> None:
+    eliminate_chain(view(Elimination, address), M, h, momentum)
+
+
+@part
+def eliminate_chain(
+    chain: Elimination,
+    M: Float64[np.ndarray, "nv nv"],
+    h: Float64[np.ndarray, " nv"],
+    momentum: Float64[np.ndarray, "six nv"],
+) -> None:
+    """Reduces the dynamics, and eliminates p for the state of the tasks.
+
+    Args:
+        chain: receives what is left; the reduced dynamics are overwritten, too.
+        M: mass matrix of the robot.
+        h: its nonlinear effects.
+        momentum: A_G.
+    """
+    _read_rows(chain)
+    reduce_dynamics(chain.reduced, chain.turned, chain.shares, M, h, momentum)
+    if len(chain.turned) > 0:
+        _sort_coordinates(chain)
+        eliminate(chain.rows)
+
+
+@part
+def _read_rows(chain: Elimination) -> None:
+    """Weighted rows, where something moves them; in the rest there is nothing to be read."""
+    a, u, X, E = chain.reduced.a, chain.reduced.u, chain.turned, chain.rows.E
+    first = len(chain.reduced.shares)
+    X[:] = 0.0
+    for k in range(len(chain.second)):
+        row = chain.second[k]
+        own, weight = chain.J[row], chain.weight[row]
+        for at in range(chain.moving_ends[k], chain.moving_ends[k + 1]):
+            i = chain.moving[at]
+            X[i, first + k] = weight * own[u[i]]
+        for i in range(len(chain.seen)):
+            E[i, k] = weight * own[a[chain.seen[i]]]
+        E[len(E) - 1, k] = -weight * chain.target[row]
+    # LQP 1 weighs these itself.
+    for k in range(len(chain.through)):
+        own = chain.J[chain.through[k]]
+        for i in range(len(u)):
+            X[i, first + len(chain.second) + k] = own[u[i]]
+
+
+@part
+def _sort_coordinates(chain: Elimination) -> None:
+    """Puts coefficients of z and of p where they belong."""
+    rows, nz, order = chain.rows, len(chain.centroid), chain.reduced.factors.order
+    first, m = len(chain.reduced.shares), len(chain.second)
+    for i in range(len(rows.ease)):
+        rows.ease[i] = 1.0 / chain.reduced.M[chain.variables[i], chain.variables[i]]
+    for i in range(len(order)):
+        own = chain.turned[order[i]]
+        kept = rows.E[len(chain.seen) + i] if i < nz else rows.P[i - nz]
+        for k in range(m):
+            kept[k] = own[first + k]
+        if i < nz:
+            for k in range(len(chain.through)):
+                chain.centroid[i, k] = own[first + m + k]
 
 
 @compiled
-def _recover(
-    x: Float64[np.ndarray, " n"],
-    na: int,
-    nz: int,
-    used: int,
-    out: Eliminated,
-    factors: ChainFactors,
-    zp: Float64[np.ndarray, " nu"],
-    dv_u: Float64[np.ndarray, " nu"],
-) -> None:
+def _recover(address: int, x: Float64[np.ndarray, " n"]) -> None:
+    recover(view(Elimination, address), x)
+
+
+@part
+def recover(chain: Elimination, x: Float64[np.ndarray, " n"]) -> None:
+    """Acceleration of the unconstrained chain for what LQP 1 decided.
+
+    Args:
+        chain: the elimination; receives it.
+        x: LQP 1's variables.
+    """
+    if len(chain.dv_u) == 0:
+        return
+    nz, fixed, nr = len(chain.centroid), len(chain.variables), len(chain.reduced.M)
+    for i in range(fixed):
+        chain.y[i] = x[chain.variables[i]]
+    chain.y[fixed] = 1.0
+    for i in range(chain.rows.kept):
+        chain.y[fixed + 1 + i] = x[nr + i]
     for i in range(nz):
-        zp[i] = x[na + i]
-    p = zp[nz:]
-    for k in range(len(p)):
-        p[k] = out.c[k]
-    for k in range(used):
-        for i in range(len(x)):
-            p[k] -= out.G[k, i] * x[i]
-    restore(p, out.V, out.tau, used)
-    from_coordinates(zp, factors, dv_u)
+        chain.zp[i] = x[nr - nz + i]
+    answer(chain.rows, chain.y, chain.zp[nz:])
+    from_coordinates(chain.zp, chain.reduced.factors, chain.dv_u)
