@@ -132,6 +132,9 @@ class Always:
     def reset(self):
         pass
 
+    def prepare(self, problem):
+        pass
+
     def run(self, problem):
         return self.solution.status
 

@@ -19,6 +19,7 @@ from poise._compiled import (
     usable_cores,
 )
 from poise.control._make import CONTROLLERS, ControllerPlan, check_plan, make_controller
+from poise.control._reduced import ReducedController
 from poise.control._whole_body import WholeBodyController
 from poise.hqp import make_solver
 from poise.robots import load_robot
@@ -37,12 +38,12 @@ class _Job:
     """What one process compiles: no job needs the code of another.
 
     Attributes:
-        code: package of the functions that only this job compiles.
+        code: modules and packages of the functions that only this job compiles.
         plan: of a controller whose making compiles them; the hierarchical solver when None.
         robot: for that controller.
     """
 
-    code: str
+    code: tuple[str, ...]
     plan: ControllerPlan | None = None
     robot: str = _ROBOT
 
@@ -54,20 +55,21 @@ class _Job:
             make_controller(load_robot(self.robot), None, self.plan)
 
 
-_SOLVER = _Job(code="poise.hqp")
+_SOLVER = _Job(code=("poise.hqp",))
 """All controllers need it, and it takes as long as all the rest."""
 
 _JOBS = {
     # The strategies and the robot are such that they do not need the hierarchical solver.
     "reduced": _Job(
-        code=f"{_HERE}._reduced", plan=ControllerPlan(name="reduced", strategy="cascade")
+        code=(f"{_HERE}._reduced", "poise.dynamics._reduction"),
+        plan=ControllerPlan(name="reduced", strategy="cascade"),
     ),
-    "osf": _Job(code=f"{_HERE}._osf", plan=ControllerPlan(name="osf"), robot="upper17"),
+    "osf": _Job(code=(f"{_HERE}._osf",), plan=ControllerPlan(name="osf"), robot="upper17"),
     "differential_ik": _Job(
-        code=f"{_HERE}._differential_ik", plan=ControllerPlan(name="differential_ik")
+        code=(f"{_HERE}._differential_ik",), plan=ControllerPlan(name="differential_ik")
     ),
     "whole_body": _Job(
-        code=f"{_HERE}._full_problem", plan=ControllerPlan(name="whole_body", strategy="cascade")
+        code=(f"{_HERE}._full_problem",), plan=ControllerPlan(name="whole_body", strategy="cascade")
     ),
 }
 """By controller, those that take longest first."""
@@ -110,7 +112,7 @@ def warm_up(
     """
     begin, plans = perf_counter(), _plans(controllers)
     folder = code_folder()
-    others = tuple(job.code for name, job in _JOBS.items() if name not in controllers)
+    others = tuple(c for name, job in _JOBS.items() if name not in controllers for c in job.code)
     left = find_unkept(others)
     awaited, done = names_of(left), set[str]()
 
@@ -131,9 +133,11 @@ def warm_up(
     with compiling_told(told):
         for plan in plans:
             controller = make_controller(load_robot(_ROBOT), None, plan)
+            # What no tick needs compiles when it is first asked for.
             if isinstance(controller, WholeBodyController) and plan.strategy == "direct":
-                # The solver of many states compiles when it is first asked.
                 controller.solve_batch([])
+            if isinstance(controller, ReducedController):
+                controller.strategy.current.reduced.update(controller.dynamics)
     check_kept(done)
     return WarmUp(
         controllers=tuple(controllers),

@@ -89,6 +89,7 @@ class ReducedProgram:
         if partition.nu:
             self.second = UnconstrainedChainProblem(robot, stack, self.tasks, self.reduced)
             self._second_solver = make_solver()
+            self._second_solver.prepare(self.second.problem)
             # What is compiled is compiled now, not in the tick that needs it.
             self.second.fill(np.zeros(partition.nr))
 
@@ -231,7 +232,9 @@ class ReducedProgram:
             problem = ConstraintChainProblem(
                 self._robot, self._stack, self.tasks, self.reduced.partition, self.chain
             )
-            pair = self._firsts[shape] = (problem, self._make_solver())
+            solver = self._make_solver()
+            solver.prepare(problem.problem)
+            pair = self._firsts[shape] = (problem, solver)
         return pair
 
 
