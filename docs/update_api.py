@@ -17,6 +17,7 @@ MODULES = (
     "poise.apps.scenarios",
     "poise.apps.report",
     "poise.apps.teleoperation",
+    "poise.apps.campaigns",
     "poise.apps.live",
     "poise.robots",
     "poise.dynamics",

@@ -12,8 +12,11 @@ import poise
 from docs import update_api
 
 SURFACE = set(poise.__all__)
-MOST_NAMES = 100
-"""What there is now; a new public name takes the place of another, or says why it is needed."""
+MOST_NAMES = 102
+"""What there is now; a new public name takes the place of another, or says why it is needed.
+
+The last two: a campaign from a program, and workers for whoever runs anything else many times.
+"""
 
 
 def names_of_all_faces():
