@@ -3,6 +3,7 @@
 import logging
 import shutil
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from queue import Empty, Queue
 from typing import Any, Literal, TypeVar
@@ -84,18 +85,20 @@ class DaskWorkers(Workers):
                 continue
             return [(self._tickets.pop(future), self._result(future))]
 
-    def warm(self, function: Callable[[T], object], item: T) -> None:
+    def warm(self, function: Callable[[T], bool], item: T) -> None:
         """Calls a function in one worker of each machine: they share what it compiles."""
         workers = self._client.scheduler_info(n_workers=-1)["workers"]
         of_hosts = {about["host"]: address for address, about in workers.items()}
-        calls = [
-            self._client.submit(_called, function, item, pure=False, workers=[address])
+        calls = {
+            address: self._client.submit(_called, function, item, pure=False, workers=[address])
             for address in of_hosts.values()
-        ]
-        for call in calls:
-            found = self._result(call)
+        }
+        used_up = {address: self._result(call) for address, call in calls.items()}
+        for found in used_up.values():
             if isinstance(found, WorkerLostError):
                 raise PoiseError(f"the first episode cannot be begun: {found}")
+        with suppress(ValueError):  # A worker without a nanny cannot be started anew.
+            self._client.restart_workers([a for a, used in used_up.items() if used])
 
     def _result(self, future: Any) -> Any:
         from distributed.scheduler import KilledWorker

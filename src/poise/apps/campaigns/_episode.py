@@ -12,6 +12,8 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
+from numba.core.event import install_recorder
+
 from poise.apps.campaigns._fields import with_fields
 from poise.apps.scenarios import (
     Measurement,
@@ -150,7 +152,7 @@ def row_of(job: Job, run: Run) -> Row:
     return row
 
 
-def warm_up(jobs: Sequence[Job]) -> None:
+def warm_up(jobs: Sequence[Job]) -> bool:
     """Compiles what the jobs need, and finds scenarios that do not fit their robots.
 
     Each is set up and run for two ticks: all that is compiled is compiled then, and kept in the
@@ -159,17 +161,23 @@ def warm_up(jobs: Sequence[Job]) -> None:
     Args:
         jobs: one of each kind, see `same_kind`.
 
+    Returns:
+        Whether anything was compiled. Code that has just been compiled may round otherwise in the
+        last bit than the same code from the disk, so the process should do nothing else.
+
     Raises:
         PoiseError: a scenario does not fit its robot.
     """
-    for job in jobs:
-        stage = stage_scenario(job.make())
-        validate_checks([*job.figures.values()], stage.leader.stack, stage.robot)
-        for _ in range(2):
-            state = stage.plant.state()
-            state = state if stage.estimator is None else stage.estimator.update(state)
-            stage.leader.lead(state)
-            stage.plant.step(stage.controller.step(state))
+    with install_recorder("numba:compile") as compiling:
+        for job in jobs:
+            stage = stage_scenario(job.make())
+            validate_checks([*job.figures.values()], stage.leader.stack, stage.robot)
+            for _ in range(2):
+                state = stage.plant.state()
+                state = state if stage.estimator is None else stage.estimator.update(state)
+                stage.leader.lead(state)
+                stage.plant.step(stage.controller.step(state))
+    return bool(compiling.buffer)
 
 
 def same_kind(job: Job) -> str:

@@ -64,8 +64,13 @@ class Workers(ABC):
         """
 
     @abstractmethod
-    def warm(self, function: Callable[[T], object], item: T) -> None:
-        """Calls a function once on each machine, before anything else is done there."""
+    def warm(self, function: Callable[[T], bool], item: T) -> None:
+        """Calls a function once on each machine, before anything else is done there.
+
+        Args:
+            function: of a module; returns whether its process is to do nothing else.
+            item: its argument.
+        """
 
     @abstractmethod
     def __enter__(self) -> "Workers": ...
@@ -166,14 +171,16 @@ class LocalWorkers(Workers):
                 ended.append((ticket, reason))
         return ended
 
-    def warm(self, function: Callable[[T], object], item: T) -> None:
+    def warm(self, function: Callable[[T], bool], item: T) -> None:
         """Calls a function in one worker, while the others come up."""
         while len(self._idle) + len(self._busy) < self._count:
             self._idle.append(_Worker())
         self.submit(-1, function, item)
-        for _, result in self.wait():
-            if isinstance(result, WorkerLostError):
-                raise PoiseError(f"the first episode cannot be begun: {result}")
+        ((_, used_up),) = self.wait()
+        if isinstance(used_up, WorkerLostError):
+            raise PoiseError(f"the first episode cannot be begun: {used_up}")
+        if used_up:
+            self._idle.pop().stop()
 
 
 class _Worker:
