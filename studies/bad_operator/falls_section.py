@@ -8,10 +8,9 @@ from functools import cache
 from multiprocessing import get_context
 from pathlib import Path
 
-from poise.apps.teleoperation import TELEOP_PLANT, run_teleop
+from poise.apps.teleoperation import TELEOP_PLANT, BadOperator, run_teleop
 from poise.locomotion import Mode, TeleopParameters
 from poise.robots import Robot, load_robot
-from studies.bad_operator.operator import BadOperator
 from studies.finding import Finding, Section, Table
 from studies.plan import Progress, StudyOptions
 

@@ -1,5 +1,7 @@
 """Actuators: from a command to the controls of MuJoCo's motors."""
 
+import math
+
 import numpy as np
 from jaxtyping import Float64
 
@@ -12,7 +14,9 @@ from poise.sim._config import PlantConfig
 class Actuators:
     """Turns commands into motor controls, in the actuation that the plant was made for.
 
-    Torque: the control is the torque. Position and velocity: each motor is a PD servo,
+    Torque: the control is the torque, or follows it with the plant's bandwidth f, in a physics step
+    by the fraction 1 - exp(-2 pi f dt) of what is missing; the first command after a reset is there
+    at once, as if the robot had stood before. Position and velocity: each motor is a PD servo,
     tau = kp (q_d - q) + kd (v_d - v), saturated at the torque limit, where a velocity command moves
     q_d along with it, so that no position error builds up.
 
@@ -27,7 +31,11 @@ class Actuators:
         self._lead = config.servo.damping / config.servo.stiffness
         self._nj = robot.nj
         self._q_min, self._q_max = robot.q_min, robot.q_max
+        bandwidth = config.torque_bandwidth
+        self._follow = 1.0 if bandwidth is None else -math.expm1(-math.tau * bandwidth * self._dt)
+        self._lags = bandwidth is not None
         self._torque = np.zeros(robot.nj)
+        self._motor: Float64[np.ndarray, " nj"] | None = None
         self._target = np.zeros(robot.nj)
         self._velocity = np.zeros(robot.nj)
         self.rejected = 0
@@ -35,11 +43,12 @@ class Actuators:
     @property
     def constant(self) -> bool:
         """Whether the control stays the same through a control period."""
-        return self._actuation == "torque"
+        return self._actuation == "torque" and not self._lags
 
     def reset(self, joints: Float64[np.ndarray, " nj"]) -> None:
         """Stand still where the joints are [rad]."""
         self._torque[:] = 0.0
+        self._motor = None
         self._target[:] = joints
         self._velocity[:] = 0.0
         self.rejected = 0
@@ -76,7 +85,7 @@ class Actuators:
     def control(self) -> Float64[np.ndarray, " nj"]:
         """Motor controls for the next physics step."""
         if self._actuation == "torque":
-            return self._torque
+            return self._followed() if self._lags else self._torque
         if self._actuation == "velocity":
             self._target += self._dt * self._velocity
             # As `numpy.clip` has it, in a fifth of its time.
@@ -84,6 +93,13 @@ class Actuators:
             np.minimum(self._target, self._q_max, out=self._target)
             return self._target + self._lead * self._velocity
         return self._target
+
+    def _followed(self) -> Float64[np.ndarray, " nj"]:
+        """What motors of a limited bandwidth give in the next physics step."""
+        if self._motor is None:
+            self._motor = self._torque.copy()
+        self._motor += self._follow * (self._torque - self._motor)
+        return self._motor
 
     def _checked(
         self, value: Float64[np.ndarray, "..."] | None

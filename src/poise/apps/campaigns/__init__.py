@@ -8,7 +8,9 @@ from poise.apps.campaigns._cluster import (
 from poise.apps.campaigns._episode import (
     OUTCOMES as OUTCOMES,
     Job as Job,
+    Row as Row,
     row_of as row_of,
+    run_episode as run_episode,
     version as version,
 )
 from poise.apps.campaigns._folder import CampaignFolder as CampaignFolder

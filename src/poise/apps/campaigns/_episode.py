@@ -3,7 +3,7 @@
 import hashlib
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from functools import cache
@@ -101,8 +101,12 @@ def version() -> str:
     return f"{metadata.version('poise')}+{digest.hexdigest()[:8]}"
 
 
-def run_episode(job: Job) -> Row:
+def run_episode(job: Job, describe: Callable[[Job, Run], Row] | None = None) -> Row:
     """Runs an episode. Whatever goes wrong in it is its result.
+
+    Args:
+        job: the episode.
+        describe: makes a row of its run; `row_of` when None.
 
     Raises:
         VersionError: this process has other code than the job asks for.
@@ -111,7 +115,7 @@ def run_episode(job: Job) -> Row:
         raise VersionError("a worker has another version", got=version(), wanted=job.version)
     begin = perf_counter()
     try:
-        row = row_of(job, run_scenario(job.make()))
+        row = (describe or row_of)(job, run_scenario(job.make()))
     except PoiseError as error:
         row = _without_run(job, "refused", str(error))
     except Exception as error:  # Of MuJoCo or a library: this episode's result, not the campaign's.

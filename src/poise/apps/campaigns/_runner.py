@@ -48,7 +48,7 @@ class Runner:
         left = [job for job in jobs if job.number not in self._folder.rows]
         total = len(jobs) if self._total is None else self._total
         self._tell(total)
-        self._warm_up(left)
+        self.warm_up(left)
         for job, found in self._workers.each(self._function, left):
             self._folder.add(
                 crashed(job, str(found)) if isinstance(found, WorkerLostError) else found
@@ -56,8 +56,14 @@ class Runner:
             self._tell(total)
         return [self._folder.rows[job.number] for job in jobs]
 
-    def _warm_up(self, jobs: Sequence[Job]) -> None:
-        """Has everything compiled before all workers would do it at once."""
+    def warm_up(self, jobs: Sequence[Job]) -> None:
+        """Has everything compiled before all workers would do it at once.
+
+        `run` does it with its jobs; it is for those who know better ones, that fit their robots.
+
+        Raises:
+            PoiseError: a scenario does not fit its robot.
+        """
         new = {same_kind(job): job for job in reversed(jobs)}
         new = {kind: job for kind, job in new.items() if kind not in self._warm}
         if new:

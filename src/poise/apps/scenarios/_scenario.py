@@ -308,12 +308,14 @@ class WalkPlan:
         Args:
             robot: the robot.
             stack: its controller's.
-            blocks: what stands on the floor.
+            blocks: what stands on the floor; the walker knows of those that it is told of.
 
         Raises:
             PoiseError: the robot cannot walk like this, or its stack cannot be led.
         """
-        platforms = tuple(Ground.Platform(center=b.center, size=b.size, yaw=b.yaw) for b in blocks)
+        platforms = tuple(
+            Ground.Platform(center=b.center, size=b.size, yaw=b.yaw) for b in blocks if b.told
+        )
         plan = plan_footsteps(robot, self.strides, self.gait, ground=Ground(platforms=platforms))
         return Walker(robot, plan, stack, self.feedback, carry=self.carry)
 
