@@ -18,6 +18,7 @@ MODULES = (
     "poise.apps.report",
     "poise.apps.teleoperation",
     "poise.apps.campaigns",
+    "poise.apps.scorecard",
     "poise.apps.live",
     "poise.robots",
     "poise.dynamics",

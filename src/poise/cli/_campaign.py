@@ -7,7 +7,7 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
-from poise.cli._options import add_output_options, whole_number
+from poise.cli._options import add_output_options, add_worker_options, make_workers
 from poise.cli._progress import Bar
 from poise.cli._run import run_and_report
 from poise.errors import ConfigurationError
@@ -32,19 +32,7 @@ def add_parser(verbs: Any) -> None:
         epilog="example: poise campaign examples/pushes.yaml --workers 8",
     )
     parser.add_argument("words", nargs="+", metavar="FILE", help=_FORMS)
-    where = parser.add_mutually_exclusive_group()
-    where.add_argument(
-        "--scheduler", metavar="ADDRESS", help="of a Dask cluster, as in tcp://10.0.0.1:8786"
-    )
-    where.add_argument(
-        "--slurm",
-        action="store_true",
-        help="submit --workers jobs to Slurm; sbatch reads its options from SBATCH_PARTITION, "
-        "SBATCH_TIMELIMIT, ...",
-    )
-    parser.add_argument(
-        "--workers", metavar="N", type=whole_number, help="processes (default: one a core)"
-    )
+    add_worker_options(parser)
     parser.add_argument("--no-video", action="store_true", help="of a replay, leave the video out")
     add_output_options(parser, "runs/campaign-FILE; of a replay FOLDER/replays/NUMBER")
     parser.set_defaults(act=act)
@@ -69,31 +57,12 @@ def _run(file: Path, options: argparse.Namespace) -> int:
     folder = Path(options.out or f"runs/campaign-{file.stem}")
     try:
         with Bar("episodes", " episodes") as bar:
-            run_campaign(file, folder, _workers(options), bar)
+            run_campaign(file, folder, make_workers(options), bar)
     except KeyboardInterrupt:
         print("interrupted; the same command goes on from here", file=sys.stderr)
         _status(folder, as_json=options.json)
         return 1
     return _status(folder, as_json=options.json)
-
-
-def _workers(options: argparse.Namespace) -> Any:
-    """Who works, as the command line says."""
-    from poise.apps.campaigns import DaskWorkers, LocalWorkers, SlurmWorkers
-
-    if options.scheduler is not None:
-        if options.workers is not None:
-            raise ConfigurationError(
-                "a cluster has its own number of workers",
-                got=options.workers,
-                wanted="no --workers",
-            )
-        return DaskWorkers(options.scheduler)
-    if options.slurm:
-        if options.workers is None:
-            raise ConfigurationError("--slurm asks for so many jobs", wanted="--workers N")
-        return SlurmWorkers(options.workers)
-    return LocalWorkers(options.workers)
 
 
 def _status(path: Path, *, as_json: bool) -> int:
