@@ -139,7 +139,7 @@ def test_an_episode_that_crashes_the_simulator_is_a_result(monkeypatch):
 
 def test_a_worker_of_another_version_is_refused():
     job = episodes.jobs(1)[0]
-    with pytest.raises(PoiseError, match="another version; got '0.1.0.*wanted x"):
+    with pytest.raises(PoiseError, match=r"another version of Poise; got '0.1.0.*wanted x"):
         run_episode(job)
 
 

@@ -4,6 +4,7 @@ import logging
 import shutil
 from collections.abc import Callable
 from contextlib import suppress
+from importlib import metadata
 from pathlib import Path
 from queue import Empty, Queue
 from typing import Any, Literal, TypeVar
@@ -19,7 +20,7 @@ _PATIENCE = 10.0
 """A scheduler that does not answer for this long is not there [s]."""
 
 _FIRST_WORKER = 600.0
-"""How long the first worker may take to come, or a new one after the last is gone [s]."""
+"""How long the first worker may take to come: Slurm's jobs have to wait for their turn [s]."""
 
 _LOOK = 1.0
 """How often is looked whether the scheduler is still there, while nothing comes [s]."""
@@ -55,7 +56,11 @@ class DaskWorkers(Workers):
                 got=self._address,
                 wanted="the address that `dask scheduler` prints",
             ) from None
-        self._check_workers()
+        try:
+            self._client.wait_for_workers(1, timeout=_FIRST_WORKER)
+        except TimeoutError:
+            raise PoiseError("the cluster has no worker", got=self._address) from None
+        self._check_poise()
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -66,8 +71,7 @@ class DaskWorkers(Workers):
     @property
     def free(self) -> int:
         """How many more things they take now: what waits at a worker that dies is tried anew."""
-        workers = self._client.scheduler_info(n_workers=-1)["workers"]
-        return max(len(workers), 1) - len(self._tickets)
+        return max(len(self._workers()), 1) - len(self._tickets)
 
     def submit(self, ticket: int, function: Callable[[T], R], item: T) -> None:
         """Has a worker call a function of a module."""
@@ -87,8 +91,7 @@ class DaskWorkers(Workers):
 
     def warm(self, function: Callable[[T], bool], item: T) -> None:
         """Calls a function in one worker of each machine: they share what it compiles."""
-        workers = self._client.scheduler_info(n_workers=-1)["workers"]
-        of_hosts = {about["host"]: address for address, about in workers.items()}
+        of_hosts = {about["host"]: address for address, about in self._workers().items()}
         calls = {
             address: self._client.submit(_called, function, item, pure=False, workers=[address])
             for address in of_hosts.values()
@@ -99,6 +102,12 @@ class DaskWorkers(Workers):
                 raise PoiseError(f"the first episode cannot be begun: {found}")
         with suppress(ValueError):  # A worker without a nanny cannot be started anew.
             self._client.restart_workers([a for a, used in used_up.items() if used])
+
+    def _workers(self) -> dict[str, Any]:
+        """What the scheduler says of each worker, by address."""
+        known = self._client.scheduler_info(n_workers=-1)
+        self._check_scheduler()
+        return known["workers"]
 
     def _result(self, future: Any) -> Any:
         from distributed.scheduler import KilledWorker
@@ -114,32 +123,20 @@ class DaskWorkers(Workers):
             raise result
         return result
 
+    def _check_poise(self) -> None:
+        """Sees that workers have Poise: one without leaves the cluster when it gets an episode.
+
+        Whether it is the same Poise each episode sees for itself.
+        """
+        # Nothing of Poise is sent for this, only a name of Python's own library.
+        found = self._client.run(metadata.version, "poise", on_error="return")
+        for worker, answer in found.items():
+            if isinstance(answer, metadata.PackageNotFoundError):
+                raise PoiseError(f"worker {worker} has no Poise", wanted=version())
+
     def _check_scheduler(self) -> None:
         if self._client.status != "running":
             raise PoiseError("the scheduler is not there any more", got=self._address)
-
-    def _check_workers(self) -> None:
-        """Waits for the first worker, and sees that all have our code.
-
-        Raises:
-            PoiseError: none comes, or one has other code; later ones are looked at by episodes.
-        """
-        distributed = _distributed()
-        try:
-            self._client.wait_for_workers(1, timeout=_FIRST_WORKER)
-        except (TimeoutError, distributed.TimeoutError):
-            raise PoiseError("the cluster has no worker", got=self._address) from None
-        try:
-            found = self._client.run(version)
-        except Exception as error:  # Anything, where it is not the same Poise.
-            raise PoiseError(
-                f"a worker cannot run Poise ({_reason(error)})", wanted=version()
-            ) from None
-        for worker, theirs in found.items():
-            if theirs != version():
-                raise PoiseError(
-                    f"worker {worker} has another version", got=theirs, wanted=version()
-                )
 
 
 class SlurmWorkers(DaskWorkers):
@@ -175,7 +172,7 @@ class SlurmWorkers(DaskWorkers):
         self._cluster = distributed.LocalCluster(
             n_workers=0,
             host="0.0.0.0" if self._executor == "slurm" else "127.0.0.1",
-            dashboard_address=None,
+            dashboard_address="127.0.0.1:0",
         )
         try:
             executor = submitit.AutoExecutor(folder=self._logs, cluster=self._executor)

@@ -9,6 +9,7 @@ from datetime import UTC, datetime
 from functools import cache
 from importlib import metadata
 from pathlib import Path
+from socket import gethostname
 from time import perf_counter
 from typing import Any
 
@@ -111,8 +112,7 @@ def run_episode(job: Job, describe: Callable[[Job, Run], Row] | None = None) -> 
     Raises:
         VersionError: this process has other code than the job asks for.
     """
-    if version() != job.version:
-        raise VersionError("a worker has another version", got=version(), wanted=job.version)
+    _check_version(job)
     begin = perf_counter()
     try:
         row = (describe or row_of)(job, run_scenario(job.make()))
@@ -121,6 +121,12 @@ def run_episode(job: Job, describe: Callable[[Job, Run], Row] | None = None) -> 
     except Exception as error:  # Of MuJoCo or a library: this episode's result, not the campaign's.
         row = _without_run(job, "error", f"{type(error).__name__}: {error}")
     return {**row, "seconds": perf_counter() - begin}
+
+
+def _check_version(job: Job) -> None:
+    if version() != job.version:
+        where = f"a worker on {gethostname()} has another version of Poise"
+        raise VersionError(where, got=version(), wanted=job.version)
 
 
 def crashed(job: Job, reason: str) -> Row:
@@ -170,10 +176,11 @@ def warm_up(jobs: Sequence[Job]) -> bool:
         last bit than the same code from the disk, so the process should do nothing else.
 
     Raises:
-        PoiseError: a scenario does not fit its robot.
+        PoiseError: a scenario does not fit its robot, or this process has other code.
     """
     with install_recorder("numba:compile") as compiling:
         for job in jobs:
+            _check_version(job)
             stage = stage_scenario(job.make())
             validate_checks([*job.figures.values()], stage.leader.stack, stage.robot)
             for _ in range(2):
