@@ -59,7 +59,7 @@ def polar(series: Sequence[Sequence[Spoke]], limit: float, unit: str, label: str
     """
     rings = [limit * (i + 1) / _RINGS for i in range(_RINGS)]
     parts = [_circle(ring / limit * _RADIUS, "#cbd2d9") for ring in rings]
-    parts += [_line_out(angle) for angle in range(0, 360, 30)]
+    parts += [_line_out(30.0 * i) for i in range(12)]
     parts += [
         _text(_CENTRE + 3, _CENTRE - ring / limit * _RADIUS - 2, f"{ring:g}", "start", small=True)
         for ring in rings

@@ -4,6 +4,7 @@ import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from poise.apps.scorecard._card import Card, TrialResult
 from poise.apps.scorecard._trials import TRIALS, VERSION, Place, Trial
 from poise.errors import ConfigurationError, PoiseError, UnknownNameError
 from poise.robots import Robot, load_robot
+from poise.sim import Plant
 
 BY_HAND = "step_teleoperation"
 """The controller whose robot an operator leads: it stands by resting devices."""
@@ -201,6 +203,7 @@ class Plan:
         trial, scene = case.trial, self._scene(case.trial)
         place = Place(
             robot=self.loaded,
+            links=self._links,
             control_dt=scene["plant"]["control_dt"],
             angle=case.angle or 0.0,
             phase=case.phase or 0.0,
@@ -215,6 +218,13 @@ class Plan:
             seed=seed,
             labels={"trial_name": trial.name, "case": case.index, "level": level},
         )
+
+    @cached_property
+    def _links(self) -> tuple[str, ...]:
+        """What the plant calls the links: a description may have other names for some."""
+        model = Plant(self.loaded).model
+        masses = zip(range(model.nbody), model.body_mass.tolist(), strict=True)
+        return tuple(model.body(i).name for i, mass in masses if mass > 0.0)
 
     def _scene(self, trial: Trial) -> dict[str, Any]:
         by_hand = self.controller == BY_HAND and trial.scene == "stand"

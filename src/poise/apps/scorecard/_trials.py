@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
-import pinocchio as pin
 
 from poise.apps.teleoperation import terrain_blocks
 from poise.errors import ConfigurationError
@@ -38,6 +37,7 @@ class Place:
 
     Attributes:
         robot: the robot.
+        links: names of its links that have a mass.
         control_dt: control period of the scene [s].
         angle: direction, anticlockwise from ahead [rad].
         phase: of the step, from one lift-off (0) to the next (1).
@@ -45,6 +45,7 @@ class Place:
     """
 
     robot: Robot
+    links: tuple[str, ...]
     control_dt: float
     angle: float = 0.0
     phase: float = 0.0
@@ -135,10 +136,9 @@ def _com_errors(amount: float, place: Place) -> list[dict[str, Any]]:
 
 
 def _drawn(place: Place, shape: tuple[int, ...]) -> dict[str, Any]:
-    """Numbers in [-1, 1] for each link with a mass, by the seed."""
+    """Numbers in [-1, 1] for each link, by the seed."""
     rng = np.random.default_rng([place.seed, *shape])
-    links = [f for f in place.robot.model.frames if f.type == pin.FrameType.BODY]
-    return {f.name: rng.uniform(-1.0, 1.0, shape) for f in links if f.inertia.mass > 0.0}
+    return {name: rng.uniform(-1.0, 1.0, shape) for name in place.links}
 
 
 def _ticks(amount: float, place: Place) -> float:
