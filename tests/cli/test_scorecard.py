@@ -62,7 +62,7 @@ def test_a_card_is_printed_and_written_beside_its_page(in_folder, made, capsys):
     assert "delay of sensors" in out
     assert "0.02 s [0.02, 0.03]" in out
     assert "speed was left out: it cannot <walk>" in out
-    assert "worst: push, standing 0°: torque of <knee>" in out
+    assert "worst: push, standing ahead: torque of <knee>" in out
     assert out.endswith("page: runs/scorecard-biped20-osf-quick/scorecard.html\n")
 
 
@@ -84,7 +84,7 @@ def test_two_cards_are_compared_in_a_table_and_on_a_page(in_folder, two_cards, c
     assert err == ""
     lines = {line.split("  ")[1]: line for line in out.splitlines() if line.startswith("  ")}
     assert lines["delay of sensors"].endswith("second worse")
-    assert "second" not in lines["push, standing 0°"]
+    assert "second" not in lines["push, standing ahead"]
     assert "not tried" in lines["friction"]
     assert (in_folder / "runs" / "scorecard-compare" / "scorecard.html").is_file()
 
@@ -125,6 +125,8 @@ BAD = {
     "no card": (["scorecard", "--compare", "one", "nowhere"], "nowhere"),
     "a file that is no card": (["scorecard", "--compare", "one", "text"], "not a scorecard"),
     "cards of two robots": (["scorecard", "--compare", "one", "g1"], "different robots"),
+    "no folder of a card": (["scorecard", "--replay", "one", "3"], "no campaign in this folder"),
+    "no number": (["scorecard", "--replay", "one", "x"], "got 'x'"),
     "against another robot": ([*QUICK, "--against", "g1"], "different robots"),
 }
 

@@ -9,6 +9,8 @@ from typing import Any
 
 from poise.cli._options import add_output_options, add_worker_options, make_workers
 from poise.cli._progress import Bar
+from poise.cli._run import run_and_report
+from poise.errors import ConfigurationError
 
 
 def add_parser(verbs: Any) -> None:
@@ -51,6 +53,12 @@ def add_parser(verbs: Any) -> None:
         metavar=("A", "B"),
         help="two cards, by their files or folders, in place of making one",
     )
+    parser.add_argument(
+        "--replay",
+        nargs=2,
+        metavar=("FOLDER", "NUMBER"),
+        help="run an episode of a card again, by the number on its page, with report and video",
+    )
     add_worker_options(parser)
     add_output_options(parser, "runs/scorecard-ROBOT-CONTROLLER, of a quick one with -quick behind")
     parser.set_defaults(act=act)
@@ -62,6 +70,8 @@ def act(options: argparse.Namespace) -> int:
         return _list(as_json=options.json)
     if options.compare is not None:
         return _compare(options)
+    if options.replay is not None:
+        return _replay(options)
     return _make(options)
 
 
@@ -138,6 +148,23 @@ def _compare(options: argparse.Namespace) -> int:
     page = write_page(first, Path(options.out or "runs/scorecard-compare"), second)
     if not options.json:
         print(f"page: {page}")
+    return 0
+
+
+def _replay(options: argparse.Namespace) -> int:
+    """Runs one episode again, with everything that a run leaves behind."""
+    from poise.apps.campaigns import CampaignFolder
+    from poise.apps.scorecard import replay_job
+
+    path, number = Path(options.replay[0]), options.replay[1]
+    if not (number.isascii() and number.isdigit()):
+        raise ConfigurationError("not the number of an episode", got=number, wanted="0, 1, 2, ...")
+    scenario = replay_job(CampaignFolder(path), int(number)).make()
+    out = Path(options.out or path / "replays" / number)
+    out.mkdir(parents=True, exist_ok=True)
+    _, summary = run_and_report(scenario, out, video=True, quiet=options.json)
+    if options.json:
+        print(json.dumps(summary))
     return 0
 
 

@@ -41,7 +41,7 @@ def test_a_robot_that_still_moves_has_not_survived():
     moving = run(0.3, duration=0.25)
     assert not moving.fell
     assert not survived(moving)
-    assert mechanism(moving).endswith("mean speed of the COM over the last 0.1 s")
+    assert "at the end mean speed of the COM over the last 0.1 s was 0." in mechanism(moving)
 
 
 def test_what_happened_first_is_told_first_and_how_it_ended_last(hard):

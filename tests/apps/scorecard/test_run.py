@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from poise.apps.campaigns import CampaignFolder
-from poise.apps.scorecard import FULL, QUICK, TRIALS, Plan, make_card
+from poise.apps.scorecard import FULL, QUICK, TRIALS, Plan, make_card, replay_job
 from poise.errors import ConfigurationError, PoiseError, UnknownNameError
 
 LEGS = {"robot": "biped20", "extent": QUICK}
@@ -196,3 +196,25 @@ def test_a_strategy_that_the_controller_has_not_leaves_everything_out(here, tmp_
     cases, left_out = plan.cases()
     assert cases == []
     assert "no such strategy" in left_out["push"]
+
+
+def test_an_episode_can_be_made_again_from_the_folder(here, tmp_path):
+    plan, jobs = Plan(controller="osf", trials=("slope",), **LEGS), {}
+
+    def noted(job):
+        jobs[job.number] = job
+        return known(job)
+
+    make_card(plan, tmp_path, here, function=noted)
+    number = sorted(jobs)[7]
+    assert replay_job(CampaignFolder(tmp_path), number) == jobs[number]
+    with pytest.raises(ConfigurationError, match="this episode has no result; got 5"):
+        replay_job(CampaignFolder(tmp_path), 5)
+
+
+def test_the_folder_of_a_campaign_has_no_card(tmp_path):
+    folder = CampaignFolder(tmp_path)
+    with folder.claimed({"campaign": {"name": "gains"}, "scenario": {}}):
+        pass
+    with pytest.raises(ConfigurationError, match="no scorecard in this folder"):
+        replay_job(folder, 0)

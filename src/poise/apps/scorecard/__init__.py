@@ -14,7 +14,7 @@ from poise.apps.scorecard._page import (
     write_page as write_page,
 )
 from poise.apps.scorecard._plan import FULL as FULL, QUICK as QUICK, Plan as Plan
-from poise.apps.scorecard._run import make_card as make_card
+from poise.apps.scorecard._run import make_card as make_card, replay_job as replay_job
 from poise.apps.scorecard._trials import TRIALS as TRIALS, Trial as Trial
 
 __all__: list[str] = []

@@ -16,6 +16,9 @@ CARD, PAGE = "scorecard.json", "scorecard.html"
 Limit = Literal["", "at least", "none"]
 """Of an amount: what was found, the hard end survived, or not even the easy end."""
 
+_SIDES = {0.0: "ahead", 90.0: "left", 180.0: "back", 270.0: "right"}
+"""Directions that have a name, anticlockwise from ahead [deg]."""
+
 _Share = Annotated[float, Bounds(least=0.0, most=1.0)]
 _Whole = Annotated[int, Bounds(least=0.0, whole=True, most=1e15)]
 
@@ -71,7 +74,7 @@ class CaseResult:
         """What tells it from the other cases of its trial."""
         parts = [] if self.phase is None else [f"phase {self.phase:g}"]
         if self.angle is not None:
-            parts.append(f"{self.angle:g}°")
+            parts.append(_SIDES.get(self.angle, f"{self.angle:g}°"))
         return ", ".join(parts)
 
 

@@ -61,15 +61,14 @@ def polar(series: Sequence[Sequence[Spoke]], limit: float, unit: str, label: str
     parts = [_circle(ring / limit * _RADIUS, "#cbd2d9") for ring in rings]
     parts += [_line_out(30.0 * i) for i in range(12)]
     parts += [
-        _text(_CENTRE + 3, _CENTRE - ring / limit * _RADIUS - 2, f"{ring:g}", "start", small=True)
+        _text(*_at(-15.0, ring / limit * _RADIUS), f"{ring:g} {unit}", "start", small=True)
         for ring in rings
     ]
     for words, angle in (("ahead", 0.0), ("left", 90.0), ("back", 180.0), ("right", 270.0)):
-        x, y = _at(angle, _RADIUS + 16.0)
+        x, y = _at(angle, _RADIUS + 22.0)
         parts.append(_text(x, y + 4.0, words, "middle"))
     for spokes, colour in zip(series, COLOURS, strict=False):
         parts += _outline(sorted(spokes, key=lambda s: s.angle), limit, colour)
-    parts.append(_text(_SIZE - 6.0, _SIZE - 8.0, unit, "end", small=True))
     return _svg(_SIZE, _SIZE, parts, label)
 
 

@@ -104,7 +104,10 @@ def _end(run: Run) -> str:
         return f"it leaned by {lean(run):.2f} rad at the end"
     if run.scenario.walk is not None:
         return f"the walk was not finished ({run.signals.modes[-1][1]})"
-    return "; ".join(check.name for check in run.checks if not check.ok)
+    if any(status != CommandStatus.OK.value for status in run.signals.status):
+        return "it went on to the end"
+    own = run.checks[len(run.checks) - len(run.scenario.checks) :]
+    return "; ".join(f"at the end {c.name} was {c.value:.2g} {c.unit}" for c in own if not c.ok)
 
 
 def _at_limit(signals: RunSignals) -> Bool[np.ndarray, "T nj"]:

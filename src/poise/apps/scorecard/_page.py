@@ -14,7 +14,9 @@ from poise.apps.scorecard._trials import TRIALS
 _STYLE = (
     "<style>.polars{display:flex;flex-wrap:wrap;gap:1rem 2rem}.polars figure{width:300px;margin:0}"
     ".polars svg{width:100%;height:auto;display:block}.polars figcaption{text-align:center}"
-    ".key i{display:inline-block;width:.8em;height:.8em;border-radius:50%;margin:0 .4em 0 1em}"
+    "#table td{white-space:nowrap;vertical-align:top}#table td:last-child{white-space:normal;"
+    "min-width:22rem}.key i{display:inline-block;width:.8em;height:.8em;border-radius:50%;"
+    "margin:0 .4em 0 1em}"
     "</style>"
 )
 
@@ -185,7 +187,7 @@ def _bars(cards: Sequence[Card]) -> str:
     return (
         '<section id="bars"><h2>Everything else</h2><p class="how">Bars go from the easy end of '
         "each trial to what was survived; a full one is its hard end. Slopes go down towards the "
-        f"direction that is named, anticlockwise from ahead.</p>{_key(cards)}"
+        f"side that is named.</p>{_key(cards)}"
         f'<div class="scroll"><div class="plot still">{chart}</div></div></section>'
     )
 

@@ -16,6 +16,9 @@ from poise.errors import ConfigurationError, PoiseError, UnknownNameError
 from poise.robots import Robot, load_robot
 from poise.sim import Plant
 
+NAME = "scorecard"
+"""What its folder calls a card, where campaigns have their names."""
+
 BY_HAND = "step_teleoperation"
 """The controller whose robot an operator leads: it stands by resting devices."""
 
@@ -128,7 +131,7 @@ class Plan:
     def about(self) -> dict[str, Any]:
         """What makes two runs the same card, as JSON."""
         return {
-            "name": "scorecard",
+            "name": NAME,
             "robot": self.robot,
             "controller": self.controller,
             "strategy": self.strategy,
@@ -216,7 +219,7 @@ class Plan:
             where=scene["name"],
             values=trial.values(level, place),
             seed=seed,
-            labels={"trial_name": trial.name, "case": case.index, "level": level},
+            labels={"trial_name": trial.name, "case": case.index, "look": look, "level": level},
         )
 
     @cached_property

@@ -1,4 +1,7 @@
-"""`make_card`: all trials of a plan, bisected side by side, to a card."""
+"""`make_card`: all trials of a plan, bisected side by side, to a card.
+
+`replay_job`: one of its episodes again.
+"""
 
 import math
 from collections.abc import Callable, Sequence
@@ -11,8 +14,9 @@ from poise.apps.scorecard._bisection import Bisection
 from poise.apps.scorecard._card import Card, CaseResult, Limit, SeedResult, TrialResult
 from poise.apps.scorecard._episode import run_trial
 from poise.apps.scorecard._intervals import Estimate, median_of, share_of
-from poise.apps.scorecard._plan import Case, Plan
+from poise.apps.scorecard._plan import FULL, NAME, QUICK, Case, Plan
 from poise.apps.scorecard._trials import TRIALS, Trial
+from poise.errors import ConfigurationError
 
 
 @dataclass
@@ -74,6 +78,33 @@ def make_card(
                 search.rows.append(row)
                 search.looks.tell(bool(row.get("survived")))
     return plan.card(_results(searches), left_out)
+
+
+def replay_job(folder: CampaignFolder, number: int) -> Job:
+    """The job of an episode that a card's folder has a row of.
+
+    Raises:
+        ConfigurationError: the folder holds no card, or no such episode.
+    """
+    about = folder.content()["campaign"]
+    if about.get("name") != NAME:
+        raise ConfigurationError("no scorecard in this folder", got=str(folder.path))
+    if number not in folder.rows:
+        raise ConfigurationError(
+            "this episode has no result",
+            got=number,
+            wanted=f"one of the {len(folder.rows)} numbers in {str(folder.path)!r}",
+        )
+    row = folder.rows[number]
+    plan = Plan(
+        robot=about["robot"],
+        controller=about["controller"],
+        strategy=about["strategy"],
+        extent=QUICK if about["quick"] else FULL,
+    )
+    trial = next(trial for trial in TRIALS if trial.name == row["trial_name"])
+    case = plan.spread(trial)[row["case"]]
+    return plan.job(case, row["seed"], row["look"], row["level"])
 
 
 def _one_a_scene(cases: Sequence[Case]) -> list[Case]:
