@@ -35,12 +35,10 @@ def recorded(folder: Path) -> list[dict[str, Any]]:
     import pyarrow.parquet as pq
 
     tables = [pq.read_table(path) for path in sorted((folder / "episodes").glob("*.parquet"))]
-    rows: list[dict[str, Any]] = [] if not tables else _joined(pa, tables).to_pylist()
+    if not tables:
+        return []
+    rows = pa.concat_tables(tables, promote_options="permissive").to_pylist()
     return sorted(rows, key=lambda row: row["number"])
-
-
-def _joined(pa: Any, tables: list[Any]) -> Any:
-    return pa.concat_tables(tables, promote_options="permissive")
 
 
 def count_recorded(folder: Path) -> int:

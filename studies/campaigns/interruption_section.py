@@ -104,7 +104,7 @@ def _interrupted(
             parent.kill()
         before = recorded(folder)
         with subprocess.Popen(command, stdout=subprocess.DEVNULL) as parent:
-            _until(folder, count, parent, count, progress)
+            _until(folder, float(count), parent, count, progress)
             parent.wait(_LIMIT)
     return before, recorded(folder)
 
