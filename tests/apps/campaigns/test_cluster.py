@@ -85,6 +85,24 @@ def test_a_scheduler_that_goes_away_is_said(monkeypatch):
             list(found)
 
 
+def test_a_cluster_without_workers_is_said(monkeypatch):
+    monkeypatch.setattr(_cluster, "_WITHOUT_WORKER", 0.5)
+    with distributed.LocalCluster(
+        n_workers=0, host="127.0.0.1", dashboard_address="127.0.0.1:0"
+    ) as cluster:
+        with (
+            pytest.raises(PoiseError, match="the cluster has no worker; got 'tcp://"),
+            DaskWorkers(cluster.scheduler_address),
+        ):
+            pass
+        monkeypatch.setattr(DaskWorkers, "_check_poise", lambda _: None)
+        monkeypatch.setattr(distributed.Client, "wait_for_workers", lambda *_, **__: None)
+        with DaskWorkers(cluster.scheduler_address) as workers:
+            workers.submit(0, abs, -1)
+            with pytest.raises(PoiseError, match="no worker any more"):
+                workers.wait()
+
+
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "nonsense", "udp://x:1", ""])
 def test_a_scheduler_that_is_not_there_is_said(monkeypatch, address):
     monkeypatch.setattr(_cluster, "_PATIENCE", 0.3)

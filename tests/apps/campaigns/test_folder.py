@@ -78,6 +78,21 @@ def test_a_run_killed_before_parts_are_deleted_leaves_each_row_once(tmp_path, mo
     assert pq.read_table(tmp_path / "episodes").num_rows == 2
 
 
+def test_who_looks_on_while_many_files_become_one_sees_every_row(tmp_path, monkeypatch):
+    folder, read = CampaignFolder(tmp_path), pq.read_table
+    with folder.claimed(CONTENT):
+        for row in rows(3):
+            folder.add(row)
+
+        def read_late(path):
+            monkeypatch.undo()
+            folder._compact()
+            return read(path)
+
+        monkeypatch.setattr(pq, "read_table", read_late)
+        assert sorted(CampaignFolder(tmp_path).rows) == [0, 1, 2]
+
+
 def test_a_full_disk_costs_the_row_that_is_written_and_no_other(tmp_path, monkeypatch):
     def full(table, path):
         path.write_bytes(b"half")

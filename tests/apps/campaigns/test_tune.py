@@ -107,29 +107,29 @@ def test_tuning_betters_a_bad_start_and_says_the_best(tmp_path):
 
 @pytest.mark.usefixtures("unplotted")
 def test_the_seed_makes_it_the_same_and_another_seed_does_not(tmp_path, monkeypatch):
-    _, one = tuned(tmp_path / "a", trials=15)
-    _, same = tuned(tmp_path / "b", trials=15)
+    _, one = tuned(tmp_path / "a", trials=9)
+    _, same = tuned(tmp_path / "b", trials=9)
     monkeypatch.setitem(CAMPAIGN, "seed", 6)
-    _, other = tuned(tmp_path / "c", trials=15)
+    _, other = tuned(tmp_path / "c", trials=9)
     assert values(one) == values(same)
     assert values(one)[2:] != values(other)[2:]
 
 
 @pytest.mark.usefixtures("unplotted")
 def test_an_interrupted_tuning_goes_on_as_if_it_had_not_been(tmp_path):
-    _, whole = tuned(tmp_path / "a", trials=15)
-    for stop in (0, 1, 6, 9):
+    _, whole = tuned(tmp_path / "a", trials=9)
+    for stop in (0, 1, 6, 7):
         with pytest.raises(StoppedError):
-            tuned(tmp_path / "b", stop_after=stop, trials=15)
-    _, again = tuned(tmp_path / "b", trials=15)
+            tuned(tmp_path / "b", stop_after=stop, trials=9)
+    _, again = tuned(tmp_path / "b", trials=9)
     assert values(again) == values(whole)
 
 
 @pytest.mark.usefixtures("unplotted")
 def test_a_tuning_may_be_made_longer(tmp_path):
-    _, whole = tuned(tmp_path / "a", trials=12)
-    tuned(tmp_path / "b", trials=6)
-    _, longer = tuned(tmp_path / "b", trials=12)
+    _, whole = tuned(tmp_path / "a", trials=7)
+    tuned(tmp_path / "b", trials=4)
+    _, longer = tuned(tmp_path / "b", trials=7)
     assert values(longer) == values(whole)
 
 

@@ -130,6 +130,11 @@ def test_another_run_may_add_trials(hands, here, tmp_path):
     card = make_card(more, tmp_path, here, function=known)
     assert [trial.name for trial in card.trials] == ["payload_torso", "delay"]
     assert here.calls == 15
+    told = []
+    other = replace(hands, trials=("speed",))
+    make_card(other, tmp_path, here, lambda *at: told.append(at), function=known)
+    assert (told[0], told[-1]) == ((0.0, 15.0), (15.0, 15.0))
+    assert here.warmed == [{"walk.strides[0].length": pytest.approx(0.04)}]
 
 
 @pytest.mark.parametrize(

@@ -7,6 +7,7 @@ from contextlib import suppress
 from importlib import metadata
 from pathlib import Path
 from queue import Empty, Queue
+from time import monotonic
 from typing import Any, Literal, TypeVar
 
 from poise.apps.campaigns._episode import version
@@ -19,8 +20,11 @@ R = TypeVar("R")
 _PATIENCE = 10.0
 """A scheduler that does not answer for this long is not there [s]."""
 
-_FIRST_WORKER = 600.0
-"""How long the first worker may take to come: Slurm's jobs have to wait for their turn [s]."""
+_WITHOUT_WORKER = 3600.0
+"""How long there may be no worker: jobs of Slurm have to wait for their turn [s]."""
+
+_LONGEST_JOB = 24 * 60
+"""Limit of a job of Slurm's, where SBATCH_TIMELIMIT says no other [min]."""
 
 _LOOK = 1.0
 """How often is looked whether the scheduler is still there, while nothing comes [s]."""
@@ -57,7 +61,7 @@ class DaskWorkers(Workers):
                 wanted="the address that `dask scheduler` prints",
             ) from None
         try:
-            self._client.wait_for_workers(1, timeout=_FIRST_WORKER)
+            self._client.wait_for_workers(1, timeout=_WITHOUT_WORKER)
         except TimeoutError:
             raise PoiseError("the cluster has no worker", got=self._address) from None
         self._check_poise()
@@ -81,11 +85,15 @@ class DaskWorkers(Workers):
 
     def wait(self) -> list[tuple[int, Any]]:
         """Waits until some calls have come to an end."""
+        alone = monotonic() + _WITHOUT_WORKER
         while True:
             try:
                 future = self._ended.get(timeout=_LOOK)
             except Empty:
-                self._check_scheduler()
+                if self._workers():
+                    alone = monotonic() + _WITHOUT_WORKER
+                elif monotonic() > alone:
+                    raise PoiseError("the cluster has no worker any more") from None
                 continue
             return [(self._tickets.pop(future), self._result(future))]
 
@@ -176,7 +184,9 @@ class SlurmWorkers(DaskWorkers):
         )
         try:
             executor = submitit.AutoExecutor(folder=self._logs, cluster=self._executor)
-            executor.update_parameters(name="poise", cpus_per_task=1, tasks_per_node=1)
+            executor.update_parameters(
+                name="poise", cpus_per_task=1, tasks_per_node=1, timeout_min=_LONGEST_JOB
+            )
             address = self._cluster.scheduler_address
             self._address = address
             self._jobs = executor.map_array(serve, [address] * self._count)

@@ -54,10 +54,6 @@ TIMINGS = ("ended", "seconds", "real_time_factor", "tick_us_p50", "tick_us_p99",
 """Columns that differ when the same episode is run again; all others do not."""
 
 
-class VersionError(PoiseError):
-    """A worker has other code than whoever asks it for an episode."""
-
-
 @dataclass(frozen=True, kw_only=True)
 class Job:
     """One episode to be run.
@@ -110,7 +106,7 @@ def run_episode(job: Job, describe: Callable[[Job, Run], Row] | None = None) -> 
         describe: makes a row of its run; `row_of` when None.
 
     Raises:
-        VersionError: this process has other code than the job asks for.
+        PoiseError: this process has other code than the job asks for.
     """
     _check_version(job)
     begin = perf_counter()
@@ -126,7 +122,7 @@ def run_episode(job: Job, describe: Callable[[Job, Run], Row] | None = None) -> 
 def _check_version(job: Job) -> None:
     if version() != job.version:
         where = f"a worker on {gethostname()} has another version of Poise"
-        raise VersionError(where, got=version(), wanted=job.version)
+        raise PoiseError(where, got=version(), wanted=job.version)
 
 
 def crashed(job: Job, reason: str) -> Row:

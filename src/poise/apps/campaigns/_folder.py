@@ -156,6 +156,9 @@ class CampaignFolder:
         for path in self._files():
             try:
                 tables.append(pq.read_table(path))
+            except FileNotFoundError:
+                # The run that writes here has made one file of several meanwhile.
+                return self._table()
             except (pa.ArrowException, OSError) as error:
                 reason = " ".join(str(error).split())
                 raise PoiseError(f"cannot read results ({reason})", got=str(path)) from None

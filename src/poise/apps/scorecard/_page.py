@@ -14,9 +14,9 @@ from poise.apps.scorecard._trials import TRIALS
 _STYLE = (
     "<style>.polars{display:flex;flex-wrap:wrap;gap:1rem 2rem}.polars figure{width:300px;margin:0}"
     ".polars svg{width:100%;height:auto;display:block}.polars figcaption{text-align:center}"
-    "#table td{white-space:nowrap;vertical-align:top}#table td:last-child{white-space:normal;"
-    "min-width:22rem}.key i{display:inline-block;width:.8em;height:.8em;border-radius:50%;"
-    "margin:0 .4em 0 1em}"
+    "#table th,#table td{white-space:nowrap;vertical-align:top}"
+    "#table td:last-child{white-space:normal;min-width:22rem}.key i{display:inline-block;"
+    "width:.8em;height:.8em;border-radius:50%;margin:0 .4em 0 1em}"
     "</style>"
 )
 

@@ -65,12 +65,20 @@ def make_card(
     ]
     rows = CampaignFolder(folder)
     total = sum(search.looks.looks for search in searches)
+    tried = {case.trial.name for case in cases}
+
+    def tell(done: float, _: float) -> None:
+        if progress is not None:
+            progress(done - others, float(total))
+
     with (
         rows.claimed({"campaign": plan.about, "scenario": {}}),
         workers or LocalWorkers() as crew,
     ):
-        runner = Runner(crew, rows, progress=progress, total=total, function=function)
-        if len(rows.rows) < total:
+        # What another run has left in the folder of trials that this one does not ask for.
+        others = sum(row["trial_name"] not in tried for row in rows.rows.values())
+        runner = Runner(crew, rows, progress=tell, total=total, function=function)
+        if len(rows.rows) - others < total:
             runner.warm_up([plan.job(case, 0, 0, 0.0) for case in _one_a_scene(cases)])
         while open_ones := [s for s in searches if _level(s) is not None]:
             jobs = [plan.job(s.case, s.seed, s.looks.done, _level(s) or 0.0) for s in open_ones]
