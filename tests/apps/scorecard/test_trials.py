@@ -1,6 +1,7 @@
 """The table of trials: that its fields exist, and that amounts mean what they say."""
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -97,3 +98,14 @@ def test_a_delay_is_a_whole_number_of_control_periods(place):
     delay = BY_NAME["delay"].values(0.3, place)["plant.sensors.delay"]
     assert delay / 0.002 == pytest.approx(round(delay / 0.002))
     assert delay == pytest.approx(0.0384, abs=0.001)
+
+
+def test_the_documentation_has_a_row_for_every_trial():
+    page = (Path(__file__).parents[3] / "docs" / "scorecard.md").read_text(encoding="utf-8")
+    rows = {line.split("`")[1]: line for line in page.splitlines() if line.startswith("| `")}
+    for trial in TRIALS:
+        if not trial.share:
+            scale = 1000.0 if trial.unit == "m" and trial.hard <= 0.05 else 1.0
+            ends = f"{trial.easy * scale:g} to {trial.hard * scale:g}"
+            assert f"| {trial.scene} |" in rows[trial.name]
+            assert ends in rows[trial.name], trial.name
