@@ -67,22 +67,7 @@ def _run(file: Path, options: argparse.Namespace) -> int:
 
 def _status(path: Path, *, as_json: bool) -> int:
     """Says how far a campaign is; it may be running meanwhile."""
-    from poise.apps.campaigns import OUTCOMES, CampaignFolder, Design, best_trial
-
-    folder = CampaignFolder(path)
-    design = Design.of(folder)
-    found = Counter(row["outcome"] for row in folder.rows.values())
-    said: dict[str, Any] = {
-        "campaign": design.campaign.name,
-        "episodes": design.count,
-        "done": len(folder.rows),
-        "outcomes": {name: found[name] for name in OUTCOMES if found[name]},
-        "versions": sorted({row["version"] for row in folder.rows.values()}),
-        **folder.pace(design.count),
-    }
-    plan = design.campaign.tune
-    if plan is not None:
-        said["best"] = best_trial(design.campaign, plan, path)
+    said = _progress(path)
     if as_json:
         print(json.dumps(said))
         return 0
@@ -97,6 +82,27 @@ def _status(path: Path, *, as_json: bool) -> int:
     if said.get("best"):
         print(f"best: {json.dumps(said['best'])}")
     return 0
+
+
+def _progress(path: Path) -> dict[str, Any]:
+    """What there is to say of a campaign."""
+    from poise.apps.campaigns import OUTCOMES, CampaignFolder, Design, best_trial
+
+    folder = CampaignFolder(path)
+    design = Design.of(folder)
+    campaign, rows = design.campaign, folder.rows.values()
+    found = Counter(row["outcome"] for row in rows)
+    said: dict[str, Any] = {
+        "campaign": campaign.name,
+        "episodes": design.count,
+        "done": len(rows),
+        "outcomes": {name: found[name] for name in OUTCOMES if found[name]},
+        "versions": sorted({row["version"] for row in rows}),
+        **folder.pace(design.count),
+    }
+    if campaign.tune is not None:
+        said["best"] = best_trial(campaign, campaign.tune, path)
+    return said
 
 
 def _replay(path: Path, number: str, options: argparse.Namespace) -> int:

@@ -74,6 +74,12 @@ def test_an_error_of_the_function_is_raised_here(two, function, words):
     assert dict(two.each(abs, [-2])) == {-2: 2}
 
 
+def test_what_an_error_leaves_running_is_taken_for_nothing_else(two):
+    with pytest.raises(PoiseError, match="not this one"):
+        list(two.each(episodes.refusing_first, episodes.jobs(2)))
+    assert dict(two.each(abs, range(-4, 0))) == {-4: 4, -3: 3, -2: 2, -1: 1}
+
+
 def test_workers_have_one_thread_and_the_parent_keeps_its_environment(monkeypatch):
     monkeypatch.delenv("OPENBLAS_NUM_THREADS", raising=False)
     with LocalWorkers(1) as workers:

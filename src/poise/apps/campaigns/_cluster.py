@@ -62,9 +62,13 @@ class DaskWorkers(Workers):
             ) from None
         try:
             self._client.wait_for_workers(1, timeout=_WITHOUT_WORKER)
+            self._check_poise()
         except TimeoutError:
+            self.__exit__()
             raise PoiseError("the cluster has no worker", got=self._address) from None
-        self._check_poise()
+        except BaseException:
+            self.__exit__()
+            raise
         return self
 
     def __exit__(self, *_: object) -> None:

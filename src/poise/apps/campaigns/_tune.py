@@ -3,6 +3,7 @@
 import json
 import math
 import warnings
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -149,7 +150,7 @@ def _draw(study: Any, folder: Path) -> None:
     mpl.use("Agg")
     from matplotlib import pyplot as plt
 
-    plots = __import__("optuna.visualization.matplotlib", fromlist=["plot_slice"])
+    plots = import_module("optuna.visualization.matplotlib")
     if len(_finished(study)) < _FEWEST:
         return
     for name, function in _PLOTS.items():

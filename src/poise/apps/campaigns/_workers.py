@@ -11,6 +11,7 @@ from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import contextmanager, suppress
+from itertools import count
 from multiprocessing import get_context, parent_process
 from multiprocessing.connection import Connection, wait
 from typing import Any, TypeVar
@@ -22,6 +23,9 @@ R = TypeVar("R")
 
 ATTEMPTS = 3
 """How often something is tried that takes its worker along: it need not be the culprit."""
+
+_TICKETS = count()
+"""Of all calls of this process, so that none is taken for another."""
 
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 """Linear algebra in workers must not start threads of its own: there is a worker a core."""
@@ -95,18 +99,20 @@ class Workers(ABC):
         """
         left, again = iter(items), deque[tuple[T, int]]()
         running: dict[int, tuple[T, int]] = {}
-        ticket = 0
         while True:
             while self.free > 0:
                 upcoming = again.popleft() if again else next(((i, 1) for i in left), None)
                 if upcoming is None:
                     break
+                ticket = next(_TICKETS)
                 running[ticket] = upcoming
                 self.submit(ticket, function, upcoming[0])
-                ticket += 1
             if not running:
                 return
             for done, result in self.wait():
+                if done not in running:
+                    # What is left of calls that an error has ended early.
+                    continue
                 item, tried = running.pop(done)
                 if isinstance(result, WorkerLostError) and tried < attempts:
                     again.append((item, tried + 1))
@@ -175,8 +181,7 @@ class LocalWorkers(Workers):
         """Calls a function in one worker, while the others come up."""
         while len(self._idle) + len(self._busy) < self._count:
             self._idle.append(_Worker())
-        self.submit(-1, function, item)
-        ((_, used_up),) = self.wait()
+        ((_, used_up),) = self.each(function, [item], attempts=1)
         if isinstance(used_up, WorkerLostError):
             raise PoiseError(f"the first episode cannot be begun: {used_up}")
         if used_up:
