@@ -17,6 +17,8 @@ MODULES = (
     "poise.apps.scenarios",
     "poise.apps.report",
     "poise.apps.teleoperation",
+    "poise.apps.campaigns",
+    "poise.apps.scorecard",
     "poise.apps.live",
     "poise.robots",
     "poise.dynamics",

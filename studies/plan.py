@@ -212,6 +212,7 @@ _MODULES = {
     "step-teleoperation": "studies.step_teleoperation",
     "reduced-dynamics": "studies.reduced_dynamics",
     "bad-operator": "studies.bad_operator",
+    "campaigns": "studies.campaigns",
 }
 """Where each study's `PLAN` is."""
 

@@ -33,6 +33,7 @@ MUJOCO_USERS = ("sim/", "apps/scenarios/_replay.py")
 OPTIONAL = (
     "mujoco", "matplotlib", "mcap", "tqdm", "imageio", "qpsolvers", "osqp", "proxsuite", "piqp",
     "clarabel", "quadprog", "example_robot_data", "websockets", "pygame",
+    "pyarrow", "distributed", "submitit", "optuna",
 )  # fmt: skip
 
 

@@ -17,6 +17,7 @@ from jaxtyping import Float64
 from pydantic import (
     ConfigDict,
     GetCoreSchemaHandler,
+    Strict,
     StringConstraints,
     TypeAdapter,
     ValidationError,
@@ -159,6 +160,7 @@ Text = Annotated[
 AnyText = Annotated[str, StringConstraints(strict=True, strip_whitespace=True), Wanting("a text")]
 """A text that may be empty: a description, or a name that its look-up refuses with the choices."""
 
+Truth = Annotated[bool, Strict(), Wanting("true or false")]
 Number = Annotated[float, Bounds()]
 Positive = Annotated[float, Bounds(positive=True)]
 NotNegative = Annotated[float, Bounds(least=0.0)]

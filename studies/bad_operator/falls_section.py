@@ -1,17 +1,14 @@
 """Falls under the bad operator, seed by seed, over all cores."""
 
-import os
-from collections.abc import Generator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
-from multiprocessing import get_context
 from pathlib import Path
 
-from poise.apps.teleoperation import TELEOP_PLANT, run_teleop
+from poise.apps.campaigns import LocalWorkers
+from poise.apps.teleoperation import TELEOP_PLANT, BadOperator, run_teleop
+from poise.errors import PoiseError
 from poise.locomotion import Mode, TeleopParameters
 from poise.robots import Robot, load_robot
-from studies.bad_operator.operator import BadOperator
 from studies.finding import Finding, Section, Table
 from studies.plan import Progress, StudyOptions
 
@@ -101,8 +98,6 @@ ALLOWED = 2
 FOLDER = Path("runs/bad-operator-falls")
 """Where inputs that made the robot fall are kept."""
 
-_THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
-
 
 def falls_section(options: StudyOptions, progress: Progress) -> Section:
     """The section."""
@@ -152,26 +147,16 @@ def run_trials(
         workers: processes; one a core when None.
 
     Returns:
-        Outcomes in the order of the trials; they do not depend on the number of processes.
+        Outcomes by seed; they do not depend on the number of processes.
+
+    Raises:
+        PoiseError: a trial has ended every process that tried it.
     """
     outcomes: list[Outcome] = []
-    with _one_thread_each(), get_context("spawn").Pool(workers) as pool:
-        for outcome in pool.imap(run_trial, trials):
+    with LocalWorkers(workers) as crew:
+        for trial, outcome in crew.each(run_trial, trials):
+            if not isinstance(outcome, Outcome):
+                raise PoiseError(f"no outcome of seed {trial.seed}: {outcome}")
             outcomes.append(outcome)
             progress(float(len(outcomes)), float(len(trials)))
-    return outcomes
-
-
-@contextmanager
-def _one_thread_each() -> Generator[None]:
-    """Workers inherit the environment: linear algebra in them must not start threads of its own."""
-    before = {name: os.environ.get(name) for name in _THREADS}
-    os.environ.update(dict.fromkeys(_THREADS, "1"))
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value
+    return sorted(outcomes, key=lambda outcome: outcome.seed)

@@ -3,10 +3,9 @@
 from dataclasses import replace
 from typing import Any
 
-from poise.apps.teleoperation import SCRIPTS, TELEOP_PLANT, run_teleop
+from poise.apps.teleoperation import SCRIPTS, TELEOP_PLANT, BadOperator, run_teleop
 from poise.locomotion import StepTeleoperator, TeleopParameters
 from poise.robots import Robot, load_robot
-from studies.bad_operator.operator import BadOperator
 from studies.finding import Finding, Section, Table
 from studies.plan import Progress, Steps, StudyOptions
 from studies.step_teleoperation.literal import LiteralTeleoperator

@@ -141,7 +141,9 @@ def test_robots_as_json_has_the_figures(capsys):
     assert all(isinstance(row["installed"], bool) and row["licence"] for row in rows.values())
 
 
-@pytest.mark.parametrize("verb", [[], ["run"], ["robots"], ["teleop"]], ids=lambda v: str(v))
+@pytest.mark.parametrize(
+    "verb", [[], ["run"], ["campaign"], ["robots"], ["teleop"]], ids=lambda v: str(v)
+)
 def test_help_has_an_example(verb, capsys):
     with pytest.raises(SystemExit) as stop:
         main([*verb, "--help"])

@@ -12,6 +12,9 @@ import yaml
 import poise
 from poise import hqp, stack
 from poise._schema import _keys
+from poise.apps.campaigns import OUTCOMES, Design
+from poise.apps.campaigns._campaign import Campaign, Draw, TunePlan
+from poise.apps.campaigns._episode import ABOUT, FIGURES, TIMINGS, warm_up
 from poise.apps.scenarios import (
     _stack_plan as stack_plan,
     parse_scenario,
@@ -98,6 +101,14 @@ def test_scenario_blocks_are_read():
         parse_scenario(yaml.safe_dump(data), name_of(page))
 
 
+def test_campaign_blocks_are_read(tmp_path):
+    texts = [text for _, text in blocks(ROOT / "docs" / "campaigns.md", "yaml")]
+    assert len(texts) == 2
+    for text in texts:
+        (tmp_path / "block.yaml").write_text(text)
+        warm_up([Design.load(tmp_path / "block.yaml").job(0)])
+
+
 def missing(page: str, words) -> list[str]:
     """Which words do not stand as code on a page."""
     text = (ROOT / "docs" / page).read_text(encoding="utf-8")
@@ -114,6 +125,11 @@ def test_scenarios_page_names_every_key_of_the_file():
     keys = [*_keys(Scenario), *_keys(Motion), *_keys(CheckPlan), *fields_of(*kinds)]
     keys += [*stack_plan._TASKS, *stack_plan._CONTACTS]
     assert missing("scenarios.md", keys) == []
+
+
+def test_campaigns_page_names_every_key_of_the_file_and_every_outcome():
+    keys = [*_keys(Campaign), *_keys(Draw), *_keys(TunePlan)]
+    assert missing("campaigns.md", [*keys, *OUTCOMES, *ABOUT, *FIGURES, *TIMINGS]) == []
 
 
 def test_scenarios_page_names_every_metric_with_its_unit():

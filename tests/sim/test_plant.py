@@ -4,6 +4,7 @@ import pinocchio as pin
 import pytest
 from small_biped import MASS, SOLE_LENGTH, SOLE_WIDTH, torque, velocity
 
+from poise.errors import ConfigurationError
 from poise.sim import Block, Plant, PlantConfig, SensorConfig
 
 G = 9.81
@@ -410,3 +411,31 @@ def test_the_state_is_the_same_when_asked_twice_and_nobody_can_change_the_plant_
     plant.state().q[:] = 7.0
     plant.true_state().q[:] = 7.0
     np.testing.assert_array_equal(plant.data.qpos, before)
+
+
+def test_the_torque_follows_its_command_with_the_bandwidth(biped):
+    plant = Plant(biped, PlantConfig(torque_bandwidth=20.0))
+    plant.reset(airborne(biped))
+    # The first command is there at once; a later one by 1 - exp(-2 pi f t).
+    plant.step(torque(np.zeros(biped.nj)))
+    asked = 0.1 * biped.tau_max
+    given = []
+    for _ in range(10):
+        plant.step(torque(asked))
+        given.append(plant.applied_torque / asked)
+    reached = 1.0 - np.exp(-2.0 * np.pi * 20.0 * 1e-3 * np.arange(1, 11))
+    np.testing.assert_allclose(given, np.repeat(reached[:, None], biped.nj, axis=1), rtol=1e-9)
+
+
+def test_a_reset_forgets_what_the_motors_gave(biped):
+    plant = Plant(biped, PlantConfig(torque_bandwidth=1.0))
+    plant.step(torque(np.zeros(biped.nj)))
+    plant.reset(airborne(biped))
+    asked = 0.1 * biped.tau_max
+    plant.step(torque(asked))
+    np.testing.assert_allclose(plant.applied_torque, asked, rtol=1e-12)
+
+
+def test_a_bandwidth_of_the_torque_is_for_commanded_torques():
+    with pytest.raises(ConfigurationError, match="velocity actuation"):
+        PlantConfig(actuation="velocity", torque_bandwidth=10.0)

@@ -62,8 +62,7 @@ OPERATOR = """
 import json
 import numpy as np
 from poise.robots import load_robot
-from studies.bad_operator.operator import BadOperator
-from poise.apps.teleoperation import run_teleop
+from poise.apps.teleoperation import BadOperator, run_teleop
 samples = []
 
 def noted(controller):

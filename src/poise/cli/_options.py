@@ -2,6 +2,9 @@
 
 import argparse
 from pathlib import Path
+from typing import Any
+
+from poise.errors import ConfigurationError
 
 
 def add_output_options(parser: argparse.ArgumentParser, default: str) -> None:
@@ -13,6 +16,46 @@ def add_output_options(parser: argparse.ArgumentParser, default: str) -> None:
     """
     parser.add_argument("--out", metavar="DIR", help=f"folder to write into (default: {default})")
     parser.add_argument("--json", action="store_true", help="print the figures as JSON")
+
+
+def add_worker_options(parser: argparse.ArgumentParser) -> None:
+    """Adds `--scheduler`, `--slurm` and `--workers`, for `make_workers`."""
+    where = parser.add_mutually_exclusive_group()
+    where.add_argument(
+        "--scheduler", metavar="ADDRESS", help="of a Dask cluster, as in tcp://10.0.0.1:8786"
+    )
+    where.add_argument(
+        "--slurm",
+        action="store_true",
+        help="submit --workers jobs to Slurm; sbatch reads its options from SBATCH_PARTITION, "
+        "SBATCH_TIMELIMIT, ...",
+    )
+    parser.add_argument(
+        "--workers", metavar="N", type=whole_number, help="processes (default: one a core)"
+    )
+
+
+def make_workers(options: argparse.Namespace) -> Any:
+    """Who works, as the command line says.
+
+    Raises:
+        ConfigurationError: options that do not go together.
+    """
+    from poise.apps.campaigns import DaskWorkers, LocalWorkers, SlurmWorkers
+
+    if options.scheduler is not None:
+        if options.workers is not None:
+            raise ConfigurationError(
+                "a cluster has its own number of workers",
+                got=options.workers,
+                wanted="no --workers",
+            )
+        return DaskWorkers(options.scheduler)
+    if options.slurm:
+        if options.workers is None:
+            raise ConfigurationError("--slurm asks for so many jobs", wanted="--workers N")
+        return SlurmWorkers(options.workers)
+    return LocalWorkers(options.workers)
 
 
 def make_folder(given: str | None, default: str) -> Path:

@@ -28,12 +28,14 @@ class Bar:
 
             self._bar = tqdm(
                 total=total,
+                initial=done,
                 desc=self._what,
                 delay=PATIENCE,
                 leave=False,
                 bar_format="{desc} {percentage:3.0f}% |{bar}| {n:.1f}/{total:.1f}"
                 + self._unit
-                + " [{remaining} left]",
+                + " [{rate_noinv_fmt}, {remaining} left]",
+                unit=self._unit,
             )
         self._bar.update(done - self._bar.n)
 

@@ -43,9 +43,37 @@ def add_parser(verbs: Any) -> None:
 
 def act(options: argparse.Namespace) -> int:
     """Runs the scenario and writes everything."""
+    from poise.apps.scenarios import load_scenario
+
+    if options.list:
+        return _list(as_json=options.json)
+    scenario = _overridden(load_scenario(options.scenario), options)
+    folder = make_folder(options.out, f"runs/{scenario.name}-{Path(scenario.robot).stem}")
+    run, summary = run_and_report(
+        scenario, folder, video=not options.no_video, view=options.view, quiet=options.json
+    )
+    if options.json:
+        print(json.dumps(summary))
+    return 0 if run.ok else 1
+
+
+def run_and_report(
+    scenario: Any, folder: Path, *, video: bool, quiet: bool, view: bool = False
+) -> tuple[Any, dict[str, object]]:
+    """Runs a scenario and writes everything that a run leaves behind.
+
+    Args:
+        scenario: what to run.
+        folder: where it is written.
+        video: whether a video is drawn, if this machine can.
+        quiet: whether nothing is printed.
+        view: whether the robot is shown in a window.
+
+    Returns:
+        The run and its summary.
+    """
     from poise.apps.scenarios import (
         LOG,
-        load_scenario,
         run_scenario,
         summarise,
         write_page,
@@ -53,27 +81,21 @@ def act(options: argparse.Namespace) -> int:
         write_video,
     )
 
-    if options.list:
-        return _list(as_json=options.json)
-    scenario = _overridden(load_scenario(options.scenario), options)
-    folder = make_folder(options.out, f"runs/{scenario.name}-{Path(scenario.robot).stem}")
     with Bar("simulating", "s") as bar:
-        run = run_scenario(scenario, log=folder / LOG, view=options.view, progress=bar)
+        run = run_scenario(scenario, log=folder / LOG, view=view, progress=bar)
     summary = summarise(run)
     write_summary(summary, folder)
     no_video = None
-    if not options.no_video:
+    if video:
         try:
             with Bar("drawing the video", " frames") as bar:
                 no_video = write_video(run, folder, bar)
         except KeyboardInterrupt:
             no_video = "No video: interrupted by the user"
     page = write_page(run, summary, folder, no_video)
-    if options.json:
-        print(json.dumps(summary))
-    else:
+    if not quiet:
         _print(run, summary, no_video, page)
-    return 0 if run.ok else 1
+    return run, summary
 
 
 def _overridden(scenario: Any, options: argparse.Namespace) -> Any:

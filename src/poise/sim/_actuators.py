@@ -1,5 +1,7 @@
 """Actuators: from a command to the controls of MuJoCo's motors."""
 
+import math
+
 import numpy as np
 from jaxtyping import Float64
 
@@ -13,7 +15,9 @@ from poise.sim._config import PlantConfig
 class Actuators:
     """Turns commands into motor controls, in the actuation that the plant was made for.
 
-    Torque: the control is the torque. Position and velocity: each motor is a PD servo,
+    Torque: the control is the torque, or follows it with the plant's bandwidth f, in a physics step
+    by the fraction 1 - exp(-2 pi f dt) of what is missing; the first command after a reset is there
+    at once, as if the robot had stood before. Position and velocity: each motor is a PD servo,
     tau = kp (q_d - q) + kd (v_d - v), saturated at the torque limit, where a velocity command moves
     q_d along with it, so that no position error builds up.
 
@@ -28,7 +32,11 @@ class Actuators:
         self._lead = config.servo.damping / config.servo.stiffness
         self._nj = robot.nj
         self._q_min, self._q_max = robot.q_min, robot.q_max
+        bandwidth = config.torque_bandwidth
+        self._follow = 1.0 if bandwidth is None else -math.expm1(-math.tau * bandwidth * self._dt)
+        self._lags = bandwidth is not None
         self._torque = np.zeros(robot.nj)
+        self._motor: Float64[np.ndarray, " nj"] | None = None
         self._target = np.zeros(robot.nj)
         self._velocity = np.zeros(robot.nj)
         self._controls = np.zeros((config.substeps, robot.nj))
@@ -39,11 +47,12 @@ class Actuators:
     @property
     def constant(self) -> bool:
         """Whether the control stays the same through a control period."""
-        return self._actuation != "velocity"
+        return self._actuation != "velocity" and not self._lags
 
     def reset(self, joints: Float64[np.ndarray, " nj"]) -> None:
         """Stand still where the joints are [rad]."""
         self._torque[:] = 0.0
+        self._motor = None
         self._target[:] = joints
         self._velocity[:] = 0.0
         self.rejected = 0
@@ -82,10 +91,20 @@ class Actuators:
         if self._actuation == "velocity":
             limits = self._q_min, self._q_max
             _move(self._target, self._velocity, limits, (self._dt, self._lead), self._controls)
+        elif self._lags:
+            for step in self._controls:
+                step[:] = self._followed()
         else:
             constant = self._torque if self._actuation == "torque" else self._target
             self._controls[:] = constant
         return self._controls
+
+    def _followed(self) -> Float64[np.ndarray, " nj"]:
+        """What motors of a limited bandwidth give in the next physics step."""
+        if self._motor is None:
+            self._motor = self._torque.copy()
+        self._motor += self._follow * (self._torque - self._motor)
+        return self._motor
 
     def _checked(
         self, value: Float64[np.ndarray, "..."] | None

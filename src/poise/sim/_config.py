@@ -56,6 +56,9 @@ class PlantConfig:
         payloads: masses attached to frames, each a `PlantConfig.Payload`.
         joint_damping: viscous friction of every joint [N m s/rad].
         joint_friction: dry friction of every joint [N m].
+        torque_bandwidth: cut-off frequency f of the motors' torque [Hz], which follows what is
+            commanded by dtau/dt = 2 pi f (tau_commanded - tau); at once when None. Torque actuation
+            alone.
         fall_height_ratio: the robot has fallen when its pelvis is below this fraction of its home
             height.
     """
@@ -82,6 +85,7 @@ class PlantConfig:
     payloads: tuple[_Payload, ...] = ()
     joint_damping: Annotated[float, Bounds(least=0.0, most=1e6, unit="N m s/rad")] = 0.0
     joint_friction: Annotated[float, Bounds(least=0.0, most=1e6, unit="N m")] = 0.0
+    torque_bandwidth: Annotated[float, Bounds(positive=True, most=1e6, unit="Hz")] | None = None
     fall_height_ratio: Ratio = 0.6
 
     def with_noise(self) -> "PlantConfig":
@@ -110,6 +114,12 @@ class PlantConfig:
                 wanted=f">= {2.0 * self.physics_dt}",
             )
         _ = self.delay_ticks
+        if self.torque_bandwidth is not None and self.actuation != "torque":
+            raise ConfigurationError(
+                f"torque_bandwidth does not go with {self.actuation} actuation",
+                got=self.torque_bandwidth,
+                wanted="no torque_bandwidth, or actuation torque",
+            )
 
 
 def _multiple(name: str, value: float, unit_name: str, unit: float) -> int:

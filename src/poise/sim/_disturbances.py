@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass
 from typing import Annotated
 
-from poise._schema import Bounds, Duration, Number, Seconds, Text, Vector, checked
+from poise._schema import Bounds, Duration, Number, Seconds, Text, Truth, Vector, checked
 
 FARTHEST = 1e2
 """No place or angle in a plant is farther than this [m, rad]: MuJoCo loses its accuracy there."""
@@ -91,6 +91,7 @@ class Block:
         center: centre of its footprint in the world [m].
         size: its length along x, width along y and height [m].
         yaw: its rotation about z [rad].
+        told: whether a planner of footsteps is told of it.
     """
 
     center: Annotated[tuple[float, float], Vector(2, Bounds(most=FARTHEST, unit="m"))]
@@ -98,6 +99,7 @@ class Block:
         tuple[float, float, float], Vector(3, Bounds(positive=True, most=FARTHEST, unit="m"))
     ]
     yaw: Number = 0.0
+    told: Truth = True
 
     @property
     def quaternion(self) -> tuple[float, float, float, float]:

@@ -93,9 +93,9 @@ CASES = {
     "an unknown script": (OWN.replace(POINTS, "  script: dance\n"), "dance.*over_an_obstacle"),
     "script and points": (
         changed("devices:\n", "devices:\n  script: switch_feet\n"),
-        "one of the two",
+        "one of the three",
     ),
-    "neither": (OWN.replace(POINTS, "  points: []\n"), "one of the two"),
+    "neither": (OWN.replace(POINTS, "  points: []\n"), "one of the three"),
     "points that are no list": (OWN.replace(POINTS, "  points: {at: 1}\n"), "a list"),
     "time that goes back": (changed("at: 0.8", "at: 0.1"), "order of time.*0.2.*0.1"),
     "a device far away": (changed("0.08]", "80.0]"), "out of range.*80"),
@@ -122,3 +122,38 @@ def test_another_scenario_takes_no_devices_from_the_command_line():
     stand = load_scenario("stand")
     with pytest.raises(ConfigurationError, match="needs devices"):
         run_scenario(replace(stand, controller=ControllerPlan(name="step_teleoperation")))
+
+
+def test_what_the_operator_does_arrives_late():
+    text = OWN.replace("points:", "latency: 0.4\n  points:")
+    late = run_scenario(parse_scenario(text, "late.yaml")).signals.targets["right device"]
+    there = run_scenario(parse_scenario(OWN, "own.yaml")).signals.targets["right device"]
+    assert np.isnan(late[:80]).all()
+    np.testing.assert_allclose(late[85:], there[5:-80], rtol=0, atol=2e-3)
+
+
+def test_samples_that_are_lost_leave_nothing_by_the_seed():
+    text = OWN.replace("points:", "loss: 0.3\n  points:")
+    runs = [
+        run_scenario(parse_scenario(f"{text}seed: {seed}\n", "lost.yaml")).signals.targets
+        for seed in (1, 1, 2)
+    ]
+    gone = [np.isnan(targets["right device"][:, 0]) for targets in runs]
+    assert 0.2 < gone[0].mean() < 0.4
+    assert (gone[0] == gone[1]).all()
+    assert (gone[0] != gone[2]).any()
+
+
+def test_a_bad_operator_does_something_else_with_each_seed():
+    begin = OWN[: OWN.index("  points")].replace("2.0", "1.0") + "  bad_operator: true\n"
+    first, again, other = (
+        run_scenario(parse_scenario(f"{begin}seed: {seed}\n", "bad.yaml")).signals.targets
+        for seed in (3, 3, 4)
+    )
+    np.testing.assert_array_equal(first["left device"], again["left device"])
+    assert not np.array_equal(first["left device"], other["left device"])
+
+
+def test_devices_are_led_in_one_way():
+    with pytest.raises(ConfigurationError, match="one of the three"):
+        parse_scenario(OWN.replace("points:", "bad_operator: true\n  points:"), "both.yaml")

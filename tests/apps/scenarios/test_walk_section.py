@@ -5,6 +5,7 @@ from dry_run import forbid_ticks, prepare
 
 from poise.apps.scenarios import parse_scenario, shipped_scenarios
 from poise.errors import PoiseError
+from poise.locomotion import walking_stack
 
 WALK = """
 name: w
@@ -89,3 +90,21 @@ def test_nothing_else_may_move_what_the_walk_leads(beside, message):
 def test_the_walk_section_needs_strides():
     with pytest.raises(PoiseError, match="lacks the key 'strides'"):
         parse_scenario("name: w\nduration: 1.0\nwalk: {}\n", "walk.yaml")
+
+
+def test_a_block_that_the_walk_is_not_told_of_is_no_ground_of_its_plan(get_robot):
+    block = "plant: {blocks: [{center: [0.7, 0.0], size: [0.9, 1.0, 0.02], told: %s}]}"
+    robot, found = get_robot("humanoid33"), {}
+    for told in ("true", "false"):
+        scenario = parse_scenario(WALK + block % told, "walk.yaml")
+        walker = scenario.walk.walker(robot, walking_stack(robot), scenario.plant.blocks)
+        found[told] = [step.goal.position[2] for step in walker.plan.steps]
+    assert max(found["true"]) == pytest.approx(min(found["false"]) + 0.02, abs=1e-6)
+    assert max(found["false"]) == min(found["false"])
+
+
+def test_whether_a_block_is_told_is_true_or_false():
+    with pytest.raises(PoiseError, match="true or false"):
+        parse_scenario(
+            WALK + "plant: {blocks: [{center: [1, 0], size: [1, 1, 1], told: maybe}]}", "walk.yaml"
+        )

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from walker import sample, up_and_down, walk
 
-from poise.apps.teleoperation import TELEOP_PLANT, replay_teleop, run_teleop
+from poise.apps.teleoperation import TELEOP_PLANT, BadOperator, replay_teleop, run_teleop
 from poise.errors import ConfigurationError, PoiseError
 from poise.locomotion import (
     DeviceSample,
@@ -19,7 +19,6 @@ from poise.locomotion import (
     read_recording,
 )
 from poise.locomotion._stepping._recording import HEADER_BYTES, ROW
-from studies.bad_operator.operator import BadOperator
 
 
 def write(path, rows=3, robot="biped20", dt=0.005, close=True):

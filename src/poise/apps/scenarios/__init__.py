@@ -1,5 +1,7 @@
 """Scenarios: a file that says robot, controller, references, disturbances and checks; its run."""
 
+from poise.apps.scenarios._checks import measure as measure, validate_checks as validate_checks
+from poise.apps.scenarios._controllers import controller_names as controller_names
 from poise.apps.scenarios._outputs import (
     LOG as LOG,
     report,
@@ -10,12 +12,15 @@ from poise.apps.scenarios._outputs import (
 )
 from poise.apps.scenarios._reader import (
     load_scenario,
+    make_scenario as make_scenario,
     parse_scenario as parse_scenario,
+    read_scenario as read_scenario,
     shipped_scenarios as shipped_scenarios,
 )
 from poise.apps.scenarios._replay import drawn_shapes as drawn_shapes
-from poise.apps.scenarios._run import Run, run_scenario
-from poise.apps.scenarios._scenario import Scenario
+from poise.apps.scenarios._run import Progress as Progress, Run, run_scenario
+from poise.apps.scenarios._scenario import Measurement as Measurement, Scenario
+from poise.apps.scenarios._signals import RunSignals as RunSignals
 from poise.apps.scenarios._stage import Stage as Stage, stage_scenario
 
 __all__ = [

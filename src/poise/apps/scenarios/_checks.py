@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 
 from poise.apps.scenarios._metrics import METRICS
-from poise.apps.scenarios._scenario import CheckPlan
+from poise.apps.scenarios._scenario import CheckPlan, Measurement
 from poise.apps.scenarios._signals import RunSignals
 from poise.control import PHYSICS_LEVELS, CommandStatus
 from poise.errors import ConfigurationError, UnknownNameError
@@ -39,7 +39,7 @@ class CheckResult:
     ok: bool
 
 
-def validate_checks(checks: Sequence[CheckPlan], stack: Stack, robot: Robot) -> None:
+def validate_checks(checks: Sequence[Measurement], stack: Stack, robot: Robot) -> None:
     """Finds checks on tasks, soles or levels that do not exist.
 
     Raises:
@@ -103,10 +103,14 @@ def missed_ticks(run: RunSignals) -> int:
     return sum(status != CommandStatus.OK.value for status in run.status)
 
 
-def _measured(plan: CheckPlan, run: RunSignals, name: str) -> CheckResult:
-    metric = METRICS[plan.metric]
+def measure(plan: Measurement, run: RunSignals) -> float:
+    """Measures something on a run, in its metric's unit; NaN where that cannot be done."""
     rows = (run.time >= plan.begin) & (run.time <= plan.end)
-    value = metric.measure(run, plan.subject, plan.axis_index, rows)
+    return METRICS[plan.metric].measure(run, plan.subject, plan.axis_index, rows)
+
+
+def _measured(plan: CheckPlan, run: RunSignals, name: str) -> CheckResult:
+    metric, value = METRICS[plan.metric], measure(plan, run)
     units = {task.name: task.unit for task in run.tasks}
     unit = units[plan.subject] if metric.subject == "task" else metric.unit
     return _result(name, value, plan.relation, plan.bound, unit)

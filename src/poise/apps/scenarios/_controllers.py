@@ -18,7 +18,7 @@ from poise.control import (
     make_controller,
 )
 from poise.errors import ConfigurationError, UnknownNameError
-from poise.locomotion import ScriptedDevice, StepTeleoperator, walking_stack
+from poise.locomotion import StepTeleoperator, walking_stack
 from poise.robots import Robot
 from poise.sim import Block, Estimator
 from poise.stack import Leader
@@ -49,6 +49,11 @@ class Cast:
 def is_by_hand(plan: ControllerPlan) -> bool:
     """Whether an operator walks the robot."""
     return plan.name == NAME
+
+
+def controller_names() -> tuple[str, ...]:
+    """What scenario files may call a controller."""
+    return (*CONTROLLERS, NAME)
 
 
 def strategy_of(plan: ControllerPlan) -> str:
@@ -88,7 +93,7 @@ def cast_of(scenario: Scenario, robot: Robot) -> Cast:
         PoiseError: the scenario does not fit the robot.
     """
     if scenario.devices is not None:
-        return _by_hand(robot, scenario.devices, scenario.plant.control_dt)
+        return _by_hand(robot, scenario.devices, scenario)
     stack = scenario.stack.build() if scenario.stack is not None else None
     if stack is None and scenario.walk is not None:
         stack = walking_stack(robot)
@@ -98,8 +103,9 @@ def cast_of(scenario: Scenario, robot: Robot) -> Cast:
     return Cast(controller=controller, leader=director)
 
 
-def _by_hand(robot: Robot, devices: DevicePlan, dt: float) -> Cast:
-    """An operator whose devices follow a script or way-points."""
+def _by_hand(robot: Robot, devices: DevicePlan, scenario: Scenario) -> Cast:
+    """An operator who leads the feet."""
+    dt = scenario.plant.control_dt
     script = SCRIPTS[devices.script](robot) if devices.script else None
     q_start = robot.q_home if script is None else script.posture(robot)
     teleoperator = StepTeleoperator(robot, q_start=q_start)
@@ -109,9 +115,7 @@ def _by_hand(robot: Robot, devices: DevicePlan, dt: float) -> Cast:
             got=f"plant: control_dt: {dt:g}",
             wanted=f"control_dt: {teleoperator.parameters.dt:g}",
         )
-    start = teleoperator.resting_sample
-    points = devices.points if script is None else script.points
-    teleoperator.device = ScriptedDevice(points, start.left, start.right)
+    teleoperator.device = devices.device(teleoperator, script, scenario.seed)
     return Cast(
         controller=teleoperator.controller(),
         leader=teleoperator,
@@ -123,7 +127,7 @@ def _by_hand(robot: Robot, devices: DevicePlan, dt: float) -> Cast:
 
 def _kind(plan: ControllerPlan) -> ControllerKind:
     if plan.name not in CONTROLLERS:
-        raise UnknownNameError("no such controller", got=plan.name, choices=(*CONTROLLERS, NAME))
+        raise UnknownNameError("no such controller", got=plan.name, choices=controller_names())
     return check_plan(plan)
 
 

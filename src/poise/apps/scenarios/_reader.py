@@ -1,7 +1,9 @@
 """Reading a scenario file into a `Scenario`, strictly."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from poise._schema import read
 from poise._yaml import read_text, read_yaml
@@ -28,17 +30,7 @@ def load_scenario(name_or_path: str | Path) -> Scenario:
         ConfigurationError: an unknown key, a missing key, or a value of the wrong kind.
         ConfigurationError: values that cannot be right.
     """
-    shipped = SHIPPED / f"{name_or_path}.yaml"
-    if str(name_or_path) in shipped_scenarios():
-        return parse_scenario(read_text(shipped, error=ConfigurationError), shipped.name)
-    path = Path(name_or_path)
-    if not path.is_file():
-        raise UnknownNameError(
-            "neither a shipped scenario nor a file",
-            got=str(name_or_path),
-            choices=shipped_scenarios(),
-        )
-    return parse_scenario(read_text(path, error=ConfigurationError), path.name)
+    return make_scenario(*read_scenario(name_or_path))
 
 
 def parse_scenario(text: str, where: str) -> Scenario:
@@ -52,6 +44,42 @@ def parse_scenario(text: str, where: str) -> Scenario:
         ConfigurationError: an unknown key, a missing key, or a value of the wrong kind.
         ConfigurationError: values that cannot be right.
     """
-    data = read_yaml(text, where, error=ConfigurationError)
+    return make_scenario(read_yaml(text, where, error=ConfigurationError), where)
+
+
+def read_scenario(name_or_path: str | Path) -> tuple[dict[str, Any], str]:
+    """The content of a scenario's file, as it is written, and what messages call the file.
+
+    Args:
+        name_or_path: one of `shipped_scenarios()`, or the path of a YAML file.
+
+    Raises:
+        UnknownNameError: neither a shipped scenario nor a file.
+        ConfigurationError: the file is no YAML.
+    """
+    path = Path(name_or_path)
+    if str(name_or_path) in shipped_scenarios():
+        path = SHIPPED / f"{name_or_path}.yaml"
+    if not path.is_file():
+        raise UnknownNameError(
+            "neither a shipped scenario nor a file",
+            got=str(name_or_path),
+            choices=shipped_scenarios(),
+        )
+    text = read_text(path, error=ConfigurationError)
+    return read_yaml(text, path.name, error=ConfigurationError), path.name
+
+
+def make_scenario(data: Mapping[str, Any], where: str) -> Scenario:
+    """A scenario from the content of a file.
+
+    Args:
+        data: what `read_scenario` gives, changed or not.
+        where: what messages call it.
+
+    Raises:
+        ConfigurationError: an unknown key, a missing key, or a value of the wrong kind.
+        ConfigurationError: values that cannot be right.
+    """
     scenario = read(Scenario, data, where, error=ConfigurationError)
-    return replace(scenario, actuation_given="actuation" in data.get("plant", {}))
+    return replace(scenario, actuation_given="actuation" in (data.get("plant", {})))

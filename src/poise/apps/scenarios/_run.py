@@ -150,11 +150,13 @@ class _Interruption:
 def _until_interrupted() -> Generator[_Interruption]:
     """Notes Ctrl-C, so that the run ends after a whole tick and the report is still written.
 
-    A second Ctrl-C interrupts at once. Outside the main thread Python lets nobody listen.
+    A second Ctrl-C interrupts at once. Outside the main thread Python lets nobody listen, and a
+    process that ignores Ctrl-C, as workers do, goes on ignoring it.
     """
     interruption = _Interruption()
     before = signal.getsignal(signal.SIGINT)
-    if threading.current_thread() is not threading.main_thread() or before is None:
+    ignored = before in (None, signal.SIG_IGN)
+    if threading.current_thread() is not threading.main_thread() or ignored:
         yield interruption
         return
 

@@ -198,13 +198,11 @@ class PushPlan:
 
 @checked()
 @dataclass(frozen=True, kw_only=True)
-class CheckPlan:
-    """Something that must hold of the run.
+class Measurement:
+    """Something that is measured on a run.
 
     Attributes:
         metric: what is measured, a key of `METRICS`.
-        at_most: upper bound in the metric's unit, or None.
-        at_least: lower bound in the metric's unit, or None.
         task: the task it is measured on, for a metric of tasks.
         sole: the sole it is measured on, for a metric of soles.
         level: the level it is measured on, for a metric of levels.
@@ -214,8 +212,6 @@ class CheckPlan:
     """
 
     metric: Text
-    at_most: Number | None = None
-    at_least: Number | None = None
     task: Text | None = None
     sole: Text | None = None
     level: Annotated[int, Bounds(least=0.0, whole=True)] | None = None
@@ -234,23 +230,12 @@ class CheckPlan:
                 got=given,
                 wanted=f"the key {metric.subject!r}" if metric.subject else "no task, sole, level",
             )
-        _given(self, ("at_most", "at_least"))
         if self.axis is not None and not metric.takes_axis:
             raise ConfigurationError("axis", got=self.axis, wanted="no axis with this metric")
         if self.begin >= self.end:
             raise ConfigurationError(
                 "the window is empty", got=(self.begin, self.end), wanted="from < until"
             )
-
-    @property
-    def relation(self) -> Literal["<=", ">="]:
-        """How a good value stands to the bound."""
-        return "<=" if self.at_most is not None else ">="
-
-    @property
-    def bound(self) -> float:
-        """The bound, in the metric's unit."""
-        return cast("float", self.at_most if self.at_most is not None else self.at_least)
 
     @property
     def subject(self) -> str:
@@ -261,6 +246,34 @@ class CheckPlan:
     def axis_index(self) -> int | None:
         """0, 1, 2 for x, y, z."""
         return None if self.axis is None else "xyz".index(self.axis)
+
+
+@checked()
+@dataclass(frozen=True, kw_only=True)
+class CheckPlan(Measurement):
+    """Something that must hold of the run.
+
+    Attributes:
+        at_most: upper bound in the metric's unit, or None.
+        at_least: lower bound in the metric's unit, or None.
+    """
+
+    at_most: Number | None = None
+    at_least: Number | None = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _given(self, ("at_most", "at_least"))
+
+    @property
+    def relation(self) -> Literal["<=", ">="]:
+        """How a good value stands to the bound."""
+        return "<=" if self.at_most is not None else ">="
+
+    @property
+    def bound(self) -> float:
+        """The bound, in the metric's unit."""
+        return cast("float", self.at_most if self.at_most is not None else self.at_least)
 
 
 @checked()
@@ -295,12 +308,14 @@ class WalkPlan:
         Args:
             robot: the robot.
             stack: its controller's.
-            blocks: what stands on the floor.
+            blocks: what stands on the floor; the walker knows of those that it is told of.
 
         Raises:
             PoiseError: the robot cannot walk like this, or its stack cannot be led.
         """
-        platforms = tuple(Ground.Platform(center=b.center, size=b.size, yaw=b.yaw) for b in blocks)
+        platforms = tuple(
+            Ground.Platform(center=b.center, size=b.size, yaw=b.yaw) for b in blocks if b.told
+        )
         plan = plan_footsteps(robot, self.strides, self.gait, ground=Ground(platforms=platforms))
         return Walker(robot, plan, stack, self.feedback, carry=self.carry)
 

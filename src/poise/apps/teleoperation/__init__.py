@@ -1,5 +1,6 @@
 """Step teleoperation in simulation: scripted and recorded foot devices, and everything noted."""
 
+from poise.apps.teleoperation._operators import BadOperator, PoorLink as PoorLink
 from poise.apps.teleoperation._run import (
     DEVICE_STATUSES as DEVICE_STATUSES,
     MODES as MODES,
@@ -20,6 +21,7 @@ from poise.apps.teleoperation._terrain import terrain_blocks as terrain_blocks
 __all__ = [
     "SCRIPTS",
     "TELEOP_PLANT",
+    "BadOperator",
     "Script",
     "TeleopLog",
     "TeleopRun",

@@ -1,14 +1,21 @@
-"""`BadOperator`: hands that do what no careful person does, at random."""
+"""`BadOperator`: hands that do what no careful person does, at random.
 
+`PoorLink`: what an operator commands, late and not all of it.
+"""
+
+from collections import deque
 from collections.abc import Callable
 
 import numpy as np
 from jaxtyping import Float64
 
-from poise.locomotion import DeviceSample, StepTeleoperator
+from poise.locomotion import Device, DeviceSample, StepTeleoperator
 
 _PAUSE = (0.05, 0.75)
 """Time from one whim to the next [s]: two and a half a second."""
+
+_ROUNDING = 1e-9
+"""Times are sums of decimal fractions [s]."""
 
 
 class BadOperator:
@@ -135,3 +142,30 @@ class BadOperator:
     def _send_rubbish(self, foot: int, time: float) -> None:
         del foot, time
         self._rubbish = int(self._rng.integers(1, 40))
+
+
+class PoorLink:
+    """A device at the end of a link that delays every sample and loses some.
+
+    Args:
+        device: at the operator.
+        latency: how long a sample is under way [s].
+        loss: probability that one never arrives.
+        seed: of what is lost.
+    """
+
+    def __init__(self, device: Device, *, latency: float, loss: float, seed: int) -> None:
+        self._device, self._latency, self._loss = device, latency, loss
+        self._rng = np.random.default_rng(seed)
+        self._under_way: deque[tuple[float, DeviceSample]] = deque()
+
+    def sample(self, time: float) -> DeviceSample | None:
+        """The newest of those that arrive by now; drawn tick by tick, so ask once a tick."""
+        sent = self._device.sample(time)
+        lost = float(self._rng.random()) < self._loss
+        if sent is not None and not lost:
+            self._under_way.append((time + self._latency, sent))
+        newest = None
+        while self._under_way and self._under_way[0][0] <= time + _ROUNDING:
+            newest = self._under_way.popleft()[1]
+        return newest

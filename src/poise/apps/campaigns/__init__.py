@@ -1,0 +1,33 @@
+"""Campaigns: many episodes of a scenario, over processes here or a cluster, to a table."""
+
+from poise.apps.campaigns._campaign import Design as Design
+from poise.apps.campaigns._cluster import (
+    DaskWorkers as DaskWorkers,
+    SlurmWorkers as SlurmWorkers,
+)
+from poise.apps.campaigns._episode import (
+    OUTCOMES as OUTCOMES,
+    Job as Job,
+    Row as Row,
+    row_of as row_of,
+    run_episode as run_episode,
+    version as version,
+)
+from poise.apps.campaigns._folder import CampaignFolder as CampaignFolder
+from poise.apps.campaigns._run import (
+    differences as differences,
+    replay_job as replay_job,
+    run_campaign,
+)
+from poise.apps.campaigns._runner import Runner as Runner
+from poise.apps.campaigns._tune import best_trial as best_trial
+from poise.apps.campaigns._workers import (
+    LocalWorkers,
+    WorkerLostError as WorkerLostError,
+    Workers as Workers,
+)
+
+__all__ = [
+    "LocalWorkers",
+    "run_campaign",
+]

@@ -1,0 +1,321 @@
+"""`Campaign`: many episodes of a scenario, as a file describes them, checked before anything runs.
+
+The classes here are the form of the file: their fields are its keys.
+"""
+
+import json
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import BeforeValidator
+
+from poise._schema import Bounds, Count, Number, Text, Vector, checked, read
+from poise._yaml import read_text, read_yaml
+from poise.apps.campaigns._episode import ABOUT, FIGURES, TIMINGS, Job
+from poise.apps.campaigns._fields import with_fields
+from poise.apps.campaigns._folder import CampaignFolder
+from poise.apps.scenarios import Measurement, make_scenario, read_scenario
+from poise.errors import ConfigurationError, PoiseError, UnknownNameError
+
+_OWN = ("seed", "name")
+"""Fields of a scenario that no campaign varies: each episode has its own seed."""
+
+_SEEDS = 10**9
+"""Seeds of episodes are below this, which scenarios allow."""
+
+_Range = Annotated[tuple[float, float], Vector(2)]
+
+
+@checked()
+@dataclass(frozen=True, kw_only=True)
+class Draw:
+    """How the values of one field come about; one of four keys says it.
+
+    Attributes:
+        grid: each of these, in combination with every other grid; a bare list in a file.
+        uniform: drawn between two bounds, each value as likely.
+        log_uniform: drawn between two bounds > 0, each order of magnitude as likely.
+        choice: drawn from these, each as likely.
+    """
+
+    grid: tuple[Any, ...] | None = None
+    uniform: _Range | None = None
+    log_uniform: _Range | None = None
+    choice: tuple[Any, ...] | None = None
+
+    def __post_init__(self) -> None:
+        given = {k: v for k, v in vars(self).items() if v is not None}
+        if len(given) != 1:
+            raise ConfigurationError(
+                "there must be one of these keys", got=list(given), choices=tuple(vars(self))
+            )
+        kind, values = given.popitem()
+        if not values:
+            raise ConfigurationError(f"{kind} is empty", got=[], wanted="a value or several")
+        if kind.endswith("uniform") and not values[0] < values[1]:
+            raise ConfigurationError(f"{kind} has no room", got=list(values), wanted="low < high")
+        if kind == "log_uniform" and values[0] <= 0.0:
+            raise ConfigurationError(
+                "log_uniform is not above zero", got=list(values), wanted="> 0"
+            )
+
+    @property
+    def extremes(self) -> tuple[Any, ...]:
+        """All values where they can be counted, else the bounds."""
+        return self.grid or self.choice or self.uniform or self.log_uniform or ()
+
+    def draw(self, rng: np.random.Generator) -> Any:
+        """A value at random."""
+        if self.uniform is not None:
+            return float(rng.uniform(*self.uniform))
+        if self.log_uniform is not None:
+            low, high = (math.log(bound) for bound in self.log_uniform)
+            # Rounding must not lead beyond a bound that the scenario may not pass either.
+            return float(np.clip(math.exp(rng.uniform(low, high)), *self.log_uniform))
+        values = self.extremes
+        return values[int(rng.integers(len(values)))]
+
+
+def _as_grid(value: Any) -> Any:
+    """A grid may be given as a bare list."""
+    return {"grid": list(value)} if isinstance(value, list) else value
+
+
+_Draws = dict[Text, Annotated[Draw, BeforeValidator(_as_grid)]]
+
+
+@checked()
+@dataclass(frozen=True, kw_only=True)
+class TunePlan:
+    """How fields are tuned.
+
+    Attributes:
+        fields: what is tuned, by path; no grids.
+        figure: what is to get better: a column of the results, its mean over a trial's episodes.
+        goal: which way is better.
+        failure: what an episode counts as in which the robot fell or the simulator gave up, in the
+            figure's unit.
+        trials: how many sets of values are tried.
+        episodes: of one trial; they are drawn alike in all trials.
+        batch: trials that are chosen before the results of the first of them are known, so that
+            many workers have something to do.
+        start: values of the first trial by path; drawn for paths that it leaves out.
+    """
+
+    fields: _Draws
+    figure: Text
+    goal: Literal["minimise", "maximise"] = "minimise"
+    failure: Number
+    trials: Count
+    episodes: Count = 1
+    batch: Count = 4
+    start: dict[Text, Any] = field(default_factory=dict[str, Any])
+
+    def __post_init__(self) -> None:
+        if not self.fields:
+            raise ConfigurationError("fields is empty", got={}, wanted="a field or several")
+        for path, draw in self.fields.items():
+            if draw.grid is not None:
+                raise ConfigurationError(
+                    f"{path} is tuned over a grid", got=list(draw.grid), wanted="choice: [...]"
+                )
+        for path in self.start:
+            if path not in self.fields:
+                raise ConfigurationError(
+                    "start has a field that is not tuned", got=path, choices=self.fields
+                )
+
+
+@checked()
+@dataclass(frozen=True, kw_only=True)
+class Campaign:
+    """Many episodes of one scenario.
+
+    Attributes:
+        name: what it is called.
+        scenario: a shipped scenario, or a file, from the campaign's folder.
+        seed: of everything that is drawn, and of the episodes' own seeds.
+        episodes: how many; once through the grid when None. A tuning says itself how many.
+        set: fields that have another value than in the scenario's file, by path.
+        vary: fields that have a value of their own in each episode, by path.
+        figures: what is measured beside the figures of every run, by name.
+        tune: how fields are tuned; None for no tuning.
+    """
+
+    name: Text
+    scenario: Text
+    seed: Annotated[int, Bounds(least=0.0, whole=True)] = 0
+    episodes: Count | None = None
+    set: dict[Text, Any] = field(default_factory=dict[str, Any])
+    vary: _Draws = field(default_factory=dict[str, Draw])
+    figures: dict[Text, Measurement] = field(default_factory=dict[str, Measurement])
+    tune: TunePlan | None = None
+
+    def __post_init__(self) -> None:
+        if self.tune is not None and self.episodes is not None:
+            raise ConfigurationError(
+                "a tuning has no episodes of its own", got=self.episodes, wanted="tune: episodes"
+            )
+        for name in self.figures:
+            if name in (*ABOUT, *FIGURES, *TIMINGS):
+                raise ConfigurationError(
+                    "a figure has the name of another column", got=name, wanted="another name"
+                )
+        choices = (*self.figures, *FIGURES)
+        if self.tune is not None and self.tune.figure not in choices:
+            raise UnknownNameError("tune: no such figure", got=self.tune.figure, choices=choices)
+
+
+class Design:
+    """A campaign with its scenario: says what each episode is.
+
+    Args:
+        campaign: content of the campaign's file.
+        scenario: content of the scenario's file.
+        where: what messages call the campaign's file.
+
+    Raises:
+        PoiseError: a key or a field does not exist, or cannot have one of its values.
+    """
+
+    def __init__(
+        self, campaign: Mapping[str, Any], scenario: Mapping[str, Any], where: str
+    ) -> None:
+        self._content = {"campaign": campaign, "scenario": scenario}
+        self._where = where
+        self.campaign: Campaign = read(Campaign, campaign, where, error=ConfigurationError)
+        self.scenario = _located(with_fields(scenario, self.campaign.set))
+        draws = self.campaign.vary
+        self._grids = {path: draw.grid for path, draw in draws.items() if draw.grid is not None}
+        self._points = math.prod(len(values) for values in self._grids.values())
+        self._check()
+
+    @classmethod
+    def load(cls, path: Path) -> "Design":
+        """A campaign from its file; the scenario's file is looked for from the same folder.
+
+        Raises:
+            PoiseError: a file cannot be read, or is not right.
+        """
+        data = read_yaml(
+            read_text(path, error=ConfigurationError), path.name, error=ConfigurationError
+        )
+        campaign: Campaign = read(Campaign, data, path.name, error=ConfigurationError)
+        beside = path.parent / campaign.scenario
+        scenario, _ = read_scenario(beside if beside.is_file() else campaign.scenario)
+        return cls(data, _located(scenario), path.name)
+
+    @classmethod
+    def of(cls, folder: CampaignFolder) -> "Design":
+        """The campaign whose results are in a folder.
+
+        Raises:
+            ConfigurationError: the folder holds no campaign.
+        """
+        content = folder.content()
+        return cls(content["campaign"], content["scenario"], str(folder.path))
+
+    @property
+    def count(self) -> int:
+        """How many episodes there are."""
+        tune = self.campaign.tune
+        if tune is not None:
+            return tune.trials * tune.episodes
+        return self.campaign.episodes or self._points
+
+    def jobs(self) -> Iterator[Job]:
+        """All episodes of a campaign without tuning."""
+        return (self.job(number) for number in range(self.count))
+
+    def trial(self, trial: int, values: Mapping[str, Any]) -> list[Job]:
+        """The episodes of a trial; seeds and draws are the same for every trial.
+
+        Args:
+            trial: its number.
+            values: of the fields that are tuned.
+        """
+        count = self.campaign.tune.episodes if self.campaign.tune is not None else 0
+        labels = {"trial": trial}
+        return [
+            self.job(trial * count + i, draws=i, values=values, labels=labels) for i in range(count)
+        ]
+
+    def job(
+        self,
+        number: int,
+        *,
+        draws: int | None = None,
+        values: Mapping[str, Any] | None = None,
+        labels: Mapping[str, Any] | None = None,
+    ) -> Job:
+        """One episode; it does not depend on how many there are.
+
+        Args:
+            number: of the episode.
+            draws: which draws it has; as its number when None.
+            values: of further fields.
+            labels: further columns of its row.
+        """
+        index = number if draws is None else draws
+        rng = np.random.default_rng([self.campaign.seed, index])
+        seed = int(rng.integers(_SEEDS))
+        point = self._point(index)
+        drawn = {
+            path: point[path] if path in point else draw.draw(rng)
+            for path, draw in self.campaign.vary.items()
+        }
+        return Job(
+            number=number,
+            scenario=self.scenario,
+            where=self.campaign.scenario,
+            values=_located(drawn | dict(values or {})),
+            seed=seed,
+            figures=self.campaign.figures,
+            labels=labels or {},
+        )
+
+    def to_json(self) -> dict[str, Any]:
+        """All that decides what an episode is, as JSON; another `Design` can be made of it."""
+        return json.loads(json.dumps(self._content, default=str))
+
+    def _point(self, index: int) -> dict[str, Any]:
+        """The point of the grid of an episode: the last field changes first."""
+        point: dict[str, Any] = {}
+        for path, values in reversed(self._grids.items()):
+            index, place = divmod(index, len(values))
+            point[path] = values[place]
+        return point
+
+    def _check(self) -> None:
+        """Tries every value that can be counted, and both bounds of every range, once."""
+        tune = self.campaign.tune
+        make_scenario(self.scenario, self.campaign.scenario)
+        tuned = {} if tune is None else tune.fields
+        for section, draws in (("vary", self.campaign.vary), ("tune: fields", tuned)):
+            for path, draw in draws.items():
+                if path in _OWN:
+                    raise ConfigurationError(
+                        f"{self._where}: {section} names a field that cannot be varied", got=path
+                    )
+                for value in draw.extremes:
+                    self._try({path: value}, f"{section}: {path!r}")
+        if tune is not None:
+            self._try(tune.start, "tune: start")
+
+    def _try(self, values: Mapping[str, Any], place: str) -> None:
+        try:
+            make_scenario(with_fields(self.scenario, values), self.campaign.scenario)
+        except PoiseError as error:
+            raise error.located(f"{self._where}: {place}") from None
+
+
+def _located(content: Mapping[str, Any]) -> dict[str, Any]:
+    """Content with the robot's file, where it names one, for whatever folder a worker is in."""
+    robot = content.get("robot")
+    if isinstance(robot, str) and Path(robot).is_file():
+        return {**content, "robot": str(Path(robot).resolve())}
+    return dict(content)

@@ -1,0 +1,219 @@
+"""`Job`: one episode to be run. `run_episode`: runs it, wherever that is, to one row of results."""
+
+import hashlib
+import json
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
+from functools import cache
+from importlib import metadata
+from pathlib import Path
+from socket import gethostname
+from time import perf_counter
+from typing import Any
+
+from numba.core.event import install_recorder
+
+from poise.apps.campaigns._fields import with_fields
+from poise.apps.scenarios import (
+    Measurement,
+    Run,
+    Scenario,
+    make_scenario,
+    measure,
+    run_scenario,
+    stage_scenario,
+    summarise,
+    validate_checks,
+)
+from poise.errors import PoiseError
+
+Row = dict[str, Any]
+"""Results of one episode: texts, numbers and truth values by column, None where there is none."""
+
+OUTCOMES = ("ok", "failed", "fell", "diverged", "error", "refused", "crashed")
+"""What may become of an episode: all checks held, one failed, the robot fell, the simulation
+diverged, the simulator raised, the scenario does not fit its robot, the simulator took its process
+along every time it was tried."""
+
+ABOUT = (
+    "number", "seed", "version", "ended", "seconds", "values", "trial", "outcome", "reason",
+    "robot", "controller",
+)  # fmt: skip
+"""Columns that say what an episode was and what became of it."""
+
+FIGURES = ("simulated_s", "com_error_max_m", "torque_ratio_max", "missed_ticks")
+"""Columns with figures of every run, besides times, residuals (`residual_max_1`, ...) and the
+values of checks (`check: ...`)."""
+
+RAN = ("ok", "failed")
+"""Outcomes of episodes that came to their end, with figures that mean something."""
+
+TIMINGS = ("ended", "seconds", "real_time_factor", "tick_us_p50", "tick_us_p99", "tick_us_max")
+"""Columns that differ when the same episode is run again; all others do not."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Job:
+    """One episode to be run.
+
+    Attributes:
+        number: names it among those in a folder.
+        scenario: content of the scenario's file.
+        where: what messages call that file.
+        values: values of fields by their paths, in place of the file's.
+        seed: of everything random in it.
+        figures: what is measured beside the figures of every run, by name.
+        labels: further columns of its row.
+        version: of the code that is to run it.
+    """
+
+    number: int
+    scenario: Mapping[str, Any]
+    where: str
+    values: Mapping[str, Any] = field(default_factory=dict[str, Any])
+    seed: int = 0
+    figures: Mapping[str, Measurement] = field(default_factory=dict[str, Measurement])
+    labels: Mapping[str, Any] = field(default_factory=dict[str, Any])
+    version: str = field(default_factory=lambda: version())
+
+    def make(self) -> Scenario:
+        """The scenario with the job's values and seed.
+
+        Raises:
+            PoiseError: a field does not exist, or cannot have its value.
+        """
+        made = make_scenario(with_fields(self.scenario, self.values), self.where)
+        return replace(made, seed=self.seed)
+
+
+@cache
+def version() -> str:
+    """Version of Poise, and after a `+` the first letters of a digest of its sources."""
+    root = Path(__file__).parents[2]
+    digest = hashlib.sha256()
+    for path in sorted([*root.rglob("*.py"), *root.rglob("*.yaml")]):
+        digest.update(f"{path.relative_to(root)}\n".encode() + path.read_bytes())
+    return f"{metadata.version('poise')}+{digest.hexdigest()[:8]}"
+
+
+def run_episode(job: Job, describe: Callable[[Job, Run], Row] | None = None) -> Row:
+    """Runs an episode. Whatever goes wrong in it is its result.
+
+    Args:
+        job: the episode.
+        describe: makes a row of its run; `row_of` when None.
+
+    Raises:
+        PoiseError: this process has other code than the job asks for.
+    """
+    _check_version(job)
+    begin = perf_counter()
+    try:
+        row = (describe or row_of)(job, run_scenario(job.make()))
+    except PoiseError as error:
+        row = _without_run(job, "refused", str(error))
+    except Exception as error:  # Of MuJoCo or a library: this episode's result, not the campaign's.
+        row = _without_run(job, "error", f"{type(error).__name__}: {error}")
+    return {**row, "seconds": perf_counter() - begin}
+
+
+def _check_version(job: Job) -> None:
+    if version() != job.version:
+        where = f"a worker on {gethostname()} has another version of Poise"
+        raise PoiseError(where, got=version(), wanted=job.version)
+
+
+def crashed(job: Job, reason: str) -> Row:
+    """The row of an episode that took its process along every time it was tried."""
+    return _without_run(job, "crashed", reason)
+
+
+def row_of(job: Job, run: Run) -> Row:
+    """The row of a job whose scenario has been run.
+
+    Raises:
+        PoiseError: something that is to be measured is not on this robot or in its stack.
+    """
+    validate_checks([*job.figures.values()], run.controller.stack, run.robot)
+    summary: Any = summarise(run)
+    failed = [check.name for check in run.checks if not check.ok]
+    row: Row = {
+        **_about(job),
+        "outcome": _outcome(run),
+        "reason": run.ended_early or "; ".join(failed),
+        "robot": summary["robot"],
+        "controller": summary["controller"],
+        "simulated_s": float(run.signals.time[-1]),
+        **{k: summary[k] for k in ("com_error_max_m", "torque_ratio_max", "missed_ticks")},
+        **{f"residual_max_{i}": value for i, value in enumerate(summary["residual_max"], 1)},
+        **{f"tick_us_{name}": value for name, value in summary["tick_us"].items()},
+        "real_time_factor": summary["real_time_factor"],
+        **{f"check: {check['name']}": check["value"] for check in summary["checks"]},
+    }
+    for name, plan in job.figures.items():
+        value = float(measure(plan, run.signals))
+        row[name] = value if math.isfinite(value) else None
+    return row
+
+
+def warm_up(jobs: Sequence[Job]) -> bool:
+    """Compiles what the jobs need, and finds scenarios that do not fit their robots.
+
+    Each is set up and run for two ticks: all that is compiled is compiled then, and kept in the
+    folder that all workers of a machine share.
+
+    Args:
+        jobs: one of each kind, see `same_kind`.
+
+    Returns:
+        Whether anything was compiled. Code that has just been compiled may round otherwise in the
+        last bit than the same code from the disk, so the process should do nothing else.
+
+    Raises:
+        PoiseError: a scenario does not fit its robot, or this process has other code.
+    """
+    with install_recorder("numba:compile") as compiling:
+        for job in jobs:
+            _check_version(job)
+            stage = stage_scenario(job.make())
+            validate_checks([*job.figures.values()], stage.leader.stack, stage.robot)
+            for _ in range(2):
+                state = stage.plant.state()
+                state = state if stage.estimator is None else stage.estimator.update(state)
+                stage.leader.lead(state)
+                stage.plant.step(stage.controller.step(state))
+    return bool(compiling.buffer)
+
+
+def same_kind(job: Job) -> str:
+    """A text that jobs have in common for which `warm_up` does the same."""
+    chosen = {p: v for p, v in job.values.items() if p.startswith(("robot", "controller"))}
+    return json.dumps([job.where, chosen])
+
+
+def _without_run(job: Job, outcome: str, reason: str) -> Row:
+    return {**_about(job), "outcome": outcome, "reason": " ".join(reason.split())}
+
+
+def _about(job: Job) -> Row:
+    """What a row says of its job; as JSON the values are kept to the last bit, lists included."""
+    plain = {path: v for path, v in job.values.items() if isinstance(v, str | int | float)}
+    return {
+        "number": job.number,
+        "seed": job.seed,
+        "version": job.version,
+        "ended": datetime.now(UTC).isoformat(timespec="milliseconds"),
+        "values": json.dumps(dict(job.values)),
+        **job.labels,
+        **plain,
+    }
+
+
+def _outcome(run: Run) -> str:
+    if run.plant.diverged:
+        return "diverged"
+    if run.fell:
+        return "fell"
+    return "ok" if run.ok else "failed"

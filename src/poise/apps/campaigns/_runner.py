@@ -1,0 +1,75 @@
+"""`Runner`: runs jobs over any workers, to one row each that is kept in a folder."""
+
+from collections.abc import Callable, Sequence
+
+from poise.apps.campaigns._episode import Job, Row, crashed, run_episode, same_kind, warm_up
+from poise.apps.campaigns._folder import CampaignFolder
+from poise.apps.campaigns._workers import WorkerLostError, Workers
+from poise.apps.scenarios import Progress
+
+
+class Runner:
+    """Runs jobs, once each however often they are asked for.
+
+    Args:
+        workers: who runs them; inside their `with`.
+        folder: where rows are kept; inside its `claimed`.
+        progress: told how many rows there are, of how many.
+        total: how many jobs there will be; those of the first `run` when None.
+        function: what makes a row of a job.
+    """
+
+    def __init__(
+        self,
+        workers: Workers,
+        folder: CampaignFolder,
+        *,
+        progress: Progress | None = None,
+        total: int | None = None,
+        function: Callable[[Job], Row] = run_episode,
+    ) -> None:
+        self._workers, self._folder, self._function = workers, folder, function
+        self._progress, self._total = progress, total
+        self._warm: set[str] = set()
+
+    def run(self, jobs: Sequence[Job]) -> list[Row]:
+        """Runs those jobs that have no row yet.
+
+        Args:
+            jobs: each with a number of its own among all that this folder ever sees.
+
+        Returns:
+            A row a job, in their order.
+
+        Raises:
+            PoiseError: a scenario does not fit its robot, a worker has other code, or nobody is
+                left who could work. What was recorded stays.
+        """
+        left = [job for job in jobs if job.number not in self._folder.rows]
+        total = len(jobs) if self._total is None else self._total
+        self._tell(total)
+        self.warm_up(left)
+        for job, found in self._workers.each(self._function, left):
+            self._folder.add(
+                crashed(job, str(found)) if isinstance(found, WorkerLostError) else found
+            )
+            self._tell(total)
+        return [self._folder.rows[job.number] for job in jobs]
+
+    def warm_up(self, jobs: Sequence[Job]) -> None:
+        """Has everything compiled before all workers would do it at once.
+
+        `run` does it with its jobs; it is for those who know better ones, that fit their robots.
+
+        Raises:
+            PoiseError: a scenario does not fit its robot.
+        """
+        new = {same_kind(job): job for job in reversed(jobs)}
+        new = {kind: job for kind, job in new.items() if kind not in self._warm}
+        if new:
+            self._workers.warm(warm_up, [*new.values()])
+            self._warm |= set(new)
+
+    def _tell(self, total: int) -> None:
+        if self._progress is not None:
+            self._progress(float(len(self._folder.rows)), float(total))

@@ -1,0 +1,149 @@
+"""A Dask cluster and Slurm's jobs give what processes here give, whoever dies."""
+
+import os
+import time
+from collections import Counter
+from importlib.metadata import PackageNotFoundError
+
+import episodes
+import pytest
+
+pytest.importorskip("mujoco")
+pytest.importorskip("pyarrow")
+pytest.importorskip("distributed")
+
+import dask
+import distributed
+
+from poise.apps.campaigns import DaskWorkers, SlurmWorkers, WorkerLostError, _cluster
+from poise.apps.campaigns._episode import run_episode
+from poise.errors import ConfigurationError, PoiseError
+
+
+@pytest.fixture(scope="module")
+def cluster():
+    """Two workers, each a process that is replaced when it dies."""
+    with (
+        dask.config.set({"distributed.scheduler.allowed-failures": 1}),
+        distributed.LocalCluster(
+            n_workers=2, threads_per_worker=1, host="127.0.0.1", dashboard_address="127.0.0.1:0"
+        ) as cluster,
+    ):
+        yield cluster
+
+
+@pytest.fixture
+def workers(cluster):
+    with DaskWorkers(cluster.scheduler_address) as workers:
+        yield workers
+
+
+def test_a_worker_that_is_killed_loses_its_own_episode_alone(workers, tmp_path):
+    notes = tmp_path / "notes"
+    jobs = episodes.jobs(12, notes=str(notes), marker=str(tmp_path / "marker"))
+    found = {job.number: row for job, row in workers.each(episodes.ending_once, jobs)}
+    assert found == {job.number: episodes.row(job) for job in jobs}
+    ran = [line.split() for line in notes.read_text().splitlines()]
+    assert Counter(number for number, _ in ran) == {str(n): 1 for n in range(12)}
+
+
+def test_one_that_ends_every_worker_is_a_result(workers):
+    found = {job.number: row for job, row in workers.each(episodes.ending_third, episodes.jobs(5))}
+    assert sorted(found) == [0, 1, 2, 3, 4]
+    lost = {n: str(row) for n, row in found.items() if isinstance(row, WorkerLostError)}
+    assert lost == {3: "it ended 2 workers"}
+
+
+def test_an_error_of_the_function_is_raised_here(workers):
+    with pytest.raises(PoiseError, match="not this one; got 0"):
+        list(workers.each(episodes.refusing, episodes.jobs(1)))
+    with pytest.raises(PoiseError, match="a worker of the cluster failed .IndexError"):
+        list(workers.each(episodes.failing, episodes.jobs(1)))
+
+
+def test_machines_are_warmed_once_each(workers, tmp_path):
+    notes = tmp_path / "notes"
+    workers.warm(episodes.noted, episodes.jobs(1, notes=str(notes))[0])
+    assert len(notes.read_text().splitlines()) == 1
+
+
+def test_a_worker_of_another_version_is_refused(workers):
+    with pytest.raises(PoiseError, match=r"a worker on .* another version .*'0.1.0\+.*wanted x"):
+        list(workers.each(run_episode, episodes.jobs(1)))
+
+
+def test_a_scheduler_that_goes_away_is_said(monkeypatch):
+    monkeypatch.setattr(_cluster, "_PATIENCE", 2.0)
+    cluster = distributed.LocalCluster(
+        n_workers=1, threads_per_worker=1, host="127.0.0.1", dashboard_address="127.0.0.1:0"
+    )
+    with DaskWorkers(cluster.scheduler_address) as workers:
+        found = workers.each(episodes.slow, episodes.jobs(50))
+        next(found)
+        cluster.close()
+        with pytest.raises(PoiseError, match="the scheduler is not there any more"):
+            list(found)
+
+
+def test_a_cluster_without_workers_is_said(monkeypatch):
+    monkeypatch.setattr(_cluster, "_WITHOUT_WORKER", 0.5)
+    with distributed.LocalCluster(
+        n_workers=0, host="127.0.0.1", dashboard_address="127.0.0.1:0"
+    ) as cluster:
+        with (
+            pytest.raises(PoiseError, match="the cluster has no worker; got 'tcp://"),
+            DaskWorkers(cluster.scheduler_address),
+        ):
+            pass
+        monkeypatch.setattr(DaskWorkers, "_check_poise", lambda _: None)
+        monkeypatch.setattr(distributed.Client, "wait_for_workers", lambda *_, **__: None)
+        with DaskWorkers(cluster.scheduler_address) as workers:
+            workers.submit(0, abs, -1)
+            with pytest.raises(PoiseError, match="no worker any more"):
+                workers.wait()
+
+
+@pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "nonsense", "udp://x:1", ""])
+def test_a_scheduler_that_is_not_there_is_said(monkeypatch, address):
+    monkeypatch.setattr(_cluster, "_PATIENCE", 0.3)
+    with pytest.raises(ConfigurationError, match="no scheduler there"), DaskWorkers(address):
+        pass
+
+
+def test_a_worker_without_poise_is_refused(cluster, monkeypatch):
+    def nowhere(name):
+        raise PackageNotFoundError(name)
+
+    assert _cluster.version()  # Kept, so that it is not asked for again here.
+    monkeypatch.setattr(_cluster.metadata, "version", nowhere)
+    with (
+        pytest.raises(PoiseError, match="worker tcp://.* has no Poise"),
+        DaskWorkers(cluster.scheduler_address),
+    ):
+        pass
+
+
+# The process of a job may outlive submitit's own object for it.
+@pytest.mark.filterwarnings("ignore:subprocess .* is still running:ResourceWarning")
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+def test_jobs_of_slurm_work_and_end(tmp_path, monkeypatch):
+    pytest.importorskip("submitit")
+    here = os.path.dirname(episodes.__file__)
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([here, os.environ.get("PYTHONPATH", "")]))
+    notes = tmp_path / "notes"
+    jobs = episodes.jobs(4, notes=str(notes))
+    with SlurmWorkers(1, tmp_path / "logs", executor="local") as workers:
+        found = {job.number: row for job, row in workers.each(episodes.noted, jobs)}
+        assert found == {job.number: episodes.row(job) for job in jobs}
+        pids = {int(line.split()[1]) for line in notes.read_text().splitlines()}
+    deadline = time.monotonic() + 20.0
+    while any(os.path.exists(f"/proc/{pid}") for pid in pids) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    assert pids
+    assert not any(os.path.exists(f"/proc/{pid}") for pid in pids)
+
+
+def test_without_slurm_that_is_said(monkeypatch):
+    monkeypatch.setenv("PATH", "")
+    with pytest.raises(ConfigurationError, match="no Slurm on this machine"), SlurmWorkers(2):
+        pass

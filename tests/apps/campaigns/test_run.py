@@ -1,0 +1,200 @@
+"""Running a campaign: results, resumption, crashes, replays."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections import Counter
+
+import pytest
+
+pytest.importorskip("mujoco")
+pytest.importorskip("pyarrow")
+
+import episodes
+
+from poise.apps.campaigns import (
+    CampaignFolder,
+    LocalWorkers,
+    Runner,
+    differences,
+    replay_job,
+    row_of,
+    run_campaign,
+)
+from poise.apps.campaigns._episode import run_episode, same_kind, warm_up
+from poise.apps.scenarios import run_scenario
+from poise.errors import PoiseError
+
+STACK = {"contacts": [{"surface": {"frame": "left_sole"}}]}
+CONTENT = {"campaign": {}, "scenario": {}}
+CAMPAIGN = """
+name: tiny
+scenario: tiny.yaml
+episodes: 6
+set: {plant.sensors.gyro_noise: 0.001}
+vary:
+  controller: [whole_body, osf]
+  plant.mass_scale: {uniform: [0.9, 1.1]}
+figures:
+  rise: {metric: com_travel, axis: z}
+"""
+TINY = """
+name: tiny
+robot: biped20
+duration: 0.05
+checks:
+  - {metric: com_error_max, at_most: 0.02}
+"""
+
+
+@pytest.fixture
+def campaign(tmp_path):
+    (tmp_path / "tiny.yaml").write_text(TINY)
+    (tmp_path / "campaign.yaml").write_text(CAMPAIGN)
+    return tmp_path / "campaign.yaml"
+
+
+class Nobody(LocalWorkers):
+    """Workers that are asked for nothing."""
+
+    def submit(self, ticket, function, item):
+        raise AssertionError("ran again")
+
+
+@pytest.fixture
+def run(two):
+    """Runs stand-ins into a folder, without a warm-up, which is for real episodes."""
+
+    def run(folder, jobs, function):
+        runner = Runner(two, folder, function=function)
+        runner._warm = {same_kind(job) for job in jobs}
+        with folder.claimed(CONTENT):
+            return runner.run(jobs)
+
+    return run
+
+
+def test_real_episodes_in_two_processes_give_rows_that_replay(campaign, tmp_path):
+    """What a user does, once in full: run, look, go on, replay."""
+    seen = []
+    rows = run_campaign(
+        campaign, tmp_path / "out", LocalWorkers(2), lambda done, of: seen.append((done, of))
+    )
+    assert seen == [(float(n), 6.0) for n in range(7)]
+    assert [row["number"] for row in rows] == list(range(6))
+    assert {row["outcome"] for row in rows} == {"ok"}
+    assert [row["controller"] for row in rows] == ["whole_body", "osf"] * 3
+    assert len({row["seed"] for row in rows}) == 6
+    assert len({row["com_error_max_m"] for row in rows}) == 6
+    assert all(row["rise"] >= 0.0 for row in rows)
+    assert all(row["check: robot fell"] == 0.0 for row in rows)
+    assert len({row["version"] for row in rows}) == 1
+    assert all(row["seconds"] > 0.0 for row in rows)
+
+    assert run_campaign(campaign, tmp_path / "out", Nobody(1)) == rows
+    folder = CampaignFolder(tmp_path / "out")
+    job = replay_job(folder, 3)
+    again = row_of(job, run_scenario(job.make()))
+    assert {n: (folder.rows[3][n], again[n]) for n in differences(folder.rows[3], again)} == {}
+    other = folder.rows[3] | {"rise": -1.0, "seconds": 9.0}
+    assert differences(folder.rows[3], other) == ["rise"]
+    with pytest.raises(PoiseError, match="no result; got 6"):
+        replay_job(folder, 6)
+
+
+def outcome_of(**values):
+    job = episodes.Job(number=0, scenario=episodes.TINY, where="t", values=values)
+    return run_episode(job)
+
+
+def test_what_becomes_of_an_episode_is_its_outcome(monkeypatch):
+    checks = [{"metric": "com_error_max", "at_least": 1.0}]
+    failed = outcome_of(checks=checks)
+    assert failed["outcome"] == "failed"
+    assert failed["reason"] == "largest distance of the COM from its reference"
+    push = [{"body": "pelvis", "at": 0.0, "duration": 0.1, "velocity_change": [8.0, 0.0, 0.0]}]
+    fell = outcome_of(pushes=push, duration=1.0)
+    assert fell["outcome"] == "fell"
+    assert 0.1 < fell["simulated_s"] < 1.0
+    refused = outcome_of(robot="nobody")
+    assert refused["outcome"] == "refused"
+    assert "'nobody'" in refused["reason"]
+
+
+def test_an_episode_that_crashes_the_simulator_is_a_result(monkeypatch):
+    from poise.apps.campaigns import _episode
+
+    def crash(*_):
+        raise MemoryError("mj_stackAlloc: out of\nmemory")
+
+    monkeypatch.setattr(_episode, "run_scenario", crash)
+    row = outcome_of()
+    assert (row["outcome"], row["reason"]) == (
+        "error",
+        "MemoryError: mj_stackAlloc: out of memory",
+    )
+
+
+def test_a_worker_of_another_version_is_refused():
+    job = episodes.jobs(1)[0]
+    with pytest.raises(PoiseError, match=r"another version of Poise; got '0.1.0.*wanted x"):
+        run_episode(job)
+
+
+def test_a_scenario_that_does_not_fit_its_robot_is_found_before_the_first_episode():
+    job = episodes.Job(
+        number=0, scenario=episodes.TINY, where="t", values={"robot": "arm6", "stack": STACK}
+    )
+    with pytest.raises(PoiseError, match="'left_sole'"):
+        warm_up([job])
+
+
+def test_what_is_recorded_is_not_run_again_and_rows_come_in_order(run, tmp_path):
+    notes = tmp_path / "notes"
+    jobs = episodes.jobs(6, notes=str(notes))
+    folder = CampaignFolder(tmp_path / "c")
+    assert len(run(folder, jobs[:3], episodes.noted)) == 3
+    rows = run(CampaignFolder(tmp_path / "c"), jobs[::-1], episodes.noted)
+    assert [row["number"] for row in rows] == [5, 4, 3, 2, 1, 0]
+    ran = Counter(line.split()[0] for line in notes.read_text().splitlines())
+    assert ran == dict.fromkeys("012345", 1)
+
+
+def test_a_worker_that_dies_every_time_gives_a_row(run, tmp_path):
+    rows = run(CampaignFolder(tmp_path), episodes.jobs(5), episodes.ending_third)
+    assert [row["outcome"] for row in rows] == ["ok", "ok", "ok", "crashed", "ok"]
+    assert rows[3]["reason"] == "its process was ended by SIGSEGV"
+
+
+KILLED = """
+import sys
+from pathlib import Path
+sys.path.insert(0, sys.argv[2])
+import episodes
+from poise.apps.campaigns import CampaignFolder, LocalWorkers, Runner
+if __name__ == "__main__":
+    folder = CampaignFolder(Path(sys.argv[1]))
+    with folder.claimed({"campaign": {}, "scenario": {}}), LocalWorkers(2) as workers:
+        runner = Runner(workers, folder, function=episodes.slow)
+        runner._warm = {'["tiny.yaml", {}]'}
+        runner.run(episodes.jobs(20))
+"""
+
+
+def test_a_killed_parent_loses_nothing_that_was_recorded(run, tmp_path):
+    (tmp_path / "parent.py").write_text(KILLED)
+    here = os.path.dirname(episodes.__file__)
+    with subprocess.Popen([sys.executable, "parent.py", "c", here], cwd=tmp_path) as parent:
+        deadline = time.monotonic() + 60.0
+        while len(list(tmp_path.glob("c/episodes/part-*.parquet"))) < 5:
+            assert time.monotonic() < deadline
+            time.sleep(0.02)
+        parent.send_signal(signal.SIGKILL)
+    folder = CampaignFolder(tmp_path / "c")
+    before = dict(folder.rows)
+    assert 5 <= len(before) < 20
+    rows = run(folder, episodes.jobs(20), episodes.quick)
+    assert [row["number"] for row in rows] == list(range(20))
+    assert all(folder.rows[number] == row for number, row in before.items())

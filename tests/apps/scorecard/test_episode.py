@@ -1,0 +1,86 @@
+"""Real runs: who survives, and what happened first to who does not."""
+
+import pytest
+
+from poise.apps.scenarios import parse_scenario, run_scenario
+from poise.apps.scorecard._episode import run_trial, survived
+from poise.apps.scorecard._mechanism import events_of, lean, mechanism
+from poise.apps.scorecard._plan import QUICK, Case, Plan
+from poise.apps.scorecard._trials import TRIALS
+
+STAND = """
+name: short
+robot: biped20
+controller: osf
+duration: {duration}
+plant: {{control_dt: 0.002, friction: {friction}}}
+pushes: [{{body: torso, at: 0.1, duration: 0.1, velocity_change: [0.0, {push}, 0.0]}}]
+checks: [{{metric: com_speed_end, at_most: 0.03}}]
+"""
+
+
+def run(push, duration=0.4, friction=1.0):
+    text = STAND.format(push=push, duration=duration, friction=friction)
+    return run_scenario(parse_scenario(text, "short.yaml"))
+
+
+@pytest.fixture(scope="module")
+def hard():
+    """Pushed hard enough to fall, as far as its first half second."""
+    return run(3.0, duration=1.5)
+
+
+def test_a_robot_that_is_hardly_pushed_survives():
+    calm = run(0.001)
+    assert survived(calm)
+    assert lean(calm) < 0.01
+    assert events_of(calm) == []
+
+
+def test_a_robot_that_still_moves_has_not_survived():
+    moving = run(0.3, duration=0.25)
+    assert not moving.fell
+    assert not survived(moving)
+    assert "at the end mean speed of the COM over the last 0.1 s was 0." in mechanism(moving)
+
+
+def test_what_happened_first_is_told_first_and_how_it_ended_last(hard):
+    assert not survived(hard)
+    told = mechanism(hard)
+    assert told.endswith(hard.ended_early)
+    events = sorted(events_of(hard))
+    assert told.startswith(events[0].what)
+    assert len(events) >= 2
+    # Nothing is told of before the push.
+    assert all(0.1 <= event.time <= hard.signals.time[-1] for event in events)
+
+
+def test_torques_at_their_limit_and_the_zmp_at_the_edge_are_seen(hard):
+    told = " ".join(event.what for event in events_of(hard))
+    assert "ZMP at the edge" in told
+    assert "at its limit" in told
+
+
+def test_a_robot_on_ice_slips():
+    told = [event.what for event in events_of(run(0.8, friction=0.02))]
+    assert any("slips" in what for what in told)
+
+
+def test_the_row_of_an_episode_says_whether_it_was_survived():
+    plan = Plan(robot="biped20", controller="osf", extent=QUICK)
+    push = next(trial for trial in TRIALS if trial.name == "push")
+    job = plan.job(Case(push, 0, 0.0), seed=1, look=0, level=1.0)
+    job.scenario["duration"] = 0.6
+    row = run_trial(job)
+    assert row["survived"] is False
+    assert row["mechanism"]
+    assert (row["trial_name"], row["case"], row["level"]) == ("push", 0, 1.0)
+
+
+def test_a_walk_that_cannot_be_planned_is_refused_and_says_why():
+    plan = Plan(robot="biped20", controller="osf", extent=QUICK)
+    speed = next(trial for trial in TRIALS if trial.name == "speed")
+    row = run_trial(plan.job(Case(speed), seed=1, look=0, level=1.0))
+    assert row["outcome"] == "refused"
+    assert "survived" not in row
+    assert row["reason"]

@@ -1,0 +1,199 @@
+"""`poise campaign`: run, status, replay; exit status, and one clean line for bad input."""
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+pytest.importorskip("mujoco")
+pytest.importorskip("pyarrow")
+pytest.importorskip("distributed")
+
+from poise.apps import campaigns
+from poise.cli.main import main
+
+TINY = "name: tiny\nrobot: biped20\nduration: 0.04\n"
+CAMPAIGN = """
+name: trial
+scenario: tiny.yaml
+episodes: 2
+vary: {plant.mass_scale: {uniform: [0.9, 1.1]}}
+"""
+
+
+class InPlace(campaigns.LocalWorkers):
+    """Runs episodes here: what processes do is tested with them."""
+
+    def warm(self, function, item):
+        function(item)
+
+    def each(self, function, items, attempts=3):
+        for item in items:
+            yield item, function(item)
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch):
+    """A folder with a campaign, to work in."""
+    (tmp_path / "tiny.yaml").write_text(TINY)
+    (tmp_path / "trial.yaml").write_text(CAMPAIGN)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(campaigns, "LocalWorkers", InPlace)
+    return tmp_path
+
+
+@pytest.fixture(scope="module")
+def _finished(tmp_path_factory):
+    """What the campaign leaves behind; made once."""
+    folder = tmp_path_factory.mktemp("finished")
+    (folder / "tiny.yaml").write_text(TINY)
+    (folder / "trial.yaml").write_text(CAMPAIGN)
+    campaigns.run_campaign(folder / "trial.yaml", folder / "o", InPlace(1))
+    return folder / "o"
+
+
+@pytest.fixture
+def finished(_finished, here):
+    """The campaign's results, in the folder `o`."""
+    shutil.copytree(_finished, here / "o")
+    return here / "o"
+
+
+def one_line(err):
+    assert err.startswith("poise: "), err
+    assert err.count("\n") == 1
+    assert "Traceback" not in err
+
+
+def test_a_campaign_is_run_looked_at_and_replayed(here, capsys):
+    assert main(["campaign", "trial.yaml"]) == 0
+    out, err = capsys.readouterr()
+    assert err == ""
+    assert out == "trial: 2 of 2 episodes in runs/campaign-trial\n  ok        2\n"
+    assert main(["campaign", "status", "runs/campaign-trial", "--json"]) == 0
+    said = json.loads(capsys.readouterr().out)
+    assert (said["done"], said["episodes"], said["running"]) == (2, 2, False)
+    assert said["outcomes"] == {"ok": 2}
+    assert main(["campaign", "replay", "runs/campaign-trial", "1", "--no-video"]) == 0
+    out, err = capsys.readouterr()
+    assert err == ""
+    assert "the figures are those of episode 1, outcome ok" in out
+    replay = here / "runs" / "campaign-trial" / "replays" / "1"
+    assert {p.name for p in replay.iterdir()} == {"report.html", "log.mcap", "summary.json"}
+
+
+def test_a_replay_with_other_figures_says_so(finished, capsys, monkeypatch):
+    monkeypatch.setattr(campaigns, "row_of", lambda job, run: {"com_error_max_m": 1.0})
+    assert main(["campaign", "replay", "o", "0", "--no-video", "--json"]) == 1
+    out, err = capsys.readouterr()
+    assert "com_error_max_m" in json.loads(out)["differs"]
+    assert err.startswith("differs from what version 0.1.0+")
+
+
+def test_ctrl_c_leaves_what_is_done_and_says_how_to_go_on(here, capsys, monkeypatch):
+    class Interrupted(InPlace):
+        def each(self, function, items, attempts=3):
+            yield from list(super().each(function, items[:1]))
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(campaigns, "LocalWorkers", Interrupted)
+    assert main(["campaign", "trial.yaml", "--out", "o"]) == 1
+    out, err = capsys.readouterr()
+    assert err == "interrupted; the same command goes on from here\n"
+    assert out.startswith("trial: 1 of 2 episodes in o\n")
+    monkeypatch.setattr(campaigns, "LocalWorkers", InPlace)
+    assert main(["campaign", "trial.yaml", "--out", "o"]) == 0
+    assert capsys.readouterr().out.startswith("trial: 2 of 2")
+
+
+BAD = {
+    "no file": (["nowhere.yaml"], "nowhere.yaml"),
+    "field that does not exist": (["wrong.yaml"], "choices: friction"),
+    "words that are no command": (["statu", "nowhere"], "replay FOLDER NUMBER"),
+    "too many words": (["a", "b", "c", "d"], "replay FOLDER NUMBER"),
+    "no campaign in the folder": (["status", "."], "campaign.json"),
+    "replay of nothing": (["replay", ".", "0"], "campaign.json"),
+    "replay of no number": (["replay", "o", "x"], "0, 1, 2"),
+    "replay of an episode without result": (["replay", "o", "7"], "got 7"),
+    "folder of another campaign": (["other.yaml", "--out", "o"], "another campaign"),
+    "folder that is a file": (["trial.yaml", "--out", "tiny.yaml"], "writable"),
+    "no workers": (["trial.yaml", "--out", "n", "--workers", "0"], "got 0"),
+    "no scheduler": (["trial.yaml", "--scheduler", "nonsense"], "no scheduler there"),
+    "scheduler and workers": (["trial.yaml", "--scheduler", "x", "--workers", "2"], "--workers"),
+    "slurm without a number": (["trial.yaml", "--slurm"], "--workers N"),
+    "no slurm": (["trial.yaml", "--slurm", "--workers", "2"], "no command sbatch"),
+    "scenario that does not fit its robot": (["arm.yaml"], "left_sole"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+@pytest.mark.usefixtures("finished")
+def test_bad_input_is_one_line_and_status_two(here, capsys, case):
+    (here / "wrong.yaml").write_text(CAMPAIGN.replace("mass_scale", "fricton"))
+    (here / "other.yaml").write_text(CAMPAIGN.replace("0.9", "0.8"))
+    stand = "{contacts: [{surface: {frame: left_sole}}]}"
+    (here / "arm.yaml").write_text(CAMPAIGN + f"set: {{robot: arm6, stack: {stand}}}\n")
+    arguments, word = BAD[case]
+    assert main(["campaign", *arguments]) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    one_line(err)
+    assert word in err
+
+
+def test_without_the_extra_the_command_that_installs_it_is_said(here, capsys, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pyarrow.parquet", None)
+    assert main(["campaign", "trial.yaml"]) == 2
+    err = capsys.readouterr().err
+    one_line(err)
+    assert 'pip install "poise[campaign]"' in err
+
+
+def test_a_full_disk_is_one_line_and_nothing_recorded_is_lost(here, capsys, monkeypatch):
+    import errno
+
+    import pyarrow.parquet as pq
+
+    write = pq.write_table
+
+    def full(table, path):
+        if table["number"].to_pylist() == [1]:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        write(table, path)
+
+    monkeypatch.setattr(pq, "write_table", full)
+    assert main(["campaign", "trial.yaml", "--out", "o"]) == 2
+    one_line(capsys.readouterr().err)
+    monkeypatch.undo()
+    assert main(["campaign", "status", str(here / "o"), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["done"] == 1
+
+
+def test_a_real_process_stops_at_ctrl_c_and_goes_on(tmp_path):
+    """Ctrl-C reaches the workers too, as in a terminal, and they leave it to the parent."""
+    (tmp_path / "tiny.yaml").write_text(TINY)
+    (tmp_path / "trial.yaml").write_text(CAMPAIGN.replace("episodes: 2", "episodes: 40"))
+    command = [sys.executable, "-m", "poise.cli.main", "campaign", "trial.yaml", "--out", "o"]
+    with subprocess.Popen(
+        [*command, "--workers", "1"],
+        cwd=tmp_path,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    ) as first:
+        deadline = time.monotonic() + 60.0
+        while not list(tmp_path.glob("o/episodes/part-*")) and time.monotonic() < deadline:
+            time.sleep(0.02)
+        os.killpg(first.pid, signal.SIGINT)
+        out, err = first.communicate(timeout=30.0)
+    assert first.returncode == 1, err
+    assert err == "interrupted; the same command goes on from here\n"
+    done = int(out.split()[1])
+    assert 1 <= done < 40
+    assert f"ok        {done}\n" in out
