@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from functools import cache
 from importlib import metadata
+from itertools import islice
 from pathlib import Path
 from socket import gethostname
 from time import perf_counter
@@ -28,6 +29,7 @@ from poise.apps.scenarios import (
     validate_checks,
 )
 from poise.errors import PoiseError
+from poise.sim import rollout
 
 Row = dict[str, Any]
 """Results of one episode: texts, numbers and truth values by column, None where there is none."""
@@ -179,11 +181,9 @@ def warm_up(jobs: Sequence[Job]) -> bool:
             _check_version(job)
             stage = stage_scenario(job.make())
             validate_checks([*job.figures.values()], stage.leader.stack, stage.robot)
-            for _ in range(2):
-                state = stage.plant.state()
-                state = state if stage.estimator is None else stage.estimator.update(state)
-                stage.leader.lead(state)
-                stage.plant.step(stage.controller.step(state))
+            ticks = rollout(stage.plant, stage.controller, stage.leader, estimator=stage.estimator)
+            for _ in islice(ticks, 2):
+                pass
     return bool(compiling.buffer)
 
 
