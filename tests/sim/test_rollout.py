@@ -205,6 +205,12 @@ def collection_ms():
     return min(found)
 
 
+@pytest.fixture(autouse=True)
+def thawed():
+    """A test elsewhere may have left a loop open, in the traceback of an error that it expected."""
+    gc.unfreeze()
+
+
 @pytest.fixture
 def crowd():
     """Many live objects, as robots, solvers and packages are."""

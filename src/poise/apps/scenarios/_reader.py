@@ -47,7 +47,7 @@ def parse_scenario(text: str, where: str) -> Scenario:
     return make_scenario(read_yaml(text, where, error=ConfigurationError), where)
 
 
-def read_scenario(name_or_path: str | Path) -> tuple[dict[str, Any], str]:
+def read_scenario(name_or_path: str | Path) -> tuple[dict[Any, Any], str]:
     """The content of a scenario's file, as it is written, and what messages call the file.
 
     Args:
@@ -70,7 +70,7 @@ def read_scenario(name_or_path: str | Path) -> tuple[dict[str, Any], str]:
     return read_yaml(text, path.name, error=ConfigurationError), path.name
 
 
-def make_scenario(data: Mapping[str, Any], where: str) -> Scenario:
+def make_scenario(data: Mapping[Any, Any], where: str) -> Scenario:
     """A scenario from the content of a file.
 
     Args:
