@@ -3,7 +3,14 @@
 import numpy as np
 import pytest
 
-from poise.control import CommandStatus, Controller, DifferentialIK, WholeBodyController
+from poise.control import (
+    CommandStatus,
+    Controller,
+    DifferentialIK,
+    OperationalSpaceController,
+    ReducedController,
+    WholeBodyController,
+)
 from poise.control._fallback import DECAY_TIME, STOP_TIME, Fallback, RateLimit
 from poise.control._full_problem import FullProblem
 from poise.control._strategy import Answer, Strategy
@@ -30,6 +37,9 @@ class Scripted:
         changed, self.contacts = contacts != self.contacts, contacts
         self.calls.append("prepare")
         return changed
+
+    def rehearse(self, dynamics):
+        self.calls.append("rehearse")
 
     def assemble(self, dynamics):
         self.calls.append("assemble")
@@ -66,12 +76,32 @@ def test_what_users_call_are_controllers_of_one_strategy_each(robot):
 def test_a_strategy_of_ones_own_makes_a_controller(robot, strategy):
     controller = Controller(strategy)
     command = controller.step(at(robot))
-    assert strategy.calls == ["prepare", "assemble", "solve"]
+    assert strategy.calls == ["rehearse", "prepare", "assemble", "solve"]
     assert command.status is CommandStatus.OK
     assert command.torque.tolist() == [1.0] * robot.nj
     assert command.velocity is None
     status = controller.status()
     assert (status.tasks[0].residual, status.explanation) == (0.5, "as scripted")
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        WholeBodyController,
+        ReducedController,
+        OperationalSpaceController,
+        lambda robot: DifferentialIK(robot, dt=1e-3, method="hqp"),
+    ],
+)
+def test_the_rehearsed_ticks_leave_nothing_behind(robot, make):
+    controller = make(robot)
+    assert all(task.residual == 0.0 for task in controller.status().tasks)
+    q = robot.q_home.copy()
+    q[7:] += 0.05
+    controller.step(RobotState(q, np.zeros(robot.nv)))
+    # Targets that nobody set are where the robot is, not where it was rehearsed.
+    errors = [t.error for t in controller.status().tasks if "posture" not in t.name]
+    assert np.abs(errors).max() < 1e-9
 
 
 @pytest.mark.parametrize(

@@ -67,6 +67,9 @@ class Controller:
         strategy.stack.joint_limit.evaluate(self.dynamics)
         is_usable(self.dynamics.state, strategy.robot)
         _clip(np.zeros(strategy.robot.nj), *self._bounds)
+        strategy.rehearse(self.dynamics)
+        for _, task in strategy.stack.tasks():
+            task.reset()
 
     @property
     def strategy(self) -> Strategy:

@@ -351,6 +351,11 @@ class ContactSets(Generic[T]):
             made = self._made[contacts] = self._make(contacts)
         return made
 
+    @property
+    def sets(self) -> tuple[tuple[Contact, ...], ...]:
+        """The sets that something was made for."""
+        return tuple(self._made)
+
     def __iter__(self) -> Iterator[T]:
         """All that was made."""
         return iter(self._made.values())

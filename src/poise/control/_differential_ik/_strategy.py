@@ -214,6 +214,12 @@ class VelocityStrategy:
         last, self._current = self._current, self._find(contacts)
         return self._current is not last
 
+    def rehearse(self, dynamics: Dynamics) -> None:
+        """Goes through a tick under the active contacts, and forgets it."""
+        self.assemble(dynamics)
+        self.solve()
+        self.reset()
+
     def assemble(self, dynamics: Dynamics) -> None:
         """Writes one state's rows, and the bounds of the joints."""
         # What a user asks for may be beyond all numbers; the check of the result finds it.

@@ -112,6 +112,15 @@ class OperationalStrategy:
         self.forces = self._all_forces.of(contacts)
         return self._current is not last
 
+    def rehearse(self, dynamics: Dynamics) -> None:
+        """Goes through a tick under every prepared set of contacts, and forgets it."""
+        for contacts in self._prepared.sets:
+            self.prepare(contacts)
+            self.assemble(dynamics)
+            self.solve()
+        self.prepare(self.stack.active_contacts)
+        self.reset()
+
     def assemble(self, dynamics: Dynamics) -> None:
         """Writes one state's rows."""
         self._dynamics = dynamics
