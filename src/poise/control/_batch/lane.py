@@ -1,0 +1,154 @@
+"""`Lane`: what one thread of a batch works with."""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from jaxtyping import Float64, Int64
+
+from poise.control._batch.loop import UNUSABLE, Answers, Numbers, Program, gather, solve_states
+from poise.control._full_problem import FullProblem
+from poise.control._state_check import is_usable
+from poise.dynamics import Dynamics, RobotState
+from poise.hqp import LexicographicSolver
+from poise.robots import Robot
+from poise.stack import Contact, Owner, Stack
+
+CHUNK = 16
+"""States that a thread takes at a time: Pinocchio's part of them, which one thread does at a time,
+ends soon enough for the others, and their numbers stay in the processor's cache."""
+
+
+class Lane:
+    """What one thread needs: dynamics, rows, problem and workspace of its own.
+
+    Args:
+        robot: the robot.
+        stack: contacts, limits and tasks, bound to the robot.
+        contacts: the active contacts.
+    """
+
+    def __init__(self, robot: Robot, stack: Stack, contacts: tuple[Contact, ...]) -> None:
+        self._robot, self._stack = robot, stack
+        self.full = full = FullProblem(robot, stack, contacts)
+        self._dynamics, self._solver = Dynamics(robot), LexicographicSolver()
+        self._bounds = np.zeros((4, robot.nj))
+        evaluation, problem = full.rows.evaluation, full.problem
+        ends = np.cumsum([len(owner.parameters) for owner in evaluation.owners])
+        own = self._own_numbers()
+        # Where a state's numbers are read when it is taken up, and written when it is solved.
+        sources = [*own, *(owner.parameters for owner in evaluation.owners)]
+        targets = [*own, *np.split(evaluation.inputs.parameters, ends[:-1])]
+        self._sources, self._targets = _places(sources), _places(targets)
+        self._places = _addresses(self._sources)
+        self._packed = np.zeros((CHUNK, sum(map(len, sources))))
+        searched, work, changes = self._solver.memory_for(problem)
+        self._program = Program(
+            _addresses(self._targets),
+            self._dynamics.q,
+            self._dynamics.v,
+            self._dynamics.motion,
+            evaluation.inputs,
+            evaluation.rows,
+            evaluation.work,
+            self._dynamics.M,
+            self._dynamics.h,
+            (robot.base_dofs, full.rows.contact_rows.stop),
+            (self._bounds[0], self._bounds[1]),
+            (self._bounds[2], self._bounds[3]),
+            (problem.A, problem.lower, problem.upper, problem.H),
+            searched.address,
+            work.address,
+            changes,
+        )
+        # What is compiled is compiled now, for the first batch may have no state of use.
+        gather(self._places, self._packed[0])
+        self.solve(slice(0, 0), _no_answers())
+
+    def holding_tasks(self) -> list[Owner]:
+        """Tasks without a target, which hold what the robot does in each state."""
+        found: list[Owner] = []
+        for owner in self.full.rows.evaluation.owners:
+            before = owner.parameters.copy()
+            owner.hold(self._dynamics)
+            if not np.array_equal(before, owner.parameters, equal_nan=True):
+                found.append(owner)
+                owner.reset()
+        return found
+
+    def take(
+        self,
+        states: Sequence[RobotState],
+        chunk: slice,
+        answers: Answers,
+        holding: Sequence[Owner],
+        before_each: Callable[[int], None] | None,
+    ) -> None:
+        """Takes a chunk of states up: all that compiled code cannot do.
+
+        Args:
+            states: all states.
+            chunk: which of them.
+            answers: receives which of them are of use.
+            holding: tasks that hold what the robot does.
+            before_each: called before each, with its number.
+        """
+        dynamics, joints = self._dynamics, self._stack.joint_limit
+        torques = self._stack.torque_limit
+        self._bounds[0], self._bounds[1] = torques.lower, torques.upper
+        for row, i in enumerate(range(chunk.start, chunk.stop)):
+            if before_each is not None:
+                before_each(i)
+            state = states[i]
+            if not is_usable(state, self._robot):
+                answers.found[i] = UNUSABLE
+                continue
+            answers.found[i] = 0
+            dynamics.update(state)
+            joints.evaluate(dynamics)
+            self._bounds[2], self._bounds[3] = joints.lower, joints.upper
+            for owner in holding:
+                owner.hold(dynamics)
+            self.full.rows.update_own(dynamics)
+            gather(self._places, self._packed[row])
+            for owner in holding:
+                owner.reset()
+
+    def solve(self, chunk: slice, answers: Answers) -> None:
+        """Solves the states that were taken up last.
+
+        Args:
+            chunk: which they are.
+            answers: receives what is found.
+        """
+        own = Answers(*(numbers[chunk] for numbers in answers))
+        solve_states(self._packed, self._program, own)
+
+    def _own_numbers(self) -> list[Float64[np.ndarray, " _"]]:
+        """Numbers of a state that are written where compiled code reads them."""
+        own: list[Float64[np.ndarray, " _"]] = [*self._dynamics.numbers, self._bounds.ravel()]
+        problem, rows = self.full.problem, self.full.rows
+        for _, place in rows.own_tasks:
+            # The stack's rows begin where the dynamics' end.
+            at = slice(self._robot.nv + place.start, self._robot.nv + place.stop)
+            beyond = slice(problem.n + at.start, problem.n + at.stop)
+            own += [
+                problem.A[at].ravel(),
+                problem.lower[beyond],
+                problem.upper[beyond],
+                problem.weights[beyond],
+            ]
+        return own
+
+
+def _no_answers() -> Answers:
+    matrix = np.zeros((0, 0))
+    sides, found = np.zeros((0, 0), dtype=np.int8), np.zeros(0, dtype=np.int64)
+    return Answers(sides, matrix, matrix, matrix, found)
+
+
+def _places(numbers: Sequence[Float64[np.ndarray, " _"]]) -> list[Numbers]:
+    return [Numbers(all=array) for array in numbers]
+
+
+def _addresses(places: Sequence[Numbers]) -> Int64[np.ndarray, " places"]:
+    return np.array([place.address for place in places], dtype=np.int64)
