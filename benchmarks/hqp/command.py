@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from benchmarks.options import folder_of, words_of
+from benchmarks.commands.timing import add_command, folder_of, words_of
 from poise.cli import Bar
 from poise.errors import ConfigurationError, MissingExtraError, UnknownNameError
 
@@ -18,12 +18,43 @@ MADE = 31
 """Problems of a sequence that is made, where `--count` says nothing: warm starts count 30."""
 
 
-def act_hqp(options: argparse.Namespace) -> None:
-    """Races, or saves the problems.
+def add_hqp(commands: Any) -> None:
+    """`hqp`: a race."""
+    parser = add_command(
+        commands,
+        "hqp",
+        _hqp,
+        "races solvers on hierarchical problems of robots, of inverse kinematics and of chance, "
+        "and judges their answers",
+        "--methods daqp-hierarchical,cascade/osqp --out bench",
+    )
+    parser.add_argument(
+        "--methods",
+        metavar="M,M",
+        help="such as cascade/osqp, daqp-hard, daqp-hierarchical, direct/solve (default: all that "
+        "are installed); direct is always timed",
+    )
+    parser.add_argument(
+        "--problems", metavar="FOLDER", help="race on the sequences saved there, not on new ones"
+    )
+    parser.add_argument(
+        "--sequences",
+        metavar="S,S",
+        help="names of sequences (default: all of FOLDER, or a selection that is quickly made; "
+        "all: every one that can be made)",
+    )
+    parser.add_argument(
+        "--count",
+        metavar="N",
+        type=int,
+        help=f"most problems of a sequence (default: {MADE}, or all of those in FOLDER)",
+    )
+    parser.add_argument(
+        "--save", metavar="FOLDER", help="make all sequences and save them, race nothing"
+    )
 
-    Raises:
-        PoiseError: bad input.
-    """
+
+def _hqp(options: argparse.Namespace) -> None:
     if options.count is not None and options.count < 2:
         raise ConfigurationError("too few problems", got=options.count, wanted="--count 2 or more")
     if options.save is not None:

@@ -51,9 +51,3 @@ def test_the_table_has_the_parts_and_says_what_holds(short, capsys):
     out = capsys.readouterr().out
     assert all(part in out for part in PARTS)
     assert "s simulated in" in out
-
-
-def test_options_of_other_benchmarks_are_refused(capsys):
-    assert main(["run", "--ticks", "10"]) == 2
-    assert main(["tick", "--scenario", "walk"]) == 2
-    assert "--scenario" in capsys.readouterr().err

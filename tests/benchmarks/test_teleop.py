@@ -141,18 +141,9 @@ def test_the_table_has_a_line_a_robot_and_marks_failures():
 
 
 def test_the_command_prints_one_json_object_and_writes_it(tmp_path, capsys):
-    arguments = ["tick", "--controller", "teleop", "--ticks", "5"]
+    arguments = ["teleop", "--ticks", "5"]
     assert main([*arguments, "--json", "--out", str(tmp_path)]) == 0
     printed = capsys.readouterr().out
     (line,) = printed.splitlines()
     assert set(json.loads(line)) == KEYS
     assert (tmp_path / "bench.json").read_text(encoding="utf-8") == printed
-
-
-def test_the_help_says_how_to_time_the_step_teleoperator(capsys):
-    with pytest.raises(SystemExit) as left:
-        main(["--help"])
-    assert left.value.code == 0
-    assert "python -m benchmarks tick --controller teleop" in " ".join(
-        capsys.readouterr().out.split()
-    )

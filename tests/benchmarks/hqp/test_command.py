@@ -109,8 +109,6 @@ def test_the_usual_sequences_can_be_made_and_are_of_every_family():
         (["--count", "-5"], "--count 2 or more"),
         (["--save", "folder", "--methods", "weighted"], "races nothing"),
         (["--save", "folder", "--json"], "races nothing"),
-        (["--ticks", "100"], "belongs to the benchmark"),
-        (["--robot", "g1"], "belongs to the benchmark"),
     ],
 )
 def test_bad_input_is_one_line_and_status_2(arguments, words, capsys, tmp_path, monkeypatch):
@@ -121,11 +119,6 @@ def test_bad_input_is_one_line_and_status_2(arguments, words, capsys, tmp_path, 
     assert len(captured.err.splitlines()) == 1
     assert words in captured.err
     assert list(tmp_path.iterdir()) == []
-
-
-def test_others_refuse_what_belongs_to_this_one(capsys):
-    assert main(["tick", "--sequences", "stand-g1"]) == 2
-    assert "belongs to the benchmark hqp" in capsys.readouterr().err
 
 
 def test_a_sequence_that_the_folder_does_not_have_is_refused(folder, capsys):
