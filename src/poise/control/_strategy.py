@@ -5,7 +5,7 @@
 """
 
 from collections.abc import Callable, Mapping
-from typing import Generic, Literal, NamedTuple, Protocol, TypeVar, runtime_checkable
+from typing import Any, Generic, Literal, NamedTuple, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float64
@@ -118,7 +118,15 @@ class Strategy(Program, Protocol):
         ...
 
 
-P = TypeVar("P", bound=Program)
+class ContactProgram(Program, Protocol):
+    """A `Program` among those of other contacts."""
+
+    def follow(self, last: Any) -> None:
+        """Begins the next solve where another of its kind ended: that of other contacts."""
+        ...
+
+
+P = TypeVar("P", bound=ContactProgram)
 
 
 class Programs(Generic[P]):
@@ -157,13 +165,20 @@ class Programs(Generic[P]):
     def prepare(self, contacts: tuple[Contact, ...]) -> bool:
         """Takes up the program of a set of active contacts."""
         last, self.current = self.current, self.prepared.of(contacts)
-        return self.current is not last
+        if self.current is last:
+            return False
+        if self._solved:
+            self.current.follow(last)
+        return True
 
     def rehearse(self, dynamics: Dynamics) -> None:
         """Goes through a tick under every prepared set of contacts, and forgets it."""
         for program in self.prepared:
             program.assemble(dynamics)
             program.solve()
+            # Which rows two programs share is found once.
+            for other in self.prepared:
+                program.follow(other)
         self.reset()
 
     def assemble(self, dynamics: Dynamics) -> None:

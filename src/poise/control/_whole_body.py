@@ -45,6 +45,10 @@ class FullProgram:
         """Number of variables and of rows, finite bounds on single variables among them."""
         return self.full.problem.size
 
+    def follow(self, last: "FullProgram") -> None:
+        """Begins where the program of other contacts ended."""
+        self._solver.follow(self.full.problem, last._solver)
+
     def assemble(self, dynamics: Dynamics) -> None:
         """Writes one state's rows."""
         self._dynamics = dynamics

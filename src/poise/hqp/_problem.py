@@ -1,6 +1,6 @@
 """`Level` and `HierarchicalProblem`: ordered levels of two-sided rows plus a final cost."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -260,6 +260,23 @@ class HierarchicalProblem:
             left -= count
         raise ProblemError("no such row", got=row_index, wanted=f"0 to {self.n + self.m - 1}")
 
+    def rows_shared_with(
+        self, other: "HierarchicalProblem"
+    ) -> tuple[Int64[np.ndarray, " s"], Int64[np.ndarray, " s"]]:
+        """Bounds and rows that another problem has under the same labels.
+
+        Args:
+            other: such as that of another set of contacts.
+
+        Returns:
+            Their numbers here, and there, counted as in `lower`.
+        """
+        theirs = {name: row for row, name in enumerate(_row_names(other.labels))}
+        ours = enumerate(_row_names(self.labels))
+        shared = [(row, theirs[name]) for row, name in ours if name in theirs]
+        here, there = np.array(shared, dtype=np.int64).reshape(-1, 2).T
+        return here, there
+
     def validate(self) -> None:
         """Raise `ProblemError` unless every number in the storage can be right.
 
@@ -381,6 +398,11 @@ def _check_weights(values: Numbers, rows: int, where: str) -> Float64[np.ndarray
             wanted="positive finite weights",
         )
     return weights
+
+
+def _row_names(labels: list[tuple[str, int]]) -> Iterator[tuple[str, int]]:
+    """A name for each row: its label, and which of the label's rows it is."""
+    return ((name, k) for name, count in labels for k in range(count))
 
 
 def _expand_labels(labels: Labels | None, rows: int, default: str) -> list[tuple[str, int]]:

@@ -202,6 +202,9 @@ class KeepsSolution:
     def prepare(self, problem: HierarchicalProblem) -> None:
         """Nothing: what such a solver needs is made in each solve."""
 
+    def follow(self, problem: HierarchicalProblem, last: object) -> None:
+        """Nothing: every solve starts cold."""
+
     def run(self, problem: HierarchicalProblem) -> SolveStatus:
         """Solve one problem and keep the answer."""
         self._kept = self.solve(problem)

@@ -46,6 +46,16 @@ class Solver(Protocol):
         """All about the last `run`; it owns its arrays."""
         ...
 
+    def follow(self, problem: HierarchicalProblem, last: object) -> None:
+        """Make the next solve, of a problem, begin where a solver of another one ended.
+
+        Args:
+            problem: what is solved next.
+            last: the other solver; what it found for rows of the same labels is what counts. One
+                of another kind says nothing.
+        """
+        ...
+
     def reset(self) -> None:
         """Forget the last solution, so that the next solve starts cold."""
         ...

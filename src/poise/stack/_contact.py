@@ -211,7 +211,7 @@ class Contact(Owner, ABC):
         self._load.start(1.0, checked_number(duration, "duration of a contact's engagement [s]"))
 
     def advance(self, time: float) -> None:
-        """Moves the load ramp on to a time and sets the bound of the normal force.
+        """Moves the load ramp on to a time and sets the bounds of the wrench.
 
         Args:
             time: time of the state [s].
@@ -220,6 +220,10 @@ class Contact(Owner, ABC):
         if load == self._bounded_load:
             return
         self._bounded_load = load
+        # Where it may bear nothing yet, bounds say so of the whole wrench: found by the rows of the
+        # cone, of which any five would do, the same answer takes a long search.
+        most = np.inf if load > 0.0 else 0.0
+        self.wrench_lower[:], self.wrench_upper[:] = -most, most
         # During a ramp the weight is the scale: a foot seldom carries more while it is unloaded.
         factor = MAX_LOAD_FACTOR if load >= 1.0 else load
         self.wrench_upper[2] = factor * self._weight

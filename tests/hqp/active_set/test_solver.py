@@ -163,6 +163,48 @@ def test_the_active_set_of_a_solution_starts_another_solver_at_the_optimum(solve
         np.testing.assert_allclose(again.x, first.x, atol=1e-8 * (1 + np.abs(first.x).max()))
 
 
+def labelled(A, lower, upper, names):
+    return HierarchicalProblem([Level(A, lower, upper, labels=[(name, 1) for name in names])])
+
+
+def test_a_solver_begins_with_what_another_found_for_rows_of_the_same_labels():
+    A, ones = np.eye(3), np.ones(3)
+    first = labelled(A, ones, np.full(3, 2.0), ["a", "b", "c"])
+    # Two of them in another order, one more, and one that is gone.
+    second = labelled(A, ones, np.full(3, 2.0), ["c", "new", "a"])
+    here, there = second.rows_shared_with(first)
+    assert here.tolist() == [0, 1, 2, 3, 5]
+    assert there.tolist() == [0, 1, 2, 5, 3]
+    last, solver = LexicographicSolver(), LexicographicSolver()
+    last.solve(first)
+    assert (last.sides[3:] == -1).all()
+    solver.prepare(second)
+    solver.follow(second, last)
+    assert solver.sides.tolist() == [0, 0, 0, -1, 0, -1]
+    assert solver.solve(second).x == pytest.approx(ones)
+
+
+def test_a_solver_that_nothing_was_asked_of_says_nothing_to_others(solver):
+    problem = random_problem(3, feasible=False)
+    expected = solver.solve(problem)
+    solver.follow(problem, object())
+    solver.follow(problem, LexicographicSolver())
+    assert solver.sides.tolist() == expected.sides.tolist()
+
+
+def test_an_equality_whose_interval_opens_begins_at_the_bound_that_it_pressed_against(solver):
+    def pressed(most):
+        rows = Level(np.array([[1.0, 0.0]]), 1.0, most)
+        wish = Level(np.eye(2), [9.0, 0.0], [9.0, 0.0])
+        return HierarchicalProblem([rows, wish])
+
+    solver.reset()
+    assert solver.solve(pressed(1.0)).x == pytest.approx([1.0, 0.0])
+    opened = solver.solve(pressed(3.0))
+    assert opened.x == pytest.approx([3.0, 0.0])
+    assert opened.iterations == 1
+
+
 def test_any_active_set_is_good_enough_to_start_from(solver):
     rng = np.random.default_rng(0)
     for seed in range(100):

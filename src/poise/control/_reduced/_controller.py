@@ -124,6 +124,12 @@ class ReducedProgram:
             n, m = n + n2, m + m2
         return n, m
 
+    def follow(self, last: "ReducedProgram") -> None:
+        """Begins where the program of other contacts ended."""
+        problem, solver = self._current
+        solver.follow(problem.problem, last._current[1])
+        self.whole.follow(last.whole)
+
     def assemble(self, dynamics: Dynamics) -> None:
         """Writes one state's rows: the reduced dynamics, the eliminated chain, LQP 1.
 

@@ -33,6 +33,7 @@ from poise.hqp._active_set.workspace import (
     LEAPING,
     NOTHING,
     STEPPING,
+    Matrix,
     Problem,
     Rows,
     State,
@@ -88,7 +89,7 @@ def search(problem_at: int, work_at: int, changes: int) -> int:
 @part
 def _begin_search(problem: Problem, work: Work) -> bool:
     """Gets everything ready for a new problem; returns whether its numbers can be one."""
-    inequalities = _prepare_rows(problem, work.rows)
+    inequalities = _prepare_rows(problem, work.rows, work.duals.multipliers)
     if inequalities < 0:
         return False
     if _is_damped(problem.damping):
@@ -171,7 +172,7 @@ def _choose_phase(problem: Problem, work: Work) -> bool:
 
 
 @part
-def _prepare_rows(problem: Problem, rows: Rows) -> int:
+def _prepare_rows(problem: Problem, rows: Rows, multipliers: Matrix) -> int:
     """Norms, levels and sides of all rows; how many inequalities are active, or -1 if unsound."""
     m, n = problem.A.shape
     total, inequalities = 0.0, 0
@@ -195,10 +196,21 @@ def _prepare_rows(problem: Problem, rows: Rows) -> int:
         total += problem.weights[i]
         if low == up:
             rows.side[i], rows.sign_free[i] = EQUALITY, 1
-        elif side == EQUALITY or (side > 0 and up == np.inf) or (side < 0 and low == -np.inf):
+        elif side == EQUALITY:
+            rows.side[i] = _side_of(multipliers, i)
+        if (rows.side[i] == 1 and up == np.inf) or (rows.side[i] == -1 and low == -np.inf):
             rows.side[i] = 0
         if rows.side[i] == 0:
             rows.sign_free[i] = 0
         elif rows.side[i] != EQUALITY:
             inequalities += 1
     return inequalities if total < np.inf else -1
+
+
+@part
+def _side_of(multipliers: Matrix, index: int) -> int:
+    """The side that an equality of the last problem would have had as an inequality."""
+    for level in range(len(multipliers)):
+        if multipliers[level, index] != 0.0:
+            return 1 if multipliers[level, index] > 0.0 else -1
+    return 0

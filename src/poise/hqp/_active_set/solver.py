@@ -67,6 +67,10 @@ class LexicographicSolver:
         self._max_changes = max_changes
         self._shape: tuple[int, ...] = ()
         self._fitted: HierarchicalProblem | None = None
+        self._shared: dict[
+            tuple[HierarchicalProblem, HierarchicalProblem],
+            tuple[Int64[np.ndarray, " s"], Int64[np.ndarray, " s"]],
+        ] = {}
         self._status, self._seconds = SolveStatus.FAILED, 0.0
         self._compile()
 
@@ -75,7 +79,7 @@ class LexicographicSolver:
         say_if_slow(search, "the hierarchical solver")
         level = Level([[1.0]], 1.0, 2.0)
         self.run(HierarchicalProblem([level] * max(self._asked_damping.size, 1)))
-        self._shape = ()
+        self._shape, self._fitted = (), None
 
     def reset(self) -> None:
         """Forget the last active set, so that the next solve starts cold."""
@@ -104,6 +108,30 @@ class LexicographicSolver:
             )
         self._fit(problem)
         self._work.rows.side[:] = np.clip(sides, -1, 2)
+        # Those of the last solve say nothing about rows that were equalities in this active set.
+        self._work.duals.multipliers[:] = 0.0
+
+    def follow(self, problem: HierarchicalProblem, last: object) -> None:
+        """Make the next solve, of a problem, begin with the active set that another solver found.
+
+        Rows that only this problem has begin inactive.
+
+        Args:
+            problem: what is solved next, such as that of the contacts there are now.
+            last: the other solver; rows of its last problem go by their labels.
+
+        Raises:
+            ConfigurationError: as for `run`.
+        """
+        if not isinstance(last, LexicographicSolver) or last._fitted is None:
+            return
+        other = last._fitted
+        rows = self._shared.get((problem, other))
+        if rows is None:
+            rows = self._shared[problem, other] = problem.rows_shared_with(other)
+        here, there = rows
+        self._fit(problem)
+        self._work.rows.side[here] = last.sides[there]
 
     def prepare(self, problem: HierarchicalProblem) -> None:
         """Make room for a problem of its shape, so that no solve has to.
