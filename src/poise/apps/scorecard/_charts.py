@@ -10,8 +10,9 @@ COLOURS = ("#0072b2", "#d55e00")
 
 _RADIUS, _CENTRE, _SIZE = 120.0, 170.0, 340.0
 _RINGS = 4
-_WIDTH, _ROW, _LABEL, _BAR = 900.0, 24.0, 250.0, 380.0
-"""Of bars: width of the chart, height of a row, room for the name, length of a full bar."""
+_WIDTH, _ROW, _LABEL, _BAR, _ENDS = 980.0, 24.0, 250.0, 380.0, 880.0
+"""Of bars: width of the chart, height of a row, room for the name, length of a full bar, and where
+its ends are told."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,12 +41,14 @@ class Bar:
         levels: level of each card, from 0 to 1; None where a card has none.
         intervals: both ends of each level's interval.
         texts: what stands behind each bar.
+        ends: amounts at the easy and the hard end, as text.
     """
 
     name: str
     levels: Sequence[float | None]
     intervals: Sequence[tuple[float, float]]
     texts: Sequence[str]
+    ends: str
 
 
 def polar(series: Sequence[Sequence[Spoke]], limit: float, unit: str, label: str) -> str:
@@ -84,6 +87,7 @@ def bars(rows: Sequence[Bar], label: str) -> str:
     for row in rows:
         height = _ROW * max(1, len(row.levels))
         parts.append(_text(_LABEL - 10.0, y + height / 2 + 4.0, row.name, "end"))
+        parts.append(_text(_ENDS, y + height / 2 + 4.0, row.ends, "start", small=True))
         parts.append(
             f'<rect x="{_LABEL}" y="{y + 3:.1f}" width="{_BAR}" height="{height - 6:.1f}" '
             'fill="#eef1f5"/>'
