@@ -63,15 +63,15 @@ def polar(series: Sequence[Sequence[Spoke]], limit: float, unit: str, label: str
     rings = [limit * (i + 1) / _RINGS for i in range(_RINGS)]
     parts = [_circle(ring / limit * _RADIUS, "#cbd2d9") for ring in rings]
     parts += [_line_out(30.0 * i) for i in range(12)]
-    parts += [
-        _text(*_at(-15.0, ring / limit * _RADIUS), f"{ring:g} {unit}", "start", small=True)
-        for ring in rings
-    ]
     for words, angle in (("ahead", 0.0), ("left", 90.0), ("back", 180.0), ("right", 270.0)):
         x, y = _at(angle, _RADIUS + 22.0)
         parts.append(_text(x, y + 4.0, words, "middle"))
     for spokes, colour in zip(series, COLOURS, strict=False):
         parts += _outline(sorted(spokes, key=lambda s: s.angle), limit, colour)
+    parts += [
+        _text(*_at(-15.0, ring / limit * _RADIUS), f"{ring:g} {unit}", "start", small=True)
+        for ring in rings
+    ]
     return _svg(_SIZE, _SIZE, parts, label)
 
 
@@ -159,9 +159,11 @@ def _line_out(angle: float) -> str:
 
 def _text(x: float, y: float, words: str, anchor: str, *, small: bool = False) -> str:
     size, colour = (11, "#52606d") if small else (13, "#1f2933")
+    # The white seam keeps words apart from lines below them.
     return (
         f'<text x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}" font-size="{size}" '
-        f'fill="{colour}">{escape(words)}</text>'
+        f'fill="{colour}" stroke="#fff" stroke-width="3" paint-order="stroke">'
+        f"{escape(words)}</text>"
     )
 
 

@@ -165,7 +165,8 @@ def _pushes(cards: Sequence[Card]) -> str:
     return (
         '<section id="pushes"><h2>Pushes by direction</h2><p class="how">The change of velocity '
         "(impulse over mass) by a push of 0.1 s on the torso towards each side that was survived; "
-        "the band is the interval. A phase of 0 is a foot's lift-off, 1 the next one."
+        "the band is the interval. A walking robot is pushed in its second step, in which the "
+        "right foot swings; a phase of 0 is the lift-off of that foot, 1 the next lift-off."
         f'</p>{_key(cards)}<div class="polars">{"".join(figures)}</div></section>'
     )
 
