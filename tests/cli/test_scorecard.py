@@ -61,7 +61,7 @@ def test_a_card_is_printed_and_written_beside_its_page(in_folder, made, capsys):
     assert err == ""
     assert "delay of sensors" in out
     assert "0.02 s [0.02, 0.03]" in out
-    assert "speed was left out: it cannot <walk>" in out
+    assert "left out: speed of walking: it cannot <walk>" in out
     assert "worst: push, standing ahead: torque of <knee>" in out
     assert out.endswith("page: runs/scorecard-biped20-osf-quick/scorecard.html\n")
 

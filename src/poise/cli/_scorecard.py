@@ -120,15 +120,15 @@ def _make(options: argparse.Namespace) -> int:
 
 
 def _print(card: Any) -> None:
-    from poise.apps.scorecard import result_text
+    from poise.apps.scorecard import reasons_of, result_text
 
     print(f"{card.robot} with {card.title}")
     for trial in card.trials:
         for case in trial.cases:
             name = f"{trial.title} {case.label}".strip()
             print(f"  {name:44}{result_text(case, trial.unit)}")
-    for name, reason in card.left_out.items():
-        print(f"  {name} was left out: {reason}")
+    for reason, titles in reasons_of(card).items():
+        print(f"left out: {', '.join(titles)}: {reason}")
     if card.worst is not None:
         trial, case = card.worst
         why = f": {case.mechanism}" if case.mechanism else ""
@@ -170,7 +170,7 @@ def _replay(options: argparse.Namespace) -> int:
 
 def _print_differences(first: Any, second: Any) -> None:
     """A line a case: both results, and whether their intervals are apart."""
-    from poise.apps.scorecard import compare, result_text
+    from poise.apps.scorecard import VERDICTS, compare, result_text
 
     print(f"{first.robot}: {first.title} | {second.title}")
     for difference in compare(first, second):
@@ -178,7 +178,7 @@ def _print_differences(first: Any, second: Any) -> None:
         case = difference.first or difference.second
         name = f"{trial.title} {case.label if case else ''}".strip()
         texts = [result_text(c, trial.unit) for c in (difference.first, difference.second)]
-        verdict = {"better": "second better", "worse": "second worse"}.get(difference.verdict, "")
+        verdict = VERDICTS[difference.verdict]
         print(f"  {name:44}{texts[0]:34}{texts[1]:34}{verdict}".rstrip())
 
 

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 from poise.apps.scorecard import Card
 from poise.apps.scorecard._card import CaseResult, SeedResult, TrialResult
+from poise.apps.scorecard._trials import VERSION
 
 
 def case(median=0.4, *, low=None, high=None, level=0.25, angle=None, phase=None, limit=""):
@@ -48,7 +49,7 @@ CARD = Card(
     robot="biped20",
     controller="whole_body",
     version="0.1.0+aaaa",
-    trials_version=1,
+    trials_version=VERSION,
     quick=True,
     trials=(PUSHES, STEPS, DELAY, FRICTION),
     left_out={"speed": "it cannot <walk>"},

@@ -72,6 +72,8 @@ def test_every_direction_and_every_other_case_is_drawn(tmp_path):
     page = write_page(CARD, tmp_path).read_text()
     assert page.count("<circle") == 3 * 4 + 4 + 8
     assert page.count('fill="#eef1f5"') == 2
+    # Behind each bar stand its ends.
+    assert ">1 to 0.01</text>" in page
 
 
 def test_two_cards_are_shown_in_two_colours(tmp_path):
@@ -82,6 +84,31 @@ def test_two_cards_are_shown_in_two_colours(tmp_path):
     assert "not tried" in parsed.text
     assert '#d55e00" fill-opacity' in page
     assert page.count("<figure>") == 3
+
+
+def test_cards_of_one_version_are_told_apart_by_their_controller_alone(tmp_path):
+    from dataclasses import replace
+
+    page = page_of(tmp_path, CARD, replace(CARD, controller="osf"))
+    assert "with whole_body and osf" in page.text
+    assert page.text.count(CARD.version) == 2
+
+
+def test_two_cards_are_told_case_by_case_with_a_verdict_where_they_differ(tmp_path):
+    text = page_of(tmp_path, CARD, other()).text
+    assert text.count("second worse") == 1
+    assert "second better" not in text
+    ours, theirs = (text.rindex(words) for words in ("0.02 s [0.02", "0.005 s [0.004"))
+    assert ours < theirs < text.index("second worse")
+
+
+def test_what_was_left_out_for_one_reason_is_said_once(tmp_path):
+    from dataclasses import replace
+
+    left_out = {"speed": "it cannot walk", "delay_walk": "it cannot walk", "latency": "no devices"}
+    text = page_of(tmp_path, replace(CARD, left_out=left_out)).text
+    assert text.count("it cannot walk") == 1
+    assert "speed of walking, delay of sensors, walking" in text
 
 
 def test_an_empty_card_has_a_page(tmp_path):

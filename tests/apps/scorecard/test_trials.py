@@ -73,6 +73,7 @@ def test_phases_are_those_of_the_walks_second_step(place):
     plan = walk.walker(place.robot, walking_stack(place.robot), ()).plan
     assert pytest.approx(plan.lift_off(1)) == STEP_BEGIN
     assert plan.lift_off(2) - plan.lift_off(1) == pytest.approx(STEP_TIME)
+    assert [*place.robot.soles][plan.steps[1].foot] == "right_sole"
 
 
 def test_bumps_are_as_high_as_said_and_the_walk_does_not_know_of_them(place):

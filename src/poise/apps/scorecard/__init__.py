@@ -9,7 +9,9 @@ from poise.apps.scorecard._card import (
     read_card as read_card,
 )
 from poise.apps.scorecard._page import (
+    VERDICTS as VERDICTS,
     amount_text as amount_text,
+    reasons_of as reasons_of,
     result_text as result_text,
     write_page as write_page,
 )

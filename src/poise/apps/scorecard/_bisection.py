@@ -1,24 +1,37 @@
-"""`Bisection`: where on [0, 1] something ceases to hold, in a fixed number of looks."""
+"""`Bisection`: where on [0, 1] something ceases to hold, in a few looks."""
 
 from dataclasses import dataclass
+
+_CONFIRMED = 2
+"""Looks that confirm a guess."""
 
 
 @dataclass
 class Bisection:
-    """Halves the room between the hardest level that held and the easiest that did not.
+    """Finds a level that held with one just above it that did not.
 
-    All looks but the last are at middles. The last is at an end where all were alike: at 1 if
-    nothing has failed, at 0 if nothing has held. What is looked for need not be monotone: there is
-    a level that held with one that failed just above it either way, and nothing more is claimed.
+    Without a guess all looks but the last are at middles of the room between the hardest level
+    that held and the easiest that did not. The last is at an end where all were alike: at 1 if
+    nothing has failed, at 0 if nothing has held.
+
+    With the edge that another search has found as a guess, the first looks are at its two sides:
+    an edge that is the same is confirmed by two looks. Where it is not, the steps away from it
+    double until they are beyond the edge or at an end, and the room is halved until it is as
+    narrow as the other search left it.
+
+    What is looked for need not be monotone: there is a level that held with one that failed just
+    above it either way, and nothing more is claimed.
 
     Attributes:
-        looks: how many there are in all.
+        looks: how many there are without a guess; they leave a room of 1 / 2^looks.
+        guess: a search that is done before this one begins; None without.
         held: hardest level that held; None for none.
         failed: easiest level above it that did not; None for none.
         done: how many looks there have been.
     """
 
     looks: int
+    guess: "Bisection | None" = None
     held: float | None = None
     failed: float | None = None
     done: int = 0
@@ -26,16 +39,14 @@ class Bisection:
     @property
     def level(self) -> float | None:
         """Where to look next; None when all looks are done."""
-        if self.done >= self.looks:
-            return None
-        if self.done == self.looks - 1:
-            if self.failed is None:
-                return 1.0
-            if self.held is None:
-                return 0.0
-        low = 0.0 if self.held is None else self.held
-        high = 1.0 if self.failed is None else self.failed
-        return 0.5 * (low + high)
+        return self._by_middles() if self.guess is None else self._by_guess(self.guess)
+
+    @property
+    def expected(self) -> int:
+        """How many looks there will have been in the end, as far as one can tell."""
+        if self.level is None:
+            return self.done
+        return max(self.done + 1, self.looks if self.guess is None else _CONFIRMED)
 
     def tell(self, held: bool) -> None:
         """Says what was seen at `level`."""
@@ -47,3 +58,29 @@ class Bisection:
         else:
             self.failed = level
         self.done += 1
+
+    def _by_middles(self) -> float | None:
+        if self.done >= self.looks:
+            return None
+        if self.done == self.looks - 1:
+            if self.failed is None:
+                return 1.0
+            if self.held is None:
+                return 0.0
+        low = 0.0 if self.held is None else self.held
+        high = 1.0 if self.failed is None else self.failed
+        return 0.5 * (low + high)
+
+    def _by_guess(self, guess: "Bisection") -> float | None:
+        below = guess.held or 0.0
+        above = below if guess.failed is None else guess.failed
+        room = max(above - below, 0.5**self.looks)
+        step = room * 2.0 ** (self.done - 1)
+        if self.done == 0:
+            return below
+        if self.failed is None:
+            return None if self.held == 1.0 else min(1.0, below + step)
+        if self.held is None:
+            return None if self.failed == 0.0 else max(0.0, below - step)
+        middle = 0.5 * (self.held + self.failed)
+        return None if self.failed - self.held <= 1.001 * room else middle

@@ -126,10 +126,14 @@ class Card:
     left_out: dict[Text, str]
 
     @property
+    def how(self) -> str:
+        """Controller and strategy."""
+        return f"{self.controller} ({self.strategy})" if self.strategy else self.controller
+
+    @property
     def title(self) -> str:
         """Controller, strategy and version."""
-        strategy = f" ({self.strategy})" if self.strategy else ""
-        return f"{self.controller}{strategy}, {self.version}"
+        return f"{self.how}, {self.version}"
 
     @property
     def worst(self) -> tuple[TrialResult, CaseResult] | None:

@@ -10,8 +10,9 @@ COLOURS = ("#0072b2", "#d55e00")
 
 _RADIUS, _CENTRE, _SIZE = 120.0, 170.0, 340.0
 _RINGS = 4
-_WIDTH, _ROW, _LABEL, _BAR = 900.0, 24.0, 250.0, 380.0
-"""Of bars: width of the chart, height of a row, room for the name, length of a full bar."""
+_WIDTH, _ROW, _LABEL, _BAR, _ENDS = 980.0, 24.0, 250.0, 380.0, 880.0
+"""Of bars: width of the chart, height of a row, room for the name, length of a full bar, and where
+its ends are told."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,12 +41,14 @@ class Bar:
         levels: level of each card, from 0 to 1; None where a card has none.
         intervals: both ends of each level's interval.
         texts: what stands behind each bar.
+        ends: amounts at the easy and the hard end, as text.
     """
 
     name: str
     levels: Sequence[float | None]
     intervals: Sequence[tuple[float, float]]
     texts: Sequence[str]
+    ends: str
 
 
 def polar(series: Sequence[Sequence[Spoke]], limit: float, unit: str, label: str) -> str:
@@ -60,15 +63,15 @@ def polar(series: Sequence[Sequence[Spoke]], limit: float, unit: str, label: str
     rings = [limit * (i + 1) / _RINGS for i in range(_RINGS)]
     parts = [_circle(ring / limit * _RADIUS, "#cbd2d9") for ring in rings]
     parts += [_line_out(30.0 * i) for i in range(12)]
-    parts += [
-        _text(*_at(-15.0, ring / limit * _RADIUS), f"{ring:g} {unit}", "start", small=True)
-        for ring in rings
-    ]
     for words, angle in (("ahead", 0.0), ("left", 90.0), ("back", 180.0), ("right", 270.0)):
         x, y = _at(angle, _RADIUS + 22.0)
         parts.append(_text(x, y + 4.0, words, "middle"))
     for spokes, colour in zip(series, COLOURS, strict=False):
         parts += _outline(sorted(spokes, key=lambda s: s.angle), limit, colour)
+    parts += [
+        _text(*_at(-15.0, ring / limit * _RADIUS), f"{ring:g} {unit}", "start", small=True)
+        for ring in rings
+    ]
     return _svg(_SIZE, _SIZE, parts, label)
 
 
@@ -84,6 +87,7 @@ def bars(rows: Sequence[Bar], label: str) -> str:
     for row in rows:
         height = _ROW * max(1, len(row.levels))
         parts.append(_text(_LABEL - 10.0, y + height / 2 + 4.0, row.name, "end"))
+        parts.append(_text(_ENDS, y + height / 2 + 4.0, row.ends, "start", small=True))
         parts.append(
             f'<rect x="{_LABEL}" y="{y + 3:.1f}" width="{_BAR}" height="{height - 6:.1f}" '
             'fill="#eef1f5"/>'
@@ -155,9 +159,11 @@ def _line_out(angle: float) -> str:
 
 def _text(x: float, y: float, words: str, anchor: str, *, small: bool = False) -> str:
     size, colour = (11, "#52606d") if small else (13, "#1f2933")
+    # The white seam keeps words apart from lines below them.
     return (
         f'<text x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}" font-size="{size}" '
-        f'fill="{colour}">{escape(words)}</text>'
+        f'fill="{colour}" stroke="#fff" stroke-width="3" paint-order="stroke">'
+        f"{escape(words)}</text>"
     )
 
 

@@ -7,18 +7,25 @@ from html import escape
 from pathlib import Path
 
 from poise.apps.report import html_document
-from poise.apps.scorecard._card import PAGE, Card, CaseResult, TrialResult, compare
+from poise.apps.scorecard._card import PAGE, Card, CaseResult, Difference, TrialResult, compare
 from poise.apps.scorecard._charts import COLOURS, Bar, Spoke, bars, polar
 from poise.apps.scorecard._trials import TRIALS
 
 _STYLE = (
     "<style>.polars{display:flex;flex-wrap:wrap;gap:1rem 2rem}.polars figure{width:300px;margin:0}"
     ".polars svg{width:100%;height:auto;display:block}.polars figcaption{text-align:center}"
-    "#table th,#table td{white-space:nowrap;vertical-align:top}"
-    "#table td:last-child{white-space:normal;min-width:22rem}.key i{display:inline-block;"
-    "width:.8em;height:.8em;border-radius:50%;margin:0 .4em 0 1em}"
+    "#table th,#table td{white-space:nowrap;vertical-align:top}#table td{padding-bottom:0}"
+    "#table tr.why td{white-space:normal;color:#52606d;padding:0 .5rem .6rem 1.5rem}"
+    "#table tr.figures td{border-bottom:0}"
+    ".key i{display:inline-block;width:.8em;height:.8em;border-radius:50%;margin:0 .4em 0 1em}"
     "</style>"
 )
+
+_COLUMNS = 6
+"""Of the table of one card."""
+
+VERDICTS = {"better": "second better", "worse": "second worse", "alike": "", "": ""}
+"""How the second of two cards stands to the first, in words."""
 
 _HOW = (
     "Each trial makes one thing harder, from an easy end that anybody should survive to a hard end "
@@ -95,34 +102,41 @@ def result_text(case: CaseResult | None, unit: str) -> str:
     return f"{words}{amount_text(case.median, unit)} [{case.low:.3g}, {case.high:.3g}]"
 
 
+def names_of(cards: Sequence[Card]) -> list[str]:
+    """What tells cards of one robot apart, as shortly as it can be said."""
+    if len({card.version for card in cards}) > 1:
+        return [card.title for card in cards]
+    return [card.how for card in cards]
+
+
 def _header(cards: Sequence[Card]) -> str:
     card = cards[0]
     facts = [("robot", card.robot), ("trials", f"version {card.trials_version}")]
     facts.append(("extent", "quick: few seeds and looks" if card.quick else "full"))
     facts += [("card", c.title) for c in cards]
     listed = "".join(f"<div><dt>{k}</dt><dd>{escape(v)}</dd></div>" for k, v in facts)
-    against = f" and {escape(cards[1].title)}" if len(cards) > 1 else ""
+    names = " and ".join(escape(name) for name in names_of(cards))
     return (
         '<header><div class="wide"><div class="title">'
-        f"<h1>How much {escape(card.robot)} can take <span>with {escape(card.title)}{against}"
-        f'</span></h1></div><dl class="facts">{listed}</dl></div></header>'
+        f"<h1>How much {escape(card.robot)} can take <span>with {names}</span></h1></div>"
+        f'<dl class="facts">{listed}</dl></div></header>'
     )
 
 
 def _worst(cards: Sequence[Card]) -> str:
-    items = [_worst_of(card, many=len(cards) > 1) for card in cards]
+    whose = [f"{name}: " if len(cards) > 1 else "" for name in names_of(cards)]
+    items = [_worst_of(card, words) for card, words in zip(cards, whose, strict=True)]
     return f'<section class="notes" id="worst"><h2>Worst</h2><ul>{"".join(items)}</ul></section>'
 
 
-def _worst_of(card: Card, *, many: bool) -> str:
-    whose = f"{escape(card.title)}: " if many else ""
+def _worst_of(card: Card, whose: str) -> str:
     if card.worst is None:
-        return f"<li>{whose}nothing was tried.</li>"
+        return f"<li>{escape(whose)}nothing was tried.</li>"
     trial, case = card.worst
     what = f"{trial.title} {case.label}".strip()
     how = f" What happened first: {escape(case.mechanism)}." if case.mechanism else ""
     return (
-        f"<li>{whose}<strong>{escape(what)}</strong>: "
+        f"<li>{escape(whose)}<strong>{escape(what)}</strong>: "
         f"{escape(result_text(case, trial.unit))}, {100 * case.level:.0f}% of the way from the "
         f"easy end to the hard one.{how}</li>"
     )
@@ -151,7 +165,8 @@ def _pushes(cards: Sequence[Card]) -> str:
     return (
         '<section id="pushes"><h2>Pushes by direction</h2><p class="how">The change of velocity '
         "(impulse over mass) by a push of 0.1 s on the torso towards each side that was survived; "
-        "the band is the interval. A phase of 0 is a foot's lift-off, 1 the next one."
+        "the band is the interval. A walking robot is pushed in its second step, in which the "
+        "right foot swings; a phase of 0 is the lift-off of that foot, 1 the next lift-off."
         f'</p>{_key(cards)}<div class="polars">{"".join(figures)}</div></section>'
     )
 
@@ -180,6 +195,7 @@ def _bars(cards: Sequence[Card]) -> str:
                     levels=[None if c is None else c.level for c in same],
                     intervals=[(0.0, 0.0) if c is None else _levels(either, c) for c in same],
                     texts=[result_text(c, trial.unit) for c in same],
+                    ends=f"{trial.easy:g} to {trial.hard:g}",
                 )
             )
     if not rows:
@@ -187,8 +203,8 @@ def _bars(cards: Sequence[Card]) -> str:
     chart = bars(rows, "How far each trial was survived")
     return (
         '<section id="bars"><h2>Everything else</h2><p class="how">Bars go from the easy end of '
-        "each trial to what was survived; a full one is its hard end. Slopes go down towards the "
-        f"side that is named.</p>{_key(cards)}"
+        "each trial to what was survived; a full one is its hard end. Both ends stand behind, in "
+        f"grey. Slopes go down towards the side that is named.</p>{_key(cards)}"
         f'<div class="scroll"><div class="plot still">{chart}</div></div></section>'
     )
 
@@ -209,44 +225,76 @@ def _level(amount: float, easy: float, hard: float, log: bool) -> float:
 
 
 def _table(cards: Sequence[Card]) -> str:
-    rows = [
-        _row(card, trial, case, many=len(cards) > 1)
-        for card in cards
-        for trial in card.trials
-        for case in trial.cases
-    ]
+    if len(cards) == 1:
+        (card,) = cards
+        rows = [
+            _row("", trial, case, "", spread=_COLUMNS)
+            for trial in card.trials
+            for case in trial.cases
+        ]
+    else:
+        rows = [row for difference in compare(*cards) for row in _pair(difference, names_of(cards))]
     heads = ["card"] if len(cards) > 1 else []
-    heads += ["trial", "case", "survived", "confidence", "seeds", "easy to hard", "first failure"]
+    heads += ["trial", "case", "survived", "confidence", "seeds", "easy to hard"]
+    heads += ["verdict"] if len(cards) > 1 else []
     head = "".join(f"<th>{name}</th>" for name in heads)
     return (
-        '<section id="table"><h2>All figures</h2><div class="scroll"><table><thead><tr>'
+        '<section id="table"><h2>All figures</h2><p class="how">Below each case stands what '
+        "happened in the failed episode that was nearest to what was survived."
+        '</p><div class="scroll"><table><thead><tr>'
         f"{head}</tr></thead><tbody>{''.join(rows)}</tbody></table></div></section>"
     )
 
 
-def _row(card: Card, trial: TrialResult, case: CaseResult, *, many: bool) -> str:
+def _pair(difference: Difference, names: Sequence[str]) -> list[str]:
+    """A case of two cards, one below the other."""
+    verdict = VERDICTS[difference.verdict]
+    cases = (difference.first, difference.second)
+    said = ("", verdict) if difference.second is not None else ("", "")
+    return [
+        _row(name, difference.trial, case, words, spread=_COLUMNS + 2)
+        for name, case, words in zip(names, cases, said, strict=True)
+        if case is not None
+    ]
+
+
+def _row(name: str, trial: TrialResult, case: CaseResult, verdict: str, *, spread: int) -> str:
+    """The figures of a case, and below them how it came that it was not survived further.
+
+    Args:
+        name: of the card; empty where there is but one.
+        trial: the trial.
+        case: the case.
+        verdict: how it stands to the other card's.
+        spread: how many columns there are.
+    """
     seeds = ", ".join(f"{seed.amount:.3g}" for seed in case.seeds[:10])
-    episode = "" if case.episode is None else f" (episode {case.episode})"
     cells = [
-        *([card.title] if many else []),
         trial.title,
         case.label or "–",
         result_text(case, trial.unit),
         f"{100 * case.confidence:.0f}%",
         seeds + (", …" if len(case.seeds) > 10 else ""),
         f"{trial.easy:g} to {trial.hard:g}",
-        case.mechanism + episode,
     ]
-    return "<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in cells) + "</tr>"
+    if name:
+        cells = [name, *cells, verdict]
+    figures = "".join(f"<td>{escape(cell)}</td>" for cell in cells)
+    if case.episode is None:
+        return f"<tr>{figures}</tr>"
+    why = escape(f"{case.mechanism} (episode {case.episode})")
+    return (
+        f'<tr class="figures">{figures}</tr><tr class="why"><td colspan="{spread}">{why}</td></tr>'
+    )
 
 
 def _left_out(cards: Sequence[Card]) -> str:
     items = [
-        f"<li><strong>{escape(name)}</strong>"
-        + (f" ({escape(card.title)})" if len(cards) > 1 else "")
+        f"<li><strong>{escape(', '.join(titles))}</strong>"
+        + (f" ({escape(name)})" if len(cards) > 1 else "")
         + f": {escape(reason)}</li>"
-        for card in cards
-        for name, reason in card.left_out.items()
+        for card, name in zip(cards, names_of(cards), strict=True)
+        for reason, titles in reasons_of(card).items()
     ]
     if not items:
         return ""
@@ -256,12 +304,21 @@ def _left_out(cards: Sequence[Card]) -> str:
     )
 
 
+def reasons_of(card: Card) -> dict[str, list[str]]:
+    """Titles of the trials that were left out, by the reason."""
+    titles = {trial.name: trial.title for trial in TRIALS}
+    found: dict[str, list[str]] = {}
+    for name, reason in card.left_out.items():
+        found.setdefault(reason, []).append(titles.get(name, name))
+    return found
+
+
 def _key(cards: Sequence[Card]) -> str:
     if len(cards) < 2:
         return ""
     items = "".join(
-        f'<i style="background:{colour}"></i>{escape(card.title)}'
-        for card, colour in zip(cards, COLOURS, strict=False)
+        f'<i style="background:{colour}"></i>{escape(name)}'
+        for name, colour in zip(names_of(cards), COLOURS, strict=False)
     )
     return f'<p class="key">{items}</p>'
 

@@ -45,46 +45,49 @@ def make_card(
 ) -> Card:
     """Makes the card of a plan; episodes that its folder has already are not run again.
 
-    A round has the next look of all bisections at once, so that many workers have something to do.
+    The first seed of every case is searched without a guess; the others begin at the edge that it
+    found, which most of them only confirm. A round has the next look of all searches at once, so
+    that many workers have something to do.
 
     Args:
         plan: robot, controller, trials.
         folder: where rows are kept.
         workers: who runs the episodes; one process a core when None. They start here.
-        progress: told how many episodes are done, of how many.
+        progress: told how many episodes are done, of how many as far as one can tell.
         function: what makes a row of an episode.
 
     Raises:
         PoiseError: the folder is another card's or in use, or nobody is left who could work.
     """
     cases, left_out = plan.cases()
-    searches = [
-        _Search(case, seed, Bisection(1 if case.trial.share else plan.extent.looks))
-        for case in cases
-        for seed in plan.seeds(case.trial)
-    ]
+    searches = [search for case in cases for search in _searches(plan, case)]
     rows = CampaignFolder(folder)
-    total = sum(search.looks.looks for search in searches)
     tried = {case.trial.name for case in cases}
 
-    def tell(done: float, _: float) -> None:
+    def tell(*_: float) -> None:
+        # What another run has left in the folder of trials that this one does not ask for.
+        others = sum(row["trial_name"] not in tried for row in rows.rows.values())
+        done = len(rows.rows) - others
         if progress is not None:
-            progress(done - others, float(total))
+            expected = sum(search.looks.expected for search in searches)
+            progress(float(done), float(max(done, expected)))
 
     with (
         rows.claimed({"campaign": plan.about, "scenario": {}}),
         workers or LocalWorkers() as crew,
     ):
-        # What another run has left in the folder of trials that this one does not ask for.
-        others = sum(row["trial_name"] not in tried for row in rows.rows.values())
-        runner = Runner(crew, rows, progress=tell, total=total, function=function)
-        if len(rows.rows) - others < total:
-            runner.warm_up([plan.job(case, 0, 0, 0.0) for case in _one_a_scene(cases)])
-        while open_ones := [s for s in searches if _level(s) is not None]:
-            jobs = [plan.job(s.case, s.seed, s.looks.done, _level(s) or 0.0) for s in open_ones]
-            for search, row in zip(open_ones, runner.run(jobs), strict=True):
-                search.rows.append(row)
-                search.looks.tell(bool(row.get("survived")))
+        runner = Runner(crew, rows, progress=tell, function=function)
+        easiest = [plan.job(case, 0, 0, 0.0) for case in _one_a_scene(cases)]
+        for guessed in (False, True):
+            own = [s for s in searches if (s.looks.guess is not None) == guessed]
+            while asked := [(s, level) for s in own if (level := _level(s)) is not None]:
+                jobs = [plan.job(s.case, s.seed, s.looks.done, level) for s, level in asked]
+                if any(job.number not in rows.rows for job in jobs):
+                    runner.warm_up(easiest)
+                for (search, _), row in zip(asked, runner.run(jobs), strict=True):
+                    search.rows.append(row)
+                    search.looks.tell(bool(row.get("survived")))
+        tell()
     return plan.card(_results(searches), left_out)
 
 
@@ -113,6 +116,16 @@ def replay_job(folder: CampaignFolder, number: int) -> Job:
     trial = next(trial for trial in TRIALS if trial.name == row["trial_name"])
     case = plan.spread(trial)[row["case"]]
     return plan.job(case, row["seed"], row["look"], row["level"])
+
+
+def _searches(plan: Plan, case: Case) -> list[_Search]:
+    """A search a seed; where something is bisected, the others' guess is the first one's edge."""
+    looks = 1 if case.trial.share else plan.extent.looks
+    searches: list[_Search] = []
+    for seed in plan.seeds(case.trial):
+        guess = searches[0].looks if searches and not case.trial.share else None
+        searches.append(_Search(case, seed, Bisection(looks, guess)))
+    return searches
 
 
 def _one_a_scene(cases: Sequence[Case]) -> list[Case]:

@@ -16,7 +16,7 @@ from poise.apps.teleoperation import terrain_blocks
 from poise.errors import ConfigurationError
 from poise.robots import Robot
 
-VERSION = 1
+VERSION = 2
 """Of the table and the scenes: cards of different ones cannot be compared. Goes up with any change
 of either."""
 
