@@ -4,11 +4,12 @@ import math
 
 import mujoco
 import numpy as np
+import pinocchio as pin
 from jaxtyping import Bool, Float64
 
 from poise.control import Command
 from poise.dynamics import RobotState
-from poise.errors import TargetError
+from poise.errors import RobotError, TargetError
 from poise.robots import Robot
 from poise.sim._actuators import Actuators
 from poise.sim._build import build_model
@@ -61,8 +62,9 @@ class Plant:
         # A view: how often MuJoCo has warned of what.
         self._warned = self.data.warning.number
         self.map = StateMap(robot, self.model)
+        _check_freedom(robot, self.model)
         self._substeps = self.config.substeps
-        self._soles = SoleForces(robot, self.model)
+        self._soles = SoleForces(self.model, self._sole_places())
         self._pushes = PushSchedule(robot, self.model)
         self._actuators = Actuators(robot, self.config)
         self._sensors = self._make_sensors(seed)
@@ -308,12 +310,29 @@ class Plant:
             self._forces_known = True
         return self._soles
 
+    def _sole_places(self) -> dict[str, tuple[int, pin.SE3]]:
+        """Of each sole, the body that carries it and its place there."""
+        roles = [self.robot.roles[name] for name in self.robot.soles]
+        return {
+            role.name: (self.model.body(role.link).id, pin.SE3(role.rotation, role.position))
+            for role in roles
+        }
+
     def _make_sensors(self, seed: int) -> Sensors | None:
         config = self.config.sensors
         if config.ideal:
             return None
         ticks = self.config.delay_ticks
         return Sensors(config, base_dofs=self.robot.base_dofs, delay_ticks=ticks, seed=seed)
+
+
+def _check_freedom(robot: Robot, model: mujoco.MjModel) -> None:
+    if (model.nq, model.nv) != (robot.nq, robot.nv):
+        raise RobotError(
+            f"the document of robot {robot.name!r} has other degrees of freedom than its model",
+            got=f"nq = {model.nq}, nv = {model.nv}",
+            wanted=f"nq = {robot.nq}, nv = {robot.nv}",
+        )
 
 
 def _checked(name: str, value: Float64[np.ndarray, "..."], size: int) -> Float64[np.ndarray, " n"]:
