@@ -129,7 +129,9 @@ class SoleForces:
             force = wrench[3:]
             moment = _difference(wrench[:3], _cross(_difference(center, origin), force))
             self._in_world.append((force, moment, center))
-            world_R_sole = world_R_body if body_R_sole is None else _product(world_R_body, body_R_sole)
+            world_R_sole = (
+                world_R_body if body_R_sole is None else _product(world_R_body, body_R_sole)
+            )
             turned = (*_turned_back(world_R_sole, force), *_turned_back(world_R_sole, moment))
             self.in_soles[name] = np.array(turned)
 
@@ -166,8 +168,10 @@ def _rows(R: Float64[np.ndarray, "3 3"]) -> Sequence[float] | None:
     return None if np.array_equal(R, np.eye(3)) else R.ravel().tolist()
 
 
-def _product(R: Sequence[float], S: Sequence[float]) -> Sequence[float]:
-    """R S, all with their rows one after another."""
+def _product(R: Sequence[float], S: Sequence[float] | None) -> Sequence[float]:
+    """R S, all with their rows one after another; R where S turns nothing."""
+    if S is None:
+        return R
     columns = [_turned(R, (S[k], S[k + 3], S[k + 6])) for k in range(3)]
     return [column[row] for row in range(3) for column in columns]
 

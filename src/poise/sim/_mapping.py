@@ -13,6 +13,7 @@ from jaxtyping import Float64, Int
 from poise.errors import RobotError
 from poise.robots import Robot
 
+
 class StateMap:
     """Index arrays between the vectors of a `Robot` and those of a MuJoCo model that has it.
 
@@ -42,9 +43,7 @@ class StateMap:
         body_T_base: pin.SE3 | None = None,
     ) -> None:
         names, q_pin, v_pin = _pinocchio_joints(robot)
-        ids = [
-            mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, prefix + name) for name in names
-        ]
+        ids = [mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, prefix + name) for name in names]
         _check_joints(robot, model, names, ids)
         self.joints: tuple[int, ...] = tuple(ids)
         self.free_joint = _free_joint(robot, model, ids)
