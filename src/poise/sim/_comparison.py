@@ -155,17 +155,19 @@ def _listed(what: str, names: Sequence[str]) -> list[str]:
 
 def _bodies(robot: Robot, model: mujoco.MjModel, mapping: StateMap) -> list[str]:
     """Mass, and centre of mass at home."""
-    root = int(model.body_rootid[model.jnt_bodyid[mapping.joints[0]]])
-    lines: list[str] = []
-    mass = float(model.body_subtreemass[root])
+    root = model.body_rootid[model.jnt_bodyid[mapping.joints[0]]]
+    # What is welded to the world moves nobody, and Pinocchio has it in the universe.
+    bodies = np.flatnonzero((model.body_rootid == root) & (model.body_weldid != 0))
+    masses = model.body_mass[bodies]
+    mass, lines = float(masses.sum()), list[str]()
     if abs(mass - robot.mass) > _MASS_TOLERANCE * robot.mass:
         lines.append(f"mass: {mass:.4g} kg in the model, {robot.mass:.4g} kg to the controller")
     data = mujoco.MjData(model)
     data.qpos[:] = mapping.qpos(robot.q_home)
     mujoco.mj_kinematics(model, data)
-    mujoco.mj_comPos(model, data)
+    there = masses @ data.xipos[bodies] / mass
     com = pin.centerOfMass(robot.model, robot.model.createData(), robot.q_home)
-    off = float(np.linalg.norm(data.subtree_com[root] - com))
+    off = float(np.linalg.norm(there - com))
     if off > _COM_TOLERANCE:
         lines.append(f"centre of mass at home: {1e3 * off:.1f} mm apart")
     return lines
