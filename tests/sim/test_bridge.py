@@ -412,6 +412,18 @@ def test_a_model_that_is_the_robot_needs_no_word(biped):
     assert MujocoBridge(biped, edit(lambda spec: None)(biped)).differences == ()
 
 
+@pytest.mark.parametrize("kind", ["motors", "servos"])
+def test_a_robot_is_placed_loaded_and_at_rest(biped, kind):
+    model = add_floor(ACTUATORS[kind](user_spec(biped), biped)).compile()
+    bridge, data = quiet_bridge(biped, model), mujoco.MjData(model)
+    bridge.place(data)
+    state = bridge.state(data)
+    up = sum(wrench[2] for wrench in state.contacts.values())
+    assert up == pytest.approx(biped.weight, rel=1e-3)
+    assert np.abs(data.qacc).max() < 1e-2
+    assert np.abs(state.q - biped.q_home).max() < 1e-3
+
+
 def squat(robot, model, seconds=1.0):
     """Down and up by 6 cm in a second, in a plain loop; returns the largest errors of COM [m]."""
     bridge, data = quiet_bridge(robot, model), mujoco.MjData(model)

@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float64
 
-from poise.control import Command
+from poise.control import Command, CommandStatus
 from poise.dynamics import RobotState
 from poise.errors import ConfigurationError, RobotError
 from poise.robots import Robot
@@ -16,6 +16,7 @@ from poise.sim._comparison import differences, find_base
 from poise.sim._drives import Drives
 from poise.sim._forces import SoleForces
 from poise.sim._mapping import StateMap
+from poise.sim._rest import find_rest
 
 
 class MujocoBridge:
@@ -124,7 +125,7 @@ class MujocoBridge:
                 controls = drives.for_motion(target, wanted, q)
             torque = drives.torques(controls, q, v)
         if not np.isfinite(controls).all():
-            self.rejected += 1
+            self.rejected, self._target = self.rejected + 1, None
             return torque
         force = wanted if kind == "torque" else self._no_torque
         drives.write(controls, force, data)
@@ -139,6 +140,9 @@ class MujocoBridge:
     ) -> None:
         """Puts the robot somewhere, and leaves everything else where it is.
 
+        As by `Plant.reset`, one that is put on the ground at rest stands there loaded: its base is
+        moved by some hundredths of a millimetre, and its actuators hold it.
+
         Args:
             data: changed; `mj_forward` is called.
             q: configuration, the home posture if not given [m, rad].
@@ -149,6 +153,10 @@ class MujocoBridge:
         v = np.zeros(self.robot.nv) if v is None else v
         self.map.write(q, v, data.qpos, data.qvel)
         self._target = None
+        free = self.map.free_joint
+        forces = None if free is None or v.any() else find_rest(self.model, data, free)
+        if forces is not None and not self._refused["torque"]:
+            self.apply(Command(CommandStatus.OK, forces[self.map.dof_order[self._base_v :]]), data)
         mujoco.mj_forward(self.model, data)
 
     def _check_data(self, data: mujoco.MjData) -> None:

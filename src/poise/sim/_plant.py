@@ -1,6 +1,7 @@
 """`Plant`: the simulated robot in its world, told what to do once a control period."""
 
 import math
+import warnings
 
 import mujoco
 import numpy as np
@@ -17,6 +18,7 @@ from poise.sim._config import PlantConfig
 from poise.sim._disturbances import Push
 from poise.sim._forces import PushSchedule, SoleForces
 from poise.sim._mapping import StateMap
+from poise.sim._rest import find_rest
 from poise.sim._sensors import Sensors
 
 _TOUCHING = 1.0
@@ -24,6 +26,9 @@ _TOUCHING = 1.0
 
 _QUATERNION_TOLERANCE = 1e-6
 """Rounding of a quaternion that was written down with seven digits or more."""
+
+_SHOWN = 5
+"""Joints that a warning names."""
 
 _FATAL = [
     int(w)
@@ -63,6 +68,8 @@ class Plant:
         self._warned = self.data.warning.number
         self.map = StateMap(robot, self.model)
         _check_freedom(robot, self.model)
+        if self.config.actuation == "torque":
+            _warn_of_no_armature(robot)
         self._substeps = self.config.substeps
         self._soles = SoleForces(self.model, self._sole_places())
         self._pushes = PushSchedule(robot, self.model)
@@ -78,6 +85,11 @@ class Plant:
         v: Float64[np.ndarray, " nv"] | None = None,
     ) -> RobotState:
         """Put the robot somewhere, at time zero, and forget all pushes.
+
+        A robot that is put on the ground at rest stands there loaded: its base is moved by the some
+        hundredths of a millimetre at which the ground just carries it, and its motors begin with
+        the torques that hold it, so that nothing has to land first. One that nothing carries, or
+        that would tip over, is left where it was put.
 
         Args:
             q: configuration, the home posture if not given [m, rad].
@@ -100,7 +112,7 @@ class Plant:
         self._warnings: list[str] = []
         self.data.qpos[:] = self.map.qpos(q)
         self.data.qvel[:] = self.map.qvel(q, v)
-        self._actuators.reset(q[-self.robot.nj :])
+        self.data.ctrl[:] = self._actuators.reset(q[-self.robot.nj :], self._settle(v))
         mujoco.mj_forward(self.model, self.data)
         self._truth: RobotState | None = None
         self._forces_known = False
@@ -108,6 +120,14 @@ class Plant:
         state = state if self._sensors is None else self._sensors.reset(state)
         self._state: RobotState | None = state
         return state
+
+    def _settle(self, v: Float64[np.ndarray, " nv"]) -> Float64[np.ndarray, " nj"]:
+        """Puts a robot at rest on the ground that carries it; returns the torques that hold it."""
+        free, nothing = self.map.free_joint, np.zeros(self.robot.nj)
+        if free is None or v.any():
+            return nothing
+        forces = find_rest(self.model, self.data, free)
+        return nothing if forces is None else forces[self.map.dof_order[self.robot.base_dofs :]]
 
     @property
     def control_dt(self) -> float:
@@ -332,6 +352,21 @@ def _check_freedom(robot: Robot, model: mujoco.MjModel) -> None:
             f"the document of robot {robot.name!r} has other degrees of freedom than its model",
             got=f"nq = {model.nq}, nv = {model.nv}",
             wanted=f"nq = {robot.nq}, nv = {robot.nv}",
+        )
+
+
+def _warn_of_no_armature(robot: Robot) -> None:
+    armature = robot.model.armature[robot.base_dofs :]
+    without = [n for n, a in zip(robot.joint_names, armature, strict=True) if a == 0.0]
+    if without:
+        warnings.warn(
+            f"{len(without)} joints of robot {robot.name!r} have no reflected rotor inertia "
+            f"({', '.join(without[:_SHOWN])}{', ...' if len(without) > _SHOWN else ''}); under "
+            "torque control light links then shake, or the robot falls. Put the rotors' inertia, "
+            "gear ratio squared times that of the rotor, into its description, one for all joints "
+            "or by pattern, such as `armature: 0.01` [kg m^2]",
+            # The line that makes the plant; Python shows a warning of one line once.
+            stacklevel=3,
         )
 
 
