@@ -468,4 +468,3 @@ def test_joints_without_rotor_inertia_are_named_once_under_torque_control(biped,
             word.message
         )
         assert "`armature: 0.01`" in str(word.message)
-        assert word.filename == __file__
