@@ -1,4 +1,4 @@
-"""Your own MuJoCo loop: a model with motors or position servos, and a squat in fifteen lines."""
+"""Your own MuJoCo loop: a model with motors or position servos, and a squat."""
 
 import argparse
 import math
@@ -10,7 +10,7 @@ import numpy as np
 import poise
 
 parser = argparse.ArgumentParser(description=__doc__)
-parser.add_argument("--robot", default="g1", help="a robot from a URDF")
+parser.add_argument("--robot", default="humanoid33", help="a robot from a URDF, such as g1")
 parser.add_argument("--actuators", choices=["motor", "position"], default="position")
 parser.add_argument("--seconds", type=float, default=4.0)
 options = parser.parse_args()
@@ -48,17 +48,20 @@ model = your_model(robot, options.actuators)
 data = mujoco.MjData(model)
 
 bridge = poise.sim.MujocoBridge(robot, model)
-bridge.place(data)  # at home; leave it out where your keyframe has the robot on its feet
+bridge.place(data)  # at home, on the ground; leave it out where your keyframe does that
 controller = poise.WholeBodyController(robot)
-com = controller.stack.task("com")
-start = controller.dynamics.com.copy()
-lowest = start[2]
+com, start = controller.stack.task("com"), controller.dynamics.com.copy()
+w, lowest = 0.5 * math.pi, start[2]
 while data.time < options.seconds:
-    depth = 0.04 * (1.0 - math.cos(math.pi * data.time))
-    com.set_target(start - [0.0, 0.0, depth])
+    c, s = math.cos(w * data.time), math.sin(w * data.time)
+    com.set_target(
+        start - [0.0, 0.0, 0.04 * (1.0 - c)],
+        velocity=[0.0, 0.0, -0.04 * w * s],
+        acceleration=[0.0, 0.0, -0.04 * w * w * c],
+    )
     command = controller.step(bridge.state(data))
     bridge.apply(command, data)
     mujoco.mj_step(model, data)
     lowest = min(lowest, controller.dynamics.com[2])
 print(controller.status())
-print(f"the centre of mass went down by {1e3 * (start[2] - lowest):.0f} mm")
+print(f"down by {1e3 * (start[2] - lowest):.1f} mm, rejected {bridge.rejected}")
