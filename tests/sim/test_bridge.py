@@ -424,6 +424,17 @@ def test_a_robot_is_placed_loaded_and_at_rest(biped, kind):
     assert np.abs(state.q - biped.q_home).max() < 1e-3
 
 
+def test_soft_servos_that_are_told_velocities_do_not_sag_first(biped):
+    model = add_floor(add_servos(user_spec(biped), biped, kp=800.0, kv=20.0)).compile()
+    bridge, data = quiet_bridge(biped, model), mujoco.MjData(model)
+    bridge.place(data)
+    start = bridge.state(data).q
+    while data.time < 0.2:
+        bridge.apply(velocity(np.zeros(biped.nj)), data)
+        mujoco.mj_step(model, data)
+    np.testing.assert_allclose(bridge.state(data).q, start, rtol=0, atol=1e-4)
+
+
 def squat(robot, model, seconds=1.0):
     """Down and up by 6 cm in a second, in a plain loop; returns the largest errors of COM [m]."""
     bridge, data = quiet_bridge(robot, model), mujoco.MjData(model)

@@ -95,8 +95,9 @@ class MujocoBridge:
         """Sends a command to the actuators; best before every physics step.
 
         A velocity moves the targets of servos along, from where the joints are at the first such
-        command, by the time that `data` says has passed. Values that are not finite are taken as
-        no torque or no velocity; controls stay as they are where the state is not finite.
+        command or what `place` let hold the robot, by the time that `data` says has passed. Values
+        that are not finite are taken as no torque or no velocity; controls stay as they are where
+        the state is not finite.
 
         Args:
             command: torque or velocity.
@@ -155,8 +156,13 @@ class MujocoBridge:
         self._target = None
         free = self.map.free_joint
         forces = None if free is None or v.any() else find_rest(self.model, data, free)
-        if forces is not None and not self._refused["torque"]:
-            self.apply(Command(CommandStatus.OK, forces[self.map.dof_order[self._base_v :]]), data)
+        if forces is not None:
+            load = forces[self.map.dof_order[self._base_v :]]
+            if not self._refused["torque"]:
+                self.apply(Command(CommandStatus.OK, load), data)
+            # Servos that are told velocities next begin with what holds the robot.
+            self._target = q[self._base_q :] + self._drives.lead(load)
+            self._velocity, self._since = np.zeros(self.robot.nj), float(data.time)
         mujoco.mj_forward(self.model, data)
 
     def _check_data(self, data: mujoco.MjData) -> None:

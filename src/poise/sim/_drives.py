@@ -152,6 +152,19 @@ class Drives:
         rate = self._gear * velocity[self._joint]
         return np.clip(np.where(self._integrates, rate, -bias / gain), *self._control_range)
 
+    def lead(self, torque: Float64[np.ndarray, " nj"]) -> Float64[np.ndarray, " nj"]:
+        """How far ahead of resting joints the targets of servos are that give them torques.
+
+        Args:
+            torque: what the servos give [N m].
+
+        Returns:
+            q_d - q [rad], zero where there is no servo of positions.
+        """
+        stiffness = np.zeros(len(torque))
+        stiffness[self._joint[self._main]] = (-self._bias[1] * self._gear**2)[self._main]
+        return np.divide(torque, stiffness, out=np.zeros(len(torque)), where=stiffness != 0.0)
+
     def end_of_step(
         self, v: Float64[np.ndarray, " nj"], acceleration: Float64[np.ndarray, " nj"] | None
     ) -> Float64[np.ndarray, " nj"]:
