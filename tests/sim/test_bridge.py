@@ -470,6 +470,39 @@ def test_robots_squat_in_a_plain_loop(get_robot, name, kind):
     assert squat(robot, model) < 2e-3
 
 
+@pytest.mark.slow
+def test_a_robot_walks_in_a_plain_loop_on_position_servos(get_robot):
+    from poise.locomotion import Gait, Stride, Walker, plan_footsteps
+
+    robot = get_robot("humanoid33")
+    spec = add_floor(add_servos(user_spec(robot), robot))
+    spec.option.timestep = 0.002
+    model = spec.compile()
+    bridge, data = quiet_bridge(robot, model), mujoco.MjData(model)
+    bridge.place(data)
+    stack = poise.Stack(
+        contacts=[poise.SurfaceContact(sole) for sole in robot.soles],
+        levels=[
+            [
+                poise.ComTask(kp=40.0),
+                poise.FrameTask("pelvis", axes="orientation"),
+                *(poise.FrameTask(sole, kp=300.0) for sole in robot.soles),
+            ],
+            [poise.PostureTask()],
+        ],
+    )
+    gait = Gait(step_time=0.8, crouch=0.02, settle_time=0.8)
+    walker = Walker(robot, plan_footsteps(robot, [Stride(steps=1, length=0.15)], gait), stack)
+    controller = poise.WholeBodyController(robot, stack)
+    while data.time < walker.plan.duration + 0.1:
+        state = bridge.state(data)
+        walker.lead(state)
+        bridge.apply(controller.step(state), data)
+        mujoco.mj_step(model, data)
+    assert walker.status.value == "finished"
+    assert bridge.state(data).q[0] - robot.q_home[0] == pytest.approx(0.15, abs=0.03)
+
+
 def test_joint_velocities_move_a_users_servos(get_robot):
     robot = get_robot("humanoid33")
     model = add_floor(add_servos(user_spec(robot), robot, kp=4000.0, kv=200.0)).compile()
