@@ -12,11 +12,11 @@ import poise
 from docs import update_api
 
 SURFACE = set(poise.__all__)
-MOST_NAMES = 103
+MOST_NAMES = 104
 """What there is now; a new public name takes the place of another, or says why it is needed.
 
-The last three: a campaign from a program, workers for whoever runs anything else many times, and
-the bad operator, whom scenarios and studies share.
+The last four: a campaign from a program, workers for whoever runs anything else many times, and
+the bad operator, whom scenarios and studies share. And the bridge to a user's own MuJoCo model.
 """
 
 

@@ -23,6 +23,8 @@ SHORT = {
     "10_operational_space.py": [],
     "11_walk.py": ["--steps", "1"],
     "12_batch.py": ["--count", "400"],
+    "13_own_mujoco_loop.py": ["--seconds", "0.2"],
+    "14_coming_from.py": [],
 }
 
 
@@ -140,3 +142,29 @@ def test_walk_makes_its_steps_and_says_how_well(run):
 
 def test_own_task_brings_the_hands_closer(run):
     assert numbers(r"hands (\S+) mm apart", run("09_own_task.py"))[0] < 500.0  # from 590 mm
+
+
+@pytest.mark.parametrize("robot", ["humanoid33", "g1"])
+@pytest.mark.parametrize("actuators", ["motor", "position"])
+def test_own_mujoco_loop_squats_with_motors_and_servos(run, get_robot, robot, actuators):
+    get_robot(robot)
+    arguments = ("--robot", robot, "--actuators", actuators, "--seconds", "2")
+    printed = run("13_own_mujoco_loop.py", *arguments)
+    assert printed.startswith("status: ok")
+    assert numbers(r"3  com +(\S+) m ", printed)[0] < 1e-3
+    depth, rejected = numbers(r"down by (\S+) mm, rejected (\d+)", printed)
+    assert depth == pytest.approx(80.0, abs=1.0)
+    assert rejected == 0
+
+
+ELSEWHERE = {"left_hip_roll": -0.0472, "left_knee": 1.1494, "right_ankle_pitch": -0.5445}
+"""Where the programs in `examples/coming_from` end: TSID 1.7.1, pink 4.4.0 and mink 1.3.0."""
+
+
+@pytest.mark.parametrize("by", ["torque", "velocity"])
+def test_coming_from_ends_where_the_others_programs_end(run, by):
+    printed = run("14_coming_from.py", "--by", by)
+    moved = numbers(r"moved by (\S+) (\S+) (\S+) mm", printed)
+    assert moved == pytest.approx([0.0, 20.0, -50.0], abs=0.1)
+    for joint, angle in ELSEWHERE.items():
+        assert numbers(rf"{joint} (\S+) rad", printed)[0] == pytest.approx(angle, abs=5e-4)

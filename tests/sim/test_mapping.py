@@ -112,5 +112,5 @@ def test_a_document_without_the_robots_joint_is_refused(biped):
 
 def test_the_map_of_a_model_with_other_joints_is_refused(biped):
     model = mujoco.MjModel.from_xml_string("<mujoco/>")
-    with pytest.raises(RobotError, match="not in its document"):
+    with pytest.raises(RobotError, match="not in the MuJoCo model"):
         StateMap(biped, model)

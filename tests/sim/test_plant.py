@@ -1,3 +1,6 @@
+import dataclasses
+import warnings
+
 import mujoco
 import numpy as np
 import pinocchio as pin
@@ -251,6 +254,9 @@ def test_the_same_control_period_in_finer_physics_agrees(biped):
 def test_a_payload_adds_its_mass_and_moves_the_centre_of_mass(biped):
     payload = PlantConfig.Payload(frame="left_hand", mass=2.5, offset=(0.0, 0.0, 0.1))
     bare, loaded = Plant(biped), Plant(biped, PlantConfig(payloads=(payload,)))
+    # In the air: on the ground the heavier one sinks in deeper.
+    for plant in (bare, loaded):
+        plant.reset(airborne(biped))
     assert loaded.mass - bare.mass == pytest.approx(2.5, abs=1e-12)
     hand = bare.data.site("left_hand")
     where = hand.xpos + hand.xmat.reshape(3, 3) @ np.array([0.0, 0.0, 0.1])
@@ -283,6 +289,8 @@ def test_model_error_changes_the_plant_and_not_the_robot(biped):
         plant.model.body_ipos[chest] - plain.model.body_ipos[chest], [0.01, 0, -0.02], atol=1e-12
     )
     assert plant.mass == pytest.approx(1.1 * (MASS + 0.2 * 15.0), abs=1e-9)
+    for each in (plant, plain):
+        each.reset(airborne(biped))
     shift = plant.data.xipos[chest] - plain.data.xipos[chest]
     np.testing.assert_allclose(shift, [0.01, 0.0, -0.02], rtol=0, atol=1e-9)
     for inertia, (mass, lever, matrix) in zip(biped.model.inertias, before, strict=True):
@@ -294,6 +302,8 @@ def test_model_error_changes_the_plant_and_not_the_robot(biped):
 def test_a_shifted_mass_is_felt_in_the_dynamics(biped):
     error = PlantConfig.LinkError(link="base", com_offset=(0.0, 0.05, 0.0))
     plain, shifted = Plant(biped), Plant(biped, PlantConfig(link_errors=(error,)))
+    for plant in (plain, shifted):
+        plant.reset(airborne(biped))
     np.testing.assert_allclose(
         shifted.com - plain.com, [0.0, 0.05 * 12.0 / MASS, 0.0], rtol=0, atol=1e-12
     )
@@ -439,3 +449,22 @@ def test_a_reset_forgets_what_the_motors_gave(biped):
 def test_a_bandwidth_of_the_torque_is_for_commanded_torques():
     with pytest.raises(ConfigurationError, match="velocity actuation"):
         PlantConfig(actuation="velocity", torque_bandwidth=10.0)
+
+
+@pytest.mark.parametrize("actuation", ["torque", "position"])
+def test_joints_without_rotor_inertia_are_named_once_under_torque_control(biped, actuation):
+    model = biped.model.copy()
+    model.armature[6:8] = 0.0
+    light = dataclasses.replace(biped, model=model)
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("default")
+        for _ in range(2):
+            Plant(light, PlantConfig(actuation=actuation))
+    if actuation == "position":
+        assert told == []
+    else:
+        (word,) = told
+        assert f"no reflected rotor inertia ({', '.join(biped.joint_names[:2])})" in str(
+            word.message
+        )
+        assert "`armature: 0.01`" in str(word.message)

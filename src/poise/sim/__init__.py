@@ -11,6 +11,7 @@ if find_spec("mujoco") is None:
     raise MissingExtraError("mujoco", "sim", "Simulation")
 
 from poise.sim._blocks import BlockWatch as BlockWatch
+from poise.sim._bridge import MujocoBridge
 from poise.sim._camera import (
     Camera,
     Marker,
@@ -46,6 +47,7 @@ __all__ = [
     "Body",
     "Camera",
     "Marker",
+    "MujocoBridge",
     "Observer",
     "Plant",
     "PlantConfig",

@@ -30,6 +30,7 @@ class Actuators:
         self._actuation = config.actuation
         self._dt = config.physics_dt
         self._lead = config.servo.damping / config.servo.stiffness
+        self._stiffness = config.servo.stiffness * robot.tau_max
         self._nj = robot.nj
         self._q_min, self._q_max = robot.q_min, robot.q_max
         bandwidth = config.torque_bandwidth
@@ -49,13 +50,25 @@ class Actuators:
         """Whether the control stays the same through a control period."""
         return self._actuation != "velocity" and not self._lags
 
-    def reset(self, joints: Float64[np.ndarray, " nj"]) -> None:
-        """Stand still where the joints are [rad]."""
+    def reset(
+        self, joints: Float64[np.ndarray, " nj"], load: Float64[np.ndarray, " nj"]
+    ) -> Float64[np.ndarray, " nj"]:
+        """Stand still where the joints are.
+
+        Args:
+            joints: where they are [rad].
+            load: torques that hold them there; the targets of servos are moved by what gives
+                these [N m].
+
+        Returns:
+            Motor controls that hold the joints, until the first command.
+        """
         self._torque[:] = 0.0
         self._motor = None
-        self._target[:] = joints
+        self._target[:] = joints + load / self._stiffness
         self._velocity[:] = 0.0
         self.rejected = 0
+        return load if self._actuation == "torque" else self._target
 
     def accept(self, command: Command | None, position: Float64[np.ndarray, "..."] | None) -> None:
         """Take the command for the next control period.

@@ -3,10 +3,11 @@
 Pushes on the plant's bodies while it runs.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import mujoco
 import numpy as np
+import pinocchio as pin
 from jaxtyping import Float64
 
 from poise.errors import UnknownNameError
@@ -89,32 +90,48 @@ class SoleForces:
     few numbers that plain ones are three times as fast as arrays.
 
     Args:
-        robot: the robot.
-        model: its MuJoCo model.
+        model: the MuJoCo model.
+        soles: of each sole, by name, the body that carries it and the sole's place in that body.
 
     Attributes:
         in_soles: wrench [force; moment] on the robot by sole name, in the sole's frame [N, N m].
     """
 
-    def __init__(self, robot: Robot, model: mujoco.MjModel) -> None:
-        bodies = [int(model.body(robot.roles[name].link).id) for name in robot.soles]
-        sites = [int(model.site(name).id) for name in robot.soles]
-        self._soles = list(zip(robot.soles, bodies, sites, strict=True))
-        self._root = int(model.body_rootid[bodies[0]]) if bodies else 0
+    def __init__(self, model: mujoco.MjModel, soles: Mapping[str, tuple[int, pin.SE3]]) -> None:
+        self._soles: list[tuple[str, int, list[int], Vector3, Sequence[float] | None]] = [
+            (
+                name,
+                body,
+                _touching_beside(model, body),
+                body_T_sole.translation.tolist(),
+                _rows(body_T_sole.rotation),
+            )
+            for name, (body, body_T_sole) in soles.items()
+        ]
+        self._root = int(model.body_rootid[self._soles[0][1]]) if self._soles else 0
         self.in_soles: dict[str, Float64[np.ndarray, "6"]] = {}
         # Of each sole: force, moment about its centre, and that centre.
         self._in_world: list[tuple[Vector3, Vector3, Vector3]] = []
 
     def update(self, data: mujoco.MjData) -> None:
-        """Looks at the forces of the last physics step."""
+        """Looks at the forces of the last physics step, which `cfrc_ext` has to be up to date for.
+
+        MuJoCo fills that in by itself only where the model has a sensor that needs it.
+        """
         self._in_world, self.in_soles = [], {}
         origin: Vector3 = data.subtree_com[self._root].tolist()
-        for name, body, site in self._soles:
+        for name, body, others, offset, body_R_sole in self._soles:
             wrench: list[float] = data.cfrc_ext[body].tolist()
-            force, center = wrench[3:], data.site_xpos[site].tolist()
+            for other in others:
+                wrench = [a + b for a, b in zip(wrench, data.cfrc_ext[other].tolist(), strict=True)]
+            world_R_body: Sequence[float] = data.xmat[body].tolist()
+            center = _sum(data.xpos[body].tolist(), _turned(world_R_body, offset))
+            force = wrench[3:]
             moment = _difference(wrench[:3], _cross(_difference(center, origin), force))
             self._in_world.append((force, moment, center))
-            world_R_sole: Sequence[float] = data.site_xmat[site].tolist()
+            world_R_sole = (
+                world_R_body if body_R_sole is None else _product(world_R_body, body_R_sole)
+            )
             turned = (*_turned_back(world_R_sole, force), *_turned_back(world_R_sole, moment))
             self.in_soles[name] = np.array(turned)
 
@@ -138,12 +155,47 @@ class SoleForces:
         return np.array([-about_y / vertical, about_x / vertical])
 
 
+def _touching_beside(model: mujoco.MjModel, body: int) -> list[int]:
+    """Other bodies, rigidly one with a body, whose geometry can touch anything."""
+    solid = np.flatnonzero(model.geom_contype | model.geom_conaffinity)
+    bodies = {int(b) for b in model.geom_bodyid[solid]}
+    one = [b for b in bodies if model.body_weldid[b] == model.body_weldid[body]]
+    return sorted(b for b in one if b != body)
+
+
+def _rows(R: Float64[np.ndarray, "3 3"]) -> Sequence[float] | None:
+    """The rows of a rotation one after another, None where it turns nothing."""
+    return None if np.array_equal(R, np.eye(3)) else R.ravel().tolist()
+
+
+def _product(R: Sequence[float], S: Sequence[float] | None) -> Sequence[float]:
+    """R S, all with their rows one after another; R where S turns nothing."""
+    if S is None:
+        return R
+    columns = [_turned(R, (S[k], S[k + 3], S[k + 6])) for k in range(3)]
+    return [column[row] for row in range(3) for column in columns]
+
+
+def _sum(a: Vector3, b: Vector3) -> tuple[float, float, float]:
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
+
+
 def _difference(a: Vector3, b: Vector3) -> tuple[float, float, float]:
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
 def _cross(a: Vector3, b: Vector3) -> tuple[float, float, float]:
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+def _turned(R: Sequence[float], a: Vector3) -> tuple[float, float, float]:
+    """R a, with the rows of R one after another."""
+    x, y, z = a
+    return (
+        R[0] * x + R[1] * y + R[2] * z,
+        R[3] * x + R[4] * y + R[5] * z,
+        R[6] * x + R[7] * y + R[8] * z,
+    )
 
 
 def _turned_back(R: Sequence[float], a: Vector3) -> tuple[float, float, float]:

@@ -2,12 +2,12 @@
 
 Pinocchio: base position, base quaternion (x, y, z, w), joints; base linear and angular velocity in
 the base frame, joints. MuJoCo: base position, base quaternion (w, x, y, z), joints; base linear
-velocity in the world and angular velocity in the base frame, joints. The base frame has the same
-origin and axes in both.
+velocity in the world and angular velocity in the frame of the free joint's body, joints.
 """
 
 import mujoco
 import numpy as np
+import pinocchio as pin
 from jaxtyping import Float64, Int
 
 from poise.errors import RobotError
@@ -15,62 +15,114 @@ from poise.robots import Robot
 
 
 class StateMap:
-    """Index arrays between the vectors of a `Robot` and those of its MuJoCo model.
+    """Index arrays between the vectors of a `Robot` and those of a MuJoCo model that has it.
+
+    The model may have other joints besides, before, between and after those of the robot.
 
     Args:
         robot: the robot.
-        model: the MuJoCo model built from it.
+        model: the MuJoCo model.
+        prefix: what stands before the names of the robot's joints in the model.
+        body_T_base: where the base is in the body of the free joint; None where they are one.
+
+    Attributes:
+        joints: the model's index of each joint of the robot, in the robot's order.
+        free_joint: the model's index of the base's free joint, None for a fixed base.
 
     Raises:
-        RobotError: a joint is missing on one side, or is not a single hinge or slide.
+        RobotError: a joint is missing on one side, is not a single hinge or slide, or the base has
+            no free joint in the model.
     """
 
-    def __init__(self, robot: Robot, model: mujoco.MjModel) -> None:
-        self._floating = robot.floating_base
+    def __init__(
+        self,
+        robot: Robot,
+        model: mujoco.MjModel,
+        *,
+        prefix: str = "",
+        body_T_base: pin.SE3 | None = None,
+    ) -> None:
         names, q_pin, v_pin = _pinocchio_joints(robot)
-        ids = [mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, name) for name in names]
+        ids = [mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, prefix + name) for name in names]
         _check_joints(robot, model, names, ids)
+        self.joints: tuple[int, ...] = tuple(ids)
+        self.free_joint = _free_joint(robot, model, ids)
+        self._offset = body_T_base
         q_mj, v_mj = model.jnt_qposadr[ids].tolist(), model.jnt_dofadr[ids].tolist()
-        base_q = [0, 1, 2, 4, 5, 6, 3] if self._floating else []
-        base_v = list(range(6)) if self._floating else []
+        base_q, base_v = [], []
+        if self.free_joint is not None:
+            q0, v0 = (int(a[self.free_joint]) for a in (model.jnt_qposadr, model.jnt_dofadr))
+            base_q = [q0 + k for k in (0, 1, 2, 4, 5, 6, 3)]
+            base_v = [v0 + k for k in range(6)]
         self._qpos_of_q = _scatter(robot.nq, [*range(len(base_q)), *q_pin], [*base_q, *q_mj])
-        self._qvel_of_v = _scatter(robot.nv, [*base_v, *v_pin], [*base_v, *v_mj])
-        self._q_of_qpos = np.argsort(self._qpos_of_q)
-        self._v_of_qvel = np.argsort(self._qvel_of_v)
-        self._unturn = np.empty(4)
-        self._linear = np.empty(3)
+        self._qvel_of_v = _scatter(robot.nv, [*range(len(base_v)), *v_pin], [*base_v, *v_mj])
+        self._quaternion = slice(base_q[6], base_q[6] + 4) if base_q else slice(0)
+        self._home: Float64[np.ndarray, " nq"] = np.array(model.qpos0)
+        self._nv = int(model.nv)
+        self._unturn, self._linear = np.empty(4), np.empty(3)
 
     @property
     def dof_order(self) -> Int[np.ndarray, " nv"]:
         """For each of Pinocchio's velocities, its index in MuJoCo's (base frames still differ)."""
         return self._qvel_of_v.copy()
 
-    def q(self, qpos: Float64[np.ndarray, " nq"]) -> Float64[np.ndarray, " nq"]:
+    def q(self, qpos: Float64[np.ndarray, " nqpos"]) -> Float64[np.ndarray, " nq"]:
         """Pinocchio's configuration from MuJoCo's [m, rad]."""
-        return qpos[self._qpos_of_q]
+        q = qpos[self._qpos_of_q]
+        if self._offset is not None:
+            q[:7] = pin.SE3ToXYZQUAT(pin.XYZQUATToSE3(q[:7]) * self._offset)
+        return q
 
     def v(
-        self, qpos: Float64[np.ndarray, " nq"], qvel: Float64[np.ndarray, " nv"]
+        self, qpos: Float64[np.ndarray, " nqpos"], qvel: Float64[np.ndarray, " nqvel"]
     ) -> Float64[np.ndarray, " nv"]:
         """Pinocchio's velocity from MuJoCo's, base in the base frame [m/s, rad/s]."""
         v = qvel[self._qvel_of_v]
-        if self._floating:
-            mujoco.mju_negQuat(self._unturn, qpos[3:7])
-            mujoco.mju_rotVecQuat(v[:3], qvel[:3], self._unturn)
+        if self.free_joint is not None:
+            mujoco.mju_negQuat(self._unturn, qpos[self._quaternion])
+            mujoco.mju_rotVecQuat(v[:3], v[:3].copy(), self._unturn)
+            if self._offset is not None:
+                v[:6] = self._offset.actInv(pin.Motion(v[:6])).vector
         return v
 
-    def qpos(self, q: Float64[np.ndarray, " nq"]) -> Float64[np.ndarray, " nq"]:
-        """MuJoCo's configuration from Pinocchio's [m, rad]."""
-        return q[self._q_of_qpos]
+    def write(
+        self,
+        q: Float64[np.ndarray, " nq"],
+        v: Float64[np.ndarray, " nv"],
+        qpos: Float64[np.ndarray, " nqpos"],
+        qvel: Float64[np.ndarray, " nqvel"],
+    ) -> None:
+        """Puts a state of the robot into MuJoCo's vectors; what is not the robot's stays as it is.
+
+        Args:
+            q: Pinocchio's configuration [m, rad].
+            v: Pinocchio's velocity [m/s, rad/s].
+            qpos: receives MuJoCo's configuration [m, rad].
+            qvel: receives MuJoCo's velocity [m/s, rad/s].
+        """
+        base: Float64[np.ndarray, "7"] = q[:7]
+        motion: Float64[np.ndarray, "6"] = v[:6]
+        if self._offset is not None:
+            base = pin.SE3ToXYZQUAT(pin.XYZQUATToSE3(base) * self._offset.inverse())
+            motion = self._offset.act(pin.Motion(motion)).vector
+        qpos[self._qpos_of_q], qvel[self._qvel_of_v] = q, v
+        if self.free_joint is not None:
+            mujoco.mju_rotVecQuat(self._linear, motion[:3], base[[6, 3, 4, 5]])
+            qpos[self._qpos_of_q[:7]] = base
+            qvel[self._qvel_of_v[:6]] = (*self._linear, *motion[3:])
+
+    def qpos(self, q: Float64[np.ndarray, " nq"]) -> Float64[np.ndarray, " nqpos"]:
+        """MuJoCo's configuration from Pinocchio's, what is not the robot's as in the model."""
+        qpos = self._home.copy()
+        self.write(q, np.zeros(len(self._qvel_of_v)), qpos, np.zeros(self._nv))
+        return qpos
 
     def qvel(
         self, q: Float64[np.ndarray, " nq"], v: Float64[np.ndarray, " nv"]
-    ) -> Float64[np.ndarray, " nv"]:
-        """MuJoCo's velocity from Pinocchio's, base linear in the world [m/s, rad/s]."""
-        qvel = v[self._v_of_qvel]
-        if self._floating:
-            mujoco.mju_rotVecQuat(self._linear, v[:3], q[[6, 3, 4, 5]])
-            qvel[:3] = self._linear
+    ) -> Float64[np.ndarray, " nqvel"]:
+        """MuJoCo's velocity from Pinocchio's, base linear in the world, others at rest."""
+        qvel = np.zeros(self._nv)
+        self.write(q, v, self._home.copy(), qvel)
         return qvel
 
 
@@ -89,20 +141,56 @@ def _pinocchio_joints(robot: Robot) -> tuple[list[str], list[int], list[int]]:
     return names, [j.idx_q for j in joints], [j.idx_v for j in joints]
 
 
+_HINGES = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
+_FREE = int(mujoco.mjtJoint.mjJNT_FREE)
+"""MuJoCo's kinds of joints, as numbers: its arrays hold such."""
+
+
 def _check_joints(robot: Robot, model: mujoco.MjModel, names: list[str], ids: list[int]) -> None:
     missing = [n for n, i in zip(names, ids, strict=True) if i < 0]
     if missing:
         raise RobotError(
-            f"joints of robot {robot.name!r} are not in its document",
+            f"joints of robot {robot.name!r} are not in the MuJoCo model",
             got=missing,
             choices=[model.joint(i).name for i in range(model.njnt)],
         )
-    if (model.nq, model.nv) != (robot.nq, robot.nv):
+    strange = [n for n, i in zip(names, ids, strict=True) if model.jnt_type[i] not in _HINGES]
+    if strange:
         raise RobotError(
-            f"the document of robot {robot.name!r} has other degrees of freedom than its model",
-            got=f"nq = {model.nq}, nv = {model.nv}",
-            wanted=f"nq = {robot.nq}, nv = {robot.nv}",
+            f"joints of robot {robot.name!r} are of another kind in the MuJoCo model",
+            got=strange,
+            wanted="a hinge or a slide each",
         )
+
+
+def _free_joint(robot: Robot, model: mujoco.MjModel, ids: list[int]) -> int | None:
+    """The free joint that carries all of the robot's joints; None for a fixed base."""
+    roots = sorted({int(model.body_rootid[model.jnt_bodyid[i]]) for i in ids})
+    if len(roots) != 1:
+        raise RobotError(
+            f"the joints of robot {robot.name!r} hang on several bodies in the MuJoCo model",
+            got=[model.body(i).name for i in roots],
+            wanted="one tree of bodies",
+        )
+    root = roots[0]
+    first = int(model.body_jntadr[root])
+    free = first >= 0 and int(model.jnt_type[first]) == _FREE
+    if free == robot.floating_base:
+        return first if free else None
+    joints = [j for j in range(model.njnt) if model.jnt_type[j] == _FREE]
+    raise RobotError(
+        f"robot {robot.name!r} has a {'floating' if robot.floating_base else 'fixed'} base, but "
+        f"in the MuJoCo model body {model.body(root).name!r}, which carries it, has "
+        f"{'a' if free else 'no'} free joint",
+        got=[f"{model.joint(j).name!r} of body {_carrier(model, j)!r}" for j in joints],
+        wanted="a <freejoint/> in that body"
+        if robot.floating_base
+        else "no free joint in that body, or a description with base: floating",
+    )
+
+
+def _carrier(model: mujoco.MjModel, joint: int) -> str:
+    return str(model.body(int(model.jnt_bodyid[joint])).name)
 
 
 def _scatter(size: int, places: list[int], values: list[int]) -> Int[np.ndarray, " n"]:

@@ -1,14 +1,16 @@
 """`Plant`: the simulated robot in its world, told what to do once a control period."""
 
 import math
+import warnings
 
 import mujoco
 import numpy as np
+import pinocchio as pin
 from jaxtyping import Bool, Float64
 
 from poise.control import Command
 from poise.dynamics import RobotState
-from poise.errors import TargetError
+from poise.errors import RobotError, TargetError
 from poise.robots import Robot
 from poise.sim._actuators import Actuators
 from poise.sim._build import build_model
@@ -16,6 +18,7 @@ from poise.sim._config import PlantConfig
 from poise.sim._disturbances import Push
 from poise.sim._forces import PushSchedule, SoleForces
 from poise.sim._mapping import StateMap
+from poise.sim._rest import find_rest
 from poise.sim._sensors import Sensors
 
 _TOUCHING = 1.0
@@ -23,6 +26,9 @@ _TOUCHING = 1.0
 
 _QUATERNION_TOLERANCE = 1e-6
 """Rounding of a quaternion that was written down with seven digits or more."""
+
+_SHOWN = 5
+"""Joints that a warning names."""
 
 _FATAL = [
     int(w)
@@ -61,8 +67,11 @@ class Plant:
         # A view: how often MuJoCo has warned of what.
         self._warned = self.data.warning.number
         self.map = StateMap(robot, self.model)
+        _check_freedom(robot, self.model)
+        if self.config.actuation == "torque":
+            _warn_of_no_armature(robot)
         self._substeps = self.config.substeps
-        self._soles = SoleForces(robot, self.model)
+        self._soles = SoleForces(self.model, self._sole_places())
         self._pushes = PushSchedule(robot, self.model)
         self._actuators = Actuators(robot, self.config)
         self._sensors = self._make_sensors(seed)
@@ -76,6 +85,11 @@ class Plant:
         v: Float64[np.ndarray, " nv"] | None = None,
     ) -> RobotState:
         """Put the robot somewhere, at time zero, and forget all pushes.
+
+        A robot that is put on the ground at rest stands there loaded: its base is moved by the some
+        hundredths of a millimetre at which the ground just carries it, and its motors begin with
+        the torques that hold it, so that nothing has to land first. One that nothing carries, or
+        that would tip over, is left where it was put.
 
         Args:
             q: configuration, the home posture if not given [m, rad].
@@ -98,7 +112,7 @@ class Plant:
         self._warnings: list[str] = []
         self.data.qpos[:] = self.map.qpos(q)
         self.data.qvel[:] = self.map.qvel(q, v)
-        self._actuators.reset(q[-self.robot.nj :])
+        self.data.ctrl[:] = self._actuators.reset(q[-self.robot.nj :], self._settle(v))
         mujoco.mj_forward(self.model, self.data)
         self._truth: RobotState | None = None
         self._forces_known = False
@@ -106,6 +120,14 @@ class Plant:
         state = state if self._sensors is None else self._sensors.reset(state)
         self._state: RobotState | None = state
         return state
+
+    def _settle(self, v: Float64[np.ndarray, " nv"]) -> Float64[np.ndarray, " nj"]:
+        """Puts a robot at rest on the ground that carries it; returns the torques that hold it."""
+        free, nothing = self.map.free_joint, np.zeros(self.robot.nj)
+        if free is None or v.any():
+            return nothing
+        forces = find_rest(self.model, self.data, free)
+        return nothing if forces is None else forces[self.map.dof_order[self.robot.base_dofs :]]
 
     @property
     def control_dt(self) -> float:
@@ -308,12 +330,44 @@ class Plant:
             self._forces_known = True
         return self._soles
 
+    def _sole_places(self) -> dict[str, tuple[int, pin.SE3]]:
+        """Of each sole, the body that carries it and its place there."""
+        roles = [self.robot.roles[name] for name in self.robot.soles]
+        return {
+            role.name: (self.model.body(role.link).id, pin.SE3(role.rotation, role.position))
+            for role in roles
+        }
+
     def _make_sensors(self, seed: int) -> Sensors | None:
         config = self.config.sensors
         if config.ideal:
             return None
         ticks = self.config.delay_ticks
         return Sensors(config, base_dofs=self.robot.base_dofs, delay_ticks=ticks, seed=seed)
+
+
+def _check_freedom(robot: Robot, model: mujoco.MjModel) -> None:
+    if (model.nq, model.nv) != (robot.nq, robot.nv):
+        raise RobotError(
+            f"the document of robot {robot.name!r} has other degrees of freedom than its model",
+            got=f"nq = {model.nq}, nv = {model.nv}",
+            wanted=f"nq = {robot.nq}, nv = {robot.nv}",
+        )
+
+
+def _warn_of_no_armature(robot: Robot) -> None:
+    armature = robot.model.armature[robot.base_dofs :]
+    without = [n for n, a in zip(robot.joint_names, armature, strict=True) if a == 0.0]
+    if without:
+        warnings.warn(
+            f"{len(without)} joints of robot {robot.name!r} have no reflected rotor inertia "
+            f"({', '.join(without[:_SHOWN])}{', ...' if len(without) > _SHOWN else ''}); under "
+            "torque control light links then shake, or the robot falls. Put the rotors' inertia, "
+            "gear ratio squared times that of the rotor, into its description, one for all joints "
+            "or by pattern, such as `armature: 0.01` [kg m^2]",
+            # The line that makes the plant; Python shows a warning of one line once.
+            stacklevel=3,
+        )
 
 
 def _checked(name: str, value: Float64[np.ndarray, "..."], size: int) -> Float64[np.ndarray, " n"]:
