@@ -38,17 +38,20 @@ class ControllerStatus:
 
     Attributes:
         command: status of the last command.
+        reason: why the last state was of no use, or how the robot was seen to have fallen; "" for
+            other commands.
         tasks: each task, most important first.
         explanation: which rows conflict and with what, in words.
     """
 
     command: CommandStatus
+    reason: str
     tasks: tuple[TaskStatus, ...]
     explanation: str
 
     def __str__(self) -> str:
         width = max([len(t.name) for t in self.tasks], default=4)
-        lines = [f"status: {self.command.value}"]
+        lines = [f"status: {self.command.value}" + (f" ({self.reason})" if self.reason else "")]
         lines.append(f"{'level':>5}  {'task':<{width}}  {'error':>22}  residual")
         for t in self.tasks:
             error = "held by a contact" if t.suspended else f"{t.error:.3g} {t.unit}"

@@ -147,16 +147,18 @@ class Task(ABC):
             _ = self.robot  # the number of rows is unknown, and this says so
         return self._gains_to_read[row]
 
-    def set_gains(self, kp: Numbers, kd: Numbers | None = None) -> None:
+    def set_gains(self, kp: Numbers | None = None, kd: Numbers | None = None) -> None:
         """Sets stiffness and damping, from the next tick.
 
         Args:
-            kp: stiffness, one number or one a row [1/s^2].
+            kp: stiffness, one number or one a row [1/s^2]; as it is when None.
             kd: damping [1/s]; critical, 2 sqrt(kp), when None.
 
         Raises:
             ConfigurationError: wrong length, or gains that are not finite or negative.
         """
+        if kp is None:
+            kp = self._gains[0] if self._robot is None else self.kp
         stiffness, damping = self._checked_gains(kp, kd)
         if self._robot is None:
             self._gains = (kp, kd, self._gains[2])
