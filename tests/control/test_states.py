@@ -50,7 +50,9 @@ def test_states_are_taken_as_lists_and_in_single_precision(robot, controller, co
     assert state.q.dtype == state.v.dtype == np.float64
     command = controller.step(state)
     assert command.status is CommandStatus.OK
-    np.testing.assert_allclose(joints_of(command), expected, atol=2e-2 * (np.abs(expected).max() + 1e-3))
+    np.testing.assert_allclose(
+        joints_of(command), expected, atol=2e-2 * (np.abs(expected).max() + 1e-3)
+    )
 
 
 def test_whole_numbers_are_numbers_and_doubles_are_not_copied(robot):
