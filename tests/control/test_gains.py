@@ -23,7 +23,7 @@ CONTROLLERS = {
     "osf": poise.OperationalSpaceController,
     "differential_ik": lambda robot, stack: poise.DifferentialIK(robot, stack, dt=2e-3),
     "exact differential_ik": lambda robot, stack: poise.DifferentialIK(
-        robot, stack, dt=2e-3, method="hqp"
+        robot, stack, dt=2e-3, strategy="hqp"
     ),
 }
 BEFORE = {"com": (30.0, None), "hand": (60.0, None), "own": (10.0, None), "posture": (20.0, None)}
@@ -113,11 +113,11 @@ def test_the_next_tick_is_that_of_a_controller_made_with_these_gains(robot, name
     assert np.abs(joints_of(make(robot, early).step(second)) - expected).max() < 1e-9 * scale
 
 
-@pytest.mark.parametrize("method", ["closed_form", "hqp"])
-def test_velocities_without_damping_to_divide_by_fall_back_until_there_is_some(robot, method):
+@pytest.mark.parametrize("strategy", ["closed_form", "hqp"])
+def test_velocities_without_damping_to_divide_by_fall_back_until_there_is_some(robot, strategy):
     """A task that follows kp / kd cannot without kd; nothing raises in the loop."""
     stack = make_stack(robot, BEFORE, damping=20.0, momentum=5.0)
-    controller = poise.DifferentialIK(robot, stack, dt=2e-3, method=method)
+    controller = poise.DifferentialIK(robot, stack, dt=2e-3, strategy=strategy)
     state = near_home(robot, 0)
     joints_of(controller.step(state))
     stack.task("posture").set_gains(20.0, 0.0)

@@ -7,8 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from poise._progress import Bar
 from poise.cli._options import add_output_options, make_folder, whole_number
-from poise.cli._progress import Bar
 
 DEFAULT_SCENARIO = "over_an_obstacle"
 """What runs with no argument: a robot is walked over two blocks by hand."""
@@ -81,14 +81,14 @@ def run_and_report(
         write_video,
     )
 
-    with Bar("simulating", "s") as bar:
+    with Bar("simulating", "s", lines=not quiet) as bar:
         run = run_scenario(scenario, log=folder / LOG, view=view, progress=bar)
     summary = summarise(run)
     write_summary(summary, folder)
     no_video = None
     if video:
         try:
-            with Bar("drawing the video", " frames") as bar:
+            with Bar("drawing the video", " frames", lines=not quiet) as bar:
                 no_video = write_video(run, folder, bar)
         except KeyboardInterrupt:
             no_video = "No video: interrupted by the user"

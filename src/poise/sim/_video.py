@@ -110,7 +110,7 @@ def render_video(
     plant: Plant,
     times: Float64[np.ndarray, " n"],
     qs: Float64[np.ndarray, "m nq"],
-    path: Path,
+    path: str | Path,
     *,
     config: VideoConfig | None = None,
     markers: Callable[[int], Sequence[Marker]] | None = None,
@@ -135,7 +135,7 @@ def render_video(
             is not installed; the message says what to install.
         TargetError: times and configurations do not belong together.
     """
-    config = config if config is not None else VideoConfig()
+    config, path = config if config is not None else VideoConfig(), Path(path)
     _check(plant, times, qs)
     indices = frame_indices(times, config)
     with Camera(plant.robot, plant.model, config.camera) as camera:

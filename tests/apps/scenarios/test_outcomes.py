@@ -19,6 +19,7 @@ from poise.apps.scenarios import (
     write_summary,
 )
 from poise.control import CommandStatus
+from poise.errors import UnknownNameError
 from poise.sim import read_log
 
 STAND = """
@@ -247,3 +248,12 @@ def test_a_report_can_be_made_of_a_log_alone(tmp_path):
     assert page == report(done.record, tmp_path / "memory", done.robot).read_text()
     for words in ("stand still", "whole_body", "tracking", "left_sole"):
         assert words in page
+
+
+def test_a_scenario_is_run_by_its_name_or_file_and_paths_are_texts(scenario_file, tmp_path):
+    log, folder = str(tmp_path / "log.mcap"), str(tmp_path / "page")
+    done = run_scenario(scenario_file(stand(0.05)), log=log, progress=True)
+    assert done.ok
+    assert report(log, folder).parent == tmp_path / "page"
+    with pytest.raises(UnknownNameError, match="neither a shipped scenario nor a file.*stand"):
+        run_scenario("stnad")

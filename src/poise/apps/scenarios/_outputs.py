@@ -104,7 +104,9 @@ def write_page(run: Run, summary: dict[str, object], directory: Path, no_video: 
     return write_report(view, directory)
 
 
-def report(run: Run | RunRecord | Path, directory: Path, robot: Robot | None = None) -> Path:
+def report(
+    run: Run | RunRecord | str | Path, directory: str | Path, robot: Robot | None = None
+) -> Path:
     """Writes `report.html`: of a scenario's run, or from nothing but a record or its log.
 
     A scenario's run is reported with its checks and its figures, which `summary.json` beside the
@@ -121,12 +123,13 @@ def report(run: Run | RunRecord | Path, directory: Path, robot: Robot | None = N
     Raises:
         PoiseError: the file is no log, or the robot cannot be loaded.
     """
+    directory = Path(directory)
     if isinstance(run, Run):
         directory.mkdir(parents=True, exist_ok=True)
         summary = summarise(run)
         write_summary(summary, directory)
         return write_page(run, summary, directory, no_video=None)
-    record = read_log(run) if isinstance(run, Path) else run
+    record = run if isinstance(run, RunRecord) else read_log(run)
     robot = load_robot(record.metadata["robot"]) if robot is None else robot
     return write_report(make_view(record, robot), directory)
 

@@ -9,7 +9,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from types import FrameType
 
+from poise._progress import Bar
 from poise.apps.scenarios._checks import CheckResult, evaluate_checks
+from poise.apps.scenarios._reader import load_scenario
 from poise.apps.scenarios._scenario import Scenario
 from poise.apps.scenarios._signals import RunSignals, collect_signals
 from poise.apps.scenarios._stage import describe, stage_scenario
@@ -56,11 +58,11 @@ class Run:
 
 
 def run_scenario(
-    scenario: Scenario,
+    scenario: Scenario | str | Path,
     *,
-    log: Path | None = None,
+    log: str | Path | None = None,
     view: bool = False,
-    progress: Progress | None = None,
+    progress: Progress | bool = False,
 ) -> Run:
     """Runs a scenario on its plant.
 
@@ -68,17 +70,26 @@ def run_scenario(
     fall, a diverged simulation or Ctrl-C end the run early; what was recorded stays.
 
     Args:
-        scenario: what to run.
+        scenario: what to run; or the name of a shipped one, or a file.
         log: MCAP file to write while it runs; none when None.
         view: whether to show the plant in a window, in real time.
-        progress: told how far the run is.
+        progress: told how far the run is; True shows it, in a terminal, a notebook or a log.
 
     Returns:
         The run with its signals and checks.
 
     Raises:
-        PoiseError: the scenario does not fit its robot.
+        PoiseError: there is no such scenario, or it does not fit its robot.
     """
+    if not isinstance(scenario, Scenario):
+        scenario = load_scenario(scenario)
+    if isinstance(progress, bool):
+        with Bar("simulating", "s") if progress else nullcontext() as bar:
+            return _run(scenario, log, view, bar)
+    return _run(scenario, log, view, progress)
+
+
+def _run(scenario: Scenario, log: str | Path | None, view: bool, progress: Progress | None) -> Run:
     stage = stage_scenario(scenario)
     scenario, plant = stage.scenario, stage.plant
     recorder = Recorder(log, metadata=describe(scenario, stage.pushes))
