@@ -131,7 +131,10 @@ def _print(run: Any, summary: dict[str, Any], no_video: str | None, page: Path) 
     for check in run.checks:
         mark = "ok  " if check.ok else "FAIL"
         bound = f"{check.relation} {check.bound:g} {check.unit}".rstrip()
-        print(f"  {mark}  {check.name}: {check.value:.3g} ({bound})")
+        worst = "" if check.ok or check.time is None else f" at {check.time:.2f} s"
+        print(f"  {mark}  {check.name}: {check.value:.3g} ({bound}){worst}")
+        if check.mechanism:
+            print(f"        {check.mechanism}")
     tick = summary["tick_us"]
     if tick["p50"] is not None:
         print(

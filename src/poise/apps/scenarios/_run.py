@@ -117,7 +117,7 @@ def _run(scenario: Scenario, log: str | Path | None, view: bool, progress: Progr
     record = recorder.record
     signals = collect_signals(record, stage.robot)
     ended_early = interruption.reason or _reason(plant, viewer, scenario)
-    checks = evaluate_checks(scenario.checks, signals, plant.fallen, ended_early)
+    checks = evaluate_checks(scenario, signals, stage.robot, plant.fallen, ended_early)
     return Run(
         scenario=scenario,
         robot=stage.robot,
