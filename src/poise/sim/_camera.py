@@ -159,8 +159,8 @@ _IDENTITY = np.eye(3).ravel()
 
 
 _MAX_GEOMS = 4000
-_FILLED = 0.94
-"""How much of the picture's height and width the robot may fill."""
+_FILLED = 0.9
+"""How much of the picture's height and width the robot may fill; the rest is for the lag."""
 
 _FOLLOW_SECONDS = 0.4
 """The camera follows the robot with this lag, so that the picture does not shake with it."""
@@ -318,15 +318,18 @@ class Camera:
     def _distance_for_all(self) -> float:
         """How far away the camera has to be to see the whole robot [m].
 
-        A point at d from where the camera looks is seen if |d . up| <= tan(fov / 2) (distance +
-        d . ahead), and to the sides in the picture's ratio.
+        A point at d from the robot's middle, where the camera looks, is seen if
+
+            |d . up| <= tan(fov / 2) (distance + d . ahead),
+
+        and to the sides in the picture's ratio.
         """
         azimuth, elevation = np.radians([self._view.azimuth, self._view.elevation])
         c, s = np.cos(elevation), np.sin(elevation)
         ahead = np.array([np.cos(azimuth) * c, np.sin(azimuth) * c, s])
         right = np.array([np.sin(azimuth), -np.cos(azimuth), 0.0])
         up = np.cross(right, ahead)
-        corners = np.array(list(product(*np.transpose(self._box())))) - self._view.lookat
+        corners = np.array(list(product(*np.transpose(self._box())))) - self._aim()
         slope = _FILLED * np.tan(0.5 * np.radians(float(self._model.vis.global_.fovy)))
         ratio = self.config.width / self.config.height
         across = np.maximum(np.abs(corners @ up), np.abs(corners @ right) / ratio)
