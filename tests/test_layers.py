@@ -15,6 +15,7 @@ FLOORS = (
     {"errors"},
     {"_yaml"},
     {"_checks", "_schema", "_compiled", "_progress"},
+    {"_show"},
     {"robots", "hqp"},
     {"dynamics"},
     {"stack"},

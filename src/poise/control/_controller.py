@@ -1,6 +1,8 @@
 """`Controller`: from a state to a command, tick by tick, by whatever strategy."""
 
+from html import escape
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float64
@@ -12,7 +14,7 @@ from poise.control._fall import FallWatch
 from poise.control._fallback import Fallback, RateLimit
 from poise.control._state_check import fault_of, is_usable
 from poise.control._status import ControllerStatus, task_statuses
-from poise.control._strategy import USABLE, Answer, Strategy
+from poise.control._strategy import PHYSICS_LEVELS, USABLE, Answer, Strategy
 from poise.dynamics import Dynamics, RobotState
 from poise.hqp import SolveStatus
 from poise.robots import Robot
@@ -70,6 +72,16 @@ class Controller:
         strategy.stack.joint_limit.evaluate(self.dynamics)
         is_usable(self.dynamics.state, strategy.robot)
         _clip(np.zeros(strategy.robot.nj), *self._bounds)
+
+    def __repr__(self) -> str:
+        kind, levels = type(self).__name__, PHYSICS_LEVELS + len(self.stack.levels)
+        said = f"{kind} of {self.robot.name}: {levels} levels, commands {self._strategy.commands}"
+        return f"{said}, {self._last_status.value}"
+
+    def _repr_html_(self) -> str:
+        # Before the first tick there is nothing to say of how it stands.
+        table: Any = self.status() if self.timings else self.stack
+        return f"<p>{escape(repr(self))}</p>{table._repr_html_()}"
 
     @property
     def strategy(self) -> Strategy:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from poise._show import html_table
 from poise.control._command import CommandStatus
 from poise.control._strategy import PHYSICS_LEVELS
 from poise.stack import Stack, Task
@@ -57,6 +58,19 @@ class ControllerStatus:
             error = "held by a contact" if t.suspended else f"{t.error:.3g} {t.unit}"
             lines.append(f"{t.level:>5}  {t.name:<{width}}  {error:>22}  {t.residual:.2e}")
         return "\n".join([*lines, self.explanation])
+
+    def _repr_html_(self) -> str:
+        rows = [
+            (
+                t.level,
+                t.name,
+                "held by a contact" if t.suspended else f"{t.error:.3g} {t.unit}",
+                f"{t.residual:.2e}",
+            )
+            for t in self.tasks
+        ]
+        title = str(self).splitlines()[0]
+        return html_table(title, ("level", "task", "error", "residual"), rows)
 
 
 def task_statuses(

@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from poise._checks import Numbers
+from poise._show import brief
 from poise.dynamics import Dynamics
 from poise.errors import ConfigurationError
 from poise.robots import Robot
@@ -90,6 +91,17 @@ class Task(ABC):
         self.error_rate: Float64[np.ndarray, " m"] = np.zeros(self.dim)
         self.reference: Float64[np.ndarray, " m"] = np.zeros(self.dim)
         self._robot = robot
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self.name!r}, {self.describe()})"
+
+    def describe(self) -> str:
+        """Gains and weight in a few words."""
+        kp, kd, weight = self._gains if self._robot is None else (self.kp, self.kd, self.weight)
+        if kd is None:
+            kd = 2.0 * np.sqrt(np.asarray(kp, dtype=np.float64))
+        said = f"kp={brief(kp)}, kd={brief(kd)}"
+        return said if brief(weight) == "1" else f"{said}, weight={brief(weight)}"
 
     def _take_gains(self, rows: Float64[np.ndarray, "gains m"]) -> None:
         """Has its gains in the rows of an array from now on."""
