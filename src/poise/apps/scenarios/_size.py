@@ -1,6 +1,6 @@
 """A scenario whose lengths are written for a robot of one size, on a robot of another."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pinocchio as pin
@@ -109,6 +109,8 @@ def _motion(motion: Motion, ratio: float) -> Motion:
 
 
 def _check(check: CheckPlan, ratio: float) -> CheckPlan:
-    if check.at_most is not None:
-        return replace(check, at_most=ratio * check.bound)
-    return replace(check, at_least=ratio * check.bound)
+    # Only what differs from its default: that of the window's end, infinity, cannot be given.
+    given = {f.name: getattr(check, f.name) for f in fields(check)}
+    given = {f.name: given[f.name] for f in fields(check) if given[f.name] != f.default}
+    given["at_least" if check.at_most is None else "at_most"] = ratio * check.bound
+    return CheckPlan(**given)
