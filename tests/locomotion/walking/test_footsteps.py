@@ -90,6 +90,14 @@ def test_a_walk_from_elsewhere_is_the_same_walk_moved_and_turned(get_robot, robo
     np.testing.assert_allclose(there.middle, turned @ here.middle + [*at, 0.0], atol=1e-6)
 
 
+def test_a_posture_may_be_a_list_and_has_the_robots_length(get_robot):
+    robot, strides = get_robot("humanoid33"), [Stride(steps=2, length=0.1)]
+    given = plan_footsteps(robot, strides, GAIT, q=robot.q_home.tolist())
+    np.testing.assert_array_equal(positions(given), positions(plan_footsteps(robot, strides, GAIT)))
+    with pytest.raises(TargetError, match="q of the walk has the wrong shape"):
+        plan_footsteps(robot, strides, GAIT, q=robot.q_home[:-1])
+
+
 @pytest.mark.parametrize("axis", [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 def test_soles_that_do_not_lie_flat_are_refused(get_robot, axis):
     robot = get_robot("humanoid33")

@@ -163,7 +163,7 @@ class FootstepPlan:
         footholds: Sequence[tuple[str, Numbers]],
         gait: Gait | None = None,
         *,
-        q: Float64[np.ndarray, " nq"] | None = None,
+        q: Numbers | None = None,
         ground: Ground | None = None,
     ) -> "FootstepPlan":
         """The plan of a walk whose every foothold is known: of a planner, or of stepping stones.
@@ -183,8 +183,8 @@ class FootstepPlan:
         """
         gait = gait or Gait()
         soles = two_soles(robot)
-        q = robot.q_home if q is None else q
-        start, com = standing_soles(robot, soles, q)
+        start_q = robot.q_home if q is None else checked_target(q, robot.nq, "q of the walk")
+        start, com = standing_soles(robot, soles, start_q)
         ground = ground or level_floor(start)
         sizes = tuple((robot.soles[s].length, robot.soles[s].width) for s in soles)
         steps: list[Footstep] = []
@@ -210,7 +210,7 @@ class FootstepPlan:
             soles=soles,
             sizes=(sizes[0], sizes[1]),
             start=start,
-            q=q.copy(),
+            q=start_q.copy(),
             com=com,
             steps=tuple(steps),
             gait=gait,

@@ -4,7 +4,6 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from jaxtyping import Float64
 
 from poise._checks import Numbers, checked_kind
 from poise.errors import ConfigurationError
@@ -18,6 +17,7 @@ from poise.locomotion._walking._footsteps import (
 )
 from poise.locomotion._walking._ground import LEVEL, Ground, Placement
 from poise.robots import Robot
+from poise.stack import checked_target
 
 _EDGE = 0.015
 """How far a sole stays away from the edge of a platform [m]."""
@@ -31,7 +31,7 @@ def plan_footsteps(
     strides: Sequence[Stride],
     gait: Gait | None = None,
     *,
-    q: Float64[np.ndarray, " nq"] | None = None,
+    q: Numbers | None = None,
     ground: Ground | None = None,
 ) -> FootstepPlan:
     """The steps of a walk from where the robot stands.
@@ -59,15 +59,15 @@ def plan_footsteps(
         checked_kind(stride, Stride, "a stride of the walk")
     if not strides:
         raise ConfigurationError("a walk without strides", got=0, wanted="one or more")
-    q = robot.q_home if q is None else q
-    start, _ = standing_soles(robot, soles, q)
+    start_q = robot.q_home if q is None else checked_target(q, robot.nq, "q of the walk")
+    start, _ = standing_soles(robot, soles, start_q)
     ground = ground or level_floor(start)
     sizes = tuple((robot.soles[s].length, robot.soles[s].width) for s in soles)
     width = gait.width if gait.width is not None else _distance(start)
     footholds: list[tuple[str, Numbers]] = []
     for i, (foot, body) in enumerate(_body_path(start, strides), 1):
         footholds.append((soles[foot], _foothold(foot, body, width, sizes[foot], ground, i)))
-    return FootstepPlan.from_footholds(robot, footholds, gait, q=q, ground=ground)
+    return FootstepPlan.from_footholds(robot, footholds, gait, q=start_q, ground=ground)
 
 
 def _distance(start: tuple[Placement, Placement]) -> float:
