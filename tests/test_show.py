@@ -110,6 +110,9 @@ def test_a_robot_says_what_it_has_and_is_drawn(robot, get_robot):
     pytest.importorskip("matplotlib")
     front, side = robot.show().axes
     assert (front.get_xlabel(), side.get_xlabel()) == ("y [m]", "x [m]")
+    # It looks at the reader: its left hand is on the right.
+    (left,) = [m for m in front.lines if m.get_marker() == "s"][:1]
+    assert left.get_xdata()[0] > 0.1
     low, high = front.get_ylim()
     assert low < 0.0 < 1.5 < high < 2.0
     raised = robot.q_home.copy()

@@ -1,4 +1,4 @@
-"""`draw_robot`: a robot as lines, from the front and from the side."""
+"""`draw_robot`: a robot as lines, from the front and from the right."""
 
 from typing import Any
 
@@ -9,7 +9,7 @@ from poise._checks import Numbers
 from poise._show import new_figure
 from poise.robots._robot import Robot
 
-_VIEWS = (("from the front", 1, "y [m]"), ("from the left", 0, "x [m]"))
+_VIEWS = (("from the front", 1, "y [m]"), ("from the right", 0, "x [m]"))
 """Title, the coordinate that is drawn across, and its label."""
 
 
@@ -40,11 +40,9 @@ def draw_robot(robot: Robot, q: Numbers | None = None) -> Any:
             axes.plot(ends[:, across], ends[:, 2], color="0.3", marker="o", markersize=3)
         _draw_frames(axes, robot, data, across)
         axes.plot(com[across], com[2], "o", color="tab:orange", label="COM")
-        if across == 1:
-            # The robot looks at the reader: its left is on the right.
-            axes.invert_xaxis()
-            axes.legend(fontsize=7, loc="upper right")
+        axes.margins(x=0.3)
         axes.set(title=title, xlabel=label, ylabel="z [m]", aspect="equal")
+    figure.axes[0].legend(fontsize=7, loc="upper right")
     return figure
 
 

@@ -101,6 +101,9 @@ class Run:
                 ax.plot(signals.time, values, label=name or None, linewidth=1.0)
             if any(lines):
                 ax.legend(fontsize=6, loc="upper right")
+            if title.startswith("task"):
+                # A hand is off by millimetres, a posture by tenths of a radian.
+                ax.set_yscale("log")
             for check in self.checks:
                 if not check.ok and check.time is not None:
                     ax.axvline(check.time, color="tab:red", linestyle="--", linewidth=0.8)
