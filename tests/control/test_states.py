@@ -19,7 +19,10 @@ def robot(get_robot):
 def controller(request, robot):
     if request.param == "whole_body":
         return poise.WholeBodyController(robot)
-    return poise.DifferentialIK(robot, dt=2e-3)
+    controller = poise.DifferentialIK(robot, dt=2e-3)
+    assert controller.fall_height_ratio is None
+    controller.fall_height_ratio = 0.25
+    return controller
 
 
 def joints_of(command):
@@ -143,7 +146,7 @@ def test_stairs_and_heights_are_no_fall(robot, controller):
 
 
 def test_who_lies_on_purpose_says_so(robot, controller):
-    assert controller.fall_height_ratio == 0.5
+    assert controller.fall_height_ratio == 0.25
     controller.fall_height_ratio = None
     for time in (0.0, 0.2):
         assert controller.step(lying(robot, time=time)).status is not CommandStatus.FALLEN

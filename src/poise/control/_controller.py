@@ -10,7 +10,7 @@ from jaxtyping import Float64
 from poise._checks import Numbers
 from poise._compiled import compiled
 from poise.control._command import Command, CommandStatus
-from poise.control._fall import FallWatch
+from poise.control._fall import FALL_HEIGHT_RATIO, FallWatch
 from poise.control._fallback import Fallback, RateLimit
 from poise.control._state_check import fault_of, is_usable
 from poise.control._status import ControllerStatus, task_statuses
@@ -67,7 +67,9 @@ class Controller:
         self._bounds = (
             (limit.lower, limit.upper) if self._commands_torque else (-unbounded, unbounded)
         )
-        self._fall_watch = FallWatch(strategy.robot)
+        # Kinematics know no weight: who asks for velocities may turn a robot over.
+        ratio = FALL_HEIGHT_RATIO if self._commands_torque else None
+        self._fall_watch = FallWatch(strategy.robot, ratio)
         # What is compiled is compiled now.
         strategy.stack.joint_limit.evaluate(self.dynamics)
         is_usable(self.dynamics.state, strategy.robot)
@@ -144,8 +146,8 @@ class Controller:
     def fall_height_ratio(self) -> float | None:
         """Height of the pelvis over the lowest sole, by that at home, below which a robot lies.
 
-        It has fallen when that is so for 0.1 s. At first 0.5; None for a robot that lies or sits on
-        purpose.
+        It has fallen when that is so for 0.1 s. At first 0.25 where torques are commanded and None,
+        for never, where velocities are. A robot that lies or sits on purpose wants None, too.
 
         Raises:
             ConfigurationError: no number between 0 and 1, or a robot that cannot fall.

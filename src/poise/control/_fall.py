@@ -12,8 +12,9 @@ from poise.dynamics import Dynamics, Motion, frames_of, motion_of
 from poise.errors import ConfigurationError
 from poise.robots import Robot
 
-FALL_HEIGHT_RATIO = 0.5
-"""A pelvis this low over the lowest sole, by its height at home, is that of a robot that lies."""
+FALL_HEIGHT_RATIO = 0.25
+"""A pelvis this low over the lowest sole, by its height at home, is that of a robot that lies; one
+that squats or kneels is higher."""
 
 _PATIENCE = 0.1
 """How long the pelvis has to be that low: one wrong measurement is no fall [s]."""
@@ -26,14 +27,15 @@ class FallWatch:
 
     Args:
         robot: the robot.
+        ratio: see `height_ratio`; None for one that does not fall.
     """
 
-    def __init__(self, robot: Robot) -> None:
+    def __init__(self, robot: Robot, ratio: float | None) -> None:
         frames = [robot.frame_id(name) for name in (robot.pelvis, *robot.soles)]
         table = frames_of(robot.model, frames)
         self._joints, self._offsets = table.joints, table.placements[:, 9:].copy()
         self._watches = robot.floating_base and bool(robot.soles)
-        self._ratio: float | None = FALL_HEIGHT_RATIO if self._watches else None
+        self._ratio = ratio if self._watches else None
         data = robot.model.createData()
         pin.forwardKinematics(robot.model, data, robot.q_home)
         self._home = self._height(motion_of(robot.model, data))
