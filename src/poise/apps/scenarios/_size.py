@@ -13,6 +13,10 @@ from poise.sim import Block
 from poise.stack import Stack
 
 
+_SAME = 1e-3
+"""Sizes nearer to each other than this are one: heights in files are rounded."""
+
+
 def size_ratio(scenario: Scenario, robot: Robot) -> float:
     """How large a robot is, by the one that the scenario's lengths are written for.
 
@@ -26,7 +30,8 @@ def size_ratio(scenario: Scenario, robot: Robot) -> float:
     if scenario.reference_com_height is None:
         return 1.0
     height = pin.centerOfMass(robot.model, robot.model.createData(), robot.q_home)[2]
-    return float(height) / scenario.reference_com_height
+    ratio = float(height) / scenario.reference_com_height
+    return 1.0 if abs(ratio - 1.0) < _SAME else ratio
 
 
 def sized(scenario: Scenario, ratio: float) -> Scenario:
