@@ -12,7 +12,6 @@ from poise.robots import Robot
 from poise.sim import Block
 from poise.stack import Stack
 
-
 _SAME = 1e-3
 """Sizes nearer to each other than this are one: heights in files are rounded."""
 
