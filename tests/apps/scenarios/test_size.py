@@ -66,7 +66,8 @@ def test_lengths_are_scaled_and_nothing_else(staged):
     assert (gait.swing_height, gait.crouch, gait.width) == (0.02, 0.005, None)
     np.testing.assert_allclose(half.motions[0].by, [0.03, 0.0, 0.05])
     assert half.motions[1] == written.motions[1]
-    assert half.pushes == written.pushes
+    assert half.pushes[0].velocity_change == pytest.approx((0.1 * np.sqrt(0.5), 0.0, 0.0))
+    assert replace(half.pushes[0], velocity_change=(0.1, 0.0, 0.0)) == written.pushes[0]
 
 
 def test_bounds_in_metres_are_scaled_and_others_stay(staged):

@@ -1,12 +1,13 @@
 """A scenario whose lengths are written for a robot of one size, on a robot of another."""
 
+import math
 from dataclasses import fields, replace
 
 import numpy as np
 import pinocchio as pin
 
 from poise.apps.scenarios._metrics import METRICS
-from poise.apps.scenarios._scenario import CheckPlan, Motion, Scenario, WalkPlan
+from poise.apps.scenarios._scenario import CheckPlan, Motion, PushPlan, Scenario, WalkPlan
 from poise.locomotion import Gait, Stride
 from poise.robots import Robot
 from poise.sim import Block
@@ -36,7 +37,9 @@ def size_ratio(scenario: Scenario, robot: Robot) -> float:
 def sized(scenario: Scenario, ratio: float) -> Scenario:
     """The scenario with its lengths scaled: motions, strides, the gait, blocks; not its checks.
 
-    Times, angles, forces, changes of speed and what is given by the arm's length stay.
+    Changes of speed are scaled by the root of the ratio: a pendulum c high takes an equal share of
+    its height to brake v = share sqrt(g c). Times, angles, forces and what is given by the arm's
+    length stay.
 
     Args:
         scenario: as its file has it.
@@ -50,6 +53,7 @@ def sized(scenario: Scenario, ratio: float) -> Scenario:
         plant=replace(scenario.plant, blocks=blocks),
         walk=None if scenario.walk is None else _walk(scenario.walk, ratio),
         motions=tuple(_motion(motion, ratio) for motion in scenario.motions),
+        pushes=tuple(_push(push, math.sqrt(ratio)) for push in scenario.pushes),
     )
 
 
@@ -110,6 +114,13 @@ def _motion(motion: Motion, ratio: float) -> Motion:
     if motion.by is not None:
         return replace(motion, by=ratio * np.asarray(motion.by))
     return motion
+
+
+def _push(push: PushPlan, ratio: float) -> PushPlan:
+    if push.velocity_change is None:
+        return push
+    x, y, z = push.velocity_change
+    return replace(push, velocity_change=(ratio * x, ratio * y, ratio * z))
 
 
 def _check(check: CheckPlan, ratio: float) -> CheckPlan:
