@@ -14,7 +14,8 @@ ROOT = Path(__file__).parents[1] / "src" / "poise"
 FLOORS = (
     {"errors"},
     {"_yaml"},
-    {"_checks", "_schema", "_compiled"},
+    {"_checks", "_schema", "_compiled", "_progress"},
+    {"_show"},
     {"robots", "hqp"},
     {"dynamics"},
     {"stack"},

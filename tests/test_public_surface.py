@@ -146,9 +146,10 @@ for name, make in wrong.items():
 controller = WholeBodyController(robot)
 q, v = robot.q_home, np.zeros(robot.nv)
 for state in (
-    poise.RobotState(q.astype(np.float32), v),
-    poise.RobotState(q, np.zeros(robot.nv, dtype=int)),
-    poise.RobotState(list(q), v),
+    poise.RobotState(q.astype(str), v),
+    poise.RobotState(q, np.zeros(robot.nv, dtype=bool)),
+    poise.RobotState([list(q)], v),
+    poise.RobotState([q, v], v),
     poise.RobotState(None, v),
     poise.RobotState(q, None),
     poise.RobotState(q, v, time=None),

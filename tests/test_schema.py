@@ -150,3 +150,30 @@ def test_bounds_are_kept_to_the_end(bounds, inside, outside):
     for value in outside:
         with pytest.raises(ConfigurationError, match=re.escape(f"wanted {bounds.wanted}")):
             Held(value)
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("1e9", 1e9),
+        ("1.0e9", 1e9),
+        ("1.0E9", 1e9),
+        ("1.e9", 1e9),
+        (".5e3", 500.0),
+        ("-2.5e+3", -2500.0),
+        ("+1e-3", 1e-3),
+        ("1.0e-3", 1e-3),
+        ("12", 12),
+        ("0.5", 0.5),
+    ],
+)
+def test_numbers_in_files_are_numbers_however_they_are_written(text, value):
+    data = read_yaml(f"x: {text}", "x.yaml", error=ConfigurationError)
+    assert data["x"] == value
+    assert not isinstance(data["x"], str)
+
+
+@pytest.mark.parametrize("text", ["e9", "1e", ".e9", "1e9x", "1.2.3e4", "'1e9'"])
+def test_what_is_no_number_stays_text(text):
+    data = read_yaml(f"x: {text}", "x.yaml", error=ConfigurationError)
+    assert isinstance(data["x"], str)

@@ -212,7 +212,7 @@ def record_by_hand(count: int, progress: Progress | None = None) -> Generator[Hi
         [PostureTask()],
     ]
     stack = Stack([SurfaceContact(left)], levels)
-    controller = DifferentialIK(robot, stack, dt=walk.plant.control_dt, method="hqp")
+    controller = DifferentialIK(robot, stack, dt=walk.plant.control_dt, strategy="hqp")
     later = Dynamics(robot)
     for now, then in zip(ticks[:count], ticks[_AHEAD:], strict=True):
         _aim(stack, robot, later, then)

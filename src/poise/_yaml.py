@@ -59,7 +59,7 @@ def read_text(path: Path, *, error: type[PoiseError]) -> str:
 
 
 class _StrictLoader(yaml.SafeLoader):
-    """The safe loader, which refuses tags and keys that stand twice, and knows 1e-3 as a number."""
+    """The safe loader, but no tags, no keys that stand twice, and 1e-3 and 1.0e9 are numbers."""
 
     def compose_node(self, parent: Any, index: Any) -> Any:
         event = self.peek_event()
@@ -99,5 +99,7 @@ class _StrictLoader(yaml.SafeLoader):
 _StrictLoader.add_constructor("tag:yaml.org,2002:map", _StrictLoader.lined_mapping)
 _StrictLoader.add_constructor("tag:yaml.org,2002:seq", _StrictLoader.lined_list)
 _StrictLoader.add_implicit_resolver(
-    "tag:yaml.org,2002:float", re.compile(r"[-+]?[0-9]+[eE][-+]?[0-9]+$"), list("-+0123456789")
+    "tag:yaml.org,2002:float",
+    re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)[eE][-+]?[0-9]+$"),
+    list("-+.0123456789"),
 )

@@ -9,6 +9,7 @@ import pytest
 
 pytest.importorskip("mujoco")
 
+from poise import __version__
 from poise.apps.scenarios import _outputs as outputs, shipped_scenarios
 from poise.cli.main import main
 from poise.errors import MissingExtraError
@@ -291,3 +292,10 @@ def test_the_reader_of_a_pipe_may_go_away(tmp_path):
     )  # fmt: skip
     assert done.returncode == 0
     assert "Traceback" not in done.stderr
+
+
+def test_the_version_is_said(capsys):
+    with pytest.raises(SystemExit) as end:
+        main(["--version"])
+    assert end.value.code == 0
+    assert capsys.readouterr().out.strip() == f"poise {__version__}"

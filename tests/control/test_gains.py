@@ -6,6 +6,7 @@ from oracles import near_home
 
 import poise
 from poise.control import CommandStatus
+from poise.errors import ConfigurationError
 from poise.stack import (
     ComTask,
     FrameTask,
@@ -22,7 +23,7 @@ CONTROLLERS = {
     "osf": poise.OperationalSpaceController,
     "differential_ik": lambda robot, stack: poise.DifferentialIK(robot, stack, dt=2e-3),
     "exact differential_ik": lambda robot, stack: poise.DifferentialIK(
-        robot, stack, dt=2e-3, method="hqp"
+        robot, stack, dt=2e-3, strategy="hqp"
     ),
 }
 BEFORE = {"com": (30.0, None), "hand": (60.0, None), "own": (10.0, None), "posture": (20.0, None)}
@@ -112,11 +113,11 @@ def test_the_next_tick_is_that_of_a_controller_made_with_these_gains(robot, name
     assert np.abs(joints_of(make(robot, early).step(second)) - expected).max() < 1e-9 * scale
 
 
-@pytest.mark.parametrize("method", ["closed_form", "hqp"])
-def test_velocities_without_damping_to_divide_by_fall_back_until_there_is_some(robot, method):
+@pytest.mark.parametrize("strategy", ["closed_form", "hqp"])
+def test_velocities_without_damping_to_divide_by_fall_back_until_there_is_some(robot, strategy):
     """A task that follows kp / kd cannot without kd; nothing raises in the loop."""
     stack = make_stack(robot, BEFORE, damping=20.0, momentum=5.0)
-    controller = poise.DifferentialIK(robot, stack, dt=2e-3, method=method)
+    controller = poise.DifferentialIK(robot, stack, dt=2e-3, strategy=strategy)
     state = near_home(robot, 0)
     joints_of(controller.step(state))
     stack.task("posture").set_gains(20.0, 0.0)
@@ -125,3 +126,24 @@ def test_velocities_without_damping_to_divide_by_fall_back_until_there_is_some(r
     assert np.isfinite(command.velocity).all()
     stack.task("posture").set_gains(20.0)
     joints_of(controller.step(state))
+
+
+def test_gains_are_set_by_the_tasks_name_through_the_controller(robot):
+    controller = poise.WholeBodyController(
+        robot, make_stack(robot, BEFORE, damping=20.0, momentum=5.0)
+    )
+    com = controller.stack.task("com")
+    controller.set_gains("com", 64.0)
+    np.testing.assert_array_equal((com.kp, com.kd), np.full((2, 3), [[64.0], [16.0]]))
+    controller.set_gains("com", kd=3.0)
+    np.testing.assert_array_equal((com.kp, com.kd), np.full((2, 3), [[64.0], [3.0]]))
+    # Critical again unless told otherwise, whatever it was.
+    controller.set_gains("com")
+    np.testing.assert_array_equal(com.kd, np.full(3, 16.0))
+    controller.set_gains("angular momentum", kd=7.0)
+    with pytest.raises(ConfigurationError, match="choices.*com"):
+        controller.set_gains("comm", 1.0)
+    for kp, kd in ((-1.0, None), (np.nan, None), ([1.0, 2.0], None), (1.0, -1.0)):
+        with pytest.raises(ConfigurationError, match="of task 'com'"):
+            controller.set_gains("com", kp, kd)
+    np.testing.assert_array_equal((com.kp, com.kd), np.full((2, 3), [[64.0], [16.0]]))

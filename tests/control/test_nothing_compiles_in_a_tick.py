@@ -16,7 +16,7 @@ CONTROLLERS = {
     "reduced": poise.ReducedController,
     "osf": poise.OperationalSpaceController,
     "closed_form": lambda robot, stack: poise.DifferentialIK(robot, stack, dt=0.002),
-    "hqp": lambda robot, stack: poise.DifferentialIK(robot, stack, dt=0.002, method="hqp"),
+    "hqp": lambda robot, stack: poise.DifferentialIK(robot, stack, dt=0.002, strategy="hqp"),
 }
 
 

@@ -1,3 +1,4 @@
+import re
 import subprocess
 
 import numpy as np
@@ -52,6 +53,26 @@ def test_the_robot_is_in_the_middle_of_the_picture(plant, biped, opengl_here):
     assert 60 < here.mean() < 235
 
 
+@pytest.mark.parametrize("arms", ["down", "up", "ahead"])
+@pytest.mark.parametrize("name", ["humanoid33", "g1", "talos"])
+def test_the_whole_robot_is_seen_with_its_feet_and_hands(get_robot, name, arms, opengl_here):
+    robot = get_robot(name)
+    q, away = robot.q_home.copy(), robot.q_home.copy()
+    away[:2] += 50.0
+    for i, joint in enumerate(robot.joint_names):
+        if re.search(r"shoulder_pitch|arm_(left|right)_2|arm_(left|right)_1", joint):
+            reach = {"down": 0.0, "up": -2.8, "ahead": -1.5}[arms]
+            q[robot.nq - robot.nj + i] += np.clip(reach, robot.q_min[i], robot.q_max[i])
+    with Camera(robot, Plant(robot).model, SMALL) as camera:
+        here = camera.picture(q).astype(int)
+        empty = camera.picture(away, dt=1e-9).astype(int)
+    seen = np.nonzero(np.abs(here - empty).sum(axis=2) > 30)
+    for pixels, size in zip(seen, (180, 320), strict=True):
+        assert pixels.min() >= 0.015 * size
+        assert pixels.max() < 0.985 * size
+    assert np.ptp(seen[0]) > 0.5 * 180
+
+
 def test_markers_are_drawn(plant, biped, opengl_here):
     with Camera(biped, plant.model, SMALL) as camera:
         plain = camera.picture(biped.q_home).astype(int)
@@ -96,6 +117,7 @@ def test_drawing_leaves_the_plant_alone(plant, biped, opengl_here):
 
 def test_a_video_has_the_length_and_size_of_the_run(plant, biped, opengl_here, tmp_path):
     imageio_ffmpeg = pytest.importorskip("imageio_ffmpeg")
+    image = pytest.importorskip("matplotlib.image")
     times = np.arange(0.0, 1.0, 1e-3)
     qs = np.tile(biped.q_home, (len(times), 1))
     qs[:, 0] += 0.2 * times
@@ -107,8 +129,10 @@ def test_a_video_has_the_length_and_size_of_the_run(plant, biped, opengl_here, t
         tmp_path / "run.mp4",
         config=VideoConfig(camera=SMALL),
         markers=lambda i: (Marker(position=(0.2 * times[i], 0.0, 0.0)),),
+        poster=str(tmp_path / "run.jpg"),
         progress=lambda done, total: seen.append((done, total)),
     )
+    assert image.imread(tmp_path / "run.jpg").shape == (180, 320, 3)
     frames, seconds = imageio_ffmpeg.count_frames_and_secs(str(path))
     assert frames == 30
     assert seconds == pytest.approx(1.0, abs=0.05)

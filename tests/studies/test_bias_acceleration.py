@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from poise.cli._progress import Bar
+from poise._progress import Bar
 from studies.bias_acceleration.cost_section import cost_section
 from studies.page import write_study
 from studies.plan import STUDIES, StudyOptions, load_study

@@ -7,8 +7,8 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
+from poise._progress import Bar
 from poise.cli._options import add_output_options, add_worker_options, make_workers
-from poise.cli._progress import Bar
 from poise.cli._run import run_and_report
 from poise.errors import ConfigurationError
 
@@ -56,7 +56,7 @@ def _run(file: Path, options: argparse.Namespace) -> int:
 
     folder = Path(options.out or f"runs/campaign-{file.stem}")
     try:
-        with Bar("episodes", " episodes") as bar:
+        with Bar("episodes", " episodes", lines=not options.json) as bar:
             run_campaign(file, folder, make_workers(options), bar)
     except KeyboardInterrupt:
         print("interrupted; the same command goes on from here", file=sys.stderr)

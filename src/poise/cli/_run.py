@@ -7,8 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from poise._progress import Bar
 from poise.cli._options import add_output_options, make_folder, whole_number
-from poise.cli._progress import Bar
 
 DEFAULT_SCENARIO = "over_an_obstacle"
 """What runs with no argument: a robot is walked over two blocks by hand."""
@@ -81,14 +81,14 @@ def run_and_report(
         write_video,
     )
 
-    with Bar("simulating", "s") as bar:
+    with Bar("simulating", "s", lines=not quiet) as bar:
         run = run_scenario(scenario, log=folder / LOG, view=view, progress=bar)
     summary = summarise(run)
     write_summary(summary, folder)
     no_video = None
     if video:
         try:
-            with Bar("drawing the video", " frames") as bar:
+            with Bar("drawing the video", " frames", lines=not quiet) as bar:
                 no_video = write_video(run, folder, bar)
         except KeyboardInterrupt:
             no_video = "No video: interrupted by the user"
@@ -131,7 +131,10 @@ def _print(run: Any, summary: dict[str, Any], no_video: str | None, page: Path) 
     for check in run.checks:
         mark = "ok  " if check.ok else "FAIL"
         bound = f"{check.relation} {check.bound:g} {check.unit}".rstrip()
-        print(f"  {mark}  {check.name}: {check.value:.3g} ({bound})")
+        worst = "" if check.ok or check.time is None else f" at {check.time:.2f} s"
+        print(f"  {mark}  {check.name}: {check.value:.3g} ({bound}){worst}")
+        if check.mechanism:
+            print(f"        {check.mechanism}")
     tick = summary["tick_us"]
     if tick["p50"] is not None:
         print(

@@ -7,8 +7,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from poise._progress import Bar
 from poise.cli._options import add_output_options, add_worker_options, make_workers
-from poise.cli._progress import Bar
 from poise.cli._run import run_and_report
 from poise.errors import ConfigurationError
 
@@ -102,7 +102,7 @@ def _make(options: argparse.Namespace) -> int:
         # Found before hours of work, not after.
         compare(plan.card((), {}), other)
     try:
-        with Bar("episodes", " episodes") as bar:
+        with Bar("episodes", " episodes", lines=not options.json) as bar:
             card = make_card(plan, folder, make_workers(options), bar)
     except KeyboardInterrupt:
         print("interrupted; the same command goes on from here", file=sys.stderr)

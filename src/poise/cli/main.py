@@ -4,6 +4,7 @@ import argparse
 import sys
 from collections.abc import Sequence
 
+from poise import __version__
 from poise.cli import _campaign, _robots, _run, _scorecard, _teleop, _warmup
 from poise.cli._command import run_command
 
@@ -22,6 +23,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         description="Whole-body control for humanoid robots.",
         epilog="example: poise run squat --out runs/squat",
     )
+    parser.add_argument("--version", action="version", version=f"poise {__version__}")
     verbs = parser.add_subparsers(metavar="VERB", required=True)
     for verb in (_run, _scorecard, _campaign, _robots, _teleop, _warmup):
         verb.add_parser(verbs)

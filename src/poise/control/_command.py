@@ -22,7 +22,10 @@ class CommandStatus(Enum):
     TIME_LIMIT = "time_limit"
     """The solve reached its time cap before its last level: decayed towards damping."""
     BAD_STATE = "bad_state"
-    """The state held NaN or infinity, or had the wrong shape: decayed towards damping."""
+    """The state held NaN or infinity, or had the wrong shape: decayed towards damping. The
+    controller's `status().reason` says which entry."""
+    FALLEN = "fallen"
+    """The robot lies: decayed towards damping, until it stands again."""
 
     @property
     def ok(self) -> bool:

@@ -1,16 +1,20 @@
 """`Controller`: from a state to a command, tick by tick, by whatever strategy."""
 
+from html import escape
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float64
 
+from poise._checks import Numbers
 from poise._compiled import compiled
 from poise.control._command import Command, CommandStatus
+from poise.control._fall import FALL_HEIGHT_RATIO, FallWatch
 from poise.control._fallback import Fallback, RateLimit
-from poise.control._state_check import is_usable
+from poise.control._state_check import fault_of, is_usable
 from poise.control._status import ControllerStatus, task_statuses
-from poise.control._strategy import USABLE, Answer, Strategy
+from poise.control._strategy import PHYSICS_LEVELS, USABLE, Answer, Strategy
 from poise.dynamics import Dynamics, RobotState
 from poise.hqp import SolveStatus
 from poise.robots import Robot
@@ -20,9 +24,9 @@ from poise.stack import Stack, Task
 class Controller:
     """Checks the state, has a strategy solve the stack, and falls back where there is no answer.
 
-    `step` never raises. On a solver failure, a state that is not finite, or a solve cut short by
-    the time cap it returns the last good command, torques decayed towards damping or velocities to
-    a stop, and says so in the command's status.
+    `step` never raises. On a solver failure, a state that is not finite, a robot that has fallen,
+    or a solve cut short by the time cap it returns the last good command, torques decayed towards
+    damping or velocities to a stop, and says so in the command's status.
 
     `WholeBodyController`, `ReducedController`, `OperationalSpaceController` and `DifferentialIK`
     are controllers of one strategy each. What one can set while running is a member of theirs;
@@ -51,7 +55,7 @@ class Controller:
         self._shares_dynamics = dynamics is not None
         self.dynamics = Dynamics(strategy.robot) if dynamics is None else dynamics
         self.timings: dict[str, float] = {}
-        self._last_status = CommandStatus.OK
+        self._last_status, self._reason = CommandStatus.OK, ""
         self._commands_torque = strategy.commands == "torque"
         limit = strategy.stack.torque_limit
         self._fallback = (
@@ -63,6 +67,9 @@ class Controller:
         self._bounds = (
             (limit.lower, limit.upper) if self._commands_torque else (-unbounded, unbounded)
         )
+        # Kinematics know no weight: who asks for velocities may turn a robot over.
+        ratio = FALL_HEIGHT_RATIO if self._commands_torque else None
+        self._fall_watch = FallWatch(strategy.robot, ratio)
         # What is compiled is compiled now.
         strategy.stack.joint_limit.evaluate(self.dynamics)
         is_usable(self.dynamics.state, strategy.robot)
@@ -70,6 +77,16 @@ class Controller:
         strategy.rehearse(self.dynamics)
         for _, task in strategy.stack.tasks():
             task.reset()
+
+    def __repr__(self) -> str:
+        kind, levels = type(self).__name__, PHYSICS_LEVELS + len(self.stack.levels)
+        said = f"{kind} of {self.robot.name}: {levels} levels, commands {self._strategy.commands}"
+        return f"{said}, {self._last_status.value}"
+
+    def _repr_html_(self) -> str:
+        # Before the first tick there is nothing to say of how it stands.
+        table: Any = self.status() if self.timings else self.stack
+        return f"<p>{escape(repr(self))}</p>{table._repr_html_()}"
 
     @property
     def strategy(self) -> Strategy:
@@ -105,18 +122,53 @@ class Controller:
         Returns:
             What the joints should do, with the status that says how it came about.
         """
-        usable = is_usable(state, self.robot)
-        command = self._tick(state) if usable else self._fall_back(CommandStatus.BAD_STATE, state)
+        self._reason = ""
+        if is_usable(state, self.robot):
+            command = self._tick(state)
+        else:
+            self._reason = fault_of(state, self.robot)
+            command = self._fall_back(CommandStatus.BAD_STATE, state)
         self._last_status = command.status
         return command
+
+    def set_gains(self, task: str, kp: Numbers | None = None, kd: Numbers | None = None) -> None:
+        """Sets stiffness and damping of a task, from the next tick.
+
+        Args:
+            task: its name in the stack.
+            kp: stiffness, one number or one a row [1/s^2]; as it is when None.
+            kd: damping [1/s]; critical, 2 sqrt(kp), when None.
+
+        Raises:
+            ConfigurationError: no such task, wrong length, or gains that are not finite or
+                negative.
+        """
+        self.stack.task(task).set_gains(kp, kd)
+
+    @property
+    def fall_height_ratio(self) -> float | None:
+        """Height of the pelvis over the lowest sole, by that at home, below which a robot lies.
+
+        It has fallen when that is so for 0.1 s. At first 0.25 where torques are commanded and None,
+        for never, where velocities are. A robot that lies or sits on purpose wants None, too.
+
+        Raises:
+            ConfigurationError: no number between 0 and 1, or a robot that cannot fall.
+        """
+        return self._fall_watch.height_ratio
+
+    @fall_height_ratio.setter
+    def fall_height_ratio(self, ratio: float | None) -> None:
+        self._fall_watch.height_ratio = ratio
 
     def reset(self) -> None:
         """Forgets the last command, the last solution and targets taken from the robot.
 
         Contacts stay as loaded as they are.
         """
-        self._last_status = CommandStatus.OK
+        self._last_status, self._reason = CommandStatus.OK, ""
         self._fallback.reset()
+        self._fall_watch.reset()
         if self._rate_limit is not None:
             self._rate_limit.reset()
         for _, task in self.stack.tasks():
@@ -127,6 +179,7 @@ class Controller:
         """How each task stood at the last tick: level, error with unit, residual."""
         return ControllerStatus(
             command=self._last_status,
+            reason=self._reason,
             tasks=task_statuses(self.stack, self._strategy.task_residuals(), self.suspended),
             explanation=self._strategy.explain(),
         )
@@ -136,6 +189,9 @@ class Controller:
         begin = perf_counter()
         if not (self._shares_dynamics and state is self.dynamics.state):
             self.dynamics.update(state)
+        if self._fall_watch.sees_fall(self.dynamics):
+            self._reason = self._fall_watch.describe()
+            return self._fall_back(CommandStatus.FALLEN, state)
         for contact in strategy.stack.contacts:
             contact.advance(state.time)
         if strategy.prepare(strategy.stack.active_contacts):

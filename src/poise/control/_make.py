@@ -6,7 +6,7 @@ from typing import Literal
 
 from poise._schema import NOT_IN_FILES, AnyText, Duration, Text, checked
 from poise.control._controller import Controller
-from poise.control._differential_ik import METHODS, DifferentialIK
+from poise.control._differential_ik import STRATEGIES as IK_STRATEGIES, DifferentialIK
 from poise.control._osf import OperationalSpaceController
 from poise.control._reduced import ReducedController
 from poise.control._whole_body import WholeBodyController
@@ -75,7 +75,7 @@ def _differential_ik(
     robot: Robot, stack: Stack | None, plan: ControllerPlan, strategy: str
 ) -> Controller:
     _refuse_solver_settings(plan, "differential inverse kinematics", "its problems are small")
-    return DifferentialIK(robot, stack, dt=plan.dt, method=strategy)
+    return DifferentialIK(robot, stack, dt=plan.dt, strategy=strategy)
 
 
 def _refuse_solver_settings(plan: ControllerPlan, controller: str, why: str) -> None:
@@ -93,7 +93,7 @@ CONTROLLERS: Mapping[str, ControllerKind] = {
     "reduced": ControllerKind(strategies=STRATEGIES, make=_reduced),
     "osf": ControllerKind(strategies=("fused",), make=_osf),
     "differential_ik": ControllerKind(
-        strategies=METHODS, make=_differential_ik, actuation="velocity"
+        strategies=IK_STRATEGIES, make=_differential_ik, actuation="velocity"
     ),
 }
 """Controllers by name."""

@@ -1,4 +1,4 @@
-"""Whether a state may be used for control at all."""
+"""Whether a state may be used for control at all, and if not, why."""
 
 import math
 
@@ -15,6 +15,9 @@ _QUATERNION_TOLERANCE = 1e-3
 _LARGEST = 1e6
 """Larger positions and speeds are no robot's [m, rad, m/s, rad/s]; their squares overflow."""
 
+_MOST_NAMED = 3
+"""More entries at fault than this are counted, not named."""
+
 
 def is_usable(state: object, robot: Robot) -> bool:
     """Whether kinds and sizes fit, numbers are finite and sane, and the base quaternion is a unit.
@@ -30,6 +33,35 @@ def is_usable(state: object, robot: Robot) -> bool:
         return False
     # Copies: whatever layout came, compiled code is made for one.
     return _is_sane(np.array(q), np.array(v), robot.floating_base)
+
+
+def fault_of(state: object, robot: Robot) -> str:
+    """Why a state is of no use, in words; "" for one that is.
+
+    Args:
+        state: the state as it came.
+        robot: the robot it should belong to.
+    """
+    if is_usable(state, robot):
+        return ""
+    if not isinstance(state, RobotState):
+        return f"the state is of kind {type(state).__name__}, wanted RobotState"
+    for name, value, size in (("q", state.q, robot.nq), ("v", state.v, robot.nv)):
+        if not _is_vector(value, size):
+            return f"{name} is {_kind(value)}, wanted {size} numbers"
+    if not _is_time(state.time):
+        return f"the time is {state.time!r}, wanted seconds"
+    for name, value, entries in (
+        ("q", state.q, _entries(robot, robot.nq)),
+        ("v", state.v, _entries(robot, robot.nv)),
+    ):
+        bad = np.flatnonzero(~(np.abs(value) <= _LARGEST)).tolist()
+        if bad:
+            named = ", ".join(f"{entries[i]} is {value[i]:g}" for i in bad[:_MOST_NAMED])
+            more = len(bad) - _MOST_NAMED
+            return f"in {name}, {named}" + (f" and {more} more" if more > 0 else "")
+    norm = float(np.linalg.norm(state.q[3:7]))
+    return f"the base quaternion q[3:7] has length {norm:g}, wanted 1"
 
 
 @compiled
@@ -54,3 +86,16 @@ def _is_vector(value: object, size: int) -> bool:
 
 def _is_time(value: object) -> bool:
     return isinstance(value, float | int) and math.isfinite(value)
+
+
+def _kind(value: object) -> str:
+    """What somebody gave in place of a vector."""
+    if isinstance(value, np.ndarray):
+        return f"an array of shape {value.shape} and type {value.dtype}"
+    return f"of kind {type(value).__name__}"
+
+
+def _entries(robot: Robot, size: int) -> list[str]:
+    """What messages call the entries of q or v: base by number, joints by name."""
+    base = size - robot.nj
+    return [f"entry {i} of the base" for i in range(base)] + list(robot.joint_names)

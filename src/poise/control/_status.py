@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from poise._show import html_table
 from poise.control._command import CommandStatus
 from poise.control._strategy import PHYSICS_LEVELS
 from poise.stack import Stack, Task
@@ -38,22 +39,38 @@ class ControllerStatus:
 
     Attributes:
         command: status of the last command.
+        reason: why the last state was of no use, or how the robot was seen to have fallen; "" for
+            other commands.
         tasks: each task, most important first.
         explanation: which rows conflict and with what, in words.
     """
 
     command: CommandStatus
+    reason: str
     tasks: tuple[TaskStatus, ...]
     explanation: str
 
     def __str__(self) -> str:
         width = max([len(t.name) for t in self.tasks], default=4)
-        lines = [f"status: {self.command.value}"]
+        lines = [f"status: {self.command.value}" + (f" ({self.reason})" if self.reason else "")]
         lines.append(f"{'level':>5}  {'task':<{width}}  {'error':>22}  residual")
         for t in self.tasks:
             error = "held by a contact" if t.suspended else f"{t.error:.3g} {t.unit}"
             lines.append(f"{t.level:>5}  {t.name:<{width}}  {error:>22}  {t.residual:.2e}")
         return "\n".join([*lines, self.explanation])
+
+    def _repr_html_(self) -> str:
+        rows = [
+            (
+                t.level,
+                t.name,
+                "held by a contact" if t.suspended else f"{t.error:.3g} {t.unit}",
+                f"{t.residual:.2e}",
+            )
+            for t in self.tasks
+        ]
+        title = str(self).splitlines()[0]
+        return html_table(title, ("level", "task", "error", "residual"), rows)
 
 
 def task_statuses(

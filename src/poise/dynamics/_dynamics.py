@@ -12,6 +12,7 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float64
 
+from poise._checks import Numbers
 from poise.dynamics._motion import (
     BIAS,
     KINEMATICS,
@@ -25,13 +26,16 @@ from poise.dynamics._motion import (
 )
 from poise.robots import Robot
 
+_NUMBER = np.dtype(np.float64)
 
-@dataclass(frozen=True, slots=True)
+
+@dataclass(frozen=True, slots=True, init=False)
 class RobotState:
     """Where the robot is and how fast, as measured or estimated.
 
-    Not validated when made, because it is made every tick: a controller checks it for NaN and
-    answers with a status.
+    Lists, float32 and whole numbers become arrays of float64; arrays of float64 are not copied. Not
+    validated when made, because it is made every tick: what cannot be numbers stays what it is, and
+    a controller checks it all and answers with a status.
 
     Attributes:
         q: configuration as Pinocchio orders it: base position in the world [m], base quaternion
@@ -46,6 +50,31 @@ class RobotState:
     v: Float64[np.ndarray, " nv"]
     contacts: Mapping[str, Float64[np.ndarray, "6"]] = field(default_factory=dict)
     time: float = 0.0
+
+    def __init__(
+        self,
+        q: Numbers,
+        v: Numbers,
+        contacts: Mapping[str, Float64[np.ndarray, "6"]] | None = None,
+        time: float | np.generic = 0.0,
+    ) -> None:
+        take = object.__setattr__
+        take(self, "q", _as_numbers(q))
+        take(self, "v", _as_numbers(v))
+        take(self, "contacts", {} if contacts is None else contacts)
+        take(self, "time", time.item() if isinstance(time, np.generic) else time)
+
+
+def _as_numbers(value: Numbers) -> Numbers:
+    """An array of float64, or what was given where it cannot become one."""
+    if type(value) is np.ndarray and value.dtype == _NUMBER:
+        return value
+    try:
+        # Of texts numbers could be made, too; nobody means that.
+        found = np.asarray(value)
+        return found.astype(np.float64) if found.dtype.kind in "fiu" else value
+    except (TypeError, ValueError, OverflowError):
+        return value
 
 
 class FrameKinematics(NamedTuple):

@@ -3,12 +3,13 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import pinocchio as pin
 from jaxtyping import Float64
 
+from poise._checks import Numbers
 from poise.errors import UnknownNameError
 
 
@@ -109,6 +110,26 @@ class Robot:
     q_home: Float64[np.ndarray, "nq"] = field(repr=False)
     licence: str
     source: ModelSource = field(repr=False)
+
+    def __repr__(self) -> str:
+        parts = [f"{self.nj} joints", f"{self.mass:.1f} kg", *self.soles, *self.hands]
+        return f"Robot({self.name!r}: {', '.join(parts)})"
+
+    def show(self, q: Numbers | None = None) -> Any:
+        """A figure of the robot as lines, with its soles, hands and centre of mass.
+
+        Args:
+            q: configuration [m, rad]; the home posture when None.
+
+        Returns:
+            A `matplotlib.figure.Figure`, which a notebook shows and `savefig` writes.
+
+        Raises:
+            MissingExtraError: matplotlib is not installed.
+        """
+        from poise.robots._figure import draw_robot
+
+        return draw_robot(self, q)
 
     @property
     def nq(self) -> int:

@@ -15,6 +15,7 @@ import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
+from itertools import product
 from typing import Annotated, Any, ClassVar
 
 import mujoco
@@ -158,6 +159,9 @@ _IDENTITY = np.eye(3).ravel()
 
 
 _MAX_GEOMS = 4000
+_FILLED = 0.9
+"""How much of the picture's height and width the robot may fill; the rest is for the lag."""
+
 _FOLLOW_SECONDS = 0.4
 """The camera follows the robot with this lag, so that the picture does not shake with it."""
 
@@ -172,7 +176,8 @@ class CameraConfig:
         height: [pixel]
         azimuth: direction of view about z, 0 looks along x [deg].
         elevation: direction of view above the horizon, negative looks down [deg].
-        distance: from the camera to the robot, in robot heights.
+        distance: from the camera to the robot, in robot heights; it steps back where the robot
+            would not be seen whole.
         antialiasing: samples a pixel, 0 for none; each costs time in software.
     """
 
@@ -285,18 +290,50 @@ class Camera:
         return context
 
     def _frame_home(self, robot: Robot) -> None:
-        """Stand back far enough to see the whole robot in its home posture."""
+        """Look at the middle of the robot in its home posture."""
         self._data.qpos[:] = self._map.qpos(robot.q_home)
         mujoco.mj_kinematics(self._model, self._data)
         mujoco.mj_comPos(self._model, self._data)
-        reach = self._data.geom_xpos[:, 2] + self._model.geom_rbound
-        # Bodies count too: some documents have pictures of a few links only.
-        bodies = float(self._data.xpos[1:, 2].max(initial=0.3))
-        height = float(reach[self._model.geom_bodyid > 0].max(initial=bodies))
+        _, upper = self._box()
+        height = float(upper[2])
         self._lift = 0.5 * height - float(self._data.subtree_com[1, 2])
-        self._view.distance = self.config.distance * height
+        self._nearest = self.config.distance * height
+        self._view.distance = self._nearest
         self._view.azimuth, self._view.elevation = self.config.azimuth, self.config.elevation
         self._view.lookat[:] = self._aim()
+
+    def _box(self) -> tuple[Float64[np.ndarray, "3"], Float64[np.ndarray, "3"]]:
+        """Corners of a box around the robot, along the world's axes [m]."""
+        data, model = self._data, self._model
+        own = model.geom_bodyid > 0
+        turns = data.geom_xmat[own].reshape(-1, 3, 3)
+        boxes = model.geom_aabb[own]
+        centers = data.geom_xpos[own] + np.einsum("nij,nj->ni", turns, boxes[:, :3])
+        halves = np.einsum("nij,nj->ni", np.abs(turns), boxes[:, 3:])
+        # Bodies count too: some documents have pictures of a few links only.
+        bodies = data.xpos[1:]
+        lower = np.vstack([centers - halves, bodies]).min(axis=0)
+        return lower, np.vstack([centers + halves, bodies]).max(axis=0)
+
+    def _distance_for_all(self) -> float:
+        """How far away the camera has to be to see the whole robot [m].
+
+        A point at d from the robot's middle, where the camera looks, is seen if
+
+            |d . up| <= tan(fov / 2) (distance + d . ahead),
+
+        and to the sides in the picture's ratio.
+        """
+        azimuth, elevation = np.radians([self._view.azimuth, self._view.elevation])
+        c, s = np.cos(elevation), np.sin(elevation)
+        ahead = np.array([np.cos(azimuth) * c, np.sin(azimuth) * c, s])
+        right = np.array([np.sin(azimuth), -np.cos(azimuth), 0.0])
+        up = np.cross(right, ahead)
+        corners = np.array(list(product(*np.transpose(self._box())))) - self._aim()
+        slope = _FILLED * np.tan(0.5 * np.radians(float(self._model.vis.global_.fovy)))
+        ratio = self.config.width / self.config.height
+        across = np.maximum(np.abs(corners @ up), np.abs(corners @ right) / ratio)
+        return float(np.max(across / slope - corners @ ahead))
 
     def _aim(self) -> Float64[np.ndarray, "3"]:
         com = self._data.subtree_com[1]
@@ -305,5 +342,9 @@ class Camera:
     def _follow(self, dt: float | None) -> None:
         ratio = 1.0 if dt is None else 1.0 - np.exp(-dt / _FOLLOW_SECONDS)
         aim = self._aim()
-        if np.isfinite(aim).all():
-            self._view.lookat[:] += ratio * (aim - self._view.lookat)
+        if not np.isfinite(aim).all():
+            return
+        self._view.lookat[:] += ratio * (aim - self._view.lookat)
+        # It steps back at once for an arm or a foot that would be cut off, and comes back slowly.
+        rest = self._view.distance + ratio * (self._nearest - self._view.distance)
+        self._view.distance = max(rest, self._distance_for_all())

@@ -8,6 +8,7 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Bool, Float64
 
+from poise._show import html_table
 from poise.control import Command
 from poise.dynamics import RobotState
 from poise.errors import RobotError, TargetError
@@ -120,6 +121,24 @@ class Plant:
         state = state if self._sensors is None else self._sensors.reset(state)
         self._state: RobotState | None = state
         return state
+
+    def __repr__(self) -> str:
+        how = "diverged" if self.diverged else "fallen" if self.fallen else "up"
+        config = self.config
+        said = f"{config.actuation} every {1e3 * config.control_dt:g} ms, t = {self.time:.3f} s"
+        return f"Plant of {self.robot.name}: {said}, {how}"
+
+    def _repr_html_(self) -> str:
+        loads = {name: wrench[2] for name, wrench in self.sole_wrenches().items()}
+        rows = [
+            *((f"load of {name}", f"{load:.1f} N") for name, load in loads.items()),
+            ("COM", f"{np.round(self.com, 3).tolist()} m"),
+            (
+                "torque",
+                f"{np.max(np.abs(self.applied_torque) / self.robot.tau_max):.0%} of a limit",
+            ),
+        ]
+        return html_table(repr(self), ("quantity", "now"), rows)
 
     def _settle(self, v: Float64[np.ndarray, " nv"]) -> Float64[np.ndarray, " nj"]:
         """Puts a robot at rest on the ground that carries it; returns the torques that hold it."""

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float64, Int64, UInt64
 
+from poise._show import new_figure
 from poise.errors import MissingExtraError, TargetError, UnknownNameError
 
 Value = float | int | np.generic | np.ndarray
@@ -262,6 +263,36 @@ class RunRecord:
     def notes(self, topic: str) -> tuple[tuple[float, str], ...]:
         """What was noted about a topic, with its times [s]; nothing where it never came up."""
         return tuple(self._notes.get(topic, ()))
+
+    def __repr__(self) -> str:
+        about = ", ".join(self.metadata[k] for k in ("robot", "scenario") if k in self.metadata)
+        whole = "" if self.complete else ", broken off"
+        return f"RunRecord({about}: {len(self.names)} signals, {self.end:.3f} s{whole})"
+
+    def plot(self, *names: str) -> Any:
+        """Signals over time, one above the other.
+
+        Args:
+            names: of signals; `com`, `zmp` and every error of a task, where there are, when none.
+
+        Returns:
+            A `matplotlib.figure.Figure`, which a notebook shows and `savefig` writes.
+
+        Raises:
+            UnknownNameError: no such signal.
+            MissingExtraError: matplotlib is not installed.
+        """
+        names = names or tuple(n for n in self.names if n in ("com", "zmp") or n[:6] == "error/")
+        signals = [self._signal(name) for name in names]
+        figure = new_figure(8.0, 1.0 + 1.6 * len(signals))
+        axes = figure.subplots(len(signals), 1, sharex=True, squeeze=False)[:, 0]
+        for ax, signal in zip(axes, signals, strict=True):
+            times, values = self._samples(signal.name)
+            ax.plot(times, values.reshape(len(values), -1), linewidth=1.0)
+            ax.set_ylabel(f"{signal.name}\n[{signal.unit or '-'}]", fontsize=8)
+            ax.grid(visible=True, alpha=0.3)
+        axes[-1].set_xlabel("time [s]")
+        return figure
 
     def to_pandas(self) -> Any:
         """A `pandas.DataFrame`: one row a time, one column a number, such as `com[0]`.

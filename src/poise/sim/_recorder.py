@@ -105,12 +105,13 @@ class Recorder:
 
     def __init__(
         self,
-        path: Path | None = None,
+        path: str | Path | None = None,
         *,
         config: RecorderConfig | None = None,
         metadata: Mapping[str, str] | None = None,
     ) -> None:
-        self._path, self._config = path, config if config is not None else RecorderConfig()
+        self._path = None if path is None else Path(path)
+        self._config = config if config is not None else RecorderConfig()
         self._metadata = dict(metadata or {})
         self.record = RunRecord(self._metadata)
         self._log: McapLog | None = None

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from jaxtyping import Float64
+from jaxtyping import Float64, UInt8
 
 from poise._schema import Positive, checked
 from poise.errors import ConfigurationError, MissingExtraError, TargetError
@@ -110,10 +110,11 @@ def render_video(
     plant: Plant,
     times: Float64[np.ndarray, " n"],
     qs: Float64[np.ndarray, "m nq"],
-    path: Path,
+    path: str | Path,
     *,
     config: VideoConfig | None = None,
     markers: Callable[[int], Sequence[Marker]] | None = None,
+    poster: str | Path | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Path:
     """Draw a recorded run into an mp4 file.
@@ -125,6 +126,8 @@ def render_video(
         path: the video file, overwritten.
         config: size, view and speed.
         markers: what to draw with the sample of a given index.
+        poster: a JPEG file for the picture half way, which a page shows until the video is played;
+            none when None.
         progress: called with the pictures done and the pictures in all.
 
     Returns:
@@ -135,7 +138,7 @@ def render_video(
             is not installed; the message says what to install.
         TargetError: times and configurations do not belong together.
     """
-    config = config if config is not None else VideoConfig()
+    config, path = config if config is not None else VideoConfig(), Path(path)
     _check(plant, times, qs)
     indices = frame_indices(times, config)
     with Camera(plant.robot, plant.model, config.camera) as camera:
@@ -145,6 +148,8 @@ def render_video(
                 drawn = markers(index) if markers is not None else ()
                 frame = camera.picture(qs[index], drawn, dt=config.speed / config.fps)
                 writer.send(np.ascontiguousarray(frame))
+                if poster is not None and done == len(indices) // 2:
+                    _write_picture(frame, Path(poster))
                 if progress is not None:
                     progress(done + 1, len(indices))
         finally:
@@ -169,6 +174,15 @@ def _check(plant: Plant, times: Float64[np.ndarray, " n"], qs: Float64[np.ndarra
         )
     if np.any(np.diff(times) < 0.0):
         raise TargetError("the recorded times go back", wanted="rising times")
+
+
+def _write_picture(picture: UInt8[np.ndarray, "height width 3"], path: Path) -> None:
+    try:
+        from matplotlib import image
+    except ModuleNotFoundError as error:
+        raise MissingExtraError("matplotlib", "sim", "Writing a picture") from error
+    save: Any = image.imsave
+    save(path, np.ascontiguousarray(picture), format="jpg")
 
 
 def _open_writer(path: Path, config: VideoConfig) -> Any:

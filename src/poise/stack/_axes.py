@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from typing import TypeGuard
 
 import numpy as np
+import pinocchio as pin
 from jaxtyping import Float64, Int64
 
 from poise._checks import Numbers, checked_kind
@@ -114,11 +115,15 @@ def checked_target(value: Numbers, dim: int, what: str) -> Float64[np.ndarray, "
 def checked_rotation(value: Numbers, what: str) -> Float64[np.ndarray, "3 3"]:
     """A rotation matrix: the same array where it is one already, to be copied.
 
+    Args:
+        value: a matrix, or a quaternion (x, y, z, w).
+        what: what messages call it.
+
     Raises:
-        TargetError: wrong shape, NaN, or not orthogonal with determinant one.
+        TargetError: wrong shape, NaN, not orthogonal with determinant one, not of length one.
     """
     if not _is_finite_array(value, (3, 3)):
-        value = _checked_array(value, (3, 3), what)
+        value = _checked_array(_from_quaternion(value, what), (3, 3), what)
     (a, b, c), (d, e, f), (g, h, i) = value.tolist()
     # R^T R - I, and the determinant of a matrix for which that is small: one or minus one.
     off = (
@@ -135,6 +140,57 @@ def checked_rotation(value: Numbers, what: str) -> Float64[np.ndarray, "3 3"]:
             f"{what} is not a rotation", got=value.tolist(), wanted="R^T R = I and det R = 1"
         )
     return value
+
+
+Pose = pin.SE3 | Numbers
+"""What may stand for a whole pose: a `pinocchio.SE3`, a 4 x 4 matrix, or a pair of position and
+orientation."""
+
+
+def split_pose(value: Pose, what: str) -> tuple[Numbers, Numbers] | None:
+    """Position and orientation of a pose; None for anything else, such as a position.
+
+    Args:
+        value: what was given.
+        what: what messages call it.
+
+    Raises:
+        TargetError: a 4 x 4 matrix whose last row is not that of a pose.
+    """
+    if isinstance(value, pin.SE3):
+        return value.translation, value.rotation
+    if isinstance(value, list | tuple) and len(value) == 2 and not isinstance(value[0], float):
+        return value[0], value[1]
+    # Rows in a list are looked at once they are an array.
+    matrix = _as_array(value, what, TargetError) if isinstance(value, list | tuple) else value
+    if not isinstance(matrix, np.ndarray) or matrix.shape != (4, 4):
+        return None
+    if not np.array_equal(matrix[3], _LAST_ROW):
+        raise TargetError(
+            f"{what} is no pose", got=matrix[3].tolist(), wanted="a last row of 0, 0, 0, 1"
+        )
+    return matrix[:3, 3], np.ascontiguousarray(matrix[:3, :3])
+
+
+_LAST_ROW = np.array([0.0, 0.0, 0.0, 1.0])
+
+_UNIT_TOLERANCE = 1e-3
+"""How far a quaternion's length may be from one before it was hardly meant to be a unit."""
+
+
+def _from_quaternion(value: Numbers, what: str) -> Numbers:
+    """The rotation matrix of a quaternion (x, y, z, w); anything else as it is."""
+    if _as_array(value, what, TargetError).shape != (4,):
+        return value
+    quaternion = _checked_array(value, (4,), what)
+    norm = float(np.linalg.norm(quaternion))
+    if abs(norm - 1.0) > _UNIT_TOLERANCE:
+        raise TargetError(
+            f"{what} is no rotation: a quaternion that is not of length one",
+            got=norm,
+            wanted="x, y, z, w of length 1",
+        )
+    return np.ascontiguousarray(pin.Quaternion(quaternion / norm).toRotationMatrix())
 
 
 def _is_finite_array(

@@ -115,18 +115,18 @@ class MomentumTask(ShippedTask[VectorTarget]):
         self._target = VectorTarget(3, f"task {name!r}")
         self._target.set(np.zeros(3))
 
-    def set_gains(self, kp: Numbers = 0.0, kd: Numbers | None = None) -> None:
+    def set_gains(self, kp: Numbers | None = None, kd: Numbers | None = None) -> None:
         """Sets the gain of the momentum error, from the next tick.
 
         Args:
-            kp: zero: there is no position to hold.
+            kp: zero or None: there is no position to hold.
             kd: gain of the momentum error [1/s].
 
         Raises:
             ConfigurationError: a stiffness, no `kd`, one of the wrong length, or one that is
                 negative or not finite.
         """
-        stiffness, _ = self._checked_gains(kp, kd)
+        stiffness, _ = self._checked_gains(0.0 if kp is None else kp, kd)
         if kd is None or stiffness.any():
             raise ConfigurationError(
                 f"task {self.name!r} has one gain, that of the momentum itself",

@@ -142,6 +142,10 @@ class Contact(Owner, ABC):
         self.cone = self._make_cone(robot)
         self._robot = robot
 
+    def __repr__(self) -> str:
+        loaded = "loaded" if self.active else "free"
+        return f"{type(self).__name__}({self.name!r}, friction={self.friction:g}, {loaded})"
+
     @property
     def friction(self) -> float:
         """Coulomb coefficient; the cone is made of it once."""

@@ -7,7 +7,7 @@ from poise._checks import Numbers, checked_kind
 from poise.dynamics import Dynamics
 from poise.errors import UnknownNameError
 from poise.robots import Robot
-from poise.stack._axes import parse_axes, split_rows
+from poise.stack._axes import Pose, parse_axes, split_rows
 from poise.stack._kernels import Kind
 from poise.stack._shipped import PoseTarget, ShippedTask
 
@@ -71,7 +71,7 @@ class FrameTask(ShippedTask[PoseTarget]):
 
     def set_target(
         self,
-        position: Numbers | None = None,
+        position: Pose | None = None,
         rotation: Numbers | None = None,
         velocity: Numbers | None = None,
         acceleration: Numbers | None = None,
@@ -81,13 +81,14 @@ class FrameTask(ShippedTask[PoseTarget]):
         Rates belong to what is given beside them: with a position alone, the angular rates stay.
 
         Args:
-            position: in the world [m].
-            rotation: world_R_frame.
+            position: in the world [m]; or position and orientation in one, as `pinocchio.SE3`,
+                a 4 x 4 matrix, or a pair of a position and what `rotation` may be.
+            rotation: world_R_frame, a matrix or a quaternion (x, y, z, w).
             velocity: linear then angular, in the world [m/s, rad/s]; zero when None.
             acceleration: linear then angular [m/s^2, rad/s^2]; zero when None.
 
         Raises:
-            TargetError: wrong shape, NaN, or not a rotation.
+            TargetError: wrong shape, NaN, not a rotation, or a rotation beside a pose.
         """
         self._target.set(position, rotation, velocity, acceleration)
 

@@ -19,25 +19,40 @@ from poise.robots import Robot
 class TorqueLimit:
     """|tau| <= scale tau_max, joint by joint.
 
+    What it is made of is for reading: another limit makes another controller.
+
     Args:
         scale: fraction of the robot's torque limits that may be used.
 
     Attributes:
         name: what reports call it.
-        lower: lower bounds [N m].
-        upper: upper bounds [N m].
     """
 
     def __init__(self, scale: float = 1.0) -> None:
         self.name = "torque limit"
-        self.scale = checked_number(scale, "scale of the torque limit", above=0.0)
-        if self.scale > 1.0:
+        self._scale = checked_number(scale, "scale of the torque limit", above=0.0)
+        if self._scale > 1.0:
             raise ConfigurationError(
                 "scale of the torque limit is above the robot's own limit",
                 got=scale,
                 wanted="a number in (0, 1]",
             )
         self._robot: Robot | None = None
+
+    @property
+    def scale(self) -> float:
+        """Fraction of the robot's torque limits that may be used."""
+        return self._scale
+
+    @property
+    def lower(self) -> Float64[np.ndarray, " nj"]:
+        """Lower bounds, known once bound to a robot [N m]."""
+        return self._lower
+
+    @property
+    def upper(self) -> Float64[np.ndarray, " nj"]:
+        """Upper bounds, known once bound to a robot [N m]."""
+        return self._upper
 
     def bind(self, robot: Robot) -> None:
         """Takes the limits of a robot; controllers call it before the first tick.
@@ -52,8 +67,8 @@ class TorqueLimit:
                 wanted=f"robot {self._robot.name!r}, or a limit of its own",
             )
         self._robot = robot
-        self.upper: Float64[np.ndarray, " nj"] = self.scale * robot.tau_max
-        self.lower: Float64[np.ndarray, " nj"] = -self.upper
+        self._upper: Float64[np.ndarray, " nj"] = self._scale * robot.tau_max
+        self._lower: Float64[np.ndarray, " nj"] = -self._upper
 
 
 _STOP_FRACTION = 0.1
@@ -84,6 +99,8 @@ class JointLimit:
     acceleration limit allows. Where bounds contradict each other, as a position limit that needs
     harder braking than a velocity limit would have, both become the one that brakes.
 
+    What it is made of is for reading: another limit makes another controller.
+
     Args:
         acceleration_max: largest joint acceleration [rad/s^2].
         braking: deceleration b with which a joint plans to stop before its position limit, at most
@@ -96,10 +113,6 @@ class JointLimit:
 
     Attributes:
         name: what reports call it.
-        q_min: lower position limits, margin included; known once bound to a robot [rad].
-        q_max: upper position limits.
-        lower: lower bounds of the joint accelerations at the last state [rad/s^2].
-        upper: upper bounds.
     """
 
     def __init__(
@@ -113,18 +126,18 @@ class JointLimit:
         position_range: Mapping[str, tuple[float, float]] | None = None,
     ) -> None:
         self.name = "joint limit"
-        self.acceleration_max = checked_number(
+        self._acceleration_max = checked_number(
             acceleration_max, "acceleration_max of the joint limit [rad/s^2]", above=0.0
         )
-        self.braking = min(
+        self._braking = min(
             checked_number(braking, "braking of the joint limit [rad/s^2]", above=0.0),
-            self.acceleration_max,
+            self._acceleration_max,
         )
-        self.horizon = checked_number(horizon, "horizon of the joint limit [s]", above=0.0)
-        self.position_margin = checked_number(
+        self._horizon = checked_number(horizon, "horizon of the joint limit [s]", above=0.0)
+        self._position_margin = checked_number(
             position_margin, "position_margin of the joint limit [rad]"
         )
-        self.velocity_scale = checked_number(
+        self._velocity_scale = checked_number(
             velocity_scale, "velocity_scale of the joint limit", above=0.0
         )
         self._position_range = dict(position_range or {})
@@ -136,6 +149,51 @@ class JointLimit:
                     wanted="lower < upper [rad]",
                 )
         self._robot: Robot | None = None
+
+    @property
+    def acceleration_max(self) -> float:
+        """Largest joint acceleration [rad/s^2]."""
+        return self._acceleration_max
+
+    @property
+    def braking(self) -> float:
+        """Deceleration with which a joint plans to stop before its position limit [rad/s^2]."""
+        return self._braking
+
+    @property
+    def horizon(self) -> float:
+        """Horizon dt of the bounds [s]."""
+        return self._horizon
+
+    @property
+    def position_margin(self) -> float:
+        """Distance kept from the position limits [rad]."""
+        return self._position_margin
+
+    @property
+    def velocity_scale(self) -> float:
+        """Fraction of the robot's velocity limits that may be used."""
+        return self._velocity_scale
+
+    @property
+    def q_min(self) -> Float64[np.ndarray, " nj"]:
+        """Lower position limits, margin included; known once bound to a robot [rad]."""
+        return self._q_min
+
+    @property
+    def q_max(self) -> Float64[np.ndarray, " nj"]:
+        """Upper position limits, margin included; known once bound to a robot [rad]."""
+        return self._q_max
+
+    @property
+    def lower(self) -> Float64[np.ndarray, " nj"]:
+        """Lower bounds of the joint accelerations at the last state [rad/s^2]."""
+        return self._lower
+
+    @property
+    def upper(self) -> Float64[np.ndarray, " nj"]:
+        """Upper bounds of the joint accelerations at the last state [rad/s^2]."""
+        return self._upper
 
     def bind(self, robot: Robot) -> None:
         """Takes the limits of a robot; controllers call it before the first tick.
@@ -153,18 +211,18 @@ class JointLimit:
                 got=robot.name,
                 wanted=f"robot {self._robot.name!r}, or a limit of its own",
             )
-        q_min, q_max = robot.q_min + self.position_margin, robot.q_max - self.position_margin
+        q_min, q_max = robot.q_min + self._position_margin, robot.q_max - self._position_margin
         for name, (lower, upper) in self._position_range.items():
             i = robot.joint_index(name)
             q_min[i], q_max[i] = max(q_min[i], lower), min(q_max[i], upper)
-        self.q_min: Float64[np.ndarray, " nj"] = q_min
-        self.q_max: Float64[np.ndarray, " nj"] = q_max
+        self._q_min: Float64[np.ndarray, " nj"] = q_min
+        self._q_max: Float64[np.ndarray, " nj"] = q_max
         crossed = np.flatnonzero(q_min >= q_max)
         if crossed.size:
             raise ConfigurationError(
                 "position_margin and position_range of the joint limit leave joints no range: "
                 + ", ".join(robot.joint_names[i] for i in crossed),
-                got=self.position_margin,
+                got=self._position_margin,
                 wanted="a smaller margin, or a wider range [rad]",
             )
         self._q_slice = slice(robot.nq - robot.nj, robot.nq)
@@ -172,13 +230,13 @@ class JointLimit:
         self._viable = ViableAcceleration(
             q_min,
             q_max,
-            self.velocity_scale * robot.v_max,
-            a_max=self.acceleration_max,
-            dt=self.horizon,
-            braking=self.braking,
+            self._velocity_scale * robot.v_max,
+            a_max=self._acceleration_max,
+            dt=self._horizon,
+            braking=self._braking,
         )
-        self.lower: Float64[np.ndarray, " nj"] = np.zeros(robot.nj)
-        self.upper: Float64[np.ndarray, " nj"] = np.zeros(robot.nj)
+        self._lower: Float64[np.ndarray, " nj"] = np.zeros(robot.nj)
+        self._upper: Float64[np.ndarray, " nj"] = np.zeros(robot.nj)
         self._robot = robot
 
     def evaluate(self, dynamics: Dynamics) -> None:
@@ -188,7 +246,7 @@ class JointLimit:
             dynamics: the state, up to date.
         """
         q, v = dynamics.q[self._q_slice], dynamics.v[self._v_slice]
-        self._viable.bounds(q, v, self.lower, self.upper)
+        self._viable.bounds(q, v, self._lower, self._upper)
 
 
 class ViableAcceleration:

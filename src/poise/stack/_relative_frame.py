@@ -3,7 +3,7 @@
 from poise._checks import Numbers, checked_kind
 from poise.dynamics import Dynamics
 from poise.robots import Robot
-from poise.stack._axes import parse_axes, split_rows
+from poise.stack._axes import Pose, parse_axes, split_rows
 from poise.stack._kernels import Kind
 from poise.stack._shipped import PoseTarget, ShippedTask
 
@@ -52,15 +52,16 @@ class RelativeFrameTask(ShippedTask[PoseTarget]):
         self.unit = ("m, rad" if index[0] < 3 else "rad") if self.turns else "m"
         self._target = PoseTarget(f"task {self.name!r}")
 
-    def set_target(self, position: Numbers | None = None, rotation: Numbers | None = None) -> None:
+    def set_target(self, position: Pose | None = None, rotation: Numbers | None = None) -> None:
         """Sets where the frame should be in the root; what is not given stays as it is.
 
         Args:
-            position: root_p_frame [m].
-            rotation: root_R_frame.
+            position: root_p_frame [m]; or position and orientation in one, as `pinocchio.SE3`, a
+                4 x 4 matrix, or a pair of a position and what `rotation` may be.
+            rotation: root_R_frame, a matrix or a quaternion (x, y, z, w).
 
         Raises:
-            TargetError: wrong shape, NaN, or not a rotation.
+            TargetError: wrong shape, NaN, not a rotation, or a rotation beside a pose.
         """
         self._target.set(position, rotation)
 

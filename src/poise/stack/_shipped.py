@@ -4,15 +4,16 @@
 """
 
 import math
-from typing import Generic, TypeVar
+from typing import Generic, TypeVar, cast
 
 import numpy as np
 from jaxtyping import Float64
 
 from poise._checks import Numbers
 from poise.dynamics import Dynamics
+from poise.errors import TargetError
 from poise.robots import Robot
-from poise.stack._axes import checked_rotation, checked_target
+from poise.stack._axes import Pose, checked_rotation, checked_target, split_pose
 from poise.stack._evaluation import Owner
 from poise.stack._kernels import (
     GAINS,
@@ -100,7 +101,7 @@ class PoseTarget:
 
     def set(
         self,
-        position: Numbers | None,
+        position: Pose | None,
         rotation: Numbers | None,
         velocity: Numbers | None = None,
         acceleration: Numbers | None = None,
@@ -108,9 +109,16 @@ class PoseTarget:
         """Sets what is given; rates belong to what is given beside them.
 
         Raises:
-            TargetError: wrong shape, NaN, or not a rotation.
+            TargetError: wrong shape, NaN, not a rotation, or two of them.
         """
         what, what_velocity, what_acceleration = self._whats
+        pose = None if position is None else split_pose(position, what)
+        if pose is not None:
+            if rotation is not None:
+                raise TargetError(
+                    f"{what} is a pose with a rotation beside it", got=rotation, wanted="one alone"
+                )
+            position, rotation = pose
         if velocity is not None:
             velocity = checked_target(velocity, 6, what_velocity)
         if acceleration is not None:
@@ -118,7 +126,7 @@ class PoseTarget:
         if rotation is not None:
             rotation = checked_rotation(rotation, self._what_rotation)
         if position is not None:
-            self._put(_POSITION, checked_target(position, 3, what))
+            self._put(_POSITION, checked_target(cast("Numbers", position), 3, what))
         if rotation is not None:
             self._put(_ROTATION, rotation.ravel())
         first = 0 if position is not None or rotation is None else 3

@@ -6,6 +6,7 @@ Which tasks a contact stands in for.
 from collections.abc import Iterator, Sequence
 
 from poise._checks import checked_kind
+from poise._show import html_table
 from poise.errors import ConfigurationError
 from poise.robots import Robot
 from poise.stack._centroid import ComTask
@@ -82,6 +83,25 @@ class Stack:
         _check_unique([c.frame for c in self.contacts], "two contacts of the stack on one frame")
         _check_unique([c.name for c in self.contacts], "two contacts of the stack with one name")
         _check_unique([t.name for _, t in self.tasks()], "two tasks of the stack with one name")
+
+    def __repr__(self) -> str:
+        lines = [f"  level {level}  {what}" for level, what in self._described()]
+        return "\n".join(["Stack", *lines])
+
+    def _repr_html_(self) -> str:
+        return html_table("Stack", ("level", "what"), self._described())
+
+    def _described(self) -> list[tuple[int, str]]:
+        """Each level with what stands in it; the first two are the physics."""
+        contacts = [c.name + ("" if c.active else " (free)") for c in self.contacts]
+        rows = [
+            f"dynamics, torque limit {100.0 * self.torque_limit.scale:g}%",
+            ", ".join(["contacts " + (", ".join(contacts) or "none"), "joint limit"]),
+        ]
+        rows += [
+            "; ".join(f"{task.name} ({task.describe()})" for task in level) for level in self.levels
+        ]
+        return list(enumerate(rows, 1))
 
     def tasks(self) -> Iterator[tuple[int, Task]]:
         """All tasks with the index of their level, most important first."""

@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from poise._checks import Numbers
+from poise._show import brief
 from poise.dynamics import Dynamics
 from poise.errors import ConfigurationError
 from poise.robots import Robot
@@ -91,6 +92,17 @@ class Task(ABC):
         self.reference: Float64[np.ndarray, " m"] = np.zeros(self.dim)
         self._robot = robot
 
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self.name!r}, {self.describe()})"
+
+    def describe(self) -> str:
+        """Gains and weight in a few words."""
+        kp, kd, weight = self._gains if self._robot is None else (self.kp, self.kd, self.weight)
+        if kd is None:
+            kd = 2.0 * np.sqrt(np.asarray(kp, dtype=np.float64))
+        said = f"kp={brief(kp)}, kd={brief(kd)}"
+        return said if brief(weight) == "1" else f"{said}, weight={brief(weight)}"
+
     def _take_gains(self, rows: Float64[np.ndarray, "gains m"]) -> None:
         """Has its gains in the rows of an array from now on."""
         self._gain_rows = rows
@@ -147,16 +159,18 @@ class Task(ABC):
             _ = self.robot  # the number of rows is unknown, and this says so
         return self._gains_to_read[row]
 
-    def set_gains(self, kp: Numbers, kd: Numbers | None = None) -> None:
+    def set_gains(self, kp: Numbers | None = None, kd: Numbers | None = None) -> None:
         """Sets stiffness and damping, from the next tick.
 
         Args:
-            kp: stiffness, one number or one a row [1/s^2].
+            kp: stiffness, one number or one a row [1/s^2]; as it is when None.
             kd: damping [1/s]; critical, 2 sqrt(kp), when None.
 
         Raises:
             ConfigurationError: wrong length, or gains that are not finite or negative.
         """
+        if kp is None:
+            kp = self._gains[0] if self._robot is None else self.kp
         stiffness, damping = self._checked_gains(kp, kd)
         if self._robot is None:
             self._gains = (kp, kd, self._gains[2])

@@ -8,7 +8,7 @@ from http.server import BaseHTTPRequestHandler, HTTPServer
 import pytest
 from synthetic_run import ball_mesh, walking_record
 
-from poise.apps.report import write_report
+from poise.apps.report import Check, write_report
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no chromium on this machine")
@@ -60,6 +60,10 @@ async function probe() {
   const middle = box.left + box.width * (x0 + x1) / 2;
   plot.dispatchEvent(new MouseEvent("click", { clientX: middle, clientY: box.top + 90 }));
   seen.clickedTime = Number(part("slider").value);
+  document.querySelector("button.moment").click();
+  seen.momentText = part("time").textContent;
+  seen.momentCursors = cursors();
+  plot.dispatchEvent(new MouseEvent("click", { clientX: middle, clientY: box.top + 90 }));
   part("play").click();
   seen.playText = part("play").textContent;
   for (let i = 0; i < 6; i += 1) await frame();
@@ -124,7 +128,8 @@ def visit(record, directory, before=""):
 
 
 def test_the_replay_draws_and_the_controls_move_the_time(tmp_path):
-    seen = visit(walking_record(duration=6.0), tmp_path)
+    late = Check(name="ZMP", value=1.0, bound=0.0, ok=False, time=1.75, mechanism="a slip")
+    seen = visit(walking_record(duration=6.0, checks=(late,)), tmp_path)
     assert seen["errors"] == []
     assert not seen["sorry"]
     assert seen["colours"] > 50
@@ -135,6 +140,8 @@ def test_the_replay_draws_and_the_controls_move_the_time(tmp_path):
     assert all(display == "block" for display, _ in seen["movedCursors"])
     assert seen["movedCursors"] != seen["startCursors"]
     assert seen["clickedTime"] == pytest.approx(3.0, abs=0.05)
+    assert seen["momentText"].startswith("1.75 s")
+    assert seen["momentCursors"] != seen["movedCursors"]
     assert seen["playText"] == "Pause"
     # It moved on; on a slow machine it may have come to the end and begun anew.
     assert seen["playedTime"] != pytest.approx(seen["clickedTime"], abs=1e-3)

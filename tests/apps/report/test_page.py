@@ -288,7 +288,24 @@ def test_checks_show_value_bound_unit_and_mark():
     rows = re.findall(r'<tr class="(held|failed)">(.*?)</tr>', page)
     assert [kind for kind, _ in rows] == ["failed", "held", "held", "held"]
     cells = re.findall(r"<td[^>]*>(.*?)</td>", rows[1][1])
-    assert cells == ["COM error after 1 s", "0.0312", "≤ 0.04", "m", "✓ holds"]
+    assert cells == ["COM error after 1 s", "0.0312", "≤ 0.04", "m", "–", "✓ holds"]
+
+
+def test_a_failed_check_leads_to_its_moment_and_says_how_it_came():
+    failed = Check(
+        name="ZMP margin",
+        value=-0.01,
+        bound=0.0,
+        relation=">=",
+        unit="m",
+        ok=False,
+        time=0.3217,
+        mechanism="torque of <left_knee> at its limit (0.25 s)",
+    )
+    page = page_html(walking_record(duration=0.5, checks=(failed,)), [])
+    (row,) = re.findall(r'<tr class="failed">(.*?)</tr>', page)
+    assert '<button class="moment" data-time="0.3217">0.32 s</button>' in row
+    assert "torque of &lt;left_knee&gt; at its limit (0.25 s)" in row
 
 
 def test_a_user_style_of_matplotlib_changes_nothing(tmp_path):

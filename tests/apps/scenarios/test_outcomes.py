@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 
+import numpy as np
 import pytest
 from conftest import poise_run
 
@@ -19,6 +20,7 @@ from poise.apps.scenarios import (
     write_summary,
 )
 from poise.control import CommandStatus
+from poise.errors import UnknownNameError
 from poise.sim import read_log
 
 STAND = """
@@ -111,6 +113,10 @@ def test_a_push_that_nobody_could_brake_ends_in_a_fall_and_a_report(tmp_path, sc
     assert {"robot fell", "run ended early"} <= failed
     page = (outcome.folder / "report.html").read_text()
     assert "the robot fell at" in page
+    fall = next(c for c in outcome.summary["checks"] if c["metric"] == "fell")
+    assert fall["worst_time_s"] > 0.3
+    assert " s)" in fall["mechanism"]
+    assert fall["mechanism"] in outcome.out
     log = read_log(outcome.folder / "log.mcap")
     assert log.complete
     assert 0.3 < log.end < 4.0
@@ -123,6 +129,20 @@ def test_a_check_that_fails_fails_the_run():
     assert [c.name for c in done.checks if not c.ok] == [
         "how far the COM moved, from least to most"
     ]
+
+
+def test_a_check_says_when_it_was_worst_and_what_went_wrong_then():
+    push = "pushes: [{body: torso, at: 0.1, duration: 0.1, velocity_change: [0.6, 0.0, 0.0]}]\n"
+    bounds = "checks:\n  - {metric: zmp_margin_min, at_least: 0.03}\n"
+    bounds += "  - {metric: com_error_max, until: 0.09, at_most: 0.01}\n"
+    done = run(stand(0.4, push + bounds))
+    margin, before = done.checks[-2:]
+    assert not margin.ok
+    assert (margin.metric, margin.relation, margin.unit) == ("zmp_margin_min", ">=", "m")
+    worst = int(np.nanargmin(done.signals.zmp_margin))
+    assert margin.time == pytest.approx(done.signals.time[worst])
+    assert "ZMP at the edge of the feet" in margin.mechanism
+    assert (before.ok, before.mechanism) == (True, "")
 
 
 def test_a_check_that_could_not_be_measured_does_not_hold():
@@ -247,3 +267,12 @@ def test_a_report_can_be_made_of_a_log_alone(tmp_path):
     assert page == report(done.record, tmp_path / "memory", done.robot).read_text()
     for words in ("stand still", "whole_body", "tracking", "left_sole"):
         assert words in page
+
+
+def test_a_scenario_is_run_by_its_name_or_file_and_paths_are_texts(scenario_file, tmp_path):
+    log, folder = str(tmp_path / "log.mcap"), str(tmp_path / "page")
+    done = run_scenario(scenario_file(stand(0.05)), log=log, progress=True)
+    assert done.ok
+    assert report(log, folder).parent == tmp_path / "page"
+    with pytest.raises(UnknownNameError, match="neither a shipped scenario nor a file.*stand"):
+        run_scenario("stnad")

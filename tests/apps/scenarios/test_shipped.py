@@ -49,7 +49,18 @@ def test_a_shipped_scenario_holds(shipped_run, scenario, robot):
     assert summary["fell"] is False
     assert summary["missed_ticks"] == 0
     assert [c for c in summary["checks"] if not c["ok"]] == []
-    assert all(set(c) == {"name", "value", "bound", "ok"} for c in summary["checks"])
+    keys = [
+        "name",
+        "metric",
+        "value",
+        "relation",
+        "bound",
+        "unit",
+        "ok",
+        "worst_time_s",
+        "mechanism",
+    ]
+    assert all(list(c) == keys for c in summary["checks"])
     assert max(summary["residual_max"][:2]) < 1e-6
     assert set(summary["tick_us"]) == {"p50", "p99", "max"}
     assert 0.0 < summary["tick_us"]["p50"] <= summary["tick_us"]["p99"] <= summary["tick_us"]["max"]

@@ -123,7 +123,7 @@ CASES = [
 def test_a_metric_measures_what_it_says(metric, subject, axis, value):
     run = signals()
     rows = np.ones(len(run.time), dtype=bool)
-    assert METRICS[metric].measure(run, subject, axis, rows) == pytest.approx(value)
+    assert METRICS[metric].measure(run, subject, axis, rows).value == pytest.approx(value)
 
 
 def test_every_metric_is_measured_and_says_nan_where_there_is_nothing():
@@ -131,14 +131,16 @@ def test_every_metric_is_measured_and_says_nan_where_there_is_nothing():
     nothing = np.zeros(len(run.time), dtype=bool)
     assert {case[0] for case in CASES} == set(METRICS)
     for metric, subject, axis, _ in CASES:
-        assert np.isnan(METRICS[metric].measure(run, subject, axis, nothing))
+        value, row = METRICS[metric].measure(run, subject, axis, nothing)
+        assert np.isnan(value)
+        assert row is None
 
 
 def test_a_window_leaves_out_what_lies_before_it():
     run = signals()
     late = run.time > 0.2
-    assert METRICS["zmp_margin_min"].measure(run, "", None, late) == 0.05
-    assert METRICS["task_error_max"].measure(run, "hand", None, late) == 0.1
+    assert METRICS["zmp_margin_min"].measure(run, "", None, late).value == 0.05
+    assert METRICS["task_error_max"].measure(run, "hand", None, late).value == 0.1
 
 
 def test_a_push_is_a_force_or_a_change_of_speed_of_the_whole_robot():
@@ -146,3 +148,30 @@ def test_a_push_is_a_force_or_a_change_of_speed_of_the_whole_robot():
     assert PushPlan(**common, force=(1.0, 2.0, 3.0)).force_on(80.0) == (1.0, 2.0, 3.0)
     force = PushPlan(**common, velocity_change=(0.2, 0.0, -0.1)).force_on(80.0)
     assert force == pytest.approx((160.0, 0.0, -80.0))
+
+
+@pytest.mark.parametrize(
+    ("metric", "subject", "axis", "row"),
+    [
+        ("com_error_max", "", None, 3),
+        ("com_error_max", "", 0, 9),
+        ("com_error_rms", "", 0, None),
+        ("com_travel", "", 0, None),
+        ("com_speed_end", "", None, 10),
+        ("task_error_max", "hand", None, 1),
+        ("task_error_end", "hand", None, 10),
+        ("torque_ratio_max", "", None, 4),
+        ("sole_force_max", "s", None, 10),
+        ("sole_height_min", "s", None, 10),
+        ("residual_max", "2", None, 6),
+        ("zmp_margin_min", "", None, 3),
+        ("zmp_error_max", "", None, 10),
+        ("steps_made", "", None, None),
+        ("clearance_min", "", None, 2),
+        ("beyond_blocks_end", "", None, 10),
+    ],
+)
+def test_a_metric_says_which_moment_was_the_worst(metric, subject, axis, row):
+    run = signals()
+    rows = np.ones(len(run.time), dtype=bool)
+    assert METRICS[metric].measure(run, subject, axis, rows).row == row

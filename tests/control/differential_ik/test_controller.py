@@ -7,7 +7,7 @@ from oracles import near_home
 
 from poise.control import CommandStatus, Controller, DifferentialIK
 from poise.control._differential_ik._rows import ROW_WEIGHT
-from poise.control._differential_ik._strategy import METHODS
+from poise.control._differential_ik._strategy import STRATEGIES
 from poise.control._fallback import STOP_TIME
 from poise.dynamics import Dynamics, RobotState
 from poise.errors import ConfigurationError, PoiseError, TargetError, UnknownNameError
@@ -69,10 +69,10 @@ def run(controller, follower, ticks):
     return command
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("strategy", STRATEGIES)
 @pytest.mark.parametrize("name", BIPEDS)
 @pytest.mark.parametrize("seed", range(3))
-def test_one_tick_moves_everything_as_it_was_asked_to(get_robot, follow, name, method, seed):
+def test_one_tick_moves_everything_as_it_was_asked_to(get_robot, follow, name, strategy, seed):
     """Single support: the exact level in full, momentum included."""
     robot = get_robot(name)
     stack = on_one_foot(
@@ -81,7 +81,7 @@ def test_one_tick_moves_everything_as_it_was_asked_to(get_robot, follow, name, m
             [[ComTask(), MomentumTask(), FrameTask(RIGHT, name="swing")]],
         )
     )
-    controller = DifferentialIK(robot, stack, dt=DT, method=method)
+    controller = DifferentialIK(robot, stack, dt=DT, strategy=strategy)
     state = near_home(robot, seed, spread=0.03, speed=0.3)
     rng = np.random.default_rng(seed)
     com, swing = 0.1 * rng.normal(size=3), 0.1 * rng.normal(size=6)
@@ -102,12 +102,12 @@ def test_one_tick_moves_everything_as_it_was_asked_to(get_robot, follow, name, m
     assert np.abs(forth.momentum(state.q, v)[3:] - momentum).max() < 1e-5
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("strategy", STRATEGIES)
 @pytest.mark.parametrize("name", BIPEDS)
-def test_double_support_holds_both_feet_and_the_tasks_arrive(get_robot, follow, name, method):
+def test_double_support_holds_both_feet_and_the_tasks_arrive(get_robot, follow, name, strategy):
     robot = get_robot(name)
     stack = stand_stack()
-    controller = DifferentialIK(robot, stack, dt=DT, method=method)
+    controller = DifferentialIK(robot, stack, dt=DT, strategy=strategy)
     follower = follow(robot, LEFT, DT)
     foot, hand = follower.placement(RIGHT), follower.placement("right_hand").translation
     com = follower.com + [0.01, 0.03, -0.05]
@@ -140,11 +140,11 @@ def test_a_target_that_moves_is_followed_without_lag(get_robot, follow, name):
     assert np.linalg.norm(follower.com - start - follower.time * speed) < 2e-5
 
 
-@pytest.mark.parametrize("method", METHODS)
-def test_only_the_joints_that_were_named_move(get_robot, follow, leg_joints, method):
+@pytest.mark.parametrize("strategy", STRATEGIES)
+def test_only_the_joints_that_were_named_move(get_robot, follow, leg_joints, strategy):
     robot = get_robot("biped20")
     stack = on_one_foot(step_stack())
-    controller = DifferentialIK(robot, stack, dt=DT, method=method, joints=leg_joints(robot))
+    controller = DifferentialIK(robot, stack, dt=DT, strategy=strategy, joints=leg_joints(robot))
     stack.task("com").set_target(Dynamics(robot).com + [0.0, 0.05, -0.05])
     follower = follow(robot, LEFT, DT)
     command = run(controller, follower, 100)
@@ -184,12 +184,12 @@ def test_the_step_teleoperators_levels_solve_the_papers_problem(get_robot, leg_j
 def test_both_methods_agree_where_every_level_is_met(get_robot, name):
     robot = get_robot(name)
     found = []
-    for method in METHODS:
+    for strategy in STRATEGIES:
         stack = Stack(
             [SurfaceContact(LEFT), SurfaceContact(RIGHT)],
             [[ComTask()], [FrameTask("torso", "orientation", name="torso")]],
         )
-        controller = DifferentialIK(robot, stack, dt=DT, method=method)
+        controller = DifferentialIK(robot, stack, dt=DT, strategy=strategy)
         controller.weights["torso"] = 1e12
         stack.task("com").set_velocity([0.02, 0.03, -0.1])
         stack.task("torso").set_velocity([0.1, 0.0, 0.05])
@@ -197,15 +197,15 @@ def test_both_methods_agree_where_every_level_is_met(get_robot, name):
     assert np.abs(found[0] - found[1]).max() < 1e-6
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("strategy", STRATEGIES)
 @pytest.mark.parametrize("name", BIPEDS)
-def test_priorities_are_strict(get_robot, name, method):
+def test_priorities_are_strict(get_robot, name, strategy):
     """An impossible hand and an impossible posture take nothing from what stands above them."""
     robot = get_robot(name)
     found = []
     for wild in (False, True):
         stack = stand_stack()
-        controller = DifferentialIK(robot, stack, dt=DT, method=method)
+        controller = DifferentialIK(robot, stack, dt=DT, strategy=strategy)
         stack.task("com").set_velocity([0.01, 0.0, -0.05])
         stack.task("torso").set_velocity([0.0, 0.1, 0.0])
         if wild:
@@ -220,13 +220,13 @@ def test_priorities_are_strict(get_robot, name, method):
         assert np.abs(a - b).max() < 1e-6
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("strategy", STRATEGIES)
 @pytest.mark.parametrize("name", ["arm6", "upper17", "panda"])
-def test_fixed_arms_reach_their_targets(get_robot, follow, name, method):
+def test_fixed_arms_reach_their_targets(get_robot, follow, name, strategy):
     robot = get_robot(name)
     hand = robot.hands[0]
     stack = Stack((), [[FrameTask(hand, "position", kp=100.0, name="hand")], [PostureTask()]])
-    controller = DifferentialIK(robot, stack, dt=DT, method=method)
+    controller = DifferentialIK(robot, stack, dt=DT, strategy=strategy)
     follower = follow(robot, None, DT)
     goal = follower.placement(hand).translation + [-0.08, 0.05, -0.06]
     stack.task("hand").set_target(goal)
@@ -237,14 +237,14 @@ def test_fixed_arms_reach_their_targets(get_robot, follow, name, method):
 
 
 @pytest.mark.parametrize("limit_time", [0.0, 0.1])
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("strategy", STRATEGIES)
 @pytest.mark.parametrize("name", ["arm6", "biped20", "g1"])
-def test_no_joint_ever_passes_its_limits(get_robot, follow, name, method, limit_time):
+def test_no_joint_ever_passes_its_limits(get_robot, follow, name, strategy, limit_time):
     """Joints are sent far beyond their limits, first all to the upper ones, then at random."""
     robot = get_robot(name)
     contacts = [SurfaceContact(LEFT)] if robot.floating_base else []
     stack = Stack(contacts, [[JointTask(kp=400.0, name="joints")]])
-    controller = DifferentialIK(robot, stack, dt=DT, method=method, limit_time=limit_time)
+    controller = DifferentialIK(robot, stack, dt=DT, strategy=strategy, limit_time=limit_time)
     low, high = robot.q_min + 0.01, robot.q_max - 0.01
     q = robot.q_home.copy()
     q[robot.nq - robot.nj :] = high - 0.3
@@ -263,12 +263,12 @@ def test_no_joint_ever_passes_its_limits(get_robot, follow, name, method, limit_
             assert (follower.joints > high - 1e-3).all()
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("strategy", STRATEGIES)
 @pytest.mark.parametrize("beyond", [1e-6, 0.02, 0.5])
-def test_a_joint_beyond_its_limit_comes_back_and_never_goes_on(get_robot, follow, method, beyond):
+def test_a_joint_beyond_its_limit_comes_back_and_never_goes_on(get_robot, follow, strategy, beyond):
     robot = get_robot("arm6")
     stack = Stack((), [[JointTask(kp=100.0, name="joints")]])
-    controller = DifferentialIK(robot, stack, dt=DT, method=method)
+    controller = DifferentialIK(robot, stack, dt=DT, strategy=strategy)
     q = robot.q_home.copy()
     q[1], q[3] = robot.q_max[1] + beyond, robot.q_min[3] - beyond
     follower = follow(robot, None, DT, q)
@@ -287,12 +287,12 @@ def test_a_joint_beyond_its_limit_comes_back_and_never_goes_on(get_robot, follow
     assert follower.joints[3] >= robot.q_min[3]
 
 
-@pytest.mark.parametrize("method", METHODS)
-def test_a_stretched_arm_asks_for_no_wild_velocities(get_robot, follow, method):
+@pytest.mark.parametrize("strategy", STRATEGIES)
+def test_a_stretched_arm_asks_for_no_wild_velocities(get_robot, follow, strategy):
     """A hand sent beyond its reach: rank is lost, and the joints come to rest."""
     robot = get_robot("arm6")
     stack = Stack((), [[FrameTask("hand", "position", kp=100.0, name="hand")]])
-    controller = DifferentialIK(robot, stack, dt=DT, method=method)
+    controller = DifferentialIK(robot, stack, dt=DT, strategy=strategy)
     follower = follow(robot, None, DT)
     stack.task("hand").set_target([2.0, 0.1, 0.6])
     fastest = []
@@ -302,7 +302,7 @@ def test_a_stretched_arm_asks_for_no_wild_velocities(get_robot, follow, method):
         assert (np.abs(command.velocity) <= robot.v_max).all()
         fastest.append(np.abs(command.velocity).max())
         follower.move(command.velocity)
-    if method == "closed_form":
+    if strategy == "closed_form":
         assert max(fastest[-100:]) < 0.05
 
 
@@ -337,8 +337,8 @@ def test_speeds_bound_what_a_task_asks_for(get_robot):
     assert np.linalg.norm(second.velocity[:3]) == pytest.approx(0.3)
 
 
-@pytest.mark.parametrize("method", METHODS)
-def test_row_weights_decide_within_a_level_from_the_next_tick(get_robot, method):
+@pytest.mark.parametrize("strategy", STRATEGIES)
+def test_row_weights_decide_within_a_level_from_the_next_tick(get_robot, strategy):
     robot = get_robot("biped20")
     stack = on_one_foot(
         Stack(
@@ -346,7 +346,7 @@ def test_row_weights_decide_within_a_level_from_the_next_tick(get_robot, method)
             [[ComTask()], [PostureTask(kp=0.0), MomentumTask(), FrameTask(RIGHT, name="swing")]],
         )
     )
-    controller = DifferentialIK(robot, stack, dt=DT, method=method)
+    controller = DifferentialIK(robot, stack, dt=DT, strategy=strategy)
     stack.task("swing").set_velocity([0.3, 0.0, 0.2, 0.0, 0.0, 0.0])
     home = RobotState(robot.q_home, np.zeros(robot.nv))
     assert controller.weights["swing"].tolist() == [ROW_WEIGHT] * 6
@@ -362,11 +362,11 @@ def test_row_weights_decide_within_a_level_from_the_next_tick(get_robot, method)
     assert missed() == pytest.approx(np.hypot(0.3, 0.2), rel=1e-3)
 
 
-@pytest.mark.parametrize("method", METHODS)
-def test_the_stance_can_change_in_double_support_without_a_jump(get_robot, follow, method):
+@pytest.mark.parametrize("strategy", STRATEGIES)
+def test_the_stance_can_change_in_double_support_without_a_jump(get_robot, follow, strategy):
     robot = get_robot("humanoid33")
     stack = stand_stack()
-    controller = DifferentialIK(robot, stack, dt=1e-3, method=method)
+    controller = DifferentialIK(robot, stack, dt=1e-3, strategy=strategy)
     follower = follow(robot, LEFT, 1e-3)
     stack.task("com").set_target(follower.com + [0.0, 0.03, -0.1])
     before = run(controller, follower, 100).velocity
@@ -447,11 +447,11 @@ def bad_states(robot):
     ]
 
 
-@pytest.mark.parametrize("method", METHODS)
-def test_without_an_answer_velocities_fade_to_a_stop(get_robot, method):
+@pytest.mark.parametrize("strategy", STRATEGIES)
+def test_without_an_answer_velocities_fade_to_a_stop(get_robot, strategy):
     robot = get_robot("biped20")
     stack = stand_stack()
-    controller = DifferentialIK(robot, stack, dt=DT, method=method)
+    controller = DifferentialIK(robot, stack, dt=DT, strategy=strategy)
     first = controller.step(bad_states(robot)[0])
     assert first.status is CommandStatus.BAD_STATE
     assert not first.velocity.any()
@@ -467,11 +467,11 @@ def test_without_an_answer_velocities_fade_to_a_stop(get_robot, method):
         assert share < 1e-3
 
 
-@pytest.mark.parametrize("method", METHODS)
-def test_a_velocity_beyond_all_numbers_fails_safely(get_robot, method):
+@pytest.mark.parametrize("strategy", STRATEGIES)
+def test_a_velocity_beyond_all_numbers_fails_safely(get_robot, strategy):
     robot = get_robot("biped20")
     stack = stand_stack()
-    controller = DifferentialIK(robot, stack, dt=DT, method=method)
+    controller = DifferentialIK(robot, stack, dt=DT, strategy=strategy)
     home = RobotState(robot.q_home, np.zeros(robot.nv))
     stack.task("com").set_velocity([0.0, 0.0, -0.1])
     assert controller.step(home).status.ok
@@ -483,13 +483,13 @@ def test_a_velocity_beyond_all_numbers_fails_safely(get_robot, method):
     assert controller.step(home).status.ok
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("strategy", STRATEGIES)
 @pytest.mark.parametrize("name", BIPEDS)
-def test_nothing_raises_whatever_comes(get_robot, name, method):
+def test_nothing_raises_whatever_comes(get_robot, name, strategy):
     """Random states, targets, weights and contacts: always a finite answer within the limits."""
     robot = get_robot(name)
     stack = stand_stack()
-    controller = DifferentialIK(robot, stack, dt=DT, method=method)
+    controller = DifferentialIK(robot, stack, dt=DT, strategy=strategy)
     rng = np.random.default_rng(11)
     failed = 0
     for tick in range(50):
@@ -510,14 +510,14 @@ def test_nothing_raises_whatever_comes(get_robot, name, method):
         assert np.isfinite(command.velocity).all()
         assert (np.abs(command.velocity) <= robot.v_max).all()
         str(controller.status())
-    assert failed <= (0 if method == "closed_form" else 5)
+    assert failed <= (0 if strategy == "closed_form" else 5)
 
 
 def test_wrong_settings_are_refused(get_robot):
     robot = get_robot("biped20")
     wrong = [
         {"dt": 0.0},
-        {"method": "cascade"},
+        {"strategy": "cascade"},
         {"joints": ["tail"]},
         {"joints": []},
         {"joints": ["left_knee", "left_knee"]},
@@ -532,7 +532,7 @@ def test_wrong_settings_are_refused(get_robot):
         with pytest.raises(PoiseError, match="got"):
             DifferentialIK(robot, stand_stack(), **{"dt": DT, **settings})
     with pytest.raises(UnknownNameError, match="closed_form"):
-        DifferentialIK(robot, stand_stack(), dt=DT, method="closedform")
+        DifferentialIK(robot, stand_stack(), dt=DT, strategy="closedform")
     with pytest.raises(ConfigurationError, match="stand on"):
         DifferentialIK(robot, Stack([PointContact(LEFT)], [[ComTask()]]), dt=DT)
     with pytest.raises(ConfigurationError, match="kd > 0"):

@@ -78,7 +78,7 @@ def test_plans_make_it_with_its_methods_and_nothing_else(get_robot):
     plan = ControllerPlan(name="differential_ik", strategy="hqp", dt=0.004)
     controller = make_controller(robot, plan=plan)
     assert isinstance(controller, DifferentialIK)
-    assert (controller.method, controller.dt) == ("hqp", 0.004)
+    assert (controller.strategy.name, controller.dt) == ("hqp", 0.004)
     with pytest.raises(UnknownNameError, match="closed_form, hqp"):
         make_controller(robot, plan=replace(plan, strategy="direct"))
     with pytest.raises(ConfigurationError, match="no backend"):

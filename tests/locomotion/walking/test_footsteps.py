@@ -7,10 +7,10 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from poise.errors import ConfigurationError
-from poise.locomotion import Gait, Ground, Stride, plan_footsteps
-from poise.locomotion._walking._footsteps import Placement
-from poise.locomotion._walking._plan import _highest
+from poise.errors import ConfigurationError, TargetError
+from poise.locomotion import FootstepPlan, Gait, Ground, Stride, plan_footsteps
+from poise.locomotion._walking._ground import Placement
+from poise.locomotion._walking._swing_shape import _highest
 
 GAIT = Gait(step_time=0.8, crouch=0.02)
 
@@ -90,6 +90,14 @@ def test_a_walk_from_elsewhere_is_the_same_walk_moved_and_turned(get_robot, robo
     np.testing.assert_allclose(there.middle, turned @ here.middle + [*at, 0.0], atol=1e-6)
 
 
+def test_a_posture_may_be_a_list_and_has_the_robots_length(get_robot):
+    robot, strides = get_robot("humanoid33"), [Stride(steps=2, length=0.1)]
+    given = plan_footsteps(robot, strides, GAIT, q=robot.q_home.tolist())
+    np.testing.assert_array_equal(positions(given), positions(plan_footsteps(robot, strides, GAIT)))
+    with pytest.raises(TargetError, match="q of the walk has the wrong shape"):
+        plan_footsteps(robot, strides, GAIT, q=robot.q_home[:-1])
+
+
 @pytest.mark.parametrize("axis", [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 def test_soles_that_do_not_lie_flat_are_refused(get_robot, axis):
     robot = get_robot("humanoid33")
@@ -163,6 +171,54 @@ def test_a_swing_clears_a_platform_all_the_way(get_robot):
                 assert height > 0.05 + 0.005
         feet[step.foot] = end
     assert over > 10
+
+
+def test_footholds_of_ones_own_are_the_plan(get_robot):
+    """Given those of a plan by strides, on a block, with headings a whole turn on, the same."""
+    robot, ground = get_robot("humanoid33"), Ground(platforms=(BLOCK,))
+    strides, gait = [Stride(steps=6, length=0.1, turn=0.02)], Gait(step_time=1.1)
+    planned = plan_footsteps(robot, strides, gait, ground=ground)
+    footholds = [
+        (planned.soles[step.foot], [*step.goal.position[:2], step.goal.yaw + 2.0 * math.pi * turns])
+        for step, turns in zip(planned.steps, [0, 1, -1, 0, 2, 0, 0], strict=True)
+    ]
+    given = FootstepPlan.from_footholds(robot, footholds, gait, ground=ground)
+    np.testing.assert_allclose(positions(given), positions(planned), atol=1e-12)
+    for a, b in zip(given.steps, planned.steps, strict=True):
+        assert (a.foot, a.shape) == (b.foot, b.shape)
+        assert a.goal.yaw == pytest.approx(b.goal.yaw, abs=1e-12)
+
+
+def test_footholds_may_begin_with_either_foot_and_end_apart(get_robot):
+    robot = get_robot("g1")
+    stones = [("right_sole", (0.1, -0.12, 0.0)), ("left_sole", np.array([0.25, 0.1, 0.1], "f"))]
+    plan = FootstepPlan.from_footholds(robot, stones, Gait(step_time=0.9))
+    assert [step.foot for step in plan.steps] == [1, 0]
+    np.testing.assert_allclose(positions(plan)[:, :2], [[0.1, -0.12], [0.25, 0.1]], atol=1e-7)
+    assert plan.gait.step_time == 0.9
+
+
+@pytest.mark.parametrize(
+    ("footholds", "error", "message"),
+    [
+        ([], ConfigurationError, "plan without steps"),
+        ([("left_hand", (0.1, 0.1, 0.0))], ConfigurationError, "step 1.*no sole.*left_sole"),
+        ([("left_sole", (0.1, 0.1))], TargetError, "foothold 1 of the plan has the wrong shape"),
+        ([("left_sole", (0.1, np.nan, 0.0))], TargetError, "foothold 1 of the plan holds NaN"),
+        ([("left_sole", (0.4, 0.1, 0.0))], ConfigurationError, "does not carry the whole sole"),
+        ([("left_sole", (0.0, -0.1, 0.0))], ConfigurationError, "step 1 .*across each other"),
+        (
+            [("left_sole", (0.0, 0.1, 0.0)), ("left_sole", (0.1, 0.1, 0.0))],
+            ConfigurationError,
+            "step 2 of the plan is made with the foot of",
+        ),
+    ],
+)
+def test_footholds_that_cannot_be_walked_are_refused(get_robot, footholds, error, message):
+    with pytest.raises(error, match=message):
+        FootstepPlan.from_footholds(
+            get_robot("humanoid33"), footholds, ground=Ground(platforms=(BLOCK,))
+        )
 
 
 def test_a_robot_without_two_soles_is_refused(get_robot):

@@ -7,8 +7,9 @@ import pinocchio as pin
 import pytest
 
 from poise.errors import ConfigurationError
-from poise.locomotion._walking._footsteps import RISE, Placement, SwingShape
+from poise.locomotion._walking._ground import Placement
 from poise.locomotion._walking._swing import SwingFoot
+from poise.locomotion._walking._swing_shape import RISE, SwingShape
 
 DT, T = 0.002, 0.6
 BEGIN, GOAL = np.array([0.1, 0.2, 0.0]), Placement(position=(0.4, 0.25, 0.05), yaw=0.3)

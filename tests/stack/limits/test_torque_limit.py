@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from poise.errors import ConfigurationError
-from poise.stack import TorqueLimit
+from poise.stack import JointLimit, TorqueLimit
 
 
 def test_bounds_are_the_robots_own_scaled(get_robot):
@@ -24,3 +24,29 @@ def test_a_limit_serves_one_robot(get_robot):
     limit.bind(get_robot("g1"))
     with pytest.raises(ConfigurationError, match="already serves another robot"):
         limit.bind(get_robot("arm6"))
+
+
+@pytest.mark.parametrize("name", ["scale", "lower", "upper"])
+def test_a_torque_limit_is_not_assigned(name):
+    """Controllers took it when they were made: what would not hold is refused."""
+    with pytest.raises(AttributeError, match=name):
+        setattr(TorqueLimit(), name, 0.5)
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "acceleration_max",
+        "braking",
+        "horizon",
+        "position_margin",
+        "velocity_scale",
+        "q_min",
+        "q_max",
+        "lower",
+        "upper",
+    ],
+)
+def test_a_joint_limit_is_not_assigned(name):
+    with pytest.raises(AttributeError, match=name):
+        setattr(JointLimit(), name, 0.5)

@@ -43,6 +43,15 @@ def test_gains_set_before_binding_are_those_of_the_rows(robot):
         one_a_row.bind(robot)
 
 
+def test_stiffness_stays_where_damping_alone_is_set(task, robot):
+    task.set_gains(kd=3.0)
+    np.testing.assert_array_equal((task.kp, task.kd), np.full((2, 3), [[30.0], [3.0]]))
+    unbound = ComTask(kp=9.0)
+    unbound.set_gains(kd=1.0)
+    unbound.bind(robot)
+    np.testing.assert_array_equal((unbound.kp, unbound.kd), np.full((2, 3), [[9.0], [1.0]]))
+
+
 @pytest.mark.parametrize(
     ("kp", "kd", "what"),
     [

@@ -103,7 +103,8 @@ def test_com_targets_that_cannot_be_right_are_refused(value):
         np.diag([1.0, 1.0, -1.0]),
         np.full((3, 3), NAN),
         np.eye(3) + 1e-3 * np.eye(3, k=1),
-        [0.0, 0.0, 0.0, 1.0],
+        [0.0, 0.0, 0.0, 2.0],
+        [0.0, 0.0, 1.0],
     ],
 )
 def test_targets_that_are_no_rotation_are_refused_and_change_nothing(make, rotation):

@@ -165,7 +165,7 @@ class SlurmWorkers(DaskWorkers):
     def __init__(
         self,
         count: int,
-        logs: Path = Path("runs/slurm"),
+        logs: str | Path = "runs/slurm",
         executor: Literal["slurm", "local"] = "slurm",
     ) -> None:
         super().__init__("")

@@ -85,7 +85,7 @@ class LiveSession:
     def __init__(
         self,
         robot: Robot,
-        folder: Path,
+        folder: str | Path,
         *,
         port: int = 0,
         gamepad: bool = False,
@@ -98,7 +98,7 @@ class LiveSession:
         self._source: Source = (
             "gamepad" if gamepad else "browser" if recording is None else "recording"
         )
-        self.takes = Takes(folder, robot=robot.name, dt=plant.control_dt)
+        self.takes = Takes(Path(folder), robot=robot.name, dt=plant.control_dt)
         self.loop = LiveLoop(
             robot, self.inputs, self.takes, recording=recording, plant=plant, seed=seed
         )

@@ -9,6 +9,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from html import escape
 from importlib.resources import files
+from pathlib import PurePosixPath
 from typing import cast
 from urllib.parse import quote
 
@@ -265,10 +266,12 @@ def _video(record: RunView) -> str:
     if not record.video:
         return ""
     source = escape(quote(record.video))
+    poster = escape(quote(str(PurePosixPath(record.video).with_suffix(".jpg"))))
     return (
         '<section id="video"><h2>Video</h2><p class="how">The same run as the simulator draws it; '
         "the file lies beside this page.</p>"
-        f'<video controls loop muted playsinline preload="metadata" src="{source}"></video>'
+        '<video controls loop muted playsinline preload="metadata" '
+        f'poster="{poster}" src="{source}"></video>'
         "</section>"
     )
 

@@ -25,6 +25,8 @@ class Check:
         relation: how a value that holds stands to the bound.
         unit: the unit of value and bound, "" for a pure number.
         ok: whether the check held.
+        time: of the worst moment [s], None where no single one decided.
+        mechanism: what went wrong shortly before, in words; "" where nothing is known.
     """
 
     name: str
@@ -33,6 +35,8 @@ class Check:
     relation: Literal["<=", ">=", "=="] = "<="
     unit: str = ""
     ok: bool
+    time: float | None = None
+    mechanism: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -163,7 +167,8 @@ class RunView:
         checks: what the scenario demanded.
         summary: the figures of `summary.json`.
         replay: the motion for the 3D replay, None to leave it out.
-        video: file name of the video, relative to the report; None where there is none.
+        video: file name of the video, relative to the report; None where there is none. A picture
+            of the same name, with `.jpg` behind, is shown until it is played.
         notes: sentences for the reader, such as why there is no video.
     """
 

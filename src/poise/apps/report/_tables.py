@@ -32,12 +32,13 @@ def checks_html(record: RunView) -> str:
     rows = "".join(_check_row(c) for c in sorted(record.checks, key=lambda c: c.ok))
     head = (
         '<tr><th>check</th><th class="number">value</th><th class="number">bound</th>'
-        "<th>unit</th><th>holds</th></tr>"
+        "<th>unit</th><th>worst at</th><th>holds</th></tr>"
     )
     return _section(
         "checks",
         "Checks",
-        "What the scenario demanded; the run passes when every line holds.",
+        "What the scenario demanded; the run passes when every line holds. A time takes the replay "
+        "and the plots to the worst moment.",
         f"<table><thead>{head}</thead><tbody>{rows}</tbody></table>",
     )
 
@@ -45,13 +46,21 @@ def checks_html(record: RunView) -> str:
 def _check_row(check: Check) -> str:
     mark = ("good", "✓ holds") if check.ok else ("bad", "✗ failed")
     relation = _RELATIONS.get(check.relation, check.relation)
+    why = f'<div class="why">{escape(check.mechanism)}</div>' if check.mechanism else ""
     return (
-        f'<tr class="{"held" if check.ok else "failed"}"><td>{escape(check.name)}</td>'
+        f'<tr class="{"held" if check.ok else "failed"}"><td>{escape(check.name)}{why}</td>'
         f'<td class="number">{number(check.value)}</td>'
         f'<td class="number">{relation} {number(check.bound)}</td>'
-        f"<td>{escape(check.unit) or '–'}</td>"
+        f"<td>{escape(check.unit) or '–'}</td><td>{_moment(check)}</td>"
         f'<td class="mark {mark[0]}">{mark[1]}</td></tr>'
     )
+
+
+def _moment(check: Check) -> str:
+    """A button that takes the page's clock to the worst moment of a check."""
+    if check.time is None:
+        return "–"
+    return f'<button class="moment" data-time="{check.time:.4f}">{check.time:.2f} s</button>'
 
 
 def tasks_html(record: RunView) -> str:

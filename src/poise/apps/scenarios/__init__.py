@@ -22,6 +22,7 @@ from poise.apps.scenarios._run import Progress as Progress, Run, run_scenario
 from poise.apps.scenarios._scenario import Measurement as Measurement, Scenario
 from poise.apps.scenarios._signals import RunSignals as RunSignals
 from poise.apps.scenarios._stage import Stage as Stage, stage_scenario
+from poise.apps.scenarios._symptoms import symptoms_of as symptoms_of
 
 __all__ = [
     "Run",

@@ -1,14 +1,15 @@
 """Checks: what a scenario demands of its run, and what every run must hold."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 
-from poise.apps.scenarios._metrics import METRICS
-from poise.apps.scenarios._scenario import CheckPlan, Measurement
+from poise.apps.scenarios._metrics import METRICS, Reading
+from poise.apps.scenarios._scenario import CheckPlan, Measurement, Scenario
 from poise.apps.scenarios._signals import RunSignals
+from poise.apps.scenarios._symptoms import Symptom, symptoms_of, tell, tell_before
 from poise.control import PHYSICS_LEVELS, CommandStatus
 from poise.errors import ConfigurationError, UnknownNameError
 from poise.robots import Robot
@@ -24,19 +25,27 @@ class CheckResult:
 
     Attributes:
         name: what was checked, in words.
+        metric: what was measured, a key of `METRICS`; or what every run is checked for: `fell`,
+            `ended_early` or `missed_ticks`.
         value: what was measured, NaN where it could not be.
         bound: what it was compared with.
         relation: how a good value stands to the bound.
         unit: unit of value and bound.
         ok: whether it held; a value that could not be measured does not hold.
+        time: of the worst moment [s]; None where no single one decided.
+        mechanism: of a check that failed, what went wrong shortly before that moment; "" where
+            nothing is known.
     """
 
     name: str
+    metric: str
     value: float
     bound: float
     relation: Literal["<=", ">="]
     unit: str
     ok: bool
+    time: float | None
+    mechanism: str
 
 
 def validate_checks(checks: Sequence[Measurement], stack: Stack, robot: Robot) -> None:
@@ -68,34 +77,62 @@ def validate_checks(checks: Sequence[Measurement], stack: Stack, robot: Robot) -
 
 
 def evaluate_checks(
-    checks: Sequence[CheckPlan],
+    scenario: Scenario,
     run: RunSignals,
+    robot: Robot,
     fell: bool,
     ended_early: str,
 ) -> tuple[CheckResult, ...]:
     """Measures everything that must hold of a run.
 
     Args:
-        checks: the scenario's own.
+        scenario: with checks of its own.
         run: what was recorded.
+        robot: that ran.
         fell: whether the robot fell.
         ended_early: why the run stopped before its end, "" where it did not.
 
     Returns:
         The checks of every run first, then the scenario's.
     """
-    missed = missed_ticks(run)
-    results = [
-        _result("robot fell", float(fell), "<=", 0.0, ""),
-        _result("run ended early", float(bool(ended_early)), "<=", 0.0, ""),
-        _result("missed ticks", float(missed), "<=", 0.0, ""),
-    ]
+    results = _of_every_run(run, fell, ended_early)
     names = ("dynamics and torque limits", "contacts and joint limits")
     for level, name in enumerate(names if run.level_names else (), 1):
         plan = CheckPlan(metric="residual_max", at_most=PHYSICS_RESIDUAL, level=level)
         results.append(_measured(plan, run, f"residual of level {level}, {name}"))
-    results += [_measured(plan, run, _describe(plan)) for plan in checks]
-    return tuple(results)
+    results += [_measured(plan, run, _describe(plan)) for plan in scenario.checks]
+    if all(result.ok for result in results):
+        return tuple(results)
+    symptoms = symptoms_of(run, robot, scenario)
+    return tuple(_explained(result, run, symptoms) for result in results)
+
+
+def _of_every_run(run: RunSignals, fell: bool, ended_early: str) -> list[CheckResult]:
+    missed = missed_ticks(run)
+    first = next((i for i, s in enumerate(run.status) if s != CommandStatus.OK.value), None)
+    last = len(run.time) - 1
+    return [
+        _result("robot fell", "fell", Reading(float(fell), last if fell else None), run),
+        _result(
+            "run ended early",
+            "ended_early",
+            Reading(float(bool(ended_early)), last if ended_early else None),
+            run,
+        ),
+        _result("missed ticks", "missed_ticks", Reading(float(missed), first), run),
+    ]
+
+
+def _explained(result: CheckResult, run: RunSignals, symptoms: list[Symptom]) -> CheckResult:
+    """A check that failed with what is known of how that came."""
+    if result.ok or result.time is None:
+        return result
+    if result.metric in ("fell", "ended_early"):
+        # A fall takes its time: what came first is how it came.
+        said = tell(symptoms, run.time, float(run.time[0]), result.time)
+    else:
+        said = tell_before(symptoms, run.time, result.time)
+    return replace(result, mechanism=said)
 
 
 def missed_ticks(run: RunSignals) -> int:
@@ -105,28 +142,42 @@ def missed_ticks(run: RunSignals) -> int:
 
 def measure(plan: Measurement, run: RunSignals) -> float:
     """Measures something on a run, in its metric's unit; NaN where that cannot be done."""
+    return _read(plan, run).value
+
+
+def _read(plan: Measurement, run: RunSignals) -> Reading:
     rows = (run.time >= plan.begin) & (run.time <= plan.end)
     return METRICS[plan.metric].measure(run, plan.subject, plan.axis_index, rows)
 
 
 def _measured(plan: CheckPlan, run: RunSignals, name: str) -> CheckResult:
-    metric, value = METRICS[plan.metric], measure(plan, run)
+    metric = METRICS[plan.metric]
     units = {task.name: task.unit for task in run.tasks}
     unit = units[plan.subject] if metric.subject == "task" else metric.unit
-    return _result(name, value, plan.relation, plan.bound, unit)
+    return _result(name, plan.metric, _read(plan, run), run, plan.relation, plan.bound, unit)
 
 
 def _result(
-    name: str, value: float, relation: Literal["<=", ">="], bound: float, unit: str
+    name: str,
+    metric: str,
+    reading: Reading,
+    run: RunSignals,
+    relation: Literal["<=", ">="] = "<=",
+    bound: float = 0.0,
+    unit: str = "",
 ) -> CheckResult:
+    value, row = reading
     holds = value <= bound if relation == "<=" else value >= bound
     return CheckResult(
         name=name,
+        metric=metric,
         value=value,
         bound=bound,
         relation=relation,
         unit=unit,
         ok=bool(np.isfinite(value) and holds),
+        time=None if row is None else float(run.time[row]),
+        mechanism="",
     )
 
 

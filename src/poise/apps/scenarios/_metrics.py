@@ -2,11 +2,33 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float64
 
 from poise.apps.scenarios._signals import RunSignals
+
+
+class Reading(NamedTuple):
+    """What was measured.
+
+    Attributes:
+        value: the figure, NaN where there was nothing to measure.
+        row: the tick that decided it; None where no single one did.
+    """
+
+    value: float
+    row: int | None
+
+
+NOTHING = Reading(float("nan"), None)
+
+Measure = Callable[[RunSignals, str, int | None, Bool[np.ndarray, " T"]], Reading]
+"""From signals, subject, axis and the ticks that count to a figure."""
+
+Track = Callable[[RunSignals, str, int | None], Float64[np.ndarray, " T"]]
+"""From signals, subject and axis to a figure a tick, NaN where there is none."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -19,7 +41,7 @@ class Metric:
         subject: what it is measured on: "", "task", "sole" or "level".
         takes_axis: whether an axis is given with it.
         describe: one line for people.
-        measure: from signals, subject, axis and the samples that count to the figure.
+        measure: how.
     """
 
     name: str
@@ -27,123 +49,133 @@ class Metric:
     subject: str
     takes_axis: bool
     describe: str
-    measure: Callable[[RunSignals, str, int | None, Bool[np.ndarray, " T"]], float]
+    measure: Measure
 
 
-def _largest(values: Float64[np.ndarray, "..."]) -> float:
-    finite = values[np.isfinite(values)]
-    return float(finite.max()) if finite.size else float("nan")
+def _largest(track: Track) -> Measure:
+    """The largest figure of all ticks."""
+
+    def measure(
+        run: RunSignals, subject: str, axis: int | None, rows: Bool[np.ndarray, " T"]
+    ) -> Reading:
+        values = np.where(rows, track(run, subject, axis), np.nan)
+        if not np.isfinite(values).any():
+            return NOTHING
+        row = int(np.nanargmax(np.where(np.isfinite(values), values, np.nan)))
+        return Reading(float(values[row]), row)
+
+    return measure
 
 
-def _com_error_max(
-    run: RunSignals, _: str, axis: int | None, rows: Bool[np.ndarray, " T"]
-) -> float:
-    error = run.com_reference[rows] - run.com[rows]
-    size = np.linalg.norm(error, axis=1) if axis is None else np.abs(error[:, axis])
-    return _largest(size)
+def _least(track: Track) -> Measure:
+    """The least figure of all ticks."""
+    most = _largest(lambda run, subject, axis: -track(run, subject, axis))
+
+    def measure(
+        run: RunSignals, subject: str, axis: int | None, rows: Bool[np.ndarray, " T"]
+    ) -> Reading:
+        reading = most(run, subject, axis, rows)
+        return Reading(-reading.value, reading.row)
+
+    return measure
 
 
-def _root_mean_square(values: Float64[np.ndarray, "..."]) -> float:
-    finite = values[np.isfinite(values)]
-    return float(np.sqrt(np.mean(finite**2))) if finite.size else float("nan")
+def _last(track: Track) -> Measure:
+    """The figure of the last tick."""
+
+    def measure(
+        run: RunSignals, subject: str, axis: int | None, rows: Bool[np.ndarray, " T"]
+    ) -> Reading:
+        if not rows.any():
+            return NOTHING
+        row = int(np.flatnonzero(rows)[-1])
+        return Reading(float(track(run, subject, axis)[row]), row)
+
+    return measure
 
 
-def _com_error_rms(
-    run: RunSignals, _: str, axis: int | None, rows: Bool[np.ndarray, " T"]
-) -> float:
-    error = run.com_reference[rows] - run.com[rows]
-    return _root_mean_square(np.linalg.norm(error, axis=1) if axis is None else error[:, axis])
+def _root_mean_square(track: Track) -> Measure:
+    """The root mean square of all ticks."""
+
+    def measure(
+        run: RunSignals, subject: str, axis: int | None, rows: Bool[np.ndarray, " T"]
+    ) -> Reading:
+        values = track(run, subject, axis)[rows]
+        finite = values[np.isfinite(values)]
+        return Reading(float(np.sqrt(np.mean(finite**2))), None) if finite.size else NOTHING
+
+    return measure
 
 
-def _com_travel(run: RunSignals, _: str, axis: int | None, rows: Bool[np.ndarray, " T"]) -> float:
+def _com_error(run: RunSignals, _: str, axis: int | None) -> Float64[np.ndarray, " T"]:
+    error = run.com_reference - run.com
+    return np.linalg.norm(error, axis=1) if axis is None else np.abs(error[:, axis])
+
+
+def _com_travel(run: RunSignals, _: str, axis: int | None, rows: Bool[np.ndarray, " T"]) -> Reading:
     com = run.com[rows]
     if not len(com):
-        return float("nan")
+        return NOTHING
     reach = com.max(axis=0) - com.min(axis=0)
-    return float(np.linalg.norm(reach) if axis is None else reach[axis])
+    return Reading(float(np.linalg.norm(reach) if axis is None else reach[axis]), None)
 
 
-def _com_speed_end(run: RunSignals, _: str, __: int | None, rows: Bool[np.ndarray, " T"]) -> float:
+def _com_speed_end(
+    run: RunSignals, _: str, __: int | None, rows: Bool[np.ndarray, " T"]
+) -> Reading:
     com, time = run.com[rows], run.time[rows]
     if len(com) < 2:
-        return float("nan")
+        return NOTHING
     last = max(1, int(np.searchsorted(time[-1] - time[::-1], 0.1)))
     span = slice(max(0, len(com) - 1 - last), None)
-    return float(
-        np.linalg.norm(com[span][-1] - com[span][0]) / max(time[span][-1] - time[span][0], 1e-9)
-    )
+    distance = np.linalg.norm(com[span][-1] - com[span][0])
+    speed = float(distance / max(time[span][-1] - time[span][0], 1e-9))
+    return Reading(speed, int(np.flatnonzero(rows)[-1]))
 
 
-def _task_error_max(
-    run: RunSignals, task: str, _: int | None, rows: Bool[np.ndarray, " T"]
-) -> float:
-    return _largest(run.task_errors[task][rows])
+def _task_error(run: RunSignals, task: str, _: int | None) -> Float64[np.ndarray, " T"]:
+    return run.task_errors[task]
 
 
-def _task_error_rms(
-    run: RunSignals, task: str, _: int | None, rows: Bool[np.ndarray, " T"]
-) -> float:
-    return _root_mean_square(run.task_errors[task][rows])
+def _torque_ratio(run: RunSignals, _: str, __: int | None) -> Float64[np.ndarray, " T"]:
+    # The joint that is nearest to its limit; a tick without a torque has none.
+    ratios = np.abs(run.torque) / run.torque_max
+    return np.max(ratios, axis=1, initial=-np.inf, where=np.isfinite(ratios))
 
 
-def _task_error_end(
-    run: RunSignals, task: str, _: int | None, rows: Bool[np.ndarray, " T"]
-) -> float:
-    errors = run.task_errors[task][rows]
-    return float(errors[-1]) if len(errors) else float("nan")
+def _sole_force(run: RunSignals, sole: str, _: int | None) -> Float64[np.ndarray, " T"]:
+    return run.sole_forces[sole]
 
 
-def _torque_ratio_max(
-    run: RunSignals, _: str, __: int | None, rows: Bool[np.ndarray, " T"]
-) -> float:
-    return _largest(np.abs(run.torque[rows]) / run.torque_max)
+def _sole_height(run: RunSignals, sole: str, _: int | None) -> Float64[np.ndarray, " T"]:
+    return run.sole_positions[sole][:, 2]
 
 
-def _sole_force_max(
-    run: RunSignals, sole: str, _: int | None, rows: Bool[np.ndarray, " T"]
-) -> float:
-    return _largest(run.sole_forces[sole][rows])
+def _residual(run: RunSignals, level: str, _: int | None) -> Float64[np.ndarray, " T"]:
+    return run.residuals[:, int(level) - 1]
 
 
-def _sole_height_min(
-    run: RunSignals, sole: str, _: int | None, rows: Bool[np.ndarray, " T"]
-) -> float:
-    heights = run.sole_positions[sole][rows, 2]
-    return float(heights.min()) if len(heights) else float("nan")
+def _zmp_margin(run: RunSignals, _: str, __: int | None) -> Float64[np.ndarray, " T"]:
+    return run.zmp_margin
 
 
-def _residual_max(
-    run: RunSignals, level: str, _: int | None, rows: Bool[np.ndarray, " T"]
-) -> float:
-    return _largest(run.residuals[rows, int(level) - 1])
+def _clearance(run: RunSignals, _: str, __: int | None) -> Float64[np.ndarray, " T"]:
+    return run.clearance
 
 
-def _zmp_margin_min(run: RunSignals, _: str, __: int | None, rows: Bool[np.ndarray, " T"]) -> float:
-    margin = run.zmp_margin[rows]
-    finite = margin[np.isfinite(margin)]
-    return float(finite.min()) if finite.size else float("nan")
+def _beyond_blocks(run: RunSignals, _: str, __: int | None) -> Float64[np.ndarray, " T"]:
+    return run.beyond
 
 
-def _clearance_min(run: RunSignals, _: str, __: int | None, rows: Bool[np.ndarray, " T"]) -> float:
-    return -_largest(-run.clearance[rows])
+def _zmp_error(run: RunSignals, _: str, __: int | None) -> Float64[np.ndarray, " T"]:
+    return np.linalg.norm(run.zmp_reference - run.zmp, axis=1)
 
 
-def _beyond_blocks_end(
-    run: RunSignals, _: str, __: int | None, rows: Bool[np.ndarray, " T"]
-) -> float:
-    beyond = run.beyond[rows]
-    return float(beyond[-1]) if len(beyond) else float("nan")
-
-
-def _steps_made(run: RunSignals, _: str, __: int | None, rows: Bool[np.ndarray, " T"]) -> float:
+def _steps_made(run: RunSignals, _: str, __: int | None, rows: Bool[np.ndarray, " T"]) -> Reading:
     if not rows.any():
-        return float("nan")
+        return NOTHING
     standing = [planned[rows] > 0.5 for planned in run.sole_planned.values()]
-    return float(sum(np.count_nonzero(on[1:] & ~on[:-1]) for on in standing))
-
-
-def _zmp_error_max(run: RunSignals, _: str, __: int | None, rows: Bool[np.ndarray, " T"]) -> float:
-    return _largest(np.linalg.norm(run.zmp_reference[rows] - run.zmp[rows], axis=1))
+    return Reading(float(sum(np.count_nonzero(on[1:] & ~on[:-1]) for on in standing)), None)
 
 
 METRICS = {
@@ -155,7 +187,7 @@ METRICS = {
             subject="",
             takes_axis=True,
             describe="largest distance of the COM from its reference",
-            measure=_com_error_max,
+            measure=_largest(_com_error),
         ),
         Metric(
             name="com_error_rms",
@@ -163,7 +195,7 @@ METRICS = {
             subject="",
             takes_axis=True,
             describe="root mean square distance of the COM from its reference",
-            measure=_com_error_rms,
+            measure=_root_mean_square(_com_error),
         ),
         Metric(
             name="com_travel",
@@ -187,7 +219,7 @@ METRICS = {
             subject="task",
             takes_axis=False,
             describe="largest error of a task",
-            measure=_task_error_max,
+            measure=_largest(_task_error),
         ),
         Metric(
             name="task_error_rms",
@@ -195,7 +227,7 @@ METRICS = {
             subject="task",
             takes_axis=False,
             describe="root mean square error of a task",
-            measure=_task_error_rms,
+            measure=_root_mean_square(_task_error),
         ),
         Metric(
             name="task_error_end",
@@ -203,7 +235,7 @@ METRICS = {
             subject="task",
             takes_axis=False,
             describe="error of a task at the end of the window",
-            measure=_task_error_end,
+            measure=_last(_task_error),
         ),
         Metric(
             name="torque_ratio_max",
@@ -211,7 +243,7 @@ METRICS = {
             subject="",
             takes_axis=False,
             describe="largest torque over its limit",
-            measure=_torque_ratio_max,
+            measure=_largest(_torque_ratio),
         ),
         Metric(
             name="sole_force_max",
@@ -219,7 +251,7 @@ METRICS = {
             subject="sole",
             takes_axis=False,
             describe="largest normal force of a sole",
-            measure=_sole_force_max,
+            measure=_largest(_sole_force),
         ),
         Metric(
             name="sole_height_min",
@@ -227,7 +259,7 @@ METRICS = {
             subject="sole",
             takes_axis=False,
             describe="least height of a sole's centre above the ground",
-            measure=_sole_height_min,
+            measure=_least(_sole_height),
         ),
         Metric(
             name="residual_max",
@@ -235,7 +267,7 @@ METRICS = {
             subject="level",
             takes_axis=False,
             describe="largest relative residual of a level, 1 is the physics",
-            measure=_residual_max,
+            measure=_largest(_residual),
         ),
         Metric(
             name="zmp_margin_min",
@@ -243,7 +275,7 @@ METRICS = {
             subject="",
             takes_axis=False,
             describe="least distance of the ZMP from the edge of the support polygon",
-            measure=_zmp_margin_min,
+            measure=_least(_zmp_margin),
         ),
         Metric(
             name="zmp_error_max",
@@ -251,7 +283,7 @@ METRICS = {
             subject="",
             takes_axis=False,
             describe="largest distance of the ZMP from its reference",
-            measure=_zmp_error_max,
+            measure=_largest(_zmp_error),
         ),
         Metric(
             name="steps_made",
@@ -267,7 +299,7 @@ METRICS = {
             subject="",
             takes_axis=False,
             describe="least distance of the robot from a block, 0.2 m at most",
-            measure=_clearance_min,
+            measure=_least(_clearance),
         ),
         Metric(
             name="beyond_blocks_end",
@@ -275,7 +307,7 @@ METRICS = {
             subject="",
             takes_axis=False,
             describe="how far the hindmost heel ends ahead of the last block",
-            measure=_beyond_blocks_end,
+            measure=_last(_beyond_blocks),
         ),
     )
 }

@@ -19,7 +19,8 @@ from poise.errors import MissingExtraError
 from poise.robots import Robot, load_robot
 from poise.sim import Plant, Push, RunRecord, read_log, render_video
 
-SUMMARY, REPORT, VIDEO, LOG = "summary.json", "report.html", "video.mp4", "log.mcap"
+SUMMARY, REPORT, LOG = "summary.json", "report.html", "log.mcap"
+VIDEO, POSTER = "video.mp4", "video.jpg"
 """File names in a run's folder."""
 
 
@@ -41,7 +42,17 @@ def summarise(run: Run) -> dict[str, object]:
         "seed": run.scenario.seed,
         "fell": run.fell,
         "checks": [
-            {"name": c.name, "value": _plain(c.value), "bound": c.bound, "ok": c.ok}
+            {
+                "name": c.name,
+                "metric": c.metric,
+                "value": _plain(c.value),
+                "relation": c.relation,
+                "bound": c.bound,
+                "unit": c.unit,
+                "ok": c.ok,
+                "worst_time_s": c.time,
+                "mechanism": c.mechanism,
+            }
             for c in run.checks
         ],
         "com_error_max_m": _max(com_error),
@@ -81,6 +92,7 @@ def write_video(run: Run, directory: Path, progress: Progress | None = None) -> 
             run.signals.time,
             run.signals.q,
             directory / VIDEO,
+            poster=directory / POSTER,
             progress=None if progress is None else lambda n, of: progress(float(n), float(of)),
         )
     except MissingExtraError as reason:
@@ -104,7 +116,9 @@ def write_page(run: Run, summary: dict[str, object], directory: Path, no_video: 
     return write_report(view, directory)
 
 
-def report(run: Run | RunRecord | Path, directory: Path, robot: Robot | None = None) -> Path:
+def report(
+    run: Run | RunRecord | str | Path, directory: str | Path, robot: Robot | None = None
+) -> Path:
     """Writes `report.html`: of a scenario's run, or from nothing but a record or its log.
 
     A scenario's run is reported with its checks and its figures, which `summary.json` beside the
@@ -121,12 +135,13 @@ def report(run: Run | RunRecord | Path, directory: Path, robot: Robot | None = N
     Raises:
         PoiseError: the file is no log, or the robot cannot be loaded.
     """
+    directory = Path(directory)
     if isinstance(run, Run):
         directory.mkdir(parents=True, exist_ok=True)
         summary = summarise(run)
         write_summary(summary, directory)
         return write_page(run, summary, directory, no_video=None)
-    record = read_log(run) if isinstance(run, Path) else run
+    record = run if isinstance(run, RunRecord) else read_log(run)
     robot = load_robot(record.metadata["robot"]) if robot is None else robot
     return write_report(make_view(record, robot), directory)
 
@@ -197,7 +212,14 @@ def make_view(
         events=tuple(_events(record, signals)),
         checks=tuple(
             Check(
-                name=c.name, value=c.value, bound=c.bound, relation=c.relation, unit=c.unit, ok=c.ok
+                name=c.name,
+                value=c.value,
+                bound=c.bound,
+                relation=c.relation,
+                unit=c.unit,
+                ok=c.ok,
+                time=c.time,
+                mechanism=c.mechanism,
             )
             for c in checks
         ),

@@ -3,13 +3,19 @@
 import signal
 import threading
 import time as clock
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Mapping
 from contextlib import closing, contextmanager, nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import FrameType
+from typing import Any
 
+import numpy as np
+
+from poise._progress import Bar
+from poise._show import html_table, new_figure
 from poise.apps.scenarios._checks import CheckResult, evaluate_checks
+from poise.apps.scenarios._reader import load_scenario
 from poise.apps.scenarios._scenario import Scenario
 from poise.apps.scenarios._signals import RunSignals, collect_signals
 from poise.apps.scenarios._stage import describe, stage_scenario
@@ -49,18 +55,79 @@ class Run:
     ended_early: str
     wall_seconds: float
 
+    def _repr_html_(self) -> str:
+        rows = [
+            (
+                "holds" if c.ok else "failed",
+                c.name,
+                f"{c.value:.3g} {c.unit}",
+                f"{c.relation} {c.bound:g} {c.unit}",
+                "" if c.time is None else f"{c.time:.2f} s",
+                c.mechanism,
+            )
+            for c in sorted(self.checks, key=lambda c: c.ok)
+        ]
+        title = f"{self.scenario.name} on {self.robot.name}: " + (
+            "all checks hold" if self.ok else "failed"
+        )
+        return html_table(title, ("", "check", "value", "bound", "worst at", "what happened"), rows)
+
+    def plot(self) -> Any:
+        """COM and task errors, ZMP margin, torques and loads over time.
+
+        The worst moments of failed checks are dashed lines.
+
+        Returns:
+            A `matplotlib.figure.Figure`, which a notebook shows and `savefig` writes.
+
+        Raises:
+            MissingExtraError: matplotlib is not installed.
+        """
+        signals = self.signals
+        com_error = np.linalg.norm(signals.com_reference - signals.com, axis=1)
+        ratio = np.abs(signals.torque) / signals.torque_max
+        panels: list[tuple[str, dict[str, np.ndarray]]] = [
+            ("COM error [m]", {"": com_error}),
+            ("task errors [m, rad]", dict(signals.task_errors)),
+            ("ZMP margin [m]", {"": signals.zmp_margin}),
+            ("torque / limit", {"": np.max(ratio, axis=1, initial=0.0)}),
+            ("sole loads [N]", dict(signals.sole_forces)),
+        ]
+        panels = [(title, lines) for title, lines in panels if _has_numbers(lines)]
+        figure = new_figure(8.0, 1.0 + 1.6 * len(panels))
+        axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
+        for ax, (title, lines) in zip(axes, panels, strict=True):
+            for name, values in lines.items():
+                ax.plot(signals.time, values, label=name or None, linewidth=1.0)
+            if any(lines):
+                ax.legend(fontsize=6, loc="upper right")
+            if title.startswith("task"):
+                # A hand is off by millimetres, a posture by tenths of a radian.
+                ax.set_yscale("log")
+            for check in self.checks:
+                if not check.ok and check.time is not None:
+                    ax.axvline(check.time, color="tab:red", linestyle="--", linewidth=0.8)
+            ax.set_ylabel(title, fontsize=8)
+            ax.grid(visible=True, alpha=0.3)
+        axes[-1].set_xlabel("time [s]")
+        return figure
+
     @property
     def ok(self) -> bool:
         """Whether the robot stayed up and every check held."""
         return not self.fell and all(check.ok for check in self.checks)
 
 
+def _has_numbers(lines: Mapping[str, np.ndarray]) -> bool:
+    return any(np.isfinite(values).any() for values in lines.values())
+
+
 def run_scenario(
-    scenario: Scenario,
+    scenario: Scenario | str | Path,
     *,
-    log: Path | None = None,
+    log: str | Path | None = None,
     view: bool = False,
-    progress: Progress | None = None,
+    progress: Progress | bool = False,
 ) -> Run:
     """Runs a scenario on its plant.
 
@@ -68,17 +135,26 @@ def run_scenario(
     fall, a diverged simulation or Ctrl-C end the run early; what was recorded stays.
 
     Args:
-        scenario: what to run.
+        scenario: what to run; or the name of a shipped one, or a file.
         log: MCAP file to write while it runs; none when None.
         view: whether to show the plant in a window, in real time.
-        progress: told how far the run is.
+        progress: told how far the run is; True shows it, in a terminal, a notebook or a log.
 
     Returns:
         The run with its signals and checks.
 
     Raises:
-        PoiseError: the scenario does not fit its robot.
+        PoiseError: there is no such scenario, or it does not fit its robot.
     """
+    if not isinstance(scenario, Scenario):
+        scenario = load_scenario(scenario)
+    if isinstance(progress, bool):
+        with Bar("simulating", "s") if progress else nullcontext() as bar:
+            return _run(scenario, log, view, bar)
+    return _run(scenario, log, view, progress)
+
+
+def _run(scenario: Scenario, log: str | Path | None, view: bool, progress: Progress | None) -> Run:
     stage = stage_scenario(scenario)
     scenario, plant = stage.scenario, stage.plant
     recorder = Recorder(log, metadata=describe(scenario, stage.pushes))
@@ -106,7 +182,7 @@ def run_scenario(
     record = recorder.record
     signals = collect_signals(record, stage.robot)
     ended_early = interruption.reason or _reason(plant, viewer, scenario)
-    checks = evaluate_checks(scenario.checks, signals, plant.fallen, ended_early)
+    checks = evaluate_checks(scenario, signals, stage.robot, plant.fallen, ended_early)
     return Run(
         scenario=scenario,
         robot=stage.robot,

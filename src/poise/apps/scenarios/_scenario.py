@@ -335,6 +335,9 @@ class Scenario:
         description: what it is about, in a sentence or two.
         robot: name or path of the robot.
         controller: which controller.
+        reference_com_height: height of the centre of mass at home of the robot that the lengths in
+            the file are for; those of another robot are scaled by the ratio of their heights, and
+            so are bounds of checks [m]. Lengths are what they are when None.
         duration: how long it lasts [s].
         seed: seed of everything random.
         plant: the plant.
@@ -356,6 +359,9 @@ class Scenario:
     controller: Annotated[ControllerPlan, BeforeValidator(_named)] = field(
         default_factory=ControllerPlan
     )
+    reference_com_height: (
+        Annotated[float, Bounds(positive=True, most=_LARGEST, unit="m")] | None
+    ) = None
     duration: Duration
     seed: Annotated[int, Bounds(least=0.0, whole=True)] = 0
     plant: PlantConfig = field(default_factory=PlantConfig)

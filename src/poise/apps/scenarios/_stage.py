@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass, replace
 from poise.apps.scenarios._checks import validate_checks
 from poise.apps.scenarios._controllers import cast_of, strategy_of, with_actuation
 from poise.apps.scenarios._scenario import Scenario
+from poise.apps.scenarios._size import size_ratio, sized, sized_checks
 from poise.control import Controller
 from poise.robots import Robot, load_robot
 from poise.sim import Estimator, Plant, Push
@@ -18,7 +19,8 @@ class Stage:
     """Who takes part in a scenario before its first tick: what `rollout` asks for.
 
     Attributes:
-        scenario: with the actuation and the blocks that its controller brings.
+        scenario: with its lengths scaled to the robot, and the actuation and the blocks that its
+            controller brings.
         robot: the robot.
         plant: the simulated robot, its pushes to come.
         controller: the scenario's.
@@ -47,8 +49,12 @@ def stage_scenario(scenario: Scenario) -> Stage:
     """
     scenario = with_actuation(scenario)
     robot = load_robot(scenario.robot)
+    ratio = size_ratio(scenario, robot)
+    scenario = sized(scenario, ratio)
     cast = cast_of(scenario, robot)
     validate_checks(scenario.checks, cast.leader.stack, robot)
+    checks = sized_checks(scenario.checks, cast.leader.stack, ratio)
+    scenario = replace(scenario, checks=checks)
     blocks = scenario.plant.blocks + cast.blocks
     scenario = replace(scenario, plant=replace(scenario.plant, blocks=blocks))
     plant = Plant(robot, scenario.plant, seed=scenario.seed)

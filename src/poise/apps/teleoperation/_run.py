@@ -204,7 +204,7 @@ def run_teleop(
     rotator: bool = True,
     driver: ComDriver | None = None,
     q_start: Float64[np.ndarray, " nq"] | None = None,
-    recording: Path | None = None,
+    recording: str | Path | None = None,
     leader: type[StepTeleoperator] = StepTeleoperator,
 ) -> TeleopRun:
     """Walks a simulated robot by a device.
@@ -287,7 +287,7 @@ def run_teleop(
     )
 
 
-def replay_teleop(recording: Recording | Path, robot: Robot | None = None) -> TeleopRun:
+def replay_teleop(recording: Recording | str | Path, robot: Robot | None = None) -> TeleopRun:
     """Runs a recording again: same robot, plant, seed and samples, hence the same commands.
 
     Args:
@@ -297,7 +297,7 @@ def replay_teleop(recording: Recording | Path, robot: Robot | None = None) -> Te
     Raises:
         RecordingError: it cannot be read, is from another robot, or lacks the set-up of a run.
     """
-    if isinstance(recording, Path):
+    if not isinstance(recording, Recording):
         recording = read_recording(recording)
     robot = load_robot(recording.robot) if robot is None else robot
     device = recording.device(robot=robot.name, dt=recording.dt)

@@ -8,10 +8,10 @@ from poise.control._differential_ik._rows import (
     base_from_joints,
     constrained,
 )
-from poise.control._differential_ik._strategy import METHODS
+from poise.control._differential_ik._strategy import STRATEGIES
 
 __all__ = [
-    "METHODS",
+    "STRATEGIES",
     "DifferentialIK",
     "RowWeights",
     "VelocityLevel",

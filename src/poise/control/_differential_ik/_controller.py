@@ -41,7 +41,7 @@ class DifferentialIK(Controller):
         stack: contacts and tasks; `default_stack(robot)` when None. Of its joint limit the
             positions and the velocity scale count.
         dt: control period, over which a velocity is held [s].
-        method: one of `METHODS`.
+        strategy: how the levels are solved, "closed_form" or "hqp".
         joints: names of the joints that may move, the others have velocity zero; all when None.
         stance: name of the contact that the robot stands on, as long as it is active; the first
             active one of the stack when None.
@@ -55,7 +55,6 @@ class DifferentialIK(Controller):
     Attributes:
         ROW_WEIGHT: W_A of a row whose task has weight one; with weight w it is w^2 times that.
         dt: control period [s].
-        method: how the levels are solved.
 
     Raises:
         PoiseError: a name that the robot does not have, a floating base without a surface contact,
@@ -70,7 +69,7 @@ class DifferentialIK(Controller):
         stack: Stack | None = None,
         *,
         dt: float,
-        method: str = "closed_form",
+        strategy: str = "closed_form",
         joints: Sequence[str] | None = None,
         stance: str | None = None,
         speeds: Mapping[str, Numbers] | None = None,
@@ -79,7 +78,7 @@ class DifferentialIK(Controller):
         dynamics: Dynamics | None = None,
     ) -> None:
         stack = bound_stack(robot, stack)
-        self.dt, self.method = checked_number(dt, "dt of the controller [s]", above=0.0), method
+        self.dt = checked_number(dt, "dt of the controller [s]", above=0.0)
         limit_time = checked_number(limit_time, "limit_time of the controller [s]")
         _check_gains(stack)
         index = _joint_indices(robot, joints)
@@ -87,7 +86,7 @@ class DifferentialIK(Controller):
         self._velocities = VelocityStrategy(
             robot,
             stack,
-            method,
+            strategy,
             stance,
             index,
             bounds,

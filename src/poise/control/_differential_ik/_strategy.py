@@ -27,7 +27,7 @@ from poise.hqp import HierarchicalProblem, Solution, SolveStatus, make_solver
 from poise.robots import Robot
 from poise.stack import Contact, ContactSets, Stack, Task
 
-METHODS = ("closed_form", "hqp")
+STRATEGIES = ("closed_form", "hqp")
 """How the levels are solved, by name."""
 
 _EXACT = 2
@@ -101,7 +101,7 @@ class VelocityStrategy:
     Args:
         robot: the robot.
         stack: contacts and tasks, bound to the robot.
-        method: one of `METHODS`.
+        strategy: one of `STRATEGIES`.
         stance: name of the contact to stand on, as `set_stance` takes it.
         joints: indices of the joints that may move.
         bounds: bounds of their velocities.
@@ -121,16 +121,16 @@ class VelocityStrategy:
         self,
         robot: Robot,
         stack: Stack,
-        method: str,
+        strategy: str,
         stance: str | None,
         joints: Int64[np.ndarray, " n"],
         bounds: VelocityBounds,
         speeds: Mapping[str, Float64[np.ndarray, " b"]],
         rank: RankTreatment,
     ) -> None:
-        if method not in METHODS:
-            raise UnknownNameError("no such method", got=method, choices=METHODS)
-        self.robot, self.stack, self._method = robot, stack, method
+        if strategy not in STRATEGIES:
+            raise UnknownNameError("no such strategy", got=strategy, choices=STRATEGIES)
+        self.robot, self.stack, self.name = robot, stack, strategy
         self._joints, self._bounds = joints, bounds
         self._form = ClosedForm(len(joints), _EXACT, rank)
         self._q_index = joints + (robot.nq - robot.nj)
@@ -143,7 +143,7 @@ class VelocityStrategy:
                 got=[c.name for c in stack.contacts],
                 wanted="a stack with a surface contact",
             )
-        self._named: Contact | None = None
+        self.named: Contact | None = None
         self.set_stance(stance)
         self.stance = self._stances[0] if robot.floating_base else None
         self._prepared = {
@@ -186,7 +186,7 @@ class VelocityStrategy:
     def set_stance(self, name: str | None) -> None:
         """Chooses the contact that the robot stands on, see `DifferentialIK.set_stance`."""
         if name is None:
-            self._named = None
+            self.named = None
             return
         contact = self.stack.contact(name)
         if contact not in self._stances or not self.robot.floating_base:
@@ -196,7 +196,7 @@ class VelocityStrategy:
                 wanted="a surface contact of a robot with a floating base",
                 choices=[c.name for c in self._stances],
             )
-        self._named = contact
+        self.named = contact
 
     def reset(self) -> None:
         """Forgets the last answer."""
@@ -277,8 +277,8 @@ class VelocityStrategy:
 
     def _find(self, contacts: tuple[Contact, ...]) -> _Prepared:
         if self.robot.floating_base:
-            if self._named is not None and self._named.active:
-                self.stance = self._named
+            if self.named is not None and self.named.active:
+                self.stance = self.named
             else:
                 # In flight the last stance stands for lack of a better one.
                 self.stance = next((c for c in contacts if c.dim == 6), self.stance)
@@ -295,7 +295,7 @@ class VelocityStrategy:
                 speeds=self._speeds,
                 home=self._home,
             )
-            if self._method != "hqp":
+            if self.name != "hqp":
                 return rows, None
             names = [self.robot.joint_names[i] for i in self._joints]
             return rows, VelocityHierarchy(rows, names)

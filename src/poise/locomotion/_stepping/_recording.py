@@ -101,7 +101,7 @@ class Header:
     setup: dict[str, Any]
 
 
-def read_header(path: Path) -> Header:
+def read_header(path: str | Path) -> Header:
     """The header of a file, checked.
 
     Args:
@@ -110,6 +110,7 @@ def read_header(path: Path) -> Header:
     Raises:
         RecordingError: no recording, another version, or a header that is broken.
     """
+    path = Path(path)
     try:
         with path.open("rb") as file:
             head = file.read(HEADER_BYTES)
@@ -149,7 +150,7 @@ class RecordingWriter:
     """
 
     def __init__(
-        self, path: Path, *, robot: str, dt: float, setup: dict[str, Any] | None = None
+        self, path: str | Path, *, robot: str, dt: float, setup: dict[str, Any] | None = None
     ) -> None:
         self.setup: dict[str, Any] = dict(setup or {})
         self._header: dict[str, Any] = {
@@ -161,6 +162,7 @@ class RecordingWriter:
             "setup": self.setup,
         }
         text = header_text(self._header)
+        path = Path(path)
         path.parent.mkdir(parents=True, exist_ok=True)
         self._file = path.open("wb")
         self._file.write(text)
@@ -329,7 +331,7 @@ class RecordedDevice:
         return found
 
 
-def read_recording(path: Path, *, allow_partial: bool = False) -> Recording:
+def read_recording(path: str | Path, *, allow_partial: bool = False) -> Recording:
     """Opens a recording.
 
     Args:
@@ -339,6 +341,7 @@ def read_recording(path: Path, *, allow_partial: bool = False) -> Recording:
     Raises:
         RecordingError: no recording, another version, truncated, or ticks that go backwards.
     """
+    path = Path(path)
     header = read_header(path)
     size = os.path.getsize(path) - HEADER_BYTES
     whole, rest = divmod(size, ROW.itemsize)

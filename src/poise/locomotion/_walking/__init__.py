@@ -4,10 +4,9 @@ from poise.locomotion._walking._footsteps import (
     Footstep,
     FootstepPlan,
     Gait,
-    Ground,
-    Placement,
     Stride,
 )
+from poise.locomotion._walking._ground import Ground, Placement
 from poise.locomotion._walking._plan import plan_footsteps
 from poise.locomotion._walking._reference import WalkReference
 from poise.locomotion._walking._tasks import CarriedTarget, walking_stack

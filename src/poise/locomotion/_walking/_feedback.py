@@ -14,7 +14,8 @@ import numpy as np
 from jaxtyping import Float64
 
 from poise.locomotion._support import Point, SupportPolygon
-from poise.locomotion._walking._footsteps import FootstepPlan, Placement
+from poise.locomotion._walking._footsteps import FootstepPlan
+from poise.locomotion._walking._ground import Placement
 
 Vector2 = Float64[np.ndarray, "2"]
 

@@ -1,127 +1,29 @@
 """`FootstepPlan`: which foot comes down where and when.
 
-`Ground`: how high it is where a foot comes down.
-`SwingShape`: how high a foot is, and how far ahead, through a swing.
 `Gait` and `Stride`: how a robot walks, and where to.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Annotated
 
 import numpy as np
+import pinocchio as pin
 from jaxtyping import Float64
 
-from poise._checks import checked_number
-from poise._schema import Bounds, Number, Vector, checked
-from poise.dynamics import least_jerk
+from poise._checks import Numbers
+from poise._schema import Bounds, checked
 from poise.errors import ConfigurationError
+from poise.locomotion._support import two_soles
+from poise.locomotion._walking._ground import LEVEL, Ground, Placement
+from poise.locomotion._walking._swing_shape import SwingShape, clear_swing
+from poise.robots import Robot
+from poise.stack import checked_target
 
 LARGEST = 10.0
 """No length, time or gain of a walk is larger, whatever its unit; most are far smaller."""
-
-
-def yaw_rotation(yaw: float) -> Float64[np.ndarray, "2 2"]:
-    """Rotation of the horizontal plane by an angle [rad]."""
-    c, s = math.cos(yaw), math.sin(yaw)
-    return np.array([[c, -s], [s, c]])
-
-
-@dataclass(frozen=True, kw_only=True)
-class Ground:
-    """A floor at one height with platforms on it.
-
-    Attributes:
-        height: of the floor in the world [m].
-        platforms: what stands on it, each a `Ground.Platform`.
-    """
-
-    @checked()
-    @dataclass(frozen=True, kw_only=True)
-    class Platform:
-        """A box on the floor whose top a robot may step on.
-
-        Attributes:
-            center: of its footprint in the world [m].
-            size: along its x, along its y, and its height [m].
-            yaw: its rotation about z [rad].
-        """
-
-        center: Annotated[tuple[float, float], Vector(2, Bounds(unit="m"))]
-        size: Annotated[tuple[float, float, float], Vector(3, Bounds(positive=True, unit="m"))]
-        yaw: Number = 0.0
-
-        def heights(self, points: Float64[np.ndarray, "n 2"]) -> Float64[np.ndarray, " n"]:
-            """The platform's height where it is under a point, else zero [m]."""
-            local = (points - np.array(self.center)) @ yaw_rotation(self.yaw)
-            inside = (np.abs(local) <= 0.5 * np.array(self.size[:2])).all(axis=1)
-            return np.where(inside, self.size[2], 0.0)
-
-    height: float = 0.0
-    platforms: tuple[Platform, ...] = ()
-
-    def heights(self, points: Float64[np.ndarray, "n 2"]) -> Float64[np.ndarray, " n"]:
-        """Height of the ground under each point [m]."""
-        rise = np.zeros(len(points))
-        for platform in self.platforms:
-            rise = np.maximum(rise, platform.heights(points))
-        return self.height + rise
-
-
-RISE = 0.45
-"""Phase of the swing at which a foot is at its apex."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class SwingShape:
-    """The shape of one swing, over its phase from 0 at lift-off to 1 at touchdown.
-
-    Attributes:
-        apex: highest point of the sole, in the world [m].
-        depart: phase at which the foot leaves its place sideways; before, it goes straight up.
-        arrive: phase at which it is over its goal; from then on, it comes straight down.
-    """
-
-    apex: float
-    depart: float = 0.0
-    arrive: float = 0.93
-
-    def __post_init__(self) -> None:
-        if not math.isfinite(self.apex):
-            raise ConfigurationError(
-                "apex of a swing is not finite", got=self.apex, wanted="a height [m]"
-            )
-        checked_number(self.depart, "departure of a swing")
-        if not self.depart < self.arrive <= 1.0:
-            raise ConfigurationError(
-                "a swing arrives before it departs, or after its end",
-                got=(self.depart, self.arrive),
-                wanted="0 <= depart < arrive <= 1",
-            )
-
-    def progress(self, phase: float) -> float:
-        """Ratio of the horizontal displacement that is behind at a phase."""
-        return least_jerk(phase, self.depart, self.arrive - self.depart)[0]
-
-    def height(self, phase: float, begin: float, end: float) -> tuple[float, float, float]:
-        """Height of the sole between lift-off and touchdown.
-
-        Args:
-            phase: of the swing.
-            begin: height at lift-off [m].
-            end: height at touchdown [m].
-
-        Returns:
-            Height [m] and its first and second derivative by the phase [m].
-        """
-        apex = max(self.apex, begin, end)
-        if phase < RISE:
-            ratio, rate, second = least_jerk(phase, 0.0, RISE)
-            return begin + ratio * (apex - begin), rate * (apex - begin), second * (apex - begin)
-        ratio, rate, second = least_jerk(phase, RISE, 1.0 - RISE)
-        return apex + ratio * (end - apex), rate * (end - apex), second * (end - apex)
-
 
 _MOST_STEPS = 1e3
 """More steps than this are no walk but a mistake."""
@@ -194,29 +96,6 @@ class Stride:
     turn: Annotated[float, Bounds(most=LARGEST, unit="rad")] = 0.0
 
 
-_ALONG, _ACROSS = 9, (-0.5, 0.0, 0.5)
-"""Points along and across a sole at which the ground under it is looked at."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Placement:
-    """Where a sole lies flat.
-
-    Attributes:
-        position: of its centre in the world [m].
-        yaw: its heading [rad].
-    """
-
-    position: tuple[float, float, float]
-    yaw: float
-
-    def grid(self, length: float, width: float) -> Float64[np.ndarray, "n 2"]:
-        """Points all over a sole of that size, edges included [m]."""
-        x, y = np.meshgrid(np.linspace(-0.5, 0.5, _ALONG) * length, np.array(_ACROSS) * width)
-        local = np.stack((x.ravel(), y.ravel()), axis=1)
-        return np.array(self.position[:2]) + local @ yaw_rotation(self.yaw).T
-
-
 @dataclass(frozen=True, kw_only=True)
 class Footstep:
     """One step.
@@ -234,9 +113,10 @@ class Footstep:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FootstepPlan:
-    """A walk from one stand to the next: the feet end side by side.
+    """A walk from one stand to the next.
 
-    Made by `plan_footsteps`. Times count from the beginning of the walk.
+    Made by `plan_footsteps` of strides, or by `from_footholds`. Times count from the beginning of
+    the walk.
 
     Attributes:
         soles: names of the left and of the right sole.
@@ -275,6 +155,67 @@ class FootstepPlan:
                 )
         for i in range(len(self.steps) + 1):
             self._check_apart(i)
+
+    @classmethod
+    def from_footholds(
+        cls,
+        robot: Robot,
+        footholds: Sequence[tuple[str, Numbers]],
+        gait: Gait | None = None,
+        *,
+        q: Numbers | None = None,
+        ground: Ground | None = None,
+    ) -> "FootstepPlan":
+        """The plan of a walk whose every foothold is known: of a planner, or of stepping stones.
+
+        Args:
+            robot: on two soles.
+            footholds: for each step the name of its sole, and where that comes down: x, y [m] and
+                heading [rad] in the world. How high that is, the ground says.
+            gait: timing and shape of the steps; its width plays no part.
+            q: how the robot stands, in its home posture when None.
+            ground: what it walks on; a floor as high as its soles when None.
+
+        Raises:
+            ConfigurationError: a robot that does not stand on two soles, no step, a sole that is
+                none, two steps with one foot, feet that would cross, a foothold across an edge, or
+                a swing that would knock against a platform.
+        """
+        gait = gait or Gait()
+        soles = two_soles(robot)
+        start_q = robot.q_home if q is None else checked_target(q, robot.nq, "q of the walk")
+        start, com = standing_soles(robot, soles, start_q)
+        ground = ground or level_floor(start)
+        sizes = tuple((robot.soles[s].length, robot.soles[s].width) for s in soles)
+        steps: list[Footstep] = []
+        feet = list(start)
+        for i, (sole, place) in enumerate(footholds, 1):
+            if sole not in soles:
+                raise ConfigurationError(
+                    f"step {i} of the plan is made with no sole of the robot",
+                    got=sole,
+                    choices=soles,
+                )
+            foot = soles.index(sole)
+            goal = _lying(
+                checked_target(place, 3, f"foothold {i} of the plan"),
+                feet[foot],
+                sizes[foot],
+                ground,
+            )
+            shape = clear_swing(feet[foot], goal, sizes[foot], gait.swing_height, ground, i)
+            steps.append(Footstep(foot=foot, goal=goal, shape=shape))
+            feet[foot] = goal
+        return cls(
+            soles=soles,
+            sizes=(sizes[0], sizes[1]),
+            start=start,
+            q=start_q.copy(),
+            com=com,
+            steps=tuple(steps),
+            gait=gait,
+            ground=ground,
+        )
 
     def _check_apart(self, done: int) -> None:
         left, right = self.placements(done)
@@ -333,3 +274,63 @@ class FootstepPlan:
 
 def _finite(placement: Placement) -> bool:
     return all(math.isfinite(value) for value in (*placement.position, placement.yaw))
+
+
+def _lying(
+    place: Float64[np.ndarray, "3"], before: Placement, size: tuple[float, float], ground: Ground
+) -> Placement:
+    """A sole on the ground at x, y [m] with a heading [rad].
+
+    Raises:
+        ConfigurationError: the ground under it is not level.
+    """
+    x, y, yaw = place.tolist()
+    # A heading is the same a whole turn on; the foot goes the shorter way.
+    yaw += 2.0 * math.pi * round((before.yaw - yaw) / (2.0 * math.pi))
+    flat = Placement(position=(x, y, 0.0), yaw=yaw)
+    heights = ground.heights(flat.grid(*size))
+    if float(np.ptp(heights)) >= LEVEL:
+        raise ConfigurationError(
+            f"the foothold at x = {x:.3f} m, y = {y:.3f} m does not carry the whole sole",
+            got=f"heights from {heights.min():.3f} to {heights.max():.3f} m",
+            wanted="one height under the sole",
+        )
+    return Placement(position=(x, y, float(heights[0])), yaw=yaw)
+
+
+def level_floor(start: tuple[Placement, Placement]) -> Ground:
+    """A floor as high as the soles that stand on it."""
+    return Ground(height=0.5 * sum(p.position[2] for p in start))
+
+
+_FLAT = 0.05
+"""Soles tilted more than this do not stand on the ground [rad]."""
+
+
+def standing_soles(
+    robot: Robot, soles: tuple[str, str], q: Float64[np.ndarray, " nq"]
+) -> tuple[tuple[Placement, Placement], tuple[float, float, float]]:
+    """Where the soles and the centre of mass are in a posture.
+
+    Raises:
+        ConfigurationError: a sole does not lie flat.
+    """
+    model, data = robot.model, robot.model.createData()
+    pin.framesForwardKinematics(model, data, q)
+    found: list[Placement] = []
+    for name in soles:
+        pose = data.oMf[robot.frame_id(name)]
+        if math.acos(min(1.0, float(pose.rotation[2, 2]))) > _FLAT:
+            raise ConfigurationError(
+                f"{name} does not lie flat at the beginning of the walk",
+                got=pose.rotation.round(3).tolist(),
+                wanted="a robot that stands on its soles",
+            )
+        x, y, z = pose.translation.tolist()
+        yaw = math.atan2(pose.rotation[1, 0], pose.rotation[0, 0])
+        found.append(Placement(position=(x, y, z), yaw=yaw))
+    x, y, z = pin.centerOfMass(model, data, q).tolist()
+    # Headings are counted on from the left foot's, so that no difference is a whole turn.
+    turn = math.remainder(found[1].yaw - found[0].yaw, 2.0 * math.pi)
+    right = Placement(position=found[1].position, yaw=found[0].yaw + turn)
+    return (found[0], right), (x, y, z)

@@ -7,7 +7,8 @@ import pinocchio as pin
 from jaxtyping import Float64
 
 from poise.errors import ConfigurationError
-from poise.locomotion._walking._footsteps import FootstepPlan, Placement
+from poise.locomotion._walking._footsteps import FootstepPlan
+from poise.locomotion._walking._ground import Placement
 from poise.locomotion._walking._reference import ReferencePoint, WalkReference
 from poise.robots import Robot, frame_error, inverse_kinematics
 

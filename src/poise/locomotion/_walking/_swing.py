@@ -5,7 +5,8 @@ import pinocchio as pin
 from jaxtyping import Float64
 
 from poise.dynamics import least_jerk
-from poise.locomotion._walking._footsteps import RISE, Placement, SwingShape
+from poise.locomotion._walking._ground import Placement
+from poise.locomotion._walking._swing_shape import RISE, SwingShape
 
 _FIXED = 0.06
 """The goal does not move any more when the foot is this near to its arrival [s]."""

@@ -19,7 +19,8 @@ from poise._schema import Bounds, Ratio, checked
 from poise.dynamics import RobotState
 from poise.locomotion._support import Point, SupportPolygon, sole_rectangle
 from poise.locomotion._walking._feedback import DcmFeedback, PlanShift, StepCatcher
-from poise.locomotion._walking._footsteps import LARGEST, FootstepPlan, Placement
+from poise.locomotion._walking._footsteps import LARGEST, FootstepPlan
+from poise.locomotion._walking._ground import Placement
 from poise.locomotion._walking._reach import LegReach
 from poise.locomotion._walking._reference import ReferencePoint, WalkReference
 from poise.locomotion._walking._swing import SwingFoot

@@ -38,4 +38,12 @@
       if (share >= 0 && share <= 1) clock.set(start + share * (end - start));
     });
   }
+
+  // A moment that a table names: there the clock goes, and the replay comes into view.
+  for (const button of document.querySelectorAll("[data-time]")) {
+    button.addEventListener("click", () => {
+      clock.set(Number(button.dataset.time));
+      document.getElementById("replay")?.scrollIntoView({ behavior: "smooth" });
+    });
+  }
 })();

@@ -1,0 +1,131 @@
+"""A scenario whose lengths are written for a robot of one size, on a robot of another."""
+
+import math
+from dataclasses import fields, replace
+
+import numpy as np
+import pinocchio as pin
+
+from poise.apps.scenarios._metrics import METRICS
+from poise.apps.scenarios._scenario import CheckPlan, Motion, PushPlan, Scenario, WalkPlan
+from poise.locomotion import Gait, Stride
+from poise.robots import Robot
+from poise.sim import Block
+from poise.stack import Stack
+
+_SAME = 1e-3
+"""Sizes nearer to each other than this are one: heights in files are rounded."""
+
+
+def size_ratio(scenario: Scenario, robot: Robot) -> float:
+    """How large a robot is, by the one that the scenario's lengths are written for.
+
+    It is the ratio of the heights of their centres of mass at home; one where the scenario says
+    nothing of the kind.
+
+    Args:
+        scenario: as its file has it.
+        robot: the robot that it is run on.
+    """
+    if scenario.reference_com_height is None:
+        return 1.0
+    height = pin.centerOfMass(robot.model, robot.model.createData(), robot.q_home)[2]
+    ratio = float(height) / scenario.reference_com_height
+    return 1.0 if abs(ratio - 1.0) < _SAME else ratio
+
+
+def sized(scenario: Scenario, ratio: float) -> Scenario:
+    """The scenario with its lengths scaled: motions, strides, the gait, blocks; not its checks.
+
+    Changes of speed are scaled by the root of the ratio: a pendulum c high takes an equal share of
+    its height to brake v = share sqrt(g c). Times, angles, forces and what is given by the arm's
+    length stay.
+
+    Args:
+        scenario: as its file has it.
+        ratio: of the sizes.
+    """
+    if ratio == 1.0:
+        return scenario
+    blocks = tuple(_block(block, ratio) for block in scenario.plant.blocks)
+    return replace(
+        scenario,
+        plant=replace(scenario.plant, blocks=blocks),
+        walk=None if scenario.walk is None else _walk(scenario.walk, ratio),
+        motions=tuple(_motion(motion, ratio) for motion in scenario.motions),
+        pushes=tuple(_push(push, math.sqrt(ratio)) for push in scenario.pushes),
+    )
+
+
+def sized_checks(
+    checks: tuple[CheckPlan, ...], stack: Stack, ratio: float
+) -> tuple[CheckPlan, ...]:
+    """Checks with their bounds in metres, or metres a second, scaled.
+
+    Errors of a whole pose, which are metres and radians at once, keep theirs.
+
+    Args:
+        checks: as the file has them.
+        stack: with the tasks that they name.
+        ratio: of the sizes.
+    """
+    units = {task.name: task.unit for _, task in stack.tasks()}
+    return tuple(
+        _check(check, ratio)
+        if (METRICS[check.metric].unit or units.get(check.task or "")) in ("m", "m/s")
+        else check
+        for check in checks
+    )
+
+
+def _block(block: Block, ratio: float) -> Block:
+    (x, y), (length, width, height) = block.center, block.size
+    return replace(
+        block,
+        center=(ratio * x, ratio * y),
+        size=(ratio * length, ratio * width, ratio * height),
+    )
+
+
+def _walk(walk: WalkPlan, ratio: float) -> WalkPlan:
+    return replace(
+        walk,
+        strides=tuple(_stride(stride, ratio) for stride in walk.strides),
+        gait=_gait(walk.gait, ratio),
+    )
+
+
+def _stride(stride: Stride, ratio: float) -> Stride:
+    return replace(stride, length=ratio * stride.length, sideways=ratio * stride.sideways)
+
+
+def _gait(gait: Gait, ratio: float) -> Gait:
+    return replace(
+        gait,
+        swing_height=ratio * gait.swing_height,
+        crouch=ratio * gait.crouch,
+        width=None if gait.width is None else ratio * gait.width,
+    )
+
+
+def _motion(motion: Motion, ratio: float) -> Motion:
+    if motion.to is not None:
+        return replace(motion, to=ratio * np.asarray(motion.to))
+    if motion.by is not None:
+        return replace(motion, by=ratio * np.asarray(motion.by))
+    return motion
+
+
+def _push(push: PushPlan, ratio: float) -> PushPlan:
+    if push.velocity_change is None:
+        return push
+    x, y, z = push.velocity_change
+    return replace(push, velocity_change=(ratio * x, ratio * y, ratio * z))
+
+
+def _check(check: CheckPlan, ratio: float) -> CheckPlan:
+    # Only what differs from its default: that of the window's end, infinity, cannot be given.
+    given = {f.name: getattr(check, f.name) for f in fields(check)}
+    given = {f.name: given[f.name] for f in fields(check) if given[f.name] != f.default}
+    given["at_least" if check.at_most is None else "at_most"] = ratio * check.bound
+    return CheckPlan(**given)

@@ -1,0 +1,86 @@
+"""`Ground`: how high it is where a foot comes down.
+
+`Placement`: where a sole lies.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+from jaxtyping import Float64
+
+from poise._schema import Bounds, Number, Vector, checked
+
+LEVEL = 1e-3
+"""Heights nearer to each other than this are one [m]."""
+
+
+def yaw_rotation(yaw: float) -> Float64[np.ndarray, "2 2"]:
+    """Rotation of the horizontal plane by an angle [rad]."""
+    c, s = math.cos(yaw), math.sin(yaw)
+    return np.array([[c, -s], [s, c]])
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ground:
+    """A floor at one height with platforms on it.
+
+    Attributes:
+        height: of the floor in the world [m].
+        platforms: what stands on it, each a `Ground.Platform`.
+    """
+
+    @checked()
+    @dataclass(frozen=True, kw_only=True)
+    class Platform:
+        """A box on the floor whose top a robot may step on.
+
+        Attributes:
+            center: of its footprint in the world [m].
+            size: along its x, along its y, and its height [m].
+            yaw: its rotation about z [rad].
+        """
+
+        center: Annotated[tuple[float, float], Vector(2, Bounds(unit="m"))]
+        size: Annotated[tuple[float, float, float], Vector(3, Bounds(positive=True, unit="m"))]
+        yaw: Number = 0.0
+
+        def heights(self, points: Float64[np.ndarray, "n 2"]) -> Float64[np.ndarray, " n"]:
+            """The platform's height where it is under a point, else zero [m]."""
+            local = (points - np.array(self.center)) @ yaw_rotation(self.yaw)
+            inside = (np.abs(local) <= 0.5 * np.array(self.size[:2])).all(axis=1)
+            return np.where(inside, self.size[2], 0.0)
+
+    height: float = 0.0
+    platforms: tuple[Platform, ...] = ()
+
+    def heights(self, points: Float64[np.ndarray, "n 2"]) -> Float64[np.ndarray, " n"]:
+        """Height of the ground under each point [m]."""
+        rise = np.zeros(len(points))
+        for platform in self.platforms:
+            rise = np.maximum(rise, platform.heights(points))
+        return self.height + rise
+
+
+_ALONG, _ACROSS = 9, (-0.5, 0.0, 0.5)
+"""Points along and across a sole at which the ground under it is looked at."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Placement:
+    """Where a sole lies flat.
+
+    Attributes:
+        position: of its centre in the world [m].
+        yaw: its heading [rad].
+    """
+
+    position: tuple[float, float, float]
+    yaw: float
+
+    def grid(self, length: float, width: float) -> Float64[np.ndarray, "n 2"]:
+        """Points all over a sole of that size, edges included [m]."""
+        x, y = np.meshgrid(np.linspace(-0.5, 0.5, _ALONG) * length, np.array(_ACROSS) * width)
+        local = np.stack((x.ravel(), y.ravel()), axis=1)
+        return np.array(self.position[:2]) + local @ yaw_rotation(self.yaw).T

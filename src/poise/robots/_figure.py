@@ -1,0 +1,69 @@
+"""`draw_robot`: a robot as lines, from the front and from the right."""
+
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from poise._checks import Numbers
+from poise._show import new_figure
+from poise.robots._robot import Robot
+
+_VIEWS = (("from the front", 1, "y [m]"), ("from the right", 0, "x [m]"))
+"""Title, the coordinate that is drawn across, and its label."""
+
+
+def draw_robot(robot: Robot, q: Numbers | None = None) -> Any:
+    """Links as lines between their joints, soles, hands, pelvis, torso and centre of mass.
+
+    Args:
+        robot: the robot.
+        q: configuration [m, rad]; the home posture when None.
+
+    Returns:
+        A `matplotlib.figure.Figure`.
+
+    Raises:
+        MissingExtraError: matplotlib is not installed.
+    """
+    model, data = robot.model, robot.model.createData()
+    at = robot.q_home if q is None else np.asarray(q, dtype=np.float64)
+    pin.framesForwardKinematics(model, data, at)
+    com = pin.centerOfMass(model, data, at)
+    figure = new_figure(7.0, 5.0)
+    figure.suptitle(repr(robot), fontsize=9)
+    for axes, (title, across, label) in zip(figure.subplots(1, 2), _VIEWS, strict=True):
+        for joint in range(2 if robot.floating_base else 1, model.njoints):
+            ends = np.array(
+                [data.oMi[model.parents[joint]].translation, data.oMi[joint].translation]
+            )
+            axes.plot(ends[:, across], ends[:, 2], color="0.3", marker="o", markersize=3)
+        _draw_frames(axes, robot, data, across)
+        axes.plot(com[across], com[2], "o", color="tab:orange", label="COM")
+        axes.margins(x=0.3)
+        axes.set(title=title, xlabel=label, ylabel="z [m]", aspect="equal")
+    figure.axes[0].legend(fontsize=7, loc="upper right")
+    return figure
+
+
+def _draw_frames(axes: Any, robot: Robot, data: pin.Data, across: int) -> None:
+    """Lines from the last joint to each sole, hand, pelvis and torso, and the soles' lengths."""
+    for name in (*robot.soles, *robot.hands, robot.pelvis, robot.torso):
+        index = robot.frame_id(name)
+        place = data.oMf[index]
+        joint = data.oMi[robot.model.frames[index].parentJoint].translation
+        ends = np.array([joint, place.translation])
+        axes.plot(ends[:, across], ends[:, 2], color="0.6", linestyle=":")
+        sole = robot.soles.get(name)
+        if sole is None:
+            axes.plot(*place.translation[[across, 2]], "s", color="tab:green", markersize=4)
+            continue
+        half = 0.5 * np.array([sole.length, sole.width])
+        corners = np.array(
+            [
+                place.act(np.array([x, y, 0.0]))
+                for x in (-half[0], half[0])
+                for y in (-half[1], half[1])
+            ]
+        )
+        axes.plot(corners[:, across], corners[:, 2], color="tab:blue", linewidth=3)
