@@ -78,13 +78,6 @@ def test_an_mjcf_file_may_include_others(tmp_path, mjcf, mjcf_facts):
         load_robot(tmp_path / "tiny.xml", mjcf_facts)
 
 
-def test_an_mjcf_mesh_that_is_missing_is_named(load, mjcf, mjcf_facts):
-    text = mjcf.replace("<worldbody>", '<asset><mesh file="toe.stl"/></asset><worldbody>', 1)
-    text = text.replace("<compiler ", '<compiler meshdir="meshes" ')
-    with pytest.raises(RobotError, match=r"mesh.*meshes/toe\.stl"):
-        load(text, mjcf_facts, ".xml")
-
-
 def test_a_floating_joint_in_the_document_is_not_doubled(load, urdf, facts):
     base = (
         '<link name="world"/><joint name="base" type="floating"><parent link="world"/>'

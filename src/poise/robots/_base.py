@@ -5,12 +5,10 @@ from typing import Literal
 
 from poise.errors import RobotError
 from poise.robots._document import Document, end_of
+from poise.robots._mjcf import settle_mjcf
 
 WORLD = "world"
 """The link that a fixed base hangs on."""
-
-_PLACEMENT = ("pos", "quat", "axisangle", "xyaxes", "zaxis", "euler")
-"""Attributes that place an MJCF body."""
 
 
 def settle_base(document: Document, base: Literal["floating", "fixed"]) -> str:
@@ -28,7 +26,7 @@ def settle_base(document: Document, base: Literal["floating", "fixed"]) -> str:
     """
     if document.kind == "urdf":
         return _settle_urdf(document, base)
-    return _settle_mjcf(document, base)
+    return settle_mjcf(document, base)
 
 
 def _settle_urdf(document: Document, base: Literal["floating", "fixed"]) -> str:
@@ -67,44 +65,18 @@ def _is_base(document: Document, joint: ET.Element, root: str) -> bool:
     return carried == [joint] and all(link.find("inertial") is None for link in links)
 
 
-def _settle_mjcf(document: Document, base: Literal["floating", "fixed"]) -> str:
-    bodies = [b for world in document.root.findall("worldbody") for b in world.findall("body")]
-    if len(bodies) != 1:
-        raise RobotError(
-            f"{document.where} has no single root body",
-            got=[b.get("name") for b in bodies],
-            wanted="one body under <worldbody>",
-        )
-    root = bodies[0]
-    free = [
-        *root.findall("freejoint"),
-        *(j for j in root.findall("joint") if j.get("type") == "free"),
-    ]
-    if free and base == "fixed":
-        raise RobotError(
-            f"{document.where} has a free joint, but its description says base: fixed",
-            got=root.get("name"),
-            wanted="base: floating",
-        )
-    for joint in free:
-        root.remove(joint)
-    if base == "floating":
-        for key in _PLACEMENT:
-            root.attrib.pop(key, None)
-    # Poses and motors count the free joint that is gone; the plant brings its own.
-    for tag in ("keyframe", "actuator", "sensor"):
-        for element in document.root.findall(tag):
-            document.root.remove(element)
-    return root.get("name", "")
-
-
 def _root_link(document: Document) -> str:
     """The link that no joint moves; all others hang on it, each by one joint."""
     joints = [(end_of(j, "parent"), end_of(j, "child")) for j in document.root.findall("joint")]
     children = [child for _, child in joints]
     roots = [name for name in document.links() if name not in children]
     if len(roots) != 1:
-        raise RobotError(f"{document.where} has no single root link", got=roots, wanted="one link")
+        raise RobotError(
+            f"{document.where} has no single root link",
+            got=roots,
+            wanted="one link that no joint moves: a <joint> to each of the others, or these taken "
+            "out of the file",
+        )
     reached = list(roots)
     for link in reached:
         reached += [child for parent, child in joints if parent == link]

@@ -1,6 +1,7 @@
 """`load_robot`: from a name or a file to a `Robot`."""
 
-from collections.abc import Mapping
+import warnings
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
@@ -15,15 +16,15 @@ from poise.robots._base import settle_base
 from poise.robots._catalog import catalog_names, find_entry, open_entry
 from poise.robots._description import Description, Mount, match_joints, parse_description
 from poise.robots._document import Document, parse, write_limits
-from poise.robots._kinematics import (
-    add_roles,
+from poise.robots._kinematics import add_roles, build_model, check_inertia
+from poise.robots._limits import (
     apply_limits,
-    build_model,
-    check_inertia,
-    check_limits,
+    assume_limits,
+    check_positions,
     described_limits,
 )
-from poise.robots._meshes import add_figure, check_meshes, package_folders
+from poise.robots._meshes import add_figure, drop_missing_meshes, package_folders
+from poise.robots._mjcf import MjcfFacts, free_site_names, read_facts
 from poise.robots._posture import home_configuration
 from poise.robots._robot import FrameRole, ModelSource, Robot, Sole
 
@@ -52,16 +53,24 @@ def load_robot(
     if entry is not None:
         text, directory, packages = open_entry(entry)
         document = parse(text, entry.name, directory)
-        return _assemble(entry.name, document, entry.description, directory, packages)
+        return _assemble(entry.name, document, entry.description, directory, packages)[0]
     path = Path(name_or_path)
     if not path.suffix and not path.is_file():
         raise UnknownNameError("unknown robot", got=str(name_or_path), choices=catalog_names())
     text = read_text(path, error=RobotError)
     document = parse(text, path.name, path.parent)
     facts = _find_description(path, document, description)
+    robot, notes = _assemble(path.stem, document, facts, *places_of(document, path))
+    if notes:
+        warnings.warn(f"{path.name}: {'; '.join(notes)}", stacklevel=2)
+    return robot
+
+
+def places_of(document: Document, path: Path) -> tuple[Path, tuple[Path, ...]]:
+    """Where the files that a document names are: its folder, and those of its packages."""
     directory = path.parent.resolve()
     packages = package_folders(document.root, directory) if document.kind == "urdf" else ()
-    return _assemble(path.stem, document, facts, directory, packages)
+    return directory, packages
 
 
 def description_template(path: str | Path) -> str:
@@ -126,37 +135,46 @@ def _assemble(
     facts: Description,
     directory: Path | None,
     packages: tuple[Path, ...],
-) -> Robot:
+) -> tuple[Robot, list[str]]:
+    """The robot, and what was assumed or left out of it."""
     floating = facts.base == "floating"
+    mjcf = read_facts(document, directory) if document.kind == "mjcf" else None
     root = settle_base(document, facts.base)
     names = document.joints()
     limits = described_limits(facts, names)
     locked = match_joints(dict.fromkeys(facts.locked, True), names, f"{facts.where}: locked")
+    followers = [j for j in _followers(document, mjcf) if j not in locked]
     if document.kind == "urdf":
         write_limits(document, limits.position, limits.velocity, limits.torque)
+    else:
+        free_site_names(document.root, {*facts.mounts(), "pelvis", "torso"})
     source = ModelSource(
         kind=document.kind,
         text=document.text,
         directory=directory,
         package_dirs=packages,
-        locked_joints=tuple(locked),
+        locked_joints=(*locked, *followers),
     )
-    check_meshes(document.root, source)
-    free = [n for n in names if n not in locked]
+    notes = _left_out(mjcf, followers, drop_missing_meshes(document.root, source, name))
+    source = replace(source, text=document.text)
+    free = [n for n in names if n not in source.locked_joints]
     armature = match_joints(facts.armature, free, f"{facts.where}: armature")
     posture = match_joints(facts.home, free, f"{facts.where}: home")
     model = build_model(source, floating=floating, armature=armature, where=name)
     check_inertia(model, name)
     if document.kind == "urdf" and add_figure(document.root):
         source = replace(source, text=document.text)
-    apply_limits(model, limits)
-    check_limits(model, floating=floating, where=name)
+    if mjcf is not None:
+        apply_limits(model, torque=mjcf.torque)
+    apply_limits(model, limits.position, limits.velocity, limits.torque)
+    check_positions(model, floating=floating, where=name)
     roles = _roles(facts, root)
     add_roles(model, roles, name)
+    assumed = assume_limits(model, facts.soles, floating=floating)
     soles = {n: Sole(name=n, length=s.length, width=s.width) for n, s in facts.soles.items()}
     q_home = home_configuration(model, soles, posture, floating=floating, where=name)
     base_q, base_v, first = (7, 6, 2) if floating else (0, 0, 1)
-    return Robot(
+    robot = Robot(
         name=name,
         model=model,
         floating_base=floating,
@@ -174,6 +192,33 @@ def _assemble(
         licence=facts.licence,
         source=source,
     )
+    return robot, [*(f"assumed are {a}" for a in assumed), *notes]
+
+
+def _followers(document: Document, mjcf: MjcfFacts | None) -> list[str]:
+    """Joints that the document ties to others: a `Robot` has them welded at zero."""
+    if mjcf is not None:
+        return list(mjcf.followers)
+    tied = (j for j in document.root.findall("joint") if j.find("mimic") is not None)
+    return [name for j in tied if (name := j.get("name", "")) in document.joints()]
+
+
+def _left_out(mjcf: MjcfFacts | None, followers: list[str], meshes: list[str]) -> list[str]:
+    """What a robot does not take from its document, as sentences."""
+    notes: list[str] = []
+    if followers:
+        notes.append(f"joints that mimic others are locked at zero: {_few(followers)}")
+    if mjcf is not None and mjcf.loops:
+        notes.append(f"loops that these equalities close are left open: {_few(mjcf.loops)}")
+    if mjcf is not None and mjcf.springs:
+        notes.append(f"springs are left out: {_few(mjcf.springs)}")
+    if meshes:
+        notes.append(f"meshes that cannot be found are missing in pictures: {_few(meshes)}")
+    return notes
+
+
+def _few(names: Sequence[str]) -> str:
+    return ", ".join(names[:4]) + (f" and {len(names) - 4} more" if len(names) > 4 else "")
 
 
 def _roles(facts: Description, root: str) -> dict[str, FrameRole]:

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from poise.errors import RobotError
+from poise.robots._mjcf import drop_mesh_geoms
 from poise.robots._parametric import PALETTE, Shape, add_shape, rod, sphere
 from poise.robots._robot import ModelSource
 
@@ -42,23 +43,63 @@ def mesh_path(filename: str, source: ModelSource) -> Path:
     )
 
 
-def check_meshes(root: ET.Element, source: ModelSource) -> None:
-    """Check that every mesh of a document exists, without reading any.
+def drop_missing_meshes(root: ET.Element, source: ModelSource, where: str) -> list[str]:
+    """Take the meshes that are not there out of a document, without reading any.
 
     Args:
-        root: the parsed document.
+        root: the parsed document, changed in place.
         source: the same document, with its folders.
+        where: the file or the robot's name, for messages.
+
+    Returns:
+        The names of the missing files.
 
     Raises:
-        RobotError: a mesh cannot be found.
+        RobotError: a mesh file is empty or a placeholder, or a body's mass would come from a mesh
+            that is missing.
     """
-    if source.kind == "urdf":
-        names = {e.get("filename", "") for e in root.iter("mesh")}
-    else:
-        folder = _mesh_folder(root)
-        names = {str(folder / e.get("file", "")) for e in root.iter("mesh") if e.get("file")}
-    for name in sorted(names):
-        mesh_path(name, source)
+    urdf = source.kind == "urdf"
+    key, folder = ("filename", Path()) if urdf else ("file", _mesh_folder(root))
+    names = {e.get(key, "") for e in root.iter("mesh") if urdf or e.get(key)}
+    missing = {n for n in names if not _is_mesh(n if urdf else str(folder / n), source, where)}
+    if not missing:
+        return []
+    if urdf:
+        for link in root.findall("link"):
+            for shape in [*link.findall("visual"), *link.findall("collision")]:
+                mesh = shape.find("geometry/mesh")
+                if mesh is not None and mesh.get("filename", "") in missing:
+                    link.remove(shape)
+        return sorted(missing)
+    bare = drop_mesh_geoms(root, missing)
+    if bare:
+        raise RobotError(
+            f"bodies of {where} have no <inertial>, and meshes their mass would come from cannot "
+            f"be found",
+            got={"bodies": bare, "meshes": sorted(missing)},
+            wanted="these meshes, or an <inertial> in each of the bodies",
+        )
+    return sorted(missing)
+
+
+_PLACEHOLDER = b"version https://git-lfs"
+"""How a file begins that stands for one that Git LFS keeps elsewhere."""
+
+
+def _is_mesh(name: str, source: ModelSource, where: str) -> bool:
+    """Whether a mesh is there."""
+    found = next((c for c in _candidates(name, source) if c.is_file()), None)
+    if found is None:
+        return False
+    with found.open("rb") as file:
+        start = file.read(len(_PLACEHOLDER))
+    if not start or start == _PLACEHOLDER:
+        raise RobotError(
+            f"mesh {name!r} of {where} is {'a Git LFS pointer' if start else 'empty'}",
+            got=f"{found.stat().st_size} bytes in {found}",
+            wanted="the mesh itself: fetch it anew (git lfs pull), or take it out of the model",
+        )
+    return True
 
 
 def package_folders(root: ET.Element, directory: Path) -> tuple[Path, ...]:
