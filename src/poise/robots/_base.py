@@ -5,7 +5,7 @@ from typing import Literal
 
 from poise.errors import RobotError
 from poise.robots._document import Document, end_of
-from poise.robots._mjcf import settle_mjcf
+from poise.robots._mjcf import MjcfFacts, settle_mjcf
 
 WORLD = "world"
 """The link that a fixed base hangs on."""
@@ -27,6 +27,14 @@ def settle_base(document: Document, base: Literal["floating", "fixed"]) -> str:
     if document.kind == "urdf":
         return _settle_urdf(document, base)
     return settle_mjcf(document, base)
+
+
+def followers_of(document: Document, mjcf: MjcfFacts | None) -> list[str]:
+    """Joints that the document ties to others: a `Robot` has them welded at zero."""
+    if mjcf is not None:
+        return list(mjcf.followers)
+    tied = (j for j in document.root.findall("joint") if j.find("mimic") is not None)
+    return [name for j in tied if (name := j.get("name", "")) in document.joints()]
 
 
 def _settle_urdf(document: Document, base: Literal["floating", "fixed"]) -> str:

@@ -136,15 +136,17 @@ def _parse_urdf(source: ModelSource, floating: bool, where: str) -> pin.Model:
 
 def _welded(model: pin.Model, joints: list[int]) -> pin.Model:
     """The model without some joints, at zero; what each other joint has of its own stays its."""
-    armature = {n: model.armature[j.idx_v] for n, j in _hinges(model)}
+    armature = {n: model.armature[j.idx_v] for n, j in hinges(model)}
     model = pin.buildReducedModel(model, joints, pin.neutral(model))
-    for name, joint in _hinges(model):
+    for name, joint in hinges(model):
         model.armature[joint.idx_v] = armature[name]
     return model
 
 
-def _hinges(model: pin.Model) -> list[tuple[str, pin.JointModel]]:
-    return [(n, j) for n, j in zip(model.names, model.joints, strict=True) if j.nv == 1]
+def hinges(model: pin.Model) -> list[tuple[str, pin.JointModel]]:
+    """Names and joints of a model, without the world and a free base."""
+    joints = list(zip(model.names, model.joints, strict=True))[1:]
+    return [(name, joint) for name, joint in joints if joint.nv == 1]
 
 
 def _free_names(model: pin.Model, names: set[str]) -> None:

@@ -12,7 +12,7 @@ from jaxtyping import Float64
 
 from poise._yaml import read_text, read_yaml
 from poise.errors import RobotError, UnknownNameError
-from poise.robots._base import settle_base
+from poise.robots._base import followers_of, settle_base
 from poise.robots._catalog import catalog_names, find_entry, open_entry
 from poise.robots._description import Description, Mount, match_joints, parse_description
 from poise.robots._document import Document, parse, write_limits
@@ -23,9 +23,10 @@ from poise.robots._limits import (
     check_positions,
     described_limits,
 )
-from poise.robots._meshes import add_figure, drop_missing_meshes, package_folders
+from poise.robots._meshes import add_figure, asset_folders, drop_missing_meshes
 from poise.robots._mjcf import MjcfFacts, free_site_names, read_facts
 from poise.robots._posture import home_configuration
+from poise.robots._proposal import describe
 from poise.robots._robot import FrameRole, ModelSource, Robot, Sole
 
 _DESCRIPTION_SUFFIX = ".poise.yaml"
@@ -39,7 +40,8 @@ def load_robot(
     Args:
         name_or_path: a name that `poise robots` lists, `humanoid20` to `humanoid60`, or a file.
         description: for a file, the YAML file (or its content) with the facts that the model file
-            does not hold; by default `<stem>.poise.yaml` beside it.
+            does not hold; by default `<stem>.poise.yaml` beside it. Without either the facts are
+            guessed, as `describe` does, and a warning lists the guesses.
 
     Returns:
         The robot.
@@ -59,18 +61,12 @@ def load_robot(
         raise UnknownNameError("unknown robot", got=str(name_or_path), choices=catalog_names())
     text = read_text(path, error=RobotError)
     document = parse(text, path.name, path.parent)
-    facts = _find_description(path, document, description)
-    robot, notes = _assemble(path.stem, document, facts, *places_of(document, path))
-    if notes:
+    facts, guessed = _find_description(path, description)
+    robot, notes = _assemble(path.stem, document, facts, *asset_folders(document, path))
+    if guessed or notes:
+        notes = [*guessed, *notes]
         warnings.warn(f"{path.name}: {'; '.join(notes)}", stacklevel=2)
     return robot
-
-
-def places_of(document: Document, path: Path) -> tuple[Path, tuple[Path, ...]]:
-    """Where the files that a document names are: its folder, and those of its packages."""
-    directory = path.parent.resolve()
-    packages = package_folders(document.root, directory) if document.kind == "urdf" else ()
-    return directory, packages
 
 
 def description_template(path: str | Path) -> str:
@@ -111,22 +107,19 @@ licence: not stated
 
 
 def _find_description(
-    path: Path, document: Document, given: str | Path | Mapping[str, object] | None
-) -> Description:
+    path: Path, given: str | Path | Mapping[str, object] | None
+) -> tuple[Description, list[str]]:
+    """The description of a file, and where there is none what was guessed, as sentences."""
     if isinstance(given, Mapping):
-        return parse_description(dict(given), f"description of {path.name}")
+        return parse_description(dict(given), f"description of {path.name}"), []
     file = Path(given) if given is not None else path.with_name(path.stem + _DESCRIPTION_SUFFIX)
     if given is None and not file.is_file():
-        raise RobotError(
-            f"{path.name} needs a description: base, and for a floating base pelvis, torso and "
-            f"soles; poise.robots.description_template({str(path)!r}) gives one to fill in",
-            got="no " + file.name,
-            wanted="that file beside the model, or description=",
-            choices=document.links(),
-        )
-    return parse_description(
-        read_yaml(read_text(file, error=RobotError), file.name, error=RobotError), file.name
-    )
+        proposal = describe(path)
+        facts = parse_description(proposal.facts, f"description guessed for {path.name}")
+        where_from = f"guessed, as there is no {file.name}: {proposal.summary}"
+        return facts, [f"{where_from} (`poise describe {path}` shows and writes it)"]
+    data = read_yaml(read_text(file, error=RobotError), file.name, error=RobotError)
+    return parse_description(data, file.name), []
 
 
 def _assemble(
@@ -143,7 +136,7 @@ def _assemble(
     names = document.joints()
     limits = described_limits(facts, names)
     locked = match_joints(dict.fromkeys(facts.locked, True), names, f"{facts.where}: locked")
-    followers = [j for j in _followers(document, mjcf) if j not in locked]
+    followers = [j for j in followers_of(document, mjcf) if j not in locked]
     if document.kind == "urdf":
         write_limits(document, limits.position, limits.velocity, limits.torque)
     else:
@@ -193,14 +186,6 @@ def _assemble(
         source=source,
     )
     return robot, [*(f"assumed are {a}" for a in assumed), *notes]
-
-
-def _followers(document: Document, mjcf: MjcfFacts | None) -> list[str]:
-    """Joints that the document ties to others: a `Robot` has them welded at zero."""
-    if mjcf is not None:
-        return list(mjcf.followers)
-    tied = (j for j in document.root.findall("joint") if j.find("mimic") is not None)
-    return [name for j in tied if (name := j.get("name", "")) in document.joints()]
 
 
 def _left_out(mjcf: MjcfFacts | None, followers: list[str], meshes: list[str]) -> list[str]:

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from poise.errors import RobotError
+from poise.robots._document import Document
 from poise.robots._mjcf import drop_mesh_geoms
 from poise.robots._parametric import PALETTE, Shape, add_shape, rod, sphere
 from poise.robots._robot import ModelSource
@@ -100,6 +101,13 @@ def _is_mesh(name: str, source: ModelSource, where: str) -> bool:
             wanted="the mesh itself: fetch it anew (git lfs pull), or take it out of the model",
         )
     return True
+
+
+def asset_folders(document: Document, path: Path) -> tuple[Path, tuple[Path, ...]]:
+    """Where the files that a document names are: its folder, and those of its packages."""
+    directory = path.parent.resolve()
+    urdf = document.kind == "urdf"
+    return directory, package_folders(document.root, directory) if urdf else ()
 
 
 def package_folders(root: ET.Element, directory: Path) -> tuple[Path, ...]:

@@ -152,14 +152,7 @@ def build_mjcf_model(source: ModelSource, *, floating: bool, where: str) -> pin.
     Raises:
         RobotError: MuJoCo cannot compile it, or a joint has more than one degree of freedom.
     """
-    mujoco = mujoco_module(where)
-    spec = _parse(ET.fromstring(source.text), source.directory, where)
-    _set_compiler(spec)
-    _drop_unread_meshes(mujoco, spec)
-    try:
-        compiled = spec.compile()
-    except ValueError as error:
-        raise RobotError(f"MuJoCo cannot build {where}: {_one_line(error)}") from None
+    mujoco, compiled = mujoco_module(where), _compile(source, where, set())
     return _Builder(mujoco, compiled, floating, where).model
 
 
@@ -195,14 +188,22 @@ def free_site_names(root: ET.Element, taken: set[str]) -> None:
             site.set("name", f"{site.get('name')}_site")
 
 
-def compile_geometry(source: ModelSource, where: str) -> Any:
-    """MuJoCo's compiled model of a settled document, all its meshes read.
+def compile_geometry(source: ModelSource, bodies: set[str], where: str) -> Any:
+    """MuJoCo's compiled model of a settled document, with the meshes of some bodies.
 
     Raises:
         RobotError: MuJoCo cannot compile it.
     """
+    return _compile(source, where, bodies)
+
+
+def _compile(source: ModelSource, where: str, pictured: set[str]) -> Any:
+    mujoco = mujoco_module(where)
     spec = _parse(ET.fromstring(source.text), source.directory, where)
-    _set_compiler(spec)
+    spec.compiler.fusestatic = False
+    spec.compiler.balanceinertia = False
+    spec.compiler.boundmass, spec.compiler.boundinertia = 1e-12, 1e-14
+    _drop_unread_meshes(mujoco, spec, pictured)
     try:
         return spec.compile()
     except ValueError as error:
@@ -339,14 +340,7 @@ def _rotation(quaternion: Float64[np.ndarray, "4"]) -> Float64[np.ndarray, "3 3"
     return pin.Quaternion(w, x, y, z).toRotationMatrix()
 
 
-def _set_compiler(spec: Any) -> None:
-    """Keep bodies one by one and inertias as they are, as the plant does."""
-    spec.compiler.fusestatic = False
-    spec.compiler.balanceinertia = False
-    spec.compiler.boundmass, spec.compiler.boundinertia = 1e-12, 1e-14
-
-
-def _drop_unread_meshes(mujoco: ModuleType, spec: Any) -> None:
+def _drop_unread_meshes(mujoco: ModuleType, spec: Any, pictured: set[str]) -> None:
     """Leave out the meshes that no inertia comes from: a controller reads no pictures."""
     if spec.compiler.inertiafromgeom == mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE:
         return
@@ -354,7 +348,8 @@ def _drop_unread_meshes(mujoco: ModuleType, spec: Any) -> None:
     kept: set[str] = set()
     for body in spec.bodies:
         for geom in [g for g in body.geoms if g.meshname]:
-            if geom.type in kinds and (body.explicitinertial or body.name == "world"):
+            unread = body.explicitinertial or body.name == "world"
+            if geom.type in kinds and unread and body.name not in pictured:
                 spec.delete(geom)
             else:
                 kept.add(geom.meshname)

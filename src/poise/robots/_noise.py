@@ -5,7 +5,7 @@ import os
 import sys
 import tempfile
 import threading
-from collections.abc import Iterator
+from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import dataclass
 
@@ -22,7 +22,7 @@ class Noise:
 
 
 @contextmanager
-def captured() -> Iterator[Noise]:
+def captured() -> Generator[Noise]:
     """Catch what C++ libraries print to stdout and stderr inside the block.
 
     It goes to the logger `poise.robots` at level DEBUG: urdfdom and console_bridge complain about
