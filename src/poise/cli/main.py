@@ -4,7 +4,7 @@ import argparse
 import sys
 from collections.abc import Sequence
 
-from poise.cli import _campaign, _robots, _run, _scorecard, _teleop, _warmup
+from poise.cli import _campaign, _describe, _robots, _run, _scorecard, _teleop, _warmup
 from poise.cli._command import run_command
 
 
@@ -23,7 +23,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         epilog="example: poise run squat --out runs/squat",
     )
     verbs = parser.add_subparsers(metavar="VERB", required=True)
-    for verb in (_run, _scorecard, _campaign, _robots, _teleop, _warmup):
+    for verb in (_run, _scorecard, _campaign, _robots, _describe, _teleop, _warmup):
         verb.add_parser(verbs)
     return run_command(parser, arguments)
 

@@ -191,7 +191,7 @@ def _check_inertias(document: Document) -> None:
             continue
         mass, inertia = _inertial_numbers(inertial)
         values = np.linalg.eigvalsh(inertia)
-        if mass < 0.0 or values[0] < -_ROUNDING * max(abs(values)):
+        if mass < 0.0 or values[0] < -_ROUNDING * max(abs(values)) - 1e-12:
             raise RobotError(
                 f"{document.where}: {tag} {element.get('name')!r} has a negative mass or inertia",
                 got=f"mass {mass:g} kg, principal inertias {_written(values)} kg m^2",

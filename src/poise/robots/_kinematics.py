@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 
 from poise.errors import RobotError, UnknownNameError
-from poise.robots._mjcf import build_mjcf_model
+from poise.robots._mjcf import base_name, build_mjcf_model
 from poise.robots._noise import captured
 from poise.robots._robot import FrameRole, ModelSource
 
@@ -124,7 +124,7 @@ def check_inertia(model: pin.Model, where: str) -> None:
 
 
 def _parse_urdf(source: ModelSource, floating: bool, where: str) -> pin.Model:
-    root = (pin.JointModelFreeFlyer(),) if floating else ()
+    root = (pin.JointModelFreeFlyer(), base_name(source.text)) if floating else ()
     with captured() as noise:
         try:
             return pin.buildModelFromXML(source.text, *root)

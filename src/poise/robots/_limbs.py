@@ -1,6 +1,5 @@
 """`find_limbs`: which joints of a stranger are legs and arms, from the tree of joints alone."""
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -18,9 +17,6 @@ _HAND_PART = 0.1
 
 _MIRRORED = 0.08
 """Ends of a left and a right limb are mirror images within this part of the robot's height."""
-
-_LEFT = re.compile(r"(^|[_\-. /])(l|left)([_\-. /]|$)|left|^l(?=[A-Z])", re.IGNORECASE)
-_RIGHT = re.compile(r"(^|[_\-. /])(r|right)([_\-. /]|$)|right|^r(?=[A-Z])", re.IGNORECASE)
 
 
 @dataclass(frozen=True)
@@ -62,7 +58,7 @@ def find_limbs(model: pin.Model, upright: Float64[np.ndarray, "3 3"], where: str
     height = float(np.ptp(places[1:, 2])) if model.njoints > 2 else 0.0
     pairs = _mirrored_pairs(places, branches, _MIRRORED * max(height, 0.1))
     legs = min(pairs, key=lambda p: places[p[0][-1], 2], default=None)
-    if legs is None or places[legs[0][-1], 2] > places[1, 2] - 0.2 * height:
+    if legs is None or places[legs[0][-1], 2] > places[legs[0][0], 2] - 0.15 * height:
         raise RobotError(
             f"no feet are found in {where}",
             got=f"{len(branches)} chains of joints, none of them a mirrored pair of legs",
@@ -142,13 +138,14 @@ def _mirrored_pairs(
                 continue
             a, b = places[list(one)], places[list(other)]
             level = np.abs(a[:, 2] - b[:, 2]).max() < tolerance
-            apart = a[0] - b[0]
+            # Shoulders may begin on the middle plane; hands and feet are off it.
+            apart = a[-1] - b[-1]
             normal = np.array([apart[0], apart[1], 0.0])
             size = float(np.linalg.norm(normal))
             if not level or size < 1e-3:
                 continue
             normal /= size
-            middle = 0.5 * (a[0] + b[0])
+            middle = 0.5 * (a[-1] + b[-1])
             mirrored = a - 2.0 * np.outer((a - middle) @ normal, normal)
             if np.linalg.norm(mirrored - b, axis=1).max() < 2.0 * tolerance:
                 pairs.append((one, other))
@@ -162,14 +159,18 @@ def _left_first(
 ) -> tuple[tuple[int, ...], tuple[int, ...]]:
     """By the names of the joints; where these do not say, y points left."""
     one, other = pair
-    votes = sum(_side(model.names[j]) for j in one) - sum(_side(model.names[j]) for j in other)
-    if votes == 0:
+    names = ((model.names[a], model.names[b]) for a, b in zip(one, other, strict=True))
+    votes = float(sum(_side(*pair) for pair in names))
+    if votes == 0.0:
         votes = float(places[one[0], 1] - places[other[0], 1])
     return (one, other) if votes > 0 else (other, one)
 
 
-def _side(name: str) -> int:
-    return int(bool(_LEFT.search(name))) - int(bool(_RIGHT.search(name)))
+def _side(name: str, other: str) -> int:
+    """One where the first name is the left one: they part at an l against an r."""
+    letters = zip(name.lower(), other.lower(), strict=False)
+    parted = next(((a, b) for a, b in letters if a != b), ("", ""))
+    return {("l", "r"): 1, ("r", "l"): -1}.get(parted, 0)
 
 
 def _straightened(direction: Float64[np.ndarray, "3"]) -> Float64[np.ndarray, "3"]:

@@ -153,7 +153,15 @@ def build_mjcf_model(source: ModelSource, *, floating: bool, where: str) -> pin.
         RobotError: MuJoCo cannot compile it, or a joint has more than one degree of freedom.
     """
     mujoco, compiled = mujoco_module(where), _compile(source, where, set())
-    return _Builder(mujoco, compiled, floating, where).model
+    return _Builder(mujoco, compiled, base_name(source.text) if floating else None, where).model
+
+
+def base_name(text: str) -> str:
+    """A name for the free joint before the root that a document's text has for nothing else."""
+    name = "root_joint"
+    while f'"{name}"' in text:
+        name += "_"
+    return name
 
 
 def drop_mesh_geoms(root: ET.Element, files: set[str]) -> list[str]:
@@ -360,7 +368,7 @@ def _drop_unread_meshes(mujoco: ModuleType, spec: Any, pictured: set[str]) -> No
 class _Builder:
     """Pinocchio's model, body by body in MuJoCo's order."""
 
-    def __init__(self, mujoco: ModuleType, compiled: Any, floating: bool, where: str) -> None:
+    def __init__(self, mujoco: ModuleType, compiled: Any, base: str | None, where: str) -> None:
         self._mujoco, self._compiled, self._where = mujoco, compiled, where
         self.model = pin.Model()
         self._joint_of = {0: 0}
@@ -368,8 +376,8 @@ class _Builder:
         self._placement = {0: pin.SE3.Identity()}
         """Of each body in that joint."""
         self._frame_of = {0: 0}
-        if floating:
-            self._joint_of[0] = self._add("root_joint", 0, pin.JointModelFreeFlyer(), None)
+        if base is not None:
+            self._joint_of[0] = self._add(base, 0, pin.JointModelFreeFlyer(), None)
         armature, damping, friction = {}, {}, {}
         for body in range(1, compiled.nbody):
             for joint in self._add_body(body):

@@ -21,7 +21,7 @@ from poise.robots._limbs import Limbs, find_limbs
 from poise.robots._limits import apply_limits, assume_limits
 from poise.robots._meshes import asset_folders, drop_missing_meshes
 from poise.robots._mjcf import MjcfFacts, read_facts
-from poise.robots._robot import ModelSource
+from poise.robots._robot import GRAVITY, ModelSource
 from poise.robots._sole_fit import SoleFit, fit_sole
 from poise.robots._stance import Stance, find_stance
 
@@ -39,6 +39,18 @@ _MOST_ROTOR = 0.01
 
 _SAME_SOLE = 0.015
 """Soles whose sizes differ by less are given the smaller size both [m]."""
+
+_Y_UP = pin.utils.rotate("x", 0.5 * math.pi)
+"""Turns a link whose y points up."""
+
+_ANKLE_PART = 0.35
+"""An ankle should need no more of its torque to stand, so that it has some left to balance with."""
+
+_MOST_BACK = 0.25
+"""But the COM stays within this part of the sole's length from its middle."""
+
+_MUCH_LARGER = 1.5
+"""A visual shape is believed before contact geometry with so much less sole."""
 
 _TOE = 0.02
 """A foot of two parts: the part behind the toes touches the ground within this height [m]."""
@@ -192,7 +204,7 @@ class _Describer:
     def proposal(self) -> Proposal:
         """The whole description."""
         try:
-            limbs = find_limbs(self._model, self._upright, self._where)
+            limbs = self._find_limbs()
         except RobotError:
             if not self._says_fixed:
                 raise
@@ -208,6 +220,22 @@ class _Describer:
             links=self._links,
             joints=self._joints,
         )
+
+    def _find_limbs(self) -> Limbs:
+        """The limbs, with z of the root link up or, where that gives no legs, its y."""
+        try:
+            return find_limbs(self._model, self._upright, self._where)
+        except RobotError:
+            y_up = _Y_UP @ self._upright
+            try:
+                limbs = find_limbs(self._model, y_up, self._where)
+            except RobotError:
+                limbs = None
+            if limbs is None:
+                raise
+        self._upright = y_up
+        self._remarks.append("y of the root link points up")
+        return limbs
 
     def _read(self) -> Document:
         return parse(read_text(self._path, error=RobotError), self._where, self._path.parent)
@@ -281,12 +309,20 @@ class _Describer:
         beyond = [j for leg, kept in zip(limbs.legs, legs, strict=True) for j in leg[len(kept) :]]
         apart = abs(float((feet[0].fit.position - feet[1].fit.position) @ _left(limbs.forward)))
         apart = max(apart, 1.15 * max(foot.fit.width for foot in feet))
+        back = self._ankle_relief(feet, legs, data, limbs.forward)
         stance = find_stance(
-            self._model, soles, legs, self._upright, limbs.forward, apart, self._start()
+            self._model,
+            soles,
+            legs,
+            self._upright,
+            limbs.forward,
+            apart,
+            self._start(),
+            ahead=-back,
         )
         self._trunk(limbs, stance.q)
         self._hands(limbs)
-        self._home(stance)
+        self._home(stance, back)
         if limits is not None:
             self._facts["limits"] = limits
         self._limits(soles, floating=True)
@@ -301,7 +337,8 @@ class _Describer:
         """
         found: list[_Foot] = []
         problem: RobotError | None = None
-        for joint in (leg[-1], leg[-2]):
+        # Joints of two or three axes carry links with their last axis alone.
+        for joint in [j for j in reversed(leg) if _body_frames(self._model, j)][:2]:
             try:
                 found.append(self._fit(joint, data, forward))
             except RobotError as error:
@@ -312,7 +349,7 @@ class _Describer:
         end = found[0]
         for foot in found[1:]:
             level = foot.fit.position[2] < end.fit.position[2] + _TOE
-            if level and foot.fit.length * foot.fit.width > end.fit.length * end.fit.width:
+            if level and foot.area > end.area:
                 return foot
         return end
 
@@ -321,6 +358,7 @@ class _Describer:
         names = [self._model.frames[i].name for i in frames]
         shapes = link_shapes(self._source, names, self._where)
         problem: RobotError | None = None
+        fits: list[_Foot] = []
         for kind in ("collision", "visual"):
             parts: list[Balls] = [
                 balls.moved(data.oMf[i])
@@ -335,7 +373,12 @@ class _Describer:
             except RobotError as error:
                 problem = error
                 continue
-            return _Foot(joint=joint, fit=fit, kind=kind)
+            fits.append(_Foot(joint=joint, fit=fit, kind=kind))
+        if fits:
+            # A few contact points can leave out most of a foot that has a whole flat face.
+            larger = fits[-1].area > _MUCH_LARGER * fits[0].area
+            level = abs(fits[-1].fit.position[2] - fits[0].fit.position[2]) < _TOE
+            return fits[-1] if larger and level else fits[0]
         raise problem or RobotError(
             f"foot {names[0]!r} of {self._where} has no shape to read a sole from",
             got=f"links {names} with neither collision nor visual geometry"
@@ -412,7 +455,25 @@ class _Describer:
                 "end of the arm, at the COM of what its last joint moves",
             )
 
-    def _home(self, stance: Stance) -> None:
+    def _ankle_relief(
+        self,
+        feet: Sequence["_Foot"],
+        legs: Sequence[Sequence[int]],
+        data: pin.Data,
+        forward: Float64[np.ndarray, "3"],
+    ) -> float:
+        """How far the COM should stand behind the soles' middle, to spare weak ankles [m]."""
+        model, back = self._model, 0.0
+        weight = sum(float(i.mass) for i in model.inertias) * GRAVITY
+        for foot, leg in zip(feet, legs, strict=True):
+            dofs = [model.joints[j].idx_v for j in leg[-2:]]
+            torque = float(min(model.effortLimit[d] for d in dofs))
+            before = float((foot.fit.position - data.oMi[leg[-1]].translation) @ forward)
+            if 0.0 < torque < 1e300:
+                back = max(back, before - _ANKLE_PART * torque / (0.5 * weight))
+        return min(back, _MOST_BACK * min(foot.fit.length for foot in feet))
+
+    def _home(self, stance: Stance, back: float) -> None:
         angles: dict[str, float] = {}
         for name, joint in hinges(self._model):
             angle = round(float(stance.q[joint.idx_q]), 4) + 0.0
@@ -430,6 +491,8 @@ class _Describer:
                 f"{stance.error:.3f} m or rad; at their limits: "
                 f"{', '.join(stance.at_limit) or 'none'})"
             )
+        if back > 1e-3:
+            reason += f"; the COM {1e3 * back:.0f} mm back, as the ankles are weak"
         if stance.tilt > 0.01:
             reason += f"; the root leans by {stance.tilt:.2f} rad"
         if stance.yaw > 0.01:
@@ -499,6 +562,11 @@ class _Foot:
     joint: int
     fit: SoleFit
     kind: str
+
+    @property
+    def area(self) -> float:
+        """Of the sole [m^2]."""
+        return self.fit.length * self.fit.width
 
 
 def _parted(

@@ -11,8 +11,7 @@ import pinocchio as pin
 from jaxtyping import Float64
 
 _CROUCHES = (0.93, 0.96, 0.9, 0.86, 0.98, 0.8)
-"""Heights of the root to try, as parts of that with straight legs; knees bent a little come first.
-"""
+"""Heights of the hips to try, as parts of that with straight legs; a little bent comes first."""
 
 _BENDS = (0.6, -0.6, 0.25, -0.25, 1.0)
 """Angles of the knees to begin with [rad]; which way a knee bends its limits say first."""
@@ -66,6 +65,8 @@ def find_stance(
     forward: Float64[np.ndarray, "3"],
     apart: float,
     start: Mapping[str, float],
+    *,
+    ahead: float = 0.0,
 ) -> Stance:
     """Go from a first guess to level soles side by side with the COM above their middle.
 
@@ -81,9 +82,10 @@ def find_stance(
         forward: horizontal direction that is to become x.
         apart: distance of the feet, side by side [m].
         start: joint positions to begin from [rad].
+        ahead: how far the COM is to stand before the soles' middle [m].
     """
     turn = np.stack([forward, np.cross([0.0, 0.0, 1.0], forward), [0.0, 0.0, 1.0]])
-    problem = _Problem(model, soles, legs, turn @ upright, apart)
+    problem = _Problem(model, soles, legs, turn @ upright, apart, ahead)
     q0 = _first(model, start, turn @ upright)
     best: Stance | None = None
     for crouch in _CROUCHES:
@@ -135,9 +137,11 @@ class _Problem:
         legs: Sequence[Sequence[int]],
         world_R_base: Float64[np.ndarray, "3 3"],
         apart: float,
+        ahead: float,
     ) -> None:
         self._model, self._data = model, model.createData()
         self._soles, self._upright, self._apart = list(soles), world_R_base, apart
+        self._ahead = np.array([ahead, 0.0, 0.0])
         self._legs = [[int(j) for j in leg] for leg in legs]
         self._columns = [*range(6), *(model.joints[j].idx_v for leg in self._legs for j in leg)]
         self._low, self._high = _span(model)
@@ -145,7 +149,8 @@ class _Problem:
         q[3:7] = pin.Quaternion(world_R_base).coeffs()
         pin.framesForwardKinematics(model, self._data, q)
         lowest = min(float(self._data.oMf[s].translation[2]) for s in self._soles)
-        self._reach = -lowest
+        hip = max(float(self._data.oMi[leg[0]].translation[2]) for leg in self._legs)
+        self._straight, self._leg = -lowest, hip - lowest
         self._knees = [self._pitch_joints(leg) for leg in self._legs]
 
     def _pitch_joints(self, leg: list[int]) -> list[tuple[int, float]]:
@@ -182,8 +187,7 @@ class _Problem:
     def solve(self, q: Float64[np.ndarray, " nq"], crouch: float) -> Stance:
         """Damped steps of both tasks in priority, kept inside the limits."""
         q = q.copy()
-        q[2] = crouch * self._reach
-        height = crouch * self._reach
+        height = q[2] = self._straight - (1.0 - crouch) * self._leg
         model, columns = self._model, self._columns
         for _ in range(_ITERATIONS):
             (e1, J1), (e2, J2) = self._tasks(q, height)
@@ -239,7 +243,7 @@ class _Problem:
             e2 += [*(_PLACE_WEIGHT * (target - place.translation[:2])), -_YAW_WEIGHT * yaw]
             J2 += [_PLACE_WEIGHT * J[0], _PLACE_WEIGHT * J[1], _YAW_WEIGHT * J[5]]
             middle, J_middle = middle + 0.5 * place.translation, J_middle + 0.5 * J[:3]
-        e1 += [*(middle - data.com[0])[:2], height - q[2]]
+        e1 += [*(middle + self._ahead - data.com[0])[:2], height - q[2]]
         J1 += [*(J_com - J_middle)[:2], self._height_row()]
         world_R_base = data.oMi[1].rotation
         e2 += list(_BASE_WEIGHT * (world_R_base @ pin.log3(world_R_base.T @ self._upright)))
