@@ -88,7 +88,9 @@ def parse(text: str, where: str, directory: Path | None = None) -> Document:
             got=f"<{root.tag}>",
             wanted="<robot> (URDF) or <mujoco> (MJCF) as the root element",
         )
-    if kind == "mjcf":
+    if kind == "urdf":
+        _drop_twins(root)
+    else:
         _include(root, directory, where, depth=0)
         _name_all(root)
     document = Document(kind="urdf" if kind == "urdf" else "mjcf", root=root, where=where)
@@ -235,6 +237,17 @@ def _is_number(word: str) -> bool:
         return math.isfinite(float(word))
     except ValueError:
         return False
+
+
+def _drop_twins(root: ET.Element) -> None:
+    """Take names of shapes that stand twice: MuJoCo complains about them, and nobody uses them."""
+    seen: set[str] = set()
+    for shape in (*root.iterfind("link/visual"), *root.iterfind("link/collision")):
+        name = shape.get("name")
+        if name in seen:
+            del shape.attrib["name"]
+        elif name is not None:
+            seen.add(name)
 
 
 def _include(element: ET.Element, directory: Path | None, where: str, depth: int) -> None:

@@ -49,6 +49,9 @@ _ANKLE_PART = 0.35
 _MOST_BACK = 0.25
 """But the COM stays within this part of the sole's length from its middle."""
 
+_FOREARM = 0.25
+"""What the last joint of an arm moves is a forearm where it reaches this far, else a hand [m]."""
+
 _MUCH_LARGER = 1.5
 """A visual shape is believed before contact geometry with so much less sole."""
 
@@ -448,12 +451,31 @@ class _Describer:
         for side, arm in zip(SIDES, limbs.arms, strict=False):
             index = _main_frame(self._model, arm[-1])
             frame = self._model.frames[index]
-            com = frame.placement.actInv(self._model.inertias[arm[-1]].lever)
+            point, reason = self._hand_point(arm[-1])
             self._say(
                 f"hands.{side}_hand",
-                _mount(frame.name, pin.SE3(np.eye(3), com)),
-                "end of the arm, at the COM of what its last joint moves",
+                _mount(frame.name, pin.SE3(np.eye(3), frame.placement.actInv(point))),
+                reason,
             )
+
+    def _hand_point(self, joint: int) -> tuple[Float64[np.ndarray, "3"], str]:
+        """Where a hand is, in the axes of the joint that carries it [m]."""
+        com = np.array(self._model.inertias[joint].lever)
+        frames = _body_frames(self._model, joint)
+        names = [self._model.frames[i].name for i in frames]
+        shapes = link_shapes(self._source, names, self._where)
+        parts = [
+            balls.moved(self._model.frames[i].placement).centres
+            for i, name in zip(frames, names, strict=True)
+            for balls in (*shapes[name].visual, *shapes[name].collision)
+        ]
+        size = float(np.linalg.norm(com))
+        if parts and size > 1e-3:
+            along = com / size
+            end = float(max((points @ along).max() for points in parts))
+            if end > _FOREARM:
+                return 0.9 * end * along, "near the end of a forearm without a hand of its own"
+        return com, "end of the arm, at the COM of what its last joint moves"
 
     def _ankle_relief(
         self,

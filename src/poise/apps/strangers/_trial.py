@@ -9,18 +9,25 @@ from jaxtyping import Bool, Float64
 
 from poise.control import WholeBodyController
 from poise.dynamics import RobotState
-from poise.robots import Robot
+from poise.errors import RobotError
+from poise.robots import Robot, standing_posture
 from poise.sim import Plant, Tick, rollout
 from poise.stack import ComTask, FrameTask, PostureTask, Stack, SurfaceContact, Task
 
-_DEPTH = 0.1
-"""A squat goes down by this part of the COM's height."""
+_DEPTHS = (0.1, 0.075, 0.05, 0.025)
+"""A squat goes down by the first of these parts of the COM's height that the legs' limits allow."""
 
-_REACH = 0.15
-"""Hands go up and forward by this part of the COM's height."""
+_REACH = 0.3
+"""Hands go up and forward by this part of the arm's length."""
+
+_STOP = 0.02
+"""A joint stands at its stop within this part of its range: limits brake it before."""
 
 _LOW = 0.9
 """A squat counts where this part of its depth was reached."""
+
+_ASIDE = 0.4
+"""A hand further from the middle than this part of the COM's height is stretched out aside."""
 
 _CLOSE = 0.15
 """A hand has arrived within this part of the way it had to go."""
@@ -45,6 +52,7 @@ class Attempt:
         words: what was wrong, as sentences; what was reached where nothing was.
         seconds: wall-clock time it took [s].
         com_error: largest distance of the COM from its target, level, after settling [m].
+        reached: how far the COM came down, for a squat [m].
         torque_ratio: largest part of a torque limit that was asked for, after settling.
         weakest: the joint it was asked of.
     """
@@ -54,6 +62,7 @@ class Attempt:
     words: tuple[str, ...]
     seconds: float
     com_error: float
+    reached: float
     torque_ratio: float
     weakest: str
 
@@ -116,6 +125,7 @@ class _Scene:
         self.controller = WholeBodyController(robot, self._stack())
         self.start = np.array(self.controller.dynamics.com)
         self.begun = {hand: self.place(hand) for hand in self.hands}
+        self.depth = _depth(robot, float(self.start[2]))
         self.lowest = float(self.start[2])
         self.peak = np.zeros(robot.nj)
         self.error = self.end = 0.0
@@ -146,7 +156,8 @@ class _Scene:
             self.peak = np.maximum(self.peak, np.abs(command.torque) / robot.tau_max)
             self.error = max(self.error, float(np.linalg.norm((com - self.start)[:2])))
         joints = tick.state.q[robot.nq - robot.nj :]
-        stops = (joints < robot.q_min + 1e-3) | (joints > robot.q_max - 1e-3)
+        margin = _STOP * (robot.q_max - robot.q_min)
+        stops = (joints < robot.q_min + margin) | (joints > robot.q_max - margin)
         self.at_stop |= {robot.joint_names[i] for i in np.flatnonzero(stops)}
 
 
@@ -174,6 +185,7 @@ def _attempt(robot: Robot, motion: _Motion) -> Attempt:
         words=tuple(wrong),
         seconds=time.perf_counter() - begin,
         com_error=scene.error,
+        reached=float(scene.start[2]) - scene.lowest,
         torque_ratio=float(scene.peak[worst]),
         weakest=robot.joint_names[worst],
     )
@@ -215,12 +227,25 @@ def _held(scene: _Scene) -> list[str]:
 
 def _down_and_up(scene: _Scene, time: float) -> None:
     part = _ramp(time, (0.3, 0.0), (1.8, 1.0), (2.3, 1.0), (3.8, 0.0))
-    scene.com.set_target(scene.start - [0.0, 0.0, part * _DEPTH * scene.start[2]])
+    scene.com.set_target(scene.start - [0.0, 0.0, part * scene.depth])
+
+
+def _depth(robot: Robot, height: float) -> float:
+    """How far a squat goes down [m]."""
+    for part in _DEPTHS:
+        try:
+            # A little further than asked for: the controller brakes before a limit.
+            standing_posture(robot, com_height=(1.0 - 1.2 * part) * height)
+        except RobotError:
+            continue
+        return part * height
+    # Legs of five joints have no such posture with toes straight ahead: they are tried anyhow.
+    return _DEPTHS[0] * height
 
 
 def _came_down(scene: _Scene) -> list[str]:
     wrong = _held(scene)
-    depth, came = _DEPTH * scene.start[2], scene.start[2] - scene.lowest
+    depth, came = scene.depth, scene.start[2] - scene.lowest
     if came < _LOW * depth:
         wrong.append(f"it came down by {1e3 * came:.0f} mm of {1e3 * depth:.0f} mm")
     return wrong
@@ -229,9 +254,20 @@ def _came_down(scene: _Scene) -> list[str]:
 def _way(scene: _Scene, hand: str) -> Float64[np.ndarray, "3"]:
     """Forward and up, and inwards for a hand that is stretched out to its side [m]."""
     aside = float((scene.begun[hand] - scene.start)[1])
-    inwards = -np.sign(aside) * min(0.5, abs(aside))
+    stretched = abs(aside) > _ASIDE * float(scene.start[2])
+    inwards = -0.5 * np.sign(aside) if stretched else 0.0
     direction = np.array([0.6, inwards, 0.7])
-    return _REACH * scene.start[2] * direction / np.linalg.norm(direction)
+    return _REACH * _length(scene.robot, hand) * direction / np.linalg.norm(direction)
+
+
+def _length(robot: Robot, hand: str) -> float:
+    """Of the arm that carries a hand, from the joint after the torso [m]."""
+    model = robot.model
+    frame, torso = (model.frames[robot.frame_id(n)] for n in (hand, robot.torso))
+    trunk = set(model.supports[torso.parentJoint].tolist())
+    arm = [j for j in model.supports[frame.parentJoint].tolist() if j not in trunk]
+    parts = [model.jointPlacements[j].translation for j in arm[1:]] + [frame.placement.translation]
+    return float(sum(np.linalg.norm(part) for part in parts))
 
 
 def _out(scene: _Scene, time: float) -> None:
