@@ -89,7 +89,7 @@ def parse(text: str, where: str, directory: Path | None = None) -> Document:
             wanted="<robot> (URDF) or <mujoco> (MJCF) as the root element",
         )
     if kind == "urdf":
-        _drop_twins(root)
+        _tidy_shapes(root)
     else:
         _include(root, directory, where, depth=0)
         _name_all(root)
@@ -136,6 +136,41 @@ def write_limits(
             limit.set("upper", repr(position[name][1]))
         for key, values in (("velocity", velocity), ("effort", torque)):
             limit.set(key, repr(values[name]) if name in values else limit.get(key, "0"))
+
+
+def mend_inertias(document: Document) -> list[str]:
+    """Make a URDF's rotational inertias possible: no principal one above the sum of the others.
+
+    The largest is lowered to that sum, in both engines' models; MuJoCo refuses such a body.
+
+    Args:
+        document: a document, changed in place; MuJoCo has checked an MJCF itself.
+
+    Returns:
+        The links whose inertia was changed.
+    """
+    if document.kind != "urdf":
+        return []
+    mended: list[str] = []
+    for link in document.root.findall("link"):
+        inertial, element = link.find("inertial"), link.find("inertial/inertia")
+        if inertial is None or element is None:
+            continue
+        _, inertia = _inertial_numbers(inertial)
+        values, axes = np.linalg.eigh(inertia)
+        most = values[0] + values[1]
+        if values[2] <= most * (1.0 + _ROUNDING) or most <= 0.0:
+            continue
+        values[2] = most
+        possible = axes * values @ axes.T
+        for key, (i, j) in zip(_NUMBERS["inertia"], _ENTRIES, strict=True):
+            element.set(key, repr(float(possible[i, j])))
+        mended.append(link.get("name", ""))
+    return mended
+
+
+_ENTRIES = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
+"""Where ixx, ixy, ixz, iyy, iyz, izz stand."""
 
 
 def _check_names(document: Document) -> None:
@@ -239,15 +274,28 @@ def _is_number(word: str) -> bool:
         return False
 
 
-def _drop_twins(root: ET.Element) -> None:
-    """Take names of shapes that stand twice: MuJoCo complains about them, and nobody uses them."""
+def _tidy_shapes(root: ET.Element) -> None:
+    """Take out what MuJoCo does not read: shapes of no size, and names that stand twice."""
     seen: set[str] = set()
-    for shape in (*root.iterfind("link/visual"), *root.iterfind("link/collision")):
-        name = shape.get("name")
-        if name in seen:
-            del shape.attrib["name"]
-        elif name is not None:
-            seen.add(name)
+    for link in root.findall("link"):
+        for shape in [*link.findall("visual"), *link.findall("collision")]:
+            if _is_nothing(shape):
+                link.remove(shape)
+            elif (name := shape.get("name")) in seen:
+                del shape.attrib["name"]
+            elif name is not None:
+                seen.add(name)
+
+
+def _is_nothing(shape: ET.Element) -> bool:
+    """Whether a primitive shape has a size of zero."""
+    sizes = [
+        solid.get(key, "")
+        for solid in shape.iterfind("geometry/*")
+        for key in ("radius", "length", "size")
+        if solid.tag != "mesh" and solid.get(key)
+    ]
+    return any(_is_number(word) and float(word) <= 0.0 for text in sizes for word in text.split())
 
 
 def _include(element: ET.Element, directory: Path | None, where: str, depth: int) -> None:

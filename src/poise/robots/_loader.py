@@ -15,7 +15,7 @@ from poise.errors import RobotError, UnknownNameError
 from poise.robots._base import followers_of, settle_base
 from poise.robots._catalog import catalog_names, find_entry, open_entry
 from poise.robots._description import Description, Mount, match_joints, parse_description
-from poise.robots._document import Document, parse, write_limits
+from poise.robots._document import Document, mend_inertias, parse, write_limits
 from poise.robots._kinematics import add_roles, build_model, check_inertia
 from poise.robots._limits import (
     apply_limits,
@@ -149,6 +149,8 @@ def _assemble(
         locked_joints=(*locked, *followers),
     )
     notes = _left_out(mjcf, followers, drop_missing_meshes(document.root, source, name))
+    if mended := mend_inertias(document):
+        notes.append(f"inertias that no body has are made possible: {_few(mended)}")
     source = replace(source, text=document.text)
     free = [n for n in names if n not in source.locked_joints]
     armature = match_joints(facts.armature, free, f"{facts.where}: armature")

@@ -14,7 +14,7 @@ from jaxtyping import Float64
 from poise._yaml import read_text
 from poise.errors import RobotError
 from poise.robots._base import followers_of, settle_base
-from poise.robots._document import Document, parse, write_limits
+from poise.robots._document import Document, mend_inertias, parse, write_limits
 from poise.robots._geometry import Balls, link_shapes, union
 from poise.robots._kinematics import build_model, hinges
 from poise.robots._limbs import Limbs, find_limbs
@@ -178,6 +178,9 @@ class _Describer:
         self._says_fixed = _says_fixed(document, self._mjcf)
         settle_base(document, "floating")
         self._locked = self._without_room(document)
+        mended = mend_inertias(document)
+        if mended:
+            self._remarks.append(f"inertias that no body has, made possible: {', '.join(mended)}")
         followers = followers_of(document, self._mjcf)
         endless = _endless(document)
         if document.kind == "urdf":
@@ -306,10 +309,7 @@ class _Describer:
         pin.framesForwardKinematics(self._model, data, q)
         feet = [self._foot(leg, data, limbs.forward) for leg in limbs.legs]
         soles = self._soles(feet, data)
-        legs = [
-            leg[: leg.index(foot.joint) + 1] for leg, foot in zip(limbs.legs, feet, strict=True)
-        ]
-        beyond = [j for leg, kept in zip(limbs.legs, legs, strict=True) for j in leg[len(kept) :]]
+        legs, beyond = _parted(limbs.legs, feet)
         apart = abs(float((feet[0].fit.position - feet[1].fit.position) @ _left(limbs.forward)))
         apart = max(apart, 1.15 * max(foot.fit.width for foot in feet))
         back = self._ankle_relief(feet, legs, data, limbs.forward)

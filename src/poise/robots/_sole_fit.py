@@ -1,5 +1,6 @@
 """`fit_sole`: the flat lower face of a foot, and the rectangle on it that a sole is."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -99,7 +100,9 @@ def _candidates(centres: Float64[np.ndarray, "n 3"]) -> list[Float64[np.ndarray,
     return normals + list(faces[first])
 
 
-def _flat(points: Float64[np.ndarray, "n 3"], normal: Float64[np.ndarray, "3"]):
+def _flat(
+    points: Float64[np.ndarray, "n 3"], normal: Float64[np.ndarray, "3"]
+) -> Float64[np.ndarray, "n 2"]:
     """The points seen along a normal, as two coordinates in its plane [m]."""
     x = np.cross([0.0, 1.0, 0.0], normal)
     x /= np.linalg.norm(x)
@@ -170,8 +173,8 @@ def _largest_inside(
     """Opposite corners of the largest rectangle along the axes inside a convex outline [m]."""
     places = np.linspace(outline[:, 0].min(), outline[:, 0].max(), _GRID)
     # The bounds of a convex outline: between two places the wider one is never outside.
-    lower = np.array([_bound(outline, x, np.min) for x in places])
-    upper = np.array([_bound(outline, x, np.max) for x in places])
+    lower = np.array([_bound(outline, x, min) for x in places])
+    upper = np.array([_bound(outline, x, max) for x in places])
     bottom = np.maximum(lower[:, None], lower[None, :])
     top = np.minimum(upper[:, None], upper[None, :])
     area = (places[None, :] - places[:, None]) * np.maximum(top - bottom, 0.0)
@@ -179,7 +182,9 @@ def _largest_inside(
     return np.array([places[i], bottom[i, j]]), np.array([places[j], top[i, j]])
 
 
-def _bound(outline: Float64[np.ndarray, "k 2"], x: float, choose) -> float:
+def _bound(
+    outline: Float64[np.ndarray, "k 2"], x: float, choose: Callable[[list[float]], float]
+) -> float:
     """The lowest or highest y of the outline at a place along it."""
     found: list[float] = []
     for a, b in zip(outline, np.roll(outline, -1, axis=0), strict=True):
@@ -191,4 +196,4 @@ def _bound(outline: Float64[np.ndarray, "k 2"], x: float, choose) -> float:
         else:
             part = (x - low[0]) / (high[0] - low[0])
             found.append(float(low[1] + part * (high[1] - low[1])))
-    return float(choose(found))
+    return choose(found)

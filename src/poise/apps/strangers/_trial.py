@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
+import pinocchio as pin
 from jaxtyping import Bool, Float64
 
 from poise.control import WholeBodyController
@@ -17,17 +18,17 @@ from poise.stack import ComTask, FrameTask, PostureTask, Stack, SurfaceContact, 
 _DEPTHS = (0.1, 0.075, 0.05, 0.025)
 """A squat goes down by the first of these parts of the COM's height that the legs' limits allow."""
 
-_REACH = 0.3
-"""Hands go up and forward by this part of the arm's length."""
+_SWING = 0.5
+"""Hands go where a joint of the arm takes them by turning this much [rad]."""
+
+_FORWARD_AND_UP = np.array([0.6, 0.0, 0.8])
+"""Direction in which a reach should go."""
 
 _STOP = 0.02
 """A joint stands at its stop within this part of its range: limits brake it before."""
 
 _LOW = 0.9
 """A squat counts where this part of its depth was reached."""
-
-_ASIDE = 0.4
-"""A hand further from the middle than this part of the COM's height is stretched out aside."""
 
 _CLOSE = 0.15
 """A hand has arrived within this part of the way it had to go."""
@@ -121,10 +122,14 @@ class _Scene:
     def __init__(self, robot: Robot) -> None:
         self.robot, self.plant = robot, Plant(robot)
         self.hands = {hand: FrameTask(hand, axes="position", kp=60.0) for hand in robot.hands}
-        self.com = ComTask(kp=60.0)
+        self.com, self.posture = ComTask(kp=60.0), PostureTask()
         self.controller = WholeBodyController(robot, self._stack())
         self.start = np.array(self.controller.dynamics.com)
         self.begun = {hand: self.place(hand) for hand in self.hands}
+        swings = {hand: _swing(robot, hand) for hand in self.hands}
+        self.ways = {hand: way for hand, (way, _) in swings.items()}
+        self.turn = sum((turned for _, turned in swings.values()), np.zeros(robot.nj))
+        self.posture_home = robot.q_home[robot.nq - robot.nj :].copy()
         self.depth = _depth(robot, float(self.start[2]))
         self.lowest = float(self.start[2])
         self.peak = np.zeros(robot.nj)
@@ -137,7 +142,7 @@ class _Scene:
         levels: list[list[Task]] = [
             [self.com, FrameTask(self.robot.pelvis, axes="orientation", kp=100.0)],
             [*self.hands.values()],
-            [PostureTask()],
+            [self.posture],
         ]
         contacts = [SurfaceContact(sole) for sole in self.robot.soles]
         return Stack(contacts=contacts, levels=[level for level in levels if level])
@@ -251,35 +256,41 @@ def _came_down(scene: _Scene) -> list[str]:
     return wrong
 
 
-def _way(scene: _Scene, hand: str) -> Float64[np.ndarray, "3"]:
-    """Forward and up, and inwards for a hand that is stretched out to its side [m]."""
-    aside = float((scene.begun[hand] - scene.start)[1])
-    stretched = abs(aside) > _ASIDE * float(scene.start[2])
-    inwards = -0.5 * np.sign(aside) if stretched else 0.0
-    direction = np.array([0.6, inwards, 0.7])
-    return _REACH * _length(scene.robot, hand) * direction / np.linalg.norm(direction)
-
-
-def _length(robot: Robot, hand: str) -> float:
-    """Of the arm that carries a hand, from the joint after the torso [m]."""
-    model = robot.model
-    frame, torso = (model.frames[robot.frame_id(n)] for n in (hand, robot.torso))
-    trunk = set(model.supports[torso.parentJoint].tolist())
-    arm = [j for j in model.supports[frame.parentJoint].tolist() if j not in trunk]
-    parts = [model.jointPlacements[j].translation for j in arm[1:]] + [frame.placement.translation]
-    return float(sum(np.linalg.norm(part) for part in parts))
+def _swing(robot: Robot, hand: str) -> tuple[Float64[np.ndarray, "3"], Float64[np.ndarray, " nj"]]:
+    """How one joint of the arm takes the hand furthest forward and up: [m], and by joint [rad]."""
+    model, data, q = robot.model, robot.model.createData(), robot.q_home
+    frame, torso = (robot.frame_id(name) for name in (hand, robot.torso))
+    trunk = set(model.supports[model.frames[torso].parentJoint].tolist())
+    best, most, turned = np.zeros(3), 0.0, np.zeros(robot.nj)
+    pin.framesForwardKinematics(model, data, q)
+    begun = data.oMf[frame].translation.copy()
+    for joint in model.supports[model.frames[frame].parentJoint].tolist():
+        if joint in trunk:
+            continue
+        place, index = model.joints[joint].idx_q, robot.joint_index(model.names[joint])
+        for swing in (_SWING, -_SWING):
+            moved = q.copy()
+            moved[place] = np.clip(q[place] + swing, robot.q_min[index], robot.q_max[index])
+            pin.framesForwardKinematics(model, data, moved)
+            way = data.oMf[frame].translation - begun
+            if way @ _FORWARD_AND_UP > most:
+                best, most = way, float(way @ _FORWARD_AND_UP)
+                turned = (moved - q)[robot.nq - robot.nj :]
+    return best, turned
 
 
 def _out(scene: _Scene, time: float) -> None:
+    part = _ramp(time, (0.3, 0.0), (2.0, 1.0))
+    # The arm's own posture goes along, or it may end up at a stop beside the way.
+    scene.posture.set_target(scene.posture_home + part * scene.turn)
     for hand, task in scene.hands.items():
-        part = _ramp(time, (0.3, 0.0), (2.0, 1.0))
-        task.set_target(scene.begun[hand] + part * _way(scene, hand))
+        task.set_target(scene.begun[hand] + part * scene.ways[hand])
 
 
 def _arrived(scene: _Scene) -> list[str]:
     wrong: list[str] = []
     for hand in scene.hands:
-        way = _way(scene, hand)
+        way = scene.ways[hand]
         missing = float(np.linalg.norm(scene.begun[hand] + way - scene.place(hand)))
         if missing > _CLOSE * float(np.linalg.norm(way)):
             wrong.append(f"{hand} stayed {1e3 * missing:.0f} mm away from its target")
