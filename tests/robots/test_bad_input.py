@@ -186,7 +186,7 @@ def test_a_file_of_bytes_is_no_robot(tmp_path):
 def test_without_a_description_the_message_says_how_to_get_one(tmp_path, urdf):
     path = tmp_path / "tiny.urdf"
     path.write_text(urdf)
-    with pytest.raises(RobotError, match=r"description_template.*tiny\.poise\.yaml.*left_foot"):
+    with pytest.raises(RobotError, match=r"no feet.*tiny\.urdf.*description_template.*left_ankle"):
         load_robot(path)
 
 

@@ -64,7 +64,7 @@ def find_limbs(model: pin.Model, upright: Float64[np.ndarray, "3 3"], where: str
             got=f"{len(branches)} chains of joints, none of them a mirrored pair of legs",
             wanted="two chains of at least three joints that reach down from the root, or a "
             "description: poise.robots.description_template gives one to fill in",
-            choices=[model.names[b[-1]] for b in branches],
+            choices=list(model.names)[2:],
         )
     legs = _left_first(model, legs, places)
     across = places[legs[0][-1]] - places[legs[1][-1]]

@@ -106,8 +106,8 @@ _LEG_PART = 0.3
 _ARM_PART = 3.0
 """Assumed torque of another joint, in what holds up the rest of its limb at arm's length."""
 
-_LEAST_PART = 0.003
-"""No joint is assumed weaker than this, in weight times leg length."""
+_LEAST_PART, _LEAST = 0.003, 1e-3
+"""No joint is assumed weaker than this, in weight times leg length, or than this [N m]."""
 
 
 def assume_limits(model: pin.Model, soles: Iterable[str], *, floating: bool) -> list[str]:
@@ -174,6 +174,7 @@ def _assumed_torques(model: pin.Model, soles: list[pin.Frame]) -> dict[int, floa
             torques[joint] = _LEG_PART * size
         else:
             # The subtree's COM is in the joint's own frame, whose origin is on its axis.
-            arm = _ARM_PART * held * float(np.linalg.norm(data.com[joint]))
-            torques[joint] = max(arm, _LEAST_PART * size)
+            # What weighs nothing, as fingers in some files, has none.
+            arm = float(np.linalg.norm(data.com[joint])) if held > 0.0 else 0.0
+            torques[joint] = max(_ARM_PART * held * arm, _LEAST_PART * size, _LEAST)
     return torques

@@ -49,6 +49,9 @@ _ANKLE_PART = 0.35
 _MOST_BACK = 0.25
 """But the COM stays within this part of the sole's length from its middle."""
 
+_FAR_ROOT = 0.5
+"""A root link whose origin is this far from the hips is no pelvis: some stand on the ground [m]."""
+
 _FOREARM = 0.25
 """What the last joint of an arm moves is a forearm where it reaches this far, else a hand [m]."""
 
@@ -442,9 +445,14 @@ class _Describer:
             ("torso", limbs.trunk, "the link that carries both arms"),
         ):
             index = _main_frame(self._model, joint)
-            rotation = data.oMf[index].rotation.T
-            place = pin.SE3(rotation, np.zeros(3))
-            said = reason if limbs.arms or key == "pelvis" else "no arms were found: the root link"
+            placement, said = data.oMf[index], reason
+            if key == "torso" and not limbs.arms:
+                said = "no arms were found: the root link"
+            middle = 0.5 * sum((data.oMi[leg[0]].translation for leg in limbs.legs), np.zeros(3))
+            origin = np.zeros(3)
+            if key == "pelvis" and np.linalg.norm(middle - placement.translation) > _FAR_ROOT:
+                origin, said = placement.actInv(middle), f"{reason}, between the hips"
+            place = pin.SE3(placement.rotation.T, origin)
             self._say(key, _mount(self._model.frames[index].name, place), said)
 
     def _hands(self, limbs: Limbs) -> None:
