@@ -15,9 +15,9 @@ SURFACE = set(poise.__all__)
 MOST_NAMES = 106
 """What there is now; a new public name takes the place of another, or says why it is needed.
 
-`describe`, `try_out` and `write_page`: a stranger's description, its trial and its page, for
-programs that go through many models. The three before: a campaign from a program, workers for whoever runs anything else many times, and
-the bad operator, whom scenarios and studies share.
+The last three: `describe`, `try_out` and `write_page`, a stranger's description, its trial and its
+page, for programs that go through many models. Before: a campaign from a program, workers for
+whoever runs anything else many times, and the bad operator, whom scenarios and studies share.
 """
 
 

@@ -157,7 +157,7 @@ class _Scene:
         self.ticks, self.end = self.ticks + 1, tick.time
         self.missed += not command.status.ok
         self.lowest = min(self.lowest, float(com[2]))
-        if tick.time > _SETTLED and command.torque is not None:
+        if command.torque is not None and (tick.time > _SETTLED or self.plant.fallen):
             self.peak = np.maximum(self.peak, np.abs(command.torque) / robot.tau_max)
             self.error = max(self.error, float(np.linalg.norm((com - self.start)[:2])))
         joints = tick.state.q[robot.nq - robot.nj :]
