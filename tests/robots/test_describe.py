@@ -205,6 +205,24 @@ def test_a_symmetrical_robot_that_is_not_is_remarked_on(save):
     assert any("left_knee are 3.00 kg" in said for said in describe(save(heavy)).remarks)
 
 
+WRONG = {
+    "too low": ({"position": [0.04, 0.0, -0.08]}, "'left_sole' lies 25 mm below the lowest"),
+    "too high": ({"position": [0.04, 0.0, -0.04]}, "'left_sole' lies 15 mm above the lowest"),
+    "too long": ({"length": 0.3}, "'left_sole' reaches 50 mm over the edge"),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_a_sole_that_is_off_its_foot_is_told(save, case):
+    path = save(walker())
+    facts = describe(path).facts
+    changed, message = WRONG[case]
+    for sole in facts["soles"].values():
+        sole.update(changed)
+    with pytest.warns(UserWarning, match=message):
+        load_robot(path, facts)
+
+
 def test_a_sole_is_the_largest_rectangle_inside_the_flat_face():
     angles = np.linspace(0.0, 2.0 * np.pi, 40, endpoint=False)
     rim = np.stack([0.15 * np.cos(angles), 0.05 * np.sin(angles), 0.0 * angles], axis=1)

@@ -178,7 +178,7 @@ def test_a_document_without_pictures_gets_a_stick_figure(load, urdf, facts):
     assert robot.source.text.count("<visual>") >= 7
     pictured = urdf.replace(
         '<link name="left_foot">',
-        '<link name="left_foot"><visual><geometry><sphere radius="0.1"/></geometry></visual>',
+        '<link name="left_foot"><visual><geometry><box size="0.2 0.1 0.1"/></geometry></visual>',
     )
     assert load(pictured, facts).source.text.count("<visual>") == 1
 

@@ -23,11 +23,12 @@ from poise.robots._limits import (
     check_positions,
     described_limits,
 )
-from poise.robots._meshes import add_figure, asset_folders, drop_missing_meshes
+from poise.robots._meshes import add_figure, asset_folders, drop_missing_meshes, has_shapes
 from poise.robots._mjcf import MjcfFacts, free_site_names, read_facts
 from poise.robots._posture import home_configuration
 from poise.robots._proposal import describe
 from poise.robots._robot import FrameRole, ModelSource, Robot, Sole
+from poise.robots._sole_check import soles_off_their_feet
 
 _DESCRIPTION_SUFFIX = ".poise.yaml"
 
@@ -62,7 +63,10 @@ def load_robot(
     text = read_text(path, error=RobotError)
     document = parse(text, path.name, path.parent)
     facts, guessed = _find_description(path, description)
+    shown = has_shapes(document.root)
     robot, notes = _assemble(path.stem, document, facts, *asset_folders(document, path))
+    if shown and not guessed:
+        notes += soles_off_their_feet(robot)
     if guessed or notes:
         notes = [*guessed, *notes]
         warnings.warn(f"{path.name}: {'; '.join(notes)}", stacklevel=2)

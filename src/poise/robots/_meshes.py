@@ -155,6 +155,11 @@ _SHORT = 0.01
 """Offsets shorter than this need no stick [m]."""
 
 
+def has_shapes(root: ET.Element) -> bool:
+    """Whether a document has anything to see or to touch."""
+    return any(root.find(path) is not None for path in ("link/visual", "link/collision", ".//geom"))
+
+
 def add_figure(root: ET.Element) -> bool:
     """Draw sticks between the joints of a URDF document, if it has no visual and no collision.
 
@@ -166,7 +171,7 @@ def add_figure(root: ET.Element) -> bool:
     Returns:
         Whether anything was drawn.
     """
-    if root.find("link/visual") is not None or root.find("link/collision") is not None:
+    if has_shapes(root):
         return False
     links = {link.get("name", ""): link for link in root.findall("link")}
     for link in links.values():
