@@ -165,7 +165,9 @@ def test_meshes_are_found_beside_the_file_and_by_package(tmp_path, urdf, facts):
     (tmp_path / "feet" / "meshes").mkdir(parents=True)
     (tmp_path / "feet" / "urdf").mkdir()
     (tmp_path / "feet" / "meshes" / "toe.stl").write_text("solid toe\nendsolid")
-    for name in ("package://feet/meshes/toe.stl", "../meshes/toe.stl"):
+    # The last one: a package whose folder has another name here.
+    packages = ("package://feet/meshes/toe.stl", "package://old_feet/meshes/toe.stl")
+    for name in (*packages, "../meshes/toe.stl"):
         mesh = f'<visual><geometry><mesh filename="{name}"/></geometry></visual>'
         text = urdf.replace('<link name="left_foot">', f'<link name="left_foot">{mesh}')
         path = tmp_path / "feet" / "urdf" / "tiny.urdf"

@@ -118,16 +118,21 @@ def package_folders(root: ET.Element, directory: Path) -> tuple[Path, ...]:
         directory: the folder of the document.
 
     Returns:
-        The folders that hold one of the packages.
+        The folders that hold one of the packages, or are one of them under another name, as an
+        archive that was unpacked elsewhere is.
     """
-    names = {
-        e.get("filename", "").removeprefix(_PACKAGE).partition("/")[0]
+    files = {
+        e.get("filename", "").removeprefix(_PACKAGE)
         for e in root.iter("mesh")
         if e.get("filename", "").startswith(_PACKAGE)
     }
     ros = [Path(p) for p in os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep) if p]
     places = [directory, *directory.parents, *ros]
-    return tuple(p for p in places if any((p / name).is_dir() for name in names))
+    names = {file.partition("/")[0] for file in files}
+    inside = {file.partition("/")[2] for file in files}
+    holding = [p for p in places if any((p / name).is_dir() for name in names)]
+    being = [p for p in places if any(file and (p / file).is_file() for file in inside)]
+    return tuple(dict.fromkeys([*holding, *being]))
 
 
 def _candidates(filename: str, source: ModelSource) -> list[Path]:
