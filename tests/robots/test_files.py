@@ -1,9 +1,13 @@
+import logging
+import os
+
 import numpy as np
 import pinocchio as pin
 import pytest
 
 from poise.errors import RobotError
 from poise.robots import load_robot
+from poise.robots._noise import captured
 
 MJCF = """<mujoco model="tiny">
   <compiler angle="degree"/>
@@ -87,6 +91,31 @@ def test_a_floating_joint_in_the_document_is_not_doubled(load, urdf, facts):
     assert robot.nv == 10
     with pytest.raises(RobotError, match="base: floating"):
         load(urdf.replace('<link name="trunk">', base), {"base": "fixed"})
+
+
+def test_a_robot_that_floats_is_taken_off_the_link_called_world(load, urdf, facts):
+    weld = (
+        '<link name="world"/><joint name="weld" type="fixed"><parent link="world"/>'
+        '<child link="trunk"/></joint><link name="trunk">'
+    )
+    text = urdf.replace('<link name="trunk">', weld)
+    robot = load(text, facts)
+    assert robot.nv == 10
+    assert 'name="world"' not in robot.source.text
+    assert load(text, {"base": "fixed"}).nv == 4
+    heavy = text.replace('<link name="world"/>', '<link name="world"><inertial/></link>')
+    with pytest.raises(RobotError, match="root link 'world'.*weld"):
+        load(heavy, facts)
+
+
+def test_what_libraries_print_goes_to_the_log(capfd, caplog):
+    with caplog.at_level(logging.DEBUG, "poise.robots"), captured() as noise:
+        os.write(2, b"Error:   link 'toe'\n\n  is no link\n")
+        print("and Python's own")
+    assert noise.text == "Error: link 'toe' is no link"
+    assert caplog.messages == [noise.text]
+    os.write(2, b"after")
+    assert capfd.readouterr().err == "after"
 
 
 def test_a_fixed_base_needs_no_more_than_that_fact(load, urdf):

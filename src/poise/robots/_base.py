@@ -58,12 +58,34 @@ def _settle_urdf(document: Document, base: Literal["floating", "fixed"]) -> str:
             if link.get("name") == root:
                 document.root.remove(link)
         return _root_link(document)
+    if base == "floating" and root == WORLD:
+        return _freed(document)
     if base == "fixed" and root != WORLD:
         ET.SubElement(document.root, "link", name=WORLD)
         joint = ET.SubElement(document.root, "joint", name="world_weld", type="fixed")
         ET.SubElement(joint, "parent", link=WORLD)
         ET.SubElement(joint, "child", link=root)
     return root
+
+
+def _freed(document: Document) -> str:
+    """Take the link `world` from under a robot that is to float: MuJoCo has a world of its own.
+
+    Raises:
+        RobotError: the link has a mass, or is more than what one fixed joint hangs on.
+    """
+    carried = [j for j in document.root.findall("joint") if end_of(j, "parent") == WORLD]
+    (world,) = (e for e in document.root.findall("link") if e.get("name") == WORLD)
+    bare = world.find("inertial") is None
+    if not bare or len(carried) != 1 or carried[0].get("type") != "fixed":
+        raise RobotError(
+            f"{document.where} has a root link {WORLD!r} that is part of the robot",
+            got=[j.get("name") for j in carried],
+            wanted="another name for this link, or one fixed joint from it to the robot",
+        )
+    document.root.remove(world)
+    document.root.remove(carried[0])
+    return _root_link(document)
 
 
 def _is_base(document: Document, joint: ET.Element, root: str) -> bool:

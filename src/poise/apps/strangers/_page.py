@@ -86,7 +86,7 @@ def _pictures(robot: Robot) -> str:
         markers += [
             Marker(
                 position=_triple(place.translation),
-                arrow=_triple(place.translation + 0.1 * place.rotation[:, axis]),
+                arrow=_triple(0.1 * place.rotation[:, axis]),
                 radius=0.012,
                 colour=_FRAME_COLOUR,
             )
