@@ -20,6 +20,7 @@ MODULES = (
     "poise.apps.campaigns",
     "poise.apps.scorecard",
     "poise.apps.live",
+    "poise.apps.strangers",
     "poise.robots",
     "poise.dynamics",
     "poise.hqp",

@@ -35,6 +35,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument(
         "--seed", metavar="N", type=_seed, default=0, help="seed (default: %(default)s)"
     )
+    parser.add_argument("--dir", metavar="DIR", help="of `strangers`: the folder with the models")
     parser.add_argument(
         "--out", metavar="DIR", help="folder to write into (default: runs/study-NAME)"
     )
@@ -55,7 +56,7 @@ def _act(options: argparse.Namespace) -> int:
     folder = Path(options.out or f"runs/study-{plan.name}")
     folder.mkdir(parents=True, exist_ok=True)
     study = plan.run(
-        StudyOptions(quick=options.quick, seed=options.seed),
+        StudyOptions(quick=options.quick, seed=options.seed, directory=options.dir),
         show=lambda title: Bar(title, ""),
         save=lambda so_far: write_study(so_far, folder),
     )

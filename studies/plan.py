@@ -54,10 +54,12 @@ class StudyOptions:
     Attributes:
         quick: shorter motions and fewer samples, for tests; claims are checked all the same.
         seed: of everything random, a whole number >= 0.
+        directory: where models are that a study goes through; None takes the study's own.
     """
 
     quick: bool = False
     seed: int = 0
+    directory: str | None = None
 
     def __post_init__(self) -> None:
         if self.seed < 0:
@@ -213,6 +215,7 @@ _MODULES = {
     "reduced-dynamics": "studies.reduced_dynamics",
     "bad-operator": "studies.bad_operator",
     "campaigns": "studies.campaigns",
+    "strangers": "studies.strangers",
 }
 """Where each study's `PLAN` is."""
 

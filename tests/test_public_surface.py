@@ -12,11 +12,13 @@ import poise
 from docs import update_api
 
 SURFACE = set(poise.__all__)
-MOST_NAMES = 104
+MOST_NAMES = 107
 """What there is now; a new public name takes the place of another, or says why it is needed.
 
-The last four: a campaign from a program, workers for whoever runs anything else many times, and
-the bad operator, whom scenarios and studies share. And the bridge to a user's own MuJoCo model.
+The last ones: a campaign from a program, workers for whoever runs anything else many times, the bad
+operator, whom scenarios and studies share, the bridge to a user's own MuJoCo model, and `describe`,
+`try_out` and `write_page`, a stranger's description, its trial and its page, for programs that go
+through many models.
 """
 
 

@@ -97,8 +97,6 @@ def test_a_file_that_is_no_robot_is_refused(load, facts, case):
 EDITS = {
     "no mass": (r'<mass value="\d+"/>', '<mass value="0"/>', "without mass.*left_hip"),
     "no inertials": (r"(?s)<inertial>.*?</inertial>", "", "without mass.*left_hip"),
-    "no torque limits": (r'effort="\d+"', 'effort="0"', "limits.torque.*left_hip.*right_ankle"),
-    "no velocity limits": (r'velocity="\d+"', "", "limits.velocity.*left_hip"),
     "no limits at all": (r"<limit [^>]*/>", "", "limits.position.*left_hip"),
     "joints without end": (r'type="revolute"', 'type="continuous"', "limits.position.*left_hip"),
     "a joint of no link": ('link="left_foot"', 'link="foot"', "no link.*'foot'.*left_foot"),
@@ -117,17 +115,6 @@ EDITS = {
         'xyz="0 0 low"',
         "<origin> of joint 'left_ankle'.*'0 0 low'.*numbers",
     ),
-    "a mesh that is missing": (
-        r'<link name="left_foot">',
-        '<link name="left_foot"><visual><geometry><mesh filename="package://feet/toe.stl"/>'
-        "</geometry></visual>",
-        "mesh.*toe.stl",
-    ),
-    "a mesh beside the file that is missing": (
-        r'<link name="left_foot">',
-        '<link name="left_foot"><visual><geometry><mesh filename="toe.stl"/></geometry></visual>',
-        "mesh.*'toe.stl'.*toe.stl",
-    ),
 }
 
 
@@ -140,6 +127,41 @@ def test_a_document_with_something_missing_is_refused_by_name(load, urdf, facts,
         load(text, facts)
     assert "\n" not in str(error.value)
     assert capfd.readouterr().err == ""
+
+
+FOOT = '<link name="left_foot">'
+
+
+def with_mesh(filename):
+    return f'{FOOT}<visual><geometry><mesh filename="{filename}"/></geometry></visual>'
+
+
+GAPS = {
+    "no torque limits": (r'effort="\d+"', 'effort="0"', "torque limits of .* N m.*left_hip"),
+    "no velocity limits": (r'velocity="\d+"', "", "velocity limits of 10 rad/s.*left_hip"),
+    "a mesh that is missing": (FOOT, with_mesh("package://feet/toe.stl"), "pictures.*feet/toe.stl"),
+    "a mesh beside the file that is missing": (FOOT, with_mesh("toe.stl"), "pictures: toe.stl"),
+}
+
+
+@pytest.mark.parametrize("case", GAPS)
+def test_what_a_controller_can_do_without_is_told_in_one_warning(load, urdf, facts, case):
+    pattern, replacement, message = GAPS[case]
+    text, count = re.subn(pattern, replacement, urdf)
+    assert count
+    with pytest.warns(UserWarning, match=f"^tiny.urdf: .*{message}") as said:
+        robot = load(text, facts)
+    assert len(said) == 1
+    assert (robot.tau_max > 0.0).all()
+    assert (robot.v_max > 0.0).all()
+    assert "<mesh" not in robot.source.text
+
+
+@pytest.mark.parametrize("content", [b"", b"version https://git-lfs.github.com/spec/v1\noid 1"])
+def test_a_mesh_with_nothing_in_it_is_refused(tmp_path, load, urdf, facts, content):
+    (tmp_path / "toe.stl").write_bytes(content)
+    with pytest.raises(RobotError, match=r"toe\.stl.*tiny.*bytes in .*toe\.stl.*git lfs pull"):
+        load(urdf.replace(FOOT, with_mesh("toe.stl")), facts)
 
 
 def test_a_missing_file_is_named():
@@ -164,7 +186,7 @@ def test_a_file_of_bytes_is_no_robot(tmp_path):
 def test_without_a_description_the_message_says_how_to_get_one(tmp_path, urdf):
     path = tmp_path / "tiny.urdf"
     path.write_text(urdf)
-    with pytest.raises(RobotError, match=r"description_template.*tiny\.poise\.yaml.*left_foot"):
+    with pytest.raises(RobotError, match=r"no feet.*tiny\.urdf.*description_template.*left_ankle"):
         load_robot(path)
 
 

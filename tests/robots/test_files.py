@@ -1,9 +1,13 @@
+import logging
+import os
+
 import numpy as np
 import pinocchio as pin
 import pytest
 
 from poise.errors import RobotError
 from poise.robots import load_robot
+from poise.robots._noise import captured
 
 MJCF = """<mujoco model="tiny">
   <compiler angle="degree"/>
@@ -78,13 +82,6 @@ def test_an_mjcf_file_may_include_others(tmp_path, mjcf, mjcf_facts):
         load_robot(tmp_path / "tiny.xml", mjcf_facts)
 
 
-def test_an_mjcf_mesh_that_is_missing_is_named(load, mjcf, mjcf_facts):
-    text = mjcf.replace("<worldbody>", '<asset><mesh file="toe.stl"/></asset><worldbody>', 1)
-    text = text.replace("<compiler ", '<compiler meshdir="meshes" ')
-    with pytest.raises(RobotError, match=r"mesh.*meshes/toe\.stl"):
-        load(text, mjcf_facts, ".xml")
-
-
 def test_a_floating_joint_in_the_document_is_not_doubled(load, urdf, facts):
     base = (
         '<link name="world"/><joint name="base" type="floating"><parent link="world"/>'
@@ -94,6 +91,31 @@ def test_a_floating_joint_in_the_document_is_not_doubled(load, urdf, facts):
     assert robot.nv == 10
     with pytest.raises(RobotError, match="base: floating"):
         load(urdf.replace('<link name="trunk">', base), {"base": "fixed"})
+
+
+def test_a_robot_that_floats_is_taken_off_the_link_called_world(load, urdf, facts):
+    weld = (
+        '<link name="world"/><joint name="weld" type="fixed"><parent link="world"/>'
+        '<child link="trunk"/></joint><link name="trunk">'
+    )
+    text = urdf.replace('<link name="trunk">', weld)
+    robot = load(text, facts)
+    assert robot.nv == 10
+    assert 'name="world"' not in robot.source.text
+    assert load(text, {"base": "fixed"}).nv == 4
+    heavy = text.replace('<link name="world"/>', '<link name="world"><inertial/></link>')
+    with pytest.raises(RobotError, match="root link 'world'.*weld"):
+        load(heavy, facts)
+
+
+def test_what_libraries_print_goes_to_the_log(capfd, caplog):
+    with caplog.at_level(logging.DEBUG, "poise.robots"), captured() as noise:
+        os.write(2, b"Error:   link 'toe'\n\n  is no link\n")
+        print("and Python's own")
+    assert noise.text == "Error: link 'toe' is no link"
+    assert caplog.messages == [noise.text]
+    os.write(2, b"after")
+    assert capfd.readouterr().err == "after"
 
 
 def test_a_fixed_base_needs_no_more_than_that_fact(load, urdf):
@@ -172,7 +194,9 @@ def test_meshes_are_found_beside_the_file_and_by_package(tmp_path, urdf, facts):
     (tmp_path / "feet" / "meshes").mkdir(parents=True)
     (tmp_path / "feet" / "urdf").mkdir()
     (tmp_path / "feet" / "meshes" / "toe.stl").write_text("solid toe\nendsolid")
-    for name in ("package://feet/meshes/toe.stl", "../meshes/toe.stl"):
+    # The last one: a package whose folder has another name here.
+    packages = ("package://feet/meshes/toe.stl", "package://old_feet/meshes/toe.stl")
+    for name in (*packages, "../meshes/toe.stl"):
         mesh = f'<visual><geometry><mesh filename="{name}"/></geometry></visual>'
         text = urdf.replace('<link name="left_foot">', f'<link name="left_foot">{mesh}')
         path = tmp_path / "feet" / "urdf" / "tiny.urdf"
@@ -185,7 +209,7 @@ def test_a_document_without_pictures_gets_a_stick_figure(load, urdf, facts):
     assert robot.source.text.count("<visual>") >= 7
     pictured = urdf.replace(
         '<link name="left_foot">',
-        '<link name="left_foot"><visual><geometry><sphere radius="0.1"/></geometry></visual>',
+        '<link name="left_foot"><visual><geometry><box size="0.2 0.1 0.1"/></geometry></visual>',
     )
     assert load(pictured, facts).source.text.count("<visual>") == 1
 

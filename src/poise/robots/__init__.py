@@ -1,6 +1,7 @@
 """Robots: what a robot is, how one is loaded, and the catalog of names."""
 
 from poise.robots._catalog import CatalogEntry as CatalogEntry, catalog
+from poise.robots._geometry import load_mesh as load_mesh
 from poise.robots._inverse_kinematics import (
     frame_error as frame_error,
     inverse_kinematics as inverse_kinematics,
@@ -8,6 +9,7 @@ from poise.robots._inverse_kinematics import (
 from poise.robots._loader import description_template, load_robot
 from poise.robots._meshes import mesh_path as mesh_path
 from poise.robots._posture import standing_posture as standing_posture
+from poise.robots._proposal import Proposal as Proposal, describe
 from poise.robots._robot import (
     GRAVITY as GRAVITY,
     FrameRole as FrameRole,
@@ -16,4 +18,4 @@ from poise.robots._robot import (
     Sole as Sole,
 )
 
-__all__ = ["Robot", "catalog", "description_template", "load_robot"]
+__all__ = ["Robot", "catalog", "describe", "description_template", "load_robot"]

@@ -5,12 +5,10 @@ from typing import Literal
 
 from poise.errors import RobotError
 from poise.robots._document import Document, end_of
+from poise.robots._mjcf import MjcfFacts, settle_mjcf
 
 WORLD = "world"
 """The link that a fixed base hangs on."""
-
-_PLACEMENT = ("pos", "quat", "axisangle", "xyaxes", "zaxis", "euler")
-"""Attributes that place an MJCF body."""
 
 
 def settle_base(document: Document, base: Literal["floating", "fixed"]) -> str:
@@ -28,7 +26,15 @@ def settle_base(document: Document, base: Literal["floating", "fixed"]) -> str:
     """
     if document.kind == "urdf":
         return _settle_urdf(document, base)
-    return _settle_mjcf(document, base)
+    return settle_mjcf(document, base)
+
+
+def followers_of(document: Document, mjcf: MjcfFacts | None) -> list[str]:
+    """Joints that the document ties to others: a `Robot` has them welded at zero."""
+    if mjcf is not None:
+        return list(mjcf.followers)
+    tied = (j for j in document.root.findall("joint") if j.find("mimic") is not None)
+    return [name for j in tied if (name := j.get("name", "")) in document.joints()]
 
 
 def _settle_urdf(document: Document, base: Literal["floating", "fixed"]) -> str:
@@ -52,12 +58,34 @@ def _settle_urdf(document: Document, base: Literal["floating", "fixed"]) -> str:
             if link.get("name") == root:
                 document.root.remove(link)
         return _root_link(document)
+    if base == "floating" and root == WORLD:
+        return _freed(document)
     if base == "fixed" and root != WORLD:
         ET.SubElement(document.root, "link", name=WORLD)
         joint = ET.SubElement(document.root, "joint", name="world_weld", type="fixed")
         ET.SubElement(joint, "parent", link=WORLD)
         ET.SubElement(joint, "child", link=root)
     return root
+
+
+def _freed(document: Document) -> str:
+    """Take the link `world` from under a robot that is to float: MuJoCo has a world of its own.
+
+    Raises:
+        RobotError: the link has a mass, or is more than what one fixed joint hangs on.
+    """
+    carried = [j for j in document.root.findall("joint") if end_of(j, "parent") == WORLD]
+    (world,) = (e for e in document.root.findall("link") if e.get("name") == WORLD)
+    bare = world.find("inertial") is None
+    if not bare or len(carried) != 1 or carried[0].get("type") != "fixed":
+        raise RobotError(
+            f"{document.where} has a root link {WORLD!r} that is part of the robot",
+            got=[j.get("name") for j in carried],
+            wanted="another name for this link, or one fixed joint from it to the robot",
+        )
+    document.root.remove(world)
+    document.root.remove(carried[0])
+    return _root_link(document)
 
 
 def _is_base(document: Document, joint: ET.Element, root: str) -> bool:
@@ -67,44 +95,18 @@ def _is_base(document: Document, joint: ET.Element, root: str) -> bool:
     return carried == [joint] and all(link.find("inertial") is None for link in links)
 
 
-def _settle_mjcf(document: Document, base: Literal["floating", "fixed"]) -> str:
-    bodies = [b for world in document.root.findall("worldbody") for b in world.findall("body")]
-    if len(bodies) != 1:
-        raise RobotError(
-            f"{document.where} has no single root body",
-            got=[b.get("name") for b in bodies],
-            wanted="one body under <worldbody>",
-        )
-    root = bodies[0]
-    free = [
-        *root.findall("freejoint"),
-        *(j for j in root.findall("joint") if j.get("type") == "free"),
-    ]
-    if free and base == "fixed":
-        raise RobotError(
-            f"{document.where} has a free joint, but its description says base: fixed",
-            got=root.get("name"),
-            wanted="base: floating",
-        )
-    for joint in free:
-        root.remove(joint)
-    if base == "floating":
-        for key in _PLACEMENT:
-            root.attrib.pop(key, None)
-    # Poses and motors count the free joint that is gone; the plant brings its own.
-    for tag in ("keyframe", "actuator", "sensor"):
-        for element in document.root.findall(tag):
-            document.root.remove(element)
-    return root.get("name", "")
-
-
 def _root_link(document: Document) -> str:
     """The link that no joint moves; all others hang on it, each by one joint."""
     joints = [(end_of(j, "parent"), end_of(j, "child")) for j in document.root.findall("joint")]
     children = [child for _, child in joints]
     roots = [name for name in document.links() if name not in children]
     if len(roots) != 1:
-        raise RobotError(f"{document.where} has no single root link", got=roots, wanted="one link")
+        raise RobotError(
+            f"{document.where} has no single root link",
+            got=roots,
+            wanted="one link that no joint moves: a <joint> to each of the others, or these taken "
+            "out of the file",
+        )
     reached = list(roots)
     for link in reached:
         reached += [child for parent, child in joints if parent == link]

@@ -2,15 +2,18 @@
 
 In that form a floating base has no joint in the document (whoever builds a model adds one to the
 root link), a fixed base hangs on a link called `world`, every URDF hinge has limits, and an MJCF
-document includes no other file.
+document includes no other file and names all its bodies and joints.
 """
 
 import math
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
+
+import numpy as np
+from jaxtyping import Float64
 
 from poise.errors import RobotError
 
@@ -55,8 +58,8 @@ class Document:
         if self.kind == "urdf":
             joints = (j for j in self.root.findall("joint") if j.get("type") in _HINGES)
         else:
-            bodies = self.root.iter("body")
-            joints = (j for b in bodies for j in b.findall("joint") if j.get("type") != "free")
+            worlds = self.root.findall("worldbody")
+            joints = (j for w in worlds for j in w.iter("joint") if j.get("type") != "free")
         return tuple(j.get("name", "") for j in joints)
 
 
@@ -85,8 +88,11 @@ def parse(text: str, where: str, directory: Path | None = None) -> Document:
             got=f"<{root.tag}>",
             wanted="<robot> (URDF) or <mujoco> (MJCF) as the root element",
         )
-    if kind == "mjcf":
-        _include(root, directory, depth=0)
+    if kind == "urdf":
+        _tidy_shapes(root)
+    else:
+        _include(root, directory, where, depth=0)
+        _name_all(root)
     document = Document(kind="urdf" if kind == "urdf" else "mjcf", root=root, where=where)
     _check_names(document)
     return document
@@ -132,6 +138,41 @@ def write_limits(
             limit.set(key, repr(values[name]) if name in values else limit.get(key, "0"))
 
 
+def mend_inertias(document: Document) -> list[str]:
+    """Make a URDF's rotational inertias possible: no principal one above the sum of the others.
+
+    The largest is lowered to that sum, in both engines' models; MuJoCo refuses such a body.
+
+    Args:
+        document: a document, changed in place; MuJoCo has checked an MJCF itself.
+
+    Returns:
+        The links whose inertia was changed.
+    """
+    if document.kind != "urdf":
+        return []
+    mended: list[str] = []
+    for link in document.root.findall("link"):
+        inertial, element = link.find("inertial"), link.find("inertial/inertia")
+        if inertial is None or element is None:
+            continue
+        _, inertia = _inertial_numbers(inertial)
+        values, axes = np.linalg.eigh(inertia)
+        most = values[0] + values[1]
+        if values[2] <= most * (1.0 + _ROUNDING) or most <= 0.0:
+            continue
+        values[2] = most
+        possible = axes * values @ axes.T
+        for key, (i, j) in zip(_NUMBERS["inertia"], _ENTRIES, strict=True):
+            element.set(key, repr(float(possible[i, j])))
+        mended.append(link.get("name", ""))
+    return mended
+
+
+_ENTRIES = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
+"""Where ixx, ixy, ixz, iyy, iyz, izz stand."""
+
+
 def _check_names(document: Document) -> None:
     if not document.links():
         raise RobotError(f"{document.where} has no links", got=f"<{document.root.tag}>")
@@ -144,6 +185,7 @@ def _check_names(document: Document) -> None:
     if document.kind == "urdf":
         _check_ends(document)
         _check_numbers(document)
+    _check_inertias(document)
 
 
 def _check_ends(document: Document) -> None:
@@ -173,6 +215,58 @@ def _check_numbers(document: Document) -> None:
                     )
 
 
+_ROUNDING = 1e-6
+"""Part of the largest inertia that a written one may be below zero by its rounding."""
+
+
+def _check_inertias(document: Document) -> None:
+    """Find masses and inertias below zero, which no body has; zero is checked where it matters."""
+    tag = "link" if document.kind == "urdf" else "body"
+    for element in document.root.iter(tag):
+        inertial = element.find("inertial")
+        if inertial is None:
+            continue
+        mass, inertia = _inertial_numbers(inertial)
+        values = np.linalg.eigvalsh(inertia)
+        if mass < 0.0 or values[0] < -_ROUNDING * max(abs(values)) - 1e-12:
+            raise RobotError(
+                f"{document.where}: {tag} {element.get('name')!r} has a negative mass or inertia",
+                got=f"mass {mass:g} kg, principal inertias {_written(values)} kg m^2",
+                wanted="an <inertial> with a mass and principal inertias above zero",
+            )
+
+
+def _written(values: Iterable[float]) -> str:
+    return ", ".join(f"{v:.4g}" for v in values)
+
+
+def _inertial_numbers(
+    inertial: ET.Element,
+) -> tuple[float, Float64[np.ndarray, "3 3"]]:
+    """The mass [kg] and the inertia [kg m^2] of an element; what it lacks is zero."""
+    parts = {part.tag: part for part in inertial}
+    if parts:
+        entries = parts.get("inertia", ET.Element("inertia"))
+        xx, xy, xz, yy, yz, zz = (float(entries.get(k, "0")) for k in _NUMBERS["inertia"])
+        mass = float(parts.get("mass", ET.Element("mass")).get("value", "0"))
+    else:
+        (mass,) = _floats(inertial.get("mass", "0"))
+        xx, yy, zz = _floats(inertial.get("diaginertia", "0 0 0"), 3)
+        full = inertial.get("fullinertia")
+        xy = xz = yz = 0.0
+        if full is not None:
+            xx, yy, zz, xy, xz, yz = _floats(full, 6)
+    return mass, np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+
+def _floats(text: str, count: int = 1) -> list[float]:
+    """The numbers of an attribute; zeros where it has not so many, for MuJoCo to complain about."""
+    words = text.split()
+    if len(words) != count or not all(_is_number(w) for w in words):
+        return [0.0] * count
+    return [float(w) for w in words]
+
+
 def _is_number(word: str) -> bool:
     try:
         return math.isfinite(float(word))
@@ -180,20 +274,67 @@ def _is_number(word: str) -> bool:
         return False
 
 
-def _include(element: ET.Element, directory: Path | None, depth: int) -> None:
+def _tidy_shapes(root: ET.Element) -> None:
+    """Take out what MuJoCo does not read: shapes of no size, and names that stand twice."""
+    seen: set[str] = set()
+    for link in root.findall("link"):
+        for shape in [*link.findall("visual"), *link.findall("collision")]:
+            if _is_nothing(shape):
+                link.remove(shape)
+            elif (name := shape.get("name")) in seen:
+                del shape.attrib["name"]
+            elif name is not None:
+                seen.add(name)
+
+
+def _is_nothing(shape: ET.Element) -> bool:
+    """Whether a primitive shape has a size of zero."""
+    sizes = [
+        solid.get(key, "")
+        for solid in shape.iterfind("geometry/*")
+        for key in ("radius", "length", "size")
+        if solid.tag != "mesh" and solid.get(key)
+    ]
+    return any(_is_number(word) and float(word) <= 0.0 for text in sizes for word in text.split())
+
+
+def _include(element: ET.Element, directory: Path | None, where: str, depth: int) -> None:
     """Put the content of included MJCF files in the place of each <include>."""
     for index, child in reversed(list(enumerate(element))):
         if child.tag != "include":
-            _include(child, directory, depth)
+            _include(child, directory, where, depth)
             continue
         path = (directory or Path()) / child.get("file", "")
         if depth > 10 or not path.is_file():
-            raise RobotError("an included MJCF file cannot be found", got=str(path))
+            raise RobotError(
+                f"a file included by {where} cannot be found",
+                got=str(path),
+                wanted="the file at that place, or the <include> taken out",
+            )
         try:
             included = ET.fromstring(path.read_text(encoding="utf-8"))
         except ET.ParseError as error:
             raise RobotError(f"{path} is not valid XML: {error}") from None
-        _include(included, directory, depth + 1)
+        _include(included, directory, path.name, depth + 1)
         element.remove(child)
         for k, inner in enumerate(included):
             element.insert(index + k, inner)
+
+
+def _name_all(root: ET.Element) -> None:
+    """Name the bodies and joints that an MJCF document leaves without a name."""
+    for number, body in enumerate(b for w in root.findall("worldbody") for b in w.iter("body")):
+        if not body.get("name"):
+            body.set("name", f"body{number + 1}")
+        hinges = [j for j in _own(body, "joint") if not j.get("name") and j.get("type") != "free"]
+        for k, joint in enumerate(hinges):
+            joint.set("name", f"{body.get('name')}_joint{k + 1 if len(hinges) > 1 else ''}")
+
+
+def _own(body: ET.Element, tag: str) -> Iterator[ET.Element]:
+    """Elements of a body itself, also where frames of the document stand around them."""
+    for child in body:
+        if child.tag == tag:
+            yield child
+        elif child.tag == "frame":
+            yield from _own(child, tag)

@@ -1,103 +1,14 @@
-"""The Pinocchio model of a robot's document: kinematics and inertias, no geometry.
+"""The Pinocchio model of a robot's document: kinematics and inertias, no geometry."""
 
-Joint limits that a description gives in place of the document's, and the check of all limits.
-"""
-
-import math
-import tempfile
-import xml.etree.ElementTree as ET
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
 
 from poise.errors import RobotError, UnknownNameError
-from poise.robots._description import Description, match_joints
+from poise.robots._mjcf import base_name, build_mjcf_model
+from poise.robots._noise import captured
 from poise.robots._robot import FrameRole, ModelSource
-
-
-@dataclass(frozen=True, kw_only=True)
-class JointLimits:
-    """Limits by joint, for the joints whose limits the description gives.
-
-    Attributes:
-        position: lower and upper limit [rad].
-        velocity: largest speed [rad/s].
-        torque: largest torque [N m].
-    """
-
-    position: dict[str, tuple[float, float]]
-    velocity: dict[str, float]
-    torque: dict[str, float]
-
-
-def described_limits(facts: Description, joints: tuple[str, ...]) -> JointLimits:
-    """Match the patterns of a description with the joints of a document.
-
-    Raises:
-        RobotError: a pattern matches no joint.
-    """
-    where = f"{facts.where}: limits"
-    return JointLimits(
-        position=match_joints(facts.limits.position, joints, f"{where}.position"),
-        velocity=match_joints(facts.limits.velocity, joints, f"{where}.velocity"),
-        torque=match_joints(facts.limits.torque, joints, f"{where}.torque"),
-    )
-
-
-def apply_limits(model: pin.Model, limits: JointLimits) -> None:
-    """Put limits into a model, whose document may not hold them.
-
-    Args:
-        model: the model, changed in place.
-        limits: the limits.
-    """
-    for joint, name in zip(model.joints, model.names, strict=True):
-        if name in limits.position:
-            low, high = limits.position[name]
-            model.lowerPositionLimit[joint.idx_q] = low
-            model.upperPositionLimit[joint.idx_q] = high
-        if name in limits.velocity:
-            model.velocityLimit[joint.idx_v] = limits.velocity[name]
-        if name in limits.torque:
-            model.effortLimit[joint.idx_v] = limits.torque[name]
-
-
-def check_limits(model: pin.Model, *, floating: bool, where: str) -> None:
-    """Check that every joint has limits that leave it room to move.
-
-    Args:
-        model: the model.
-        floating: whether its first joint is a free base.
-        where: the file or the robot's name, for messages.
-
-    Raises:
-        RobotError: limits are missing, zero, infinite or crossed; the message says whose.
-    """
-    lacking: dict[str, list[str]] = {"position": [], "velocity": [], "torque": []}
-    for joint, name in list(zip(model.joints, model.names, strict=True))[2 if floating else 1 :]:
-        low = float(model.lowerPositionLimit[joint.idx_q])
-        high = float(model.upperPositionLimit[joint.idx_q])
-        if not (low < high and _is_size(high - low)):
-            lacking["position"].append(name)
-        if not _is_size(float(model.velocityLimit[joint.idx_v])):
-            lacking["velocity"].append(name)
-        if not _is_size(float(model.effortLimit[joint.idx_v])):
-            lacking["torque"].append(name)
-    missing = {f"limits.{kind}": names for kind, names in lacking.items() if names}
-    if missing:
-        raise RobotError(
-            f"{where} has joints whose limits are zero or missing",
-            got=missing,
-            wanted="these limits in the model file, or under `limits` in its description",
-        )
-
-
-def _is_size(value: float) -> bool:
-    """Positive and finite; Pinocchio writes the largest float where nothing is given."""
-    return 0.0 < value < 1e300 and math.isfinite(value)
-
 
 _MIN_INERTIA = 1e-9
 """Smallest eigenvalue of the mass matrix that still counts as a mass [kg or kg m^2]."""
@@ -114,7 +25,7 @@ def build_model(
     Args:
         source: the document, in the form of `poise.robots.document`.
         floating: whether a free joint is put before the root link.
-        armature: reflected rotor inertia by joint [kg m^2].
+        armature: reflected rotor inertia by joint [kg m^2], in place of an MJCF document's own.
         where: the file or the robot's name, for messages.
 
     Returns:
@@ -123,14 +34,13 @@ def build_model(
     Raises:
         RobotError: Pinocchio cannot build it, or a joint has more than one degree of freedom.
     """
-    try:
-        model = _parse(source, floating)
-    except (ValueError, RuntimeError, IndexError) as error:
-        reason = " ".join(str(error).split()) or type(error).__name__
-        raise RobotError(f"{where} cannot be built: {reason}") from None
+    if source.kind == "urdf":
+        model = _parse_urdf(source, floating, where)
+    else:
+        model = build_mjcf_model(source, floating=floating, where=where)
     locked = [model.getJointId(name) for name in source.locked_joints]
     if locked:
-        model = pin.buildReducedModel(model, locked, pin.neutral(model))
+        model = _welded(model, locked)
     for joint in list(model.joints)[2 if floating else 1 :]:
         if (joint.nq, joint.nv) != (1, 1):
             raise RobotError(
@@ -138,7 +48,6 @@ def build_model(
                 got=joint.shortname(),
                 wanted="a hinge or slide with one position variable",
             )
-    model.armature = np.zeros(model.nv)
     for name, value in armature.items():
         model.armature[model.joints[model.getJointId(name)].idx_v] = value
     return model
@@ -214,28 +123,30 @@ def check_inertia(model: pin.Model, where: str) -> None:
     )
 
 
-def _parse(source: ModelSource, floating: bool) -> pin.Model:
-    if source.kind == "urdf":
-        root = (pin.JointModelFreeFlyer(),) if floating else ()
-        return pin.buildModelFromXML(source.text, *root)
-    # Pinocchio reads MJCF from files only, and looks for meshes beside them.
-    with tempfile.NamedTemporaryFile("w", suffix=".xml", encoding="utf-8") as file:
-        file.write(_with_absolute_folders(source))
-        file.flush()
-        if floating:
-            return pin.buildModelFromMJCFAndRootJoint(file.name, pin.JointModelFreeFlyer())
-        return pin.buildModelFromMJCF(file.name)
+def _parse_urdf(source: ModelSource, floating: bool, where: str) -> pin.Model:
+    root = (pin.JointModelFreeFlyer(), base_name(source.text)) if floating else ()
+    with captured() as noise:
+        try:
+            return pin.buildModelFromXML(source.text, *root)
+        except (ValueError, RuntimeError, IndexError) as error:
+            reason = " ".join(str(error).split()) or type(error).__name__
+    said = f" ({noise.text})" if noise.text else ""
+    raise RobotError(f"{where} cannot be built: {reason}{said}") from None
 
 
-def _with_absolute_folders(source: ModelSource) -> str:
-    if source.directory is None:
-        return source.text
-    root = ET.fromstring(source.text)
-    for compiler in root.findall("compiler") or [ET.SubElement(root, "compiler")]:
-        folder = compiler.get("assetdir", "")
-        for key in ("meshdir", "texturedir"):
-            compiler.set(key, str(source.directory / compiler.get(key, folder)))
-    return ET.tostring(root, encoding="unicode")
+def _welded(model: pin.Model, joints: list[int]) -> pin.Model:
+    """The model without some joints, at zero; what each other joint has of its own stays its."""
+    armature = {n: model.armature[j.idx_v] for n, j in hinges(model)}
+    model = pin.buildReducedModel(model, joints, pin.neutral(model))
+    for name, joint in hinges(model):
+        model.armature[joint.idx_v] = armature[name]
+    return model
+
+
+def hinges(model: pin.Model) -> list[tuple[str, pin.JointModel]]:
+    """Names and joints of a model, without the world and a free base."""
+    joints = list(zip(model.names, model.joints, strict=True))[1:]
+    return [(name, joint) for name, joint in joints if joint.nv == 1]
 
 
 def _free_names(model: pin.Model, names: set[str]) -> None:

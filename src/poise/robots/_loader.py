@@ -1,6 +1,7 @@
 """`load_robot`: from a name or a file to a `Robot`."""
 
-from collections.abc import Mapping
+import warnings
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
@@ -11,21 +12,23 @@ from jaxtyping import Float64
 
 from poise._yaml import read_text, read_yaml
 from poise.errors import RobotError, UnknownNameError
-from poise.robots._base import settle_base
+from poise.robots._base import followers_of, settle_base
 from poise.robots._catalog import catalog_names, find_entry, open_entry
 from poise.robots._description import Description, Mount, match_joints, parse_description
-from poise.robots._document import Document, parse, write_limits
-from poise.robots._kinematics import (
-    add_roles,
+from poise.robots._document import Document, mend_inertias, parse, write_limits
+from poise.robots._kinematics import add_roles, build_model, check_inertia
+from poise.robots._limits import (
     apply_limits,
-    build_model,
-    check_inertia,
-    check_limits,
+    assume_limits,
+    check_positions,
     described_limits,
 )
-from poise.robots._meshes import add_figure, check_meshes, package_folders
+from poise.robots._meshes import add_figure, asset_folders, drop_missing_meshes, has_shapes
+from poise.robots._mjcf import MjcfFacts, free_site_names, read_facts
 from poise.robots._posture import home_configuration
+from poise.robots._proposal import describe
 from poise.robots._robot import FrameRole, ModelSource, Robot, Sole
+from poise.robots._sole_check import soles_off_their_feet
 
 _DESCRIPTION_SUFFIX = ".poise.yaml"
 
@@ -38,7 +41,8 @@ def load_robot(
     Args:
         name_or_path: a name that `poise robots` lists, `humanoid20` to `humanoid60`, or a file.
         description: for a file, the YAML file (or its content) with the facts that the model file
-            does not hold; by default `<stem>.poise.yaml` beside it.
+            does not hold; by default `<stem>.poise.yaml` beside it. Without either the facts are
+            guessed, as `describe` does, and a warning lists the guesses.
 
     Returns:
         The robot.
@@ -52,16 +56,21 @@ def load_robot(
     if entry is not None:
         text, directory, packages = open_entry(entry)
         document = parse(text, entry.name, directory)
-        return _assemble(entry.name, document, entry.description, directory, packages)
+        return _assemble(entry.name, document, entry.description, directory, packages)[0]
     path = Path(name_or_path)
     if not path.suffix and not path.is_file():
         raise UnknownNameError("unknown robot", got=str(name_or_path), choices=catalog_names())
     text = read_text(path, error=RobotError)
     document = parse(text, path.name, path.parent)
-    facts = _find_description(path, document, description)
-    directory = path.parent.resolve()
-    packages = package_folders(document.root, directory) if document.kind == "urdf" else ()
-    return _assemble(path.stem, document, facts, directory, packages)
+    facts, guessed = _find_description(path, description)
+    shown = has_shapes(document.root)
+    robot, notes = _assemble(path.stem, document, facts, *asset_folders(document, path))
+    if shown and not guessed:
+        notes += soles_off_their_feet(robot)
+    if guessed or notes:
+        notes = [*guessed, *notes]
+        warnings.warn(f"{path.name}: {'; '.join(notes)}", stacklevel=2)
+    return robot
 
 
 def description_template(path: str | Path) -> str:
@@ -102,22 +111,19 @@ licence: not stated
 
 
 def _find_description(
-    path: Path, document: Document, given: str | Path | Mapping[str, object] | None
-) -> Description:
+    path: Path, given: str | Path | Mapping[str, object] | None
+) -> tuple[Description, list[str]]:
+    """The description of a file, and where there is none what was guessed, as sentences."""
     if isinstance(given, Mapping):
-        return parse_description(dict(given), f"description of {path.name}")
+        return parse_description(dict(given), f"description of {path.name}"), []
     file = Path(given) if given is not None else path.with_name(path.stem + _DESCRIPTION_SUFFIX)
     if given is None and not file.is_file():
-        raise RobotError(
-            f"{path.name} needs a description: base, and for a floating base pelvis, torso and "
-            f"soles; poise.robots.description_template({str(path)!r}) gives one to fill in",
-            got="no " + file.name,
-            wanted="that file beside the model, or description=",
-            choices=document.links(),
-        )
-    return parse_description(
-        read_yaml(read_text(file, error=RobotError), file.name, error=RobotError), file.name
-    )
+        proposal = describe(path)
+        facts = parse_description(proposal.facts, f"description guessed for {path.name}")
+        where_from = f"guessed, as there is no {file.name}: {proposal.summary}"
+        return facts, [f"{where_from} (`poise describe {path}` shows and writes it)"]
+    data = read_yaml(read_text(file, error=RobotError), file.name, error=RobotError)
+    return parse_description(data, file.name), []
 
 
 def _assemble(
@@ -126,37 +132,48 @@ def _assemble(
     facts: Description,
     directory: Path | None,
     packages: tuple[Path, ...],
-) -> Robot:
+) -> tuple[Robot, list[str]]:
+    """The robot, and what was assumed or left out of it."""
     floating = facts.base == "floating"
+    mjcf = read_facts(document, directory) if document.kind == "mjcf" else None
     root = settle_base(document, facts.base)
     names = document.joints()
     limits = described_limits(facts, names)
     locked = match_joints(dict.fromkeys(facts.locked, True), names, f"{facts.where}: locked")
+    followers = [j for j in followers_of(document, mjcf) if j not in locked]
     if document.kind == "urdf":
         write_limits(document, limits.position, limits.velocity, limits.torque)
+    else:
+        free_site_names(document.root, {*facts.mounts(), "pelvis", "torso"})
     source = ModelSource(
         kind=document.kind,
         text=document.text,
         directory=directory,
         package_dirs=packages,
-        locked_joints=tuple(locked),
+        locked_joints=(*locked, *followers),
     )
-    check_meshes(document.root, source)
-    free = [n for n in names if n not in locked]
+    notes = _left_out(mjcf, followers, drop_missing_meshes(document.root, source, name))
+    if mended := mend_inertias(document):
+        notes.append(f"inertias that no body has are made possible: {_few(mended)}")
+    source = replace(source, text=document.text)
+    free = [n for n in names if n not in source.locked_joints]
     armature = match_joints(facts.armature, free, f"{facts.where}: armature")
     posture = match_joints(facts.home, free, f"{facts.where}: home")
     model = build_model(source, floating=floating, armature=armature, where=name)
     check_inertia(model, name)
     if document.kind == "urdf" and add_figure(document.root):
         source = replace(source, text=document.text)
-    apply_limits(model, limits)
-    check_limits(model, floating=floating, where=name)
+    if mjcf is not None:
+        apply_limits(model, torque=mjcf.torque)
+    apply_limits(model, limits.position, limits.velocity, limits.torque)
+    check_positions(model, floating=floating, where=name)
     roles = _roles(facts, root)
     add_roles(model, roles, name)
+    assumed = assume_limits(model, facts.soles, floating=floating)
     soles = {n: Sole(name=n, length=s.length, width=s.width) for n, s in facts.soles.items()}
     q_home = home_configuration(model, soles, posture, floating=floating, where=name)
     base_q, base_v, first = (7, 6, 2) if floating else (0, 0, 1)
-    return Robot(
+    robot = Robot(
         name=name,
         model=model,
         floating_base=floating,
@@ -174,6 +191,25 @@ def _assemble(
         licence=facts.licence,
         source=source,
     )
+    return robot, [*(f"assumed are {a}" for a in assumed), *notes]
+
+
+def _left_out(mjcf: MjcfFacts | None, followers: list[str], meshes: list[str]) -> list[str]:
+    """What a robot does not take from its document, as sentences."""
+    notes: list[str] = []
+    if followers:
+        notes.append(f"joints that mimic others are locked at zero: {_few(followers)}")
+    if mjcf is not None and mjcf.loops:
+        notes.append(f"loops that these equalities close are left open: {_few(mjcf.loops)}")
+    if mjcf is not None and mjcf.springs:
+        notes.append(f"springs are left out: {_few(mjcf.springs)}")
+    if meshes:
+        notes.append(f"meshes that cannot be found are missing in pictures: {_few(meshes)}")
+    return notes
+
+
+def _few(names: Sequence[str]) -> str:
+    return ", ".join(names[:4]) + (f" and {len(names) - 4} more" if len(names) > 4 else "")
 
 
 def _roles(facts: Description, root: str) -> dict[str, FrameRole]:

@@ -10,6 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from poise.errors import RobotError
+from poise.robots._document import Document
+from poise.robots._mjcf import drop_mesh_geoms
 from poise.robots._parametric import PALETTE, Shape, add_shape, rod, sphere
 from poise.robots._robot import ModelSource
 
@@ -42,23 +44,70 @@ def mesh_path(filename: str, source: ModelSource) -> Path:
     )
 
 
-def check_meshes(root: ET.Element, source: ModelSource) -> None:
-    """Check that every mesh of a document exists, without reading any.
+def drop_missing_meshes(root: ET.Element, source: ModelSource, where: str) -> list[str]:
+    """Take the meshes that are not there out of a document, without reading any.
 
     Args:
-        root: the parsed document.
+        root: the parsed document, changed in place.
         source: the same document, with its folders.
+        where: the file or the robot's name, for messages.
+
+    Returns:
+        The names of the missing files.
 
     Raises:
-        RobotError: a mesh cannot be found.
+        RobotError: a mesh file is empty or a placeholder, or a body's mass would come from a mesh
+            that is missing.
     """
-    if source.kind == "urdf":
-        names = {e.get("filename", "") for e in root.iter("mesh")}
-    else:
-        folder = _mesh_folder(root)
-        names = {str(folder / e.get("file", "")) for e in root.iter("mesh") if e.get("file")}
-    for name in sorted(names):
-        mesh_path(name, source)
+    urdf = source.kind == "urdf"
+    key, folder = ("filename", Path()) if urdf else ("file", _mesh_folder(root))
+    names = {e.get(key, "") for e in root.iter("mesh") if urdf or e.get(key)}
+    missing = {n for n in names if not _is_mesh(n if urdf else str(folder / n), source, where)}
+    if not missing:
+        return []
+    if urdf:
+        for link in root.findall("link"):
+            for shape in [*link.findall("visual"), *link.findall("collision")]:
+                mesh = shape.find("geometry/mesh")
+                if mesh is not None and mesh.get("filename", "") in missing:
+                    link.remove(shape)
+        return sorted(missing)
+    bare = drop_mesh_geoms(root, missing)
+    if bare:
+        raise RobotError(
+            f"bodies of {where} have no <inertial>, and meshes their mass would come from cannot "
+            f"be found",
+            got={"bodies": bare, "meshes": sorted(missing)},
+            wanted="these meshes, or an <inertial> in each of the bodies",
+        )
+    return sorted(missing)
+
+
+_PLACEHOLDER = b"version https://git-lfs"
+"""How a file begins that stands for one that Git LFS keeps elsewhere."""
+
+
+def _is_mesh(name: str, source: ModelSource, where: str) -> bool:
+    """Whether a mesh is there."""
+    found = next((c for c in _candidates(name, source) if c.is_file()), None)
+    if found is None:
+        return False
+    with found.open("rb") as file:
+        start = file.read(len(_PLACEHOLDER))
+    if not start or start == _PLACEHOLDER:
+        raise RobotError(
+            f"mesh {name!r} of {where} is {'a Git LFS pointer' if start else 'empty'}",
+            got=f"{found.stat().st_size} bytes in {found}",
+            wanted="the mesh itself: fetch it anew (git lfs pull), or take it out of the model",
+        )
+    return True
+
+
+def asset_folders(document: Document, path: Path) -> tuple[Path, tuple[Path, ...]]:
+    """Where the files that a document names are: its folder, and those of its packages."""
+    directory = path.parent.resolve()
+    urdf = document.kind == "urdf"
+    return directory, package_folders(document.root, directory) if urdf else ()
 
 
 def package_folders(root: ET.Element, directory: Path) -> tuple[Path, ...]:
@@ -69,16 +118,21 @@ def package_folders(root: ET.Element, directory: Path) -> tuple[Path, ...]:
         directory: the folder of the document.
 
     Returns:
-        The folders that hold one of the packages.
+        The folders that hold one of the packages, or are one of them under another name, as an
+        archive that was unpacked elsewhere is.
     """
-    names = {
-        e.get("filename", "").removeprefix(_PACKAGE).partition("/")[0]
+    files = {
+        e.get("filename", "").removeprefix(_PACKAGE)
         for e in root.iter("mesh")
         if e.get("filename", "").startswith(_PACKAGE)
     }
     ros = [Path(p) for p in os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep) if p]
     places = [directory, *directory.parents, *ros]
-    return tuple(p for p in places if any((p / name).is_dir() for name in names))
+    names = {file.partition("/")[0] for file in files}
+    inside = {file.partition("/")[2] for file in files}
+    holding = [p for p in places if any((p / name).is_dir() for name in names)]
+    being = [p for p in places if any(file and (p / file).is_file() for file in inside)]
+    return tuple(dict.fromkeys([*holding, *being]))
 
 
 def _candidates(filename: str, source: ModelSource) -> list[Path]:
@@ -106,6 +160,11 @@ _SHORT = 0.01
 """Offsets shorter than this need no stick [m]."""
 
 
+def has_shapes(root: ET.Element) -> bool:
+    """Whether a document has anything to see or to touch."""
+    return any(root.find(path) is not None for path in ("link/visual", "link/collision", ".//geom"))
+
+
 def add_figure(root: ET.Element) -> bool:
     """Draw sticks between the joints of a URDF document, if it has no visual and no collision.
 
@@ -117,7 +176,7 @@ def add_figure(root: ET.Element) -> bool:
     Returns:
         Whether anything was drawn.
     """
-    if root.find("link/visual") is not None or root.find("link/collision") is not None:
+    if has_shapes(root):
         return False
     links = {link.get("name", ""): link for link in root.findall("link")}
     for link in links.values():

@@ -7,12 +7,11 @@ Meshes in a format that MuJoCo reads.
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
-import coal
 import mujoco
 import numpy as np
 
 from poise.errors import RobotError
-from poise.robots import ModelSource, mesh_path
+from poise.robots import ModelSource, load_mesh, mesh_path
 
 _THICKNESS = 0.12
 """Radius of a stick, as a part of its length."""
@@ -77,18 +76,7 @@ def _is_binary_stl(data: bytes) -> bool:
 
 
 def _convert(path: Path) -> bytes:
-    # Pinocchio's collision library reads whatever Assimp reads.
-    try:
-        model = coal.MeshLoader().load(str(path), np.ones(3))
-    except (RuntimeError, ValueError) as error:
-        raise RobotError(f"a mesh of the robot cannot be read: {error}", got=str(path)) from error
-    vertices = np.asarray(model.vertices())
-    if path.suffix.lower() == ".dae" and b"Y_UP" in path.read_bytes():
-        # The library turns such a mesh for readers whose y points up; a URDF's z does.
-        vertices = vertices[:, [0, 2, 1]] * np.array([1.0, -1.0, 1.0])
-    corners = np.array(
-        [[t[0], t[1], t[2]] for t in (model.tri_indices(i) for i in range(model.num_tris))]
-    )
+    vertices, corners = load_mesh(path)
     faces = vertices[corners]
     volume = np.einsum("ti,ti->", faces[:, 0], np.cross(faces[:, 1], faces[:, 2]))
     if volume < 0.0:

@@ -1,0 +1,180 @@
+"""Joint limits: the description's in place of the document's, their check, what is assumed."""
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from poise.errors import RobotError
+from poise.robots._description import Description, match_joints
+from poise.robots._robot import GRAVITY
+
+
+@dataclass(frozen=True, kw_only=True)
+class JointLimits:
+    """Limits by joint, for the joints whose limits the description gives.
+
+    Attributes:
+        position: lower and upper limit [rad].
+        velocity: largest speed [rad/s].
+        torque: largest torque [N m].
+    """
+
+    position: dict[str, tuple[float, float]]
+    velocity: dict[str, float]
+    torque: dict[str, float]
+
+
+def described_limits(facts: Description, joints: tuple[str, ...]) -> JointLimits:
+    """Match the patterns of a description's limits with the joints of a document.
+
+    Raises:
+        RobotError: a pattern matches no joint.
+    """
+    where = f"{facts.where}: limits"
+    return JointLimits(
+        position=match_joints(facts.limits.position, joints, f"{where}.position"),
+        velocity=match_joints(facts.limits.velocity, joints, f"{where}.velocity"),
+        torque=match_joints(facts.limits.torque, joints, f"{where}.torque"),
+    )
+
+
+def apply_limits(
+    model: pin.Model,
+    position: Mapping[str, tuple[float, float]] | None = None,
+    velocity: Mapping[str, float] | None = None,
+    torque: Mapping[str, float] | None = None,
+) -> None:
+    """Put limits by joint into a model, in place of its own.
+
+    Args:
+        model: the model, changed in place.
+        position: lower and upper limits [rad].
+        velocity: largest speeds [rad/s].
+        torque: largest torques [N m].
+    """
+    for joint, name in zip(model.joints, model.names, strict=True):
+        if position and name in position:
+            low, high = position[name]
+            model.lowerPositionLimit[joint.idx_q] = low
+            model.upperPositionLimit[joint.idx_q] = high
+        if velocity and name in velocity:
+            model.velocityLimit[joint.idx_v] = velocity[name]
+        if torque and name in torque:
+            model.effortLimit[joint.idx_v] = torque[name]
+
+
+def check_positions(model: pin.Model, *, floating: bool, where: str) -> None:
+    """Check that every joint has position limits that leave it room to move.
+
+    Args:
+        model: the model.
+        floating: whether its first joint is a free base.
+        where: the file or the robot's name, for messages.
+
+    Raises:
+        RobotError: limits are missing, zero, infinite or crossed; the message says whose.
+    """
+    lacking: list[str] = []
+    for name, joint in _joints(model, floating):
+        low = float(model.lowerPositionLimit[joint.idx_q])
+        high = float(model.upperPositionLimit[joint.idx_q])
+        if not (low < high and _is_size(high - low)):
+            lacking.append(name)
+    if lacking:
+        raise RobotError(
+            f"{where} has joints whose limits are zero or missing",
+            got={"limits.position": lacking},
+            wanted="these limits in the model file, or under `limits` in its description",
+        )
+
+
+def _is_size(value: float) -> bool:
+    """Positive and finite; Pinocchio writes the largest float where nothing is given."""
+    return 0.0 < value < 1e300 and math.isfinite(value)
+
+
+_SPEED = {"revolute": 10.0, "prismatic": 1.0}
+"""Assumed velocity limits [rad/s, m/s]: what most motors of robots of a person's size reach."""
+
+_LEG_PART = 0.3
+"""Assumed torque of a joint that carries the robot, in weight times leg length: a knee needs 0.1 to
+0.2 to squat with both legs, and shipped humanoids have 0.15 to 0.5."""
+
+_ARM_PART = 3.0
+"""Assumed torque of another joint, in what holds up the rest of its limb at arm's length."""
+
+_LEAST_PART, _LEAST = 0.003, 1e-3
+"""No joint is assumed weaker than this, in weight times leg length, or than this [N m]."""
+
+
+def assume_limits(model: pin.Model, soles: Iterable[str], *, floating: bool) -> list[str]:
+    """Fill in the velocity and torque limits that a model lacks.
+
+    Args:
+        model: the model with a frame for each sole, changed in place.
+        soles: names of those frames.
+        floating: whether its first joint is a free base.
+
+    Returns:
+        What was assumed, as sentences with names of the joints; empty where nothing was missing.
+    """
+    said: list[str] = []
+    joints = _joints(model, floating)
+    slow = [j for _, j in joints if not _is_size(float(model.velocityLimit[j.idx_v]))]
+    for joint in slow:
+        model.velocityLimit[joint.idx_v] = _SPEED[_kind(joint)]
+    if slow:
+        said.append(f"velocity limits of {_SPEED['revolute']:g} rad/s for {_names(model, slow)}")
+    weak = [j for _, j in joints if not _is_size(float(model.effortLimit[j.idx_v]))]
+    if weak:
+        torques = _assumed_torques(model, [model.frames[model.getFrameId(s)] for s in soles])
+        for joint in weak:
+            model.effortLimit[joint.idx_v] = torques[joint.id]
+        spread = sorted(torques[j.id] for j in weak)
+        said.append(
+            f"torque limits of {spread[0]:.3g} to {spread[-1]:.3g} N m, from the weights they "
+            f"carry, for {_names(model, weak)}"
+        )
+    return said
+
+
+def _joints(model: pin.Model, floating: bool) -> list[tuple[str, pin.JointModel]]:
+    return list(zip(model.names, model.joints, strict=True))[2 if floating else 1 :]
+
+
+def _names(model: pin.Model, joints: list[pin.JointModel]) -> str:
+    if len(joints) > 4:
+        return f"{len(joints)} joints ({model.names[joints[0].id]}, ...)"
+    return ", ".join(model.names[j.id] for j in joints)
+
+
+def _kind(joint: pin.JointModel) -> str:
+    return "prismatic" if "P" in joint.shortname().removeprefix("JointModel")[:1] else "revolute"
+
+
+def _assumed_torques(model: pin.Model, soles: list[pin.Frame]) -> dict[int, float]:
+    """Torques by joint [N m]; forces of slides [N]."""
+    data = model.createData()
+    pin.centerOfMass(model, data, pin.neutral(model))
+    pin.updateFramePlacements(model, data)
+    weight = float(data.mass[0]) * GRAVITY
+    hips = data.oMi[1].translation
+    feet = [(data.oMi[s.parentJoint] * s.placement).translation for s in soles]
+    size = weight * max((float(np.linalg.norm(f - hips)) for f in feet), default=0.0)
+    carrying = {int(j) for s in soles for j in model.supports[s.parentJoint]}
+    torques: dict[int, float] = {}
+    for joint in range(1, model.njoints):
+        held = float(data.mass[joint]) * GRAVITY
+        if _kind(model.joints[joint]) == "prismatic":
+            torques[joint] = weight if joint in carrying else _ARM_PART * held
+        elif joint in carrying:
+            torques[joint] = _LEG_PART * size
+        else:
+            # The subtree's COM is in the joint's own frame, whose origin is on its axis.
+            # What weighs nothing, as fingers in some files, has none.
+            arm = float(np.linalg.norm(data.com[joint])) if held > 0.0 else 0.0
+            torques[joint] = max(_ARM_PART * held * arm, _LEAST_PART * size, _LEAST)
+    return torques

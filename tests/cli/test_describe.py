@@ -1,0 +1,53 @@
+"""`poise describe`: files, words, exit status."""
+
+import json
+import re
+
+import pytest
+
+pytest.importorskip("mujoco")
+
+from poise.cli.main import main
+from poise.robots import load_robot
+from poise.robots._catalog import find_entry, open_entry
+
+
+@pytest.fixture
+def model(tmp_path, monkeypatch):
+    """A humanoid's URDF without a description, in the folder to work in."""
+    monkeypatch.chdir(tmp_path)
+    path = tmp_path / "stranger.urdf"
+    path.write_text(open_entry(find_entry("humanoid33"))[0])
+    return path
+
+
+def test_a_stranger_is_described_stands_squats_and_reaches(model, capsys):
+    assert main(["describe", "stranger.urdf", "--out", "out", "--json"]) == 0
+    printed = json.loads(capsys.readouterr().out)
+    assert [attempt["name"] for attempt in printed["trial"]] == ["stand", "squat", "reach"]
+    assert all(attempt["ok"] for attempt in printed["trial"])
+    robot = load_robot(model, model.parent / "out" / "stranger.poise.yaml")
+    assert robot.soles["left_sole"].length == pytest.approx(0.28, abs=2e-3)
+    page = (model.parent / "out" / "describe.html").read_text()
+    for words in ("largest rectangle on the flat lower face", "Soles from above", "rotor", "squat"):
+        assert words in page
+
+
+def test_saved_beside_the_model_it_is_found_without_a_warning(model, capsys):
+    assert main(["describe", "stranger.urdf", "--save", "--no-trial"]) == 0
+    assert "left_sole 280 x 140 mm on left_foot_link" in capsys.readouterr().out
+    assert load_robot(model).hands == ("left_hand", "right_hand")
+
+
+def test_a_robot_that_falls_is_told_in_words_with_status_one(model, capsys):
+    model.write_text(re.sub(r'effort="[^"]*"', 'effort="0.5"', model.read_text()))
+    assert main(["describe", "stranger.urdf", "--out", "out"]) == 1
+    out = capsys.readouterr().out
+    assert "FAIL  stand: it fell after" in out
+    assert "torques at their limits" in out
+
+
+def test_a_file_that_is_no_robot_is_one_line_and_status_two(model, capsys):
+    model.write_text("<robot name='r'/>")
+    assert main(["describe", "stranger.urdf"]) == 2
+    assert "no links" in capsys.readouterr().err

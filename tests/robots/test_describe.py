@@ -1,0 +1,253 @@
+"""Descriptions proposed for files that nobody has described, beside those that people wrote."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+import yaml
+
+from poise.errors import RobotError
+from poise.robots import describe, load_robot
+from poise.robots._catalog import find_entry, open_entry
+from poise.robots._geometry import Balls
+from poise.robots._limbs import find_limbs
+from poise.robots._sole_fit import fit_sole
+
+AHEAD = np.array([1.0, 0.0, 0.0])
+LINK = """<link name="{name}"><inertial><origin xyz="0 0 {z}"/><mass value="{mass}"/>
+  <inertia ixx="0.02" ixy="0" ixz="0" iyy="0.02" iyz="0" izz="0.01"/></inertial>{shape}</link>"""
+JOINT = """<joint name="{name}" type="{type}"><origin xyz="{xyz}" rpy="{rpy}"/>
+  <parent link="{parent}"/><child link="{child}"/><axis xyz="{axis}"/>{limit}</joint>"""
+LIMIT = '<limit lower="-1.6" upper="1.6" effort="60" velocity="12"/>'
+BOX = """<collision><origin xyz="0.04 0 -0.04"/><geometry><box size="0.2 0.1 0.03"/></geometry>
+  </collision>"""
+SPHERES = "".join(
+    f'<collision><origin xyz="{x} {y} -0.05"/><geometry><sphere radius="0.005"/></geometry>'
+    "</collision>"
+    for x in (-0.06, 0.14)
+    for y in (-0.05, 0.05)
+)
+WHEEL = """<collision><origin rpy="1.5708 0 0"/><geometry><cylinder radius="0.06" length="0.04"/>
+  </geometry></collision>"""
+SIX = (("hip_z", "0 0 1"), ("hip_x", "1 0 0"), ("hip_y", "0 1 0"), ("knee", "0 1 0"),
+       ("ankle_y", "0 1 0"), ("ankle_x", "1 0 0"))  # fmt: skip
+FIVE = SIX[:5]
+
+
+def leg(side, joints, shape, tilt):
+    """A leg of 0.3 m and 0.3 m whose first axis may be tilted, as R1's and H2's are."""
+    text, above = "", "trunk"
+    for k, (name, axis) in enumerate(joints):
+        low, y = k == len(joints) - 1, 0.1 if side == "left" else -0.1
+        xyz = {0: f"0 {y} 0", 3: "0 0 -0.3", 4: "0 0 -0.3"}.get(k, "0 0 0")
+        rpy = {0: f"0 {tilt} 0", 1: f"0 {-tilt} 0"}.get(k, "0 0 0")
+        link = f"{side}_{name}_link"
+        text += JOINT.format(
+            name=f"{side}_{name}", type="revolute", xyz=xyz, rpy=rpy, parent=above, child=link,
+            axis=axis, limit=LIMIT,
+        )  # fmt: skip
+        text += LINK.format(name=link, z="-0.02" if low else "-0.1", mass=1.0,
+                            shape=shape if low else "")  # fmt: skip
+        above = link
+    return text
+
+
+def walker(joints=SIX, shape=BOX, tilt=0.0, right=None):
+    """A trunk on two legs, as URDF."""
+    trunk = LINK.format(name="trunk", z=0.2, mass=12.0, shape="")
+    legs = leg("left", joints, shape, tilt) + leg("right", joints, right or shape, tilt)
+    return f"<robot name='walker'>{trunk}{legs}</robot>"
+
+
+@pytest.fixture
+def save(tmp_path):
+    def write(text, name="walker.urdf"):
+        path = tmp_path / name
+        path.write_text(text)
+        return path
+
+    return write
+
+
+@pytest.mark.parametrize("name", ["humanoid33", "biped20"])
+def test_soles_of_robots_made_in_code_are_found_where_they_were_put(save, name):
+    entry = find_entry(name)
+    path = save(open_entry(entry)[0], f"{name}.urdf")
+    proposal = describe(path)
+    robot, original = load_robot(path, proposal.facts), load_robot(name)
+    for sole in ("left_sole", "right_sole"):
+        ours, theirs = robot.roles[sole], original.roles[sole]
+        assert ours.link == theirs.link
+        np.testing.assert_allclose(ours.position, theirs.position, rtol=0, atol=1e-3)
+        assert robot.soles[sole].length == pytest.approx(original.soles[sole].length, abs=2e-3)
+        assert robot.soles[sole].width == pytest.approx(original.soles[sole].width, abs=2e-3)
+    assert robot.hands == ("left_hand", "right_hand")
+    assert robot.roles["pelvis"].link == original.roles["pelvis"].link
+    assert not proposal.remarks
+
+
+@pytest.mark.parametrize(("name", "within"), [("g1", 0.011), ("talos", 0.004)])
+def test_soles_of_real_robots_are_near_those_that_people_measured(get_robot, name, within):
+    original = get_robot(name)
+    from poise.robots._catalog import _data_folder
+
+    path = _data_folder() / find_entry(name).file
+    robot = load_robot(path, describe(path).facts)
+    for sole in original.soles:
+        sizes = [(r.soles[sole].length, r.soles[sole].width) for r in (robot, original)]
+        np.testing.assert_allclose(*sizes, rtol=0, atol=within)
+        centres = []
+        for r in (robot, original):
+            data = r.model.createData()
+            pin.framesForwardKinematics(r.model, data, pin.neutral(r.model))
+            centres.append(data.oMf[r.frame_id(sole)].translation.copy())
+        np.testing.assert_allclose(*centres, rtol=0, atol=5e-3)
+
+
+LEGS = {
+    "six joints": {},
+    "five joints": {"joints": FIVE},
+    "tilted hips": {"tilt": 0.5},
+    "contact balls": {"shape": SPHERES},
+}
+
+
+@pytest.mark.parametrize("case", LEGS)
+def test_home_stands_level_with_the_com_over_the_soles(save, case):
+    path = save(walker(**LEGS[case]))
+    robot = load_robot(path, describe(path).facts)
+    data = robot.model.createData()
+    pin.framesForwardKinematics(robot.model, data, robot.q_home)
+    com = pin.centerOfMass(robot.model, data, robot.q_home)
+    for name in robot.soles:
+        place = data.oMf[robot.frame_id(name)]
+        assert place.rotation[2, 2] > 1.0 - 1e-6
+        assert abs(place.translation[2]) < 1e-3
+    # The middle of the soles is the origin.
+    assert np.linalg.norm(com[:2]) < 2e-3
+    knee = robot.q_home[7 + robot.joint_index("left_knee")]
+    assert abs(knee) > 0.1
+    assert robot.soles["left_sole"].length == pytest.approx(0.2, abs=2e-3)
+    assert robot.soles["left_sole"].width == pytest.approx(0.1, abs=2e-3)
+
+
+def test_the_text_is_a_description_with_a_reason_beside_each_guess(save):
+    path = save(walker())
+    proposal = describe(path)
+    assert yaml.safe_load(proposal.text) == proposal.facts
+    for words in ("flat lower face of its collision geometry", "knees a little bent",
+                  "estimated, as the file has none", "no arms were found"):  # fmt: skip
+        assert words in proposal.text
+    path.with_suffix(".poise.yaml").write_text(proposal.text)
+    assert load_robot(path).joint_names == load_robot(path, proposal.facts).joint_names
+
+
+def test_a_plain_file_is_described_in_memory_with_one_warning(save):
+    path = save(walker())
+    with pytest.warns(
+        UserWarning, match=r"guessed.*left_sole 200 x 100 mm.*poise describe"
+    ) as said:
+        robot = load_robot(path)
+    assert len(said) == 1
+    np.testing.assert_array_equal(robot.q_home, load_robot(path, describe(path).facts).q_home)
+
+
+def test_what_the_file_lacks_is_estimated_and_said(save):
+    text = walker().replace('effort="60" velocity="12"', 'effort="0" velocity="0"')
+    proposal = describe(save(text.replace('name="left_knee" type="revolute"',
+                                          'name="left_knee" type="continuous"')))  # fmt: skip
+    limits = proposal.facts["limits"]
+    assert limits["position"] == {"left_knee": [-3.1416, 3.1416]}
+    assert set(limits["velocity"].values()) == {10.0}
+    weight = 9.81 * 24.0
+    assert limits["torque"]["left_knee"] == pytest.approx(0.3 * weight * 0.65, rel=0.1)
+    assert all(0.0 < value < 1.0 for value in proposal.facts["armature"].values())
+    for key in ("limits.position", "limits.velocity", "limits.torque", "armature"):
+        assert key in proposal.reasons
+
+
+def test_toes_and_joints_without_room_are_locked(save):
+    text = walker().replace("</robot>", "")
+    for side in ("left", "right"):
+        text += JOINT.format(
+            name=f"{side}_toe", type="revolute", xyz="0.14 0 -0.04", rpy="0 0 0",
+            parent=f"{side}_ankle_x_link", child=f"{side}_toe_link", axis="0 1 0", limit=LIMIT,
+        )  # fmt: skip
+        toe = '<collision><geometry><box size="0.04 0.08 0.02"/></geometry></collision>'
+        text += LINK.format(name=f"{side}_toe_link", z=0.0, mass=0.1, shape=toe)
+    proposal = describe(save(text + "</robot>"))
+    assert proposal.facts["locked"] == ["left_toe", "right_toe"]
+    assert proposal.facts["soles"]["left_sole"]["link"] == "left_ankle_x_link"
+
+
+REFUSED = {
+    "a foot without a flat face": (walker(shape=WHEEL), "foot 'left_ankle_x_link' of walker.urdf.*"
+                                   "no flat face.*cm\\^2.*measured"),
+    "a foot without a shape": (walker(shape=" "), "left_ankle_x_link' of walker.urdf.*no shape"),
+    "a robot without feet": (
+        walker(joints=SIX[:2]), "no feet are found in walker.urdf.*description_template"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_what_cannot_be_described_is_refused_with_a_remedy(save, case):
+    text, message = REFUSED[case]
+    with pytest.raises(RobotError, match=message):
+        load_robot(save(text))
+
+
+def test_a_symmetrical_robot_that_is_not_is_remarked_on(save):
+    longer = BOX.replace("0.2 0.1", "0.25 0.1")
+    proposal = describe(save(walker(right=longer)))
+    assert "left and right differ: soles of 200 x 100 mm and 250 x 100 mm" in proposal.remarks
+    heavy = walker().replace('<link name="left_knee_link"><inertial><origin xyz="0 0 -0.1"/>'
+                             '<mass value="1.0"/>', '<link name="left_knee_link"><inertial>'
+                             '<origin xyz="0 0 -0.1"/><mass value="3.0"/>')  # fmt: skip
+    assert any("left_knee are 3.00 kg" in said for said in describe(save(heavy)).remarks)
+
+
+WRONG = {
+    "too low": ({"position": [0.04, 0.0, -0.08]}, "'left_sole' lies 25 mm below the lowest"),
+    "too high": ({"position": [0.04, 0.0, -0.04]}, "'left_sole' lies 15 mm above the lowest"),
+    "too long": ({"length": 0.3}, "'left_sole' reaches 50 mm over the edge"),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_a_sole_that_is_off_its_foot_is_told(save, case):
+    path = save(walker())
+    facts = describe(path).facts
+    changed, message = WRONG[case]
+    for sole in facts["soles"].values():
+        sole.update(changed)
+    with pytest.warns(UserWarning, match=message):
+        load_robot(path, facts)
+
+
+def test_a_sole_is_the_largest_rectangle_inside_the_flat_face():
+    angles = np.linspace(0.0, 2.0 * np.pi, 40, endpoint=False)
+    rim = np.stack([0.15 * np.cos(angles), 0.05 * np.sin(angles), 0.0 * angles], axis=1)
+    foot = Balls(np.concatenate([rim, 0.5 * rim + [0.0, 0.0, 0.05]]), np.zeros(80))
+    fit = fit_sole(foot, AHEAD, "foot")
+    # The largest rectangle in an ellipse has sqrt(2) times its half axes.
+    assert fit.length == pytest.approx(0.15 * np.sqrt(2.0), rel=0.03)
+    assert fit.width == pytest.approx(0.05 * np.sqrt(2.0), rel=0.05)
+    corners = 0.5 * np.array([[fit.length, fit.width]])
+    inside = ((corners + fit.position[:2]) / [0.15, 0.05]) ** 2
+    assert inside.sum() <= 1.0 + 1e-6
+
+
+def test_a_tilted_foot_gives_its_tilt():
+    tilt = pin.utils.rotate("y", 0.2)
+    corners = np.array([[x, y, z] for x in (-0.1, 0.1) for y in (-0.04, 0.04) for z in (0.0, 0.03)])
+    fit = fit_sole(Balls(corners @ tilt.T, np.zeros(8)), AHEAD, "foot")
+    np.testing.assert_allclose(fit.rotation, tilt, rtol=0, atol=1e-9)
+    assert (fit.length, fit.width) == (pytest.approx(0.2), pytest.approx(0.08))
+
+
+def test_left_is_left_by_name_and_ahead_follows_from_it(save):
+    text = walker().replace("left_", "tmp_").replace("right_", "left_").replace("tmp_", "right_")
+    path = save(text)
+    source = load_robot(path, describe(path).facts)
+    limbs = find_limbs(source.model, np.eye(3), "walker.urdf")
+    assert source.model.names[limbs.legs[0][0]] == "left_hip_z"
+    np.testing.assert_allclose(limbs.forward, [-1.0, 0.0, 0.0], atol=1e-12)

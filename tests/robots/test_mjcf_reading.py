@@ -1,0 +1,198 @@
+"""MJCF as people write it, against what MuJoCo itself computes from the same file."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+mujoco = pytest.importorskip("mujoco")
+
+from poise.errors import RobotError  # noqa: E402
+from poise.robots import load_robot  # noqa: E402
+
+MODEL = """<mujoco model="odd">
+  <compiler angle="degree" autolimits="true" meshdir="meshes"/>
+  <option iterations="1" gravity="0 0 -9.81"/>
+  <default>
+    <joint damping="0.3" armature="0.01"/>
+    <default class="leg"><joint axis="0 1 0" range="-80 80"/>
+      <motor ctrlrange="-1 1" gear="40"/>
+      <default class="ankle"><joint armature="0.02" frictionloss="0.1"/></default></default>
+  </default>
+  <asset><mesh name="shell" file="shell.stl"/></asset>
+  <worldbody>
+    <light pos="0 0 3"/>
+    <geom name="floor" type="plane" size="1 1 0.1"/>
+    <body name="marker" pos="1 0 0"><geom size="0.01"/></body>
+  </worldbody>
+  <worldbody>
+    <frame pos="0 0 0.3" childclass="leg">
+      <body name="trunk" pos="0 0 0.7" quat="0.8 0.1 0.2 0.3">
+        <freejoint/>
+        <inertial pos="0.01 0.02 0.2" mass="10" fullinertia="0.3 0.25 0.1 0.01 0.02 -0.01"/>
+        <geom type="mesh" mesh="shell"/>
+        <site name="torso" pos="0 0 0.4" euler="0 20 0"/>
+        <body name="head" pos="0 0 0.5" gravcomp="1"><inertial pos="0 0 0.1" mass="1"
+            diaginertia="0.01 0.01 0.01"/>
+          <joint name="neck_z" axis="0 0 1" range="-40 40" pos="0.01 0 0.02" stiffness="20"/>
+          <joint name="neck_y" axis="0 1 1" range="-40 40" ref="15" pos="-0.01 0.01 0"/></body>
+        <frame euler="0 10 0">{legs}</frame>
+      </body>
+    </frame>
+  </worldbody>
+  <contact><pair geom1="left_foot" geom2="no_such_floor"/></contact>
+  <equality><joint joint1="neck_y" joint2="neck_z"/></equality>
+  <actuator>
+    <motor class="leg" joint="left_hip"/><motor joint="left_ankle" gear="2" ctrlrange="-20 20"/>
+    <position joint="right_hip" kp="300" forcerange="-70 60"/>
+    <position joint="right_ankle" kp="300" ctrlrange="-1 1"/>
+  </actuator>
+  <sensor><jointpos joint="left_hip"/></sensor>
+  <keyframe><key name="home" qpos="0 0 1 1 0 0 0 0 0.2 0.1 -0.1 0.1 -0.1"/></keyframe>
+</mujoco>"""
+LEG = """<body name="{side}_shin" pos="0 {y} 0"><joint name="{side}_hip"/>
+  <geom type="capsule" size="0.04" fromto="0 0 0 0.02 0 -0.4" mass="2"/>
+  <body name="{side}_foot" pos="0 0 -0.4" euler="0 -10 0">
+    <joint name="{side}_ankle" class="ankle"/>
+    <geom name="{side}_foot" type="box" size="0.1 0.05 0.02" pos="0.03 0 -0.03" mass="1"/>
+  </body></body>"""
+SOLE = {"position": [0.03, 0.0, -0.05], "length": 0.2, "width": 0.1}
+FACTS = {
+    "base": "floating",
+    "pelvis": "trunk",
+    "torso": "trunk",
+    "soles": {f"{s}_sole": {"link": f"{s}_foot", **SOLE} for s in ("left", "right")},
+}
+
+
+@pytest.fixture
+def path(tmp_path):
+    legs = "".join(LEG.format(side=s, y=y) for s, y in (("left", 0.1), ("right", -0.1)))
+    path = tmp_path / "odd.xml"
+    path.write_text(MODEL.format(legs=legs))
+    return path
+
+
+@pytest.fixture
+def robot(path):
+    with pytest.warns(UserWarning, match=r"odd\.xml"):
+        return load_robot(path, FACTS)
+
+
+def reference(path):
+    """The same file in MuJoCo, without what never compiles, and the joint that is locked."""
+    text = path.read_text().replace('<geom type="mesh" mesh="shell"/>', "")
+    text = text.replace('<asset><mesh name="shell" file="shell.stl"/></asset>', "")
+    text = text.replace('stiffness="20"', "").replace('gravcomp="1"', "")
+    for section in ("contact", "equality", "keyframe"):
+        start, end = text.index(f"<{section}>"), text.index(f"</{section}>")
+        text = text[:start] + text[end + len(section) + 3 :]
+    return mujoco.MjModel.from_xml_string(text)
+
+
+def test_one_warning_says_what_was_assumed_and_left_out(path):
+    with pytest.warns(UserWarning, match="odd") as said:
+        load_robot(path, FACTS)
+    (warning,) = said
+    text = str(warning.message)
+    for part in (
+        "velocity limits of 10 rad/s",
+        "torque limits of",
+        "mimic others are locked at zero: neck_y",
+        "springs are left out: neck_z",
+        "missing in pictures: shell.stl",
+    ):
+        assert part in text
+
+
+def test_limits_and_rotor_inertias_are_those_of_joints_and_actuators(robot):
+    assert robot.joint_names == ("neck_z", "left_hip", "left_ankle", "right_hip", "right_ankle")
+    np.testing.assert_allclose(robot.q_max, np.radians([40, 80, 80, 80, 80]))
+    np.testing.assert_allclose(robot.tau_max[1:4], [40.0, 40.0, 70.0])
+    # A position servo without a range of force says nothing: a part of weight times leg length.
+    assert 5.0 < robot.tau_max[4] < 50.0
+    np.testing.assert_allclose(robot.model.armature[6:], [0.01, 0.01, 0.02, 0.01, 0.02])
+    np.testing.assert_allclose(robot.model.damping[6:], 0.3)
+    np.testing.assert_allclose(robot.model.upperDryFrictionLimit[6:], [0.0, 0.0, 0.1, 0.0, 0.1])
+
+
+def test_both_engines_agree_at_random_states(path, robot):
+    model = reference(path)
+    data, ours = mujoco.MjData(model), robot.model.createData()
+    rng = np.random.default_rng(3)
+    address = [model.joint(n).qposadr[0] for n in robot.joint_names]
+    dofs = [*range(6), *(model.joint(n).dofadr[0] for n in robot.joint_names)]
+    for _ in range(10):
+        q = pin.integrate(robot.model, pin.neutral(robot.model), rng.normal(size=robot.nv))
+        v = rng.normal(size=robot.nv)
+        data.qpos[:3], data.qpos[3:7] = q[:3], q[[6, 3, 4, 5]]
+        data.qpos[model.joint("neck_y").qposadr[0]] = 0.0
+        data.qpos[address], data.qvel[:] = q[7:], 0.0
+        world_R_base = pin.Quaternion(q[3:7]).toRotationMatrix()
+        data.qvel[dofs] = np.r_[world_R_base @ v[:3], v[3:]]
+        mujoco.mj_forward(model, data)
+        pin.forwardKinematics(robot.model, ours, q, v)
+        pin.updateFramePlacements(robot.model, ours)
+        for frame in ("head", "left_foot", "right_shin"):
+            place = ours.oMf[robot.frame_id(frame)]
+            np.testing.assert_allclose(place.translation, data.body(frame).xpos, atol=1e-12)
+            np.testing.assert_allclose(place.rotation.ravel(), data.body(frame).xmat, atol=1e-12)
+        site = ours.oMf[robot.frame_id("torso_site")]
+        np.testing.assert_allclose(site.translation, data.site("torso").xpos, atol=1e-12)
+        com = pin.centerOfMass(robot.model, ours, q)
+        np.testing.assert_allclose(com, data.body("trunk").subtree_com, atol=1e-12)
+        compare_dynamics(robot, ours, model, data, q, v, dofs, world_R_base)
+
+
+def compare_dynamics(robot, ours, model, data, q, v, dofs, world_R_base):
+    T, Tdot = np.eye(robot.nv), np.zeros((robot.nv, robot.nv))
+    T[:3, :3], Tdot[:3, :3] = world_R_base, world_R_base @ pin.skew(v[3:6])
+    M = np.zeros((model.nv, model.nv))
+    mujoco.mj_fullM(model, data, M)
+    M, bias = M[np.ix_(dofs, dofs)], data.qfrc_bias[dofs]
+    pin.computeAllTerms(robot.model, ours, q, v)
+    mass = np.triu(ours.M) + np.triu(ours.M, 1).T
+    np.testing.assert_allclose(mass, T.T @ M @ T, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(ours.nle, T.T @ (bias + M @ (Tdot @ v)), rtol=0, atol=1e-9)
+
+
+def test_the_plant_is_the_same_robot(robot):
+    from poise.sim import Plant
+
+    plant = Plant(robot)
+    assert plant.mass == pytest.approx(robot.mass)
+    assert plant.model.njnt == 1 + robot.nj
+    assert not plant.model.jnt_stiffness.any()
+    assert not plant.model.body_gravcomp.any()
+
+
+BAD = {
+    "two robots": ('<body name="marker" pos="1 0 0">', '<body name="marker"><joint/>', "marker"),
+    "a ball": (
+        'name="left_hip"/>',
+        'name="left_hip" type="ball" range="0 9"/>',
+        "left_hip.*BALL.*hinge",
+    ),
+    "a mesh that gives the mass": (
+        'type="capsule"',
+        'type="mesh" mesh="shell"',
+        "left_shin.*shell",
+    ),
+    "a negative inertia": (
+        'diaginertia="0.01 0.01 0.01"',
+        'diaginertia="-0.01 0.01 0.01"',
+        "body 'head'.*-0.01",
+    ),
+    "not MJCF": ('type="capsule"', 'type="cap"', "invalid keyword.*cap"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_what_cannot_be_read_is_refused_by_name(path, case):
+    old, new, message = BAD[case]
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new))
+    with pytest.raises(RobotError, match=message) as error:
+        load_robot(path, FACTS)
+    assert "odd.xml" in str(error.value) or "odd" in str(error.value)
+    assert "\n" not in str(error.value)
