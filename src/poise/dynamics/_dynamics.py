@@ -1,6 +1,7 @@
 """`Dynamics`: everything about one state of a robot, computed once a tick.
 
 `RobotState`: the one thing a controller is told each tick.
+`SensorReadings`: what a robot's sensors say besides, for estimators.
 `FrameKinematics`: where one frame is, how it moves, and how it answers to joint acceleration.
 """
 
@@ -26,6 +27,21 @@ from poise.dynamics._motion import (
 from poise.robots import Robot
 
 
+class SensorReadings(NamedTuple):
+    """What a robot's sensors say besides its joints and soles, for an estimator.
+
+    Attributes:
+        angular_velocity: of the inertial unit, along its own axes [rad/s].
+        specific_force: acceleration less gravity, along the same axes: upwards where it stands
+            still; a mean since the last reading is better than a sample [m/s^2].
+        torque: of the joints' motors, empty where it is not measured [N m].
+    """
+
+    angular_velocity: Float64[np.ndarray, "3"]
+    specific_force: Float64[np.ndarray, "3"]
+    torque: Float64[np.ndarray, " nj"]
+
+
 @dataclass(frozen=True, slots=True)
 class RobotState:
     """Where the robot is and how fast, as measured or estimated.
@@ -40,12 +56,14 @@ class RobotState:
         contacts: measured wrench [force; moment] on the robot by sole name, in the sole's frame at
             the sole's centre [N, N m]; empty where nothing is measured.
         time: time of the measurement [s].
+        readings: of sensors that only an estimator needs; None where there are none.
     """
 
     q: Float64[np.ndarray, " nq"]
     v: Float64[np.ndarray, " nv"]
     contacts: Mapping[str, Float64[np.ndarray, "6"]] = field(default_factory=dict)
     time: float = 0.0
+    readings: SensorReadings | None = None
 
 
 class FrameKinematics(NamedTuple):
