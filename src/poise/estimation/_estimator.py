@@ -81,7 +81,9 @@ class ContactBelief:
     def __post_init__(self) -> None:
         if self.end >= self.begin:
             raise ConfigurationError(
-                "contact would end where it begins", got=(self.end, self.begin), wanted="end < begin"
+                "contact would end where it begins",
+                got=(self.end, self.begin),
+                wanted="end < begin",
             )
 
 
@@ -417,7 +419,9 @@ def _usable_reading(reading: SensorReadings | None) -> bool:
     if reading is None:
         return False
     rate, force = reading.angular_velocity, reading.specific_force
-    total = float(np.abs(rate).sum() + np.abs(force).sum()) if rate.shape == force.shape else math.nan
+    total = (
+        float(np.abs(rate).sum() + np.abs(force).sum()) if rate.shape == force.shape else math.nan
+    )
     return rate.shape == (3,) and total <= _LARGEST
 
 

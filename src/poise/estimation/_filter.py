@@ -145,7 +145,7 @@ def _add_product(
 def _bias_column(
     R: Float64[np.ndarray, "3 3"], x: float, y: float, z: float, out: Float64[np.ndarray, "3 3"]
 ) -> None:
-    """out = hat([x, y, z]) R."""
+    """Fills in hat([x, y, z]) R: what a turn about the unit does to a vector."""
     for k in range(3):
         out[0, k] = y * R[2, k] - z * R[1, k]
         out[1, k] = z * R[0, k] - x * R[2, k]
@@ -160,8 +160,8 @@ def _spread_covariance(m: _Memory, dt: float) -> None:
                             velocity'    = hat(g) orientation - hat(v) R zeta_g - R zeta_a
                             position'    = velocity - hat(p) R zeta_g
                             contact'     = -hat(d) R zeta_g
-    Phi is applied as a product of elementary steps P <- (I + E) P (I + E)^T, position first, so that
-    each reads what none before it has written.
+    Phi is applied as a product of elementary steps P <- (I + E) P (I + E)^T, position first, so
+    that each reads what none before it has written.
     """
     P, R, T = m.P, m.R, m.turned
     half, third = 0.5 * dt * dt, dt * dt * dt / 6.0
@@ -280,7 +280,7 @@ def _propagate(address: int, dt: float) -> None:
 
 @part
 def _world_spread(m: _Memory, out: Float64[np.ndarray, "3 3"]) -> None:
-    """out = R spread R^T."""
+    """Covariance of the offset along the world's axes: R spread R^T."""
     T = m.turned[0]
     for i in range(3):
         for k in range(3):

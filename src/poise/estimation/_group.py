@@ -78,9 +78,7 @@ def fill_gamma(
 
 
 @part
-def turn(
-    R: Float64[np.ndarray, "3 3"], x: float, y: float, z: float
-) -> tuple[float, float, float]:
+def turn(R: Float64[np.ndarray, "3 3"], x: float, y: float, z: float) -> tuple[float, float, float]:
     """R times a vector."""
     return (
         R[0, 0] * x + R[0, 1] * y + R[0, 2] * z,
@@ -90,7 +88,7 @@ def turn(
 
 
 def hat(x: Float64[np.ndarray, "3"]) -> Float64[np.ndarray, "3 3"]:
-    """The matrix with hat(x) y = x cross y."""
+    """The skew-symmetric matrix of a cross product with x from the left."""
     a, b, c = x.tolist()
     return np.array([[0.0, -c, b], [c, 0.0, -a], [-b, a, 0.0]])
 

@@ -1,8 +1,8 @@
-"""`MomentumObserver`: forces of the ground from the motors' torques, where no sole measures them."""
+"""`MomentumObserver`: forces of the ground from the motors' torques."""
 
 import numpy as np
 import pinocchio as pin
-from jaxtyping import Float64
+from jaxtyping import Float64, Int64
 
 from poise.dynamics import RobotState
 from poise.robots import Robot
@@ -37,11 +37,7 @@ class MomentumObserver:
         self._model, self._data = robot.model, robot.model.createData()
         self._gain = gain
         self._soles = {name: robot.frame_id(name) for name in robot.soles}
-        chains = [robot.model.supports[robot.model.frames[i].parentJoint] for i in self._soles.values()]
-        joints = {j for chain in chains for j in chain if j > 0}
-        self._rows = np.array(
-            [robot.model.idx_vs[j] + k for j in sorted(joints) for k in range(robot.model.nvs[j])]
-        )
+        self._rows = _rows_of_legs(robot, list(self._soles.values()))
         self._momentum: Float64[np.ndarray, " nv"] | None = None
         self.disturbance: Float64[np.ndarray, " nv"] = np.zeros(robot.nv)
         self.wrenches: dict[str, Float64[np.ndarray, "6"]] = {
@@ -89,3 +85,10 @@ class MomentumObserver:
         found = np.linalg.solve(A, J @ self.disturbance[self._rows])
         for i, name in enumerate(self._soles):
             self.wrenches[name] = found[6 * i : 6 * i + 6]
+
+
+def _rows_of_legs(robot: Robot, frame_ids: list[int]) -> Int64[np.ndarray, " rows"]:
+    """The velocities that move some frames, those of the base among them."""
+    model = robot.model
+    joints = {j for i in frame_ids for j in model.supports[model.frames[i].parentJoint] if j > 0}
+    return np.array([model.idx_vs[j] + k for j in sorted(joints) for k in range(model.nvs[j])])
