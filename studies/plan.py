@@ -213,6 +213,7 @@ _MODULES = {
     "reduced-dynamics": "studies.reduced_dynamics",
     "bad-operator": "studies.bad_operator",
     "campaigns": "studies.campaigns",
+    "locomotion": "studies.locomotion",
 }
 """Where each study's `PLAN` is."""
 

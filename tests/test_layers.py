@@ -17,7 +17,7 @@ FLOORS = (
     {"_checks", "_schema", "_compiled"},
     {"robots", "hqp"},
     {"dynamics"},
-    {"stack"},
+    {"stack", "estimation"},
     {"control"},
     {"locomotion", "sim"},
     {"apps"},

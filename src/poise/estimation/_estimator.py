@@ -26,8 +26,8 @@ class EstimatorStatus(Enum):
         OK: everything was measured and used.
         FLYING: no sole is in contact, so the inertial unit is all there is.
         NO_IMU: the inertial unit said nothing of use; its last readings stand in.
-        CLOCK_JUMP: time went back, or on by more than `EstimatorConfig.longest_step`; velocity and
-            contacts begin anew.
+        CLOCK_JUMP: time went back, or on by more than `EstimatorConfig.longest_step`; contacts
+            begin anew.
         BAD_STATE: the measured state is none of this robot; it comes back as it is.
         RESTARTED: the filter's numbers were no longer sound, and it begins anew.
     """
@@ -61,6 +61,7 @@ class ContactBelief:
         speed: of the sole, at which rest is as likely as not [m/s].
         speed_width: how far from there its odds change by a factor of e [m/s].
         rest: density of the walk of a point in certain contact [m/s/sqrt(Hz)].
+        turn: density of the angular velocity of a sole in certain contact [rad/s/sqrt(Hz)].
         slip: density of the walk of one that slips, or is in no contact at all [m/s/sqrt(Hz)].
         gate: square of the Mahalanobis distance beyond which a sole has slipped; one in a thousand
             at rest is beyond 16.3.
@@ -73,7 +74,8 @@ class ContactBelief:
     end: Ratio = 0.3
     speed: Positive = 0.2
     speed_width: Positive = 0.03
-    rest: Deviation = 0.01
+    rest: Deviation = 3e-3
+    turn: Deviation = 2e-3
     slip: Deviation = 0.3
     gate: Positive = 16.3
     slip_time: Seconds = 0.05
@@ -97,6 +99,7 @@ class EstimatorConfig:
         noise: of the inertial unit.
         start: how well the first state is known.
         encoder: deviation of the joints' angles, play and bending included [rad].
+        joint_velocity: deviation of the joints' velocities [rad/s].
         point: deviation of a sole's centre as a point at rest: it rolls and sinks in [m].
         contact: when a sole is in contact.
         joint_bandwidth: cut-off frequency of a first-order low-pass on the joints' velocities [Hz];
@@ -109,12 +112,16 @@ class EstimatorConfig:
     noise: ImuNoise = field(default_factory=ImuNoise)
     start: InitialDeviation = field(default_factory=InitialDeviation)
     encoder: Deviation = 1e-4
-    point: Deviation = 1e-3
+    joint_velocity: Deviation = 0.02
+    point: Deviation = 5e-4
     contact: ContactBelief = field(default_factory=ContactBelief)
     joint_bandwidth: Annotated[float, Bounds(positive=True, most=1e6, unit="Hz")] | None = None
     longest_step: Duration = 0.05
     ground: float = 0.0
 
+
+_CERTAIN = 0.95
+"""Probability of contact above which a sole is taken not to turn either."""
 
 _CALIBRATING = 20
 """As many samples at rest say something of a gyro's bias."""
@@ -248,12 +255,13 @@ class StateEstimator:
             self.status, reading = EstimatorStatus.NO_IMU, self._reading
         if reading is None or dt == 0.0:
             return
-        if not 0.0 < dt <= self.config.longest_step:
-            self._jump(state.time)
-        else:
+        if 0.0 < dt <= self.config.longest_step:
             self._predict(reading, dt)
-        self._reading, self._time = reading, state.time
-        self._contacts(state, reading, dt)
+            self._time = state.time
+            self._contacts(state, reading, dt)
+        else:
+            self._jump(state.time)
+        self._reading = reading
 
     def _predict(self, reading: SensorReadings, dt: float) -> None:
         """The mean rate of a period is that of its two ends; the force is a mean already."""
@@ -262,11 +270,10 @@ class StateEstimator:
         self.filter.propagate(rate, reading.specific_force, dt, self._walks)
 
     def _jump(self, time: float) -> None:
-        """Nobody knows what happened meanwhile: contacts and velocity begin anew."""
+        """Nobody knows what happened meanwhile: contacts begin anew, tilt and speed are unsure."""
         self.status = EstimatorStatus.CLOCK_JUMP
         for contact in range(len(self._names)):
             self.filter.release(contact)
-        self.filter.velocity[:] = 0.0
         self.filter.loosen(tilt=_JUMP_TILT, velocity=_JUMP_SPEED)
         self._slip_end = dict.fromkeys(self._names, -math.inf)
         self._time = time
@@ -292,6 +299,8 @@ class StateEstimator:
                 self.filter.release(contact)
             else:
                 self._correct(contact, name, sole, spread)
+                if probability > _CERTAIN and reading is state.readings:
+                    self._correct_bias(sole, reading, dt)
             self._walks[contact] = self._walk(name, probability)
         if self.status is EstimatorStatus.OK and not self.filter.held.any():
             self.status = EstimatorStatus.FLYING
@@ -306,6 +315,14 @@ class StateEstimator:
         else:
             self._slip_end[name] = self._time + self.config.contact.slip_time
             self.filter.hold(contact, sole.offset, spread)
+
+    def _correct_bias(self, sole: SeenSole, reading: SensorReadings, dt: float) -> None:
+        """A sole at rest does not turn, so the kinematics say how the base does."""
+        turn = self.config.contact.turn**2 / dt
+        spread = self.config.joint_velocity**2 * sole.turning_spread + turn * np.eye(3)
+        distance = self.filter.innovate_bias(reading.angular_velocity + sole.turning, spread)
+        if distance <= self.config.contact.gate:
+            self.filter.correct()
 
     def _walk(self, name: str, probability: float) -> float:
         """Density of the noise with which a contact point moves."""

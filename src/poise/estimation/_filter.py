@@ -40,8 +40,8 @@ class ImuNoise:
         accelerometer_bias: of the walk of the accelerometer's bias [m/s^3/sqrt(Hz)].
     """
 
-    gyro: Deviation = 5e-4
-    accelerometer: Deviation = 2e-2
+    gyro: Deviation = 3e-4
+    accelerometer: Deviation = 5e-3
     gyro_bias: Deviation = 1e-5
     accelerometer_bias: Deviation = 1e-4
 
@@ -64,8 +64,8 @@ class InitialDeviation:
     yaw: Deviation = 0.0
     velocity: Deviation = 0.1
     position: Deviation = 0.0
-    gyro_bias: Deviation = 0.01
-    accelerometer_bias: Deviation = 0.05
+    gyro_bias: Deviation = 0.005
+    accelerometer_bias: Deviation = 0.03
 
 
 class _Memory(Block):
@@ -369,7 +369,32 @@ def _innovate(address: int, contact: int) -> float:
     for i in range(3):
         for k in range(3):
             S[i, k] += m.W[at + i, k] - m.W[6 + i, k]
-    if not _invert(S, m.S[1]):
+    return _distance(m)
+
+
+@compiled
+def _innovate_bias(address: int) -> float:
+    """How far the gyro's bias is from what `offset` says of it, with the covariance `spread`.
+
+    Returns:
+        The square of the Mahalanobis distance, as `_innovate`.
+    """
+    m = view(_Memory, address)
+    at = len(m.P) - 6
+    for k in range(3):
+        m.r[k] = m.offset[k] - m.bias[0, k]
+        for i in range(len(m.P)):
+            m.W[i, k] = m.P[i, at + k]
+        for i in range(3):
+            m.S[0, i, k] = m.P[at + i, at + k] + m.spread[i, k]
+    return _distance(m)
+
+
+@part
+def _distance(m: _Memory) -> float:
+    """r^T S^-1 r, NaN where S is singular; the inverse stays in `S[1]`."""
+    r = m.r
+    if not _invert(m.S[0], m.S[1]):
         return math.nan
     x, y, z = turn(m.S[1], r[0], r[1], r[2])
     return r[0] * x + r[1] * y + r[2] * z
@@ -377,7 +402,7 @@ def _innovate(address: int, contact: int) -> float:
 
 @compiled
 def _correct(address: int) -> None:
-    """Applies the correction of the last `_innovate`: X <- exp(K r) X, biases += K r.
+    """Applies the correction of the last innovation: X <- exp(K r) X, biases += K r.
 
     The covariance as P - K W^T - W K^T + K S K^T, Joseph's form, which stays positive.
     """
@@ -581,8 +606,27 @@ class InvariantFilter:
         m.offset[:], m.spread[:] = offset, spread
         return _innovate(m.address, contact)
 
+    def innovate_bias(
+        self, bias: Float64[np.ndarray, "3"], spread: Float64[np.ndarray, "3 3"]
+    ) -> float:
+        """Compares the gyro's bias with what is known of it otherwise.
+
+        Where a foot at rest does not turn, the kinematics say how the unit turns, and the gyro's
+        reading less that is its bias. Without this the bias about the vertical hides behind yaw.
+
+        Args:
+            bias: as known, along the unit's axes [rad/s].
+            spread: covariance of that [rad^2/s^2].
+
+        Returns:
+            The square of the Mahalanobis distance, as `innovate`.
+        """
+        m = self._memory
+        m.offset[:], m.spread[:] = bias, spread
+        return _innovate_bias(m.address)
+
     def correct(self) -> None:
-        """Corrects the state by what `innovate` found last."""
+        """Corrects the state by the innovation that was asked for last."""
         _correct(self._memory.address)
 
     def loosen(self, *, tilt: float = 0.0, velocity: float = 0.0) -> None:
@@ -629,6 +673,7 @@ class InvariantFilter:
         self.propagate(at, at, 1e-3)
         self.hold(0, at, spread)
         self.innovate(0, at, spread)
+        self.innovate_bias(at, spread)
         self.correct()
         self.release(0)
         _ = self.sound

@@ -10,7 +10,7 @@ from poise._compiled import compiled
 from poise.dynamics import Frames, Motion, column_at, frames_of, motion_of
 from poise.robots import Robot
 
-_POINT, _SPEED, _SPREAD, _NUMBERS = 0, 3, 6, 15
+_POINT, _SPEED, _SPREAD, _NUMBERS = 0, 3, 9, 27
 """Where a sole's numbers begin in what `_see` fills, and how many they are."""
 
 
@@ -20,12 +20,16 @@ class SeenSole(NamedTuple):
     Attributes:
         offset: from the unit, along its axes [m].
         speed: of the sole against the base by the joints' velocities, along the same axes [m/s].
-        spread: J J^T of that Jacobian: a variance of the joints' angles becomes one of the offset.
+        turning: its angular velocity, likewise [rad/s].
+        spread: J J^T of the speed: a variance of the joints' angles becomes one of the offset.
+        turning_spread: J J^T of the turning.
     """
 
     offset: Float64[np.ndarray, "3"]
     speed: Float64[np.ndarray, "3"]
+    turning: Float64[np.ndarray, "3"]
     spread: Float64[np.ndarray, "3 3"]
+    turning_spread: Float64[np.ndarray, "3 3"]
 
 
 class SoleKinematics:
@@ -51,7 +55,13 @@ class SoleKinematics:
         self._q[:7] = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0
         self._seen = np.zeros((len(robot.soles), _NUMBERS))
         self.soles = [
-            SeenSole(row[_POINT:_SPEED], row[_SPEED:_SPREAD], row[_SPREAD:].reshape(3, 3))
+            SeenSole(
+                row[_POINT:_SPEED],
+                row[_SPEED : _SPEED + 3],
+                row[_SPEED + 3 : _SPREAD],
+                row[_SPREAD : _SPREAD + 9].reshape(3, 3),
+                row[_SPREAD + 9 :].reshape(3, 3),
+            )
             for row in self._seen
         ]
         self.look(self._q[7:], self._v[6:])
@@ -75,9 +85,9 @@ def _see(
     v: Float64[np.ndarray, " nv"],
     R: Float64[np.ndarray, "3 3"],
     p: Float64[np.ndarray, "3"],
-    seen: Float64[np.ndarray, "soles 15"],
+    seen: Float64[np.ndarray, "soles 27"],
 ) -> None:
-    """Position, velocity and J J^T of each frame, along the axes of R, about p.
+    """Position, velocities and J J^T of each frame, along the axes of R, about p.
 
     Args:
         motion: of the joints, with the base at the origin.
@@ -101,10 +111,14 @@ def _see(
             column = frames.columns[k]
             if column < 6:
                 continue
-            jx, jy, jz, _, _, _ = column_at(motion, column, x, y, z)
+            jx, jy, jz, wx, wy, wz = column_at(motion, column, x, y, z)
             for i in range(3):
                 a = R[0, i] * jx + R[1, i] * jy + R[2, i] * jz
+                w = R[0, i] * wx + R[1, i] * wy + R[2, i] * wz
                 out[_SPEED + i] += a * v[column]
+                out[_SPEED + 3 + i] += w * v[column]
                 for j in range(3):
                     b = R[0, j] * jx + R[1, j] * jy + R[2, j] * jz
+                    u = R[0, j] * wx + R[1, j] * wy + R[2, j] * wz
                     out[_SPREAD + 3 * i + j] += a * b
+                    out[_SPREAD + 9 + 3 * i + j] += w * u

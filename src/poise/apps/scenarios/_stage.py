@@ -8,6 +8,7 @@ from poise.apps.scenarios._checks import validate_checks
 from poise.apps.scenarios._controllers import cast_of, strategy_of, with_actuation
 from poise.apps.scenarios._scenario import Scenario
 from poise.control import Controller
+from poise.estimation import StateEstimator
 from poise.robots import Robot, load_robot
 from poise.sim import Estimator, Plant, Push
 from poise.stack import Leader
@@ -49,6 +50,9 @@ def stage_scenario(scenario: Scenario) -> Stage:
     robot = load_robot(scenario.robot)
     cast = cast_of(scenario, robot)
     validate_checks(scenario.checks, cast.leader.stack, robot)
+    estimator = cast.estimator
+    if estimator is None and not scenario.ground_truth:
+        estimator = StateEstimator(robot, q_start=cast.q_start)
     blocks = scenario.plant.blocks + cast.blocks
     scenario = replace(scenario, plant=replace(scenario.plant, blocks=blocks))
     plant = Plant(robot, scenario.plant, seed=scenario.seed)
@@ -63,7 +67,7 @@ def stage_scenario(scenario: Scenario) -> Stage:
         plant=plant,
         controller=cast.controller,
         leader=cast.leader,
-        estimator=cast.estimator,
+        estimator=estimator,
         pushes=pushes,
     )
 
