@@ -14,6 +14,7 @@ from poise._schema import Bounds, Duration, Positive, Ratio, Seconds, Text, chec
 from poise.dynamics import RobotState, SensorReadings
 from poise.errors import ConfigurationError
 from poise.estimation._filter import Deviation, ImuNoise, InitialDeviation, InvariantFilter
+from poise.estimation._group import hat
 from poise.estimation._momentum import MomentumObserver
 from poise.estimation._soles import SeenSole, SoleKinematics
 from poise.robots import GRAVITY, Robot
@@ -173,12 +174,15 @@ class StateEstimator:
         self.config = config = config if config is not None else EstimatorConfig()
         self._robot, self._names = robot, tuple(robot.soles)
         self._base_R_unit, self._base_p_unit = _mounting(robot, config.imu)
+        # The base's velocity against the unit's: omega x (-p) = hat(p) omega.
+        self._lever = hat(self._base_p_unit)
         self._q_start = np.array(robot.q_home if q_start is None else q_start)
         self._kinematics = SoleKinematics(robot, self._base_R_unit, self._base_p_unit)
         self._observer = MomentumObserver(robot)
         self._weight = robot.weight
         self.filter = InvariantFilter(len(self._names), config.noise)
         self._walks = np.zeros(len(self._names))
+        self._point = config.point**2 * np.eye(3)
         self.reset()
 
     def reset(self) -> None:
@@ -284,14 +288,13 @@ class StateEstimator:
         self._wrenches = self._contact_wrenches(state, reading, dt)
         rate = reading.angular_velocity - self.filter.gyro_bias
         variance = self.config.encoder**2
-        point = self.config.point**2 * np.eye(3)
         for contact, (name, sole) in enumerate(
             zip(self._names, self._kinematics.soles, strict=True)
         ):
             pressed = self._pressed(name)
             probability = pressed * self._resting(sole, rate)
             self.probability[name] = probability
-            spread = variance * sole.spread + point
+            spread = variance * sole.spread + self._point
             if not self.filter.held[contact]:
                 if pressed > self.config.contact.begin:
                     self.filter.hold(contact, sole.offset, spread)
@@ -380,14 +383,14 @@ class StateEstimator:
 
     def _answer(self, state: RobotState) -> RobotState:
         """The estimate in Poise's conventions: the base's velocity in the base's own frame."""
-        f, base_R_unit, lever = self.filter, self._base_R_unit, self._base_p_unit
+        f, base_R_unit = self.filter, self._base_R_unit
         world_R_base = f.rotation @ base_R_unit.T
         q, v = state.q.copy(), state.v.copy()
-        q[:3] = f.position - world_R_base @ lever
+        q[:3] = f.position - world_R_base @ self._base_p_unit
         q[3:7] = pin.Quaternion(world_R_base).coeffs()
         assert self._reading is not None
         v[3:6] = base_R_unit @ (self._reading.angular_velocity - f.gyro_bias)
-        v[:3] = world_R_base.T @ f.velocity - np.cross(v[3:6], lever)
+        v[:3] = world_R_base.T @ f.velocity + self._lever @ v[3:6]
         if self._speeds is not None:
             v[6:] = self._speeds
         self._last_position = f.position[:2].copy()
