@@ -23,7 +23,8 @@ class Path:
     The start of the filter is drawn about the truth with `START`.
     """
 
-    def __init__(self, seed):
+    def __init__(self, seed, noise=NOISE, walk=WALK):
+        self.noise, self.walk = noise, walk
         self.rng = rng = np.random.default_rng(seed)
         self.R = gamma(0, np.array([0.05, -0.03, 0.4]))
         self.v, self.p = np.zeros(3), np.array([0.3, -0.2, 0.8])
@@ -34,7 +35,7 @@ class Path:
         self.time, self.standing = 0.0, [True, True]
 
     def filter(self, deviation=START):
-        f = InvariantFilter(2, NOISE)
+        f = InvariantFilter(2, self.noise)
         rng = self.rng
         spread = [deviation.tilt, deviation.tilt, deviation.yaw, *[deviation.velocity] * 3]
         xi = np.concatenate([spread * rng.standard_normal(6), np.zeros(3)])
@@ -61,14 +62,16 @@ class Path:
         self.p = self.p + DT * self.v + DT**2 * (self.R @ gamma(2, delta) @ force + 0.5 * g)
         self.v = self.v + DT * (self.R @ gamma(1, delta) @ force + g)
         self.R = self.R @ gamma(0, delta)
-        self.points = self.points + WALK * root * rng.standard_normal((2, 3))
+        self.points = self.points + self.walk * root * rng.standard_normal((2, 3))
         self.time += DT
         measured = (
-            rate + self.gyro_bias + NOISE.gyro / root * rng.standard_normal(3),
-            force + self.force_bias + NOISE.accelerometer / root * rng.standard_normal(3),
+            rate + self.gyro_bias + self.noise.gyro / root * rng.standard_normal(3),
+            force + self.force_bias + self.noise.accelerometer / root * rng.standard_normal(3),
         )
-        self.gyro_bias = self.gyro_bias + NOISE.gyro_bias * root * rng.standard_normal(3)
-        self.force_bias = self.force_bias + NOISE.accelerometer_bias * root * rng.standard_normal(3)
+        self.gyro_bias = self.gyro_bias + self.noise.gyro_bias * root * rng.standard_normal(3)
+        self.force_bias = (
+            self.force_bias + self.noise.accelerometer_bias * root * rng.standard_normal(3)
+        )
         return measured
 
     def seen(self, foot):
@@ -103,7 +106,7 @@ def drive(f, path, ticks):
                 f.release(foot)
             path.standing[foot] = stands
         rate, force = path.step()
-        f.propagate(rate, force, DT, WALK)
+        f.propagate(rate, force, DT, path.walk)
         for foot in range(2):
             if path.standing[foot]:
                 f.innovate(foot, path.seen(foot), POINT**2 * np.eye(3))

@@ -130,6 +130,13 @@ _CALIBRATING = 20
 _LARGEST = 1e6
 """Larger numbers are no robot's; their squares overflow."""
 
+_FASTEST_TURN, _HARDEST_SHOCK = 100.0, 500.0
+"""No unit on a robot measures more [rad/s, m/s^2]; one that says so says nothing."""
+
+_LOST_TIME, _LOST_SPEED = 0.1, 1.0
+"""Where no sole in contact fits the estimate for so long [s], it is the estimate that is wrong, and
+each tick makes its velocity less sure by so much [m/s]."""
+
 _JUMP_TILT, _JUMP_SPEED = 0.05, 0.5
 """How far a robot may have tipped [rad] and sped up [m/s] while nobody looked."""
 
@@ -192,6 +199,7 @@ class StateEstimator:
         self.status = EstimatorStatus.OK
         self.probability = dict.fromkeys(self._names, 0.0)
         self._slip_end = dict.fromkeys(self._names, -math.inf)
+        self._fitted = -math.inf
         self._speeds: Float64[np.ndarray, " nj"] | None = None
         self._last: RobotState | None = None
         self._reading: SensorReadings | None = None
@@ -221,6 +229,7 @@ class StateEstimator:
         calibrated = len(used) >= _CALIBRATING
         self._begin(used[-1], world_R_base, bias if calibrated else None)
         self._reading, self._time = readings[-1], used[-1].time
+        self._fitted = self._time
 
     def update(self, state: RobotState) -> RobotState:
         """The state with its base as estimated.
@@ -280,7 +289,7 @@ class StateEstimator:
             self.filter.release(contact)
         self.filter.loosen(tilt=_JUMP_TILT, velocity=_JUMP_SPEED)
         self._slip_end = dict.fromkeys(self._names, -math.inf)
-        self._time = time
+        self._time = self._fitted = time
         self._observer.reset()
 
     def _contacts(self, state: RobotState, reading: SensorReadings, dt: float) -> None:
@@ -305,8 +314,12 @@ class StateEstimator:
                 if probability > _CERTAIN and reading is state.readings:
                     self._correct_bias(sole, reading, dt)
             self._walks[contact] = self._walk(name, probability)
-        if self.status is EstimatorStatus.OK and not self.filter.held.any():
-            self.status = EstimatorStatus.FLYING
+        if not self.filter.held.any():
+            self._fitted = self._time
+            if self.status is EstimatorStatus.OK:
+                self.status = EstimatorStatus.FLYING
+        elif self._time - self._fitted > _LOST_TIME:
+            self.filter.loosen(velocity=_LOST_SPEED)
 
     def _correct(
         self, contact: int, name: str, sole: SeenSole, spread: Float64[np.ndarray, "3 3"]
@@ -315,6 +328,7 @@ class StateEstimator:
         distance = self.filter.innovate(contact, sole.offset, spread)
         if distance <= self.config.contact.gate:
             self.filter.correct()
+            self._fitted = self._time
         else:
             self._slip_end[name] = self._time + self.config.contact.slip_time
             self.filter.hold(contact, sole.offset, spread)
@@ -439,10 +453,11 @@ def _usable_reading(reading: SensorReadings | None) -> bool:
     if reading is None:
         return False
     rate, force = reading.angular_velocity, reading.specific_force
-    total = (
-        float(np.abs(rate).sum() + np.abs(force).sum()) if rate.shape == force.shape else math.nan
-    )
-    return rate.shape == (3,) and total <= _LARGEST
+    if rate.shape != (3,) or force.shape != (3,):
+        return False
+    # Written so that NaN fails.
+    turn, shock = math.hypot(*rate.tolist()), math.hypot(*force.tolist())
+    return turn <= _FASTEST_TURN and shock <= _HARDEST_SHOCK
 
 
 def _logistic(x: float) -> float:
