@@ -131,20 +131,23 @@ def _walk_findings(robot: str, outcomes: Sequence[Outcome]) -> list[Finding]:
 
 
 def _hard_findings(what: str, outcomes: Sequence[Outcome]) -> list[Finding]:
-    """Survived: no fall, and a velocity that a controller can use."""
-    worst = _worst_of(outcomes)
+    """Survived: a velocity that a controller can use, and no fall where the floor carries one.
+
+    On a floor with less friction than the controller believes robots fall with the truth, too.
+    """
     robots = ", ".join(
         f"{o.trial.robot} {'fell after' if o.fell else 'walked'} {o.way:.1f} m, "
         f"soles slipped {o.slipped:.2f} m"
         for o in outcomes
     )
-    falls = sum(o.fell for o in outcomes)
-    return [
-        Finding(name=f"{what}: falls", paper=0, ours=falls, ok=falls == 0, note=robots),
-        _bounded(
-            f"{what}: velocity error, rms", worst(lambda o: o.velocity_rms), VELOCITY, "m/s", robots
-        ),
-    ]
+    velocity = max(o.velocity_rms for o in outcomes)
+    found = [_bounded(f"{what}: velocity error, rms", velocity, VELOCITY, "m/s", robots)]
+    if all(o.trial.friction >= 1.0 for o in outcomes):
+        falls = sum(o.fell for o in outcomes)
+        found.append(
+            Finding(name=f"{what}: falls", paper=0, ours=falls, ok=falls == 0, note=robots)
+        )
+    return found
 
 
 def _worst_of(outcomes: Sequence[Outcome]) -> Callable[[Callable[[Outcome], float]], float]:

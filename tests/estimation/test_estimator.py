@@ -191,7 +191,7 @@ def test_a_unit_mounted_elsewhere_gives_the_same_base(get_robot):
     assert np.linalg.norm(p) > 0.03
     truths = swaying(robot)
     spins = np.array([t.v[3:6] for t in truths])
-    turning = np.gradient(spins, PERIOD, axis=0)
+    turning = np.diff(spins, axis=0, prepend=spins[:1]) / PERIOD
     estimator = StateEstimator(robot, EstimatorConfig(imu="imu_in_pelvis"), q_start=truths[0].q)
     estimates = []
     for truth, w, dw in zip(truths, spins, turning, strict=True):

@@ -133,9 +133,9 @@ _LARGEST = 1e6
 _FASTEST_TURN, _HARDEST_SHOCK = 100.0, 500.0
 """No unit on a robot measures more [rad/s, m/s^2]; one that says so says nothing."""
 
-_LOST_TIME, _LOST_SPEED = 0.1, 1.0
-"""Where no sole in contact fits the estimate for so long [s], it is the estimate that is wrong, and
-each tick makes its velocity less sure by so much [m/s]."""
+_LOST_TIME, _LOST_SPEED = 0.3, 2.0
+"""Where all soles in contact seem to move for so long [s], it is rather the estimate that is wrong,
+and its velocity becomes less sure from then on, by so much [m/s/sqrt(Hz)]."""
 
 _JUMP_TILT, _JUMP_SPEED = 0.05, 0.5
 """How far a robot may have tipped [rad] and sped up [m/s] while nobody looked."""
@@ -319,7 +319,7 @@ class StateEstimator:
             if self.status is EstimatorStatus.OK:
                 self.status = EstimatorStatus.FLYING
         elif self._time - self._fitted > _LOST_TIME:
-            self.filter.loosen(velocity=_LOST_SPEED)
+            self.filter.loosen(velocity=_LOST_SPEED * math.sqrt(dt))
 
     def _correct(
         self, contact: int, name: str, sole: SeenSole, spread: Float64[np.ndarray, "3 3"]
@@ -328,7 +328,8 @@ class StateEstimator:
         distance = self.filter.innovate(contact, sole.offset, spread)
         if distance <= self.config.contact.gate:
             self.filter.correct()
-            self._fitted = self._time
+            if self.probability[name] > self.config.contact.end:
+                self._fitted = self._time
         else:
             self._slip_end[name] = self._time + self.config.contact.slip_time
             self.filter.hold(contact, sole.offset, spread)
