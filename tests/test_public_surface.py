@@ -16,8 +16,8 @@ MOST_NAMES = 109
 """What there is now; a new public name takes the place of another, or says why it is needed.
 
 The last six: the state estimator with its configuration and status, its two parts that are of use
-alone, and what a state carries for it. The three before: a campaign from a program, workers for whoever runs anything else many times, and
-the bad operator, whom scenarios and studies share.
+alone, and what a state carries for it. The three before: a campaign from a program, workers for
+whoever runs anything else many times, and the bad operator, whom scenarios and studies share.
 """
 
 
