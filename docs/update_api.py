@@ -11,6 +11,7 @@ PAGE = Path(__file__).with_name("api.md")
 MODULES = (
     "poise",
     "poise.stack",
+    "poise.estimation",
     "poise.control",
     "poise.locomotion",
     "poise.sim",

@@ -216,6 +216,7 @@ _MODULES = {
     "bad-operator": "studies.bad_operator",
     "campaigns": "studies.campaigns",
     "strangers": "studies.strangers",
+    "locomotion": "studies.locomotion",
 }
 """Where each study's `PLAN` is."""
 

@@ -18,7 +18,7 @@ FLOORS = (
     {"_show"},
     {"robots", "hqp"},
     {"dynamics"},
-    {"stack"},
+    {"stack", "estimation"},
     {"control"},
     {"locomotion", "sim"},
     {"apps"},

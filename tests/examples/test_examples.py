@@ -25,6 +25,7 @@ SHORT = {
     "12_batch.py": ["--count", "400"],
     "13_own_mujoco_loop.py": ["--seconds", "0.2"],
     "14_coming_from.py": [],
+    "15_state_estimation.py": ["--seconds", "0.8"],
 }
 
 
@@ -57,6 +58,11 @@ def test_stand_prints_each_task_with_its_level_and_a_small_error(run, get_robot,
     assert numbers(r"3  com +(\S+) m ", printed)[0] < 1e-4
     assert numbers(r"4  right_hand pose +(\S+) m, rad", printed)[0] < 1e-4
     assert re.search(r"5  posture", printed)
+
+
+def test_the_estimated_base_is_that_of_the_truth(run):
+    printed = run("15_state_estimation.py")
+    assert numbers(r"within (\S+) mm/s", printed)[0] < 30.0
 
 
 def test_a_batch_says_what_hands_at_rest_cost(run):

@@ -4,7 +4,12 @@ from poise.dynamics._chain_coordinates import (
     ChainFactors as ChainFactors,
     from_coordinates as from_coordinates,
 )
-from poise.dynamics._dynamics import Dynamics, FrameKinematics as FrameKinematics, RobotState
+from poise.dynamics._dynamics import (
+    Dynamics,
+    FrameKinematics as FrameKinematics,
+    RobotState,
+    SensorReadings,
+)
 from poise.dynamics._motion import (
     BIAS as BIAS,
     KINEMATICS as KINEMATICS,
@@ -43,5 +48,6 @@ __all__ = [
     "Partitions",
     "ReducedDynamics",
     "RobotState",
+    "SensorReadings",
     "least_jerk",
 ]

@@ -1,6 +1,7 @@
 """`Dynamics`: everything about one state of a robot, computed once a tick.
 
 `RobotState`: the one thing a controller is told each tick.
+`SensorReadings`: what a robot's sensors say besides, for estimators.
 `FrameKinematics`: where one frame is, how it moves, and how it answers to joint acceleration.
 """
 
@@ -28,6 +29,20 @@ from poise.robots import Robot
 
 _NUMBER = np.dtype(np.float64)
 
+class SensorReadings(NamedTuple):
+    """What a robot's sensors say besides its joints and soles, for an estimator.
+
+    Attributes:
+        angular_velocity: of the inertial unit, along its own axes [rad/s].
+        specific_force: acceleration less gravity, along the same axes: upwards where it stands
+            still; a mean since the last reading is better than a sample [m/s^2].
+        torque: of the joints' motors, empty where it is not measured [N m].
+    """
+
+    angular_velocity: Float64[np.ndarray, "3"]
+    specific_force: Float64[np.ndarray, "3"]
+    torque: Float64[np.ndarray, " nj"]
+
 
 @dataclass(frozen=True, slots=True, init=False)
 class RobotState:
@@ -44,12 +59,14 @@ class RobotState:
         contacts: measured wrench [force; moment] on the robot by sole name, in the sole's frame at
             the sole's centre [N, N m]; empty where nothing is measured.
         time: time of the measurement [s].
+        readings: of sensors that only an estimator needs; None where there are none.
     """
 
     q: Float64[np.ndarray, " nq"]
     v: Float64[np.ndarray, " nv"]
     contacts: Mapping[str, Float64[np.ndarray, "6"]] = field(default_factory=dict)
     time: float = 0.0
+    readings: SensorReadings | None = None
 
     def __init__(
         self,
@@ -57,12 +74,14 @@ class RobotState:
         v: Numbers,
         contacts: Mapping[str, Float64[np.ndarray, "6"]] | None = None,
         time: float | np.generic = 0.0,
+        readings: SensorReadings | None = None,
     ) -> None:
         take = object.__setattr__
         take(self, "q", _as_numbers(q))
         take(self, "v", _as_numbers(v))
         take(self, "contacts", {} if contacts is None else contacts)
         take(self, "time", time.item() if isinstance(time, np.generic) else time)
+        take(self, "readings", readings)
 
 
 def _as_numbers(value: Numbers) -> Numbers:

@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float64
 
 from poise._show import html_table
 from poise.control import Command
-from poise.dynamics import RobotState
+from poise.dynamics import RobotState, SensorReadings
 from poise.errors import RobotError, TargetError
 from poise.robots import Robot
 from poise.sim._actuators import Actuators
@@ -18,6 +18,7 @@ from poise.sim._build import build_model
 from poise.sim._config import PlantConfig
 from poise.sim._disturbances import Push
 from poise.sim._forces import PushSchedule, SoleForces
+from poise.sim._imu import InertialUnit
 from poise.sim._mapping import StateMap
 from poise.sim._rest import find_rest
 from poise.sim._sensors import Sensors
@@ -76,6 +77,7 @@ class Plant:
         self._pushes = PushSchedule(robot, self.model)
         self._actuators = Actuators(robot, self.config)
         self._sensors = self._make_sensors(seed)
+        self._unit = InertialUnit()
         self._pelvis = self.model.site(robot.pelvis).id
         self.reset()
         self._home_height = float(self.data.site_xpos[self._pelvis, 2])
@@ -114,6 +116,7 @@ class Plant:
         self.data.qpos[:] = self.map.qpos(q)
         self.data.qvel[:] = self.map.qvel(q, v)
         self.data.ctrl[:] = self._actuators.reset(q[-self.robot.nj :], self._settle(v))
+        self._unit.reset()
         mujoco.mj_forward(self.model, self.data)
         self._truth: RobotState | None = None
         self._forces_known = False
@@ -173,7 +176,10 @@ class Plant:
             self._truth = self._read_state()
         truth = self._truth
         contacts = {name: wrench.copy() for name, wrench in truth.contacts.items()}
-        return RobotState(truth.q.copy(), truth.v.copy(), contacts, truth.time)
+        readings = truth.readings
+        if readings is not None:
+            readings = SensorReadings(*(reading.copy() for reading in readings))
+        return RobotState(truth.q.copy(), truth.v.copy(), contacts, truth.time, readings)
 
     def step(
         self,
@@ -335,12 +341,11 @@ class Plant:
 
     def _read_state(self) -> RobotState:
         qpos, qvel = self.data.qpos, self.data.qvel
-        return RobotState(
-            q=self.map.q(qpos),
-            v=self.map.v(qpos, qvel),
-            contacts=self._forces().in_soles,
-            time=self.time,
-        )
+        q, v, readings = self.map.q(qpos), self.map.v(qpos, qvel), None
+        if self.robot.floating_base:
+            unit = self._unit.read(qpos, qvel, self.time)
+            readings = SensorReadings(*unit, torque=self.applied_torque)
+        return RobotState(q, v, self._forces().in_soles, self.time, readings)
 
     def _forces(self) -> SoleForces:
         """The forces of the last physics step, looked at once."""

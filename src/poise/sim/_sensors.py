@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from poise._schema import Bounds, Seconds, checked
-from poise.dynamics import RobotState
+from poise.dynamics import RobotState, SensorReadings
 
 Deviation = Annotated[float, Bounds(least=0.0, most=1e6)]
 """A standard deviation or a resolution, in the unit of what is measured."""
@@ -32,6 +32,11 @@ class SensorConfig:
         gyro_noise: noise of the base angular velocity [rad/s].
         force_noise: noise of the sole forces [N].
         moment_noise: noise of the sole moments [N m].
+        accelerometer_noise: noise of the specific force that an estimator reads [m/s^2].
+        accelerometer_bias: its constant error, drawn once an axis with this deviation [m/s^2].
+        gyro_bias: constant error of the angular velocity that an estimator reads, drawn likewise;
+            `v` is without it, as a unit that knows its own bias gives it [rad/s].
+        torque_noise: noise of the motors' torques that an estimator reads [N m].
         delay: age of everything measured [s], a multiple of the control period.
     """
 
@@ -44,6 +49,10 @@ class SensorConfig:
     gyro_noise: Deviation = 0.0
     force_noise: Deviation = 0.0
     moment_noise: Deviation = 0.0
+    accelerometer_noise: Deviation = 0.0
+    accelerometer_bias: Deviation = 0.0
+    gyro_bias: Deviation = 0.0
+    torque_noise: Deviation = 0.0
     delay: Seconds = 0.0
 
     @classmethod
@@ -56,6 +65,9 @@ class SensorConfig:
             gyro_noise=5e-3,
             force_noise=2.0,
             moment_noise=0.3,
+            accelerometer_noise=0.05,
+            accelerometer_bias=0.03,
+            gyro_bias=2e-3,
         )
 
     @property
@@ -84,13 +96,21 @@ class Sensors:
         self._floating = base_dofs == 6
         self._seed = seed
         self._buffer: deque[RobotState] = deque(maxlen=delay_ticks + 1)
-        self._rng = np.random.default_rng(seed)
+        self._restart()
 
     def reset(self, state: RobotState) -> RobotState:
         """Forget the past, restart the noise from its seed, and measure."""
-        self._rng = np.random.default_rng(self._seed)
+        self._restart()
         self._buffer.clear()
         return self.measure(state)
+
+    def _restart(self) -> None:
+        self._rng = np.random.default_rng(self._seed)
+        # Numbers of their own: what a controller is told does not depend on what only an
+        # estimator reads.
+        self._unit_rng = np.random.default_rng((self._seed, 1))
+        self._gyro_bias = self._config.gyro_bias * self._unit_rng.standard_normal(3)
+        self._force_bias = self._config.accelerometer_bias * self._unit_rng.standard_normal(3)
 
     def measure(self, state: RobotState) -> RobotState:
         """Measure the true state of this control period.
@@ -116,7 +136,20 @@ class Sensors:
             joints_q[:] = c.encoder_resolution * np.round(joints_q / c.encoder_resolution)
         spread = np.repeat([c.force_noise, c.moment_noise], 3)
         contacts = {n: w + spread * rng.standard_normal(6) for n, w in state.contacts.items()}
-        return RobotState(q=q, v=v, contacts=contacts, time=state.time)
+        readings = None if state.readings is None else self._corrupt_readings(state.readings, v)
+        return RobotState(q=q, v=v, contacts=contacts, time=state.time, readings=readings)
+
+    def _corrupt_readings(
+        self, true: SensorReadings, v: Float64[np.ndarray, " nv"]
+    ) -> SensorReadings:
+        """One gyro has one noise: that of the angular velocity in `v`."""
+        c, rng = self._config, self._unit_rng
+        force = true.specific_force + self._force_bias
+        return SensorReadings(
+            v[3:6] + self._gyro_bias,
+            force + c.accelerometer_noise * rng.standard_normal(3),
+            true.torque + c.torque_noise * rng.standard_normal(true.torque.size),
+        )
 
 
 def _perturb(

@@ -20,6 +20,7 @@ from poise._schema import (
     Seconds,
     Text,
     Triple,
+    Truth,
     Vector,
     checked,
 )
@@ -341,6 +342,9 @@ class Scenario:
         duration: how long it lasts [s].
         seed: seed of everything random.
         plant: the plant.
+        ground_truth: whether controller and leader are told the base's pose and velocity as the
+            plant measures them, which no robot can; else they are estimated. A robot that is walked
+            by hand has an estimator of its own either way.
         actuation_given: whether the plant's actuation was asked for by name; where it was not, the
             controller's own is taken.
         stack: contacts, limits and tasks; None for the default stack of the robot.
@@ -365,6 +369,7 @@ class Scenario:
     duration: Duration
     seed: Annotated[int, Bounds(least=0.0, whole=True)] = 0
     plant: PlantConfig = field(default_factory=PlantConfig)
+    ground_truth: Truth = True
     actuation_given: bool = field(default=True, metadata=NOT_IN_FILES)
     stack: StackPlan | None = None
     devices: DevicePlan | None = None

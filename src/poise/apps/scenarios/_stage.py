@@ -9,6 +9,7 @@ from poise.apps.scenarios._controllers import cast_of, strategy_of, with_actuati
 from poise.apps.scenarios._scenario import Scenario
 from poise.apps.scenarios._size import size_ratio, sized, sized_checks
 from poise.control import Controller
+from poise.estimation import StateEstimator
 from poise.robots import Robot, load_robot
 from poise.sim import Estimator, Plant, Push
 from poise.stack import Leader
@@ -55,6 +56,9 @@ def stage_scenario(scenario: Scenario) -> Stage:
     validate_checks(scenario.checks, cast.leader.stack, robot)
     checks = sized_checks(scenario.checks, cast.leader.stack, ratio)
     scenario = replace(scenario, checks=checks)
+    estimator = cast.estimator
+    if estimator is None and not scenario.ground_truth:
+        estimator = StateEstimator(robot, q_start=cast.q_start)
     blocks = scenario.plant.blocks + cast.blocks
     scenario = replace(scenario, plant=replace(scenario.plant, blocks=blocks))
     plant = Plant(robot, scenario.plant, seed=scenario.seed)
@@ -69,7 +73,7 @@ def stage_scenario(scenario: Scenario) -> Stage:
         plant=plant,
         controller=cast.controller,
         leader=cast.leader,
-        estimator=cast.estimator,
+        estimator=estimator,
         pushes=pushes,
     )
 

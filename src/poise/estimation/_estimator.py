@@ -1,0 +1,503 @@
+"""`StateEstimator`: where the robot is and how fast, from what a robot can measure itself."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from enum import Enum
+from typing import Annotated
+
+import numpy as np
+import pinocchio as pin
+from jaxtyping import Float64
+
+from poise._schema import Bounds, Duration, Positive, Ratio, Seconds, Text, checked
+from poise.dynamics import RobotState, SensorReadings
+from poise.errors import ConfigurationError
+from poise.estimation._filter import Deviation, ImuNoise, InitialDeviation, InvariantFilter
+from poise.estimation._group import hat
+from poise.estimation._momentum import MomentumObserver
+from poise.estimation._soles import SeenSole, SoleKinematics
+from poise.robots import GRAVITY, Robot
+
+
+class EstimatorStatus(Enum):
+    """What an estimate is worth.
+
+    Attributes:
+        OK: everything was measured and used.
+        FLYING: no sole is in contact, so the inertial unit is all there is.
+        NO_IMU: the inertial unit said nothing of use; its last readings stand in.
+        CLOCK_JUMP: time went back, or on by more than `EstimatorConfig.longest_step`; contacts
+            begin anew.
+        BAD_STATE: the measured state is none of this robot; it comes back as it is.
+        RESTARTED: the filter's numbers were no longer sound, and it begins anew.
+    """
+
+    OK = "ok"
+    FLYING = "flying"
+    NO_IMU = "no imu"
+    CLOCK_JUMP = "clock jump"
+    BAD_STATE = "bad state"
+    RESTARTED = "restarted"
+
+    @property
+    def ok(self) -> bool:
+        """Whether nothing was wrong."""
+        return self in (EstimatorStatus.OK, EstimatorStatus.FLYING)
+
+
+@checked()
+@dataclass(frozen=True, kw_only=True)
+class ContactBelief:
+    """When a sole is taken to be in contact, and how firmly.
+
+    The probability of contact is a logistic function of the normal force, times one of the speed
+    that kinematics and estimate give the sole.
+
+    Attributes:
+        load: normal force at which contact is as likely as not, over the robot's weight.
+        load_width: how far from there its odds change by a factor of e, over the weight.
+        begin: probability by force above which contact begins.
+        end: probability by force below which it ends.
+        speed: of the sole, at which rest is as likely as not [m/s].
+        speed_width: how far from there its odds change by a factor of e [m/s].
+        rest: density of the walk of a point in certain contact [m/s/sqrt(Hz)].
+        turn: density of the angular velocity of a sole in certain contact [rad/s/sqrt(Hz)].
+        slip: density of the walk of one that slips, or is in no contact at all [m/s/sqrt(Hz)].
+        gate: square of the Mahalanobis distance beyond which a sole has slipped; one in a thousand
+            at rest is beyond 16.3.
+        slip_time: how long it is then taken to slip on [s].
+    """
+
+    load: Ratio = 0.1
+    load_width: Ratio = 0.02
+    begin: Ratio = 0.7
+    end: Ratio = 0.3
+    speed: Positive = 0.2
+    speed_width: Positive = 0.03
+    rest: Deviation = 3e-3
+    turn: Deviation = 2e-3
+    slip: Deviation = 0.3
+    gate: Positive = 16.3
+    slip_time: Seconds = 0.05
+
+    def __post_init__(self) -> None:
+        if self.end >= self.begin:
+            raise ConfigurationError(
+                "contact would end where it begins",
+                got=(self.end, self.begin),
+                wanted="end < begin",
+            )
+
+
+@checked()
+@dataclass(frozen=True, kw_only=True)
+class EstimatorConfig:
+    """What an estimator believes of a robot's sensors.
+
+    Attributes:
+        imu: frame of the inertial unit, on the base link; the pelvis when None.
+        noise: of the inertial unit.
+        start: how well the first state is known.
+        encoder: deviation of the joints' angles, play and bending included [rad].
+        joint_velocity: deviation of the joints' velocities [rad/s].
+        point: deviation of a sole's centre as a point at rest: it rolls and sinks in [m].
+        contact: when a sole is in contact.
+        joint_bandwidth: cut-off frequency of a first-order low-pass on the joints' velocities [Hz];
+            as measured when None.
+        longest_step: time between two states that is still integrated over [s].
+        ground: height of what the soles stand on at the start [m].
+    """
+
+    imu: Text | None = None
+    noise: ImuNoise = field(default_factory=ImuNoise)
+    start: InitialDeviation = field(default_factory=InitialDeviation)
+    encoder: Deviation = 1e-4
+    joint_velocity: Deviation = 0.02
+    point: Deviation = 5e-4
+    contact: ContactBelief = field(default_factory=ContactBelief)
+    joint_bandwidth: Annotated[float, Bounds(positive=True, most=1e6, unit="Hz")] | None = None
+    longest_step: Duration = 0.05
+    ground: float = 0.0
+
+
+_CERTAIN = 0.95
+"""Probability of contact above which a sole is taken not to turn either."""
+
+_CALIBRATING = 20
+"""As many samples at rest say something of a gyro's bias."""
+
+_LARGEST = 1e6
+"""Larger numbers are no robot's; their squares overflow."""
+
+_FASTEST_TURN, _HARDEST_SHOCK = 100.0, 500.0
+"""No unit on a robot measures more [rad/s, m/s^2]; one that says so says nothing."""
+
+_LOST_TIME, _LOST_SPEED = 0.3, 2.0
+"""Where all soles in contact seem to move for so long [s], it is rather the estimate that is wrong,
+and its velocity becomes less sure from then on, by so much [m/s/sqrt(Hz)]."""
+
+_JUMP_TILT, _JUMP_SPEED = 0.05, 0.5
+"""How far a robot may have tipped [rad] and sped up [m/s] while nobody looked."""
+
+
+class StateEstimator:
+    """Base pose and velocity from inertial unit, encoders and contacts; an estimator of `rollout`.
+
+    An `InvariantFilter` whose contact points are the soles' centres. Of a measured state it reads
+    joints, sole wrenches, time and `readings`, never the base. The first state starts it, at rest,
+    with position and yaw as in `q_start` and the soles on the ground; `start` does that better from
+    a second of standing still. Absolute position and yaw are dead reckoning.
+
+    Where no sole measures a wrench, a `MomentumObserver` estimates them from the motors' torques;
+    where these are not measured either, all soles are taken to be in contact until they move.
+
+    It never raises on numbers; `status` says what was wrong.
+
+    Args:
+        robot: with a floating base and soles.
+        config: what it believes of the sensors.
+        q_start: where the robot begins, of which position and yaw count; its home if not given.
+
+    Attributes:
+        filter: the filter.
+        status: of the last update.
+        probability: of contact, by sole.
+        slipping: the soles that are taken to slip.
+
+    Raises:
+        ConfigurationError: the robot has no floating base or no sole, or the unit is not on the
+            base link.
+        UnknownNameError: no such frame.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        config: EstimatorConfig | None = None,
+        *,
+        q_start: Float64[np.ndarray, " nq"] | None = None,
+    ) -> None:
+        self.config = config = config if config is not None else EstimatorConfig()
+        self._robot, self._names = robot, tuple(robot.soles)
+        self._base_R_unit, self._base_p_unit = _mounting(robot, config.imu)
+        # The base's velocity against the unit's: omega x (-p) = hat(p) omega.
+        self._lever = hat(self._base_p_unit)
+        self._q_start = np.array(robot.q_home if q_start is None else q_start)
+        self._kinematics = SoleKinematics(robot, self._base_R_unit, self._base_p_unit)
+        self._observer = MomentumObserver(robot)
+        self._weight = robot.weight
+        self.filter = InvariantFilter(len(self._names), config.noise)
+        self._walks = np.zeros(len(self._names))
+        self._point = config.point**2 * np.eye(3)
+        self.reset()
+
+    def reset(self) -> None:
+        """Forgets everything; the next state starts it anew."""
+        self._started = False
+        self._time = math.nan
+        self.status = EstimatorStatus.OK
+        self.probability = dict.fromkeys(self._names, 0.0)
+        self._slip_end = dict.fromkeys(self._names, -math.inf)
+        self._fitted = -math.inf
+        self._speeds: Float64[np.ndarray, " nj"] | None = None
+        self._last: RobotState | None = None
+        self._reading: SensorReadings | None = None
+        self._observer.reset()
+
+    @property
+    def slipping(self) -> tuple[str, ...]:
+        """The soles that are taken to slip."""
+        return tuple(name for name in self._names if self._time < self._slip_end[name])
+
+    def start(self, states: Sequence[RobotState]) -> None:
+        """Starts from measurements of the robot standing still.
+
+        The mean specific force says which way is up, and where there are some twenty samples the
+        mean angular velocity is the gyro's bias. Whatever is of no use is passed over.
+
+        Args:
+            states: as measured, the last one being now.
+        """
+        used = [s for s in states if self._is_usable(s) and _usable_reading(s.readings)]
+        if not used:
+            return
+        readings = [s.readings for s in used if s.readings is not None]
+        up = self._base_R_unit @ np.mean([r.specific_force for r in readings], axis=0)
+        world_R_base = _upright(up, _yaw(self._q_start))
+        bias = np.mean([r.angular_velocity for r in readings], axis=0)
+        calibrated = len(used) >= _CALIBRATING
+        self._begin(used[-1], world_R_base, bias if calibrated else None)
+        self._reading, self._time = readings[-1], used[-1].time
+        self._fitted = self._time
+
+    def update(self, state: RobotState) -> RobotState:
+        """The state with its base as estimated.
+
+        Args:
+            state: as measured.
+
+        Returns:
+            `q`, `v` with the joints as measured, the sole wrenches, measured or estimated, and the
+            time of the measurement; the state as it came where it is of no use.
+        """
+        if not self._is_usable(state):
+            self.status = EstimatorStatus.BAD_STATE
+            return state
+        if not self._started:
+            self.start([state])
+            if not self._started:
+                self.status = EstimatorStatus.NO_IMU
+                return state
+        self._advance(state)
+        if not self.filter.sound:
+            self.status = EstimatorStatus.RESTARTED
+            self._begin(state, self._upright_before(), None)
+        return self._answer(state)
+
+    # --- one update ------------------------------------------------------------------------------
+
+    def _advance(self, state: RobotState) -> None:
+        """Takes one measurement into the filter."""
+        dt = state.time - self._time
+        self.status = EstimatorStatus.OK
+        speeds = self._joint_speeds(state.v[6:], dt)
+        self._kinematics.look(state.q[7:], speeds)
+        reading = state.readings if _usable_reading(state.readings) else None
+        if reading is None:
+            self.status, reading = EstimatorStatus.NO_IMU, self._reading
+        if reading is None or dt == 0.0:
+            return
+        if 0.0 < dt <= self.config.longest_step:
+            self._predict(reading, dt)
+            self._time = state.time
+            self._contacts(state, reading, dt)
+        else:
+            self._jump(state.time)
+        self._reading = reading
+
+    def _predict(self, reading: SensorReadings, dt: float) -> None:
+        """The mean rate of a period is that of its two ends; the force is a mean already."""
+        before = reading if self._reading is None else self._reading
+        rate = 0.5 * (before.angular_velocity + reading.angular_velocity)
+        self.filter.propagate(rate, reading.specific_force, dt, self._walks)
+
+    def _jump(self, time: float) -> None:
+        """Nobody knows what happened meanwhile: contacts begin anew, tilt and speed are unsure."""
+        self.status = EstimatorStatus.CLOCK_JUMP
+        for contact in range(len(self._names)):
+            self.filter.release(contact)
+        self.filter.loosen(tilt=_JUMP_TILT, velocity=_JUMP_SPEED)
+        self._slip_end = dict.fromkeys(self._names, -math.inf)
+        self._time = self._fitted = time
+        self._observer.reset()
+
+    def _contacts(self, state: RobotState, reading: SensorReadings, dt: float) -> None:
+        """Contact points come, correct the filter, and go."""
+        self._wrenches = self._contact_wrenches(state, reading, dt)
+        rate = reading.angular_velocity - self.filter.gyro_bias
+        variance = self.config.encoder**2
+        for contact, (name, sole) in enumerate(
+            zip(self._names, self._kinematics.soles, strict=True)
+        ):
+            pressed = self._pressed(name)
+            probability = pressed * self._resting(sole, rate)
+            self.probability[name] = probability
+            spread = variance * sole.spread + self._point
+            if not self.filter.held[contact]:
+                if pressed > self.config.contact.begin:
+                    self.filter.hold(contact, sole.offset, spread)
+            elif pressed < self.config.contact.end:
+                self.filter.release(contact)
+            else:
+                self._correct(contact, name, sole, spread)
+                if probability > _CERTAIN and reading is state.readings:
+                    self._correct_bias(sole, reading, dt)
+            self._walks[contact] = self._walk(name, probability)
+        if not self.filter.held.any():
+            self._fitted = self._time
+            if self.status is EstimatorStatus.OK:
+                self.status = EstimatorStatus.FLYING
+        elif self._time - self._fitted > _LOST_TIME:
+            self.filter.loosen(velocity=_LOST_SPEED * math.sqrt(dt))
+
+    def _correct(
+        self, contact: int, name: str, sole: SeenSole, spread: Float64[np.ndarray, "3 3"]
+    ) -> None:
+        """By a contact point at rest; one that cannot be at rest is put down anew, as slipping."""
+        distance = self.filter.innovate(contact, sole.offset, spread)
+        if distance <= self.config.contact.gate:
+            self.filter.correct()
+            if self.probability[name] > self.config.contact.end:
+                self._fitted = self._time
+        else:
+            self._slip_end[name] = self._time + self.config.contact.slip_time
+            self.filter.hold(contact, sole.offset, spread)
+
+    def _correct_bias(self, sole: SeenSole, reading: SensorReadings, dt: float) -> None:
+        """A sole at rest does not turn, so the kinematics say how the base does."""
+        turn = self.config.contact.turn**2 / dt
+        spread = self.config.joint_velocity**2 * sole.turning_spread + turn * np.eye(3)
+        distance = self.filter.innovate_bias(reading.angular_velocity + sole.turning, spread)
+        if distance <= self.config.contact.gate:
+            self.filter.correct()
+
+    def _walk(self, name: str, probability: float) -> float:
+        """Density of the noise with which a contact point moves."""
+        c = self.config.contact
+        if self._time < self._slip_end[name]:
+            return c.slip
+        return c.rest + (1.0 - probability) * (c.slip - c.rest)
+
+    def _pressed(self, name: str) -> float:
+        """Probability of contact by the normal force."""
+        c, wrench = self.config.contact, self._wrenches.get(name)
+        if wrench is None:
+            return 0.0 if self._wrenches else 1.0
+        return _logistic((float(wrench[2]) / self._weight - c.load) / c.load_width)
+
+    def _resting(self, sole: SeenSole, rate: Float64[np.ndarray, "3"]) -> float:
+        """Probability of rest by the speed that the estimate gives a sole."""
+        c, f = self.config.contact, self.filter
+        x, y, z = sole.offset.tolist()
+        a, b, g = rate.tolist()
+        turned = np.array([b * z - g * y, g * x - a * z, a * y - b * x])
+        velocity = f.velocity + f.rotation @ (sole.speed + turned)
+        return _logistic((c.speed - math.sqrt(float(velocity @ velocity))) / c.speed_width)
+
+    def _contact_wrenches(
+        self, state: RobotState, reading: SensorReadings, dt: float
+    ) -> dict[str, Float64[np.ndarray, "6"]]:
+        """As measured, or else estimated; empty where neither can be."""
+        if state.contacts:
+            return dict(state.contacts)
+        if reading.torque.size != self._robot.nj or self._last is None:
+            return {}
+        self._observer.update(self._last, reading.torque, dt)
+        return self._observer.wrenches
+
+    # --- what goes in and out --------------------------------------------------------------------
+
+    def _begin(
+        self,
+        state: RobotState,
+        world_R_base: Float64[np.ndarray, "3 3"],
+        gyro_bias: Float64[np.ndarray, "3"] | None,
+    ) -> None:
+        """At rest, on the soles."""
+        self._kinematics.look(state.q[7:], state.v[6:])
+        R = world_R_base @ self._base_R_unit
+        position = self._q_start[:3] + world_R_base @ self._base_p_unit
+        lowest = min(float(R[2] @ sole.offset) for sole in self._kinematics.soles)
+        position[2] = self.config.ground - lowest
+        if self._started:
+            position[:2] = self._last_position
+        self.filter.start(R, position, gyro_bias=gyro_bias, deviation=self.config.start)
+        self._started = True
+        self._wrenches: dict[str, Float64[np.ndarray, "6"]] = dict(state.contacts)
+
+    def _answer(self, state: RobotState) -> RobotState:
+        """The estimate in Poise's conventions: the base's velocity in the base's own frame."""
+        f, base_R_unit = self.filter, self._base_R_unit
+        world_R_base = f.rotation @ base_R_unit.T
+        q, v = state.q.copy(), state.v.copy()
+        q[:3] = f.position - world_R_base @ self._base_p_unit
+        q[3:7] = pin.Quaternion(world_R_base).coeffs()
+        assert self._reading is not None
+        v[3:6] = base_R_unit @ (self._reading.angular_velocity - f.gyro_bias)
+        v[:3] = world_R_base.T @ f.velocity + self._lever @ v[3:6]
+        if self._speeds is not None:
+            v[6:] = self._speeds
+        self._last_position = f.position[:2].copy()
+        self._last = RobotState(q, v, self._wrenches, state.time, state.readings)
+        return self._last
+
+    def _joint_speeds(
+        self, measured: Float64[np.ndarray, " nj"], dt: float
+    ) -> Float64[np.ndarray, " nj"]:
+        """The joints' velocities, smoothed where the configuration asks for it."""
+        bandwidth = self.config.joint_bandwidth
+        if bandwidth is None:
+            return measured
+        if self._speeds is None or not 0.0 <= dt <= self.config.longest_step:
+            self._speeds = measured.copy()
+        self._speeds = self._speeds - math.expm1(-2.0 * math.pi * bandwidth * dt) * (
+            measured - self._speeds
+        )
+        return self._speeds
+
+    def _upright_before(self) -> Float64[np.ndarray, "3 3"]:
+        """Orientation of the base in the last estimate that was sound."""
+        q = self._q_start if self._last is None else self._last.q
+        return pin.Quaternion(q[3:7]).toRotationMatrix()
+
+    def _is_usable(self, state: object) -> bool:
+        """Whether joints, their velocities and the time are this robot's and finite."""
+        if not isinstance(state, RobotState) or not _is_time(state.time):
+            return False
+        robot = self._robot
+        return _is_vector(state.q, robot.nq, 7) and _is_vector(state.v, robot.nv, 6)
+
+
+def _is_vector(value: object, size: int, first: int) -> bool:
+    """Whether a vector has a size, and sane numbers from one on; NaN fails every comparison."""
+    if not (isinstance(value, np.ndarray) and value.shape == (size,) and value.dtype == np.float64):
+        return False
+    return bool(np.abs(value[first:]).max(initial=0.0) <= _LARGEST)
+
+
+def _is_time(value: object) -> bool:
+    return isinstance(value, float | int) and math.isfinite(value)
+
+
+def _usable_reading(reading: SensorReadings | None) -> bool:
+    if reading is None:
+        return False
+    rate, force = reading.angular_velocity, reading.specific_force
+    if rate.shape != (3,) or force.shape != (3,):
+        return False
+    # Written so that NaN fails.
+    turn, shock = math.hypot(*rate.tolist()), math.hypot(*force.tolist())
+    return turn <= _FASTEST_TURN and shock <= _HARDEST_SHOCK
+
+
+def _logistic(x: float) -> float:
+    """1 / (1 + exp(-x)) without overflow; zero for NaN."""
+    if not x > -700.0:
+        return 0.0
+    return 1.0 / (1.0 + math.exp(-x))
+
+
+def _yaw(q: Float64[np.ndarray, " nq"]) -> float:
+    x, y, z, w = q[3:7].tolist()
+    return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+
+
+def _upright(up: Float64[np.ndarray, "3"], yaw: float) -> Float64[np.ndarray, "3 3"]:
+    """world_R_body from the body's upward direction, along its axes, and its yaw [rad]."""
+    norm = float(np.linalg.norm(up))
+    z = up / norm if norm > 0.1 * GRAVITY else np.array([0.0, 0.0, 1.0])
+    y = np.array([0.0, z[2], -z[1]])
+    length = float(np.linalg.norm(y))
+    y = y / length if length > 1e-6 else np.array([0.0, 1.0, 0.0])
+    c, s = math.cos(yaw), math.sin(yaw)
+    turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    return turn @ np.array([np.cross(y, z), y, z])
+
+
+def _mounting(
+    robot: Robot, name: str | None
+) -> tuple[Float64[np.ndarray, "3 3"], Float64[np.ndarray, "3"]]:
+    """base_R_unit and the unit's origin in the base."""
+    if not robot.floating_base or not robot.soles:
+        raise ConfigurationError(
+            f"the base of robot {robot.name!r} cannot be estimated",
+            got="no soles" if robot.floating_base else "a fixed base",
+            wanted="a floating base and soles",
+        )
+    frame = robot.model.frames[robot.frame_id(robot.pelvis if name is None else name)]
+    if frame.parentJoint != 1:
+        raise ConfigurationError(
+            "the inertial unit is not on the base link", got=frame.name, wanted="a frame on it"
+        )
+    return frame.placement.rotation.copy(), frame.placement.translation.copy()

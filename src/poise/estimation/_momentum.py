@@ -1,0 +1,94 @@
+"""`MomentumObserver`: forces of the ground from the motors' torques."""
+
+import numpy as np
+import pinocchio as pin
+from jaxtyping import Float64, Int64
+
+from poise.dynamics import RobotState
+from poise.robots import Robot
+
+_DAMPING = 1e-6
+"""Of the least squares for the wrenches, relative to the largest entry of its matrix: a stretched
+knee says nothing of the force along the leg, the base then does."""
+
+
+class MomentumObserver:
+    """The generalised force that a robot's motors do not explain, and the soles' part in it.
+
+    With the generalised momentum p = M v, and Mdot = C + C^T,
+
+        p' = S^T tau + C^T v - g + disturbance
+        r = K (p - integral of (S^T tau + C^T v - g + r))
+
+    so r follows the disturbance with a lag of 1 / K and without accelerations (De Luca and Mattone
+    2003, "Actuator failure detection and isolation using generalized momenta"). The soles' wrenches
+    are those that explain the rows of base and legs best: sum J_i^T F_i = r.
+
+    Args:
+        robot: with a floating base.
+        gain: K [1/s].
+
+    Attributes:
+        disturbance: r [N, N m].
+        wrenches: by sole, [force; moment] on the robot, in the sole's frame [N, N m].
+    """
+
+    def __init__(self, robot: Robot, gain: float = 150.0) -> None:
+        self._model, self._data = robot.model, robot.model.createData()
+        self._gain = gain
+        self._soles = {name: robot.frame_id(name) for name in robot.soles}
+        self._rows = _rows_of_legs(robot, list(self._soles.values()))
+        self._momentum: Float64[np.ndarray, " nv"] | None = None
+        self.disturbance: Float64[np.ndarray, " nv"] = np.zeros(robot.nv)
+        self.wrenches: dict[str, Float64[np.ndarray, "6"]] = {
+            name: np.zeros(6) for name in self._soles
+        }
+
+    def reset(self) -> None:
+        """Forgets the past; the next update takes the robot to be at rest."""
+        self._momentum = None
+
+    def update(self, state: RobotState, torque: Float64[np.ndarray, " nj"], dt: float) -> None:
+        """Time has passed.
+
+        Args:
+            state: where the robot is, its base as estimated.
+            torque: of the motors in that time [N m].
+            dt: how much time [s].
+        """
+        model, data, v = self._model, self._data, state.v
+        M = pin.crba(model, data, state.q)
+        momentum = np.triu(M) @ v + np.triu(M, 1).T @ v
+        coriolis = pin.computeCoriolisMatrix(model, data, state.q, v)
+        drive = coriolis.T @ v - pin.computeGeneralizedGravity(model, data, state.q)
+        drive[6:] += torque
+        if self._momentum is None:
+            self.disturbance = -drive
+        else:
+            # Implicit: no gain is too large for a period.
+            gained = momentum - self._momentum - drive * dt
+            self.disturbance = (self.disturbance + self._gain * gained) / (1.0 + self._gain * dt)
+        self._momentum = momentum
+        self._share(state.q)
+
+    def _share(self, q: Float64[np.ndarray, " nq"]) -> None:
+        """The soles' wrenches by damped least squares."""
+        model, data = self._model, self._data
+        pin.computeJointJacobians(model, data, q)
+        jacobians: list[Float64[np.ndarray, "6 nv"]] = []
+        for frame_id in self._soles.values():
+            pin.updateFramePlacement(model, data, frame_id)
+            jacobians.append(pin.getFrameJacobian(model, data, frame_id, pin.LOCAL))
+        J = np.vstack(jacobians)[:, self._rows]
+        A = J @ J.T
+        A[np.diag_indices_from(A)] += _DAMPING * A.max()
+        found = np.linalg.solve(A, J @ self.disturbance[self._rows])
+        for i, name in enumerate(self._soles):
+            self.wrenches[name] = found[6 * i : 6 * i + 6]
+
+
+def _rows_of_legs(robot: Robot, frame_ids: list[int]) -> Int64[np.ndarray, " rows"]:
+    """The velocities that move some frames, those of the base among them."""
+    model = robot.model
+    joints = {j for i in frame_ids for j in model.supports[model.frames[i].parentJoint] if j > 0}
+    return np.array([model.idx_vs[j] + k for j in sorted(joints) for k in range(model.nvs[j])])
