@@ -80,7 +80,7 @@ def bench_run(plan: RunBench, progress: Progress | None = None) -> list[RunResul
     scenario = replace(scenario, robot=scenario.robot if plan.robot is None else plan.robot)
     with tempfile.TemporaryDirectory() as folder, watched_collections() as found:
         begin = time.process_time()
-        run = run_scenario(scenario, log=Path(folder) / "log.mcap", progress=progress)
+        run = run_scenario(scenario, log=Path(folder) / "log.mcap", progress=progress or False)
         processor = time.process_time() - begin
         parts = _parts(scenario, Path(folder) / "again.mcap")
     return [_result(run, start, processor, parts, found)]

@@ -29,6 +29,7 @@ from poise.robots import Robot
 
 _NUMBER = np.dtype(np.float64)
 
+
 class SensorReadings(NamedTuple):
     """What a robot's sensors say besides its joints and soles, for an estimator.
 
