@@ -85,7 +85,7 @@ def reason(summary: dict[str, Any]) -> str:
     value = "not measured" if worst["value"] is None else f"{worst['value']:.3g} {worst['unit']}"
     at = "" if worst["worst_time_s"] is None else f" at {worst['worst_time_s']:.1f} s"
     how = f"; {worst['mechanism']}" if worst["mechanism"] else ""
-    bound = f"{worst['relation']} {worst['bound']:g}"
+    bound = f"{worst['relation']} {worst['bound']:.3g}"
     return f"{worst['name']}: {value.strip()} ({bound}){at}{how}"
 
 
