@@ -30,6 +30,9 @@ _STOP = 0.02
 _LOW = 0.9
 """A squat counts where this part of its depth was reached."""
 
+_FREE_LEG = 6
+"""Joints that a leg needs for a pelvis that holds its place and its orientation."""
+
 _CLOSE = 0.15
 """A hand has arrived within this part of the way it had to go."""
 
@@ -138,14 +141,19 @@ class _Scene:
         self.at_stop: set[str] = set()
 
     def _stack(self) -> Stack:
-        """As the shipped scenarios have it: balance, then hands, then the rest."""
-        levels: list[list[Task]] = [
-            [self.com, FrameTask(self.robot.pelvis, axes="orientation", kp=100.0)],
-            [*self.hands.values()],
-            [self.posture],
-        ]
+        """As the shipped scenarios have it: balance, then hands, then the rest.
+
+        Legs of five joints cannot hold COM and pelvis both: the waist and the arms would have to
+        swing for it. There the pelvis comes after the hands.
+        """
+        com: list[Task] = [self.com]
+        pelvis: list[Task] = [FrameTask(self.robot.pelvis, axes="orientation", kp=100.0)]
+        hands: list[Task] = [*self.hands.values()]
+        six = all(_leg_joints(self.robot, sole) >= _FREE_LEG for sole in self.robot.soles)
+        levels = [com + pelvis, hands] if six else [com, hands, pelvis]
         contacts = [SurfaceContact(sole) for sole in self.robot.soles]
-        return Stack(contacts=contacts, levels=[level for level in levels if level])
+        filled = [level for level in levels if level]
+        return Stack(contacts=contacts, levels=[*filled, [self.posture]])
 
     def place(self, frame: str) -> Float64[np.ndarray, "3"]:
         """Where a frame is [m]."""
@@ -164,6 +172,16 @@ class _Scene:
         margin = _STOP * (robot.q_max - robot.q_min)
         stops = (joints < robot.q_min + margin) | (joints > robot.q_max - margin)
         self.at_stop |= {robot.joint_names[i] for i in np.flatnonzero(stops)}
+
+
+def _leg_joints(robot: Robot, sole: str) -> int:
+    """Joints between the pelvis and a sole."""
+    model = robot.model
+    chains = [
+        set(model.supports[model.frames[robot.frame_id(name)].parentJoint].tolist())
+        for name in (robot.pelvis, sole)
+    ]
+    return len(chains[1] - chains[0])
 
 
 def _attempt(robot: Robot, motion: _Motion) -> Attempt:
