@@ -90,7 +90,7 @@ def test_a_strategy_of_ones_own_makes_a_controller(robot, strategy):
         WholeBodyController,
         ReducedController,
         OperationalSpaceController,
-        lambda robot: DifferentialIK(robot, dt=1e-3, method="hqp"),
+        lambda robot: DifferentialIK(robot, dt=1e-3, strategy="hqp"),
     ],
 )
 def test_the_rehearsed_ticks_leave_nothing_behind(robot, make):
