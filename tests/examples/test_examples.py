@@ -1,5 +1,7 @@
 """Every example runs, shortened, and prints what it is there to show."""
 
+import ast
+import json
 import re
 import runpy
 import subprocess
@@ -174,3 +176,32 @@ def test_coming_from_ends_where_the_others_programs_end(run, by):
     assert moved == pytest.approx([0.0, 20.0, -50.0], abs=0.1)
     for joint, angle in ELSEWHERE.items():
         assert numbers(rf"{joint} (\S+) rad", printed)[0] == pytest.approx(angle, abs=5e-4)
+
+
+def cells_of(notebook):
+    cells = json.loads((FOLDER / notebook).read_text(encoding="utf-8"))["cells"]
+    return ["".join(cell["source"]) for cell in cells if cell["cell_type"] == "code"]
+
+
+def shown(code, names):
+    """What a notebook shows below a cell: the value of its last line, if that is an expression."""
+    *before, last = ast.parse(code).body
+    exec(compile(ast.Module(before, []), "cell", "exec"), names)
+    if isinstance(last, ast.Expr):
+        return eval(compile(ast.Expression(last.value), "cell", "eval"), names)
+    exec(compile(ast.Module([last], []), "cell", "exec"), names)
+    return None
+
+
+def test_the_notebook_describes_a_stranger_that_stands_through_a_push(monkeypatch, capsys):
+    monkeypatch.chdir(FOLDER)
+    names: dict[str, object] = {}
+    values = [shown(code, names) for code in cells_of("16_stranger.ipynb")]
+    printed = capsys.readouterr().out
+    assert "left_sole 220 x 110 mm" in printed
+    assert "soles.left_sole: the largest rectangle on the flat lower face" in printed
+    assert "fallen: False" in printed
+    assert [type(value).__name__ for value in values if value is not None] == [
+        "Figure", "Stack", "ControllerStatus", "Figure",
+    ]  # fmt: skip
+    assert len(values[-1].axes) == 2
