@@ -258,7 +258,7 @@ def test_without_force_sensors_the_torques_say_what_is_in_contact(walked):
             if pressed < 0.02 or pressed > 0.25:
                 agree.append((estimator.probability[name] > 0.5) == (pressed > 0.25))
             if state.time > 0.5:
-                observer_error.append(estimates[-1].contacts[name][2] - wrench[2])
+                observer_error.append(estimator.wrenches[name][2] - wrench[2])
     assert_within_bounds(estimates, truths)
     assert np.mean(agree) > 0.97
     assert np.sqrt(np.mean(np.square(observer_error))) < 0.15 * robot.weight
