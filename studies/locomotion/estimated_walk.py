@@ -23,8 +23,10 @@ DELAY = 0.002
 """Of all sensors [s]."""
 
 FAULTS = ("", "stuck", "dead", "none")
-"""What is wrong with the load cells: nothing; in every second second the right ones say 40% of the
-weight at least, or the left ones nothing; there are none, and the motors' torques must do."""
+"""What is wrong with the load cells that the estimator reads: nothing; in every second second the
+right ones say 40% of the weight at least, or the left ones nothing; there are none, and the motors'
+torques must do. The walker feels touch-downs by good cells meanwhile, or goes by its clock where
+there are none: what is tried here is the estimate."""
 
 _STEP_TIME, _STEP_LENGTH, _DOUBLE_SUPPORT = 0.8, 0.15, 0.15
 _REST = 1.5
@@ -158,7 +160,13 @@ class _Watch:
 
     def estimate_with(self, fault: Fault) -> Callable[[RobotState], RobotState]:
         """The estimator, told what the cells say instead."""
-        return lambda state: self.estimator.update(fault(state))
+
+        def estimate(state: RobotState) -> RobotState:
+            believed = fault(state)
+            found = self.estimator.update(believed)
+            return replace(found, contacts=state.contacts if believed.contacts else {})
+
+        return estimate
 
     def look(self, tick: Tick) -> None:
         """At the error of one tick, against the truth when its sensors measured."""

@@ -163,6 +163,9 @@ class StateEstimator:
         filter: the filter.
         status: of the last update.
         probability: of contact, by sole.
+        wrenches: of the soles, measured or else estimated; empty where neither is possible. A state
+            has measured ones alone: estimated ones are good enough to tell contact by, not for a
+            walker to feel the ground with [N, N m].
         slipping: the soles that are taken to slip.
 
     Raises:
@@ -204,6 +207,7 @@ class StateEstimator:
         self._last: RobotState | None = None
         self._reading: SensorReadings | None = None
         self._observer.reset()
+        self.wrenches: dict[str, Float64[np.ndarray, "6"]] = {}
 
     @property
     def slipping(self) -> tuple[str, ...]:
@@ -238,8 +242,8 @@ class StateEstimator:
             state: as measured.
 
         Returns:
-            `q`, `v` with the joints as measured, the sole wrenches, measured or estimated, and the
-            time of the measurement; the state as it came where it is of no use.
+            `q`, `v` with the joints as measured, sole wrenches and time of the measurement; the
+            state as it came where it is of no use.
         """
         if not self._is_usable(state):
             self.status = EstimatorStatus.BAD_STATE
@@ -294,7 +298,7 @@ class StateEstimator:
 
     def _contacts(self, state: RobotState, reading: SensorReadings, dt: float) -> None:
         """Contact points come, correct the filter, and go."""
-        self._wrenches = self._contact_wrenches(state, reading, dt)
+        self.wrenches = self._contact_wrenches(state, reading, dt)
         rate = reading.angular_velocity - self.filter.gyro_bias
         variance = self.config.encoder**2
         for contact, (name, sole) in enumerate(
@@ -351,9 +355,9 @@ class StateEstimator:
 
     def _pressed(self, name: str) -> float:
         """Probability of contact by the normal force."""
-        c, wrench = self.config.contact, self._wrenches.get(name)
+        c, wrench = self.config.contact, self.wrenches.get(name)
         if wrench is None:
-            return 0.0 if self._wrenches else 1.0
+            return 0.0 if self.wrenches else 1.0
         return _logistic((float(wrench[2]) / self._weight - c.load) / c.load_width)
 
     def _resting(self, sole: SeenSole, rate: Float64[np.ndarray, "3"]) -> float:
@@ -394,7 +398,7 @@ class StateEstimator:
             position[:2] = self._last_position
         self.filter.start(R, position, gyro_bias=gyro_bias, deviation=self.config.start)
         self._started = True
-        self._wrenches: dict[str, Float64[np.ndarray, "6"]] = dict(state.contacts)
+        self.wrenches = dict(state.contacts)
 
     def _answer(self, state: RobotState) -> RobotState:
         """The estimate in Poise's conventions: the base's velocity in the base's own frame."""
@@ -409,7 +413,7 @@ class StateEstimator:
         if self._speeds is not None:
             v[6:] = self._speeds
         self._last_position = f.position[:2].copy()
-        self._last = RobotState(q, v, self._wrenches, state.time, state.readings)
+        self._last = RobotState(q, v, state.contacts, state.time, state.readings)
         return self._last
 
     def _joint_speeds(

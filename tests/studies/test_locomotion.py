@@ -1,0 +1,71 @@
+"""The study of locomotion: what it says of outcomes, whatever they are."""
+
+from dataclasses import replace
+from importlib import import_module
+
+import pytest
+
+pytest.importorskip("mujoco")
+
+from poise.errors import ConfigurationError
+from studies.locomotion.estimated_walk import Outcome, Trial
+from studies.plan import StudyOptions
+
+# By its name: the package has the function of that name.
+section = import_module("studies.locomotion.estimation_section")
+
+GOOD = Outcome(
+    trial=Trial(robot="g1", seed=0, seconds=1.0),
+    fell=False,
+    way=5.0,
+    slipped=0.0,
+    velocity_rms=0.01,
+    tilt_rms=0.002,
+    drift=0.01,
+    height=0.01,
+    nees=5.0,
+    estimator_us=50.0,
+)
+
+
+def findings(monkeypatch, change):
+    def run(trials, progress, workers=None):
+        return {trial: replace(GOOD, trial=trial, **change(trial)) for trial in trials}
+
+    monkeypatch.setattr(section, "run_trials", run)
+    found = section.estimation_section(StudyOptions(), lambda done, total: None).findings
+    return {finding.name: finding.ok for finding in found}
+
+
+def test_good_walks_hold(monkeypatch):
+    found = findings(monkeypatch, lambda trial: {})
+    assert all(found.values())
+    assert len(found) == 17
+
+
+@pytest.mark.parametrize(
+    ("change", "name"),
+    [
+        ({"fell": True}, "g1: falls"),
+        ({"velocity_rms": 0.06}, "g1: velocity error, rms"),
+        ({"tilt_rms": 0.01}, "g1: tilt error, rms"),
+        ({"drift": 0.03}, "g1: drift over the way"),
+        ({"nees": 200.0}, "g1: NEES of tilt and velocity"),
+    ],
+)
+def test_one_bad_seed_of_a_robot_fails_that_finding_alone(monkeypatch, change, name):
+    found = findings(
+        monkeypatch,
+        lambda t: change if t == Trial(robot="g1", seed=3, seconds=60.0) else {},
+    )
+    assert [key for key, ok in found.items() if not ok] == [name]
+
+
+def test_a_fall_on_a_slippery_floor_is_the_controllers_and_one_with_bad_cells_is_not(monkeypatch):
+    found = findings(monkeypatch, lambda t: {"fell": t.friction < 1.0 or t.fault == "dead"})
+    assert [key for key, ok in found.items() if not ok] == ["cells that say nothing: falls"]
+
+
+def test_a_fault_that_does_not_exist_is_refused():
+    with pytest.raises(ConfigurationError, match="stuck"):
+        Trial(robot="g1", seed=0, seconds=1.0, fault="cracked")
