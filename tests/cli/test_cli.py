@@ -72,7 +72,9 @@ def test_robot_controller_and_strategy_of_the_command_line_win(in_folder, short,
 @pytest.mark.skipif(find_opengl() is None, reason="this machine cannot draw")
 def test_a_video_lies_beside_the_report(in_folder, short, capsys):
     assert main(["run", short, "--out", "o"]) == 0
-    assert files(in_folder / "o") == {"report.html", "log.mcap", "summary.json", "video.mp4"}
+    assert files(in_folder / "o") == {
+        "report.html", "log.mcap", "summary.json", "video.mp4", "video.jpg",
+    }  # fmt: skip
     assert (in_folder / "o" / "video.mp4").read_bytes()[4:8] == b"ftyp"
     assert 'src="video.mp4"' in (in_folder / "o" / "report.html").read_text()
 

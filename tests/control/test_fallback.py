@@ -135,6 +135,9 @@ class Always:
     def prepare(self, problem):
         pass
 
+    def follow(self, problem, last):
+        pass
+
     def run(self, problem):
         return self.solution.status
 

@@ -2,10 +2,10 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float64
-from scipy.spatial import ConvexHull, QhullError
 
 from poise.errors import RobotError
 from poise.robots._geometry import Balls
@@ -89,9 +89,10 @@ def _candidates(centres: Float64[np.ndarray, "n 3"]) -> list[Float64[np.ndarray,
     """Normals, pointing down, of the faces of the points' hull; straight down is one of them."""
     down = np.array([0.0, 0.0, -1.0])
     normals = [down]
-    try:
-        faces = ConvexHull(centres).equations[:, :3]
-    except QhullError:
+    hull = _hull(centres)
+    if hull is not None:
+        faces = hull.equations[:, :3]
+    else:
         # All in one plane, as contact balls are.
         *_, axes = np.linalg.svd(centres - centres.mean(axis=0), full_matrices=True)
         faces = np.array([axes[2], -axes[2]])
@@ -109,14 +110,21 @@ def _flat(
     return points @ np.stack([x, np.cross(normal, x)], axis=1)
 
 
+def _hull(points: Float64[np.ndarray, "n d"]) -> Any:
+    """The convex hull; None for points that lie in something flatter."""
+    # It takes long to import, and only strangers need it.
+    from scipy.spatial import ConvexHull, QhullError
+
+    try:
+        return ConvexHull(points)
+    except QhullError:
+        return None
+
+
 def _area(points: Float64[np.ndarray, "n 2"]) -> float:
     """Area of the points' hull [m^2]."""
-    if len(points) < 3:
-        return 0.0
-    try:
-        return float(ConvexHull(points).volume)
-    except QhullError:
-        return 0.0
+    hull = _hull(points) if len(points) >= 3 else None
+    return 0.0 if hull is None else float(hull.volume)
 
 
 def _rectangle(
@@ -136,7 +144,7 @@ def _rectangle(
         c, s = np.cos(turn), np.sin(turn)
         rotation = rotation @ np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
         flat = touching @ rotation[:, :2]
-    outline = flat[ConvexHull(flat).vertices]
+    outline = flat[_hull(flat).vertices]
     low, high = _largest_inside(outline)
     middle = 0.5 * (low + high)
     depth = float((touching @ up).min())
@@ -152,7 +160,7 @@ def _rectangle(
 
 def _direction(flat: Float64[np.ndarray, "n 2"]) -> float:
     """How far a long outline is turned to the left [rad]; zero for one nearly as wide as long."""
-    outline = flat[ConvexHull(flat).vertices]
+    outline = flat[_hull(flat).vertices]
     best, angle = np.inf, 0.0
     for edge in np.roll(outline, -1, axis=0) - outline:
         turn = float(np.arctan2(edge[1], edge[0]))
