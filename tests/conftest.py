@@ -1,9 +1,11 @@
 """Robots for all tests, loaded once a session."""
 
+import math
 from functools import cache
 
 import pytest
 
+from poise import _progress
 from poise.errors import MissingExtraError
 from poise.hqp import LexicographicSolver
 from poise.robots import load_robot
@@ -18,6 +20,14 @@ def _load(name):
 def _compiled():
     """Compiled before the first test: no test times it, and none of its processes says so."""
     LexicographicSolver()
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _quiet():
+    """A busy machine takes long enough for lines of progress, which have tests of their own."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(_progress, "LINE_EVERY", math.inf)
+        yield
 
 
 @pytest.fixture(scope="session")

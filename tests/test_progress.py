@@ -14,6 +14,7 @@ def clock(monkeypatch):
     """A clock that the test sets."""
     now = [0.0]
     monkeypatch.setattr(progress, "monotonic", lambda: now[0])
+    monkeypatch.setattr(progress, "LINE_EVERY", 5.0)
     return now
 
 

@@ -282,7 +282,8 @@ def test_a_real_process_runs_a_file_to_its_log(tmp_path):
     (tmp_path / "s.yaml").write_text(SHORT)
     done = poise("run", "s.yaml", "--no-video", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
-    assert done.stderr == ""
+    # A machine that is busy enough gets lines of progress.
+    assert all(line.startswith("simulating: ") for line in done.stderr.splitlines())
     assert read_log(tmp_path / "runs" / "short-humanoid33" / "log.mcap").complete
 
 

@@ -114,7 +114,8 @@ def test_whole_resolves_are_counted_in_full():
 def study(tmp_path_factory):
     """The quick study from the command line, in a process whose loops are not type-checked."""
     folder = tmp_path_factory.mktemp("study")
-    start = "import sys; from studies.__main__ import main; sys.exit(main(sys.argv[1:]))"
+    start = "import sys; from studies.__main__ import main; from poise import _progress; "
+    start += "_progress.LINE_EVERY = float('inf'); sys.exit(main(sys.argv[1:]))"
     command = [sys.executable, "-W", "error", "-c", start, "bias-acceleration"]
     done = subprocess.run(
         [*command, "--quick", "--json", "--out", str(folder)],
