@@ -87,8 +87,10 @@ class RobotState:
 
 def _as_numbers(value: Numbers) -> Numbers:
     """An array of float64, or what was given where it cannot become one."""
+    if type(value) is np.ndarray and value.dtype == _NUMBER:
+        return value
     # An array of a kind of its own, as one that counts operations, stays that.
-    if type(value) not in (np.ndarray, list, tuple) or getattr(value, "dtype", None) == _NUMBER:
+    if type(value) not in (np.ndarray, list, tuple):
         return value
     try:
         # Of texts numbers could be made, too; nobody means that.
