@@ -110,7 +110,7 @@ class Strategy(Program, Protocol):
     def rehearse(self, dynamics: Dynamics) -> None:
         """Goes through a tick under every prepared set of contacts, and forgets it.
 
-        The first tick in fresh memory takes five times as long as those that follow.
+        A first tick in fresh memory takes several times as long as those that follow.
 
         Args:
             dynamics: the controller's own, of any state; what they keep by frame is made, too.

@@ -28,15 +28,17 @@ motions:
 checks:
   - {{metric: com_travel, axis: z, at_least: 0.145}}
   - {{metric: com_error_max, at_most: 0.01}}
-  # Servos that chase velocities jerk: from tick to tick the ZMP jumps by up to 5 cm.
-  - {{metric: zmp_margin_min, at_least: 0.02, from: 0.1}}
+  - {{metric: zmp_margin_min, at_least: 0.03, from: 0.1}}
 """
 
 
 @pytest.mark.parametrize("strategy", CONTROLLERS["differential_ik"].strategies)
 @pytest.mark.parametrize("robot", ["biped20", "humanoid33"])
-def test_a_biped_squats_under_velocity_commands(robot, strategy):
+def test_a_biped_squats_under_velocity_commands(robot, strategy, request):
     pytest.importorskip("mujoco")
+    if (robot, strategy) == ("humanoid33", "closed_form"):
+        # Servos that chase velocities jerk: the ZMP jumps by some 5 cm from tick to tick.
+        request.applymarker(pytest.mark.xfail(reason="one sample of the ZMP has 22 mm of margin"))
     scenario = parse_scenario(SQUAT.format(robot=robot, strategy=strategy), "squat.yaml")
     run = run_scenario(scenario)
     assert isinstance(run.controller, DifferentialIK)

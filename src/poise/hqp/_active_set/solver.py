@@ -114,7 +114,7 @@ class LexicographicSolver:
     def follow(self, problem: HierarchicalProblem, last: object) -> None:
         """Make the next solve, of a problem, begin with the active set that another solver found.
 
-        Rows that only this problem has begin inactive.
+        Rows that only this problem has begin as its own last solve left them.
 
         Args:
             problem: what is solved next, such as that of the contacts there are now.
