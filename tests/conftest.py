@@ -3,6 +3,7 @@
 import math
 from functools import cache
 
+import jaxtyping
 import pytest
 
 from poise import _progress
@@ -41,3 +42,15 @@ def get_robot():
             pytest.skip(str(error))
 
     return get
+
+
+@pytest.fixture
+def unchecked():
+    """No run-time checks of types and shapes, in runs of thousands of ticks.
+
+    They take six times as long as everything else, and other tests make the same calls.
+    """
+    before = jaxtyping.config.jaxtyping_disable
+    jaxtyping.config.update("jaxtyping_disable", True)
+    yield
+    jaxtyping.config.update("jaxtyping_disable", before)

@@ -1,6 +1,5 @@
 """Robots of the operational space tests: those of the catalog, and a humanoid on a stand."""
 
-import jaxtyping
 import pytest
 
 pytest.importorskip("mujoco")
@@ -22,15 +21,3 @@ def get_any(get_robot, tmp_path_factory):
         return made[name]
 
     return get
-
-
-@pytest.fixture
-def unchecked():
-    """No run-time checks of types and shapes, in runs of thousands of ticks.
-
-    They take six times as long as everything else, and other tests make the same calls.
-    """
-    before = jaxtyping.config.jaxtyping_disable
-    jaxtyping.config.update("jaxtyping_disable", True)
-    yield
-    jaxtyping.config.update("jaxtyping_disable", before)
