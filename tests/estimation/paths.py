@@ -3,7 +3,7 @@
 import numpy as np
 
 from poise.estimation import InvariantFilter
-from poise.estimation._filter import ImuNoise, InitialDeviation
+from poise.estimation._config import ImuNoise, InitialDeviation
 from poise.estimation._group import exponential, gamma, right_error
 
 DT = 0.002

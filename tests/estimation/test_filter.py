@@ -7,7 +7,7 @@ from scipy.linalg import expm
 from scipy.stats import chi2
 
 from poise.estimation import InvariantFilter
-from poise.estimation._filter import ImuNoise, InitialDeviation
+from poise.estimation._config import ImuNoise, InitialDeviation
 from poise.estimation._group import adjoint, exponential, gamma, hat, right_error
 
 G = np.array([0.0, 0.0, -9.81])

@@ -5,7 +5,7 @@ import pytest
 from paths import DT, POINT, Path
 
 from poise.estimation import InvariantFilter
-from poise.estimation._filter import ImuNoise, InitialDeviation
+from poise.estimation._config import ImuNoise, InitialDeviation
 from poise.estimation._group import gamma, hat
 
 gtsam = pytest.importorskip("gtsam")

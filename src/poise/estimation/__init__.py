@@ -3,17 +3,14 @@
 `StateEstimator` is an estimator of `rollout`; its parts are of use alone.
 """
 
-from poise.estimation._estimator import (
+from poise.estimation._config import (
     ContactBelief as ContactBelief,
     EstimatorConfig,
-    EstimatorStatus,
-    StateEstimator,
-)
-from poise.estimation._filter import (
     ImuNoise as ImuNoise,
     InitialDeviation as InitialDeviation,
-    InvariantFilter,
 )
+from poise.estimation._estimator import EstimatorStatus, StateEstimator
+from poise.estimation._filter import InvariantFilter
 from poise.estimation._momentum import MomentumObserver
 
 __all__ = [

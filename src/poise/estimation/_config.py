@@ -1,0 +1,133 @@
+"""What an estimator believes of a robot's sensors and soles.
+
+`EstimatorConfig`: all of it.
+`ImuNoise`: densities of an inertial unit's noise.
+`InitialDeviation`: how well the first state is known.
+`ContactBelief`: when a sole is taken to be in contact.
+"""
+
+from dataclasses import dataclass, field
+from typing import Annotated
+
+from poise._schema import Bounds, Duration, Positive, Ratio, Seconds, Text, checked
+from poise.errors import ConfigurationError
+
+Deviation = Annotated[float, Bounds(least=0.0, most=1e6)]
+"""A standard deviation, or the density of a noise."""
+
+
+@checked()
+@dataclass(frozen=True, kw_only=True)
+class ImuNoise:
+    """Densities of an inertial unit's noise, as data sheets give them.
+
+    White noise of standard deviation s in samples dt apart has the density s sqrt(dt).
+
+    Attributes:
+        gyro: of the angular velocity [rad/s/sqrt(Hz)].
+        accelerometer: of the specific force [m/s^2/sqrt(Hz)].
+        gyro_bias: of the walk of the gyro's bias [rad/s^2/sqrt(Hz)].
+        accelerometer_bias: of the walk of the accelerometer's bias [m/s^3/sqrt(Hz)].
+    """
+
+    gyro: Deviation = 3e-4
+    accelerometer: Deviation = 5e-3
+    gyro_bias: Deviation = 1e-5
+    accelerometer_bias: Deviation = 1e-4
+
+
+@checked()
+@dataclass(frozen=True, kw_only=True)
+class InitialDeviation:
+    """How well a state is known when a filter starts, as standard deviations an axis.
+
+    Attributes:
+        tilt: of the orientation about horizontal axes [rad].
+        yaw: of the orientation about the vertical [rad].
+        velocity: of the velocity [m/s].
+        position: of the position [m].
+        gyro_bias: of the gyro's bias [rad/s].
+        accelerometer_bias: of the accelerometer's bias [m/s^2].
+    """
+
+    tilt: Deviation = 0.01
+    yaw: Deviation = 0.0
+    velocity: Deviation = 0.1
+    position: Deviation = 0.0
+    gyro_bias: Deviation = 0.005
+    accelerometer_bias: Deviation = 0.03
+
+
+@checked()
+@dataclass(frozen=True, kw_only=True)
+class ContactBelief:
+    """When a sole is taken to be in contact, and how firmly.
+
+    The probability of contact is a logistic function of the normal force, times one of the speed
+    that kinematics and estimate give the sole.
+
+    Attributes:
+        load: normal force at which contact is as likely as not, over the robot's weight.
+        load_width: how far from there its odds change by a factor of e, over the weight.
+        begin: probability by force above which contact begins.
+        end: probability by force below which it ends.
+        speed: of the sole, at which rest is as likely as not [m/s].
+        speed_width: how far from there its odds change by a factor of e [m/s].
+        rest: density of the walk of a point in certain contact [m/s/sqrt(Hz)].
+        turn: density of the angular velocity of a sole in certain contact [rad/s/sqrt(Hz)].
+        slip: density of the walk of one that slips, or is in no contact at all [m/s/sqrt(Hz)].
+        gate: square of the Mahalanobis distance beyond which a sole has slipped; one in a thousand
+            at rest is beyond 16.3.
+        slip_time: how long it is then taken to slip on [s].
+    """
+
+    load: Ratio = 0.1
+    load_width: Ratio = 0.02
+    begin: Ratio = 0.7
+    end: Ratio = 0.3
+    speed: Positive = 0.2
+    speed_width: Positive = 0.03
+    rest: Deviation = 3e-3
+    turn: Deviation = 2e-3
+    slip: Deviation = 0.3
+    gate: Positive = 16.3
+    slip_time: Seconds = 0.05
+
+    def __post_init__(self) -> None:
+        if self.end >= self.begin:
+            raise ConfigurationError(
+                "contact would end where it begins",
+                got=(self.end, self.begin),
+                wanted="end < begin",
+            )
+
+
+@checked()
+@dataclass(frozen=True, kw_only=True)
+class EstimatorConfig:
+    """What an estimator believes of a robot's sensors.
+
+    Attributes:
+        imu: frame of the inertial unit, on the base link; the pelvis when None.
+        noise: of the inertial unit.
+        start: how well the first state is known.
+        encoder: deviation of the joints' angles, play and bending included [rad].
+        joint_velocity: deviation of the joints' velocities [rad/s].
+        point: deviation of a sole's centre as a point at rest: it rolls and sinks in [m].
+        contact: when a sole is in contact.
+        joint_bandwidth: cut-off frequency of a first-order low-pass on the joints' velocities [Hz];
+            as measured when None.
+        longest_step: time between two states that is still integrated over [s].
+        ground: height of what the soles stand on at the start [m].
+    """
+
+    imu: Text | None = None
+    noise: ImuNoise = field(default_factory=ImuNoise)
+    start: InitialDeviation = field(default_factory=InitialDeviation)
+    encoder: Deviation = 1e-4
+    joint_velocity: Deviation = 0.02
+    point: Deviation = 5e-4
+    contact: ContactBelief = field(default_factory=ContactBelief)
+    joint_bandwidth: Annotated[float, Bounds(positive=True, most=1e6, unit="Hz")] | None = None
+    longest_step: Duration = 0.05
+    ground: float = 0.0
