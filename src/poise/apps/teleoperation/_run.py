@@ -227,12 +227,13 @@ def run_teleop(
     """
     checked_number(duration, "duration of the run [s]", above=0.0)
     teleoperator = leader(
-        robot, parameters=parameters, q_start=q_start, rotator=rotator, driver=driver
+        robot,
+        parameters=parameters,
+        q_start=q_start,
+        rotator=rotator,
+        driver=driver,
+        actuation=plant.actuation,
     )
-    if plant.actuation != "velocity":
-        raise ConfigurationError(
-            "step teleoperation commands velocities", got=plant.actuation, wanted="velocity"
-        )
     if plant.control_dt != teleoperator.parameters.dt:
         raise ConfigurationError(
             "teleoperator and plant have different ticks",

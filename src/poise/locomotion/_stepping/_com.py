@@ -235,6 +235,57 @@ class ComMotion:
         self.velocity = before + p.dt * self.acceleration
 
 
+class ComFeedback:
+    """The COM shifter (37) where accelerations are commanded: feedback on what is measured.
+
+    Under the gain rule its CT-ZMP is r + k_s (xi - r) with the divergent component xi. Far from
+    its reference that leaves the soles, where a limit on each axis by itself loses the direction:
+    the reference is taken a_lim / k_p ahead of xi, on the straight way, and the CT-ZMP to the
+    nearest place on the soles. So a component that is about to leave them is braked first.
+
+    Args:
+        shifter: gains.
+
+    Attributes:
+        omega: sqrt(g / H) [1/s].
+        velocity: measured in the last tick [m/s].
+        acceleration: commanded in the last tick [m/s^2].
+    """
+
+    def __init__(self, shifter: ComShifter) -> None:
+        self.omega = shifter.omega
+        self._gain = 1.0 + shifter.kp / shifter.omega**2
+        self._ahead = shifter.acceleration_max / shifter.kp
+        self.velocity: Float64[np.ndarray, "2"] = np.zeros(2)
+        self.acceleration: Float64[np.ndarray, "2"] = np.zeros(2)
+
+    def restart(self, measured: Float64[np.ndarray, "2"]) -> None:
+        """Contacts have changed: it remembers nothing that could be wrong."""
+
+    def cart_table_zmp(self, com: Float64[np.ndarray, "2"]) -> Float64[np.ndarray, "2"]:
+        """CT-ZMP, eq. (26), of the commanded acceleration [m].
+
+        Args:
+            com: x and y [m].
+        """
+        return com - self.acceleration / self.omega**2
+
+    def drive(self, footing: Footing) -> None:
+        """One tick.
+
+        Args:
+            footing: of the tick.
+        """
+        com, self.velocity = footing.dynamics.com[:2], footing.dynamics.com_velocity[:2].copy()
+        x, y = (com + self.velocity / self.omega).tolist()
+        goal_x, goal_y = footing.zmp_reference.tolist()
+        to_x, to_y = goal_x - x, goal_y - y
+        near = min(1.0, self._ahead / max(math.hypot(to_x, to_y), 1e-9))
+        pull = near * (self._gain - 1.0)
+        zmp = footing.support.nearest((x - pull * to_x, y - pull * to_y))
+        self.acceleration = self.omega**2 * (com - np.array(zmp))
+
+
 def _straight(
     shifter: ComShifter,
     reference: Float64[np.ndarray, "2"],

@@ -5,7 +5,7 @@ Detectors of lifted devices and landed feet.
 
 import numpy as np
 
-from poise.locomotion._stepping._com import ComMotion
+from poise.locomotion._stepping._com import ComFeedback, ComMotion
 from poise.locomotion._stepping._device import DeviceSample
 from poise.locomotion._stepping._estimator import StanceEstimator, ZmpSensor
 from poise.locomotion._stepping._modes import Mode, ModeEvent, ModeMachine
@@ -99,7 +99,7 @@ class ModeEvents:
         self,
         estimator: StanceEstimator,
         sensor: ZmpSensor,
-        com: ComMotion,
+        com: ComMotion | ComFeedback,
         parameters: TeleopParameters,
         weight: float,
     ) -> None:

@@ -4,19 +4,21 @@
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Float64
 
 from poise._checks import checked_kind
-from poise.control import DifferentialIK, is_usable
+from poise.control import Controller, DifferentialIK, WholeBodyController, is_usable
 from poise.dynamics import RobotState
 from poise.locomotion._pendulum import BodyRotator, ComShifter
 from poise.locomotion._stepping._biped import biped_of
 from poise.locomotion._stepping._com import (
     BodyMomentum,
     ComDriver,
+    ComFeedback,
     ComHeight,
     ComMotion,
     ShifterDriver,
@@ -28,11 +30,16 @@ from poise.locomotion._stepping._footing import Footing, StanceChoice
 from poise.locomotion._stepping._mode_events import ModeEvents
 from poise.locomotion._stepping._modes import Mode
 from poise.locomotion._stepping._parameters import TeleopParameters, scaled_parameters
-from poise.locomotion._stepping._reach import FootRange
-from poise.locomotion._stepping._tasks import DesiredVelocities, SteppingTasks, TaskWeights
+from poise.locomotion._stepping._reach import FootRange, longest_flat_step
+from poise.locomotion._stepping._tasks import DesiredMotion, SteppingTasks, TaskWeights
+from poise.locomotion._stepping._torque_tasks import TorqueTasks
 from poise.locomotion._support import SupportPolygon, two_soles
 from poise.robots import Robot
 from poise.stack import Stack
+
+Actuation = Literal["velocity", "torque"]
+
+TORQUE_DT = 0.002
 
 _LIMIT_TIME = 0.05
 """Time in which a joint may at most reach its position limit [s]."""
@@ -111,6 +118,7 @@ class StepTeleoperator:
         q_start: Float64[np.ndarray, " nq"] | None = None,
         rotator: bool = True,
         driver: ComDriver | None = None,
+        actuation: Actuation = "velocity",
     ) -> None:
         self.robot = checked_kind(robot, Robot, "the robot of the teleoperation")
         self.device = device
@@ -122,6 +130,12 @@ class StepTeleoperator:
         if parameters is None:
             stance = abs(float(left[1] - right[1]))
             parameters = scaled_parameters(robot, self._com_height, stance)
+            if actuation == "torque":
+                parameters = replace(
+                    parameters,
+                    dt=TORQUE_DT,
+                    step_max=min(parameters.step_max, longest_flat_step(robot, parameters)),
+                )
         self.parameters = p = parameters
         self._biped = biped_of(robot, p)
         if driver is None:
@@ -129,7 +143,12 @@ class StepTeleoperator:
             driver = ShifterDriver(shifter)
         self.driver, self._rotator = driver, rotator
         self._reach = FootRange(robot, self.soles, p)
-        self._tasks = SteppingTasks(self._biped, p)
+        self.actuation = actuation
+        self._tasks = (
+            TorqueTasks(self._biped, p.dt)
+            if actuation == "torque"
+            else SteppingTasks(self._biped, p)
+        )
         self._weights = TaskWeights(p, rotator=rotator)
         # What is compiled is compiled now, not in the first tick.
         SupportPolygon([], p.support_margin)
@@ -142,8 +161,9 @@ class StepTeleoperator:
         self.zmp_sensor = sensor = ZmpSensor(
             biped.frames, self.soles, biped.weight, p.zmp_time, p.dt
         )
+        self._tasks.reset()
         self._guard = DeviceGuard()
-        self._com = ComMotion(self.driver, p)
+        self._com = self._motion()
         self._events = ModeEvents(estimator, sensor, self._com, p, biped.weight)
         self._stance = StanceChoice(estimator, sensor, p, biped.weight)
         self._momentum = BodyMomentum(BodyRotator(biped.weight) if self._rotator else None, p)
@@ -152,8 +172,15 @@ class StepTeleoperator:
         self._foot = FootVelocity(p)
         self._status: TeleopStatus | None = None
 
-    def controller(self) -> DifferentialIK:
+    def _motion(self) -> ComMotion | ComFeedback:
+        if self.actuation == "torque" and isinstance(self.driver, ShifterDriver):
+            return ComFeedback(self.driver.shifter)
+        return ComMotion(self.driver, self.parameters)
+
+    def controller(self) -> Controller:
         """Solves the stack for velocities of the legs' joints, on the estimator's dynamics."""
+        if self.actuation == "torque":
+            return WholeBodyController(self.robot, self.stack)
         return DifferentialIK(
             self.robot,
             self.stack,
@@ -270,10 +297,11 @@ class StepTeleoperator:
             margin=self.parameters.support_margin,
         )
 
-    def _desired(self, footing: Footing, target: Float64[np.ndarray, "3"]) -> DesiredVelocities:
+    def _desired(self, footing: Footing, target: Float64[np.ndarray, "3"]) -> DesiredMotion:
         com = np.array([*self._com.velocity, self._height.velocity(footing, target)])
-        return DesiredVelocities(
+        return DesiredMotion(
             com=com,
+            com_acceleration=self._com.acceleration,
             momentum=self._momentum.reference,
             foot=self._foot.towards(footing, target, hurry=self._target.rescuing),
         )

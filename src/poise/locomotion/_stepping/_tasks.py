@@ -1,6 +1,6 @@
 """`SteppingTasks`: the stack that the step teleoperator leads, and what it asks of it.
 
-`DesiredVelocities`: v_d, what a tick asks of body and feet.
+`DesiredMotion`: v_d, what a tick asks of body and feet.
 `TaskWeights`: W_A, how much each task of the second level counts.
 """
 
@@ -79,16 +79,18 @@ class TaskWeights:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class DesiredVelocities:
+class DesiredMotion:
     """v_d of (16), less what is kept level and upright by itself.
 
     Attributes:
         com: velocity of the COM [m/s].
+        com_acceleration: of the COM along the ground [m/s^2].
         momentum: angular, about the COM, x and y [kg m^2/s].
         foot: velocity of the sole that is not the stance [m/s].
     """
 
     com: Float64[np.ndarray, "3"]
+    com_acceleration: Float64[np.ndarray, "2"]
     momentum: Float64[np.ndarray, "2"]
     foot: Float64[np.ndarray, "3"]
 
@@ -127,9 +129,13 @@ class SteppingTasks:
             joint_limit=JointLimit(position_margin=0.0, position_range=knees),
         )
         self.stack.bind(biped.robot)
+        self.reset()
+
+    def reset(self) -> None:
+        """No foot is the stance yet."""
         self._stance = -1
 
-    def ask(self, footing: Footing, desired: DesiredVelocities, weights: WA) -> None:
+    def ask(self, footing: Footing, desired: DesiredMotion, weights: WA) -> None:
         """Sets contacts, velocities and weights for a tick.
 
         Args:
