@@ -39,6 +39,13 @@ def add_parser(verbs: Any) -> None:
         "(default: %(default)s)",
     )
     parser.add_argument(
+        "--actuation",
+        choices=("velocity", "torque"),
+        default="velocity",
+        help="what the robot is commanded: velocities of its joints, as in the paper, or torques "
+        "(default: %(default)s; with a recording, what it was made with)",
+    )
+    parser.add_argument(
         "--terrain",
         metavar="T",
         help="what lies on the floor: flat, obstacle, steps, or bumps, whose places the seed draws "
@@ -114,9 +121,14 @@ def _greet(session: Any, robot: str, options: argparse.Namespace) -> None:
 
 def _plant(options: argparse.Namespace, robot: Any, recording: Any) -> Any:
     """The plant of the recording if one is played; the terrain that was asked for lies on it."""
-    from poise.apps.teleoperation import TELEOP_PLANT, plant_from_json, terrain_blocks
+    from poise.apps.teleoperation import (
+        TELEOP_PLANT,
+        TORQUE_TELEOP_PLANT,
+        plant_from_json,
+        terrain_blocks,
+    )
 
-    plant = TELEOP_PLANT
+    plant = TORQUE_TELEOP_PLANT if options.actuation == "torque" else TELEOP_PLANT
     if recording is not None and "plant" in recording.setup:
         plant = plant_from_json(recording.setup["plant"])
     if options.terrain is None:

@@ -60,4 +60,4 @@ def same_commands(run, heard):
     """Whether a replay gave the plant what was heard, which begins somewhere in the run."""
     heard = np.array(heard)
     skipped = len(run.log) - len(heard)
-    return skipped >= 0 and np.array_equal(run.log.velocity[skipped:], heard)
+    return skipped >= 0 and np.array_equal(run.log.command[skipped:], heard)

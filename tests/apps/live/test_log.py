@@ -60,7 +60,7 @@ def test_a_run_leaves_a_log_beside_its_recording_that_agrees_with_its_replay(loo
     # From the controller's world to the simulator's it is the drift of the stance foot.
     np.testing.assert_allclose(references[kept], run.log.zmp_reference[at[kept]], atol=5e-3)
     _, commands = log.signal("command_velocity")
-    np.testing.assert_allclose(commands[kept], run.log.velocity[at[kept]], atol=1e-12)
+    np.testing.assert_allclose(commands[kept], run.log.command[at[kept]], atol=1e-12)
 
 
 def test_a_reset_begins_another_log(loop, tmp_path):

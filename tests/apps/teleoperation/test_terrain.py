@@ -127,7 +127,7 @@ def test_a_replay_has_the_terrain_of_its_recording_and_the_same_commands(get_rob
     assert run.log.touched.any()
     again = replay_teleop(path)
     assert again.plant.config.blocks == plant.blocks
-    assert np.array_equal(again.log.velocity, run.log.velocity)
+    assert np.array_equal(again.log.command, run.log.command)
     assert np.array_equal(again.log.touched, run.log.touched)
 
 

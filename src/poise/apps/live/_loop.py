@@ -164,7 +164,7 @@ class LiveLoop:
         inputs: what the operator does.
         takes: where the run is recorded.
         recording: plays this in place of a person when given.
-        plant: with velocity actuation.
+        plant: takes what the teleoperator is to command, at its tick.
         seed: of the sensor noise.
 
     Raises:
@@ -315,7 +315,7 @@ class LiveLoop:
         """Robot, teleoperator and device as at the beginning."""
         self._end_rollout()
         self.plant.reset()
-        self.teleoperator = _LiveTeleoperator(self.robot)
+        self.teleoperator = _LiveTeleoperator(self.robot, actuation=self._config.actuation)
         self._feet = LiveFeet(self._inputs, self.teleoperator)
         self.teleoperator.device, self._pushes = self._feet, deque[RecordedPush]()
         if self._recording is not None:

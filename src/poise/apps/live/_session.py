@@ -72,7 +72,7 @@ class LiveSession:
         port: of the page; 0 for any that is free.
         gamepad: whether a gamepad on this machine drives the feet, in place of the page.
         recording: plays this in place of a person.
-        plant: with velocity actuation.
+        plant: takes what the teleoperator is to command, at its tick.
         seed: of the sensor noise.
 
     Raises:

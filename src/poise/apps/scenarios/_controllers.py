@@ -72,7 +72,10 @@ def with_actuation(scenario: Scenario) -> Scenario:
     """
     plan, plant = scenario.controller, scenario.plant
     _check_walk(scenario)
-    actuation = "velocity" if _check_by_hand(scenario) else _kind(plan).actuation
+    if _check_by_hand(scenario):
+        given = plant.actuation if scenario.actuation_given else "velocity"
+        return replace(scenario, plant=replace(plant, actuation=given))
+    actuation = _kind(plan).actuation
     if not scenario.actuation_given:
         return replace(scenario, plant=replace(plant, actuation=actuation))
     if plant.actuation != actuation:
@@ -108,7 +111,7 @@ def _by_hand(robot: Robot, devices: DevicePlan, scenario: Scenario) -> Cast:
     dt = scenario.plant.control_dt
     script = SCRIPTS[devices.script](robot) if devices.script else None
     q_start = robot.q_home if script is None else script.posture(robot)
-    teleoperator = StepTeleoperator(robot, q_start=q_start)
+    teleoperator = StepTeleoperator(robot, q_start=q_start, actuation=scenario.plant.actuation)
     if dt != teleoperator.parameters.dt:
         raise ConfigurationError(
             f"controller {NAME} has another control period than the plant",

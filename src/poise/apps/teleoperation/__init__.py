@@ -5,6 +5,7 @@ from poise.apps.teleoperation._run import (
     DEVICE_STATUSES as DEVICE_STATUSES,
     MODES as MODES,
     TELEOP_PLANT,
+    TORQUE_TELEOP_PLANT,
     TeleopLog,
     TeleopRun,
     plant_from_json as plant_from_json,
@@ -21,6 +22,7 @@ from poise.apps.teleoperation._terrain import terrain_blocks as terrain_blocks
 __all__ = [
     "SCRIPTS",
     "TELEOP_PLANT",
+    "TORQUE_TELEOP_PLANT",
     "BadOperator",
     "Script",
     "TeleopLog",

@@ -50,6 +50,9 @@ TELEOP_PLANT = PlantConfig(
 The servos are stiff enough that the commanded velocity is the velocity: with those of a standing
 robot that is commanded torques the ZMP lags by what the joints sag."""
 
+TORQUE_TELEOP_PLANT = PlantConfig(actuation="torque", control_dt=2e-3, physics_dt=1e-3)
+"""Torques, and the tick of the step teleoperator that commands them."""
+
 
 def plant_to_json(config: PlantConfig) -> dict[str, Any]:
     """A plant as plain numbers and texts, for a recording."""
@@ -90,7 +93,7 @@ class TeleopLog:
         target: of the foot in the air, NaN with both on the ground [m].
         loads: left and right [N].
         tilt: of the torso [rad].
-        velocity: commanded, each joint [rad/s].
+        command: velocity [rad/s] or torque [N m] commanded, each joint.
         q: true configuration after the tick [m, rad].
         touched: whether any part of the robot touched a block after the tick.
     """
@@ -107,7 +110,7 @@ class TeleopLog:
     target: Float64[np.ndarray, "T 3"]
     loads: Float64[np.ndarray, "T 2"]
     tilt: Float64[np.ndarray, " T"]
-    velocity: Float64[np.ndarray, "T nj"]
+    command: Float64[np.ndarray, "T nj"]
     q: Float64[np.ndarray, "T nq"]
     touched: Bool[np.ndarray, " T"]
 
@@ -123,6 +126,7 @@ class TeleopLog:
         end = record.times("zmp_reference")
         rows = np.isin(record.times("q"), end)
         touched = record["touched"][rows] if "touched" in record else np.zeros(len(end), np.bool_)
+        command = record["command_torque" if "command_torque" in record else "command_velocity"]
         devices = (record[f"target/{side} device"][rows] for side in ("left", "right"))
         return cls(
             time=dt * (np.round(end / dt) - 1.0),
@@ -137,7 +141,7 @@ class TeleopLog:
             target=record["foot_target"],
             loads=record["estimate/loads"],
             tilt=record["estimate/tilt"],
-            velocity=record["command_velocity"][rows],
+            command=command[rows],
             q=record["q"][rows],
             touched=touched,
         )
@@ -212,7 +216,7 @@ def run_teleop(
     Args:
         robot: a biped.
         device: gives samples, or makes what gives them from the teleoperator.
-        plant: with velocity actuation, and the teleoperator's tick.
+        plant: takes what the teleoperator is to command, at its tick.
         duration: [s]; a fall ends the run earlier.
         seed: of the sensor noise.
         parameters: scaled to the robot when None.
@@ -223,7 +227,7 @@ def run_teleop(
         leader: leads by rules of its own, for studies.
 
     Raises:
-        ConfigurationError: the plant takes no velocities or has another tick.
+        ConfigurationError: the plant has another tick.
     """
     checked_number(duration, "duration of the run [s]", above=0.0)
     teleoperator = leader(

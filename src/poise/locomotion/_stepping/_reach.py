@@ -14,9 +14,6 @@ from poise.robots import Robot
 _ROLL_RATIO = 0.8
 """Part of the ankle's roll that may be used for standing with the feet apart."""
 
-_STEP_LEAN_RATIO = 0.8
-"""Part of the ankle's pitch that may be used for standing with one foot ahead."""
-
 _LEAN_RATIO = 0.9
 """Part of the ankle's pitch that the shank may lean forward by."""
 
@@ -32,7 +29,7 @@ def longest_flat_step(robot: Robot, parameters: TeleopParameters) -> float:
     """
     legs = [leg_geometry(robot, sole, parameters.knee_min) for sole in two_soles(robot)]
     reach = 1.0 - parameters.reach_margin
-    return min(reach * leg.length * math.sin(_STEP_LEAN_RATIO * leg.lean_max) for leg in legs)
+    return min(reach * leg.length * math.sin(_LEAN_RATIO * leg.lean_max) for leg in legs)
 
 
 class FootRange:

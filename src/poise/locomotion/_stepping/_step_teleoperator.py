@@ -5,14 +5,14 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 from jaxtyping import Float64
 
 from poise._checks import checked_kind
-from poise.control import Controller, DifferentialIK, WholeBodyController, is_usable
+from poise.control import Controller, is_usable
 from poise.dynamics import RobotState
+from poise.errors import ConfigurationError, UnknownNameError
 from poise.locomotion._pendulum import BodyRotator, ComShifter
 from poise.locomotion._stepping._biped import biped_of
 from poise.locomotion._stepping._com import (
@@ -23,6 +23,7 @@ from poise.locomotion._stepping._com import (
     ComMotion,
     ShifterDriver,
 )
+from poise.locomotion._stepping._desired import DesiredMotion, StepTasks
 from poise.locomotion._stepping._device import Device, DeviceGuard, DeviceSample, DeviceStatus
 from poise.locomotion._stepping._estimator import StanceEstimator, ZmpSensor
 from poise.locomotion._stepping._foot import FootTarget, FootVelocity
@@ -31,18 +32,17 @@ from poise.locomotion._stepping._mode_events import ModeEvents
 from poise.locomotion._stepping._modes import Mode
 from poise.locomotion._stepping._parameters import TeleopParameters, scaled_parameters
 from poise.locomotion._stepping._reach import FootRange, longest_flat_step
-from poise.locomotion._stepping._tasks import DesiredMotion, SteppingTasks, TaskWeights
 from poise.locomotion._stepping._torque_tasks import TorqueTasks
+from poise.locomotion._stepping._velocity_tasks import VelocityTasks
 from poise.locomotion._support import SupportPolygon, two_soles
 from poise.robots import Robot
 from poise.stack import Stack
 
-Actuation = Literal["velocity", "torque"]
+_ACTUATIONS = ("velocity", "torque")
+"""What the controller of the stack may command."""
 
-TORQUE_DT = 0.002
-
-_LIMIT_TIME = 0.05
-"""Time in which a joint may at most reach its position limit [s]."""
+_TORQUE_DT = 0.002
+"""Length of a tick where torques are commanded [s]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -82,8 +82,12 @@ class StepTeleoperator:
     A `poise.stack.Leader`. Each tick the rollout has `estimator` say where the robot is; `lead`
     reads the device, events (14) move the mode on, references (15) follow from mode and device, and
     the COM shifter (37), the body rotator (39) and saturated P controllers (17) make velocities of
-    them, which tasks of `stack` are asked for. `controller()` solves the stack for velocities of
-    the legs' joints, (19) to (23). The other joints keep still.
+    them, which tasks of `stack` are asked for. With the actuation "velocity", the paper's own,
+    `controller()` solves the stack for velocities of the legs' joints, (19) to (23), and the other
+    joints keep still. With "torque" it solves it for torques of all joints: the COM shifter's
+    feedback is on the measured divergent component, feet on the ground are contacts, and the trunk
+    is kept upright in place of the body rotator. `stack` may then be given to any controller that
+    commands torques.
 
     Neither `estimator.update` nor `lead` raises. A state that cannot be used is passed over, and
     the controller says so.
@@ -95,9 +99,12 @@ class StepTeleoperator:
         q_start: configuration at the start; the robot's home when None.
         rotator: whether the body rotator acts.
         driver: moves the COM; the COM shifter when None.
+        actuation: what is commanded, "velocity" or "torque".
 
     Raises:
-        ConfigurationError: no two feet, legs of too few joints, soles that do not fit.
+        ConfigurationError: no two feet, legs of too few joints, soles that do not fit; another
+            driver than the COM shifter for torques.
+        UnknownNameError: no such actuation.
 
     Attributes:
         robot: that is walked.
@@ -105,6 +112,7 @@ class StepTeleoperator:
         soles: names of its left and its right sole.
         parameters: in use.
         driver: in use.
+        actuation: what is commanded.
         estimator: where the robot is taken to be; its `update` comes before `lead`.
         zmp_sensor: ZMP and loads as measured.
     """
@@ -118,7 +126,7 @@ class StepTeleoperator:
         q_start: Float64[np.ndarray, " nq"] | None = None,
         rotator: bool = True,
         driver: ComDriver | None = None,
-        actuation: Actuation = "velocity",
+        actuation: str = "velocity",
     ) -> None:
         self.robot = checked_kind(robot, Robot, "the robot of the teleoperation")
         self.device = device
@@ -127,15 +135,12 @@ class StepTeleoperator:
         self.estimator = StanceEstimator(robot, self.soles, q_start)
         left, right = self.estimator.anchors
         self._com_height = float(self.estimator.dynamics.com[2] - 0.5 * (left[2] + right[2]))
+        self.actuation = _checked_actuation(actuation, driver)
         if parameters is None:
             stance = abs(float(left[1] - right[1]))
             parameters = scaled_parameters(robot, self._com_height, stance)
             if actuation == "torque":
-                parameters = replace(
-                    parameters,
-                    dt=TORQUE_DT,
-                    step_max=min(parameters.step_max, longest_flat_step(robot, parameters)),
-                )
+                parameters = _for_torques(robot, parameters)
         self.parameters = p = parameters
         self._biped = biped_of(robot, p)
         if driver is None:
@@ -143,13 +148,11 @@ class StepTeleoperator:
             driver = ShifterDriver(shifter)
         self.driver, self._rotator = driver, rotator
         self._reach = FootRange(robot, self.soles, p)
-        self.actuation = actuation
-        self._tasks = (
+        self._tasks: StepTasks = (
             TorqueTasks(self._biped, p.dt)
             if actuation == "torque"
-            else SteppingTasks(self._biped, p)
+            else VelocityTasks(self._biped, p, rotator=rotator)
         )
-        self._weights = TaskWeights(p, rotator=rotator)
         # What is compiled is compiled now, not in the first tick.
         SupportPolygon([], p.support_margin)
         self.reset()
@@ -163,7 +166,7 @@ class StepTeleoperator:
         )
         self._tasks.reset()
         self._guard = DeviceGuard()
-        self._com = self._motion()
+        self._com = self._com_motion()
         self._events = ModeEvents(estimator, sensor, self._com, p, biped.weight)
         self._stance = StanceChoice(estimator, sensor, p, biped.weight)
         self._momentum = BodyMomentum(BodyRotator(biped.weight) if self._rotator else None, p)
@@ -172,23 +175,9 @@ class StepTeleoperator:
         self._foot = FootVelocity(p)
         self._status: TeleopStatus | None = None
 
-    def _motion(self) -> ComMotion | ComFeedback:
-        if self.actuation == "torque" and isinstance(self.driver, ShifterDriver):
-            return ComFeedback(self.driver.shifter)
-        return ComMotion(self.driver, self.parameters)
-
     def controller(self) -> Controller:
-        """Solves the stack for velocities of the legs' joints, on the estimator's dynamics."""
-        if self.actuation == "torque":
-            return WholeBodyController(self.robot, self.stack)
-        return DifferentialIK(
-            self.robot,
-            self.stack,
-            dt=self.parameters.dt,
-            joints=self._biped.legs,
-            limit_time=_LIMIT_TIME,
-            dynamics=self.estimator.dynamics,
-        )
+        """Solves the stack: for velocities of the legs' joints, or for torques of all."""
+        return self._tasks.controller(self.estimator.dynamics)
 
     @property
     def stack(self) -> Stack:
@@ -268,9 +257,13 @@ class StepTeleoperator:
             room_below=self._height.room_below(footing),
         )
         upright = command is not None and command.upright
-        weights = self._weights.at(footing, upright=upright)
-        self._tasks.ask(footing, self._desired(footing, target), weights)
+        self._tasks.ask(footing, self._desired(footing, target), upright=upright)
         self._status = self._describe(footing, sample, target)
+
+    def _com_motion(self) -> ComMotion | ComFeedback:
+        if self.actuation == "torque" and isinstance(self.driver, ShifterDriver):
+            return ComFeedback(self.driver.shifter)
+        return ComMotion(self.driver, self.parameters)
 
     def _move_mode(self, command: DeviceSample | None, time: float) -> None:
         before = self._events.mode
@@ -323,3 +316,23 @@ class StepTeleoperator:
             loads=self.zmp_sensor.loads.copy(),
             tilt=footing.tilt,
         )
+
+
+def _checked_actuation(actuation: str, driver: ComDriver | None) -> str:
+    if actuation not in _ACTUATIONS:
+        raise UnknownNameError(
+            "no such actuation of step teleoperation", got=actuation, choices=_ACTUATIONS
+        )
+    if actuation == "torque" and not (driver is None or isinstance(driver, ShifterDriver)):
+        raise ConfigurationError(
+            "torques need the COM shifter, whose feedback is on what is measured",
+            got=type(driver).__name__,
+            wanted="ShifterDriver, or none",
+        )
+    return actuation
+
+
+def _for_torques(robot: Robot, parameters: TeleopParameters) -> TeleopParameters:
+    """A quicker tick, and steps after which both soles can lie flat: contacts hold them so."""
+    longest = longest_flat_step(robot, parameters)
+    return replace(parameters, dt=_TORQUE_DT, step_max=min(parameters.step_max, longest))

@@ -3,20 +3,24 @@
 import numpy as np
 from jaxtyping import Float64
 
+from poise.control import Controller, WholeBodyController
+from poise.dynamics import Dynamics
 from poise.locomotion._stepping._biped import Biped
+from poise.locomotion._stepping._desired import DesiredMotion
 from poise.locomotion._stepping._footing import Footing
-from poise.locomotion._stepping._tasks import WA, DesiredMotion
-from poise.stack import ComTask, FrameTask, PostureTask, Stack, SurfaceContact, Task
+from poise.stack import ComTask, FrameTask, PostureTask, Stack, SurfaceContact
 
 _LEVEL = np.eye(3)
 
-_KP_COM, _KP_FOOT, _KP_BODY = 100.0, 300.0, 100.0
+_KP_COM, _KP_FOOT, _KP_TRUNK = 100.0, 300.0, 100.0
 """Stiffness of the COM's height, of the foot in the air, of pelvis and torso [1/s^2]."""
 
-_BODY_WEIGHT = 1.0
-"""Of pelvis and torso beside the balance: it may lean, and comes back."""
-
 _POSTURE_WEIGHT = 0.03
+"""Of the posture beside foot and trunk: below them alone the arms would be thrown about by what
+little those leave to them."""
+
+_URGENT = 10.0
+"""Weight of the trunk while the operator asks for an upright torso."""
 
 _FOLLOWED = 5.0
 """How fast the reference of the COM's height leaks into what is measured [1/s]."""
@@ -29,10 +33,11 @@ _UNLOAD, _LOAD = 0.03, 0.08
 
 
 class TorqueTasks:
-    """Balance by forces: references of the step teleoperator as accelerations of tasks.
+    """The references of the step teleoperator as accelerations.
 
-    The first level has the COM, both feet and, lightly, pelvis and torso upright; the second the
-    posture. Feet on the ground are contacts: nothing levels them, so they lie as the ground does.
+    The first level has the COM; the second the foot in the air, pelvis and torso upright and, much
+    lighter, the posture. No foot is worth the balance: where it is swung too hard it lags. Feet on
+    the ground are contacts: nothing levels them, so they lie as the ground does.
 
     Args:
         biped: the robot.
@@ -44,23 +49,22 @@ class TorqueTasks:
 
     def __init__(self, biped: Biped, dt: float) -> None:
         robot = biped.robot
-        self._biped, self._dt = biped, dt
-        self._com = ComTask(kp=_KP_COM, weight=1.0)
-        self._feet = [FrameTask(s, kp=_KP_FOOT, name=f"{s} foot") for s in biped.soles]
-        upright = [FrameTask(robot.pelvis, "orientation", kp=_KP_BODY, name="pelvis")]
+        self._robot, self._dt = robot, dt
+        self._com = ComTask(kp=_KP_COM)
+        self._feet = [FrameTask(sole, kp=_KP_FOOT, name=f"{sole} foot") for sole in biped.soles]
         frames = robot.model.frames
         pelvis, torso = (frames[robot.frame_id(f)].parentJoint for f in (robot.pelvis, robot.torso))
-        if torso != pelvis:
-            upright.append(FrameTask(robot.torso, "orientation", kp=_KP_BODY, name="torso"))
-        for task in upright:
-            task.set_weight(_BODY_WEIGHT)
-            task.set_target(rotation=_LEVEL)
-        posture = PostureTask()
-        posture.set_weight(_POSTURE_WEIGHT)
+        trunk = (robot.pelvis,) if torso == pelvis else (robot.pelvis, robot.torso)
+        self._trunk = [FrameTask(frame, "orientation", kp=_KP_TRUNK) for frame in trunk]
         self._contacts = [SurfaceContact(sole) for sole in biped.soles]
-        levels: list[list[Task]] = [[self._com], [*self._feet, *upright, posture]]
-        self.stack = Stack(contacts=self._contacts, levels=levels)
+        posture = PostureTask(weight=_POSTURE_WEIGHT)
+        self.stack = Stack(
+            contacts=self._contacts,
+            levels=[[self._com], [*self._feet, *self._trunk, posture]],
+        )
         self.stack.bind(robot)
+        for task in self._trunk:
+            task.set_target(rotation=_LEVEL)
         self.reset()
 
     def reset(self) -> None:
@@ -71,19 +75,29 @@ class TorqueTasks:
         for contact in self._contacts:
             contact.engage(0.0)
 
-    def ask(self, footing: Footing, desired: DesiredMotion, weights: WA) -> None:
+    def controller(self, dynamics: Dynamics) -> Controller:
+        """Solves the stack for torques, by the whole dynamics of its own.
+
+        Args:
+            dynamics: of the estimated state, which has not what torques need.
+        """
+        del dynamics
+        return WholeBodyController(self._robot, self.stack)
+
+    def ask(self, footing: Footing, desired: DesiredMotion, *, upright: bool) -> None:
         """Sets contacts and references for a tick.
 
         Args:
             footing: of the tick.
             desired: of body and feet.
-            weights: of the velocity level; not used.
+            upright: whether the operator asks for an upright torso.
         """
-        del weights
         self._stand(footing)
         self._move_com(footing, desired)
         if self._swing is not None:
             self._move_foot(self._swing, footing, desired.foot)
+        for task in self._trunk:
+            task.set_weight(_URGENT if upright else 1.0)
 
     def _stand(self, footing: Footing) -> None:
         """A foot that is to be lifted gives up its load; one that has landed takes it."""
@@ -98,16 +112,19 @@ class TorqueTasks:
         self._swing = swing
 
     def _move_com(self, footing: Footing, desired: DesiredMotion) -> None:
+        """Along the ground the acceleration of the COM shifter, upwards a height of its own."""
         com, velocity = footing.dynamics.com, footing.dynamics.com_velocity
         height, speed = float(com[2]), float(desired.com[2])
         before = height if self._height is None else self._height
         self._height = before + self._dt * (speed + _FOLLOWED * (height - before))
         lift = _KP_COM * (self._height - height)
         lift += 2.0 * _KP_COM**0.5 * (speed - float(velocity[2]))
+        # The target is for reports: feedback is in the acceleration.
         self._com.set_target([com[0], com[1], self._height], [*velocity[:2], speed])
         self._com.set_acceleration(np.array([*desired.com_acceleration, lift]))
 
     def _move_foot(self, foot: int, footing: Footing, velocity: Float64[np.ndarray, "3"]) -> None:
+        """Where the foot's velocity leads, never far ahead of a foot that cannot follow."""
         here = footing.sole(foot)
         place = self._place + self._dt * velocity
         gap = place - here

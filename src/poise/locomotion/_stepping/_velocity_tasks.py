@@ -1,18 +1,17 @@
-"""`SteppingTasks`: the stack that the step teleoperator leads, and what it asks of it.
+"""`VelocityTasks`: the stack that the step teleoperator leads where velocities are commanded.
 
-`DesiredMotion`: v_d, what a tick asks of body and feet.
 `TaskWeights`: W_A, how much each task of the second level counts.
 """
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float64
 
-from poise.control import DifferentialIK
-from poise.dynamics import rotation_vector, saturate
+from poise.control import Controller, DifferentialIK
+from poise.dynamics import Dynamics, rotation_vector, saturate
 from poise.locomotion._stepping._biped import Biped
+from poise.locomotion._stepping._desired import DesiredMotion
 from poise.locomotion._stepping._footing import Footing
 from poise.locomotion._stepping._parameters import TeleopParameters
 from poise.stack import (
@@ -27,6 +26,9 @@ from poise.stack import (
 
 _UPRIGHT_WEIGHT = 100.0
 """Weight of the torso's angular velocity while the operator asks for an upright torso."""
+
+_LIMIT_TIME = 0.05
+"""Time in which a joint may at most reach its position limit [s]."""
 
 _LEVEL = np.eye(3)
 
@@ -78,24 +80,7 @@ class TaskWeights:
         return WA(p.w_L, _UPRIGHT_WEIGHT if upright else torso, foot)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class DesiredMotion:
-    """v_d of (16), less what is kept level and upright by itself.
-
-    Attributes:
-        com: velocity of the COM [m/s].
-        com_acceleration: of the COM along the ground [m/s^2].
-        momentum: angular, about the COM, x and y [kg m^2/s].
-        foot: velocity of the sole that is not the stance [m/s].
-    """
-
-    com: Float64[np.ndarray, "3"]
-    com_acceleration: Float64[np.ndarray, "2"]
-    momentum: Float64[np.ndarray, "2"]
-    foot: Float64[np.ndarray, "3"]
-
-
-class SteppingTasks:
+class VelocityTasks:
     """The two levels of (19) as tasks of a stack, with (17b) and (17d) for torso and sole.
 
     The first level has the COM's velocity and the other sole's angular velocity; the second has
@@ -106,13 +91,15 @@ class SteppingTasks:
     Args:
         biped: the robot.
         parameters: gains and limits.
+        rotator: whether the body rotator acts.
 
     Attributes:
         stack: to be solved for joint velocities.
     """
 
-    def __init__(self, biped: Biped, parameters: TeleopParameters) -> None:
+    def __init__(self, biped: Biped, parameters: TeleopParameters, *, rotator: bool) -> None:
         self._biped, self._parameters = biped, parameters
+        self._weights = TaskWeights(parameters, rotator=rotator)
         self._com = ComTask()
         self._momentum = MomentumTask("angular_xy")
         self._torso = FrameTask(biped.robot.torso, "orientation", name="torso")
@@ -135,14 +122,30 @@ class SteppingTasks:
         """No foot is the stance yet."""
         self._stance = -1
 
-    def ask(self, footing: Footing, desired: DesiredMotion, weights: WA) -> None:
+    def controller(self, dynamics: Dynamics) -> Controller:
+        """Solves the stack, (19) to (23).
+
+        Args:
+            dynamics: of the estimated state, which need not be computed again.
+        """
+        return DifferentialIK(
+            self._biped.robot,
+            self.stack,
+            dt=self._parameters.dt,
+            joints=self._biped.legs,
+            limit_time=_LIMIT_TIME,
+            dynamics=dynamics,
+        )
+
+    def ask(self, footing: Footing, desired: DesiredMotion, *, upright: bool) -> None:
         """Sets contacts, velocities and weights for a tick.
 
         Args:
             footing: of the tick.
             desired: of body and feet.
-            weights: W_A.
+            upright: whether the operator asks for an upright torso.
         """
+        weights = self._weights.at(footing, upright=upright)
         p, biped, dynamics, other = self._parameters, self._biped, footing.dynamics, footing.other
         self._stand_on(footing.stance)
         turn = _Turn(footing, p)
