@@ -214,6 +214,7 @@ _MODULES = {
     "step-teleoperation": "studies.step_teleoperation",
     "reduced-dynamics": "studies.reduced_dynamics",
     "bad-operator": "studies.bad_operator",
+    "torque-teleoperation": "studies.torque_teleoperation",
     "campaigns": "studies.campaigns",
     "strangers": "studies.strangers",
     "locomotion": "studies.locomotion",

@@ -8,11 +8,14 @@ from typing import Annotated
 import numpy as np
 from jaxtyping import Float64
 
-from poise._schema import Bounds, Seconds, checked
+from poise._schema import Bounds, Seconds, Vector, checked
 from poise.dynamics import RobotState, SensorReadings
 
 Deviation = Annotated[float, Bounds(least=0.0, most=1e6)]
 """A standard deviation or a resolution, in the unit of what is measured."""
+
+_MAX_TILT = 0.5
+"""A unit that is mounted more askew is in its description [rad]."""
 
 
 @checked()
@@ -28,6 +31,8 @@ class SensorConfig:
         joint_velocity_noise: noise of the joint velocities [rad/s].
         base_position_noise: noise of the base position [m].
         base_orientation_noise: noise of the base orientation, as a rotation vector [rad].
+        base_orientation_error: constant error of the base orientation, as a rotation about the
+            base's own x and y axes, which a unit mounted askew has [rad].
         base_velocity_noise: noise of the base linear velocity [m/s].
         gyro_noise: noise of the base angular velocity [rad/s].
         force_noise: noise of the sole forces [N].
@@ -45,6 +50,10 @@ class SensorConfig:
     joint_velocity_noise: Deviation = 0.0
     base_position_noise: Deviation = 0.0
     base_orientation_noise: Deviation = 0.0
+    base_orientation_error: Annotated[tuple[float, float], Vector(2, Bounds(most=_MAX_TILT))] = (
+        0.0,
+        0.0,
+    )
     base_velocity_noise: Deviation = 0.0
     gyro_noise: Deviation = 0.0
     force_noise: Deviation = 0.0
@@ -73,7 +82,7 @@ class SensorConfig:
     @property
     def ideal(self) -> bool:
         """Whether the measured state is the true one."""
-        return all(getattr(self, f.name) == 0.0 for f in fields(self))
+        return all(not np.any(getattr(self, f.name)) for f in fields(self))
 
 
 class Sensors:
@@ -126,7 +135,9 @@ class Sensors:
         q, v = state.q.copy(), state.v.copy()
         if self._floating:
             q[:3] += c.base_position_noise * rng.standard_normal(3)
-            q[3:7] = _perturb(q[3:7], c.base_orientation_noise * rng.standard_normal(3))
+            turn = c.base_orientation_noise * rng.standard_normal(3)
+            turn[:2] += c.base_orientation_error
+            q[3:7] = _perturb(q[3:7], turn)
             v[:3] += c.base_velocity_noise * rng.standard_normal(3)
             v[3:6] += c.gyro_noise * rng.standard_normal(3)
         joints_q, joints_v = q[7 * self._floating :], v[6 * self._floating :]

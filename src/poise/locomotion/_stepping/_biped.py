@@ -3,6 +3,7 @@
 `LegGeometry`: a leg as hip, knee and ankle, with what limits where its sole can be.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +14,7 @@ from poise.errors import ConfigurationError
 from poise.locomotion._stepping._parameters import TeleopParameters
 from poise.locomotion._support import two_soles
 from poise.robots import Robot
+from poise.stack import JointLimit
 
 _HIP_JOINTS = 3
 """The first three joints of a leg are the hip's, in any order."""
@@ -188,6 +190,24 @@ def biped_of(robot: Robot, parameters: TeleopParameters) -> Biped:
         legs=(*left_leg, *right_leg),
         knees=(left_leg[KNEE], right_leg[KNEE]),
     )
+
+
+def bent_knees(
+    biped: Biped, parameters: TeleopParameters, margin: float | None = None
+) -> JointLimit:
+    """Limits that keep the knees from getting straight, where a leg is singular.
+
+    A leg that is straight gets no shorter whatever its knee does: the trunk would bow in its place.
+
+    Args:
+        biped: the robot.
+        parameters: the straightest knee.
+        margin: of all joints to their limits [rad]; that of other controllers when None.
+    """
+    knees = dict.fromkeys(biped.knees, (parameters.knee_min, math.inf))
+    if margin is None:
+        return JointLimit(position_range=knees)
+    return JointLimit(position_margin=margin, position_range=knees)
 
 
 def _size(robot: Robot, name: str) -> tuple[float, float]:

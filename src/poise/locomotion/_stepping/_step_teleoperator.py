@@ -149,7 +149,7 @@ class StepTeleoperator:
         self.driver, self._rotator = driver, rotator
         self._reach = FootRange(robot, self.soles, p)
         self._tasks: StepTasks = (
-            TorqueTasks(self._biped, p.dt)
+            TorqueTasks(self._biped, p)
             if actuation == "torque"
             else VelocityTasks(self._biped, p, rotator=rotator)
         )

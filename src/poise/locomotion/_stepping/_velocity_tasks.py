@@ -10,14 +10,13 @@ from jaxtyping import Float64
 
 from poise.control import Controller, DifferentialIK
 from poise.dynamics import Dynamics, rotation_vector, saturate
-from poise.locomotion._stepping._biped import Biped
+from poise.locomotion._stepping._biped import Biped, bent_knees
 from poise.locomotion._stepping._desired import DesiredMotion
 from poise.locomotion._stepping._footing import Footing
 from poise.locomotion._stepping._parameters import TeleopParameters
 from poise.stack import (
     ComTask,
     FrameTask,
-    JointLimit,
     MomentumTask,
     Stack,
     SurfaceContact,
@@ -31,8 +30,6 @@ _LIMIT_TIME = 0.05
 """Time in which a joint may at most reach its position limit [s]."""
 
 _LEVEL = np.eye(3)
-
-_UNBOUNDED = float("inf")
 
 
 class WA(NamedTuple):
@@ -106,14 +103,13 @@ class VelocityTasks:
         self._turns = [FrameTask(s, "orientation", name=f"{s} level") for s in biped.soles]
         self._places = [FrameTask(s, "position", name=f"{s} place") for s in biped.soles]
         self._contacts = [SurfaceContact(sole) for sole in biped.soles]
-        knees = dict.fromkeys(biped.knees, (parameters.knee_min, _UNBOUNDED))
         self.stack = Stack(
             contacts=self._contacts,
             levels=[
                 [self._com, *self._turns],
                 [self._momentum, self._torso, *self._places],
             ],
-            joint_limit=JointLimit(position_margin=0.0, position_range=knees),
+            joint_limit=bent_knees(biped, parameters, margin=0.0),
         )
         self.stack.bind(biped.robot)
         self.reset()

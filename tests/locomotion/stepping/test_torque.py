@@ -1,0 +1,149 @@
+"""The step teleoperator commands torques: the same leader, feet as contacts, feedback measured."""
+
+from dataclasses import replace
+from unittest.mock import Mock
+
+import numpy as np
+import pytest
+from walker import up_and_down, walk
+
+from poise.apps.teleoperation import (
+    SCRIPTS,
+    TORQUE_TELEOP_PLANT,
+    BadOperator,
+    replay_teleop,
+    run_teleop,
+)
+from poise.control import ReducedController, WholeBodyController
+from poise.errors import ConfigurationError, UnknownNameError
+from poise.locomotion import ComDriver, Mode, StepTeleoperator, TeleopParameters
+from poise.locomotion._pendulum import ComShifter
+from poise.locomotion._stepping._com import ComFeedback
+from poise.locomotion._stepping._footing import Footing
+from poise.locomotion._support import SupportPolygon
+from poise.sim import Plant, SensorConfig, rollout
+
+HEIGHT, SOLE = 0.8, [(0.1, 0.05), (0.1, -0.05), (-0.1, -0.05), (-0.1, 0.05)]
+
+
+def asked(com, velocity, reference):
+    """The feedback, and the CT-ZMP that it asks for."""
+    feedback = ComFeedback(ComShifter(HEIGHT))
+    support = SupportPolygon(SOLE, 0.01)
+    footing = Mock(spec=Footing, zmp_reference=np.array(reference), support=support)
+    footing.dynamics = Mock(com=np.array([*com, HEIGHT]), com_velocity=np.array([*velocity, 0.0]))
+    feedback.drive(footing)
+    return feedback, feedback.cart_table_zmp(np.array(com)), support
+
+
+def test_near_its_reference_it_is_the_com_shifter():
+    com, velocity, reference = (0.003, -0.002), (0.01, 0.008), (0.0, 0.001)
+    shifter = ComShifter(HEIGHT)
+    feedback, _, _ = asked(com, velocity, reference)
+    expected = shifter.unlimited(np.array(reference), np.array(com), np.array(velocity))
+    np.testing.assert_allclose(feedback.acceleration, expected, atol=1e-12)
+
+
+def test_wherever_the_com_is_the_zmp_that_is_asked_for_lies_on_the_soles():
+    rng = np.random.default_rng(3)
+    for _ in range(500):
+        com, velocity = rng.normal(0.0, 0.2, 2), rng.normal(0.0, 0.5, 2)
+        _, zmp, support = asked(com, velocity, rng.normal(0.0, 0.3, 2))
+        assert support.depth(tuple(zmp)) >= -1e-9
+
+
+def test_a_divergent_component_at_an_edge_is_braked_however_far_the_reference_is():
+    """Inside the soles and sent along the edge: it must not drift out across it."""
+    omega = ComShifter(HEIGHT).omega
+    _, zmp, _ = asked((0.0, 0.035), (0.0, 0.0), (-0.5, -0.1))
+    drift = omega * (np.array([0.0, 0.035]) - zmp)
+    assert drift[1] <= 0.0
+    assert drift[0] < 0.0
+
+
+def test_what_is_commanded_and_by_whom_is_checked(get_robot):
+    robot = get_robot("biped20")
+    with pytest.raises(UnknownNameError, match=r"no such actuation.*'position'.*velocity, torque"):
+        StepTeleoperator(robot, actuation="position")
+    driver = Mock(spec=ComDriver, omega=3.5)
+    with pytest.raises(ConfigurationError, match="torques need the COM shifter"):
+        StepTeleoperator(robot, actuation="torque", driver=driver)
+    with pytest.raises(ConfigurationError, match="different ticks"):
+        walk(robot, up_and_down(), 1.0, plant=TORQUE_TELEOP_PLANT, parameters=TeleopParameters())
+
+
+def test_its_stack_may_be_solved_by_any_controller_of_torques(get_robot):
+    teleoperator = StepTeleoperator(get_robot("biped20"), actuation="torque")
+    assert isinstance(teleoperator.controller(), WholeBodyController)
+    state = teleoperator.estimator.update(teleoperator.estimator.dynamics.state)
+    teleoperator.lead(state)
+    one = teleoperator.controller().step(state)
+    other = ReducedController(teleoperator.robot, teleoperator.stack).step(state)
+    assert one.status.ok
+    assert other.status.ok
+    np.testing.assert_allclose(other.torque, one.torque, atol=1e-6)
+
+
+@pytest.mark.usefixtures("unchecked")
+@pytest.mark.parametrize("name", ["biped20", "humanoid33", "g1"])
+def test_a_foot_is_lifted_and_put_down(get_robot, name):
+    run = walk(get_robot(name), up_and_down(), 4.5, plant=TORQUE_TELEOP_PLANT.with_noise())
+    log = run.log
+    assert not run.fell
+    assert log.tilt.max() < 0.1
+    assert len(log.entries(Mode.SL)) == 1
+    assert log.mode[-1] == list(Mode).index(Mode.D)
+    assert log.soles[:, 1, 2].max() > 0.06
+    assert abs(log.soles[-1, 1, 2]) < 0.003
+    np.testing.assert_allclose(log.com[-1, :2], log.zmp_reference[-1], atol=0.01)
+
+
+@pytest.mark.usefixtures("unchecked")
+@pytest.mark.parametrize("slope", [(0.05, 0.0), (0.0, 0.05), (0.0, -0.05)])
+def test_g1_steps_on_a_floor_that_slopes_and_with_an_attitude_that_is_off(get_robot, slope):
+    """3 degrees of slope and one of attitude; the velocity level falls standing still."""
+    sensors = SensorConfig(base_orientation_error=(0.0175, 0.0175))
+    plant = replace(TORQUE_TELEOP_PLANT, floor_slope=slope, sensors=sensors)
+    run = walk(get_robot("g1"), up_and_down(), 4.5, plant=plant)
+    assert not run.fell
+    assert len(run.log.entries(Mode.SL)) == 1
+    assert run.log.tilt[-1] < 0.05
+
+
+@pytest.mark.usefixtures("unchecked")
+def test_a_bad_operator_does_not_throw_g1_and_a_recording_is_the_same_again(get_robot, tmp_path):
+    path = tmp_path / "take"
+    run = run_teleop(
+        get_robot("g1"),
+        lambda teleoperator: BadOperator(teleoperator, 31),
+        TORQUE_TELEOP_PLANT.with_noise(),
+        duration=12.0,
+        seed=31,
+        recording=path,
+    )
+    assert not run.fell
+    again = replay_teleop(path, get_robot("g1"))
+    assert np.array_equal(again.log.command, run.log.command)
+
+
+@pytest.mark.usefixtures("unchecked")
+def test_knees_stay_bent_where_a_straight_leg_would_be_singular(get_robot):
+    """A straight knee cannot shorten the leg to first order: the trunk would bow for it."""
+    robot = get_robot("g1")
+    script = SCRIPTS["over_an_obstacle"](robot)
+    teleoperator = StepTeleoperator(robot, q_start=script.posture(robot), actuation="torque")
+    teleoperator.device = script.device(teleoperator)
+    plant = Plant(robot, TORQUE_TELEOP_PLANT)
+    plant.reset(script.posture(robot))
+    knees = [robot.joint_index(name) for name in ("left_knee_joint", "right_knee_joint")]
+    straightest = np.inf
+    for tick in rollout(
+        plant,
+        teleoperator.controller(),
+        teleoperator,
+        estimator=teleoperator.estimator,
+        duration=7.0,
+    ):
+        straightest = min(straightest, *tick.truth.q[7:][knees])
+    assert straightest > 0.5 * teleoperator.parameters.knee_min
+    assert not plant.fallen
