@@ -61,7 +61,7 @@ class TeleopParameters:
         tilt_soft: tilt of the torso at which its attitude weighs twice as much [rad].
         velocity_leak: how fast the COM's commanded velocity leaks into the measured one [1/s].
         press_speed: largest speed of a foot without load downwards in double support [m/s].
-        knee_min: least knee angle; straighter the leg is singular [rad].
+        knee_min: least bend of a knee; straighter the leg is singular [rad].
         reach_margin: fraction of the leg's length that a foot command stays short of.
         stoop_max: how far the COM may come down for the legs to reach, over its height.
         step_max: largest distance of the feet forward or sideways that can be commanded [m].

@@ -30,9 +30,6 @@ _UPRIGHT_WEIGHT = 100.0
 
 _LEVEL = np.eye(3)
 
-_UNBOUNDED = float("inf")
-
-
 class WA(NamedTuple):
     """W_A of the second level in (20): one number for each task.
 
@@ -117,14 +114,13 @@ class SteppingTasks:
         self._turns = [FrameTask(s, "orientation", name=f"{s} level") for s in biped.soles]
         self._places = [FrameTask(s, "position", name=f"{s} place") for s in biped.soles]
         self._contacts = [SurfaceContact(sole) for sole in biped.soles]
-        knees = dict.fromkeys(biped.knees, (parameters.knee_min, _UNBOUNDED))
         self.stack = Stack(
             contacts=self._contacts,
             levels=[
                 [self._com, *self._turns],
                 [self._momentum, self._torso, *self._places],
             ],
-            joint_limit=JointLimit(position_margin=0.0, position_range=knees),
+            joint_limit=JointLimit(position_margin=0.0, position_range=biped.knees),
         )
         self.stack.bind(biped.robot)
         self._stance = -1
