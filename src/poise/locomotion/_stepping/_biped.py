@@ -14,7 +14,7 @@ from poise.dynamics import Dynamics, RobotState
 from poise.errors import ConfigurationError
 from poise.locomotion._stepping._parameters import TeleopParameters
 from poise.locomotion._support import two_soles
-from poise.robots import Robot
+from poise.robots import GRAVITY, Robot
 
 _HIP_JOINTS = 3
 """The first three joints of a leg are the hip's, in any order."""
@@ -61,6 +61,8 @@ class LegGeometry:
         knee_range: angles of the knee that leave it bent [rad].
         lean_max: how far the shank can lean forward over a level sole [rad].
         roll_max: how far it can lean to either side [rad].
+        relief: how far the body should lean over the foot that carries, for a hip that neither
+            holds it up nor turns in enough beside it [rad].
     """
 
     hip: Float64[np.ndarray, "3"]
@@ -71,6 +73,7 @@ class LegGeometry:
     knee_range: tuple[float, float]
     lean_max: float
     roll_max: float
+    relief: float
 
 
 def leg_geometry(robot: Robot, sole: str, knee_min: float) -> LegGeometry:
@@ -105,7 +108,46 @@ def leg_geometry(robot: Robot, sole: str, knee_min: float) -> LegGeometry:
         knee_range=knee_range,
         lean_max=_range_about(axes @ foot.rotation, _PITCH, lower, upper)[0],
         roll_max=min(_range_about(axes @ foot.rotation, _ROLL, lower, upper)),
+        relief=_hip_relief(robot, sole),
     )
+
+
+_HIP_LOAD, _HIP_TURN = 0.75, 0.8
+"""Parts of the hip's torque about the forward axis, and of its range inwards, to stand with."""
+
+_RELIEF_MAX = 0.2
+"""The body leans over the foot that carries by no more [rad]."""
+
+
+def _hip_relief(robot: Robot, sole: str) -> float:
+    """How far the body has to lean over a foot to stand on it alone, within its hip's limits [rad].
+
+    Upright with the COM over the foot the hip is beside it by its offset y from the middle: the leg
+    of length l is turned in by y / l, and the hip holds the body's weight at that lever. Leaning by
+    phi takes both back: the turn by phi, the moment by the weight of the body times its height over
+    the hip times phi.
+    """
+    joints = leg_joints(robot, sole)
+    dynamics, hip, axes = _leg_at(robot, sole, robot.q_home[7 + np.array(joints)])
+    roll = max(range(_HIP_JOINTS), key=lambda j: abs(float(axes[j, _ROLL])))
+    joint = joints[roll]
+    pelvis, _ = dynamics.placement(robot.frame_id(robot.pelvis))
+    ankle = dynamics.joint_position(joints[-1] + 2)
+    model = robot.model
+    leg = sum(float(model.inertias[j + 2].mass) for j in joints)
+    carried = robot.mass - leg
+    levers = [model.inertias[j + 2].mass * dynamics.joint_position(j + 2) for j in joints]
+    middle = (robot.mass * dynamics.com - np.sum(levers, axis=0)) / carried
+    offset = abs(float(hip[1] - pelvis[1]))
+    # The leg's own weight, half way, has to be balanced by the body's.
+    moment = GRAVITY * (carried + 0.5 * leg) * offset
+    height = max(float(middle[2] - hip[2]), 0.1 * float(hip[2]))
+    lacking = moment - _HIP_LOAD * float(robot.tau_max[joint]) * abs(float(axes[roll, _ROLL]))
+    inwards = float(axes[roll, _ROLL]) * (1.0 if hip[1] < pelvis[1] else -1.0) > 0.0
+    home = float(robot.q_home[7 + joint])
+    limit = robot.q_max[joint] - home if inwards else home - robot.q_min[joint]
+    turn = offset / float(hip[2] - ankle[2]) - _HIP_TURN * float(limit)
+    return min(max(lacking / (GRAVITY * carried * height), turn, 0.0), _RELIEF_MAX)
 
 
 def _leg_at(
@@ -182,6 +224,7 @@ class Biped:
         weight: m g [N].
         legs: names of the legs' joints, the left leg's first.
         knees: for each knee, by its name, the angles that leave it bent [rad].
+        relief: how far the body leans over the left and over the right foot to stand on it [rad].
     """
 
     robot: Robot
@@ -193,6 +236,7 @@ class Biped:
     weight: float
     legs: tuple[str, ...]
     knees: Mapping[str, tuple[float, float]]
+    relief: tuple[float, float]
 
 
 def biped_of(robot: Robot, parameters: TeleopParameters) -> Biped:
@@ -210,6 +254,9 @@ def biped_of(robot: Robot, parameters: TeleopParameters) -> Biped:
     left_leg, right_leg = (
         [robot.joint_names[joint] for joint in leg_joints(robot, sole)] for sole in soles
     )
+    left_geometry, right_geometry = (
+        leg_geometry(robot, sole, parameters.knee_min) for sole in soles
+    )
     return Biped(
         robot=robot,
         soles=soles,
@@ -220,9 +267,10 @@ def biped_of(robot: Robot, parameters: TeleopParameters) -> Biped:
         weight=robot.weight,
         legs=(*left_leg, *right_leg),
         knees={
-            leg[KNEE]: leg_geometry(robot, sole, parameters.knee_min).knee_range
-            for leg, sole in ((left_leg, left), (right_leg, right))
+            left_leg[KNEE]: left_geometry.knee_range,
+            right_leg[KNEE]: right_geometry.knee_range,
         },
+        relief=(left_geometry.relief, right_geometry.relief),
     )
 
 

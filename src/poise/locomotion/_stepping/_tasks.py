@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+import pinocchio as pin
 from jaxtyping import Float64
 
 from poise.control import DifferentialIK
@@ -29,6 +30,10 @@ _UPRIGHT_WEIGHT = 100.0
 """Weight of the torso's angular velocity while the operator asks for an upright torso."""
 
 _LEVEL = np.eye(3)
+
+_LEAN_RATE = 0.3
+"""How fast the body leans over a foot, and back [rad/s]."""
+
 
 class WA(NamedTuple):
     """W_A of the second level in (20): one number for each task.
@@ -124,6 +129,7 @@ class SteppingTasks:
         )
         self.stack.bind(biped.robot)
         self._stance = -1
+        self._lean = 0.0
 
     def ask(self, footing: Footing, desired: DesiredVelocities, weights: WA) -> None:
         """Sets contacts, velocities and weights for a tick.
@@ -141,16 +147,31 @@ class SteppingTasks:
         self._com.set_velocity(desired.com - turn.velocity_at(dynamics.com))
         self._turns[other].set_velocity(self._upright(attitude) - turn.rate)
         self._momentum.set_velocity(desired.momentum - turn.momentum())
-        self._torso.set_velocity(self._upright(torso) - turn.rate)
+        self._torso.set_velocity(self._upright(torso, self._leaning(footing)) - turn.rate)
         self._places[other].set_velocity(desired.foot - turn.velocity_at(place))
         _weigh(self._momentum, weights.momentum)
         _weigh(self._torso, weights.torso)
         _weigh(self._places[other], weights.foot)
 
-    def _upright(self, rotation: Float64[np.ndarray, "3 3"]) -> Float64[np.ndarray, "3"]:
+    def _upright(
+        self,
+        rotation: Float64[np.ndarray, "3 3"],
+        target: Float64[np.ndarray, "3 3"] = _LEVEL,
+    ) -> Float64[np.ndarray, "3"]:
         """Eqs (17b) and (17d) [rad/s]."""
         p = self._parameters
-        return saturate(p.omega_lim, p.k_omega * rotation_vector(_LEVEL, rotation))
+        return saturate(p.omega_lim, p.k_omega * rotation_vector(target, rotation))
+
+    def _leaning(self, footing: Footing) -> Float64[np.ndarray, "3 3"]:
+        """Upright, or leaning over the foot that carries where its hip needs that."""
+        carries, most = footing.mode.support, self._biped.relief
+        goal = 0.0 if carries is None else (-most[0], most[1])[carries]
+        step = _LEAN_RATE * self._parameters.dt
+        self._lean += max(-step, min(step, goal - self._lean))
+        if self._lean == 0.0:
+            return _LEVEL
+        x, y = footing.heading.tolist()
+        return pin.exp3(self._lean * np.array([x, y, 0.0]))
 
     def _stand_on(self, foot: int) -> None:
         if foot == self._stance:
