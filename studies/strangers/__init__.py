@@ -9,7 +9,8 @@ PLAN = StudyPlan(
     introduction=(
         "Every URDF and MJCF below a folder is read as it was downloaded, a description is "
         "proposed for it, and the robot stands, squats and reaches in simulation under one stack: "
-        "balance, then hands, then posture. Nothing is edited and nothing is tuned for a robot.",
+        "balance, then hands, then posture. Then it walks, and an operator leads it over an "
+        "obstacle. Nothing is edited and nothing is tuned for a robot.",
     ),
     source="none: the models are those below the folder that `--dir` names; without it, those of "
     "example-robot-data",

@@ -25,6 +25,28 @@ def test_soles_base_and_com_are_where_a_standing_posture_has_them(get_robot, nam
     np.testing.assert_allclose(q[3:7], [0.0, 0.0, 0.0, 1.0], atol=1e-8)
 
 
+def test_a_root_link_may_point_anywhere(get_robot):
+    robot = get_robot("icub")
+    assert np.abs(robot.q_home[3:6]).max() > 0.9
+    q = standing_posture(robot)
+    data = robot.model.createData()
+    com = pin.centerOfMass(robot.model, data, q)
+    before = pin.centerOfMass(robot.model, robot.model.createData(), robot.q_home)
+    np.testing.assert_allclose(com, [0.0, 0.0, before[2]], atol=1e-8)
+    turn = pin.Quaternion(q[3:7]).matrix().T @ pin.Quaternion(robot.q_home[3:7]).matrix()
+    np.testing.assert_allclose(turn, np.eye(3), atol=1e-8)
+
+
+@pytest.mark.parametrize("name", ["humanoid33", "g1"])
+def test_a_leg_ends_at_the_hip(get_robot, name):
+    robot = get_robot(name)
+    legs = [robot.leg_joints(sole) for sole in robot.soles]
+    assert [len(leg) for leg in legs] == [6, 6]
+    assert not set(legs[0]) & set(legs[1])
+    for leg in legs:
+        assert [int(robot.model.parents[j]) for j in leg] == [1, *leg[:-1]]
+
+
 @pytest.fixture(scope="module")
 def hand(get_robot):
     """A fixed arm's model and data, its hand's frame, and a configuration amid its range."""

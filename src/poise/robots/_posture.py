@@ -106,8 +106,8 @@ def standing_posture(
 ) -> Float64[np.ndarray, " nq"]:
     """The home posture with its legs changed so that the feet stand apart and the COM is low.
 
-    Soles lie level on the ground, side by side about the origin, the base is level, and the COM is
-    above the middle. Joints that are not of the legs stay as at home.
+    Soles lie level on the ground, side by side about the origin, the base is turned as at home, and
+    the COM is above the middle. Joints that are not of the legs stay as at home.
 
     Args:
         robot: a biped.
@@ -135,7 +135,7 @@ def standing_posture(
         model,
         robot.q_home,
         _Stance(robot, frames, apart, height),
-        _leg_columns(robot, frames),
+        _leg_columns(robot),
         tolerance=_TOLERANCE,
         damping=1e-9,
         step_max=0.2,
@@ -156,21 +156,22 @@ _TOLERANCE = 1e-9
 """A standing posture misses its soles, COM and level base by less [m, rad]."""
 
 
-def _leg_columns(robot: Robot, frames: list[int]) -> list[int]:
-    """The base, and the joints between base and soles, as columns of Jacobians."""
-    model = robot.model
-    joints = {int(j) for i in frames for j in model.supports[model.frames[i].parentJoint] if j > 1}
-    return [*range(6), *sorted(int(model.joints[j].idx_v) for j in joints)]
+def _leg_columns(robot: Robot) -> list[int]:
+    """The base, and the joints of both legs, as columns of Jacobians."""
+    joints = [j for sole in robot.soles for j in robot.leg_joints(sole)]
+    return [*range(6), *sorted(int(robot.model.joints[j].idx_v) for j in joints)]
 
 
 class _Stance:
-    """What is missing to two soles side by side, a COM above their middle and a level base."""
+    """What is missing to two soles side by side, a COM above their middle, a base as at home."""
 
     def __init__(self, robot: Robot, frames: list[int], apart: float, height: float) -> None:
         self._model, self._data = robot.model, robot.model.createData()
         places = (np.array([0.0, side * 0.5 * apart, 0.0]) for side in (1.0, -1.0))
         self._goals = [(i, pin.SE3(np.eye(3), p)) for i, p in zip(frames, places, strict=True)]
         self._com = np.array([0.0, 0.0, height])
+        # The axes of a root link may point anywhere.
+        self._upright = pin.Quaternion(robot.q_home[3:7]).matrix()
 
     def __call__(
         self, q: Float64[np.ndarray, " nq"]
@@ -181,6 +182,7 @@ class _Stance:
         com_jacobian = pin.jacobianCenterOfMass(model, data, q)
         parts.append((self._com - data.com[0], com_jacobian))
         base_turn = np.eye(3, model.nv, k=3)
-        parts.append((-pin.log3(data.oMi[1].rotation), base_turn))
+        turn = pin.log3(data.oMi[1].rotation.T @ self._upright)
+        parts.append((turn, base_turn))
         errors, jacobians = zip(*parts, strict=True)
         return np.concatenate(errors), np.vstack(jacobians)

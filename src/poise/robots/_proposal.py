@@ -49,6 +49,10 @@ _ANKLE_PART = 0.35
 _MOST_BACK = 0.25
 """But the COM stays within this part of the sole's length from its middle."""
 
+_WIDEST = 0.45
+"""Feet stand no wider apart than this part of a straight leg's length: who walks with feet wider
+apart has to sway faster than ankles brake."""
+
 _FAR_ROOT = 0.5
 """A root link whose origin is this far from the hips is no pelvis: some stand on the ground [m]."""
 
@@ -314,7 +318,8 @@ class _Describer:
         soles = self._soles(feet, data)
         legs, beyond = _parted(limbs.legs, feet)
         apart = abs(float((feet[0].fit.position - feet[1].fit.position) @ _left(limbs.forward)))
-        apart = max(apart, 1.15 * max(foot.fit.width for foot in feet))
+        tall = float(data.oMi[limbs.legs[0][0]].translation[2] - feet[0].fit.position[2])
+        apart = max(min(apart, _WIDEST * tall), 1.15 * max(foot.fit.width for foot in feet))
         back = self._ankle_relief(feet, legs, data, limbs.forward)
         stance = find_stance(
             self._model,

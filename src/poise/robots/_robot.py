@@ -173,6 +173,24 @@ class Robot:
             f"unknown frame of robot {self.name!r}", got=name, choices=self.frame_names()
         )
 
+    def leg_joints(self, sole: str) -> list[int]:
+        """Pinocchio's indices of a leg's joints, from the hip on.
+
+        They are those that move the sole and no other one: a waist that carries both is no part.
+
+        Args:
+            sole: at the end of the leg.
+
+        Raises:
+            UnknownNameError: no such frame.
+        """
+        joints = self.model.frames[self.frame_id(sole)].parentJoint
+        others = (self.model.frames[self.frame_id(s)].parentJoint for s in self.soles if s != sole)
+        shared = {0, int(self.base_dofs > 0)}
+        for other in others:
+            shared |= set(self.model.supports[other].tolist())
+        return [int(j) for j in self.model.supports[joints] if j not in shared]
+
     def frame_names(self) -> tuple[str, ...]:
         """All frames that tasks and contacts may name, those with a part to play first."""
         others = (f.name for f in self.model.frames if f.name not in self.roles)

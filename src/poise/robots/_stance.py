@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float64
 
-_CROUCHES = (0.93, 0.96, 0.9, 0.86, 0.98, 0.8)
+_CROUCHES = (0.955, 0.93, 0.97, 0.9, 0.86, 0.8)
 """Heights of the hips to try, as parts of that with straight legs; a little bent comes first."""
 
 _BENDS = (0.6, -0.6, 0.25, -0.25, 1.0)

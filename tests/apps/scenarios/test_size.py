@@ -9,7 +9,7 @@ import pytest
 pytest.importorskip("mujoco")
 
 from poise.apps.scenarios import load_scenario, parse_scenario, stage_scenario
-from poise.apps.scenarios._size import size_ratio
+from poise.apps.scenarios._size import size_ratio, without_hands
 from poise.errors import ConfigurationError
 
 TEXT = """
@@ -94,3 +94,18 @@ def test_a_robot_of_that_size_changes_nothing(get_robot):
 def test_heights_that_cannot_be_are_refused(height):
     with pytest.raises(ConfigurationError, match="reference_com_height"):
         parse_scenario(TEXT.format(height=height), "s.yaml")
+
+
+def test_a_robot_without_hands_walks_without_them(get_robot):
+    scenario = load_scenario("walk")
+    handless = replace(get_robot("humanoid33"), hands=())
+    assert without_hands(scenario, get_robot("humanoid33")) is scenario
+    left = without_hands(scenario, handless)
+    assert left.motions == ()
+    assert not [check for check in left.checks if "hand" in (check.task or "")]
+    assert [check.metric for check in left.checks] == [
+        check.metric for check in scenario.checks if "hand" not in (check.task or "")
+    ]
+    # A reach is nothing without hands, and is refused as it was.
+    reach = load_scenario("reach")
+    assert without_hands(reach, handless) is reach

@@ -1,5 +1,7 @@
 """What is measured of a leg, against forward kinematics in postures that it was not measured in."""
 
+from dataclasses import replace
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -95,6 +97,42 @@ def test_g1_has_the_ankles_of_its_data_sheet(get_robot):
     leg = measured(get_robot("g1"), 0)[2]
     assert leg.lean_max == pytest.approx(0.873, abs=1e-3)
     assert leg.roll_max == pytest.approx(0.262, abs=1e-3)
+
+
+@pytest.mark.parametrize(("name", "sense"), [("biped20", 1.0), ("talos", 1.0), ("icub", -1.0)])
+def test_knees_are_kept_bent_whichever_way_they_bend(get_robot, name, sense):
+    robot = get_robot(name)
+    _, joints, leg = measured(robot, 0)
+    home = float(robot.q_home[7 + joints[3]])
+    low, high = leg.knee_range
+    assert sense * home > 0.0
+    assert low <= home <= high
+    # These count from the straight leg.
+    assert sorted(np.abs([low, high])) == pytest.approx([KNEE_MIN, np.inf], abs=1e-5)
+
+
+@pytest.mark.parametrize("foot", [0, 1])
+def test_a_strong_hip_needs_no_relief_and_a_weak_one_a_bounded_one(get_robot, foot):
+    robot = get_robot("biped20")
+    sole, joints, leg = measured(robot, foot)
+    assert leg.relief == 0.0
+    reliefs: list[float] = []
+    for part in (0.4, 0.3, 0.2, 0.01):
+        torque = robot.tau_max.copy()
+        torque[joints[:3]] *= part
+        reliefs.append(leg_geometry(replace(robot, tau_max=torque), sole, KNEE_MIN).relief)
+    assert reliefs == sorted(reliefs)
+    assert reliefs[-1] == pytest.approx(0.2)
+
+
+@pytest.mark.parametrize("foot", [0, 1])
+def test_a_hip_that_does_not_turn_in_needs_relief(get_robot, foot):
+    robot = get_robot("biped20")
+    sole, joints, _ = measured(robot, foot)
+    stiff = replace(robot, q_min=robot.q_min.copy(), q_max=robot.q_max.copy())
+    for joint in joints[:3]:
+        stiff.q_min[joint] = stiff.q_max[joint] = robot.q_home[7 + joint]
+    assert leg_geometry(stiff, sole, KNEE_MIN).relief > 0.05
 
 
 def test_both_legs_are_mirror_images(get_robot):

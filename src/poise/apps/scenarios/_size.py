@@ -1,4 +1,4 @@
-"""A scenario whose lengths are written for a robot of one size, on a robot of another."""
+"""A scenario written for one robot, on another: of another size, or without hands."""
 
 import math
 from dataclasses import fields, replace
@@ -32,6 +32,29 @@ def size_ratio(scenario: Scenario, robot: Robot) -> float:
     height = pin.centerOfMass(robot.model, robot.model.createData(), robot.q_home)[2]
     ratio = float(height) / scenario.reference_com_height
     return 1.0 if abs(ratio - 1.0) < _SAME else ratio
+
+
+_HANDS = ("left_hand", "right_hand")
+"""What descriptions call hands."""
+
+
+def without_hands(scenario: Scenario, robot: Robot) -> Scenario:
+    """The scenario less what hands do in it, where the robot has none.
+
+    A walk on the robot's own stack goes on without them. What a scenario's own stack asks of hands
+    is left: its robot must have them.
+
+    Args:
+        scenario: as its file has it.
+        robot: the robot that it is run on.
+    """
+    if robot.hands or scenario.stack is not None or scenario.walk is None:
+        return scenario
+    return replace(
+        scenario,
+        motions=tuple(m for m in scenario.motions if m.task not in _HANDS),
+        checks=tuple(c for c in scenario.checks if c.task not in _HANDS),
+    )
 
 
 def sized(scenario: Scenario, ratio: float) -> Scenario:

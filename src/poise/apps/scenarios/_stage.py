@@ -7,7 +7,12 @@ from dataclasses import asdict, dataclass, replace
 from poise.apps.scenarios._checks import validate_checks
 from poise.apps.scenarios._controllers import cast_of, strategy_of, with_actuation
 from poise.apps.scenarios._scenario import Scenario
-from poise.apps.scenarios._size import size_ratio, sized, sized_checks
+from poise.apps.scenarios._size import (
+    size_ratio,
+    sized,
+    sized_checks,
+    without_hands,
+)
 from poise.control import Controller
 from poise.estimation import StateEstimator
 from poise.robots import Robot, load_robot
@@ -51,7 +56,7 @@ def stage_scenario(scenario: Scenario) -> Stage:
     scenario = with_actuation(scenario)
     robot = load_robot(scenario.robot)
     ratio = size_ratio(scenario, robot)
-    scenario = sized(scenario, ratio)
+    scenario = without_hands(sized(scenario, ratio), robot)
     cast = cast_of(scenario, robot)
     validate_checks(scenario.checks, cast.leader.stack, robot)
     checks = sized_checks(scenario.checks, cast.leader.stack, ratio)

@@ -149,7 +149,7 @@ class _Scene:
         com: list[Task] = [self.com]
         pelvis: list[Task] = [FrameTask(self.robot.pelvis, axes="orientation", kp=100.0)]
         hands: list[Task] = [*self.hands.values()]
-        six = all(_leg_joints(self.robot, sole) >= _FREE_LEG for sole in self.robot.soles)
+        six = all(len(self.robot.leg_joints(sole)) >= _FREE_LEG for sole in self.robot.soles)
         levels = [com + pelvis, hands] if six else [com, hands, pelvis]
         contacts = [SurfaceContact(sole) for sole in self.robot.soles]
         filled = [level for level in levels if level]
@@ -172,16 +172,6 @@ class _Scene:
         margin = _STOP * (robot.q_max - robot.q_min)
         stops = (joints < robot.q_min + margin) | (joints > robot.q_max - margin)
         self.at_stop |= {robot.joint_names[i] for i in np.flatnonzero(stops)}
-
-
-def _leg_joints(robot: Robot, sole: str) -> int:
-    """Joints between the pelvis and a sole."""
-    model = robot.model
-    chains = [
-        set(model.supports[model.frames[robot.frame_id(name)].parentJoint].tolist())
-        for name in (robot.pelvis, sole)
-    ]
-    return len(chains[1] - chains[0])
 
 
 def _attempt(robot: Robot, motion: _Motion) -> Attempt:

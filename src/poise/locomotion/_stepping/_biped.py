@@ -4,6 +4,7 @@
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,8 +14,7 @@ from poise.dynamics import Dynamics, RobotState
 from poise.errors import ConfigurationError
 from poise.locomotion._stepping._parameters import TeleopParameters
 from poise.locomotion._support import two_soles
-from poise.robots import Robot
-from poise.stack import JointLimit
+from poise.robots import GRAVITY, Robot
 
 _HIP_JOINTS = 3
 """The first three joints of a leg are the hip's, in any order."""
@@ -30,15 +30,13 @@ _PITCH, _ROLL = 1, 0
 
 
 def leg_joints(robot: Robot, sole: str) -> list[int]:
-    """Joints from the base to a sole, as indices among the robot's joints.
+    """Joints from the hip to a sole, as indices among the robot's joints; a waist is no part.
 
     Raises:
         ConfigurationError: fewer than six joints: the foot cannot be placed and turned freely.
     """
-    model = robot.model
-    parent = model.frames[robot.frame_id(sole)].parentJoint
     # Joint 0 is the world, joint 1 the floating base.
-    joints = [int(j) - 2 for j in model.supports[parent] if j > 1]
+    joints = [j - 2 for j in robot.leg_joints(sole)]
     if len(joints) < 6:
         raise ConfigurationError(
             f"the leg of {sole} has too few joints for step teleoperation",
@@ -60,8 +58,11 @@ class LegGeometry:
         length: from hip to ankle with the knee as straight as it may be [m].
         thigh: from hip to knee [m].
         shank: from knee to ankle [m].
+        knee_range: angles of the knee that leave it bent [rad].
         lean_max: how far the shank can lean forward over a level sole [rad].
         roll_max: how far it can lean to either side [rad].
+        relief: how far the body should lean over the foot that carries, for a hip that neither
+            holds it up nor turns in enough beside it [rad].
     """
 
     hip: Float64[np.ndarray, "3"]
@@ -69,46 +70,118 @@ class LegGeometry:
     length: float
     thigh: float
     shank: float
+    knee_range: tuple[float, float]
     lean_max: float
     roll_max: float
+    relief: float
 
 
 def leg_geometry(robot: Robot, sole: str, knee_min: float) -> LegGeometry:
-    """Measures a leg, with its joints as near to zero as they go.
+    """Measures a leg, with its knee as straight as it may be and the others near to zero.
 
     Args:
         robot: a biped.
         sole: of the leg.
-        knee_min: least angle of the knee [rad].
+        knee_min: least bend of the knee, from where hip, knee and ankle lie in line [rad].
 
     Raises:
         ConfigurationError: the leg has too few joints.
     """
     joints = leg_joints(robot, sole)
-    lower, upper = robot.q_min[joints], robot.q_max[joints]
-    lower[KNEE] = max(lower[KNEE], knee_min)
-    q = robot.q_home.copy()
-    q[7 + np.array(joints)] = np.clip(0.0, lower, upper)
-    dynamics = Dynamics(robot)
-    dynamics.update(RobotState(q, np.zeros(robot.nv)))
-    # Pinocchio counts the world and the floating base before the joints.
+    lower, upper = robot.q_min[joints].copy(), robot.q_max[joints].copy()
+    knee_range = _knee_range(robot, sole, knee_min)
+    lower[KNEE], upper[KNEE] = max(lower[KNEE], knee_range[0]), min(upper[KNEE], knee_range[1])
+    angles = np.clip(0.0, lower, upper)
+    dynamics, hip, axes = _leg_at(robot, sole, angles)
     origins = np.array([dynamics.joint_position(j + 2) for j in joints])
     foot, pelvis = (
         dynamics.frame(robot.frame_id(sole)),
         dynamics.frame(robot.frame_id(robot.pelvis)),
     )
-    axes = foot.jacobian[3:, robot.base_dofs + np.array(joints)].T
-    hip = _nearest_to_lines(origins[:_HIP_JOINTS], axes[:_HIP_JOINTS])
-    knee, ankle = origins[_HIP_JOINTS], origins[-1]
+    knee, ankle = origins[KNEE], origins[-1]
     return LegGeometry(
         hip=pelvis.rotation.T @ (hip - pelvis.position),
         ankle=foot.rotation.T @ (ankle - foot.position),
         length=float(np.linalg.norm(ankle - hip)),
         thigh=float(np.linalg.norm(knee - hip)),
         shank=float(np.linalg.norm(ankle - knee)),
+        knee_range=knee_range,
         lean_max=_range_about(axes @ foot.rotation, _PITCH, lower, upper)[0],
         roll_max=min(_range_about(axes @ foot.rotation, _ROLL, lower, upper)),
+        relief=_hip_relief(robot, sole),
     )
+
+
+_HIP_LOAD, _HIP_TURN = 0.75, 0.8
+"""Parts of the hip's torque about the forward axis, and of its range inwards, to stand with."""
+
+_RELIEF_MAX = 0.2
+"""The body leans over the foot that carries by no more [rad]."""
+
+
+def _hip_relief(robot: Robot, sole: str) -> float:
+    """How far the body has to lean over a foot to stand on it alone, within its hip's limits [rad].
+
+    Upright with the COM over the foot the hip is beside it by its offset y from the middle: the leg
+    of length l is turned in by y / l, and the hip holds the body's weight at that lever. Leaning by
+    phi takes both back: the turn by phi, the moment by the weight of the body times its height over
+    the hip times phi.
+    """
+    joints = leg_joints(robot, sole)
+    dynamics, hip, axes = _leg_at(robot, sole, robot.q_home[7 + np.array(joints)])
+    roll = max(range(_HIP_JOINTS), key=lambda j: abs(float(axes[j, _ROLL])))
+    joint = joints[roll]
+    pelvis, _ = dynamics.placement(robot.frame_id(robot.pelvis))
+    ankle = dynamics.joint_position(joints[-1] + 2)
+    model = robot.model
+    leg = sum(float(model.inertias[j + 2].mass) for j in joints)
+    carried = robot.mass - leg
+    levers = [model.inertias[j + 2].mass * dynamics.joint_position(j + 2) for j in joints]
+    middle = (robot.mass * dynamics.com - np.sum(levers, axis=0)) / carried
+    offset = abs(float(hip[1] - pelvis[1]))
+    # The leg's own weight, half way, has to be balanced by the body's.
+    moment = GRAVITY * (carried + 0.5 * leg) * offset
+    height = max(float(middle[2] - hip[2]), 0.1 * float(hip[2]))
+    lacking = moment - _HIP_LOAD * float(robot.tau_max[joint]) * abs(float(axes[roll, _ROLL]))
+    inwards = float(axes[roll, _ROLL]) * (1.0 if hip[1] < pelvis[1] else -1.0) > 0.0
+    home = float(robot.q_home[7 + joint])
+    limit = robot.q_max[joint] - home if inwards else home - robot.q_min[joint]
+    turn = offset / float(hip[2] - ankle[2]) - _HIP_TURN * float(limit)
+    return min(max(lacking / (GRAVITY * carried * height), turn, 0.0), _RELIEF_MAX)
+
+
+def _leg_at(
+    robot: Robot, sole: str, angles: Float64[np.ndarray, " n"]
+) -> tuple[Dynamics, Float64[np.ndarray, "3"], Float64[np.ndarray, "n 3"]]:
+    """The robot with a leg's joints at some angles [rad], its hip [m], the axes of its joints."""
+    joints = np.array(leg_joints(robot, sole))
+    q = robot.q_home.copy()
+    q[7 + joints] = angles
+    dynamics = Dynamics(robot)
+    dynamics.update(RobotState(q, np.zeros(robot.nv)))
+    axes = dynamics.frame(robot.frame_id(sole)).jacobian[3:, robot.base_dofs + joints].T
+    # Pinocchio counts the world and the floating base before the joints.
+    origins = np.array([dynamics.joint_position(int(j) + 2) for j in joints[:_HIP_JOINTS]])
+    return dynamics, _nearest_to_lines(origins, axes[:_HIP_JOINTS]), axes
+
+
+def _knee_range(robot: Robot, sole: str, knee_min: float) -> tuple[float, float]:
+    """Angles at which the knee is bent enough, on the side to which it is bent at home [rad].
+
+    Where a model counts the angle from is its own affair, and so is the direction.
+    """
+    joints = leg_joints(robot, sole)
+    home = robot.q_home[7 + np.array(joints)]
+    dynamics, hip, axes = _leg_at(robot, sole, home)
+    axis = axes[KNEE]
+    knee, ankle = (dynamics.joint_position(joints[i] + 2) for i in (KNEE, -1))
+    thigh, shank = (link - axis * (axis @ link) for link in (knee - hip, ankle - knee))
+    bend = math.atan2(float(axis @ np.cross(thigh, shank)), float(thigh @ shank))
+    # What is left of rounding would move the limits of knees that are straight at zero.
+    straight = round(float(home[KNEE]) - bend, 6)
+    if bend < 0.0:
+        return -math.inf, straight - knee_min
+    return straight + knee_min, math.inf
 
 
 def _nearest_to_lines(
@@ -150,7 +223,8 @@ class Biped:
         torso: its frame.
         weight: m g [N].
         legs: names of the legs' joints, the left leg's first.
-        knees: names of the knees.
+        knees: for each knee, by its name, the angles that leave it bent [rad].
+        relief: how far the body leans over the left and over the right foot to stand on it [rad].
     """
 
     robot: Robot
@@ -161,7 +235,8 @@ class Biped:
     torso: int
     weight: float
     legs: tuple[str, ...]
-    knees: tuple[str, str]
+    knees: Mapping[str, tuple[float, float]]
+    relief: tuple[float, float]
 
 
 def biped_of(robot: Robot, parameters: TeleopParameters) -> Biped:
@@ -179,6 +254,9 @@ def biped_of(robot: Robot, parameters: TeleopParameters) -> Biped:
     left_leg, right_leg = (
         [robot.joint_names[joint] for joint in leg_joints(robot, sole)] for sole in soles
     )
+    left_geometry, right_geometry = (
+        leg_geometry(robot, sole, parameters.knee_min) for sole in soles
+    )
     return Biped(
         robot=robot,
         soles=soles,
@@ -188,26 +266,12 @@ def biped_of(robot: Robot, parameters: TeleopParameters) -> Biped:
         torso=robot.frame_id(robot.torso),
         weight=robot.weight,
         legs=(*left_leg, *right_leg),
-        knees=(left_leg[KNEE], right_leg[KNEE]),
+        knees={
+            left_leg[KNEE]: left_geometry.knee_range,
+            right_leg[KNEE]: right_geometry.knee_range,
+        },
+        relief=(left_geometry.relief, right_geometry.relief),
     )
-
-
-def bent_knees(
-    biped: Biped, parameters: TeleopParameters, margin: float | None = None
-) -> JointLimit:
-    """Limits that keep the knees from getting straight, where a leg is singular.
-
-    A leg that is straight gets no shorter whatever its knee does: the trunk would bow in its place.
-
-    Args:
-        biped: the robot.
-        parameters: the straightest knee.
-        margin: of all joints to their limits [rad]; that of other controllers when None.
-    """
-    knees = dict.fromkeys(biped.knees, (parameters.knee_min, math.inf))
-    if margin is None:
-        return JointLimit(position_range=knees)
-    return JointLimit(position_margin=margin, position_range=knees)
 
 
 def _size(robot: Robot, name: str) -> tuple[float, float]:

@@ -13,6 +13,9 @@ _PAPER_MASS = 65.0
 _PAPER_HEIGHT, _PAPER_STANCE, _PAPER_HALF_SOLE = 0.765, 0.42, 0.12
 """Height of the COM, distance of the feet and half the width of a sole of the paper's robot [m]."""
 
+_MARGIN_RATIO = 0.25
+"""Part of half a sole that the CT-ZMP stays away from its edge."""
+
 
 @checked()
 @dataclass(frozen=True, kw_only=True)
@@ -61,7 +64,7 @@ class TeleopParameters:
         tilt_soft: tilt of the torso at which its attitude weighs twice as much [rad].
         velocity_leak: how fast the COM's commanded velocity leaks into the measured one [1/s].
         press_speed: largest speed of a foot without load downwards in double support [m/s].
-        knee_min: least knee angle; straighter the leg is singular [rad].
+        knee_min: least bend of a knee; straighter the leg is singular [rad].
         reach_margin: fraction of the leg's length that a foot command stays short of.
         stoop_max: how far the COM may come down for the legs to reach, over its height.
         step_max: largest distance of the feet forward or sideways that can be commanded [m].
@@ -135,11 +138,15 @@ def scaled_parameters(robot: Robot, height: float, stance: float) -> TeleopParam
       there is room.
     - `r_lift` keeps its ratio to the distance of the feet (with 0.27 m between them it is 0.077 m),
       and is no more than half the narrower side of a sole, which it is in the paper.
-    - `capture_max`, `ct_zmp_max` and `support_margin` keep their ratio to half a sole; so does
-      `touch_speed`: what a landing foot kicks the COM by has to stay within it.
+    - `capture_max` and `ct_zmp_max` keep their ratio to half a sole; so does `touch_speed`: what a
+      landing foot kicks the COM by has to stay within it.
+    - `support_margin` is a quarter of half a sole, and no more than the paper's: what the ZMP
+      strays by does not shrink with the soles.
     - `w_L` goes with 1 / (m h)^2, so that angular momentum weighs as much as before beside the
       swing foot's velocity.
-    - `v_lim`, `press_depth`, `clear_height` and `step_max` keep their ratio to the COM's height.
+    - `v_lim`, `press_depth`, `clear_height` and `step_max` keep their ratio to the COM's height; so
+      do `lift_speed`, `lift_acceleration` and `lower_speed`, by which body and feet go up and down
+      in the time that an operator gives them on any robot.
 
     Args:
         robot: a biped.
@@ -174,7 +181,10 @@ def scaled_parameters(robot: Robot, height: float, stance: float) -> TeleopParam
         press_depth=paper.press_depth * size,
         clear_height=paper.clear_height * size,
         step_max=paper.step_max * size,
-        support_margin=paper.support_margin * near,
+        support_margin=min(paper.support_margin, _MARGIN_RATIO * half),
+        lift_speed=paper.lift_speed * size,
+        lift_acceleration=paper.lift_acceleration * size,
+        lower_speed=paper.lower_speed * size,
         touch_speed=paper.touch_speed * near,
         w_L=paper.w_L * (_PAPER_MASS / robot.mass / size) ** 2,
     )

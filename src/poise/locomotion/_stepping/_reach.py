@@ -8,7 +8,6 @@ from jaxtyping import Float64
 from poise.dynamics import Dynamics
 from poise.locomotion._stepping._biped import leg_geometry
 from poise.locomotion._stepping._parameters import TeleopParameters
-from poise.locomotion._support import two_soles
 from poise.robots import Robot
 
 _ROLL_RATIO = 0.8
@@ -16,20 +15,6 @@ _ROLL_RATIO = 0.8
 
 _LEAN_RATIO = 0.9
 """Part of the ankle's pitch that the shank may lean forward by."""
-
-
-def longest_flat_step(robot: Robot, parameters: TeleopParameters) -> float:
-    """How far a foot may be behind the other, whose sole carries, and lie flat all the same [m].
-
-    With the hip above the sole that carries the leg behind it leans as far as its ankle's pitch.
-
-    Args:
-        robot: a biped.
-        parameters: margins.
-    """
-    legs = [leg_geometry(robot, sole, parameters.knee_min) for sole in two_soles(robot)]
-    reach = 1.0 - parameters.reach_margin
-    return min(reach * leg.length * math.sin(_LEAN_RATIO * leg.lean_max) for leg in legs)
 
 
 class FootRange:

@@ -31,7 +31,7 @@ from poise.locomotion._stepping._footing import Footing, StanceChoice
 from poise.locomotion._stepping._mode_events import ModeEvents
 from poise.locomotion._stepping._modes import Mode
 from poise.locomotion._stepping._parameters import TeleopParameters, scaled_parameters
-from poise.locomotion._stepping._reach import FootRange, longest_flat_step
+from poise.locomotion._stepping._reach import FootRange
 from poise.locomotion._stepping._torque_tasks import TorqueTasks
 from poise.locomotion._stepping._velocity_tasks import VelocityTasks
 from poise.locomotion._support import SupportPolygon, two_soles
@@ -140,7 +140,7 @@ class StepTeleoperator:
             stance = abs(float(left[1] - right[1]))
             parameters = scaled_parameters(robot, self._com_height, stance)
             if actuation == "torque":
-                parameters = _for_torques(robot, parameters)
+                parameters = replace(parameters, dt=_TORQUE_DT)
         self.parameters = p = parameters
         self._biped = biped_of(robot, p)
         if driver is None:
@@ -149,7 +149,7 @@ class StepTeleoperator:
         self.driver, self._rotator = driver, rotator
         self._reach = FootRange(robot, self.soles, p)
         self._tasks: StepTasks = (
-            TorqueTasks(self._biped, p)
+            TorqueTasks(self._biped, p.dt)
             if actuation == "torque"
             else VelocityTasks(self._biped, p, rotator=rotator)
         )
@@ -330,9 +330,3 @@ def _checked_actuation(actuation: str, driver: ComDriver | None) -> str:
             wanted="ShifterDriver, or none",
         )
     return actuation
-
-
-def _for_torques(robot: Robot, parameters: TeleopParameters) -> TeleopParameters:
-    """A quicker tick, and steps after which both soles can lie flat: contacts hold them so."""
-    longest = longest_flat_step(robot, parameters)
-    return replace(parameters, dt=_TORQUE_DT, step_max=min(parameters.step_max, longest))

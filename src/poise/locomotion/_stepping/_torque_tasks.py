@@ -5,11 +5,17 @@ from jaxtyping import Float64
 
 from poise.control import Controller, WholeBodyController
 from poise.dynamics import Dynamics
-from poise.locomotion._stepping._biped import Biped, bent_knees
+from poise.locomotion._stepping._biped import Biped
 from poise.locomotion._stepping._desired import DesiredMotion
 from poise.locomotion._stepping._footing import Footing
-from poise.locomotion._stepping._parameters import TeleopParameters
-from poise.stack import ComTask, FrameTask, PostureTask, Stack, SurfaceContact
+from poise.stack import (
+    ComTask,
+    FrameTask,
+    JointLimit,
+    PostureTask,
+    Stack,
+    SurfaceContact,
+)
 
 _LEVEL = np.eye(3)
 
@@ -42,15 +48,15 @@ class TorqueTasks:
 
     Args:
         biped: the robot.
-        parameters: length of a tick, and the straightest knee.
+        dt: length of a tick [s].
 
     Attributes:
         stack: to be solved for torques.
     """
 
-    def __init__(self, biped: Biped, parameters: TeleopParameters) -> None:
+    def __init__(self, biped: Biped, dt: float) -> None:
         robot = biped.robot
-        self._robot, self._dt = robot, parameters.dt
+        self._robot, self._dt = robot, dt
         self._com = ComTask(kp=_KP_COM)
         self._feet = [FrameTask(sole, kp=_KP_FOOT, name=f"{sole} foot") for sole in biped.soles]
         frames = robot.model.frames
@@ -62,7 +68,8 @@ class TorqueTasks:
         self.stack = Stack(
             contacts=self._contacts,
             levels=[[self._com], [*self._feet, *self._trunk, posture]],
-            joint_limit=bent_knees(biped, parameters),
+            # A straight leg gets no shorter whatever its knee does: the trunk would bow for it.
+            joint_limit=JointLimit(position_range=biped.knees),
         )
         self.stack.bind(robot)
         for task in self._trunk:

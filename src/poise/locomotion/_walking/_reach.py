@@ -33,10 +33,7 @@ class LegReach:
         self._model, self._data = robot.model, robot.model.createData()
         pin.framesForwardKinematics(self._model, self._data, plan.q)
         self._frames = [robot.frame_id(name) for name in plan.soles]
-        self._chains = [
-            [j for j in self._model.supports[self._model.frames[f].parentJoint].tolist() if j > 1]
-            for f in self._frames
-        ]
+        self._chains = [robot.leg_joints(name) for name in plan.soles]
         self._base = pin.XYZQUATToSE3(plan.q[:7])
         self._base_from_com = self._base.translation - np.array(plan.com)
         hip, ankle = (float(self._data.oMi[self._chains[0][k]].translation[2]) for k in (0, -1))
