@@ -74,7 +74,14 @@ CASES = {
         "does not heed the devices",
     ),
     "another period": (changed("0.005", "0.001"), "control period.*0.001.*0.005"),
-    "another actuation": (changed("{control_dt", "{actuation: torque, control_dt"), "actuation"),
+    "another actuation": (
+        changed("{control_dt", "{actuation: position, control_dt"),
+        "actuation.*position.*velocity, torque",
+    ),
+    "torques at the period of velocities": (
+        changed("{control_dt", "{actuation: torque, control_dt"),
+        "control period.*0.005.*0.002",
+    ),
     "a robot without feet": (changed("biped20", "arm6"), "feet|walked|soles"),
     "a strategy": (
         changed("step_teleoperation", "{name: step_teleoperation, strategy: hqp}"),

@@ -9,7 +9,7 @@ from walker import sample
 
 from poise.apps.teleoperation import TELEOP_PLANT, plant_from_json, run_teleop
 from poise.apps.teleoperation._run import plant_to_json
-from poise.errors import ConfigurationError, RobotError
+from poise.errors import ConfigurationError, RobotError, UnknownNameError
 from poise.locomotion import ScriptedDevice, StepTeleoperator, TeleopParameters, WayPoint
 from poise.locomotion._pendulum import ComShifter
 from poise.locomotion._stepping._biped import leg_geometry
@@ -74,9 +74,11 @@ def test_feet_too_close_are_refused(get_robot):
         scaled_parameters(get_robot("biped20"), 0.765, 0.0)
 
 
-def test_a_plant_that_takes_torques_or_has_another_tick_is_refused(get_robot):
+def test_a_plant_that_takes_positions_or_has_another_tick_is_refused(get_robot):
     robot, device = get_robot("biped20"), ScriptedDevice([], np.zeros(3), np.zeros(3))
-    with pytest.raises(ConfigurationError, match="velocit"):
+    with pytest.raises(UnknownNameError, match="'position'; choices: velocity, torque"):
+        run_teleop(robot, device, PlantConfig(actuation="position"), duration=1.0)
+    with pytest.raises(ConfigurationError, match="tick"):
         run_teleop(robot, device, PlantConfig(), duration=1.0)
     with pytest.raises(ConfigurationError, match="tick"):
         run_teleop(robot, device, replace(TELEOP_PLANT, control_dt=0.01), duration=1.0)
