@@ -50,7 +50,9 @@ class Sequential:
 
     def __init__(self, robot: Robot, stack: Stack) -> None:
         self._robot, self._stack = robot, stack
-        self._first = WholeBodyController(robot, Stack(stack.contacts, stack.levels[:1]))
+        self._first = WholeBodyController(
+            robot, Stack(stack.contacts, stack.levels[:1], balance_limit=stack.balance_limit)
+        )
         self._tasks = [task for level in stack.levels[1:] for task in level]
         self._partitions, self._dynamics = Partitions(robot), Dynamics(robot)
         self._reduced: dict[tuple[str, ...], ReducedDynamics] = {}

@@ -55,7 +55,7 @@ class Controller:
         self._shares_dynamics = dynamics is not None
         self.dynamics = Dynamics(strategy.robot) if dynamics is None else dynamics
         self.timings: dict[str, float] = {}
-        self._last_status, self._reason = CommandStatus.OK, ""
+        self._last_status, self._reason, self._held_back = CommandStatus.OK, "", False
         self._commands_torque = strategy.commands == "torque"
         limit = strategy.stack.torque_limit
         self._fallback = (
@@ -128,7 +128,7 @@ class Controller:
         else:
             self._reason = fault_of(state, self.robot)
             command = self._fall_back(CommandStatus.BAD_STATE, state)
-        self._last_status = command.status
+        self._last_status, self._held_back = command.status, command.held_back
         return command
 
     def set_gains(self, task: str, kp: Numbers | None = None, kd: Numbers | None = None) -> None:
@@ -166,7 +166,7 @@ class Controller:
 
         Contacts stay as loaded as they are.
         """
-        self._last_status, self._reason = CommandStatus.OK, ""
+        self._last_status, self._reason, self._held_back = CommandStatus.OK, "", False
         self._fallback.reset()
         self._fall_watch.reset()
         if self._rate_limit is not None:
@@ -180,6 +180,7 @@ class Controller:
         return ControllerStatus(
             command=self._last_status,
             reason=self._reason,
+            held_back=self._held_back,
             tasks=task_statuses(self.stack, self._strategy.task_residuals(), self.suspended),
             explanation=self._strategy.explain(),
         )
@@ -230,6 +231,7 @@ class Controller:
             acceleration=answer.acceleration,
             wrenches=answer.wrenches,
             residuals=answer.residuals,
+            held_back=answer.held_back,
         )
 
     def _fall_back(self, status: CommandStatus, state: object) -> Command:

@@ -28,7 +28,8 @@ class FullProblem:
         level 2   J_c dv = reference - drift                   stationary contacts (2)
                   C F <= 0                                     contact wrench cones (3)
                   bounds on joint accelerations and normal forces
-        level 3.. J dv = reference - drift                     the user's tasks (4)
+        level     J dv <= bound                                the balance limit, where there is one
+        levels    J dv = reference - drift                     the user's tasks (4)
         cost      dv^T M dv / 2, the acceleration energy (27)
 
     Wrenches act on the robot, which turns the sign of the paper's F_c. Rows of contacts and tasks
@@ -46,7 +47,7 @@ class FullProblem:
 
     def __init__(self, robot: Robot, stack: Stack, contacts: Sequence[Contact]) -> None:
         cones = sum(len(c.cone) for c in contacts)
-        self.rows = rows = StackRows(robot, stack, contacts, own_rows=cones)
+        self.rows = rows = StackRows(robot, stack, contacts, own_rows=cones, balance="before")
         self._stack, self._nv, self._base = stack, robot.nv, robot.base_dofs
         self.problem = problem = self._allocate(robot, rows)
         nv, n = robot.nv, problem.n
@@ -122,13 +123,15 @@ class FullProblem:
     def _allocate(robot: Robot, rows: StackRows) -> HierarchicalProblem:
         wrench_dim, cones = rows.contact_rows.stop, len(rows.cone)
         limits = [(f"torque limit of {j}", 1) for j in robot.joint_names]
+        balance = [] if rows.balance is None else [rows.balance]
         return HierarchicalProblem.allocate(
             robot.nv + wrench_dim,
-            [robot.nv, wrench_dim + cones, *rows.level_sizes],
-            names=["dynamics", "contacts", *rows.level_names],
+            [robot.nv, wrench_dim + cones, *(b.dim for b in balance), *rows.level_sizes],
+            names=["dynamics", "contacts", *(b.name for b in balance), *rows.level_names],
             labels=[
                 [("base dynamics", robot.base_dofs), *limits],
                 rows.motion_labels + rows.cone_labels,
+                *(b.labels for b in balance),
                 *rows.task_labels,
             ],
             bounds_level=1,

@@ -63,9 +63,10 @@ class FullProgram:
         return Answer(
             status,
             torque,
-            tuple(solver.relative_residuals.tolist()),
+            full.rows.without_balance(solver.relative_residuals.tolist()),
             full.acceleration(x),
             full.wrenches(x),
+            full.rows.is_held(x),
         )
 
     def reset(self) -> None:

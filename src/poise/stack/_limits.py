@@ -316,14 +316,16 @@ def _bounds(
 ) -> None:
     q_min, q_max, v_max = limits
     for i in range(len(q)):
-        upper[i] = _largest(q_max[i] - q[i], v[i], v_max[i], settings)
-        lower[i] = -_largest(q[i] - q_min[i], -v[i], v_max[i], settings)
+        upper[i] = largest_acceleration(q_max[i] - q[i], v[i], v_max[i], settings)
+        lower[i] = -largest_acceleration(q[i] - q_min[i], -v[i], v_max[i], settings)
         if lower[i] > upper[i]:
             lower[i] = upper[i] = upper[i] if v[i] > 0.0 else lower[i]
 
 
 @compiled
-def _largest(s: float, v: float, v_max: float, settings: tuple[float, float, float]) -> float:
+def largest_acceleration(
+    s: float, v: float, v_max: float, settings: tuple[float, float, float]
+) -> float:
     """The largest acceleration of a joint at a distance s from a limit, towards which it moves."""
     a_max, dt, b = settings
     if s < 0.5 * v * dt:

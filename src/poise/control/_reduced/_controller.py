@@ -75,7 +75,7 @@ class ReducedProgram:
         make_solver: Callable[[], Solver],
     ) -> None:
         self._robot, self._stack, self._make_solver = robot, stack, make_solver
-        self.rows = StackRows(robot, stack, contacts)
+        self.rows = StackRows(robot, stack, contacts, balance="before")
         self.tasks = AssignedRows(self.rows, robot, partition)
         self.reduced = ReducedDynamics(robot, partition)
         self.chain = ChainElimination(self.reduced, self.tasks)
@@ -176,6 +176,7 @@ class ReducedProgram:
             (*physics.tolist(), *levels),
             joined.acceleration,
             problem.wrenches(x),
+            self.rows.is_held(joined.acceleration),
         )
 
     def reset(self) -> None:
