@@ -130,8 +130,12 @@ def _with_levels(robot: Robot, count: int) -> Stack:
 
 
 def _stack(contacts: Sequence[Contact], levels: Sequence[Sequence[Task]]) -> Stack:
-    """Without the balance limit, whose level is one more than those that are counted."""
-    return Stack(contacts, levels, balance_limit=BalanceLimit(enabled=False))
+    """Without limits that are levels of their own, beside those that are counted."""
+    return Stack(
+        contacts,
+        levels,
+        balance_limit=BalanceLimit(enabled=False),
+    )
 
 
 def _with_tasks(robot: Robot, count: int) -> Stack:

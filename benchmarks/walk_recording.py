@@ -70,9 +70,13 @@ def walk_stack(robot: Robot, kind: str) -> Stack:
         levels.append([FrameTask(robot.torso, "orientation", kp=50.0, name="torso")])
         momentum = MomentumTask("angular", kd=5.0, weight=0.1, name="momentum")
         levels.append([PostureTask(), momentum])
-    # The paper's problem has no balance limit.
+    # The paper's problem has neither a balance limit nor a bound on the change of torques.
     contacts = [SurfaceContact(sole) for sole in soles]
-    return Stack(contacts, levels, balance_limit=BalanceLimit(enabled=False))
+    return Stack(
+        contacts,
+        levels,
+        balance_limit=BalanceLimit(enabled=False),
+    )
 
 
 class WalkLead:

@@ -2,6 +2,7 @@
 
 from studies.locomotion.estimation_section import estimation_section
 from studies.locomotion.references_section import references_section
+from studies.locomotion.steps_section import steps_section
 from studies.plan import Part, StudyPlan
 
 PLAN = StudyPlan(
@@ -16,6 +17,7 @@ PLAN = StudyPlan(
     "“Contact-aided invariant extended Kalman filtering for robot state estimation” (2020).",
     parts=(
         Part("estimation", "The estimate on walks", estimation_section),
+        Part("steps", "Torques from tick to tick", steps_section),
         Part("references", "References that no robot can follow", references_section),
     ),
 )

@@ -16,11 +16,13 @@ from studies.locomotion.standing_references import (
     ReferenceTrial,
     run_reference_trial,
 )
+from studies.locomotion.torque_steps import StepOutcome, StepTrial, run_step_trial
 from studies.plan import StudyOptions
 
 # By its name: the package has the function of that name.
 section = import_module("studies.locomotion.estimation_section")
 references = import_module("studies.locomotion.references_section")
+steps = import_module("studies.locomotion.steps_section")
 
 GOOD = Outcome(
     trial=Trial(robot="g1", seed=0, seconds=1.0),
@@ -125,3 +127,33 @@ def test_a_far_com_topples_the_robot_without_the_limit_alone(get_robot, limited)
     outcome = run_reference_trial(ReferenceTrial(robot="g1", seed=18, limited=limited))
     assert outcome.fell is not limited
     assert (outcome.held > 0.0) is limited
+
+
+def test_a_large_step_fails_its_run_alone_and_runs_without_the_bound_are_only_shown(monkeypatch):
+    def run(trials, progress, workers=None):
+        large = {(t.robot, t.kind) for t in trials if t.robot == "g1" and t.kind == "stand"}
+        return {
+            t: StepOutcome(
+                trial=t,
+                fell=False,
+                largest=0.3 if t.rate is None or (t.robot, t.kind) in large else 0.1,
+                steps=0,
+                worst_physics=1e-12,
+            )
+            for t in trials
+        }
+
+    monkeypatch.setattr(steps, "run_step_trials", run)
+    found = steps.steps_section(StudyOptions(quick=True), lambda done, total: None)
+    assert [f.name for f in found.findings if not f.ok] == ["g1, stand: largest torque step"]
+    assert len(found.findings) == 8
+    assert len(found.tables[0].rows) == 12
+
+
+@pytest.mark.parametrize("kind", ["bumps", "stand"])
+def test_torques_change_by_no_more_than_the_rate_in_a_tick(get_robot, kind):
+    get_robot("g1")
+    outcome = run_step_trial(StepTrial(robot="g1", kind=kind, rate=50.0, seconds=1.5))
+    assert not outcome.fell
+    assert outcome.largest <= 0.1 + 1e-6
+    assert outcome.steps == 0

@@ -49,6 +49,7 @@ class StackRows:
         own_rows: how many rows of the strategy's own stand between contacts and tasks.
         balance: where the rows of the balance limit go: before all tasks, or behind them, out of
             the way of a strategy that knows equalities alone; None for nowhere.
+        more_rows: how many rows of the strategy's own stand just before all tasks.
 
     Attributes:
         contacts: the contacts that have rows.
@@ -64,6 +65,7 @@ class StackRows:
         own_rows: the strategy's own rows.
         balance: the rows of the balance limit; None where there are none.
         balance_rows: where they stand.
+        more_rows: the strategy's own rows just before all tasks.
         task_rows: each task that acts, with its rows.
         wrench_slices: where each contact's wrench stands among all wrenches, and its rows among
             the contacts' rows.
@@ -83,6 +85,7 @@ class StackRows:
         stance: Contact | None = None,
         own_rows: int = 0,
         balance: Literal["before", "behind"] | None = None,
+        more_rows: int = 0,
     ) -> None:
         self.contacts, self._stance, self._stack = tuple(contacts), stance, stack
         holding = self.contacts if stance is None else (*self.contacts, stance)
@@ -98,12 +101,15 @@ class StackRows:
         limits = 0 if self.balance is None else self.balance.dim
         if balance == "before":
             first += limits
+        begin = first - limits
+        self.more_rows = slice(first, first + more_rows)
+        first += more_rows
         tasks = [task for level in self.levels for task in level]
         self.task_rows = list(zip(tasks, _spans([t.dim for t in tasks], first), strict=True))
         sizes = [sum(t.dim for t in level) for level in self.levels]
         self.ends: Int64[np.ndarray, " ends"] = np.array([*accumulate(sizes, initial=first)])
         last = int(self.ends[-1])
-        begin = last if balance == "behind" else first - limits
+        begin = last if balance == "behind" else begin
         self.balance_rows = slice(begin, begin + limits)
         count = max(last, begin + limits)
         self.cone: Float64[np.ndarray, "cone w"] = stacked_cones(contacts)
@@ -119,7 +125,6 @@ class StackRows:
         self._take(self.evaluation.rows)
         # What is compiled is compiled now, not in the first tick.
         self.measure(np.zeros(robot.nv))
-        self.is_held(np.zeros(robot.nv))
 
     def write_into(
         self,
@@ -151,7 +156,9 @@ class StackRows:
         for task, place in self.task_rows:
             self.weight[place] = task.weight
         own = self.balance_rows
-        self._limit_views = self.J[own], self.target[own], self.upper[own]
+        self._limit_views = rows.matrix, rows.first + own.start, self.target[own], self.upper[own]
+        # What is compiled is compiled now, not in the first tick.
+        _is_held(*self._limit_views, np.zeros(self._nv), self._nv)
         self._own_views = [
             (task, self.J[place], self.target[place], self.upper[place], self.weight[place])
             for task, place in self.own_tasks
@@ -220,23 +227,13 @@ class StackRows:
         _measure(rows, self.target, self.weight, bounds, x, self._missing, self._residuals)
         return self._residuals
 
-    def without_balance(self, residuals: Sequence[float]) -> tuple[float, ...]:
-        """Residuals of the levels that have numbers: physics, then the user's.
-
-        Args:
-            residuals: of all levels of a problem, the balance limit's third where there is one.
-        """
-        if self.balance is None:
-            return tuple(residuals)
-        return (*residuals[:2], *residuals[3:])
-
     def is_held(self, x: Float64[np.ndarray, " n"]) -> bool:
         """Whether the balance limit holds an answer back: one of its rows is at its bound.
 
         Args:
             x: accelerations; what follows them is left alone.
         """
-        return self.balance is not None and _is_held(*self._limit_views, x)
+        return self.balance is not None and _is_held(*self._limit_views, x, self._nv)
 
     def task_residuals(self, missing: Float64[np.ndarray, " m"] | None = None) -> dict[str, float]:
         """Norm of what each task could not meet, unweighted, by its name [unit/s^2, unit/s].
@@ -359,15 +356,17 @@ _AT_BOUND = 1e-6
 
 @compiled
 def _is_held(
-    J: Float64[np.ndarray, "m n"],
+    matrix: Float64[np.ndarray, "rows columns"],
+    first: int,
     lower: Float64[np.ndarray, " m"],
     upper: Float64[np.ndarray, " m"],
     x: Float64[np.ndarray, " k"],
+    nv: int,
 ) -> bool:
-    for row in range(len(J)):
+    for row in range(len(upper)):
         value = 0.0
-        for i in range(J.shape[1]):
-            value += J[row, i] * x[i]
+        for i in range(nv):
+            value += matrix[first + row, i] * x[i]
         if value >= upper[row] - _AT_BOUND or value <= lower[row] + _AT_BOUND:
             return True
     return False
