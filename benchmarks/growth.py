@@ -16,6 +16,7 @@ from poise.dynamics import RobotState
 from poise.errors import ConfigurationError
 from poise.robots import Robot, load_robot
 from poise.stack import (
+    BalanceLimit,
     ComTask,
     Contact,
     FrameTask,
@@ -125,7 +126,16 @@ def _with_levels(robot: Robot, count: int) -> Stack:
     ]
     # The last level gets all that is left.
     levels = [[task] for task in tasks[: count - 1]]
-    return Stack(_feet(robot), [*levels, tasks[count - 1 :]])
+    return _stack(_feet(robot), [*levels, tasks[count - 1 :]])
+
+
+def _stack(contacts: Sequence[Contact], levels: Sequence[Sequence[Task]]) -> Stack:
+    """Without limits that are levels of their own, beside those that are counted."""
+    return Stack(
+        contacts,
+        levels,
+        balance_limit=BalanceLimit(enabled=False),
+    )
 
 
 def _with_tasks(robot: Robot, count: int) -> Stack:
@@ -137,7 +147,7 @@ def _with_tasks(robot: Robot, count: int) -> Stack:
         *(FrameTask(name, "orientation") for name in (robot.torso, left, right)),
         FrameTask(robot.torso, "position"),
     ]
-    return Stack(_feet(robot), [[ComTask()], between[:count], [PostureTask()]])
+    return _stack(_feet(robot), [[ComTask()], between[:count], [PostureTask()]])
 
 
 def _with_contacts(robot: Robot, count: int) -> Stack:
@@ -148,7 +158,7 @@ def _with_contacts(robot: Robot, count: int) -> Stack:
         [FrameTask(robot.torso, "orientation")],
         [PostureTask()],
     ]
-    return Stack([*_feet(robot), *hands][:count], levels)
+    return _stack([*_feet(robot), *hands][:count], levels)
 
 
 def _states(robot: Robot, count: int) -> list[RobotState]:

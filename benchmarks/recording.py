@@ -15,7 +15,17 @@ from poise.dynamics import Dynamics, RobotState, least_jerk
 from poise.errors import ConfigurationError, PoiseError
 from poise.robots import Robot
 from poise.sim import Plant, rollout
-from poise.stack import ComTask, FrameTask, PostureTask, Stack, Task, default_stack
+from poise.stack import (
+    SMOOTH_RATE,
+    BalanceLimit,
+    ComTask,
+    FrameTask,
+    PostureTask,
+    Stack,
+    Task,
+    TorqueLimit,
+    default_stack,
+)
 
 STANCES = ("double", "single")
 """Feet on the ground: both, or the right one."""
@@ -52,7 +62,8 @@ def bench_stack(robot: Robot, kind: str, stance: str) -> Stack:
     """A new stack: the levels to time.
 
     "table1" is Table 1 of Ahn et al. 2024: dynamics and torque limits; contacts, wrench cones and
-    acceleration limits; COM and pelvis orientation; poses of the end effectors. "default" is
+    acceleration limits; COM and pelvis orientation; poses of the end effectors. It has no balance
+    limit and no bound on the change of torques, as the paper has none. "default" is
     `default_stack`, which adds the torso's orientation and, below everything, a level with the
     posture of all joints. In single support the swing foot is one more end effector.
 
@@ -75,7 +86,12 @@ def bench_stack(robot: Robot, kind: str, stance: str) -> Stack:
             levels[1].append(swing)
         else:
             levels.insert(1, [swing])
-    return Stack(contacts, levels)
+    return Stack(
+        contacts,
+        levels,
+        torque_limit=TorqueLimit(rate=None if kind == "table1" else SMOOTH_RATE),
+        balance_limit=BalanceLimit(enabled=kind != "table1"),
+    )
 
 
 def _is_extra(task: Task, robot: Robot) -> bool:
@@ -255,7 +271,11 @@ def record_run(
     plant = Plant(robot)
     # Both contacts, whatever the stance: the swing foot is unloaded on the way.
     levels = bench_stack(robot, "default", stance).levels
-    stack = Stack(default_stack(robot).contacts, levels)
+    stack = Stack(
+        default_stack(robot).contacts,
+        levels,
+        balance_limit=BalanceLimit(enabled=False),
+    )
     controller = make_controller(robot, stack, method.plan())
     begin = _loops_begin(stance)
     loops, rotations = _choreograph(robot, stack, stance, begin)

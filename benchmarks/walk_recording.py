@@ -18,7 +18,16 @@ from poise.errors import PoiseError, UnknownNameError
 from poise.locomotion import FootstepPlan, Gait, Stride, Walker, plan_footsteps
 from poise.robots import Robot
 from poise.sim import Plant, rollout
-from poise.stack import ComTask, FrameTask, MomentumTask, PostureTask, Stack, SurfaceContact, Task
+from poise.stack import (
+    BalanceLimit,
+    ComTask,
+    FrameTask,
+    MomentumTask,
+    PostureTask,
+    Stack,
+    SurfaceContact,
+    Task,
+)
 
 WALK_STACKS = ("table1", "hands_first", "posture")
 """Stacks of a walk, see `walk_stack`."""
@@ -61,7 +70,13 @@ def walk_stack(robot: Robot, kind: str) -> Stack:
         levels.append([FrameTask(robot.torso, "orientation", kp=50.0, name="torso")])
         momentum = MomentumTask("angular", kd=5.0, weight=0.1, name="momentum")
         levels.append([PostureTask(), momentum])
-    return Stack([SurfaceContact(sole) for sole in soles], levels)
+    # The paper's problem has neither a balance limit nor a bound on the change of torques.
+    contacts = [SurfaceContact(sole) for sole in soles]
+    return Stack(
+        contacts,
+        levels,
+        balance_limit=BalanceLimit(enabled=False),
+    )
 
 
 class WalkLead:

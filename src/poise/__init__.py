@@ -20,6 +20,7 @@ from poise.errors import PoiseError
 from poise.hqp import HierarchicalProblem, Level, Solution, solve
 from poise.robots import Robot, load_robot
 from poise.stack import (
+    BalanceLimit,
     ComTask,
     Contact,
     FrameTask,
@@ -46,6 +47,7 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 __all__ = [
+    "BalanceLimit",
     "ComTask",
     "Command",
     "CommandStatus",

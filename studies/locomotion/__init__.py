@@ -1,6 +1,8 @@
-"""The study of locomotion: walking on what the robot's own sensors say."""
+"""The study of locomotion: legs on what they can measure, and under whatever they are told."""
 
 from studies.locomotion.estimation_section import estimation_section
+from studies.locomotion.references_section import references_section
+from studies.locomotion.steps_section import steps_section
 from studies.plan import Part, StudyPlan
 
 PLAN = StudyPlan(
@@ -13,6 +15,10 @@ PLAN = StudyPlan(
     ),
     source="The estimator is that of R. Hartley, M. Ghaffari, R. M. Eustice, J. W. Grizzle, "
     "“Contact-aided invariant extended Kalman filtering for robot state estimation” (2020).",
-    parts=(Part("estimation", "The estimate on walks", estimation_section),),
+    parts=(
+        Part("estimation", "The estimate on walks", estimation_section),
+        Part("steps", "Torques from tick to tick", steps_section),
+        Part("references", "References that no robot can follow", references_section),
+    ),
 )
-"""The study: what is estimated."""
+"""The study: what is estimated, and what is survived."""

@@ -34,6 +34,16 @@ class SequentialAnswer(Answer):
     missing: float
 
 
+def _balance_alone(stack: Stack) -> Stack:
+    """The first level of a stack, under the same limits."""
+    return Stack(
+        stack.contacts,
+        stack.levels[:1],
+        torque_limit=stack.torque_limit,
+        balance_limit=stack.balance_limit,
+    )
+
+
 class Sequential:
     """LQP 1, blind for the tasks of the unconstrained chain, then LQP 2 under its centroid.
 
@@ -50,7 +60,7 @@ class Sequential:
 
     def __init__(self, robot: Robot, stack: Stack) -> None:
         self._robot, self._stack = robot, stack
-        self._first = WholeBodyController(robot, Stack(stack.contacts, stack.levels[:1]))
+        self._first = WholeBodyController(robot, _balance_alone(stack))
         self._tasks = [task for level in stack.levels[1:] for task in level]
         self._partitions, self._dynamics = Partitions(robot), Dynamics(robot)
         self._reduced: dict[tuple[str, ...], ReducedDynamics] = {}

@@ -16,7 +16,14 @@ from poise.control._full_problem import FullProblem
 from poise.control._strategy import Answer, Strategy
 from poise.dynamics import Dynamics, RobotState
 from poise.hqp import SolveStatus
-from poise.stack import FrameTask, PostureTask, Stack, SurfaceContact, TorqueLimit
+from poise.stack import (
+    BalanceLimit,
+    FrameTask,
+    PostureTask,
+    Stack,
+    SurfaceContact,
+    TorqueLimit,
+)
 
 
 @pytest.fixture
@@ -189,7 +196,11 @@ def test_tasks_that_another_set_of_contacts_suspends_forget_where_they_were(robo
 
 def test_row_weights_and_suspended_tasks_reach_the_problem(robot):
     foot, hand = FrameTask("right_sole"), FrameTask("left_hand", "position", weight=[2.0, 3.0, 5.0])
-    stack = Stack([SurfaceContact(s) for s in robot.soles], [[foot], [hand]])
+    stack = Stack(
+        [SurfaceContact(s) for s in robot.soles],
+        [[foot], [hand]],
+        balance_limit=BalanceLimit(enabled=False),
+    )
     stack.bind(robot)
     full = FullProblem(robot, stack, stack.contacts)
     full.fill(Dynamics(robot))

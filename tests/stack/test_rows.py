@@ -17,7 +17,7 @@ from poise.stack import (
     Task,
     _evaluation,
 )
-from poise.stack._kernels import KIND
+from poise.stack._tables import KIND
 
 
 @pytest.fixture

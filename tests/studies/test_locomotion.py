@@ -8,11 +8,21 @@ import pytest
 pytest.importorskip("mujoco")
 
 from poise.errors import ConfigurationError
+from poise.stack import default_stack
 from studies.locomotion.estimated_walk import Outcome, Trial
+from studies.locomotion.standing_references import (
+    RandomReferences,
+    ReferenceOutcome,
+    ReferenceTrial,
+    run_reference_trial,
+)
+from studies.locomotion.torque_steps import StepOutcome, StepTrial, run_step_trial
 from studies.plan import StudyOptions
 
 # By its name: the package has the function of that name.
 section = import_module("studies.locomotion.estimation_section")
+references = import_module("studies.locomotion.references_section")
+steps = import_module("studies.locomotion.steps_section")
 
 GOOD = Outcome(
     trial=Trial(robot="g1", seed=0, seconds=1.0),
@@ -69,3 +79,81 @@ def test_a_fall_on_a_slippery_floor_is_the_controllers_and_one_with_bad_cells_is
 def test_a_fault_that_does_not_exist_is_refused():
     with pytest.raises(ConfigurationError, match="stuck"):
         Trial(robot="g1", seed=0, seconds=1.0, fault="cracked")
+
+
+STOOD = ReferenceOutcome(
+    trial=ReferenceTrial(robot="g1", seed=0),
+    fell=False,
+    time=5.0,
+    asked="com jumps",
+    held=0.5,
+    torque_step=0.3,
+    worst_physics=1e-9,
+)
+
+
+def test_a_fall_by_a_reference_fails_its_robot_and_strategy_and_says_what_was_asked(monkeypatch):
+    def run(trials, progress, workers=None):
+        return {
+            t: replace(STOOD, trial=t, fell=t.robot == "g1" and t.strategy == "weighted")
+            for t in trials
+        }
+
+    monkeypatch.setattr(references, "run_reference_trials", run)
+    found = references.references_section(StudyOptions(quick=True), lambda done, total: None)
+    fallen = [f for f in found.findings if not f.ok]
+    assert [f.name for f in fallen] == ["g1, weighted: falls by random references"]
+    assert "com jumps" in fallen[0].note
+    assert len(found.findings) == 4
+    assert len(found.tables[0].rows) == 6
+
+
+def test_random_references_are_the_same_for_the_same_seed_and_differ_for_another(get_robot):
+    robot = get_robot("g1")
+    asked = [RandomReferences(robot, bound(robot), seed).asked for seed in (3, 3, 4)]
+    assert asked[0] == asked[1] != asked[2]
+
+
+def bound(robot):
+    stack = default_stack(robot)
+    stack.bind(robot)
+    return stack
+
+
+@pytest.mark.parametrize("limited", [True, False])
+def test_a_far_com_topples_the_robot_without_the_limit_alone(get_robot, limited):
+    """A seed in which the COM jumps far; for the whole time."""
+    get_robot("g1")
+    outcome = run_reference_trial(ReferenceTrial(robot="g1", seed=18, limited=limited))
+    assert outcome.fell is not limited
+    assert (outcome.held > 0.0) is limited
+
+
+def test_a_large_step_fails_its_run_alone_and_runs_without_the_bound_are_only_shown(monkeypatch):
+    def run(trials, progress, workers=None):
+        large = {(t.robot, t.kind) for t in trials if t.robot == "g1" and t.kind == "stand"}
+        return {
+            t: StepOutcome(
+                trial=t,
+                fell=False,
+                largest=0.3 if t.rate is None or (t.robot, t.kind) in large else 0.1,
+                steps=0,
+                worst_physics=1e-12,
+            )
+            for t in trials
+        }
+
+    monkeypatch.setattr(steps, "run_step_trials", run)
+    found = steps.steps_section(StudyOptions(quick=True), lambda done, total: None)
+    assert [f.name for f in found.findings if not f.ok] == ["g1, stand: largest torque step"]
+    assert len(found.findings) == 8
+    assert len(found.tables[0].rows) == 12
+
+
+@pytest.mark.parametrize("kind", ["bumps", "stand"])
+def test_torques_change_by_no_more_than_the_rate_in_a_tick(get_robot, kind):
+    get_robot("g1")
+    outcome = run_step_trial(StepTrial(robot="g1", kind=kind, rate=50.0, seconds=1.5))
+    assert not outcome.fell
+    assert outcome.largest <= 0.1 + 1e-6
+    assert outcome.steps == 0

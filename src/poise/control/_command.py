@@ -48,6 +48,8 @@ class Command:
             when nothing was solved. The first two are physics: a second one above 1e-6 says that
             contacts and joint limits cannot all be held in this state, as in a fall, whatever the
             status.
+        held_back: whether the stack's balance limit holds the motion back: tasks ask for more than
+            the feet can catch, or the legs reach, and are followed as far as that.
     """
 
     status: CommandStatus
@@ -56,6 +58,7 @@ class Command:
     acceleration: Float64[np.ndarray, " nv"] | None = None
     wrenches: Mapping[str, Float64[np.ndarray, " m"]] = field(default_factory=dict)
     residuals: tuple[float, ...] = ()
+    held_back: bool = False
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -55,9 +55,9 @@ class Controller:
         self._shares_dynamics = dynamics is not None
         self.dynamics = Dynamics(strategy.robot) if dynamics is None else dynamics
         self.timings: dict[str, float] = {}
-        self._last_status, self._reason = CommandStatus.OK, ""
+        self._last_status, self._reason, self._held_back = CommandStatus.OK, "", False
         self._commands_torque = strategy.commands == "torque"
-        limit = strategy.stack.torque_limit
+        self._torque_limit = limit = strategy.stack.torque_limit
         self._fallback = (
             Fallback.of_torque(strategy.robot, limit)
             if self._commands_torque
@@ -75,6 +75,7 @@ class Controller:
         is_usable(self.dynamics.state, strategy.robot)
         _clip(np.zeros(strategy.robot.nj), *self._bounds)
         strategy.rehearse(self.dynamics)
+        limit.reset()
         for _, task in strategy.stack.tasks():
             task.reset()
 
@@ -128,7 +129,7 @@ class Controller:
         else:
             self._reason = fault_of(state, self.robot)
             command = self._fall_back(CommandStatus.BAD_STATE, state)
-        self._last_status = command.status
+        self._last_status, self._held_back = command.status, command.held_back
         return command
 
     def set_gains(self, task: str, kp: Numbers | None = None, kd: Numbers | None = None) -> None:
@@ -166,9 +167,10 @@ class Controller:
 
         Contacts stay as loaded as they are.
         """
-        self._last_status, self._reason = CommandStatus.OK, ""
+        self._last_status, self._reason, self._held_back = CommandStatus.OK, "", False
         self._fallback.reset()
         self._fall_watch.reset()
+        self._torque_limit.reset()
         if self._rate_limit is not None:
             self._rate_limit.reset()
         for _, task in self.stack.tasks():
@@ -180,6 +182,7 @@ class Controller:
         return ControllerStatus(
             command=self._last_status,
             reason=self._reason,
+            held_back=self._held_back,
             tasks=task_statuses(self.stack, self._strategy.task_residuals(), self.suspended),
             explanation=self._strategy.explain(),
         )
@@ -194,6 +197,7 @@ class Controller:
             return self._fall_back(CommandStatus.FALLEN, state)
         for contact in strategy.stack.contacts:
             contact.advance(state.time)
+        self._torque_limit.begin(state.time)
         if strategy.prepare(strategy.stack.active_contacts):
             # A foot that landed holds its place when it is free again, not where it once was.
             for task in strategy.suspended:
@@ -223,6 +227,8 @@ class Controller:
         if self._rate_limit is not None:
             joints = self._rate_limit.limited(joints)
         self._fallback.remember(joints, state.time)
+        if self._commands_torque:
+            self._torque_limit.remember(joints, state.time)
         return Command(
             status=CommandStatus.OK,
             torque=joints if self._commands_torque else None,
@@ -230,6 +236,7 @@ class Controller:
             acceleration=answer.acceleration,
             wrenches=answer.wrenches,
             residuals=answer.residuals,
+            held_back=answer.held_back,
         )
 
     def _fall_back(self, status: CommandStatus, state: object) -> Command:
@@ -237,6 +244,7 @@ class Controller:
         if self._rate_limit is not None:
             self._rate_limit.remember(joints)
         if self._commands_torque:
+            self._torque_limit.remember(joints, getattr(state, "time", None))
             return Command(status=status, torque=joints)
         return Command(status=status, velocity=joints)
 

@@ -41,18 +41,22 @@ class ControllerStatus:
         command: status of the last command.
         reason: why the last state was of no use, or how the robot was seen to have fallen; "" for
             other commands.
+        held_back: whether the balance limit holds the motion back; the tasks' residuals then say
+            how much of what each asks for it misses, and `explanation` against which rows.
         tasks: each task, most important first.
         explanation: which rows conflict and with what, in words.
     """
 
     command: CommandStatus
     reason: str
+    held_back: bool
     tasks: tuple[TaskStatus, ...]
     explanation: str
 
     def __str__(self) -> str:
         width = max([len(t.name) for t in self.tasks], default=4)
         lines = [f"status: {self.command.value}" + (f" ({self.reason})" if self.reason else "")]
+        lines[0] += ", held back by the balance limit" if self.held_back else ""
         lines.append(f"{'level':>5}  {'task':<{width}}  {'error':>22}  residual")
         for t in self.tasks:
             error = "held by a contact" if t.suspended else f"{t.error:.3g} {t.unit}"

@@ -17,7 +17,8 @@ from poise.robots import Robot
 from poise.stack import Contact, ContactSets, Stack, Task, default_stack
 
 PHYSICS_LEVELS = 2
-"""Levels that stand above the user's: dynamics with torque limits, contacts with joint limits."""
+"""Levels of physics: dynamics with torque limits, contacts with joint limits. The user's follow;
+that of the balance limit, which stands between, has no number, since a stack may do without it."""
 
 PHYSICS_TOLERANCE = 1e-6
 """Relative residual of dynamics and torque limits above which torques cannot be trusted."""
@@ -34,6 +35,7 @@ class Answer(NamedTuple):
             |W (A x - b)| / max(1, |W b|).
         acceleration: generalized acceleration [m/s^2, rad/s^2]; None where it is not decided.
         wrenches: wrench on the robot at each active contact, by the contact's name [N, N m].
+        held_back: whether the balance limit holds the motion back.
     """
 
     status: SolveStatus
@@ -41,6 +43,7 @@ class Answer(NamedTuple):
     residuals: tuple[float, ...]
     acceleration: Float64[np.ndarray, " nv"] | None = None
     wrenches: Mapping[str, Float64[np.ndarray, " m"]] = {}
+    held_back: bool = False
 
 
 class Program(Protocol):

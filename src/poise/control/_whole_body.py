@@ -63,9 +63,10 @@ class FullProgram:
         return Answer(
             status,
             torque,
-            tuple(solver.relative_residuals.tolist()),
+            tuple(full.levels_with_numbers(solver.relative_residuals).tolist()),
             full.acceleration(x),
             full.wrenches(x),
+            full.rows.is_held(x),
         )
 
     def reset(self) -> None:
@@ -137,7 +138,8 @@ class WholeBodyController(Controller):
 
         For data, planning by sampling, learning: one compiled loop over the states, on threads. All
         have the stack's targets, and its contacts as they are at the first state's time; a task
-        without a target holds what the robot does in each state. `before_each` may set targets
+        without a target holds what the robot does in each state, and no last command bounds the
+        change of torques. `before_each` may set targets
         for one state. Answers are those of `step` to rounding, whatever the number of threads;
         each search begins with the active set of the same place in the last batch, if that was
         as long. The controller's own last command, solution and status stay as they are.

@@ -113,13 +113,12 @@ def _tasks_as_cost(problem: HierarchicalProblem, ratio: float) -> QP | None:
 
 
 def _can_be_cost(problem: HierarchicalProblem, level: int) -> bool:
-    """Whether a level can be a term of the cost: equality rows alone, below the simple bounds."""
+    """Whether a level can be a term of the cost: equality rows alone, below the simple bounds.
+
+    An empty level is one, too: above it others may be.
+    """
     view = problem.levels[level]
-    return (
-        level > problem.bounds_level
-        and len(view.lower) > 0
-        and bool((view.lower == view.upper).all())
-    )
+    return level > problem.bounds_level and bool((view.lower == view.upper).all())
 
 
 def _slacks_below_first(problem: HierarchicalProblem, ratio: float) -> QP:

@@ -8,11 +8,11 @@ import math
 from collections.abc import Iterable, Sequence
 
 import numpy as np
-from jaxtyping import Float64, Int64
+from jaxtyping import Float64
 
-from poise._compiled import compiled, part
 from poise.errors import ConfigurationError
 from poise.robots import Robot
+from poise.stack import find_hull
 
 Point = tuple[float, float]
 
@@ -113,7 +113,7 @@ def convex_hull(points: Iterable[Point]) -> list[Point]:
     """
     array = np.array([*points], dtype=np.float64).reshape(-1, 2)
     hull = np.empty((2 * len(array), 2))
-    count = _find_hull(array, np.empty(len(array), dtype=np.int64), hull)
+    count = find_hull(array, len(array), hull)
     return [(x, y) for x, y in hull[:count].tolist()]
 
 
@@ -158,66 +158,3 @@ def _meet(a: tuple[float, float, float], b: tuple[float, float, float]) -> Point
     """Where two edges' lines meet."""
     det = a[0] * b[1] - a[1] * b[0]
     return ((a[2] * b[1] - a[1] * b[2]) / det, (a[0] * b[2] - a[2] * b[0]) / det)
-
-
-@compiled
-def _find_hull(
-    points: Float64[np.ndarray, "n 2"],
-    order: Int64[np.ndarray, " n"],
-    hull: Float64[np.ndarray, "2*n 2"],
-) -> int:
-    """Writes the hull's corners and returns how many they are.
-
-    Args:
-        points: any number.
-        order: scratch: the points from left to right.
-        hull: receives the corners, counter-clockwise.
-    """
-    n = _sort(points, order)
-    if n < 3:
-        return 0
-    count = start = 0
-    # From left to right below all points, and back above them.
-    for way in range(2 * n - 1):
-        point = points[order[way if way < n else 2 * n - 2 - way]]
-        if way == n:
-            start = count - 1
-        while count > start + 1 and _turn(hull[count - 2], hull[count - 1], point) <= _STRAIGHT:
-            count -= 1
-        hull[count, 0], hull[count, 1] = point[0], point[1]
-        count += 1
-    return count - 1
-
-
-_STRAIGHT = 1e-12
-"""Twice the area of three corners below which they lie on a line [m^2]."""
-
-
-@part
-def _sort(points: Float64[np.ndarray, "n 2"], order: Int64[np.ndarray, " n"]) -> int:
-    """Indices of different points by x, then y; returns how many."""
-    count = 0
-    for i in range(len(points)):
-        place = count
-        while place > 0 and _is_before(points[i], points[order[place - 1]]):
-            place -= 1
-        if place > 0 and not _is_before(points[order[place - 1]], points[i]):
-            continue
-        for k in range(count, place, -1):
-            order[k] = order[k - 1]
-        order[place] = i
-        count += 1
-    return count
-
-
-@part
-def _is_before(a: Float64[np.ndarray, "2"], b: Float64[np.ndarray, "2"]) -> bool:
-    return bool(a[0] < b[0] or (a[0] == b[0] and a[1] < b[1]))
-
-
-@part
-def _turn(
-    a: Float64[np.ndarray, "2"], b: Float64[np.ndarray, "2"], c: Float64[np.ndarray, "2"]
-) -> float:
-    """Twice the area of a triangle, positive when its corners go counter-clockwise."""
-    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])

@@ -1,15 +1,17 @@
 """What the robot should do; each task gives rows and knows no solver."""
 
 from poise.stack._axes import checked_gain as checked_gain, checked_target as checked_target
+from poise.stack._balance import BalanceLimit, BalanceRows as BalanceRows
 from poise.stack._centroid import ComTask, MomentumTask
 from poise.stack._contact import Contact
 from poise.stack._contacts import PointContact, SurfaceContact
 from poise.stack._evaluation import Owner as Owner
 from poise.stack._frame import FrameTask
 from poise.stack._joints import JointTask, PostureTask
-from poise.stack._kernels import Owners as Owners, Rows as Rows, evaluate as evaluate
+from poise.stack._kernels import evaluate as evaluate
 from poise.stack._leader import Leader
-from poise.stack._limits import JointLimit, TorqueLimit
+from poise.stack._limits import SMOOTH_RATE as SMOOTH_RATE, JointLimit, TorqueLimit
+from poise.stack._polygon import find_hull as find_hull
 from poise.stack._relative_frame import RelativeFrameTask
 from poise.stack._rows import (
     ContactSets as ContactSets,
@@ -18,9 +20,11 @@ from poise.stack._rows import (
     stacked_cones as stacked_cones,
 )
 from poise.stack._stack import Stack, default_stack, is_held as is_held
+from poise.stack._tables import Owners as Owners, Rows as Rows
 from poise.stack._task import Task
 
 __all__ = [
+    "BalanceLimit",
     "ComTask",
     "Contact",
     "FrameTask",

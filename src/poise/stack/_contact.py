@@ -14,7 +14,7 @@ from poise.dynamics import Dynamics
 from poise.errors import ConfigurationError
 from poise.robots import Robot
 from poise.stack._evaluation import Owner
-from poise.stack._kernels import Kind
+from poise.stack._tables import Kind
 
 _ROUNDING = 1e-9
 """Load left that is the sum's rounding, not a tick's part of the ramp."""
@@ -112,7 +112,8 @@ class Contact(Owner, ABC):
         self.dim = dim
         self.cone: Float64[np.ndarray, "rows dim"] = np.zeros((0, dim))
         self.reference: Float64[np.ndarray, " dim"] = np.zeros(dim)
-        self.parameters: Float64[np.ndarray, " p"] = np.empty(1 + 2 * dim)
+        # Damping, lower and upper bounds of the wrench, `pressure_reach`.
+        self.parameters: Float64[np.ndarray, " p"] = np.zeros(3 + 2 * dim)
         self.set_damping(damping)
         self.wrench_lower[:], self.wrench_upper[:] = -np.inf, np.inf
         self.wrench_lower[2] = 0.0
@@ -180,7 +181,15 @@ class Contact(Owner, ABC):
     @property
     def wrench_upper(self) -> Float64[np.ndarray, " dim"]:
         """Simple upper bounds on the wrench [N, N m], a view of what is solved with."""
-        return self.parameters[1 + self.dim :]
+        return self.parameters[1 + self.dim : 1 + 2 * self.dim]
+
+    @property
+    def pressure_reach(self) -> Float64[np.ndarray, "2"]:
+        """How far the centre of pressure may be from the frame's origin along its x and y [m].
+
+        Zero for a point; made with the cone, a view of what the balance limit reads.
+        """
+        return self.parameters[1 + 2 * self.dim :]
 
     @property
     def active(self) -> bool:

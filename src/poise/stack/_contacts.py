@@ -113,6 +113,7 @@ class SurfaceContact(Contact):
                 got=self.margin,
                 wanted=f"less than {min(length, width) / 2.0:g} m",
             )
+        self.pressure_reach[:] = x, y
         half_diagonal = math.hypot(length, width) / 2.0
         torsion = self._torsion or TORSION_FRACTION * self.friction * half_diagonal
         limits = np.array([self.friction, self.friction, y, x, torsion])

@@ -8,7 +8,8 @@ from jaxtyping import Float64, Int64
 from poise._compiled import say_if_slow
 from poise.dynamics import Dynamics, frames_of, motion_of
 from poise.robots import Robot
-from poise.stack._kernels import ENTRIES, WORK, Kind, Owners, Rows, evaluate
+from poise.stack._kernels import evaluate
+from poise.stack._tables import CORNERS, ENTRIES, WORK, Kind, Owners, Rows
 
 
 class Owner:
@@ -125,12 +126,13 @@ class Evaluation:
             np.concatenate([np.zeros(0, dtype=np.int64), *(o.chosen for o in owners)]),
             np.zeros(start),
             frames_of(robot.model, [i for owner in owners for i in owner.frame_ids]),
+            np.zeros((CORNERS * (1 + sum(o.kind is Kind.CONTACT for o in owners)), 2)),
         )
         self.work = np.zeros(WORK)
         self._count, self._wrench_dim = count, wrench_dim
-        target = np.zeros(count)
+        bounds = np.zeros(count), np.zeros(count)
         wrenches = np.zeros(wrench_dim), np.zeros(wrench_dim)
-        self.write_into(np.zeros((count, robot.nv)), 0, target, target, np.ones(count), *wrenches)
+        self.write_into(np.zeros((count, robot.nv)), 0, *bounds, np.ones(count), *wrenches)
         self._compile(robot)
 
     def write_into(

@@ -8,8 +8,8 @@ from poise.dynamics import Dynamics
 from poise.errors import UnknownNameError
 from poise.robots import Robot
 from poise.stack._axes import Pose, parse_axes, split_rows
-from poise.stack._kernels import Kind
 from poise.stack._shipped import PoseTarget, ShippedTask
+from poise.stack._tables import Kind
 
 ORIENTATION_ERRORS = ("logarithm", "sine")
 """Measures of how far two orientations are apart."""

@@ -10,8 +10,8 @@ from poise.dynamics import Dynamics
 from poise.errors import ConfigurationError
 from poise.robots import Robot
 from poise.stack._axes import checked_target
-from poise.stack._kernels import Kind
 from poise.stack._shipped import ShippedTask, VectorTarget
+from poise.stack._tables import Kind
 
 
 class JointTask(ShippedTask[VectorTarget]):

@@ -1,11 +1,4 @@
-"""The formulas of tasks and contacts, compiled: what each kind writes into the rows of a stack.
-
-All that they read of a task stands in one array, its parameters: the rows of `Gains`, each as long
-as the task, then its target. A number that nobody gave is NaN.
-"""
-
-from enum import IntEnum
-from typing import NamedTuple
+"""The formulas of tasks and contacts, compiled: what each kind writes into the rows of a stack."""
 
 import numpy as np
 from jaxtyping import Float64, Int64
@@ -16,7 +9,6 @@ from poise.dynamics import (
     KINEMATICS,
     ROTATION,
     VELOCITY,
-    Frames,
     Motion,
     column_at,
     momentum_rate,
@@ -25,82 +17,36 @@ from poise.dynamics import (
     turn_between,
     turn_to_world,
 )
-
-
-class Kind(IntEnum):
-    """What a task or contact is."""
-
-    CONTACT = 0
-    COM = 1
-    MOMENTUM = 2
-    JOINTS = 3
-    FRAME = 4
-    RELATIVE_FRAME = 5
-
-
-CONTACT, COM, MOMENTUM, JOINTS, FRAME = (int(kind) for kind in list(Kind)[:5])
-
-KP, KD, WEIGHT, RATE, ACCELERATION, SPEED, GAINS = range(7)
-"""Rows of a task's gains: stiffness, damping, weight, kp / kd, and what `set_acceleration` and
-`set_velocity` were given; how many there are."""
-
-KIND, FIRST, COUNT, START, FRAME_INDEX, ROOT_INDEX, CHOSEN, TURNS, SINE, ENTRIES = range(10)
-"""Columns of the table of owners: kind, first row and number of rows, where its parameters begin,
-its frames in `Frames`, where its choice of components begins, whether it turns, and how."""
-
-TARGET_ROTATION, TARGET_VELOCITY, TARGET_ACCELERATION, TARGET_SIZE = 3, 12, 18, 24
-"""Where the parts of a frame's target begin after its position, and how long it is."""
-
-WORK = 3 * KINEMATICS
-"""Numbers of work space: two frames, and what is worked out from them."""
-
-
-class Rows(NamedTuple):
-    """Where the rows are written.
-
-    Attributes:
-        matrix: receives the coefficients; rows begin at `first`, in the first columns.
-        target: receives the right-hand sides: reference - drift, or velocities.
-        upper: receives them again, as the upper bounds of equalities.
-        weight: receives the weight of each row.
-        drift: receives accelerations at zero `dv`.
-        reference: receives reference accelerations.
-        error: receives target minus actual.
-        error_rate: receives its rate.
-        feedforward: receives the targets' accelerations.
-        wrench_lower: receives lower bounds of all wrenches [N, N m].
-        wrench_upper: receives the upper ones.
-        first: the matrix's row of the first row.
-    """
-
-    matrix: Float64[np.ndarray, "rows columns"]
-    target: Float64[np.ndarray, " m"]
-    upper: Float64[np.ndarray, " m"]
-    weight: Float64[np.ndarray, " m"]
-    drift: Float64[np.ndarray, " m"]
-    reference: Float64[np.ndarray, " m"]
-    error: Float64[np.ndarray, " m"]
-    error_rate: Float64[np.ndarray, " m"]
-    feedforward: Float64[np.ndarray, " m"]
-    wrench_lower: Float64[np.ndarray, " w"]
-    wrench_upper: Float64[np.ndarray, " w"]
-    first: int
-
-
-class Owners(NamedTuple):
-    """Who the rows belong to.
-
-    Attributes:
-        table: an owner a line: `KIND`, `FIRST`, ...
-        chosen: which components of its quantity each owner has rows for, or which coordinates.
-        parameters: of all owners, one after another.
-        frames: the frames that they name.
-    """
-
-    table: Int64[np.ndarray, "owners entries"]
-    chosen: Int64[np.ndarray, " c"]
-    parameters: Float64[np.ndarray, " p"]
-    frames: Frames
+from poise.stack._balance_kernels import bound_balance
+from poise.stack._tables import (
+    ACCELERATION,
+    BALANCE,
+    CHOSEN,
+    COM,
+    CONTACT,
+    COUNT,
+    FIRST,
+    FRAME,
+    FRAME_INDEX,
+    GAINS,
+    JOINTS,
+    KD,
+    KIND,
+    KP,
+    MOMENTUM,
+    RATE,
+    ROOT_INDEX,
+    SINE,
+    SPEED,
+    START,
+    TARGET_ACCELERATION,
+    TARGET_ROTATION,
+    TARGET_VELOCITY,
+    TURNS,
+    WEIGHT,
+    Owners,
+    Rows,
+)
 
 
 @compiled
@@ -132,6 +78,9 @@ def evaluate(
         kind, target = int(line[KIND]), int(line[START] + GAINS * line[COUNT])
         if kind == CONTACT:
             _contact(motion, owners, line, rows, velocities, work)
+            continue
+        if kind == BALANCE:
+            bound_balance(v, motion, owners, line, rows, work)
             continue
         parameters = owners.parameters
         if np.isnan(parameters[target]):
@@ -195,7 +144,7 @@ def _contact(
     velocities: bool,
     work: Float64[np.ndarray, " work"],
 ) -> None:
-    """A contact's frame along its own axes; parameters: damping, then bounds of the wrench."""
+    """A contact's frame along its own axes; parameters as `Contact` lays them out."""
     frame, first, m = line[FRAME_INDEX], line[FIRST], line[COUNT]
     frames, parameters, at = owners.frames, owners.parameters, line[START]
     place_frame(motion, frames, frame, work, 0)

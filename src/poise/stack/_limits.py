@@ -4,7 +4,8 @@
 """
 
 from collections.abc import Mapping
-from math import sqrt
+from math import isfinite, isnan, sqrt
+from numbers import Real
 
 import numpy as np
 from jaxtyping import Float64
@@ -15,21 +16,42 @@ from poise.dynamics import Dynamics
 from poise.errors import ConfigurationError
 from poise.robots import Robot
 
+_SHORTEST, _LONGEST = 1e-3, 0.02
+"""Between which the time from one command to the next is taken to be, whatever clocks say [s]."""
+
+
+SMOOTH_RATE = 50.0
+"""Rate of the stacks that Poise makes [1/s]: a tenth of the limit in a tick of 2 ms."""
+
 
 class TorqueLimit:
-    """|tau| <= scale tau_max, joint by joint.
+    """|tau| <= scale tau_max, joint by joint; and no torque changes faster than it may.
+
+    The bounds stand beside the equations of motion, above everything. The bound of the change,
+
+        |tau - tau_last| <= rate tau_max dt
+
+    stands below contacts, joint limits and the balance limit, and above all tasks: where those
+    need more, it is missed by as little as can be, measured by each joint's limit. So no task jerks
+    the robot, and none falls by a bound that its motors do not have. tau_last is what the
+    controller commanded last; a controller's first command is free, and so are many states at once.
 
     What it is made of is for reading: another limit makes another controller.
 
     Args:
         scale: fraction of the robot's torque limits that may be used.
+        rate: how fast a torque may change, by its limit [1/s], as `SMOOTH_RATE`; None for as fast
+            as it likes.
 
     Attributes:
         name: what reports call it.
     """
 
-    def __init__(self, scale: float = 1.0) -> None:
+    def __init__(self, scale: float = 1.0, rate: float | None = None) -> None:
         self.name = "torque limit"
+        self._rate = rate
+        if rate is not None:
+            self._rate = checked_number(rate, "rate of the torque limit [1/s]", above=0.0)
         self._scale = checked_number(scale, "scale of the torque limit", above=0.0)
         if self._scale > 1.0:
             raise ConfigurationError(
@@ -43,6 +65,21 @@ class TorqueLimit:
     def scale(self) -> float:
         """Fraction of the robot's torque limits that may be used."""
         return self._scale
+
+    @property
+    def rate(self) -> float | None:
+        """How fast a torque may change, by its limit [1/s]; None for as fast as it likes."""
+        return self._rate
+
+    @property
+    def step_lower(self) -> Float64[np.ndarray, " nj"]:
+        """Lower bounds in the tick that begins by the last command; the array stays [N m]."""
+        return self._step_lower
+
+    @property
+    def step_upper(self) -> Float64[np.ndarray, " nj"]:
+        """Upper ones [N m]."""
+        return self._step_upper
 
     @property
     def lower(self) -> Float64[np.ndarray, " nj"]:
@@ -69,6 +106,43 @@ class TorqueLimit:
         self._robot = robot
         self._upper: Float64[np.ndarray, " nj"] = self._scale * robot.tau_max
         self._lower: Float64[np.ndarray, " nj"] = -self._upper
+        self._step_lower = np.full(robot.nj, -np.inf)
+        self._step_upper = np.full(robot.nj, np.inf)
+        self._last, self._time = np.zeros(robot.nj), np.nan
+        self._per_second = np.inf if self._rate is None else self._rate * robot.tau_max
+
+    def begin(self, time: float) -> None:
+        """Sets the bounds of the change for a tick; controllers call it.
+
+        Args:
+            time: of the state [s].
+        """
+        if self._rate is None or isnan(self._time):
+            return
+        # A time that is not a number counts as the shortest.
+        step = min(max(_SHORTEST, time - self._time), _LONGEST) * self._per_second
+        np.subtract(self._last, step, out=self._step_lower)
+        np.add(self._last, step, out=self._step_upper)
+
+    def remember(self, torque: Float64[np.ndarray, " nj"], time: object) -> None:
+        """Copies a command, from which the next may be so far; controllers call it.
+
+        Args:
+            torque: as commanded [N m].
+            time: for which [s]; what is no finite number counts as the time before.
+        """
+        if self._rate is None:
+            return
+        self._last[:] = torque
+        if isinstance(time, Real) and isfinite(time):
+            self._time = float(time)
+        elif isnan(self._time):
+            self._time = 0.0
+
+    def reset(self) -> None:
+        """Forgets the last command: the next one is free."""
+        self._time = np.nan
+        self._step_lower[:], self._step_upper[:] = -np.inf, np.inf
 
 
 _STOP_FRACTION = 0.1
@@ -316,14 +390,16 @@ def _bounds(
 ) -> None:
     q_min, q_max, v_max = limits
     for i in range(len(q)):
-        upper[i] = _largest(q_max[i] - q[i], v[i], v_max[i], settings)
-        lower[i] = -_largest(q[i] - q_min[i], -v[i], v_max[i], settings)
+        upper[i] = largest_acceleration(q_max[i] - q[i], v[i], v_max[i], settings)
+        lower[i] = -largest_acceleration(q[i] - q_min[i], -v[i], v_max[i], settings)
         if lower[i] > upper[i]:
             lower[i] = upper[i] = upper[i] if v[i] > 0.0 else lower[i]
 
 
 @compiled
-def _largest(s: float, v: float, v_max: float, settings: tuple[float, float, float]) -> float:
+def largest_acceleration(
+    s: float, v: float, v_max: float, settings: tuple[float, float, float]
+) -> float:
     """The largest acceleration of a joint at a distance s from a limit, towards which it moves."""
     a_max, dt, b = settings
     if s < 0.5 * v * dt:

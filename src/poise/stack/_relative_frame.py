@@ -4,8 +4,8 @@ from poise._checks import Numbers, checked_kind
 from poise.dynamics import Dynamics
 from poise.robots import Robot
 from poise.stack._axes import Pose, parse_axes, split_rows
-from poise.stack._kernels import Kind
 from poise.stack._shipped import PoseTarget, ShippedTask
+from poise.stack._tables import Kind
 
 
 class RelativeFrameTask(ShippedTask[PoseTarget]):

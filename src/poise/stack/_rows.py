@@ -5,7 +5,7 @@
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import accumulate, chain, combinations, pairwise
-from typing import Generic, TypeVar
+from typing import Generic, Literal, TypeVar
 
 import numpy as np
 from jaxtyping import Float64, Int64
@@ -15,9 +15,9 @@ from poise.dynamics import Dynamics
 from poise.robots import Robot
 from poise.stack._contact import Contact
 from poise.stack._evaluation import Evaluation
-from poise.stack._kernels import Rows
 from poise.stack._shipped import ShippedTask
 from poise.stack._stack import Stack, is_held
+from poise.stack._tables import Rows
 from poise.stack._task import Task
 
 Labels = list[tuple[str, int]]
@@ -33,6 +33,7 @@ class StackRows:
         rows                    acceleration level, `update`     velocity level, `update_velocities`
         contacts                J dv = reference - drift         J v = 0
         rows of the strategy    left to it
+        balance limit           J dv <= bound                    none
         tasks, level by level   J dv = reference - drift         J v = velocity
 
     A frame task on a frame in contact is suspended and has no rows: the contact already decides how
@@ -46,17 +47,25 @@ class StackRows:
         stance: one more active contact, which suspends tasks and is evaluated, but has no rows
             because the strategy eliminates it.
         own_rows: how many rows of the strategy's own stand between contacts and tasks.
+        balance: where the rows of the balance limit go: before all tasks, or behind them, out of
+            the way of a strategy that knows equalities alone; None for nowhere.
+        more_rows: how many rows of the strategy's own stand just before all tasks.
 
     Attributes:
         contacts: the contacts that have rows.
         levels: the tasks that act, level by level; a level may be empty.
         suspended: tasks that a contact stands in for.
         J: coefficients of all rows.
-        target: right-hand sides of all rows: reference - drift, or velocities.
+        target: right-hand sides of all rows: reference - drift, or velocities; lower bounds of
+            those of the balance limit.
+        upper: the same once more, but for the upper bounds of the balance limit.
         weight: weight of each row in its level; one for contacts.
         ends: where each of the user's levels ends; the first entry is where the first one begins.
         contact_rows: the rows of the contacts.
         own_rows: the strategy's own rows.
+        balance: the rows of the balance limit; None where there are none.
+        balance_rows: where they stand.
+        more_rows: the strategy's own rows just before all tasks.
         task_rows: each task that acts, with its rows.
         wrench_slices: where each contact's wrench stands among all wrenches, and its rows among
             the contacts' rows.
@@ -75,6 +84,8 @@ class StackRows:
         *,
         stance: Contact | None = None,
         own_rows: int = 0,
+        balance: Literal["before", "behind"] | None = None,
+        more_rows: int = 0,
     ) -> None:
         self.contacts, self._stance, self._stack = tuple(contacts), stance, stack
         holding = self.contacts if stance is None else (*self.contacts, stance)
@@ -86,18 +97,29 @@ class StackRows:
         wrench_dim = sum(c.dim for c in self.contacts)
         first = wrench_dim + own_rows
         self.contact_rows, self.own_rows = slice(0, wrench_dim), slice(wrench_dim, first)
+        self.balance = stack.balance_limit.rows_for(self.contacts) if balance else None
+        limits = 0 if self.balance is None else self.balance.dim
+        if balance == "before":
+            first += limits
+        begin = first - limits
+        self.more_rows = slice(first, first + more_rows)
+        first += more_rows
         tasks = [task for level in self.levels for task in level]
         self.task_rows = list(zip(tasks, _spans([t.dim for t in tasks], first), strict=True))
         sizes = [sum(t.dim for t in level) for level in self.levels]
         self.ends: Int64[np.ndarray, " ends"] = np.array([*accumulate(sizes, initial=first)])
-        count = int(self.ends[-1])
+        last = int(self.ends[-1])
+        begin = last if balance == "behind" else begin
+        self.balance_rows = slice(begin, begin + limits)
+        count = max(last, begin + limits)
         self.cone: Float64[np.ndarray, "cone w"] = stacked_cones(contacts)
         self._missing = np.zeros(count)
         self._residuals = np.zeros(1 + len(sizes))
         self.own_tasks = [pair for pair in self.task_rows if not is_compiled(pair[0])]
         shipped = [pair for pair in self.task_rows if is_compiled(pair[0])]
         contact_rows = zip(self.contacts, self.wrench_slices, strict=True)
-        owners, places = zip(*contact_rows, *shipped, strict=True) if count else ((), ())
+        limit = [] if self.balance is None else [(self.balance, self.balance_rows)]
+        owners, places = zip(*contact_rows, *limit, *shipped, strict=True) if count else ((), ())
         self.evaluation = Evaluation(robot, owners, places, count, wrench_dim)
         self._nv = robot.nv
         self._take(self.evaluation.rows)
@@ -129,12 +151,16 @@ class StackRows:
 
     def _take(self, rows: Rows) -> None:
         self.J = rows.matrix[rows.first : rows.first + len(rows.target), : self._nv]
-        self.target, self.weight, self._upper = rows.target, rows.weight, rows.upper
+        self.target, self.weight, self.upper = rows.target, rows.weight, rows.upper
         self.wrench_lower, self.wrench_upper = rows.wrench_lower, rows.wrench_upper
         for task, place in self.task_rows:
             self.weight[place] = task.weight
+        own = self.balance_rows
+        self._limit_views = rows.matrix, rows.first + own.start, self.target[own], self.upper[own]
+        # What is compiled is compiled now, not in the first tick.
+        _is_held(*self._limit_views, np.zeros(self._nv), self._nv)
         self._own_views = [
-            (task, self.J[place], self.target[place], self._upper[place], self.weight[place])
+            (task, self.J[place], self.target[place], self.upper[place], self.weight[place])
             for task, place in self.own_tasks
         ]
 
@@ -200,6 +226,14 @@ class StackRows:
         rows, bounds = self.J if J is None else J, (self.contact_rows.stop, self.ends)
         _measure(rows, self.target, self.weight, bounds, x, self._missing, self._residuals)
         return self._residuals
+
+    def is_held(self, x: Float64[np.ndarray, " n"]) -> bool:
+        """Whether the balance limit holds an answer back: one of its rows is at its bound.
+
+        Args:
+            x: accelerations; what follows them is left alone.
+        """
+        return self.balance is not None and _is_held(*self._limit_views, x, self._nv)
 
     def task_residuals(self, missing: Float64[np.ndarray, " m"] | None = None) -> dict[str, float]:
         """Norm of what each task could not meet, unweighted, by its name [unit/s^2, unit/s].
@@ -314,6 +348,28 @@ def _measure(
             left += (weight[row] * value) ** 2
             asked += (weight[row] * target[row]) ** 2
         residuals[level] = np.sqrt(left) / max(1.0, np.sqrt(asked))
+
+
+_AT_BOUND = 1e-6
+"""Acceleration that a row of the balance limit may lack to its bound and still be at it [m/s^2]."""
+
+
+@compiled
+def _is_held(
+    matrix: Float64[np.ndarray, "rows columns"],
+    first: int,
+    lower: Float64[np.ndarray, " m"],
+    upper: Float64[np.ndarray, " m"],
+    x: Float64[np.ndarray, " k"],
+    nv: int,
+) -> bool:
+    for row in range(len(upper)):
+        value = 0.0
+        for i in range(nv):
+            value += matrix[first + row, i] * x[i]
+        if value >= upper[row] - _AT_BOUND or value <= lower[row] + _AT_BOUND:
+            return True
+    return False
 
 
 PREPARED_CONTACTS = 3

@@ -15,7 +15,7 @@ from poise.errors import TargetError
 from poise.robots import Robot
 from poise.stack._axes import Pose, checked_rotation, checked_target, split_pose
 from poise.stack._evaluation import Owner
-from poise.stack._kernels import (
+from poise.stack._tables import (
     GAINS,
     TARGET_ACCELERATION,
     TARGET_ROTATION,

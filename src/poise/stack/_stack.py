@@ -9,12 +9,13 @@ from poise._checks import checked_kind
 from poise._show import html_table
 from poise.errors import ConfigurationError
 from poise.robots import Robot
+from poise.stack._balance import BalanceLimit
 from poise.stack._centroid import ComTask
 from poise.stack._contact import Contact
 from poise.stack._contacts import SurfaceContact
 from poise.stack._frame import FrameTask
 from poise.stack._joints import PostureTask
-from poise.stack._limits import JointLimit, TorqueLimit
+from poise.stack._limits import SMOOTH_RATE, JointLimit, TorqueLimit
 from poise.stack._task import Task
 
 
@@ -40,13 +41,14 @@ class Stack:
     """What a controller is asked to do; the same for every controller.
 
     Physics comes first, always: base dynamics with the torque limits, then contacts with the
-    joint limits. The user's levels follow, each strictly above the next.
+    joint limits, then the balance limit. The user's levels follow, each strictly above the next.
 
     Args:
         contacts: where the robot touches the world.
         levels: lists of tasks, most important first.
         torque_limit: bounds of the torques.
         joint_limit: bounds of joint positions, velocities and accelerations.
+        balance_limit: what keeps all tasks from toppling the robot, where torques are commanded.
 
     Raises:
         ConfigurationError: an empty level, a name used twice, two contacts on one frame, or
@@ -60,6 +62,7 @@ class Stack:
         *,
         torque_limit: TorqueLimit | None = None,
         joint_limit: JointLimit | None = None,
+        balance_limit: BalanceLimit | None = None,
     ) -> None:
         for contact in checked_kind(contacts, Sequence, "the contacts of the stack"):
             checked_kind(contact, Contact, "a contact of the stack")
@@ -79,6 +82,9 @@ class Stack:
         )
         self.joint_limit = checked_kind(
             joint_limit or JointLimit(), JointLimit, "joint_limit of the stack"
+        )
+        self.balance_limit = checked_kind(
+            balance_limit or BalanceLimit(), BalanceLimit, "balance_limit of the stack"
         )
         _check_unique([c.frame for c in self.contacts], "two contacts of the stack on one frame")
         _check_unique([c.name for c in self.contacts], "two contacts of the stack with one name")
@@ -148,6 +154,7 @@ class Stack:
             task.bind(robot)
         self.torque_limit.bind(robot)
         self.joint_limit.bind(robot)
+        self.balance_limit.bind(robot)
 
 
 def default_stack(robot: Robot) -> Stack:
@@ -170,6 +177,7 @@ def default_stack(robot: Robot) -> Stack:
     return Stack(
         contacts=[SurfaceContact(sole) for sole in robot.soles],
         levels=[*levels, [PostureTask()]],
+        torque_limit=TorqueLimit(rate=SMOOTH_RATE),
     )
 
 

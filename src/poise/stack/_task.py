@@ -12,7 +12,7 @@ from poise.dynamics import Dynamics
 from poise.errors import ConfigurationError
 from poise.robots import Robot
 from poise.stack._axes import checked_gain, checked_target
-from poise.stack._kernels import ACCELERATION, GAINS, KD, KP, RATE, SPEED, WEIGHT
+from poise.stack._tables import ACCELERATION, GAINS, KD, KP, RATE, SPEED, WEIGHT
 
 _GIVEN = {ACCELERATION: "acceleration", SPEED: "velocity"}
 """What a user may give in place of feedback, by its row among the gains."""

@@ -312,6 +312,7 @@ def walking_record(duration=6.0, rate=250.0, joints=33, seed=3, mesh=None, **cha
             "fell": False,
             "com_error_max_m": 0.0312,
             "torque_ratio_max": 0.953,
+            "torque_step_max": 0.1,
             "residual_max": [3.2e-10, 1.1e-4, 0.071],
             "missed_ticks": 3,
             "tick_us": {"p50": 241.0, "p99": 288.0, "max": 770.0},

@@ -19,6 +19,7 @@ KEYS = {
     "checks": list,
     "com_error_max_m": float,
     "torque_ratio_max": float,
+    "torque_step_max": float,
     "residual_max": list,
     "missed_ticks": int,
     "tick_us": dict,

@@ -37,7 +37,7 @@ def test_joints_become_a_level_of_their_own_behind_the_physics(get_any):
     stack = Stack([SurfaceContact("left_sole")], [[ComTask()], [PostureTask()]])
     rows = Rows(robot, stack).at(RobotState(robot.q_home, np.zeros(robot.nv)))
     index, target, scale = np.array([8, 11]), np.array([1.0, -2.0]), np.array([3.0, 4.0])
-    more = rows.with_joints(index, target, scale)
+    more = rows.with_held(np.eye(robot.nv)[index], target, scale)
     assert [s.stop - s.start for s in more.slices] == [6, 2, 3, robot.nj]
     assert [s.start for s in more.slices] == [0, 6, 8, 11]
     np.testing.assert_array_equal(more.jacobian[6:8], np.eye(robot.nv)[index])

@@ -13,6 +13,7 @@ from poise.dynamics import Dynamics, Partitions
 from poise.hqp import certify_point, make_solver
 from poise.hqp._cascade import CascadeSolver
 from poise.stack import (
+    BalanceLimit,
     ComTask,
     FrameTask,
     JointTask,
@@ -39,7 +40,13 @@ def balance(robot):
 
 def stack_of(robot, frames, levels, scale=1.0):
     contacts = [SurfaceContact(f) if f in robot.soles else PointContact(f) for f in frames]
-    stack = Stack(contacts, [level for level in levels if level], torque_limit=TorqueLimit(scale))
+    # States are anywhere: the balance limit would cut what is compared; it is compared apart.
+    stack = Stack(
+        contacts,
+        [level for level in levels if level],
+        torque_limit=TorqueLimit(scale),
+        balance_limit=BalanceLimit(enabled=False),
+    )
     stack.bind(robot)
     return stack
 

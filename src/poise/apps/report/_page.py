@@ -63,7 +63,14 @@ class _Card:
 
 def cards_html(record: RunView) -> str:
     """A card for each figure of the summary that is there."""
-    made = (_com(record), _torque(record), _residual(record), _missed(record), _tick(record))
+    made = (
+        _com(record),
+        _torque(record),
+        _step(record),
+        _residual(record),
+        _missed(record),
+        _tick(record),
+    )
     cards = [card for card in (*made, _speed(record)) if card is not None]
     if not cards:
         return ""
@@ -94,6 +101,15 @@ def _torque(record: RunView) -> _Card | None:
     over = value > 1.0 + 1e-6
     return _Card(
         name="highest torque", figure=number(100.0 * value), unit="% of its limit", bad=over
+    )
+
+
+def _step(record: RunView) -> _Card | None:
+    value = _float(record.summary.get("torque_step_max"))
+    if value is None:
+        return None
+    return _Card(
+        name="largest torque step", figure=number(100.0 * value), unit="% of its limit in a tick"
     )
 
 

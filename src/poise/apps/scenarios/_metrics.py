@@ -143,6 +143,12 @@ def _torque_ratio(run: RunSignals, _: str, __: int | None) -> Float64[np.ndarray
     return np.max(ratios, axis=1, initial=-np.inf, where=np.isfinite(ratios))
 
 
+def _torque_step(run: RunSignals, _: str, __: int | None) -> Float64[np.ndarray, " T"]:
+    # From the tick before; the first has none.
+    steps = np.abs(np.diff(run.torque, axis=0, prepend=np.nan)) / run.torque_max
+    return np.max(steps, axis=1, initial=-np.inf, where=np.isfinite(steps))
+
+
 def _sole_force(run: RunSignals, sole: str, _: int | None) -> Float64[np.ndarray, " T"]:
     return run.sole_forces[sole]
 
@@ -244,6 +250,14 @@ METRICS = {
             takes_axis=False,
             describe="largest torque over its limit",
             measure=_largest(_torque_ratio),
+        ),
+        Metric(
+            name="torque_step_max",
+            unit="",
+            subject="",
+            takes_axis=False,
+            describe="largest change of a torque from tick to tick over its limit",
+            measure=_largest(_torque_step),
         ),
         Metric(
             name="sole_force_max",

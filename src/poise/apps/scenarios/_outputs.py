@@ -29,8 +29,8 @@ def summarise(run: Run) -> dict[str, object]:
 
     Returns:
         robot, controller, scenario, seed, fell, checks, com_error_max_m, torque_ratio_max,
-        residual_max (one a level, relative), missed_ticks, tick_us (p50, p99, max) and
-        real_time_factor; figures that could not be measured are None.
+        torque_step_max, residual_max (one a level, relative), missed_ticks, tick_us (p50, p99, max)
+        and real_time_factor; figures that could not be measured are None.
     """
     signals = run.signals
     com_error = np.linalg.norm(signals.com_reference - signals.com, axis=1)
@@ -57,6 +57,7 @@ def summarise(run: Run) -> dict[str, object]:
         ],
         "com_error_max_m": _max(com_error),
         "torque_ratio_max": _max(np.abs(signals.torque) / signals.torque_max),
+        "torque_step_max": _max(np.abs(np.diff(signals.torque, axis=0)) / signals.torque_max),
         "residual_max": [_max(column) for column in signals.residuals.T],
         "missed_ticks": missed_ticks(signals),
         "tick_us": {

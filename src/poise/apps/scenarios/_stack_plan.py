@@ -10,8 +10,19 @@ from pydantic import GetCoreSchemaHandler
 from pydantic_core import CoreSchema, core_schema
 
 from poise._checks import Numbers
-from poise._schema import Number, Text, Wanting, checked, key_error, locatable, mapping_schema
+from poise._schema import (
+    Number,
+    Text,
+    Truth,
+    Wanting,
+    checked,
+    key_error,
+    locatable,
+    mapping_schema,
+)
 from poise.stack import (
+    SMOOTH_RATE,
+    BalanceLimit,
     ComTask,
     FrameTask,
     JointLimit,
@@ -40,6 +51,7 @@ _Names = Annotated[list[Text], Wanting("a list of texts")]
 _IN_FILES: Mapping[Any, Any] = {
     str: Text,
     str | None: Text,
+    bool: Truth,
     float: Number,
     float | None: Number,
     Numbers: _Gain,
@@ -132,12 +144,16 @@ class StackPlan:
         levels: the tasks of each level, most important level first.
         torque_limit: bounds of the torques.
         joint_limit: limits of the joints' positions, velocities and accelerations.
+        balance_limit: what keeps tasks from toppling the robot.
     """
 
     contacts: tuple[Annotated[Recipe, _OneOf(_CONTACTS)], ...] = ()
     levels: tuple[tuple[Annotated[Recipe, _OneOf(_TASKS)], ...], ...] = ()
-    torque_limit: Annotated[Recipe, _ArgumentsOf(TorqueLimit)] = Recipe(TorqueLimit)
+    torque_limit: Annotated[Recipe, _ArgumentsOf(TorqueLimit)] = Recipe(
+        TorqueLimit, {"rate": SMOOTH_RATE}
+    )
     joint_limit: Annotated[Recipe, _ArgumentsOf(JointLimit)] = Recipe(JointLimit)
+    balance_limit: Annotated[Recipe, _ArgumentsOf(BalanceLimit)] = Recipe(BalanceLimit)
 
     def __post_init__(self) -> None:
         self.build()
@@ -149,4 +165,5 @@ class StackPlan:
             [[task.make() for task in level] for level in self.levels],
             torque_limit=self.torque_limit.make(),
             joint_limit=self.joint_limit.make(),
+            balance_limit=self.balance_limit.make(),
         )

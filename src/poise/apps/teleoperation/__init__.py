@@ -17,7 +17,7 @@ from poise.apps.teleoperation._scripts import (
     SCRIPTS,
     Script,
 )
-from poise.apps.teleoperation._terrain import terrain_blocks as terrain_blocks
+from poise.apps.teleoperation._terrain import terrain_blocks
 
 __all__ = [
     "SCRIPTS",
@@ -29,4 +29,5 @@ __all__ = [
     "TeleopRun",
     "replay_teleop",
     "run_teleop",
+    "terrain_blocks",
 ]

@@ -124,5 +124,5 @@ class Batch:
                 contact.name: x[:, nv + own.start : nv + own.stop]
                 for contact, own in zip(rows.contacts, rows.wrench_slices, strict=True)
             },
-            residuals=residuals,
+            residuals=lane.full.levels_with_numbers(residuals),
         )

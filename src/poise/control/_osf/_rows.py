@@ -28,8 +28,8 @@ class LevelRows(NamedTuple):
         scale: what a row is multiplied by where ranks are decided: its weight over the mobility
             sqrt(J M^-1 J^T) that its block of rows has in the home posture.
         ends: where each level ends; the first entry is zero.
-        constraints: number of leading levels that are no tasks: the physics, and joints that are
-            held. No `DemandLimit` touches them.
+        constraints: number of leading levels that are no tasks: the physics, joints that are
+            held, and bounds of the balance limit that are. No `DemandLimit` touches them.
     """
 
     jacobian: Float64[np.ndarray, "t nv"]
@@ -48,28 +48,27 @@ class LevelRows(NamedTuple):
         """No level at all, for a robot of so many coordinates."""
         return cls(np.zeros((0, nv)), np.zeros(0), np.zeros(0), np.zeros(1, dtype=np.int64))
 
-    def with_joints(
+    def with_held(
         self,
-        index: Int64[np.ndarray, " k"],
+        rows: Float64[np.ndarray, "k nv"],
         acceleration: Float64[np.ndarray, " k"],
         scale: Float64[np.ndarray, " k"],
     ) -> "LevelRows":
-        """The same rows with given joint accelerations as one more level behind the physics.
+        """The same rows with one more level behind the physics and what is held already.
 
         Args:
-            index: joints in `v`.
-            acceleration: theirs [rad/s^2].
-            scale: their rows' scale.
+            rows: coefficients of what is held at a bound.
+            acceleration: the bounds.
+            scale: the rows' scale.
         """
-        first, count = int(self.ends[1]), len(index)
-        selection = np.zeros((count, self.jacobian.shape[1]))
-        selection[np.arange(count), index] = 1.0
+        at = int(self.ends[self.constraints])
+        after = self.ends[self.constraints :] + len(rows)
         return LevelRows(
-            jacobian=_insert(self.jacobian, selection, first),
-            target=_insert(self.target, acceleration, first),
-            scale=_insert(self.scale, scale, first),
-            ends=np.concatenate((self.ends[:2], self.ends[1:] + count)),
-            constraints=2,
+            jacobian=_insert(self.jacobian, rows, at),
+            target=_insert(self.target, acceleration, at),
+            scale=_insert(self.scale, scale, at),
+            ends=np.concatenate((self.ends[: self.constraints + 1], after)),
+            constraints=self.constraints + 1,
         )
 
 
@@ -119,6 +118,11 @@ class RowScales:
         """Scales of the rows of a contact or a task that was learned."""
         return self._scales[owner]
 
+    def of_rows(self, rows: Float64[np.ndarray, "m nv"]) -> Float64[np.ndarray, " m"]:
+        """Scales of rows that nobody learned, each by itself."""
+        squares = np.einsum("ij,jk,ik->i", rows, self._mobility, rows)
+        return 1.0 / np.sqrt(squares)
+
     def _blocks(
         self, jacobian: Float64[np.ndarray, "m nv"], blocks: Sequence[int]
     ) -> Float64[np.ndarray, " m"]:
@@ -158,14 +162,18 @@ class OperationalRows:
     ) -> None:
         # A surface carries any wrench; so does a fixed base.
         self._base = 0 if any(c.dim == 6 for c in contacts) else robot.base_dofs
-        self.stack_rows = rows = StackRows(robot, stack, contacts, own_rows=self._base)
-        self._scale = scale = np.ones(len(rows.target))
+        self.stack_rows = rows = StackRows(
+            robot, stack, contacts, own_rows=self._base, balance="behind"
+        )
+        # The balance limit's rows stand behind all levels.
+        self._count = count = int(rows.ends[-1])
+        self._scale = scale = np.ones(count)
         contact_rows = zip(rows.contacts, rows.wrench_slices, strict=True)
         for owner, place in (*contact_rows, *rows.task_rows):
             scale[place] = scales.of(owner)
         scale[rows.own_rows] = scales.base[: self._base]
         ends = np.append(0, rows.ends)
-        self.levels = LevelRows(rows.J, rows.target, scale.copy(), ends)
+        self.levels = LevelRows(rows.J[:count], rows.target[:count], scale.copy(), ends)
         self.contact_jacobian: Float64[np.ndarray, "c nv"] = rows.J[rows.contact_rows]
 
     def fill(self, dynamics: Dynamics) -> None:
@@ -175,7 +183,7 @@ class OperationalRows:
             dynamics: the state, up to date.
         """
         self.stack_rows.update(dynamics)
-        np.multiply(self._scale, self.stack_rows.weight, out=self.levels.scale)
+        np.multiply(self._scale, self.stack_rows.weight[: self._count], out=self.levels.scale)
         if self._base:
             self._fill_base(dynamics)
 

@@ -80,7 +80,11 @@ class OperationalStrategy:
         """Replaces the tasks, see `OperationalSpaceController.set_levels`."""
         old = self.stack
         stack = Stack(
-            old.contacts, levels, torque_limit=old.torque_limit, joint_limit=old.joint_limit
+            old.contacts,
+            levels,
+            torque_limit=old.torque_limit,
+            joint_limit=old.joint_limit,
+            balance_limit=old.balance_limit,
         )
         stack.bind(self.robot)
         before = {task for _, task in old.tasks()}
@@ -105,6 +109,7 @@ class OperationalStrategy:
         self._solved = False
         self._held = np.zeros(self.robot.nj, dtype=np.bool_)
         self._bounds, self._bound_error = np.zeros(self.robot.nj), 0.0
+        self._held_rows: dict[int, float] = {}
 
     def prepare(self, contacts: tuple[Contact, ...]) -> bool:
         """Takes up rows and forces of a set of active contacts."""
@@ -142,6 +147,7 @@ class OperationalStrategy:
             self._measure(acceleration),
             acceleration,
             rows.stack_rows.wrenches(forces.wrench.copy()),
+            bool(self._held_rows),
         )
 
     def task_residuals(self) -> dict[str, float]:
@@ -154,6 +160,11 @@ class OperationalStrategy:
         names = [self.robot.joint_names[i] for i in np.flatnonzero(self._held)]
         if names:
             notes.append("held at their limits: " + ", ".join(names))
+        balance = self._current.stack_rows.balance
+        if balance is not None and self._held_rows:
+            held = [name for name, count in balance.labels for _ in range(count)]
+            names = sorted({held[i] for i in self._held_rows})
+            notes.append("held back by the " + ", ".join(names))
         for error, what in (
             (forces.base_error, "base dynamics miss {:.2g} of the weight"),
             (forces.cone_error, "contacts are asked for {:.2g} of the weight outside their cones"),
@@ -186,29 +197,65 @@ class OperationalStrategy:
         return forces
 
     def _accelerations(self, rows: LevelRows) -> Float64[np.ndarray, " nv"]:
-        """Accelerations of all levels, with joints held that would leave their limits."""
-        limit, base = self.stack.joint_limit, self.robot.base_dofs
+        """Accelerations of all levels, with joints and balance held that would leave their limits.
+
+        Of the balance limit's rows the one that is farthest out is held in each round: the next is
+        often met then, and edges on both sides of a corner are held together where it is not.
+        """
         acceleration = self.recursion.resolve(rows, self._dynamics)
         self._held = np.zeros(self.robot.nj, dtype=np.bool_)
+        self._held_rows = {}
         for _ in range(_LIMIT_ROUNDS):
-            if not excess(acceleration, base, limit.lower, limit.upper) > _SLACK:
+            joints_left = self._hold_joints(acceleration)
+            if not (self._hold_balance(acceleration) or joints_left):
                 break
-            joints = acceleration[base:]
-            outside = (joints < limit.lower - _SLACK) | (joints > limit.upper + _SLACK)
-            outside &= ~self._held
-            if not outside.any():
-                break
+            acceleration = self.recursion.resolve(self._with_held(rows), self._dynamics)
+        return acceleration
+
+    def _hold_joints(self, acceleration: Float64[np.ndarray, " nv"]) -> bool:
+        """Holds the joints that leave their limits; whether there are new ones."""
+        limit, base = self.stack.joint_limit, self.robot.base_dofs
+        if not excess(acceleration, base, limit.lower, limit.upper) > _SLACK:
+            return False
+        joints = acceleration[base:]
+        outside = (joints < limit.lower - _SLACK) | (joints > limit.upper + _SLACK)
+        outside &= ~self._held
+        if outside.any():
             target = np.clip(joints, limit.lower, limit.upper)
             self._bounds = np.where(self._held, self._bounds, target)
             self._held |= outside
-            index = np.flatnonzero(self._held)
-            acceleration = self.recursion.resolve(
-                rows.with_joints(
-                    index + base, self._bounds[index], self._scales.joints[index + base]
-                ),
-                self._dynamics,
-            )
-        return acceleration
+        return bool(outside.any())
+
+    def _hold_balance(self, acceleration: Float64[np.ndarray, " nv"]) -> bool:
+        """Holds the row of the balance limit that is farthest out; whether there is a new one."""
+        stack_rows = self._current.stack_rows
+        if not stack_rows.is_held(acceleration):
+            return False
+        own = stack_rows.balance_rows
+        values = stack_rows.J[own] @ acceleration
+        over, under = values - stack_rows.upper[own], stack_rows.target[own] - values
+        outside = np.maximum(over, under)
+        outside[list(self._held_rows)] = -np.inf
+        worst = int(np.argmax(outside))
+        if not outside[worst] > _SLACK:
+            return False
+        bound = stack_rows.upper if over[worst] > under[worst] else stack_rows.target
+        self._held_rows[worst] = float(bound[own][worst])
+        return True
+
+    def _with_held(self, rows: LevelRows) -> LevelRows:
+        """The levels with what is held behind the physics."""
+        index = np.flatnonzero(self._held)
+        if len(index):
+            columns = index + self.robot.base_dofs
+            selection = np.eye(self.robot.nv)[columns]
+            rows = rows.with_held(selection, self._bounds[index], self._scales.joints[columns])
+        if self._held_rows:
+            stack_rows = self._current.stack_rows
+            held = stack_rows.J[stack_rows.balance_rows][list(self._held_rows)]
+            target = np.array(list(self._held_rows.values()))
+            rows = rows.with_held(held, target, self._scales.of_rows(held))
+        return rows
 
     def _measure(self, acceleration: Float64[np.ndarray, " nv"]) -> tuple[float, ...]:
         """Residuals: dynamics and torque limits, contacts and joint limits, then the levels."""

@@ -11,6 +11,7 @@ from jaxtyping import Int64
 from poise.dynamics import Partition
 from poise.robots import Robot
 from poise.stack import (
+    BalanceRows,
     ComTask,
     FrameTask,
     JointTask,
@@ -26,14 +27,14 @@ class Assignment:
     """Where the rows of one task go, section 3.4 of Ahn et al. 2024.
 
     Attributes:
-        task: the task.
+        task: the task, or the rows of the balance limit.
         first: rows that the reduced robot decides: LQP 1.
         second: rows that need the unconstrained chain's own joints: LQP 2, which knows the rest.
         through_centroids: whether the first rows move with the centroids, too.
         movers: for each of the second rows, coordinates of `v` that may move it.
     """
 
-    task: Task
+    task: Task | BalanceRows
     first: Int64[np.ndarray, " m1"]
     second: Int64[np.ndarray, " m2"]
     through_centroids: bool = False
@@ -94,10 +95,12 @@ class AssignedRows:
 
     Attributes:
         stack_rows: the rows of the stack.
-        J: coefficients of dv of the tasks' rows, level by level.
-        target: their right-hand sides, reference - drift.
+        J: coefficients of dv of their rows, level by level.
+        target: their right-hand sides, reference - drift; lower bounds of the balance limit.
+        upper: the same, but for the upper bounds of the balance limit.
         weight: of each row in its level.
-        levels: the tasks that act, level by level, with what each of their rows needs.
+        levels: the tasks that act, level by level, with what each of their rows needs; the balance
+            limit first, where there is one.
         first: the rows that LQP 1 decides.
         centroid: those of them that move with the centroids.
         second: the rows that need the unconstrained chain's own joints.
@@ -109,11 +112,19 @@ class AssignedRows:
 
     def __init__(self, rows: StackRows, robot: Robot, partition: Partition) -> None:
         self.stack_rows = rows
-        tasks = slice(int(rows.ends[0]), None)
+        tasks = slice(rows.own_rows.stop, None)
         self.J, self.target, self.weight = rows.J[tasks], rows.target[tasks], rows.weight[tasks]
+        self.upper = rows.upper[tasks]
         self.levels = tuple(
             tuple(assign(task, robot, partition) for task in level) for level in rows.levels
         )
+        if rows.balance is not None:
+            # COM, momentum, and legs that stand: through the centroids, and nothing but them.
+            index = np.arange(rows.balance.dim)
+            balance = Assignment(
+                task=rows.balance, first=index, second=index[:0], through_centroids=True
+            )
+            self.levels = ((balance,), *self.levels)
         first: list[int] = []
         second: list[int] = []
         centroid: list[int] = []

@@ -33,6 +33,7 @@ class ConstraintChain(Block):
         tau_max: upper ones.
         dv_min: bounds of joint accelerations [rad/s^2].
         dv_max: upper ones.
+        task_upper: upper bounds of the tasks' rows, which differ from the lower ones for limits.
         first: rows of the tasks that LQP 1 decides.
         places: rows of the problem for them, then for what the unconstrained chain leaves.
         centroid: the place of each of them among those that move with the centroids, or -1.
@@ -56,6 +57,7 @@ class ConstraintChain(Block):
     tau_max: Float64[np.ndarray, " nj"]
     dv_min: Float64[np.ndarray, " nj"]
     dv_max: Float64[np.ndarray, " nj"]
+    task_upper: Float64[np.ndarray, " t"]
     first: Int64[np.ndarray, " first"]
     places: Int64[np.ndarray, " places"]
     centroid: Int64[np.ndarray, " first"]
@@ -81,7 +83,8 @@ class ConstraintChainProblem:
                   torque limits of the constraint chain and of kept joints, exact
         level 2   J_c,a dv_a = reference - drift, C F <= 0
                   bounds on the accelerations of these joints and on normal forces
-        level 3.. [J_a J_u Jbar_z] [dv_a; z] = reference - drift      rows assigned to LQP 1
+        level     balance limit, where there is one
+        levels    [J_a J_u Jbar_z] [dv_a; z] = reference - drift      rows assigned to LQP 1
                   what tasks of the unconstrained chain leave over    `ChainElimination`
         cost      [dv_a; z]^T M_r [dv_a; z] / 2, the acceleration energy (27), with that of the
                   motion inside the unconstrained chain, |c - G [dv_a; z; s]|^2 / 2
@@ -135,6 +138,7 @@ class ConstraintChainProblem:
             tau_max=torque.upper,
             dv_min=joint.lower,
             dv_max=joint.upper,
+            task_upper=tasks.upper,
             first=tasks.first,
             places=self._places(tasks, left),
             centroid=self._centroid(tasks),
@@ -183,7 +187,11 @@ class ConstraintChainProblem:
                 wrench_dim + len(rows.cone),
                 *(sum(len(a.first) for a in v) + k for v, k in zip(levels, left, strict=True)),
             ],
-            names=["dynamics", "contacts", *rows.level_names],
+            names=[
+                "dynamics",
+                "contacts",
+                *(", ".join(a.task.name for a in level) for level in levels),
+            ],
             labels=[
                 [("base dynamics", self._base), *((f"torque limit of {j}", 1) for j in joints)],
                 rows.motion_labels + rows.cone_labels,
@@ -298,7 +306,7 @@ def _fill_tasks(problem: ConstraintChain) -> None:
         if problem.centroid[k] >= 0:
             for i in range(len(chain.centroid)):
                 row[len(a) + i] = chain.centroid[i, problem.centroid[k]]
-        lower[place] = upper[place] = chain.target[first[k]]
+        lower[place], upper[place] = chain.target[first[k]], problem.task_upper[first[k]]
         problem.weights[place] = chain.weight[first[k]]
     for k in range(len(places) - len(first)):
         place, own = places[len(first) + k], rows.kept_rows[k]

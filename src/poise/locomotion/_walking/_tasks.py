@@ -16,7 +16,17 @@ from poise.errors import ConfigurationError, UnknownNameError
 from poise.locomotion._support import two_soles
 from poise.locomotion._walking._footsteps import FootstepPlan
 from poise.robots import Robot
-from poise.stack import ComTask, Contact, FrameTask, PostureTask, Stack, SurfaceContact, Task
+from poise.stack import (
+    SMOOTH_RATE,
+    ComTask,
+    Contact,
+    FrameTask,
+    PostureTask,
+    Stack,
+    SurfaceContact,
+    Task,
+    TorqueLimit,
+)
 
 
 class CarriedTarget:
@@ -248,4 +258,5 @@ def walking_stack(robot: Robot) -> Stack:
     return Stack(
         contacts=[SurfaceContact(sole) for sole in soles],
         levels=[[*balance, *feet], upper, last],
+        torque_limit=TorqueLimit(rate=SMOOTH_RATE),
     )

@@ -245,6 +245,25 @@ class Walker:
         elif self.status.ok:
             self._stand(dt)
         self._keep_balance(dt)
+        self._announce_step()
+
+    def _announce_step(self) -> None:
+        """Tells the balance limit of the stack where the next step catches the robot."""
+        limit, plan = self.stack.balance_limit, self.plan
+        if not limit.enabled:
+            return
+        if self.status is not WalkStatus.WALKING:
+            limit.expect_step(None)
+            return
+        # The last one stays until the robot stands: a foot that landed does not carry at once.
+        step = plan.steps[min(self._step, plan.count - 1)]
+        (x, y, z), yaw = step.goal.position, step.goal.yaw
+        dx, dy = (self._shift.settled + self._shift.coming).tolist()
+        # A foothold may move that far to catch the robot: that is caught, too.
+        length, width = (size + 2.0 * self.settings.adjust for size in plan.sizes[step.foot])
+        rotation = pin.utils.rotate("z", yaw)
+        place = np.array([x + dx, y + dy, z])
+        limit.expect_step(sole_rectangle(place, rotation, (length, width)))
 
     def _begin(self) -> None:
         self.status = WalkStatus.WALKING

@@ -1,0 +1,318 @@
+"""The rows of `BalanceLimit`, compiled: see there for what they keep, and why they can be kept."""
+
+from math import sqrt
+
+import numpy as np
+from jaxtyping import Float64, Int64
+
+from poise._compiled import part
+from poise.dynamics import (
+    BIAS,
+    KINEMATICS,
+    ROTATION,
+    VELOCITY,
+    Motion,
+    column_at,
+    momentum_rate,
+    place_frame,
+    turn_to_world,
+)
+from poise.stack._limits import largest_acceleration
+from poise.stack._polygon import find_hull, nearest_inside
+from poise.stack._tables import (
+    CHOSEN,
+    CONTACT,
+    COUNT,
+    FIRST,
+    FRAME_INDEX,
+    KIND,
+    START,
+    Owners,
+    Rows,
+)
+
+DECAY, MARGIN, LEAST_LOAD, BRAKING, HORIZON, STOP, NEXT_STEP, LEGS = 0, 1, 2, 3, 4, 5, 6, 14
+"""Places in the limit's parameters: how fast the way out to an edge is used up [1/s], distance kept
+from the edges [m], normal force that a contact must be able to carry to count [N], braking [m/s^2]
+and horizon [s] of the legs' bounds, time in which the soles could stop the angular momentum [s], x
+and y of the four corners of the next foothold, NaN for none [m], then the least and the largest
+length of each leg [m]."""
+
+MOST_EDGES = 12
+"""Rows for edges of the support: two soles and a foothold have no more."""
+
+FIRST_LEG = MOST_EDGES + 3
+"""Rows of the edges, and of the angular momentum about the three axes."""
+
+_STEEP = 0.7
+"""Cosine of a contact's slope beyond which it is no ground: a hand on a wall can hold a robot whose
+divergent component is anywhere."""
+
+_STEP_DECAY = 60.0
+"""Least decay while a step is announced [1/s]: a step takes the component to the next foothold at
+its full speed, and the ZMP goes over to it within a tenth of a second."""
+
+_LOWEST = 0.1
+"""Least height of the COM over the contacts that is reckoned with [m]."""
+
+_MARGIN_RATIO = 0.4
+"""A margin takes away no more than this part of half a sole's width."""
+
+_ANY_SPEED = 1e9
+"""Legs have no velocity limit of their own [m/s]."""
+
+
+@part
+def bound_balance(
+    v: Float64[np.ndarray, " nv"],
+    motion: Motion,
+    owners: Owners,
+    line: Int64[np.ndarray, " entries"],
+    rows: Rows,
+    work: Float64[np.ndarray, " work"],
+) -> None:
+    """Rows for the edges of the support, the angular momentum, then one a leg.
+
+    Args:
+        v: velocity.
+        motion: what the dynamics found.
+        owners: contacts among them.
+        line: of the limit.
+        rows: receives the rows: bounds, distances to the edges as their errors.
+        work: room.
+    """
+    for i in range(line[COUNT]):
+        row = line[FIRST] + i
+        for k in range(len(v)):
+            rows.matrix[rows.first + row, k] = 0.0
+        rows.target[row], rows.upper[row], rows.weight[row] = -np.inf, np.inf, 1.0
+        rows.error[row] = np.inf
+    _bound_edges(v, motion, owners, line, rows, work)
+    for leg in range(line[COUNT] - FIRST_LEG):
+        _bound_leg(motion, owners, line, leg, rows, work)
+
+
+@part
+def _bound_edges(
+    v: Float64[np.ndarray, " nv"],
+    motion: Motion,
+    owners: Owners,
+    line: Int64[np.ndarray, " entries"],
+    rows: Rows,
+    work: Float64[np.ndarray, " work"],
+) -> None:
+    size = len(owners.corners) // 24
+    # Where the ZMP can be now, where the divergent component is caught, and the outlines of both.
+    reach, catch = owners.corners[: 4 * size], owners.corners[4 * size : 8 * size]
+    outer, inner = owners.corners[8 * size : 16 * size], owners.corners[16 * size : 24 * size]
+    standing, height = _gather(motion, owners, line, reach, catch, work)
+    caught = _add_next_step(owners.parameters, line[START], catch, standing)
+    standing = find_hull(reach, standing, outer)
+    if standing < 3:
+        return
+    caught = find_hull(catch, caught, inner)
+    if caught < 3:
+        return
+    decay = owners.parameters[line[START] + DECAY]
+    if not np.isnan(owners.parameters[line[START] + NEXT_STEP]):
+        decay = max(decay, _STEP_DECAY)
+    omega = sqrt(-motion.gravity[2] / max(motion.com[2] - height, _LOWEST))
+    speed_x = speed_y = 0.0
+    for k in range(len(v)):
+        speed_x += motion.momentum[0, k] * v[k] / motion.mass
+        speed_y += motion.momentum[1, k] * v[k] / motion.mass
+    xi_x, xi_y = motion.com[0] + speed_x / omega, motion.com[1] + speed_y / omega
+    near_x, near_y = nearest_inside(inner, caught, xi_x, xi_y)
+    back = decay / omega
+    zmp_x, zmp_y = nearest_inside(
+        outer, standing, xi_x + back * (xi_x - near_x), xi_y + back * (xi_y - near_y)
+    )
+    momentum_rate(motion, work, 0)
+    for i in range(caught):
+        ax, ay = inner[i, 0], inner[i, 1]
+        ex, ey = inner[(i + 1) % caught, 0] - ax, inner[(i + 1) % caught, 1] - ay
+        length = sqrt(ex * ex + ey * ey)
+        nx, ny = ey / length, -ex / length
+        left = nx * (ax - xi_x) + ny * (ay - xi_y)
+        place = _rank_among_nearest(inner, caught, i, left, xi_x, xi_y)
+        if place >= MOST_EDGES:
+            continue
+        # The component may approach the edge, or do what the ZMP cannot keep it from.
+        rate = max(decay * left, omega * (nx * (xi_x - zmp_x) + ny * (xi_y - zmp_y)))
+        row = line[FIRST] + place
+        reference = omega * (rate - nx * speed_x - ny * speed_y)
+        drift = (nx * work[0] + ny * work[1]) / motion.mass
+        rows.upper[row] = reference - drift
+        rows.reference[row], rows.drift[row], rows.error[row] = reference, drift, left
+        for k in range(len(v)):
+            rows.matrix[rows.first + row, k] = (
+                nx * motion.momentum[0, k] + ny * motion.momentum[1, k]
+            ) / motion.mass
+    _bound_momentum(v, motion, owners, line, inner, caught, height, rows, work)
+
+
+@part
+def _bound_momentum(
+    v: Float64[np.ndarray, " nv"],
+    motion: Motion,
+    owners: Owners,
+    line: Int64[np.ndarray, " entries"],
+    hull: Float64[np.ndarray, "k 2"],
+    count: int,
+    height: float,
+    rows: Rows,
+    work: Float64[np.ndarray, " work"],
+) -> None:
+    """The angular momentum about the COM, as the acceleration that as much force gave it."""
+    mx = my = 0.0
+    for i in range(count):
+        mx += hull[i, 0] / count
+        my += hull[i, 1] / count
+    arm = np.inf
+    # The least distance of an edge from the middle of the corners.
+    for i in range(count):
+        ax, ay = hull[i, 0], hull[i, 1]
+        ex, ey = hull[(i + 1) % count, 0] - ax, hull[(i + 1) % count, 1] - ay
+        arm = min(arm, (ey * (ax - mx) - ex * (ay - my)) / sqrt(ex * ex + ey * ey))
+    most = -motion.mass * motion.gravity[2] * arm
+    stop = owners.parameters[line[START] + STOP]
+    scale = 1.0 / (motion.mass * max(motion.com[2] - height, _LOWEST))
+    for i in range(3):
+        row = line[FIRST] + MOST_EDGES + i
+        momentum = 0.0
+        for k in range(len(v)):
+            momentum += motion.momentum[3 + i, k] * v[k]
+            rows.matrix[rows.first + row, k] = scale * motion.momentum[3 + i, k]
+        used = momentum / (most * stop)
+        rows.upper[row] = scale * (most * max(1.0 - used, 0.0) - work[3 + i])
+        rows.target[row] = scale * (-most * max(1.0 + used, 0.0) - work[3 + i])
+
+
+@part
+def _gather(
+    motion: Motion,
+    owners: Owners,
+    line: Int64[np.ndarray, " entries"],
+    reach: Float64[np.ndarray, "k 2"],
+    catch: Float64[np.ndarray, "k 2"],
+    work: Float64[np.ndarray, " work"],
+) -> tuple[int, float]:
+    """Corners of the contacts that carry, of their whole rectangles and of smaller ones.
+
+    Returns:
+        How many there are, none where a contact is no ground; and the contacts' mean height.
+    """
+    parameters, at = owners.parameters, line[START]
+    count, height = 0, 0.0
+    for other in owners.table:
+        if other[KIND] != CONTACT:
+            break
+        begin, m = other[START], other[COUNT]
+        place_frame(motion, owners.frames, other[FRAME_INDEX], work, 0)
+        if work[ROTATION + 8] < _STEEP:
+            return 0, 0.0
+        if parameters[begin + 3 + m] < parameters[at + LEAST_LOAD]:
+            continue
+        height += work[2]
+        length, width = parameters[begin + 1 + 2 * m], parameters[begin + 2 + 2 * m]
+        margin = min(parameters[at + MARGIN], _MARGIN_RATIO * min(length, width))
+        for corner in range(4):
+            along = 1.0 if corner < 2 else -1.0
+            aside = 1.0 if corner % 3 == 0 else -1.0
+            for i in range(2):
+                x, y = along * work[ROTATION + 3 * i], aside * work[ROTATION + 3 * i + 1]
+                reach[count, i] = work[i] + length * x + width * y
+                catch[count, i] = work[i] + (length - margin) * x + (width - margin) * y
+            count += 1
+    return count, 4.0 * height / max(count, 1)
+
+
+@part
+def _add_next_step(
+    parameters: Float64[np.ndarray, " p"], at: int, catch: Float64[np.ndarray, "k 2"], count: int
+) -> int:
+    """Adds the corners of the next foothold; returns how many there are then."""
+    if np.isnan(parameters[at + NEXT_STEP]):
+        return count
+    for corner in range(4):
+        catch[count + corner, 0] = parameters[at + NEXT_STEP + 2 * corner]
+        catch[count + corner, 1] = parameters[at + NEXT_STEP + 2 * corner + 1]
+    return count + 4
+
+
+@part
+def _rank_among_nearest(
+    hull: Float64[np.ndarray, "k 2"], count: int, edge: int, left: float, x: float, y: float
+) -> int:
+    """The place of an edge: its own, or that in the order of distance where there are too many."""
+    if count <= MOST_EDGES:
+        return edge
+    nearer = 0
+    for i in range(count):
+        ax, ay = hull[i, 0], hull[i, 1]
+        ex, ey = hull[(i + 1) % count, 0] - ax, hull[(i + 1) % count, 1] - ay
+        other = (ey * (ax - x) - ex * (ay - y)) / sqrt(ex * ex + ey * ey)
+        if other < left or (other == left and i < edge):
+            nearer += 1
+    return nearer
+
+
+@part
+def _bound_leg(
+    motion: Motion,
+    owners: Owners,
+    line: Int64[np.ndarray, " entries"],
+    leg: int,
+    rows: Rows,
+    work: Float64[np.ndarray, " work"],
+) -> None:
+    """The distance of a hip from its ankle, by its acceleration along the line between them."""
+    frames, parameters, ankle = owners.frames, owners.parameters, KINEMATICS
+    hip_frame = line[FRAME_INDEX] + 2 * leg
+    place_frame(motion, frames, hip_frame, work, 0)
+    turn_to_world(work, 0)
+    place_frame(motion, frames, hip_frame + 1, work, ankle)
+    turn_to_world(work, ankle)
+    x, y, z = work[0] - work[ankle], work[1] - work[ankle + 1], work[2] - work[ankle + 2]
+    length = max(sqrt(x * x + y * y + z * z), 1e-6)
+    x, y, z = x / length, y / length, z / length
+    speed = drift = square = 0.0
+    for i in range(3):
+        u = x if i == 0 else y if i == 1 else z
+        slip = work[VELOCITY + i] - work[ankle + VELOCITY + i]
+        speed += u * slip
+        square += slip * slip
+        drift += u * (work[BIAS + i] - work[ankle + BIAS + i])
+    drift += (square - speed * speed) / length
+    at = line[START]
+    limits = int(at + LEGS + 2 * owners.chosen[line[CHOSEN] + leg])
+    settings = (_ANY_SPEED, float(parameters[at + HORIZON]), float(parameters[at + BRAKING]))
+    row = line[FIRST] + FIRST_LEG + leg
+    rows.drift[row] = drift
+    highest = largest_acceleration(parameters[limits + 1] - length, speed, _ANY_SPEED, settings)
+    lowest = -largest_acceleration(length - parameters[limits], -speed, _ANY_SPEED, settings)
+    if lowest > highest:
+        lowest = highest = highest if speed > 0.0 else lowest
+    rows.target[row], rows.upper[row] = lowest - drift, highest - drift
+    _write_leg(motion, owners, hip_frame, (x, y, z), rows, row, work)
+
+
+@part
+def _write_leg(
+    motion: Motion,
+    owners: Owners,
+    hip_frame: int,
+    axis: tuple[float, float, float],
+    rows: Rows,
+    row: int,
+    work: Float64[np.ndarray, " work"],
+) -> None:
+    """Coefficients of a leg's length: of the joints between hip and ankle alone."""
+    frames, (x, y, z) = owners.frames, axis
+    for side in range(2):
+        frame, place = hip_frame + side, side * KINEMATICS
+        sign = 1.0 - 2.0 * side
+        for k in range(frames.starts[frame], frames.starts[frame + 1]):
+            column = int(frames.columns[k])
+            c = column_at(motion, column, work[place], work[place + 1], work[place + 2])
+            rows.matrix[rows.first + row, column] += sign * (x * c[0] + y * c[1] + z * c[2])

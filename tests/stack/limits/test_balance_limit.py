@@ -1,0 +1,349 @@
+"""The balance limit's rows: what soles can always do, and against formulas of their own."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from oracles import dynamics_at, near_home
+from scipy.optimize import linprog
+from scipy.spatial import ConvexHull
+
+from poise.dynamics import Dynamics, RobotState
+from poise.errors import ConfigurationError, PoiseError
+from poise.stack import (
+    BalanceLimit,
+    ComTask,
+    PointContact,
+    Stack,
+    StackRows,
+    SurfaceContact,
+    default_stack,
+    find_hull,
+)
+
+SEEDS = range(10)
+EDGES = 12
+GRAVITY = 9.81
+
+
+def rows_of(robot, state, limit=None, contacts=None, steps=None):
+    """The rows at a state: A dv between two bounds; and the limit."""
+    limit = limit or BalanceLimit()
+    if contacts is None:
+        contacts = [SurfaceContact(sole) for sole in robot.soles]
+    stack = Stack(contacts, [[ComTask()]], balance_limit=limit)
+    stack.bind(robot)
+    for contact in contacts:
+        contact.advance(0.0)
+    if steps is not None:
+        limit.expect_step(steps)
+    rows = StackRows(robot, stack, stack.active_contacts, balance="before")
+    dynamics = Dynamics(robot)
+    dynamics.update(state)
+    rows.update(dynamics)
+    own = rows.balance_rows
+    return rows, rows.J[own], rows.target[own], rows.upper[own], dynamics
+
+
+def leaning(robot, seed, lean):
+    """A state near home that moves over its feet, so that the component is anywhere."""
+    state = near_home(robot, seed, spread=0.02, speed=0.02)
+    rng = np.random.default_rng(100 + seed)
+    v = state.v.copy()
+    v[:2] += lean * rng.normal(size=2)
+    return RobotState(state.q, v)
+
+
+def centroid_drift(robot, state):
+    """Rate of the centroidal momentum at zero dv, over the mass for the linear part."""
+    data = robot.model.createData()
+    pin.computeCentroidalMomentumTimeVariation(
+        robot.model, data, state.q, state.v, np.zeros(robot.nv)
+    )
+    mass = pin.computeTotalMass(robot.model)
+    return data.dhg.linear / mass, data.dhg.angular.copy()
+
+
+def soles_corners(robot, dynamics, contacts, margin):
+    corners = []
+    for contact in contacts:
+        place, R = dynamics.placement(robot.frame_id(contact.frame))
+        a, b = contact.pressure_reach - min(margin, 0.4 * contact.pressure_reach.min())
+        corners += [(place + R @ [s * a, t * b, 0.0])[:2] for s in (1, -1) for t in (1, -1)]
+    return np.array(corners)
+
+
+def component(robot, dynamics, state, contacts):
+    data = robot.model.createData()
+    com = pin.centerOfMass(robot.model, data, state.q, state.v).copy()
+    speed = data.vcom[0][:2].copy()
+    height = np.mean([dynamics.placement(robot.frame_id(c.frame))[0][2] for c in contacts])
+    omega = np.sqrt(GRAVITY / (com[2] - height))
+    return com[:2] + speed / omega, speed, omega
+
+
+@pytest.mark.parametrize("name", ["g1", "humanoid33"])
+@pytest.mark.parametrize("seed", SEEDS)
+def test_inside_each_edge_is_approached_no_faster_than_its_distance_allows(get_robot, name, seed):
+    robot, limit = get_robot(name), BalanceLimit(decay=3.0)
+    state = leaning(robot, seed, 0.02)
+    contacts = [SurfaceContact(sole) for sole in robot.soles]
+    rows, J, _, upper, dynamics = rows_of(robot, state, limit, contacts)
+    hull = ConvexHull(soles_corners(robot, dynamics, contacts, limit.margin))
+    xi, speed, omega = component(robot, dynamics, state, contacts)
+    expected = {}
+    drift = centroid_drift(robot, state)[0]
+    for nx, ny, offset in hull.equations:
+        left = -offset - nx * xi[0] - ny * xi[1]
+        assert left > 0.0
+        reference = omega * (3.0 * left - nx * speed[0] - ny * speed[1])
+        expected[round(left, 7)] = reference - nx * drift[0] - ny * drift[1]
+    found = {
+        round(float(d), 7): float(u)
+        for d, u in zip(rows.balance.edge_distances, upper[:EDGES], strict=True)
+        if np.isfinite(d)
+    }
+    assert found.keys() == expected.keys()
+    for key, value in expected.items():
+        assert found[key] == pytest.approx(value, abs=1e-6)
+    # Coefficients: the COM's acceleration along the normal.
+    dv = np.random.default_rng(seed).normal(size=robot.nv)
+    com = Dynamics(robot)
+    com.update(state)
+    a = com.momentum_matrix[:2] @ dv / pin.computeTotalMass(robot.model)
+    normals = np.unique(np.round(hull.equations[:, :2] @ a, 8))
+    assert np.allclose(
+        np.unique(np.round((J @ dv)[:EDGES][np.isfinite(upper[:EDGES])], 8)), normals
+    )
+
+
+@pytest.mark.parametrize("name", ["g1", "humanoid33"])
+@pytest.mark.parametrize("seed", range(40))
+def test_a_centre_of_pressure_in_the_soles_always_meets_all_edges(get_robot, name, seed):
+    """Also far outside, on one foot, and with a foothold ahead: c'' = omega^2 (c - p), some p."""
+    robot = get_robot(name)
+    rng = np.random.default_rng(seed)
+    state = leaning(robot, seed, 0.6)
+    contacts = [SurfaceContact(sole) for sole in list(robot.soles)[: 1 + seed % 2]]
+    foothold = None
+    if seed % 3 == 0:
+        centre = rng.normal(scale=0.3, size=2)
+        foothold = [centre + [s * 0.1, t * 0.05] for s in (1, -1) for t in (1, -1)]
+    _, J, _, upper, dynamics = rows_of(robot, state, None, contacts, foothold)
+    used = np.isfinite(upper[:EDGES])
+    assert used.any()
+    _, _, omega = component(robot, dynamics, state, contacts)
+    drift = centroid_drift(robot, state)[0][:2]
+    # Normals from the rows: J dv = n A dv, A with full rank.
+    A = dynamics.momentum_matrix[:2] / pin.computeTotalMass(robot.model)
+    normals = np.linalg.lstsq(A.T, J[:EDGES][used].T, rcond=None)[0].T
+    assert np.allclose(np.linalg.norm(normals, axis=1), 1.0)
+    # n (omega^2 (c - p)) - n drift <= upper for a p = sum of corners with weights that add up to 1.
+    corners = soles_corners(robot, dynamics, contacts, 0.0)
+    com = dynamics.com[:2]
+    matrix = -omega * omega * normals @ corners.T
+    bound = upper[:EDGES][used] + normals @ drift - omega * omega * normals @ com
+    slack = np.append(np.zeros(len(corners)), 1.0)
+    found = linprog(
+        slack,
+        np.column_stack((matrix, -np.ones(len(matrix)))),
+        bound,
+        [np.append(np.ones(len(corners)), 0.0)],
+        [1.0],
+    )
+    assert found.fun <= 1e-7
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_at_rest_inside_rest_is_allowed(get_robot, seed):
+    robot = get_robot("g1")
+    state = near_home(robot, seed, spread=0.01, speed=0.0)
+    _, _, lower, upper, _ = rows_of(robot, state)
+    assert (upper >= 0.0).all()
+    assert (lower <= 0.0).all()
+
+
+def test_beyond_the_outermost_edge_the_bound_is_what_the_soles_can_do(get_robot):
+    """A component 0.2 m ahead of the soles: the ZMP has to be at their front edge, not inside."""
+    robot = get_robot("humanoid33")
+    contacts = [SurfaceContact(sole) for sole in robot.soles]
+    state = RobotState(robot.q_home, np.zeros(robot.nv))
+    dynamics = dynamics_at(robot, state.q, state.v)
+    for contact in contacts:
+        contact.bind(robot)
+    front = soles_corners(robot, dynamics, contacts, 0.0)[:, 0].max()
+    _, _, omega = component(robot, dynamics, state, contacts)
+    v = np.zeros(robot.nv)
+    v[0] = omega * (front + 0.2 - dynamics.com[0])
+    state = RobotState(robot.q_home, v)
+    rows, J, _, upper, dynamics = rows_of(robot, state, None, contacts)
+    edge = int(np.argmin(rows.balance.edge_distances))
+    assert rows.balance.edge_distances[edge] == pytest.approx(-0.21, abs=1e-6)
+    expected = omega**2 * (dynamics.com[0] - front)
+    assert upper[edge] == pytest.approx(expected - centroid_drift(robot, state)[0][0], rel=1e-6)
+    assert J[edge, 0] == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_angular_momentum_is_bounded_by_what_the_soles_can_stop(get_robot, seed):
+    robot, limit = get_robot("humanoid33"), BalanceLimit(stop_time=0.2)
+    state = near_home(robot, seed, speed=1.0)
+    contacts = [SurfaceContact(sole) for sole in robot.soles]
+    _, J, lower, upper, dynamics = rows_of(robot, state, limit, contacts)
+    corners = soles_corners(robot, dynamics, contacts, limit.margin)
+    hull = ConvexHull(corners)
+    middle = corners[hull.vertices].mean(axis=0)
+    arm = (-hull.equations[:, 2] - hull.equations[:, :2] @ middle).min()
+    moment = robot.weight * arm
+    L = (dynamics.momentum_matrix @ state.v)[3:]
+    rate = centroid_drift(robot, state)[1]
+    place = slice(EDGES, EDGES + 3)
+    # Rows are scaled alike; the scale is what makes A_G of them.
+    scale = np.linalg.norm(J[place]) / np.linalg.norm(dynamics.momentum_matrix[3:])
+    assert np.allclose(J[place], scale * dynamics.momentum_matrix[3:])
+    most = moment * np.maximum(1.0 - L / (moment * 0.2), 0.0)
+    least = -moment * np.maximum(1.0 + L / (moment * 0.2), 0.0)
+    assert np.allclose(upper[place] / scale + rate, most, atol=1e-6)
+    assert np.allclose(lower[place] / scale + rate, least, atol=1e-6)
+
+
+@pytest.mark.parametrize("name", ["g1", "humanoid33"])
+@pytest.mark.parametrize("seed", SEEDS)
+def test_leg_rows_are_the_second_rate_of_the_distance_of_hip_and_ankle(get_robot, name, seed):
+    """Against differences along the motion with constant dv."""
+    robot = get_robot(name)
+    state = near_home(robot, seed, speed=0.5)
+    rows, J, _, _, dynamics = rows_of(robot, state)
+    place = slice(EDGES + 3, None)
+    dv = np.random.default_rng(seed).normal(size=robot.nv)
+    frames = [rows.balance.frame_ids[i : i + 2] for i in (0, 2)]
+
+    def lengths(t):
+        q = pin.integrate(robot.model, state.q, t * state.v + 0.5 * t * t * dv)
+        there = dynamics_at(robot, q, state.v)
+        return np.array(
+            [np.linalg.norm(there.placement(a)[0] - there.placement(b)[0]) for a, b in frames]
+        )
+
+    step = 1e-4
+    second = (lengths(step) - 2.0 * lengths(0.0) + lengths(-step)) / step**2
+    drift = rows.evaluation.rows.drift[rows.balance_rows][place]
+    assert np.allclose(J[place] @ dv + drift, second, atol=1e-5)
+    assert dynamics is not None
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_no_bounds_cross_in_any_state(get_robot, seed):
+    robot = get_robot("g1")
+    _, _, lower, upper, _ = rows_of(robot, near_home(robot, seed, spread=0.4, speed=5.0))
+    assert (lower <= upper).all()
+    assert not np.isnan(lower).any()
+    assert not np.isnan(upper).any()
+
+
+def test_a_foothold_ahead_opens_the_way_to_it(get_robot):
+    robot, limit = get_robot("g1"), BalanceLimit()
+    state = RobotState(robot.q_home, np.zeros(robot.nv))
+    foot = [SurfaceContact(next(iter(robot.soles)))]
+    rows, *_ = rows_of(robot, state, limit, foot)
+    # Over one foot alone the middle of both is outside.
+    assert rows.balance.edge_distances.min() < 0.0
+    right = dynamics_at(robot, state.q, state.v).placement(robot.frame_id("right_sole"))[0]
+    corners = [right[:2] + [s * 0.08, t * 0.03] for s in (1, -1) for t in (1, -1)]
+    limit.expect_step(corners)
+    dynamics = Dynamics(robot)
+    rows.update(dynamics)
+    assert rows.balance.edge_distances.min() > 0.0
+    limit.expect_step(None)
+    rows.update(dynamics)
+    assert rows.balance.edge_distances.min() < 0.0
+
+
+def test_a_contact_counts_once_it_may_carry_half_the_weight(get_robot):
+    robot = get_robot("g1")
+    state = RobotState(robot.q_home, np.zeros(robot.nv))
+    contacts = [SurfaceContact(sole) for sole in robot.soles]
+    rows, *_, dynamics = rows_of(robot, state, None, contacts)
+    contacts[1].release(1.0)
+    distances = []
+    for time in (0.0, 0.4, 0.6):
+        contacts[1].advance(time)
+        rows.update(dynamics)
+        distances.append(float(rows.balance.edge_distances.min()))
+    assert distances[0] == distances[1] > 0.0 > distances[2]
+
+
+def test_walls_points_and_the_air_have_no_edges(get_robot):
+    robot = get_robot("g1")
+    turned = robot.q_home.copy()
+    # The whole robot lies on its face: no contact is ground.
+    turned[3:7] = [0.0, np.sin(np.pi / 4), 0.0, np.cos(np.pi / 4)]
+    for q, contacts in (
+        (turned, None),
+        (robot.q_home, [PointContact(sole) for sole in robot.soles]),
+    ):
+        rows, _, _, upper, _ = rows_of(robot, RobotState(q, np.zeros(robot.nv)), None, contacts)
+        assert np.isinf(rows.balance.edge_distances).all()
+        assert np.isinf(upper[: EDGES + 3]).all()
+    stack = default_stack(robot)
+    stack.bind(robot)
+    assert StackRows(robot, stack, (), balance="before").balance is None
+
+
+def test_one_switch_takes_it_away_and_a_fixed_base_has_none(get_robot):
+    for robot, limit in (
+        (get_robot("g1"), BalanceLimit(enabled=False)),
+        (get_robot("arm6"), BalanceLimit()),
+    ):
+        contacts = [SurfaceContact(sole) for sole in robot.soles]
+        stack = Stack(contacts, [], balance_limit=limit)
+        stack.bind(robot)
+        assert StackRows(robot, stack, stack.contacts, balance="before").balance is None
+
+
+@pytest.mark.parametrize("count", [3, 4, 8, 20])
+def test_hulls_are_those_of_qhull(count):
+    points = np.random.default_rng(count).normal(size=(count, 2))
+    hull = np.zeros((2 * count, 2))
+    corners = find_hull(points.copy(), count, hull)
+    expected = points[ConvexHull(points).vertices]
+    begin = int(np.argmin(np.abs(expected - hull[0]).sum(axis=1)))
+    assert np.allclose(hull[:corners], np.roll(expected, -begin, axis=0))
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        {"margin": -0.01},
+        {"decay": 0.0},
+        {"stop_time": float("nan")},
+        {"leg_min": 0.9, "leg_max": 0.8},
+        {"leg_max": 1.2},
+        {"braking": 0.0},
+    ],
+)
+def test_what_cannot_be_is_refused(arguments):
+    with pytest.raises(ConfigurationError, match="balance limit"):
+        BalanceLimit(**arguments)
+
+
+def test_a_limit_serves_one_robot_and_footholds_are_checked(get_robot):
+    limit = BalanceLimit()
+    with pytest.raises(ConfigurationError, match="serves no robot yet"):
+        limit.expect_step(None)
+    limit.bind(get_robot("g1"))
+    limit.bind(get_robot("g1"))
+    with pytest.raises(PoiseError, match="corners of the next foothold"):
+        limit.expect_step([[0.0, np.nan]] * 4)
+    with pytest.raises(PoiseError, match="corners of the next foothold"):
+        limit.expect_step([[0.0, 0.0]] * 3)
+    with pytest.raises(ConfigurationError, match="already serves another robot"):
+        limit.bind(get_robot("humanoid33"))
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["enabled", "margin", "decay", "stop_time", "leg_min", "leg_max"],
+)
+def test_a_balance_limit_is_not_assigned(name):
+    with pytest.raises(AttributeError, match=name):
+        setattr(BalanceLimit(), name, 0.5)
