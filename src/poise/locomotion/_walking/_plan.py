@@ -107,18 +107,36 @@ def _foothold(
     x, y, yaw = body
     side = 0.5 * width if foot == 0 else -0.5 * width
     x, y = x - side * math.sin(yaw), y + side * math.cos(yaw)
+    found = level_place((x, y, yaw), size, ground)
+    if found is None:
+        raise ConfigurationError(
+            f"step {number} of the walk finds no place that carries the whole sole",
+            got=f"x = {x:.3f} m, y = {y:.3f} m",
+            wanted=f"one height under the sole within {_FARTHEST:g} m ahead or behind",
+        )
+    return (*found.position[:2], yaw)
+
+
+def level_place(
+    place: tuple[float, float, float], size: tuple[float, float], ground: Ground
+) -> Placement | None:
+    """A sole on the ground where it should lie, or at the nearest place ahead or behind.
+
+    Args:
+        place: x, y [m] and heading [rad].
+        size: of the sole, length and width [m].
+        ground: it must have one height under the sole, and a little around.
+
+    Returns:
+        The place; None where there is none near.
+    """
+    x, y, yaw = place
     grown = (size[0] + 2.0 * _EDGE, size[1] + 2.0 * _EDGE)
     for i in range(2 * int(_FARTHEST / _SEARCH) + 1):
         # 0, 1, -1, 2, -2, ... times the resolution
         shift = _SEARCH * ((i + 1) // 2) * (1 if i % 2 else -1)
-        place = Placement(
-            position=(x + shift * math.cos(yaw), y + shift * math.sin(yaw), 0.0), yaw=yaw
-        )
-        heights = ground.heights(place.grid(*grown))
+        tried = (x + shift * math.cos(yaw), y + shift * math.sin(yaw))
+        heights = ground.heights(Placement(position=(*tried, 0.0), yaw=yaw).grid(*grown))
         if float(np.ptp(heights)) < LEVEL:
-            return (*place.position[:2], yaw)
-    raise ConfigurationError(
-        f"step {number} of the walk finds no place that carries the whole sole",
-        got=f"x = {x:.3f} m, y = {y:.3f} m",
-        wanted=f"one height under the sole within {_FARTHEST:g} m ahead or behind",
-    )
+            return Placement(position=(*tried, float(heights[0])), yaw=yaw)
+    return None

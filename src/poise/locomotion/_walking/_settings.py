@@ -47,8 +47,10 @@ class WalkStatus(Enum):
 
     READY = "ready"
     """No state has come yet."""
+    STANDING = "standing"
+    """Both feet stay on the ground, and nothing is asked for."""
     WALKING = "walking"
-    """The plan is being followed."""
+    """Steps are being made."""
     FINISHED = "finished"
     """All steps are made; the robot stands."""
     MISPLACED = "misplaced"
@@ -61,4 +63,7 @@ class WalkStatus(Enum):
     @property
     def ok(self) -> bool:
         """Whether nothing went wrong."""
-        return self in (WalkStatus.READY, WalkStatus.WALKING, WalkStatus.FINISHED)
+        return self not in _TROUBLE
+
+
+_TROUBLE = (WalkStatus.MISPLACED, WalkStatus.FOOT_LOST, WalkStatus.COM_LOST)

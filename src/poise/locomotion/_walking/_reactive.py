@@ -1,0 +1,611 @@
+"""`ReactiveWalker`: walks by velocities and footholds that are given while it walks.
+
+`Pace`: what it is led by in the horizontal plane, one step ahead.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from enum import Enum
+
+import numpy as np
+import pinocchio as pin
+from jaxtyping import Float64
+
+from poise._checks import Numbers
+from poise.dynamics import RobotState
+from poise.errors import ConfigurationError
+from poise.locomotion._pendulum import natural_frequency
+from poise.locomotion._support import Point, SupportPolygon
+from poise.locomotion._walking._commands import LegRoom, StepCommands, VelocityLimits, side
+from poise.locomotion._walking._dcm_plan import (
+    DcmMotion,
+    StepTimes,
+    before_rest,
+    hermite_step,
+    touchdown_dcm,
+    transfer_gain,
+)
+from poise.locomotion._walking._feedback import DcmFeedback
+from poise.locomotion._walking._footsteps import (
+    Gait,
+    foot_distance,
+    level_floor,
+    stand_of,
+)
+from poise.locomotion._walking._ground import Ground, Placement
+from poise.locomotion._walking._reach import LegReach
+from poise.locomotion._walking._sense import ENGAGE, LONGEST_TICK, RELEASE, WalkSense
+from poise.locomotion._walking._settings import WalkSettings, WalkStatus
+from poise.locomotion._walking._step_choice import Pendulum, SwingLimits, choose_step
+from poise.locomotion._walking._swing import Motion, SwingFoot, least_jerk_towards
+from poise.locomotion._walking._swing_shape import SwingShape, clear_swing
+from poise.locomotion._walking._tasks import CarriedTarget, find_walk_tasks
+from poise.robots import Robot
+from poise.stack import Stack, Task
+
+
+class Phase(Enum):
+    """What the feet do."""
+
+    STAND = "stand"
+    """Both carry the robot, and stay."""
+    SHIFT = "shift"
+    """Both carry it, and one is about to be lifted."""
+    SWING = "swing"
+    """One is in the air."""
+
+
+_STEP_PHASE = 1.9
+"""omega T of a step: as fast as people walk without hurry."""
+
+_DOUBLE_SUPPORT = 0.2
+"""Of a step's time, unless a gait says otherwise."""
+
+_CROUCH = 0.05
+"""How far the COM is lowered, over its height, unless a gait says otherwise."""
+
+_QUICK = 0.06
+"""From the decision to step in order not to fall to lift-off [s]."""
+
+_SHORTEST, _LONGEST = 0.65, 1.5
+"""Shortest and longest swing over the usual one."""
+
+_SWING_SPEED = 2.5
+"""Average speed of a foot in the air, at most [m/s]."""
+
+_TRUSTED = 0.6
+"""Part of a sole that the choice of a step takes the ZMP to reach; the rest is for feedback."""
+
+_AHEAD = 4
+"""Footholds that are looked at."""
+
+_PLACE_RATE, _TIME_RATE = 2.0, 2.0
+"""How fast foothold [m/s] and time of touchdown [s/s] change at most while a foot is in the air."""
+
+_FINAL = 0.05
+"""Foothold and time are final when touchdown is this near [s]."""
+
+_CLOSED, _CLOSED_TURN = 0.025, 0.06
+"""Feet so near to side by side are [m, rad]."""
+
+_CALM = 0.02
+"""The divergent component has to be this far inside the soles' edges for the feet to stay [m]."""
+
+_TURN, _TURN_IN = 0.6, 0.12
+"""Most that a foot is turned outwards and inwards against the other one [rad]."""
+
+_WIDE = 0.65
+"""Farthest that feet stand apart, over the height of the COM."""
+
+_BODY_TIME = 0.25
+"""The body turns and rises no faster than it takes for a goal this far away [s]."""
+
+
+class ReactiveWalker:
+    """Walks as it is told, now: a `poise.stack.Leader`.
+
+    Where `Walker` follows a plan that was made before it began, this one is led by `set_velocity` and
+    `step_to` while it walks. The next footholds are made anew in every tick from what is asked for,
+    and from them, by backward recursion, where the divergent component of motion should be. While a
+    foot is in the air, place and time of its touchdown are chosen from the measured one. Standing, the
+    robot steps by itself when its feet cannot hold it, and comes back to rest side by side.
+
+    It sets the same targets and contacts of a stack as `Walker`, and never raises while it runs: what
+    is cut of a command is said by `notice`, what goes wrong by `status`.
+
+    Args:
+        robot: on two soles.
+        stack: the controller's: a `ComTask` of all axes, a `FrameTask` of the pose of each sole, and a
+            contact on each.
+        gait: timing and shape of every step; by the robot's size when None.
+        settings: feedback and touchdown.
+        limits: of velocities.
+        q: how the robot stands, in its home posture when None; it may begin anywhere.
+        ground: what it walks on; a floor as high as its soles when None.
+        carry: names of frame tasks that go along with the body; all that are on no sole when None.
+
+    Attributes:
+        stack: what it leads.
+        gait: timing and shape of a step.
+        settings: feedback and touchdown.
+        limits: of velocities.
+        status: how the walk stands.
+        phase: what the feet do.
+        steps_made: how many steps are behind.
+        carried: targets that go along with the body, by the name of their task.
+
+    Raises:
+        ConfigurationError: the stack lacks something, or the robot does not stand on two soles.
+        UnknownNameError: no such frame task to carry.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        stack: Stack,
+        gait: Gait | None = None,
+        settings: WalkSettings | None = None,
+        limits: VelocityLimits | None = None,
+        *,
+        q: Numbers | None = None,
+        ground: Ground | None = None,
+        carry: Sequence[str] | None = None,
+    ) -> None:
+        self.stack, self.settings = stack, settings or WalkSettings()
+        self.limits = limits or VelocityLimits()
+        stand = self._standing = stand_of(robot, q)
+        standing_height = stand.com[2] - stand.middle[2]
+        self.gait = gait or _usual_gait(standing_height)
+        self.height = standing_height - self.gait.crouch
+        self.omega = natural_frequency(self.height)
+        self.ground = ground or level_floor(stand.start)
+        self._room = LegRoom(
+            sizes=stand.sizes,
+            width=self.gait.width or foot_distance(stand.start),
+            clearance=0.01,
+            ahead=LegReach(robot, stand).longest_step(self.height),
+            wide=_WIDE * self.height,
+            turn=_TURN,
+            turn_in=_TURN_IN,
+        )
+        self.commands = StepCommands(self.limits, self._room, self.gait.step_time, self.ground)
+        stack.bind(robot)
+        self._tasks = find_walk_tasks(robot, stand, stack, carry)
+        self.carried: dict[str, CarriedTarget] = self._tasks.carried
+        self._sense = WalkSense(robot, stand.soles)
+        self._feedback = DcmFeedback(self.omega, self.settings.dcm_gain)
+        self._times = StepTimes(self.gait.swing_time, self.gait.double_support)
+        self._gain = transfer_gain(self.omega, self.gait.double_support)
+        self.status, self.phase, self.steps_made = WalkStatus.READY, Phase.STAND, 0
+        self._time: float | None = None
+        self._foot = 0
+        self._swing: SwingFoot | None = None
+        self._released = False
+        self._left, self._elapsed, self._waited = 0.0, 0.0, 0.0
+        self._dcm: tuple[DcmMotion, DcmMotion] = ((0.0, 0.0), (0.0, 0.0))
+        self._com: Point = (0.0, 0.0)
+        self._rise: Motion = (0.0, 0.0, 0.0)
+        self._heading: Motion = (0.0, 0.0, 0.0)
+        self._feet = list(stand.start)
+        self._goal = stand.start[0]
+        self._support = SupportPolygon([], 0.0)
+
+    # What somebody who leads it says ---------------------------------------------------------------
+
+    def set_velocity(self, ahead: float, sideways: float = 0.0, turn: float = 0.0) -> None:
+        """Walks with a velocity from now on; zero brings the robot to rest, feet side by side.
+
+        Args:
+            ahead: [m/s].
+            sideways: to the left [m/s].
+            turn: to the left [rad/s].
+        """
+        self.commands.set_velocity(ahead, sideways, turn)
+
+    def step_to(self, sole: str, x: float, y: float, yaw: float) -> None:
+        """Makes a step, after those that were asked for before.
+
+        Args:
+            sole: its name.
+            x: of the sole's centre in the world [m].
+            y: likewise [m].
+            yaw: its heading [rad].
+        """
+        if sole not in self._standing.soles:
+            self.commands.notice = f"foothold of {sole!r} ignored: no sole of this robot"
+            return
+        foot = self._standing.soles.index(sole)
+        self.commands.add_foothold(foot, Placement(position=(x, y, 0.0), yaw=yaw))
+
+    @property
+    def notice(self) -> str:
+        """What was cut or ignored of the last command; "" for nothing."""
+        return self.commands.notice
+
+    # What a recorder may know ----------------------------------------------------------------------
+
+    @property
+    def dcm_error(self) -> Float64[np.ndarray, "2"]:
+        """How far the divergent component of motion is from its reference [m]."""
+        return self._feedback.error
+
+    @property
+    def zmp(self) -> Float64[np.ndarray, "2"]:
+        """Where the ZMP should be, feedback included [m]."""
+        return self._feedback.zmp
+
+    def signals(self) -> Mapping[str, Float64[np.ndarray, " n"] | float | str]:
+        """What a recorder should know of the last tick."""
+        return {
+            "zmp_reference": self.zmp.copy(),
+            "velocity_command": np.array(self.commands.velocity),
+            "mode": f"walk {self.status.value}",
+            "notice": self.notice,
+        }
+
+    def leads(self, task: Task) -> bool:
+        """Whether the walk sets a task's target by itself: the COM's and the feet's."""
+        return task is self._tasks.com or task in self._tasks.feet
+
+    def holds(self, contact: str) -> bool:
+        """Whether the walk loads and unloads a contact of that name."""
+        return any(contact == c.name for c in self._tasks.contacts)
+
+    # A tick ----------------------------------------------------------------------------------------
+
+    def lead(self, state: RobotState) -> None:
+        """Sets what the next tick should do.
+
+        Args:
+            state: of the robot; one that is not finite is passed over.
+        """
+        if not math.isfinite(float(state.q.sum()) + float(state.v.sum())):
+            return
+        self._sense.update(state)
+        dt = 0.0 if self._time is None else min(max(state.time - self._time, 0.0), LONGEST_TICK)
+        self._time = state.time
+        if self.status is WalkStatus.READY:
+            self._begin()
+        self.commands.advance(dt)
+        if self.phase is Phase.STAND:
+            self._stand(dt)
+        elif self.phase is Phase.SHIFT:
+            self._shift(dt)
+        elif self._swing is not None:
+            self._fly(self._swing, state, dt)
+        self._keep_balance(dt)
+
+    def _xi(self) -> Point:
+        """The measured divergent component [m]."""
+        x, y, _ = (self._sense.com + self._sense.com_velocity / self.omega).tolist()
+        return x, y
+
+    def _begin(self) -> None:
+        self.status = WalkStatus.STANDING
+        x, y, _ = self._sense.com.tolist()
+        self._com, self._dcm = (x, y), ((x, 0.0), (y, 0.0))
+        left = self._sense.placement(0)
+        self._feet[0] = left
+        self._heading = (left.yaw, 0.0, 0.0)
+        self._stand_on((0, 1))
+        self._heading = (0.5 * (self._feet[0].yaw + self._feet[1].yaw), 0.0, 0.0)
+        self._rise = (float(self._sense.com[2]), 0.0, 0.0)
+        self._left = self.gait.shift_time
+
+    def _stand_on(self, feet: tuple[int, ...]) -> None:
+        corners = self._sense.corners(feet, self._standing.sizes)
+        for foot in feet:
+            place = self._sense.placement(foot)
+            # A heading is the same a whole turn on; this is the one nearest to the body's.
+            turns = round((self._heading[0] - place.yaw) / (2.0 * math.pi))
+            self._feet[foot] = Placement(
+                position=place.position, yaw=place.yaw + 2.0 * math.pi * turns
+            )
+        self._support = SupportPolygon(corners, self.settings.zmp_margin)
+
+    # Both feet on the ground -----------------------------------------------------------------------
+
+    def _stand(self, dt: float) -> None:
+        self._left = max(self._left - dt, 0.0)
+        left, right = (place.position for place in self._feet)
+        middle = (0.5 * (left[0] + right[0]), 0.5 * (left[1] + right[1]))
+        self._lead_dcm(((middle[0], 0.0), (middle[1], 0.0)), self._left, dt)
+        if self._support.depth(self._xi()) < 0.0:
+            self._go(self._better_foot(), _QUICK)
+        elif self.commands.moving:
+            self._go(self.commands.first_foot(), self.gait.shift_time)
+        elif self.commands.closes and not self._closed() and self._left == 0.0:
+            self._go(0, self.gait.shift_time)
+
+    def _closed(self) -> bool:
+        """Whether the feet are side by side."""
+        left, right = self._feet
+        yaw = 0.5 * (left.yaw + right.yaw)
+        dx, dy = (left.position[k] - right.position[k] for k in (0, 1))
+        ahead = math.cos(yaw) * dx + math.sin(yaw) * dy
+        aside = math.cos(yaw) * dy - math.sin(yaw) * dx
+        return (
+            abs(ahead) < _CLOSED
+            and abs(aside - self._room.width) < _CLOSED
+            and abs(left.yaw - right.yaw) < _CLOSED_TURN
+        )
+
+    def _go(self, foot: int, time: float) -> None:
+        """A foot is to be lifted in a while [s]."""
+        self.phase, self._foot, self._left, self._released = Phase.SHIFT, foot, time, False
+        self.status = WalkStatus.WALKING
+
+    def _shift(self, dt: float) -> None:
+        """Takes the load off a foot, and lifts it when it is due."""
+        self._left -= dt
+        foot, contact = self._foot, self._tasks.contacts[self._foot]
+        if not self._released and self._left > _QUICK and self._support.depth(self._xi()) < 0.0:
+            self._go(self._better_foot(), _QUICK)
+            foot, contact = self._foot, self._tasks.contacts[self._foot]
+        zmp, target = self._zmp_and_touchdown(self.commands.steps(foot, self._stance, _AHEAD))
+        lift = before_rest(target, zmp, self.omega, self._times.swing)
+        x, y = ((p, self.omega * (p - z)) for p, z in zip(lift, zmp, strict=True))
+        self._lead_dcm((x, y), self._left, dt)
+        ramp = min(RELEASE * self.gait.double_support, _QUICK)
+        if not self._released and self._left <= ramp:
+            contact.release(ramp)
+            self._released = True
+            # The tick that finds the contact gone comes before the next state: it holds the foot.
+            self._tasks.feet[foot].set_target(*self._sense.sole(foot))
+        if self._left <= 0.0 and not contact.active:
+            self._lift(foot)
+
+    @property
+    def _stance(self) -> Placement:
+        """Where the foot stands that stays."""
+        return self._feet[1 - self._foot]
+
+    def _lead_dcm(self, goal: tuple[DcmMotion, DcmMotion], left: float, dt: float) -> None:
+        """Moves the reference on, to be at a goal in a while."""
+        x, y = (hermite_step(a, b, left, dt) for a, b in zip(self._dcm, goal, strict=True))
+        self._dcm = (x, y)
+
+    def _zmp_and_touchdown(self, steps: Sequence[Placement]) -> tuple[Point, Point]:
+        """The ZMP of the foot that stays, and where the divergent component should be next."""
+        feet = [place.position[:2] for place in (self._stance, *steps)]
+        return feet[0], touchdown_dcm(feet, self.omega, self._times)
+
+    # One foot in the air ---------------------------------------------------------------------------
+
+    def _lift(self, foot: int) -> None:
+        position, rotation = self._sense.sole(foot)
+        begin = self._sense.placement(foot)
+        goal = self.commands.steps(foot, self._stance, 1)[0]
+        height = self.gait.swing_height
+        shape = SwingShape(apex=max(begin.position[2], goal.position[2]) + height)
+        with suppress(ConfigurationError):
+            size = self._standing.sizes[foot]
+            shape = clear_swing(begin, goal, size, height, self.ground, self.steps_made)
+        x, y, z = goal.position
+        low = Placement(position=(x, y, z - self.settings.touchdown_depth), yaw=goal.yaw)
+        self._left, self._elapsed, self._waited = self._times.swing, 0.0, 0.0
+        self._goal, self.phase = goal, Phase.SWING
+        self._swing = SwingFoot(
+            position, rotation, low, shape, self._left, self.settings.search_depth
+        )
+        self._stand_on((1 - foot,))
+
+    def _fly(self, swing: SwingFoot, state: RobotState, dt: float) -> None:
+        self._elapsed += dt
+        self._left = max(self._left - dt, 0.0)
+        self._aim(swing, dt)
+        if self._left > 0.0:
+            swing.retime(self._left)
+        goal = self._goal.position
+        swing.advance(dt, np.array(goal[:2]) - np.array(swing.goal.position[:2]))
+        if self._sense.is_down(swing, state, self._foot, self.settings):
+            self._land(self._foot)
+            return
+        if swing.phase >= 1.0:
+            self._waited += dt
+        if self._waited > self.settings.patience:
+            self.status = WalkStatus.FOOT_LOST
+        self._tasks.feet[self._foot].set_target(
+            swing.position, swing.rotation, swing.velocity, swing.acceleration
+        )
+
+    def _aim(self, swing: SwingFoot, dt: float) -> None:
+        """Chooses place and time of touchdown, and where the divergent component should be now."""
+        steps = self.commands.steps(self._foot, self._stance, _AHEAD)
+        zmp, target = self._zmp_and_touchdown(steps)
+        planned = steps[0].position[:2]
+        if self._left > _FINAL:
+            axes = _Axes(self._stance, side(self._foot))
+            x, y, _ = swing.position.tolist()
+            step = choose_step(
+                Pendulum(
+                    axes.within(self._xi()),
+                    axes.within(target),
+                    axes.within(planned),
+                    self._gain,
+                    self._trusted(1 - self._foot),
+                    self.omega,
+                ),
+                self._room.bounds(self._goal.yaw - self._stance.yaw),
+                SwingLimits(
+                    axes.within((x, y)),
+                    _SWING_SPEED,
+                    self._elapsed,
+                    _SHORTEST * self._times.swing,
+                    self._times.swing,
+                    _LONGEST * self._times.swing,
+                ),
+            )
+            self._move_goal(axes.without((step.x, step.y)), dt)
+            most = _TIME_RATE * dt
+            self._left += min(max(step.left - self._left, -most), most)
+        gone = [self._gain * (a - b) for a, b in zip(self._goal.position[:2], planned, strict=True)]
+        touchdown = (target[0] + gone[0], target[1] + gone[1])
+        now = before_rest(touchdown, zmp, self.omega, self._left)
+        x, y = ((p, self.omega * (p - z)) for p, z in zip(now, zmp, strict=True))
+        self._dcm = (x, y)
+
+    def _move_goal(self, place: Point, dt: float) -> None:
+        """Takes the foothold nearer to a place, on ground that carries all of the sole."""
+        x, y, z = self._goal.position
+        by_x, by_y = place[0] - x, place[1] - y
+        ratio = min(1.0, _PLACE_RATE * dt / max(math.hypot(by_x, by_y), 1e-9))
+        moved = Placement(position=(x + ratio * by_x, y + ratio * by_y, z), yaw=self._goal.yaw)
+        if self.commands.carries(self._foot, moved):
+            self._goal = moved
+
+    def _trusted(self, foot: int) -> Point:
+        """How far the ZMP is trusted to go from a sole's centre [m]."""
+        length, width = self._standing.sizes[foot]
+        margin = self.settings.zmp_margin
+        return (
+            _TRUSTED * max(0.5 * length - margin, 0.0),
+            _TRUSTED * max(0.5 * width - margin, 0.0),
+        )
+
+    def _better_foot(self) -> int:
+        """The foot whose step catches the robot at the least cost."""
+        costs: list[float] = []
+        for foot in (0, 1):
+            axes = _Axes(self._feet[1 - foot], side(foot))
+            place = self._feet[foot]
+            steps = self.commands.steps(foot, self._feet[1 - foot], _AHEAD)
+            feet = [p.position[:2] for p in (self._feet[1 - foot], *steps)]
+            room = self._trusted(1 - foot)
+            x, y = axes.within(self._xi())
+            growth = math.exp(self.omega * _QUICK)
+            x, y = (
+                z + growth * (p - z)
+                for p, z in zip(
+                    (x, y),
+                    (min(max(p, -r), r) for p, r in zip((x, y), room, strict=True)),
+                    strict=True,
+                )
+            )
+            step = choose_step(
+                Pendulum(
+                    (x, y),
+                    axes.within(touchdown_dcm(feet, self.omega, self._times)),
+                    axes.within(steps[0].position[:2]),
+                    self._gain,
+                    room,
+                    self.omega,
+                ),
+                self._room.bounds(0.0),
+                SwingLimits(
+                    axes.within(place.position[:2]),
+                    _SWING_SPEED,
+                    0.0,
+                    _SHORTEST * self._times.swing,
+                    self._times.swing,
+                    _LONGEST * self._times.swing,
+                ),
+            )
+            costs.append(step.cost)
+        return int(costs[1] < costs[0])
+
+    def _land(self, foot: int) -> None:
+        self._tasks.contacts[foot].engage(ENGAGE * self.gait.double_support)
+        self._swing, self.status = None, WalkStatus.WALKING
+        self.steps_made += 1
+        commands = self.commands
+        if commands.footholds and commands.footholds[0][0] == foot:
+            commands.footholds.popleft()
+        self._stand_on((0, 1))
+        if commands.moving or (commands.closes and not self._closed()) or not self._calm():
+            following = commands.next_foot(foot)
+            again = following == foot
+            self._go(following, self.gait.shift_time if again else self.gait.double_support)
+        else:
+            self.phase, self.status = Phase.STAND, WalkStatus.STANDING
+            self._left = self.gait.settle_time
+
+    def _calm(self) -> bool:
+        """Whether the feet as they stand hold the robot."""
+        return self._support.depth(self._xi()) >= _CALM - self.settings.zmp_margin
+
+    # Balance and body ------------------------------------------------------------------------------
+
+    def _keep_balance(self, dt: float) -> None:
+        (x, vx), (y, vy) = self._dcm
+        w, kept = self.omega, math.exp(-self.omega * dt)
+        self._com = x + (self._com[0] - x) * kept, y + (self._com[1] - y) * kept
+        com_x, com_y = self._com
+        rates = (w * (x - com_x), w * (y - com_y))
+        # c' = omega (xi - c), so c'' = omega (xi' - c').
+        seconds = (w * (vx - rates[0]), w * (vy - rates[1]))
+        self._move_body(dt)
+        low = min(place.position[2] for place in self._feet)
+        com = np.array(
+            [(com_x, com_y, self._rise[0]), (*rates, self._rise[1]), (*seconds, self._rise[2])]
+        )
+        self._tasks.lead_com(self._sense, com, self._feedback, self._support)
+        standing = self._standing
+        displacement = np.zeros((3, 4))
+        displacement[:, :3] = com
+        displacement[0, :2] -= standing.com[:2]
+        displacement[0, 2] -= standing.com[2] - self.gait.crouch
+        heading0 = 0.5 * (standing.start[0].yaw + standing.start[1].yaw)
+        displacement[:, 3] = self._heading[0] - heading0, *self._heading[1:]
+        turn = pin.utils.rotate("z", float(displacement[0, 3]))
+        for target in self.carried.values():
+            target.write(displacement, turn)
+        if math.hypot(*self._feedback.error) > self.settings.com_bound * self.height:
+            self.status = WalkStatus.COM_LOST
+        elif self.status is WalkStatus.COM_LOST:
+            self.status = WalkStatus.WALKING
+
+    def _move_body(self, dt: float) -> None:
+        """Height and heading of the body, towards what the next stand asks for."""
+        left, right = self._feet
+        low, yaw, time = min(left.position[2], right.position[2]), 0.5 * (left.yaw + right.yaw), 0.0
+        if self.phase is Phase.SWING:
+            low = min(self._stance.position[2], self._goal.position[2])
+            yaw = 0.5 * (self._stance.yaw + self._goal.yaw)
+            time = self._left
+        time = max(time + 0.5 * self.gait.double_support, _BODY_TIME)
+        if self.steps_made == 0:
+            time = max(time, self.gait.shift_time)
+        self._rise = least_jerk_towards(self._rise, low + self.height, time, dt)
+        self._heading = least_jerk_towards(self._heading, yaw, time, dt)
+
+
+class _Axes:
+    """Along a foot that stands, and away from it to the side of the other one.
+
+    Args:
+        stance: where it stands.
+        out: to which side the other one is, see `side`.
+    """
+
+    def __init__(self, stance: Placement, out: float) -> None:
+        self._x, self._y, _ = stance.position
+        self._cos, self._sin, self._out = math.cos(stance.yaw), math.sin(stance.yaw), out
+
+    def within(self, point: Point) -> Point:
+        """A point of the world, seen from the foot."""
+        dx, dy = point[0] - self._x, point[1] - self._y
+        along, left = self._cos * dx + self._sin * dy, self._cos * dy - self._sin * dx
+        return along, self._out * left
+
+    def without(self, point: Point) -> Point:
+        """A point seen from the foot, in the world."""
+        along, left = point[0], self._out * point[1]
+        return (
+            self._x + self._cos * along - self._sin * left,
+            self._y + self._sin * along + self._cos * left,
+        )
+
+
+def _usual_gait(height: float) -> Gait:
+    """Timing and shape of steps by the height of the COM [m]."""
+    crouch = _CROUCH * height
+    step_time = _STEP_PHASE / natural_frequency(height - crouch)
+    return Gait(
+        step_time=step_time,
+        double_support=_DOUBLE_SUPPORT * step_time,
+        crouch=crouch,
+        shift_time=step_time,
+        settle_time=step_time,
+    )
