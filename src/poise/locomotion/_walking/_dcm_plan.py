@@ -1,10 +1,9 @@
 """The divergent component of motion over the next few footholds, by backward recursion.
 
-On the linear inverted pendulum xi' = omega (xi - r) with the ZMP r. Two motions of the ZMP are all
-that walking needs, and both have a closed form (Englsberger, Ott, Albu-Schaeffer 2015):
+On the linear inverted pendulum, xi' = omega (xi - r) with the ZMP r. While that goes evenly from r_0 to
+r_1 in a time T (Englsberger, Ott, Albu-Schaeffer 2015),
 
-    at rest for T           xi(0) = r + e^{-omega T} (xi(T) - r)
-    from r_0 to r_1 in D    xi(0) = r_0 + s + e^{-omega D} (xi(D) - r_1 - s),  s = (r_1 - r_0) / (omega D)
+    xi(0) = r_0 + s + e^{-omega T} (xi(T) - r_1 - s),    s = (r_1 - r_0) / (omega T)
 
 What is far ahead counts with e^{-omega t}: four steps are as good as all of them. Vectors are x and y
 in the world, plain numbers.
@@ -15,6 +14,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from poise.locomotion._support import Point
+from poise.locomotion._walking._leg_momentum import LegMomentum
 
 
 class StepTimes(NamedTuple):
@@ -27,19 +27,6 @@ class StepTimes(NamedTuple):
 
     swing: float
     double_support: float
-
-
-def before_rest(xi: Point, zmp: Point, omega: float, time: float) -> Point:
-    """Where xi has to be so that it gets somewhere while the ZMP rests.
-
-    Args:
-        xi: where it shall be in the end [m].
-        zmp: where that rests [m].
-        omega: natural frequency [1/s].
-        time: until then [s].
-    """
-    kept = math.exp(-omega * time)
-    return zmp[0] + kept * (xi[0] - zmp[0]), zmp[1] + kept * (xi[1] - zmp[1])
 
 
 def before_transfer(xi: Point, start: Point, end: Point, omega: float, time: float) -> Point:
@@ -60,33 +47,37 @@ def before_transfer(xi: Point, start: Point, end: Point, omega: float, time: flo
     )
 
 
-def touchdown_dcm(footholds: Sequence[Point], omega: float, times: StepTimes) -> Point:
+def touchdown_dcm(
+    lifted: Point, footholds: Sequence[Point], legs: LegMomentum, times: StepTimes
+) -> Point:
     """Where xi has to be at the next touchdown, so that all steps after it can be made as planned.
 
-    Over the last foothold it comes to rest.
+    Of `LegMomentum`, as everything here. Over the last foothold it comes to rest.
 
     Args:
+        lifted: where the foot is, or was, that comes down next [m].
         footholds: where the ZMP rests in each single support: in the foot that stands now, in the
             next one, and so on; two at least [m].
-        omega: natural frequency [1/s].
+        legs: the pendulum.
         times: of each step.
     """
-    xi = footholds[-1]
-    for i in range(len(footholds) - 1, 0, -1):
-        before, foothold = footholds[i - 1], footholds[i]
-        xi = before_transfer(xi, before, foothold, omega, times.double_support)
-        if i > 1:
-            xi = before_rest(xi, before, omega, times.swing)
+    omega, feet = legs.omega, (lifted, *footholds)
+    xi = feet[-1]
+    for i in range(len(feet) - 1, 1, -1):
+        behind, ahead = feet[i - 1], feet[i]
+        stands = (behind, ahead)
+        landed = legs.joined(behind, stands)
+        xi = before_transfer(xi, landed, legs.joined(ahead, stands), omega, times.double_support)
+        if i > 2:
+            start = legs.joined(behind, (feet[i - 2], behind))
+            xi = before_transfer(xi, start, landed, omega, times.swing)
     return xi
 
 
-def transfer_gain(omega: float, double_support: float) -> float:
-    """How far `touchdown_dcm` moves with the next foothold and all after it, metre by metre.
-
-    The foot that is left behind stays, so it is less than one: (1 - e^{-omega D}) / (omega D).
-    """
-    product = omega * double_support
-    return (1.0 - math.exp(-product)) / product
+def transfer_gain(legs: LegMomentum, times: StepTimes) -> float:
+    """How far `touchdown_dcm` moves with the next foothold and all after it, metre by metre."""
+    here, there = (0.0, 0.0), (1.0, 0.0)
+    return touchdown_dcm(here, (here, there, there), legs, times)[0]
 
 
 DcmMotion = tuple[float, float]

@@ -21,7 +21,7 @@ from poise.locomotion._walking._commands import LegRoom, StepCommands, VelocityL
 from poise.locomotion._walking._dcm_plan import (
     DcmMotion,
     StepTimes,
-    before_rest,
+    before_transfer,
     hermite_step,
     touchdown_dcm,
     transfer_gain,
@@ -34,10 +34,11 @@ from poise.locomotion._walking._footsteps import (
     stand_of,
 )
 from poise.locomotion._walking._ground import Ground, Placement
+from poise.locomotion._walking._leg_momentum import FeetAt, JoinedSupport, LegMomentum, leg_ratios
 from poise.locomotion._walking._reach import LegReach
 from poise.locomotion._walking._sense import ENGAGE, LONGEST_TICK, RELEASE, WalkSense
 from poise.locomotion._walking._settings import WalkSettings, WalkStatus
-from poise.locomotion._walking._step_choice import Pendulum, SwingLimits, choose_step
+from poise.locomotion._walking._step_choice import Pendulum, Step, SwingLimits, choose_step
 from poise.locomotion._walking._swing import Motion, SwingFoot, least_jerk_towards
 from poise.locomotion._walking._swing_shape import SwingShape, clear_swing
 from poise.locomotion._walking._tasks import CarriedTarget, find_walk_tasks
@@ -56,14 +57,20 @@ class Phase(Enum):
     """One is in the air."""
 
 
-_STEP_PHASE = 1.9
+_STEP_PHASE = 2.1
 """omega T of a step: as fast as people walk without hurry."""
 
-_DOUBLE_SUPPORT = 0.2
+_DOUBLE_SUPPORT = 0.12
 """Of a step's time, unless a gait says otherwise."""
 
 _CROUCH = 0.05
 """How far the COM is lowered, over its height, unless a gait says otherwise."""
+
+_SWING_HEIGHT = 0.06
+"""Of a foot, over the height of the COM, unless a gait says otherwise."""
+
+_ARRIVE = 0.99
+"""Phase of a swing at which the foot is over its goal where there is nothing to step on."""
 
 _QUICK = 0.06
 """From the decision to step in order not to fall to lift-off [s]."""
@@ -89,8 +96,8 @@ _FINAL = 0.05
 _CLOSED, _CLOSED_TURN = 0.025, 0.06
 """Feet so near to side by side are [m, rad]."""
 
-_CALM = 0.02
-"""The divergent component has to be this far inside the soles' edges for the feet to stay [m]."""
+_CALM = 0.01
+"""The divergent component has to be this far inside what holds it for the feet to stay [m]."""
 
 _TURN, _TURN_IN = 0.6, 0.12
 """Most that a foot is turned outwards and inwards against the other one [rad]."""
@@ -158,7 +165,9 @@ class ReactiveWalker:
         standing_height = stand.com[2] - stand.middle[2]
         self.gait = gait or _usual_gait(standing_height)
         self.height = standing_height - self.gait.crouch
-        self.omega = natural_frequency(self.height)
+        ratios = leg_ratios(robot, stand.q, stand.soles)
+        self._legs = LegMomentum(ratios.ahead, natural_frequency(self.height))
+        self._rise_ratio = ratios.rise
         self.ground = ground or level_floor(stand.start)
         self._room = LegRoom(
             sizes=stand.sizes,
@@ -174,9 +183,9 @@ class ReactiveWalker:
         self._tasks = find_walk_tasks(robot, stand, stack, carry)
         self.carried: dict[str, CarriedTarget] = self._tasks.carried
         self._sense = WalkSense(robot, stand.soles)
-        self._feedback = DcmFeedback(self.omega, self.settings.dcm_gain)
+        self._feedback = DcmFeedback(self._legs.omega, self.settings.dcm_gain)
         self._times = StepTimes(self.gait.swing_time, self.gait.double_support)
-        self._gain = transfer_gain(self.omega, self.gait.double_support)
+        self._gain = transfer_gain(self._legs, self._times)
         self.status, self.phase, self.steps_made = WalkStatus.READY, Phase.STAND, 0
         self._time: float | None = None
         self._foot = 0
@@ -233,7 +242,9 @@ class ReactiveWalker:
     @property
     def zmp(self) -> Float64[np.ndarray, "2"]:
         """Where the ZMP should be, feedback included [m]."""
-        return self._feedback.zmp
+        feet, _, _ = self._feet_at()
+        x, y = self._feedback.zmp.tolist()
+        return np.array(self._legs.parted((x, y), feet))
 
     def signals(self) -> Mapping[str, Float64[np.ndarray, " n"] | float | str]:
         """What a recorder should know of the last tick."""
@@ -276,20 +287,55 @@ class ReactiveWalker:
             self._fly(self._swing, state, dt)
         self._keep_balance(dt)
 
+    def _feet_at(self) -> tuple[FeetAt, FeetAt, FeetAt]:
+        """Positions [m], velocities [m/s] and accelerations [m/s^2] of both feet, as they should."""
+        still = (0.0, 0.0)
+        rows = [[place.position[:2], still, still] for place in self._feet]
+        if self._swing is not None:
+            rows[self._foot] = self._swing_motion(self._swing)
+        (a, va, aa), (b, vb, ab) = rows
+        return (a, b), (va, vb), (aa, ab)
+
+    def _swing_motion(self, swing: SwingFoot) -> list[Point]:
+        """Position, velocity and acceleration of the foot in the air; see `LegRatios.rise`."""
+        c, s = (self._rise_ratio * f(self._heading[0]) for f in (math.cos, math.sin))
+        x, y, z = swing.position.tolist()
+        z -= self._stance.position[2]
+        motion = [(x + c * z, y + s * z)]
+        for rate in (swing.velocity, swing.acceleration):
+            x, y, z = rate[:3].tolist()
+            motion.append((x + c * z, y + s * z))
+        return motion
+
+    def _measured(self) -> tuple[Point, Point]:
+        """C and its velocity, see `LegMomentum`."""
+        feet, velocities, _ = self._feet_at()
+        (x, y, _), (vx, vy, _) = self._sense.com.tolist(), self._sense.com_velocity.tolist()
+        return self._legs.joined((x, y), feet), self._legs.joined((vx, vy), velocities)
+
     def _xi(self) -> Point:
         """The measured divergent component [m]."""
-        x, y, _ = (self._sense.com + self._sense.com_velocity / self.omega).tolist()
-        return x, y
+        (x, y), (vx, vy) = self._measured()
+        return x + vx / self._legs.omega, y + vy / self._legs.omega
+
+    def _is_held(self, margin: float = 0.0) -> bool:
+        """Whether the feet as they stand can bring the divergent component to rest.
+
+        Args:
+            margin: how far inside the soles' edges, and the margin of the ZMP, it has to be [m].
+        """
+        feet, _, _ = self._feet_at()
+        return self._support.depth(self._legs.parted(self._xi(), feet)) >= margin
 
     def _begin(self) -> None:
         self.status = WalkStatus.STANDING
-        x, y, _ = self._sense.com.tolist()
-        self._com, self._dcm = (x, y), ((x, 0.0), (y, 0.0))
         left = self._sense.placement(0)
         self._feet[0] = left
         self._heading = (left.yaw, 0.0, 0.0)
         self._stand_on((0, 1))
         self._heading = (0.5 * (self._feet[0].yaw + self._feet[1].yaw), 0.0, 0.0)
+        self._com, _ = self._measured()
+        self._dcm = ((self._com[0], 0.0), (self._com[1], 0.0))
         self._rise = (float(self._sense.com[2]), 0.0, 0.0)
         self._left = self.gait.shift_time
 
@@ -311,7 +357,7 @@ class ReactiveWalker:
         left, right = (place.position for place in self._feet)
         middle = (0.5 * (left[0] + right[0]), 0.5 * (left[1] + right[1]))
         self._lead_dcm(((middle[0], 0.0), (middle[1], 0.0)), self._left, dt)
-        if self._support.depth(self._xi()) < 0.0:
+        if not self._is_held():
             self._go(self._better_foot(), _QUICK)
         elif self.commands.moving:
             self._go(self.commands.first_foot(), self.gait.shift_time)
@@ -340,13 +386,11 @@ class ReactiveWalker:
         """Takes the load off a foot, and lifts it when it is due."""
         self._left -= dt
         foot, contact = self._foot, self._tasks.contacts[self._foot]
-        if not self._released and self._left > _QUICK and self._support.depth(self._xi()) < 0.0:
+        if not self._released and self._left > _QUICK and not self._is_held():
             self._go(self._better_foot(), _QUICK)
             foot, contact = self._foot, self._tasks.contacts[self._foot]
-        zmp, target = self._zmp_and_touchdown(self.commands.steps(foot, self._stance, _AHEAD))
-        lift = before_rest(target, zmp, self.omega, self._times.swing)
-        x, y = ((p, self.omega * (p - z)) for p, z in zip(lift, zmp, strict=True))
-        self._lead_dcm((x, y), self._left, dt)
+        pendulum = self._planned(foot, self._feet[foot].position[:2])
+        self._lead_dcm(self._on_the_way(pendulum, self._times.swing), self._left, dt)
         ramp = min(RELEASE * self.gait.double_support, _QUICK)
         if not self._released and self._left <= ramp:
             contact.release(ramp)
@@ -366,10 +410,61 @@ class ReactiveWalker:
         x, y = (hermite_step(a, b, left, dt) for a, b in zip(self._dcm, goal, strict=True))
         self._dcm = (x, y)
 
-    def _zmp_and_touchdown(self, steps: Sequence[Placement]) -> tuple[Point, Point]:
-        """The ZMP of the foot that stays, and where the divergent component should be next."""
-        feet = [place.position[:2] for place in (self._stance, *steps)]
-        return feet[0], touchdown_dcm(feet, self.omega, self._times)
+    def _planned(self, foot: int, lifted: Point) -> Pendulum:
+        """What the next footholds ask for, in the world.
+
+        Args:
+            foot: that comes down next.
+            lifted: where it is now [m].
+        """
+        stance, legs = self._feet[1 - foot].position[:2], self._legs
+        steps = self.commands.steps(foot, self._feet[1 - foot], _AHEAD)
+        footholds = [place.position[:2] for place in steps]
+        length, width = self._standing.sizes[1 - foot]
+        trusted = _TRUSTED * legs.factor
+        return Pendulum(
+            xi=self._xi(),
+            zmp=legs.joined(stance, (stance, lifted)),
+            zmp_end=legs.joined(stance, (stance, footholds[0])),
+            goal=touchdown_dcm(lifted, (stance, *footholds), legs, self._times),
+            foothold=footholds[0],
+            gain=self._gain,
+            room=(
+                trusted * max(0.5 * length - self.settings.zmp_margin, 0.0),
+                trusted * max(0.5 * width - self.settings.zmp_margin, 0.0),
+            ),
+            omega=legs.omega,
+        )
+
+    def _on_the_way(self, pendulum: Pendulum, left: float) -> tuple[DcmMotion, DcmMotion]:
+        """Where the divergent component has to be in single support, a while before its goal."""
+        start, end, omega = pendulum.zmp, pendulum.zmp_end, pendulum.omega
+        now = pendulum.goal
+        if left > 0.0:
+            now = before_transfer(pendulum.goal, start, end, omega, left)
+        x, y = ((p, omega * (p - z)) for p, z in zip(now, start, strict=True))
+        return x, y
+
+    def _choose(self, foot: int, pendulum: Pendulum, lifted: Point, elapsed: float) -> Step:
+        """The best touchdown, along the foot that stands and away from it."""
+        axes, usual = _Axes(self._feet[1 - foot], side(foot)), self._times.swing
+        seen = pendulum._replace(
+            xi=axes.within(pendulum.xi),
+            zmp=axes.within(pendulum.zmp),
+            zmp_end=axes.within(pendulum.zmp_end),
+            goal=axes.within(pendulum.goal),
+            foothold=axes.within(pendulum.foothold),
+        )
+        turned = self._goal.yaw - self._stance.yaw if self.phase is Phase.SWING else 0.0
+        limits = SwingLimits(
+            place=axes.within(lifted),
+            speed=_SWING_SPEED,
+            elapsed=elapsed,
+            shortest=_SHORTEST * usual,
+            usual=usual,
+            longest=_LONGEST * usual,
+        )
+        return choose_step(seen, self._room.bounds(turned), limits)
 
     # One foot in the air ---------------------------------------------------------------------------
 
@@ -378,8 +473,10 @@ class ReactiveWalker:
         begin = self._sense.placement(foot)
         goal = self.commands.steps(foot, self._stance, 1)[0]
         height = self.gait.swing_height
-        shape = SwingShape(apex=max(begin.position[2], goal.position[2]) + height)
+        shape = SwingShape(apex=max(begin.position[2], goal.position[2]) + height, arrive=_ARRIVE)
         with suppress(ConfigurationError):
+            if not self.ground.platforms:
+                raise ConfigurationError("x")
             size = self._standing.sizes[foot]
             shape = clear_swing(begin, goal, size, height, self.ground, self.steps_made)
         x, y, z = goal.position
@@ -412,39 +509,24 @@ class ReactiveWalker:
 
     def _aim(self, swing: SwingFoot, dt: float) -> None:
         """Chooses place and time of touchdown, and where the divergent component should be now."""
-        steps = self.commands.steps(self._foot, self._stance, _AHEAD)
-        zmp, target = self._zmp_and_touchdown(steps)
-        planned = steps[0].position[:2]
+        pendulum = self._planned(self._foot, self._swing_motion(swing)[0])
         if self._left > _FINAL:
-            axes = _Axes(self._stance, side(self._foot))
             x, y, _ = swing.position.tolist()
-            step = choose_step(
-                Pendulum(
-                    axes.within(self._xi()),
-                    axes.within(target),
-                    axes.within(planned),
-                    self._gain,
-                    self._trusted(1 - self._foot),
-                    self.omega,
-                ),
-                self._room.bounds(self._goal.yaw - self._stance.yaw),
-                SwingLimits(
-                    axes.within((x, y)),
-                    _SWING_SPEED,
-                    self._elapsed,
-                    _SHORTEST * self._times.swing,
-                    self._times.swing,
-                    _LONGEST * self._times.swing,
-                ),
-            )
+            step = self._choose(self._foot, pendulum, (x, y), self._elapsed)
+            axes = _Axes(self._stance, side(self._foot))
             self._move_goal(axes.without((step.x, step.y)), dt)
             most = _TIME_RATE * dt
             self._left += min(max(step.left - self._left, -most), most)
-        gone = [self._gain * (a - b) for a, b in zip(self._goal.position[:2], planned, strict=True)]
-        touchdown = (target[0] + gone[0], target[1] + gone[1])
-        now = before_rest(touchdown, zmp, self.omega, self._left)
-        x, y = ((p, self.omega * (p - z)) for p, z in zip(now, zmp, strict=True))
-        self._dcm = (x, y)
+        goal = self._goal.position[:2]
+        moved = [
+            a + self._gain * (b - c)
+            for a, b, c in zip(pendulum.goal, goal, pendulum.foothold, strict=True)
+        ]
+        stance = self._stance.position[:2]
+        pendulum = pendulum._replace(
+            goal=(moved[0], moved[1]), zmp_end=self._legs.joined(stance, (stance, goal))
+        )
+        self._dcm = self._on_the_way(pendulum, self._left)
 
     def _move_goal(self, place: Point, dt: float) -> None:
         """Takes the foothold nearer to a place, on ground that carries all of the sole."""
@@ -455,54 +537,16 @@ class ReactiveWalker:
         if self.commands.carries(self._foot, moved):
             self._goal = moved
 
-    def _trusted(self, foot: int) -> Point:
-        """How far the ZMP is trusted to go from a sole's centre [m]."""
-        length, width = self._standing.sizes[foot]
-        margin = self.settings.zmp_margin
-        return (
-            _TRUSTED * max(0.5 * length - margin, 0.0),
-            _TRUSTED * max(0.5 * width - margin, 0.0),
-        )
-
     def _better_foot(self) -> int:
         """The foot whose step catches the robot at the least cost."""
         costs: list[float] = []
+        growth = math.exp(self._legs.omega * _QUICK)
         for foot in (0, 1):
-            axes = _Axes(self._feet[1 - foot], side(foot))
-            place = self._feet[foot]
-            steps = self.commands.steps(foot, self._feet[1 - foot], _AHEAD)
-            feet = [p.position[:2] for p in (self._feet[1 - foot], *steps)]
-            room = self._trusted(1 - foot)
-            x, y = axes.within(self._xi())
-            growth = math.exp(self.omega * _QUICK)
-            x, y = (
-                z + growth * (p - z)
-                for p, z in zip(
-                    (x, y),
-                    (min(max(p, -r), r) for p, r in zip((x, y), room, strict=True)),
-                    strict=True,
-                )
-            )
-            step = choose_step(
-                Pendulum(
-                    (x, y),
-                    axes.within(touchdown_dcm(feet, self.omega, self._times)),
-                    axes.within(steps[0].position[:2]),
-                    self._gain,
-                    room,
-                    self.omega,
-                ),
-                self._room.bounds(0.0),
-                SwingLimits(
-                    axes.within(place.position[:2]),
-                    _SWING_SPEED,
-                    0.0,
-                    _SHORTEST * self._times.swing,
-                    self._times.swing,
-                    _LONGEST * self._times.swing,
-                ),
-            )
-            costs.append(step.cost)
+            place = self._feet[foot].position[:2]
+            pendulum = self._planned(foot, place)
+            # Until lift-off the ZMP gets to the foot that stays, and the rest grows.
+            x, y = (z + growth * (p - z) for p, z in zip(pendulum.xi, pendulum.zmp, strict=True))
+            costs.append(self._choose(foot, pendulum._replace(xi=(x, y)), place, 0.0).cost)
         return int(costs[1] < costs[0])
 
     def _land(self, foot: int) -> None:
@@ -513,7 +557,7 @@ class ReactiveWalker:
         if commands.footholds and commands.footholds[0][0] == foot:
             commands.footholds.popleft()
         self._stand_on((0, 1))
-        if commands.moving or (commands.closes and not self._closed()) or not self._calm():
+        if commands.moving or (commands.closes and not self._closed()) or not self._is_held(_CALM):
             following = commands.next_foot(foot)
             again = following == foot
             self._go(following, self.gait.shift_time if again else self.gait.double_support)
@@ -521,26 +565,43 @@ class ReactiveWalker:
             self.phase, self.status = Phase.STAND, WalkStatus.STANDING
             self._left = self.gait.settle_time
 
-    def _calm(self) -> bool:
-        """Whether the feet as they stand hold the robot."""
-        return self._support.depth(self._xi()) >= _CALM - self.settings.zmp_margin
-
     # Balance and body ------------------------------------------------------------------------------
 
     def _keep_balance(self, dt: float) -> None:
-        (x, vx), (y, vy) = self._dcm
-        w, kept = self.omega, math.exp(-self.omega * dt)
-        self._com = x + (self._com[0] - x) * kept, y + (self._com[1] - y) * kept
-        com_x, com_y = self._com
-        rates = (w * (x - com_x), w * (y - com_y))
-        # c' = omega (xi - c), so c'' = omega (xi' - c').
-        seconds = (w * (vx - rates[0]), w * (vy - rates[1]))
         self._move_body(dt)
-        low = min(place.position[2] for place in self._feet)
-        com = np.array(
-            [(com_x, com_y, self._rise[0]), (*rates, self._rise[1]), (*seconds, self._rise[2])]
-        )
-        self._tasks.lead_com(self._sense, com, self._feedback, self._support)
+        com = self._joined_com(dt)
+        feet, velocities, accelerations = self._feet_at()
+        joined, velocity = self._measured()
+        x, y = self._feedback.acceleration(
+            np.array(joined),
+            np.array(velocity),
+            com,
+            JoinedSupport(self._legs, self._support, feet),
+        ).tolist()
+        rows = zip(com.tolist(), (feet, velocities, accelerations), self._rise, strict=True)
+        com = np.array([(*self._legs.parted((a, b), f), z) for (a, b), f, z in rows])
+        asked = self._legs.parted((x, y), accelerations)
+        self._tasks.lead_com(self._sense, com, np.array(asked))
+        self._carry(com)
+        if math.hypot(*self._feedback.error) > self.settings.com_bound * self.height:
+            self.status = WalkStatus.COM_LOST
+        elif self.status is WalkStatus.COM_LOST:
+            self.status = WalkStatus.WALKING
+
+    def _joined_com(self, dt: float) -> Float64[np.ndarray, "3 2"]:
+        """Reference of C, its velocity and acceleration, a row each: C' = omega (xi - C)."""
+        (x, vx), (y, vy) = self._dcm
+        w, kept = self._legs.omega, math.exp(-self._legs.omega * dt)
+        self._com = x + (self._com[0] - x) * kept, y + (self._com[1] - y) * kept
+        rates = (w * (x - self._com[0]), w * (y - self._com[1]))
+        return np.array([self._com, rates, (w * (vx - rates[0]), w * (vy - rates[1]))])
+
+    def _carry(self, com: Float64[np.ndarray, "3 3"]) -> None:
+        """Takes everything along that goes with the body.
+
+        Args:
+            com: its reference, with rates.
+        """
         standing = self._standing
         displacement = np.zeros((3, 4))
         displacement[:, :3] = com
@@ -551,10 +612,6 @@ class ReactiveWalker:
         turn = pin.utils.rotate("z", float(displacement[0, 3]))
         for target in self.carried.values():
             target.write(displacement, turn)
-        if math.hypot(*self._feedback.error) > self.settings.com_bound * self.height:
-            self.status = WalkStatus.COM_LOST
-        elif self.status is WalkStatus.COM_LOST:
-            self.status = WalkStatus.WALKING
 
     def _move_body(self, dt: float) -> None:
         """Height and heading of the body, towards what the next stand asks for."""
@@ -605,6 +662,7 @@ def _usual_gait(height: float) -> Gait:
     return Gait(
         step_time=step_time,
         double_support=_DOUBLE_SUPPORT * step_time,
+        swing_height=_SWING_HEIGHT * height,
         crouch=crouch,
         shift_time=step_time,
         settle_time=step_time,

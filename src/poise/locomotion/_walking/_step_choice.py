@@ -62,18 +62,22 @@ class Step(NamedTuple):
 
 
 class Pendulum(NamedTuple):
-    """What a choice is made from; axes along the foot that stands and away from it, its ZMP at zero.
+    """What a choice is made from, along the foot that stands and away from it.
 
     Attributes:
         xi: the divergent component, measured [m].
+        zmp: where the ZMP should be now [m].
+        zmp_end: and at touchdown, evenly in between [m].
         goal: where it should be at touchdown if the foothold is as planned [m].
         foothold: as planned [m].
         gain: how far the goal moves with the foothold.
-        room: of the ZMP, to each side, along the foot and across it [m].
+        room: of the ZMP, beside where it should be, along the foot and across it [m].
         omega: natural frequency [1/s].
     """
 
     xi: Point
+    zmp: Point
+    zmp_end: Point
     goal: Point
     foothold: Point
     gain: float
@@ -114,9 +118,10 @@ _PLACE, _TIME, _DCM = 0.1, 0.15, 0.01
 def choose_step(pendulum: Pendulum, bounds: StepBounds, swing: SwingLimits) -> Step:
     """The touchdown that costs least.
 
-    For every time tau until touchdown, with E = e^{omega tau}, a ZMP that rests at r takes the
-    divergent component to r + (xi - r) E. The ZMP does what it can within the sole; the foothold
-    moves for the rest, within reach; what is left is missed. Deviations of place, time and
+    For every time tau until touchdown, with E = e^{omega tau}, the ZMP takes the divergent component
+    to r_1 + s + E (xi - r_0 - s), s = (r_1 - r_0) / (omega tau), and r (1 - E) farther where it is
+    r beside that. It does what it can within the sole; the foothold moves for the rest, within reach;
+    what is left is missed. Deviations of place, time and
     divergent component are weighed against each other, in the manner of Khadiv et al. (2020).
 
     Args:
@@ -144,10 +149,21 @@ def choose_step(pendulum: Pendulum, bounds: StepBounds, swing: SwingLimits) -> S
 
 def _at(left: float, pendulum: Pendulum, bounds: StepBounds, swing: SwingLimits) -> Step:
     """The best foothold for one time until touchdown."""
-    growth = math.exp(pendulum.omega * left)
+    product = pendulum.omega * left
+    growth = math.exp(product)
     off = [
-        _beyond(xi, goal, room, growth)
-        for xi, goal, room in zip(pendulum.xi, pendulum.goal, pendulum.room, strict=True)
+        _beyond(
+            end + (end - start) / product + growth * (xi - start - (end - start) / product) - goal,
+            room * (growth - 1.0),
+        )
+        for xi, start, end, goal, room in zip(
+            pendulum.xi,
+            pendulum.zmp,
+            pendulum.zmp_end,
+            pendulum.goal,
+            pendulum.room,
+            strict=True,
+        )
     ]
     planned_x, planned_y = pendulum.foothold
     wanted = (planned_x + off[0] / pendulum.gain, planned_y + off[1] / pendulum.gain)
@@ -160,11 +176,9 @@ def _at(left: float, pendulum: Pendulum, bounds: StepBounds, swing: SwingLimits)
     return Step(x, y, left, missed, cost)
 
 
-def _beyond(xi: float, goal: float, room: float, growth: float) -> float:
-    """How far xi misses its goal along one axis, with the best ZMP that the sole has [m]."""
-    zmp = (growth * xi - goal) / (growth - 1.0)
-    zmp = min(max(zmp, -room), room)
-    return zmp + (xi - zmp) * growth - goal
+def _beyond(miss: float, most: float) -> float:
+    """What of a miss is left when the ZMP has done what it can [m]."""
+    return math.copysign(max(abs(miss) - most, 0.0), miss)
 
 
 def _within_reach(place: Point, swing: SwingLimits, left: float) -> Point:

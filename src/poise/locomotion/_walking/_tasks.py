@@ -13,8 +13,7 @@ import pinocchio as pin
 from jaxtyping import Float64
 
 from poise.errors import ConfigurationError, UnknownNameError
-from poise.locomotion._support import SupportPolygon, two_soles
-from poise.locomotion._walking._feedback import DcmFeedback
+from poise.locomotion._support import two_soles
 from poise.locomotion._walking._footsteps import Stand
 from poise.locomotion._walking._sense import WalkSense
 from poise.robots import Robot
@@ -148,21 +147,16 @@ class WalkTasks:
         self,
         sense: WalkSense,
         com: Float64[np.ndarray, "3 3"],
-        feedback: DcmFeedback,
-        support: SupportPolygon,
+        horizontal: Float64[np.ndarray, "2"],
     ) -> None:
-        """Height by the task's own gains, the rest by feedback of the divergent component.
+        """Height by the task's own gains, the rest as feedback says.
 
         Args:
             sense: the measured COM.
             com: position [m], velocity [m/s] and acceleration [m/s^2] of its reference, a row each.
-            feedback: of the divergent component.
-            support: where the ZMP can be.
+            horizontal: acceleration along x and y [m/s^2].
         """
-        task = self.com
-        x, y = feedback.acceleration(
-            sense.com[:2], sense.com_velocity[:2], com[:, :2], support
-        ).tolist()
+        task, (x, y) = self.com, horizontal.tolist()
         height, speed = com[0, 2] - sense.com[2], com[1, 2] - sense.com_velocity[2]
         z = com[2, 2] + task.kp[2] * height + task.kd[2] * speed
         task.set_target(com[0], com[1], com[2])

@@ -235,7 +235,11 @@ class Walker:
         left = self._until_next_foot()
         self._shift.advance(dt, left)
         point = self._reference_now()
-        self._tasks.lead_com(self._sense, point.com, self._feedback, self._support)
+        sense = self._sense
+        acceleration = self._feedback.acceleration(
+            sense.com[:2], sense.com_velocity[:2], point.com[:, :2], self._support
+        )
+        self._tasks.lead_com(sense, point.com, acceleration)
         turn = pin.utils.rotate("z", float(point.displacement[0, 3]))
         for target in self.carried.values():
             target.write(point.displacement, turn)
