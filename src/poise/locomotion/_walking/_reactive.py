@@ -40,7 +40,7 @@ from poise.locomotion._walking._sense import ENGAGE, LONGEST_TICK, RELEASE, Walk
 from poise.locomotion._walking._settings import WalkSettings, WalkStatus
 from poise.locomotion._walking._step_choice import Pendulum, Step, SwingLimits, choose_step
 from poise.locomotion._walking._swing import Motion, SwingFoot, least_jerk_towards
-from poise.locomotion._walking._swing_shape import SwingShape, clear_swing
+from poise.locomotion._walking._swing_shape import RISE, SwingShape, clear_swing
 from poise.locomotion._walking._tasks import CarriedTarget, find_walk_tasks
 from poise.robots import Robot
 from poise.stack import Stack, Task
@@ -68,9 +68,6 @@ _CROUCH = 0.05
 
 _SWING_HEIGHT = 0.06
 """Of a foot, over the height of the COM, unless a gait says otherwise."""
-
-_ARRIVE = 0.99
-"""Phase of a swing at which the foot is over its goal where there is nothing to step on."""
 
 _QUICK = 0.06
 """From the decision to step in order not to fall to lift-off [s]."""
@@ -102,7 +99,7 @@ _CALM = 0.01
 _TURN, _TURN_IN = 0.6, 0.12
 """Most that a foot is turned outwards and inwards against the other one [rad]."""
 
-_WIDE = 0.65
+_WIDE = 0.75
 """Farthest that feet stand apart, over the height of the COM."""
 
 _BODY_TIME = 0.25
@@ -184,6 +181,9 @@ class ReactiveWalker:
         self.carried: dict[str, CarriedTarget] = self._tasks.carried
         self._sense = WalkSense(robot, stand.soles)
         self._feedback = DcmFeedback(self._legs.omega, self.settings.dcm_gain)
+        depth = self.settings.touchdown_depth
+        # At the end a quintic of least jerk is 10 (height) s^3 above where it ends.
+        self._sinking = (1.0 - RISE) * (0.1 * depth / (depth + self.gait.swing_height)) ** (1 / 3)
         self._times = StepTimes(self.gait.swing_time, self.gait.double_support)
         self._gain = transfer_gain(self._legs, self._times)
         self.status, self.phase, self.steps_made = WalkStatus.READY, Phase.STAND, 0
@@ -473,27 +473,29 @@ class ReactiveWalker:
         begin = self._sense.placement(foot)
         goal = self.commands.steps(foot, self._stance, 1)[0]
         height = self.gait.swing_height
-        shape = SwingShape(apex=max(begin.position[2], goal.position[2]) + height, arrive=_ARRIVE)
-        with suppress(ConfigurationError):
-            if not self.ground.platforms:
-                raise ConfigurationError("x")
-            size = self._standing.sizes[foot]
-            shape = clear_swing(begin, goal, size, height, self.ground, self.steps_made)
+        shape = SwingShape(
+            apex=max(begin.position[2], goal.position[2]) + height, arrive=1.0 - self._sinking
+        )
+        if self.ground.platforms:
+            # A swing that would knock against one is made all the same: it may catch the robot.
+            with suppress(ConfigurationError):
+                size = self._standing.sizes[foot]
+                shape = clear_swing(begin, goal, size, height, self.ground, self.steps_made)
         x, y, z = goal.position
         low = Placement(position=(x, y, z - self.settings.touchdown_depth), yaw=goal.yaw)
         self._left, self._elapsed, self._waited = self._times.swing, 0.0, 0.0
         self._goal, self.phase = goal, Phase.SWING
-        self._swing = SwingFoot(
-            position, rotation, low, shape, self._left, self.settings.search_depth
-        )
+        time = self._left / (1.0 - self._sinking)
+        self._swing = SwingFoot(position, rotation, low, shape, time, self.settings.search_depth)
         self._stand_on((1 - foot,))
 
     def _fly(self, swing: SwingFoot, state: RobotState, dt: float) -> None:
         self._elapsed += dt
         self._left = max(self._left - dt, 0.0)
         self._aim(swing, dt)
-        if self._left > 0.0:
-            swing.retime(self._left)
+        before_ground = 1.0 - self._sinking - swing.phase
+        if self._left > 0.0 and before_ground > 0.0:
+            swing.retime(self._left * (1.0 - swing.phase) / before_ground)
         goal = self._goal.position
         swing.advance(dt, np.array(goal[:2]) - np.array(swing.goal.position[:2]))
         if self._sense.is_down(swing, state, self._foot, self.settings):
