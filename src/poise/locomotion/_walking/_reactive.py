@@ -90,6 +90,9 @@ _PLACE_RATE, _TIME_RATE = 2.0, 2.0
 _FINAL = 0.05
 """Foothold and time are final when touchdown is this near [s]."""
 
+_WORTH = 0.5
+"""A foot stays where it is while both hold the robot and its step would cost more than this."""
+
 _CLOSED, _CLOSED_TURN = 0.025, 0.06
 """Feet so near to side by side are [m, rad]."""
 
@@ -101,6 +104,9 @@ _TURN, _TURN_IN = 0.6, 0.12
 
 _WIDE = 0.75
 """Farthest that feet stand apart, over the height of the COM."""
+
+_REACH = 0.85
+"""Part of the longest step, both legs straight, that a foot may use."""
 
 _BODY_TIME = 0.25
 """The body turns and rises no faster than it takes for a goal this far away [s]."""
@@ -170,7 +176,7 @@ class ReactiveWalker:
             sizes=stand.sizes,
             width=self.gait.width or foot_distance(stand.start),
             clearance=0.01,
-            ahead=LegReach(robot, stand).longest_step(self.height),
+            ahead=_REACH * LegReach(robot, stand).longest_step(self.height),
             wide=_WIDE * self.height,
             turn=_TURN,
             turn_in=_TURN_IN,
@@ -190,7 +196,7 @@ class ReactiveWalker:
         self._time: float | None = None
         self._foot = 0
         self._swing: SwingFoot | None = None
-        self._released = False
+        self._released = self._hurried = False
         self._left, self._elapsed, self._waited = 0.0, 0.0, 0.0
         self._dcm: tuple[DcmMotion, DcmMotion] = ((0.0, 0.0), (0.0, 0.0))
         self._com: Point = (0.0, 0.0)
@@ -358,7 +364,7 @@ class ReactiveWalker:
         middle = (0.5 * (left[0] + right[0]), 0.5 * (left[1] + right[1]))
         self._lead_dcm(((middle[0], 0.0), (middle[1], 0.0)), self._left, dt)
         if not self._is_held():
-            self._go(self._better_foot(), _QUICK)
+            self._hurry()
         elif self.commands.moving:
             self._go(self.commands.first_foot(), self.gait.shift_time)
         elif self.commands.closes and not self._closed() and self._left == 0.0:
@@ -382,23 +388,39 @@ class ReactiveWalker:
         self.phase, self._foot, self._left, self._released = Phase.SHIFT, foot, time, False
         self.status = WalkStatus.WALKING
 
+    def _hurry(self) -> None:
+        """A foot is to be lifted at once, so that the robot does not fall."""
+        self._go(self._better_foot(), _QUICK)
+        self._hurried = True
+        # The ZMP has to be in the foot that stays; going there evenly would take too long.
+        self._stand_on((1 - self._foot,))
+
     def _shift(self, dt: float) -> None:
         """Takes the load off a foot, and lifts it when it is due."""
         self._left -= dt
         foot, contact = self._foot, self._tasks.contacts[self._foot]
-        if not self._released and self._left > _QUICK and not self._is_held():
-            self._go(self._better_foot(), _QUICK)
+        if self._left > _QUICK and not self._released and not self._is_held():
+            self._hurry()
             foot, contact = self._foot, self._tasks.contacts[self._foot]
-        pendulum = self._planned(foot, self._feet[foot].position[:2])
-        self._lead_dcm(self._on_the_way(pendulum, self._times.swing), self._left, dt)
+        if not self._hurried:
+            pendulum = self._planned(foot, self._feet[foot].position[:2])
+            self._lead_dcm(self._on_the_way(pendulum, self._times.swing), self._left, dt)
         ramp = min(RELEASE * self.gait.double_support, _QUICK)
         if not self._released and self._left <= ramp:
+            if self._is_held() and not self._may_lift(foot):
+                self._left = ramp
+                return
             contact.release(ramp)
             self._released = True
             # The tick that finds the contact gone comes before the next state: it holds the foot.
             self._tasks.feet[foot].set_target(*self._sense.sole(foot))
         if self._left <= 0.0 and not contact.active:
             self._lift(foot)
+
+    def _may_lift(self, foot: int) -> bool:
+        """Whether a step would catch what both feet hold now."""
+        place = self._feet[foot].position[:2]
+        return self._choose(foot, self._planned(foot, place), place, 0.0).cost < _WORTH
 
     @property
     def _stance(self) -> Placement:
@@ -481,18 +503,23 @@ class ReactiveWalker:
             with suppress(ConfigurationError):
                 size = self._standing.sizes[foot]
                 shape = clear_swing(begin, goal, size, height, self.ground, self.steps_made)
-        x, y, z = goal.position
-        low = Placement(position=(x, y, z - self.settings.touchdown_depth), yaw=goal.yaw)
+        x, y, z = position.tolist()
         self._left, self._elapsed, self._waited = self._times.swing, 0.0, 0.0
         self._goal, self.phase = goal, Phase.SWING
+        self._stand_on((1 - foot,))
+        if self._hurried:
+            self._aim((x, y), math.inf)
+        self._hurried = False
+        x, y, z = self._goal.position
+        low = Placement(position=(x, y, z - self.settings.touchdown_depth), yaw=goal.yaw)
         time = self._left / (1.0 - self._sinking)
         self._swing = SwingFoot(position, rotation, low, shape, time, self.settings.search_depth)
-        self._stand_on((1 - foot,))
 
     def _fly(self, swing: SwingFoot, state: RobotState, dt: float) -> None:
         self._elapsed += dt
         self._left = max(self._left - dt, 0.0)
-        self._aim(swing, dt)
+        x, y, _ = swing.position.tolist()
+        self._aim((x, y), dt)
         before_ground = 1.0 - self._sinking - swing.phase
         if self._left > 0.0 and before_ground > 0.0:
             swing.retime(self._left * (1.0 - swing.phase) / before_ground)
@@ -509,12 +536,17 @@ class ReactiveWalker:
             swing.position, swing.rotation, swing.velocity, swing.acceleration
         )
 
-    def _aim(self, swing: SwingFoot, dt: float) -> None:
-        """Chooses place and time of touchdown, and where the divergent component should be now."""
-        pendulum = self._planned(self._foot, self._swing_motion(swing)[0])
+    def _aim(self, place: Point, dt: float) -> None:
+        """Chooses place and time of touchdown, and where the divergent component should be now.
+
+        Args:
+            place: of the foot in the air [m].
+            dt: since the last choice, which it stays near to [s].
+        """
+        lifted = place if self._swing is None else self._swing_motion(self._swing)[0]
+        pendulum = self._planned(self._foot, lifted)
         if self._left > _FINAL:
-            x, y, _ = swing.position.tolist()
-            step = self._choose(self._foot, pendulum, (x, y), self._elapsed)
+            step = self._choose(self._foot, pendulum, place, self._elapsed)
             axes = _Axes(self._stance, side(self._foot))
             self._move_goal(axes.without((step.x, step.y)), dt)
             most = _TIME_RATE * dt
