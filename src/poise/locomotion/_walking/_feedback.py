@@ -8,7 +8,7 @@ expensive plain as in arrays.
 """
 
 import math
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float64
@@ -20,6 +20,7 @@ from poise.locomotion._walking._ground import Placement
 Vector2 = Float64[np.ndarray, "2"]
 
 
+@runtime_checkable
 class ZmpRegion(Protocol):
     """Where the ZMP can be: a `SupportPolygon`, or what stands in for one."""
 
