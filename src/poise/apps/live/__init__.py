@@ -14,7 +14,8 @@ from poise.apps.live._inputs import (
     Pad as Pad,
 )
 from poise.apps.live._log import Takes as Takes
-from poise.apps.live._loop import LiveLoop as LiveLoop, Snapshot as Snapshot
+from poise.apps.live._loop import LiveLoop as LiveLoop
 from poise.apps.live._session import LiveSession
+from poise.apps.live._snapshot import Snapshot as Snapshot
 
 __all__ = ["LiveSession"]
