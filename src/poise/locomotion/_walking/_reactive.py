@@ -241,6 +241,13 @@ class ReactiveWalker:
     # What a recorder may know ----------------------------------------------------------------------
 
     @property
+    def lifting(self) -> tuple[int, bool] | None:
+        """Which foot is being lifted, 0 for the left one, and whether it is in the air."""
+        if self.phase is Phase.STAND:
+            return None
+        return self._foot, self.phase is Phase.SWING
+
+    @property
     def dcm_error(self) -> Float64[np.ndarray, "2"]:
         """How far the divergent component of motion is from its reference [m]."""
         return self._feedback.error
