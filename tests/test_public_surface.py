@@ -19,9 +19,9 @@ The last ones: a campaign from a program, workers for whoever runs anything else
 operator, whom scenarios and studies share, the bridge to a user's own MuJoCo model; `describe`,
 `try_out` and `write_page`, a stranger's description, its trial and its page, for programs that go
 through many models; and the state estimator with its configuration and status, its two parts that
-are of use alone, and what a state carries for it; the walker that is led by commands with the limits
-of those, which nothing that follows a plan made before could be, and the session in which somebody
-drives it.
+are of use alone, and what a state carries for it; the walker that is led by commands with the
+limits of those, which nothing that follows a plan made before could be, and the session in which
+somebody drives it.
 """
 
 

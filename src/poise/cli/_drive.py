@@ -15,8 +15,8 @@ def add_parser(verbs: Any) -> None:
         "drive",
         help="a person drives the robot by velocities, in a browser",
         description="Starts a simulated humanoid in real time and a page on 127.0.0.1 to drive it "
-        "from: open the address that is printed; arrow keys or W, A, S, D walk, Q and E turn, and a "
-        "gamepad's sticks do both. The robot makes its own steps, and stops when nobody drives. "
+        "from: open the address that is printed; arrow keys or W, A, S, D walk, Q and E turn, and "
+        "a gamepad's sticks do both. The robot makes its own steps, and stops when nobody drives. "
         "Whoever has the address without its token can watch. Ctrl-C ends; every run is logged.",
         epilog="example: poise drive --robot g1",
     )

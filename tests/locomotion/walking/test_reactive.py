@@ -75,7 +75,7 @@ def test_standing_it_steps_when_it_is_pushed_and_comes_back_to_rest(led):
     run.until(0.8)
     force = run.robot.mass * 0.4 / 0.08
     run.plant.push(run.robot.torso, (-force, 0.0, 0.0), 0.08)
-    run.until(3.8)
+    run.until(4.2)
     assert run.walker.steps_made >= 1
     assert run.walker.status is WalkStatus.STANDING
     assert np.linalg.norm(run.plant.true_state().v[:3]) < 0.05

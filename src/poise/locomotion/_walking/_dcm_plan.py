@@ -1,12 +1,12 @@
 """The divergent component of motion over the next few footholds, by backward recursion.
 
-On the linear inverted pendulum, xi' = omega (xi - r) with the ZMP r. While that goes evenly from r_0 to
-r_1 in a time T (Englsberger, Ott, Albu-Schaeffer 2015),
+On the linear inverted pendulum, xi' = omega (xi - r) with the ZMP r. While that goes evenly from
+r_0 to r_1 in a time T (Englsberger, Ott, Albu-Schaeffer 2015),
 
     xi(0) = r_0 + s + e^{-omega T} (xi(T) - r_1 - s),    s = (r_1 - r_0) / (omega T)
 
-What is far ahead counts with e^{-omega t}: four steps are as good as all of them. Vectors are x and y
-in the world, plain numbers.
+What is far ahead counts with e^{-omega t}: four steps are as good as all of them. Vectors are x and
+y in the world, plain numbers.
 """
 
 import math

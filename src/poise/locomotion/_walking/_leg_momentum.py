@@ -68,11 +68,11 @@ class LegMomentum:
 
         c'' = omega^2 (c - z) + beta sum (p'' - c'')
 
-    so C = (1 + 2 beta) c - beta (p_left + p_right), roughly the COM of everything but the legs, moves
-    as the COM of the plain pendulum does, C'' = W^2 (C - Z), with Z made of z in the same way and
-    W^2 = omega^2 / (1 + 2 beta). It is the pendulum with three masses. All that is known of the plain
-    one holds for C, Z and C + C' / W. A foot that rises turns its leg as one does that moves ahead,
-    so its height counts as a way ahead, `LegRatios.rise` times.
+    so C = (1 + 2 beta) c - beta (p_left + p_right), roughly the COM of everything but the legs,
+    moves as the COM of the plain pendulum does, C'' = W^2 (C - Z), with Z made of z in the same way
+    and W^2 = omega^2 / (1 + 2 beta). It is the pendulum with three masses. All that is known of the
+    plain one holds for C, Z and C + C' / W. A foot that rises turns its leg as one does that moves
+    ahead, so its height counts as a way ahead, `LegRatios.rise` times.
 
     Args:
         beta: of each leg, `LegRatios.ahead`.

@@ -1,7 +1,4 @@
-"""`ReactiveWalker`: walks by velocities and footholds that are given while it walks.
-
-`Pace`: what it is led by in the horizontal plane, one step ahead.
-"""
+"""`ReactiveWalker`: walks by velocities and footholds that are given while it walks."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -17,17 +14,15 @@ from poise.dynamics import RobotState
 from poise.errors import ConfigurationError
 from poise.locomotion._pendulum import natural_frequency
 from poise.locomotion._support import Point, SupportPolygon
-from poise.locomotion._walking._commands import LegRoom, StepCommands, VelocityLimits, side
+from poise.locomotion._walking._commands import LegRoom, StepCommands, VelocityLimits
 from poise.locomotion._walking._dcm_plan import (
     DcmMotion,
     StepTimes,
-    before_transfer,
     hermite_step,
-    touchdown_dcm,
-    transfer_gain,
 )
 from poise.locomotion._walking._feedback import DcmFeedback
 from poise.locomotion._walking._footsteps import (
+    FootstepPlan,
     Gait,
     foot_distance,
     level_floor,
@@ -38,7 +33,7 @@ from poise.locomotion._walking._leg_momentum import FeetAt, JoinedSupport, LegMo
 from poise.locomotion._walking._reach import LegReach
 from poise.locomotion._walking._sense import ENGAGE, LONGEST_TICK, RELEASE, WalkSense
 from poise.locomotion._walking._settings import WalkSettings, WalkStatus
-from poise.locomotion._walking._step_choice import Pendulum, Step, SwingLimits, choose_step
+from poise.locomotion._walking._step_planner import QUICK, Lifted, StepPlanner
 from poise.locomotion._walking._swing import Motion, SwingFoot, least_jerk_towards
 from poise.locomotion._walking._swing_shape import RISE, SwingShape, clear_swing
 from poise.locomotion._walking._tasks import CarriedTarget, find_walk_tasks
@@ -68,21 +63,6 @@ _CROUCH = 0.05
 
 _SWING_HEIGHT = 0.06
 """Of a foot, over the height of the COM, unless a gait says otherwise."""
-
-_QUICK = 0.06
-"""From the decision to step in order not to fall to lift-off [s]."""
-
-_SHORTEST, _LONGEST = 0.65, 1.5
-"""Shortest and longest swing over the usual one."""
-
-_SWING_SPEED = 2.5
-"""Average speed of a foot in the air, at most [m/s]."""
-
-_TRUSTED = 0.6
-"""Part of a sole that the choice of a step takes the ZMP to reach; the rest is for feedback."""
-
-_AHEAD = 4
-"""Footholds that are looked at."""
 
 _PLACE_RATE, _TIME_RATE = 2.0, 2.0
 """How fast foothold [m/s] and time of touchdown [s/s] change at most while a foot is in the air."""
@@ -115,19 +95,20 @@ _BODY_TIME = 0.25
 class ReactiveWalker:
     """Walks as it is told, now: a `poise.stack.Leader`.
 
-    Where `Walker` follows a plan that was made before it began, this one is led by `set_velocity` and
-    `step_to` while it walks. The next footholds are made anew in every tick from what is asked for,
-    and from them, by backward recursion, where the divergent component of motion should be. While a
-    foot is in the air, place and time of its touchdown are chosen from the measured one. Standing, the
-    robot steps by itself when its feet cannot hold it, and comes back to rest side by side.
+    Where `Walker` follows a plan that was made before it began, this one is led by `set_velocity`
+    and `step_to` while it walks. The next footholds are made anew in every tick from what is asked
+    for, and from them, by backward recursion, where the divergent component of motion should be.
+    While a foot is in the air, place and time of its touchdown are chosen from the measured one.
+    Standing, the robot steps by itself when its feet cannot hold it, and comes back to rest side by
+    side.
 
-    It sets the same targets and contacts of a stack as `Walker`, and never raises while it runs: what
-    is cut of a command is said by `notice`, what goes wrong by `status`.
+    It sets the same targets and contacts of a stack as `Walker`, and never raises while it runs:
+    what is cut of a command is said by `notice`, what goes wrong by `status`.
 
     Args:
         robot: on two soles.
-        stack: the controller's: a `ComTask` of all axes, a `FrameTask` of the pose of each sole, and a
-            contact on each.
+        stack: the controller's: a `ComTask` of all axes, a `FrameTask` of the pose of each sole,
+            and a contact on each.
         gait: timing and shape of every step; by the robot's size when None.
         settings: feedback and touchdown.
         limits: of velocities.
@@ -175,7 +156,7 @@ class ReactiveWalker:
         self._room = LegRoom(
             sizes=stand.sizes,
             width=self.gait.width or foot_distance(stand.start),
-            clearance=0.01,
+            clearance=FootstepPlan.clearance,
             ahead=_REACH * LegReach(robot, stand).longest_step(self.height),
             wide=_WIDE * self.height,
             turn=_TURN,
@@ -190,8 +171,9 @@ class ReactiveWalker:
         depth = self.settings.touchdown_depth
         # At the end a quintic of least jerk is 10 (height) s^3 above where it ends.
         self._sinking = (1.0 - RISE) * (0.1 * depth / (depth + self.gait.swing_height)) ** (1 / 3)
-        self._times = StepTimes(self.gait.swing_time, self.gait.double_support)
-        self._gain = transfer_gain(self._legs, self._times)
+        times = StepTimes(self.gait.swing_time, self.gait.double_support)
+        margin = self.settings.zmp_margin
+        self._planner = StepPlanner(self.commands, self._room, self._legs, times, margin)
         self.status, self.phase, self.steps_made = WalkStatus.READY, Phase.STAND, 0
         self._time: float | None = None
         self._foot = 0
@@ -206,7 +188,7 @@ class ReactiveWalker:
         self._goal = stand.start[0]
         self._support = SupportPolygon([], 0.0)
 
-    # What somebody who leads it says ---------------------------------------------------------------
+    # What somebody who leads it says --------------------------------------------------------------
 
     def set_velocity(self, ahead: float, sideways: float = 0.0, turn: float = 0.0) -> None:
         """Walks with a velocity from now on; zero brings the robot to rest, feet side by side.
@@ -238,7 +220,7 @@ class ReactiveWalker:
         """What was cut or ignored of the last command; "" for nothing."""
         return self.commands.notice
 
-    # What a recorder may know ----------------------------------------------------------------------
+    # What a recorder may know ---------------------------------------------------------------------
 
     @property
     def lifting(self) -> tuple[int, bool] | None:
@@ -276,7 +258,7 @@ class ReactiveWalker:
         """Whether the walk loads and unloads a contact of that name."""
         return any(contact == c.name for c in self._tasks.contacts)
 
-    # A tick ----------------------------------------------------------------------------------------
+    # A tick ---------------------------------------------------------------------------------------
 
     def lead(self, state: RobotState) -> None:
         """Sets what the next tick should do.
@@ -301,7 +283,7 @@ class ReactiveWalker:
         self._keep_balance(dt)
 
     def _feet_at(self) -> tuple[FeetAt, FeetAt, FeetAt]:
-        """Positions [m], velocities [m/s] and accelerations [m/s^2] of both feet, as they should."""
+        """Positions [m], velocities [m/s] and accelerations [m/s^2] of both feet."""
         still = (0.0, 0.0)
         rows = [[place.position[:2], still, still] for place in self._feet]
         if self._swing is not None:
@@ -363,7 +345,7 @@ class ReactiveWalker:
             )
         self._support = SupportPolygon(corners, self.settings.zmp_margin)
 
-    # Both feet on the ground -----------------------------------------------------------------------
+    # Both feet on the ground ----------------------------------------------------------------------
 
     def _stand(self, dt: float) -> None:
         self._left = max(self._left - dt, 0.0)
@@ -397,7 +379,8 @@ class ReactiveWalker:
 
     def _hurry(self) -> None:
         """A foot is to be lifted at once, so that the robot does not fall."""
-        self._go(self._better_foot(), _QUICK)
+        left, right = self._feet
+        self._go(self._planner.better_foot((left, right), self._xi()), QUICK)
         self._hurried = True
         # The ZMP has to be in the foot that stays; going there evenly would take too long.
         self._stand_on((1 - self._foot,))
@@ -406,15 +389,16 @@ class ReactiveWalker:
         """Takes the load off a foot, and lifts it when it is due."""
         self._left -= dt
         foot, contact = self._foot, self._tasks.contacts[self._foot]
-        if self._left > _QUICK and not self._released and not self._is_held():
+        if self._left > QUICK and not self._released and not self._is_held():
             self._hurry()
             foot, contact = self._foot, self._tasks.contacts[self._foot]
         if not self._hurried:
-            pendulum = self._planned(foot, self._feet[foot].position[:2])
-            self._lead_dcm(self._on_the_way(pendulum, self._times.swing), self._left, dt)
-        ramp = min(RELEASE * self.gait.double_support, _QUICK)
+            planner = self._planner
+            lift_off = planner.on_the_way(planner.plan(self._next_foot()), planner.times.swing)
+            self._lead_dcm(lift_off, self._left, dt)
+        ramp = min(RELEASE * self.gait.double_support, QUICK)
         if not self._released and self._left <= ramp:
-            if self._is_held() and not self._may_lift(foot):
+            if self._is_held() and self._planner.cost(self._next_foot()) > _WORTH:
                 self._left = ramp
                 return
             contact.release(ramp)
@@ -424,10 +408,13 @@ class ReactiveWalker:
         if self._left <= 0.0 and not contact.active:
             self._lift(foot)
 
-    def _may_lift(self, foot: int) -> bool:
-        """Whether a step would catch what both feet hold now."""
-        place = self._feet[foot].position[:2]
-        return self._choose(foot, self._planned(foot, place), place, 0.0).cost < _WORTH
+    def _next_foot(self) -> Lifted:
+        """The foot that comes down next, in the air or not yet."""
+        place = self._feet[self._foot].position
+        if self._swing is not None:
+            place = self._swing.position.tolist()
+        elapsed = self._elapsed if self.phase is Phase.SWING else 0.0
+        return Lifted(self._foot, (place[0], place[1]), self._stance, self._xi(), elapsed)
 
     @property
     def _stance(self) -> Placement:
@@ -439,63 +426,7 @@ class ReactiveWalker:
         x, y = (hermite_step(a, b, left, dt) for a, b in zip(self._dcm, goal, strict=True))
         self._dcm = (x, y)
 
-    def _planned(self, foot: int, lifted: Point) -> Pendulum:
-        """What the next footholds ask for, in the world.
-
-        Args:
-            foot: that comes down next.
-            lifted: where it is now [m].
-        """
-        stance, legs = self._feet[1 - foot].position[:2], self._legs
-        steps = self.commands.steps(foot, self._feet[1 - foot], _AHEAD)
-        footholds = [place.position[:2] for place in steps]
-        length, width = self._standing.sizes[1 - foot]
-        trusted = _TRUSTED * legs.factor
-        return Pendulum(
-            xi=self._xi(),
-            zmp=legs.joined(stance, (stance, lifted)),
-            zmp_end=legs.joined(stance, (stance, footholds[0])),
-            goal=touchdown_dcm(lifted, (stance, *footholds), legs, self._times),
-            foothold=footholds[0],
-            gain=self._gain,
-            room=(
-                trusted * max(0.5 * length - self.settings.zmp_margin, 0.0),
-                trusted * max(0.5 * width - self.settings.zmp_margin, 0.0),
-            ),
-            omega=legs.omega,
-        )
-
-    def _on_the_way(self, pendulum: Pendulum, left: float) -> tuple[DcmMotion, DcmMotion]:
-        """Where the divergent component has to be in single support, a while before its goal."""
-        start, end, omega = pendulum.zmp, pendulum.zmp_end, pendulum.omega
-        now = pendulum.goal
-        if left > 0.0:
-            now = before_transfer(pendulum.goal, start, end, omega, left)
-        x, y = ((p, omega * (p - z)) for p, z in zip(now, start, strict=True))
-        return x, y
-
-    def _choose(self, foot: int, pendulum: Pendulum, lifted: Point, elapsed: float) -> Step:
-        """The best touchdown, along the foot that stands and away from it."""
-        axes, usual = _Axes(self._feet[1 - foot], side(foot)), self._times.swing
-        seen = pendulum._replace(
-            xi=axes.within(pendulum.xi),
-            zmp=axes.within(pendulum.zmp),
-            zmp_end=axes.within(pendulum.zmp_end),
-            goal=axes.within(pendulum.goal),
-            foothold=axes.within(pendulum.foothold),
-        )
-        turned = self._goal.yaw - self._stance.yaw if self.phase is Phase.SWING else 0.0
-        limits = SwingLimits(
-            place=axes.within(lifted),
-            speed=_SWING_SPEED,
-            elapsed=elapsed,
-            shortest=_SHORTEST * usual,
-            usual=usual,
-            longest=_LONGEST * usual,
-        )
-        return choose_step(seen, self._room.bounds(turned), limits)
-
-    # One foot in the air ---------------------------------------------------------------------------
+    # One foot in the air --------------------------------------------------------------------------
 
     def _lift(self, foot: int) -> None:
         position, rotation = self._sense.sole(foot)
@@ -510,12 +441,11 @@ class ReactiveWalker:
             with suppress(ConfigurationError):
                 size = self._standing.sizes[foot]
                 shape = clear_swing(begin, goal, size, height, self.ground, self.steps_made)
-        x, y, z = position.tolist()
-        self._left, self._elapsed, self._waited = self._times.swing, 0.0, 0.0
+        self._left, self._elapsed, self._waited = self._planner.times.swing, 0.0, 0.0
         self._goal, self.phase = goal, Phase.SWING
         self._stand_on((1 - foot,))
         if self._hurried:
-            self._aim((x, y), math.inf)
+            self._aim(math.inf)
         self._hurried = False
         x, y, z = self._goal.position
         low = Placement(position=(x, y, z - self.settings.touchdown_depth), yaw=goal.yaw)
@@ -525,8 +455,7 @@ class ReactiveWalker:
     def _fly(self, swing: SwingFoot, state: RobotState, dt: float) -> None:
         self._elapsed += dt
         self._left = max(self._left - dt, 0.0)
-        x, y, _ = swing.position.tolist()
-        self._aim((x, y), dt)
+        self._aim(dt)
         before_ground = 1.0 - self._sinking - swing.phase
         if self._left > 0.0 and before_ground > 0.0:
             swing.retime(self._left * (1.0 - swing.phase) / before_ground)
@@ -543,31 +472,22 @@ class ReactiveWalker:
             swing.position, swing.rotation, swing.velocity, swing.acceleration
         )
 
-    def _aim(self, place: Point, dt: float) -> None:
+    def _aim(self, dt: float) -> None:
         """Chooses place and time of touchdown, and where the divergent component should be now.
 
         Args:
-            place: of the foot in the air [m].
             dt: since the last choice, which it stays near to [s].
         """
-        lifted = place if self._swing is None else self._swing_motion(self._swing)[0]
-        pendulum = self._planned(self._foot, lifted)
+        planner, lifted = self._planner, self._next_foot()
+        counts_as = None if self._swing is None else self._swing_motion(self._swing)[0]
+        pendulum = planner.plan(lifted, counts_as)
         if self._left > _FINAL:
-            step = self._choose(self._foot, pendulum, place, self._elapsed)
-            axes = _Axes(self._stance, side(self._foot))
-            self._move_goal(axes.without((step.x, step.y)), dt)
+            step, place = planner.choose(lifted, pendulum, self._goal.yaw - self._stance.yaw)
+            self._move_goal(place, dt)
             most = _TIME_RATE * dt
             self._left += min(max(step.left - self._left, -most), most)
-        goal = self._goal.position[:2]
-        moved = [
-            a + self._gain * (b - c)
-            for a, b, c in zip(pendulum.goal, goal, pendulum.foothold, strict=True)
-        ]
-        stance = self._stance.position[:2]
-        pendulum = pendulum._replace(
-            goal=(moved[0], moved[1]), zmp_end=self._legs.joined(stance, (stance, goal))
-        )
-        self._dcm = self._on_the_way(pendulum, self._left)
+        pendulum = planner.moved(pendulum, self._stance, self._goal.position[:2])
+        self._dcm = planner.on_the_way(pendulum, self._left)
 
     def _move_goal(self, place: Point, dt: float) -> None:
         """Takes the foothold nearer to a place, on ground that carries all of the sole."""
@@ -577,18 +497,6 @@ class ReactiveWalker:
         moved = Placement(position=(x + ratio * by_x, y + ratio * by_y, z), yaw=self._goal.yaw)
         if self.commands.carries(self._foot, moved):
             self._goal = moved
-
-    def _better_foot(self) -> int:
-        """The foot whose step catches the robot at the least cost."""
-        costs: list[float] = []
-        growth = math.exp(self._legs.omega * _QUICK)
-        for foot in (0, 1):
-            place = self._feet[foot].position[:2]
-            pendulum = self._planned(foot, place)
-            # Until lift-off the ZMP gets to the foot that stays, and the rest grows.
-            x, y = (z + growth * (p - z) for p, z in zip(pendulum.xi, pendulum.zmp, strict=True))
-            costs.append(self._choose(foot, pendulum._replace(xi=(x, y)), place, 0.0).cost)
-        return int(costs[1] < costs[0])
 
     def _land(self, foot: int) -> None:
         self._tasks.contacts[foot].engage(ENGAGE * self.gait.double_support)
@@ -606,7 +514,7 @@ class ReactiveWalker:
             self.phase, self.status = Phase.STAND, WalkStatus.STANDING
             self._left = self.gait.settle_time
 
-    # Balance and body ------------------------------------------------------------------------------
+    # Balance and body -----------------------------------------------------------------------------
 
     def _keep_balance(self, dt: float) -> None:
         self._move_body(dt)
@@ -667,33 +575,6 @@ class ReactiveWalker:
             time = max(time, self.gait.shift_time)
         self._rise = least_jerk_towards(self._rise, low + self.height, time, dt)
         self._heading = least_jerk_towards(self._heading, yaw, time, dt)
-
-
-class _Axes:
-    """Along a foot that stands, and away from it to the side of the other one.
-
-    Args:
-        stance: where it stands.
-        out: to which side the other one is, see `side`.
-    """
-
-    def __init__(self, stance: Placement, out: float) -> None:
-        self._x, self._y, _ = stance.position
-        self._cos, self._sin, self._out = math.cos(stance.yaw), math.sin(stance.yaw), out
-
-    def within(self, point: Point) -> Point:
-        """A point of the world, seen from the foot."""
-        dx, dy = point[0] - self._x, point[1] - self._y
-        along, left = self._cos * dx + self._sin * dy, self._cos * dy - self._sin * dx
-        return along, self._out * left
-
-    def without(self, point: Point) -> Point:
-        """A point seen from the foot, in the world."""
-        along, left = point[0], self._out * point[1]
-        return (
-            self._x + self._cos * along - self._sin * left,
-            self._y + self._sin * along + self._cos * left,
-        )
 
 
 def _usual_gait(height: float) -> Gait:

@@ -31,10 +31,7 @@ class StepBounds(NamedTuple):
     def nearest(self, place: Point) -> Point:
         """The nearest place inside; the second coordinate counts away from the foot that stands."""
         x, y = place
-        if y > self.beside:
-            distance = math.hypot(x, y - self.beside)
-        else:
-            distance = abs(x)
+        distance = math.hypot(x, max(y - self.beside, 0.0))
         if distance > self.reach:
             ratio = self.reach / distance
             x *= ratio
@@ -112,17 +109,17 @@ _SOONEST = 0.02
 """A foot that is due comes down within this time [s]."""
 
 _PLACE, _TIME, _DCM = 0.1, 0.15, 0.01
-"""Deviations of foothold [m], time [s] and divergent component at touchdown [m] that cost the same."""
+"""Deviations of foothold [m], time [s] and divergent component at touchdown [m] that cost one."""
 
 
 def choose_step(pendulum: Pendulum, bounds: StepBounds, swing: SwingLimits) -> Step:
     """The touchdown that costs least.
 
-    For every time tau until touchdown, with E = e^{omega tau}, the ZMP takes the divergent component
-    to r_1 + s + E (xi - r_0 - s), s = (r_1 - r_0) / (omega tau), and r (1 - E) farther where it is
-    r beside that. It does what it can within the sole; the foothold moves for the rest, within reach;
-    what is left is missed. Deviations of place, time and
-    divergent component are weighed against each other, in the manner of Khadiv et al. (2020).
+    For every time tau until touchdown, with E = e^{omega tau}, the ZMP takes the divergent
+    component to r_1 + s + E (xi - r_0 - s), s = (r_1 - r_0) / (omega tau), and r (1 - E) farther
+    where it is r beside that. It does what it can within the sole; the foothold moves for the rest,
+    within reach; what is left is missed. Deviations of place, time and divergent component are
+    weighed against each other, in the manner of Khadiv et al. (2020).
 
     Args:
         pendulum: measured, and planned.
