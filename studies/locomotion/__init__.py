@@ -1,6 +1,7 @@
-"""The study of locomotion: walking on what the robot's own sensors say."""
+"""The study of locomotion: walking on what the robot's own sensors say, led and pushed."""
 
 from studies.locomotion.estimation_section import estimation_section
+from studies.locomotion.led_section import led_section
 from studies.plan import Part, StudyPlan
 
 PLAN = StudyPlan(
@@ -13,6 +14,9 @@ PLAN = StudyPlan(
     ),
     source="The estimator is that of R. Hartley, M. Ghaffari, R. M. Eustice, J. W. Grizzle, "
     "“Contact-aided invariant extended Kalman filtering for robot state estimation” (2020).",
-    parts=(Part("estimation", "The estimate on walks", estimation_section),),
+    parts=(
+        Part("estimation", "The estimate on walks", estimation_section),
+        Part("led", "Led by velocities", led_section),
+    ),
 )
-"""The study: what is estimated."""
+"""The study: what is estimated, and what is walked."""

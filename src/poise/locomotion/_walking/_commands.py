@@ -36,7 +36,7 @@ class VelocityLimits:
         rise_time: from standing to a limit, and back [s].
     """
 
-    ahead: _Speed = 0.7
+    ahead: _Speed = 0.65
     back: _Speed = 0.4
     sideways: _Speed = 0.3
     turn: Annotated[float, Bounds(least=0.0, most=LARGEST, unit="rad/s")] = 0.8
