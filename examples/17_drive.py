@@ -19,8 +19,9 @@ commands = {0.5: (0.3, 0.0, 0.0), 3.0: (0.2, 0.0, 0.4), 5.0: (0.0, 0.0, 0.0)}
 plant.push("torso", (0.0, 1.5 * robot.mass, 0.0), 0.1, 2.0)
 for tick in poise.rollout(plant, controller, walker, duration=7.0):
     for time in [t for t in commands if t <= tick.time]:
-        walker.set_velocity(*commands.pop(time))
-        print(f"{time:.1f} s: {walker.notice or walker.commands.velocity}")
+        velocity = commands.pop(time)
+        walker.set_velocity(*velocity)
+        print(f"{time:.1f} s: asked for {velocity}; {walker.notice or 'nothing cut'}")
 
 x, y, _ = plant.com
 print(f"{walker.status.value} after {walker.steps_made} steps at ({x:.2f}, {y:.2f}) m")

@@ -110,4 +110,5 @@ def test_a_weak_direction_or_speed_fails_its_finding_alone(monkeypatch, fails, c
     )
     failed = [finding for finding, ok in found.items() if not ok]
     assert len(failed) == 1
-    assert failed[0].startswith("g1") and name in failed[0]
+    assert failed[0].startswith("g1")
+    assert name in failed[0]
