@@ -84,7 +84,7 @@ def test_velocities_change_gradually():
     leader = commands(rise_time=1.0)
     leader.set_velocity(0.7, 0.0, 0.0)
     leader.advance(0.1)
-    assert leader.velocity[0] == pytest.approx(0.07)
+    assert leader.velocity[0] == pytest.approx(0.1 * VelocityLimits().ahead)
 
 
 def test_a_foothold_within_reach_is_exact():
