@@ -7,6 +7,7 @@ from poise.locomotion import ReactiveWalker, walking_stack
 
 parser = argparse.ArgumentParser(description=__doc__)
 parser.add_argument("--robot", default="humanoid33", help="a name in `poise robots`, or a file")
+parser.add_argument("--seconds", type=float, default=7.0)
 options = parser.parse_args()
 
 robot = poise.load_robot(options.robot)
@@ -17,7 +18,7 @@ plant = poise.Plant(robot, poise.sim.PlantConfig(control_dt=0.002))
 
 commands = {0.5: (0.3, 0.0, 0.0), 3.0: (0.2, 0.0, 0.4), 5.0: (0.0, 0.0, 0.0)}
 plant.push("torso", (0.0, 1.5 * robot.mass, 0.0), 0.1, 2.0)
-for tick in poise.rollout(plant, controller, walker, duration=7.0):
+for tick in poise.rollout(plant, controller, walker, duration=options.seconds):
     for time in [t for t in commands if t <= tick.time]:
         velocity = commands.pop(time)
         walker.set_velocity(*velocity)
