@@ -1,6 +1,7 @@
-"""The study of locomotion: legs on what they can measure, and under whatever they are told."""
+"""The study of locomotion: legs on what they can measure, led, pushed, told absurd things."""
 
 from studies.locomotion.estimation_section import estimation_section
+from studies.locomotion.led_section import led_section
 from studies.locomotion.references_section import references_section
 from studies.locomotion.steps_section import steps_section
 from studies.plan import Part, StudyPlan
@@ -17,8 +18,9 @@ PLAN = StudyPlan(
     "“Contact-aided invariant extended Kalman filtering for robot state estimation” (2020).",
     parts=(
         Part("estimation", "The estimate on walks", estimation_section),
+        Part("led", "Led by velocities", led_section),
         Part("steps", "Torques from tick to tick", steps_section),
         Part("references", "References that no robot can follow", references_section),
     ),
 )
-"""The study: what is estimated, and what is survived."""
+"""The study: what is estimated, and what is walked, and what is survived."""

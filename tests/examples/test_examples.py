@@ -28,6 +28,7 @@ SHORT = {
     "13_own_mujoco_loop.py": ["--seconds", "0.2"],
     "14_coming_from.py": [],
     "15_state_estimation.py": ["--seconds", "0.8"],
+    "17_drive.py": ["--seconds", "0.6"],
 }
 
 
@@ -146,6 +147,12 @@ def test_walk_makes_its_steps_and_says_how_well(run):
     printed = run("11_walk.py")
     assert "walk finished after 2 steps" in printed
     assert numbers(r"COM within (\S+) mm", printed)[0] < 10.0
+
+
+def test_drive_says_what_was_asked_for(run):
+    printed = run("17_drive.py")
+    assert "0.5 s: asked for (0.3, 0.0, 0.0); nothing cut" in printed
+    assert "walking after 0 steps" in printed
 
 
 def test_own_task_brings_the_hands_closer(run):

@@ -10,6 +10,7 @@ pytest.importorskip("mujoco")
 from poise.errors import ConfigurationError
 from poise.stack import default_stack
 from studies.locomotion.estimated_walk import Outcome, Trial
+from studies.locomotion.led_walk import LedOutcome
 from studies.locomotion.standing_references import (
     RandomReferences,
     ReferenceOutcome,
@@ -157,3 +158,45 @@ def test_torques_change_by_no_more_than_the_rate_in_a_tick(get_robot, kind):
     assert not outcome.fell
     assert outcome.largest <= 0.1 + 1e-6
     assert outcome.steps == 0
+
+
+led = import_module("studies.locomotion.led_section")
+
+
+def led_findings(monkeypatch, change):
+    def run(trials, progress):
+        return {
+            t: replace(
+                LedOutcome(trial=t, fell=False, rested=True, reached=(0.6, 0.26, 0.65), steps=9),
+                **change(t),
+            )
+            for t in trials
+        }
+
+    monkeypatch.setattr(led, "_run", run)
+    found = led.led_section(StudyOptions(), lambda done, total: None).findings
+    return {finding.name: finding.ok for finding in found}
+
+
+def test_robots_that_are_led_well_hold(monkeypatch):
+    found = led_findings(monkeypatch, lambda trial: {})
+    assert all(found.values())
+    assert len(found) == 12
+
+
+@pytest.mark.parametrize(
+    ("fails", "change", "name"),
+    [
+        (lambda t: t.push == 0.4 and t.direction == 0.0, {"fell": True}, "of 0.4 m/s walking"),
+        (lambda t: t.push == 0.6 and t.direction == 0.0, {"rested": False}, "of 0.6 m/s standing"),
+        (lambda t: t.velocity == (0.62, 0.0, 0.0), {"reached": (0.5, 0.0, 0.0)}, "speed ahead"),
+    ],
+)
+def test_a_weak_direction_or_speed_fails_its_finding_alone(monkeypatch, fails, change, name):
+    found = led_findings(
+        monkeypatch, lambda t: change if t.robot == "g1" and fails(t) and t.seed < 3 else {}
+    )
+    failed = [finding for finding, ok in found.items() if not ok]
+    assert len(failed) == 1
+    assert failed[0].startswith("g1")
+    assert name in failed[0]

@@ -1,18 +1,14 @@
 """`poise teleop`: a person walks the simulated robot, live, in a browser."""
 
 import argparse
-import math
-import signal
 import sys
-import webbrowser
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from poise.cli._options import make_folder, whole_number
+from poise.cli._live import add_live_options, check_seconds, run_live
+from poise.cli._options import make_folder
 from poise.errors import ConfigurationError
-
-_PORT = 8080
 
 
 def add_parser(verbs: Any) -> None:
@@ -51,30 +47,13 @@ def add_parser(verbs: Any) -> None:
         help="what lies on the floor: flat, obstacle, steps, or bumps, whose places the seed draws "
         "(default: flat; with a recording, what it was made on)",
     )
-    parser.add_argument(
-        "--port",
-        metavar="N",
-        type=whole_number,
-        default=_PORT,
-        help="port of the page, 0 for any that is free (default: %(default)s)",
-    )
-    parser.add_argument(
-        "--seed", metavar="N", type=whole_number, default=0, help="seed (default: %(default)s)"
-    )
-    parser.add_argument(
-        "--seconds", metavar="S", type=float, default=math.inf, help="end by itself after this"
-    )
-    parser.add_argument("--no-open", action="store_true", help="do not open the page in a browser")
-    parser.add_argument(
-        "--out", metavar="DIR", help="folder to write into (default: runs/teleop-ROBOT)"
-    )
+    add_live_options(parser, "teleop")
     parser.set_defaults(act=act)
 
 
 def act(options: argparse.Namespace) -> int:
     """Runs until somebody ends it."""
-    if not options.seconds > 0.0:
-        raise ConfigurationError("--seconds is out of range", got=options.seconds, wanted="> 0")
+    check_seconds(options)
     from poise.apps.live import LiveSession
     from poise.robots import load_robot
 
@@ -91,32 +70,13 @@ def act(options: argparse.Namespace) -> int:
         plant=plant,
         seed=options.seed,
     )
-    # Whoever ends the process ends it as Ctrl-C does: the recording is finished first.
-    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
-    try:
-        with session:
-            _greet(session, robot.name, options)
-            session.wait(options.seconds)
-    except KeyboardInterrupt:
-        pass
-    finally:
-        signal.signal(signal.SIGTERM, before)
+    hint = "To step: hold Q or E in the page, or drag a foot's handle up; let go to step down."
+    run_live(session, robot.name, hint, options)
     found = session.takes.files
     print(f"recordings in {folder}: {', '.join(found) if found else 'none, nobody drove'}")
     if session.loop.log.problem:
         print(f"poise: the log for Foxglove: {session.loop.log.problem}", file=sys.stderr)
     return 0
-
-
-def _greet(session: Any, robot: str, options: argparse.Namespace) -> None:
-    """Says where the page is; flushed, so that it is there when the output is a pipe."""
-    print(f"{robot} is running.")
-    print(f"  drive: {session.front.drive_url}")
-    print(f"  watch: {session.front.watch_url}")
-    print("To step: hold Q or E in the page, or drag a foot's handle up; let go to step down.")
-    print("Ctrl-C ends.", flush=True)
-    if not options.no_open and not webbrowser.open(session.front.drive_url):
-        print("no browser could be opened here: open the first address yourself", file=sys.stderr)
 
 
 def _plant(options: argparse.Namespace, robot: Any, recording: Any) -> Any:

@@ -5,7 +5,7 @@ import sys
 from collections.abc import Sequence
 
 from poise import __version__
-from poise.cli import _campaign, _describe, _robots, _run, _scorecard, _teleop, _warmup
+from poise.cli import _campaign, _describe, _drive, _robots, _run, _scorecard, _teleop, _warmup
 from poise.cli._command import run_command
 
 
@@ -25,7 +25,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     parser.add_argument("--version", action="version", version=f"poise {__version__}")
     verbs = parser.add_subparsers(metavar="VERB", required=True)
-    for verb in (_run, _scorecard, _campaign, _robots, _describe, _teleop, _warmup):
+    for verb in (_run, _scorecard, _campaign, _robots, _describe, _teleop, _drive, _warmup):
         verb.add_parser(verbs)
     return run_command(parser, arguments)
 

@@ -97,7 +97,7 @@ def test_a_block_that_the_walk_is_not_told_of_is_no_ground_of_its_plan(get_robot
     robot, found = get_robot("humanoid33"), {}
     for told in ("true", "false"):
         scenario = parse_scenario(WALK + block % told, "walk.yaml")
-        walker = scenario.walk.walker(robot, walking_stack(robot), scenario.plant.blocks)
+        walker = scenario.walker(robot, walking_stack(robot))
         found[told] = [step.goal.position[2] for step in walker.plan.steps]
     assert max(found["true"]) == pytest.approx(min(found["false"]) + 0.02, abs=1e-6)
     assert max(found["false"]) == min(found["false"])
@@ -108,3 +108,40 @@ def test_whether_a_block_is_told_is_true_or_false():
         parse_scenario(
             WALK + "plant: {blocks: [{center: [1, 0], size: [1, 1, 1], told: maybe}]}", "walk.yaml"
         )
+
+
+DRIVE = """
+name: d
+duration: 8.0
+drive:
+  velocities:
+    - {at: 0.0, velocity: [0.3, 0.0, 0.0]}
+    - {at: 2.0, velocity: [0.0, 0.0, 0.5]}
+  limits: {ahead: 0.5}
+"""
+
+
+def test_a_drive_is_read_and_led():
+    drive = parse_scenario(DRIVE, "drive.yaml").drive
+    assert [v.at for v in drive.velocities] == [0.0, 2.0]
+    assert (drive.velocities[1].velocity[2], drive.limits.ahead) == (0.5, 0.5)
+    prepare(DRIVE)
+    assert "drive" in shipped_scenarios()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("at: 2.0", "at: 0.0", "not one after the other"),
+        ("at: 2.0", "at: 9.0", "a velocity of the drive begins outside the run"),
+        ("[0.3, 0.0, 0.0]", "[0.3, 0.0]", "velocity"),
+        ("limits: {ahead: 0.5}", "limits: {ahead: -1}", "ahead"),
+        ("name: d\n", "name: d\nrobot: arm6\n", "cannot walk on two feet"),
+        ("name: d\n", "name: d\ncontroller: differential_ik\n", "cannot follow the walk"),
+        ("name: d\n", "name: d\nwalk: {strides: [{steps: 2}]}\n", "walks and is driven"),
+    ],
+)
+def test_a_drive_that_cannot_be_is_refused_before_the_first_tick(old, new, message):
+    assert old in DRIVE
+    with pytest.raises(PoiseError, match=message):
+        prepare(DRIVE.replace(old, new, 1))

@@ -9,7 +9,7 @@ import pytest
 import poise
 from poise.errors import ConfigurationError, UnknownNameError
 from poise.locomotion import Gait, Stride, Walker, WalkSettings, plan_footsteps, walking_stack
-from poise.locomotion._walking._walker import WalkStatus
+from poise.locomotion._walking._settings import WalkStatus
 
 DT = 0.01
 GAIT = Gait(step_time=0.8, double_support=0.2, crouch=0.02, shift_time=0.4)

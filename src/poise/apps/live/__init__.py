@@ -7,6 +7,7 @@ from poise.errors import MissingExtraError
 if find_spec("websockets") is None:
     raise MissingExtraError("websockets", "teleop", "Live teleoperation")
 
+from poise.apps.live._drive import DriveLoop as DriveLoop
 from poise.apps.live._gamepad import HostGamepad as HostGamepad
 from poise.apps.live._inputs import (
     LiveFeet as LiveFeet,
@@ -14,7 +15,8 @@ from poise.apps.live._inputs import (
     Pad as Pad,
 )
 from poise.apps.live._log import Takes as Takes
-from poise.apps.live._loop import LiveLoop as LiveLoop, Snapshot as Snapshot
-from poise.apps.live._session import LiveSession
+from poise.apps.live._loop import LiveLoop as LiveLoop
+from poise.apps.live._session import DriveSession, LiveSession
+from poise.apps.live._snapshot import Snapshot as Snapshot
 
-__all__ = ["LiveSession"]
+__all__ = ["DriveSession", "LiveSession"]

@@ -22,20 +22,23 @@ def pad_from(buttons: Sequence[bool | int], axes: Sequence[float | int]) -> Pad:
     """What a gamepad of the usual layout asks for; the page maps its own the same way.
 
     The shoulder buttons hold the left and the right foot up, the left stick moves the foot that is
-    up, A brings the torso upright.
+    up, A brings the torso upright. A robot that is driven goes where the left stick points, and
+    turns with the right one.
 
     Args:
         buttons: whether each is pressed.
-        axes: from -1 to 1; the first two are the left stick, to the right and back.
+        axes: from -1 to 1; the first two are the left stick, to the right and back, the
+            third is the right one, to the right.
     """
 
     def pressed(button: int) -> bool:
         return button < len(buttons) and bool(buttons[button])
 
-    x, y = (float(a) if abs(a) > _DEAD else 0.0 for a in (*axes[:2], 0.0, 0.0)[:2])
+    x, y, turn = (float(a) if abs(a) > _DEAD else 0.0 for a in (*axes[:3], 0.0, 0.0, 0.0)[:3])
     return Pad(
         lift=(pressed(_LEFT_SHOULDER), pressed(_RIGHT_SHOULDER)),
         move=(max(-1.0, min(1.0, -y)), max(-1.0, min(1.0, -x))),
+        turn=max(-1.0, min(1.0, -turn)),
         upright=pressed(_A),
     )
 

@@ -42,7 +42,9 @@ class Pad(Struct, frozen=True, tag_field="do", tag="drive"):
 
     Attributes:
         lift: whether the left and the right foot shall be up.
-        move: where the lifted foot goes, forward and left, each from -1 to 1.
+        move: where the lifted foot goes, or the robot that is driven, forward and left, each from
+            -1 to 1.
+        turn: where a robot that is driven turns, to the left, from -1 to 1.
         upright: whether the torso shall be brought upright.
         drag: where the left and the right foot's handle is held, in the drawn world; None for one
             that is not held [m].
@@ -51,6 +53,7 @@ class Pad(Struct, frozen=True, tag_field="do", tag="drive"):
 
     lift: tuple[bool, bool] = (False, False)
     move: tuple[Deflection, Deflection] = (0.0, 0.0)
+    turn: Deflection = 0.0
     upright: bool = False
     drag: tuple[Place | None, Place | None] = (None, None)
     beat: float = 0.0

@@ -34,12 +34,16 @@ class LiveLog:
     It samples twenty times a second and keeps nothing in memory, for a run may last hours. The
     file is made when somebody drives. A log that cannot be written ends nothing but itself.
 
+    Args:
+        controller: what the log says of it.
+
     Attributes:
         problem: why there is no log, or not all of it; "" where there is.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, controller: str = "step teleoperation") -> None:
         self.problem = ""
+        self._controller = controller
         self._recorder: Recorder | None = None
 
     def expect(self, path: Path) -> None:
@@ -74,13 +78,13 @@ class LiveLog:
 
     def _is_driven(self) -> bool:
         leader = self._cast[2]
-        status = leader.status if isinstance(leader, StepTeleoperator) else None
+        if not isinstance(leader, StepTeleoperator):
+            return True
+        status = leader.status
         return status is not None and status.sample is not None
 
     def _open(self) -> Recorder | None:
-        recorder = Recorder(
-            self._path, config=_CONFIG, metadata={"controller": "step teleoperation"}
-        )
+        recorder = Recorder(self._path, config=_CONFIG, metadata={"controller": self._controller})
         try:
             recorder.begin(*self._cast)
         except PoiseError as error:

@@ -1,24 +1,17 @@
-"""`LiveLoop`: a rollout in real time, in a thread of its own, led by whoever is at the controls.
+"""`LiveLoop`: a rollout in real time, in a thread of its own, led by whoever is at the controls."""
 
-`Snapshot`: how the robot stands, as the page shows it, some 25 times a second.
-"""
-
-import queue
-import threading
-import time as clock
 from collections import deque
-from collections.abc import Callable, Generator, Mapping
-from dataclasses import dataclass
+from collections.abc import Generator, Mapping
 
 import numpy as np
 from jaxtyping import Float64
 
 from poise.apps.live._inputs import LiveFeet, OperatorInputs
 from poise.apps.live._log import LOG_SUFFIX, LiveLog, Takes
+from poise.apps.live._real_time import RealTimeLoop
+from poise.apps.live._snapshot import Snapshot
 from poise.apps.teleoperation import TELEOP_PLANT, teleop_setup
 from poise.locomotion import (
-    DeviceStatus,
-    Mode,
     RecordedPush,
     Recording,
     StepTeleoperator,
@@ -28,56 +21,7 @@ from poise.locomotion import (
     sole_rectangle,
 )
 from poise.robots import Robot
-from poise.sim import Plant, PlantConfig, Tick, rollout
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Snapshot:
-    """One moment of a live run; positions in the drawn world, which is the simulator's.
-
-    Attributes:
-        time: of the robot [s].
-        mode: which feet carry the robot.
-        device: what became of the operator's last sample.
-        zmp: measured, x and y [m].
-        zmp_reference: of it [m].
-        com: estimated [m].
-        soles: left and right [m].
-        handles: where the operator holds the left and the right foot [m].
-        target: where the foot in the air is sent [m].
-        polygon: the support polygon's corners, counter-clockwise [m].
-        margin: of the ZMP to the polygon's nearest edge, negative outside [m].
-        loads: on the soles, left and right [N].
-        tilt: of the torso [rad].
-        bodies: where each body of the simulator is [m].
-        turns: and how it is turned, (w, x, y, z).
-        fallen: whether the robot fell.
-        paused: whether time stands still.
-        speed: robot time over wall-clock time that is asked for.
-        real_time_factor: what the last second reached of that speed.
-        take: name of the recording.
-    """
-
-    time: float
-    mode: Mode
-    device: DeviceStatus
-    zmp: Float64[np.ndarray, "2"]
-    zmp_reference: Float64[np.ndarray, "2"]
-    com: Float64[np.ndarray, "3"]
-    soles: Float64[np.ndarray, "2 3"]
-    handles: Float64[np.ndarray, "2 3"]
-    target: Float64[np.ndarray, "3"] | None
-    polygon: Float64[np.ndarray, "h 2"]
-    margin: float
-    loads: Float64[np.ndarray, "2"]
-    tilt: float
-    bodies: Float64[np.ndarray, "B 3"]
-    turns: Float64[np.ndarray, "B 4"]
-    fallen: bool
-    paused: bool
-    speed: float
-    real_time_factor: float
-    take: str
+from poise.sim import PlantConfig, Tick, rollout
 
 
 def support_polygon(
@@ -104,25 +48,6 @@ def support_polygon(
     return np.array(convex_hull(corners))
 
 
-FRAMES_PER_SECOND = 25.0
-SLOW = 0.25
-"""Speed of slow motion."""
-
-PUSHES = {
-    "left": (0.0, 1.0, 0.0),
-    "right": (0.0, -1.0, 0.0),
-    "forward": (1.0, 0.0, 0.0),
-    "back": (-1.0, 0.0, 0.0),
-}
-"""Where a push goes."""
-
-_PUSH_SPEED, _PUSH_TIME = 0.08, 0.1
-"""A push changes the robot's velocity by this [m/s] within this time [s]."""
-
-_LATE = 0.1
-"""Further behind the clock than this [s] the loop gives up catching up."""
-
-_FLUSH_EVERY = 0.25
 _ENDLESS = 1e9
 """Duration of a take that goes on [s]."""
 
@@ -153,11 +78,8 @@ _PLACES = (
 """Signals of a teleoperator that are points."""
 
 
-class LiveLoop:
-    """Runs the robot against the clock and never waits for anybody who looks.
-
-    Orders (`push`, `pause`, ...) are carried out between ticks. An error ends the thread, finishes
-    the recording and stays in `error`.
+class LiveLoop(RealTimeLoop):
+    """A biped whose feet somebody leads, in real time.
 
     Args:
         robot: a biped.
@@ -172,9 +94,7 @@ class LiveLoop:
         RecordingError: the recording is of another robot.
 
     Attributes:
-        snapshot: the newest picture of the run; None before the first tick.
         log: of each take, beside its recording.
-        error: what ended the thread, if anything went wrong.
     """
 
     def __init__(
@@ -187,111 +107,15 @@ class LiveLoop:
         plant: PlantConfig = TELEOP_PLANT,
         seed: int = 0,
     ) -> None:
-        self.robot, self.takes = robot, takes
+        super().__init__(robot, plant, seed)
+        self.takes = takes
         self._inputs, self._recording, self._seed = inputs, recording, seed
-        self._config, self._dt = plant, plant.control_dt
-        self._weight = robot.mass
-        self.plant = Plant(robot, plant, seed=seed)
+        self._config = plant
         self.log = LiveLog()
-        self.error: Exception | None = None
-        self._orders: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
-        self._stop = threading.Event()
-        self._paused, self._speed = False, 1.0
-        self._progress: deque[tuple[float, float]] = deque()
         self._ticks: Generator[Tick] | None = None
         self._start()
-        self.snapshot: Snapshot | None = None
-        self._thread = threading.Thread(target=self._run, name="poise teleop loop", daemon=True)
-
-    # What others may ask for, from any thread ----------------------------------------------------
-
-    def start(self) -> None:
-        """Starts the thread."""
-        self._begin_take()
-        self._thread.start()
-
-    def stop(self) -> None:
-        """Ends the thread; the recording is finished when this returns."""
-        self._stop.set()
-        if self._thread.is_alive():
-            self._thread.join()
-        self._finish_take()
-
-    @property
-    def running(self) -> bool:
-        """Whether the thread is alive."""
-        return self._thread.is_alive()
-
-    def push(self, direction: str) -> None:
-        """Pushes the torso.
-
-        Args:
-            direction: one of `PUSHES`.
-        """
-        force = self._weight * _PUSH_SPEED / _PUSH_TIME * np.array(PUSHES[direction])
-        self._orders.put(lambda: self._push(force, _PUSH_TIME))
-
-    def pause(self, on: bool) -> None:
-        """Lets time stand still, or go on."""
-
-        def act() -> None:
-            self._paused = on
-
-        self._orders.put(act)
-
-    def slow(self, on: bool) -> None:
-        """Slow motion, or real time."""
-
-        def act() -> None:
-            self._speed = SLOW if on else 1.0
-
-        self._orders.put(act)
-
-    def reset(self) -> None:
-        """Puts the robot back to its start, and begins a new take."""
-
-        def act() -> None:
-            self._paused = False
-            self._start()
-            self._begin_take()
-
-        self._orders.put(act)
 
     # The thread ----------------------------------------------------------------------------------
-
-    def _run(self) -> None:
-        try:
-            self._loop()
-        except Exception as error:  # Whatever it is, the one who waits for the run has to see it.
-            self.error = error
-            self._finish_take()
-
-    def _loop(self) -> None:
-        due = show = flush = clock.perf_counter()
-        while not self._stop.is_set():
-            while not self._orders.empty():
-                self._orders.get()()
-            still = self._paused or self.plant.fallen
-            if not still:
-                self._tick()
-            now = clock.perf_counter()
-            if now >= show:
-                self._measure(now)
-                self.snapshot = self._picture()
-                show = max(show + 1.0 / FRAMES_PER_SECOND, now)
-            if now >= flush:
-                self.takes.flush()
-                flush = now + _FLUSH_EVERY
-            if still:
-                self._progress.clear()
-                due = clock.perf_counter() + 0.01
-            else:
-                due += self._dt / self._speed
-            ahead = due - clock.perf_counter()
-            if ahead > 0.0:
-                clock.sleep(ahead)
-            elif ahead < -_LATE:
-                due = clock.perf_counter()
 
     def _tick(self) -> None:
         while self._pushes and self._pushes[0].tick <= round(self.plant.time / self._dt):
@@ -305,16 +129,13 @@ class LiveLoop:
             self.takes.flush()
 
     def _push(self, force: Float64[np.ndarray, "3"], duration: float) -> None:
-        if self.plant.fallen:
-            return
-        self.takes.push(round(self.plant.time / self._dt), force, duration)
-        x, y, z = force.tolist()
-        self.plant.push(self.robot.torso, (x, y, z), duration)
+        if not self.plant.fallen:
+            self.takes.push(round(self.plant.time / self._dt), force, duration)
+        super()._push(force, duration)
 
     def _start(self) -> None:
-        """Robot, teleoperator and device as at the beginning."""
+        """Teleoperator and device as at the beginning."""
         self._end_rollout()
-        self.plant.reset()
         self.teleoperator = _LiveTeleoperator(self.robot, actuation=self._config.actuation)
         self._feet = LiveFeet(self._inputs, self.teleoperator)
         self.teleoperator.device, self._pushes = self._feet, deque[RecordedPush]()
@@ -322,7 +143,9 @@ class LiveLoop:
             self.teleoperator.device = self._recording.device(robot=self.robot.name, dt=self._dt)
             self._pushes.extend(self._recording.pushes)
 
-    def _begin_take(self) -> None:
+    def _begin(self) -> None:
+        if self._ticks is not None:
+            self._start()
         setup = teleop_setup(
             self.teleoperator,
             self._config,
@@ -339,7 +162,10 @@ class LiveLoop:
             estimator=self.teleoperator.estimator,
         )
 
-    def _finish_take(self) -> None:
+    def _flush(self) -> None:
+        self.takes.flush()
+
+    def _finish(self) -> None:
         self.takes.finish()
         self._end_rollout()
 
@@ -348,20 +174,6 @@ class LiveLoop:
             self._ticks.close()
 
     # What is shown -------------------------------------------------------------------------------
-
-    def _measure(self, now: float) -> None:
-        """Keeps a second's worth of progress."""
-        self._progress.append((now, self.plant.time))
-        while now - self._progress[0][0] > 1.0:
-            self._progress.popleft()
-
-    @property
-    def _factor(self) -> float:
-        if len(self._progress) < 2:
-            return 1.0
-        (began, first), (now, last) = self._progress[0], self._progress[-1]
-        # Negative across a reset.
-        return max(0.0, (last - first) / (now - began) / self._speed)
 
     def _picture(self) -> Snapshot | None:
         teleoperator, plant = self.teleoperator, self.plant

@@ -1,7 +1,8 @@
-"""`LiveSession`: loop, page and gamepad together, and what a page may order."""
+"""`LiveSession`, `DriveSession`: loop, page and gamepad together, and what a page may order."""
 
 import math
 import time as clock
+from abc import ABC, abstractmethod
 from pathlib import Path
 from typing import Any, Literal
 
@@ -10,11 +11,13 @@ import numpy as np
 from jaxtyping import Float64
 from msgspec import Struct
 
+from poise.apps.live._drive import DRIVE_PLANT, DriveLoop
 from poise.apps.live._front import Front
 from poise.apps.live._gamepad import HostGamepad
 from poise.apps.live._inputs import OperatorInputs, Pad
 from poise.apps.live._log import Takes
 from poise.apps.live._loop import LiveLoop
+from poise.apps.live._real_time import RealTimeLoop
 from poise.apps.report import shapes_payload
 from poise.apps.scenarios import drawn_shapes
 from poise.apps.teleoperation import TELEOP_PLANT
@@ -63,55 +66,54 @@ _ORDERS: msgspec.json.Decoder[Pad | PushOrder | Pause | Slow | Reset | Keep] = m
 """JSON whose member `do` is the name of an order, or "drive" for a `Pad`."""
 
 
-class LiveSession:
-    """A robot that a person drives; a context manager that ends everything.
+class _Session(ABC):
+    """A robot, whoever leads it and whoever looks on.
 
     Args:
-        robot: a biped.
-        folder: where the run is recorded.
+        loop: of the robot.
+        inputs: what the operator does.
         port: of the page; 0 for any that is free.
-        gamepad: whether a gamepad on this machine drives the feet, in place of the page.
-        recording: plays this in place of a person.
-        plant: takes what the teleoperator is to command, at its tick.
-        seed: of the sensor noise.
+        gamepad: on this machine, in place of the page; None for none.
+        source: where the robot is led from.
 
-    Raises:
-        ConfigurationError: the robot cannot be walked.
-        RecordingError: the recording is of another robot.
-        PortInUseError: the port is taken.
-        NoGamepadError: a gamepad is wanted and none is there.
+    Attributes:
+        kind: "feet" where they are led, "velocity" where the robot is driven.
     """
+
+    kind: Literal["feet", "velocity"]
 
     def __init__(
         self,
-        robot: Robot,
-        folder: str | Path,
+        loop: RealTimeLoop,
+        inputs: OperatorInputs,
         *,
-        port: int = 0,
-        gamepad: bool = False,
-        recording: Recording | None = None,
-        plant: PlantConfig = TELEOP_PLANT,
-        seed: int = 0,
+        port: int,
+        gamepad: HostGamepad | None,
+        source: Source,
     ) -> None:
-        self.inputs = OperatorInputs()
-        self._gamepad = HostGamepad(self.inputs) if gamepad else None
-        self._source: Source = (
-            "gamepad" if gamepad else "browser" if recording is None else "recording"
-        )
-        self.takes = Takes(Path(folder), robot=robot.name, dt=plant.control_dt)
-        self.loop = LiveLoop(
-            robot, self.inputs, self.takes, recording=recording, plant=plant, seed=seed
-        )
-        model = self.loop.plant.model
+        self.loop, self.inputs = loop, inputs
+        self._gamepad, self._source = gamepad, source
+        model = loop.plant.model
         shapes = {"bodies": model.nbody, **shapes_payload(drawn_shapes(model))}
         self.front = Front(self, port=port, shapes=shapes)
 
-    def __enter__(self) -> "LiveSession":
+    @abstractmethod
+    def _keep(self) -> dict[str, Any]:
+        """Keeps a copy of the run so far; an answer for the page."""
+
+    def file(self, name: str) -> Path | None:
+        """A recording by its name; None when there is none."""
+        return self._recordings().get(name)
+
+    @abstractmethod
+    def _recordings(self) -> dict[str, Path]:
+        """What may be fetched, by name."""
+
+    def _start(self) -> None:
         self.loop.start()
         if self._gamepad is not None:
             self._gamepad.start()
         self.front.start()
-        return self
 
     def __exit__(self, *_: object) -> None:
         # The recording first: nothing after it can cost it anything.
@@ -167,7 +169,7 @@ class LiveSession:
             case Reset():
                 self.loop.reset()
             case Keep():
-                return {"kept": self.takes.keep().name}
+                return self._keep()
         return None
 
     def left(self) -> None:
@@ -175,20 +177,16 @@ class LiveSession:
         if self._source == "browser":
             self.inputs.clear()
 
-    def file(self, name: str) -> Path | None:
-        """A recording by its name; None when there is none."""
-        return self.takes.folder / name if name in self.takes.files else None
-
     def status(self) -> dict[str, Any]:
         """What every page shows."""
         now = self.loop.snapshot
-        common = {"robot": self.loop.robot.name, "source": self._source}
+        common = {"robot": self.loop.robot.name, "source": self._source, "kind": self.kind}
         if now is None:
             return common
         return common | {
             "time": round(now.time, 3),
             "mode": now.mode.name,
-            "modeText": now.mode.value,
+            "modeText": now.text or now.mode.value,
             "device": now.device.name,
             "deviceText": now.device.value,
             "zmp": _rounded(now.zmp),
@@ -209,6 +207,105 @@ class LiveSession:
             "realTimeFactor": round(now.real_time_factor, 3),
             "take": now.take,
         }
+
+
+class LiveSession(_Session):
+    """A robot that a person drives; a context manager that ends everything.
+
+    Args:
+        robot: a biped.
+        folder: where the run is recorded.
+        port: of the page; 0 for any that is free.
+        gamepad: whether a gamepad on this machine drives the feet, in place of the page.
+        recording: plays this in place of a person.
+        plant: with velocity actuation.
+        seed: of the sensor noise.
+
+    Raises:
+        ConfigurationError: the robot cannot be walked.
+        RecordingError: the recording is of another robot.
+        PortInUseError: the port is taken.
+        NoGamepadError: a gamepad is wanted and none is there.
+    """
+
+    kind = "feet"
+    loop: LiveLoop
+
+    def __init__(
+        self,
+        robot: Robot,
+        folder: str | Path,
+        *,
+        port: int = 0,
+        gamepad: bool = False,
+        recording: Recording | None = None,
+        plant: PlantConfig = TELEOP_PLANT,
+        seed: int = 0,
+    ) -> None:
+        inputs = OperatorInputs()
+        source: Source = "gamepad" if gamepad else "browser" if recording is None else "recording"
+        host = HostGamepad(inputs) if gamepad else None
+        self.takes = Takes(Path(folder), robot=robot.name, dt=plant.control_dt)
+        loop = LiveLoop(robot, inputs, self.takes, recording=recording, plant=plant, seed=seed)
+        super().__init__(loop, inputs, port=port, gamepad=host, source=source)
+
+    def __enter__(self) -> "LiveSession":
+        self._start()
+        return self
+
+    def _keep(self) -> dict[str, Any]:
+        return {"kept": self.takes.keep().name}
+
+    def _recordings(self) -> dict[str, Path]:
+        return {name: self.takes.folder / name for name in self.takes.files}
+
+
+class DriveSession(_Session):
+    """A robot that a person drives by velocities; a context manager that ends everything.
+
+    Args:
+        robot: a humanoid.
+        folder: where the run is logged.
+        port: of the page; 0 for any that is free.
+        gamepad: whether a gamepad on this machine drives it, in place of the page.
+        plant: with torque actuation.
+        seed: of the sensor noise.
+
+    Raises:
+        ConfigurationError: the robot cannot walk.
+        PortInUseError: the port is taken.
+        NoGamepadError: a gamepad is wanted and none is there.
+    """
+
+    kind = "velocity"
+    loop: DriveLoop
+
+    def __init__(
+        self,
+        robot: Robot,
+        folder: str | Path,
+        *,
+        port: int = 0,
+        gamepad: bool = False,
+        plant: PlantConfig = DRIVE_PLANT,
+        seed: int = 0,
+    ) -> None:
+        inputs = OperatorInputs()
+        source: Source = "gamepad" if gamepad else "browser"
+        host = HostGamepad(inputs) if gamepad else None
+        loop = DriveLoop(robot, inputs, Path(folder), plant=plant, seed=seed)
+        super().__init__(loop, inputs, port=port, gamepad=host, source=source)
+
+    def __enter__(self) -> "DriveSession":
+        self._start()
+        return self
+
+    def _keep(self) -> dict[str, Any]:
+        return {"error": "The log is written while the robot is driven; nothing is lost."}
+
+    def _recordings(self) -> dict[str, Path]:
+        # A log is written while the robot is driven; its folder has it.
+        return {}
 
 
 def _rounded(values: Float64[np.ndarray, "..."]) -> list[Any]:

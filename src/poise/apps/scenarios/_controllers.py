@@ -98,7 +98,7 @@ def cast_of(scenario: Scenario, robot: Robot) -> Cast:
     if scenario.devices is not None:
         return _by_hand(robot, scenario.devices, scenario)
     stack = scenario.stack.build() if scenario.stack is not None else None
-    if stack is None and scenario.walk is not None:
+    if stack is None and scenario.walks:
         stack = walking_stack(robot)
     plan = replace(scenario.controller, dt=scenario.plant.control_dt)
     controller = make_controller(robot, stack, plan)
@@ -137,7 +137,7 @@ def _kind(plan: ControllerPlan) -> ControllerKind:
 def _check_walk(scenario: Scenario) -> None:
     """A walk is kept up by forces, which a controller that commands velocities does not know."""
     plan = scenario.controller
-    if scenario.walk is None:
+    if not scenario.walks:
         return
     if is_by_hand(plan) or _kind(plan).actuation != "torque":
         raise ConfigurationError(

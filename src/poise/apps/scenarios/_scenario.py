@@ -25,6 +25,7 @@ from poise._schema import (
     checked,
 )
 from poise.apps.scenarios._by_hand import DevicePlan
+from poise.apps.scenarios._drive_plan import DrivePlan
 from poise.apps.scenarios._metrics import METRICS
 from poise.apps.scenarios._stack_plan import StackPlan
 from poise.control import ControllerPlan
@@ -32,13 +33,14 @@ from poise.errors import ConfigurationError, UnknownNameError
 from poise.locomotion import (
     Gait,
     Ground,
+    ReactiveWalker,
     Stride,
     Walker,
     WalkSettings,
     plan_footsteps,
 )
 from poise.robots import Robot
-from poise.sim import Block, PlantConfig
+from poise.sim import PlantConfig
 from poise.stack import Stack
 
 _LARGEST = 1e3
@@ -303,21 +305,18 @@ class WalkPlan:
                 wanted=f"at least one and at most {_MOST_STEPS}",
             )
 
-    def walker(self, robot: Robot, stack: Stack, blocks: tuple[Block, ...]) -> Walker:
+    def walker(self, robot: Robot, stack: Stack, ground: Ground) -> Walker:
         """The walker of a robot from its home posture.
 
         Args:
             robot: the robot.
             stack: its controller's.
-            blocks: what stands on the floor; the walker knows of those that it is told of.
+            ground: what the walker knows of the ground.
 
         Raises:
             PoiseError: the robot cannot walk like this, or its stack cannot be led.
         """
-        platforms = tuple(
-            Ground.Platform(center=b.center, size=b.size, yaw=b.yaw) for b in blocks if b.told
-        )
-        plan = plan_footsteps(robot, self.strides, self.gait, ground=Ground(platforms=platforms))
+        plan = plan_footsteps(robot, self.strides, self.gait, ground=ground)
         return Walker(robot, plan, stack, self.feedback, carry=self.carry)
 
 
@@ -351,6 +350,7 @@ class Scenario:
         devices: how the operator of a robot that is walked by hand moves its foot devices; None for
             other robots.
         walk: where the robot walks; None for one that stays.
+        drive: with which velocities it walks, in place of `walk`.
         motions: how targets move, by time.
         contact_changes: contacts loaded and unloaded, by time.
         pushes: pushes, by time.
@@ -374,6 +374,7 @@ class Scenario:
     stack: StackPlan | None = None
     devices: DevicePlan | None = None
     walk: WalkPlan | None = None
+    drive: DrivePlan | None = None
     motions: tuple[Motion, ...] = ()
     contact_changes: Annotated[tuple[ContactChange, ...], Field(alias="contacts")] = ()
     pushes: tuple[PushPlan, ...] = ()
@@ -392,8 +393,16 @@ class Scenario:
                 got=self.duration,
                 wanted=f"seconds, one control period of {self.plant.control_dt:g} s or more",
             )
+        if self.walk is not None and self.drive is not None:
+            raise ConfigurationError(
+                f"scenario {self.name!r} walks and is driven",
+                got="walk and drive",
+                wanted="one of the two",
+            )
         times = [(f"a motion of task {m.task!r}", m.at) for m in self.motions]
         times += [(f"a change of contact {c.contact!r}", c.at) for c in self.contact_changes]
+        if self.drive is not None:
+            times += [("a velocity of the drive", v.at) for v in self.drive.velocities]
         times += [(f"a push on {p.body!r}", p.at) for p in self.pushes]
         times += [(f"the window of a check of {c.metric!r}", c.begin) for c in self.checks]
         for what, time in times:
@@ -403,3 +412,25 @@ class Scenario:
                     got=time,
                     wanted=f"seconds, from 0 to less than the duration of {self.duration:g}",
                 )
+
+    @property
+    def walks(self) -> bool:
+        """Whether the robot walks by itself."""
+        return self.walk is not None or self.drive is not None
+
+    def walker(self, robot: Robot, stack: Stack) -> Walker | ReactiveWalker | None:
+        """Who leads the feet of a robot that walks; None for one that stays.
+
+        Args:
+            robot: the robot.
+            stack: its controller's.
+
+        Raises:
+            PoiseError: the robot cannot walk like this, or its stack cannot be led.
+        """
+        plan = self.walk or self.drive
+        if plan is None:
+            return None
+        told = [b for b in self.plant.blocks if b.told]
+        platforms = [Ground.Platform(center=b.center, size=b.size, yaw=b.yaw) for b in told]
+        return plan.walker(robot, stack, Ground(platforms=tuple(platforms)))

@@ -6,6 +6,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pinocchio as pin
 
+from poise.apps.scenarios._drive_plan import DrivePlan
 from poise.apps.scenarios._metrics import METRICS
 from poise.apps.scenarios._scenario import CheckPlan, Motion, PushPlan, Scenario, WalkPlan
 from poise.locomotion import Gait, Stride
@@ -75,6 +76,7 @@ def sized(scenario: Scenario, ratio: float) -> Scenario:
         scenario,
         plant=replace(scenario.plant, blocks=blocks),
         walk=None if scenario.walk is None else _walk(scenario.walk, ratio),
+        drive=None if scenario.drive is None else _drive(scenario.drive, ratio),
         motions=tuple(_motion(motion, ratio) for motion in scenario.motions),
         pushes=tuple(_push(push, math.sqrt(ratio)) for push in scenario.pushes),
     )
@@ -116,6 +118,16 @@ def _walk(walk: WalkPlan, ratio: float) -> WalkPlan:
         strides=tuple(_stride(stride, ratio) for stride in walk.strides),
         gait=_gait(walk.gait, ratio),
     )
+
+
+def _drive(drive: DrivePlan, ratio: float) -> DrivePlan:
+    speed = math.sqrt(ratio)
+    velocities = (
+        replace(v, velocity=(speed * v.velocity[0], speed * v.velocity[1], v.velocity[2]))
+        for v in drive.velocities
+    )
+    gait = None if drive.gait is None else _gait(drive.gait, ratio)
+    return replace(drive, velocities=tuple(velocities), gait=gait)
 
 
 def _stride(stride: Stride, ratio: float) -> Stride:

@@ -1,5 +1,6 @@
 """Walking: footsteps, references, and the walker that leads a stack along them."""
 
+from poise.locomotion._walking._commands import VelocityLimits
 from poise.locomotion._walking._footsteps import (
     Footstep,
     FootstepPlan,
@@ -8,9 +9,11 @@ from poise.locomotion._walking._footsteps import (
 )
 from poise.locomotion._walking._ground import Ground, Placement
 from poise.locomotion._walking._plan import plan_footsteps
+from poise.locomotion._walking._reactive import ReactiveWalker
 from poise.locomotion._walking._reference import WalkReference
+from poise.locomotion._walking._settings import WalkSettings, WalkStatus
 from poise.locomotion._walking._tasks import CarriedTarget, walking_stack
-from poise.locomotion._walking._walker import Walker, WalkSettings, WalkStatus
+from poise.locomotion._walking._walker import Walker
 
 __all__ = [
     "CarriedTarget",
@@ -19,7 +22,9 @@ __all__ = [
     "Gait",
     "Ground",
     "Placement",
+    "ReactiveWalker",
     "Stride",
+    "VelocityLimits",
     "WalkReference",
     "WalkSettings",
     "WalkStatus",

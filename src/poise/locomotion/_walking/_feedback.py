@@ -8,16 +8,25 @@ expensive plain as in arrays.
 """
 
 import math
-from typing import NamedTuple
+from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float64
 
-from poise.locomotion._support import Point, SupportPolygon
+from poise.locomotion._support import Point
 from poise.locomotion._walking._footsteps import FootstepPlan
 from poise.locomotion._walking._ground import Placement
 
 Vector2 = Float64[np.ndarray, "2"]
+
+
+@runtime_checkable
+class ZmpRegion(Protocol):
+    """Where the ZMP can be: a `SupportPolygon`, or what stands in for one."""
+
+    def nearest(self, point: Point) -> Point:
+        """The nearest point inside."""
+        ...
 
 
 class DcmFeedback:
@@ -51,7 +60,7 @@ class DcmFeedback:
         com: Vector2,
         velocity: Vector2,
         reference: Float64[np.ndarray, "3 2"],
-        support: SupportPolygon,
+        support: ZmpRegion,
     ) -> Vector2:
         """The COM's horizontal acceleration [m/s^2].
 

@@ -112,11 +112,8 @@ class Footstep:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class FootstepPlan:
-    """A walk from one stand to the next.
-
-    Made by `plan_footsteps` of strides, or by `from_footholds`. Times count from the beginning of
-    the walk.
+class Stand:
+    """How a robot stands before it walks.
 
     Attributes:
         soles: names of the left and of the right sole.
@@ -124,6 +121,45 @@ class FootstepPlan:
         start: where the soles are at the beginning.
         q: configuration at the beginning.
         com: centre of mass there [m].
+    """
+
+    soles: tuple[str, str]
+    sizes: tuple[tuple[float, float], tuple[float, float]]
+    start: tuple[Placement, Placement]
+    q: Float64[np.ndarray, " nq"] = field(repr=False)
+    com: tuple[float, float, float]
+
+    @property
+    def middle(self) -> tuple[float, float, float]:
+        """The middle of the feet at the beginning [m]."""
+        left, right = (p.position for p in self.start)
+        x, y, z = (0.5 * (a + b) for a, b in zip(left, right, strict=True))
+        return x, y, z
+
+
+def stand_of(robot: Robot, q: Numbers | None = None) -> Stand:
+    """How a robot stands in a posture, in its home one when None.
+
+    Raises:
+        ConfigurationError: it does not stand on two soles, or one does not lie flat.
+    """
+    left, right = two_soles(robot)
+    posture = robot.q_home if q is None else checked_target(q, robot.nq, "q of the walk")
+    start, com = _standing_soles(robot, (left, right), posture)
+    size_left, size_right = ((robot.soles[s].length, robot.soles[s].width) for s in (left, right))
+    return Stand(
+        soles=(left, right), sizes=(size_left, size_right), start=start, q=posture.copy(), com=com
+    )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FootstepPlan(Stand):
+    """A walk from one stand to the next.
+
+    Made by `plan_footsteps` of strides, or by `from_footholds`. Times count from the beginning of
+    the walk.
+
+    Attributes:
         steps: in order; left and right take turns.
         gait: timing and shape.
         ground: what the robot walks on.
@@ -133,11 +169,6 @@ class FootstepPlan:
         ConfigurationError: no step, two steps with one foot, or feet that would cross.
     """
 
-    soles: tuple[str, str]
-    sizes: tuple[tuple[float, float], tuple[float, float]]
-    start: tuple[Placement, Placement]
-    q: Float64[np.ndarray, " nq"] = field(repr=False)
-    com: tuple[float, float, float]
     steps: tuple[Footstep, ...]
     gait: Gait = field(default_factory=Gait)
     ground: Ground = field(default_factory=Ground)
@@ -182,11 +213,9 @@ class FootstepPlan:
                 a swing that would knock against a platform.
         """
         gait = gait or Gait()
-        soles = two_soles(robot)
-        start_q = robot.q_home if q is None else checked_target(q, robot.nq, "q of the walk")
-        start, com = standing_soles(robot, soles, start_q)
+        stand = stand_of(robot, q)
+        soles, sizes, start = stand.soles, stand.sizes, stand.start
         ground = ground or level_floor(start)
-        sizes = tuple((robot.soles[s].length, robot.soles[s].width) for s in soles)
         steps: list[Footstep] = []
         feet = list(start)
         for i, (sole, place) in enumerate(footholds, 1):
@@ -208,10 +237,10 @@ class FootstepPlan:
             feet[foot] = goal
         return cls(
             soles=soles,
-            sizes=(sizes[0], sizes[1]),
+            sizes=sizes,
             start=start,
-            q=start_q.copy(),
-            com=com,
+            q=stand.q,
+            com=stand.com,
             steps=tuple(steps),
             gait=gait,
             ground=ground,
@@ -238,13 +267,6 @@ class FootstepPlan:
                 got=f"{apart:.3f} m from the right sole's centre to the left one's",
                 wanted=f"{needed:.3f} m or more",
             )
-
-    @property
-    def middle(self) -> tuple[float, float, float]:
-        """The middle of the feet at the beginning [m]."""
-        left, right = (p.position for p in self.start)
-        x, y, z = (0.5 * (a + b) for a, b in zip(left, right, strict=True))
-        return x, y, z
 
     @property
     def count(self) -> int:
@@ -303,11 +325,17 @@ def level_floor(start: tuple[Placement, Placement]) -> Ground:
     return Ground(height=0.5 * sum(p.position[2] for p in start))
 
 
+def foot_distance(start: tuple[Placement, Placement]) -> float:
+    """From one sole's centre to the other's, along the ground [m]."""
+    left, right = (p.position[:2] for p in start)
+    return math.dist(left, right)
+
+
 _FLAT = 0.05
 """Soles tilted more than this do not stand on the ground [rad]."""
 
 
-def standing_soles(
+def _standing_soles(
     robot: Robot, soles: tuple[str, str], q: Float64[np.ndarray, " nq"]
 ) -> tuple[tuple[Placement, Placement], tuple[float, float, float]]:
     """Where the soles and the centre of mass are in a posture.

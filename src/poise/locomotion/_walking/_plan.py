@@ -7,17 +7,16 @@ import numpy as np
 
 from poise._checks import Numbers, checked_kind
 from poise.errors import ConfigurationError
-from poise.locomotion._support import two_soles
 from poise.locomotion._walking._footsteps import (
     FootstepPlan,
     Gait,
     Stride,
+    foot_distance,
     level_floor,
-    standing_soles,
+    stand_of,
 )
 from poise.locomotion._walking._ground import LEVEL, Ground, Placement
 from poise.robots import Robot
-from poise.stack import checked_target
 
 _EDGE = 0.015
 """How far a sole stays away from the edge of a platform [m]."""
@@ -54,25 +53,18 @@ def plan_footsteps(
             or no place for a foot.
     """
     gait = gait or Gait()
-    soles = two_soles(robot)
     for stride in strides:
         checked_kind(stride, Stride, "a stride of the walk")
     if not strides:
         raise ConfigurationError("a walk without strides", got=0, wanted="one or more")
-    start_q = robot.q_home if q is None else checked_target(q, robot.nq, "q of the walk")
-    start, _ = standing_soles(robot, soles, start_q)
+    stand = stand_of(robot, q)
+    soles, sizes, start = stand.soles, stand.sizes, stand.start
     ground = ground or level_floor(start)
-    sizes = tuple((robot.soles[s].length, robot.soles[s].width) for s in soles)
-    width = gait.width if gait.width is not None else _distance(start)
+    width = gait.width if gait.width is not None else foot_distance(start)
     footholds: list[tuple[str, Numbers]] = []
     for i, (foot, body) in enumerate(_body_path(start, strides), 1):
         footholds.append((soles[foot], _foothold(foot, body, width, sizes[foot], ground, i)))
-    return FootstepPlan.from_footholds(robot, footholds, gait, q=start_q, ground=ground)
-
-
-def _distance(start: tuple[Placement, Placement]) -> float:
-    left, right = (np.array(p.position[:2]) for p in start)
-    return float(np.linalg.norm(left - right))
+    return FootstepPlan.from_footholds(robot, footholds, gait, q=stand.q, ground=ground)
 
 
 def _body_path(
@@ -115,18 +107,36 @@ def _foothold(
     x, y, yaw = body
     side = 0.5 * width if foot == 0 else -0.5 * width
     x, y = x - side * math.sin(yaw), y + side * math.cos(yaw)
+    found = level_place((x, y, yaw), size, ground)
+    if found is None:
+        raise ConfigurationError(
+            f"step {number} of the walk finds no place that carries the whole sole",
+            got=f"x = {x:.3f} m, y = {y:.3f} m",
+            wanted=f"one height under the sole within {_FARTHEST:g} m ahead or behind",
+        )
+    return (*found.position[:2], yaw)
+
+
+def level_place(
+    place: tuple[float, float, float], size: tuple[float, float], ground: Ground
+) -> Placement | None:
+    """A sole on the ground where it should lie, or at the nearest place ahead or behind.
+
+    Args:
+        place: x, y [m] and heading [rad].
+        size: of the sole, length and width [m].
+        ground: it must have one height under the sole, and a little around.
+
+    Returns:
+        The place; None where there is none near.
+    """
+    x, y, yaw = place
     grown = (size[0] + 2.0 * _EDGE, size[1] + 2.0 * _EDGE)
     for i in range(2 * int(_FARTHEST / _SEARCH) + 1):
         # 0, 1, -1, 2, -2, ... times the resolution
         shift = _SEARCH * ((i + 1) // 2) * (1 if i % 2 else -1)
-        place = Placement(
-            position=(x + shift * math.cos(yaw), y + shift * math.sin(yaw), 0.0), yaw=yaw
-        )
-        heights = ground.heights(place.grid(*grown))
+        tried = (x + shift * math.cos(yaw), y + shift * math.sin(yaw))
+        heights = ground.heights(Placement(position=(*tried, 0.0), yaw=yaw).grid(*grown))
         if float(np.ptp(heights)) < LEVEL:
-            return (*place.position[:2], yaw)
-    raise ConfigurationError(
-        f"step {number} of the walk finds no place that carries the whole sole",
-        got=f"x = {x:.3f} m, y = {y:.3f} m",
-        wanted=f"one height under the sole within {_FARTHEST:g} m ahead or behind",
-    )
+            return Placement(position=(*tried, float(heights[0])), yaw=yaw)
+    return None

@@ -7,7 +7,7 @@ import pinocchio as pin
 from jaxtyping import Float64
 
 from poise.errors import ConfigurationError
-from poise.locomotion._walking._footsteps import FootstepPlan
+from poise.locomotion._walking._footsteps import FootstepPlan, Stand
 from poise.locomotion._walking._ground import Placement
 from poise.locomotion._walking._reference import ReferencePoint, WalkReference
 from poise.robots import Robot, frame_error, inverse_kinematics
@@ -25,29 +25,28 @@ class LegReach:
 
     Args:
         robot: the robot.
-        plan: its steps.
+        stand: how it stands at the beginning.
     """
 
-    def __init__(self, robot: Robot, plan: FootstepPlan) -> None:
-        self._robot, self._plan = robot, plan
+    def __init__(self, robot: Robot, stand: Stand) -> None:
+        self._robot, self._stand = robot, stand
         self._model, self._data = robot.model, robot.model.createData()
-        pin.framesForwardKinematics(self._model, self._data, plan.q)
-        self._frames = [robot.frame_id(name) for name in plan.soles]
-        self._chains = [robot.leg_joints(name) for name in plan.soles]
-        self._base = pin.XYZQUATToSE3(plan.q[:7])
-        self._base_from_com = self._base.translation - np.array(plan.com)
+        pin.framesForwardKinematics(self._model, self._data, stand.q)
+        self._frames = [robot.frame_id(name) for name in stand.soles]
+        self._chains = [robot.leg_joints(name) for name in stand.soles]
+        self._base = pin.XYZQUATToSE3(stand.q[:7])
+        self._base_from_com = self._base.translation - np.array(stand.com)
         hip, ankle = (float(self._data.oMi[self._chains[0][k]].translation[2]) for k in (0, -1))
-        self._hip_over_com = hip - plan.com[2]
-        self._ankle_over_sole = ankle - plan.start[0].position[2]
+        self._hip_over_com = hip - stand.com[2]
+        self._ankle_over_sole = ankle - stand.start[0].position[2]
 
-    def check(self, reference: WalkReference) -> None:
-        """Looks at every foot when it comes down and when it leaves.
+    def check(self, plan: FootstepPlan, reference: WalkReference) -> None:
+        """Looks at every foot of a plan when it comes down and when it leaves.
 
         Raises:
             ConfigurationError: a foot is out of reach; the message says after which step, and of
                 which joint.
         """
-        plan = self._plan
         for foot, name in enumerate(plan.soles):
             for begin, end, done in _stands(plan, foot):
                 place = plan.placements(done)[foot]
@@ -61,14 +60,18 @@ class LegReach:
                             wanted="shorter steps, another width, or more crouch",
                         )
 
-    def longest_step(self, reference: WalkReference) -> float:
-        """How far ahead of the other a foot may come down with the COM half way between [m]."""
+    def longest_step(self, com_height: float) -> float:
+        """How far ahead of the other a foot may come down with the COM half way between [m].
+
+        Args:
+            com_height: of the COM above the ground [m].
+        """
         neutral = self._model.createData()
         pin.framesForwardKinematics(self._model, neutral, pin.neutral(self._model))
         hip, ankle = (self._chains[0][k] for k in (0, -1))
         straight = np.linalg.norm(neutral.oMi[ankle].translation - neutral.oMi[hip].translation)
         length = _STRAIGHT * float(straight)
-        height = reference.height + self._hip_over_com - self._ankle_over_sole
+        height = com_height + self._hip_over_com - self._ankle_over_sole
         return 2.0 * math.sqrt(max(length**2 - height**2, 0.0))
 
     def _miss(self, foot: int, place: Placement, point: ReferencePoint) -> str:
@@ -99,7 +102,7 @@ class LegReach:
         """The configuration at the beginning, its base moved with the COM and turned."""
         turn = pin.utils.rotate("z", float(point.displacement[0, 3]))
         position = point.com[0] + turn @ self._base_from_com
-        q = self._plan.q.copy()
+        q = self._stand.q.copy()
         q[:7] = pin.SE3ToXYZQUAT(pin.SE3(turn @ self._base.rotation, position))
         return q
 

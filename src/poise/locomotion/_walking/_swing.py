@@ -16,7 +16,7 @@ _SEARCH_SPEED, _SEARCH_ACCELERATION = 0.1, 1.5
 
 
 Motion = tuple[float, float, float]
-"""Position [m], velocity [m/s] and acceleration [m/s^2] along one axis of the world."""
+"""Position [m], velocity [m/s] and acceleration [m/s^2] along one axis of the world; or angles."""
 
 
 class SwingFoot:
@@ -78,6 +78,17 @@ class SwingFoot:
         self.goal = Placement(position=(x, y, self.goal.position[2]), yaw=self.goal.yaw)
         self.elapsed = max(self.elapsed, RISE * self.duration)
 
+    def retime(self, left: float) -> None:
+        """The foot is due in another time from now on; its phase stays what it is.
+
+        Args:
+            left: until touchdown [s]; a foot that is due already goes on as it does.
+        """
+        phase = self.phase
+        if phase < 1.0 and left > 0.0:
+            self.duration = left / (1.0 - phase)
+            self.elapsed = phase * self.duration
+
     def advance(self, dt: float, shift: Float64[np.ndarray, "2"]) -> None:
         """Moves on.
 
@@ -90,7 +101,10 @@ class SwingFoot:
         if self.elapsed > self._shape.depart * self.duration:
             by_x, by_y = shift.tolist()
             x, y = self.goal.position[0] + by_x, self.goal.position[1] + by_y
-            self._x, self._y = _towards(self._x, x, left, dt), _towards(self._y, y, left, dt)
+            self._x, self._y = (
+                least_jerk_towards(self._x, x, left, dt),
+                least_jerk_towards(self._y, y, left, dt),
+            )
         z = self._vertical(dt)
         phase, rate, second = least_jerk(self.elapsed, 0.0, self.duration)
         about = self._turn.tolist()
@@ -116,8 +130,8 @@ class SwingFoot:
         return end - self._searched, -self._search_speed, -acceleration
 
 
-def _towards(axis: Motion, goal: float, left: float, dt: float) -> Motion:
-    """One tick of the least-jerk motion that arrives at rest in the time that is left."""
+def least_jerk_towards(axis: Motion, goal: float, left: float, dt: float) -> Motion:
+    """One tick of the least-jerk motion that arrives at rest in the time that is left [s]."""
     x, v, a = axis
     if left <= _FIXED:
         # Too short to plan anew: three poles, fast and equal, deal with the last millimetre.

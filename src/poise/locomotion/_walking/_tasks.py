@@ -14,7 +14,8 @@ from jaxtyping import Float64
 
 from poise.errors import ConfigurationError, UnknownNameError
 from poise.locomotion._support import two_soles
-from poise.locomotion._walking._footsteps import FootstepPlan
+from poise.locomotion._walking._footsteps import Stand
+from poise.locomotion._walking._sense import WalkSense
 from poise.robots import Robot
 from poise.stack import (
     SMOOTH_RATE,
@@ -152,15 +153,34 @@ class WalkTasks:
     contacts: tuple[Contact, Contact]
     carried: dict[str, CarriedTarget]
 
+    def lead_com(
+        self,
+        sense: WalkSense,
+        com: Float64[np.ndarray, "3 3"],
+        horizontal: Float64[np.ndarray, "2"],
+    ) -> None:
+        """Height by the task's own gains, the rest as feedback says.
+
+        Args:
+            sense: the measured COM.
+            com: position [m], velocity [m/s] and acceleration [m/s^2] of its reference, a row each.
+            horizontal: acceleration along x and y [m/s^2].
+        """
+        task, (x, y) = self.com, horizontal.tolist()
+        height, speed = com[0, 2] - sense.com[2], com[1, 2] - sense.com_velocity[2]
+        z = com[2, 2] + task.kp[2] * height + task.kd[2] * speed
+        task.set_target(com[0], com[1], com[2])
+        task.set_acceleration(np.array([x, y, z]))
+
 
 def find_walk_tasks(
-    robot: Robot, plan: FootstepPlan, stack: Stack, carry: Sequence[str] | None
+    robot: Robot, stand: Stand, stack: Stack, carry: Sequence[str] | None
 ) -> WalkTasks:
     """Looks for everything that a walk needs.
 
     Args:
         robot: the robot.
-        plan: its steps.
+        stand: how it stands at the beginning.
         stack: bound to the robot.
         carry: names of frame tasks that go along; all that are on no sole when None.
 
@@ -168,12 +188,12 @@ def find_walk_tasks(
         ConfigurationError: the stack lacks a task or a contact.
         UnknownNameError: no such frame task.
     """
-    left, right = plan.soles
+    left, right = stand.soles
     return WalkTasks(
         com=_com_task(stack),
         feet=(_foot_task(stack, left), _foot_task(stack, right)),
         contacts=(_contact(stack, left), _contact(stack, right)),
-        carried=_carried(robot, plan, stack, carry),
+        carried=_carried(robot, stand, stack, carry),
     )
 
 
@@ -211,19 +231,19 @@ def _contact(stack: Stack, sole: str) -> Contact:
 
 
 def _carried(
-    robot: Robot, plan: FootstepPlan, stack: Stack, names: Sequence[str] | None
+    robot: Robot, stand: Stand, stack: Stack, names: Sequence[str] | None
 ) -> dict[str, CarriedTarget]:
     frames = {
         task.name: task
         for _, task in stack.tasks()
-        if isinstance(task, FrameTask) and task.frame not in plan.soles
+        if isinstance(task, FrameTask) and task.frame not in stand.soles
     }
     for name in names or ():
         if name not in frames:
             raise UnknownNameError("no frame task to carry", got=name, choices=frames)
     model, data = robot.model, robot.model.createData()
-    pin.framesForwardKinematics(model, data, plan.q)
-    origin = np.array([*plan.com[:2], plan.middle[2]])
+    pin.framesForwardKinematics(model, data, stand.q)
+    origin = np.array([*stand.com[:2], stand.middle[2]])
     carried: dict[str, CarriedTarget] = {}
     for name, task in frames.items():
         if names is None or name in names:

@@ -1,126 +1,36 @@
-"""`Walker`: leads the tasks and contacts of a stack along a footstep plan.
-
-`WalkSettings`: how a walker keeps its balance and feels the ground.
-`WalkStatus`: how a walk stands.
-`WalkSense`: what a walker needs to know of the robot's state.
-"""
+"""`Walker`: leads the tasks and contacts of a stack along a footstep plan."""
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
-from enum import Enum
-from typing import Annotated
 
 import numpy as np
-import pinocchio as pin
 from jaxtyping import Float64
 
-from poise._schema import Bounds, Ratio, checked
 from poise.dynamics import RobotState
-from poise.locomotion._support import Point, SupportPolygon, sole_rectangle
+from poise.locomotion._support import SupportPolygon
 from poise.locomotion._walking._feedback import DcmFeedback, PlanShift, StepCatcher
-from poise.locomotion._walking._footsteps import LARGEST, FootstepPlan
+from poise.locomotion._walking._footsteps import FootstepPlan
 from poise.locomotion._walking._ground import Placement
 from poise.locomotion._walking._reach import LegReach
 from poise.locomotion._walking._reference import ReferencePoint, WalkReference
+from poise.locomotion._walking._sense import (
+    ENGAGE,
+    LONGEST_TICK,
+    RELEASE,
+    WalkSense,
+    expect_step,
+)
+from poise.locomotion._walking._settings import WalkSettings, WalkStatus
 from poise.locomotion._walking._swing import SwingFoot
 from poise.locomotion._walking._tasks import CarriedTarget, find_walk_tasks
 from poise.robots import Robot
 from poise.stack import Stack, Task
-
-_Distance = Annotated[float, Bounds(least=0.0, most=LARGEST, unit="m")]
-
-
-@checked()
-@dataclass(frozen=True, kw_only=True)
-class WalkSettings:
-    """Feedback, touchdown and limits of a walker.
-
-    Attributes:
-        dcm_gain: how fast an error of the divergent component of motion dies out [1/s].
-        zmp_margin: how far inside the soles' edges the ZMP that corrects it stays [m].
-        touchdown_force: ratio of the robot's weight at which a foot counts as down.
-        touchdown_depth: how far below the expected ground a foot aims [m].
-        early: phase of the swing after which ground counts as ground.
-        search_depth: how far below the expected ground a late foot looks for it [m].
-        patience: how long a foot may be late [s].
-        adjust: farthest that a foothold moves from its plan to catch the robot [m]; 0 for never.
-        com_bound: distance of the divergent component from its reference, over the height of the
-            COM, beyond which the walk is given up.
-    """
-
-    dcm_gain: Annotated[float, Bounds(positive=True, most=LARGEST, unit="1/s")] = 4.0
-    zmp_margin: _Distance = 0.01
-    touchdown_force: Ratio = 0.05
-    touchdown_depth: _Distance = 0.003
-    early: Ratio = 0.5
-    search_depth: _Distance = 0.04
-    patience: Annotated[float, Bounds(positive=True, most=LARGEST, unit="s")] = 0.4
-    adjust: _Distance = 0.2
-    com_bound: Annotated[float, Bounds(positive=True)] = 0.4
-
-
-class WalkStatus(Enum):
-    """How a walk stands, or why it ended."""
-
-    READY = "ready"
-    """No state has come yet."""
-    WALKING = "walking"
-    """The plan is being followed."""
-    FINISHED = "finished"
-    """All steps are made; the robot stands."""
-    MISPLACED = "misplaced"
-    """The feet were not where the plan begins: nothing was moved."""
-    FOOT_LOST = "foot_lost"
-    """A foot found no ground: it is held, and the robot balances on the other."""
-    COM_LOST = "com_lost"
-    """The COM ran away from its reference: the foot comes down where it is."""
-
-    @property
-    def ok(self) -> bool:
-        """Whether nothing went wrong."""
-        return self in (WalkStatus.READY, WalkStatus.WALKING, WalkStatus.FINISHED)
-
-
-class WalkSense:
-    """Centre of mass and soles of a state; a fifth of what a controller computes.
-
-    Args:
-        robot: the robot.
-        soles: names of its soles.
-
-    Attributes:
-        com: centre of mass [m].
-        com_velocity: its velocity [m/s].
-    """
-
-    def __init__(self, robot: Robot, soles: tuple[str, str]) -> None:
-        self._model, self._data = robot.model, robot.model.createData()
-        self._ids = [robot.frame_id(name) for name in soles]
-        self.com: Float64[np.ndarray, "3"] = self._data.com[0]
-        self.com_velocity: Float64[np.ndarray, "3"] = self._data.vcom[0]
-
-    def update(self, state: RobotState) -> None:
-        """Takes a state in."""
-        pin.centerOfMass(self._model, self._data, state.q, state.v, False)
-
-    def sole(self, foot: int) -> tuple[Float64[np.ndarray, "3"], Float64[np.ndarray, "3 3"]]:
-        """Position [m] and rotation of a sole in the world."""
-        placement = pin.updateFramePlacement(self._model, self._data, self._ids[foot])
-        return placement.translation, placement.rotation
-
-
-_ENGAGE, _RELEASE = 0.4, 0.5
-"""Ratios of the double support in which the landed foot is loaded and the next one unloaded."""
 
 _LATE = 0.25
 """Ratio of the double support that a late foot may use up before the clock of the walk waits."""
 
 _MISPLACED = 0.03
 """How far a sole may be from where the plan begins [m]."""
-
-_LONGEST_TICK = 0.05
-"""A clock that jumps farther than this moves the walk on no farther [s]."""
 
 
 class Walker:
@@ -165,14 +75,13 @@ class Walker:
         self.stack, self.plan, self.settings = stack, plan, settings or WalkSettings()
         self.reference = WalkReference(plan)
         legs = LegReach(robot, plan)
-        legs.check(self.reference)
+        legs.check(plan, self.reference)
         stack.bind(robot)
         self._tasks = find_walk_tasks(robot, plan, stack, carry)
         self.carried: dict[str, CarriedTarget] = self._tasks.carried
         self.status = WalkStatus.READY
         omega = self.reference.omega
         self._sense = WalkSense(robot, plan.soles)
-        self._weight = robot.weight
         self._feedback = DcmFeedback(omega, self.settings.dcm_gain)
         self._shift = PlanShift(omega)
         self._catcher = StepCatcher(
@@ -180,7 +89,7 @@ class Walker:
             omega,
             self.settings.adjust,
             self.settings.zmp_margin,
-            legs.longest_step(self.reference),
+            legs.longest_step(self.reference.height),
         )
         self._clock = 0.0
         self._time: float | None = None
@@ -234,7 +143,7 @@ class Walker:
         if not math.isfinite(float(state.q.sum()) + float(state.v.sum())):
             return
         self._sense.update(state)
-        dt = 0.0 if self._time is None else min(max(state.time - self._time, 0.0), _LONGEST_TICK)
+        dt = 0.0 if self._time is None else min(max(state.time - self._time, 0.0), LONGEST_TICK)
         self._time = state.time
         if self.status is WalkStatus.READY:
             self._begin()
@@ -259,11 +168,8 @@ class Walker:
         step = plan.steps[min(self._step, plan.count - 1)]
         (x, y, z), yaw = step.goal.position, step.goal.yaw
         dx, dy = (self._shift.settled + self._shift.coming).tolist()
-        # A foothold may move that far to catch the robot: that is caught, too.
-        length, width = (size + 2.0 * self.settings.adjust for size in plan.sizes[step.foot])
-        rotation = pin.utils.rotate("z", yaw)
-        place = np.array([x + dx, y + dy, z])
-        limit.expect_step(sole_rectangle(place, rotation, (length, width)))
+        x, y = x + dx, y + dy
+        expect_step(limit, (x, y, z), yaw, plan.sizes[step.foot], self.settings.adjust)
 
     def _begin(self) -> None:
         self.status = WalkStatus.WALKING
@@ -282,7 +188,7 @@ class Walker:
                 self.status = WalkStatus.FINISHED
             return
         foot, lift = plan.steps[self._step].foot, plan.lift_off(self._step)
-        ramp = _RELEASE * plan.gait.double_support
+        ramp = RELEASE * plan.gait.double_support
         if not self._released and self._clock >= lift - ramp:
             self._tasks.contacts[foot].release(ramp)
             self._released = True
@@ -315,23 +221,15 @@ class Walker:
             if self._waited > self.settings.patience:
                 self._stop(WalkStatus.FOOT_LOST)
         swing.advance(dt, self._shift.settled + self._shift.coming)
-        if self._is_down(swing, state, foot):
+        if self._sense.is_down(swing, state, foot, self.settings):
             self._land(foot)
             return
         self._tasks.feet[foot].set_target(
             swing.position, swing.rotation, swing.velocity, swing.acceleration
         )
 
-    def _is_down(self, swing: SwingFoot, state: RobotState, foot: int) -> bool:
-        wrench = state.contacts.get(self.plan.soles[foot])
-        if wrench is None:
-            # Nothing is measured: the foot is down when it should be.
-            return swing.phase >= 1.0
-        loaded = bool(wrench[2] >= self.settings.touchdown_force * self._weight)
-        return loaded and swing.phase >= self.settings.early
-
     def _land(self, foot: int) -> None:
-        self._tasks.contacts[foot].engage(_ENGAGE * self.plan.gait.double_support)
+        self._tasks.contacts[foot].engage(ENGAGE * self.plan.gait.double_support)
         position, _ = self._sense.sole(foot)
         goal = self.plan.steps[self._step].goal
         self._shift.land(position[:2] - goal.position[:2])
@@ -340,13 +238,8 @@ class Walker:
         self._stand_on((0, 1))
 
     def _stand_on(self, feet: tuple[int, ...]) -> None:
-        corners: list[Point] = []
-        for foot in feet:
-            position, rotation = self._sense.sole(foot)
-            corners += sole_rectangle(position, rotation, self.plan.sizes[foot])
-            x, y, z = position.tolist()
-            yaw = math.atan2(float(rotation[1, 0]), float(rotation[0, 0]))
-            self._stance = Placement(position=(x, y, z), yaw=yaw)
+        corners = self._sense.corners(feet, self.plan.sizes)
+        self._stance = self._sense.placement(feet[-1])
         self._support = SupportPolygon(corners, self.settings.zmp_margin)
         self._middle = np.mean(corners, axis=0)
 
@@ -357,13 +250,17 @@ class Walker:
             self._swing.stop_here()
         elif self._swing is None and self._released:
             foot = self.plan.steps[self._step].foot
-            self._tasks.contacts[foot].engage(_ENGAGE * self.plan.gait.double_support)
+            self._tasks.contacts[foot].engage(ENGAGE * self.plan.gait.double_support)
 
     def _keep_balance(self, dt: float) -> None:
         left = self._until_next_foot()
         self._shift.advance(dt, left)
         point = self._reference_now()
-        self._lead_com(point.com)
+        sense = self._sense
+        acceleration = self._feedback.acceleration(
+            sense.com[:2], sense.com_velocity[:2], point.com[:, :2], self._support
+        )
+        self._tasks.lead_com(sense, point.com, acceleration)
         turn = pin.utils.rotate("z", float(point.displacement[0, 3]))
         for target in self.carried.values():
             target.write(point.displacement, turn)
@@ -386,17 +283,6 @@ class Walker:
             com[0, :2] = self._middle
             com[1:], displacement[1:] = 0.0, 0.0
         return ReferencePoint(com, displacement)
-
-    def _lead_com(self, com: Float64[np.ndarray, "3 3"]) -> None:
-        """Height by the task's own gains, the rest by feedback of the divergent component."""
-        sense, task = self._sense, self._tasks.com
-        x, y = self._feedback.acceleration(
-            sense.com[:2], sense.com_velocity[:2], com[:, :2], self._support
-        ).tolist()
-        height, speed = com[0, 2] - sense.com[2], com[1, 2] - sense.com_velocity[2]
-        z = com[2, 2] + task.kp[2] * height + task.kd[2] * speed
-        task.set_target(com[0], com[1], com[2])
-        task.set_acceleration(np.array([x, y, z]))
 
     def _catch(self, com: Float64[np.ndarray, "3 3"], left: float, dt: float) -> None:
         """Moves the next foothold if need be, or gives the walk up."""

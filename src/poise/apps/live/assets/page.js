@@ -5,6 +5,9 @@ const BEAT = 33, RETRY = 1000, SPAN = 10;
 
 let socket = null, driving = false;
 const keys = { left: false, right: false, upright: false, arrows: new Set() };
+// Keys that do what an arrow does where the robot is driven.
+const ARROWS = { w: "ArrowUp", a: "ArrowLeft", s: "ArrowDown", d: "ArrowRight" };
+const driven = () => newest?.kind === "velocity";
 const past = [];
 
 // The channel ---------------------------------------------------------------------------------------
@@ -43,7 +46,7 @@ function welcome(message) {
   part("role").className = message.hello;
   say(driving ? "" : message.reason || "You are watching. Only the address with the token can drive.");
   part("help").hidden = part("help").hidden || !driving;
-  view?.allow(driving);
+  view?.allow(driving && !driven());
 }
 
 // What the connection has to say comes before what the robot has.
@@ -81,6 +84,10 @@ function show(s) {
   view?.show(s);
   // Whoever has made a step needs no more help.
   if (driving && stepping && s.mode === "D") part("help").hidden = true;
+  if (document.body.dataset.kind !== s.kind) {
+    document.body.dataset.kind = s.kind;
+    view?.allow(driving && !driven());
+  }
   stepping = s.mode === "SL" || s.mode === "SR";
   const last = past.at(-1);
   if (last && s.time < last.time) past.length = 0;
@@ -165,7 +172,8 @@ function gamepad() {
   if (!pad) return null;
   const stick = (v) => (Math.abs(v) > 0.15 ? v : 0);
   const pressed = (i) => Boolean(pad.buttons[i]?.pressed);
-  return { lift: [pressed(4), pressed(5)], move: [-stick(pad.axes[1] ?? 0), -stick(pad.axes[0] ?? 0)], upright: pressed(0) };
+  const [x, y, turn] = [0, 1, 2].map((i) => -stick(pad.axes[i] ?? 0));
+  return { lift: [pressed(4), pressed(5)], move: [y, x], turn, upright: pressed(0) };
 }
 
 function beat() {
@@ -179,6 +187,7 @@ function beat() {
     beat: performance.now(),
     lift: [keys.left || Boolean(pad?.lift[0]), keys.right || Boolean(pad?.lift[1])],
     move: [clip(move[0] + (pad?.move[0] ?? 0)), clip(move[1] + (pad?.move[1] ?? 0))],
+    turn: clip((keys.left ? 1 : 0) - (keys.right ? 1 : 0) + (pad?.turn ?? 0)),
     upright: keys.upright || Boolean(pad?.upright),
     drag: view?.drags() ?? [null, null],
   });
@@ -186,15 +195,18 @@ function beat() {
 
 function press(event, down) {
   if (event.repeat) return;
+  const arrow = event.key.startsWith("Arrow") ? event.key : driven() && ARROWS[event.key.toLowerCase()];
   if (event.key === "q" || event.key === "Q") hold("left", down);
   else if (event.key === "e" || event.key === "E") hold("right", down);
-  else if (event.key.startsWith("Arrow")) {
+  else if (arrow) {
     if (down) {
-      keys.arrows.add(event.key);
-      if (driving && !keys.left && !keys.right) put("said", "Arrows move the foot that you hold: hold Q or E as well.");
-    } else keys.arrows.delete(event.key);
+      keys.arrows.add(arrow);
+      if (driving && !driven() && !keys.left && !keys.right) put("said", "Arrows move the foot that you hold: hold Q or E as well.");
+    } else keys.arrows.delete(arrow);
   } else return;
   event.preventDefault();
+  // The robot need not wait for the next beat.
+  beat();
 }
 
 function hold(side, down) {

@@ -1,0 +1,187 @@
+"""`DriveLoop`: a robot that walks with the velocity that somebody asks for, in real time."""
+
+from collections.abc import Generator
+from pathlib import Path
+
+import numpy as np
+
+from poise.apps.live._inputs import OperatorInputs, Pad
+from poise.apps.live._log import LOG_SUFFIX, LiveLog
+from poise.apps.live._real_time import RealTimeLoop
+from poise.apps.live._snapshot import Snapshot
+from poise.control import WholeBodyController
+from poise.dynamics import RobotState
+from poise.locomotion import (
+    DeviceStatus,
+    Mode,
+    ReactiveWalker,
+    VelocityLimits,
+    convex_hull,
+    signed_margin,
+    sole_rectangle,
+    walking_stack,
+)
+from poise.robots import Robot
+from poise.sim import PlantConfig, Tick, rollout
+from poise.stack import Stack
+
+DRIVE_PLANT = PlantConfig(control_dt=0.002)
+"""What a driven robot is simulated by."""
+
+_STEP_MODES = ((Mode.TR, Mode.SR), (Mode.TL, Mode.SL))
+"""What a robot does that is about to lift a foot, and that has lifted it, by the foot."""
+
+_SHARE = 0.85
+"""Of the limits that a stick asks for when it is all the way over."""
+
+
+def velocity_of(pad: Pad | None, limits: VelocityLimits) -> tuple[float, float, float]:
+    """The velocity that keys and sticks ask for.
+
+    Args:
+        pad: what the operator does; None for nobody, who asks for rest.
+        limits: of velocities; a stick all the way over asks for most of them.
+
+    Returns:
+        Ahead [m/s], to the left [m/s], turning to the left [rad/s].
+    """
+    if pad is None:
+        return 0.0, 0.0, 0.0
+    ahead, left = pad.move
+    return (
+        _SHARE * ahead * (limits.ahead if ahead > 0.0 else limits.back),
+        _SHARE * left * limits.sideways,
+        _SHARE * pad.turn * limits.turn,
+    )
+
+
+class _Driver:
+    """The leader: asks the walker for what the operator asks for."""
+
+    def __init__(self, robot: Robot, inputs: OperatorInputs) -> None:
+        self.stack: Stack = walking_stack(robot)
+        self.walker = ReactiveWalker(robot, self.stack)
+        self._inputs = inputs
+
+    def lead(self, state: RobotState) -> None:
+        """Sets what the next tick should do."""
+        self.walker.set_velocity(*velocity_of(self._inputs.read(), self.walker.limits))
+        self.walker.lead(state)
+
+    def signals(self) -> dict[str, np.ndarray | float | str]:
+        """What the log should know."""
+        return dict(self.walker.signals())
+
+
+class DriveLoop(RealTimeLoop):
+    """A humanoid that somebody drives.
+
+    Args:
+        robot: a humanoid.
+        inputs: what the operator does.
+        folder: where each run is logged, from reset to reset.
+        plant: with torque actuation.
+        seed: of the sensor noise.
+
+    Raises:
+        ConfigurationError: the robot cannot walk.
+
+    Attributes:
+        log: of each run.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        inputs: OperatorInputs,
+        folder: Path,
+        *,
+        plant: PlantConfig = DRIVE_PLANT,
+        seed: int = 0,
+    ) -> None:
+        super().__init__(robot, plant, seed)
+        folder.mkdir(parents=True, exist_ok=True)
+        self._inputs, self._folder = inputs, folder
+        self.log = LiveLog("whole_body")
+        self._ticks: Generator[Tick] | None = None
+        self._driver = _Driver(robot, inputs)
+        self._path = folder
+
+    @property
+    def walker(self) -> ReactiveWalker:
+        """What leads the feet in the present run."""
+        return self._driver.walker
+
+    def _begin(self) -> None:
+        self._finish()
+        self._driver = _Driver(self.robot, self._inputs)
+        number = 1
+        while (self._folder / f"drive-{number:03}{LOG_SUFFIX}").exists():
+            number += 1
+        self._path = self._folder / f"drive-{number:03}{LOG_SUFFIX}"
+        self.log.expect(self._path)
+        controller = WholeBodyController(self.robot, self._driver.stack)
+        self._ticks = rollout(self.plant, controller, self._driver, [self.log])
+
+    def _tick(self) -> None:
+        if self._ticks is not None:
+            next(self._ticks, None)
+
+    def _flush(self) -> None:
+        """The log's own thread does that."""
+
+    def _finish(self) -> None:
+        if self._ticks is not None:
+            self._ticks.close()
+            self._ticks = None
+
+    def _picture(self) -> Snapshot:
+        plant, walker, data = self.plant, self.walker, self.plant.data
+        truth = plant.true_state()
+        names = list(self.robot.soles)
+        soles = np.array([data.site(name).xpos for name in names])
+        loads = np.array([truth.contacts[name][2] for name in names])
+        zmp, polygon = walker.zmp, self._polygon(names)
+        lifted = walker.lifting
+        return Snapshot(
+            time=plant.time,
+            mode=Mode.D if lifted is None else _STEP_MODES[lifted[0]][lifted[1]],
+            device=DeviceStatus.LOST if self._inputs.read() is None else DeviceStatus.OK,
+            zmp=zmp,
+            zmp_reference=zmp,
+            com=plant.com,
+            soles=soles,
+            handles=soles,
+            target=None,
+            polygon=polygon,
+            margin=float(signed_margin(zmp[None], polygon)[0]),
+            loads=loads,
+            tilt=float(np.arccos(np.clip(1.0 - 2.0 * (truth.q[3:5] @ truth.q[3:5]), -1.0, 1.0))),
+            bodies=data.xpos.copy(),
+            turns=data.xquat.copy(),
+            fallen=plant.fallen,
+            paused=self._paused,
+            speed=self._speed,
+            real_time_factor=self._factor,
+            take=self._path.name,
+            text=self._text(),
+        )
+
+    def _polygon(self, names: list[str]) -> np.ndarray:
+        """Corners of what the robot stands on [m]."""
+        lifted = self.walker.lifting
+        corners: list[tuple[float, float]] = []
+        for foot, name in enumerate(names):
+            if lifted == (foot, True):
+                continue
+            site, sole = self.plant.data.site(name), self.robot.soles[name]
+            rotation = site.xmat.reshape(3, 3)
+            corners += sole_rectangle(site.xpos, rotation, (sole.length, sole.width))
+        return np.array(convex_hull(corners))
+
+    def _text(self) -> str:
+        """How the walk stands, with which velocity, and what was cut of it."""
+        ahead, left, turn = self.walker.commands.velocity
+        said = f"{self.walker.status.value}: {ahead:.2f} m/s ahead, {left:.2f} m/s to the left, "
+        said += f"{turn:.2f} rad/s"
+        return f"{said}; {self.walker.notice}" if self.walker.notice else said

@@ -1,0 +1,59 @@
+"""`Snapshot`: how the robot stands, as the page shows it, some 25 times a second."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float64
+
+from poise.locomotion import DeviceStatus, Mode
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Snapshot:
+    """One moment of a live run; positions in the drawn world, which is the simulator's.
+
+    Attributes:
+        time: of the robot [s].
+        mode: which feet carry the robot.
+        device: what became of the operator's last sample.
+        zmp: measured, x and y [m].
+        zmp_reference: of it [m].
+        com: estimated [m].
+        soles: left and right [m].
+        handles: where the operator holds the left and the right foot [m].
+        target: where the foot in the air is sent [m].
+        polygon: the support polygon's corners, counter-clockwise [m].
+        margin: of the ZMP to the polygon's nearest edge, negative outside [m].
+        loads: on the soles, left and right [N].
+        tilt: of the torso [rad].
+        bodies: where each body of the simulator is [m].
+        turns: and how it is turned, (w, x, y, z).
+        fallen: whether the robot fell.
+        paused: whether time stands still.
+        speed: robot time over wall-clock time that is asked for.
+        real_time_factor: what the last second reached of that speed.
+        take: name of the recording.
+        text: what the robot does, in words; what its mode says when empty.
+    """
+
+    time: float
+    mode: Mode
+    device: DeviceStatus
+    zmp: Float64[np.ndarray, "2"]
+    zmp_reference: Float64[np.ndarray, "2"]
+    com: Float64[np.ndarray, "3"]
+    soles: Float64[np.ndarray, "2 3"]
+    handles: Float64[np.ndarray, "2 3"]
+    target: Float64[np.ndarray, "3"] | None
+    polygon: Float64[np.ndarray, "h 2"]
+    margin: float
+    loads: Float64[np.ndarray, "2"]
+    tilt: float
+    bodies: Float64[np.ndarray, "B 3"]
+    turns: Float64[np.ndarray, "B 4"]
+    fallen: bool
+    paused: bool
+    speed: float
+    real_time_factor: float
+    take: str
+    text: str = ""

@@ -1,0 +1,298 @@
+"""`StepCommands`: what somebody wants of a walk now, as the next few footholds.
+
+`VelocityLimits`: how fast a robot is led at most.
+`LegRoom`: where its legs let a foot come down beside the other one.
+"""
+
+import math
+from collections import deque
+from dataclasses import dataclass
+from typing import Annotated, NamedTuple
+
+import numpy as np
+
+from poise._schema import Bounds, checked
+from poise.locomotion._walking._footsteps import LARGEST
+from poise.locomotion._walking._ground import LEVEL, Ground, Placement
+from poise.locomotion._walking._plan import level_place
+from poise.locomotion._walking._step_choice import StepBounds
+
+_Speed = Annotated[float, Bounds(least=0.0, most=LARGEST, unit="m/s")]
+
+
+@checked()
+@dataclass(frozen=True, kw_only=True)
+class VelocityLimits:
+    """How fast a robot is led at most, and how fast that changes.
+
+    Velocities that go together share what there is: their ratios to these limits are the
+    coordinates of a point in the unit ball.
+
+    Attributes:
+        ahead: [m/s].
+        back: [m/s].
+        sideways: [m/s].
+        turn: [rad/s].
+        rise_time: from standing to a limit, and back [s].
+    """
+
+    ahead: _Speed = 0.65
+    back: _Speed = 0.4
+    sideways: _Speed = 0.3
+    turn: Annotated[float, Bounds(least=0.0, most=LARGEST, unit="rad/s")] = 0.8
+    rise_time: Annotated[float, Bounds(positive=True, most=LARGEST, unit="s")] = 1.0
+
+
+class LegRoom(NamedTuple):
+    """Where the legs let a foot come down beside the other one.
+
+    Attributes:
+        sizes: length and width of both soles [m].
+        width: of the feet side by side [m].
+        clearance: least distance of their edges [m].
+        ahead: farthest ahead and behind [m].
+        wide: farthest beside [m].
+        turn: most that a foot is turned outwards from the other [rad].
+        turn_in: and inwards [rad].
+    """
+
+    sizes: tuple[tuple[float, float], tuple[float, float]]
+    width: float
+    clearance: float
+    ahead: float
+    wide: float
+    turn: float
+    turn_in: float
+
+    def near(self, yaw: float) -> float:
+        """Least distance of the soles' centres, turned against each other [m].
+
+        Args:
+            yaw: of one against the other [rad].
+        """
+        skew = 0.5 * abs(yaw)
+        return self.clearance + sum(
+            0.5 * (width * math.cos(skew) + length * math.sin(skew)) for length, width in self.sizes
+        )
+
+    def bounds(self, yaw: float) -> StepBounds:
+        """Where a foot may come down to catch the robot.
+
+        Args:
+            yaw: of the foothold, against the foot that stands [rad].
+        """
+        near = min(self.near(yaw), self.width)
+        return StepBounds(-self.ahead, self.ahead, near, self.wide, self.ahead, self.width)
+
+
+def side(foot: int) -> float:
+    """To which side a foot is of the other: 1 for the left one, -1 for the right one."""
+    return 1.0 if foot == 0 else -1.0
+
+
+Velocity = tuple[float, float, float]
+"""Ahead [m/s], to the left [m/s], turning to the left [rad/s]."""
+
+
+class StepCommands:
+    """Velocities and footholds that somebody asks for, as the next few footholds.
+
+    A velocity is followed step by step: the body goes vx T ahead with each. What it goes sideways
+    and turns in two steps is shared by both, the foot on that side opens by most of it, the other
+    one comes nearer than side by side by the rest. Footholds that are given one by one come before
+    any velocity and stay exact, unless the robot has to be caught.
+
+    Args:
+        limits: of velocities.
+        room: of the legs.
+        step_time: from one lift-off to the next [s].
+        ground: what the robot walks on.
+
+    Attributes:
+        velocity: that is followed now.
+        footholds: given and not yet made, each with its foot.
+        notice: what was cut or ignored of the last command; "" for nothing.
+    """
+
+    def __init__(
+        self, limits: VelocityLimits, room: LegRoom, step_time: float, ground: Ground
+    ) -> None:
+        self._room, self._time, self._ground = room, step_time, ground
+        self._limits = limits
+        self._wanted: Velocity = (0.0, 0.0, 0.0)
+        self.velocity: Velocity = (0.0, 0.0, 0.0)
+        self.footholds: deque[tuple[int, Placement]] = deque()
+        self.closes = True
+        self.notice = ""
+
+    def set_velocity(self, ahead: float, sideways: float, turn: float) -> None:
+        """Asks for a velocity from now on; one that is not finite is ignored.
+
+        Args:
+            ahead: [m/s].
+            sideways: to the left [m/s].
+            turn: to the left [rad/s].
+        """
+        asked = (ahead, sideways, turn)
+        if not all(math.isfinite(value) for value in asked):
+            self.notice = f"velocity {_shown(asked)} ignored: not finite"
+            return
+        self._wanted = self._within_limits(asked)
+        self.closes = True
+        self.notice = ""
+        if self._wanted != asked:
+            self.notice = f"velocity {_shown(asked)} taken to {_shown(self._wanted)}"
+
+    def add_foothold(self, foot: int, place: Placement) -> None:
+        """Asks for a foothold after those that were given before; one not finite is ignored.
+
+        Args:
+            foot: 0 for the left one, 1 for the right one.
+            place: where its sole shall lie.
+        """
+        if not all(math.isfinite(value) for value in (*place.position, place.yaw)):
+            self.notice = "foothold ignored: not finite"
+            return
+        self._wanted, self.closes = (0.0, 0.0, 0.0), False
+        self.notice = ""
+        self.footholds.append((foot, place))
+
+    @property
+    def moving(self) -> bool:
+        """Whether a step is asked for."""
+        return bool(self.footholds) or any(self._wanted) or any(self.velocity)
+
+    def advance(self, dt: float) -> None:
+        """Lets the velocity follow what is asked for.
+
+        Args:
+            dt: since the last call [s].
+        """
+        if self.velocity == self._wanted:
+            return
+        limits = self._limits
+        rates = (max(limits.ahead, limits.back), limits.sideways, limits.turn)
+        most = dt / limits.rise_time
+        ahead, sideways, turn = (
+            now + min(max(wanted - now, -most * rate), most * rate)
+            for now, wanted, rate in zip(self.velocity, self._wanted, rates, strict=True)
+        )
+        self.velocity = (ahead, sideways, turn)
+
+    def first_foot(self) -> int:
+        """With which foot a walk begins: the one on the side that it goes to, or the left one."""
+        if self.footholds:
+            return self.footholds[0][0]
+        _, sideways, turn = self._wanted
+        return 1 if (sideways or turn) < 0.0 else 0
+
+    def next_foot(self, landed: int) -> int:
+        """Which foot goes on after one has landed."""
+        return self.footholds[0][0] if self.footholds else 1 - landed
+
+    def steps(self, foot: int, stance: Placement, count: int) -> list[Placement]:
+        """The next few footholds, a foot after the other.
+
+        Args:
+            foot: that goes first.
+            stance: where the other one stands.
+            count: how many.
+        """
+        steps: list[Placement] = []
+        given = list(self.footholds)
+        for i in range(count):
+            if i < len(given) and given[i][0] == foot:
+                place = self._allowed(foot, stance, given[i][1])
+            elif self.closes or i > 0:
+                place = self._beside(foot, stance, (0.0, 0.0, 0.0) if given else self.velocity)
+            else:
+                place = self._beside(foot, stance, (0.0, 0.0, 0.0))
+            steps.append(place)
+            foot, stance = 1 - foot, place
+        return steps
+
+    def _beside(self, foot: int, stance: Placement, velocity: Velocity) -> Placement:
+        """The foothold that a velocity asks for."""
+        ahead, sideways, turn = (self._time * speed for speed in velocity)
+        out, room = side(foot), self._room
+        turned = _share(turn * out, room.turn_in) * out
+        wide = room.width + _share(sideways * out, room.width - room.near(turned))
+        mean = stance.yaw + 0.5 * turned
+        c, s = math.cos(mean), math.sin(mean)
+        x = stance.position[0] + c * ahead - s * out * wide
+        y = stance.position[1] + s * ahead + c * out * wide
+        return self._lying(foot, stance, (x, y, stance.yaw + turned))
+
+    def _allowed(self, foot: int, stance: Placement, place: Placement) -> Placement:
+        """A foothold that was given, or the nearest that the legs and the other foot allow."""
+        out, room = side(foot), self._room
+        turned = math.remainder(place.yaw - stance.yaw, 2.0 * math.pi)
+        turned = out * min(max(out * turned, -room.turn_in), room.turn)
+        c, s = math.cos(stance.yaw), math.sin(stance.yaw)
+        dx, dy = (place.position[k] - stance.position[k] for k in (0, 1))
+        wanted = (c * dx + s * dy, out * (c * dy - s * dx))
+        x, y = room.bounds(turned).nearest(wanted)
+        if math.dist((x, y), wanted) < LEVEL:
+            x, y = wanted
+        else:
+            self.notice = f"foothold out of reach: moved by {math.dist((x, y), wanted):.3f} m"
+        return self._lying(
+            foot,
+            stance,
+            (
+                stance.position[0] + c * x - s * out * y,
+                stance.position[1] + s * x + c * out * y,
+                stance.yaw + turned,
+            ),
+        )
+
+    def _lying(self, foot: int, stance: Placement, place: tuple[float, float, float]) -> Placement:
+        """A sole on the ground: as planned, or ahead or behind where an edge is under it."""
+        x, y, yaw = place
+        if not self._ground.platforms:
+            return Placement(position=(x, y, stance.position[2]), yaw=yaw)
+        found = level_place(place, self._room.sizes[foot], self._ground)
+        if found is None:
+            self.notice = f"no level ground near x = {x:.2f} m, y = {y:.2f} m"
+            return Placement(position=(x, y, stance.position[2]), yaw=yaw)
+        return found
+
+    def carries(self, foot: int, place: Placement) -> bool:
+        """Whether all of a sole lies on ground as high as it."""
+        if not self._ground.platforms:
+            return True
+        heights = self._ground.heights(place.grid(*self._room.sizes[foot]))
+        return bool(np.abs(heights - place.position[2]).max() < LEVEL)
+
+    def _within_limits(self, asked: Velocity) -> Velocity:
+        """The longest velocity in a direction that the limits and the legs allow."""
+        limits, room = self._limits, self._room
+        stride = 0.5 * room.ahead / self._time
+        most = (
+            min(limits.ahead if asked[0] > 0.0 else limits.back, 2.0 * stride),
+            min(limits.sideways, 0.5 * (room.wide - room.near(0.0)) / self._time),
+            min(limits.turn, 0.5 * (room.turn + room.turn_in) / self._time),
+        )
+        size = math.sqrt(
+            sum((v / m) ** 2 if m > 0.0 else 0.0 for v, m in zip(asked, most, strict=True))
+        )
+        ahead, sideways, turn = (
+            v / max(size, 1.0) if m > 0.0 else 0.0 for v, m in zip(asked, most, strict=True)
+        )
+        return ahead, sideways, turn
+
+
+def _share(outwards: float, inwards_most: float) -> float:
+    """What one step does of something that two do together.
+
+    Args:
+        outwards: of a step on average; negative where the other foot leads.
+        inwards_most: that the foot that follows may come nearer.
+    """
+    inwards = min(abs(outwards), max(inwards_most, 0.0))
+    return 2.0 * outwards - inwards if outwards > 0.0 else -inwards
+
+
+def _shown(velocity: Velocity) -> str:
+    ahead, sideways, turn = velocity
+    return f"({ahead:.2f} m/s, {sideways:.2f} m/s, {turn:.2f} rad/s)"

@@ -1,0 +1,612 @@
+"""`ReactiveWalker`: walks by velocities and footholds that are given while it walks."""
+
+import math
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from enum import Enum
+
+import numpy as np
+import pinocchio as pin
+from jaxtyping import Float64
+
+from poise._checks import Numbers
+from poise.dynamics import RobotState
+from poise.errors import ConfigurationError
+from poise.locomotion._pendulum import natural_frequency
+from poise.locomotion._support import Point, SupportPolygon
+from poise.locomotion._walking._commands import LegRoom, StepCommands, VelocityLimits
+from poise.locomotion._walking._dcm_plan import (
+    DcmMotion,
+    StepTimes,
+    hermite_step,
+)
+from poise.locomotion._walking._feedback import DcmFeedback
+from poise.locomotion._walking._footsteps import (
+    FootstepPlan,
+    Gait,
+    foot_distance,
+    level_floor,
+    stand_of,
+)
+from poise.locomotion._walking._ground import Ground, Placement
+from poise.locomotion._walking._leg_momentum import FeetAt, JoinedSupport, LegMomentum, leg_ratios
+from poise.locomotion._walking._reach import LegReach
+from poise.locomotion._walking._sense import (
+    ENGAGE,
+    LONGEST_TICK,
+    RELEASE,
+    WalkSense,
+    expect_step,
+)
+from poise.locomotion._walking._settings import WalkSettings, WalkStatus
+from poise.locomotion._walking._step_planner import QUICK, Lifted, StepPlanner
+from poise.locomotion._walking._swing import Motion, SwingFoot, least_jerk_towards
+from poise.locomotion._walking._swing_shape import RISE, SwingShape, clear_swing
+from poise.locomotion._walking._tasks import CarriedTarget, find_walk_tasks
+from poise.robots import Robot
+from poise.stack import Stack, Task
+
+
+class Phase(Enum):
+    """What the feet do."""
+
+    STAND = "stand"
+    """Both carry the robot, and stay."""
+    SHIFT = "shift"
+    """Both carry it, and one is about to be lifted."""
+    SWING = "swing"
+    """One is in the air."""
+
+
+_STEP_PHASE = 2.1
+"""omega T of a step: as fast as people walk without hurry."""
+
+_DOUBLE_SUPPORT = 0.12
+"""Of a step's time, unless a gait says otherwise."""
+
+_CROUCH = 0.05
+"""How far the COM is lowered, over its height, unless a gait says otherwise."""
+
+_SWING_HEIGHT = 0.06
+"""Of a foot, over the height of the COM, unless a gait says otherwise."""
+
+_PLACE_RATE, _TIME_RATE = 2.0, 2.0
+"""How fast foothold [m/s] and time of touchdown [s/s] change at most while a foot is in the air."""
+
+_FINAL = 0.05
+"""Foothold and time are final when touchdown is this near [s]."""
+
+_WORTH = 0.5
+"""A foot stays where it is while both hold the robot and its step would cost more than this."""
+
+_CLOSED, _CLOSED_TURN = 0.025, 0.06
+"""Feet so near to side by side are [m, rad]."""
+
+_CALM = 0.01
+"""The divergent component has to be this far inside what holds it for the feet to stay [m]."""
+
+_TURN, _TURN_IN = 0.6, 0.12
+"""Most that a foot is turned outwards and inwards against the other one [rad]."""
+
+_WIDE = 0.75
+"""Farthest that feet stand apart, over the height of the COM."""
+
+_REACH = 0.85
+"""Part of the longest step, both legs straight, that a foot may use."""
+
+_BODY_TIME = 0.25
+"""The body turns and rises no faster than it takes for a goal this far away [s]."""
+
+
+class ReactiveWalker:
+    """Walks as it is told, now: a `poise.stack.Leader`.
+
+    Where `Walker` follows a plan that was made before it began, this one is led by `set_velocity`
+    and `step_to` while it walks. The next footholds are made anew in every tick from what is asked
+    for, and from them, by backward recursion, where the divergent component of motion should be.
+    While a foot is in the air, place and time of its touchdown are chosen from the measured one.
+    Standing, the robot steps by itself when its feet cannot hold it, and comes back to rest side by
+    side.
+
+    It sets the same targets and contacts of a stack as `Walker`, and never raises while it runs:
+    what is cut of a command is said by `notice`, what goes wrong by `status`.
+
+    Args:
+        robot: on two soles.
+        stack: the controller's: a `ComTask` of all axes, a `FrameTask` of the pose of each sole,
+            and a contact on each.
+        gait: timing and shape of every step; by the robot's size when None.
+        settings: feedback and touchdown.
+        limits: of velocities.
+        q: how the robot stands, in its home posture when None; it may begin anywhere.
+        ground: what it walks on; a floor as high as its soles when None.
+        carry: names of frame tasks that go along with the body; all that are on no sole when None.
+
+    Attributes:
+        stack: what it leads.
+        gait: timing and shape of a step.
+        settings: feedback and touchdown.
+        limits: of velocities.
+        status: how the walk stands.
+        phase: what the feet do.
+        steps_made: how many steps are behind.
+        carried: targets that go along with the body, by the name of their task.
+
+    Raises:
+        ConfigurationError: the stack lacks something, or the robot does not stand on two soles.
+        UnknownNameError: no such frame task to carry.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        stack: Stack,
+        gait: Gait | None = None,
+        settings: WalkSettings | None = None,
+        limits: VelocityLimits | None = None,
+        *,
+        q: Numbers | None = None,
+        ground: Ground | None = None,
+        carry: Sequence[str] | None = None,
+    ) -> None:
+        self.stack, self.settings = stack, settings or WalkSettings()
+        self.limits = limits or VelocityLimits()
+        stand = self._standing = stand_of(robot, q)
+        standing_height = stand.com[2] - stand.middle[2]
+        self.gait = gait or _usual_gait(standing_height)
+        self.height = standing_height - self.gait.crouch
+        ratios = leg_ratios(robot, stand.q, stand.soles)
+        self._legs = LegMomentum(ratios.ahead, natural_frequency(self.height))
+        self._rise_ratio = ratios.rise
+        self.ground = ground or level_floor(stand.start)
+        self._room = LegRoom(
+            sizes=stand.sizes,
+            width=self.gait.width or foot_distance(stand.start),
+            clearance=FootstepPlan.clearance,
+            ahead=_REACH * LegReach(robot, stand).longest_step(self.height),
+            wide=_WIDE * self.height,
+            turn=_TURN,
+            turn_in=_TURN_IN,
+        )
+        self.commands = StepCommands(self.limits, self._room, self.gait.step_time, self.ground)
+        stack.bind(robot)
+        self._tasks = find_walk_tasks(robot, stand, stack, carry)
+        self.carried: dict[str, CarriedTarget] = self._tasks.carried
+        self._sense = WalkSense(robot, stand.soles)
+        self._feedback = DcmFeedback(self._legs.omega, self.settings.dcm_gain)
+        depth = self.settings.touchdown_depth
+        # At the end a quintic of least jerk is 10 (height) s^3 above where it ends.
+        self._sinking = (1.0 - RISE) * (0.1 * depth / (depth + self.gait.swing_height)) ** (1 / 3)
+        times = StepTimes(self.gait.swing_time, self.gait.double_support)
+        margin = self.settings.zmp_margin
+        self._planner = StepPlanner(self.commands, self._room, self._legs, times, margin)
+        self.status, self.phase, self.steps_made = WalkStatus.READY, Phase.STAND, 0
+        self._time: float | None = None
+        self._foot = 0
+        self._swing: SwingFoot | None = None
+        self._released = self._hurried = False
+        self._left, self._elapsed, self._waited = 0.0, 0.0, 0.0
+        self._dcm: tuple[DcmMotion, DcmMotion] = ((0.0, 0.0), (0.0, 0.0))
+        self._com: Point = (0.0, 0.0)
+        self._rise: Motion = (0.0, 0.0, 0.0)
+        self._heading: Motion = (0.0, 0.0, 0.0)
+        self._feet = list(stand.start)
+        self._goal = stand.start[0]
+        self._support = SupportPolygon([], 0.0)
+
+    # What somebody who leads it says --------------------------------------------------------------
+
+    def set_velocity(self, ahead: float, sideways: float = 0.0, turn: float = 0.0) -> None:
+        """Walks with a velocity from now on; zero brings the robot to rest, feet side by side.
+
+        Args:
+            ahead: [m/s].
+            sideways: to the left [m/s].
+            turn: to the left [rad/s].
+        """
+        self.commands.set_velocity(ahead, sideways, turn)
+
+    def step_to(self, sole: str, x: float, y: float, yaw: float) -> None:
+        """Makes a step, after those that were asked for before.
+
+        Args:
+            sole: its name.
+            x: of the sole's centre in the world [m].
+            y: likewise [m].
+            yaw: its heading [rad].
+        """
+        if sole not in self._standing.soles:
+            self.commands.notice = f"foothold of {sole!r} ignored: no sole of this robot"
+            return
+        foot = self._standing.soles.index(sole)
+        self.commands.add_foothold(foot, Placement(position=(x, y, 0.0), yaw=yaw))
+
+    @property
+    def notice(self) -> str:
+        """What was cut or ignored of the last command; "" for nothing."""
+        return self.commands.notice
+
+    # What a recorder may know ---------------------------------------------------------------------
+
+    @property
+    def lifting(self) -> tuple[int, bool] | None:
+        """Which foot is being lifted, 0 for the left one, and whether it is in the air."""
+        if self.phase is Phase.STAND:
+            return None
+        return self._foot, self.phase is Phase.SWING
+
+    @property
+    def dcm_error(self) -> Float64[np.ndarray, "2"]:
+        """How far the divergent component of motion is from its reference [m]."""
+        return self._feedback.error
+
+    @property
+    def zmp(self) -> Float64[np.ndarray, "2"]:
+        """Where the ZMP should be, feedback included [m]."""
+        feet, _, _ = self._feet_at()
+        x, y = self._feedback.zmp.tolist()
+        return np.array(self._legs.parted((x, y), feet))
+
+    def signals(self) -> Mapping[str, Float64[np.ndarray, " n"] | float | str]:
+        """What a recorder should know of the last tick."""
+        return {
+            "zmp_reference": self.zmp.copy(),
+            "velocity_command": np.array(self.commands.velocity),
+            "mode": f"walk {self.status.value}",
+            "notice": self.notice,
+        }
+
+    def leads(self, task: Task) -> bool:
+        """Whether the walk sets a task's target by itself: the COM's and the feet's."""
+        return task is self._tasks.com or task in self._tasks.feet
+
+    def holds(self, contact: str) -> bool:
+        """Whether the walk loads and unloads a contact of that name."""
+        return any(contact == c.name for c in self._tasks.contacts)
+
+    # A tick ---------------------------------------------------------------------------------------
+
+    def lead(self, state: RobotState) -> None:
+        """Sets what the next tick should do.
+
+        Args:
+            state: of the robot; one that is not finite is passed over.
+        """
+        if not math.isfinite(float(state.q.sum()) + float(state.v.sum())):
+            return
+        self._sense.update(state)
+        dt = 0.0 if self._time is None else min(max(state.time - self._time, 0.0), LONGEST_TICK)
+        self._time = state.time
+        if self.status is WalkStatus.READY:
+            self._begin()
+        self.commands.advance(dt)
+        if self.phase is Phase.STAND:
+            self._stand(dt)
+        elif self.phase is Phase.SHIFT:
+            self._shift(dt)
+        elif self._swing is not None:
+            self._fly(self._swing, state, dt)
+        self._keep_balance(dt)
+        self._announce_step()
+
+    def _announce_step(self) -> None:
+        """Tells the balance limit of the stack where the next step catches the robot."""
+        limit = self.stack.balance_limit
+        if not limit.enabled:
+            return
+        if self.phase is Phase.STAND:
+            limit.expect_step(None)
+            return
+        goal = self._goal
+        if self.phase is Phase.SHIFT:
+            goal = self.commands.steps(self._foot, self._stance, 1)[0]
+        size = self._standing.sizes[self._foot]
+        expect_step(limit, goal.position, goal.yaw, size, self.settings.adjust)
+
+    def _feet_at(self) -> tuple[FeetAt, FeetAt, FeetAt]:
+        """Positions [m], velocities [m/s] and accelerations [m/s^2] of both feet."""
+        still = (0.0, 0.0)
+        rows = [[place.position[:2], still, still] for place in self._feet]
+        if self._swing is not None:
+            rows[self._foot] = self._swing_motion(self._swing)
+        (a, va, aa), (b, vb, ab) = rows
+        return (a, b), (va, vb), (aa, ab)
+
+    def _swing_motion(self, swing: SwingFoot) -> list[Point]:
+        """Position, velocity and acceleration of the foot in the air; see `LegRatios.rise`."""
+        c, s = (self._rise_ratio * f(self._heading[0]) for f in (math.cos, math.sin))
+        x, y, z = swing.position.tolist()
+        z -= self._stance.position[2]
+        motion = [(x + c * z, y + s * z)]
+        for rate in (swing.velocity, swing.acceleration):
+            x, y, z = rate[:3].tolist()
+            motion.append((x + c * z, y + s * z))
+        return motion
+
+    def _measured(self) -> tuple[Point, Point]:
+        """C and its velocity, see `LegMomentum`."""
+        feet, velocities, _ = self._feet_at()
+        (x, y, _), (vx, vy, _) = self._sense.com.tolist(), self._sense.com_velocity.tolist()
+        return self._legs.joined((x, y), feet), self._legs.joined((vx, vy), velocities)
+
+    def _xi(self) -> Point:
+        """The measured divergent component [m]."""
+        (x, y), (vx, vy) = self._measured()
+        return x + vx / self._legs.omega, y + vy / self._legs.omega
+
+    def _is_held(self, margin: float = 0.0) -> bool:
+        """Whether the feet as they stand can bring the divergent component to rest.
+
+        Args:
+            margin: how far inside the soles' edges, and the margin of the ZMP, it has to be [m].
+        """
+        feet, _, _ = self._feet_at()
+        return self._support.depth(self._legs.parted(self._xi(), feet)) >= margin
+
+    def _begin(self) -> None:
+        self.status = WalkStatus.STANDING
+        left = self._sense.placement(0)
+        self._feet[0] = left
+        self._heading = (left.yaw, 0.0, 0.0)
+        self._stand_on((0, 1))
+        self._heading = (0.5 * (self._feet[0].yaw + self._feet[1].yaw), 0.0, 0.0)
+        self._com, _ = self._measured()
+        self._dcm = ((self._com[0], 0.0), (self._com[1], 0.0))
+        self._rise = (float(self._sense.com[2]), 0.0, 0.0)
+        self._left = self.gait.shift_time
+
+    def _stand_on(self, feet: tuple[int, ...]) -> None:
+        corners = self._sense.corners(feet, self._standing.sizes)
+        for foot in feet:
+            place = self._sense.placement(foot)
+            # A heading is the same a whole turn on; this is the one nearest to the body's.
+            turns = round((self._heading[0] - place.yaw) / (2.0 * math.pi))
+            self._feet[foot] = Placement(
+                position=place.position, yaw=place.yaw + 2.0 * math.pi * turns
+            )
+        self._support = SupportPolygon(corners, self.settings.zmp_margin)
+
+    # Both feet on the ground ----------------------------------------------------------------------
+
+    def _stand(self, dt: float) -> None:
+        self._left = max(self._left - dt, 0.0)
+        left, right = (place.position for place in self._feet)
+        middle = (0.5 * (left[0] + right[0]), 0.5 * (left[1] + right[1]))
+        self._lead_dcm(((middle[0], 0.0), (middle[1], 0.0)), self._left, dt)
+        if not self._is_held():
+            self._hurry()
+        elif self.commands.moving:
+            self._go(self.commands.first_foot(), self.gait.shift_time)
+        elif self.commands.closes and not self._closed() and self._left == 0.0:
+            self._go(0, self.gait.shift_time)
+
+    def _closed(self) -> bool:
+        """Whether the feet are side by side."""
+        left, right = self._feet
+        yaw = 0.5 * (left.yaw + right.yaw)
+        dx, dy = (left.position[k] - right.position[k] for k in (0, 1))
+        ahead = math.cos(yaw) * dx + math.sin(yaw) * dy
+        aside = math.cos(yaw) * dy - math.sin(yaw) * dx
+        return (
+            abs(ahead) < _CLOSED
+            and abs(aside - self._room.width) < _CLOSED
+            and abs(left.yaw - right.yaw) < _CLOSED_TURN
+        )
+
+    def _go(self, foot: int, time: float) -> None:
+        """A foot is to be lifted in a while [s]."""
+        self.phase, self._foot, self._left, self._released = Phase.SHIFT, foot, time, False
+        self.status = WalkStatus.WALKING
+
+    def _hurry(self) -> None:
+        """A foot is to be lifted at once, so that the robot does not fall."""
+        left, right = self._feet
+        self._go(self._planner.better_foot((left, right), self._xi()), QUICK)
+        self._hurried = True
+        # The ZMP has to be in the foot that stays; going there evenly would take too long.
+        self._stand_on((1 - self._foot,))
+
+    def _shift(self, dt: float) -> None:
+        """Takes the load off a foot, and lifts it when it is due."""
+        self._left -= dt
+        foot, contact = self._foot, self._tasks.contacts[self._foot]
+        if self._left > QUICK and not self._released and not self._is_held():
+            self._hurry()
+            foot, contact = self._foot, self._tasks.contacts[self._foot]
+        if not self._hurried:
+            planner = self._planner
+            lift_off = planner.on_the_way(planner.plan(self._next_foot()), planner.times.swing)
+            self._lead_dcm(lift_off, self._left, dt)
+        ramp = min(RELEASE * self.gait.double_support, QUICK)
+        if not self._released and self._left <= ramp:
+            if self._is_held() and self._planner.cost(self._next_foot()) > _WORTH:
+                self._left = ramp
+                return
+            contact.release(ramp)
+            self._released = True
+            # The tick that finds the contact gone comes before the next state: it holds the foot.
+            self._tasks.feet[foot].set_target(*self._sense.sole(foot))
+        if self._left <= 0.0 and not contact.active:
+            self._lift(foot)
+
+    def _next_foot(self) -> Lifted:
+        """The foot that comes down next, in the air or not yet."""
+        place = self._feet[self._foot].position
+        if self._swing is not None:
+            place = self._swing.position.tolist()
+        elapsed = self._elapsed if self.phase is Phase.SWING else 0.0
+        return Lifted(self._foot, (place[0], place[1]), self._stance, self._xi(), elapsed)
+
+    @property
+    def _stance(self) -> Placement:
+        """Where the foot stands that stays."""
+        return self._feet[1 - self._foot]
+
+    def _lead_dcm(self, goal: tuple[DcmMotion, DcmMotion], left: float, dt: float) -> None:
+        """Moves the reference on, to be at a goal in a while."""
+        x, y = (hermite_step(a, b, left, dt) for a, b in zip(self._dcm, goal, strict=True))
+        self._dcm = (x, y)
+
+    # One foot in the air --------------------------------------------------------------------------
+
+    def _lift(self, foot: int) -> None:
+        position, rotation = self._sense.sole(foot)
+        begin = self._sense.placement(foot)
+        goal = self.commands.steps(foot, self._stance, 1)[0]
+        height = self.gait.swing_height
+        shape = SwingShape(
+            apex=max(begin.position[2], goal.position[2]) + height, arrive=1.0 - self._sinking
+        )
+        if self.ground.platforms:
+            # A swing that would knock against one is made all the same: it may catch the robot.
+            with suppress(ConfigurationError):
+                size = self._standing.sizes[foot]
+                shape = clear_swing(begin, goal, size, height, self.ground, self.steps_made)
+        self._left, self._elapsed, self._waited = self._planner.times.swing, 0.0, 0.0
+        self._goal, self.phase = goal, Phase.SWING
+        self._stand_on((1 - foot,))
+        if self._hurried:
+            self._aim(math.inf)
+        self._hurried = False
+        x, y, z = self._goal.position
+        low = Placement(position=(x, y, z - self.settings.touchdown_depth), yaw=goal.yaw)
+        time = self._left / (1.0 - self._sinking)
+        self._swing = SwingFoot(position, rotation, low, shape, time, self.settings.search_depth)
+
+    def _fly(self, swing: SwingFoot, state: RobotState, dt: float) -> None:
+        self._elapsed += dt
+        self._left = max(self._left - dt, 0.0)
+        self._aim(dt)
+        before_ground = 1.0 - self._sinking - swing.phase
+        if self._left > 0.0 and before_ground > 0.0:
+            swing.retime(self._left * (1.0 - swing.phase) / before_ground)
+        goal = self._goal.position
+        swing.advance(dt, np.array(goal[:2]) - np.array(swing.goal.position[:2]))
+        if self._sense.is_down(swing, state, self._foot, self.settings):
+            self._land(self._foot)
+            return
+        if swing.phase >= 1.0:
+            self._waited += dt
+        if self._waited > self.settings.patience:
+            self.status = WalkStatus.FOOT_LOST
+        self._tasks.feet[self._foot].set_target(
+            swing.position, swing.rotation, swing.velocity, swing.acceleration
+        )
+
+    def _aim(self, dt: float) -> None:
+        """Chooses place and time of touchdown, and where the divergent component should be now.
+
+        Args:
+            dt: since the last choice, which it stays near to [s].
+        """
+        planner, lifted = self._planner, self._next_foot()
+        counts_as = None if self._swing is None else self._swing_motion(self._swing)[0]
+        pendulum = planner.plan(lifted, counts_as)
+        if self._left > _FINAL:
+            step, place = planner.choose(lifted, pendulum, self._goal.yaw - self._stance.yaw)
+            self._move_goal(place, dt)
+            most = _TIME_RATE * dt
+            self._left += min(max(step.left - self._left, -most), most)
+        pendulum = planner.moved(pendulum, self._stance, self._goal.position[:2])
+        self._dcm = planner.on_the_way(pendulum, self._left)
+
+    def _move_goal(self, place: Point, dt: float) -> None:
+        """Takes the foothold nearer to a place, on ground that carries all of the sole."""
+        x, y, z = self._goal.position
+        by_x, by_y = place[0] - x, place[1] - y
+        ratio = min(1.0, _PLACE_RATE * dt / max(math.hypot(by_x, by_y), 1e-9))
+        moved = Placement(position=(x + ratio * by_x, y + ratio * by_y, z), yaw=self._goal.yaw)
+        if self.commands.carries(self._foot, moved):
+            self._goal = moved
+
+    def _land(self, foot: int) -> None:
+        self._tasks.contacts[foot].engage(ENGAGE * self.gait.double_support)
+        self._swing, self.status = None, WalkStatus.WALKING
+        self.steps_made += 1
+        commands = self.commands
+        if commands.footholds and commands.footholds[0][0] == foot:
+            commands.footholds.popleft()
+        self._stand_on((0, 1))
+        if commands.moving or (commands.closes and not self._closed()) or not self._is_held(_CALM):
+            following = commands.next_foot(foot)
+            again = following == foot
+            self._go(following, self.gait.shift_time if again else self.gait.double_support)
+        else:
+            self.phase, self.status = Phase.STAND, WalkStatus.STANDING
+            self._left = self.gait.settle_time
+
+    # Balance and body -----------------------------------------------------------------------------
+
+    def _keep_balance(self, dt: float) -> None:
+        self._move_body(dt)
+        com = self._joined_com(dt)
+        feet, velocities, accelerations = self._feet_at()
+        joined, velocity = self._measured()
+        x, y = self._feedback.acceleration(
+            np.array(joined),
+            np.array(velocity),
+            com,
+            JoinedSupport(self._legs, self._support, feet),
+        ).tolist()
+        rows = zip(com.tolist(), (feet, velocities, accelerations), self._rise, strict=True)
+        com = np.array([(*self._legs.parted((a, b), f), z) for (a, b), f, z in rows])
+        asked = self._legs.parted((x, y), accelerations)
+        self._tasks.lead_com(self._sense, com, np.array(asked))
+        self._carry(com)
+        if math.hypot(*self._feedback.error) > self.settings.com_bound * self.height:
+            self.status = WalkStatus.COM_LOST
+        elif self.status is WalkStatus.COM_LOST:
+            self.status = WalkStatus.WALKING
+
+    def _joined_com(self, dt: float) -> Float64[np.ndarray, "3 2"]:
+        """Reference of C, its velocity and acceleration, a row each: C' = omega (xi - C)."""
+        (x, vx), (y, vy) = self._dcm
+        w, kept = self._legs.omega, math.exp(-self._legs.omega * dt)
+        self._com = x + (self._com[0] - x) * kept, y + (self._com[1] - y) * kept
+        rates = (w * (x - self._com[0]), w * (y - self._com[1]))
+        return np.array([self._com, rates, (w * (vx - rates[0]), w * (vy - rates[1]))])
+
+    def _carry(self, com: Float64[np.ndarray, "3 3"]) -> None:
+        """Takes everything along that goes with the body.
+
+        Args:
+            com: its reference, with rates.
+        """
+        standing = self._standing
+        displacement = np.zeros((3, 4))
+        displacement[:, :3] = com
+        displacement[0, :2] -= standing.com[:2]
+        displacement[0, 2] -= standing.com[2] - self.gait.crouch
+        heading0 = 0.5 * (standing.start[0].yaw + standing.start[1].yaw)
+        displacement[:, 3] = self._heading[0] - heading0, *self._heading[1:]
+        turn = pin.utils.rotate("z", float(displacement[0, 3]))
+        for target in self.carried.values():
+            target.write(displacement, turn)
+
+    def _move_body(self, dt: float) -> None:
+        """Height and heading of the body, towards what the next stand asks for."""
+        left, right = self._feet
+        low, yaw, time = min(left.position[2], right.position[2]), 0.5 * (left.yaw + right.yaw), 0.0
+        if self.phase is Phase.SWING:
+            low = min(self._stance.position[2], self._goal.position[2])
+            yaw = 0.5 * (self._stance.yaw + self._goal.yaw)
+            time = self._left
+        time = max(time + 0.5 * self.gait.double_support, _BODY_TIME)
+        if self.steps_made == 0:
+            time = max(time, self.gait.shift_time)
+        self._rise = least_jerk_towards(self._rise, low + self.height, time, dt)
+        self._heading = least_jerk_towards(self._heading, yaw, time, dt)
+
+
+def _usual_gait(height: float) -> Gait:
+    """Timing and shape of steps by the height of the COM [m]."""
+    crouch = _CROUCH * height
+    step_time = _STEP_PHASE / natural_frequency(height - crouch)
+    return Gait(
+        step_time=step_time,
+        double_support=_DOUBLE_SUPPORT * step_time,
+        swing_height=_SWING_HEIGHT * height,
+        crouch=crouch,
+        shift_time=step_time,
+        settle_time=step_time,
+    )

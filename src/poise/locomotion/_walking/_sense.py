@@ -1,0 +1,106 @@
+"""`WalkSense`: what a walker needs to know of the robot's state, and how feet meet the ground.
+
+`expect_step`: where a step will catch the robot, for the balance limit of its stack.
+"""
+
+import math
+
+import numpy as np
+import pinocchio as pin
+from jaxtyping import Float64
+
+from poise.dynamics import RobotState
+from poise.locomotion._support import Point, sole_rectangle
+from poise.locomotion._walking._ground import Placement
+from poise.locomotion._walking._settings import WalkSettings
+from poise.locomotion._walking._swing import SwingFoot
+from poise.robots import Robot
+from poise.stack import BalanceLimit
+
+ENGAGE, RELEASE = 0.4, 0.5
+"""Ratios of the double support in which the landed foot is loaded and the next one unloaded."""
+
+LONGEST_TICK = 0.05
+"""A clock that jumps farther than this moves a walk on no farther [s]."""
+
+
+class WalkSense:
+    """Centre of mass and soles of a state; a fifth of what a controller computes.
+
+    Args:
+        robot: the robot.
+        soles: names of its soles.
+
+    Attributes:
+        com: centre of mass [m].
+        com_velocity: its velocity [m/s].
+    """
+
+    def __init__(self, robot: Robot, soles: tuple[str, str]) -> None:
+        self._model, self._data = robot.model, robot.model.createData()
+        self._soles, self._weight = soles, robot.weight
+        self._ids = [robot.frame_id(name) for name in soles]
+        self.com: Float64[np.ndarray, "3"] = self._data.com[0]
+        self.com_velocity: Float64[np.ndarray, "3"] = self._data.vcom[0]
+
+    def update(self, state: RobotState) -> None:
+        """Takes a state in."""
+        pin.centerOfMass(self._model, self._data, state.q, state.v, False)
+
+    def sole(self, foot: int) -> tuple[Float64[np.ndarray, "3"], Float64[np.ndarray, "3 3"]]:
+        """Position [m] and rotation of a sole in the world."""
+        placement = pin.updateFramePlacement(self._model, self._data, self._ids[foot])
+        return placement.translation, placement.rotation
+
+    def placement(self, foot: int) -> Placement:
+        """Where a sole lies."""
+        position, rotation = self.sole(foot)
+        x, y, z = position.tolist()
+        yaw = math.atan2(float(rotation[1, 0]), float(rotation[0, 0]))
+        return Placement(position=(x, y, z), yaw=yaw)
+
+    def corners(
+        self, feet: tuple[int, ...], sizes: tuple[tuple[float, float], tuple[float, float]]
+    ) -> list[Point]:
+        """Corners of soles, seen from above [m].
+
+        Args:
+            feet: which.
+            sizes: length and width of the left and of the right one [m].
+        """
+        corners: list[Point] = []
+        for foot in feet:
+            corners += sole_rectangle(*self.sole(foot), sizes[foot])
+        return corners
+
+    def is_down(
+        self, swing: SwingFoot, state: RobotState, foot: int, settings: WalkSettings
+    ) -> bool:
+        """Whether a foot in the air has come to the ground."""
+        wrench = state.contacts.get(self._soles[foot])
+        if wrench is None:
+            # Nothing is measured: the foot is down when it should be.
+            return swing.phase >= 1.0
+        loaded = bool(wrench[2] >= settings.touchdown_force * self._weight)
+        return loaded and swing.phase >= settings.early
+
+
+def expect_step(
+    limit: BalanceLimit,
+    position: tuple[float, float, float],
+    yaw: float,
+    size: tuple[float, float],
+    adjust: float,
+) -> None:
+    """Tells a balance limit where a step will catch the robot.
+
+    Args:
+        limit: of the stack that is led.
+        position: of the foothold [m].
+        yaw: its heading [rad].
+        size: length and width of the sole [m].
+        adjust: how far the foothold may still move, which is caught, too [m].
+    """
+    length, width = (side + 2.0 * adjust for side in size)
+    rotation = pin.utils.rotate("z", yaw)
+    limit.expect_step(sole_rectangle(np.array(position), rotation, (length, width)))

@@ -1,0 +1,69 @@
+"""`WalkSettings`: how a walker keeps its balance and feels the ground.
+
+`WalkStatus`: how a walk stands.
+"""
+
+from dataclasses import dataclass
+from enum import Enum
+from typing import Annotated
+
+from poise._schema import Bounds, Ratio, checked
+from poise.locomotion._walking._footsteps import LARGEST
+
+_Distance = Annotated[float, Bounds(least=0.0, most=LARGEST, unit="m")]
+
+
+@checked()
+@dataclass(frozen=True, kw_only=True)
+class WalkSettings:
+    """Feedback, touchdown and limits of a walker.
+
+    Attributes:
+        dcm_gain: how fast an error of the divergent component of motion dies out [1/s].
+        zmp_margin: how far inside the soles' edges the ZMP that corrects it stays [m].
+        touchdown_force: ratio of the robot's weight at which a foot counts as down.
+        touchdown_depth: how far below the expected ground a foot aims [m].
+        early: phase of the swing after which ground counts as ground.
+        search_depth: how far below the expected ground a late foot looks for it [m].
+        patience: how long a foot may be late [s].
+        adjust: farthest that a foothold moves from its plan to catch the robot [m]; 0 for never.
+        com_bound: distance of the divergent component from its reference, over the height of the
+            COM, beyond which the walk is given up.
+    """
+
+    dcm_gain: Annotated[float, Bounds(positive=True, most=LARGEST, unit="1/s")] = 4.0
+    zmp_margin: _Distance = 0.01
+    touchdown_force: Ratio = 0.05
+    touchdown_depth: _Distance = 0.003
+    early: Ratio = 0.5
+    search_depth: _Distance = 0.04
+    patience: Annotated[float, Bounds(positive=True, most=LARGEST, unit="s")] = 0.4
+    adjust: _Distance = 0.2
+    com_bound: Annotated[float, Bounds(positive=True)] = 0.4
+
+
+class WalkStatus(Enum):
+    """How a walk stands, or why it ended."""
+
+    READY = "ready"
+    """No state has come yet."""
+    STANDING = "standing"
+    """Both feet stay on the ground, and nothing is asked for."""
+    WALKING = "walking"
+    """Steps are being made."""
+    FINISHED = "finished"
+    """All steps are made; the robot stands."""
+    MISPLACED = "misplaced"
+    """The feet were not where the plan begins: nothing was moved."""
+    FOOT_LOST = "foot_lost"
+    """A foot found no ground: it is held, and the robot balances on the other."""
+    COM_LOST = "com_lost"
+    """The COM ran away from its reference: the foot comes down where it is."""
+
+    @property
+    def ok(self) -> bool:
+        """Whether nothing went wrong."""
+        return self not in _TROUBLE
+
+
+_TROUBLE = (WalkStatus.MISPLACED, WalkStatus.FOOT_LOST, WalkStatus.COM_LOST)

@@ -1,0 +1,187 @@
+"""`choose_step`: place and time of the next touchdown, from the measured divergent component.
+
+`StepBounds`: where a foot may come down beside the one that stands.
+"""
+
+import math
+from typing import NamedTuple
+
+from poise.locomotion._support import Point
+
+
+class StepBounds(NamedTuple):
+    """Where a foot may come down, along the foot that stands and away from it.
+
+    Attributes:
+        back: farthest behind, negative [m].
+        ahead: farthest ahead [m].
+        near: nearest beside, so that feet neither cross nor touch [m].
+        wide: farthest beside [m].
+        reach: farthest from the place `beside` [m].
+        beside: where it is side by side, half way between what is near and comfortable [m].
+    """
+
+    back: float
+    ahead: float
+    near: float
+    wide: float
+    reach: float
+    beside: float
+
+    def nearest(self, place: Point) -> Point:
+        """The nearest place inside; the second coordinate counts away from the foot that stands."""
+        x, y = place
+        distance = math.hypot(x, max(y - self.beside, 0.0))
+        if distance > self.reach:
+            ratio = self.reach / distance
+            x *= ratio
+            if y > self.beside:
+                y = self.beside + ratio * (y - self.beside)
+        return min(max(x, self.back), self.ahead), min(max(y, self.near), self.wide)
+
+
+class Step(NamedTuple):
+    """A choice.
+
+    Attributes:
+        x: of the foothold, along the foot that stands [m].
+        y: away from it, to the side of the foot in the air [m].
+        left: until touchdown [s].
+        missed: how far the divergent component will be from where it should be then [m].
+        cost: of the choice.
+    """
+
+    x: float
+    y: float
+    left: float
+    missed: float
+    cost: float
+
+
+class Pendulum(NamedTuple):
+    """What a choice is made from, along the foot that stands and away from it.
+
+    Attributes:
+        xi: the divergent component, measured [m].
+        zmp: where the ZMP should be now [m].
+        zmp_end: and at touchdown, evenly in between [m].
+        goal: where it should be at touchdown if the foothold is as planned [m].
+        foothold: as planned [m].
+        gain: how far the goal moves with the foothold.
+        room: of the ZMP, beside where it should be, along the foot and across it [m].
+        omega: natural frequency [1/s].
+    """
+
+    xi: Point
+    zmp: Point
+    zmp_end: Point
+    goal: Point
+    foothold: Point
+    gain: float
+    room: Point
+    omega: float
+
+
+class SwingLimits(NamedTuple):
+    """What the foot in the air can do.
+
+    Attributes:
+        place: where it is now [m].
+        speed: on average, at most [m/s].
+        elapsed: since lift-off [s].
+        shortest: swing [s].
+        usual: swing [s].
+        longest: swing [s].
+    """
+
+    place: Point
+    speed: float
+    elapsed: float
+    shortest: float
+    usual: float
+    longest: float
+
+
+_CANDIDATES = 13
+"""Times of touchdown that are looked at."""
+
+_SOONEST = 0.02
+"""A foot that is due comes down within this time [s]."""
+
+_PLACE, _TIME, _DCM = 0.1, 0.15, 0.01
+"""Deviations of foothold [m], time [s] and divergent component at touchdown [m] that cost one."""
+
+
+def choose_step(pendulum: Pendulum, bounds: StepBounds, swing: SwingLimits) -> Step:
+    """The touchdown that costs least.
+
+    For every time tau until touchdown, with E = e^{omega tau}, the ZMP takes the divergent
+    component to r_1 + s + E (xi - r_0 - s), s = (r_1 - r_0) / (omega tau), and r (1 - E) farther
+    where it is r beside that. It does what it can within the sole; the foothold moves for the rest,
+    within reach; what is left is missed. Deviations of place, time and divergent component are
+    weighed against each other, in the manner of Khadiv et al. (2020).
+
+    Args:
+        pendulum: measured, and planned.
+        bounds: of the foothold.
+        swing: what the foot can do.
+    """
+    best: Step | None = None
+    span = swing.longest - swing.shortest
+    for k in range(_CANDIDATES):
+        left = swing.shortest + span * k / (_CANDIDATES - 1) - swing.elapsed
+        if left < _SOONEST and k < _CANDIDATES - 1:
+            continue
+        step = _at(max(left, _SOONEST), pendulum, bounds, swing)
+        if best is None or step.cost < best.cost:
+            best = step
+    usual = swing.usual - swing.elapsed
+    if usual >= _SOONEST:
+        step = _at(usual, pendulum, bounds, swing)
+        if best is None or step.cost <= best.cost:
+            best = step
+    assert best is not None
+    return best
+
+
+def _at(left: float, pendulum: Pendulum, bounds: StepBounds, swing: SwingLimits) -> Step:
+    """The best foothold for one time until touchdown."""
+    product = pendulum.omega * left
+    growth = math.exp(product)
+    off = [
+        _beyond(
+            end + (end - start) / product + growth * (xi - start - (end - start) / product) - goal,
+            room * (growth - 1.0),
+        )
+        for xi, start, end, goal, room in zip(
+            pendulum.xi,
+            pendulum.zmp,
+            pendulum.zmp_end,
+            pendulum.goal,
+            pendulum.room,
+            strict=True,
+        )
+    ]
+    planned_x, planned_y = pendulum.foothold
+    wanted = (planned_x + off[0] / pendulum.gain, planned_y + off[1] / pendulum.gain)
+    x, y = bounds.nearest(wanted)
+    x, y = _within_reach((x, y), swing, left)
+    by_x, by_y = x - planned_x, y - planned_y
+    missed = math.hypot(off[0] - pendulum.gain * by_x, off[1] - pendulum.gain * by_y)
+    late = swing.elapsed + left - swing.usual
+    cost = (by_x * by_x + by_y * by_y) / _PLACE**2 + (late / _TIME) ** 2 + (missed / _DCM) ** 2
+    return Step(x, y, left, missed, cost)
+
+
+def _beyond(miss: float, most: float) -> float:
+    """What of a miss is left when the ZMP has done what it can [m]."""
+    return math.copysign(max(abs(miss) - most, 0.0), miss)
+
+
+def _within_reach(place: Point, swing: SwingLimits, left: float) -> Point:
+    """The nearest place that the foot gets to in time."""
+    x, y = place[0] - swing.place[0], place[1] - swing.place[1]
+    distance, most = math.hypot(x, y), swing.speed * left
+    if distance <= most:
+        return place
+    return swing.place[0] + x * most / distance, swing.place[1] + y * most / distance

@@ -1,0 +1,204 @@
+"""`StepPlanner`: the next few steps of a command, and what they ask of the pendulum."""
+
+import math
+from typing import NamedTuple
+
+from poise.locomotion._support import Point
+from poise.locomotion._walking._commands import LegRoom, StepCommands, side
+from poise.locomotion._walking._dcm_plan import (
+    DcmMotion,
+    StepTimes,
+    before_transfer,
+    touchdown_dcm,
+    transfer_gain,
+)
+from poise.locomotion._walking._ground import Placement
+from poise.locomotion._walking._leg_momentum import LegMomentum
+from poise.locomotion._walking._step_choice import Pendulum, Step, SwingLimits, choose_step
+
+QUICK = 0.06
+"""From the decision to step in order not to fall to lift-off [s]."""
+
+_SHORTEST, _LONGEST = 0.65, 1.5
+"""Shortest and longest swing over the usual one."""
+
+_SWING_SPEED = 2.5
+"""Average speed of a foot in the air, at most [m/s]."""
+
+_TRUSTED = 0.6
+"""Part of a sole that the choice of a step takes the ZMP to reach; the rest is for feedback."""
+
+_AHEAD = 4
+"""Footholds that are looked at."""
+
+
+class Lifted(NamedTuple):
+    """The foot that comes down next.
+
+    Attributes:
+        foot: 0 for the left one, 1 for the right one.
+        place: where it is now [m].
+        stance: where the other one stands.
+        xi: the divergent component, measured [m].
+        elapsed: since lift-off [s].
+    """
+
+    foot: int
+    place: Point
+    stance: Placement
+    xi: Point
+    elapsed: float = 0.0
+
+
+class StepPlanner:
+    """Makes the next few steps anew from a command, and chooses the next touchdown.
+
+    Args:
+        commands: where the steps go.
+        room: of the legs.
+        legs: the pendulum.
+        times: of a step.
+        margin: how far inside the soles' edges the ZMP stays [m].
+
+    Attributes:
+        times: of a step.
+    """
+
+    def __init__(
+        self,
+        commands: StepCommands,
+        room: LegRoom,
+        legs: LegMomentum,
+        times: StepTimes,
+        margin: float,
+    ) -> None:
+        self._commands, self._room, self._legs, self.times = commands, room, legs, times
+        self._margin, self._gain = margin, transfer_gain(legs, times)
+
+    def plan(self, lifted: Lifted, counts_as: Point | None = None) -> Pendulum:
+        """What the next footholds ask for, in the world.
+
+        Args:
+            lifted: the foot that comes down next.
+            counts_as: where its height makes it count as, see `LegRatios.rise`; where it is when
+                None [m].
+        """
+        stance, legs = lifted.stance.position[:2], self._legs
+        place = counts_as or lifted.place
+        steps = self._commands.steps(lifted.foot, lifted.stance, _AHEAD)
+        footholds = [step.position[:2] for step in steps]
+        length, width = self._room.sizes[1 - lifted.foot]
+        trusted = _TRUSTED * legs.factor
+        return Pendulum(
+            xi=lifted.xi,
+            zmp=legs.joined(stance, (stance, place)),
+            zmp_end=legs.joined(stance, (stance, footholds[0])),
+            goal=touchdown_dcm(place, (stance, *footholds), legs, self.times),
+            foothold=footholds[0],
+            gain=self._gain,
+            room=(
+                trusted * max(0.5 * length - self._margin, 0.0),
+                trusted * max(0.5 * width - self._margin, 0.0),
+            ),
+            omega=legs.omega,
+        )
+
+    def moved(self, pendulum: Pendulum, stance: Placement, foothold: Point) -> Pendulum:
+        """The same with another foothold, and all after it beside their plan by as much."""
+        there = stance.position[:2]
+        x, y = (
+            a + self._gain * (b - c)
+            for a, b, c in zip(pendulum.goal, foothold, pendulum.foothold, strict=True)
+        )
+        return pendulum._replace(
+            goal=(x, y), zmp_end=self._legs.joined(there, (there, foothold)), foothold=foothold
+        )
+
+    def on_the_way(self, pendulum: Pendulum, left: float) -> tuple[DcmMotion, DcmMotion]:
+        """Where the divergent component has to be in single support, a while before its goal.
+
+        Args:
+            pendulum: as planned.
+            left: until touchdown [s].
+        """
+        start, end, omega = pendulum.zmp, pendulum.zmp_end, pendulum.omega
+        now = pendulum.goal
+        if left > 0.0:
+            now = before_transfer(pendulum.goal, start, end, omega, left)
+        x, y = ((p, omega * (p - z)) for p, z in zip(now, start, strict=True))
+        return x, y
+
+    def choose(self, lifted: Lifted, pendulum: Pendulum, turned: float) -> tuple[Step, Point]:
+        """The best touchdown, and where that is in the world [m].
+
+        Args:
+            lifted: the foot that comes down next.
+            pendulum: as planned.
+            turned: yaw of the foothold against the foot that stands [rad].
+        """
+        axes, usual = _Axes(lifted.stance, side(lifted.foot)), self.times.swing
+        seen = pendulum._replace(
+            xi=axes.within(pendulum.xi),
+            zmp=axes.within(pendulum.zmp),
+            zmp_end=axes.within(pendulum.zmp_end),
+            goal=axes.within(pendulum.goal),
+            foothold=axes.within(pendulum.foothold),
+        )
+        limits = SwingLimits(
+            place=axes.within(lifted.place),
+            speed=_SWING_SPEED,
+            elapsed=lifted.elapsed,
+            shortest=_SHORTEST * usual,
+            usual=usual,
+            longest=_LONGEST * usual,
+        )
+        step = choose_step(seen, self._room.bounds(turned), limits)
+        return step, axes.without((step.x, step.y))
+
+    def cost(self, lifted: Lifted) -> float:
+        """What a step would cost that begins now."""
+        return self.choose(lifted, self.plan(lifted), 0.0)[0].cost
+
+    def better_foot(self, feet: tuple[Placement, Placement], xi: Point) -> int:
+        """The foot whose step catches the robot at the least cost.
+
+        Args:
+            feet: where both stand.
+            xi: the divergent component, measured [m].
+        """
+        costs: list[float] = []
+        growth = math.exp(self._legs.omega * QUICK)
+        for foot in (0, 1):
+            lifted = Lifted(foot, feet[foot].position[:2], feet[1 - foot], xi)
+            pendulum = self.plan(lifted)
+            # Until lift-off the ZMP gets to the foot that stays, and the rest grows.
+            x, y = (z + growth * (p - z) for p, z in zip(xi, pendulum.zmp, strict=True))
+            costs.append(self.choose(lifted, pendulum._replace(xi=(x, y)), 0.0)[0].cost)
+        return int(costs[1] < costs[0])
+
+
+class _Axes:
+    """Along a foot that stands, and away from it to the side of the other one.
+
+    Args:
+        stance: where it stands.
+        out: to which side the other one is, see `side`.
+    """
+
+    def __init__(self, stance: Placement, out: float) -> None:
+        self._x, self._y, _ = stance.position
+        self._cos, self._sin, self._out = math.cos(stance.yaw), math.sin(stance.yaw), out
+
+    def within(self, point: Point) -> Point:
+        """A point of the world, seen from the foot."""
+        dx, dy = point[0] - self._x, point[1] - self._y
+        along, left = self._cos * dx + self._sin * dy, self._cos * dy - self._sin * dx
+        return along, self._out * left
+
+    def without(self, point: Point) -> Point:
+        """A point seen from the foot, in the world."""
+        along, left = point[0], self._out * point[1]
+        return (
+            self._x + self._cos * along - self._sin * left,
+            self._y + self._sin * along + self._cos * left,
+        )

@@ -1,0 +1,126 @@
+"""A robot that is driven: what its keys ask for, and the page in a real browser."""
+
+import json
+import shutil
+import time
+
+import pytest
+from operators import beat, control, wait_for
+
+pytest.importorskip("mujoco")
+pytest.importorskip("websockets", reason="the extra teleop is not installed: no websockets")
+
+from poise.apps.live import DriveSession
+from poise.apps.live._drive import velocity_of
+from poise.apps.live._gamepad import pad_from
+from poise.apps.live._inputs import Pad
+from poise.locomotion import VelocityLimits
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+LIMITS = VelocityLimits(ahead=1.0, back=0.5, sideways=0.4, turn=0.8)
+
+
+@pytest.fixture
+def session(get_robot, tmp_path):
+    with DriveSession(get_robot("humanoid33"), tmp_path) as session:
+        wait_for(lambda: session.loop.snapshot or session.loop.error, "the first picture")
+        assert session.loop.error is None, session.loop.error
+        yield session
+
+
+def asked(session):
+    return session.loop.walker.commands.velocity
+
+
+def test_nobody_asks_for_rest():
+    assert velocity_of(None, LIMITS) == (0.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("pad", "sign"),
+    [
+        (Pad(move=(1.0, 0.0)), (1, 0, 0)),
+        (Pad(move=(-1.0, 0.0)), (-1, 0, 0)),
+        (Pad(move=(0.0, 1.0)), (0, 1, 0)),
+        (Pad(turn=-1.0), (0, 0, -1)),
+    ],
+)
+def test_sticks_ask_for_velocities_within_limits(pad, sign):
+    velocity = velocity_of(pad, LIMITS)
+    assert [(v > 0) - (v < 0) for v in velocity] == list(sign)
+    most = (LIMITS.ahead if velocity[0] > 0 else LIMITS.back, LIMITS.sideways, LIMITS.turn)
+    assert all(abs(v) <= m for v, m in zip(velocity, most, strict=True))
+
+
+def test_the_right_stick_turns():
+    assert pad_from([], [0.0, -1.0, 1.0]).move == (1.0, 0.0)
+    assert pad_from([], [0.0, 0.0, 1.0]).turn == -1.0
+
+
+def test_beats_walk_the_robot_and_silence_stops_it(session):
+    start = session.loop.snapshot.com[0]
+    with control(session.front, session.front.seat.token) as (socket, greeting):
+        assert greeting["hello"] == "operator"
+        end = time.monotonic() + 60.0
+        while session.loop.snapshot.com[0] < start + 0.2:
+            assert time.monotonic() < end
+            beat(socket, move=[1.0, 0.0])
+            time.sleep(0.03)
+    wait_for(lambda: not any(asked(session)), "the rest")
+    wait_for(lambda: session.loop.walker.lifting is None, "both feet on the ground")
+    assert not session.loop.snapshot.fallen
+
+
+def test_only_the_operator_drives(session):
+    with control(session.front) as (socket, greeting):
+        assert greeting["hello"] == "watcher"
+        beat(socket, move=[1.0, 0.0])
+        socket.send(json.dumps({"do": "reset"}))
+        time.sleep(0.5)
+        assert asked(session) == (0.0, 0.0, 0.0)
+
+
+def test_a_reset_begins_a_new_log(session, tmp_path):
+    with control(session.front, session.front.seat.token) as (socket, _):
+        wait_for(lambda: session.loop.snapshot.time > 0.2, "some ticks")
+        socket.send(json.dumps({"do": "reset"}))
+        wait_for(lambda: session.loop.snapshot.take == "drive-002.mcap", "the second log")
+    assert (tmp_path / "drive-001.mcap").exists()
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="no chromium on this machine")
+def test_keys_in_a_browser_drive_the_robot(session):
+    pytest.importorskip("playwright", reason="playwright is not installed")
+    from playwright.sync_api import sync_playwright
+
+    arguments = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader"]
+    with sync_playwright() as play:
+        browser = play.chromium.launch(
+            executable_path=CHROMIUM, args=[*arguments, "--enable-unsafe-swiftshader"]
+        )
+        page, errors = browser.new_page(), []
+        page.on("pageerror", lambda error: errors.append(str(error)))
+        page.goto(session.front.drive_url)
+
+        def ask(script):
+            return page.evaluate(script)
+
+        wait_for(lambda: ask("newest !== null && newest.kind === 'velocity'"), "the first status")
+        wait_for(lambda: ask("newest.device === 'OK'"), "the operator")
+        assert ask("document.body.dataset.kind") == "velocity"
+        page.keyboard.down("w")
+        wait_for(lambda: asked(session)[0] > 0.0, "the command")
+        wait_for(lambda: session.loop.walker.lifting is not None, "a step")
+        page.keyboard.up("w")
+        page.keyboard.down("q")
+        wait_for(lambda: asked(session)[2] > 0.0, "the turn")
+        page.keyboard.up("q")
+        # A gamepad of the browser's: what the page would see of one.
+        ask(
+            "navigator.getGamepads = () => [{connected: true, buttons: [],"
+            " axes: [0, 0.9, 0, 0]}]; 0"
+        )
+        wait_for(lambda: asked(session)[0] < 0.0, "the gamepad")
+        assert "m/s" in ask("part('mode-text').textContent")
+        assert errors == []
+        browser.close()

@@ -1,0 +1,113 @@
+"""The reactive walker in MuJoCo: led, pushed, and told nonsense."""
+
+import math
+
+import numpy as np
+import pytest
+
+import poise
+from poise.locomotion import ReactiveWalker, walking_stack
+from poise.locomotion._walking._reactive import Phase
+from poise.locomotion._walking._settings import WalkStatus
+
+sim = pytest.importorskip("poise.sim")
+
+
+class Led:
+    """A robot that is led in simulation."""
+
+    def __init__(self, robot):
+        self.robot, stack = robot, walking_stack(robot)
+        self.walker = ReactiveWalker(robot, stack)
+        self.plant = sim.Plant(robot, sim.PlantConfig(control_dt=0.002))
+        self.ticks = poise.rollout(self.plant, poise.WholeBodyController(robot, stack), self.walker)
+
+    def until(self, time):
+        """Goes on; the largest error of the divergent component on the way."""
+        error = 0.0
+        while self.plant.time < time:
+            tick = next(self.ticks)
+            assert tick.command.status.ok
+            assert not self.plant.fallen
+            error = max(error, math.hypot(*self.walker.dcm_error))
+            self.look()
+        return error
+
+    def look(self):
+        """Feet never cross, and no swing is shorter or longer than it may be."""
+        left, right = self.walker._feet
+        yaw = 0.5 * (left.yaw + right.yaw)
+        dx, dy = (left.position[k] - right.position[k] for k in (0, 1))
+        assert -math.sin(yaw) * dx + math.cos(yaw) * dy > 0.06
+        if self.walker.phase is Phase.SWING:
+            assert self.walker._elapsed < 2.0 * self.walker.gait.swing_time
+
+
+@pytest.fixture
+def led(get_robot):
+    made = []
+
+    def lead(name):
+        made.append(Led(get_robot(name)))
+        return made[-1]
+
+    yield lead
+    for one in made:
+        one.ticks.close()
+
+
+def test_it_walks_as_fast_as_it_is_told_and_stops_side_by_side(led):
+    run = led("humanoid33")
+    run.walker.set_velocity(0.4)
+    run.until(1.5)
+    start = run.plant.com[0]
+    error = run.until(3.5)
+    assert (run.plant.com[0] - start) / 2.0 == pytest.approx(0.4, rel=0.1)
+    assert error < 0.02
+    run.walker.set_velocity(0.0)
+    run.until(6.0)
+    assert run.walker.status is WalkStatus.STANDING
+    assert run.walker._closed()
+
+
+def test_standing_it_steps_when_it_is_pushed_and_comes_back_to_rest(led):
+    run = led("g1")
+    run.until(0.8)
+    force = run.robot.mass * 0.4 / 0.08
+    run.plant.push(run.robot.torso, (-force, 0.0, 0.0), 0.08)
+    run.until(4.2)
+    assert run.walker.steps_made >= 1
+    assert run.walker.status is WalkStatus.STANDING
+    assert np.linalg.norm(run.plant.true_state().v[:3]) < 0.05
+
+
+def test_footholds_one_by_one_are_met_and_kept(led):
+    run = led("humanoid33")
+    y = run.walker._feet[0].position[1]
+    run.walker.step_to("left_sole", 0.15, y, 0.0)
+    run.walker.step_to("right_sole", 0.3, -y, 0.1)
+    run.until(4.0)
+    (left, right) = run.walker._feet
+    assert run.walker.steps_made == 2
+    assert left.position[:2] == pytest.approx((0.15, y), abs=0.01)
+    assert right.position[:2] == pytest.approx((0.3, -y), abs=0.01)
+    assert right.yaw == pytest.approx(0.1, abs=0.02)
+    assert run.walker.status is WalkStatus.STANDING
+
+
+def test_nonsense_moves_nothing_and_is_said(led):
+    run = led("humanoid33")
+    run.walker.set_velocity(math.nan, 0.0, 0.0)
+    assert "not finite" in run.walker.notice
+    run.walker.step_to("nose", 0.1, 0.1, 0.0)
+    assert "nose" in run.walker.notice
+    run.walker.step_to("left_sole", math.inf, 0.1, 0.0)
+    assert "not finite" in run.walker.notice
+    state = run.plant.state()
+    broken = poise.RobotState(np.full_like(state.q, math.nan), state.v, {}, state.time)
+    run.walker.lead(broken)
+    run.until(0.3)
+    assert run.walker.steps_made == 0
+    assert run.walker.status is WalkStatus.STANDING
+    signals = run.walker.signals()
+    assert signals["mode"] == "walk standing"
