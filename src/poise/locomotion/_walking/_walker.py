@@ -4,6 +4,7 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
+import pinocchio as pin
 from jaxtyping import Float64
 
 from poise.dynamics import RobotState
