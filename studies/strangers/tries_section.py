@@ -21,8 +21,11 @@ _FEWEST_JOINTS = 10
 _TRIED = ("stand", "squat", "reach")
 """What `poise describe` tries."""
 
-_SCENES = {"walk": "walk", "obstacle": "over_an_obstacle"}
+_SCENES = {"walk": "walk", "obstacle": "over_an_obstacle_torque"}
 """Shipped scenarios that are run as well, sized to the robot, by the column of the table."""
+
+_WANTED = {"walk": ("steps_made",), "obstacle": ("beyond_blocks_end", "clearance_min")}
+"""Metrics whose checks have to hold where a robot does not fall."""
 
 _PARTS = {"load": 0.9, "stand": 0.9, "squat": 0.9, "reach": 0.9, "walk": 0.8, "obstacle": 0.8}
 """Of ten strangers nine should do the simple things, eight walk and be led over an obstacle."""
@@ -79,9 +82,10 @@ def tries_section(options: StudyOptions, progress: Progress) -> Section:
         "| loaded in [s] | all of it in [min] | words",
         rows=tuple(outcome.row for outcome in outcomes),
         caption="As `poise describe FILE`, `poise run walk --robot FILE` and `poise run "
-        "over_an_obstacle --robot FILE` do it. A robot without hands reaches for nothing. One "
-        "walks that makes all twenty steps and stays up, pushed half way; bounds on its hands "
-        "that it misses are said. Words say what went wrong, or what is odd about the file.",
+        "over_an_obstacle_torque --robot FILE` do it. A robot without hands reaches for nothing. "
+        "One walks that makes all twenty steps and stays up, pushed half way, and is led over an "
+        "obstacle if both feet get behind it, touch it nowhere and stay up; bounds that it misses "
+        "meanwhile are said. Words say what went wrong, or what is odd about the file.",
     )
     loaded = [o for o in outcomes if o.joints is not None]
     findings = [_share("load", len(loaded), len(outcomes))]
@@ -157,7 +161,7 @@ def _outcome(path: Path, folder: Path, *, simulate: bool) -> Outcome:
                 done[attempt.name] = attempt.ok
                 words += [f"{attempt.name}: {said}" for said in attempt.words]
             for thing, scenario in _SCENES.items() if done.get("stand") else ():
-                done[thing], said = _played(scenario, path)
+                done[thing], said = _played(scenario, path, _WANTED[thing])
                 words += [f"{thing}: {said}"] if said else []
         except PoiseError as error:
             words.append(str(error))
@@ -173,17 +177,16 @@ def _outcome(path: Path, folder: Path, *, simulate: bool) -> Outcome:
     )
 
 
-def _played(scenario: str, path: Path) -> tuple[bool, str]:
-    """Whether a model does what a shipped scenario asks for, and what failed in it."""
+def _played(scenario: str, path: Path, wanted: tuple[str, ...]) -> tuple[bool, str]:
+    """Whether a model does what a shipped scenario is for, and what failed in it."""
     try:
         run = run_scenario(replace(load_scenario(scenario), robot=str(path)))
     except PoiseError as error:
         return False, str(error)
     if run.ok:
         return True, ""
-    steps = [check for check in run.checks if check.metric == "steps_made"]
-    walked = bool(steps) and not run.fell and all(check.ok for check in steps)
-    return walked, _failure(run)
+    done = [check.ok for check in run.checks if check.metric in wanted]
+    return bool(done) and all(done) and not run.fell, _failure(run)
 
 
 def _failure(run: Run) -> str:

@@ -24,6 +24,15 @@ devices:
 """
 
 
+@pytest.mark.parametrize("robot", ["biped20", "humanoid33", "g1"])
+def test_the_robot_is_walked_over_the_obstacle_by_torques(shipped_run, robot):
+    outcome = shipped_run("over_an_obstacle_torque", robot)
+    assert outcome.status == 0, outcome.out + outcome.err
+    assert outcome.summary["fell"] is False
+    assert outcome.summary["missed_ticks"] == 0
+    assert max(outcome.summary["residual_max"][:2]) < 1e-6
+
+
 @pytest.mark.parametrize("robot", ["biped20", "g1"])
 def test_the_robot_is_walked_over_the_obstacle(shipped_run, robot):
     outcome = shipped_run("over_an_obstacle", robot)

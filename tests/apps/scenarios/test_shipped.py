@@ -34,7 +34,7 @@ def test_the_scenarios_of_the_documentation_are_shipped():
 BIPEDS = [
     name
     for name in shipped_scenarios()
-    if name not in ("reach_arm", "over_an_obstacle") and not name.startswith("walk")
+    if name != "reach_arm" and not name.startswith(("walk", "over_an_obstacle"))
 ]
 """Scenarios of a robot on two feet that is commanded torques; walks are long, and come below."""
 

@@ -8,6 +8,7 @@ from poise.dynamics import Dynamics
 from poise.locomotion._stepping._biped import Biped
 from poise.locomotion._stepping._desired import DesiredMotion
 from poise.locomotion._stepping._footing import Footing
+from poise.locomotion._stepping._lean import TrunkLean
 from poise.stack import (
     ComTask,
     FrameTask,
@@ -72,12 +73,12 @@ class TorqueTasks:
             joint_limit=JointLimit(position_range=biped.knees),
         )
         self.stack.bind(robot)
-        for task in self._trunk:
-            task.set_target(rotation=_LEVEL)
+        self._lean = TrunkLean(biped.relief, dt)
         self.reset()
 
     def reset(self) -> None:
         """Both feet carry."""
+        self._lean.reset()
         self._swing: int | None = None
         self._height: float | None = None
         self._place: Float64[np.ndarray, "3"] = np.zeros(3)
@@ -105,7 +106,9 @@ class TorqueTasks:
         self._move_com(footing, desired)
         if self._swing is not None:
             self._move_foot(self._swing, footing, desired.foot)
+        trunk = self._lean.rotation(footing)
         for task in self._trunk:
+            task.set_target(rotation=trunk)
             task.set_weight(_URGENT if upright else 1.0)
 
     def _stand(self, footing: Footing) -> None:

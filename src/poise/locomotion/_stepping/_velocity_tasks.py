@@ -6,7 +6,6 @@
 from typing import NamedTuple
 
 import numpy as np
-import pinocchio as pin
 from jaxtyping import Float64
 
 from poise.control import Controller, DifferentialIK
@@ -14,6 +13,7 @@ from poise.dynamics import Dynamics, rotation_vector, saturate
 from poise.locomotion._stepping._biped import Biped
 from poise.locomotion._stepping._desired import DesiredMotion
 from poise.locomotion._stepping._footing import Footing
+from poise.locomotion._stepping._lean import TrunkLean
 from poise.locomotion._stepping._parameters import TeleopParameters
 from poise.stack import (
     ComTask,
@@ -32,9 +32,6 @@ _LIMIT_TIME = 0.05
 """Time in which a joint may at most reach its position limit [s]."""
 
 _LEVEL = np.eye(3)
-
-_LEAN_RATE = 0.3
-"""How fast the body leans over a foot, and back [rad/s]."""
 
 
 class WA(NamedTuple):
@@ -101,6 +98,7 @@ class VelocityTasks:
 
     def __init__(self, biped: Biped, parameters: TeleopParameters, *, rotator: bool) -> None:
         self._biped, self._parameters = biped, parameters
+        self._lean = TrunkLean(biped.relief, parameters.dt)
         self._weights = TaskWeights(parameters, rotator=rotator)
         self._com = ComTask()
         self._momentum = MomentumTask("angular_xy")
@@ -122,7 +120,7 @@ class VelocityTasks:
     def reset(self) -> None:
         """No foot is the stance yet."""
         self._stance = -1
-        self._lean = 0.0
+        self._lean.reset()
 
     def controller(self, dynamics: Dynamics) -> Controller:
         """Solves the stack, (19) to (23).
@@ -156,7 +154,7 @@ class VelocityTasks:
         self._com.set_velocity(desired.com - turn.velocity_at(dynamics.com))
         self._turns[other].set_velocity(self._upright(attitude) - turn.rate)
         self._momentum.set_velocity(desired.momentum - turn.momentum())
-        self._torso.set_velocity(self._upright(torso, self._leaning(footing)) - turn.rate)
+        self._torso.set_velocity(self._upright(torso, self._lean.rotation(footing)) - turn.rate)
         self._places[other].set_velocity(desired.foot - turn.velocity_at(place))
         _weigh(self._momentum, weights.momentum)
         _weigh(self._torso, weights.torso)
@@ -170,17 +168,6 @@ class VelocityTasks:
         """Eqs (17b) and (17d) [rad/s]."""
         p = self._parameters
         return saturate(p.omega_lim, p.k_omega * rotation_vector(target, rotation))
-
-    def _leaning(self, footing: Footing) -> Float64[np.ndarray, "3 3"]:
-        """Upright, or leaning over the foot that carries where its hip needs that."""
-        carries, most = footing.mode.support, self._biped.relief
-        goal = 0.0 if carries is None else (-most[0], most[1])[carries]
-        step = _LEAN_RATE * self._parameters.dt
-        self._lean += max(-step, min(step, goal - self._lean))
-        if self._lean == 0.0:
-            return _LEVEL
-        x, y = footing.heading.tolist()
-        return pin.exp3(self._lean * np.array([x, y, 0.0]))
 
     def _stand_on(self, foot: int) -> None:
         if foot == self._stance:
