@@ -16,14 +16,12 @@ from poise.errors import ConfigurationError, PoiseError
 from poise.robots import Robot
 from poise.sim import Plant, rollout
 from poise.stack import (
-    SMOOTH_RATE,
     BalanceLimit,
     ComTask,
     FrameTask,
     PostureTask,
     Stack,
     Task,
-    TorqueLimit,
     default_stack,
 )
 
@@ -89,7 +87,6 @@ def bench_stack(robot: Robot, kind: str, stance: str) -> Stack:
     return Stack(
         contacts,
         levels,
-        torque_limit=TorqueLimit(rate=None if kind == "table1" else SMOOTH_RATE),
         balance_limit=BalanceLimit(enabled=kind != "table1"),
     )
 

@@ -12,7 +12,11 @@ parser.add_argument("--count", type=int, default=2000, help="how many accelerati
 options = parser.parse_args()
 
 robot = poise.load_robot(options.robot)
-stack = poise.default_stack(robot)
+default = poise.default_stack(robot)
+# The question is what feet can bear for a moment, not what they can go on with.
+stack = poise.Stack(
+    default.contacts, default.levels, balance_limit=poise.BalanceLimit(enabled=False)
+)
 controller = poise.WholeBodyController(robot, stack)
 
 # As many states as tries; here they are all the same, and the target is what changes.

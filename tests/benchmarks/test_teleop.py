@@ -62,7 +62,7 @@ def test_a_new_controller_on_the_recording_commands_what_it_did_in_the_simulatio
         estimate = teleoperator.estimator.update(tick.state)
         teleoperator.lead(estimate)
         commands.append(controller.step(estimate).velocity)
-    np.testing.assert_array_equal(commands, run.log.velocity)
+    np.testing.assert_array_equal(commands, run.log.command)
     assert teleoperator.mode.single
 
 

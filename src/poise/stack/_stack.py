@@ -15,7 +15,7 @@ from poise.stack._contact import Contact
 from poise.stack._contacts import SurfaceContact
 from poise.stack._frame import FrameTask
 from poise.stack._joints import PostureTask
-from poise.stack._limits import SMOOTH_RATE, JointLimit, TorqueLimit
+from poise.stack._limits import JointLimit, TorqueLimit
 from poise.stack._task import Task
 
 
@@ -177,7 +177,6 @@ def default_stack(robot: Robot) -> Stack:
     return Stack(
         contacts=[SurfaceContact(sole) for sole in robot.soles],
         levels=[*levels, [PostureTask()]],
-        torque_limit=TorqueLimit(rate=SMOOTH_RATE),
     )
 
 

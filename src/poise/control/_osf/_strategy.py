@@ -205,9 +205,9 @@ class OperationalStrategy:
         acceleration = self.recursion.resolve(rows, self._dynamics)
         self._held = np.zeros(self.robot.nj, dtype=np.bool_)
         self._held_rows = {}
-        for _ in range(_LIMIT_ROUNDS):
-            joints_left = self._hold_joints(acceleration)
-            if not (self._hold_balance(acceleration) or joints_left):
+        for _ in range(2 * _LIMIT_ROUNDS):
+            # Joints first: what they give up may have been what leaned on the balance.
+            if not (self._hold_joints(acceleration) or self._hold_balance(acceleration)):
                 break
             acceleration = self.recursion.resolve(self._with_held(rows), self._dynamics)
         return acceleration

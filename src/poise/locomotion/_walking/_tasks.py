@@ -18,7 +18,6 @@ from poise.locomotion._walking._footsteps import Stand
 from poise.locomotion._walking._sense import WalkSense
 from poise.robots import Robot
 from poise.stack import (
-    SMOOTH_RATE,
     ComTask,
     Contact,
     FrameTask,
@@ -26,7 +25,6 @@ from poise.stack import (
     Stack,
     SurfaceContact,
     Task,
-    TorqueLimit,
 )
 
 
@@ -278,5 +276,4 @@ def walking_stack(robot: Robot) -> Stack:
     return Stack(
         contacts=[SurfaceContact(sole) for sole in soles],
         levels=[[*balance, *feet], upper, last],
-        torque_limit=TorqueLimit(rate=SMOOTH_RATE),
     )
