@@ -120,8 +120,9 @@ def _list(*, as_json: bool) -> int:
     if as_json:
         print(json.dumps(about))
         return 0
+    width = max(map(len, about)) + 2
     for name, description in about.items():
-        print(f"{name:18}{description}")
+        print(f"{name:{width}}{description}")
     return 0
 
 
