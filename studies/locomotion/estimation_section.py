@@ -5,11 +5,10 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from scipy.stats import chi2
 
-from poise.apps.campaigns import LocalWorkers
-from poise.errors import PoiseError
 from studies.finding import Finding, Section, Table
 from studies.locomotion.estimated_walk import Outcome, Trial, run_trial
 from studies.plan import Progress, StudyOptions
+from studies.trials import run_each
 
 ROBOTS = ("humanoid33", "g1")
 
@@ -84,14 +83,7 @@ def run_trials(
     Raises:
         PoiseError: a trial has ended every process that tried it.
     """
-    outcomes: dict[Trial, Outcome] = {}
-    with LocalWorkers(workers) as crew:
-        for trial, outcome in crew.each(run_trial, list(trials)):
-            if not isinstance(outcome, Outcome):
-                raise PoiseError(f"no outcome of {trial}: {outcome}")
-            outcomes[trial] = outcome
-            progress(float(len(outcomes)), float(len(trials)))
-    return outcomes
+    return run_each(run_trial, Outcome, trials, progress, workers)
 
 
 def _walk_findings(robot: str, outcomes: Sequence[Outcome]) -> list[Finding]:

@@ -4,8 +4,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from poise.apps.campaigns import LocalWorkers
-from poise.errors import PoiseError
 from studies.finding import Finding, Section, Table
 from studies.locomotion.standing_references import (
     ReferenceOutcome,
@@ -13,6 +11,7 @@ from studies.locomotion.standing_references import (
     run_reference_trial,
 )
 from studies.plan import Progress, StudyOptions
+from studies.trials import run_each
 
 ROBOTS = ("humanoid33", "g1")
 STRATEGIES = ("direct", "weighted")
@@ -63,14 +62,7 @@ def run_reference_trials(
     Raises:
         PoiseError: a trial has ended every process that tried it.
     """
-    outcomes: dict[ReferenceTrial, ReferenceOutcome] = {}
-    with LocalWorkers(workers) as crew:
-        for trial, outcome in crew.each(run_reference_trial, list(trials)):
-            if not isinstance(outcome, ReferenceOutcome):
-                raise PoiseError(f"no outcome of {trial}: {outcome}")
-            outcomes[trial] = outcome
-            progress(float(len(outcomes)), float(len(trials)))
-    return outcomes
+    return run_each(run_reference_trial, ReferenceOutcome, trials, progress, workers)
 
 
 def _finding(group: tuple[str, str, bool], outcomes: Sequence[ReferenceOutcome]) -> Finding:

@@ -2,11 +2,10 @@
 
 from collections.abc import Sequence
 
-from poise.apps.campaigns import LocalWorkers
-from poise.errors import PoiseError
 from studies.finding import Finding, Section, Table
 from studies.locomotion.torque_steps import Kind, StepOutcome, StepTrial, run_step_trial
 from studies.plan import Progress, StudyOptions
+from studies.trials import run_each
 
 ROBOTS = ("humanoid33", "g1")
 RATE = 50.0
@@ -68,14 +67,7 @@ def run_step_trials(
     Raises:
         PoiseError: a trial has ended every process that tried it.
     """
-    outcomes: dict[StepTrial, StepOutcome] = {}
-    with LocalWorkers(workers) as crew:
-        for trial, outcome in crew.each(run_step_trial, list(trials)):
-            if not isinstance(outcome, StepOutcome):
-                raise PoiseError(f"no outcome of {trial}: {outcome}")
-            outcomes[trial] = outcome
-            progress(float(len(outcomes)), float(len(trials)))
-    return outcomes
+    return run_each(run_step_trial, StepOutcome, trials, progress, workers)
 
 
 def _findings(robot: str, kind: Kind, outcomes: Sequence[StepOutcome]) -> list[Finding]:

@@ -7,19 +7,18 @@ from functools import cache
 
 import numpy as np
 
-from poise.apps.campaigns import LocalWorkers
 from poise.apps.teleoperation import (
     TORQUE_TELEOP_PLANT,
     BadOperator,
     run_teleop,
     terrain_blocks,
 )
-from poise.errors import PoiseError
 from poise.locomotion import Mode
 from poise.robots import Robot, load_robot
 from poise.sim import PlantConfig
 from studies.finding import Finding, Section, Table
 from studies.plan import Progress, StudyOptions
+from studies.trials import run_each
 
 _ATTITUDE = math.radians(0.5)
 """Constant error of the attitude, in a direction drawn by the seed [rad]."""
@@ -144,13 +143,7 @@ def operators_section(options: StudyOptions, progress: Progress) -> Section:
         for condition in CONDITIONS
         for k in range(_seeds(condition, quick=options.quick))
     ]
-    outcomes: list[Outcome] = []
-    with LocalWorkers() as crew:
-        for trial, outcome in crew.each(run_trial, trials):
-            if not isinstance(outcome, Outcome):
-                raise PoiseError(f"no outcome of {trial}: {outcome}")
-            outcomes.append(outcome)
-            progress(float(len(outcomes)), float(len(trials)))
+    outcomes = list(run_each(run_trial, Outcome, trials, progress).values())
     groups = {
         (robot, condition): [
             o for o in outcomes if (o.trial.robot, o.trial.condition) == (robot, condition)

@@ -97,7 +97,7 @@ class StepTeleoperator:
         device: says what the operator commands; may be set later.
         parameters: scaled to the robot when None.
         q_start: configuration at the start; the robot's home when None.
-        rotator: whether the body rotator acts.
+        rotator: whether the body rotator acts, where velocities are commanded.
         driver: moves the COM; the COM shifter when None.
         actuation: what is commanded, "velocity" or "torque".
 
@@ -169,7 +169,8 @@ class StepTeleoperator:
         self._com = self._com_motion()
         self._events = ModeEvents(estimator, sensor, self._com, p, biped.weight)
         self._stance = StanceChoice(estimator, sensor, p, biped.weight)
-        self._momentum = BodyMomentum(BodyRotator(biped.weight) if self._rotator else None, p)
+        rotates = self._rotator and self.actuation == "velocity"
+        self._momentum = BodyMomentum(BodyRotator(biped.weight) if rotates else None, p)
         self._target = FootTarget(self._reach, p)
         self._height = ComHeight(self._com_height, self._reach, p)
         self._foot = FootVelocity(p)
