@@ -44,7 +44,8 @@ def humanoid_section(options: StudyOptions, progress: Progress) -> Section:
     steps = Steps(progress, len(names) * len(_CONTROLLERS))
     runs: Runs = {}
     for name in names:
-        scenario = load_scenario(name)
+        # The bias acceleration is of the state that the controller is told: the true one here.
+        scenario = replace(load_scenario(name), ground_truth=True)
         if options.quick:
             scenario = replace(scenario, duration=_QUICK_DURATION)
         for controller in _CONTROLLERS:

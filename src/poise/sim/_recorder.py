@@ -88,7 +88,9 @@ class Recorder:
     on the floor `clearance` and `touched`; `command_torque` or `command_velocity` and `residuals`;
     of a controller with a stack `error/<task>`, `target/<task>` of each point, `com_reference` and
     `planned/<sole>`; how long leader and controller took, `tick_us/<phase>`; what the leader's
-    `signals` say; and notes about the `status` of the commands.
+    `signals` say; and notes about the `status` of the commands. Where an estimator says what the
+    others know, `base_estimate` and `base_truth` (position and quaternion) and `velocity_estimate`
+    and `velocity_truth` (in the base) are of the begin of the period, when it said so.
 
     The log, if there is one, holds that record to the last bit, see `read_log`. Beside it a topic
     a signal (`/com`, `/zmp`, ...), one a topic of notes, `/joints`, `/tf` and `/scene` are for
@@ -138,6 +140,7 @@ class Recorder:
         self._plant = plant
         self._stack = controller if isinstance(controller, SolvesStack) else None
         self._leader = leader if isinstance(leader, HasSignals) else None
+        self._truth = plant.true_state()
         self._watch = BlockWatch(plant) if plant.config.blocks else None
         self._watched = None if self._stack is None else _WatchedStack(self._stack)
         tasks = () if self._stack is None else self._stack.stack.tasks()
@@ -171,11 +174,14 @@ class Recorder:
         time = self._plant.time
         if self._pace.is_due(time):
             samples = self._plant_samples(tick.truth)
+            if tick.estimate is not tick.state and self._plant.robot.floating_base:
+                self._add_estimate(samples, tick.estimate)
             self._add_command(samples, tick.command)
             self._add_times(samples, tick)
             if self._watched is not None:
                 self._watched.add(samples, answered=tick.command.status.ok)
             self._keep(time, samples | told)
+        self._truth = tick.truth
 
     def end(self) -> None:
         """The run is over: finishes the log.
@@ -243,6 +249,12 @@ class Recorder:
             samples["clearance"] = self._watch.clearance()
             samples["touched"] = self._watch.touched()
         return samples
+
+    def _add_estimate(self, samples: dict[str, Value], estimate: RobotState) -> None:
+        # What was known when the period began, beside what was so then.
+        for name, state in (("estimate", estimate), ("truth", self._truth)):
+            samples[f"base_{name}"] = state.q[:7]
+            samples[f"velocity_{name}"] = state.v[:6]
 
     def _add_command(self, samples: dict[str, Value], command: Command) -> None:
         if command.torque is not None:

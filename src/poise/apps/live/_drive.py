@@ -11,6 +11,7 @@ from poise.apps.live._real_time import RealTimeLoop
 from poise.apps.live._snapshot import Snapshot
 from poise.control import WholeBodyController
 from poise.dynamics import RobotState
+from poise.estimation import StateEstimator
 from poise.locomotion import (
     DeviceStatus,
     Mode,
@@ -121,7 +122,8 @@ class DriveLoop(RealTimeLoop):
         self._path = self._folder / f"drive-{number:03}{LOG_SUFFIX}"
         self.log.expect(self._path)
         controller = WholeBodyController(self.robot, self._driver.stack)
-        self._ticks = rollout(self.plant, controller, self._driver, [self.log])
+        estimator = StateEstimator(self.robot)
+        self._ticks = rollout(self.plant, controller, self._driver, [self.log], estimator=estimator)
 
     def _tick(self) -> None:
         if self._ticks is not None:

@@ -7,6 +7,7 @@ figures of one's own look the same with `html_document`, `house_style` and `inli
 from poise.apps.report._page import asset as asset, html_document
 from poise.apps.report._plots import house_style, inline_svg
 from poise.apps.report._record import (
+    BaseErrors as BaseErrors,
     Check as Check,
     Event as Event,
     RunView as RunView,

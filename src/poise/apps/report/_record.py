@@ -128,6 +128,22 @@ class SupportPhase:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class BaseErrors:
+    """How far the estimate of the base is off, a figure a tick.
+
+    Attributes:
+        drift: level distance of the estimated position from the true one [m]. Absolute position
+            and yaw are dead reckoning, so it grows with the way.
+        tilt: angle between the estimated vertical and the true one [rad].
+        speed: of the estimated velocity against the true one, in the base [m/s].
+    """
+
+    drift: Float64[np.ndarray, " T"] = field(repr=False)
+    tilt: Float64[np.ndarray, " T"] = field(repr=False)
+    speed: Float64[np.ndarray, " T"] = field(repr=False)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class RunView:
     """What happened in one run: names, and arrays with one row a control tick (T ticks, nj joints).
 
@@ -157,6 +173,8 @@ class RunView:
         zmp_reference: where it should be, None where nothing asks [m].
         support: support polygons, in order of time.
         soles: the soles and what they carried.
+        base_errors: how far off the robot's own estimate of its base is; None where it is told the
+            truth.
         residuals: what each level could not meet, relative to the level's scale [-].
         level_names: names of the levels, empty to call them by their number.
         status: how each command came about, as `CommandStatus.value`.
@@ -194,6 +212,7 @@ class RunView:
     zmp_reference: Float64[np.ndarray, "T 2"] | None = field(default=None, repr=False)
     support: tuple[SupportPhase, ...] = field(default=(), repr=False)
     soles: tuple[SoleTrack, ...] = field(default=(), repr=False)
+    base_errors: BaseErrors | None = field(default=None, repr=False)
     residuals: Float64[np.ndarray, "T nl"] = field(repr=False)
     level_names: tuple[str, ...] = ()
     status: tuple[str, ...] = field(repr=False)
@@ -248,6 +267,9 @@ class RunView:
             if task.components is not None:
                 k = task.components.shape[-1]
                 shapes[f"components of task {task.name!r}"] = (task.components.shape, (T, k))
+        if self.base_errors is not None:
+            for what, values in vars(self.base_errors).items():
+                shapes[f"{what} of the base's estimate"] = (values.shape, (T,))
         for sole in self.soles:
             shapes[f"normal force of {sole.name!r}"] = (sole.normal_force.shape, (T,))
             shapes[f"planned contact of {sole.name!r}"] = (sole.planned.shape, (T,))

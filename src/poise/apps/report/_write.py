@@ -7,6 +7,7 @@ from poise.apps.report._page import page_html
 from poise.apps.report._plots import (
     PlotFigure,
     com_figure,
+    estimate_figure,
     forces_figure,
     house_style,
     joints_figure,
@@ -24,6 +25,7 @@ _PLOTS: tuple[_Drawing, ...] = (
     com_figure,
     zmp_figures,
     forces_figure,
+    estimate_figure,
     torque_figure,
     joints_figure,
     residuals_figure,

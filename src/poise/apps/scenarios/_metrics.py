@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float64
 
+from poise.apps.report import BaseErrors
 from poise.apps.scenarios._signals import RunSignals
 
 
@@ -177,6 +178,26 @@ def _zmp_error(run: RunSignals, _: str, __: int | None) -> Float64[np.ndarray, "
     return np.linalg.norm(run.zmp_reference - run.zmp, axis=1)
 
 
+def _known(run: RunSignals) -> BaseErrors:
+    """Errors of the base's estimate; none where the truth is told."""
+    if run.base_errors is not None:
+        return run.base_errors
+    nothing = np.zeros(len(run.time))
+    return BaseErrors(drift=nothing, tilt=nothing, speed=nothing)
+
+
+def _drift(run: RunSignals, _: str, __: int | None) -> Float64[np.ndarray, " T"]:
+    return _known(run).drift
+
+
+def _tilt_error(run: RunSignals, _: str, __: int | None) -> Float64[np.ndarray, " T"]:
+    return _known(run).tilt
+
+
+def _velocity_error(run: RunSignals, _: str, __: int | None) -> Float64[np.ndarray, " T"]:
+    return _known(run).speed
+
+
 def _steps_made(run: RunSignals, _: str, __: int | None, rows: Bool[np.ndarray, " T"]) -> Reading:
     if not rows.any():
         return NOTHING
@@ -322,6 +343,30 @@ METRICS = {
             takes_axis=False,
             describe="how far the hindmost heel ends ahead of the last block",
             measure=_last(_beyond_blocks),
+        ),
+        Metric(
+            name="drift_max",
+            unit="m",
+            subject="",
+            takes_axis=False,
+            describe="largest level distance of the estimated base from the true one",
+            measure=_largest(_drift),
+        ),
+        Metric(
+            name="tilt_error_rms",
+            unit="rad",
+            subject="",
+            takes_axis=False,
+            describe="root mean square angle of the estimated vertical to the true one",
+            measure=_root_mean_square(_tilt_error),
+        ),
+        Metric(
+            name="velocity_error_rms",
+            unit="m/s",
+            subject="",
+            takes_axis=False,
+            describe="root mean square error of the estimated base velocity",
+            measure=_root_mean_square(_velocity_error),
         ),
     )
 }

@@ -205,6 +205,7 @@ def make_view(
             )
             for name in robot.soles
         ),
+        base_errors=signals.base_errors,
         residuals=signals.residuals,
         level_names=signals.level_names,
         status=signals.status,

@@ -73,7 +73,7 @@ class Run:
         return html_table(title, ("", "check", "value", "bound", "worst at", "what happened"), rows)
 
     def plot(self) -> Any:
-        """COM and task errors, ZMP margin, torques and loads over time.
+        """COM and task errors, ZMP margin, torques, loads and the estimate's drift over time.
 
         The worst moments of failed checks are dashed lines.
 
@@ -93,6 +93,8 @@ class Run:
             ("torque / limit", {"": np.max(ratio, axis=1, initial=0.0)}),
             ("sole loads [N]", dict(signals.sole_forces)),
         ]
+        if signals.base_errors is not None:
+            panels.append(("drift of the estimate [m]", {"": signals.base_errors.drift}))
         panels = [(title, lines) for title, lines in panels if _has_numbers(lines)]
         figure = new_figure(8.0, 1.0 + 1.6 * len(panels))
         axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]

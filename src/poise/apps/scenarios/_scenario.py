@@ -343,7 +343,7 @@ class Scenario:
         plant: the plant.
         ground_truth: whether controller and leader are told the base's pose and velocity as the
             plant measures them, which no robot can; else they are estimated. A robot that is walked
-            by hand has an estimator of its own either way.
+            by hand has an estimator of its own either way, and a fixed base needs none.
         actuation_given: whether the plant's actuation was asked for by name; where it was not, the
             controller's own is taken.
         stack: contacts, limits and tasks; None for the default stack of the robot.
@@ -369,7 +369,7 @@ class Scenario:
     duration: Duration
     seed: Annotated[int, Bounds(least=0.0, whole=True)] = 0
     plant: PlantConfig = field(default_factory=PlantConfig)
-    ground_truth: Truth = True
+    ground_truth: Truth = False
     actuation_given: bool = field(default=True, metadata=NOT_IN_FILES)
     stack: StackPlan | None = None
     devices: DevicePlan | None = None

@@ -13,7 +13,8 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float64
 
-from poise.apps.report import SupportPhase
+from poise.apps.report import BaseErrors, SupportPhase
+from poise.apps.scenarios._estimate import BaseKnowledge
 from poise.apps.teleoperation import plant_from_json
 from poise.locomotion import convex_hull, signed_margin, sole_rectangle
 from poise.robots import Robot
@@ -46,7 +47,8 @@ class RunSignals:
         torque: torque as applied [N m].
         torque_max: torque limits [N m].
         com: true centre of mass [m].
-        com_reference: where it should be, NaN where nothing asks [m].
+        com_reference: where it should be, NaN where nothing asks [m]. This and what else the
+            robot was to do in the world is taken to where it sees it, by what its estimate is off.
         zmp: zero moment point [m].
         zmp_reference: where it should be, NaN where nothing asks [m].
         zmp_margin: distance of the ZMP from the edge of the support polygon, negative outside [m].
@@ -60,6 +62,7 @@ class RunSignals:
         residuals: relative residual of each level.
         status: status of each tick.
         tick_us: time of each tick by phase [us].
+        base_errors: how far off what the robot knows of its base is; None where it is told.
         clearance: distance of the robot from the nearest block, NaN without blocks [m].
         beyond: how far the hindmost heel is ahead of the last block, NaN without blocks [m].
         modes: when a robot that is walked by hand changed its mode [s], or a walk its status, and
@@ -87,6 +90,7 @@ class RunSignals:
     residuals: Float64[np.ndarray, "T nl"] = field(repr=False)
     status: tuple[str, ...] = field(repr=False)
     tick_us: dict[str, Float64[np.ndarray, " T"]] = field(repr=False)
+    base_errors: BaseErrors | None = field(repr=False)
     clearance: Float64[np.ndarray, " T"] = field(repr=False)
     beyond: Float64[np.ndarray, " T"] = field(repr=False)
     modes: tuple[tuple[float, str], ...] = field(repr=False)
@@ -184,6 +188,7 @@ def collect_signals(record: RunRecord, robot: Robot) -> RunSignals:
     support = support_phases(robot, time, standing, poses)
     zmp = record["zmp"]
     soles = {name: position for name, (position, _) in poses.items()}
+    base = BaseKnowledge(record, len(time))
     timed = [name for name in record.names if name.startswith(_TICK)]
     return RunSignals(
         tasks=tasks,
@@ -193,9 +198,9 @@ def collect_signals(record: RunRecord, robot: Robot) -> RunSignals:
         torque=record["torque"],
         torque_max=robot.tau_max,
         com=record["com"],
-        com_reference=_aligned(record, "com_reference", time, (3,)),
+        com_reference=base.in_world(_aligned(record, "com_reference", time, (3,))),
         zmp=zmp,
-        zmp_reference=_aligned(record, "zmp_reference", time, (2,)),
+        zmp_reference=base.in_world(_aligned(record, "zmp_reference", time, (2,))),
         zmp_margin=zmp_margins(time, zmp, support),
         support=support,
         sole_forces={name: wrench[:, 2].copy() for name, wrench in wrenches.items()},
@@ -203,7 +208,7 @@ def collect_signals(record: RunRecord, robot: Robot) -> RunSignals:
         sole_planned=planned,
         wrenches=wrenches,
         targets={
-            name.removeprefix("target/"): _aligned(record, name, time, (3,))
+            name.removeprefix("target/"): base.in_world(_aligned(record, name, time, (3,)))
             for name in record.names
             if name.startswith("target/")
         },
@@ -211,6 +216,7 @@ def collect_signals(record: RunRecord, robot: Robot) -> RunSignals:
         residuals=_aligned(record, "residuals", time, (len(level_names),)),
         status=_statuses(record, time),
         tick_us={n.removeprefix(_TICK): _aligned(record, n, time, ()) for n in timed},
+        base_errors=base.errors,
         clearance=_aligned(record, "clearance", time, ()),
         beyond=_beyond(robot, soles, blocks, len(time)),
         modes=record.notes("mode"),

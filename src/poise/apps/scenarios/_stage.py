@@ -62,7 +62,7 @@ def stage_scenario(scenario: Scenario) -> Stage:
     checks = sized_checks(scenario.checks, cast.leader.stack, ratio)
     scenario = replace(scenario, checks=checks)
     estimator = cast.estimator
-    if estimator is None and not scenario.ground_truth:
+    if estimator is None and robot.floating_base and not scenario.ground_truth:
         estimator = StateEstimator(robot, q_start=cast.q_start)
     blocks = scenario.plant.blocks + cast.blocks
     scenario = replace(scenario, plant=replace(scenario.plant, blocks=blocks))

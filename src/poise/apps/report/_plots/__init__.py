@@ -1,5 +1,6 @@
 """The plots of the report, a file for each subject; all of them need matplotlib."""
 
+from poise.apps.report._plots._estimate import estimate_figure
 from poise.apps.report._plots._sheet import PlotFigure
 from poise.apps.report._plots._style import house_style, inline_svg, number
 from poise.apps.report._plots._ticks import residuals_figure, tick_figures, tick_percentiles
@@ -10,6 +11,7 @@ from poise.apps.report._plots._zmp import forces_figure, zmp_figures
 __all__ = [
     "PlotFigure",
     "com_figure",
+    "estimate_figure",
     "forces_figure",
     "house_style",
     "inline_svg",
