@@ -17,9 +17,16 @@ import numpy as np
 from numba.core import event
 import poise
 from poise.control import CONTROLLERS, ControllerPlan, make_controller
+from poise.dynamics import SensorReadings
+from poise.estimation import StateEstimator
 robot = poise.load_robot("humanoid33")
 state = poise.RobotState(robot.q_home, np.zeros(robot.nv))
 with event.install_recorder("numba:compile") as seen:
+    estimator = StateEstimator(robot)
+    upright = SensorReadings(np.zeros(3), np.array([0.0, 0.0, 9.81]), np.zeros(robot.nj))
+    for k in range(5):
+        told = poise.RobotState(robot.q_home, np.zeros(robot.nv), {}, 0.001 * k, upright)
+        assert estimator.update(told) and estimator.status.ok
     for name, kind in CONTROLLERS.items():
         for strategy in kind.strategies:
             plan = ControllerPlan(name=name, strategy=strategy)

@@ -1,4 +1,4 @@
-"""`warm_up`: compiles ahead what controllers need, in several processes where there are cores."""
+"""`warm_up`: compiles ahead what control needs, in several processes where there are cores."""
 
 import multiprocessing
 import signal
@@ -7,6 +7,7 @@ from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from functools import partial
 from time import perf_counter
 from typing import Any
 
@@ -18,9 +19,11 @@ from poise._compiled import (
     names_of,
     usable_cores,
 )
+from poise.control._controller import Controller
 from poise.control._make import CONTROLLERS, ControllerPlan, check_plan, make_controller
 from poise.control._reduced import ReducedController
 from poise.control._whole_body import WholeBodyController
+from poise.estimation import StateEstimator
 from poise.hqp import make_solver
 from poise.robots import load_robot
 
@@ -39,37 +42,43 @@ class _Job:
 
     Attributes:
         code: modules and packages of the functions that only this job compiles.
-        plan: of a controller whose making compiles them; the hierarchical solver when None.
-        robot: for that controller.
+        make: makes what is compiled by being made.
     """
 
     code: tuple[str, ...]
-    plan: ControllerPlan | None = None
-    robot: str = _ROBOT
-
-    def run(self) -> None:
-        """Compiles it."""
-        if self.plan is None:
-            make_solver("direct")
-        else:
-            make_controller(load_robot(self.robot), None, self.plan)
+    make: Callable[[], object]
 
 
-_SOLVER = _Job(code=("poise.hqp",))
+def _make(plan: ControllerPlan, robot: str = _ROBOT) -> Controller:
+    return make_controller(load_robot(robot), None, plan)
+
+
+def _make_estimator() -> StateEstimator:
+    return StateEstimator(load_robot(_ROBOT))
+
+
+_SOLVER = _Job(code=("poise.hqp",), make=partial(make_solver, "direct"))
 """All controllers need it, and it takes as long as all the rest."""
+
+_ESTIMATOR = _Job(code=("poise.estimation",), make=_make_estimator)
+"""Whatever the controller, a robot does not know its base."""
 
 _JOBS = {
     # The strategies and the robot are such that they do not need the hierarchical solver.
     "reduced": _Job(
         code=(f"{_HERE}._reduced", "poise.dynamics._reduction"),
-        plan=ControllerPlan(name="reduced", strategy="cascade"),
+        make=partial(_make, ControllerPlan(name="reduced", strategy="cascade")),
     ),
-    "osf": _Job(code=(f"{_HERE}._osf",), plan=ControllerPlan(name="osf"), robot="upper17"),
+    "osf": _Job(
+        code=(f"{_HERE}._osf",), make=partial(_make, ControllerPlan(name="osf"), "upper17")
+    ),
     "differential_ik": _Job(
-        code=(f"{_HERE}._differential_ik",), plan=ControllerPlan(name="differential_ik")
+        code=(f"{_HERE}._differential_ik",),
+        make=partial(_make, ControllerPlan(name="differential_ik")),
     ),
     "whole_body": _Job(
-        code=(f"{_HERE}._full_problem",), plan=ControllerPlan(name="whole_body", strategy="cascade")
+        code=(f"{_HERE}._full_problem",),
+        make=partial(_make, ControllerPlan(name="whole_body", strategy="cascade")),
     ),
 }
 """By controller, those that take longest first."""
@@ -98,7 +107,7 @@ def warm_up(
     processes: int | None = None,
     note: Note | None = None,
 ) -> WarmUp:
-    """Compiles all that controllers need, as far as it is not kept yet.
+    """Compiles all that controllers and the estimator need, as far as it is not kept yet.
 
     Args:
         controllers: of `CONTROLLERS`.
@@ -124,15 +133,16 @@ def warm_up(
                 note(len(done), len(awaited))
 
     modules = {function.py_func.__module__ for function in left}
-    jobs = [_SOLVER, *(job for name, job in _JOBS.items() if name in controllers)]
+    jobs = [_SOLVER, _ESTIMATOR, *(job for name, job in _JOBS.items() if name in controllers)]
     jobs = [job for job in jobs if any(module.startswith(job.code) for module in modules)]
     processes = min(usable_cores() if processes is None else processes, len(jobs))
     if processes > 1:
         _share_out(jobs, processes, told)
     # What all of them need, what no process compiled, and all where none could be started.
     with compiling_told(told):
+        _make_estimator()
         for plan in plans:
-            controller = make_controller(load_robot(_ROBOT), None, plan)
+            controller = _make(plan)
             # What no tick needs compiles when it is first asked for.
             if isinstance(controller, WholeBodyController) and plan.strategy == "direct":
                 controller.solve_batch([])
@@ -199,4 +209,4 @@ def _listen(names: Any) -> None:
 
 def _run(job: _Job) -> None:
     with compiling_told(_names.put):
-        job.run()
+        job.make()

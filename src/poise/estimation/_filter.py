@@ -10,7 +10,7 @@ is nor how it moves, so a bad first guess does not spoil the covariance, and wha
 import numpy as np
 from jaxtyping import Float64
 
-from poise._compiled import allocate
+from poise._compiled import allocate, say_if_slow
 from poise.estimation import _correction, _propagation
 from poise.estimation._config import ImuNoise, InitialDeviation
 from poise.estimation._group import hat, right_error
@@ -219,6 +219,7 @@ class InvariantFilter:
         """Compiled now, not in the first tick."""
         if not len(self.held):
             return
+        say_if_slow(_propagation.propagate, "the state estimator")
         at, spread = np.zeros(3), np.eye(3)
         self.propagate(at, at, 1e-3)
         self.hold(0, at, spread)
