@@ -29,7 +29,10 @@ heavy = [m for m in ("scipy.linalg", "scipy.optimize", "numba.np.arraymath") if 
 print(json.dumps([[str(e.data["dispatcher"]) for _, e in seen.buffer], heavy]))
 """
 
-IN_ONE = "import sys; from poise.control import warm_up; print(warm_up(["differential_ik"], processes=1))"
+IN_ONE = """
+from poise.control import warm_up
+print(warm_up(["differential_ik"], processes=1))
+"""
 
 NO_PROCESS = """
 import sys
