@@ -3,8 +3,8 @@
 import math
 from functools import cache
 
-import jaxtyping
 import pytest
+import type_checks
 
 from poise import _progress
 from poise.errors import MissingExtraError
@@ -44,13 +44,7 @@ def get_robot():
     return get
 
 
-@pytest.fixture
-def unchecked():
-    """No run-time checks of types and shapes, in runs of thousands of ticks.
-
-    They take six times as long as everything else, and other tests make the same calls.
-    """
-    before = jaxtyping.config.jaxtyping_disable
-    jaxtyping.config.update("jaxtyping_disable", True)
-    yield
-    jaxtyping.config.update("jaxtyping_disable", before)
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup():
+    """Types and shapes of the first calls of each test are checked, see `type_checks`."""
+    type_checks.begin_test()

@@ -16,8 +16,6 @@ from poise.errors import ConfigurationError
 from poise.locomotion import DeviceStatus, Mode, RecordingError, read_recording
 from poise.sim import PlantConfig
 
-pytestmark = pytest.mark.usefixtures("unchecked")
-
 
 @pytest.fixture
 def start(get_robot, tmp_path):

@@ -9,8 +9,6 @@ from poise.apps.teleoperation import SCRIPTS
 from poise.errors import ConfigurationError, PoiseError
 from poise.sim import read_log
 
-pytestmark = pytest.mark.usefixtures("unchecked")
-
 OWN = """
 name: one foot up
 robot: biped20

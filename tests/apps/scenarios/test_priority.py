@@ -11,8 +11,6 @@ from poise.dynamics import RobotState
 from poise.sim import read_log
 from poise.stack import ComTask, FrameTask, PostureTask, Stack, SurfaceContact
 
-pytestmark = pytest.mark.usefixtures("unchecked")
-
 UNREACHABLE = (4.0, 5.5)
 """When the reach scenario asks for what no arm reaches [s]."""
 

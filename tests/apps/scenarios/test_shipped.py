@@ -8,8 +8,6 @@ from conftest import poise_run
 from poise.apps.scenarios import shipped_scenarios
 from poise.sim import read_log
 
-pytestmark = pytest.mark.usefixtures("unchecked")
-
 KEYS = {
     "robot": str,
     "controller": str,

@@ -24,8 +24,6 @@ from poise.apps.teleoperation._terrain import TERRAINS
 from poise.errors import UnknownNameError
 from poise.locomotion import ScriptedDevice, WayPoint
 
-pytestmark = pytest.mark.usefixtures("unchecked")
-
 
 def corners(block):
     c, s = np.cos(block.yaw), np.sin(block.yaw)

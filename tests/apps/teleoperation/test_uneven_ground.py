@@ -11,8 +11,6 @@ from poise.apps.teleoperation import MODES, TELEOP_PLANT, terrain_blocks
 from poise.locomotion import Mode
 from poise.sim import Block
 
-pytestmark = pytest.mark.usefixtures("unchecked")
-
 HEIGHT = 0.015
 LANDS_AT = 0.3
 BUMPS = {

@@ -10,8 +10,6 @@ from poise.control import OperationalSpaceController
 from poise.sim import Plant
 from poise.stack import ComTask, FrameTask, PostureTask, Stack, SurfaceContact
 
-pytestmark = pytest.mark.usefixtures("unchecked")
-
 SHOULDERS = {"arm6": ([0.0, 0.0, 0.30], 0.90), "panda": ([0.0, 0.0, 0.333], 0.855)}
 """Where reach is measured from, and how far it goes [m]."""
 

@@ -147,7 +147,6 @@ def test_a_wrench_on_a_contact_that_is_none_is_refused(get_any):
         controller.set_wrench("left_hand", np.zeros(6))
 
 
-@pytest.mark.usefixtures("unchecked")
 def test_releasing_a_contact_shifts_its_load_smoothly(get_any):
     """The COM moves over the left foot, the right one unloads: no jump, and nobody falls."""
     robot = get_any("humanoid33")

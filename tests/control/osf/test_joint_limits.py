@@ -20,7 +20,6 @@ from poise.stack import (
 )
 
 
-@pytest.mark.usefixtures("unchecked")
 @pytest.mark.parametrize(
     ("name", "joint"), [("panda", "panda_joint4"), ("humanoid33", "left_elbow")]
 )

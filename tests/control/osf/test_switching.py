@@ -1,7 +1,6 @@
 """Tasks go on and off and change places while a humanoid stands."""
 
 import numpy as np
-import pytest
 from random_switching import PERIOD, Switching
 
 from poise.control import OperationalSpaceController
@@ -10,7 +9,6 @@ from poise.sim import Plant
 SECONDS = 6.0
 
 
-@pytest.mark.usefixtures("unchecked")
 def test_random_hierarchies_every_tenth_of_a_second_throw_nobody_and_jerk_no_torque(get_any):
     robot = get_any("humanoid33")
     switching = Switching(robot, seed=0)

@@ -20,8 +20,6 @@ from poise.locomotion import (
 )
 from poise.locomotion._stepping._recording import HEADER_BYTES, ROW
 
-pytestmark = pytest.mark.usefixtures("unchecked")
-
 
 def write(path, rows=3, robot="biped20", dt=0.005, close=True):
     writer = RecordingWriter(path, robot=robot, dt=dt)

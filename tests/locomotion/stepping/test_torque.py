@@ -84,7 +84,6 @@ def test_its_stack_may_be_solved_by_any_controller_of_torques(get_robot):
     np.testing.assert_allclose(other.torque, one.torque, atol=1e-6)
 
 
-@pytest.mark.usefixtures("unchecked")
 @pytest.mark.parametrize("name", ["biped20", "humanoid33", "g1"])
 def test_a_foot_is_lifted_and_put_down(get_robot, name):
     run = walk(get_robot(name), up_and_down(), 4.5, plant=TORQUE_TELEOP_PLANT.with_noise())
@@ -98,7 +97,6 @@ def test_a_foot_is_lifted_and_put_down(get_robot, name):
     np.testing.assert_allclose(log.com[-1, :2], log.zmp_reference[-1], atol=0.01)
 
 
-@pytest.mark.usefixtures("unchecked")
 @pytest.mark.parametrize("slope", [(0.05, 0.0), (0.0, 0.05), (0.0, -0.05)])
 def test_g1_steps_on_a_floor_that_slopes_and_with_an_attitude_that_is_off(get_robot, slope):
     """3 degrees of slope and one of attitude; the velocity level falls standing still."""
@@ -110,7 +108,6 @@ def test_g1_steps_on_a_floor_that_slopes_and_with_an_attitude_that_is_off(get_ro
     assert run.log.tilt[-1] < 0.05
 
 
-@pytest.mark.usefixtures("unchecked")
 def test_a_bad_operator_does_not_throw_g1_and_a_recording_is_the_same_again(get_robot, tmp_path):
     path = tmp_path / "take"
     run = run_teleop(
@@ -126,7 +123,6 @@ def test_a_bad_operator_does_not_throw_g1_and_a_recording_is_the_same_again(get_
     assert np.array_equal(again.log.command, run.log.command)
 
 
-@pytest.mark.usefixtures("unchecked")
 def test_knees_stay_bent_where_a_straight_leg_would_be_singular(get_robot):
     """A straight knee cannot shorten the leg to first order: the trunk would bow for it."""
     robot = get_robot("g1")
