@@ -89,7 +89,6 @@ def test_points_that_the_robot_knows_stay_where_they_are_about_its_base(record):
     np.testing.assert_allclose(level, seen[:, :2], atol=1e-12)
 
 
-@pytest.mark.usefixtures("unchecked")
 def test_a_run_records_both_and_measures_by_both():
     sensors = SensorConfig.typical()
     scenario = load_scenario("stand")
@@ -111,7 +110,6 @@ def test_a_run_records_both_and_measures_by_both():
     assert make_view(record, run.robot).base_errors is not None
 
 
-@pytest.mark.usefixtures("unchecked")
 def test_where_the_truth_is_told_nothing_is_off():
     scenario = replace(load_scenario("stand"), duration=0.01, ground_truth=True, motions=())
     run = run_scenario(replace(scenario, checks=()))
