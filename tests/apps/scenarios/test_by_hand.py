@@ -56,9 +56,9 @@ def test_way_points_of_ones_own_lift_a_foot():
     assert [mode for _, mode in run.signals.modes] == ["D", "TL", "SL"]
     assert run.signals.sole_positions["right_sole"][-1, 2] > 0.05
     assert {"estimator", "leader", "solve"} <= set(run.signals.tick_us)
-    # The devices are in the replay, where the operator held them.
+    # The devices are in the replay, where the operator held them as the robot knows the world.
     device = run.signals.targets["right device"]
-    assert device[-1, 2] - device[0, 2] == pytest.approx(0.08, abs=1e-9)
+    assert device[-1, 2] - device[0, 2] == pytest.approx(0.08, abs=1e-4)
     assert np.isfinite(run.signals.zmp_reference).all()
 
 

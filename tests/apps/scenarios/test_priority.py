@@ -30,15 +30,25 @@ def com_error(log, begin, end):
     return float(np.linalg.norm(com - reference, axis=1)[rows].max())
 
 
-def test_unreachable_hands_cost_the_balance_nothing(shipped_run, tmp_path):
-    reaching = shipped_run("reach", "humanoid33")
+def reach_log(folder, **changes):
+    """The log of `reach` with other contents.
+
+    The truth is told: the drift of an estimate, 0.1 mm, is more than what is looked for.
+    """
     plan = yaml.safe_load((SHIPPED / "reach.yaml").read_text())
-    plan |= {"motions": [], "checks": [], "duration": UNREACHABLE[1]}
-    path = tmp_path / "still.yaml"
+    plan |= {"ground_truth": True, "checks": [], "duration": UNREACHABLE[1], **changes}
+    path = folder.with_suffix(".yaml")
     path.write_text(yaml.safe_dump(plan))
-    still = poise_run(tmp_path / "still", str(path), "--no-video")
-    assert still.status == 0, still.err
-    moving, resting = (read_log(o.folder / "log.mcap") for o in (reaching, still))
+    run = poise_run(folder, str(path), "--no-video")
+    assert run.status == 0, run.err
+    return read_log(run.folder / "log.mcap")
+
+
+def test_unreachable_hands_cost_the_balance_nothing(tmp_path):
+    plan = yaml.safe_load((SHIPPED / "reach.yaml").read_text())
+    begun = [m for m in plan["motions"] if m["at"] < UNREACHABLE[1]]
+    moving = reach_log(tmp_path / "moving", motions=begun)
+    resting = reach_log(tmp_path / "resting", motions=[])
     # The hands are asked for more than they reach, and miss by centimetres.
     assert largest(moving, "error/left_hand", *UNREACHABLE) > 0.02
     assert largest(resting, "error/left_hand", *UNREACHABLE) < 0.001

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from poise.apps.report import SupportPhase
+from poise.apps.report import BaseErrors, SupportPhase
 from poise.apps.scenarios._metrics import METRICS
 from poise.apps.scenarios._scenario import PushPlan
 from poise.apps.scenarios._signals import RunSignals, support_phases, zmp_margins
@@ -90,6 +90,9 @@ def signals():
         wrenches={"s": np.zeros((n, 6))}, targets={},
         task_errors={"hand": np.array([NAN, 0.3, *[0.1] * 8, 0.05])},
         residuals=residuals, status=("ok",) * n, tick_us={"solve": np.ones(n)},
+        base_errors=BaseErrors(
+            drift=np.linspace(0.0, 0.04, n), tilt=np.full(n, 0.01), speed=np.full(n, 0.02)
+        ),
         clearance=np.array([NAN, 0.2, 0.03, *[0.1] * (n - 3)]), beyond=np.linspace(-0.5, 0.02, n),
         modes=(),
     )  # fmt: skip
@@ -117,6 +120,9 @@ CASES = [
     ("steps_made", "", None, 2.0),
     ("clearance_min", "", None, 0.03),
     ("beyond_blocks_end", "", None, 0.02),
+    ("drift_max", "", None, 0.04),
+    ("tilt_error_rms", "", None, 0.01),
+    ("velocity_error_rms", "", None, 0.02),
 ]
 
 
