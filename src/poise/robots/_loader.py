@@ -29,6 +29,7 @@ from poise.robots._posture import home_configuration
 from poise.robots._proposal import describe
 from poise.robots._robot import FrameRole, ModelSource, Robot, Sole
 from poise.robots._sole_check import soles_off_their_feet
+from poise.robots._sole_freedom import with_controlled_soles
 
 _DESCRIPTION_SUFFIX = ".poise.yaml"
 
@@ -191,7 +192,7 @@ def _assemble(
         licence=facts.licence,
         source=source,
     )
-    return robot, [*(f"assumed are {a}" for a in assumed), *notes]
+    return with_controlled_soles(robot), [*(f"assumed are {a}" for a in assumed), *notes]
 
 
 def _left_out(mjcf: MjcfFacts | None, followers: list[str], meshes: list[str]) -> list[str]:

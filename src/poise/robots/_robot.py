@@ -57,11 +57,15 @@ class Sole:
         name: the frame role it belongs to.
         length: along the frame's x [m].
         width: along the frame's y [m].
+        controlled: components of its motion that its leg decides, along the frame's own axes: 0 to
+            2 for where it is, 3 to 5 for how it is turned. All of them, unless the leg has fewer
+            than six joints.
     """
 
     name: str
     length: float
     width: float
+    controlled: tuple[int, ...] = (0, 1, 2, 3, 4, 5)
 
 
 GRAVITY = 9.81

@@ -7,12 +7,13 @@ import math
 from abc import ABC, abstractmethod
 
 import numpy as np
-from jaxtyping import Float64
+from jaxtyping import Float64, Int64
 
 from poise._checks import checked_kind, checked_number
 from poise.dynamics import Dynamics
 from poise.errors import ConfigurationError
 from poise.robots import Robot
+from poise.stack._axes import split_rows
 from poise.stack._evaluation import Owner
 from poise.stack._tables import Kind
 
@@ -109,17 +110,21 @@ class Contact(Owner, ABC):
                 got=min_load,
                 wanted="a fraction of the weight below 0.5",
             )
-        self.dim = dim
-        self.cone: Float64[np.ndarray, "rows dim"] = np.zeros((0, dim))
-        self.reference: Float64[np.ndarray, " dim"] = np.zeros(dim)
-        # Damping, lower and upper bounds of the wrench, `pressure_reach`.
-        self.parameters: Float64[np.ndarray, " p"] = np.zeros(3 + 2 * dim)
-        self.set_damping(damping)
-        self.wrench_lower[:], self.wrench_upper[:] = -np.inf, np.inf
-        self.wrench_lower[2] = 0.0
+        self._hold(np.arange(dim), damping)
         self._load = LoadRamp()
         self._bounded_load = math.nan
         self._robot: Robot | None = None
+
+    def _hold(self, components: Int64[np.ndarray, " dim"], damping: float) -> None:
+        """Has rows for some components of the frame's motion, and of the wrench."""
+        self.chosen, self.dim = components, len(components)
+        self.cone: Float64[np.ndarray, "rows dim"] = np.zeros((0, self.dim))
+        self.reference: Float64[np.ndarray, " dim"] = np.zeros(self.dim)
+        # Damping, lower and upper bounds of the wrench, `pressure_reach`, half width of an edge.
+        self.parameters: Float64[np.ndarray, " p"] = np.zeros(4 + 2 * self.dim)
+        self.set_damping(damping)
+        self.wrench_lower[:], self.wrench_upper[:] = -np.inf, np.inf
+        self.wrench_lower[2] = 0.0
 
     def bind(self, robot: Robot) -> None:
         """Resolves the frame on a robot; controllers call it before the first tick.
@@ -137,10 +142,13 @@ class Contact(Owner, ABC):
                 wanted=f"robot {self._robot.name!r}, or a contact of its own",
             )
         self.frame_ids = (robot.frame_id(self.frame),)
+        sole = robot.soles.get(self.frame)
+        if sole is not None and self.dim == 6 and len(sole.controlled) < 6:
+            self._hold(np.array(sole.controlled), self.damping)
         self._weight = robot.weight
         self.jacobian: Float64[np.ndarray, "dim nv"] = np.zeros((self.dim, robot.nv))
         self.drift: Float64[np.ndarray, " dim"] = np.zeros(self.dim)
-        self.cone = self._make_cone(robot)
+        self.cone = self._make_cone(robot)[:, self.chosen]
         self._robot = robot
 
     def __repr__(self) -> str:
@@ -189,7 +197,7 @@ class Contact(Owner, ABC):
 
         Zero for a point; made with the cone, a view of what the balance limit reads.
         """
-        return self.parameters[1 + 2 * self.dim :]
+        return self.parameters[1 + 2 * self.dim : 3 + 2 * self.dim]
 
     @property
     def active(self) -> bool:
@@ -199,7 +207,7 @@ class Contact(Owner, ABC):
     @property
     def blocks(self) -> tuple[int, ...]:
         """Sizes of the blocks of rows that share a unit: force rows, then moment rows."""
-        return (3,) * (self.dim // 3)
+        return split_rows(self.chosen)
 
     def release(self, duration: float = 0.2) -> None:
         """Unloads the contact: its normal force bound ramps to zero, then it turns inactive.

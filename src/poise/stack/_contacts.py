@@ -114,6 +114,7 @@ class SurfaceContact(Contact):
                 wanted=f"less than {min(length, width) / 2.0:g} m",
             )
         self.pressure_reach[:] = x, y
+        self.parameters[-1] = 0.0 if 3 in self.chosen else width / 2.0
         half_diagonal = math.hypot(length, width) / 2.0
         torsion = self._torsion or TORSION_FRACTION * self.friction * half_diagonal
         limits = np.array([self.friction, self.friction, y, x, torsion])

@@ -9,7 +9,7 @@ from poise.errors import UnknownNameError
 from poise.robots import Robot
 from poise.stack._axes import Pose, parse_axes, split_rows
 from poise.stack._shipped import PoseTarget, ShippedTask
-from poise.stack._tables import Kind
+from poise.stack._tables import OWN_AXES, Kind
 
 ORIENTATION_ERRORS = ("logarithm", "sine")
 """Measures of how far two orientations are apart."""
@@ -103,6 +103,11 @@ class FrameTask(ShippedTask[PoseTarget]):
         return self._target.rotation
 
     @property
+    def components(self) -> set[int]:
+        """Components of the frame's motion that it acts on, whatever their axes."""
+        return {k if k < OWN_AXES else k - OWN_AXES + 3 for k in self.chosen.tolist()}
+
+    @property
     def blocks(self) -> tuple[int, ...]:
         """Position rows, then orientation rows."""
         return self._blocks
@@ -118,4 +123,9 @@ class FrameTask(ShippedTask[PoseTarget]):
 
     def _resolve(self, robot: Robot) -> int:
         self.frame_ids = (robot.frame_id(self.frame),)
+        sole = robot.soles.get(self.frame)
+        if sole is not None and len(sole.controlled) < 6 and set(self.chosen) >= {3, 4, 5}:
+            turns = [OWN_AXES + k - 3 for k in sole.controlled if k >= 3]
+            self.chosen = np.array([*(k for k in self.chosen if k < 3), *turns])
+            self._blocks = split_rows(self.chosen)
         return len(self.chosen)

@@ -34,6 +34,7 @@ from poise.stack._tables import (
     KIND,
     KP,
     MOMENTUM,
+    OWN_AXES,
     RATE,
     ROOT_INDEX,
     SINE,
@@ -47,6 +48,9 @@ from poise.stack._tables import (
     Owners,
     Rows,
 )
+
+FULL_TILT = 0.01
+"""A sole that is tilted by this stands on its edge [rad]."""
 
 
 @compiled
@@ -148,22 +152,45 @@ def _contact(
     frame, first, m = line[FRAME_INDEX], line[FIRST], line[COUNT]
     frames, parameters, at = owners.frames, owners.parameters, line[START]
     place_frame(motion, frames, frame, work, 0)
+    _move_to_edge(parameters[at + 3 + 2 * m], work)
     for k in range(frames.starts[frame], frames.starts[frame + 1]):
         column = int(frames.columns[k])
         x = column_at(motion, column, work[0], work[1], work[2])
         for i in range(m):
             # Linear rows along the frame's axes, then angular ones.
-            o, axis = 3 * (i // 3), ROTATION + i % 3
+            component = int(owners.chosen[line[CHOSEN] + i])
+            o, axis = 3 * (component // 3), ROTATION + component % 3
             rows.matrix[rows.first + first + i, column] = (
                 work[axis] * x[o] + work[axis + 3] * x[o + 1] + work[axis + 6] * x[o + 2]
             )
     for i in range(m):
-        drift, reference = work[BIAS + i], -parameters[at] * work[VELOCITY + i]
+        component = int(owners.chosen[line[CHOSEN] + i])
+        drift, reference = work[BIAS + component], -parameters[at] * work[VELOCITY + component]
         rows.drift[first + i], rows.reference[first + i] = drift, reference
         asked = 0.0 if velocities else reference - drift
         rows.target[first + i] = rows.upper[first + i] = asked
         rows.wrench_lower[first + i] = parameters[at + 1 + i]
         rows.wrench_upper[first + i] = parameters[at + 1 + m + i]
+
+
+@part
+def _move_to_edge(half_width: float, work: Float64[np.ndarray, " work"]) -> None:
+    """Moves a frame aside to the edge that a rolling sole stands on, by how far it is tilted.
+
+    Args:
+        half_width: from the sole's middle to its edges [m]; zero for one that does not roll.
+        work: the frame at 0, along its own axes.
+    """
+    tilt = work[ROTATION + 7]
+    aside = -half_width * min(max(tilt / FULL_TILT, -1.0), 1.0)
+    for i in range(3):
+        work[i] += aside * work[ROTATION + 3 * i + 1]
+    wx, wy, wz = work[VELOCITY + 3], work[VELOCITY + 4], work[VELOCITY + 5]
+    work[VELOCITY] -= aside * wz
+    work[VELOCITY + 2] += aside * wx
+    work[BIAS] += aside * (wx * wy - work[BIAS + 5])
+    work[BIAS + 1] -= aside * (wx * wx + wz * wz)
+    work[BIAS + 2] += aside * (wy * wz + work[BIAS + 3])
 
 
 @part
@@ -305,22 +332,40 @@ def _frame(
         x = column_at(motion, column, work[0], work[1], work[2])
         for i in range(m):
             component = int(owners.chosen[line[CHOSEN] + i])
-            rows.matrix[rows.first + line[FIRST] + i, column] = x[component]
+            rows.matrix[rows.first + line[FIRST] + i, column] = _along(x, 0, component, work)
     for i in range(m):
         component = int(owners.chosen[line[CHOSEN] + i])
-        velocity = parameters[target + TARGET_VELOCITY + component]
+        velocity = _along(parameters, target + TARGET_VELOCITY, component, work)
         _write(
             rows,
             parameters,
             line,
             i,
-            work[error + component],
-            velocity - work[VELOCITY + component],
-            parameters[target + TARGET_ACCELERATION + component],
-            work[BIAS + component],
+            _along(work, error, component, work),
+            velocity - _along(work, VELOCITY, component, work),
+            _along(parameters, target + TARGET_ACCELERATION, component, work),
+            _along(work, BIAS, component, work),
             velocity,
             velocities,
         )
+
+
+@part
+def _along(
+    twist: Float64[np.ndarray, " k"], at: int, component: int, work: Float64[np.ndarray, " work"]
+) -> float:
+    """A component of a twist: along an axis of the world, or about one of the frame's own.
+
+    Args:
+        twist: six numbers along the world's axes, linear part first.
+        at: where they begin.
+        component: 0 to 5; or `OWN_AXES` and on for turning about the frame's own axes.
+        work: the frame at 0.
+    """
+    if component < OWN_AXES:
+        return twist[at + component]
+    axis = ROTATION + component - OWN_AXES
+    return work[axis] * twist[at + 3] + work[axis + 3] * twist[at + 4] + work[axis + 6] * twist[at + 5]
 
 
 @part

@@ -29,7 +29,7 @@ def is_held(task: Task, contacts: Sequence[Contact]) -> bool:
         contacts: active contacts.
     """
     return isinstance(task, FrameTask) and any(
-        c.frame == task.frame and not (task.turns and c.dim < 6) for c in contacts
+        c.frame == task.frame and task.components <= set(c.chosen.tolist()) for c in contacts
     )
 
 

@@ -38,6 +38,9 @@ its frames in `Frames`, where its choice of components begins, whether it turns,
 TARGET_ROTATION, TARGET_VELOCITY, TARGET_ACCELERATION, TARGET_SIZE = 3, 12, 18, 24
 """Where the parts of a frame's target begin after its position, and how long it is."""
 
+OWN_AXES = 6
+"""The component of a frame's motion from which on it is turning about the frame's own axes."""
+
 CORNERS = 24
 """Points a contact of the room for polygons: corners of a rectangle and of a smaller one, and for
 each of these the outline of all, which may take twice as many while it is looked for."""

@@ -78,12 +78,14 @@ class LegReach:
         """What is wrong with a foot's place at one moment; "" if nothing is."""
         model, data, frame = self._model, self._data, self._frames[foot]
         goal = pin.SE3(pin.utils.rotate("z", place.yaw), np.array(place.position))
+        led = list(self._robot.soles[self._stand.soles[foot]].controlled)
 
         def linearize(
             q: Float64[np.ndarray, " nq"],
         ) -> tuple[Float64[np.ndarray, "6"], Float64[np.ndarray, "6 nv"]]:
             pin.computeJointJacobians(model, data, q)
-            return frame_error(model, data, frame, goal)
+            error, J = frame_error(model, data, frame, goal)
+            return error[led], J[led]
 
         q, error = inverse_kinematics(
             model,

@@ -179,7 +179,7 @@ class ReactiveWalker:
         self._sinking = (1.0 - RISE) * (0.1 * depth / (depth + self.gait.swing_height)) ** (1 / 3)
         times = StepTimes(self.gait.swing_time, self.gait.double_support)
         margin = self.settings.zmp_margin
-        self._planner = StepPlanner(self.commands, self._room, self._legs, times, margin)
+        self._planner = StepPlanner(self.commands, self._room, self._legs, times, margin, stand)
         self.status, self.phase, self.steps_made = WalkStatus.READY, Phase.STAND, 0
         self._time: float | None = None
         self._foot = 0
@@ -356,7 +356,7 @@ class ReactiveWalker:
         self._left = self.gait.shift_time
 
     def _stand_on(self, feet: tuple[int, ...]) -> None:
-        corners = self._sense.corners(feet, self._standing.sizes)
+        corners = self._sense.corners(feet, self._standing.sizes, self._standing.edges)
         for foot in feet:
             place = self._sense.placement(foot)
             # A heading is the same a whole turn on; this is the one nearest to the body's.

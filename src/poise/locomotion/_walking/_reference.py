@@ -87,7 +87,7 @@ def _zmp(plan: FootstepPlan, time: Float64[np.ndarray, " T"]) -> Float64[np.ndar
     """From the middle over to each foot that carries, and back to the middle."""
     knots = [(0.5 * plan.gait.shift_time, plan.com[:2])]
     for i, step in enumerate(plan.steps):
-        stance = plan.placements(i)[1 - step.foot].position[:2]
+        stance = plan.zmp(1 - step.foot, plan.placements(i)[1 - step.foot])
         knots += [(plan.lift_off(i), stance), (plan.touchdown(i), stance)]
     left, right = (np.array(p.position[:2]) for p in plan.placements(plan.count))
     x, y = (0.5 * (left + right)).tolist()

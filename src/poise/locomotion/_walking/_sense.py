@@ -60,7 +60,8 @@ class WalkSense:
         return Placement(position=(x, y, z), yaw=yaw)
 
     def corners(
-        self, feet: tuple[int, ...], sizes: tuple[tuple[float, float], tuple[float, float]]
+        self, feet: tuple[int, ...], sizes: tuple[tuple[float, float], tuple[float, float]],
+        edges: tuple[float, float]
     ) -> list[Point]:
         """Corners of soles, seen from above [m].
 
@@ -70,7 +71,11 @@ class WalkSense:
         """
         corners: list[Point] = []
         for foot in feet:
-            corners += sole_rectangle(*self.sole(foot), sizes[foot])
+            position, rotation = self.sole(foot)
+            length, width = sizes[foot]
+            if edges[foot] and len(feet) == 1:
+                position, width = position + edges[foot] * rotation[:, 1], 0.024
+            corners += sole_rectangle(position, rotation, (length, width))
         return corners
 
     def is_down(

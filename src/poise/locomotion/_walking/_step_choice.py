@@ -80,6 +80,7 @@ class Pendulum(NamedTuple):
     gain: float
     room: Point
     omega: float
+    stance: Point
 
 
 class SwingLimits(NamedTuple):

@@ -71,7 +71,9 @@ class StepPlanner:
         legs: LegMomentum,
         times: StepTimes,
         margin: float,
+        stand: "Stand",
     ) -> None:
+        self._stand = stand
         self._commands, self._room, self._legs, self.times = commands, room, legs, times
         self._margin, self._gain = margin, transfer_gain(legs, times)
 
@@ -83,17 +85,19 @@ class StepPlanner:
             counts_as: where its height makes it count as, see `LegRatios.rise`; where it is when
                 None [m].
         """
-        stance, legs = lifted.stance.position[:2], self._legs
+        stance, legs = self._stand.zmp(1 - lifted.foot, lifted.stance), self._legs
         place = counts_as or lifted.place
         steps = self._commands.steps(lifted.foot, lifted.stance, _AHEAD)
         footholds = [step.position[:2] for step in steps]
+        feet = (lifted.foot, 1 - lifted.foot)
+        rests = [self._stand.zmp(feet[i % 2], step) for i, step in enumerate(steps)]
         length, width = self._room.sizes[1 - lifted.foot]
         trusted = _TRUSTED * legs.factor
         return Pendulum(
             xi=lifted.xi,
             zmp=legs.joined(stance, (stance, place)),
             zmp_end=legs.joined(stance, (stance, footholds[0])),
-            goal=touchdown_dcm(place, (stance, *footholds), legs, self.times),
+            goal=touchdown_dcm(place, (stance, *rests), legs, self.times),
             foothold=footholds[0],
             gain=self._gain,
             room=(
@@ -101,11 +105,12 @@ class StepPlanner:
                 trusted * max(0.5 * width - self._margin, 0.0),
             ),
             omega=legs.omega,
+            stance=stance,
         )
 
     def moved(self, pendulum: Pendulum, stance: Placement, foothold: Point) -> Pendulum:
         """The same with another foothold, and all after it beside their plan by as much."""
-        there = stance.position[:2]
+        there = pendulum.stance
         x, y = (
             a + self._gain * (b - c)
             for a, b, c in zip(pendulum.goal, foothold, pendulum.foothold, strict=True)

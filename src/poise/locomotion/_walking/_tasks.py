@@ -204,7 +204,7 @@ def _com_task(stack: Stack) -> ComTask:
 
 def _foot_task(stack: Stack, sole: str) -> FrameTask:
     for _, task in stack.tasks():
-        if isinstance(task, FrameTask) and task.frame == sole and task.dim == 6:
+        if isinstance(task, FrameTask) and task.frame == sole and task.dim >= 5:
             return task
     raise _lacking(stack, f"a FrameTask of the pose of {sole!r}")
 

@@ -239,7 +239,7 @@ class Walker:
         self._stand_on((0, 1))
 
     def _stand_on(self, feet: tuple[int, ...]) -> None:
-        corners = self._sense.corners(feet, self.plan.sizes)
+        corners = self._sense.corners(feet, self.plan.sizes, self.plan.edges)
         self._stance = self._sense.placement(feet[-1])
         self._support = SupportPolygon(corners, self.settings.zmp_margin)
         self._middle = np.mean(corners, axis=0)
