@@ -1,5 +1,6 @@
 """The page in a real browser, as an operator and as a watcher."""
 
+import re
 import shutil
 import time
 
@@ -48,9 +49,9 @@ def session(run_session, tmp_path):
 class Page:
     """A page, spoken to by scripts: a browser that draws in software is slow to anything else."""
 
-    def __init__(self, browser, url):
+    def __init__(self, browser, url, **device):
         self.errors = []
-        self.page = browser.new_page(viewport={"width": WIDTH, "height": HEIGHT})
+        self.page = browser.new_page(**{"viewport": {"width": WIDTH, "height": HEIGHT}} | device)
         self.page.set_default_timeout(1e3 * PATIENCE)
         self.page.on("pageerror", lambda error: self.errors.append(str(error)))
         self.page.goto(url)
@@ -180,3 +181,132 @@ def test_a_wrong_token_is_said(browser, session):
     with Page(browser, session.front.watch_url + "?token=wrong") as page:
         page.wait("part('banner').textContent.includes('wrong')", "the message")
         assert page.text("role") == "you watch"
+
+
+LISTEN = """
+  clearInterval(beating);
+  window.sent = [];
+  const real = send;
+  send = (message) => { if (message.do === "drive") sent.push(message); real(message); };
+  0
+"""
+"""From now on the page says nothing by its clock, and what it says otherwise is known."""
+
+
+def test_keys_and_buttons_do_not_wait_for_the_next_beat(browser, session):
+    with Page(browser, session.front.drive_url) as page:
+        page.wait("newest.device !== 'LOST'", "the device")
+        page.ask("part('help').hidden = true")
+        page.ask("clearInterval(looking);" + LISTEN)
+        key = "window.dispatchEvent(new KeyboardEvent('{}', {{key: 'e'}})); sent.map((m) => m.lift)"
+        assert page.ask(key.format("keydown")) == [[False, True]]
+        assert page.ask(key.format("keyup")) == [[False, True], [False, False]]
+        page.page.mouse.move(*middle(page, "lift-left"))
+        page.page.mouse.down()
+        page.wait("sent.length === 3", "the button")
+        page.page.mouse.up()
+        page.wait("sent.length === 4", "its release")
+        assert page.ask("sent.map((m) => m.lift[0])") == [False, False, True, False]
+        assert page.errors == []
+
+
+def test_handles_and_gamepads_do_not_wait_for_the_next_beat(browser, session):
+    with Page(browser, session.front.drive_url) as page:
+        page.wait("view !== null && newest.device !== 'LOST'", "the device")
+        page.ask(LISTEN)
+        page.ask("view.drags = () => [null, [0, -0.1, 0.05]]; 0")
+        page.wait("sent.some((m) => m.drag[1] !== null)", "the handle")
+        page.ask(
+            "navigator.getGamepads = () => [{connected: true, axes: [],"
+            " buttons: [0, 0, 0, 0, 1].map((on) => ({pressed: Boolean(on)}))}]; 0"
+        )
+        page.wait("sent.some((m) => m.lift[0])", "the gamepad")
+        assert page.errors == []
+
+
+def middle(page, name):
+    """The middle of a part of the page, in pixels."""
+    left, top, width, height = box(page, name)
+    return left + width / 2, top + height / 2
+
+
+def box(page, name):
+    """Left, top, width and height of a part of the page, in pixels."""
+    return page.ask(
+        f"(({{left, top, width, height}}) => [left, top, width, height])"
+        f"(part('{name}').getBoundingClientRect())"
+    )
+
+
+def test_the_help_can_be_called_back_and_then_stays(browser, session):
+    with Page(browser, session.front.drive_url) as page:
+        page.wait("newest.device !== 'LOST'", "the device")
+        hidden = "part('help').hidden"
+        page.page.keyboard.press("?")
+        assert page.ask(hidden)
+        page.ask("part('help-open').click()")
+        assert not page.ask(hidden)
+        page.page.keyboard.down("e")
+        page.wait("newest.mode === 'SL'", "the lift")
+        page.page.keyboard.up("e")
+        page.wait("newest.mode === 'D'", "double support")
+        assert not page.ask(hidden)
+        page.ask("part('help-close').click()")
+        assert page.ask(hidden)
+
+
+def test_a_hint_goes_by_itself(browser, session):
+    with Page(browser, session.front.drive_url) as page:
+        page.wait("newest.device !== 'LOST'", "the device")
+        page.page.keyboard.press("ArrowUp")
+        assert "hold Q or E" in page.text("said")
+        page.wait("part('said').textContent.trim() === ''", "the hint to go")
+
+
+def test_on_a_phone_the_robot_has_the_upper_half_and_can_be_led(browser, session):
+    width, height = 390, 844
+    phone = {
+        "viewport": {"width": width, "height": height},
+        "is_mobile": True,
+        "has_touch": True,
+    }
+    with Page(browser, session.front.drive_url, **phone) as page:
+        page.wait("newest.device !== 'LOST'", "the device")
+        left, top, wide, high = box(page, "view")
+        assert (left, top, wide) == (0, 0, width)
+        assert high > 0.5 * height
+        assert box(page, "help")[1] >= high
+        for name in ("lift-left", "lift-right"):
+            _, top, wide, tall = box(page, name)
+            assert high <= top < height - tall
+            assert min(wide, tall) >= 40
+            assert top + tall <= box(page, "help")[1]
+        assert page.ask("document.querySelector('[data-arrow=ArrowUp]').offsetHeight") >= 40
+        x, y = middle(page, "lift-right")
+        touch = page.page.context.new_cdp_session(page.page)
+        touch.send(
+            "Input.dispatchTouchEvent", {"type": "touchStart", "touchPoints": [{"x": x, "y": y}]}
+        )
+        wait_for(lambda: session.loop.snapshot.mode is Mode.SL, "the lift")
+        touch.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
+        wait_for(lambda: session.loop.snapshot.mode is Mode.D, "double support")
+        assert page.errors == []
+
+
+def test_who_has_read_the_page_alone_makes_a_step_within_a_minute(browser, session):
+    begin = time.monotonic()
+    with Page(browser, session.front.drive_url) as page:
+        page.wait("newest.device !== 'LOST'", "the device")
+        told = page.text("help")
+        key = re.search(r"hold (\w) \(left\)", " ".join(told.split()))[1]
+        first = session.loop.snapshot.soles[0][0]
+        page.page.keyboard.down(key.lower())
+        wait_for(lambda: session.loop.snapshot.mode is Mode.SR, "the lift")
+        assert "arrow keys" in told
+        page.page.keyboard.down("ArrowUp")
+        wait_for(lambda: session.loop.snapshot.soles[0][0] > first + 0.05, "the way")
+        page.page.keyboard.up("ArrowUp")
+        page.page.keyboard.up(key.lower())
+        wait_for(lambda: session.loop.snapshot.mode is Mode.D, "the landing")
+    assert time.monotonic() - begin < 60.0
+    assert not session.loop.snapshot.fallen

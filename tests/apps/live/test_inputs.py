@@ -82,10 +82,50 @@ def test_an_operator_without_sign_of_life_is_gone_and_has_to_take_hold_again(mad
     assert device.sample(DT) is None
     for _ in range(3):
         operator.pad(held)
-        assert operator.read().drag == (None, None)
-    operator.pad(Pad())
+        assert operator.read() == Pad()
+    operator.pad(Pad(lift=(False, True)))
+    assert operator.read() == Pad()
     operator.pad(held)
     assert operator.read().drag == (place, None)
+    assert operator.read().lift == (False, False)
+    operator.pad(Pad())
+    operator.pad(held)
+    assert operator.read() == held
+
+
+def test_who_comes_back_with_a_stick_held_over_goes_nowhere_until_it_is_let_go(made, monkeypatch):
+    operator, _, _ = made
+    now = 100.0
+    monkeypatch.setattr(inputs.clock, "monotonic", lambda: now)
+    over = Pad(move=(1.0, 0.0), turn=0.5)
+    operator.pad(over)
+    assert operator.read() == over
+    now += inputs.FRESH_FOR + 0.01
+    operator.pad(over)
+    operator.pad(Pad(move=(0.5, 0.5), turn=0.5))
+    assert operator.read() == Pad()
+    operator.pad(Pad(turn=0.5))
+    operator.pad(over)
+    assert operator.read() == Pad(move=(1.0, 0.0))
+
+
+def test_a_handle_that_was_far_away_is_back_within_a_second(made):
+    operator, controller, device = made
+    foot = controller.estimator.anchors[1]
+    operator.pad(Pad())
+    sample = run(operator, device, 400, Pad(drag=(None, (99.0, -99.0, 99.0))))
+    assert np.abs(sample.right - foot).max() < 0.5
+    sample = run(operator, device, 200, Pad(drag=(None, tuple(foot))))
+    np.testing.assert_allclose(sample.right, foot, atol=1e-12)
+
+
+def test_whoever_comes_next_finds_the_devices_on_the_feet(made):
+    operator, controller, device = made
+    run(operator, device, 100, Pad(lift=(False, True)))
+    operator.clear()
+    assert device.sample(1.0) is None
+    for place, anchor in zip(device.places, controller.estimator.anchors, strict=True):
+        np.testing.assert_allclose(place, anchor, atol=1e-12)
 
 
 def test_an_operator_who_leaves_is_gone_at_once(made):

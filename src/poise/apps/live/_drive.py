@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from poise.apps.live._inputs import OperatorInputs, Pad
-from poise.apps.live._log import LOG_SUFFIX, LiveLog
+from poise.apps.live._log import LOG_SUFFIX, LiveLog, Room
 from poise.apps.live._real_time import RealTimeLoop
 from poise.apps.live._snapshot import Snapshot
 from poise.control import WholeBodyController
@@ -100,8 +100,7 @@ class DriveLoop(RealTimeLoop):
         seed: int = 0,
     ) -> None:
         super().__init__(robot, plant, seed)
-        folder.mkdir(parents=True, exist_ok=True)
-        self._inputs, self._folder = inputs, folder
+        self._inputs, self._folder, self._room = inputs, folder, Room(folder)
         self.log = LiveLog("whole_body")
         self._ticks: Generator[Tick] | None = None
         self._driver = _Driver(robot, inputs)
@@ -119,7 +118,9 @@ class DriveLoop(RealTimeLoop):
         while (self._folder / f"drive-{number:03}{LOG_SUFFIX}").exists():
             number += 1
         self._path = self._folder / f"drive-{number:03}{LOG_SUFFIX}"
-        self.log.expect(self._path)
+        self._room.look()
+        if not self._room.is_full:
+            self.log.expect(self._path)
         controller = WholeBodyController(self.robot, self._driver.stack)
         self._ticks = rollout(self.plant, controller, self._driver, [self.log])
 
@@ -128,7 +129,9 @@ class DriveLoop(RealTimeLoop):
             next(self._ticks, None)
 
     def _flush(self) -> None:
-        """The log's own thread does that."""
+        """The log's own thread does that, as long as there is room."""
+        if self._room.is_full:
+            self.log.end()
 
     def _finish(self) -> None:
         if self._ticks is not None:
@@ -163,7 +166,7 @@ class DriveLoop(RealTimeLoop):
             paused=self._paused,
             speed=self._speed,
             real_time_factor=self._factor,
-            take=self._path.name,
+            take=self._room.notice if self._room.is_full else self._path.name,
             text=self._text(),
         )
 

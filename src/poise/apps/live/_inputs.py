@@ -28,6 +28,9 @@ _STICK_SPEED = 0.25
 """Speed of a lifted foot with the stick all the way over [m/s]."""
 _STICK_LEAD = 0.06
 """The stick moves a device no further than this ahead of its foot, along an axis [m]."""
+_HANDLE_LEAD = 0.4
+"""A handle is followed no further than this away from its foot, along an axis [m]: further than a
+leg reaches, and near enough to be back within a second when the handle is."""
 
 Deflection = Annotated[float, Meta(ge=-1.0, le=1.0)]
 Coordinate = Annotated[float, Meta(gt=-100.0, lt=100.0)]
@@ -60,26 +63,28 @@ class Pad(Struct, frozen=True, tag_field="do", tag="drive"):
 
 
 class OperatorInputs:
-    """The latest of everything; written from any thread, read by the loop."""
+    """The latest of everything; written from any thread, read by the loop.
+
+    Whoever comes back after a silence takes hold anew: what was held in the first message after it
+    counts as let go until it really is.
+    """
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._pad = Pad()
         self._alive_at: float | None = None
-        self._stale = (False, False)
+        self._stale = Pad()
 
     def pad(self, pad: Pad) -> None:
         """Takes the state of keys, sticks and handles: a sign of life."""
         with self._lock:
-            # Whoever comes back takes hold anew: a foot shall not go to where its handle is now.
-            back = not self._alive
-            left, right = (
-                held is not None and (stale or back)
-                for held, stale in zip(pad.drag, self._stale, strict=True)
-            )
-            self._stale = (left, right)
-            drag = (None if left else pad.drag[0], None if right else pad.drag[1])
-            self._pad, self._alive_at = replace(pad, drag=drag), clock.monotonic()
+            if not self._alive:
+                # Who has only just come may press keys at once; a handle has a place, which is an
+                # old one until it is let go.
+                silent = self._alive_at is not None
+                self._stale = pad if silent else Pad(drag=pad.drag)
+            self._stale = _still_held(self._stale, pad)
+            self._pad, self._alive_at = _without(pad, self._stale), clock.monotonic()
 
     def clear(self) -> None:
         """Nobody is at the controls."""
@@ -94,6 +99,35 @@ class OperatorInputs:
     @property
     def _alive(self) -> bool:
         return self._alive_at is not None and clock.monotonic() - self._alive_at <= FRESH_FOR
+
+
+def _still_held(stale: Pad, pad: Pad) -> Pad:
+    """What of a stale message has not been let go since."""
+    return Pad(
+        lift=(stale.lift[0] and pad.lift[0], stale.lift[1] and pad.lift[1]),
+        move=pad.move if any(stale.move) else (0.0, 0.0),
+        turn=pad.turn if stale.turn else 0.0,
+        drag=(
+            None if stale.drag[0] is None else pad.drag[0],
+            None if stale.drag[1] is None else pad.drag[1],
+        ),
+    )
+
+
+def _without(pad: Pad, stale: Pad) -> Pad:
+    """A message without what is stale in it."""
+    if stale == Pad():
+        return pad
+    return replace(
+        pad,
+        lift=(pad.lift[0] and not stale.lift[0], pad.lift[1] and not stale.lift[1]),
+        move=(0.0, 0.0) if any(stale.move) else pad.move,
+        turn=0.0 if stale.turn else pad.turn,
+        drag=(
+            pad.drag[0] if stale.drag[0] is None else None,
+            pad.drag[1] if stale.drag[1] is None else None,
+        ),
+    )
 
 
 class LiveFeet:
@@ -129,6 +163,8 @@ class LiveFeet:
         """
         pad = self._inputs.read()
         if pad is None:
+            # Whoever comes next finds the devices on the feet.
+            self.places = [anchor.copy() for anchor in self._teleoperator.estimator.anchors]
             return None
         for foot in (0, 1):
             goal, down = self._goal(foot, pad)
@@ -145,7 +181,9 @@ class LiveFeet:
         estimator, place = self._teleoperator.estimator, self.places[foot]
         anchor, drag = estimator.anchors[foot], pad.drag[foot]
         if drag is not None:
-            return np.array(drag) - self.offset, False
+            sole = estimator.sole(foot)
+            goal = np.array(drag) - self.offset
+            return np.clip(goal, sole - _HANDLE_LEAD, sole + _HANDLE_LEAD), False
         mode = self._teleoperator.mode
         in_air = mode.single and mode.support != foot
         if pad.lift[foot]:

@@ -153,7 +153,8 @@ class LiveLoop(RealTimeLoop):
             duration=_ENDLESS,
         )
         self.takes.begin(setup)
-        self.log.expect(self.takes.path.with_suffix(LOG_SUFFIX))
+        if not self.takes.room.is_full:
+            self.log.expect(self.takes.path.with_suffix(LOG_SUFFIX))
         self._ticks = rollout(
             self.plant,
             self.teleoperator.controller(),
@@ -164,6 +165,8 @@ class LiveLoop(RealTimeLoop):
 
     def _flush(self) -> None:
         self.takes.flush()
+        if self.takes.room.is_full:
+            self.log.end()
 
     def _finish(self) -> None:
         self.takes.finish()
@@ -204,7 +207,7 @@ class LiveLoop(RealTimeLoop):
             paused=self._paused,
             speed=self._speed,
             real_time_factor=self._factor,
-            take=self.takes.path.name,
+            take=self.takes.name,
         )
 
     def _offset(self) -> Float64[np.ndarray, "3"]:
