@@ -1,5 +1,6 @@
 """`DriveLoop`: a robot that walks with the velocity that somebody asks for, in real time."""
 
+import time as clock
 from collections.abc import Generator
 from pathlib import Path
 
@@ -7,7 +8,7 @@ import numpy as np
 
 from poise.apps.live._inputs import OperatorInputs, Pad
 from poise.apps.live._log import LOG_SUFFIX, LiveLog, Room
-from poise.apps.live._real_time import RealTimeLoop
+from poise.apps.live._real_time import RealTimeLoop, command_time
 from poise.apps.live._snapshot import Snapshot
 from poise.control import WholeBodyController
 from poise.dynamics import RobotState
@@ -125,8 +126,10 @@ class DriveLoop(RealTimeLoop):
         self._ticks = rollout(self.plant, controller, self._driver, [self.log])
 
     def _tick(self) -> None:
-        if self._ticks is not None:
-            next(self._ticks, None)
+        begin = clock.monotonic()
+        done = None if self._ticks is None else next(self._ticks, None)
+        if done is not None:
+            self._inputs.commanded(command_time(begin, done))
 
     def _flush(self) -> None:
         """The log's own thread does that, as long as there is room."""

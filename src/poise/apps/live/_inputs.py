@@ -5,7 +5,8 @@
 
 import threading
 import time as clock
-from typing import Annotated
+from collections import deque
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from jaxtyping import Float64
@@ -62,11 +63,35 @@ class Pad(Struct, frozen=True, tag_field="do", tag="drive"):
     beat: float = 0.0
 
 
+class StageTimes(NamedTuple):
+    """When a message of the operator's was where, on this machine's monotonic clock but for `sent`.
+
+    Attributes:
+        sent: by the sender's clock, `Pad.beat` [s].
+        arrived: here [s].
+        sampled: by the robot's loop, in the tick that it is for [s].
+        commanded: the robot had the command that follows from it [s].
+    """
+
+    sent: float
+    arrived: float
+    sampled: float
+    commanded: float
+
+
+_STAGES = 10_000
+"""How many messages' times are kept."""
+
+
 class OperatorInputs:
     """The latest of everything; written from any thread, read by the loop.
 
     Whoever comes back after a silence takes hold anew: what was held in the first message after it
     counts as let go until it really is.
+
+    Attributes:
+        stages: times of the last messages that the robot's loop took; the loop passes over those
+            that newer ones overtook.
     """
 
     def __init__(self) -> None:
@@ -74,6 +99,9 @@ class OperatorInputs:
         self._pad = Pad()
         self._alive_at: float | None = None
         self._stale = Pad()
+        self.stages: deque[StageTimes] = deque(maxlen=_STAGES)
+        self._unread: tuple[float, float] | None = None
+        self._sampled: tuple[float, float, float] | None = None
 
     def pad(self, pad: Pad) -> None:
         """Takes the state of keys, sticks and handles: a sign of life."""
@@ -85,6 +113,7 @@ class OperatorInputs:
                 self._stale = pad if silent else Pad(drag=pad.drag)
             self._stale = _still_held(self._stale, pad)
             self._pad, self._alive_at = _without(pad, self._stale), clock.monotonic()
+            self._unread = (1e-3 * pad.beat, self._alive_at)
 
     def clear(self) -> None:
         """Nobody is at the controls."""
@@ -94,7 +123,20 @@ class OperatorInputs:
     def read(self) -> Pad | None:
         """What the operator does; None when there has been no sign of life for a while."""
         with self._lock:
+            if self._unread is not None:
+                self._sampled, self._unread = (*self._unread, clock.monotonic()), None
             return self._pad if self._alive else None
+
+    def commanded(self, at: float) -> None:
+        """The robot has a command that follows from what was read last.
+
+        Args:
+            at: when, on the monotonic clock [s].
+        """
+        with self._lock:
+            if self._sampled is not None:
+                self.stages.append(StageTimes(*self._sampled, at))
+                self._sampled = None
 
     @property
     def _alive(self) -> bool:

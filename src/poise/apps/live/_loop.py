@@ -1,5 +1,6 @@
 """`LiveLoop`: a rollout in real time, in a thread of its own, led by whoever is at the controls."""
 
+import time as clock
 from collections import deque
 from collections.abc import Generator, Mapping
 
@@ -8,7 +9,7 @@ from jaxtyping import Float64
 
 from poise.apps.live._inputs import LiveFeet, OperatorInputs
 from poise.apps.live._log import LOG_SUFFIX, LiveLog, Takes
-from poise.apps.live._real_time import RealTimeLoop
+from poise.apps.live._real_time import RealTimeLoop, command_time
 from poise.apps.live._snapshot import Snapshot
 from poise.apps.teleoperation import TELEOP_PLANT, teleop_setup
 from poise.locomotion import (
@@ -121,7 +122,10 @@ class LiveLoop(RealTimeLoop):
         while self._pushes and self._pushes[0].tick <= round(self.plant.time / self._dt):
             push = self._pushes.popleft()
             self._push(np.array(push.force), push.duration)
-        if self._ticks is not None and next(self._ticks, None) is not None:
+        begin = clock.monotonic()
+        done = None if self._ticks is None else next(self._ticks, None)
+        if done is not None:
+            self._inputs.commanded(command_time(begin, done))
             status = self.teleoperator.status
             tick = round(self.plant.time / self._dt) - 1
             self.takes.sample(tick, None if status is None else status.sample)

@@ -11,7 +11,7 @@ from jaxtyping import Float64
 
 from poise.apps.live._snapshot import Snapshot
 from poise.robots import Robot
-from poise.sim import Plant, PlantConfig
+from poise.sim import Plant, PlantConfig, Tick
 
 FRAMES_PER_SECOND = 25.0
 SLOW = 0.25
@@ -35,6 +35,16 @@ _LATE = 0.1
 """Further behind the clock than this [s] the loop gives up catching up."""
 
 _FLUSH_EVERY = 0.25
+
+
+def command_time(begin: float, tick: Tick) -> float:
+    """When a tick's command was there, which is before the plant's step.
+
+    Args:
+        begin: of the tick [s].
+        tick: that has ended.
+    """
+    return begin + tick.estimator_seconds + tick.leader_seconds + tick.controller_seconds
 
 
 class RealTimeLoop(ABC):
