@@ -7,7 +7,8 @@ from collections.abc import Generator, Mapping
 import numpy as np
 from jaxtyping import Float64
 
-from poise.apps.live._inputs import LiveFeet, OperatorInputs
+from poise.apps.live._feet import LiveFeet
+from poise.apps.live._inputs import OperatorInputs
 from poise.apps.live._log import LOG_SUFFIX, LiveLog, Takes
 from poise.apps.live._real_time import RealTimeLoop, command_time
 from poise.apps.live._snapshot import Snapshot

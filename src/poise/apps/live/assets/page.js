@@ -189,8 +189,8 @@ function gamepad() {
   if (!pad) return null;
   const stick = (v) => (Math.abs(v) > 0.15 ? v : 0);
   const pressed = (i) => Boolean(pad.buttons[i]?.pressed);
-  const [x, y, turn] = [0, 1, 2].map((i) => -stick(pad.axes[i] ?? 0));
-  return { lift: [pressed(4), pressed(5)], move: [y, x], turn, upright: pressed(0) };
+  const [x, y, turn, ahead] = [0, 1, 2, 3].map((i) => -stick(pad.axes[i] ?? 0));
+  return { lift: [pressed(4), pressed(5)], move: [y, x], second: [ahead, turn], turn, upright: pressed(0) };
 }
 
 function pad() {
@@ -200,6 +200,7 @@ function pad() {
   return {
     lift: [keys.left || Boolean(stick?.lift[0]), keys.right || Boolean(stick?.lift[1])],
     move: [clip(move[0] + (stick?.move[0] ?? 0)), clip(move[1] + (stick?.move[1] ?? 0))],
+    second: stick?.second.map(clip) ?? [0, 0],
     turn: clip((keys.left ? 1 : 0) - (keys.right ? 1 : 0) + (stick?.turn ?? 0)),
     upright: keys.upright || Boolean(stick?.upright),
     drag: view?.drags() ?? [null, null],
