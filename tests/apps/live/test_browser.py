@@ -310,3 +310,28 @@ def test_who_has_read_the_page_alone_makes_a_step_within_a_minute(browser, sessi
         wait_for(lambda: session.loop.snapshot.mode is Mode.D, "the landing")
     assert time.monotonic() - begin < 60.0
     assert not session.loop.snapshot.fallen
+
+
+def test_a_tab_that_sleeps_in_mid_step_lands_and_leads_only_after_letting_go(browser, session):
+    with Page(browser, session.front.drive_url) as page:
+        page.wait("newest.device !== 'LOST'", "the device")
+        page.page.keyboard.down("e")
+        wait_for(lambda: session.loop.snapshot.soles[1][2] > 0.04, "the lift")
+        page.ask(
+            "setTimeout(() => { const end = performance.now() + 3000;"
+            " while (performance.now() < end); }); 0"
+        )
+        wait_for(lambda: session.loop.snapshot.device is DeviceStatus.LOST, "the loss")
+        wait_for(lambda: session.loop.snapshot.mode is Mode.D, "both feet on the ground")
+        wait_for(lambda: session.loop.snapshot.device is not DeviceStatus.LOST, "its waking")
+        now = session.loop.snapshot.time
+        wait_for(lambda: session.loop.snapshot.time > now + 1.0, "a second")
+        # The key was never let go, and says nothing any more.
+        assert session.loop.snapshot.mode is Mode.D
+        page.page.keyboard.up("e")
+        time.sleep(0.2)
+        page.page.keyboard.down("e")
+        wait_for(lambda: session.loop.snapshot.mode is Mode.SL, "the lift anew")
+        page.page.keyboard.up("e")
+        wait_for(lambda: session.loop.snapshot.mode is Mode.D, "double support")
+        assert not session.loop.snapshot.fallen
