@@ -16,7 +16,10 @@ from poise.apps.teleoperation import MODES, replay_teleop
 from poise.locomotion import DeviceStatus, Mode, read_recording
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
-pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no chromium on this machine")
+pytestmark = [
+    pytest.mark.skipif(CHROMIUM is None, reason="no chromium on this machine"),
+    pytest.mark.usefixtures("unchecked"),
+]
 
 WIDTH, HEIGHT = 700, 400
 UP_THE_ARROW = 0.12
@@ -133,6 +136,24 @@ def test_a_key_steps_the_plots_grow_and_the_help_goes(browser, session):
         assert page.ask("past.length") > 10
         assert page.text("margin").endswith(" cm")
         assert page.text("latency").endswith(" ms")
+        assert page.errors == []
+
+
+def test_a_gamepad_shakes_when_a_foot_lands_and_not_before(browser, session):
+    with Page(browser, session.front.drive_url) as page:
+        page.wait("newest.device !== 'LOST'", "the device")
+        page.ask(
+            "window.shaken = [];"
+            "navigator.getGamepads = () => [{connected: true, buttons: [], axes: [],"
+            " vibrationActuator: {playEffect: (kind) => shaken.push(kind)}}]; 0"
+        )
+        page.page.keyboard.down("e")
+        page.wait("newest.mode === 'SL' && newest.soles[1][2] > 0.04", "the lift")
+        assert page.ask("shaken") == []
+        page.page.keyboard.up("e")
+        page.wait("newest.mode === 'D'", "double support")
+        page.wait("shaken.length > 0", "the shaking")
+        assert page.ask("shaken") == ["dual-rumble"]
         assert page.errors == []
 
 

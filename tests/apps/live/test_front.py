@@ -148,6 +148,17 @@ def test_a_second_operator_is_told_and_watches(front, session):
         assert not session.loop.snapshot.paused
 
 
+def test_every_message_is_answered_with_what_the_feet_feel(front, session):
+    with control(front, front.seat.token) as (operator, _):
+        for _ in range(5):
+            beat(operator)
+            told = answer(operator)
+            left, right = told["forces"]
+            weight = 9.81 * session.loop.robot.mass
+            assert left[2] + right[2] == pytest.approx(weight, rel=0.1)
+            assert np.abs([*left[:2], *right[:2]]).max() < 0.2 * weight
+
+
 def test_when_the_operator_leaves_the_seat_is_free(front):
     with control(front, front.seat.token):
         pass

@@ -65,6 +65,8 @@ class RealTimeLoop(ABC):
         plant: the simulated one.
         snapshot: the newest picture of the run; None before the first tick.
         error: what ended the thread, if anything went wrong.
+        forces: of the ground on the left and the right foot in the last tick, forward, left and up
+            [N], for a device that lets the operator feel them; None where nobody leads feet.
     """
 
     def __init__(self, robot: Robot, plant: PlantConfig, seed: int) -> None:
@@ -73,6 +75,7 @@ class RealTimeLoop(ABC):
         self._dt = plant.control_dt
         self.error: Exception | None = None
         self.snapshot: Snapshot | None = None
+        self.forces: list[list[float]] | None = None
         self._orders: dict[str, Callable[[], None]] = {}
         self._ordering = threading.Lock()
         self._pushed_until = 0.0

@@ -166,7 +166,8 @@ class _Session(ABC):
             case Pad():
                 if self._source == "browser":
                     self.inputs.pad(message)
-                return {"echo": message.beat}
+                # As often as a device asks: what the feet feel is no use to it later.
+                return {"echo": message.beat, "forces": self.loop.forces}
             case PushOrder():
                 self.loop.push(message.value)
             case Pause():

@@ -33,7 +33,10 @@ function send(message) {
 
 function take(message) {
   if ("hello" in message) welcome(message);
-  else if ("echo" in message) latency(performance.now() - message.echo);
+  else if ("echo" in message) {
+    latency(performance.now() - message.echo);
+    if (message.forces) feel(message.forces);
+  }
   else if ("kept" in message) kept(message.kept);
   else if ("error" in message) hint(message.error);
   else show(message);
@@ -208,6 +211,24 @@ function pad() {
 }
 
 let said = "";
+// A gamepad that can shake does so when a foot lands.
+const loaded = [true, true];
+function feel(forces) {
+  const all = forces[0][2] + forces[1][2];
+  forces.forEach(([, , up], foot) => {
+    const before = loaded[foot];
+    if (up < 0.05 * all) loaded[foot] = false;
+    else if (up > 0.25 * all) loaded[foot] = true;
+    if (loaded[foot] && !before) rumble();
+  });
+}
+
+function rumble() {
+  const effect = { duration: 80, strongMagnitude: 0.8, weakMagnitude: 0.4 };
+  for (const stick of navigator.getGamepads?.() ?? [])
+    stick?.vibrationActuator?.playEffect("dual-rumble", effect);
+}
+
 function beat() {
   // A page that nobody sees drives nothing: without beats the robot puts its feet down.
   if (!driving || document.hidden) return;
