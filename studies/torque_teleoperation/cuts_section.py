@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 
 from poise.apps.teleoperation import TORQUE_TELEOP_PLANT, PoorLink, run_teleop
-from poise.locomotion import DeviceStatus, Mode, ScriptedDevice, StepTeleoperator, WayPoint
+from poise.locomotion import Mode, ScriptedDevice, StepTeleoperator, WayPoint
 from poise.robots import Robot, load_robot
 from studies.finding import Finding, Section, Table
 from studies.plan import Progress, StudyOptions
@@ -46,7 +46,7 @@ class Outcome:
         mode: of the robot when the connection was cut.
         fell: whether the robot fell.
         down_after: time from the cut until both feet carry for good [s].
-        rests: whether it stands still on both feet in the end, with the device known as lost.
+        rests: whether it stands still on both feet in the end.
         tilt: largest angle of the torso [rad].
     """
 
@@ -88,13 +88,12 @@ def run_trial(trial: Trial) -> Outcome:
     double = log.when(Mode.D)
     lifted = log.time[~double]
     speed = np.linalg.norm(log.com[-1] - log.com[-50]) / (log.time[-1] - log.time[-50])
-    lost = tuple(DeviceStatus)[int(log.device[-1])] is DeviceStatus.LOST
     return Outcome(
         trial=trial,
         mode=tuple(Mode)[int(log.mode[np.searchsorted(log.time, trial.cut)])].name,
         fell=run.fell,
         down_after=max(0.0, float(lifted[-1]) - trial.cut) if len(lifted) else 0.0,
-        rests=bool(double[-1]) and lost and float(speed) < _REST,
+        rests=bool(double[-1]) and float(speed) < _REST,
         tilt=float(log.tilt.max()),
     )
 
