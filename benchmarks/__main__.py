@@ -4,7 +4,14 @@ import argparse
 import sys
 from collections.abc import Sequence
 
-from benchmarks.commands.runs import add_bias, add_first, add_run, add_teleop, add_worst
+from benchmarks.commands.runs import (
+    add_bias,
+    add_first,
+    add_latency,
+    add_run,
+    add_teleop,
+    add_worst,
+)
 from benchmarks.commands.ticks import add_batch, add_dof, add_growth, add_ik, add_peers, add_tick
 from benchmarks.hqp.command import add_hqp
 from poise.cli import run_command
@@ -18,6 +25,7 @@ BENCHMARKS = (
     add_ik,
     add_first,
     add_teleop,
+    add_latency,
     add_run,
     add_worst,
     add_bias,

@@ -51,6 +51,36 @@ def _teleop(options: argparse.Namespace) -> None:
     time_and_print(options, plan, bench_teleop, format_teleop_table)
 
 
+def add_latency(commands: Any) -> None:
+    """`latency`: from an operator's pose to the robot's command."""
+    parser = add_command(
+        commands,
+        "latency",
+        _latency,
+        "times what an operator sends over the websocket, stage by stage, until the robot has its "
+        "command",
+        "--actuation torque",
+    )
+    parser.add_argument("--robot", metavar="R", help="a biped (default: biped20)")
+    parser.add_argument("--actuation", metavar="A", help="velocity (default) or torque")
+    parser.add_argument(
+        "--messages", metavar="N", type=int, help="messages that count (default: 1000)"
+    )
+    parser.add_argument("--rate", metavar="HZ", type=float, help="of the messages (default: 60)")
+
+
+def _latency(options: argparse.Namespace) -> None:
+    from benchmarks.latency import (
+        LatencyBench,
+        bench_latency,
+        format_latency_table,
+        latency_figures,
+    )
+
+    plan = LatencyBench(**given(options, "robot", "actuation", "messages", "rate"))
+    time_and_print(options, plan, bench_latency, format_latency_table, latency_figures, " messages")
+
+
 def add_run(commands: Any) -> None:
     """`run`: where the time of a scenario goes."""
     parser = add_command(

@@ -1,6 +1,7 @@
 """The study of step teleoperation at torque level: the paper's scenarios, and bad operators."""
 
 from studies.plan import Part, StudyPlan
+from studies.torque_teleoperation.cuts_section import cuts_section
 from studies.torque_teleoperation.operators_section import operators_section
 from studies.torque_teleoperation.scenarios_section import scenarios_section
 
@@ -18,6 +19,7 @@ PLAN = StudyPlan(
     parts=(
         Part("scenarios", "The paper's scenarios", scenarios_section),
         Part("operators", "Bad operators", operators_section),
+        Part("cuts", "Connections cut in mid-step", cuts_section),
     ),
 )
-"""The study: two parts."""
+"""The study: three parts."""

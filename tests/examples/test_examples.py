@@ -29,6 +29,7 @@ SHORT = {
     "14_coming_from.py": [],
     "15_state_estimation.py": ["--seconds", "0.8"],
     "17_drive.py": ["--seconds", "0.6"],
+    "18_lead_by_websocket.py": ["--steps", "1"],
 }
 
 
@@ -147,6 +148,16 @@ def test_walk_makes_its_steps_and_says_how_well(run):
     printed = run("11_walk.py")
     assert "walk finished after 2 steps" in printed
     assert numbers(r"COM within (\S+) mm", printed)[0] < 10.0
+
+
+def test_lead_by_websocket_makes_a_step(run):
+    pytest.importorskip("websockets")
+    printed = run("18_lead_by_websocket.py")
+    assert "I am the operator" in printed
+    assert "['D', 'SR', 'TR']" in printed
+    left, right = numbers(r"feet at (-?[\d.]+) and (-?[\d.]+) m", printed)
+    assert left > 0.04
+    assert abs(right) < 0.02
 
 
 def test_drive_says_what_was_asked_for(run):

@@ -1,5 +1,6 @@
 """The page in a real browser, as an operator and as a watcher."""
 
+import re
 import shutil
 import time
 
@@ -15,7 +16,9 @@ from poise.apps.teleoperation import MODES, replay_teleop
 from poise.locomotion import DeviceStatus, Mode, read_recording
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
-pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no chromium on this machine")
+pytestmark = [
+    pytest.mark.skipif(CHROMIUM is None, reason="no chromium on this machine"),
+]
 
 WIDTH, HEIGHT = 700, 400
 UP_THE_ARROW = 0.12
@@ -48,9 +51,9 @@ def session(run_session, tmp_path):
 class Page:
     """A page, spoken to by scripts: a browser that draws in software is slow to anything else."""
 
-    def __init__(self, browser, url):
+    def __init__(self, browser, url, **device):
         self.errors = []
-        self.page = browser.new_page(viewport={"width": WIDTH, "height": HEIGHT})
+        self.page = browser.new_page(**{"viewport": {"width": WIDTH, "height": HEIGHT}} | device)
         self.page.set_default_timeout(1e3 * PATIENCE)
         self.page.on("pageerror", lambda error: self.errors.append(str(error)))
         self.page.goto(url)
@@ -135,6 +138,24 @@ def test_a_key_steps_the_plots_grow_and_the_help_goes(browser, session):
         assert page.errors == []
 
 
+def test_a_gamepad_shakes_when_a_foot_lands_and_not_before(browser, session):
+    with Page(browser, session.front.drive_url) as page:
+        page.wait("newest.device !== 'LOST'", "the device")
+        page.ask(
+            "window.shaken = [];"
+            "navigator.getGamepads = () => [{connected: true, buttons: [], axes: [],"
+            " vibrationActuator: {playEffect: (kind) => shaken.push(kind)}}]; 0"
+        )
+        page.page.keyboard.down("e")
+        page.wait("newest.mode === 'SL' && newest.soles[1][2] > 0.04", "the lift")
+        assert page.ask("shaken") == []
+        page.page.keyboard.up("e")
+        page.wait("newest.mode === 'D'", "double support")
+        page.wait("shaken.length > 0", "the shaking")
+        assert page.ask("shaken") == ["dual-rumble"]
+        assert page.errors == []
+
+
 def test_a_closed_page_in_mid_step_brings_the_foot_down(browser, session):
     with Page(browser, session.front.drive_url) as page:
         page.wait("newest.device !== 'LOST'", "the device")
@@ -180,3 +201,157 @@ def test_a_wrong_token_is_said(browser, session):
     with Page(browser, session.front.watch_url + "?token=wrong") as page:
         page.wait("part('banner').textContent.includes('wrong')", "the message")
         assert page.text("role") == "you watch"
+
+
+LISTEN = """
+  clearInterval(beating);
+  window.sent = [];
+  const real = send;
+  send = (message) => { if (message.do === "drive") sent.push(message); real(message); };
+  0
+"""
+"""From now on the page says nothing by its clock, and what it says otherwise is known."""
+
+
+def test_keys_and_buttons_do_not_wait_for_the_next_beat(browser, session):
+    with Page(browser, session.front.drive_url) as page:
+        page.wait("newest.device !== 'LOST'", "the device")
+        page.ask("part('help').hidden = true")
+        page.ask("clearInterval(looking);" + LISTEN)
+        key = "window.dispatchEvent(new KeyboardEvent('{}', {{key: 'e'}})); sent.map((m) => m.lift)"
+        assert page.ask(key.format("keydown")) == [[False, True]]
+        assert page.ask(key.format("keyup")) == [[False, True], [False, False]]
+        page.page.mouse.move(*middle(page, "lift-left"))
+        page.page.mouse.down()
+        page.wait("sent.length === 3", "the button")
+        page.page.mouse.up()
+        page.wait("sent.length === 4", "its release")
+        assert page.ask("sent.map((m) => m.lift[0])") == [False, False, True, False]
+        assert page.errors == []
+
+
+def test_handles_and_gamepads_do_not_wait_for_the_next_beat(browser, session):
+    with Page(browser, session.front.drive_url) as page:
+        page.wait("view !== null && newest.device !== 'LOST'", "the device")
+        page.ask(LISTEN)
+        page.ask("view.drags = () => [null, [0, -0.1, 0.05]]; 0")
+        page.wait("sent.some((m) => m.drag[1] !== null)", "the handle")
+        page.ask(
+            "navigator.getGamepads = () => [{connected: true, axes: [],"
+            " buttons: [0, 0, 0, 0, 1].map((on) => ({pressed: Boolean(on)}))}]; 0"
+        )
+        page.wait("sent.some((m) => m.lift[0])", "the gamepad")
+        assert page.errors == []
+
+
+def middle(page, name):
+    """The middle of a part of the page, in pixels."""
+    left, top, width, height = box(page, name)
+    return left + width / 2, top + height / 2
+
+
+def box(page, name):
+    """Left, top, width and height of a part of the page, in pixels."""
+    return page.ask(
+        f"(({{left, top, width, height}}) => [left, top, width, height])"
+        f"(part('{name}').getBoundingClientRect())"
+    )
+
+
+def test_the_help_can_be_called_back_and_then_stays(browser, session):
+    with Page(browser, session.front.drive_url) as page:
+        page.wait("newest.device !== 'LOST'", "the device")
+        hidden = "part('help').hidden"
+        page.page.keyboard.press("?")
+        assert page.ask(hidden)
+        page.ask("part('help-open').click()")
+        assert not page.ask(hidden)
+        page.page.keyboard.down("e")
+        page.wait("newest.mode === 'SL'", "the lift")
+        page.page.keyboard.up("e")
+        page.wait("newest.mode === 'D'", "double support")
+        assert not page.ask(hidden)
+        page.ask("part('help-close').click()")
+        assert page.ask(hidden)
+
+
+def test_a_hint_goes_by_itself(browser, session):
+    with Page(browser, session.front.drive_url) as page:
+        page.wait("newest.device !== 'LOST'", "the device")
+        page.page.keyboard.press("ArrowUp")
+        assert "hold Q or E" in page.text("said")
+        page.wait("part('said').textContent.trim() === ''", "the hint to go")
+
+
+def test_on_a_phone_the_robot_has_the_upper_half_and_can_be_led(browser, session):
+    width, height = 390, 844
+    phone = {
+        "viewport": {"width": width, "height": height},
+        "is_mobile": True,
+        "has_touch": True,
+    }
+    with Page(browser, session.front.drive_url, **phone) as page:
+        page.wait("newest.device !== 'LOST'", "the device")
+        left, top, wide, high = box(page, "view")
+        assert (left, top, wide) == (0, 0, width)
+        assert high > 0.5 * height
+        assert box(page, "help")[1] >= high
+        for name in ("lift-left", "lift-right"):
+            _, top, wide, tall = box(page, name)
+            assert high <= top < height - tall
+            assert min(wide, tall) >= 40
+            assert top + tall <= box(page, "help")[1]
+        assert page.ask("document.querySelector('[data-arrow=ArrowUp]').offsetHeight") >= 40
+        x, y = middle(page, "lift-right")
+        touch = page.page.context.new_cdp_session(page.page)
+        touch.send(
+            "Input.dispatchTouchEvent", {"type": "touchStart", "touchPoints": [{"x": x, "y": y}]}
+        )
+        wait_for(lambda: session.loop.snapshot.mode is Mode.SL, "the lift")
+        touch.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
+        wait_for(lambda: session.loop.snapshot.mode is Mode.D, "double support")
+        assert page.errors == []
+
+
+def test_who_has_read_the_page_alone_makes_a_step_within_a_minute(browser, session):
+    begin = time.monotonic()
+    with Page(browser, session.front.drive_url) as page:
+        page.wait("newest.device !== 'LOST'", "the device")
+        told = page.text("help")
+        key = re.search(r"hold (\w) \(left\)", " ".join(told.split()))[1]
+        first = session.loop.snapshot.soles[0][0]
+        page.page.keyboard.down(key.lower())
+        wait_for(lambda: session.loop.snapshot.mode is Mode.SR, "the lift")
+        assert "arrow keys" in told
+        page.page.keyboard.down("ArrowUp")
+        wait_for(lambda: session.loop.snapshot.soles[0][0] > first + 0.05, "the way")
+        page.page.keyboard.up("ArrowUp")
+        page.page.keyboard.up(key.lower())
+        wait_for(lambda: session.loop.snapshot.mode is Mode.D, "the landing")
+    assert time.monotonic() - begin < 60.0
+    assert not session.loop.snapshot.fallen
+
+
+def test_a_tab_that_sleeps_in_mid_step_lands_and_leads_only_after_letting_go(browser, session):
+    with Page(browser, session.front.drive_url) as page:
+        page.wait("newest.device !== 'LOST'", "the device")
+        page.page.keyboard.down("e")
+        wait_for(lambda: session.loop.snapshot.soles[1][2] > 0.04, "the lift")
+        page.ask(
+            "setTimeout(() => { const end = performance.now() + 3000;"
+            " while (performance.now() < end); }); 0"
+        )
+        wait_for(lambda: session.loop.snapshot.device is DeviceStatus.LOST, "the loss")
+        wait_for(lambda: session.loop.snapshot.mode is Mode.D, "both feet on the ground")
+        wait_for(lambda: session.loop.snapshot.device is not DeviceStatus.LOST, "its waking")
+        now = session.loop.snapshot.time
+        wait_for(lambda: session.loop.snapshot.time > now + 1.0, "a second")
+        # The key was never let go, and says nothing any more.
+        assert session.loop.snapshot.mode is Mode.D
+        page.page.keyboard.up("e")
+        time.sleep(0.2)
+        page.page.keyboard.down("e")
+        wait_for(lambda: session.loop.snapshot.mode is Mode.SL, "the lift anew")
+        page.page.keyboard.up("e")
+        wait_for(lambda: session.loop.snapshot.mode is Mode.D, "double support")
+        assert not session.loop.snapshot.fallen

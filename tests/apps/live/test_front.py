@@ -18,8 +18,9 @@ from operators import answer, beat, control, wait_for
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
+from poise.apps.live import _seat as seats
 from poise.apps.live._front import PortInUseError
-from poise.locomotion import DeviceStatus, Mode
+from poise.locomotion import DeviceStatus, Mode, read_recording
 
 HELD = [None, [0.0, -0.13, 0.4]]
 """The right handle, well above the ground [m]."""
@@ -147,12 +148,82 @@ def test_a_second_operator_is_told_and_watches(front, session):
         assert not session.loop.snapshot.paused
 
 
+def test_every_message_is_answered_with_what_the_feet_feel(front, session):
+    with control(front, front.seat.token) as (operator, _):
+        for _ in range(5):
+            beat(operator)
+            told = answer(operator)
+            left, right = told["forces"]
+            weight = 9.81 * session.loop.robot.mass
+            assert left[2] + right[2] == pytest.approx(weight, rel=0.1)
+            assert np.abs([*left[:2], *right[:2]]).max() < 0.2 * weight
+
+
 def test_when_the_operator_leaves_the_seat_is_free(front):
     with control(front, front.seat.token):
         pass
     wait_for(lambda: not front.seat.taken, "an empty seat")
     with control(front, front.seat.token) as (_, hello):
         assert hello["hello"] == "operator"
+
+
+def test_whoever_comes_takes_the_seat_of_a_frozen_operator(front, session, monkeypatch):
+    monkeypatch.setattr(seats, "SILENT_FOR", 0.5)
+    with control(front, front.seat.token) as (frozen, _):
+        place = [0.0, float(session.loop.snapshot.soles[1][1]), 0.14]
+        beat(frozen)
+        wait_for(
+            lambda: beat(frozen, drag=[None, place]) or session.loop.snapshot.mode is Mode.SL,
+            "the lift",
+        )
+        time.sleep(1.0)
+        with control(front, front.seat.token) as (second, hello):
+            assert hello["hello"] == "operator"
+            wait_for(lambda: session.loop.snapshot.mode is Mode.D, "the foot to come down")
+            beat(second)
+            # It wakes up: too late.
+            beat(frozen, drag=[None, place])
+            while "echo" in (told := answer(frozen)):
+                pass
+            assert told["hello"] == "watcher"
+            assert "somebody else drives" in told["reason"]
+            assert "watching" in answer(frozen)["error"]
+            assert front.seat.taken
+            assert session.inputs.read().drag == (None, None)
+
+
+def test_pushes_do_not_pile_up(front, session):
+    with control(front, front.seat.token) as (operator, _):
+        pushed = len(push_rows(session))
+        begin = session.loop.snapshot.time
+        for _ in range(2000):
+            operator.send('{"do": "push", "value": "forward"}')
+        beat(operator)
+        answer(operator)
+        took = session.loop.snapshot.time - begin
+        # Of those that came in this time, and of one that waits.
+        wait_for(lambda: session.loop.snapshot.time > begin + took + 1.0, "the rest")
+        assert 1 <= len(push_rows(session)) - pushed <= (took + 1.0) / 0.3 + 2
+        operator.send('{"do": "reset"}')
+        wait_for(lambda: session.loop.snapshot.time < begin, "the reset")
+
+
+def push_rows(session):
+    """What is recorded of pushes."""
+    session.takes.flush()
+    rows = read_recording(session.takes.folder / session.takes.name, allow_partial=True).rows
+    return rows[rows["kind"] == 1]
+
+
+def test_what_writes_files_is_not_done_as_often_as_it_is_asked_for(front, session):
+    with control(front, front.seat.token) as (operator, _):
+        beat(operator)
+        answer(operator)
+        for _ in range(20):
+            operator.send('{"do": "keep"}')
+        answers = [answer(operator) for _ in range(20)]
+        assert sum("kept" in said for said in answers) < 10
+        assert any("second" in said.get("error", "") for said in answers)
 
 
 @pytest.mark.parametrize("token", [None, "", "wrong", "the token"])
@@ -223,6 +294,12 @@ def test_a_handle_that_is_let_go_brings_the_foot_down(front, session):
         '{"do": "drive", "lift": [true, true], "move": [NaN, 0]}',
         '{"do": "drive", "lift": [true, true], "move": [1e9, 0]}',
         '{"do": "drive", "lift": [true, true], "move": ["a", 0]}',
+        '{"do": "drive", "tracked": [{"position": [0, 0], "clutch": true}, null]}',
+        '{"do": "drive", "tracked": [{"position": [0, 0, 1e9], "clutch": true}, null]}',
+        '{"do": "drive", "tracked": [{"position": [0, 0, NaN]}, null]}',
+        '{"do": "drive", "tracked": [{"position": [0, 0, 0], "clutch": 1}, null]}',
+        '{"do": "drive", "tracked": [null]}',
+        '{"do": "drive", "second": [2, 0]}',
         '{"do": "push", "value": "up"}',
         '{"do": "push", "value": ["left"]}',
         '{"do": "pause", "value": 1}',

@@ -1,13 +1,17 @@
 """From keys, handles and gamepads to the samples of a device."""
 
+from unittest.mock import Mock
+
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 pytest.importorskip("websockets")
 
-from poise.apps.live import LiveFeet, OperatorInputs, Pad, _inputs as inputs
+from poise.apps.live import LiveFeet, OperatorInputs, Pad, Tracked, _inputs as inputs
+from poise.apps.live._feet import HOLD_HEIGHT
 from poise.apps.live._gamepad import pad_from
-from poise.locomotion import StepTeleoperator
+from poise.locomotion import Mode, StepTeleoperator
 
 DT = 0.005
 
@@ -42,7 +46,7 @@ def test_a_button_lifts_its_foot_and_no_other(made):
     operator, controller, device = made
     sample = run(operator, device, 100, Pad(lift=(False, True)))
     anchors = controller.estimator.anchors
-    assert sample.right[2] - anchors[1][2] == pytest.approx(inputs.HOLD_HEIGHT)
+    assert sample.right[2] - anchors[1][2] == pytest.approx(HOLD_HEIGHT)
     np.testing.assert_allclose(sample.left, anchors[0], atol=1e-12)
 
 
@@ -82,10 +86,50 @@ def test_an_operator_without_sign_of_life_is_gone_and_has_to_take_hold_again(mad
     assert device.sample(DT) is None
     for _ in range(3):
         operator.pad(held)
-        assert operator.read().drag == (None, None)
-    operator.pad(Pad())
+        assert operator.read() == Pad()
+    operator.pad(Pad(lift=(False, True)))
+    assert operator.read() == Pad()
     operator.pad(held)
     assert operator.read().drag == (place, None)
+    assert operator.read().lift == (False, False)
+    operator.pad(Pad())
+    operator.pad(held)
+    assert operator.read() == held
+
+
+def test_who_comes_back_with_a_stick_held_over_goes_nowhere_until_it_is_let_go(made, monkeypatch):
+    operator, _, _ = made
+    now = 100.0
+    monkeypatch.setattr(inputs.clock, "monotonic", lambda: now)
+    over = Pad(move=(1.0, 0.0), turn=0.5)
+    operator.pad(over)
+    assert operator.read() == over
+    now += inputs.FRESH_FOR + 0.01
+    operator.pad(over)
+    operator.pad(Pad(move=(0.5, 0.5), turn=0.5))
+    assert operator.read() == Pad()
+    operator.pad(Pad(turn=0.5))
+    operator.pad(over)
+    assert operator.read() == Pad(move=(1.0, 0.0))
+
+
+def test_a_handle_that_was_far_away_is_back_within_a_second(made):
+    operator, controller, device = made
+    foot = controller.estimator.anchors[1]
+    operator.pad(Pad())
+    sample = run(operator, device, 400, Pad(drag=(None, (99.0, -99.0, 99.0))))
+    assert np.abs(sample.right - foot).max() < 0.5
+    sample = run(operator, device, 200, Pad(drag=(None, tuple(foot))))
+    np.testing.assert_allclose(sample.right, foot, atol=1e-12)
+
+
+def test_whoever_comes_next_finds_the_devices_on_the_feet(made):
+    operator, controller, device = made
+    run(operator, device, 100, Pad(lift=(False, True)))
+    operator.clear()
+    assert device.sample(1.0) is None
+    for place, anchor in zip(device.places, controller.estimator.anchors, strict=True):
+        np.testing.assert_allclose(place, anchor, atol=1e-12)
 
 
 def test_an_operator_who_leaves_is_gone_at_once(made):
@@ -103,3 +147,107 @@ def test_shoulder_buttons_lift_and_the_stick_moves_forward_and_left():
 
 def test_a_gamepad_with_few_parts_is_no_error():
     assert pad_from([], []) == Pad()
+
+
+def test_each_stick_moves_its_own_foot_where_both_are_held():
+    pad = pad_from([0, 0, 0, 0, 1, 1], [0.5, -1.0, -0.6, 0.4])
+    assert pad == Pad(lift=(True, True), move=(1.0, -0.5), second=(-0.4, 0.6), turn=0.6)
+
+
+@pytest.mark.parametrize("mode", [Mode.SL, Mode.SR])
+@pytest.mark.parametrize("both", [False, True])
+def test_with_one_foot_held_either_stick_moves_it_and_with_both_its_own(made, mode, both):
+    operator, controller, device = made
+    controller._events = Mock(mode=mode)
+    foot = 1 - mode.support
+    start = device.places[foot][0]
+    lift = (True, True) if both else (foot == 0, foot == 1)
+    for stick, own in (("move", foot == 0), ("second", foot == 1)):
+        device.places[foot][0] = start
+        run(operator, device, 20, Pad(lift=lift, **{stick: (1.0, 0.0)}))
+        moved = bool(device.places[foot][0] > start + 0.02)
+        assert moved is (own or not both)
+
+
+def tracked(x, z, *, clutch=True):
+    """The left foot as a tracker sees it, from a place of its own."""
+    return Pad(tracked=(Tracked(position=(7.0 + x, -3.0, 1.2 + z), clutch=clutch), None))
+
+
+def test_a_tracked_foot_leads_by_what_it_moves_while_its_clutch_is_closed(made):
+    operator, controller, device = made
+    anchor = controller.estimator.anchors[0]
+    run(operator, device, 5, tracked(0.0, 0.0, clutch=False))
+    sample = run(operator, device, 5, tracked(0.0, 0.0))
+    np.testing.assert_allclose(sample.left, anchor, atol=1e-12)
+    sample = run(operator, device, 40, tracked(0.1, 0.05))
+    np.testing.assert_allclose(sample.left - anchor, [0.1, 0.0, 0.05], atol=1e-12)
+    # Let go, moved back and taken hold of anew: further ahead than the hand ever was.
+    lifted = Pad(lift=(True, False))
+    for x in (0.1, 0.0):
+        operator.pad(replace(lifted, tracked=tracked(x, 0.05, clutch=False).tracked))
+        device.sample(0.0)
+    place = device.places[0].copy()
+    run(operator, device, 1, tracked(0.0, 0.05))
+    sample = run(operator, device, 40, tracked(0.1, 0.05))
+    np.testing.assert_allclose(sample.left - place, [0.1, 0.0, 0.0], atol=5e-3)
+
+
+def test_a_tracked_foot_does_not_jump(made):
+    operator, _, device = made
+    run(operator, device, 2, tracked(0.0, 0.0, clutch=False))
+    run(operator, device, 2, tracked(0.0, 0.0))
+    before = device.places[0].copy()
+    for tick in range(50):
+        sample = run(operator, device, 1, tracked(0.005 * tick, 0.005 * tick))
+        assert np.abs(sample.left - before).max() <= 1.5 * DT + 1e-12
+        before = sample.left
+
+
+@pytest.mark.parametrize("gap", ["strays", "lost", "silent"])
+def test_a_tracked_foot_that_was_lost_leads_only_by_a_fresh_clutch(made, monkeypatch, gap):
+    operator, controller, device = made
+    anchor = controller.estimator.anchors[0]
+    now = 100.0
+    monkeypatch.setattr(inputs.clock, "monotonic", lambda: now)
+    run(operator, device, 2, tracked(0.0, 0.0, clutch=False))
+    run(operator, device, 2, tracked(0.0, 0.0))
+    if gap == "lost":
+        run(operator, device, 2, Pad())
+    elif gap == "silent":
+        now += inputs.FRESH_FOR + 0.01
+        assert device.sample(0.0) is None
+    else:
+        run(operator, device, 2, tracked(1.0, 0.0))
+    for x in (0.0, 0.1, 0.2):
+        sample = run(operator, device, 40, tracked(1.0 + x, 0.1))
+        np.testing.assert_allclose(sample.left, anchor, atol=1e-12)
+    run(operator, device, 2, tracked(1.2, 0.1, clutch=False))
+    run(operator, device, 2, tracked(1.2, 0.1))
+    sample = run(operator, device, 40, tracked(1.3, 0.15))
+    np.testing.assert_allclose(sample.left - anchor, [0.1, 0.0, 0.05], atol=1e-12)
+
+
+def test_messages_that_others_have_overtaken_are_dropped(made):
+    operator, _, _ = made
+    operator.pad(Pad(beat=1000.0, turn=0.1))
+    operator.pad(Pad(beat=1030.0, turn=0.2))
+    operator.pad(Pad(beat=1010.0, turn=0.3))
+    assert operator.read().turn == 0.2
+    operator.pad(Pad(turn=0.4))
+    assert operator.read().turn == 0.4
+
+
+@pytest.mark.parametrize("jump", [-1e6, -100.0, 1e9])
+def test_a_senders_clock_that_jumps_locks_nobody_out(made, monkeypatch, jump):
+    operator, _, _ = made
+    now = 100.0
+    monkeypatch.setattr(inputs.clock, "monotonic", lambda: now)
+    for tick in range(60):
+        now = 100.0 + 0.033 * tick
+        # Ahead for one message only, or back for good.
+        ahead = jump if (tick == 20 if jump > 0 else tick >= 20) else 0.0
+        operator.pad(Pad(beat=2e6 + 33.0 * tick + ahead, turn=0.01 * tick))
+    operator.pad(Pad(beat=2e6 + 33.0 * 61 + min(jump, 0.0)))
+    operator.pad(Pad(beat=2e6 + 33.0 * 62 + min(jump, 0.0), turn=0.9))
+    assert operator.read().turn == 0.9

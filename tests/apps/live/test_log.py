@@ -10,8 +10,9 @@ from operators import wait_for
 pytest.importorskip("websockets")
 pytest.importorskip("mujoco")
 
-from poise.apps.live import LiveLoop, OperatorInputs, Pad, Takes
+from poise.apps.live import LiveLoop, OperatorInputs, Pad, Takes, _log as logs
 from poise.apps.teleoperation import TELEOP_PLANT, replay_teleop
+from poise.errors import ConfigurationError
 from poise.locomotion import Mode, read_recording
 
 
@@ -104,3 +105,27 @@ def test_a_log_that_cannot_be_made_costs_nothing_but_itself(loop, tmp_path):
     assert "take-001.mcap" in loop.log.problem
     assert len(read_recording(tmp_path / "takes" / "take-001.teleop").rows) > 10
     shutil.rmtree(tmp_path / "takes" / "take-001.mcap")
+
+
+def test_a_full_folder_ends_what_is_recorded_and_not_the_run(get_robot, tmp_path, monkeypatch):
+    monkeypatch.setattr(logs, "_LOOK_EVERY", 0.0)
+    robot = get_robot("biped20")
+    takes = Takes(tmp_path, robot=robot.name, dt=TELEOP_PLANT.control_dt, most_bytes=60_000)
+    loop = LiveLoop(robot, OperatorInputs(), takes)
+    loop.start()
+    wait_for(lambda: loop.snapshot, "the first picture")
+    drive(loop, Pad(), lambda s: "is full" in s.take, "the folder to be full")
+    now = loop.snapshot.time
+    drive(loop, Pad(), lambda s: s.time > now + 0.2, "the run to go on")
+    held = {path.name: path.stat().st_size for path in tmp_path.iterdir()}
+    assert sum(held.values()) < 200_000
+    with pytest.raises(ConfigurationError, match="is full"):
+        takes.keep()
+    # What there is, is finished; and a reset begins nothing more.
+    assert len(read_recording(tmp_path / "take-001.teleop").rows) > 10
+    loop.reset()
+    wait_for(lambda: loop.snapshot.time < now, "the reset")
+    drive(loop, Pad(), lambda s: s.time > 0.5, "some time")
+    loop.stop()
+    assert loop.error is None
+    assert {path.name for path in tmp_path.iterdir()} == set(held)

@@ -4,6 +4,7 @@ import pytest
 
 pytest.importorskip("websockets")
 
+from poise.apps.live import _seat as seats
 from poise.apps.live._seat import Grant, Seat, is_local, is_same_origin
 
 
@@ -21,6 +22,31 @@ def test_the_seat_is_for_one_with_the_token():
     assert not seat.holds(first)
     assert not seat.holds(second)
     assert seat.holds(seat.enter(seat.token))
+
+
+def test_who_is_silent_keeps_nobody_from_the_seat_and_loses_it_only_to_somebody(monkeypatch):
+    now = 100.0
+    monkeypatch.setattr(seats.clock, "monotonic", lambda: now)
+    seat = Seat()
+    first = seat.enter(seat.token)
+    now += seats.SILENT_FOR - 0.1
+    assert not seat.enter(seat.token).drives
+    assert seat.hears(first)
+    now += seats.SILENT_FOR + 0.1
+    assert not seat.taken
+    # Nobody came: a page that wakes up goes on.
+    assert seat.hears(first)
+    assert seat.taken
+    now += seats.SILENT_FOR + 0.1
+    second = seat.enter(seat.token)
+    assert second.drives
+    assert not seat.hears(first)
+    seat.leave(first)
+    assert seat.hears(second)
+
+
+def test_a_frozen_operator_holds_the_seat_for_seconds_only():
+    assert seats.SILENT_FOR <= 5.0
 
 
 @pytest.mark.parametrize("token", ["", "wrong", "é"])

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, given, settings, strategies as st
 from walker import sample
 
 from poise.errors import ConfigurationError
@@ -9,12 +10,60 @@ from poise.locomotion import DeviceStatus, TeleopParameters
 from poise.locomotion._stepping._device import DeviceGuard
 from poise.locomotion._stepping._mode_events import LandingDetector, LiftDetector
 
+SOLES = (np.array([0.0, 0.135, 0.0]), np.array([0.0, -0.135, 0.0]))
+"""Where the feet stand [m]."""
+DT = 0.005
+SPEED, START, JUMP, LOW, PRESS = 2.5, 0.06, 0.3, 0.01, 0.08
+
+
+def guard(**changes):
+    return DeviceGuard(**{"dt": DT, "low": LOW, "press_depth": PRESS} | changes)
+
+
+def check(guard, sample, time):
+    return guard.check(sample, time, SOLES, SOLES)
+
+
+def same(followed, sample):
+    return np.array_equal(followed.left, sample.left) and np.array_equal(
+        followed.right, sample.right
+    )
+
+
+def held(time=0.0):
+    """A guard whose devices hold their feet from a time on."""
+    made = guard()
+    check(made, sample(time), time)
+    assert made.status is DeviceStatus.OK
+    return made
+
+
+def hears(guard, hands, begin, end, rate):
+    """What is followed of a left hand that is heard at a rate; the right one rests.
+
+    Args:
+        guard: that is asked each tick.
+        hands: where the left hand is at a time.
+        begin: [s].
+        end: [s].
+        rate: of the samples [Hz].
+    """
+    followed, statuses, due = [], [], begin
+    for tick in range(round(begin / DT) + 1, round(end / DT) + 1):
+        time = tick * DT
+        said = None
+        if time >= due - 1e-9:
+            said, due = sample(time, left=hands(time)), due + 1.0 / rate
+        found = check(guard, said, time)
+        followed.append(None if found is None else found.left)
+        statuses.append(guard.status)
+    return followed, statuses
+
 
 def test_good_samples_pass():
-    guard = DeviceGuard()
-    first = sample(0.0)
-    assert guard.check(first, 0.0) is first
-    assert guard.status is DeviceStatus.OK
+    made, first = guard(), sample(0.0)
+    assert same(check(made, first, 0.0), first)
+    assert made.status is DeviceStatus.OK
 
 
 @pytest.mark.parametrize(
@@ -25,42 +74,186 @@ def test_good_samples_pass():
         sample(np.nan),
         sample(-1.0),
         sample(0.0),
-        sample(1.0, left=(0.0, 0.5, 0.0)),
+        sample(1.0),
+        sample(0.005, left=(0.0, 0.5, 0.0)),
     ],
-    ids=["nan", "infinite", "nan time", "older", "same time", "jump"],
+    ids=["nan", "infinite", "nan time", "older", "same time", "far ahead", "jump"],
 )
 @pytest.mark.filterwarnings("ignore")
 def test_a_bad_sample_is_refused_and_the_last_good_one_holds(bad):
-    guard = DeviceGuard()
-    good = sample(0.0)
-    guard.check(good, 0.0)
-    assert guard.check(bad, 0.005) is good
-    assert guard.status is DeviceStatus.REFUSED
+    made, good = guard(), sample(0.0)
+    check(made, good, 0.0)
+    assert same(check(made, bad, DT), good)
+    assert made.status is DeviceStatus.REFUSED
 
 
-def test_silence_is_stale_then_lost_and_a_sample_brings_it_back():
-    guard = DeviceGuard(lost_after=0.5)
-    good = sample(0.0)
-    guard.check(good, 0.0)
-    assert guard.check(None, 0.4) is good
-    assert guard.status is DeviceStatus.STALE
-    assert guard.check(None, 0.6) is None
-    assert guard.status is DeviceStatus.LOST
-    # Far from the last one: after so long it is where the hand is now.
-    back = sample(0.7, left=(1.0, 0.0, 0.0))
-    assert guard.check(back, 0.7) is back
+def test_one_bad_device_does_not_hold_up_the_other():
+    made = held()
+    up = sample(DT, left=(np.nan, 0.0, 0.0), right=(0.0, -0.135, 0.01))
+    assert check(made, up, DT).right[2] == 0.01
+
+
+def test_silence_is_stale_then_lost():
+    made, good = guard(lost_after=0.5), sample(0.0)
+    check(made, good, 0.0)
+    assert same(check(made, None, 0.4), good)
+    assert made.status is DeviceStatus.STALE
+    assert check(made, None, 0.6) is None
+    assert made.status is DeviceStatus.LOST
+
+
+@pytest.mark.parametrize(
+    "elsewhere", [(0.0, 0.135, 0.1), (1.0, 0.135, 0.0), (0.0, 0.135, 0.02)], ids=str
+)
+def test_a_device_that_is_found_again_takes_hold_only_where_its_foot_is(elsewhere):
+    made = held()
+    assert check(made, None, 0.6) is None
+    found = check(made, sample(0.7, left=elsewhere), 0.7)
+    assert made.status is DeviceStatus.WAITING
+    # Straight below the foot, which is where a foot goes that nobody holds.
+    np.testing.assert_allclose(found.left, SOLES[0] - [0.0, 0.0, PRESS], atol=1e-12)
+    assert check(made, sample(0.705), 0.705) is not None
+    assert made.status is DeviceStatus.OK
+    assert check(made, sample(0.71, left=(0.0, 0.135, 0.012)), 0.71).left[2] == 0.012
+
+
+def test_while_no_device_holds_its_foot_nobody_commands():
+    made = held()
+    check(made, None, 0.6)
+    up = sample(0.7, left=(0.0, 0.135, 0.1), right=(0.0, -0.135, 0.1))
+    assert check(made, up, 0.7) is None
+    assert made.status is DeviceStatus.WAITING
 
 
 def test_before_the_first_sample_the_device_is_lost():
-    guard = DeviceGuard()
-    assert guard.check(None, 0.0) is None
-    assert guard.status is DeviceStatus.LOST
+    made = guard()
+    assert check(made, None, 0.0) is None
+    assert made.status is DeviceStatus.LOST
 
 
-@pytest.mark.parametrize("option", ["jump_max", "lost_after"])
+@pytest.mark.parametrize(("speed", "rate"), [(2.0, 13.0), (2.0, 200.0), (1.0, 5.0), (2.4, 60.0)])
+def test_what_a_hand_does_is_followed_at_any_rate(speed, rate):
+    def there_and_back(time):
+        return (0.0, 0.135, speed * abs((time - 0.1 + 0.5) % 1.0 - 0.5))
+
+    followed, statuses = hears(held(0.1), there_and_back, 0.1, 1.1, rate)
+    assert DeviceStatus.REFUSED not in statuses
+    assert max(place[2] for place in followed) > 0.5 * speed - speed / rate - 1e-9
+
+
+@pytest.mark.parametrize(
+    ("speed", "rate"), [(25.0, 200.0), (25.0, 13.0), (5.0, 200.0), (5.0, 60.0)]
+)
+def test_what_no_hand_does_is_not_followed_at_any_rate(speed, rate):
+    made = held(0.1)
+    followed, statuses = hears(
+        made, lambda time: (0.0, 0.135, speed * (time - 0.1)), 0.1, 0.5, rate
+    )
+    heights = [0.0, *(float(place[2]) for place in followed)]
+    assert np.diff(heights).max() <= START + 1e-12
+    assert all(h <= START + SPEED * DT * tick + 1e-9 for tick, h in enumerate(heights))
+    assert heights[-1] < 0.75
+    assert statuses[-1] in (DeviceStatus.REFUSED, DeviceStatus.STALE)
+    # As long as it goes on, the device holds nothing any more.
+    for tick in range(101, 250):
+        found = check(made, sample(tick * DT, left=(0.0, 0.135, 9.0)), tick * DT)
+    assert found.left[2] == -PRESS
+
+
+@pytest.mark.parametrize("ahead", [0.6, 3600.0, 1e9, -0.3, -3600.0])
+def test_a_clock_that_jumps_locks_nobody_out(ahead):
+    made = held()
+    followed = [check(made, sample(tick * DT + ahead), tick * DT) for tick in range(1, 150)]
+    assert all(same(place, sample(0.0)) for place in followed if place is not None)
+    assert followed[-1] is not None
+    assert made.status is DeviceStatus.OK
+
+
+@pytest.mark.parametrize("ahead", [3600.0, -3600.0])
+def test_a_foot_in_the_air_comes_down_when_the_clock_jumps(ahead):
+    made, up = held(), (0.0, 0.135, 0.1)
+    for tick in range(1, 21):
+        found = check(made, sample(tick * DT, left=up), tick * DT)
+    assert found.left[2] == 0.1
+    for tick in range(21, 150):
+        found = check(made, sample(tick * DT + ahead, left=up), tick * DT)
+    assert found.left[2] == -PRESS
+    assert made.status is DeviceStatus.WAITING
+
+
+def test_one_stamp_that_is_wrong_costs_one_sample():
+    made = held()
+    check(made, sample(1e9), DT)
+    assert made.status is DeviceStatus.REFUSED
+    check(made, sample(2 * DT), 2 * DT)
+    assert made.status is DeviceStatus.OK
+
+
+def stream(seed, loss, late):
+    """What comes before each tick: lost, late, out of order, wrongly stamped, from elsewhere."""
+    rng = np.random.default_rng(seed)
+    hand, sent, clock = SOLES[0].copy(), [], 0.0
+    silent_until = 0.0
+    for tick in range(400):
+        time = tick * DT
+        chance = rng.random()
+        if chance < 0.01:
+            clock += float(rng.choice([-1e3, -1.0, 1.0, 1e9]))
+        elif chance < 0.02:
+            hand = rng.uniform(-3.0, 3.0, 3)
+        elif chance < 0.03:
+            silent_until = time + rng.uniform(0.0, 1.0)
+        elif chance < 0.05:
+            hand = SOLES[0].copy()
+        hand = hand + rng.normal(0.0, rng.choice([0.001, 0.01, 0.1]), 3)
+        if time < silent_until or rng.random() < loss:
+            continue
+        place = tuple(hand) if rng.random() < 0.95 else (np.nan, 1e300, -np.inf)
+        sent.append((time + rng.uniform(0.0, 1.0) * late, sample(time + clock, left=place)))
+    arrivals = {}
+    for at, what in sorted(sent, key=lambda pair: pair[0]):
+        arrivals[round(at / DT)] = what
+    return arrivals
+
+
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    loss=st.sampled_from((0.0, 0.3, 0.95)),
+    late=st.sampled_from((0.0, 0.05, 0.3)),
+)
+@settings(
+    deadline=None, max_examples=100, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+def test_no_stream_of_samples_makes_a_jump_or_locks_the_operator_out(seed, loss, late):
+    arrivals = stream(seed, loss, late)
+    made, before, heard, gone = guard(), None, -1.0, 0.0
+    for tick in range(480):
+        time = tick * DT
+        if tick in arrivals:
+            heard = time
+        found = check(made, arrivals.get(tick), time)
+        left = None if found is None or found.left[2] == -PRESS else found.left
+        if left is not None:
+            assert np.isfinite(left).all()
+            gone += np.linalg.norm(left - (SOLES[0] if before is None else before))
+            assert gone <= START + 1e-9
+            assert time - heard <= 0.5 + 1e-9
+        # As in a bucket that empties at the largest speed.
+        before, gone = left, max(0.0, gone - SPEED * DT)
+    # Whatever came: a second of good samples, and the operator leads.
+    for tick in range(480, 700):
+        found = check(made, sample(tick * DT), tick * DT)
+    assert same(found, sample(0.0))
+    assert made.status is DeviceStatus.OK
+
+
+@pytest.mark.parametrize(
+    "option",
+    ["jump_max", "start_max", "lost_after", "speed_max", "late_max", "dt", "low", "press_depth"],
+)
 def test_a_guard_that_guards_nothing_is_refused(option):
     with pytest.raises(ConfigurationError, match=option):
-        DeviceGuard(**{option: 0.0})
+        guard(**{option: 0.0})
 
 
 def test_a_lift_is_a_rising_edge_with_hysteresis():

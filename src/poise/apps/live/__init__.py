@@ -8,12 +8,9 @@ if find_spec("websockets") is None:
     raise MissingExtraError("websockets", "teleop", "Live teleoperation")
 
 from poise.apps.live._drive import DriveLoop as DriveLoop
+from poise.apps.live._feet import LiveFeet as LiveFeet
 from poise.apps.live._gamepad import HostGamepad as HostGamepad
-from poise.apps.live._inputs import (
-    LiveFeet as LiveFeet,
-    OperatorInputs as OperatorInputs,
-    Pad as Pad,
-)
+from poise.apps.live._inputs import OperatorInputs as OperatorInputs, Pad as Pad, Tracked as Tracked
 from poise.apps.live._log import Takes as Takes
 from poise.apps.live._loop import LiveLoop as LiveLoop
 from poise.apps.live._session import DriveSession, LiveSession

@@ -1,13 +1,14 @@
 """`DriveLoop`: a robot that walks with the velocity that somebody asks for, in real time."""
 
+import time as clock
 from collections.abc import Generator
 from pathlib import Path
 
 import numpy as np
 
 from poise.apps.live._inputs import OperatorInputs, Pad
-from poise.apps.live._log import LOG_SUFFIX, LiveLog
-from poise.apps.live._real_time import RealTimeLoop
+from poise.apps.live._log import LOG_SUFFIX, LiveLog, Room
+from poise.apps.live._real_time import RealTimeLoop, command_time
 from poise.apps.live._snapshot import Snapshot
 from poise.control import WholeBodyController
 from poise.dynamics import RobotState
@@ -101,8 +102,7 @@ class DriveLoop(RealTimeLoop):
         seed: int = 0,
     ) -> None:
         super().__init__(robot, plant, seed)
-        folder.mkdir(parents=True, exist_ok=True)
-        self._inputs, self._folder = inputs, folder
+        self._inputs, self._folder, self._room = inputs, folder, Room(folder)
         self.log = LiveLog("whole_body")
         self._ticks: Generator[Tick] | None = None
         self._driver = _Driver(robot, inputs)
@@ -120,17 +120,23 @@ class DriveLoop(RealTimeLoop):
         while (self._folder / f"drive-{number:03}{LOG_SUFFIX}").exists():
             number += 1
         self._path = self._folder / f"drive-{number:03}{LOG_SUFFIX}"
-        self.log.expect(self._path)
+        self._room.look()
+        if not self._room.is_full:
+            self.log.expect(self._path)
         controller = WholeBodyController(self.robot, self._driver.stack)
         estimator = StateEstimator(self.robot)
         self._ticks = rollout(self.plant, controller, self._driver, [self.log], estimator=estimator)
 
     def _tick(self) -> None:
-        if self._ticks is not None:
-            next(self._ticks, None)
+        begin = clock.monotonic()
+        done = None if self._ticks is None else next(self._ticks, None)
+        if done is not None:
+            self._inputs.commanded(command_time(begin, done))
 
     def _flush(self) -> None:
-        """The log's own thread does that."""
+        """The log's own thread does that, as long as there is room."""
+        if self._room.is_full:
+            self.log.end()
 
     def _finish(self) -> None:
         if self._ticks is not None:
@@ -165,7 +171,7 @@ class DriveLoop(RealTimeLoop):
             paused=self._paused,
             speed=self._speed,
             real_time_factor=self._factor,
-            take=self._path.name,
+            take=self._room.notice if self._room.is_full else self._path.name,
             text=self._text(),
         )
 

@@ -8,7 +8,8 @@ Everything that a browser gets comes from one origin on 127.0.0.1, through the p
 - `GET /shapes.json`: what the robot looks like, once.
 - `/control`: a WebSocket. Out of it comes the status, with the pose of every body; into it goes
   what the operator does. A connection that shows the token gets the operator's seat if that is
-  free, and has it until it closes. What any other connection sends is refused and dropped.
+  free, and has it until it closes, or until it has been silent and somebody else comes who shows
+  the token. What any other connection sends is refused and dropped.
 - `GET /takes/NAME`: recordings, with the token.
 
 A request under a foreign host name (one of somebody else's that resolves to this machine) or from a
@@ -31,7 +32,7 @@ from websockets.datastructures import Headers
 from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 
-from poise.apps.live._seat import Seat, is_local, is_same_origin
+from poise.apps.live._seat import Grant, Seat, is_local, is_same_origin
 from poise.apps.report import asset
 from poise.errors import ConfigurationError, PoiseError
 
@@ -53,6 +54,13 @@ _HEADERS = {
     "connect-src 'self' ws://127.0.0.1:* ws://localhost:*",
     "X-Content-Type-Options": "nosniff",
 }
+_PING = 5.0
+"""Every so often [s] a connection has to show that it is there, within twice as long."""
+
+_TOO_LATE = (
+    "You were silent, and somebody else drives now: you can watch. Reload the page when they have "
+    "left."
+)
 _NOT_YOU = {"error": "You are watching: nothing that this page sends moves the robot."}
 
 
@@ -139,6 +147,8 @@ class Front:
             compression=None,
             max_size=_LONGEST,
             close_timeout=1.0,
+            ping_interval=_PING,
+            ping_timeout=2.0 * _PING,
         ):
             self._ready.set()
             await self._stopped.wait()
@@ -175,15 +185,14 @@ class Front:
     async def _connected(self, connection: ServerConnection) -> None:
         assert connection.request is not None
         grant = self.seat.enter(_token(connection.request))
+        if grant.drives:
+            # Whoever had the seat before, and has been silent, does not drive any more.
+            self._desk.left()
         telling: asyncio.Task[None] | None = None
         try:
-            role = "operator" if grant.drives else "watcher"
-            await connection.send(_json({"hello": role, "reason": grant.reason}))
+            await connection.send(_hello(drives=grant.drives, reason=grant.reason))
             telling = asyncio.create_task(self._tell(connection))
-            async for text in connection:
-                reply = self._obey(text) if self.seat.holds(grant) else _NOT_YOU
-                if reply is not None:
-                    await connection.send(_json(reply))
+            await self._listen(connection, grant)
         except ConnectionClosed:
             pass
         finally:
@@ -192,6 +201,20 @@ class Front:
             if self.seat.holds(grant):
                 self.seat.leave(grant)
                 self._desk.left()
+
+    async def _listen(self, connection: ServerConnection, grant: Grant) -> None:
+        """Carries out what the operator's page says, as long as it is the operator's."""
+        drives = grant.drives
+        async for text in connection:
+            if self.seat.hears(grant):
+                reply = self._obey(text)
+            else:
+                if drives:
+                    drives = False
+                    await connection.send(_hello(drives=False, reason=_TOO_LATE))
+                reply = _NOT_YOU
+            if reply is not None:
+                await connection.send(_json(reply))
 
     def _obey(self, text: str | bytes) -> dict[str, Any] | None:
         try:
@@ -233,6 +256,11 @@ def _answer(status: HTTPStatus, body: bytes, kind: str = "text/plain") -> Respon
 
 def _token(request: Request) -> str | None:
     return parse_qs(urlsplit(request.path).query).get("token", [None])[0]
+
+
+def _hello(*, drives: bool, reason: str) -> str:
+    """What a connection is: the operator's, or somebody's who watches."""
+    return _json({"hello": "operator" if drives else "watcher", "reason": reason})
 
 
 def _json(message: dict[str, Any]) -> str:

@@ -21,24 +21,27 @@ class NoGamepadError(PoiseError):
 def pad_from(buttons: Sequence[bool | int], axes: Sequence[float | int]) -> Pad:
     """What a gamepad of the usual layout asks for; the page maps its own the same way.
 
-    The shoulder buttons hold the left and the right foot up, the left stick moves the foot that is
-    up, A brings the torso upright. A robot that is driven goes where the left stick points, and
-    turns with the right one.
+    The shoulder buttons hold the left and the right foot up, either stick moves the foot that is
+    up, or each its own with both of them up; A brings the torso upright. A robot that is driven
+    goes where the left stick points, and turns with the right one.
 
     Args:
         buttons: whether each is pressed.
-        axes: from -1 to 1; the first two are the left stick, to the right and back, the
-            third is the right one, to the right.
+        axes: from -1 to 1: left stick, to the right and back, then the right one likewise.
     """
 
     def pressed(button: int) -> bool:
         return button < len(buttons) and bool(buttons[button])
 
-    x, y, turn = (float(a) if abs(a) > _DEAD else 0.0 for a in (*axes[:3], 0.0, 0.0, 0.0)[:3])
+    def deflection(axis: int) -> float:
+        value = float(axes[axis]) if axis < len(axes) else 0.0
+        return -max(-1.0, min(1.0, value)) if abs(value) > _DEAD else 0.0
+
     return Pad(
         lift=(pressed(_LEFT_SHOULDER), pressed(_RIGHT_SHOULDER)),
-        move=(max(-1.0, min(1.0, -y)), max(-1.0, min(1.0, -x))),
-        turn=max(-1.0, min(1.0, -turn)),
+        move=(deflection(1), deflection(0)),
+        second=(deflection(3), deflection(2)),
+        turn=deflection(2),
         upright=pressed(_A),
     )
 

@@ -1,17 +1,20 @@
 """`Takes`: every live run on the disk, from reset to reset, while it goes on.
 
 `LiveLog`: the signals of a live run, in a log that Foxglove opens.
+`Room`: how much there may be of both.
 """
 
+import math
 import re
 import threading
+import time as clock
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float64
 
-from poise.errors import PoiseError
+from poise.errors import ConfigurationError, PoiseError
 from poise.locomotion import (
     DeviceSample,
     RecordingWriter,
@@ -28,8 +31,48 @@ _CONFIG = RecorderConfig(record_dt=0.05, log_dt=0.0, scene_dt=0.1, on_full="hold
 """The writer's thread takes the interpreter from the robot: at 50 Hz a tick cost a fifth more."""
 
 
+MOST_BYTES = 1 << 30
+"""What the files of live runs in a folder may come to: some ten hours."""
+
+_LOOK_EVERY = 10.0
+"""Time from one look into the folder to the next [s]; a run writes some 20 kB in a second."""
+
+
+class Room:
+    """Whether a folder has room for more of a run. A run that finds none goes on unrecorded.
+
+    Args:
+        folder: where live runs are kept; made when it is not there.
+        most: what its files may come to [bytes].
+    """
+
+    def __init__(self, folder: Path, most: int = MOST_BYTES) -> None:
+        folder.mkdir(parents=True, exist_ok=True)
+        self.folder, self._most = folder, most
+        self._looked_at, self._free = -math.inf, True
+
+    @property
+    def is_full(self) -> bool:
+        """Whether nothing more is recorded; looked up now and then."""
+        if clock.monotonic() - self._looked_at >= _LOOK_EVERY:
+            self.look()
+        return not self._free
+
+    def look(self) -> None:
+        """Looks at once."""
+        self._looked_at = clock.monotonic()
+        self._free = sum(path.stat().st_size for path in self.folder.iterdir()) < self._most
+
+    @property
+    def notice(self) -> str:
+        """What to tell whoever drives when it is full."""
+        return f"not recorded: {self.folder} is full ({self._most / 2**20:.0f} MiB)"
+
+
 class LiveLog:
     """The observer that records live runs: a `Recorder` that is never in the robot's way.
+
+    Nothing is recorded before `expect` says where to.
 
     It samples twenty times a second and keeps nothing in memory, for a run may last hours. The
     file is made when somebody drives. A log that cannot be written ends nothing but itself.
@@ -43,7 +86,7 @@ class LiveLog:
 
     def __init__(self, controller: str = "step teleoperation") -> None:
         self.problem = ""
-        self._controller = controller
+        self._controller, self._tried = controller, True
         self._recorder: Recorder | None = None
 
     def expect(self, path: Path) -> None:
@@ -67,7 +110,8 @@ class LiveLog:
             self._recorder.observe(tick)
 
     def end(self) -> None:
-        """Finishes the file, if there is one."""
+        """Finishes the file, if there is one; a run that goes on is not recorded any more."""
+        self._tried = True
         recorder, self._recorder = self._recorder, None
         if recorder is None:
             return
@@ -103,11 +147,17 @@ class Takes:
         folder: made when it is not there.
         robot: the robot's name.
         dt: length of a tick [s].
+        most_bytes: what the files of the folder may come to; the rest of a run is not recorded.
+
+    Attributes:
+        room: that there is in the folder.
     """
 
-    def __init__(self, folder: Path, *, robot: str, dt: float) -> None:
+    def __init__(
+        self, folder: Path, *, robot: str, dt: float, most_bytes: int = MOST_BYTES
+    ) -> None:
         self.folder, self._robot, self._dt = folder, robot, dt
-        folder.mkdir(parents=True, exist_ok=True)
+        self.room = Room(folder, most_bytes)
         self._writer: RecordingWriter | None = None
         # Held while files change hands; noting a sample does not wait for it.
         self._lock = threading.RLock()
@@ -130,7 +180,9 @@ class Takes:
             self.finish()
             self.path = self.folder / f"take-{self._next('take'):03}{SUFFIX}"
             self._setup, self._ticks = setup, 0
-            self._writer = self._open(self.path, setup)
+            self.room.look()
+            if not self.room.is_full:
+                self._writer = self._open(self.path, setup)
 
     def sample(self, tick: int, sample: DeviceSample | None) -> None:
         """Notes a tick, and what came before it."""
@@ -145,31 +197,38 @@ class Takes:
 
     def flush(self) -> None:
         """Whatever happens to this process, what was noted so far is on the disk."""
-        if self._writer is not None:
-            self._writer.flush()
+        if self._writer is None:
+            return
+        self._writer.flush()
+        if self.room.is_full:
+            self.finish()
 
     def finish(self) -> None:
         """Closes the take; one in which nothing happened leaves no file."""
         with self._lock:
             if self._writer is None:
                 return
-            self._writer.close()
-            self._writer = None
-            if len(read_recording(self.path, allow_partial=True).rows) == 0:
+            writer, self._writer = self._writer, None
+            # The header was written before anybody knew how long the take would be.
+            writer.setup["duration"] = self._ticks * self._dt
+            writer.close()
+            if len(read_recording(self.path).rows) == 0:
                 self.path.unlink()
-            else:
-                # The header was written before anybody knew how long the take would be.
-                self._copy(self.path.with_suffix(".part"), self._ticks).replace(self.path)
 
     def keep(self) -> Path:
         """Writes a finished copy of the take so far; another thread may go on recording.
 
         Returns:
             The copy.
+
+        Raises:
+            ConfigurationError: the folder is full.
         """
         with self._lock:
+            if self._writer is None or self.room.is_full:
+                raise ConfigurationError(f"no copy is kept: {self.name}")
             ticks = self._ticks
-            self.flush()
+            self._writer.flush()
             return self._copy(self.folder / f"kept-{self._next('kept'):03}{SUFFIX}", ticks)
 
     def _copy(self, path: Path, ticks: int) -> Path:
@@ -188,6 +247,11 @@ class Takes:
 
     def _open(self, path: Path, setup: dict[str, Any]) -> RecordingWriter:
         return RecordingWriter(path, robot=self._robot, dt=self._dt, setup=setup)
+
+    @property
+    def name(self) -> str:
+        """Of the take that is recorded, or why none is."""
+        return self.room.notice if self.room.is_full else self.path.name
 
     def _next(self, kind: str) -> int:
         found = (re.fullmatch(rf"{kind}-(\d+)\{SUFFIX}", name) for name in self.files)

@@ -1,16 +1,19 @@
 """`LiveLoop`: a rollout in real time, in a thread of its own, led by whoever is at the controls."""
 
+import time as clock
 from collections import deque
 from collections.abc import Generator, Mapping
 
 import numpy as np
 from jaxtyping import Float64
 
-from poise.apps.live._inputs import LiveFeet, OperatorInputs
+from poise.apps.live._feet import LiveFeet
+from poise.apps.live._inputs import OperatorInputs
 from poise.apps.live._log import LOG_SUFFIX, LiveLog, Takes
-from poise.apps.live._real_time import RealTimeLoop
+from poise.apps.live._real_time import RealTimeLoop, command_time
 from poise.apps.live._snapshot import Snapshot
 from poise.apps.teleoperation import TELEOP_PLANT, teleop_setup
+from poise.dynamics import RobotState
 from poise.locomotion import (
     RecordedPush,
     Recording,
@@ -121,12 +124,27 @@ class LiveLoop(RealTimeLoop):
         while self._pushes and self._pushes[0].tick <= round(self.plant.time / self._dt):
             push = self._pushes.popleft()
             self._push(np.array(push.force), push.duration)
-        if self._ticks is not None and next(self._ticks, None) is not None:
+        begin = clock.monotonic()
+        done = None if self._ticks is None else next(self._ticks, None)
+        if done is not None:
+            self._inputs.commanded(command_time(begin, done))
+            self.forces = self._felt(done.state)
             status = self.teleoperator.status
             tick = round(self.plant.time / self._dt) - 1
             self.takes.sample(tick, None if status is None else status.sample)
         if self.plant.fallen:
             self.takes.flush()
+
+    def _felt(self, state: RobotState) -> list[list[float]]:
+        """What the feet measure, in the teleoperator's world [N]."""
+        dynamics, none = self.teleoperator.estimator.dynamics, np.zeros(6)
+        return [
+            (
+                dynamics.frame(self.robot.frame_id(sole)).rotation
+                @ state.contacts.get(sole, none)[:3]
+            ).tolist()
+            for sole in self.teleoperator.soles
+        ]
 
     def _push(self, force: Float64[np.ndarray, "3"], duration: float) -> None:
         if not self.plant.fallen:
@@ -153,7 +171,8 @@ class LiveLoop(RealTimeLoop):
             duration=_ENDLESS,
         )
         self.takes.begin(setup)
-        self.log.expect(self.takes.path.with_suffix(LOG_SUFFIX))
+        if not self.takes.room.is_full:
+            self.log.expect(self.takes.path.with_suffix(LOG_SUFFIX))
         self._ticks = rollout(
             self.plant,
             self.teleoperator.controller(),
@@ -164,6 +183,8 @@ class LiveLoop(RealTimeLoop):
 
     def _flush(self) -> None:
         self.takes.flush()
+        if self.takes.room.is_full:
+            self.log.end()
 
     def _finish(self) -> None:
         self.takes.finish()
@@ -204,7 +225,7 @@ class LiveLoop(RealTimeLoop):
             paused=self._paused,
             speed=self._speed,
             real_time_factor=self._factor,
-            take=self.takes.path.name,
+            take=self.takes.name,
         )
 
     def _offset(self) -> Float64[np.ndarray, "3"]:

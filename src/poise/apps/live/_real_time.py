@@ -1,6 +1,5 @@
 """`RealTimeLoop`: a simulated robot against the clock, in a thread of its own."""
 
-import queue
 import threading
 import time as clock
 from abc import ABC, abstractmethod
@@ -12,7 +11,7 @@ from jaxtyping import Float64
 
 from poise.apps.live._snapshot import Snapshot
 from poise.robots import Robot
-from poise.sim import Plant, PlantConfig
+from poise.sim import Plant, PlantConfig, Tick
 
 FRAMES_PER_SECOND = 25.0
 SLOW = 0.25
@@ -29,17 +28,32 @@ PUSHES = {
 _PUSH_SPEED, _PUSH_TIME = 0.08, 0.1
 """A push changes the robot's velocity by this [m/s] within this time [s]."""
 
+_PUSH_EVERY = 0.3
+"""Robot time from one push to the next at least [s]."""
+
 _LATE = 0.1
 """Further behind the clock than this [s] the loop gives up catching up."""
 
 _FLUSH_EVERY = 0.25
 
 
+def command_time(begin: float, tick: Tick) -> float:
+    """When a tick's command was there, which is before the plant's step.
+
+    Args:
+        begin: of the tick [s].
+        tick: that has ended.
+    """
+    return begin + tick.estimator_seconds + tick.leader_seconds + tick.controller_seconds
+
+
 class RealTimeLoop(ABC):
     """Runs the robot against the clock and never waits for anybody who looks.
 
-    Orders (`push`, `pause`, ...) are carried out between ticks. An error ends the thread, finishes
-    what is recorded and stays in `error`.
+    Orders (`push`, `pause`, ...) are carried out between ticks. Of each kind only the newest waits
+    for that, and a push that comes while the robot is being pushed is dropped: however many orders
+    come, they cost the robot no time. An error ends the thread, finishes what is recorded and stays
+    in `error`.
 
     Args:
         robot: the robot.
@@ -51,6 +65,8 @@ class RealTimeLoop(ABC):
         plant: the simulated one.
         snapshot: the newest picture of the run; None before the first tick.
         error: what ended the thread, if anything went wrong.
+        forces: of the ground on the left and the right foot in the last tick, forward, left and up
+            [N], for a device that lets the operator feel them; None where nobody leads feet.
     """
 
     def __init__(self, robot: Robot, plant: PlantConfig, seed: int) -> None:
@@ -59,7 +75,10 @@ class RealTimeLoop(ABC):
         self._dt = plant.control_dt
         self.error: Exception | None = None
         self.snapshot: Snapshot | None = None
-        self._orders: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
+        self.forces: list[list[float]] | None = None
+        self._orders: dict[str, Callable[[], None]] = {}
+        self._ordering = threading.Lock()
+        self._pushed_until = 0.0
         self._stop = threading.Event()
         self._paused, self._speed = False, 1.0
         self._progress: deque[tuple[float, float]] = deque()
@@ -113,13 +132,19 @@ class RealTimeLoop(ABC):
         return self._thread.is_alive()
 
     def push(self, direction: str) -> None:
-        """Pushes the torso.
+        """Pushes the torso; not while it is being pushed, or has only just been.
 
         Args:
             direction: one of `PUSHES`.
         """
         force = self.robot.mass * _PUSH_SPEED / _PUSH_TIME * np.array(PUSHES[direction])
-        self._orders.put(lambda: self._push(force, _PUSH_TIME))
+
+        def act() -> None:
+            if self.plant.time >= self._pushed_until:
+                self._pushed_until = self.plant.time + _PUSH_EVERY
+                self._push(force, _PUSH_TIME)
+
+        self._order("push", act)
 
     def pause(self, on: bool) -> None:
         """Lets time stand still, or go on."""
@@ -127,7 +152,7 @@ class RealTimeLoop(ABC):
         def act() -> None:
             self._paused = on
 
-        self._orders.put(act)
+        self._order("pause", act)
 
     def slow(self, on: bool) -> None:
         """Slow motion, or real time."""
@@ -135,17 +160,29 @@ class RealTimeLoop(ABC):
         def act() -> None:
             self._speed = SLOW if on else 1.0
 
-        self._orders.put(act)
+        self._order("slow", act)
 
     def reset(self) -> None:
         """Puts the robot back to its start, and begins anew."""
 
         def act() -> None:
-            self._paused = False
+            self._paused, self._pushed_until = False, 0.0
             self.plant.reset()
             self._begin()
 
-        self._orders.put(act)
+        self._order("reset", act)
+
+    def _order(self, kind: str, act: Callable[[], None]) -> None:
+        with self._ordering:
+            # The newest is the last one to be carried out, too.
+            self._orders.pop(kind, None)
+            self._orders[kind] = act
+
+    def _carry_out(self) -> None:
+        with self._ordering:
+            orders, self._orders = self._orders, {}
+        for act in orders.values():
+            act()
 
     # The thread ----------------------------------------------------------------------------------
 
@@ -159,8 +196,7 @@ class RealTimeLoop(ABC):
     def _loop(self) -> None:
         due = show = flush = clock.perf_counter()
         while not self._stop.is_set():
-            while not self._orders.empty():
-                self._orders.get()()
+            self._carry_out()
             still = self._paused or self.plant.fallen
             if not still:
                 self._tick()

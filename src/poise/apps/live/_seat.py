@@ -2,8 +2,12 @@
 
 import secrets
 import threading
+import time as clock
 from dataclasses import dataclass
 from urllib.parse import urlsplit
+
+SILENT_FOR = 5.0
+"""An operator of whom nothing has been heard for so long [s] keeps nobody from the seat."""
 
 _LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
@@ -24,6 +28,9 @@ class Grant:
 class Seat:
     """The operator's seat: for one at a time, who has it until they leave.
 
+    A page may freeze without leaving. Who is silent loses the seat when somebody else with the
+    token comes, and only then: a page that wakes up alone goes on.
+
     Attributes:
         token: whoever shows it may sit down when the seat is free.
     """
@@ -31,12 +38,13 @@ class Seat:
     def __init__(self) -> None:
         self.token = secrets.token_urlsafe(16)
         self._holder: Grant | None = None
+        self._heard_at = 0.0
         self._lock = threading.Lock()
 
     @property
     def taken(self) -> bool:
-        """Whether there is an operator."""
-        return self._holder is not None
+        """Whether there is an operator, of whom something has been heard lately."""
+        return self._holder is not None and clock.monotonic() - self._heard_at <= SILENT_FOR
 
     def enter(self, token: str | None) -> Grant:
         """Somebody comes, with a token or None to watch."""
@@ -45,13 +53,21 @@ class Seat:
         if not self.shows(token):
             return Grant(False, "The token in the address is wrong: you can watch, not drive.")
         with self._lock:
-            if self._holder is not None:
+            if self.taken:
                 return Grant(
                     False,
                     "Somebody else is driving: you can watch. Reload the page when they have left.",
                 )
-            self._holder = Grant(True)
+            self._holder, self._heard_at = Grant(True), clock.monotonic()
             return self._holder
+
+    def hears(self, grant: Grant) -> bool:
+        """Takes a sign of life of somebody; whether they are the operator."""
+        with self._lock:
+            holds = self.holds(grant)
+            if holds:
+                self._heard_at = clock.monotonic()
+            return holds
 
     def shows(self, token: str) -> bool:
         """Whether a token is the one."""

@@ -66,6 +66,12 @@ _ORDERS: msgspec.json.Decoder[Pad | PushOrder | Pause | Slow | Reset | Keep] = m
 """JSON whose member `do` is the name of an order, or "drive" for a `Pad`."""
 
 
+_RARE = 1.0
+"""Time from one reset to the next, and from one copy to the next, at least [s]."""
+
+_WAIT = {"error": "Not again within a second."}
+
+
 class _Session(ABC):
     """A robot, whoever leads it and whoever looks on.
 
@@ -93,6 +99,7 @@ class _Session(ABC):
     ) -> None:
         self.loop, self.inputs = loop, inputs
         self._gamepad, self._source = gamepad, source
+        self._last: dict[type[_Order], float] = {}
         model = loop.plant.model
         shapes = {"bodies": model.nbody, **shapes_payload(drawn_shapes(model))}
         self.front = Front(self, port=port, shapes=shapes)
@@ -159,7 +166,8 @@ class _Session(ABC):
             case Pad():
                 if self._source == "browser":
                     self.inputs.pad(message)
-                return {"echo": message.beat}
+                # As often as a device asks: what the feet feel is no use to it later.
+                return {"echo": message.beat, "forces": self.loop.forces}
             case PushOrder():
                 self.loop.push(message.value)
             case Pause():
@@ -167,10 +175,20 @@ class _Session(ABC):
             case Slow():
                 self.loop.slow(message.value)
             case Reset():
+                if not self._is_rare(Reset):
+                    return _WAIT
                 self.loop.reset()
             case Keep():
-                return self._keep()
+                return self._keep() if self._is_rare(Keep) else _WAIT
         return None
+
+    def _is_rare(self, order: type[_Order]) -> bool:
+        """Whether an order that writes files has not just been given; from now on it has."""
+        now = clock.monotonic()
+        rare = now - self._last.get(order, -math.inf) >= _RARE
+        if rare:
+            self._last[order] = now
+        return rare
 
     def left(self) -> None:
         """The operator's page has gone: no more samples, the feet go back to the ground."""

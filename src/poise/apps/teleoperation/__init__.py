@@ -1,6 +1,6 @@
 """Step teleoperation in simulation: scripted and recorded foot devices, and everything noted."""
 
-from poise.apps.teleoperation._operators import BadOperator, PoorLink as PoorLink
+from poise.apps.teleoperation._operators import BadOperator, PoorLink
 from poise.apps.teleoperation._run import (
     DEVICE_STATUSES as DEVICE_STATUSES,
     MODES as MODES,
@@ -24,6 +24,7 @@ __all__ = [
     "TELEOP_PLANT",
     "TORQUE_TELEOP_PLANT",
     "BadOperator",
+    "PoorLink",
     "Script",
     "TeleopLog",
     "TeleopRun",

@@ -3,8 +3,10 @@
 `PoorLink`: what an operator commands, late and not all of it.
 """
 
-from collections import deque
+import math
+from bisect import insort
 from collections.abc import Callable
+from operator import itemgetter
 
 import numpy as np
 from jaxtyping import Float64
@@ -145,27 +147,43 @@ class BadOperator:
 
 
 class PoorLink:
-    """A device at the end of a link that delays every sample and loses some.
+    """A device at the end of a link that delays every sample, loses some, and may break.
 
     Args:
         device: at the operator.
-        latency: how long a sample is under way [s].
+        latency: how long a sample is under way at least [s].
         loss: probability that one never arrives.
-        seed: of what is lost.
+        seed: of what is lost, and of what is late.
+        jitter: how much longer a sample may be under way [s]: each as long as chance has it, so
+            that samples overtake each other.
+        cut: when the link breaks for good [s].
     """
 
-    def __init__(self, device: Device, *, latency: float, loss: float, seed: int) -> None:
+    def __init__(
+        self,
+        device: Device,
+        *,
+        latency: float,
+        loss: float,
+        seed: int,
+        jitter: float = 0.0,
+        cut: float = math.inf,
+    ) -> None:
         self._device, self._latency, self._loss = device, latency, loss
+        self._jitter, self._cut = jitter, cut
         self._rng = np.random.default_rng(seed)
-        self._under_way: deque[tuple[float, DeviceSample]] = deque()
+        self._under_way: list[tuple[float, DeviceSample]] = []
 
     def sample(self, time: float) -> DeviceSample | None:
-        """The newest of those that arrive by now; drawn tick by tick, so ask once a tick."""
+        """The last of those that arrive by now; drawn tick by tick, so ask once a tick."""
         sent = self._device.sample(time)
         lost = float(self._rng.random()) < self._loss
+        late = self._jitter * float(self._rng.random()) if self._jitter > 0.0 else 0.0
+        if time >= self._cut:
+            return None
         if sent is not None and not lost:
-            self._under_way.append((time + self._latency, sent))
+            insort(self._under_way, (time + self._latency + late, sent), key=itemgetter(0))
         newest = None
         while self._under_way and self._under_way[0][0] <= time + _ROUNDING:
-            newest = self._under_way.popleft()[1]
+            newest = self._under_way.pop(0)[1]
         return newest

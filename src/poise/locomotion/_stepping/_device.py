@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
 from itertools import pairwise
-from typing import Annotated, Protocol, runtime_checkable
+from typing import Annotated, Protocol, TypeGuard, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float64
@@ -48,17 +48,34 @@ class DeviceStatus(Enum):
     STALE = "no new sample: the last one holds"
     REFUSED = "the last sample was refused: the one before holds"
     LOST = "the device stopped sending: the feet go back to the ground"
+    WAITING = "found again: bring each device down to its foot to take hold of it"
 
 
 class DeviceGuard:
     """Lets no sample through that could move a foot wildly.
 
-    A sample is refused that is not finite, that is older than the one before, or that jumps; where
-    jumps go on for as long as `lost_after`, the device has really moved there, and the sample is
-    taken. Without a good sample for `lost_after` the device counts as lost until one comes.
+    Each device holds its foot or does not. One that holds is followed at `speed_max` on average at
+    most, in the robot's time and however often samples come: in any time t by no more than
+    `start_max` + `speed_max` t, so that no stream of samples makes a jump. A place further than
+    `jump_max` from where the device is followed to is none that a hand got to: it is refused, and
+    the last place holds. So is a sample that is not finite, one that is older than the newest, and
+    one whose stamp is more than `late_max` further from the newest's than the robot's time has
+    passed between them: no link delays that much.
+
+    A device that gives no good sample for `lost_after` lets go of its foot, which is then sent
+    straight down. Stamps are then compared with those that come from then on: a clock that jumps
+    locks nobody out. The device takes hold again where the foot is, by being put down there: no
+    further than `jump_max` from the foot, and no higher than `low` above the ground. It takes hold
+    for the first time in the same way.
 
     Args:
-        jump_max: largest distance of a device from one sample to the next [m].
+        dt: length of a tick [s].
+        low: how far a device may be above its foot's ground to count as put down [m].
+        press_depth: how far below the ground a foot without a device is sent [m].
+        speed_max: largest speed at which a device is followed [m/s].
+        start_max: how far one is followed at once that has not moved for a while [m].
+        jump_max: largest distance of a device from where it is followed to [m].
+        late_max: largest difference of two samples' delays [s].
         lost_after: [s].
 
     Raises:
@@ -68,51 +85,171 @@ class DeviceGuard:
         status: what became of the last sample.
     """
 
-    def __init__(self, *, jump_max: float = 0.15, lost_after: float = 0.5) -> None:
-        self._jump = checked_number(jump_max, "jump_max of the device [m]", above=0.0)
+    def __init__(
+        self,
+        *,
+        dt: float,
+        low: float,
+        press_depth: float,
+        speed_max: float = 2.5,
+        start_max: float = 0.06,
+        jump_max: float = 0.3,
+        late_max: float = 0.5,
+        lost_after: float = 0.5,
+    ) -> None:
+        self._late = checked_number(late_max, "late_max of the device [s]", above=0.0)
         self._lost_after = checked_number(lost_after, "lost_after of the device [s]", above=0.0)
-        self._last: DeviceSample | None = None
-        self._good_at = -math.inf
+        self._press_depth = checked_number(press_depth, "press_depth of the device [m]", above=0.0)
+        step = checked_number(dt, "dt of the device [s]", above=0.0) * checked_number(
+            speed_max, "speed_max of the device [m/s]", above=0.0
+        )
+        start = checked_number(start_max, "start_max of the device [m]", above=0.0)
+        jump = checked_number(jump_max, "jump_max of the device [m]", above=0.0)
+        low = checked_number(low, "low of the device [m]", above=0.0)
+        self._grips = tuple(_Grip(step, start, jump, low, lost_after) for _ in range(2))
+        self._newest: DeviceSample | None = None
+        self._heard_at = -math.inf
         self.status = DeviceStatus.LOST
 
-    def check(self, sample: DeviceSample | None, time: float) -> DeviceSample | None:
+    def check(
+        self,
+        sample: DeviceSample | None,
+        time: float,
+        soles: Sequence[Float64[np.ndarray, "3"]],
+        grounds: Sequence[Float64[np.ndarray, "3"]],
+    ) -> DeviceSample | None:
         """The sample to follow.
 
         Args:
             sample: what came since the last tick, None for nothing.
             time: of the robot [s].
+            soles: where the left and the right sole are [m].
+            grounds: where they stood last on the ground [m].
 
         Returns:
-            The newest good sample, None while the device is lost.
+            Where each device is followed to, or straight below its foot where it does not hold it;
+            None while neither does.
         """
-        last = self._last
-        if sample is not None:
-            if self._is_good(sample, last, time):
-                self._last, self._good_at = sample, time
-                self.status = DeviceStatus.OK
-                return sample
-            self.status = DeviceStatus.REFUSED
-        elif self.status is not DeviceStatus.LOST:
-            self.status = DeviceStatus.STALE
-        if last is None or time - self._good_at > self._lost_after:
-            self.status = DeviceStatus.LOST
+        news = sample if sample is not None and self._is_news(sample, time) else None
+        if news is not None:
+            self._newest, self._heard_at = news, time
+        refused = sample is not None and news is None
+        for foot, grip in enumerate(self._grips):
+            point = None if news is None else news.position(foot)
+            believed = grip.update(point, time, soles[foot], float(grounds[foot][2]))
+            refused = refused or (grip.place is not None and point is not None and not believed)
+        held = [grip.place is not None for grip in self._grips]
+        self.status = self._status(held, time, refused=refused, silent=sample is None)
+        if self._newest is None or not any(held):
             return None
-        return last
+        lowest = min(float(ground[2]) for ground in grounds) - self._press_depth
+        left, right = (
+            np.array([*sole[:2], lowest] if grip.place is None else grip.place)
+            for grip, sole in zip(self._grips, soles, strict=True)
+        )
+        return DeviceSample(self._newest.time, left, right, self._newest.upright)
 
-    def _is_good(self, sample: DeviceSample, last: DeviceSample | None, time: float) -> bool:
-        if not (_is_point(sample.left) and _is_point(sample.right) and math.isfinite(sample.time)):
+    def _status(
+        self, held: Sequence[bool], time: float, *, refused: bool, silent: bool
+    ) -> DeviceStatus:
+        if not any(held):
+            lost = time - self._heard_at > self._lost_after
+            return DeviceStatus.LOST if lost else DeviceStatus.WAITING
+        if refused:
+            return DeviceStatus.REFUSED
+        if not all(held):
+            return DeviceStatus.WAITING
+        return DeviceStatus.STALE if silent else DeviceStatus.OK
+
+    def _is_news(self, sample: DeviceSample, time: float) -> bool:
+        """Whether a sample says where a device is, and is newer than the newest."""
+        if not math.isfinite(sample.time):
             return False
-        if last is None:
-            return True
-        if sample.time <= last.time:
+        if not (_is_point(sample.left) or _is_point(sample.right)):
             return False
-        if time - self._good_at > self._lost_after:
+        passed = time - self._heard_at
+        if self._newest is None or passed > self._lost_after:
             return True
-        steps = (*(sample.left - last.left).tolist(), *(sample.right - last.right).tolist())
-        return max(map(abs, steps)) <= self._jump
+        return 0.0 < sample.time - self._newest.time <= passed + self._late
 
 
-def _is_point(value: object) -> bool:
+class _Grip:
+    """How one device holds its foot.
+
+    Args:
+        step: how far it is followed in a tick, on average [m].
+        start: how far at once, after rest [m].
+        jump: how far it may be from where it is followed to [m].
+        low: how far above the ground it counts as put down [m].
+        lost_after: without a good sample it lets go after this [s].
+
+    Attributes:
+        place: where it is followed to [m]; None while it does not hold its foot.
+    """
+
+    def __init__(
+        self, step: float, start: float, jump: float, low: float, lost_after: float
+    ) -> None:
+        self._step, self._start, self._jump = step, start, jump
+        self._low, self._lost_after = low, lost_after
+        self.place: list[float] | None = None
+        self._goal: list[float] = [0.0] * 3
+        self._good_at = -math.inf
+        self._left = start  # Of the way that may be gone now [m].
+
+    def update(
+        self, point: object, time: float, sole: Float64[np.ndarray, "3"], ground: float
+    ) -> bool:
+        """Takes one tick.
+
+        Args:
+            point: where the device is now [m]; None for nothing new, and anything for a bad one.
+            time: of the robot [s].
+            sole: where its foot is [m].
+            ground: height of the place where the foot stood last [m].
+
+        Returns:
+            Whether the point is followed.
+        """
+        if self.place is not None and time - self._good_at > self._lost_after:
+            # For a tick at least: what is followed does not go from one place to another at once.
+            self.place = None
+            return False
+        good = _is_point(point) and self._holds(point.tolist(), time, sole, ground)
+        if self.place is not None:
+            self.place = self._followed(self.place)
+        return good
+
+    def _holds(
+        self, point: list[float], time: float, sole: Float64[np.ndarray, "3"], ground: float
+    ) -> bool:
+        """Whether the device holds its foot, or takes hold of it now, and is to be followed."""
+        if self.place is None and self._is_put_down(point, sole, ground):
+            self.place = sole.tolist()
+        good = self.place is not None and self._is_near(point, self.place)
+        if good:
+            self._goal, self._good_at = point, time
+        return good
+
+    def _is_put_down(
+        self, point: list[float], sole: Float64[np.ndarray, "3"], ground: float
+    ) -> bool:
+        return self._is_near(point, sole.tolist()) and point[2] - ground <= self._low
+
+    def _is_near(self, point: list[float], place: list[float]) -> bool:
+        return math.dist(point, place) <= self._jump
+
+    def _followed(self, place: list[float]) -> list[float]:
+        away = math.dist(self._goal, place)
+        most = self._left = min(self._left + self._step, self._start)
+        if away <= most:
+            self._left -= away
+            return self._goal
+        self._left = 0.0
+        return [p + most / away * (g - p) for p, g in zip(place, self._goal, strict=True)]
+
+
+def _is_point(value: object) -> TypeGuard[np.ndarray]:
     return (
         isinstance(value, np.ndarray)
         and value.shape == (3,)

@@ -165,7 +165,7 @@ class StepTeleoperator:
             biped.frames, self.soles, biped.weight, p.zmp_time, p.dt
         )
         self._tasks.reset()
-        self._guard = DeviceGuard()
+        self._guard = DeviceGuard(dt=p.dt, low=p.lower_height, press_depth=p.press_depth)
         self._com = self._com_motion()
         self._events = ModeEvents(estimator, sensor, self._com, p, biped.weight)
         self._stance = StanceChoice(estimator, sensor, p, biped.weight)
@@ -246,7 +246,8 @@ class StepTeleoperator:
             dynamics.update(state)
         self.zmp_sensor.update(state, dynamics)
         sample = None if self.device is None else self.device.sample(state.time)
-        command = self._guard.check(sample, state.time)
+        soles = (self.estimator.sole(0), self.estimator.sole(1))
+        command = self._guard.check(sample, state.time, soles, self.estimator.anchors)
         self._move_mode(command, state.time)
         footing = self._footing()
         self._com.drive(footing)

@@ -1,7 +1,7 @@
 "use strict";
 const part = (id) => document.getElementById(id);
 const token = new URLSearchParams(location.search).get("token");
-const BEAT = 33, RETRY = 1000, SPAN = 10;
+const BEAT = 33, QUICK = 8, RETRY = 1000, SPAN = 10, HINT = 6000;
 
 let socket = null, driving = false;
 const keys = { left: false, right: false, upright: false, arrows: new Set() };
@@ -33,9 +33,12 @@ function send(message) {
 
 function take(message) {
   if ("hello" in message) welcome(message);
-  else if ("echo" in message) latency(performance.now() - message.echo);
+  else if ("echo" in message) {
+    latency(performance.now() - message.echo);
+    if (message.forces) feel(message.forces);
+  }
   else if ("kept" in message) kept(message.kept);
-  else if ("error" in message) part("said").textContent = message.error;
+  else if ("error" in message) hint(message.error);
   else show(message);
 }
 
@@ -45,7 +48,7 @@ function welcome(message) {
   part("role").textContent = driving ? "you drive" : "you watch";
   part("role").className = message.hello;
   say(driving ? "" : message.reason || "You are watching. Only the address with the token can drive.");
-  part("help").hidden = part("help").hidden || !driving;
+  if (!driving) help(false);
   view?.allow(driving && !driven());
 }
 
@@ -61,11 +64,28 @@ function warn(text) {
   part("banner").hidden = (notice || text) === "";
 }
 
+// What is said in passing goes again by itself.
+let hinted = 0;
+function hint(text) {
+  put("said", text);
+  clearTimeout(hinted);
+  hinted = setTimeout(() => put("said", "\u00a0"), HINT);
+}
+
 function kept(name) {
+  clearTimeout(hinted);
   const link = document.createElement("a");
   link.href = `/takes/${name}?token=${encodeURIComponent(token)}`;
   link.download = link.textContent = name;
   part("said").replaceChildren("kept as ", link);
+}
+
+// Whether the help was called back: then it stays until it is closed.
+let called = false;
+function help(shown, byHand = false) {
+  called = shown && byHand;
+  part("help").hidden = !shown;
+  part("help-open").setAttribute("aria-expanded", String(shown));
 }
 
 // What is shown -------------------------------------------------------------------------------------
@@ -82,8 +102,8 @@ function show(s) {
   newest = s;
   if (!("time" in s)) return;
   view?.show(s);
-  // Whoever has made a step needs no more help.
-  if (driving && stepping && s.mode === "D") part("help").hidden = true;
+  // Whoever has made a step needs no more help, unless they call for it.
+  if (driving && stepping && s.mode === "D" && !called) help(false);
   if (document.body.dataset.kind !== s.kind) {
     document.body.dataset.kind = s.kind;
     view?.allow(driving && !driven());
@@ -172,41 +192,71 @@ function gamepad() {
   if (!pad) return null;
   const stick = (v) => (Math.abs(v) > 0.15 ? v : 0);
   const pressed = (i) => Boolean(pad.buttons[i]?.pressed);
-  const [x, y, turn] = [0, 1, 2].map((i) => -stick(pad.axes[i] ?? 0));
-  return { lift: [pressed(4), pressed(5)], move: [y, x], turn, upright: pressed(0) };
+  const [x, y, turn, ahead] = [0, 1, 2, 3].map((i) => -stick(pad.axes[i] ?? 0));
+  return { lift: [pressed(4), pressed(5)], move: [y, x], second: [ahead, turn], turn, upright: pressed(0) };
+}
+
+function pad() {
+  const stick = gamepad(), on = (name) => (keys.arrows.has(name) ? 1 : 0);
+  const move = [on("ArrowUp") - on("ArrowDown"), on("ArrowLeft") - on("ArrowRight")];
+  const clip = (v) => Math.max(-1, Math.min(1, v));
+  return {
+    lift: [keys.left || Boolean(stick?.lift[0]), keys.right || Boolean(stick?.lift[1])],
+    move: [clip(move[0] + (stick?.move[0] ?? 0)), clip(move[1] + (stick?.move[1] ?? 0))],
+    second: stick?.second.map(clip) ?? [0, 0],
+    turn: clip((keys.left ? 1 : 0) - (keys.right ? 1 : 0) + (stick?.turn ?? 0)),
+    upright: keys.upright || Boolean(stick?.upright),
+    drag: view?.drags() ?? [null, null],
+  };
+}
+
+let said = "";
+// A gamepad that can shake does so when a foot lands.
+const loaded = [true, true];
+function feel(forces) {
+  const all = forces[0][2] + forces[1][2];
+  forces.forEach(([, , up], foot) => {
+    const before = loaded[foot];
+    if (up < 0.05 * all) loaded[foot] = false;
+    else if (up > 0.25 * all) loaded[foot] = true;
+    if (loaded[foot] && !before) rumble();
+  });
+}
+
+function rumble() {
+  const effect = { duration: 80, strongMagnitude: 0.8, weakMagnitude: 0.4 };
+  for (const stick of navigator.getGamepads?.() ?? [])
+    stick?.vibrationActuator?.playEffect("dual-rumble", effect);
 }
 
 function beat() {
   // A page that nobody sees drives nothing: without beats the robot puts its feet down.
   if (!driving || document.hidden) return;
-  const pad = gamepad(), on = (name) => (keys.arrows.has(name) ? 1 : 0);
-  const move = [on("ArrowUp") - on("ArrowDown"), on("ArrowLeft") - on("ArrowRight")];
-  const clip = (v) => Math.max(-1, Math.min(1, v));
-  send({
-    do: "drive",
-    beat: performance.now(),
-    lift: [keys.left || Boolean(pad?.lift[0]), keys.right || Boolean(pad?.lift[1])],
-    move: [clip(move[0] + (pad?.move[0] ?? 0)), clip(move[1] + (pad?.move[1] ?? 0))],
-    turn: clip((keys.left ? 1 : 0) - (keys.right ? 1 : 0) + (pad?.turn ?? 0)),
-    upright: keys.upright || Boolean(pad?.upright),
-    drag: view?.drags() ?? [null, null],
-  });
+  const now = pad();
+  said = JSON.stringify(now);
+  send({ do: "drive", beat: performance.now(), ...now });
+}
+
+// What changes need not wait for the next beat: keys and buttons say so at once, and handles and
+// gamepads, which do not, are looked at this often.
+function look() {
+  if (driving && JSON.stringify(pad()) !== said) beat();
 }
 
 function press(event, down) {
   if (event.repeat) return;
+  if (event.key === "?" && down) help(part("help").hidden, true);
   const arrow = event.key.startsWith("Arrow") ? event.key : driven() && ARROWS[event.key.toLowerCase()];
   if (event.key === "q" || event.key === "Q") hold("left", down);
   else if (event.key === "e" || event.key === "E") hold("right", down);
   else if (arrow) {
     if (down) {
       keys.arrows.add(arrow);
-      if (driving && !driven() && !keys.left && !keys.right) put("said", "Arrows move the foot that you hold: hold Q or E as well.");
+      if (driving && !driven() && !keys.left && !keys.right) hint("Arrows move the foot that you hold: hold Q or E as well.");
     } else keys.arrows.delete(arrow);
   } else return;
   event.preventDefault();
-  // The robot need not wait for the next beat.
-  beat();
+  look();
 }
 
 function hold(side, down) {
@@ -221,24 +271,37 @@ function release() {
   view?.release();
 }
 
-for (const side of ["left", "right"]) {
-  const button = part(`lift-${side}`);
-  button.addEventListener("pointerdown", (event) => { button.setPointerCapture(event.pointerId); hold(side, true); });
-  for (const end of ["pointerup", "pointercancel"]) button.addEventListener(end, () => hold(side, false));
+// Buttons that are held, by mouse or finger.
+function holds(button, act) {
+  const held = (down) => { act(down); look(); };
+  button.addEventListener("pointerdown", (event) => { button.setPointerCapture(event.pointerId); held(true); });
+  for (const end of ["pointerup", "pointercancel"]) button.addEventListener(end, () => held(false));
+  button.addEventListener("contextmenu", (event) => event.preventDefault());
+}
+
+for (const side of ["left", "right"]) holds(part(`lift-${side}`), (down) => hold(side, down));
+for (const button of document.querySelectorAll("[data-arrow]")) {
+  const { arrow, side } = button.dataset;
+  holds(button, (down) => {
+    if (side) hold(side, down);
+    else keys.arrows[down ? "add" : "delete"](arrow);
+  });
 }
 for (const button of document.querySelectorAll("[data-push]"))
   button.addEventListener("click", () => send({ do: "push", value: button.dataset.push }));
 const toggled = (id) => !part(id).classList.contains("on");
 part("pause").addEventListener("click", () => send({ do: "pause", value: toggled("pause") }));
 part("slow").addEventListener("click", () => send({ do: "slow", value: toggled("slow") }));
-part("upright").addEventListener("click", () => { keys.upright = toggled("upright"); part("upright").classList.toggle("on", keys.upright); });
+part("upright").addEventListener("click", () => { keys.upright = toggled("upright"); part("upright").classList.toggle("on", keys.upright); look(); });
 part("reset").addEventListener("click", () => send({ do: "reset" }));
 part("keep").addEventListener("click", () => send({ do: "keep" }));
-part("help-close").addEventListener("click", () => { part("help").hidden = true; });
+part("help-close").addEventListener("click", () => help(false));
+part("help-open").addEventListener("click", () => help(part("help").hidden, true));
 window.addEventListener("keydown", (event) => press(event, true));
 window.addEventListener("keyup", (event) => press(event, false));
 window.addEventListener("blur", release);
 document.addEventListener("visibilitychange", release);
-setInterval(beat, BEAT);
+const beating = setInterval(beat, BEAT);
+const looking = setInterval(look, QUICK);
 requestAnimationFrame(paint);
 openView().catch((error) => put("no-view", `The robot cannot be drawn here (${error.message}).`)).finally(join);

@@ -1,0 +1,192 @@
+"""`bench_latency`: from a pose that a client sends over the websocket to the robot's command."""
+
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from benchmarks.recording import Progress
+from benchmarks.result import Figure, Result, text_table
+from poise.apps.live import LiveSession
+from poise.apps.teleoperation import TELEOP_PLANT, TORQUE_TELEOP_PLANT
+from poise.errors import ConfigurationError, PoiseError, UnknownNameError
+from poise.robots import load_robot
+
+BOUND_MS = 20.0
+"""From pose to command at most, 99th percentile, on a machine with nothing else to do [ms]."""
+
+STAGES = ("sent to arrived", "arrived to sampled", "sampled to commanded", "sent to commanded")
+"""Between the stages, and all of it."""
+
+_PLANTS = {"velocity": TELEOP_PLANT, "torque": TORQUE_TELEOP_PLANT}
+
+_WARM_UP = 20
+"""Messages before those that count."""
+
+_PATIENCE = 120.0
+
+# A process of its own, as a browser is: the robot's has no time to spare for a client.
+_CLIENT = """
+import json, sys, threading, time
+from websockets.sync.client import connect
+url, count, rate = sys.argv[1], int(sys.argv[2]), float(sys.argv[3])
+with connect(url, proxy=None, max_queue=None) as socket:
+    def hear():
+        try:
+            for _ in socket:
+                pass
+        except Exception:
+            pass
+    threading.Thread(target=hear, daemon=True).start()
+    begin = time.monotonic()
+    for k in range(count):
+        time.sleep(max(0.0, begin + k / rate - time.monotonic()))
+        pad = {"do": "drive", "beat": 1e3 * time.monotonic(), "lift": [False, k % 300 > 150]}
+        socket.send(json.dumps(pad))
+"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class LatencyBench:
+    """What to time; checked when made.
+
+    Attributes:
+        robot: name or path of a biped.
+        actuation: what is commanded, "velocity" or "torque".
+        messages: that count.
+        rate: at which a client sends [Hz].
+    """
+
+    robot: str = "biped20"
+    actuation: str = "velocity"
+    messages: int = 1000
+    rate: float = 60.0
+
+    def __post_init__(self) -> None:
+        if self.actuation not in _PLANTS:
+            raise UnknownNameError("no such actuation", got=self.actuation, choices=tuple(_PLANTS))
+        if self.messages < 1 or not 0.0 < self.rate <= 1000.0:
+            raise ConfigurationError(
+                "nothing to time",
+                got=(self.messages, self.rate),
+                wanted="at least one message, at up to 1000 Hz",
+            )
+
+
+@dataclass(frozen=True, kw_only=True)
+class LatencyResult(Result):
+    """How long messages take from one stage to the next.
+
+    Attributes:
+        robot: name of the robot.
+        actuation: what is commanded.
+        stage: one of `STAGES`.
+        p50_ms: median [ms].
+        p99_ms: 99th percentile [ms].
+        max_ms: longest [ms].
+        messages: that arrived and were not overtaken.
+        real_time_factor: robot time over clock time: below 1 the machine is too slow for the robot.
+    """
+
+    robot: str
+    actuation: str
+    stage: str
+    p50_ms: float
+    p99_ms: float
+    max_ms: float
+    messages: int
+    real_time_factor: float
+
+
+def bench_latency(plan: LatencyBench, progress: Progress | None = None) -> list[LatencyResult]:
+    """Runs a live session, and a client in a process of its own that lifts a foot now and then.
+
+    Both read the machine's monotonic clock. Stages: the client sends a message; it has arrived; the
+    robot's loop takes it at a tick's beginning; the controller has its command.
+
+    Args:
+        plan: what to time.
+        progress: told how many messages were taken.
+
+    Returns:
+        A result for each of `STAGES`.
+
+    Raises:
+        PoiseError: the robot cannot be walked, or hardly any message arrives.
+    """
+    robot = load_robot(plan.robot)
+    wanted = plan.messages + _WARM_UP
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        LiveSession(robot, folder, plant=_PLANTS[plan.actuation]) as session,
+    ):
+        # In the first ticks the processor has yet to find everything.
+        time.sleep(1.0)
+        began, first = time.monotonic(), session.loop.plant.time
+        _send(session, wanted, plan.rate, progress)
+        factor = (session.loop.plant.time - first) / (time.monotonic() - began)
+        stages = np.array(session.inputs.stages)[_WARM_UP:]
+    if len(stages) < 0.5 * plan.messages:
+        raise PoiseError(f"of {plan.messages} messages {len(stages)} were taken")
+    spans = 1e3 * np.column_stack((np.diff(stages, axis=1), stages[:, -1] - stages[:, 0]))
+    return [
+        LatencyResult(
+            robot=robot.name,
+            actuation=plan.actuation,
+            stage=stage,
+            p50_ms=float(np.median(span)),
+            p99_ms=float(np.percentile(span, 99.0)),
+            max_ms=float(span.max()),
+            messages=len(span),
+            real_time_factor=factor,
+        )
+        for stage, span in zip(STAGES, spans.T, strict=True)
+    ]
+
+
+def latency_figures(results: Sequence[LatencyResult]) -> list[Figure]:
+    """What must hold of them."""
+    whole = results[-1]
+    name = f"{whole.stage}, {whole.robot}, {whole.actuation}"
+    spans = {"median": whole.p50_ms, "99th percentile": whole.p99_ms}
+    return [
+        Figure(name=f"{name}: {what} [ms]", bound=BOUND_MS, ours=ours, ok=ours <= BOUND_MS)
+        for what, ours in spans.items()
+    ]
+
+
+def format_latency_table(results: Sequence[LatencyResult]) -> str:
+    """The stages, and the figures, for a terminal."""
+    first = results[0]
+    rows = [(r.stage, [f"{ms:.2f}" for ms in (r.p50_ms, r.p99_ms, r.max_ms)], "") for r in results]
+    figures = [
+        f"{f.name}: {f.ours:.2f}, at most {f.bound:.0f}: {'ok' if f.ok else 'NOT MET'}"
+        for f in latency_figures(results)
+    ]
+    head = (
+        f"{first.robot}, {first.actuation}, {first.messages} messages, times in ms, "
+        f"real-time factor {first.real_time_factor:.2f}"
+    )
+    return "\n".join([head, *text_table(("p50", "p99", "max"), rows), "", *figures])
+
+
+def _send(session: LiveSession, count: int, rate: float, progress: Progress | None) -> None:
+    """Has a client send messages, and waits for its end."""
+    token, port = session.front.seat.token, session.front.port
+    url = f"ws://127.0.0.1:{port}/control?token={token}"
+    end = time.monotonic() + count / rate + _PATIENCE
+    with subprocess.Popen([sys.executable, "-c", _CLIENT, url, str(count), str(rate)]) as client:
+        while client.poll() is None:
+            if time.monotonic() > end:
+                client.kill()
+            if progress is not None:
+                progress(float(len(session.inputs.stages)), float(count))
+            time.sleep(0.2)
+    if client.returncode != 0:
+        raise PoiseError("the client has failed")
+    # What was sent last, too.
+    time.sleep(0.1)

@@ -1,0 +1,150 @@
+"""`LiveFeet`: what the operator does, as two foot devices that move smoothly: a `Device`."""
+
+import math
+
+import numpy as np
+from jaxtyping import Float64
+
+from poise.apps.live._inputs import OperatorInputs, Pad, Place, Tracked
+from poise.locomotion import DeviceSample, StepTeleoperator
+
+HOLD_HEIGHT = 0.10
+"""A foot that is lifted by a button is held this far above its place on the ground [m]."""
+
+_SPEED = 0.6
+"""A device follows its handle no faster than this [m/s], however the mouse jumps."""
+_DOWN_SPEED = 0.15
+"""A foot that is let go comes down at this speed [m/s]."""
+_STICK_SPEED = 0.25
+"""Speed of a lifted foot with the stick all the way over [m/s]."""
+_TRACKED_SPEED = 1.5
+"""A device follows a tracked hand or foot no faster than this, along an axis [m/s]."""
+_STRAY = 0.3
+"""A tracked hand or foot that is further away from one message to the next [m] is another thing."""
+_STICK_LEAD = 0.06
+"""The stick moves a device no further than this ahead of its foot, along an axis [m]."""
+_HANDLE_LEAD = 0.4
+"""A handle, hand or foot is followed no further than this away from the robot's foot, along an axis
+[m]: further than a leg reaches, and near enough to be back within a second."""
+
+
+class _Clutch:
+    """Where a tracked hand or foot leads to: by how it moved since it took hold.
+
+    It takes hold when its clutch closes, which has to be seen: one that is closed when the tracker
+    finds it, or that is found elsewhere than it was lost, leads nothing until it was open.
+    """
+
+    def __init__(self) -> None:
+        self._open = False
+        self._offset: Float64[np.ndarray, "3"] | None = None
+        self._last: Place = (0.0, 0.0, 0.0)
+
+    def follow(
+        self, tracked: Tracked | None, place: Float64[np.ndarray, "3"]
+    ) -> Float64[np.ndarray, "3"] | None:
+        """Takes what the tracker says.
+
+        Args:
+            tracked: None for nothing.
+            place: of the device, from where it leads when it takes hold now [m].
+
+        Returns:
+            Where it leads to [m]; None while it does not.
+        """
+        if tracked is None or not tracked.clutch:
+            self._open, self._offset = tracked is not None, None
+            return None
+        if self._offset is None:
+            if not self._open:
+                return None
+            self._offset = place - np.array(tracked.position)
+        elif math.dist(tracked.position, self._last) > _STRAY:
+            self._offset = None
+        self._open, self._last = False, tracked.position
+        return None if self._offset is None else np.array(tracked.position) + self._offset
+
+
+class LiveFeet:
+    """Two devices for the feet of a robot, left and right.
+
+    A foot is held by a tracked hand or foot whose clutch is closed, by dragging its handle, or by a
+    button, and then moved by the stick. A foot that
+    is let go comes down where it is. With both feet on the ground a device that holds nothing is on
+    its foot: the handle snaps back after landing.
+
+    Args:
+        inputs: what the operator does.
+        teleoperator: knows where the feet are.
+
+    Attributes:
+        offset: from the world that the teleoperator estimates to the drawn one, x, y, z [m].
+        places: where the devices are, left and right, in the teleoperator's world [m].
+    """
+
+    def __init__(self, inputs: OperatorInputs, teleoperator: StepTeleoperator) -> None:
+        self._inputs, self._teleoperator = inputs, teleoperator
+        self._dt = teleoperator.parameters.dt
+        self.offset: Float64[np.ndarray, "3"] = np.zeros(3)
+        self.places = [anchor.copy() for anchor in teleoperator.estimator.anchors]
+        self._clutches = (_Clutch(), _Clutch())
+
+    def sample(self, time: float) -> DeviceSample | None:
+        """Where the devices are.
+
+        Args:
+            time: of the robot [s].
+
+        Returns:
+            None while nobody is at the controls.
+        """
+        pad = self._inputs.read()
+        if pad is None:
+            # Whoever comes next finds the devices on the feet.
+            self.places = [anchor.copy() for anchor in self._teleoperator.estimator.anchors]
+            self._clutches = (_Clutch(), _Clutch())
+            return None
+        for foot in (0, 1):
+            goal, speed, down = self._goal(foot, pad)
+            most = self._dt * speed
+            step = np.clip(goal - self.places[foot], -most, most)
+            if down:
+                step[2] = max(step[2], -self._dt * _DOWN_SPEED)
+            self.places[foot] = self.places[foot] + step
+        left, right = (place.copy() for place in self.places)
+        return DeviceSample(time, left, right, pad.upright)
+
+    def _goal(self, foot: int, pad: Pad) -> tuple[Float64[np.ndarray, "3"], float, bool]:
+        """Where a device goes [m], how fast [m/s], and whether because it was let go."""
+        estimator, place = self._teleoperator.estimator, self.places[foot]
+        tracked = self._clutches[foot].follow(pad.tracked[foot], place)
+        anchor, drag, sole = estimator.anchors[foot], pad.drag[foot], estimator.sole(foot)
+        if tracked is not None:
+            return _near(tracked, sole), _TRACKED_SPEED, False
+        if drag is not None:
+            return _near(np.array(drag) - self.offset, sole), _SPEED, False
+        mode = self._teleoperator.mode
+        in_air = mode.single and mode.support != foot
+        if pad.lift[foot]:
+            height = anchor[2] + HOLD_HEIGHT
+            if not in_air:
+                return np.array([anchor[0], anchor[1], height]), _SPEED, False
+            moved = place[:2] + self._dt * _STICK_SPEED * _stick(pad, foot)
+            moved = np.clip(moved, sole[:2] - _STICK_LEAD, sole[:2] + _STICK_LEAD)
+            return np.array([*moved, height]), _SPEED, False
+        if in_air:
+            lowest = anchor[2] - self._teleoperator.parameters.press_depth
+            return np.array([*sole[:2], lowest]), _SPEED, True
+        return anchor, _SPEED, False
+
+
+def _near(goal: Float64[np.ndarray, "3"], sole: Float64[np.ndarray, "3"]) -> np.ndarray:
+    """A place, no further from a sole than anything may lead it."""
+    return np.clip(goal, sole - _HANDLE_LEAD, sole + _HANDLE_LEAD)
+
+
+def _stick(pad: Pad, foot: int) -> Float64[np.ndarray, "2"]:
+    """Where a foot is led by sticks, forward and left, from -1 to 1."""
+    if all(pad.lift):
+        return np.array((pad.move, pad.second)[foot])
+    return np.clip(np.add(pad.move, pad.second), -1.0, 1.0)

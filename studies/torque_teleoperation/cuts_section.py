@@ -1,0 +1,140 @@
+"""The operator's connection is cut in the middle of a step, in ten phases of it."""
+
+import math
+from dataclasses import dataclass, replace
+from functools import cache
+
+import numpy as np
+
+from poise.apps.teleoperation import TORQUE_TELEOP_PLANT, PoorLink, run_teleop
+from poise.locomotion import Mode, ScriptedDevice, StepTeleoperator, WayPoint
+from poise.robots import Robot, load_robot
+from studies.finding import Finding, Section, Table
+from studies.plan import Progress, StudyOptions
+from studies.trials import run_each
+
+ROBOTS = ("biped20", "humanoid33", "g1")
+PHASES = 10
+
+_ATTITUDE = math.radians(0.5)
+"""Constant error of the attitude, about both axes [rad]."""
+
+_LIFT, _LOWER, _END = 0.5, 1.8, 2.4
+"""When the hand begins to lift, begins to lower, and is down [s]."""
+
+_DURATION = 5.0
+_STEP, _HEIGHT = 0.12, 0.08
+"""Of the hand, for a COM height of 0.765 m [m]."""
+_REST = 0.05
+"""Speed of the COM below which a robot has come to rest [m/s]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Trial:
+    """What a worker is asked for: a robot, and when its operator is cut off [s]."""
+
+    robot: str
+    cut: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outcome:
+    """What became of a trial.
+
+    Attributes:
+        trial: which.
+        mode: of the robot when the connection was cut.
+        fell: whether the robot fell.
+        down_after: time from the cut until both feet carry for good [s].
+        rests: whether it stands still on both feet in the end.
+        tilt: largest angle of the torso [rad].
+    """
+
+    trial: Trial
+    mode: str
+    fell: bool
+    down_after: float
+    rests: bool
+    tilt: float
+
+
+@cache
+def _robot(name: str) -> Robot:
+    return load_robot(name)
+
+
+def _hands(teleoperator: StepTeleoperator) -> ScriptedDevice:
+    """A step of the left foot, in the size of the robot."""
+    start = teleoperator.resting_sample
+    com = float(teleoperator.estimator.dynamics.com[2] - start.left[2])
+    ahead, height = _STEP * com / 0.765, _HEIGHT * com / 0.765
+    places = ((_LIFT, 0.0, 0.0), (1.2, ahead, height), (_LOWER, ahead, height), (_END, ahead, 0.0))
+    points = [WayPoint(at=at, left=(x, 0.0, z)) for at, x, z in places]
+    return ScriptedDevice(points, start.left, start.right)
+
+
+def run_trial(trial: Trial) -> Outcome:
+    """Runs a trial."""
+    plant = TORQUE_TELEOP_PLANT.with_noise()
+    error = (_ATTITUDE, _ATTITUDE)
+    plant = replace(plant, sensors=replace(plant.sensors, base_orientation_error=error))
+    run = run_teleop(
+        _robot(trial.robot),
+        lambda t: PoorLink(_hands(t), latency=0.0, loss=0.0, seed=0, cut=trial.cut),
+        plant,
+        duration=_DURATION,
+    )
+    log = run.log
+    double = log.when(Mode.D)
+    lifted = log.time[~double]
+    speed = np.linalg.norm(log.com[-1] - log.com[-50]) / (log.time[-1] - log.time[-50])
+    return Outcome(
+        trial=trial,
+        mode=tuple(Mode)[int(log.mode[np.searchsorted(log.time, trial.cut)])].name,
+        fell=run.fell,
+        down_after=max(0.0, float(lifted[-1]) - trial.cut) if len(lifted) else 0.0,
+        rests=bool(double[-1]) and float(speed) < _REST,
+        tilt=float(log.tilt.max()),
+    )
+
+
+def cuts_section(options: StudyOptions, progress: Progress) -> Section:
+    """The section."""
+    robots = ROBOTS[:1] if options.quick else ROBOTS
+    cuts = np.linspace(_LIFT + 0.05, _END, PHASES).tolist()
+    trials = [Trial(robot=robot, cut=cut) for robot in robots for cut in cuts]
+    outcomes = run_each(run_trial, Outcome, trials, progress)
+    return Section(
+        prose=(
+            "A hand lifts the left device, carries it ahead and puts it down; from a moment on "
+            "nothing more arrives. The foot holds for half a second, then comes straight down, "
+            "and the robot comes to rest on both feet.",
+        ),
+        findings=tuple(
+            _finding(robot, [outcomes[t] for t in trials if t.robot == robot]) for robot in robots
+        ),
+        tables=(
+            Table(
+                title="Connections cut in mid-step",
+                header="robot | cut at [s] | mode then | fell | down after [s] | at rest | "
+                "lean [rad]",
+                rows=tuple(_row(outcomes[trial]) for trial in trials),
+            ),
+        ),
+    )
+
+
+def _finding(robot: str, group: list[Outcome]) -> Finding:
+    bad = sum(o.fell or not o.rests for o in group)
+    return Finding(
+        name=f"{robot}: falls, or no rest, of {len(group)} connections cut in mid-step",
+        paper=0.0,
+        ours=bad,
+        ok=bad == 0,
+        note=f"both feet carry within {max(o.down_after for o in group):.1f} s",
+    )
+
+
+def _row(o: Outcome) -> tuple[str | float, ...]:
+    fell, rests = ("yes" if flag else "no" for flag in (o.fell, o.rests))
+    return (o.trial.robot, o.trial.cut, o.mode, fell, o.down_after, rests, o.tilt)

@@ -1,0 +1,118 @@
+"""An operator whose samples come late, in any order, from elsewhere, or not at all any more."""
+
+import numpy as np
+import pytest
+
+pytest.importorskip("mujoco")
+
+from poise.apps.teleoperation import TELEOP_PLANT, PoorLink, run_teleop
+from poise.locomotion import DeviceSample, DeviceStatus, Mode, ScriptedDevice, WayPoint
+
+LIFT, LOWER = 0.5, 1.6
+PLACES = ((LIFT, 0.0, 0.0), (1.1, 0.08, 0.08), (LOWER, 0.08, 0.08), (2.1, 0.08, -0.02))
+"""A step of the right foot: when, how far ahead, how high [s, m, m]."""
+
+
+ASTRAY = 1.55
+"""When the hands are found elsewhere: the foot is held up by then [s]."""
+
+
+def a_step(teleoperator):
+    """Hands that make a step."""
+    start = teleoperator.resting_sample
+    points = [WayPoint(at=at, right=(x, 0.0, z)) for at, x, z in PLACES]
+    return ScriptedDevice(points, start.left, start.right)
+
+
+def over(**link):
+    """The same hands at the end of a poor link."""
+
+    def make(teleoperator):
+        return PoorLink(a_step(teleoperator), **{"latency": 0.0, "loss": 0.0, "seed": 3} | link)
+
+    return make
+
+
+def last(run):
+    return tuple(Mode)[run.log.mode[-1]], tuple(DeviceStatus)[run.log.device[-1]]
+
+
+@pytest.mark.parametrize("cut", np.linspace(LIFT + 0.05, 2.1, 10).round(3))
+def test_a_connection_that_is_cut_in_mid_step_throws_nobody(get_robot, cut):
+    run = run_teleop(get_robot("biped20"), over(cut=cut), TELEOP_PLANT.with_noise(), duration=3.5)
+    log = run.log
+    assert not run.fell
+    assert last(run) == (Mode.D, DeviceStatus.LOST)
+    # It stands, on both feet and in the middle of them.
+    np.testing.assert_allclose(log.soles[-1, :, 2], 0.0, atol=4e-3)
+    np.testing.assert_allclose(log.com[-1, :2], log.zmp_reference[-1], atol=0.02)
+    assert np.abs(log.com[-1] - log.com[-20]).max() < 5e-3
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_link_that_loses_delays_and_mixes_up_samples_still_makes_a_step(get_robot, seed):
+    device = over(loss=0.5, jitter=0.3, seed=seed)
+    run = run_teleop(get_robot("biped20"), device, TELEOP_PLANT.with_noise(), duration=4.0)
+    assert not run.fell
+    assert len(run.log.entries(Mode.SL)) == 1
+    assert last(run)[0] is Mode.D
+    assert run.log.soles[-1, 1, 0] - run.log.soles[0, 1, 0] > 0.05
+
+
+class Strays:
+    """Hands that make a step; in the middle of it the tracker finds them elsewhere."""
+
+    def __init__(self, teleoperator, at, offset):
+        self._device, self._at, self._offset = a_step(teleoperator), at, np.array(offset)
+
+    def sample(self, time):
+        said = self._device.sample(time)
+        if time < self._at:
+            return said
+        return DeviceSample(time, said.left + self._offset, said.right + self._offset)
+
+
+@pytest.mark.parametrize("offset", [(0.5, 0.0, 0.0), (0.0, -2.0, 0.3), (0.0, 0.0, 0.4)], ids=str)
+def test_hands_that_are_found_elsewhere_move_no_foot(get_robot, offset):
+    run = run_teleop(
+        get_robot("biped20"),
+        lambda teleoperator: Strays(teleoperator, ASTRAY, offset),
+        TELEOP_PLANT.with_noise(),
+        duration=3.5,
+    )
+    log = run.log
+    assert not run.fell
+    assert last(run)[0] is Mode.D
+    # The foot comes down where the hand was last believed, and does not go after it.
+    assert abs(log.soles[-1, 1, 0] - 0.08) < 0.05
+    before = log.soles[log.time < ASTRAY][-1, 1]
+    assert np.abs(log.soles[log.time >= ASTRAY][:, 1, :2] - before[:2]).max() < 0.05
+    assert log.soles[log.time >= ASTRAY][:, 1, 2].max() < 0.09
+
+
+class Naps:
+    """Hands that fall silent with a foot in the air, and come back with it still held up."""
+
+    def __init__(self, teleoperator):
+        self._device, self._start = a_step(teleoperator), teleoperator.resting_sample
+
+    def sample(self, time):
+        if 1.2 <= time < 2.5:
+            return None
+        if time < 2.5:
+            return self._device.sample(time)
+        # Held up for a second, put down, and lifted anew.
+        height = 0.08 if time < 3.5 else max(0.0, min(0.08, 0.2 * (time - 4.0)))
+        right = self._start.right + [0.08, 0.0, height]
+        return DeviceSample(time, self._start.left, right)
+
+
+def test_who_comes_back_leads_only_after_putting_the_device_down(get_robot):
+    run = run_teleop(get_robot("biped20"), Naps, TELEOP_PLANT.with_noise(), duration=6.0)
+    log = run.log
+    assert not run.fell
+    entries = log.entries(Mode.SL)
+    assert len(entries) == 2
+    assert entries[1] > 4.0
+    waiting = tuple(DeviceStatus).index(DeviceStatus.WAITING)
+    assert (log.device[(log.time > 2.6) & (log.time < 3.4)] == waiting).all()

@@ -1,0 +1,31 @@
+"""The study of torque-level teleoperation: connections that are cut in mid-step."""
+
+from dataclasses import replace
+
+import pytest
+
+pytest.importorskip("mujoco")
+
+from studies.torque_teleoperation.cuts_section import Trial, _finding, _row, run_trial
+
+
+@pytest.fixture(scope="module")
+def outcome():
+    """Of a foot that is in the air."""
+    return run_trial(Trial(robot="biped20", cut=1.6))
+
+
+def test_a_foot_in_the_air_comes_down_and_the_robot_rests(outcome):
+    assert outcome.mode == "SR"
+    assert not outcome.fell
+    assert outcome.rests
+    # Half a second of patience, and the way down.
+    assert 0.5 < outcome.down_after < 1.5
+    assert _row(outcome)[:4] == ("biped20", 1.6, "SR", "no")
+
+
+def test_a_fall_or_a_robot_that_does_not_rest_fails_the_finding(outcome):
+    assert _finding("biped20", [outcome]).ok
+    for bad in (replace(outcome, fell=True), replace(outcome, rests=False)):
+        finding = _finding("biped20", [outcome, bad])
+        assert (finding.ok, finding.ours) == (False, 1)
