@@ -36,9 +36,10 @@ def add_parser(verbs: Any) -> None:
     )
     parser.add_argument(
         "--actuation",
-        choices=("velocity", "torque"),
-        default="velocity",
-        help="what the robot is commanded: velocities of its joints, as in the paper, or torques "
+        choices=("torque", "velocity"),
+        default="torque",
+        help="what the robot is commanded: torques, so that its feet lie as the ground does, or "
+        "velocities of its joints, as in the paper and for robots that take nothing else "
         "(default: %(default)s; with a recording, what it was made with)",
     )
     parser.add_argument(
@@ -88,7 +89,7 @@ def _plant(options: argparse.Namespace, robot: Any, recording: Any) -> Any:
         terrain_blocks,
     )
 
-    plant = TORQUE_TELEOP_PLANT if options.actuation == "torque" else TELEOP_PLANT
+    plant = TELEOP_PLANT if options.actuation == "velocity" else TORQUE_TELEOP_PLANT
     if recording is not None and "plant" in recording.setup:
         plant = plant_from_json(recording.setup["plant"])
     if options.terrain is None:

@@ -19,10 +19,13 @@ def live():
 
 @pytest.fixture(scope="session")
 def run_session(live, get_robot):
-    """Starts a session on biped20."""
+    """Starts a session on biped20, at velocity level where nothing else is asked for: it is quick."""
+
+    from poise.apps.teleoperation import TELEOP_PLANT
 
     @contextmanager
     def run(folder, **options):
+        options = {"plant": TELEOP_PLANT, **options}
         with live.LiveSession(get_robot("biped20"), folder, **options) as session:
             yield session
 

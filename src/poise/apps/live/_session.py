@@ -20,7 +20,7 @@ from poise.apps.live._loop import LiveLoop
 from poise.apps.live._real_time import RealTimeLoop
 from poise.apps.report import shapes_payload
 from poise.apps.scenarios import drawn_shapes
-from poise.apps.teleoperation import TELEOP_PLANT
+from poise.apps.teleoperation import TORQUE_TELEOP_PLANT
 from poise.errors import ConfigurationError
 from poise.locomotion import Recording
 from poise.robots import Robot
@@ -236,7 +236,7 @@ class LiveSession(_Session):
         port: of the page; 0 for any that is free.
         gamepad: whether a gamepad on this machine drives the feet, in place of the page.
         recording: plays this in place of a person.
-        plant: with velocity actuation.
+        plant: with torque actuation, or velocity, as in the paper.
         seed: of the sensor noise.
 
     Raises:
@@ -257,7 +257,7 @@ class LiveSession(_Session):
         port: int = 0,
         gamepad: bool = False,
         recording: Recording | None = None,
-        plant: PlantConfig = TELEOP_PLANT,
+        plant: PlantConfig = TORQUE_TELEOP_PLANT,
         seed: int = 0,
     ) -> None:
         inputs = OperatorInputs()
