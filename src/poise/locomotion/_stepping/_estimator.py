@@ -33,6 +33,8 @@ class ZmpSensor:
     Attributes:
         zmp: x and y [m].
         loads: normal forces, left and right [N].
+        centres: centre of pressure of each sole, along and across it from its own centre [m]; None
+            where nothing presses.
     """
 
     def __init__(
@@ -47,6 +49,7 @@ class ZmpSensor:
         self._gain = dt / (time_constant + dt)
         self.zmp: Float64[np.ndarray, "2"] = np.zeros(2)
         self.loads: Float64[np.ndarray, "2"] = np.zeros(2)
+        self.centres: list[tuple[float, float] | None] = [None, None]
         self._fresh = True
 
     def update(self, state: RobotState, dynamics: Dynamics) -> None:
@@ -61,6 +64,7 @@ class ZmpSensor:
             wrench = state.contacts.get(name)
             _, _, load, mx, my, _ = _NO_WRENCH if wrench is None else wrench.tolist()
             self.loads[i] = load = load if load > 0.0 else 0.0  # not a number is no load
+            self.centres[i] = (-my / load, mx / load) if load > self._least else None
             if load > self._least:
                 position, rotation = dynamics.placement(frame_id)
                 (x, y, _), (x_axis, y_axis, _) = position.tolist(), rotation.tolist()

@@ -14,6 +14,7 @@ from poise.locomotion._stepping._biped import Biped
 from poise.locomotion._stepping._desired import DesiredMotion
 from poise.locomotion._stepping._footing import Footing
 from poise.locomotion._stepping._lean import TrunkLean
+from poise.locomotion._stepping._soles import SoleGrounds
 from poise.locomotion._stepping._parameters import TeleopParameters
 from poise.stack import (
     ComTask,
@@ -99,6 +100,7 @@ class VelocityTasks:
     def __init__(self, biped: Biped, parameters: TeleopParameters, *, rotator: bool) -> None:
         self._biped, self._parameters = biped, parameters
         self._lean = TrunkLean(biped.relief, parameters.dt)
+        self._grounds = SoleGrounds(parameters)
         self._weights = TaskWeights(parameters, rotator=rotator)
         self._com = ComTask()
         self._momentum = MomentumTask("angular_xy")
@@ -121,6 +123,7 @@ class VelocityTasks:
         """No foot is the stance yet."""
         self._stance = -1
         self._lean.reset()
+        self._grounds.reset()
 
     def controller(self, dynamics: Dynamics) -> Controller:
         """Solves the stack, (19) to (23).
@@ -148,17 +151,32 @@ class VelocityTasks:
         weights = self._weights.at(footing, upright=upright)
         p, biped, dynamics, other = self._parameters, self._biped, footing.dynamics, footing.other
         self._stand_on(footing.stance)
-        turn = _Turn(footing, p)
-        place, attitude = dynamics.placement(biped.frames[other])
+        self._grounds.update(footing)
+        turn = _Turn(footing, p, self._grounds.lift(footing))
+        place, _ = dynamics.placement(biped.frames[other])
         _, torso = dynamics.placement(biped.torso)
         self._com.set_velocity(desired.com - turn.velocity_at(dynamics.com))
-        self._turns[other].set_velocity(self._upright(attitude) - turn.rate)
+        self._turns[other].set_velocity(self._other_sole(footing) - turn.rate)
         self._momentum.set_velocity(desired.momentum - turn.momentum())
         self._torso.set_velocity(self._upright(torso, self._lean.rotation(footing)) - turn.rate)
         self._places[other].set_velocity(desired.foot - turn.velocity_at(place))
         _weigh(self._momentum, weights.momentum)
         _weigh(self._torso, weights.torso)
         _weigh(self._places[other], weights.foot)
+
+    def _other_sole(self, footing: Footing) -> Float64[np.ndarray, "3"]:
+        """Eq. (17d) with the stance's ground in place of a level [rad/s].
+
+        A sole that carries yields to its contact instead: see `SoleGrounds`.
+        """
+        _, attitude = footing.dynamics.placement(footing.biped.frames[footing.other])
+        turn = self._upright(attitude, self._grounds.rotation(footing.stance))
+        if footing.mode.single:
+            return turn
+        yielding = _yielding(footing, attitude)
+        if yielding is not None:
+            turn[:2] = yielding
+        return turn
 
     def _upright(
         self,
@@ -181,6 +199,20 @@ def _weigh(task: Task, row_weight: float) -> None:
     task.set_weight((row_weight / DifferentialIK.ROW_WEIGHT) ** 0.5)
 
 
+_YIELD = 0.3
+
+
+def _yielding(footing, attitude):
+    sensor, other = footing.sensor, footing.other
+    a, b = sensor.centres[other], sensor.centres[footing.stance]
+    if a is None or b is None:
+        return None
+    share = min(1.0, 2.0 * float(sensor.loads[other]) / footing.biped.weight)
+    length, width = footing.biped.sizes[other]
+    off = np.array([a[1] - b[1], -(a[0] - b[0]), 0.0])
+    return (_YIELD * share * (attitude @ off))[:2]
+
+
 class _Turn:
     """The whole robot turning about its stance sole, which is being levelled.
 
@@ -192,12 +224,15 @@ class _Turn:
         rate: angular velocity of the robot, horizontal [rad/s].
     """
 
-    def __init__(self, footing: Footing, parameters: TeleopParameters) -> None:
+    def __init__(
+        self,
+        footing: Footing,
+        parameters: TeleopParameters,
+        lift: Float64[np.ndarray, "3"],
+    ) -> None:
         self._footing = footing
-        self._sole, rotation = footing.dynamics.placement(footing.biped.frames[footing.stance])
-        tilt = rotation_vector(_LEVEL, rotation)
-        tilt[2] = 0.0
-        self.rate = saturate(parameters.omega_lim, parameters.k_level * tilt)
+        self._sole, _ = footing.dynamics.placement(footing.biped.frames[footing.stance])
+        self.rate = saturate(parameters.omega_lim, -parameters.k_level * lift)
 
     def velocity_at(self, point: Float64[np.ndarray, "3"]) -> Float64[np.ndarray, "3"]:
         """Velocity of a point of the robot, rate x (point - sole) [m/s]."""
