@@ -159,7 +159,10 @@ class VelocityTasks:
         self._turns[other].set_velocity(self._other_sole(footing) - turn.rate)
         self._momentum.set_velocity(desired.momentum - turn.momentum())
         self._torso.set_velocity(self._upright(torso, self._lean.rotation(footing)) - turn.rate)
-        self._places[other].set_velocity(desired.foot - turn.velocity_at(place))
+        foot = desired.foot
+        if not footing.mode.single and YIELD:
+            foot = _giving(footing, foot, p.dt)
+        self._places[other].set_velocity(foot - turn.velocity_at(place))
         _weigh(self._momentum, weights.momentum)
         _weigh(self._torso, weights.torso)
         _weigh(self._places[other], weights.foot)
@@ -203,14 +206,40 @@ _YIELD = 0.3
 
 
 def _yielding(footing, attitude):
-    sensor, other = footing.sensor, footing.other
-    a, b = sensor.centres[other], sensor.centres[footing.stance]
-    if a is None or b is None:
+    sensor, other, stance = footing.sensor, footing.other, footing.stance
+    here, there = sensor.centres[other], sensor.centres[stance]
+    if here is None or there is None:
         return None
     share = min(1.0, 2.0 * float(sensor.loads[other]) / footing.biped.weight)
-    length, width = footing.biped.sizes[other]
-    off = np.array([a[1] - b[1], -(a[0] - b[0]), 0.0])
+    across = footing.sole(other)[:2] - footing.sole(stance)[:2]
+    across /= np.linalg.norm(across)
+    there = np.array(there)
+    there = there - across * (across @ there)
+    off = np.array([here[1] - there[1], -(here[0] - there[0]), 0.0])
     return (_YIELD * share * (attitude @ off))[:2]
+
+
+YIELD = True
+_GIVE, _LEAK = (0.15, 0.15, 0.03), 5.0
+
+
+def _giving(footing, foot, dt):
+    sensor, other, stance = footing.sensor, footing.other, footing.stance
+    loads = sensor.loads
+    total = float(loads[0] + loads[1])
+    if sensor.centres[other] is None or total < 0.1 * footing.biped.weight:
+        return foot
+    part = float(loads[other]) / total
+    share = min(1.0, 2.0 * part)
+    a, b = np.array(sensor.pulls[other]), np.array(sensor.pulls[stance])
+    way = (footing.sole(other) - footing.sole(stance))[:2]
+    want = float((sensor.zmp - footing.sole(stance)[:2]) @ way / (way @ way))
+    want = min(1.0, max(0.0, want))
+    inner = np.array([*((1.0 - part) * a - part * b), (part - want) * total])
+    give = np.array(_GIVE) / footing.biped.weight * inner
+    anchor = footing.anchors[other]
+    anchor += dt * _LEAK * share * (footing.sole(other) - anchor)
+    return (1.0 - share) * foot + share * give
 
 
 class _Turn:
