@@ -1,5 +1,7 @@
 """`SoleGrounds`: how the ground lies under each sole, told by the sole and not by a level."""
 
+import math
+
 import numpy as np
 import pinocchio as pin
 from jaxtyping import Float64
@@ -17,6 +19,11 @@ put right by a sole that cannot be turned as it is [1/s]."""
 _FLAT = (0.1, 0.4)
 """Depth of the centre of pressure in the sole, over half the sole: up to the first the sole may be
 on its edge, from the second on it lies flat."""
+
+
+_SEEK = 0.5
+import os
+FORGET = bool(os.environ.get('FORGET'))
 
 
 class SoleGrounds:
@@ -38,6 +45,7 @@ class SoleGrounds:
     def reset(self) -> None:
         """Level, for all that is known."""
         self._tilts = [np.zeros(3), np.zeros(3)]
+        self._known = [[False, False], [False, False]]
 
     def update(self, footing: Footing) -> None:
         """Takes one tick.
@@ -50,12 +58,18 @@ class SoleGrounds:
             if footing.mode.single and foot == footing.other:
                 # It will land on what the other stands on, for all that is known.
                 self._tilts[foot] = self._tilts[1 - foot].copy()
+                if FORGET:
+                    self._known[foot] = [False, False]
             elif centre is not None:
                 length, width = footing.biped.sizes[foot]
                 off = self.sole_tilt(footing, foot) - self._tilts[foot]
-                off_x = self._believed(float(off[0]), -2.0 * centre[1] / width)
-                off_y = self._believed(float(off[1]), 2.0 * centre[0] / length)
-                self._tilts[foot] += (off_x, off_y, 0.0)
+                parts = -2.0 * centre[1] / width, 2.0 * centre[0] / length
+                for axis, part in enumerate(parts):
+                    if not self._known[foot][axis]:
+                        self._tilts[foot][axis] += off[axis]
+                        self._known[foot][axis] = abs(part) < 1.0 - _FLAT[0]
+                    else:
+                        self._tilts[foot][axis] += self._believed(float(off[axis]), part)
 
     def _believed(self, off: float, centre: float) -> float:
         """How much of a difference of tilts about an axis is the ground's [rad].
@@ -68,6 +82,17 @@ class SoleGrounds:
         # On the lowered edge the sole may be tilted; with the other one down it cannot be.
         wrong = 1.0 - flat if off * centre < 0.0 else 0.0
         return (self._follow * flat + self._correct * wrong) * off
+
+    def seek(self, footing: Footing, foot: int) -> Float64[np.ndarray, "3"]:
+        """How fast a sole turns that stands on an edge and has not lain flat yet [rad/s]."""
+        centre = footing.sensor.centres[foot]
+        if centre is None:
+            return np.zeros(3)
+        x, y = centre
+        about_x, about_y = self._known[foot]
+        rate_x = 0.0 if about_x else math.copysign(_SEEK, y)
+        rate_y = 0.0 if about_y else -math.copysign(_SEEK, x)
+        return np.array([rate_x, rate_y, 0.0])
 
     def lift(self, footing: Footing) -> Float64[np.ndarray, "3"]:
         """How far the stance sole is turned from its ground, horizontal axis times angle [rad]."""
@@ -84,3 +109,4 @@ class SoleGrounds:
         tilt = rotation_vector(rotation, _LEVEL)
         tilt[2] = 0.0
         return tilt
+

@@ -152,7 +152,9 @@ class VelocityTasks:
         p, biped, dynamics, other = self._parameters, self._biped, footing.dynamics, footing.other
         self._stand_on(footing.stance)
         self._grounds.update(footing)
-        turn = _Turn(footing, p, self._grounds.lift(footing))
+        turn = _Turn(
+            footing, p, self._grounds.lift(footing), self._grounds.seek(footing, footing.stance)
+        )
         place, _ = dynamics.placement(biped.frames[other])
         _, torso = dynamics.placement(biped.torso)
         self._com.set_velocity(desired.com - turn.velocity_at(dynamics.com))
@@ -178,7 +180,7 @@ class VelocityTasks:
             return turn
         yielding = _yielding(footing, attitude)
         if yielding is not None:
-            turn[:2] = yielding
+            turn[:2] = yielding + self._grounds.seek(footing, footing.other)[:2]
         return turn
 
     def _upright(
@@ -258,10 +260,11 @@ class _Turn:
         footing: Footing,
         parameters: TeleopParameters,
         lift: Float64[np.ndarray, "3"],
+        seek: Float64[np.ndarray, "3"],
     ) -> None:
         self._footing = footing
         self._sole, _ = footing.dynamics.placement(footing.biped.frames[footing.stance])
-        self.rate = saturate(parameters.omega_lim, -parameters.k_level * lift)
+        self.rate = saturate(parameters.omega_lim, seek - parameters.k_level * lift)
 
     def velocity_at(self, point: Float64[np.ndarray, "3"]) -> Float64[np.ndarray, "3"]:
         """Velocity of a point of the robot, rate x (point - sole) [m/s]."""
