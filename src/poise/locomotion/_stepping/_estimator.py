@@ -33,6 +33,7 @@ class ZmpSensor:
     Attributes:
         zmp: x and y [m].
         loads: normal forces, left and right [N].
+        pulls: forces along each sole, forward and to the left in its own axes [N].
         centres: centre of pressure of each sole, along and across it from its own centre [m]; None
             where nothing presses.
     """

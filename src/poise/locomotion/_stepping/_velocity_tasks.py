@@ -14,8 +14,8 @@ from poise.locomotion._stepping._biped import Biped
 from poise.locomotion._stepping._desired import DesiredMotion
 from poise.locomotion._stepping._footing import Footing
 from poise.locomotion._stepping._lean import TrunkLean
-from poise.locomotion._stepping._soles import SoleGrounds
 from poise.locomotion._stepping._parameters import TeleopParameters
+from poise.locomotion._stepping._soles import SoleGrounds, SoleYield
 from poise.stack import (
     ComTask,
     FrameTask,
@@ -100,7 +100,7 @@ class VelocityTasks:
     def __init__(self, biped: Biped, parameters: TeleopParameters, *, rotator: bool) -> None:
         self._biped, self._parameters = biped, parameters
         self._lean = TrunkLean(biped.relief, parameters.dt)
-        self._grounds = SoleGrounds(parameters)
+        self._grounds, self._yield = SoleGrounds(parameters), SoleYield(parameters.dt)
         self._weights = TaskWeights(parameters, rotator=rotator)
         self._com = ComTask()
         self._momentum = MomentumTask("angular_xy")
@@ -152,9 +152,8 @@ class VelocityTasks:
         p, biped, dynamics, other = self._parameters, self._biped, footing.dynamics, footing.other
         self._stand_on(footing.stance)
         self._grounds.update(footing)
-        turn = _Turn(
-            footing, p, self._grounds.lift(footing), self._grounds.seek(footing, footing.stance)
-        )
+        righting = saturate(p.omega_lim, self._grounds.righting(footing, p.k_level))
+        turn = _Turn(footing, righting)
         place, _ = dynamics.placement(biped.frames[other])
         _, torso = dynamics.placement(biped.torso)
         self._com.set_velocity(desired.com - turn.velocity_at(dynamics.com))
@@ -162,25 +161,21 @@ class VelocityTasks:
         self._momentum.set_velocity(desired.momentum - turn.momentum())
         self._torso.set_velocity(self._upright(torso, self._lean.rotation(footing)) - turn.rate)
         foot = desired.foot
-        if not footing.mode.single and YIELD:
-            foot = _giving(footing, foot, p.dt)
+        if not footing.mode.single:
+            foot = self._yield.move(footing, foot)
         self._places[other].set_velocity(foot - turn.velocity_at(place))
         _weigh(self._momentum, weights.momentum)
         _weigh(self._torso, weights.torso)
         _weigh(self._places[other], weights.foot)
 
     def _other_sole(self, footing: Footing) -> Float64[np.ndarray, "3"]:
-        """Eq. (17d) with the stance's ground in place of a level [rad/s].
-
-        A sole that carries yields to its contact instead: see `SoleGrounds`.
-        """
-        _, attitude = footing.dynamics.placement(footing.biped.frames[footing.other])
-        turn = self._upright(attitude, self._grounds.rotation(footing.stance))
-        if footing.mode.single:
-            return turn
-        yielding = _yielding(footing, attitude)
+        """Eq. (17d), parallel to the stance's ground; one that carries yields instead [rad/s]."""
+        other, grounds = footing.other, self._grounds
+        _, attitude = footing.dynamics.placement(footing.biped.frames[other])
+        turn = self._upright(attitude, grounds.rotation(footing.stance))
+        yielding = None if footing.mode.single else self._yield.turn(footing)
         if yielding is not None:
-            turn[:2] = yielding + self._grounds.seek(footing, footing.other)[:2]
+            turn[:2] = yielding + grounds.seeking(footing, other)[:2]
         return turn
 
     def _upright(
@@ -204,67 +199,24 @@ def _weigh(task: Task, row_weight: float) -> None:
     task.set_weight((row_weight / DifferentialIK.ROW_WEIGHT) ** 0.5)
 
 
-_YIELD = 0.3
-
-
-def _yielding(footing, attitude):
-    sensor, other, stance = footing.sensor, footing.other, footing.stance
-    here, there = sensor.centres[other], sensor.centres[stance]
-    if here is None or there is None:
-        return None
-    share = min(1.0, 2.0 * float(sensor.loads[other]) / footing.biped.weight)
-    across = footing.sole(other)[:2] - footing.sole(stance)[:2]
-    across /= np.linalg.norm(across)
-    there = np.array(there)
-    there = there - across * (across @ there)
-    off = np.array([here[1] - there[1], -(here[0] - there[0]), 0.0])
-    return (_YIELD * share * (attitude @ off))[:2]
-
-
-YIELD = True
-_GIVE, _LEAK = (0.15, 0.15, 0.03), 5.0
-
-
-def _giving(footing, foot, dt):
-    sensor, other, stance = footing.sensor, footing.other, footing.stance
-    loads = sensor.loads
-    total = float(loads[0] + loads[1])
-    if sensor.centres[other] is None or total < 0.1 * footing.biped.weight:
-        return foot
-    part = float(loads[other]) / total
-    share = min(1.0, 2.0 * part)
-    a, b = np.array(sensor.pulls[other]), np.array(sensor.pulls[stance])
-    way = (footing.sole(other) - footing.sole(stance))[:2]
-    want = float((sensor.zmp - footing.sole(stance)[:2]) @ way / (way @ way))
-    want = min(1.0, max(0.0, want))
-    inner = np.array([*((1.0 - part) * a - part * b), (part - want) * total])
-    give = np.array(_GIVE) / footing.biped.weight * inner
-    anchor = footing.anchors[other]
-    anchor += dt * _LEAK * share * (footing.sole(other) - anchor)
-    return (1.0 - share) * foot + share * give
-
-
 class _Turn:
-    """The whole robot turning about its stance sole, which is being levelled.
+    """The whole robot turning about its stance sole, which is turned onto its ground.
 
-    A controller takes the stance to be at rest. A sole that is measured to be tilted is turned back
+    A controller takes the stance to be at rest. A sole that is off its ground is turned back
     slowly, or a robot on the edge of a sole would stay there; what body and feet do by that alone
     comes off what they are asked for.
+
+    Args:
+        footing: of the tick.
+        rate: angular velocity of the stance sole, horizontal [rad/s].
 
     Attributes:
         rate: angular velocity of the robot, horizontal [rad/s].
     """
 
-    def __init__(
-        self,
-        footing: Footing,
-        parameters: TeleopParameters,
-        lift: Float64[np.ndarray, "3"],
-        seek: Float64[np.ndarray, "3"],
-    ) -> None:
-        self._footing = footing
+    def __init__(self, footing: Footing, rate: Float64[np.ndarray, "3"]) -> None:
+        self._footing, self.rate = footing, rate
         self._sole, _ = footing.dynamics.placement(footing.biped.frames[footing.stance])
-        self.rate = saturate(parameters.omega_lim, seek - parameters.k_level * lift)
 
     def velocity_at(self, point: Float64[np.ndarray, "3"]) -> Float64[np.ndarray, "3"]:
         """Velocity of a point of the robot, rate x (point - sole) [m/s]."""
