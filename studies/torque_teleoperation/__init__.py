@@ -4,6 +4,7 @@ from studies.plan import Part, StudyPlan
 from studies.torque_teleoperation.cuts_section import cuts_section
 from studies.torque_teleoperation.operators_section import operators_section
 from studies.torque_teleoperation.scenarios_section import scenarios_section
+from studies.torque_teleoperation.standing_section import standing_section
 
 PLAN = StudyPlan(
     name="torque-teleoperation",
@@ -12,7 +13,8 @@ PLAN = StudyPlan(
         "The step teleoperator leads a stack of accelerations, solved for torques every 2 ms, in "
         "place of the paper's joint velocities. The paper's scenarios 1 to 4, and operators who "
         "command at random for a minute, on floors, robots and with sensors that are not as "
-        "described. Sensors have noise and a constant error of the attitude of half a degree.",
+        "described. Sensors have noise and a constant error of the attitude of half a degree. "
+        "Beside it, how robots stand whose velocities are commanded.",
     ),
     source="Y. Zhang, R. Kikuuwe, “COM Shifter and Body Rotator for Step-by-Step Teleoperation of "
     "Bipedal Robots”, for modes and references; the level of torques and the operators are ours.",
@@ -20,6 +22,7 @@ PLAN = StudyPlan(
         Part("scenarios", "The paper's scenarios", scenarios_section),
         Part("operators", "Bad operators", operators_section),
         Part("cuts", "Connections cut in mid-step", cuts_section),
+        Part("standing", "Standing at velocity level", standing_section),
     ),
 )
-"""The study: three parts."""
+"""The study: four parts."""

@@ -121,6 +121,6 @@ def test_keys_in_a_browser_drive_the_robot(session):
             " axes: [0, 0.9, 0, 0]}]; 0"
         )
         wait_for(lambda: asked(session)[0] < 0.0, "the gamepad")
-        assert "m/s" in ask("part('mode-text').textContent")
+        wait_for(lambda: "m/s" in ask("part('mode-text').textContent"), "the speed in words")
         assert errors == []
         browser.close()

@@ -27,12 +27,12 @@ def sensor(robot, left, right):
     return sensor
 
 
-def footing(robot, mode=Mode.SL, lifted=0.0, com_velocity=(0.0, 0.0), at=(0.0, 0.0)):
+def footing(robot, mode=Mode.SL, lifted=0.0, com_velocity=(0.0, 0.0), at=(0.0, 0.0), loaded=None):
     """Standing at home, with the ground below the right foot so far down as if it were lifted.
 
     Home may be moved along the ground.
 
-    The stance is the left foot.
+    The stance is the left foot. The soles say nothing of centres of pressure unless `loaded` does.
     """
     ours = estimator(robot)
     ours.stand_on(0)
@@ -52,6 +52,7 @@ def footing(robot, mode=Mode.SL, lifted=0.0, com_velocity=(0.0, 0.0), at=(0.0, 0
         anchors=ours.anchors,
         omega=float(np.sqrt(9.81 / height)),
         margin=PARAMETERS.support_margin,
+        sensor=loaded if loaded is not None else sensor(robot, 320.0, 320.0),
     )
 
 

@@ -55,6 +55,10 @@ class BodyMomentum:
 _HERE = np.zeros(2)
 
 
+_DEEPER = 0.01
+"""How far below a foot in the air the body comes down for it where it has felt no floor [m]."""
+
+
 class ComHeight:
     """Eq. (15b) with (17a); lower where the legs need it, and steady.
 
@@ -92,13 +96,16 @@ class ComHeight:
         return self._velocity
 
     def _reference(self, footing: Footing, target: Float64[np.ndarray, "3"]) -> float:
-        """Eq. (15b), lower where a leg could not reach its foot, now or at the end [m]."""
+        """Eq. (15b), lower where a leg could not reach its foot, now or at the end [m].
+
+        Not for a target below the floor: there the body would be coming down when the foot lands.
+        """
         reach, stance, anchors = self._range, footing.stance, footing.anchors
         com = footing.dynamics.com
         to_zmp, height = footing.zmp_reference - com[:2], float(com[2])
         hips = [reach.hip(foot, footing.dynamics) for foot in (0, 1)]
         too_high = -math.inf
-        for foot, place in ((stance, anchors[stance]), (footing.other, target)):
+        for foot, place in ((stance, anchors[stance]), (footing.other, _felt(footing, target))):
             for shift in (_HERE, to_zmp):
                 too_high = max(too_high, reach.too_high(foot, place, hips[foot], shift))
         # A leg that carries bends no further than its ankle lets the sole stay level.
@@ -110,6 +117,15 @@ class ComHeight:
 
     def _lowest(self, footing: Footing) -> float:
         return (1.0 - self._parameters.stoop_max) * self._height + footing.ground
+
+
+def _felt(footing: Footing, target: Float64[np.ndarray, "3"]) -> Float64[np.ndarray, "3"]:
+    """A target no lower than the floor; where there is none, no lower than just below the foot."""
+    if not footing.mode.single:
+        return target
+    x, y, z = target.tolist()
+    floor = min(footing.lowest_ground, float(footing.sole(footing.other)[2]) - _DEEPER)
+    return np.array([x, y, max(z, floor)])
 
 
 @runtime_checkable

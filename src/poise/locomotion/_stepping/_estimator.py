@@ -33,6 +33,9 @@ class ZmpSensor:
     Attributes:
         zmp: x and y [m].
         loads: normal forces, left and right [N].
+        pulls: forces along each sole, forward and to the left in its own axes [N].
+        centres: centre of pressure of each sole, along and across it from its own centre [m]; None
+            where nothing presses.
     """
 
     def __init__(
@@ -47,6 +50,8 @@ class ZmpSensor:
         self._gain = dt / (time_constant + dt)
         self.zmp: Float64[np.ndarray, "2"] = np.zeros(2)
         self.loads: Float64[np.ndarray, "2"] = np.zeros(2)
+        self.pulls: list[tuple[float, float]] = [(0.0, 0.0), (0.0, 0.0)]
+        self.centres: list[tuple[float, float] | None] = [None, None]
         self._fresh = True
 
     def update(self, state: RobotState, dynamics: Dynamics) -> None:
@@ -59,8 +64,10 @@ class ZmpSensor:
         pressed_x = pressed_y = total = 0.0
         for i, (frame_id, name) in enumerate(zip(self._frames, self._names, strict=True)):
             wrench = state.contacts.get(name)
-            _, _, load, mx, my, _ = _NO_WRENCH if wrench is None else wrench.tolist()
+            fx, fy, load, mx, my, _ = _NO_WRENCH if wrench is None else wrench.tolist()
             self.loads[i] = load = load if load > 0.0 else 0.0  # not a number is no load
+            self.pulls[i] = (fx, fy)
+            self.centres[i] = (-my / load, mx / load) if load > self._least else None
             if load > self._least:
                 position, rotation = dynamics.placement(frame_id)
                 (x, y, _), (x_axis, y_axis, _) = position.tolist(), rotation.tolist()

@@ -98,6 +98,7 @@ class Footing:
         anchors: where each sole was last put down, left then right [m].
         omega: sqrt(g / H) [1/s].
         margin: how far from the soles' edge support ends [m].
+        sensor: what the soles carry, and where.
         zmp_reference: eq. (15a): between the feet, or where the foot that shall carry was put
             down [m].
         heading: where the torso faces, along the ground.
@@ -115,6 +116,7 @@ class Footing:
     anchors: list[Float64[np.ndarray, "3"]]
     omega: float
     margin: float
+    sensor: ZmpSensor
 
     zmp_reference: Float64[np.ndarray, "2"] = field(init=False)
     heading: Float64[np.ndarray, "2"] = field(init=False)

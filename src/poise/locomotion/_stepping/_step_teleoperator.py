@@ -290,6 +290,7 @@ class StepTeleoperator:
             anchors=self.estimator.anchors,
             omega=self.driver.omega,
             margin=self.parameters.support_margin,
+            sensor=self.zmp_sensor,
         )
 
     def _desired(self, footing: Footing, target: Float64[np.ndarray, "3"]) -> DesiredMotion:

@@ -15,6 +15,7 @@ from poise.locomotion._stepping._desired import DesiredMotion
 from poise.locomotion._stepping._footing import Footing
 from poise.locomotion._stepping._lean import TrunkLean
 from poise.locomotion._stepping._parameters import TeleopParameters
+from poise.locomotion._stepping._soles import SoleGrounds, SoleYield
 from poise.stack import (
     ComTask,
     FrameTask,
@@ -99,6 +100,7 @@ class VelocityTasks:
     def __init__(self, biped: Biped, parameters: TeleopParameters, *, rotator: bool) -> None:
         self._biped, self._parameters = biped, parameters
         self._lean = TrunkLean(biped.relief, parameters.dt)
+        self._grounds, self._yield = SoleGrounds(parameters), SoleYield(parameters.dt)
         self._weights = TaskWeights(parameters, rotator=rotator)
         self._com = ComTask()
         self._momentum = MomentumTask("angular_xy")
@@ -121,6 +123,7 @@ class VelocityTasks:
         """No foot is the stance yet."""
         self._stance = -1
         self._lean.reset()
+        self._grounds.reset()
 
     def controller(self, dynamics: Dynamics) -> Controller:
         """Solves the stack, (19) to (23).
@@ -148,17 +151,32 @@ class VelocityTasks:
         weights = self._weights.at(footing, upright=upright)
         p, biped, dynamics, other = self._parameters, self._biped, footing.dynamics, footing.other
         self._stand_on(footing.stance)
-        turn = _Turn(footing, p)
-        place, attitude = dynamics.placement(biped.frames[other])
+        self._grounds.update(footing)
+        righting = saturate(p.omega_lim, self._grounds.righting(footing, p.k_level))
+        turn = _Turn(footing, righting)
+        place, _ = dynamics.placement(biped.frames[other])
         _, torso = dynamics.placement(biped.torso)
         self._com.set_velocity(desired.com - turn.velocity_at(dynamics.com))
-        self._turns[other].set_velocity(self._upright(attitude) - turn.rate)
+        self._turns[other].set_velocity(self._other_sole(footing) - turn.rate)
         self._momentum.set_velocity(desired.momentum - turn.momentum())
         self._torso.set_velocity(self._upright(torso, self._lean.rotation(footing)) - turn.rate)
-        self._places[other].set_velocity(desired.foot - turn.velocity_at(place))
+        foot = desired.foot
+        if not footing.mode.single:
+            foot = self._yield.move(footing, foot)
+        self._places[other].set_velocity(foot - turn.velocity_at(place))
         _weigh(self._momentum, weights.momentum)
         _weigh(self._torso, weights.torso)
         _weigh(self._places[other], weights.foot)
+
+    def _other_sole(self, footing: Footing) -> Float64[np.ndarray, "3"]:
+        """Eq. (17d), parallel to the stance's ground; one that carries yields instead [rad/s]."""
+        other, grounds = footing.other, self._grounds
+        _, attitude = footing.dynamics.placement(footing.biped.frames[other])
+        turn = self._upright(attitude, grounds.rotation(footing.stance))
+        yielding = None if footing.mode.single else self._yield.turn(footing)
+        if yielding is not None:
+            turn[:2] = yielding + grounds.seeking(footing, other)[:2]
+        return turn
 
     def _upright(
         self,
@@ -182,22 +200,23 @@ def _weigh(task: Task, row_weight: float) -> None:
 
 
 class _Turn:
-    """The whole robot turning about its stance sole, which is being levelled.
+    """The whole robot turning about its stance sole, which is turned onto its ground.
 
-    A controller takes the stance to be at rest. A sole that is measured to be tilted is turned back
+    A controller takes the stance to be at rest. A sole that is off its ground is turned back
     slowly, or a robot on the edge of a sole would stay there; what body and feet do by that alone
     comes off what they are asked for.
+
+    Args:
+        footing: of the tick.
+        rate: angular velocity of the stance sole, horizontal [rad/s].
 
     Attributes:
         rate: angular velocity of the robot, horizontal [rad/s].
     """
 
-    def __init__(self, footing: Footing, parameters: TeleopParameters) -> None:
-        self._footing = footing
-        self._sole, rotation = footing.dynamics.placement(footing.biped.frames[footing.stance])
-        tilt = rotation_vector(_LEVEL, rotation)
-        tilt[2] = 0.0
-        self.rate = saturate(parameters.omega_lim, parameters.k_level * tilt)
+    def __init__(self, footing: Footing, rate: Float64[np.ndarray, "3"]) -> None:
+        self._footing, self.rate = footing, rate
+        self._sole, _ = footing.dynamics.placement(footing.biped.frames[footing.stance])
 
     def velocity_at(self, point: Float64[np.ndarray, "3"]) -> Float64[np.ndarray, "3"]:
         """Velocity of a point of the robot, rate x (point - sole) [m/s]."""
