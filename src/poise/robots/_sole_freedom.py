@@ -20,7 +20,8 @@ def with_controlled_soles(robot: Robot) -> Robot:
         robot: the robot.
     """
     soles = {
-        name: replace(sole, controlled=_controlled(robot, name)) for name, sole in robot.soles.items()
+        name: replace(sole, controlled=_controlled(robot, name))
+        for name, sole in robot.soles.items()
     }
     return replace(robot, soles=MappingProxyType(soles))
 

@@ -365,7 +365,9 @@ def _along(
     if component < OWN_AXES:
         return twist[at + component]
     axis = ROTATION + component - OWN_AXES
-    return work[axis] * twist[at + 3] + work[axis + 3] * twist[at + 4] + work[axis + 6] * twist[at + 5]
+    return (
+        work[axis] * twist[at + 3] + work[axis + 3] * twist[at + 4] + work[axis + 6] * twist[at + 5]
+    )
 
 
 @part

@@ -11,8 +11,6 @@ pytest.importorskip("mujoco")
 from poise.apps.teleoperation import TELEOP_PLANT, run_teleop
 from poise.locomotion import ScriptedDevice
 
-pytestmark = pytest.mark.usefixtures("unchecked")
-
 SLOPE, ERROR = math.radians(2.0), math.radians(1.0)
 AHEAD, BACK, ASIDE = (0.0, 1.0), (0.0, -1.0), (1.0, 0.0)
 """Directions of a turn: about the world's x and y axes."""

@@ -60,8 +60,10 @@ class WalkSense:
         return Placement(position=(x, y, z), yaw=yaw)
 
     def corners(
-        self, feet: tuple[int, ...], sizes: tuple[tuple[float, float], tuple[float, float]],
-        edges: tuple[float, float]
+        self,
+        feet: tuple[int, ...],
+        sizes: tuple[tuple[float, float], tuple[float, float]],
+        edges: tuple[float, float],
     ) -> list[Point]:
         """Corners of soles, seen from above [m].
 
