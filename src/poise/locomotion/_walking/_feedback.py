@@ -187,7 +187,9 @@ class StepCatcher:
         """
         growth = math.exp(self._omega * left)
         stand = _Axes.of(stance)
-        length, width = self._plan.sizes[1 - self._plan.steps[step].foot]
+        carrying = 1 - self._plan.steps[step].foot
+        _, _, length, width = self._plan.bearings[carrying]
+        middle_x, middle_y = self._plan.zmp(carrying, stance)
         coming, settled = _plain(shift.coming), _plain(shift.settled)
         back_x, back_y = _clipped((-settled[0], -settled[1]), _RETURN)
         # The step back to the plan is intended: only what it does not explain has to be caught.
@@ -195,7 +197,7 @@ class StepCatcher:
             float(error[0]) + (coming[0] - back_x) / growth,
             float(error[1]) + (coming[1] - back_y) / growth,
         )
-        ahead, aside = stand.within(float(zmp[0]) - stand.x, float(zmp[1]) - stand.y)
+        ahead, aside = stand.within(float(zmp[0]) - middle_x, float(zmp[1]) - middle_y)
         caught = (
             growth * self._beyond_feedback(along, 0.5 * length, ahead),
             growth * self._beyond_feedback(across, 0.5 * width, aside),

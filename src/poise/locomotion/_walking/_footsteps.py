@@ -17,6 +17,7 @@ from poise._checks import Numbers
 from poise._schema import Bounds, checked
 from poise.errors import ConfigurationError
 from poise.locomotion._support import Point, two_soles
+from poise.locomotion._walking._bearing import Bearing, bearing
 from poise.locomotion._walking._ground import LEVEL, Ground, Placement
 from poise.locomotion._walking._swing_shape import SwingShape, clear_swing
 from poise.robots import Robot
@@ -121,8 +122,7 @@ class Stand:
         start: where the soles are at the beginning.
         q: configuration at the beginning.
         com: centre of mass there [m].
-        edges: where in each sole, left of its middle, the ZMP stands while that foot alone carries
-            [m]: in the middle, or on the outer edge of a sole that rolls with its leg.
+        bearings: where in each sole the ZMP can be while that foot alone carries the robot.
     """
 
     soles: tuple[str, str]
@@ -130,13 +130,19 @@ class Stand:
     start: tuple[Placement, Placement]
     q: Float64[np.ndarray, " nq"] = field(repr=False)
     com: tuple[float, float, float]
-    edges: tuple[float, float] = (0.0, 0.0)
+    bearings: tuple[Bearing, Bearing]
 
     def zmp(self, foot: int, place: Placement) -> Point:
         """Where the ZMP stands while a foot alone carries the robot [m]."""
         x, y, _ = place.position
-        aside = self.edges[foot]
-        return x - aside * math.sin(place.yaw), y + aside * math.cos(place.yaw)
+        c, s = math.cos(place.yaw), math.sin(place.yaw)
+        ahead, left, _, _ = self.bearings[foot]
+        return x + c * ahead - s * left, y + s * ahead + c * left
+
+    def rest(self, places: Sequence[Placement]) -> Point:
+        """Where the ZMP stands while both feet carry it evenly [m]."""
+        (ax, ay), (bx, by) = (self.zmp(foot, place) for foot, place in enumerate(places))
+        return 0.5 * (ax + bx), 0.5 * (ay + by)
 
     @property
     def middle(self) -> tuple[float, float, float]:
@@ -156,14 +162,13 @@ def stand_of(robot: Robot, q: Numbers | None = None) -> Stand:
     posture = robot.q_home if q is None else checked_target(q, robot.nq, "q of the walk")
     start, com = _standing_soles(robot, (left, right), posture)
     size_left, size_right = ((robot.soles[s].length, robot.soles[s].width) for s in (left, right))
-    rolls = [3 not in robot.soles[s].controlled for s in (left, right)]
     return Stand(
         soles=(left, right),
         sizes=(size_left, size_right),
         start=start,
         q=posture.copy(),
         com=com,
-        edges=(0.5 * size_left[1] * rolls[0], -0.5 * size_right[1] * rolls[1]),
+        bearings=(bearing(robot, left, 1.0), bearing(robot, right, -1.0)),
     )
 
 
@@ -256,7 +261,7 @@ class FootstepPlan(Stand):
             start=start,
             q=stand.q,
             com=stand.com,
-            edges=stand.edges,
+            bearings=stand.bearings,
             steps=tuple(steps),
             gait=gait,
             ground=ground,

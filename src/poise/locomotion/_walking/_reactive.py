@@ -356,7 +356,6 @@ class ReactiveWalker:
         self._left = self.gait.shift_time
 
     def _stand_on(self, feet: tuple[int, ...]) -> None:
-        corners = self._sense.corners(feet, self._standing.sizes, self._standing.edges)
         for foot in feet:
             place = self._sense.placement(foot)
             # A heading is the same a whole turn on; this is the one nearest to the body's.
@@ -364,15 +363,14 @@ class ReactiveWalker:
             self._feet[foot] = Placement(
                 position=place.position, yaw=place.yaw + 2.0 * math.pi * turns
             )
-        self._support = SupportPolygon(corners, self.settings.zmp_margin)
+        self._support = self._sense.support(feet, self._standing, self.settings.zmp_margin)
 
     # Both feet on the ground ----------------------------------------------------------------------
 
     def _stand(self, dt: float) -> None:
         self._left = max(self._left - dt, 0.0)
-        left, right = (place.position for place in self._feet)
-        middle = (0.5 * (left[0] + right[0]), 0.5 * (left[1] + right[1]))
-        self._lead_dcm(((middle[0], 0.0), (middle[1], 0.0)), self._left, dt)
+        x, y = self._standing.rest(self._feet)
+        self._lead_dcm(((x, 0.0), (y, 0.0)), self._left, dt)
         if not self._is_held():
             self._hurry()
         elif self.commands.moving:

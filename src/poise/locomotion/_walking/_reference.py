@@ -89,9 +89,8 @@ def _zmp(plan: FootstepPlan, time: Float64[np.ndarray, " T"]) -> Float64[np.ndar
     for i, step in enumerate(plan.steps):
         stance = plan.zmp(1 - step.foot, plan.placements(i)[1 - step.foot])
         knots += [(plan.lift_off(i), stance), (plan.touchdown(i), stance)]
-    left, right = (np.array(p.position[:2]) for p in plan.placements(plan.count))
-    x, y = (0.5 * (left + right)).tolist()
-    knots.append((plan.touchdown(plan.count - 1) + _CLOSE, (x, y)))
+    end = plan.rest(plan.placements(plan.count))
+    knots.append((plan.touchdown(plan.count - 1) + _CLOSE, end))
     at, points = np.array([t for t, _ in knots]), np.array([p for _, p in knots])
     return np.stack([np.interp(time, at, points[:, axis]) for axis in (0, 1)], axis=1)
 

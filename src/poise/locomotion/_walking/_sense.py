@@ -10,7 +10,8 @@ import pinocchio as pin
 from jaxtyping import Float64
 
 from poise.dynamics import RobotState
-from poise.locomotion._support import Point, sole_rectangle
+from poise.locomotion._support import Point, SupportPolygon, sole_rectangle
+from poise.locomotion._walking._footsteps import Stand
 from poise.locomotion._walking._ground import Placement
 from poise.locomotion._walking._settings import WalkSettings
 from poise.locomotion._walking._swing import SwingFoot
@@ -22,6 +23,9 @@ ENGAGE, RELEASE = 0.4, 0.5
 
 LONGEST_TICK = 0.05
 """A clock that jumps farther than this moves a walk on no farther [s]."""
+
+_THIN = 0.002
+"""A polygon has to have some area: an edge counts as this wide [m]."""
 
 
 class WalkSense:
@@ -60,8 +64,7 @@ class WalkSense:
         return Placement(position=(x, y, z), yaw=yaw)
 
     def corners(
-        self, feet: tuple[int, ...], sizes: tuple[tuple[float, float], tuple[float, float]],
-        edges: tuple[float, float]
+        self, feet: tuple[int, ...], sizes: tuple[tuple[float, float], tuple[float, float]]
     ) -> list[Point]:
         """Corners of soles, seen from above [m].
 
@@ -71,12 +74,24 @@ class WalkSense:
         """
         corners: list[Point] = []
         for foot in feet:
-            position, rotation = self.sole(foot)
-            length, width = sizes[foot]
-            if edges[foot] and len(feet) == 1:
-                position, width = position + edges[foot] * rotation[:, 1], 0.024
-            corners += sole_rectangle(position, rotation, (length, width))
+            corners += sole_rectangle(*self.sole(foot), sizes[foot])
         return corners
+
+    def support(self, feet: tuple[int, ...], stand: Stand, margin: float) -> SupportPolygon:
+        """Where the ZMP can be.
+
+        Args:
+            feet: those that carry.
+            stand: whose soles and bearings they have.
+            margin: how far inside the edges it stays [m].
+        """
+        if len(feet) > 1:
+            return SupportPolygon(self.corners(feet, stand.sizes), margin)
+        position, rotation = self.sole(feet[0])
+        x, y, length, width = stand.bearings[feet[0]]
+        size = (max(length - 2.0 * margin, _THIN), max(width - 2.0 * margin, _THIN))
+        middle = position + rotation @ np.array([x, y, 0.0])
+        return SupportPolygon(sole_rectangle(middle, rotation, size), 0.0)
 
     def is_down(
         self, swing: SwingFoot, state: RobotState, foot: int, settings: WalkSettings

@@ -91,7 +91,7 @@ class StepPlanner:
         footholds = [step.position[:2] for step in steps]
         feet = (lifted.foot, 1 - lifted.foot)
         rests = [self._stand.zmp(feet[i % 2], step) for i, step in enumerate(steps)]
-        length, width = self._room.sizes[1 - lifted.foot]
+        _, _, length, width = self._stand.bearings[1 - lifted.foot]
         trusted = _TRUSTED * legs.factor
         return Pendulum(
             xi=lifted.xi,

@@ -239,10 +239,9 @@ class Walker:
         self._stand_on((0, 1))
 
     def _stand_on(self, feet: tuple[int, ...]) -> None:
-        corners = self._sense.corners(feet, self.plan.sizes, self.plan.edges)
         self._stance = self._sense.placement(feet[-1])
-        self._support = SupportPolygon(corners, self.settings.zmp_margin)
-        self._middle = np.mean(corners, axis=0)
+        self._support = self._sense.support(feet, self.plan, self.settings.zmp_margin)
+        self._middle = np.mean([self.plan.zmp(f, self._sense.placement(f)) for f in feet], axis=0)
 
     def _stop(self, status: WalkStatus) -> None:
         """Gives the walk up: a foot in the air comes down, and the robot stands."""

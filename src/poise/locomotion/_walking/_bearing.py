@@ -1,0 +1,75 @@
+"""`Bearing`: where in its sole a foot can carry the whole robot."""
+
+from typing import NamedTuple
+
+import pinocchio as pin
+
+from poise.robots import Robot
+
+_ANKLE = 0.9
+"""Part of an ankle's torque that the weight may take; the rest is for balance."""
+
+_ALIGNED = 0.7
+"""A joint whose axis has this much of a sole's axis turns the foot about it."""
+
+
+class Bearing(NamedTuple):
+    """Where the ZMP can be while one foot alone carries, along the sole's axes from its centre.
+
+    Attributes:
+        x: middle of it, ahead [m].
+        y: to the left [m].
+        length: along x [m].
+        width: along y [m]; none where the foot stands on an edge.
+    """
+
+    x: float
+    y: float
+    length: float
+    width: float
+
+
+def bearing(robot: Robot, sole: str, outwards: float) -> Bearing:
+    """All of the sole, but for what its leg cannot hold.
+
+    An ankle with the torque tau holds the weight W as far as tau / W from its axis. A sole that
+    does not roll by itself tilts with the leg: over a foot that carries alone the body is farther
+    out than where it stands on both, the leg leans outwards, and the foot stands on its outer edge.
+
+    Args:
+        robot: the robot.
+        sole: which.
+        outwards: 1 where the outer edge is on the left of the sole, -1 where it is on its right.
+    """
+    size = robot.soles[sole]
+    back, front = _held(robot, sole, 4, 0, 0.5 * size.length)
+    right, left = _held(robot, sole, 3, 1, 0.5 * size.width)
+    if 3 not in size.controlled:
+        left = right = 0.5 * outwards * size.width
+    return Bearing(0.5 * (front + back), 0.5 * (left + right), front - back, left - right)
+
+
+def _held(robot: Robot, sole: str, turn: int, axis: int, half: float) -> tuple[float, float]:
+    """The part of a sole along one axis that the joint which turns it about the other one holds.
+
+    Args:
+        robot: the robot.
+        sole: which.
+        turn: component of the sole's motion that the joint makes.
+        axis: 0 or 1.
+        half: of the sole, along that axis [m].
+    """
+    model, data, frame = robot.model, robot.model.createData(), robot.frame_id(sole)
+    pin.computeJointJacobians(model, data, robot.q_home)
+    J = pin.getFrameJacobian(model, data, frame, pin.ReferenceFrame.LOCAL)
+    pose = pin.updateFramePlacement(model, data, frame)
+    for joint in reversed(robot.leg_joints(sole)):
+        column = model.joints[joint].idx_v
+        if abs(J[turn, column]) > _ALIGNED:
+            at = float(pose.actInv(data.oMi[joint].translation)[axis])
+            torque = float(robot.tau_max[column - robot.base_dofs])
+            reach = _ANKLE * torque / robot.weight
+            low, high = max(at - reach, -half), min(at + reach, half)
+            # Weak beyond use: such a robot stands on its ankle's axis.
+            return (low, high) if low < high else (min(max(at, -half), half),) * 2
+    return -half, half
