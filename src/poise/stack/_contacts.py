@@ -115,6 +115,8 @@ class SurfaceContact(Contact):
             )
         self.pressure_reach[:] = x, y
         self.parameters[-1] = 0.0 if 3 in self.chosen else width / 2.0
+        if 3 not in self.chosen:
+            return _edge_cone(self.friction, x)
         half_diagonal = math.hypot(length, width) / 2.0
         torsion = self._torsion or TORSION_FRACTION * self.friction * half_diagonal
         limits = np.array([self.friction, self.friction, y, x, torsion])
@@ -136,3 +138,26 @@ class SurfaceContact(Contact):
                 choices=robot.soles,
             )
         return length, width
+
+
+def _edge_cone(friction: float, half: float) -> Float64[np.ndarray, "10 6"]:
+    """The cone of an edge along x, exactly (Caron, Pham, Nakamura 2015, with no width).
+
+    The nearer the pressure comes to an end, the less the friction holds a yaw moment:
+
+        |f_x| <= friction f_z,  |f_y| <= friction f_z,  |m_y| <= half f_z,  m_x = 0
+        -friction half f_z + |half f_y - friction m_y| <= m_z
+                                        m_z <= friction half f_z - |half f_y + friction m_y|
+
+    Args:
+        friction: Coulomb coefficient.
+        half: of the edge's length [m].
+    """
+    cone = np.zeros((10, 6))
+    for i, (component, most) in enumerate(((0, friction), (1, friction), (4, half))):
+        cone[2 * i, component], cone[2 * i + 1, component] = 1.0, -1.0
+        cone[2 * i : 2 * i + 2, 2] = -most
+    for row, (yaw, way) in enumerate(((1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)), 6):
+        cone[row, 5], cone[row, 1], cone[row, 4] = yaw, way * half, way * yaw * friction
+        cone[row, 2] = -friction * half
+    return cone

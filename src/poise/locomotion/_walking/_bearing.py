@@ -6,7 +6,7 @@ import pinocchio as pin
 
 from poise.robots import Robot
 
-_ANKLE = 0.9
+_ANKLE = 1.0
 """Part of an ankle's torque that the weight may take; the rest is for balance."""
 
 _ALIGNED = 0.7

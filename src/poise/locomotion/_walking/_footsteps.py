@@ -32,6 +32,9 @@ _MOST_STEPS = 1e3
 _SHORTEST_SWING = 0.1
 """A foot needs this long at least from lift-off to touchdown [s]."""
 
+_ON_EDGES = 0.75
+"""Width of a walk on the soles' outer edges, by that of the feet as they stand."""
+
 
 _Size = Annotated[float, Bounds(positive=True, most=LARGEST, unit="m")]
 _Time = Annotated[float, Bounds(positive=True, most=LARGEST, unit="s")]
@@ -143,6 +146,18 @@ class Stand:
         """Where the ZMP stands while both feet carry it evenly [m]."""
         (ax, ay), (bx, by) = (self.zmp(foot, place) for foot, place in enumerate(places))
         return 0.5 * (ax + bx), 0.5 * (ay + by)
+
+    @property
+    def width(self) -> float:
+        """Distance of the feet side by side in a walk [m]: as they stand at the beginning.
+
+        Soles that roll with their legs come nearer to each other, so that legs lean outwards, and
+        the soles stand on their outer edges, already when they land: from the inner edge a foot
+        would fall over to the outer one with the weight on it.
+        """
+        left, right = (p.position[:2] for p in self.start)
+        on_edge = all(b.width == 0.0 for b in self.bearings)
+        return math.dist(left, right) * (_ON_EDGES if on_edge else 1.0)
 
     @property
     def middle(self) -> tuple[float, float, float]:
@@ -344,12 +359,6 @@ def _lying(
 def level_floor(start: tuple[Placement, Placement]) -> Ground:
     """A floor as high as the soles that stand on it."""
     return Ground(height=0.5 * sum(p.position[2] for p in start))
-
-
-def foot_distance(start: tuple[Placement, Placement]) -> float:
-    """From one sole's centre to the other's, along the ground [m]."""
-    left, right = (p.position[:2] for p in start)
-    return math.dist(left, right)
 
 
 _FLAT = 0.05

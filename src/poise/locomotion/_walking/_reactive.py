@@ -24,7 +24,6 @@ from poise.locomotion._walking._feedback import DcmFeedback
 from poise.locomotion._walking._footsteps import (
     FootstepPlan,
     Gait,
-    foot_distance,
     level_floor,
     stand_of,
 )
@@ -161,7 +160,7 @@ class ReactiveWalker:
         self.ground = ground or level_floor(stand.start)
         self._room = LegRoom(
             sizes=stand.sizes,
-            width=self.gait.width or foot_distance(stand.start),
+            width=self.gait.width or stand.width,
             clearance=FootstepPlan.clearance,
             ahead=_REACH * LegReach(robot, stand).longest_step(self.height),
             wide=_WIDE * self.height,
@@ -487,9 +486,7 @@ class ReactiveWalker:
             self._waited += dt
         if self._waited > self.settings.patience:
             self.status = WalkStatus.FOOT_LOST
-        self._tasks.feet[self._foot].set_target(
-            swing.position, swing.rotation, swing.velocity, swing.acceleration
-        )
+        self._tasks.lead_foot(self._sense, self._foot, swing)
 
     def _aim(self, dt: float) -> None:
         """Chooses place and time of touchdown, and where the divergent component should be now.

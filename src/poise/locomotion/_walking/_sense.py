@@ -44,6 +44,8 @@ class WalkSense:
         self._model, self._data = robot.model, robot.model.createData()
         self._soles, self._weight = soles, robot.weight
         self._ids = [robot.frame_id(name) for name in soles]
+        sizes = [robot.soles[name] for name in soles]
+        self._rolling = [0.5 * sole.width * (3 not in sole.controlled) for sole in sizes]
         self.com: Float64[np.ndarray, "3"] = self._data.com[0]
         self.com_velocity: Float64[np.ndarray, "3"] = self._data.vcom[0]
 
@@ -55,6 +57,10 @@ class WalkSense:
         """Position [m] and rotation of a sole in the world."""
         placement = pin.updateFramePlacement(self._model, self._data, self._ids[foot])
         return placement.translation, placement.rotation
+
+    def edge_drop(self, foot: int) -> float:
+        """How far the lower edge of a sole that rolls with its leg is below its middle [m]."""
+        return self._rolling[foot] and self._rolling[foot] * abs(float(self.sole(foot)[1][2, 1]))
 
     def placement(self, foot: int) -> Placement:
         """Where a sole lies."""

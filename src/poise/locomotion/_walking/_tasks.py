@@ -16,6 +16,7 @@ from poise.errors import ConfigurationError, UnknownNameError
 from poise.locomotion._support import two_soles
 from poise.locomotion._walking._footsteps import Stand
 from poise.locomotion._walking._sense import WalkSense
+from poise.locomotion._walking._swing import SwingFoot
 from poise.robots import Robot
 from poise.stack import (
     ComTask,
@@ -150,6 +151,18 @@ class WalkTasks:
     feet: tuple[FrameTask, FrameTask]
     contacts: tuple[Contact, Contact]
     carried: dict[str, CarriedTarget]
+
+    def lead_foot(self, sense: WalkSense, foot: int, swing: SwingFoot) -> None:
+        """A foot in the air along its way, with its lower edge where the whole sole should be.
+
+        Args:
+            sense: how the sole is tilted.
+            foot: 0 for the left one, 1 for the right one.
+            swing: its way.
+        """
+        position = swing.position.copy()
+        position[2] += sense.edge_drop(foot)
+        self.feet[foot].set_target(position, swing.rotation, swing.velocity, swing.acceleration)
 
     def lead_com(
         self,

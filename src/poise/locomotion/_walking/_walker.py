@@ -225,9 +225,7 @@ class Walker:
         if self._sense.is_down(swing, state, foot, self.settings):
             self._land(foot)
             return
-        self._tasks.feet[foot].set_target(
-            swing.position, swing.rotation, swing.velocity, swing.acceleration
-        )
+        self._tasks.lead_foot(self._sense, foot, swing)
 
     def _land(self, foot: int) -> None:
         self._tasks.contacts[foot].engage(ENGAGE * self.plan.gait.double_support)
