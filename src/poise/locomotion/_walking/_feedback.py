@@ -92,8 +92,8 @@ class PlanShift:
         omega: natural frequency of the COM over the ground [1/s].
 
     Attributes:
-        settled: how far the ZMP's reference lies beside the plan now [m].
-        coming: how much farther it will from the next foothold on [m].
+        settled: how far the feet that stand are beside the plan [m].
+        coming: how much farther the next foothold will be [m].
         com: how far the COM's reference lies beside the plan [m], with its velocity [m/s] and
             acceleration [m/s^2], a row each.
     """
@@ -102,6 +102,9 @@ class PlanShift:
         self._omega = omega
         self.settled: Vector2 = np.zeros(2)
         self.coming: Vector2 = np.zeros(2)
+        # Of what is settled, what the ZMP has not gone over to yet, and when it will [m, s].
+        self._ahead: Vector2 = np.zeros(2)
+        self._ahead_left = 0.0
         self.com: Float64[np.ndarray, "3 2"] = np.zeros((3, 2))
 
     def advance(self, dt: float, left: float) -> None:
@@ -113,19 +116,33 @@ class PlanShift:
         """
         w = self._omega
         ahead, kept = math.exp(-w * max(left, 0.0)), math.exp(-w * dt)
+        self._ahead_left = max(self._ahead_left - dt, 0.0)
+        if self._ahead_left == 0.0:
+            self._ahead = np.zeros(2)
+        near = math.exp(-w * self._ahead_left)
         axes: list[tuple[float, float, float]] = []
-        for settled, coming, before in zip(
-            self.settled.tolist(), self.coming.tolist(), self.com[0].tolist(), strict=True
+        for settled, landed, coming, before in zip(
+            self.settled.tolist(),
+            self._ahead.tolist(),
+            self.coming.tolist(),
+            self.com[0].tolist(),
+            strict=True,
         ):
-            anticipated = coming * ahead
-            xi = settled + anticipated
+            anticipated = coming * ahead + landed * near
+            xi = settled - landed + anticipated
             com = xi + (before - xi) * kept
             velocity = w * (xi - com)
             axes.append((com, velocity, w * (w * anticipated - velocity)))
         self.com = np.array(axes).T
 
-    def land(self, shift: Vector2) -> None:
-        """A foot came down so far beside its plan [m]."""
+    def land(self, shift: Vector2, left: float) -> None:
+        """A foot came down.
+
+        Args:
+            shift: how far beside its plan [m].
+            left: until the ZMP goes over to it [s].
+        """
+        self._ahead, self._ahead_left = shift - self.settled + self._ahead, left
         self.settled, self.coming = shift, np.zeros(2)
 
 

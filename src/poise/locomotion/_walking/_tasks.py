@@ -286,7 +286,9 @@ def walking_stack(robot: Robot) -> Stack:
     upper: list[Task] = [FrameTask(robot.torso, "orientation", kp=50.0, name="torso")]
     upper += [FrameTask(hand, "position", kp=100.0, name=hand) for hand in robot.hands]
     last: list[Task] = [PostureTask()]
+    firm = all(3 in robot.soles[sole].controlled for sole in soles)
+    first = [[*balance, *feet], upper] if firm else [[*balance, *feet, *upper]]
     return Stack(
         contacts=[SurfaceContact(sole) for sole in soles],
-        levels=[[*balance, *feet], upper, last],
+        levels=[*first, last],
     )

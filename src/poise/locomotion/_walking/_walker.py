@@ -231,7 +231,7 @@ class Walker:
         self._tasks.contacts[foot].engage(ENGAGE * self.plan.gait.double_support)
         position, _ = self._sense.sole(foot)
         goal = self.plan.steps[self._step].goal
-        self._shift.land(position[:2] - goal.position[:2])
+        self._shift.land(position[:2] - goal.position[:2], self._until_next_foot())
         self._swing, self._released = None, False
         self._step += 1
         self._stand_on((0, 1))
