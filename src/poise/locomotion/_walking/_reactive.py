@@ -447,7 +447,7 @@ class ReactiveWalker:
     # One foot in the air --------------------------------------------------------------------------
 
     def _lift(self, foot: int) -> None:
-        position, rotation = self._sense.sole(foot)
+        position, rotation = self._sense.lower_edge(foot)
         begin = self._sense.placement(foot)
         goal = self.commands.steps(foot, self._stance, 1)[0]
         height = self.gait.swing_height

@@ -58,13 +58,25 @@ class WalkSense:
         placement = pin.updateFramePlacement(self._model, self._data, self._ids[foot])
         return placement.translation, placement.rotation
 
-    def edge_drop(self, foot: int) -> float:
-        """How far the lower edge of a sole that rolls with its leg is below its middle [m]."""
-        return self._rolling[foot] and self._rolling[foot] * abs(float(self.sole(foot)[1][2, 1]))
+    def lower_edge(
+        self, foot: int
+    ) -> tuple[Float64[np.ndarray, "3"], Float64[np.ndarray, "3 3"]]:
+        """Position [m] and rotation of a sole, but as high as its lower edge."""
+        position, rotation = self.sole(foot)
+        return position - np.array([0.0, 0.0, self.edge_drop(foot)[0]]), rotation
+
+    def edge_drop(self, foot: int) -> tuple[float, float]:
+        """How far the lower edge of a sole that rolls with its leg is below its middle [m, m/s]."""
+        half = self._rolling[foot]
+        if half == 0.0:
+            return 0.0, 0.0
+        tilt = float(self.sole(foot)[1][2, 1])
+        turning = pin.getFrameVelocity(self._model, self._data, self._ids[foot]).angular
+        return half * abs(tilt), math.copysign(half, tilt) * float(turning[0])
 
     def placement(self, foot: int) -> Placement:
         """Where a sole lies."""
-        position, rotation = self.sole(foot)
+        position, rotation = self.lower_edge(foot)
         x, y, z = position.tolist()
         yaw = math.atan2(float(rotation[1, 0]), float(rotation[0, 0]))
         return Placement(position=(x, y, z), yaw=yaw)

@@ -160,9 +160,11 @@ class WalkTasks:
             foot: 0 for the left one, 1 for the right one.
             swing: its way.
         """
-        position = swing.position.copy()
-        position[2] += sense.edge_drop(foot)
-        self.feet[foot].set_target(position, swing.rotation, swing.velocity, swing.acceleration)
+        position, velocity = swing.position.copy(), swing.velocity.copy()
+        drop, rate = sense.edge_drop(foot)
+        position[2] += drop
+        velocity[2] += rate
+        self.feet[foot].set_target(position, swing.rotation, velocity, swing.acceleration)
 
     def lead_com(
         self,

@@ -200,7 +200,7 @@ class Walker:
 
     def _lift(self, foot: int) -> None:
         step, plan = self.plan.steps[self._step], self.plan
-        position, rotation = self._sense.sole(foot)
+        position, rotation = self._sense.lower_edge(foot)
         x, y, z = step.goal.position
         low = Placement(position=(x, y, z - self.settings.touchdown_depth), yaw=step.goal.yaw)
         time = max(plan.touchdown(self._step) - self._clock, 0.5 * plan.gait.swing_time)
