@@ -1,4 +1,4 @@
-"""`Bearing`: where in its sole a foot can carry the whole robot."""
+"""`Bearing`: where in its sole a foot can carry the whole robot by itself."""
 
 from typing import NamedTuple
 
@@ -6,21 +6,18 @@ import pinocchio as pin
 
 from poise.robots import Robot
 
-_ANKLE = 1.0
-"""Part of an ankle's torque that the weight may take; the rest is for balance."""
-
 _ALIGNED = 0.7
 """A joint whose axis has this much of a sole's axis turns the foot about it."""
 
 
 class Bearing(NamedTuple):
-    """Where the ZMP can be while one foot alone carries, along the sole's axes from its centre.
+    """A rectangle in which the ZMP can be while the other foot is in the air.
 
     Attributes:
-        x: middle of it, ahead [m].
-        y: to the left [m].
+        x: of its middle, along the sole's axes from the sole's centre [m].
+        y: likewise [m].
         length: along x [m].
-        width: along y [m]; none where the foot stands on an edge.
+        width: along y [m]; zero on an edge.
     """
 
     x: float
@@ -33,8 +30,8 @@ def bearing(robot: Robot, sole: str, outwards: float) -> Bearing:
     """All of the sole, but for what its leg cannot hold.
 
     An ankle with the torque tau holds the weight W as far as tau / W from its axis. A sole that
-    does not roll by itself tilts with the leg: over a foot that carries alone the body is farther
-    out than where it stands on both, the leg leans outwards, and the foot stands on its outer edge.
+    leans with its leg does so outwards while it carries alone, as the body is on its side of the
+    middle, and stands on its outer edge.
 
     Args:
         robot: the robot.
@@ -44,7 +41,7 @@ def bearing(robot: Robot, sole: str, outwards: float) -> Bearing:
     size = robot.soles[sole]
     back, front = _held(robot, sole, 4, 0, 0.5 * size.length)
     right, left = _held(robot, sole, 3, 1, 0.5 * size.width)
-    if 3 not in size.controlled:
+    if size.leans:
         left = right = 0.5 * outwards * size.width
     return Bearing(0.5 * (front + back), 0.5 * (left + right), front - back, left - right)
 
@@ -68,8 +65,11 @@ def _held(robot: Robot, sole: str, turn: int, axis: int, half: float) -> tuple[f
         if abs(J[turn, column]) > _ALIGNED:
             at = float(pose.actInv(data.oMi[joint].translation)[axis])
             torque = float(robot.tau_max[column - robot.base_dofs])
-            reach = _ANKLE * torque / robot.weight
+            reach = torque / robot.weight
             low, high = max(at - reach, -half), min(at + reach, half)
-            # Weak beyond use: such a robot stands on its ankle's axis.
-            return (low, high) if low < high else (min(max(at, -half), half),) * 2
+            if low < high:
+                return low, high
+            # An ankle that holds nothing of the sole: as near to its axis as can be.
+            nearest = min(max(at, -half), half)
+            return nearest, nearest
     return -half, half

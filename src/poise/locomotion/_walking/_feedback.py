@@ -102,9 +102,9 @@ class PlanShift:
         self._omega = omega
         self.settled: Vector2 = np.zeros(2)
         self.coming: Vector2 = np.zeros(2)
-        # Of what is settled, what the ZMP has not gone over to yet, and when it will [m, s].
-        self._ahead: Vector2 = np.zeros(2)
-        self._ahead_left = 0.0
+        # What of it the ZMP has not gone over to yet [m], and in what time it will [s].
+        self._landed: Vector2 = np.zeros(2)
+        self._landed_left = 0.0
         self.com: Float64[np.ndarray, "3 2"] = np.zeros((3, 2))
 
     def advance(self, dt: float, left: float) -> None:
@@ -116,14 +116,14 @@ class PlanShift:
         """
         w = self._omega
         ahead, kept = math.exp(-w * max(left, 0.0)), math.exp(-w * dt)
-        self._ahead_left = max(self._ahead_left - dt, 0.0)
-        if self._ahead_left == 0.0:
-            self._ahead = np.zeros(2)
-        near = math.exp(-w * self._ahead_left)
+        self._landed_left = max(self._landed_left - dt, 0.0)
+        if self._landed_left == 0.0:
+            self._landed = np.zeros(2)
+        near = math.exp(-w * self._landed_left)
         axes: list[tuple[float, float, float]] = []
         for settled, landed, coming, before in zip(
             self.settled.tolist(),
-            self._ahead.tolist(),
+            self._landed.tolist(),
             self.coming.tolist(),
             self.com[0].tolist(),
             strict=True,
@@ -142,7 +142,7 @@ class PlanShift:
             shift: how far beside its plan [m].
             left: until the ZMP goes over to it [s].
         """
-        self._ahead, self._ahead_left = shift - self.settled + self._ahead, left
+        self._landed, self._landed_left = shift - self.settled + self._landed, left
         self.settled, self.coming = shift, np.zeros(2)
 
 

@@ -31,9 +31,8 @@ _MOST_STEPS = 1e3
 
 _SHORTEST_SWING = 0.1
 """A foot needs this long at least from lift-off to touchdown [s]."""
-
-_ON_EDGES = 0.75
-"""Width of a walk on the soles' outer edges, by that of the feet as they stand."""
+_CLEARANCE = 0.01
+"""Least distance between the feet's edges, side by side [m]."""
 
 
 _Size = Annotated[float, Bounds(positive=True, most=LARGEST, unit="m")]
@@ -151,13 +150,16 @@ class Stand:
     def width(self) -> float:
         """Distance of the feet side by side in a walk [m]: as they stand at the beginning.
 
-        Soles that roll with their legs come nearer to each other, so that legs lean outwards, and
-        the soles stand on their outer edges, already when they land: from the inner edge a foot
-        would fall over to the outer one with the weight on it.
+        Soles that lean come half as near to each other as they can. So they land on their outer
+        edges already: with the hips inside of it, a foot falls over from its inner edge to the
+        outer one with the weight on it.
         """
         left, right = (p.position[:2] for p in self.start)
-        on_edge = all(b.width == 0.0 for b in self.bearings)
-        return math.dist(left, right) * (_ON_EDGES if on_edge else 1.0)
+        apart = math.dist(left, right)
+        if any(b.width > 0.0 for b in self.bearings):
+            return apart
+        touching = _CLEARANCE + 0.5 * sum(width for _, width in self.sizes)
+        return 0.5 * (apart + touching)
 
     @property
     def middle(self) -> tuple[float, float, float]:
@@ -207,7 +209,7 @@ class FootstepPlan(Stand):
     steps: tuple[Footstep, ...]
     gait: Gait = field(default_factory=Gait)
     ground: Ground = field(default_factory=Ground)
-    clearance: float = 0.01
+    clearance: float = _CLEARANCE
 
     def __post_init__(self) -> None:
         if not self.steps:

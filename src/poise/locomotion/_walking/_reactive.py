@@ -158,14 +158,15 @@ class ReactiveWalker:
         self._legs = LegMomentum(ratios.ahead, natural_frequency(self.height))
         self._rise_ratio = ratios.rise
         self.ground = ground or level_floor(stand.start)
+        turns = all(robot.soles[sole].turns for sole in stand.soles)
         self._room = LegRoom(
             sizes=stand.sizes,
             width=self.gait.width or stand.width,
             clearance=FootstepPlan.clearance,
             ahead=_REACH * LegReach(robot, stand).longest_step(self.height),
             wide=_WIDE * self.height,
-            turn=_TURN,
-            turn_in=_TURN_IN,
+            turn=_TURN if turns else 0.0,
+            turn_in=_TURN_IN if turns else 0.0,
         )
         self.commands = StepCommands(self.limits, self._room, self.gait.step_time, self.ground)
         stack.bind(robot)
@@ -502,7 +503,7 @@ class ReactiveWalker:
             self._move_goal(place, dt)
             most = _TIME_RATE * dt
             self._left += min(max(step.left - self._left, -most), most)
-        pendulum = planner.moved(pendulum, self._stance, self._goal.position[:2])
+        pendulum = planner.moved(lifted, pendulum, self._goal.position[:2])
         self._dcm = planner.on_the_way(pendulum, self._left)
 
     def _move_goal(self, place: Point, dt: float) -> None:

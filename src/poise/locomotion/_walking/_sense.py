@@ -44,8 +44,8 @@ class WalkSense:
         self._model, self._data = robot.model, robot.model.createData()
         self._soles, self._weight = soles, robot.weight
         self._ids = [robot.frame_id(name) for name in soles]
-        sizes = [robot.soles[name] for name in soles]
-        self._rolling = [0.5 * sole.width * (3 not in sole.controlled) for sole in sizes]
+        found = [robot.soles[name] for name in soles]
+        self._edges = [0.5 * sole.width if sole.leans else 0.0 for sole in found]
         self.com: Float64[np.ndarray, "3"] = self._data.com[0]
         self.com_velocity: Float64[np.ndarray, "3"] = self._data.vcom[0]
 
@@ -58,16 +58,14 @@ class WalkSense:
         placement = pin.updateFramePlacement(self._model, self._data, self._ids[foot])
         return placement.translation, placement.rotation
 
-    def lower_edge(
-        self, foot: int
-    ) -> tuple[Float64[np.ndarray, "3"], Float64[np.ndarray, "3 3"]]:
-        """Position [m] and rotation of a sole, but as high as its lower edge."""
+    def lower_edge(self, foot: int) -> tuple[Float64[np.ndarray, "3"], Float64[np.ndarray, "3 3"]]:
+        """Position [m] and rotation of a sole, but as high as the lower edge of one that leans."""
         position, rotation = self.sole(foot)
         return position - np.array([0.0, 0.0, self.edge_drop(foot)[0]]), rotation
 
     def edge_drop(self, foot: int) -> tuple[float, float]:
-        """How far the lower edge of a sole that rolls with its leg is below its middle [m, m/s]."""
-        half = self._rolling[foot]
+        """How far the lower edge of a sole that leans is below its middle [m], with rate [m/s]."""
+        half = self._edges[foot]
         if half == 0.0:
             return 0.0, 0.0
         tilt = float(self.sole(foot)[1][2, 1])
@@ -103,10 +101,11 @@ class WalkSense:
             stand: whose soles and bearings they have.
             margin: how far inside the edges it stays [m].
         """
-        if len(feet) > 1:
+        foot, *others = feet
+        if others:
             return SupportPolygon(self.corners(feet, stand.sizes), margin)
-        position, rotation = self.sole(feet[0])
-        x, y, length, width = stand.bearings[feet[0]]
+        position, rotation = self.sole(foot)
+        x, y, length, width = stand.bearings[foot]
         size = (max(length - 2.0 * margin, _THIN), max(width - 2.0 * margin, _THIN))
         middle = position + rotation @ np.array([x, y, 0.0])
         return SupportPolygon(sole_rectangle(middle, rotation, size), 0.0)
