@@ -62,10 +62,10 @@ class SurfaceContact(Contact):
         |m_x| <= width/2 f_z,   |m_y| <= length/2 f_z        centre of pressure inside, 4 rows
         |m_z| <= torsion f_z                                 yaw moment, 2 rows
 
-    The ground cannot keep a sole that leans with its leg (`Sole.leans`) from rolling. Such a sole
-    stands on its lower edge, left or right, where m_x = 0: five components are held and five act,
-    at the edge's middle. Flat within `FULL_TILT`, it goes over from one edge to the other. The yaw
-    moment is what the friction of that edge holds, see `_edge_cone`.
+    Where the leg of a sole lacks a joint, the contact holds what is `Sole.controlled`, and bears no
+    moment about the axis that is not. A sole that leans with its leg stands on its lower edge, left
+    or right, where m_x = 0, and what acts does so at the middle of that edge. Within `FULL_TILT` of
+    flat it goes over from one edge to the other. The yaw moment is what friction holds on an edge.
 
     Args:
         frame: a sole of the robot, or any frame if `length` and `width` are given.
@@ -111,7 +111,7 @@ class SurfaceContact(Contact):
 
     def _held_components(self, robot: Robot) -> Int64[np.ndarray, " dim"]:
         sole = robot.soles.get(self.frame)
-        return _ON_EDGE if sole is not None and sole.leans else self.chosen
+        return self.chosen if sole is None else np.array(sole.controlled)
 
     def _make_cone(self, robot: Robot) -> Float64[np.ndarray, "rows dim"]:
         length, width = self._rectangle(robot)
@@ -123,17 +123,18 @@ class SurfaceContact(Contact):
                 wanted=f"less than {min(length, width) / 2.0:g} m",
             )
         self.pressure_reach[:] = x, y
-        if self.dim < 6:
+        if 3 not in self.chosen:
             self.parameters[-1] = width / 2.0
-            return _edge_cone(self.friction, x)
+            return _edge_cone(self.friction, x)[:, self.chosen]
         half_diagonal = math.hypot(length, width) / 2.0
         torsion = self._torsion or TORSION_FRACTION * self.friction * half_diagonal
-        limits = np.array([self.friction, self.friction, y, x, torsion])
-        cone = np.zeros((10, 6))
-        for i, component in enumerate((0, 1, 3, 4, 5)):
+        limits = {0: self.friction, 1: self.friction, 3: y, 4: x, 5: torsion}
+        bounded = [component for component in limits if component in self.chosen]
+        cone = np.zeros((2 * len(bounded), 6))
+        for i, component in enumerate(bounded):
             cone[2 * i, component], cone[2 * i + 1, component] = 1.0, -1.0
-            cone[2 * i : 2 * i + 2, 2] = -limits[i]
-        return cone
+            cone[2 * i : 2 * i + 2, 2] = -limits[component]
+        return cone[:, self.chosen]
 
     def _rectangle(self, robot: Robot) -> tuple[float, float]:
         sole = robot.soles.get(self.frame)
@@ -149,11 +150,7 @@ class SurfaceContact(Contact):
         return length, width
 
 
-_ON_EDGE = np.array([0, 1, 2, 4, 5])
-"""What an edge along x holds: everything but rolling over it."""
-
-
-def _edge_cone(friction: float, half: float) -> Float64[np.ndarray, "10 5"]:
+def _edge_cone(friction: float, half: float) -> Float64[np.ndarray, "10 6"]:
     """The cone of an edge along x, exactly: that of a rectangle without width.
 
     The nearer the pressure comes to an end of the edge, the less yaw moment its friction holds
@@ -167,7 +164,7 @@ def _edge_cone(friction: float, half: float) -> Float64[np.ndarray, "10 5"]:
         friction: Coulomb coefficient.
         half: of the edge's length [m].
     """
-    f_x, f_y, f_z, m_y, m_z = np.eye(5)
+    f_x, f_y, f_z, _, m_y, m_z = np.eye(6)
     pairs = [
         (f_x, friction * f_z),
         (f_y, friction * f_z),
