@@ -34,6 +34,9 @@ _SHORTEST_SWING = 0.1
 _CLEARANCE = 0.01
 """Least distance between the feet's edges, side by side [m]."""
 
+_NARROW = 0.6
+"""Room between feet whose soles lean, over that of the feet as they stand."""
+
 
 _Size = Annotated[float, Bounds(positive=True, most=LARGEST, unit="m")]
 _Time = Annotated[float, Bounds(positive=True, most=LARGEST, unit="s")]
@@ -150,16 +153,16 @@ class Stand:
     def width(self) -> float:
         """Distance of the feet side by side in a walk [m]: as they stand at the beginning.
 
-        Soles that lean come half as near to each other as they can. So they land on their outer
-        edges already: with the hips inside of it, a foot falls over from its inner edge to the
-        outer one with the weight on it.
+        Soles that lean come nearer to each other. So they land on their outer edges already: one
+        that lands with the hips inside of it falls over from its inner edge to the outer one with
+        the weight on it.
         """
         left, right = (p.position[:2] for p in self.start)
         apart = math.dist(left, right)
         if any(b.width > 0.0 for b in self.bearings):
             return apart
         touching = _CLEARANCE + 0.5 * sum(width for _, width in self.sizes)
-        return 0.5 * (apart + touching)
+        return touching + _NARROW * (apart - touching)
 
     @property
     def middle(self) -> tuple[float, float, float]:

@@ -83,7 +83,7 @@ class LegReach:
 
         def linearize(
             q: Float64[np.ndarray, " nq"],
-        ) -> tuple[Float64[np.ndarray, "6"], Float64[np.ndarray, "6 nv"]]:
+        ) -> tuple[Float64[np.ndarray, " m"], Float64[np.ndarray, "m nv"]]:
             pin.computeJointJacobians(model, data, q)
             error, J = frame_error(model, data, frame, goal)
             return error[led], J[led]
