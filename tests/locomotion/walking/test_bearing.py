@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from poise.locomotion._walking._bearing import bearing
+from poise.locomotion._walking._bearing import Bearing, bearing
 from poise.locomotion._walking._footsteps import stand_of
 from poise.locomotion._walking._ground import Placement
 
@@ -35,13 +35,20 @@ def test_a_weak_ankle_bears_where_its_torque_holds_the_weight(get_robot):
     assert bearing(robot, "left_sole", 1.0) == pytest.approx((0.0, 0.0, 0.28, 0.1))
 
 
+def test_the_zmp_rests_in_the_middle_third_as_near_to_the_centre_as_can_be():
+    assert Bearing(-0.006, 0.0, 0.15, 0.06).rest == (0.0, 0.0)
+    weak = Bearing(-0.045, 0.024, 0.06, 0.0)
+    assert weak.rest == pytest.approx((-0.035, 0.024))
+    assert weak.room == pytest.approx((0.02, 0.0))
+
+
 def test_a_sole_that_leans_bears_on_its_outer_edge(get_robot_without):
     robot = get_robot_without(ROLL)
     assert bearing(robot, "left_sole", 1.0) == pytest.approx((0.0, 0.07, 0.28, 0.0))
     assert bearing(robot, "right_sole", -1.0) == pytest.approx((0.0, -0.07, 0.28, 0.0))
 
 
-def test_the_zmp_stands_in_the_middle_of_what_bears(get_robot_without):
+def test_the_zmp_goes_along_with_a_foot_and_turns_with_it(get_robot_without):
     stand = stand_of(get_robot_without(ROLL))
     turned = Placement(position=(1.0, 2.0, 0.0), yaw=0.5 * math.pi)
     assert stand.zmp(0, turned) == pytest.approx((1.0 - 0.07, 2.0))

@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import pinocchio as pin
 
+from poise.locomotion._support import Point
 from poise.robots import Robot
 
 _ALIGNED = 0.7
@@ -24,6 +25,18 @@ class Bearing(NamedTuple):
     y: float
     length: float
     width: float
+
+    @property
+    def rest(self) -> Point:
+        """Where the ZMP rests: the point of the middle third nearest to the sole's centre [m]."""
+        x, y = self.length / 6.0, self.width / 6.0
+        return min(max(0.0, self.x - x), self.x + x), min(max(0.0, self.y - y), self.y + y)
+
+    @property
+    def room(self) -> Point:
+        """How far the ZMP can go from there either way, along x and y [m]."""
+        x, y = self.rest
+        return 0.5 * self.length - abs(x - self.x), 0.5 * self.width - abs(y - self.y)
 
 
 def bearing(robot: Robot, sole: str, outwards: float) -> Bearing:

@@ -205,8 +205,7 @@ class StepCatcher:
         growth = math.exp(self._omega * left)
         stand = _Axes.of(stance)
         carrying = 1 - self._plan.steps[step].foot
-        _, _, length, width = self._plan.bearings[carrying]
-        middle_x, middle_y = self._plan.zmp(carrying, stance)
+        bearing = self._plan.bearings[carrying]
         coming, settled = _plain(shift.coming), _plain(shift.settled)
         back_x, back_y = _clipped((-settled[0], -settled[1]), _RETURN)
         # The step back to the plan is intended: only what it does not explain has to be caught.
@@ -214,10 +213,10 @@ class StepCatcher:
             float(error[0]) + (coming[0] - back_x) / growth,
             float(error[1]) + (coming[1] - back_y) / growth,
         )
-        ahead, aside = stand.within(float(zmp[0]) - middle_x, float(zmp[1]) - middle_y)
+        ahead, aside = stand.within(float(zmp[0]) - stand.x, float(zmp[1]) - stand.y)
         caught = (
-            growth * self._beyond_feedback(along, 0.5 * length, ahead),
-            growth * self._beyond_feedback(across, 0.5 * width, aside),
+            growth * self._beyond_feedback(along, 0.5 * bearing.length, ahead - bearing.x),
+            growth * self._beyond_feedback(across, 0.5 * bearing.width, aside - bearing.y),
         )
         caught_x, caught_y = stand.without(*_clipped(caught, self._farthest))
         moved = (back_x + caught_x, back_y + caught_y)
@@ -230,7 +229,7 @@ class StepCatcher:
 
         Args:
             error: of the divergent component [m].
-            edge: of the sole, from its centre [m].
+            edge: of what bears, from its middle [m].
             offset: of the ZMP's reference from there [m].
         """
         room = max(edge - self._margin - math.copysign(1.0, error) * offset, 0.0)

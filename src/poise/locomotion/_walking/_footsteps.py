@@ -138,10 +138,10 @@ class Stand:
     bearings: tuple[Bearing, Bearing]
 
     def zmp(self, foot: int, place: Placement) -> Point:
-        """Where the ZMP stands while a foot alone carries the robot [m]."""
+        """Where the ZMP rests while a foot alone carries the robot [m]."""
         x, y, _ = place.position
         c, s = math.cos(place.yaw), math.sin(place.yaw)
-        ahead, left, _, _ = self.bearings[foot]
+        ahead, left = self.bearings[foot].rest
         return x + c * ahead - s * left, y + s * ahead + c * left
 
     def rest(self, places: Sequence[Placement]) -> Point:

@@ -93,7 +93,7 @@ class StepPlanner:
         foothold = steps[0].position[:2]
         feet = (lifted.foot, 1 - lifted.foot)
         rests = [self._stand.zmp(feet[i % 2], step) for i, step in enumerate(steps)]
-        _, _, length, width = self._stand.bearings[1 - lifted.foot]
+        along, across = self._stand.bearings[1 - lifted.foot].room
         trusted = _TRUSTED * legs.factor
         return Pendulum(
             xi=lifted.xi,
@@ -103,8 +103,8 @@ class StepPlanner:
             foothold=foothold,
             gain=self._gain,
             room=(
-                trusted * max(0.5 * length - self._margin, 0.0),
-                trusted * max(0.5 * width - self._margin, 0.0),
+                trusted * max(along - self._margin, 0.0),
+                trusted * max(across - self._margin, 0.0),
             ),
             omega=legs.omega,
         )
