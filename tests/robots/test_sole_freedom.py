@@ -34,5 +34,10 @@ def test_a_leg_that_lacks_joints_gives_up_the_turns_that_they_make(
         assert np.linalg.matrix_rank(J, tol=1e-6) == len(controlled)
 
 
+def test_a_leg_that_cannot_put_its_sole_aside_gives_up_no_turn(get_robot_without):
+    robot = get_robot_without(".*_hip_roll", YAW, ROLL)
+    assert [sole.controlled for sole in robot.soles.values()] == [ALL, ALL]
+
+
 def test_a_robot_without_soles_has_nothing_to_control(get_robot):
     assert not get_robot("arm6").soles

@@ -12,6 +12,9 @@ from poise.robots._robot import Robot
 _SMALL = 0.02
 """A sole cannot make a motion that is this slow with the joints of its leg at unit speed."""
 
+_ALL = (0, 1, 2, 3, 4, 5)
+"""Every component of a motion."""
+
 
 def with_controlled_soles(robot: Robot) -> Robot:
     """The robot with `Sole.controlled` of each sole as its home posture has it.
@@ -34,14 +37,14 @@ def _controlled(robot: Robot, sole: str) -> tuple[int, ...]:
     seen from its hip, and gives up roll; one whose hip does not yaw gives up yaw.
     """
     J = _leg_jacobian(robot, sole)
-    kept = [0, 1, 2, 3, 4, 5]
-    while any(k >= 3 for k in kept):
+    kept = list(_ALL)
+    while turns := [i for i, k in enumerate(kept) if k >= 3]:
         squares, motions = np.linalg.eigh(J[kept] @ J[kept].T)
         if squares[0] > _SMALL**2:
-            break
-        turns = [i for i, k in enumerate(kept) if k >= 3]
+            return tuple(kept)
         del kept[max(turns, key=lambda i: abs(motions[i, 0]))]
-    return tuple(kept)
+    # What it lacks is no turn: a straight knee, or hips that cannot spread.
+    return _ALL
 
 
 def _leg_jacobian(robot: Robot, sole: str) -> Float64[np.ndarray, "6 joints"]:

@@ -10,6 +10,10 @@ from poise.robots import Robot
 _ALIGNED = 0.7
 """A joint whose axis has this much of a sole's axis turns the foot about it."""
 
+_MIDDLE = 0.1
+"""How far beside the middle of what bears the ZMP may rest, over its size: in the centre of a sole
+of which an edge is out of a strong ankle's reach."""
+
 
 class Bearing(NamedTuple):
     """A rectangle in which the ZMP can be while the other foot is in the air.
@@ -28,8 +32,8 @@ class Bearing(NamedTuple):
 
     @property
     def rest(self) -> Point:
-        """Where the ZMP rests: the point of the middle third nearest to the sole's centre [m]."""
-        x, y = self.length / 6.0, self.width / 6.0
+        """Where the ZMP rests: near its middle, on the side of the sole's centre [m]."""
+        x, y = _MIDDLE * self.length, _MIDDLE * self.width
         return min(max(0.0, self.x - x), self.x + x), min(max(0.0, self.y - y), self.y + y)
 
     @property

@@ -31,6 +31,7 @@ _MOST_STEPS = 1e3
 
 _SHORTEST_SWING = 0.1
 """A foot needs this long at least from lift-off to touchdown [s]."""
+
 _CLEARANCE = 0.01
 """Least distance between the feet's edges, side by side [m]."""
 
