@@ -2,14 +2,19 @@
 
 import math
 from functools import cache
+from pathlib import Path
 
 import pytest
 import type_checks
+import yaml
 
-from poise import _progress
+from poise import _progress, robots
 from poise.errors import MissingExtraError
 from poise.hqp import LexicographicSolver
 from poise.robots import load_robot
+from poise.robots._parametric import generate
+
+DESCRIPTIONS = Path(robots.__file__).parent / "descriptions"
 
 
 @cache
@@ -48,3 +53,20 @@ def get_robot():
 def pytest_runtest_setup():
     """Types and shapes of the first calls of each test are checked, see `type_checks`."""
     type_checks.begin_test()
+
+
+@pytest.fixture(scope="session")
+def get_robot_without(tmp_path_factory):
+    """`humanoid33` with some joints welded at zero, and soles of another width."""
+
+    @cache
+    def get(*joints, width=0.14):
+        facts = yaml.safe_load((DESCRIPTIONS / "humanoid33.yaml").read_text(encoding="utf-8"))
+        del facts["catalog"]
+        for sole in facts["soles"].values():
+            sole["width"] = width
+        path = tmp_path_factory.mktemp("welded") / "welded.urdf"
+        path.write_text(generate("humanoid", 33), encoding="utf-8")
+        return load_robot(path, description=facts | {"locked": list(joints)})
+
+    return get

@@ -58,14 +58,23 @@ class Sole:
         length: along the frame's x [m].
         width: along the frame's y [m].
         controlled: components of its motion that its leg decides, along the frame's own axes: 0 to
-            2 for where it is, 3 to 5 for how it is turned. All of them, unless the leg has fewer
-            than six joints.
+            2 for where it is, 3 to 5 for how it is turned. All, unless the leg lacks a joint.
     """
 
     name: str
     length: float
     width: float
     controlled: tuple[int, ...] = (0, 1, 2, 3, 4, 5)
+
+    @property
+    def leans(self) -> bool:
+        """Whether it tilts sideways as its leg leans, and so stands on one of its long edges."""
+        return 3 not in self.controlled
+
+    @property
+    def turns(self) -> bool:
+        """Whether its leg can turn it about its normal."""
+        return 5 in self.controlled
 
 
 GRAVITY = 9.81

@@ -1,4 +1,4 @@
-"""`with_controlled_soles`: what the legs of a robot can do with its soles."""
+"""`with_controlled_soles`: a robot that knows what its legs can do with its soles."""
 
 from dataclasses import replace
 from types import MappingProxyType
@@ -10,11 +10,14 @@ from jaxtyping import Float64
 from poise.robots._robot import Robot
 
 _SMALL = 0.02
-"""A motion of the sole is none of a leg's if it takes the joints 1 / 0.02 as far as it should."""
+"""A sole cannot make a motion that is this slow with the joints of its leg at unit speed."""
+
+_ALL = (0, 1, 2, 3, 4, 5)
+"""Every component of a motion."""
 
 
 def with_controlled_soles(robot: Robot) -> Robot:
-    """The robot with `Sole.controlled` of each sole, found in its home posture.
+    """The robot with `Sole.controlled` of each sole as its home posture has it.
 
     Args:
         robot: the robot.
@@ -27,31 +30,31 @@ def with_controlled_soles(robot: Robot) -> Robot:
 
 
 def _controlled(robot: Robot, sole: str) -> tuple[int, ...]:
-    """Drops one turn after another from the sole's motion until the leg can do what is left.
+    """Gives up one turn of a sole after another until its leg can do all that is left.
 
-    A motion that the leg cannot make is one against which a wrench w does no work, w^T J = 0: a left
-    singular vector of its Jacobian. Of the turns in it the largest is given up: for a leg whose
-    ankle does not roll w is a force through the hip to the side, and the sole rolls; for one
-    without yaw it is a moment about the vertical.
+    A leg cannot make the motion w with w^T J = 0, a left singular vector of its Jacobian J. Of the
+    turns in w the largest is given up. A leg whose ankle does not roll lacks a shift to the side,
+    seen from its hip, and gives up roll; one whose hip does not yaw gives up yaw.
     """
+    J = _leg_jacobian(robot, sole)
+    kept = list(_ALL)
+    while turns := [i for i, k in enumerate(kept) if k >= 3]:
+        squares, motions = np.linalg.eigh(J[kept] @ J[kept].T)
+        if squares[0] > _SMALL**2:
+            return tuple(kept)
+        del kept[max(turns, key=lambda i: abs(motions[i, 0]))]
+    # What it lacks is no turn: a straight knee, or hips that cannot spread.
+    return _ALL
+
+
+def _leg_jacobian(robot: Robot, sole: str) -> Float64[np.ndarray, "6 joints"]:
+    """The Jacobian of a sole along its own axes, for the joints of its leg; by the leg's length."""
     model, data, frame = robot.model, robot.model.createData(), robot.frame_id(sole)
     pin.computeJointJacobians(model, data, robot.q_home)
-    pin.updateFramePlacements(model, data)
-    joints = robot.leg_joints(sole)
     J = pin.getFrameJacobian(model, data, frame, pin.ReferenceFrame.LOCAL)
+    joints = robot.leg_joints(sole)
     J = J[:, [model.joints[j].idx_v for j in joints]]
     if joints:
-        J[:3] /= np.linalg.norm(data.oMi[joints[0]].translation - data.oMf[frame].translation)
-    left = [0, 1, 2, 3, 4, 5]
-    while len(left) > 3:
-        U, sigma = _left_vectors(J[left])
-        if sigma > _SMALL:
-            break
-        left.remove(max((k for k in left if k >= 3), key=lambda k: abs(U[left.index(k)])))
-    return tuple(left)
-
-
-def _left_vectors(J: Float64[np.ndarray, "m n"]) -> tuple[Float64[np.ndarray, " m"], float]:
-    """The motion that is hardest to make, and how far the joints get it."""
-    values, vectors = np.linalg.eigh(J @ J.T)
-    return vectors[:, 0], float(np.sqrt(max(values[0], 0.0)))
+        foot = pin.updateFramePlacement(model, data, frame).translation
+        J[:3] /= np.linalg.norm(data.oMi[joints[0]].translation - foot)
+    return J

@@ -67,8 +67,9 @@ class Contact(Owner, ABC):
     """A unilateral frictional contact at a frame whose z axis is the contact normal.
 
     Wrenches act on the robot, at the frame's origin, along the frame's own axes, so that the cone
-    `C F <= 0` is constant. The contact frame does not accelerate: J dv + drift = -damping velocity,
-    equation (2) of Ahn et al. 2024 with a damping that keeps a foot from creeping.
+    `C F <= 0` is constant; on an edge the origin is there. The contact frame does not accelerate:
+    J dv + drift = -damping velocity, equation (2) of Ahn et al. 2024 with a damping that keeps a
+    foot from creeping.
 
     Args:
         frame: the frame in contact, such as "left_sole".
@@ -82,6 +83,7 @@ class Contact(Owner, ABC):
         name: what reports call it.
         frame: the frame in contact.
         dim: length of the wrench.
+        chosen: which components of the frame's motion and of the wrench these are.
         cone: C, constant, one-sided rows C F <= 0.
         jacobian: maps `v` to the contact's velocity, along the contact's axes.
         drift: its classical acceleration at zero `dv`.
@@ -116,11 +118,11 @@ class Contact(Owner, ABC):
         self._robot: Robot | None = None
 
     def _hold(self, components: Int64[np.ndarray, " dim"], damping: float) -> None:
-        """Has rows for some components of the frame's motion, and of the wrench."""
+        """Makes room for the rows of some components of the frame's motion and of the wrench."""
         self.chosen, self.dim = components, len(components)
         self.cone: Float64[np.ndarray, "rows dim"] = np.zeros((0, self.dim))
         self.reference: Float64[np.ndarray, " dim"] = np.zeros(self.dim)
-        # Damping, lower and upper bounds of the wrench, `pressure_reach`, half width of an edge.
+        # Damping, lower and upper bounds of the wrench, `pressure_reach`, `edge_distance`.
         self.parameters: Float64[np.ndarray, " p"] = np.zeros(4 + 2 * self.dim)
         self.set_damping(damping)
         self.wrench_lower[:], self.wrench_upper[:] = -np.inf, np.inf
@@ -142,13 +144,13 @@ class Contact(Owner, ABC):
                 wanted=f"robot {self._robot.name!r}, or a contact of its own",
             )
         self.frame_ids = (robot.frame_id(self.frame),)
-        sole = robot.soles.get(self.frame)
-        if sole is not None and self.dim == 6 and len(sole.controlled) < 6:
-            self._hold(np.array(sole.controlled), self.damping)
+        components = self._held_components(robot)
+        if len(components) != self.dim:
+            self._hold(components, self.damping)
         self._weight = robot.weight
         self.jacobian: Float64[np.ndarray, "dim nv"] = np.zeros((self.dim, robot.nv))
         self.drift: Float64[np.ndarray, " dim"] = np.zeros(self.dim)
-        self.cone = self._make_cone(robot)[:, self.chosen]
+        self.cone = self._make_cone(robot)
         self._robot = robot
 
     def __repr__(self) -> str:
@@ -198,6 +200,14 @@ class Contact(Owner, ABC):
         Zero for a point; made with the cone, a view of what the balance limit reads.
         """
         return self.parameters[1 + 2 * self.dim : 3 + 2 * self.dim]
+
+    @property
+    def edge_distance(self) -> float:
+        """From the frame's origin to either of the edges on which a leaning sole stands [m].
+
+        Zero for a contact that does not roll; made with the cone.
+        """
+        return float(self.parameters[-1])
 
     @property
     def active(self) -> bool:
@@ -258,6 +268,10 @@ class Contact(Owner, ABC):
             dynamics: the state, up to date.
         """
         self.evaluate_alone(dynamics)
+
+    def _held_components(self, robot: Robot) -> Int64[np.ndarray, " dim"]:  # noqa: ARG002
+        """Components of the frame's motion that the contact holds on a robot."""
+        return self.chosen
 
     @abstractmethod
     def _make_cone(self, robot: Robot) -> Float64[np.ndarray, "rows dim"]:

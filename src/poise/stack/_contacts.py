@@ -6,7 +6,7 @@
 import math
 
 import numpy as np
-from jaxtyping import Float64
+from jaxtyping import Float64, Int64
 
 from poise._checks import checked_number
 from poise.errors import ConfigurationError
@@ -62,6 +62,11 @@ class SurfaceContact(Contact):
         |m_x| <= width/2 f_z,   |m_y| <= length/2 f_z        centre of pressure inside, 4 rows
         |m_z| <= torsion f_z                                 yaw moment, 2 rows
 
+    Where the leg of a sole lacks a joint, the contact holds what is `Sole.controlled`, and bears no
+    moment about the axis that is not. A sole that leans with its leg stands on its lower edge, left
+    or right, where m_x = 0, and what acts does so at the middle of that edge. Within `FULL_TILT` of
+    flat it goes over from one edge to the other. The yaw moment is what friction holds on an edge.
+
     Args:
         frame: a sole of the robot, or any frame if `length` and `width` are given.
         friction: Coulomb coefficient of the pyramid (its corner reaches sqrt(2) times as far as
@@ -69,7 +74,7 @@ class SurfaceContact(Contact):
         length: along the frame's x [m]; the sole's own when None.
         width: along the frame's y [m]; the sole's own when None.
         torsion: bound of the yaw moment per normal force [m]; half of `friction` times the half
-            diagonal when None.
+            diagonal when None. An edge has its own.
         margin: how far the centre of pressure stays inside the edges [m].
         damping: how fast a residual velocity dies out [1/s].
         min_load: least normal force while loaded, by the robot's weight.
@@ -104,6 +109,10 @@ class SurfaceContact(Contact):
         """How far the centre of pressure stays inside the edges [m]; the cone is made of it."""
         return self._margin
 
+    def _held_components(self, robot: Robot) -> Int64[np.ndarray, " dim"]:
+        sole = robot.soles.get(self.frame)
+        return self.chosen if sole is None else np.array(sole.controlled)
+
     def _make_cone(self, robot: Robot) -> Float64[np.ndarray, "rows dim"]:
         length, width = self._rectangle(robot)
         x, y = length / 2.0 - self.margin, width / 2.0 - self.margin
@@ -114,15 +123,18 @@ class SurfaceContact(Contact):
                 wanted=f"less than {min(length, width) / 2.0:g} m",
             )
         self.pressure_reach[:] = x, y
-        self.parameters[-1] = 0.0 if 3 in self.chosen else width / 2.0
+        if 3 not in self.chosen:
+            self.parameters[-1] = width / 2.0
+            return _edge_cone(self.friction, x)[:, self.chosen]
         half_diagonal = math.hypot(length, width) / 2.0
         torsion = self._torsion or TORSION_FRACTION * self.friction * half_diagonal
-        limits = np.array([self.friction, self.friction, y, x, torsion])
-        cone = np.zeros((10, 6))
-        for i, component in enumerate((0, 1, 3, 4, 5)):
+        limits = {0: self.friction, 1: self.friction, 3: y, 4: x, 5: torsion}
+        bounded = [component for component in limits if component in self.chosen]
+        cone = np.zeros((2 * len(bounded), 6))
+        for i, component in enumerate(bounded):
             cone[2 * i, component], cone[2 * i + 1, component] = 1.0, -1.0
-            cone[2 * i : 2 * i + 2, 2] = -limits[i]
-        return cone
+            cone[2 * i : 2 * i + 2, 2] = -limits[component]
+        return cone[:, self.chosen]
 
     def _rectangle(self, robot: Robot) -> tuple[float, float]:
         sole = robot.soles.get(self.frame)
@@ -136,3 +148,28 @@ class SurfaceContact(Contact):
                 choices=robot.soles,
             )
         return length, width
+
+
+def _edge_cone(friction: float, half: float) -> Float64[np.ndarray, "10 6"]:
+    """The cone of an edge along x, exactly: that of a rectangle without width.
+
+    The nearer the pressure comes to an end of the edge, the less yaw moment its friction holds
+    (Caron, Pham, Nakamura 2015, "Stability of Surface Contacts for Humanoid Robots"):
+
+        |f_x| <= friction f_z,  |f_y| <= friction f_z,  |m_y| <= half f_z
+        |half f_y + friction m_y| <= friction half f_z - m_z
+        |half f_y - friction m_y| <= friction half f_z + m_z
+
+    Args:
+        friction: Coulomb coefficient.
+        half: of the edge's length [m].
+    """
+    f_x, f_y, f_z, _, m_y, m_z = np.eye(6)
+    pairs = [
+        (f_x, friction * f_z),
+        (f_y, friction * f_z),
+        (m_y, half * f_z),
+        (half * f_y + friction * m_y, friction * half * f_z - m_z),
+        (half * f_y - friction * m_y, friction * half * f_z + m_z),
+    ]
+    return np.array([sign * row - most for row, most in pairs for sign in (1.0, -1.0)])

@@ -14,6 +14,9 @@ from poise.stack._tables import OWN_AXES, Kind
 ORIENTATION_ERRORS = ("logarithm", "sine")
 """Measures of how far two orientations are apart."""
 
+_ALL_TURNS = {3, 4, 5}
+"""Components of a motion that turn a frame."""
+
 
 class FrameTask(ShippedTask[PoseTarget]):
     """A frame follows a target pose in the world.
@@ -22,6 +25,9 @@ class FrameTask(ShippedTask[PoseTarget]):
     Jacobian and classical drift. The orientation error is the rotation vector
     (ln target_R actual_R^T)^vee, right at zero and at pi; or its sine, r sin(phi), as eq. (63) of
     (Park, Jin, Kang 2022) has it for small errors.
+
+    A sole whose leg cannot turn it every way (`Sole.controlled`) has rows for the turns that are
+    left, about its own axes, where all turns are asked for.
 
     Args:
         frame: a role such as "left_hand", or a link or frame of the robot's document.
@@ -104,7 +110,7 @@ class FrameTask(ShippedTask[PoseTarget]):
 
     @property
     def components(self) -> set[int]:
-        """Components of the frame's motion that it acts on, whatever their axes."""
+        """Components of the frame's motion that it acts on, about whichever axes."""
         return {k if k < OWN_AXES else k - OWN_AXES + 3 for k in self.chosen.tolist()}
 
     @property
@@ -124,8 +130,8 @@ class FrameTask(ShippedTask[PoseTarget]):
     def _resolve(self, robot: Robot) -> int:
         self.frame_ids = (robot.frame_id(self.frame),)
         sole = robot.soles.get(self.frame)
-        if sole is not None and len(sole.controlled) < 6 and set(self.chosen) >= {3, 4, 5}:
-            turns = [OWN_AXES + k - 3 for k in sole.controlled if k >= 3]
-            self.chosen = np.array([*(k for k in self.chosen if k < 3), *turns])
+        if sole is not None and len(sole.controlled) < 6 and self.components >= _ALL_TURNS:
+            turns = [OWN_AXES + k - 3 for k in sole.controlled if k in _ALL_TURNS]
+            self.chosen = np.array([*sorted(self.components - _ALL_TURNS), *turns])
             self._blocks = split_rows(self.chosen)
         return len(self.chosen)

@@ -50,7 +50,7 @@ from poise.stack._tables import (
 )
 
 FULL_TILT = 0.01
-"""A sole that is tilted by this stands on its edge [rad]."""
+"""A sole that leans and is tilted by this much stands on its edge alone [rad]."""
 
 
 @compiled
@@ -148,11 +148,11 @@ def _contact(
     velocities: bool,
     work: Float64[np.ndarray, " work"],
 ) -> None:
-    """A contact's frame along its own axes; parameters as `Contact` lays them out."""
+    """A contact's frame along its own axes, or its edge; parameters as `Contact` lays them out."""
     frame, first, m = line[FRAME_INDEX], line[FIRST], line[COUNT]
     frames, parameters, at = owners.frames, owners.parameters, line[START]
     place_frame(motion, frames, frame, work, 0)
-    _move_to_edge(parameters[at + 3 + 2 * m], work)
+    _move_to_edge(parameters, at + 3 + 2 * m, work)
     for k in range(frames.starts[frame], frames.starts[frame + 1]):
         column = int(frames.columns[k])
         x = column_at(motion, column, work[0], work[1], work[2])
@@ -174,15 +174,18 @@ def _contact(
 
 
 @part
-def _move_to_edge(half_width: float, work: Float64[np.ndarray, " work"]) -> None:
-    """Moves a frame aside to the edge that a rolling sole stands on, by how far it is tilted.
+def _move_to_edge(
+    parameters: Float64[np.ndarray, " p"], edge: int, work: Float64[np.ndarray, " work"]
+) -> None:
+    """Moves a frame aside to the lower edge of its sole, along its y, with velocity and bias.
 
     Args:
-        half_width: from the sole's middle to its edges [m]; zero for one that does not roll.
+        parameters: of the contact.
+        edge: place of its `edge_distance`, which is zero where it does not stand on an edge.
         work: the frame at 0, along its own axes.
     """
     tilt = work[ROTATION + 7]
-    aside = -half_width * min(max(tilt / FULL_TILT, -1.0), 1.0)
+    aside = -parameters[edge] * min(max(tilt / FULL_TILT, -1.0), 1.0)
     for i in range(3):
         work[i] += aside * work[ROTATION + 3 * i + 1]
     wx, wy, wz = work[VELOCITY + 3], work[VELOCITY + 4], work[VELOCITY + 5]
@@ -332,7 +335,12 @@ def _frame(
         x = column_at(motion, column, work[0], work[1], work[2])
         for i in range(m):
             component = int(owners.chosen[line[CHOSEN] + i])
-            rows.matrix[rows.first + line[FIRST] + i, column] = _along(x, 0, component, work)
+            if component < OWN_AXES:
+                coefficient = x[component]
+            else:
+                axis = ROTATION + component - OWN_AXES
+                coefficient = work[axis] * x[3] + work[axis + 3] * x[4] + work[axis + 6] * x[5]
+            rows.matrix[rows.first + line[FIRST] + i, column] = coefficient
     for i in range(m):
         component = int(owners.chosen[line[CHOSEN] + i])
         velocity = _along(parameters, target + TARGET_VELOCITY, component, work)

@@ -22,7 +22,8 @@ from poise.stack._task import Task
 def is_held(task: Task, contacts: Sequence[Contact]) -> bool:
     """Whether a task acts on a frame whose motion an active contact already decides.
 
-    A point contact decides where its frame is, but not how it is turned.
+    A point contact decides where its frame is, but not how it is turned, and one on an edge not
+    how it rolls.
 
     Args:
         task: the task.

@@ -43,7 +43,7 @@ def test_a_moved_foothold_moves_the_references_as_the_pendulum_does():
     for i in range(round(1.5 / DT)):
         left = switch - (i + 1) * DT
         if left < 0.0 and shift.coming.any():
-            shift.land(np.array([moved, 0.0]))
+            shift.land(np.array([moved, 0.0]), 0.0)
         shift.advance(DT, max(left, 0.0))
         r = moved if i * DT >= switch else 0.0
         cosh, sinh = math.cosh(OMEGA * DT), math.sinh(OMEGA * DT)
@@ -51,6 +51,19 @@ def test_a_moved_foothold_moves_the_references_as_the_pendulum_does():
         worst = max(worst, abs(shift.com[0, 0] - c))
     assert worst < 2e-3
     assert shift.com[0, 0] == pytest.approx(moved, abs=2e-3)
+
+
+def test_a_foot_that_lands_early_does_not_move_the_references():
+    on_time, early, moved = PlanShift(OMEGA), PlanShift(OMEGA), np.array([0.1, -0.05])
+    on_time.coming = early.coming = moved
+    for i in range(199):
+        left = 0.4 - (i + 1) * DT
+        if i == 100:
+            early.land(moved, left + DT)
+        on_time.advance(DT, left)
+        early.advance(DT, left if i < 100 else 0.7)
+        np.testing.assert_allclose(early.com, on_time.com, atol=1e-12)
+    np.testing.assert_array_equal(early.settled, moved)
 
 
 def test_a_shift_begins_with_nothing_beside_the_plan():

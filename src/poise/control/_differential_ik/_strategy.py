@@ -141,7 +141,7 @@ class VelocityStrategy:
             raise ConfigurationError(
                 "a floating base needs something to stand on",
                 got=[c.name for c in stack.contacts],
-                wanted="a stack with a surface contact",
+                wanted="a stack with a surface contact that holds all of its frame's motion",
             )
         self.named: Contact | None = None
         self.set_stance(stance)

@@ -92,8 +92,8 @@ class PlanShift:
         omega: natural frequency of the COM over the ground [1/s].
 
     Attributes:
-        settled: how far the ZMP's reference lies beside the plan now [m].
-        coming: how much farther it will from the next foothold on [m].
+        settled: how far the feet that stand are beside the plan [m].
+        coming: how much farther the next foothold will be [m].
         com: how far the COM's reference lies beside the plan [m], with its velocity [m/s] and
             acceleration [m/s^2], a row each.
     """
@@ -102,6 +102,9 @@ class PlanShift:
         self._omega = omega
         self.settled: Vector2 = np.zeros(2)
         self.coming: Vector2 = np.zeros(2)
+        # What of it the ZMP has not gone over to yet [m], and in what time it will [s].
+        self._landed: Vector2 = np.zeros(2)
+        self._landed_left = 0.0
         self.com: Float64[np.ndarray, "3 2"] = np.zeros((3, 2))
 
     def advance(self, dt: float, left: float) -> None:
@@ -113,19 +116,33 @@ class PlanShift:
         """
         w = self._omega
         ahead, kept = math.exp(-w * max(left, 0.0)), math.exp(-w * dt)
+        self._landed_left = max(self._landed_left - dt, 0.0)
+        if self._landed_left == 0.0:
+            self._landed = np.zeros(2)
+        near = math.exp(-w * self._landed_left)
         axes: list[tuple[float, float, float]] = []
-        for settled, coming, before in zip(
-            self.settled.tolist(), self.coming.tolist(), self.com[0].tolist(), strict=True
+        for settled, landed, coming, before in zip(
+            self.settled.tolist(),
+            self._landed.tolist(),
+            self.coming.tolist(),
+            self.com[0].tolist(),
+            strict=True,
         ):
-            anticipated = coming * ahead
-            xi = settled + anticipated
+            anticipated = coming * ahead + landed * near
+            xi = settled - landed + anticipated
             com = xi + (before - xi) * kept
             velocity = w * (xi - com)
             axes.append((com, velocity, w * (w * anticipated - velocity)))
         self.com = np.array(axes).T
 
-    def land(self, shift: Vector2) -> None:
-        """A foot came down so far beside its plan [m]."""
+    def land(self, shift: Vector2, left: float) -> None:
+        """A foot came down.
+
+        Args:
+            shift: how far beside its plan [m].
+            left: until the ZMP goes over to it [s].
+        """
+        self._landed, self._landed_left = shift - self.settled + self._landed, left
         self.settled, self.coming = shift, np.zeros(2)
 
 
@@ -187,7 +204,8 @@ class StepCatcher:
         """
         growth = math.exp(self._omega * left)
         stand = _Axes.of(stance)
-        length, width = self._plan.sizes[1 - self._plan.steps[step].foot]
+        carrying = 1 - self._plan.steps[step].foot
+        bearing = self._plan.bearings[carrying]
         coming, settled = _plain(shift.coming), _plain(shift.settled)
         back_x, back_y = _clipped((-settled[0], -settled[1]), _RETURN)
         # The step back to the plan is intended: only what it does not explain has to be caught.
@@ -197,8 +215,8 @@ class StepCatcher:
         )
         ahead, aside = stand.within(float(zmp[0]) - stand.x, float(zmp[1]) - stand.y)
         caught = (
-            growth * self._beyond_feedback(along, 0.5 * length, ahead),
-            growth * self._beyond_feedback(across, 0.5 * width, aside),
+            growth * self._beyond_feedback(along, 0.5 * bearing.length, ahead - bearing.x),
+            growth * self._beyond_feedback(across, 0.5 * bearing.width, aside - bearing.y),
         )
         caught_x, caught_y = stand.without(*_clipped(caught, self._farthest))
         moved = (back_x + caught_x, back_y + caught_y)
@@ -211,7 +229,7 @@ class StepCatcher:
 
         Args:
             error: of the divergent component [m].
-            edge: of the sole, from its centre [m].
+            edge: of what bears, from its middle [m].
             offset: of the ZMP's reference from there [m].
         """
         room = max(edge - self._margin - math.copysign(1.0, error) * offset, 0.0)

@@ -17,7 +17,9 @@ from poise._checks import Numbers
 from poise._schema import Bounds, checked
 from poise.errors import ConfigurationError
 from poise.locomotion._support import Point, two_soles
+from poise.locomotion._walking._bearing import Bearing, bearing
 from poise.locomotion._walking._ground import LEVEL, Ground, Placement
+from poise.locomotion._walking._leg_momentum import leg_ratios
 from poise.locomotion._walking._swing_shape import SwingShape, clear_swing
 from poise.robots import Robot
 from poise.stack import checked_target
@@ -30,6 +32,12 @@ _MOST_STEPS = 1e3
 
 _SHORTEST_SWING = 0.1
 """A foot needs this long at least from lift-off to touchdown [s]."""
+
+_CLEARANCE = 0.01
+"""Least distance between the feet's edges, side by side [m]."""
+
+_NARROW = 0.6
+"""Room between feet whose soles lean, over that of the feet as they stand."""
 
 
 _Size = Annotated[float, Bounds(positive=True, most=LARGEST, unit="m")]
@@ -121,8 +129,9 @@ class Stand:
         start: where the soles are at the beginning.
         q: configuration at the beginning.
         com: centre of mass there [m].
-        edges: where in each sole, left of its middle, the ZMP stands while that foot alone carries
-            [m]: in the middle, or on the outer edge of a sole that rolls with its leg.
+        bearings: where in each sole the ZMP can be while that foot alone carries the robot.
+        leg_factor: `LegMomentum.factor` on soles that lean, whose edge leaves the ZMP no room to
+            make up for the momentum of the legs; 1 where there is room.
     """
 
     soles: tuple[str, str]
@@ -130,13 +139,35 @@ class Stand:
     start: tuple[Placement, Placement]
     q: Float64[np.ndarray, " nq"] = field(repr=False)
     com: tuple[float, float, float]
-    edges: tuple[float, float] = (0.0, 0.0)
+    bearings: tuple[Bearing, Bearing]
+    leg_factor: float = 1.0
 
     def zmp(self, foot: int, place: Placement) -> Point:
-        """Where the ZMP stands while a foot alone carries the robot [m]."""
+        """Where the ZMP rests while a foot alone carries the robot [m]."""
         x, y, _ = place.position
-        aside = self.edges[foot]
-        return x - aside * math.sin(place.yaw), y + aside * math.cos(place.yaw)
+        c, s = math.cos(place.yaw), math.sin(place.yaw)
+        ahead, left = self.bearings[foot].rest
+        return x + c * ahead - s * left, y + s * ahead + c * left
+
+    def rest(self, places: Sequence[Placement]) -> Point:
+        """Where the ZMP stands while both feet carry it evenly [m]."""
+        (ax, ay), (bx, by) = (self.zmp(foot, place) for foot, place in enumerate(places))
+        return 0.5 * (ax + bx), 0.5 * (ay + by)
+
+    @property
+    def width(self) -> float:
+        """Distance of the feet side by side in a walk [m]: as they stand at the beginning.
+
+        Soles that lean come nearer to each other. So they land on their outer edges already: one
+        that lands with the hips inside of it falls over from its inner edge to the outer one with
+        the weight on it.
+        """
+        left, right = (p.position[:2] for p in self.start)
+        apart = math.dist(left, right)
+        if any(b.width > 0.0 for b in self.bearings):
+            return apart
+        touching = _CLEARANCE + 0.5 * sum(width for _, width in self.sizes)
+        return touching + _NARROW * (apart - touching)
 
     @property
     def middle(self) -> tuple[float, float, float]:
@@ -156,14 +187,17 @@ def stand_of(robot: Robot, q: Numbers | None = None) -> Stand:
     posture = robot.q_home if q is None else checked_target(q, robot.nq, "q of the walk")
     start, com = _standing_soles(robot, (left, right), posture)
     size_left, size_right = ((robot.soles[s].length, robot.soles[s].width) for s in (left, right))
-    rolls = [3 not in robot.soles[s].controlled for s in (left, right)]
+    leg_factor = 1.0
+    if any(robot.soles[sole].leans for sole in (left, right)):
+        leg_factor += 2.0 * leg_ratios(robot, posture, (left, right)).ahead
     return Stand(
         soles=(left, right),
         sizes=(size_left, size_right),
         start=start,
         q=posture.copy(),
         com=com,
-        edges=(0.5 * size_left[1] * rolls[0], -0.5 * size_right[1] * rolls[1]),
+        bearings=(bearing(robot, left, 1.0), bearing(robot, right, -1.0)),
+        leg_factor=leg_factor,
     )
 
 
@@ -187,7 +221,7 @@ class FootstepPlan(Stand):
     steps: tuple[Footstep, ...]
     gait: Gait = field(default_factory=Gait)
     ground: Ground = field(default_factory=Ground)
-    clearance: float = 0.01
+    clearance: float = _CLEARANCE
 
     def __post_init__(self) -> None:
         if not self.steps:
@@ -256,7 +290,8 @@ class FootstepPlan(Stand):
             start=start,
             q=stand.q,
             com=stand.com,
-            edges=stand.edges,
+            bearings=stand.bearings,
+            leg_factor=stand.leg_factor,
             steps=tuple(steps),
             gait=gait,
             ground=ground,
@@ -339,12 +374,6 @@ def _lying(
 def level_floor(start: tuple[Placement, Placement]) -> Ground:
     """A floor as high as the soles that stand on it."""
     return Ground(height=0.5 * sum(p.position[2] for p in start))
-
-
-def foot_distance(start: tuple[Placement, Placement]) -> float:
-    """From one sole's centre to the other's, along the ground [m]."""
-    left, right = (p.position[:2] for p in start)
-    return math.dist(left, right)
 
 
 _FLAT = 0.05

@@ -11,7 +11,6 @@ from poise.locomotion._walking._footsteps import (
     FootstepPlan,
     Gait,
     Stride,
-    foot_distance,
     level_floor,
     stand_of,
 )
@@ -60,7 +59,7 @@ def plan_footsteps(
     stand = stand_of(robot, q)
     soles, sizes, start = stand.soles, stand.sizes, stand.start
     ground = ground or level_floor(start)
-    width = gait.width if gait.width is not None else foot_distance(start)
+    width = gait.width if gait.width is not None else stand.width
     footholds: list[tuple[str, Numbers]] = []
     for i, (foot, body) in enumerate(_body_path(start, strides), 1):
         footholds.append((soles[foot], _foothold(foot, body, width, sizes[foot], ground, i)))

@@ -78,11 +78,12 @@ class LegReach:
         """What is wrong with a foot's place at one moment; "" if nothing is."""
         model, data, frame = self._model, self._data, self._frames[foot]
         goal = pin.SE3(pin.utils.rotate("z", place.yaw), np.array(place.position))
-        led = list(self._robot.soles[self._stand.soles[foot]].controlled)
+        sole = self._robot.soles[self._stand.soles[foot]]
+        led = list(sole.controlled)
 
         def linearize(
             q: Float64[np.ndarray, " nq"],
-        ) -> tuple[Float64[np.ndarray, "6"], Float64[np.ndarray, "6 nv"]]:
+        ) -> tuple[Float64[np.ndarray, " m"], Float64[np.ndarray, "m nv"]]:
             pin.computeJointJacobians(model, data, q)
             error, J = frame_error(model, data, frame, goal)
             return error[led], J[led]
@@ -98,7 +99,12 @@ class LegReach:
             iterations=25,
         )
         short = float(np.linalg.norm(error[:3]))
-        return f"{short:.3f} m short" if short > _MISS else self._beyond_limits(foot, q)
+        if short > _MISS:
+            return f"{short:.3f} m short"
+        # A sole that its leg does not turn points where the body does.
+        turned = place.yaw - self._stand.start[foot].yaw - float(point.displacement[0, 3])
+        aside = 0.0 if sole.turns else abs(turned)
+        return f"{aside:.3f} rad aside" if aside > _MISS else self._beyond_limits(foot, q)
 
     def _with_base_at(self, point: ReferencePoint) -> Float64[np.ndarray, " nq"]:
         """The configuration at the beginning, its base moved with the COM and turned."""

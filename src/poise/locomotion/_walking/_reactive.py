@@ -24,7 +24,6 @@ from poise.locomotion._walking._feedback import DcmFeedback
 from poise.locomotion._walking._footsteps import (
     FootstepPlan,
     Gait,
-    foot_distance,
     level_floor,
     stand_of,
 )
@@ -159,14 +158,15 @@ class ReactiveWalker:
         self._legs = LegMomentum(ratios.ahead, natural_frequency(self.height))
         self._rise_ratio = ratios.rise
         self.ground = ground or level_floor(stand.start)
+        turns = all(robot.soles[sole].turns for sole in stand.soles)
         self._room = LegRoom(
             sizes=stand.sizes,
-            width=self.gait.width or foot_distance(stand.start),
+            width=self.gait.width or stand.width,
             clearance=FootstepPlan.clearance,
             ahead=_REACH * LegReach(robot, stand).longest_step(self.height),
             wide=_WIDE * self.height,
-            turn=_TURN,
-            turn_in=_TURN_IN,
+            turn=_TURN if turns else 0.0,
+            turn_in=_TURN_IN if turns else 0.0,
         )
         self.commands = StepCommands(self.limits, self._room, self.gait.step_time, self.ground)
         stack.bind(robot)
@@ -356,7 +356,6 @@ class ReactiveWalker:
         self._left = self.gait.shift_time
 
     def _stand_on(self, feet: tuple[int, ...]) -> None:
-        corners = self._sense.corners(feet, self._standing.sizes, self._standing.edges)
         for foot in feet:
             place = self._sense.placement(foot)
             # A heading is the same a whole turn on; this is the one nearest to the body's.
@@ -364,15 +363,14 @@ class ReactiveWalker:
             self._feet[foot] = Placement(
                 position=place.position, yaw=place.yaw + 2.0 * math.pi * turns
             )
-        self._support = SupportPolygon(corners, self.settings.zmp_margin)
+        self._support = self._sense.support(feet, self._standing, self.settings.zmp_margin)
 
     # Both feet on the ground ----------------------------------------------------------------------
 
     def _stand(self, dt: float) -> None:
         self._left = max(self._left - dt, 0.0)
-        left, right = (place.position for place in self._feet)
-        middle = (0.5 * (left[0] + right[0]), 0.5 * (left[1] + right[1]))
-        self._lead_dcm(((middle[0], 0.0), (middle[1], 0.0)), self._left, dt)
+        x, y = self._standing.rest(self._feet)
+        self._lead_dcm(((x, 0.0), (y, 0.0)), self._left, dt)
         if not self._is_held():
             self._hurry()
         elif self.commands.moving:
@@ -450,7 +448,7 @@ class ReactiveWalker:
     # One foot in the air --------------------------------------------------------------------------
 
     def _lift(self, foot: int) -> None:
-        position, rotation = self._sense.sole(foot)
+        position, rotation = self._sense.lower_edge(foot)
         begin = self._sense.placement(foot)
         goal = self.commands.steps(foot, self._stance, 1)[0]
         height = self.gait.swing_height
@@ -489,9 +487,7 @@ class ReactiveWalker:
             self._waited += dt
         if self._waited > self.settings.patience:
             self.status = WalkStatus.FOOT_LOST
-        self._tasks.feet[self._foot].set_target(
-            swing.position, swing.rotation, swing.velocity, swing.acceleration
-        )
+        self._tasks.lead_foot(self._sense, self._foot, swing)
 
     def _aim(self, dt: float) -> None:
         """Chooses place and time of touchdown, and where the divergent component should be now.
@@ -507,7 +503,7 @@ class ReactiveWalker:
             self._move_goal(place, dt)
             most = _TIME_RATE * dt
             self._left += min(max(step.left - self._left, -most), most)
-        pendulum = planner.moved(pendulum, self._stance, self._goal.position[:2])
+        pendulum = planner.moved(lifted, pendulum, self._goal.position[:2])
         self._dcm = planner.on_the_way(pendulum, self._left)
 
     def _move_goal(self, place: Point, dt: float) -> None:

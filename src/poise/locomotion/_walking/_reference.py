@@ -46,7 +46,7 @@ class WalkReference:
         plan: the steps.
 
     Attributes:
-        omega: natural frequency of the COM over the ground [1/s].
+        omega: natural frequency of the pendulum [1/s].
         height: of the COM above the ground while walking [m].
         time: grid [s].
         zmp: reference of the ZMP on the grid [m].
@@ -58,11 +58,13 @@ class WalkReference:
         feet = 0.5 * sum(p.position[2] for p in plan.start)
         standing = plan.com[2] - feet
         self.height = standing - plan.gait.crouch
-        self.omega = natural_frequency(self.height)
+        # Legs that sway along with the body make a slower pendulum, as long as a higher one.
+        pendulum = plan.leg_factor * self.height
+        self.omega = natural_frequency(pendulum)
         self.time: Float64[np.ndarray, " T"] = np.arange(0.0, plan.duration + _DT, _DT)
         self.zmp: Float64[np.ndarray, "T 2"] = _zmp(plan, self.time)
         rise = np.concatenate([_rise(plan, self.time), _heading(plan, self.time)], axis=2)
-        com = _preview(self.height, np.array(plan.com[:2]), self.zmp)
+        com = _preview(pendulum, np.array(plan.com[:2]), self.zmp)
         crouch = -plan.gait.crouch * _least_jerk(self.time, 0.0, plan.gait.shift_time)
         self.com: Float64[np.ndarray, "T 3 3"] = np.concatenate(
             [com, rise[:, :, :1] + crouch[:, :, None]], axis=2
@@ -89,9 +91,8 @@ def _zmp(plan: FootstepPlan, time: Float64[np.ndarray, " T"]) -> Float64[np.ndar
     for i, step in enumerate(plan.steps):
         stance = plan.zmp(1 - step.foot, plan.placements(i)[1 - step.foot])
         knots += [(plan.lift_off(i), stance), (plan.touchdown(i), stance)]
-    left, right = (np.array(p.position[:2]) for p in plan.placements(plan.count))
-    x, y = (0.5 * (left + right)).tolist()
-    knots.append((plan.touchdown(plan.count - 1) + _CLOSE, (x, y)))
+    end = plan.rest(plan.placements(plan.count))
+    knots.append((plan.touchdown(plan.count - 1) + _CLOSE, end))
     at, points = np.array([t for t, _ in knots]), np.array([p for _, p in knots])
     return np.stack([np.interp(time, at, points[:, axis]) for axis in (0, 1)], axis=1)
 

@@ -10,7 +10,8 @@ import pinocchio as pin
 from jaxtyping import Float64
 
 from poise.dynamics import RobotState
-from poise.locomotion._support import Point, sole_rectangle
+from poise.locomotion._support import Point, SupportPolygon, sole_rectangle
+from poise.locomotion._walking._footsteps import Stand
 from poise.locomotion._walking._ground import Placement
 from poise.locomotion._walking._settings import WalkSettings
 from poise.locomotion._walking._swing import SwingFoot
@@ -22,6 +23,9 @@ ENGAGE, RELEASE = 0.4, 0.5
 
 LONGEST_TICK = 0.05
 """A clock that jumps farther than this moves a walk on no farther [s]."""
+
+_THIN = 0.002
+"""A polygon has to have some area: an edge counts as this wide [m]."""
 
 
 class WalkSense:
@@ -40,6 +44,8 @@ class WalkSense:
         self._model, self._data = robot.model, robot.model.createData()
         self._soles, self._weight = soles, robot.weight
         self._ids = [robot.frame_id(name) for name in soles]
+        found = [robot.soles[name] for name in soles]
+        self._edges = [0.5 * sole.width if sole.leans else 0.0 for sole in found]
         self.com: Float64[np.ndarray, "3"] = self._data.com[0]
         self.com_velocity: Float64[np.ndarray, "3"] = self._data.vcom[0]
 
@@ -52,18 +58,29 @@ class WalkSense:
         placement = pin.updateFramePlacement(self._model, self._data, self._ids[foot])
         return placement.translation, placement.rotation
 
+    def lower_edge(self, foot: int) -> tuple[Float64[np.ndarray, "3"], Float64[np.ndarray, "3 3"]]:
+        """Position [m] and rotation of a sole, but as high as the lower edge of one that leans."""
+        position, rotation = self.sole(foot)
+        return position - np.array([0.0, 0.0, self.edge_drop(foot)[0]]), rotation
+
+    def edge_drop(self, foot: int) -> tuple[float, float]:
+        """How far the lower edge of a sole that leans is below its middle [m], with rate [m/s]."""
+        half = self._edges[foot]
+        if half == 0.0:
+            return 0.0, 0.0
+        tilt = float(self.sole(foot)[1][2, 1])
+        turning = pin.getFrameVelocity(self._model, self._data, self._ids[foot]).angular
+        return half * abs(tilt), math.copysign(half, tilt) * float(turning[0])
+
     def placement(self, foot: int) -> Placement:
         """Where a sole lies."""
-        position, rotation = self.sole(foot)
+        position, rotation = self.lower_edge(foot)
         x, y, z = position.tolist()
         yaw = math.atan2(float(rotation[1, 0]), float(rotation[0, 0]))
         return Placement(position=(x, y, z), yaw=yaw)
 
     def corners(
-        self,
-        feet: tuple[int, ...],
-        sizes: tuple[tuple[float, float], tuple[float, float]],
-        edges: tuple[float, float],
+        self, feet: tuple[int, ...], sizes: tuple[tuple[float, float], tuple[float, float]]
     ) -> list[Point]:
         """Corners of soles, seen from above [m].
 
@@ -73,12 +90,25 @@ class WalkSense:
         """
         corners: list[Point] = []
         for foot in feet:
-            position, rotation = self.sole(foot)
-            length, width = sizes[foot]
-            if edges[foot] and len(feet) == 1:
-                position, width = position + edges[foot] * rotation[:, 1], 0.024
-            corners += sole_rectangle(position, rotation, (length, width))
+            corners += sole_rectangle(*self.sole(foot), sizes[foot])
         return corners
+
+    def support(self, feet: tuple[int, ...], stand: Stand, margin: float) -> SupportPolygon:
+        """Where the ZMP can be.
+
+        Args:
+            feet: those that carry.
+            stand: whose soles and bearings they have.
+            margin: how far inside the edges it stays [m].
+        """
+        foot, *others = feet
+        if others:
+            return SupportPolygon(self.corners(feet, stand.sizes), margin)
+        position, rotation = self.sole(foot)
+        x, y, length, width = stand.bearings[foot]
+        size = (max(length - 2.0 * margin, _THIN), max(width - 2.0 * margin, _THIN))
+        middle = position + rotation @ np.array([x, y, 0.0])
+        return SupportPolygon(sole_rectangle(middle, rotation, size), 0.0)
 
     def is_down(
         self, swing: SwingFoot, state: RobotState, foot: int, settings: WalkSettings

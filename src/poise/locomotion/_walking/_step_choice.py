@@ -80,7 +80,6 @@ class Pendulum(NamedTuple):
     gain: float
     room: Point
     omega: float
-    stance: Point
 
 
 class SwingLimits(NamedTuple):

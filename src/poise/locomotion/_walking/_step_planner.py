@@ -12,6 +12,7 @@ from poise.locomotion._walking._dcm_plan import (
     touchdown_dcm,
     transfer_gain,
 )
+from poise.locomotion._walking._footsteps import Stand
 from poise.locomotion._walking._ground import Placement
 from poise.locomotion._walking._leg_momentum import LegMomentum
 from poise.locomotion._walking._step_choice import Pendulum, Step, SwingLimits, choose_step
@@ -59,6 +60,7 @@ class StepPlanner:
         legs: the pendulum.
         times: of a step.
         margin: how far inside the soles' edges the ZMP stays [m].
+        stand: whose feet bear the robot.
 
     Attributes:
         times: of a step.
@@ -71,7 +73,7 @@ class StepPlanner:
         legs: LegMomentum,
         times: StepTimes,
         margin: float,
-        stand: "Stand",
+        stand: Stand,
     ) -> None:
         self._stand = stand
         self._commands, self._room, self._legs, self.times = commands, room, legs, times
@@ -88,29 +90,28 @@ class StepPlanner:
         stance, legs = self._stand.zmp(1 - lifted.foot, lifted.stance), self._legs
         place = counts_as or lifted.place
         steps = self._commands.steps(lifted.foot, lifted.stance, _AHEAD)
-        footholds = [step.position[:2] for step in steps]
+        foothold = steps[0].position[:2]
         feet = (lifted.foot, 1 - lifted.foot)
         rests = [self._stand.zmp(feet[i % 2], step) for i, step in enumerate(steps)]
-        length, width = self._room.sizes[1 - lifted.foot]
+        along, across = self._stand.bearings[1 - lifted.foot].room
         trusted = _TRUSTED * legs.factor
         return Pendulum(
             xi=lifted.xi,
             zmp=legs.joined(stance, (stance, place)),
-            zmp_end=legs.joined(stance, (stance, footholds[0])),
+            zmp_end=legs.joined(stance, (stance, foothold)),
             goal=touchdown_dcm(place, (stance, *rests), legs, self.times),
-            foothold=footholds[0],
+            foothold=foothold,
             gain=self._gain,
             room=(
-                trusted * max(0.5 * length - self._margin, 0.0),
-                trusted * max(0.5 * width - self._margin, 0.0),
+                trusted * max(along - self._margin, 0.0),
+                trusted * max(across - self._margin, 0.0),
             ),
             omega=legs.omega,
-            stance=stance,
         )
 
-    def moved(self, pendulum: Pendulum, stance: Placement, foothold: Point) -> Pendulum:
+    def moved(self, lifted: Lifted, pendulum: Pendulum, foothold: Point) -> Pendulum:
         """The same with another foothold, and all after it beside their plan by as much."""
-        there = pendulum.stance
+        there = self._stand.zmp(1 - lifted.foot, lifted.stance)
         x, y = (
             a + self._gain * (b - c)
             for a, b, c in zip(pendulum.goal, foothold, pendulum.foothold, strict=True)

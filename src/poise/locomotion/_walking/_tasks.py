@@ -16,6 +16,7 @@ from poise.errors import ConfigurationError, UnknownNameError
 from poise.locomotion._support import two_soles
 from poise.locomotion._walking._footsteps import Stand
 from poise.locomotion._walking._sense import WalkSense
+from poise.locomotion._walking._swing import SwingFoot
 from poise.robots import Robot
 from poise.stack import (
     ComTask,
@@ -151,6 +152,20 @@ class WalkTasks:
     contacts: tuple[Contact, Contact]
     carried: dict[str, CarriedTarget]
 
+    def lead_foot(self, sense: WalkSense, foot: int, swing: SwingFoot) -> None:
+        """Leads a foot in the air along its way, by the lower edge of a sole that leans.
+
+        Args:
+            sense: how the sole is tilted.
+            foot: 0 for the left one, 1 for the right one.
+            swing: its way.
+        """
+        position, velocity = swing.position.copy(), swing.velocity.copy()
+        drop, rate = sense.edge_drop(foot)
+        position[2] += drop
+        velocity[2] += rate
+        self.feet[foot].set_target(position, swing.rotation, velocity, swing.acceleration)
+
     def lead_com(
         self,
         sense: WalkSense,
@@ -189,7 +204,7 @@ def find_walk_tasks(
     left, right = stand.soles
     return WalkTasks(
         com=_com_task(stack),
-        feet=(_foot_task(stack, left), _foot_task(stack, right)),
+        feet=(_foot_task(robot, stack, left), _foot_task(robot, stack, right)),
         contacts=(_contact(stack, left), _contact(stack, right)),
         carried=_carried(robot, stand, stack, carry),
     )
@@ -202,9 +217,10 @@ def _com_task(stack: Stack) -> ComTask:
     raise _lacking(stack, "a ComTask of all three axes")
 
 
-def _foot_task(stack: Stack, sole: str) -> FrameTask:
+def _foot_task(robot: Robot, stack: Stack, sole: str) -> FrameTask:
+    led = set(robot.soles[sole].controlled)
     for _, task in stack.tasks():
-        if isinstance(task, FrameTask) and task.frame == sole and task.dim >= 5:
+        if isinstance(task, FrameTask) and task.frame == sole and task.components >= led:
             return task
     raise _lacking(stack, f"a FrameTask of the pose of {sole!r}")
 
@@ -251,7 +267,10 @@ def _carried(
 
 
 def walking_stack(robot: Robot) -> Stack:
-    """COM, pelvis and feet first, then torso and hands, then posture and angular momentum.
+    """COM, pelvis and feet first, then torso and hands, then the posture.
+
+    On the edge of one sole nothing but angular momentum moves the COM aside. Where soles lean,
+    torso and hands stand beside the COM, or arms would be thrown for the last of its error.
 
     Args:
         robot: on two soles.
@@ -273,7 +292,7 @@ def walking_stack(robot: Robot) -> Stack:
     upper: list[Task] = [FrameTask(robot.torso, "orientation", kp=50.0, name="torso")]
     upper += [FrameTask(hand, "position", kp=100.0, name=hand) for hand in robot.hands]
     last: list[Task] = [PostureTask()]
-    return Stack(
-        contacts=[SurfaceContact(sole) for sole in soles],
-        levels=[[*balance, *feet], upper, last],
-    )
+    levels = [[*balance, *feet], upper, last]
+    if any(robot.soles[sole].leans for sole in soles):
+        levels = [[*balance, *feet, *upper], last]
+    return Stack(contacts=[SurfaceContact(sole) for sole in soles], levels=levels)

@@ -200,7 +200,7 @@ class Walker:
 
     def _lift(self, foot: int) -> None:
         step, plan = self.plan.steps[self._step], self.plan
-        position, rotation = self._sense.sole(foot)
+        position, rotation = self._sense.lower_edge(foot)
         x, y, z = step.goal.position
         low = Placement(position=(x, y, z - self.settings.touchdown_depth), yaw=step.goal.yaw)
         time = max(plan.touchdown(self._step) - self._clock, 0.5 * plan.gait.swing_time)
@@ -225,24 +225,21 @@ class Walker:
         if self._sense.is_down(swing, state, foot, self.settings):
             self._land(foot)
             return
-        self._tasks.feet[foot].set_target(
-            swing.position, swing.rotation, swing.velocity, swing.acceleration
-        )
+        self._tasks.lead_foot(self._sense, foot, swing)
 
     def _land(self, foot: int) -> None:
         self._tasks.contacts[foot].engage(ENGAGE * self.plan.gait.double_support)
         position, _ = self._sense.sole(foot)
         goal = self.plan.steps[self._step].goal
-        self._shift.land(position[:2] - goal.position[:2])
+        self._shift.land(position[:2] - goal.position[:2], self._until_next_foot())
         self._swing, self._released = None, False
         self._step += 1
         self._stand_on((0, 1))
 
     def _stand_on(self, feet: tuple[int, ...]) -> None:
-        corners = self._sense.corners(feet, self.plan.sizes, self.plan.edges)
         self._stance = self._sense.placement(feet[-1])
-        self._support = SupportPolygon(corners, self.settings.zmp_margin)
-        self._middle = np.mean(corners, axis=0)
+        self._support = self._sense.support(feet, self.plan, self.settings.zmp_margin)
+        self._middle = np.mean([self.plan.zmp(f, self._sense.placement(f)) for f in feet], axis=0)
 
     def _stop(self, status: WalkStatus) -> None:
         """Gives the walk up: a foot in the air comes down, and the robot stands."""
