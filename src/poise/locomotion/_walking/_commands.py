@@ -250,7 +250,9 @@ class StepCommands:
         """A sole on the ground: as planned, or ahead or behind where an edge is under it."""
         x, y, yaw = place
         if not self._ground.platforms:
-            return Placement(position=(x, y, stance.position[2]), yaw=yaw)
+            (a, b), (x0, y0, z0) = stance.slope, stance.position
+            z = z0 + a * (x - x0) + b * (y - y0)
+            return Placement(position=(x, y, z), yaw=yaw, slope=stance.slope)
         found = level_place(place, self._room.sizes[foot], self._ground)
         if found is None:
             self.notice = f"no level ground near x = {x:.2f} m, y = {y:.2f} m"

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from enum import Enum
 
 import numpy as np
@@ -193,6 +194,7 @@ class ReactiveWalker:
         self._feet = list(stand.start)
         self._goal = stand.start[0]
         self._support = SupportPolygon([], 0.0)
+        self._slope: Point = (0.0, 0.0)
 
     # What somebody who leads it says --------------------------------------------------------------
 
@@ -274,8 +276,8 @@ class ReactiveWalker:
         """
         if not math.isfinite(float(state.q.sum()) + float(state.v.sum())):
             return
-        self._sense.update(state)
         dt = 0.0 if self._time is None else min(max(state.time - self._time, 0.0), LONGEST_TICK)
+        self._sense.update(state, dt)
         self._time = state.time
         if self.status is WalkStatus.READY:
             self._begin()
@@ -356,15 +358,26 @@ class ReactiveWalker:
         self._left = self.gait.shift_time
 
     def _stand_on(self, feet: tuple[int, ...]) -> None:
+        if len(feet) == 1:
+            self._feel(feet[0])
         corners = self._sense.corners(feet, self._standing.sizes)
         for foot in feet:
             place = self._sense.placement(foot)
             # A heading is the same a whole turn on; this is the one nearest to the body's.
             turns = round((self._heading[0] - place.yaw) / (2.0 * math.pi))
             self._feet[foot] = Placement(
-                position=place.position, yaw=place.yaw + 2.0 * math.pi * turns
+                position=place.position,
+                yaw=place.yaw + 2.0 * math.pi * turns,
+                slope=self._slope,
             )
         self._support = SupportPolygon(corners, self.settings.zmp_margin)
+
+    def _feel(self, foot: int) -> None:
+        nx, ny, nz = self._sense.sole(foot)[1][:, 2].tolist()
+        seen = (-nx / nz, -ny / nz)
+        if math.dist(seen, self._slope) < 0.3:
+            a, b = (old + 0.5 * (new - old) for old, new in zip(self._slope, seen, strict=True))
+            self._slope = (a, b)
 
     # Both feet on the ground ----------------------------------------------------------------------
 
@@ -469,7 +482,7 @@ class ReactiveWalker:
             self._aim(math.inf)
         self._hurried = False
         x, y, z = self._goal.position
-        low = Placement(position=(x, y, z - self.settings.touchdown_depth), yaw=goal.yaw)
+        low = replace(goal, position=(x, y, z - self.settings.touchdown_depth))
         time = self._left / (1.0 - self._sinking)
         self._swing = SwingFoot(position, rotation, low, shape, time, self.settings.search_depth)
 
@@ -480,6 +493,8 @@ class ReactiveWalker:
         before_ground = 1.0 - self._sinking - swing.phase
         if self._left > 0.0 and before_ground > 0.0:
             swing.retime(self._left * (1.0 - swing.phase) / before_ground)
+        if self._left == 0.0:
+            swing.search()
         goal = self._goal.position
         swing.advance(dt, np.array(goal[:2]) - np.array(swing.goal.position[:2]))
         if self._sense.is_down(swing, state, self._foot, self.settings):
@@ -502,11 +517,12 @@ class ReactiveWalker:
         planner, lifted = self._planner, self._next_foot()
         counts_as = None if self._swing is None else self._swing_motion(self._swing)[0]
         pendulum = planner.plan(lifted, counts_as)
-        if self._left > _FINAL:
+        if self._left > _FINAL or self._left == 0.0:
             step, place = planner.choose(lifted, pendulum, self._goal.yaw - self._stance.yaw)
             self._move_goal(place, dt)
             most = _TIME_RATE * dt
-            self._left += min(max(step.left - self._left, -most), most)
+            if self._left > 0.0:
+                self._left += min(max(step.left - self._left, -most), most)
         pendulum = planner.moved(pendulum, self._stance, self._goal.position[:2])
         self._dcm = planner.on_the_way(pendulum, self._left)
 
@@ -515,7 +531,9 @@ class ReactiveWalker:
         x, y, z = self._goal.position
         by_x, by_y = place[0] - x, place[1] - y
         ratio = min(1.0, _PLACE_RATE * dt / max(math.hypot(by_x, by_y), 1e-9))
-        moved = Placement(position=(x + ratio * by_x, y + ratio * by_y, z), yaw=self._goal.yaw)
+        a, b = self._goal.slope
+        by_x, by_y = ratio * by_x, ratio * by_y
+        moved = replace(self._goal, position=(x + by_x, y + by_y, z + a * by_x + b * by_y))
         if self.commands.carries(self._foot, moved):
             self._goal = moved
 
@@ -589,6 +607,8 @@ class ReactiveWalker:
         low, yaw, time = min(left.position[2], right.position[2]), 0.5 * (left.yaw + right.yaw), 0.0
         if self.phase is Phase.SWING:
             low = min(self._stance.position[2], self._goal.position[2])
+            if self._swing is not None:
+                low = min(low, float(self._swing.position[2]))
             yaw = 0.5 * (self._stance.yaw + self._goal.yaw)
             time = self._left
         time = max(time + 0.5 * self.gait.double_support, _BODY_TIME)

@@ -23,6 +23,12 @@ ENGAGE, RELEASE = 0.4, 0.5
 LONGEST_TICK = 0.05
 """A clock that jumps farther than this moves a walk on no farther [s]."""
 
+_WEIGHING_TIME = 1.0
+"""Over which what the soles carry is averaged [s]."""
+
+_HEAVINESS = 0.6, 1.6
+"""Least and most that a robot is taken to weigh, over its description."""
+
 
 class WalkSense:
     """Centre of mass and soles of a state; a fifth of what a controller computes.
@@ -34,6 +40,8 @@ class WalkSense:
     Attributes:
         com: centre of mass [m].
         com_velocity: its velocity [m/s].
+        heaviness: weight that the soles measure over the robot's, averaged over some steps; one
+            where they measure nothing.
     """
 
     def __init__(self, robot: Robot, soles: tuple[str, str]) -> None:
@@ -42,10 +50,26 @@ class WalkSense:
         self._ids = [robot.frame_id(name) for name in soles]
         self.com: Float64[np.ndarray, "3"] = self._data.com[0]
         self.com_velocity: Float64[np.ndarray, "3"] = self._data.vcom[0]
+        self.heaviness = 1.0
 
-    def update(self, state: RobotState) -> None:
-        """Takes a state in."""
+    def update(self, state: RobotState, dt: float = 0.0) -> None:
+        """Takes a state in.
+
+        Args:
+            state: of the robot.
+            dt: since the last one [s].
+        """
         pin.centerOfMass(self._model, self._data, state.q, state.v, False)
+        self._weigh(state, dt)
+
+    def _weigh(self, state: RobotState, dt: float) -> None:
+        """Averages what the soles carry: over some steps the COM does not accelerate upwards."""
+        if not all(sole in state.contacts for sole in self._soles):
+            return
+        carried = sum(float(state.contacts[sole][2]) for sole in self._soles) / self._weight
+        low, high = _HEAVINESS
+        carried = min(max(carried, low), high) if math.isfinite(carried) else self.heaviness
+        self.heaviness += (carried - self.heaviness) * -math.expm1(-dt / _WEIGHING_TIME)
 
     def sole(self, foot: int) -> tuple[Float64[np.ndarray, "3"], Float64[np.ndarray, "3 3"]]:
         """Position [m] and rotation of a sole in the world."""

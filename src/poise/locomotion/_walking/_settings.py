@@ -36,7 +36,7 @@ class WalkSettings:
     touchdown_force: Ratio = 0.05
     touchdown_depth: _Distance = 0.003
     early: Ratio = 0.5
-    search_depth: _Distance = 0.04
+    search_depth: _Distance = 0.1
     patience: Annotated[float, Bounds(positive=True, most=LARGEST, unit="s")] = 0.4
     adjust: _Distance = 0.2
     com_bound: Annotated[float, Bounds(positive=True)] = 0.4
