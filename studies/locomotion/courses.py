@@ -1,4 +1,7 @@
-"""`Course`: what a robot that is led walks on, and what else it has not been told of."""
+"""`Course`: what a robot that is led walks on, and what else it has not been told of.
+
+`make_course`: one of `COURSES`.
+"""
 
 import math
 from collections.abc import Callable, Mapping
@@ -7,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from poise.sim import Block
+from studies.locomotion.estimated_walk import DELAY
 
 Velocity = tuple[float, float, float]
 """Ahead [m/s], to the left [m/s], turning to the left [rad/s]."""
@@ -40,7 +44,7 @@ class Course:
         blocks: on the floor, which the robot is told nothing of.
         height: of the ground under the robot at the beginning [m].
         friction: of the ground.
-        model_friction: that the contacts of the stack are given.
+        model_friction: that the contacts of the stack are given; their own when None.
         mass: of the robot over its description.
         delay: of all sensors [s].
     """
@@ -50,9 +54,9 @@ class Course:
     blocks: tuple[Block, ...] = ()
     height: float = 0.0
     friction: float = 1.0
-    model_friction: float = 0.7
+    model_friction: float | None = None
     mass: float = 1.0
-    delay: float = 0.002
+    delay: float = DELAY
 
 
 def _up(random: np.random.Generator) -> Course:
@@ -92,13 +96,11 @@ def _bumps(random: np.random.Generator) -> Course:
 def _step_down(random: np.random.Generator) -> Course:
     """Off a platform."""
     edge = _edge(random)
-    return Course(
-        seconds=8.0, height=_STEP_DOWN, blocks=(_level(edge - 1.0, 2.0, _STEP_DOWN),)
-    )
+    return Course(seconds=8.0, height=_STEP_DOWN, blocks=(_level(edge - 1.0, 2.0, _STEP_DOWN),))
 
 
 def _wander(random: np.random.Generator) -> Course:
-    """Random velocities among bumps, with a ramp across the way on either side."""
+    """Random velocities where a third of the floor is tiles of random height."""
     return Course(
         seconds=60.0, commands=(), blocks=_tiles(random, (-3.0, 3.0), (-3.0, 3.0), ratio=0.3)
     )
@@ -121,6 +123,16 @@ COURSES: Mapping[str, Callable[[np.random.Generator], Course]] = {
     "wandering": _wander,
 }
 """Courses by name, each from what is random in it."""
+
+
+def make_course(name: str, seed: int) -> Course:
+    """A course.
+
+    Args:
+        name: in `COURSES`.
+        seed: of edges and bumps.
+    """
+    return COURSES[name](np.random.default_rng((seed, len(name))))
 
 
 def _edge(random: np.random.Generator) -> float:

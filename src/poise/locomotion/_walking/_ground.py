@@ -88,7 +88,9 @@ class Placement:
         z = np.array([-a, -b, 1.0]) / math.sqrt(1.0 + a * a + b * b)
         x = np.array([c, s, a * c + b * s])
         x /= math.sqrt(float(x @ x))
-        y = np.array([z[1] * x[2] - z[2] * x[1], z[2] * x[0] - z[0] * x[2], z[0] * x[1] - z[1] * x[0]])
+        y = np.array(
+            [z[1] * x[2] - z[2] * x[1], z[2] * x[0] - z[0] * x[2], z[0] * x[1] - z[1] * x[0]]
+        )
         return np.stack((x, y, z), axis=1)
 
     def grid(self, length: float, width: float) -> Float64[np.ndarray, "n 2"]:
