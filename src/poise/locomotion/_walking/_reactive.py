@@ -3,18 +3,17 @@
 import math
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import replace
 from enum import Enum
 
 import numpy as np
-import pinocchio as pin
 from jaxtyping import Float64
 
 from poise._checks import Numbers
 from poise.dynamics import RobotState
 from poise.errors import ConfigurationError
 from poise.locomotion._pendulum import natural_frequency
-from poise.locomotion._support import Point, SupportPolygon
+from poise.locomotion._support import Point
+from poise.locomotion._walking._body import BodyMotion
 from poise.locomotion._walking._commands import LegRoom, StepCommands, VelocityLimits
 from poise.locomotion._walking._dcm_plan import (
     DcmMotion,
@@ -22,6 +21,7 @@ from poise.locomotion._walking._dcm_plan import (
     hermite_step,
 )
 from poise.locomotion._walking._feedback import DcmFeedback
+from poise.locomotion._walking._flight import Flight, sinking_phase
 from poise.locomotion._walking._footsteps import (
     FootstepPlan,
     Gait,
@@ -40,9 +40,10 @@ from poise.locomotion._walking._sense import (
     expect_step,
 )
 from poise.locomotion._walking._settings import WalkSettings, WalkStatus
+from poise.locomotion._walking._stance import Stance
 from poise.locomotion._walking._step_planner import QUICK, Lifted, StepPlanner
-from poise.locomotion._walking._swing import Motion, SwingFoot, least_jerk_towards
-from poise.locomotion._walking._swing_shape import RISE, SwingShape, clear_swing
+from poise.locomotion._walking._swing import SwingFoot
+from poise.locomotion._walking._swing_shape import SwingShape, clear_swing
 from poise.locomotion._walking._tasks import CarriedTarget, find_walk_tasks
 from poise.robots import Robot
 from poise.stack import Stack, Task
@@ -71,17 +72,8 @@ _CROUCH = 0.05
 _SWING_HEIGHT = 0.06
 """Of a foot, over the height of the COM, unless a gait says otherwise."""
 
-_PLACE_RATE, _TIME_RATE = 2.0, 2.0
-"""How fast foothold [m/s] and time of touchdown [s/s] change at most while a foot is in the air."""
-
-_FINAL = 0.05
-"""Foothold and time are final when touchdown is this near [s]."""
-
 _WORTH = 0.5
 """A foot stays where it is while both hold the robot and its step would cost more than this."""
-
-_CLOSED, _CLOSED_TURN = 0.025, 0.06
-"""Feet so near to side by side are [m, rad]."""
 
 _CALM = 0.01
 """The divergent component has to be this far inside what holds it for the feet to stay [m]."""
@@ -175,26 +167,19 @@ class ReactiveWalker:
         self.carried: dict[str, CarriedTarget] = self._tasks.carried
         self._sense = WalkSense(robot, stand.soles)
         self._feedback = DcmFeedback(self._legs.omega, self.settings.dcm_gain)
-        depth = self.settings.touchdown_depth
-        # At the end a quintic of least jerk is 10 (height) s^3 above where it ends.
-        self._sinking = (1.0 - RISE) * (0.1 * depth / (depth + self.gait.swing_height)) ** (1 / 3)
+        self._sinking = sinking_phase(self.settings, self.gait)
         times = StepTimes(self.gait.swing_time, self.gait.double_support)
         margin = self.settings.zmp_margin
         self._planner = StepPlanner(self.commands, self._room, self._legs, times, margin)
+        self._stance = Stance(self._sense, stand.start, stand.sizes, margin)
+        self._body = BodyMotion(stand, self.gait.crouch, self._legs.omega, self.carried)
         self.status, self.phase, self.steps_made = WalkStatus.READY, Phase.STAND, 0
         self._time: float | None = None
         self._foot = 0
-        self._swing: SwingFoot | None = None
+        self._flight: Flight | None = None
         self._released = self._hurried = False
-        self._left, self._elapsed, self._waited = 0.0, 0.0, 0.0
+        self._left = 0.0
         self._dcm: tuple[DcmMotion, DcmMotion] = ((0.0, 0.0), (0.0, 0.0))
-        self._com: Point = (0.0, 0.0)
-        self._rise: Motion = (0.0, 0.0, 0.0)
-        self._heading: Motion = (0.0, 0.0, 0.0)
-        self._feet = list(stand.start)
-        self._goal = stand.start[0]
-        self._support = SupportPolygon([], 0.0)
-        self._slope: Point = (0.0, 0.0)
 
     # What somebody who leads it says --------------------------------------------------------------
 
@@ -286,8 +271,8 @@ class ReactiveWalker:
             self._stand(dt)
         elif self.phase is Phase.SHIFT:
             self._shift(dt)
-        elif self._swing is not None:
-            self._fly(self._swing, state, dt)
+        elif self._flight is not None:
+            self._fly(self._flight, state, dt)
         self._keep_balance(dt)
         self._announce_step()
 
@@ -299,26 +284,27 @@ class ReactiveWalker:
         if self.phase is Phase.STAND:
             limit.expect_step(None)
             return
-        goal = self._goal
-        if self.phase is Phase.SHIFT:
-            goal = self.commands.steps(self._foot, self._stance, 1)[0]
+        if self._flight is not None:
+            goal = self._flight.goal
+        else:
+            goal = self.commands.steps(self._foot, self._standing_foot, 1)[0]
         size = self._standing.sizes[self._foot]
         expect_step(limit, goal.position, goal.yaw, size, self.settings.adjust)
 
     def _feet_at(self) -> tuple[FeetAt, FeetAt, FeetAt]:
         """Positions [m], velocities [m/s] and accelerations [m/s^2] of both feet."""
         still = (0.0, 0.0)
-        rows = [[place.position[:2], still, still] for place in self._feet]
-        if self._swing is not None:
-            rows[self._foot] = self._swing_motion(self._swing)
+        rows = [[place.position[:2], still, still] for place in self._stance.feet]
+        if self._flight is not None:
+            rows[self._foot] = self._swing_motion(self._flight.swing)
         (a, va, aa), (b, vb, ab) = rows
         return (a, b), (va, vb), (aa, ab)
 
     def _swing_motion(self, swing: SwingFoot) -> list[Point]:
         """Position, velocity and acceleration of the foot in the air; see `LegRatios.rise`."""
-        c, s = (self._rise_ratio * f(self._heading[0]) for f in (math.cos, math.sin))
+        c, s = (self._rise_ratio * f(self._body.heading[0]) for f in (math.cos, math.sin))
         x, y, z = swing.position.tolist()
-        z -= self._stance.position[2]
+        z -= self._standing_foot.position[2]
         motion = [(x + c * z, y + s * z)]
         for rate in (swing.velocity, swing.acceleration):
             x, y, z = rate[:3].tolist()
@@ -343,68 +329,36 @@ class ReactiveWalker:
             margin: how far inside the soles' edges, and the margin of the ZMP, it has to be [m].
         """
         feet, _, _ = self._feet_at()
-        return self._support.depth(self._legs.parted(self._xi(), feet)) >= margin
+        return self._stance.support.depth(self._legs.parted(self._xi(), feet)) >= margin
 
     def _begin(self) -> None:
         self.status = WalkStatus.STANDING
-        left = self._sense.placement(0)
-        self._feet[0] = left
-        self._heading = (left.yaw, 0.0, 0.0)
-        self._stand_on((0, 1))
-        self._heading = (0.5 * (self._feet[0].yaw + self._feet[1].yaw), 0.0, 0.0)
-        self._com, _ = self._measured()
-        self._dcm = ((self._com[0], 0.0), (self._com[1], 0.0))
-        self._rise = (float(self._sense.com[2]), 0.0, 0.0)
+        stance = self._stance
+        stance.stand_on((0, 1), self._sense.placement(0).yaw)
+        mass, _ = self._measured()
+        self._dcm = ((mass[0], 0.0), (mass[1], 0.0))
+        self._body.begin(mass, float(self._sense.com[2]), stance.heading)
         self._left = self.gait.shift_time
 
-    def _stand_on(self, feet: tuple[int, ...]) -> None:
-        if len(feet) == 1:
-            self._feel(feet[0])
-        corners = self._sense.corners(feet, self._standing.sizes)
-        for foot in feet:
-            place = self._sense.placement(foot)
-            # A heading is the same a whole turn on; this is the one nearest to the body's.
-            turns = round((self._heading[0] - place.yaw) / (2.0 * math.pi))
-            self._feet[foot] = Placement(
-                position=place.position,
-                yaw=place.yaw + 2.0 * math.pi * turns,
-                slope=self._slope,
-            )
-        self._support = SupportPolygon(corners, self.settings.zmp_margin)
-
-    def _feel(self, foot: int) -> None:
-        nx, ny, nz = self._sense.sole(foot)[1][:, 2].tolist()
-        seen = (-nx / nz, -ny / nz)
-        if math.dist(seen, self._slope) < 0.3:
-            a, b = (old + 0.5 * (new - old) for old, new in zip(self._slope, seen, strict=True))
-            self._slope = (a, b)
+    def _stand_on(self, *feet: int) -> None:
+        """These feet carry the robot from now on."""
+        self._stance.stand_on(feet, self._body.heading[0])
 
     # Both feet on the ground ----------------------------------------------------------------------
 
     def _stand(self, dt: float) -> None:
         self._left = max(self._left - dt, 0.0)
-        left, right = (place.position for place in self._feet)
-        middle = (0.5 * (left[0] + right[0]), 0.5 * (left[1] + right[1]))
-        self._lead_dcm(((middle[0], 0.0), (middle[1], 0.0)), self._left, dt)
+        x, y = self._stance.middle
+        self._lead_dcm(((x, 0.0), (y, 0.0)), self._left, dt)
         if not self._is_held():
             self._hurry()
         elif self.commands.moving:
             self._go(self.commands.first_foot(), self.gait.shift_time)
-        elif self.commands.closes and not self._closed() and self._left == 0.0:
+        elif self.commands.closes and not self._is_closed() and self._left == 0.0:
             self._go(0, self.gait.shift_time)
 
-    def _closed(self) -> bool:
-        """Whether the feet are side by side."""
-        left, right = self._feet
-        yaw = 0.5 * (left.yaw + right.yaw)
-        dx, dy = (left.position[k] - right.position[k] for k in (0, 1))
-        ahead = math.cos(yaw) * dx + math.sin(yaw) * dy
-        aside = math.cos(yaw) * dy - math.sin(yaw) * dx
-        return (
-            abs(ahead) < _CLOSED
-            and abs(aside - self._room.width) < _CLOSED
-            and abs(left.yaw - right.yaw) < _CLOSED_TURN
-        )
+    def _is_closed(self) -> bool:
+        return self._stance.closed(self._room.width)
 
     def _go(self, foot: int, time: float) -> None:
         """A foot is to be lifted in a while [s]."""
@@ -413,11 +367,11 @@ class ReactiveWalker:
 
     def _hurry(self) -> None:
         """A foot is to be lifted at once, so that the robot does not fall."""
-        left, right = self._feet
+        left, right = self._stance.feet
         self._go(self._planner.better_foot((left, right), self._xi()), QUICK)
         self._hurried = True
         # The ZMP has to be in the foot that stays; going there evenly would take too long.
-        self._stand_on((1 - self._foot,))
+        self._stand_on(1 - self._foot)
 
     def _shift(self, dt: float) -> None:
         """Takes the load off a foot, and lifts it when it is due."""
@@ -444,16 +398,17 @@ class ReactiveWalker:
 
     def _next_foot(self) -> Lifted:
         """The foot that comes down next, in the air or not yet."""
-        place = self._feet[self._foot].position
-        if self._swing is not None:
-            place = self._swing.position.tolist()
-        elapsed = self._elapsed if self.phase is Phase.SWING else 0.0
-        return Lifted(self._foot, (place[0], place[1]), self._stance, self._xi(), elapsed)
+        x, y, _ = self._stance.feet[self._foot].position
+        elapsed = 0.0
+        if self._flight is not None:
+            elapsed = self._flight.elapsed
+            x, y, _ = self._flight.swing.position.tolist()
+        return Lifted(self._foot, (x, y), self._standing_foot, self._xi(), elapsed)
 
     @property
-    def _stance(self) -> Placement:
+    def _standing_foot(self) -> Placement:
         """Where the foot stands that stays."""
-        return self._feet[1 - self._foot]
+        return self._stance.feet[1 - self._foot]
 
     def _lead_dcm(self, goal: tuple[DcmMotion, DcmMotion], left: float, dt: float) -> None:
         """Moves the reference on, to be at a goal in a while."""
@@ -463,89 +418,66 @@ class ReactiveWalker:
     # One foot in the air --------------------------------------------------------------------------
 
     def _lift(self, foot: int) -> None:
-        position, rotation = self._sense.sole(foot)
-        begin = self._sense.placement(foot)
-        goal = self.commands.steps(foot, self._stance, 1)[0]
-        height = self.gait.swing_height
-        shape = SwingShape(
-            apex=max(begin.position[2], goal.position[2]) + height, arrive=1.0 - self._sinking
+        self._stand_on(1 - foot)
+        goal = self.commands.steps(foot, self._standing_foot, 1)[0]
+        shape = self._swing_shape(self._sense.placement(foot), goal)
+        self._flight = Flight(
+            foot,
+            self._sense,
+            goal,
+            shape,
+            self._planner,
+            self.commands,
+            self.settings,
+            self._sinking,
         )
+        self.phase = Phase.SWING
+        if self._hurried:
+            self._aim(self._flight, math.inf)
+        self._hurried = False
+
+    def _swing_shape(self, begin: Placement, goal: Placement) -> SwingShape:
+        height = self.gait.swing_height
         if self.ground.platforms:
             # A swing that would knock against one is made all the same: it may catch the robot.
             with suppress(ConfigurationError):
-                size = self._standing.sizes[foot]
-                shape = clear_swing(begin, goal, size, height, self.ground, self.steps_made)
-        self._left, self._elapsed, self._waited = self._planner.times.swing, 0.0, 0.0
-        self._goal, self.phase = goal, Phase.SWING
-        self._stand_on((1 - foot,))
-        if self._hurried:
-            self._aim(math.inf)
-        self._hurried = False
-        x, y, z = self._goal.position
-        low = replace(goal, position=(x, y, z - self.settings.touchdown_depth))
-        time = self._left / (1.0 - self._sinking)
-        self._swing = SwingFoot(position, rotation, low, shape, time, self.settings.search_depth)
+                size = self._standing.sizes[self._foot]
+                return clear_swing(begin, goal, size, height, self.ground, self.steps_made)
+        high = max(begin.position[2], goal.position[2]) + height
+        return SwingShape(apex=high, arrive=1.0 - self._sinking)
 
-    def _fly(self, swing: SwingFoot, state: RobotState, dt: float) -> None:
-        self._elapsed += dt
-        self._left = max(self._left - dt, 0.0)
-        self._aim(dt)
-        before_ground = 1.0 - self._sinking - swing.phase
-        if self._left > 0.0 and before_ground > 0.0:
-            swing.retime(self._left * (1.0 - swing.phase) / before_ground)
-        if self._left == 0.0:
-            swing.search()
-        goal = self._goal.position
-        swing.advance(dt, np.array(goal[:2]) - np.array(swing.goal.position[:2]))
-        if self._sense.is_down(swing, state, self._foot, self.settings):
-            self._land(self._foot)
+    def _fly(self, flight: Flight, state: RobotState, dt: float) -> None:
+        flight.count(dt)
+        self._aim(flight, dt)
+        flight.advance(dt)
+        swing = flight.swing
+        if self._sense.is_down(swing, state, flight.foot, self.settings):
+            self._land(flight.foot)
             return
-        if swing.phase >= 1.0:
-            self._waited += dt
-        if self._waited > self.settings.patience:
+        if flight.waited > self.settings.patience:
             self.status = WalkStatus.FOOT_LOST
-        self._tasks.feet[self._foot].set_target(
+        self._tasks.feet[flight.foot].set_target(
             swing.position, swing.rotation, swing.velocity, swing.acceleration
         )
 
-    def _aim(self, dt: float) -> None:
-        """Chooses place and time of touchdown, and where the divergent component should be now.
-
-        Args:
-            dt: since the last choice, which it stays near to [s].
-        """
+    def _aim(self, flight: Flight, dt: float) -> None:
+        """Chooses the touchdown, and where the divergent component should be now."""
         planner, lifted = self._planner, self._next_foot()
-        counts_as = None if self._swing is None else self._swing_motion(self._swing)[0]
-        pendulum = planner.plan(lifted, counts_as)
-        if self._left > _FINAL or self._left == 0.0:
-            step, place = planner.choose(lifted, pendulum, self._goal.yaw - self._stance.yaw)
-            self._move_goal(place, dt)
-            most = _TIME_RATE * dt
-            if self._left > 0.0:
-                self._left += min(max(step.left - self._left, -most), most)
-        pendulum = planner.moved(pendulum, self._stance, self._goal.position[:2])
-        self._dcm = planner.on_the_way(pendulum, self._left)
-
-    def _move_goal(self, place: Point, dt: float) -> None:
-        """Takes the foothold nearer to a place, on ground that carries all of the sole."""
-        x, y, z = self._goal.position
-        by_x, by_y = place[0] - x, place[1] - y
-        ratio = min(1.0, _PLACE_RATE * dt / max(math.hypot(by_x, by_y), 1e-9))
-        a, b = self._goal.slope
-        by_x, by_y = ratio * by_x, ratio * by_y
-        moved = replace(self._goal, position=(x + by_x, y + by_y, z + a * by_x + b * by_y))
-        if self.commands.carries(self._foot, moved):
-            self._goal = moved
+        pendulum = planner.plan(lifted, self._swing_motion(flight.swing)[0])
+        flight.aim(lifted, pendulum, dt)
+        pendulum = planner.moved(pendulum, self._standing_foot, flight.goal.position[:2])
+        self._dcm = planner.on_the_way(pendulum, flight.left)
 
     def _land(self, foot: int) -> None:
         self._tasks.contacts[foot].engage(ENGAGE * self.gait.double_support)
-        self._swing, self.status = None, WalkStatus.WALKING
+        self._flight, self.status = None, WalkStatus.WALKING
         self.steps_made += 1
         commands = self.commands
         if commands.footholds and commands.footholds[0][0] == foot:
             commands.footholds.popleft()
-        self._stand_on((0, 1))
-        if commands.moving or (commands.closes and not self._closed()) or not self._is_held(_CALM):
+        self._stand_on(0, 1)
+        opened = commands.closes and not self._is_closed()
+        if commands.moving or opened or not self._is_held(_CALM):
             following = commands.next_foot(foot)
             again = following == foot
             self._go(following, self.gait.shift_time if again else self.gait.double_support)
@@ -557,65 +489,39 @@ class ReactiveWalker:
 
     def _keep_balance(self, dt: float) -> None:
         self._move_body(dt)
-        com = self._joined_com(dt)
+        com = self._body.follow(self._dcm, dt)
         feet, velocities, accelerations = self._feet_at()
         joined, velocity = self._measured()
         x, y = self._feedback.acceleration(
             np.array(joined),
             np.array(velocity),
             com,
-            JoinedSupport(self._legs, self._support, feet),
+            JoinedSupport(self._legs, self._stance.support, feet),
         ).tolist()
-        rows = zip(com.tolist(), (feet, velocities, accelerations), self._rise, strict=True)
+        rows = zip(com.tolist(), (feet, velocities, accelerations), self._body.rise, strict=True)
         com = np.array([(*self._legs.parted((a, b), f), z) for (a, b), f, z in rows])
         asked = self._legs.parted((x, y), accelerations)
         self._tasks.lead_com(self._sense, com, np.array(asked))
-        self._carry(com)
+        self._body.carry(com)
         if math.hypot(*self._feedback.error) > self.settings.com_bound * self.height:
             self.status = WalkStatus.COM_LOST
         elif self.status is WalkStatus.COM_LOST:
             self.status = WalkStatus.WALKING
 
-    def _joined_com(self, dt: float) -> Float64[np.ndarray, "3 2"]:
-        """Reference of C, its velocity and acceleration, a row each: C' = omega (xi - C)."""
-        (x, vx), (y, vy) = self._dcm
-        w, kept = self._legs.omega, math.exp(-self._legs.omega * dt)
-        self._com = x + (self._com[0] - x) * kept, y + (self._com[1] - y) * kept
-        rates = (w * (x - self._com[0]), w * (y - self._com[1]))
-        return np.array([self._com, rates, (w * (vx - rates[0]), w * (vy - rates[1]))])
-
-    def _carry(self, com: Float64[np.ndarray, "3 3"]) -> None:
-        """Takes everything along that goes with the body.
-
-        Args:
-            com: its reference, with rates.
-        """
-        standing = self._standing
-        displacement = np.zeros((3, 4))
-        displacement[:, :3] = com
-        displacement[0, :2] -= standing.com[:2]
-        displacement[0, 2] -= standing.com[2] - self.gait.crouch
-        heading0 = 0.5 * (standing.start[0].yaw + standing.start[1].yaw)
-        displacement[:, 3] = self._heading[0] - heading0, *self._heading[1:]
-        turn = pin.utils.rotate("z", float(displacement[0, 3]))
-        for target in self.carried.values():
-            target.write(displacement, turn)
-
     def _move_body(self, dt: float) -> None:
         """Height and heading of the body, towards what the next stand asks for."""
-        left, right = self._feet
-        low, yaw, time = min(left.position[2], right.position[2]), 0.5 * (left.yaw + right.yaw), 0.0
-        if self.phase is Phase.SWING:
-            low = min(self._stance.position[2], self._goal.position[2])
-            if self._swing is not None:
-                low = min(low, float(self._swing.position[2]))
-            yaw = 0.5 * (self._stance.yaw + self._goal.yaw)
-            time = self._left
+        left, right = self._stance.feet
+        low, yaw, time = min(left.position[2], right.position[2]), self._stance.heading, 0.0
+        if self._flight is not None:
+            foot, flight = self._standing_foot, self._flight
+            # A foot that looks for the ground takes the body down with it.
+            sought = min(flight.goal.position[2], float(flight.swing.position[2]))
+            low, yaw = min(foot.position[2], sought), 0.5 * (foot.yaw + flight.goal.yaw)
+            time = flight.left
         time = max(time + 0.5 * self.gait.double_support, _BODY_TIME)
         if self.steps_made == 0:
             time = max(time, self.gait.shift_time)
-        self._rise = least_jerk_towards(self._rise, low + self.height, time, dt)
-        self._heading = least_jerk_towards(self._heading, yaw, time, dt)
+        self._body.move(low + self.height, yaw, time, dt)
 
 
 def _usual_gait(height: float) -> Gait:

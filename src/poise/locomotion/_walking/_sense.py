@@ -14,7 +14,7 @@ from poise.locomotion._support import Point, sole_rectangle
 from poise.locomotion._walking._ground import Placement
 from poise.locomotion._walking._settings import WalkSettings
 from poise.locomotion._walking._swing import SwingFoot
-from poise.robots import Robot
+from poise.robots import GRAVITY, Robot
 from poise.stack import BalanceLimit
 
 ENGAGE, RELEASE = 0.4, 0.5
@@ -40,8 +40,9 @@ class WalkSense:
     Attributes:
         com: centre of mass [m].
         com_velocity: its velocity [m/s].
-        heaviness: weight that the soles measure over the robot's, averaged over some steps; one
-            where they measure nothing.
+        heaviness: mass that the soles feel over the robot's, averaged over some steps; one where
+            they measure nothing.
+        rising: acceleration upwards that the COM was asked for last [m/s^2].
     """
 
     def __init__(self, robot: Robot, soles: tuple[str, str]) -> None:
@@ -50,9 +51,9 @@ class WalkSense:
         self._ids = [robot.frame_id(name) for name in soles]
         self.com: Float64[np.ndarray, "3"] = self._data.com[0]
         self.com_velocity: Float64[np.ndarray, "3"] = self._data.vcom[0]
-        self.heaviness = 1.0
+        self.heaviness, self.rising = 1.0, 0.0
 
-    def update(self, state: RobotState, dt: float = 0.0) -> None:
+    def update(self, state: RobotState, dt: float) -> None:
         """Takes a state in.
 
         Args:
@@ -60,16 +61,16 @@ class WalkSense:
             dt: since the last one [s].
         """
         pin.centerOfMass(self._model, self._data, state.q, state.v, False)
-        self._weigh(state, dt)
+        if all(sole in state.contacts for sole in self._soles):
+            self._weigh(sum(float(state.contacts[sole][2]) for sole in self._soles), dt)
 
-    def _weigh(self, state: RobotState, dt: float) -> None:
-        """Averages what the soles carry: over some steps the COM does not accelerate upwards."""
-        if not all(sole in state.contacts for sole in self._soles):
-            return
-        carried = sum(float(state.contacts[sole][2]) for sole in self._soles) / self._weight
-        low, high = _HEAVINESS
-        carried = min(max(carried, low), high) if math.isfinite(carried) else self.heaviness
-        self.heaviness += (carried - self.heaviness) * -math.expm1(-dt / _WEIGHING_TIME)
+    def _weigh(self, carried: float, dt: float) -> None:
+        """Averages f / (m (g + z''))."""
+        felt = carried * GRAVITY / (self._weight * max(GRAVITY + self.rising, 0.5 * GRAVITY))
+        if math.isfinite(felt):
+            low, high = _HEAVINESS
+            ratio = -math.expm1(-dt / _WEIGHING_TIME)
+            self.heaviness += ratio * (min(max(felt, low), high) - self.heaviness)
 
     def sole(self, foot: int) -> tuple[Float64[np.ndarray, "3"], Float64[np.ndarray, "3 3"]]:
         """Position [m] and rotation of a sole in the world."""

@@ -122,11 +122,10 @@ class SwingFoot:
     def _vertical(self, dt: float) -> Motion:
         """Height and its rates; below the goal if the foot is still in the air when it is due."""
         T, end = self.duration, self.goal.position[2]
+        if self._search is None and self.elapsed >= T:
+            self._search = end, 0.0
         if self._search is not None:
             return self._deeper(*self._search, dt)
-        if self.elapsed >= T:
-            self._search = end, 0.0
-            return end, 0.0, 0.0
         height, rate, second = self._shape.height(self.phase, self._lift_off_height, end)
         return height, rate / T, second / (T * T)
 
