@@ -78,6 +78,9 @@ _WORTH = 0.5
 _CALM = 0.01
 """The divergent component has to be this far inside what holds it for the feet to stay [m]."""
 
+_HOVERING, _BOUNCE_TIME = 0.01, 0.01
+"""A foot that has landed and carries less than this part of the weight for so long [s] has not."""
+
 _TURN, _TURN_IN = 0.6, 0.12
 """Most that a foot is turned outwards and inwards against the other one [rad]."""
 
@@ -177,6 +180,8 @@ class ReactiveWalker:
         self._time: float | None = None
         self._foot = 0
         self._flight: Flight | None = None
+        self._landed: Flight | None = None
+        self._hovering = 0.0
         self._released = self._hurried = False
         self._left = 0.0
         self._dcm: tuple[DcmMotion, DcmMotion] = ((0.0, 0.0), (0.0, 0.0))
@@ -271,6 +276,7 @@ class ReactiveWalker:
             self._stand(dt)
         elif self.phase is Phase.SHIFT:
             self._shift(dt)
+            self._confirm(state, dt)
         elif self._flight is not None:
             self._fly(self._flight, state, dt)
         self._keep_balance(dt)
@@ -418,6 +424,7 @@ class ReactiveWalker:
     # One foot in the air --------------------------------------------------------------------------
 
     def _lift(self, foot: int) -> None:
+        self._landed = None
         self._stand_on(1 - foot)
         goal = self.commands.steps(foot, self._standing_foot, 1)[0]
         shape = self._swing_shape(self._sense.placement(foot), goal)
@@ -460,6 +467,23 @@ class ReactiveWalker:
             swing.position, swing.rotation, swing.velocity, swing.acceleration
         )
 
+    def _confirm(self, state: RobotState, dt: float) -> None:
+        """A foot that has bounced off what it met looks for the ground again."""
+        flight = self._landed
+        if flight is None:
+            return
+        load = self._sense.load(state, flight.foot)
+        self._hovering = 0.0 if load > _HOVERING else self._hovering + dt
+        if self._hovering < _BOUNCE_TIME:
+            return
+        self._tasks.contacts[flight.foot].release(0.0)
+        self._tasks.contacts[1 - flight.foot].engage(0.0)
+        self._foot, self._flight, self._landed = flight.foot, flight, None
+        self.phase, self._released, self._hurried = Phase.SWING, False, False
+        flight.swing.search_again()
+        self.steps_made -= 1
+        self._stand_on(1 - flight.foot)
+
     def _aim(self, flight: Flight, dt: float) -> None:
         """Chooses the touchdown, and where the divergent component should be now."""
         planner, lifted = self._planner, self._next_foot()
@@ -470,6 +494,7 @@ class ReactiveWalker:
 
     def _land(self, foot: int) -> None:
         self._tasks.contacts[foot].engage(ENGAGE * self.gait.double_support)
+        self._landed, self._hovering = self._flight, 0.0
         self._flight, self.status = None, WalkStatus.WALKING
         self.steps_made += 1
         commands = self.commands

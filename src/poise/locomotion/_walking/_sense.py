@@ -42,7 +42,9 @@ class WalkSense:
         com_velocity: its velocity [m/s].
         heaviness: mass that the soles feel over the robot's, averaged over some steps; one where
             they measure nothing.
-        rising: acceleration upwards that the COM was asked for last [m/s^2].
+        rising: acceleration upwards of the COM's reference [m/s^2]. What feedback asks for beside it
+            is no measure of what happens: weighed against that, a COM that is held too high would
+            seem heavier, and be held higher still.
     """
 
     def __init__(self, robot: Robot, soles: tuple[str, str]) -> None:
@@ -97,6 +99,11 @@ class WalkSense:
         for foot in feet:
             corners += sole_rectangle(*self.sole(foot), sizes[foot])
         return corners
+
+    def load(self, state: RobotState, foot: int) -> float:
+        """What a foot carries of the weight; all of it where nothing is measured."""
+        wrench = state.contacts.get(self._soles[foot])
+        return 1.0 if wrench is None else float(wrench[2]) / self._weight
 
     def is_down(
         self, swing: SwingFoot, state: RobotState, foot: int, settings: WalkSettings

@@ -76,6 +76,10 @@ class SwingFoot:
         if self._search is None:
             self._search = float(self.position[2]), float(self.velocity[2])
 
+    def search_again(self) -> None:
+        """What it met does not carry it: goes on down from there, slowly at first."""
+        self._search = float(self.position[2]), 0.0
+
     def stop_here(self) -> None:
         """Comes straight down from where the foot is."""
         x, y, _ = self.position.tolist()

@@ -168,7 +168,7 @@ class WalkTasks:
         height, speed = com[0, 2] - sense.com[2], com[1, 2] - sense.com_velocity[2]
         z = com[2, 2] + task.kp[2] * height + task.kd[2] * speed
         task.set_target(com[0], com[1], com[2])
-        sense.rising = z
+        sense.rising = float(com[2, 2])
         # The controller gives the forces that move its model; these move what the soles carry.
         r = sense.heaviness
         task.set_acceleration(np.array([r * x, r * y, r * (z + GRAVITY) - GRAVITY]))
