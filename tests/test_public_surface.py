@@ -12,7 +12,7 @@ import poise
 from docs import update_api
 
 SURFACE = set(poise.__all__)
-MOST_NAMES = 119
+MOST_NAMES = 120
 """What there is now; a new public name takes the place of another, or says why it is needed.
 
 The last ones: a campaign from a program, workers for whoever runs anything else many times, the bad
@@ -22,7 +22,8 @@ through many models; and the state estimator with its configuration and status, 
 are of use alone, and what a state carries for it; the balance limit, which stacks have or not;
 and the plant and the grounds of step teleoperation, for studies of it;
 and the walker that is led by commands with the limits of those, which nothing that follows a plan
-made before could be, and the session in which somebody drives it.
+made before could be, and the session in which somebody drives it;
+and the predictor for late sensors, which only whoever runs the loop can put behind an estimator.
 """
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from poise.control import WholeBodyController
 from poise.dynamics import RobotState
-from poise.estimation import EstimatorConfig, StateEstimator
+from poise.estimation import EstimatorConfig, StateEstimator, StatePredictor
 from poise.locomotion import ReactiveWalker, walking_stack
 from poise.robots import Robot, load_robot
 from poise.sim import Plant, PlantConfig, SensorConfig, rollout
@@ -116,15 +116,17 @@ def run_led(trial: LedTrial) -> LedOutcome:
         x, y = force * math.cos(trial.direction), force * math.sin(trial.direction)
         plant.push(robot.torso, (x, y, 0.0), PUSH_TIME, trial.at)
     estimator = StateEstimator(robot, EstimatorConfig(ground=course.height), q_start=q)
+    predictor = StatePredictor(robot, course.delay, PERIOD)
     poses: list[tuple[float, float, float]] = []
     ticks = rollout(
         plant,
         WholeBodyController(robot, stack),
         _Leader(walker, stack, course, trial.seed),
-        estimator=estimator.update,
+        estimator=lambda state: predictor.predict(estimator.update(state)),
         duration=course.seconds,
     )
     for tick in ticks:
+        predictor.command(tick.command.acceleration)
         if tick.time >= _STEADY:
             x, y, z, w = tick.truth.q[3:7].tolist()
             yaw = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))

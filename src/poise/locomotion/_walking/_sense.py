@@ -42,9 +42,9 @@ class WalkSense:
         com_velocity: its velocity [m/s].
         heaviness: mass that the soles feel over the robot's, averaged over some steps; one where
             they measure nothing.
-        rising: acceleration upwards of the COM's reference [m/s^2]. What feedback asks for beside it
-            is no measure of what happens: weighed against that, a COM that is held too high would
-            seem heavier, and be held higher still.
+        rising: acceleration upwards of the COM's reference [m/s^2]. What feedback asks for beside
+            it is no measure of what happens: weighed against that, a COM that is held too high
+            would seem heavier, and be held higher still.
     """
 
     def __init__(self, robot: Robot, soles: tuple[str, str]) -> None:
