@@ -111,6 +111,7 @@ class StepCommands:
     Attributes:
         velocity: that is followed now.
         footholds: given and not yet made, each with its foot.
+        pace: part of the velocity asked for that is followed.
         notice: what was cut or ignored of the last command; "" for nothing.
     """
 
@@ -121,6 +122,7 @@ class StepCommands:
         self._limits = limits
         self._wanted: Velocity = (0.0, 0.0, 0.0)
         self.velocity: Velocity = (0.0, 0.0, 0.0)
+        self.pace = 1.0
         self.footholds: deque[tuple[int, Placement]] = deque()
         self.closes = True
         self.notice = ""
@@ -160,7 +162,13 @@ class StepCommands:
     @property
     def moving(self) -> bool:
         """Whether a step is asked for."""
-        return bool(self.footholds) or any(self._wanted) or any(self.velocity)
+        return bool(self.footholds) or any(self._followed) or any(self.velocity)
+
+    @property
+    def _followed(self) -> Velocity:
+        """What is asked for, as far as it is followed."""
+        ahead, sideways, turn = (self.pace * speed for speed in self._wanted)
+        return ahead, sideways, turn
 
     def advance(self, dt: float) -> None:
         """Lets the velocity follow what is asked for.
@@ -168,14 +176,15 @@ class StepCommands:
         Args:
             dt: since the last call [s].
         """
-        if self.velocity == self._wanted:
+        followed = self._followed
+        if self.velocity == followed:
             return
         limits = self._limits
         rates = (max(limits.ahead, limits.back), limits.sideways, limits.turn)
         most = dt / limits.rise_time
         ahead, sideways, turn = (
             now + min(max(wanted - now, -most * rate), most * rate)
-            for now, wanted, rate in zip(self.velocity, self._wanted, rates, strict=True)
+            for now, wanted, rate in zip(self.velocity, followed, rates, strict=True)
         )
         self.velocity = (ahead, sideways, turn)
 

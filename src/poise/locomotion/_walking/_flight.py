@@ -69,6 +69,7 @@ class Flight:
         self.foot, self.goal = foot, goal
         self._planner, self._commands, self._sinking = planner, commands, sinking
         self.left, self.elapsed, self.waited = planner.times.swing, 0.0, 0.0
+        self._lands = False
         position, rotation = sense.sole(foot)
         x, y, z = goal.position
         low = replace(goal, position=(x, y, z - settings.touchdown_depth))
@@ -84,7 +85,7 @@ class Flight:
             dt: since the last choice, which it stays near to [s].
         """
         late = self.left == 0.0
-        if self.left <= _FINAL and not late:
+        if self._lands or (self.left <= _FINAL and not late):
             return
         turned = self.goal.yaw - lifted.stance.yaw
         step, place = self._planner.choose(lifted, pendulum, turned)
@@ -103,6 +104,13 @@ class Flight:
         moved = replace(self.goal, position=position)
         if self._commands.carries(self.foot, moved):
             self.goal = moved
+
+    def land(self) -> None:
+        """Comes straight down from where the foot is now."""
+        if not self._lands:
+            x, y, _ = self.swing.position.tolist()
+            self.goal = replace(self.goal, position=(x, y, self.goal.position[2]))
+            self._lands, self.left = True, 0.0
 
     def count(self, dt: float) -> None:
         """Lets the time pass [s]."""

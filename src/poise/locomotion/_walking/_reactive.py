@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from enum import Enum
 
 import numpy as np
@@ -10,7 +9,6 @@ from jaxtyping import Float64
 
 from poise._checks import Numbers
 from poise.dynamics import RobotState
-from poise.errors import ConfigurationError
 from poise.locomotion._pendulum import natural_frequency
 from poise.locomotion._support import Point
 from poise.locomotion._walking._body import BodyMotion
@@ -28,6 +26,7 @@ from poise.locomotion._walking._footsteps import (
     foot_distance,
     level_floor,
     stand_of,
+    usual_gait,
 )
 from poise.locomotion._walking._ground import Ground, Placement
 from poise.locomotion._walking._leg_momentum import FeetAt, JoinedSupport, LegMomentum, leg_ratios
@@ -43,8 +42,9 @@ from poise.locomotion._walking._settings import WalkSettings, WalkStatus
 from poise.locomotion._walking._stance import Stance
 from poise.locomotion._walking._step_planner import QUICK, Lifted, StepPlanner
 from poise.locomotion._walking._swing import SwingFoot
-from poise.locomotion._walking._swing_shape import SwingShape, clear_swing
+from poise.locomotion._walking._swing_shape import led_swing
 from poise.locomotion._walking._tasks import CarriedTarget, find_walk_tasks
+from poise.locomotion._walking._trouble import RESPONSES, Hanging, Response, TroubleWatch
 from poise.robots import Robot
 from poise.stack import Stack, Task
 
@@ -59,18 +59,6 @@ class Phase(Enum):
     SWING = "swing"
     """One is in the air."""
 
-
-_STEP_PHASE = 2.1
-"""omega T of a step: as fast as people walk without hurry."""
-
-_DOUBLE_SUPPORT = 0.12
-"""Of a step's time, unless a gait says otherwise."""
-
-_CROUCH = 0.05
-"""How far the COM is lowered, over its height, unless a gait says otherwise."""
-
-_SWING_HEIGHT = 0.06
-"""Of a foot, over the height of the COM, unless a gait says otherwise."""
 
 _WORTH = 0.5
 """A foot stays where it is while both hold the robot and its step would cost more than this."""
@@ -149,7 +137,7 @@ class ReactiveWalker:
         self.limits = limits or VelocityLimits()
         stand = self._standing = stand_of(robot, q)
         standing_height = stand.com[2] - stand.middle[2]
-        self.gait = gait or _usual_gait(standing_height)
+        self.gait = gait or usual_gait(standing_height)
         self.height = standing_height - self.gait.crouch
         ratios = leg_ratios(robot, stand.q, stand.soles)
         self._legs = LegMomentum(ratios.ahead, natural_frequency(self.height))
@@ -179,6 +167,8 @@ class ReactiveWalker:
         self.status, self.phase, self.steps_made = WalkStatus.READY, Phase.STAND, 0
         self._time: float | None = None
         self._foot = 0
+        self._watch = TroubleWatch(self._sense, self.settings, self.height)
+        self._hanging: Hanging | None = None
         self._flight: Flight | None = None
         self._landed: Flight | None = None
         self._hovering = 0.0
@@ -271,6 +261,8 @@ class ReactiveWalker:
         self._time = state.time
         if self.status is WalkStatus.READY:
             self._begin()
+        if self._is_stopped_by_trouble(state, dt):
+            return
         self.commands.advance(dt)
         if self.phase is Phase.STAND:
             self._stand(dt)
@@ -280,6 +272,38 @@ class ReactiveWalker:
         elif self._flight is not None:
             self._fly(self._flight, state, dt)
         self._keep_balance(dt)
+        if self.status.ok:
+            self.status = self._plain_status
+        self._announce_step()
+
+    def _is_stopped_by_trouble(self, state: RobotState, dt: float) -> bool:
+        """Does what `RESPONSES` says."""
+        error = math.hypot(*self._feedback.error)
+        trouble = self._watch.look(state, self._flight, error, dt)
+        self.status = trouble or self._plain_status
+        response = Response() if trouble is None else RESPONSES[trouble]
+        self.commands.pace = response.pace
+        if response.lands and self._flight is not None:
+            self._flight.land()
+        if response.hangs:
+            self._hang(state)
+        elif self._hanging is not None:
+            self._hanging.end()
+            self._hanging = None
+            self._begin()
+        return response.hangs
+
+    @property
+    def _plain_status(self) -> WalkStatus:
+        return WalkStatus.STANDING if self.phase is Phase.STAND else WalkStatus.WALKING
+
+    def _hang(self, state: RobotState) -> None:
+        """Asks for nothing but that the robot stays as it is, wherever it is taken."""
+        if self._hanging is None:
+            self._hanging = Hanging(state, self._sense, self._tasks)
+            self.phase, self._flight, self._landed = Phase.STAND, None, None
+            self._hurried = False
+        self._hanging.follow(state, self._body, self._measured()[0])
         self._announce_step()
 
     def _announce_step(self) -> None:
@@ -339,6 +363,7 @@ class ReactiveWalker:
 
     def _begin(self) -> None:
         self.status = WalkStatus.STANDING
+        self._feedback.error = np.zeros(2)
         stance = self._stance
         stance.stand_on((0, 1), self._sense.placement(0).yaw)
         mass, _ = self._measured()
@@ -369,7 +394,6 @@ class ReactiveWalker:
     def _go(self, foot: int, time: float) -> None:
         """A foot is to be lifted in a while [s]."""
         self.phase, self._foot, self._left, self._released = Phase.SHIFT, foot, time, False
-        self.status = WalkStatus.WALKING
 
     def _hurry(self) -> None:
         """A foot is to be lifted at once, so that the robot does not fall."""
@@ -427,7 +451,8 @@ class ReactiveWalker:
         self._landed = None
         self._stand_on(1 - foot)
         goal = self.commands.steps(foot, self._standing_foot, 1)[0]
-        shape = self._swing_shape(self._sense.placement(foot), goal)
+        begin, size = self._sense.placement(foot), self._standing.sizes[foot]
+        shape = led_swing(begin, goal, size, self.gait.swing_height, self.ground, self._sinking)
         self._flight = Flight(
             foot,
             self._sense,
@@ -443,16 +468,6 @@ class ReactiveWalker:
             self._aim(self._flight, math.inf)
         self._hurried = False
 
-    def _swing_shape(self, begin: Placement, goal: Placement) -> SwingShape:
-        height = self.gait.swing_height
-        if self.ground.platforms:
-            # A swing that would knock against one is made all the same: it may catch the robot.
-            with suppress(ConfigurationError):
-                size = self._standing.sizes[self._foot]
-                return clear_swing(begin, goal, size, height, self.ground, self.steps_made)
-        high = max(begin.position[2], goal.position[2]) + height
-        return SwingShape(apex=high, arrive=1.0 - self._sinking)
-
     def _fly(self, flight: Flight, state: RobotState, dt: float) -> None:
         flight.count(dt)
         self._aim(flight, dt)
@@ -461,8 +476,6 @@ class ReactiveWalker:
         if self._sense.is_down(swing, state, flight.foot, self.settings):
             self._land(flight.foot)
             return
-        if flight.waited > self.settings.patience:
-            self.status = WalkStatus.FOOT_LOST
         self._tasks.feet[flight.foot].set_target(
             swing.position, swing.rotation, swing.velocity, swing.acceleration
         )
@@ -495,7 +508,7 @@ class ReactiveWalker:
     def _land(self, foot: int) -> None:
         self._tasks.contacts[foot].engage(ENGAGE * self.gait.double_support)
         self._landed, self._hovering = self._flight, 0.0
-        self._flight, self.status = None, WalkStatus.WALKING
+        self._flight = None
         self.steps_made += 1
         commands = self.commands
         if commands.footholds and commands.footholds[0][0] == foot:
@@ -507,8 +520,7 @@ class ReactiveWalker:
             again = following == foot
             self._go(following, self.gait.shift_time if again else self.gait.double_support)
         else:
-            self.phase, self.status = Phase.STAND, WalkStatus.STANDING
-            self._left = self.gait.settle_time
+            self.phase, self._left = Phase.STAND, self.gait.settle_time
 
     # Balance and body -----------------------------------------------------------------------------
 
@@ -528,10 +540,6 @@ class ReactiveWalker:
         asked = self._legs.parted((x, y), accelerations)
         self._tasks.lead_com(self._sense, com, np.array(asked))
         self._body.carry(com)
-        if math.hypot(*self._feedback.error) > self.settings.com_bound * self.height:
-            self.status = WalkStatus.COM_LOST
-        elif self.status is WalkStatus.COM_LOST:
-            self.status = WalkStatus.WALKING
 
     def _move_body(self, dt: float) -> None:
         """Height and heading of the body, towards what the next stand asks for."""
@@ -547,17 +555,3 @@ class ReactiveWalker:
         if self.steps_made == 0:
             time = max(time, self.gait.shift_time)
         self._body.move(low + self.height, yaw, time, dt)
-
-
-def _usual_gait(height: float) -> Gait:
-    """Timing and shape of steps by the height of the COM [m]."""
-    crouch = _CROUCH * height
-    step_time = _STEP_PHASE / natural_frequency(height - crouch)
-    return Gait(
-        step_time=step_time,
-        double_support=_DOUBLE_SUPPORT * step_time,
-        swing_height=_SWING_HEIGHT * height,
-        crouch=crouch,
-        shift_time=step_time,
-        settle_time=step_time,
-    )

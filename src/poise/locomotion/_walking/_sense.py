@@ -26,6 +26,7 @@ LONGEST_TICK = 0.05
 _WEIGHING_TIME = 1.0
 """Over which what the soles carry is averaged [s]."""
 
+_LEAST_FELT = 0.3
 _HEAVINESS = 0.6, 1.6
 """Least and most that a robot is taken to weigh, over its description."""
 
@@ -69,7 +70,8 @@ class WalkSense:
     def _weigh(self, carried: float, dt: float) -> None:
         """Averages f / (m (g + z''))."""
         felt = carried * GRAVITY / (self._weight * max(GRAVITY + self.rising, 0.5 * GRAVITY))
-        if math.isfinite(felt):
+        # Less than that is no weight: the robot hangs, or flies.
+        if math.isfinite(felt) and felt > _LEAST_FELT:
             low, high = _HEAVINESS
             ratio = -math.expm1(-dt / _WEIGHING_TIME)
             self.heaviness += ratio * (min(max(felt, low), high) - self.heaviness)
@@ -78,6 +80,11 @@ class WalkSense:
         """Position [m] and rotation of a sole in the world."""
         placement = pin.updateFramePlacement(self._model, self._data, self._ids[foot])
         return placement.translation, placement.rotation
+
+    def sole_velocity(self, foot: int) -> Float64[np.ndarray, "3"]:
+        """Of a sole's centre, along its own axes [m/s]."""
+        frame, axes = self._ids[foot], pin.ReferenceFrame.LOCAL
+        return pin.getFrameVelocity(self._model, self._data, frame, axes).linear
 
     def placement(self, foot: int) -> Placement:
         """Where a sole lies."""
@@ -114,7 +121,7 @@ class WalkSense:
             # Nothing is measured: the foot is down when it should be.
             return swing.phase >= 1.0
         loaded = bool(wrench[2] >= settings.touchdown_force * self._weight)
-        return loaded and swing.phase >= settings.early
+        return loaded and (swing.phase >= settings.early or swing.searching)
 
 
 def expect_step(

@@ -71,6 +71,11 @@ class SwingFoot:
         """Whether it has looked for the ground as far down as it may."""
         return self._search is not None and self._search[0] <= self.goal.position[2] - self._depth
 
+    @property
+    def searching(self) -> bool:
+        """Whether it looks for the ground."""
+        return self._search is not None
+
     def search(self) -> None:
         """The foot should have met the ground, and has not: goes on down until it does."""
         if self._search is None:
