@@ -36,11 +36,15 @@ class Held:
     def active(self):
         return [contact.active for contact in self.stack.contacts]
 
-    def swing(self):
-        """Lifts a foot."""
-        self.walker.set_velocity(0.2)
+    def swing(self, ahead=0.0):
+        """Lifts the left foot, the weight being on its way to the right one."""
+        self.v[1] = -0.3
+        x, y, _ = self.walker._stance.feet[0].position
+        self.walker.step_to("left_sole", x + ahead, y, 0.0)
         while self.walker._flight is None:
             self.until(self.time + DT)
+            assert self.time < 3.0
+        self.v[1] = 0.0
         foot = self.walker._flight.foot
         self.loads = [0.0, 1.0] if foot == 0 else [1.0, 0.0]
         return foot
@@ -84,7 +88,7 @@ def test_a_robot_that_lies_has_fallen_and_lifts_no_foot(held):
 
 
 def test_a_foot_that_is_held_by_something_comes_straight_down(held):
-    foot = held.swing()
+    foot = held.swing(ahead=0.2)
     place = held.walker._sense.sole(foot)[0].copy()
     said = held.until(held.time + 0.8)
     assert WalkStatus.FOOT_CAUGHT in said
@@ -95,7 +99,6 @@ def test_a_foot_that_is_held_by_something_comes_straight_down(held):
 
 
 def test_a_foot_that_finds_nothing_waits_and_the_walk_with_it(held):
-    held.walker.step_to("left_sole", *held.walker._stance.feet[0].position[:2], 0.0)
     held.swing()
     said = held.until(held.time + 2.0)
     assert said[-1] is WalkStatus.FOOT_LOST

@@ -145,6 +145,12 @@ class StepCommands:
         if self._wanted != asked:
             self.notice = f"velocity {_shown(asked)} taken to {_shown(self._wanted)}"
 
+    def stop(self) -> None:
+        """Forgets all that was asked for, and stands."""
+        self._wanted = self.velocity = (0.0, 0.0, 0.0)
+        self.footholds.clear()
+        self.closes = True
+
     def add_foothold(self, foot: int, place: Placement) -> None:
         """Asks for a foothold after those that were given before; one not finite is ignored.
 

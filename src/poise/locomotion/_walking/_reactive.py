@@ -66,8 +66,9 @@ _WORTH = 0.5
 _CALM = 0.01
 """The divergent component has to be this far inside what holds it for the feet to stay [m]."""
 
-_HOVERING, _BOUNCE_TIME = 0.01, 0.01
-"""A foot that has landed and carries less than this part of the weight for so long [s] has not."""
+_HOVERING, _BOUNCE_TIME, _BOUNCES = 0.01, 0.01, 0.15
+"""A foot that carries less than this part of the weight for so long [s], not later than this after
+it landed [s], has not landed."""
 
 _TURN, _TURN_IN = 0.6, 0.12
 """Most that a foot is turned outwards and inwards against the other one [rad]."""
@@ -171,7 +172,7 @@ class ReactiveWalker:
         self._hanging: Hanging | None = None
         self._flight: Flight | None = None
         self._landed: Flight | None = None
-        self._hovering = 0.0
+        self._hovering = self._stood = 0.0
         self._released = self._hurried = False
         self._left = 0.0
         self._dcm: tuple[DcmMotion, DcmMotion] = ((0.0, 0.0), (0.0, 0.0))
@@ -268,9 +269,10 @@ class ReactiveWalker:
             self._stand(dt)
         elif self.phase is Phase.SHIFT:
             self._shift(dt)
-            self._confirm(state, dt)
         elif self._flight is not None:
             self._fly(self._flight, state, dt)
+        if self._landed is not None:
+            self._confirm(self._landed, state, dt)
         self._keep_balance(dt)
         if self.status.ok:
             self.status = self._plain_status
@@ -303,6 +305,8 @@ class ReactiveWalker:
             self._hanging = Hanging(state, self._sense, self._tasks)
             self.phase, self._flight, self._landed = Phase.STAND, None, None
             self._hurried = False
+            # Put down again, it stands until somebody says something else.
+            self.commands.stop()
         self._hanging.follow(state, self._body, self._measured()[0])
         self._announce_step()
 
@@ -480,10 +484,11 @@ class ReactiveWalker:
             swing.position, swing.rotation, swing.velocity, swing.acceleration
         )
 
-    def _confirm(self, state: RobotState, dt: float) -> None:
+    def _confirm(self, flight: Flight, state: RobotState, dt: float) -> None:
         """A foot that has bounced off what it met looks for the ground again."""
-        flight = self._landed
-        if flight is None:
+        self._stood += dt
+        if self._stood > _BOUNCES:
+            self._landed = None
             return
         load = self._sense.load(state, flight.foot)
         self._hovering = 0.0 if load > _HOVERING else self._hovering + dt
@@ -507,7 +512,7 @@ class ReactiveWalker:
 
     def _land(self, foot: int) -> None:
         self._tasks.contacts[foot].engage(ENGAGE * self.gait.double_support)
-        self._landed, self._hovering = self._flight, 0.0
+        self._landed, self._hovering, self._stood = self._flight, 0.0, 0.0
         self._flight = None
         self.steps_made += 1
         commands = self.commands
