@@ -90,11 +90,12 @@ def test_a_robot_that_lies_has_fallen_and_lifts_no_foot(held):
 def test_a_foot_that_is_held_by_something_comes_straight_down(held):
     foot = held.swing(ahead=0.2)
     place = held.walker._sense.sole(foot)[0].copy()
-    said = held.until(held.time + 0.8)
-    assert WalkStatus.FOOT_CAUGHT in said
+    assert WalkStatus.FOOT_CAUGHT not in held.until(held.time + 0.3)
+    held.loads = [0.03, 0.97]
+    assert WalkStatus.FOOT_CAUGHT in held.until(held.time + 0.5)
     # It was up and on its way ahead; from there it goes down, and no farther.
     caught = held.walker._flight
-    assert np.linalg.norm(caught.swing.position[:2] - place[:2]) < 0.15
+    assert np.linalg.norm(caught.swing.position[:2] - place[:2]) < 0.25
     assert caught.swing.searching
 
 

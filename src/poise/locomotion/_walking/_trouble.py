@@ -58,8 +58,9 @@ _NOTICED: Mapping[WalkStatus, float] = {WalkStatus.LIFTED: 0.15, WalkStatus.SLIP
 """How long a sign has to last until it counts: a foot that lands bounces, and readings have noise
 [s]."""
 
-_CAUGHT = 0.08
-"""A foot in the air this far beside where it should be is held by something [m]."""
+_CAUGHT, _FELT = 0.06, 0.02
+"""A foot in the air this far beside where it should be [m] is held by something, if its sole feels
+this part of the weight: without that it is the robot that is elsewhere."""
 
 _SLIP_SPEED, _SLIP_LOAD = 0.2, 0.3
 """A sole that is faster [m/s] and carries more than this part of the weight slips."""
@@ -119,7 +120,9 @@ class TroubleWatch:
             WalkStatus.FALLEN: float(sense.com[2]) - lowest < _FALLEN * self._height,
             WalkStatus.LIFTED: sum(loads) < (_SETTLED if hanging else _HANGING),
             WalkStatus.FOOT_LOST: flight is not None and flight.waited > settings.patience,
-            WalkStatus.FOOT_CAUGHT: flight is not None and self._is_caught(flight),
+            WalkStatus.FOOT_CAUGHT: flight is not None
+            and loads[flight.foot] > _FELT
+            and self._is_caught(flight),
             WalkStatus.COM_LOST: error > settings.com_bound * self._height,
             WalkStatus.SLIPPING: any(self._slips(foot, loads[foot]) for foot in (0, 1)),
         }
