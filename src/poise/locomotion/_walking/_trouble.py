@@ -54,7 +54,7 @@ _HANGING = 0.02
 _SETTLED = 0.3
 """Part of the weight that feet carry again when a robot is put down."""
 
-_NOTICED: Mapping[WalkStatus, float] = {WalkStatus.LIFTED: 0.15, WalkStatus.SLIPPING: 0.02}
+_NOTICED: Mapping[WalkStatus, float] = {WalkStatus.LIFTED: 0.15, WalkStatus.SLIPPING: 0.06}
 """How long a sign has to last until it counts: a foot that lands bounces, and readings have noise
 [s]."""
 
