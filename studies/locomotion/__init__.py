@@ -1,6 +1,7 @@
 """The study of locomotion: legs on what they can measure, led, pushed, told absurd things."""
 
 from studies.locomotion.estimation_section import estimation_section
+from studies.locomotion.ground_section import ground_section
 from studies.locomotion.led_section import led_section
 from studies.locomotion.references_section import references_section
 from studies.locomotion.steps_section import steps_section
@@ -19,6 +20,7 @@ PLAN = StudyPlan(
     parts=(
         Part("estimation", "The estimate on walks", estimation_section),
         Part("led", "Led by velocities", led_section),
+        Part("ground", "Ground and bodies that nobody told of", ground_section),
         Part("steps", "Torques from tick to tick", steps_section),
         Part("references", "References that no robot can follow", references_section),
     ),

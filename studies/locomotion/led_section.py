@@ -5,10 +5,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from poise.apps.campaigns import LocalWorkers
-from poise.errors import PoiseError
 from studies.finding import Finding, Section, Table
-from studies.locomotion.led_walk import LedOutcome, LedTrial, Velocity, run_led
+from studies.locomotion.courses import Velocity
+from studies.locomotion.led_walk import LedOutcome, LedTrial, run_led_trials
 from studies.plan import Progress, StudyOptions
 
 ROBOTS = ("humanoid33", "g1")
@@ -53,7 +52,7 @@ def led_section(options: StudyOptions, progress: Progress) -> Section:
             LedTrial(robot=robot, seed=first + i, seconds=seconds, velocity=None)
             for i in (seeds if options.quick else range(1))
         ]
-    outcomes = _run([t for group in groups.values() for t in group], progress)
+    outcomes = run_led_trials([t for group in groups.values() for t in group], progress)
     found = {name: [outcomes[t] for t in group] for name, group in groups.items()}
     findings = [f for robot in ROBOTS for f in _findings(robot, found)]
     return Section(
@@ -79,17 +78,6 @@ def _pushed(robot: str, seed: int, direction: int, name: str, push: float) -> Le
         direction=2.0 * math.pi * direction / _DIRECTIONS,
         at=float(moment),
     )
-
-
-def _run(trials: Sequence[LedTrial], progress: Progress) -> dict[LedTrial, LedOutcome]:
-    outcomes: dict[LedTrial, LedOutcome] = {}
-    with LocalWorkers(None) as crew:
-        for trial, outcome in crew.each(run_led, list(trials)):
-            if not isinstance(outcome, LedOutcome):
-                raise PoiseError(f"no outcome of {trial}: {outcome}")
-            outcomes[trial] = outcome
-            progress(float(len(outcomes)), float(len(trials)))
-    return outcomes
 
 
 def _findings(robot: str, found: dict[str, list[LedOutcome]]) -> list[Finding]:

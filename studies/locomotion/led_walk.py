@@ -1,21 +1,22 @@
-"""One robot that is led by velocities and pushed, on the estimate of its base."""
+"""One robot that is led by velocities, on some course, and pushed, on the estimate of its base."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from poise.control import WholeBodyController
 from poise.dynamics import RobotState
-from poise.estimation import StateEstimator
+from poise.estimation import EstimatorConfig, StateEstimator, StatePredictor
 from poise.locomotion import ReactiveWalker, walking_stack
-from poise.robots import load_robot
+from poise.robots import Robot, load_robot
 from poise.sim import Plant, PlantConfig, SensorConfig, rollout
-from poise.stack import Stack
-from studies.locomotion.estimated_walk import DELAY, PERIOD
-
-Velocity = tuple[float, float, float]
-"""Ahead [m/s], to the left [m/s], turning to the left [rad/s]."""
+from poise.stack import Stack, SurfaceContact
+from studies.locomotion.courses import Course, Velocity, make_course
+from studies.locomotion.estimated_walk import PERIOD
+from studies.plan import Progress
+from studies.trials import run_each
 
 PUSH_TIME = 0.08
 """Of every push on the torso [s]."""
@@ -33,6 +34,7 @@ class LedTrial:
         seed: of noise, biases, and random commands.
         seconds: how long [s].
         velocity: asked for; at random, another every few seconds, when None.
+        course: what it walks on, of `COURSES`, which then says length and velocities, too.
         push: change of the robot's velocity [m/s]; 0 for none.
         direction: of the push, from ahead to the left [rad].
         at: when the push begins [s].
@@ -42,6 +44,7 @@ class LedTrial:
     seed: int
     seconds: float
     velocity: Velocity | None = (0.0, 0.0, 0.0)
+    course: str = ""
     push: float = 0.0
     direction: float = 0.0
     at: float = 0.0
@@ -67,23 +70,23 @@ class LedOutcome:
 
 
 class _Leader:
-    """Asks the walker for the velocities of a trial."""
+    """Asks the walker for the velocities of a course."""
 
-    def __init__(self, walker: ReactiveWalker, stack: Stack, trial: LedTrial) -> None:
-        self.stack, self._walker, self._trial = stack, walker, trial
-        self._rng = np.random.default_rng(trial.seed)
+    def __init__(self, walker: ReactiveWalker, stack: Stack, course: Course, seed: int) -> None:
+        self.stack, self._walker, self._commands = stack, walker, list(course.commands)
+        self._random = not course.commands
+        self._rng = np.random.default_rng(seed)
         self._next = _BEGIN
 
     def lead(self, state: RobotState) -> None:
         """Sets what the next tick should do."""
-        if state.time >= self._next:
-            self._walker.set_velocity(*self._velocity())
+        while self._commands and state.time >= self._commands[0][0]:
+            self._walker.set_velocity(*self._commands.pop(0)[1])
+        if self._random and state.time >= self._next:
+            self._walker.set_velocity(*self._any_velocity())
         self._walker.lead(state)
 
-    def _velocity(self) -> Velocity:
-        if self._trial.velocity is not None:
-            self._next = math.inf
-            return self._trial.velocity
+    def _any_velocity(self) -> Velocity:
         self._next += self._rng.uniform(1.0, 4.0)
         if self._rng.random() < 0.2:
             return 0.0, 0.0, 0.0
@@ -93,25 +96,37 @@ class _Leader:
 
 def run_led(trial: LedTrial) -> LedOutcome:
     """Walks."""
-    robot = load_robot(trial.robot)
-    sensors = replace(SensorConfig.typical(), delay=DELAY)
-    plant = Plant(robot, PlantConfig(control_dt=PERIOD, sensors=sensors), seed=trial.seed)
-    stack = walking_stack(robot)
-    walker = ReactiveWalker(robot, stack)
+    robot, course = load_robot(trial.robot), _course(trial)
+    sensors = replace(SensorConfig.typical(), delay=course.delay)
+    config = PlantConfig(
+        control_dt=PERIOD,
+        sensors=sensors,
+        friction=course.friction,
+        blocks=course.blocks,
+        mass_scale=course.mass,
+    )
+    plant = Plant(robot, config, seed=trial.seed)
+    q = robot.q_home.copy()
+    q[2] += course.height
+    plant.reset(q)
+    stack = _stack(robot, course)
+    walker = ReactiveWalker(robot, stack, q=q)
     if trial.push > 0.0:
         force = robot.mass * trial.push / PUSH_TIME
         x, y = force * math.cos(trial.direction), force * math.sin(trial.direction)
         plant.push(robot.torso, (x, y, 0.0), PUSH_TIME, trial.at)
-    estimator = StateEstimator(robot, q_start=plant.true_state().q)
+    estimator = StateEstimator(robot, EstimatorConfig(ground=course.height), q_start=q)
+    predictor = StatePredictor(robot, course.delay, PERIOD)
     poses: list[tuple[float, float, float]] = []
     ticks = rollout(
         plant,
         WholeBodyController(robot, stack),
-        _Leader(walker, stack, trial),
-        estimator=estimator.update,
-        duration=trial.seconds,
+        _Leader(walker, stack, course, trial.seed),
+        estimator=lambda state: predictor.predict(estimator.update(state)),
+        duration=course.seconds,
     )
     for tick in ticks:
+        predictor.command(tick.command.acceleration)
         if tick.time >= _STEADY:
             x, y, z, w = tick.truth.q[3:7].tolist()
             yaw = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
@@ -125,6 +140,33 @@ def run_led(trial: LedTrial) -> LedOutcome:
         reached=_mean_velocity(np.array(poses)),
         steps=walker.steps_made,
     )
+
+
+def run_led_trials(trials: Sequence[LedTrial], progress: Progress) -> dict[LedTrial, LedOutcome]:
+    """Runs trials in processes of their own, as many at a time as there are cores.
+
+    Args:
+        trials: in any order.
+        progress: told how many are done.
+    """
+    return run_each(run_led, LedOutcome, trials, progress)
+
+
+def _course(trial: LedTrial) -> Course:
+    """What a trial's robot walks on: flat ground unless it names a course."""
+    if trial.course:
+        return make_course(trial.course, trial.seed)
+    commands = () if trial.velocity is None else ((_BEGIN, trial.velocity),)
+    return Course(seconds=trial.seconds, commands=commands)
+
+
+def _stack(robot: Robot, course: Course) -> Stack:
+    """The stack that walks, with the friction that it is told of."""
+    plain = walking_stack(robot)
+    if course.model_friction is None:
+        return plain
+    contacts = [SurfaceContact(sole, friction=course.model_friction) for sole in robot.soles]
+    return Stack(contacts, plain.levels)
 
 
 def _mean_velocity(poses: np.ndarray) -> Velocity:

@@ -51,6 +51,8 @@ Servo, Payload, LinkError = PlantConfig.Servo, PlantConfig.Payload, PlantConfig.
         (lambda: LinkError(link="chest", com_offset=(0.0, 0.0, NAN)), "com_offset"),
         (lambda: Block(center=(0.0, 0.0), size=(1.0, 1.0, 0.0)), "size"),
         (lambda: Block(center=(0.0, NAN), size=(1.0, 1.0, 0.1)), "center"),
+        (lambda: Block(center=(0.0, 0.0), size=(1.0, 1.0, 0.1), tilt=(0.8, 0.0)), "tilt"),
+        (lambda: Block(center=(0.0, 0.0), size=(1.0, 1.0, 0.1), tilt=(0.1, 0.0)), "told: false"),
     ],
 )
 def test_values_that_cannot_be_are_refused(make, says):

@@ -367,6 +367,21 @@ def test_a_block_under_a_foot_lifts_it(biped):
     assert plant.data.site("left_sole").xpos[2] == pytest.approx(0.02, abs=2e-3)
 
 
+def test_a_tilted_block_is_a_ramp_through_the_middle_of_its_top(biped):
+    slope, yaw = 0.14, 0.6
+    ramp = Block(
+        center=(2.0, 1.0), size=(1.5, 1.0, 0.3), yaw=yaw, tilt=(0.0, -slope), top=0.1, told=False
+    )
+    plant = Plant(biped, PlantConfig(blocks=(ramp,)))
+    for along, aside in ((-0.6, 0.3), (0.0, 0.0), (0.6, -0.3)):
+        x = 2.0 + along * np.cos(yaw) - aside * np.sin(yaw)
+        y = 1.0 + along * np.sin(yaw) + aside * np.cos(yaw)
+        down, hit = np.array([0.0, 0.0, -1.0]), np.array([-1], dtype=np.int32)
+        start = np.array([x, y, 2.0])
+        depth = mujoco.mj_ray(plant.model, plant.data, start, down, None, 1, -1, hit)
+        assert 2.0 - depth == pytest.approx(0.1 + along * np.tan(slope), abs=1e-9)
+
+
 def test_a_robot_without_torque_falls_and_lies_on_the_ground(biped):
     plant = Plant(biped)
     assert not plant.fallen

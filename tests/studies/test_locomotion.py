@@ -8,7 +8,9 @@ import pytest
 pytest.importorskip("mujoco")
 
 from poise.errors import ConfigurationError
+from poise.sim import Plant, PlantConfig
 from poise.stack import default_stack
+from studies.locomotion.courses import COURSES, make_course
 from studies.locomotion.estimated_walk import Outcome, Trial
 from studies.locomotion.led_walk import LedOutcome
 from studies.locomotion.standing_references import (
@@ -173,7 +175,7 @@ def led_findings(monkeypatch, change):
             for t in trials
         }
 
-    monkeypatch.setattr(led, "_run", run)
+    monkeypatch.setattr(led, "run_led_trials", run)
     found = led.led_section(StudyOptions(), lambda done, total: None).findings
     return {finding.name: finding.ok for finding in found}
 
@@ -200,3 +202,40 @@ def test_a_weak_direction_or_speed_fails_its_finding_alone(monkeypatch, fails, c
     assert len(failed) == 1
     assert failed[0].startswith("g1")
     assert name in failed[0]
+
+
+ground = import_module("studies.locomotion.ground_section")
+
+
+def test_two_falls_of_twenty_on_a_course_and_two_while_wandering_fail_alone(monkeypatch):
+    def run(trials, progress):
+        return {
+            t: LedOutcome(
+                trial=t,
+                fell=t.robot == "g1"
+                and t.seed < {"bumps": 2, "wandering": 2, "delay": 1}.get(t.course, 0),
+                rested=True,
+                reached=(0.25, 0.0, 0.0),
+                steps=9,
+            )
+            for t in trials
+        }
+
+    monkeypatch.setattr(ground, "run_led_trials", run)
+    found = ground.ground_section(StudyOptions(), lambda done, total: None)
+    failed = [finding.name for finding in found.findings if not finding.ok]
+    assert failed == ["g1: bumps", "g1: falls under random velocities on tiles"]
+    assert len(found.findings) == 2 * len(COURSES)
+
+
+@pytest.mark.parametrize("name", COURSES)
+def test_a_course_begins_on_level_ground_under_the_feet(get_robot, name):
+    """Nothing is higher there than where the robot stands, and it stands in the end."""
+    robot, course = get_robot("g1"), make_course(name, 3)
+    plant = Plant(robot, PlantConfig(blocks=course.blocks))
+    q = robot.q_home.copy()
+    q[2] += course.height
+    state = plant.reset(q)
+    carried = sum(wrench[2] for wrench in state.contacts.values())
+    assert carried == pytest.approx(robot.weight, rel=1e-3)
+    assert make_course(name, 3) == course

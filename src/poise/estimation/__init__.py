@@ -1,6 +1,7 @@
 """Where the robot is and how fast, from what it can measure itself: inertial unit, encoders, soles.
 
-`StateEstimator` is an estimator of `rollout`; its parts are of use alone.
+`StateEstimator` is an estimator of `rollout`; its parts are of use alone. `StatePredictor` makes up
+for sensors that are late.
 """
 
 from poise.estimation._config import (
@@ -12,6 +13,7 @@ from poise.estimation._config import (
 from poise.estimation._estimator import EstimatorStatus, StateEstimator
 from poise.estimation._filter import InvariantFilter
 from poise.estimation._momentum import MomentumObserver
+from poise.estimation._prediction import StatePredictor
 
 __all__ = [
     "EstimatorConfig",
@@ -19,4 +21,5 @@ __all__ = [
     "InvariantFilter",
     "MomentumObserver",
     "StateEstimator",
+    "StatePredictor",
 ]

@@ -5,14 +5,17 @@ from typing import Annotated, ClassVar, Literal
 
 from poise._schema import Bounds, Duration, Ratio, Vector, checked
 from poise.errors import ConfigurationError
-from poise.sim._disturbances import Block, Factor, LinkError as _LinkError, Payload as _Payload
+from poise.sim._disturbances import (
+    STEEPEST,
+    Block,
+    Factor,
+    LinkError as _LinkError,
+    Payload as _Payload,
+)
 from poise.sim._sensors import SensorConfig
 
 Actuation = Literal["torque", "position", "velocity"]
 """What the joints are told: a torque, a position, or a velocity."""
-
-_MAX_SLOPE = 0.7
-"""Steeper than this [rad] nothing stands with the friction of a floor."""
 
 
 @checked()
@@ -74,7 +77,7 @@ class PlantConfig:
     sensors: SensorConfig = field(default_factory=SensorConfig)
     friction: Factor = 1.0
     contact_time_constant: Duration = 5e-3
-    floor_slope: Annotated[tuple[float, float], Vector(2, Bounds(most=_MAX_SLOPE, unit="rad"))] = (
+    floor_slope: Annotated[tuple[float, float], Vector(2, Bounds(most=STEEPEST, unit="rad"))] = (
         0.0,
         0.0,
     )

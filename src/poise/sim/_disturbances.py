@@ -1,15 +1,21 @@
 """What a scenario does to the plant: pushes, payloads, and links that are not as described."""
 
-import math
 from dataclasses import dataclass
 from typing import Annotated
 
+import numpy as np
+import pinocchio as pin
+
 from poise._schema import Bounds, Duration, Number, Seconds, Text, Truth, Vector, checked
+from poise.errors import ConfigurationError
 
 FARTHEST = 1e2
 """No place or angle in a plant is farther than this [m, rad]: MuJoCo loses its accuracy there."""
 
 Offset = Annotated[tuple[float, float, float], Vector(3, Bounds(most=FARTHEST, unit="m"))]
+STEEPEST = 0.7
+"""Steeper than this [rad] nothing stands with the friction of a floor."""
+
 Factor = Annotated[float, Bounds(positive=True, most=1e6)]
 
 
@@ -85,13 +91,17 @@ class LinkError:
 @checked()
 @dataclass(frozen=True, kw_only=True)
 class Block:
-    """A box that lies on the floor, for uneven ground.
+    """A box on the floor, for uneven ground; a tilted one is a ramp.
 
     Attributes:
-        center: centre of its footprint in the world [m].
+        center: centre of its top, seen from above, in the world [m].
         size: its length along x, width along y and height [m].
         yaw: its rotation about z [rad].
-        told: whether a planner of footsteps is told of it.
+        tilt: its rotation about its own x and y axes, before yaw, about the centre of its top
+            [rad].
+        top: height of the centre of its top over the floor [m]; its own height when None.
+        told: whether a planner of footsteps is told of it; never of one that is tilted or sunk in,
+            since platforms are boxes that lie on the floor.
     """
 
     center: Annotated[tuple[float, float], Vector(2, Bounds(most=FARTHEST, unit="m"))]
@@ -99,9 +109,25 @@ class Block:
         tuple[float, float, float], Vector(3, Bounds(positive=True, most=FARTHEST, unit="m"))
     ]
     yaw: Number = 0.0
+    tilt: Annotated[tuple[float, float], Vector(2, Bounds(most=STEEPEST, unit="rad"))] = (0.0, 0.0)
+    top: Annotated[float, Bounds(most=FARTHEST, unit="m")] | None = None
     told: Truth = True
 
+    def __post_init__(self) -> None:
+        if self.told and (any(self.tilt) or self.top is not None):
+            raise ConfigurationError(
+                "no footsteps are planned on a block that is tilted or sunk in",
+                got="told: true",
+                wanted="told: false",
+            )
+
     @property
-    def quaternion(self) -> tuple[float, float, float, float]:
-        """Its orientation, (w, x, y, z) as MuJoCo orders it."""
-        return (math.cos(self.yaw / 2), 0.0, 0.0, math.sin(self.yaw / 2))
+    def pose(self) -> pin.SE3:
+        """Of its centre, in the world."""
+        about_x, about_y = self.tilt
+        tilted = pin.exp3(np.array([about_x, about_y, 0.0]))
+        rotation = pin.utils.rotate("z", self.yaw) @ tilted
+        height = self.size[2] if self.top is None else self.top
+        return pin.SE3(
+            rotation, np.array([*self.center, height]) - 0.5 * self.size[2] * rotation[:, 2]
+        )

@@ -2,6 +2,7 @@
 
 import mujoco
 import numpy as np
+import pinocchio as pin
 
 from poise.robots import Robot
 from poise.sim._config import PlantConfig
@@ -50,12 +51,13 @@ def add_world(spec: mujoco.MjSpec, robot: Robot, config: PlantConfig) -> None:
     )
     for i, block in enumerate(config.blocks):
         length, width, height = block.size
+        pose = pin.SE3ToXYZQUAT(block.pose)
         spec.worldbody.add_geom(
             name=f"block{i}",
             type=mujoco.mjtGeom.mjGEOM_BOX,
             size=(length / 2, width / 2, height / 2),
-            pos=(*block.center, height / 2),
-            quat=block.quaternion,
+            pos=pose[:3],
+            quat=pose[[6, 3, 4, 5]],  # MuJoCo has w first.
             rgba=(0.55, 0.6, 0.65, 1.0),
             **surface,
         )

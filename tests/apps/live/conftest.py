@@ -19,8 +19,7 @@ def live():
 
 @pytest.fixture(scope="session")
 def run_session(live, get_robot):
-    """Starts a session on biped20, at velocity level where nothing else is asked for: it is quick."""
-
+    """Starts a session on biped20, at velocity level, which is quick, unless asked for another."""
     from poise.apps.teleoperation import TELEOP_PLANT
 
     @contextmanager

@@ -7,7 +7,6 @@ import pytest
 
 import poise
 from poise.locomotion import ReactiveWalker, walking_stack
-from poise.locomotion._walking._reactive import Phase
 from poise.locomotion._walking._settings import WalkStatus
 
 sim = pytest.importorskip("poise.sim")
@@ -35,12 +34,12 @@ class Led:
 
     def look(self):
         """Feet never cross, and no swing is shorter or longer than it may be."""
-        left, right = self.walker._feet
+        left, right = self.walker._stance.feet
         yaw = 0.5 * (left.yaw + right.yaw)
         dx, dy = (left.position[k] - right.position[k] for k in (0, 1))
         assert -math.sin(yaw) * dx + math.cos(yaw) * dy > 0.06
-        if self.walker.phase is Phase.SWING:
-            assert self.walker._elapsed < 2.0 * self.walker.gait.swing_time
+        if self.walker._flight is not None:
+            assert self.walker._flight.elapsed < 2.0 * self.walker.gait.swing_time
 
 
 @pytest.fixture
@@ -67,7 +66,7 @@ def test_it_walks_as_fast_as_it_is_told_and_stops_side_by_side(led):
     run.walker.set_velocity(0.0)
     run.until(6.0)
     assert run.walker.status is WalkStatus.STANDING
-    assert run.walker._closed()
+    assert run.walker._is_closed()
 
 
 def test_standing_it_steps_when_it_is_pushed_and_comes_back_to_rest(led):
@@ -83,11 +82,11 @@ def test_standing_it_steps_when_it_is_pushed_and_comes_back_to_rest(led):
 
 def test_footholds_one_by_one_are_met_and_kept(led):
     run = led("humanoid33")
-    y = run.walker._feet[0].position[1]
+    y = run.walker._stance.feet[0].position[1]
     run.walker.step_to("left_sole", 0.15, y, 0.0)
     run.walker.step_to("right_sole", 0.3, -y, 0.1)
     run.until(4.0)
-    (left, right) = run.walker._feet
+    (left, right) = run.walker._stance.feet
     assert run.walker.steps_made == 2
     assert left.position[:2] == pytest.approx((0.15, y), abs=0.01)
     assert right.position[:2] == pytest.approx((0.3, -y), abs=0.01)

@@ -111,6 +111,7 @@ class StepCommands:
     Attributes:
         velocity: that is followed now.
         footholds: given and not yet made, each with its foot.
+        pace: part of the velocity asked for that is followed.
         notice: what was cut or ignored of the last command; "" for nothing.
     """
 
@@ -121,6 +122,7 @@ class StepCommands:
         self._limits = limits
         self._wanted: Velocity = (0.0, 0.0, 0.0)
         self.velocity: Velocity = (0.0, 0.0, 0.0)
+        self.pace = 1.0
         self.footholds: deque[tuple[int, Placement]] = deque()
         self.closes = True
         self.notice = ""
@@ -143,6 +145,12 @@ class StepCommands:
         if self._wanted != asked:
             self.notice = f"velocity {_shown(asked)} taken to {_shown(self._wanted)}"
 
+    def stop(self) -> None:
+        """Forgets all that was asked for, and stands."""
+        self._wanted = self.velocity = (0.0, 0.0, 0.0)
+        self.footholds.clear()
+        self.closes = True
+
     def add_foothold(self, foot: int, place: Placement) -> None:
         """Asks for a foothold after those that were given before; one not finite is ignored.
 
@@ -160,7 +168,13 @@ class StepCommands:
     @property
     def moving(self) -> bool:
         """Whether a step is asked for."""
-        return bool(self.footholds) or any(self._wanted) or any(self.velocity)
+        return bool(self.footholds) or any(self._followed) or any(self.velocity)
+
+    @property
+    def _followed(self) -> Velocity:
+        """What is asked for, as far as it is followed."""
+        ahead, sideways, turn = (self.pace * speed for speed in self._wanted)
+        return ahead, sideways, turn
 
     def advance(self, dt: float) -> None:
         """Lets the velocity follow what is asked for.
@@ -168,14 +182,15 @@ class StepCommands:
         Args:
             dt: since the last call [s].
         """
-        if self.velocity == self._wanted:
+        followed = self._followed
+        if self.velocity == followed:
             return
         limits = self._limits
         rates = (max(limits.ahead, limits.back), limits.sideways, limits.turn)
         most = dt / limits.rise_time
         ahead, sideways, turn = (
             now + min(max(wanted - now, -most * rate), most * rate)
-            for now, wanted, rate in zip(self.velocity, self._wanted, rates, strict=True)
+            for now, wanted, rate in zip(self.velocity, followed, rates, strict=True)
         )
         self.velocity = (ahead, sideways, turn)
 
@@ -250,7 +265,9 @@ class StepCommands:
         """A sole on the ground: as planned, or ahead or behind where an edge is under it."""
         x, y, yaw = place
         if not self._ground.platforms:
-            return Placement(position=(x, y, stance.position[2]), yaw=yaw)
+            (a, b), (x0, y0, z0) = stance.slope, stance.position
+            z = z0 + a * (x - x0) + b * (y - y0)
+            return Placement(position=(x, y, z), yaw=yaw, slope=stance.slope)
         found = level_place(place, self._room.sizes[foot], self._ground)
         if found is None:
             self.notice = f"no level ground near x = {x:.2f} m, y = {y:.2f} m"

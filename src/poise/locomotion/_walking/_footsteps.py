@@ -16,6 +16,7 @@ from jaxtyping import Float64
 from poise._checks import Numbers
 from poise._schema import Bounds, checked
 from poise.errors import ConfigurationError
+from poise.locomotion._pendulum import natural_frequency
 from poise.locomotion._support import Point, two_soles
 from poise.locomotion._walking._bearing import Bearing, bearing
 from poise.locomotion._walking._ground import LEVEL, Ground, Placement
@@ -80,6 +81,33 @@ class Gait:
     def swing_time(self) -> float:
         """From lift-off to touchdown [s]."""
         return self.step_time - self.double_support
+
+
+_STEP_PHASE = 2.1
+"""omega T of a step: as fast as people walk without hurry."""
+
+_DOUBLE_SUPPORT = 0.12
+"""Of a step's time, unless a gait says otherwise."""
+
+_CROUCH = 0.05
+"""How far the COM is lowered, over its height, unless a gait says otherwise."""
+
+_SWING_HEIGHT = 0.06
+"""Of a foot, over the height of the COM, unless a gait says otherwise."""
+
+
+def usual_gait(height: float) -> Gait:
+    """Timing and shape of steps by the height of the COM [m]."""
+    crouch = _CROUCH * height
+    step_time = _STEP_PHASE / natural_frequency(height - crouch)
+    return Gait(
+        step_time=step_time,
+        double_support=_DOUBLE_SUPPORT * step_time,
+        swing_height=_SWING_HEIGHT * height,
+        crouch=crouch,
+        shift_time=step_time,
+        settle_time=step_time,
+    )
 
 
 @checked()

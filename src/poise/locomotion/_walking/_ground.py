@@ -69,15 +69,29 @@ _ALONG, _ACROSS = 9, (-0.5, 0.0, 0.5)
 
 @dataclass(frozen=True, kw_only=True)
 class Placement:
-    """Where a sole lies flat.
+    """Where a sole lies flat on the ground.
 
     Attributes:
         position: of its centre in the world [m].
-        yaw: its heading [rad].
+        yaw: its heading, seen from above [rad].
+        slope: how steeply the ground rises along the world's x and y.
     """
 
     position: tuple[float, float, float]
     yaw: float
+    slope: tuple[float, float] = (0.0, 0.0)
+
+    @property
+    def rotation(self) -> Float64[np.ndarray, "3 3"]:
+        """world_R_sole: z is normal to the ground, x has the heading, seen from above."""
+        (a, b), c, s = self.slope, math.cos(self.yaw), math.sin(self.yaw)
+        z = np.array([-a, -b, 1.0]) / math.sqrt(1.0 + a * a + b * b)
+        x = np.array([c, s, a * c + b * s])
+        x /= math.sqrt(float(x @ x))
+        y = np.array(
+            [z[1] * x[2] - z[2] * x[1], z[2] * x[0] - z[0] * x[2], z[0] * x[1] - z[1] * x[0]]
+        )
+        return np.stack((x, y, z), axis=1)
 
     def grid(self, length: float, width: float) -> Float64[np.ndarray, "n 2"]:
         """Points all over a sole of that size, edges included [m]."""

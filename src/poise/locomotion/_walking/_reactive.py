@@ -2,18 +2,16 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from enum import Enum
 
 import numpy as np
-import pinocchio as pin
 from jaxtyping import Float64
 
 from poise._checks import Numbers
 from poise.dynamics import RobotState
-from poise.errors import ConfigurationError
 from poise.locomotion._pendulum import natural_frequency
-from poise.locomotion._support import Point, SupportPolygon
+from poise.locomotion._support import Point
+from poise.locomotion._walking._body import BodyMotion
 from poise.locomotion._walking._commands import LegRoom, StepCommands, VelocityLimits
 from poise.locomotion._walking._dcm_plan import (
     DcmMotion,
@@ -21,11 +19,13 @@ from poise.locomotion._walking._dcm_plan import (
     hermite_step,
 )
 from poise.locomotion._walking._feedback import DcmFeedback
+from poise.locomotion._walking._flight import Flight, sinking_phase
 from poise.locomotion._walking._footsteps import (
     FootstepPlan,
     Gait,
     level_floor,
     stand_of,
+    usual_gait,
 )
 from poise.locomotion._walking._ground import Ground, Placement
 from poise.locomotion._walking._leg_momentum import FeetAt, JoinedSupport, LegMomentum, leg_ratios
@@ -38,10 +38,12 @@ from poise.locomotion._walking._sense import (
     expect_step,
 )
 from poise.locomotion._walking._settings import WalkSettings, WalkStatus
+from poise.locomotion._walking._stance import Stance
 from poise.locomotion._walking._step_planner import QUICK, Lifted, StepPlanner
-from poise.locomotion._walking._swing import Motion, SwingFoot, least_jerk_towards
-from poise.locomotion._walking._swing_shape import RISE, SwingShape, clear_swing
+from poise.locomotion._walking._swing import SwingFoot
+from poise.locomotion._walking._swing_shape import led_swing
 from poise.locomotion._walking._tasks import CarriedTarget, find_walk_tasks
+from poise.locomotion._walking._trouble import RESPONSES, Hanging, Response, TroubleWatch
 from poise.robots import Robot
 from poise.stack import Stack, Task
 
@@ -57,32 +59,15 @@ class Phase(Enum):
     """One is in the air."""
 
 
-_STEP_PHASE = 2.1
-"""omega T of a step: as fast as people walk without hurry."""
-
-_DOUBLE_SUPPORT = 0.12
-"""Of a step's time, unless a gait says otherwise."""
-
-_CROUCH = 0.05
-"""How far the COM is lowered, over its height, unless a gait says otherwise."""
-
-_SWING_HEIGHT = 0.06
-"""Of a foot, over the height of the COM, unless a gait says otherwise."""
-
-_PLACE_RATE, _TIME_RATE = 2.0, 2.0
-"""How fast foothold [m/s] and time of touchdown [s/s] change at most while a foot is in the air."""
-
-_FINAL = 0.05
-"""Foothold and time are final when touchdown is this near [s]."""
-
 _WORTH = 0.5
 """A foot stays where it is while both hold the robot and its step would cost more than this."""
 
-_CLOSED, _CLOSED_TURN = 0.025, 0.06
-"""Feet so near to side by side are [m, rad]."""
-
 _CALM = 0.01
 """The divergent component has to be this far inside what holds it for the feet to stay [m]."""
+
+_HOVERING, _BOUNCE_TIME, _BOUNCES = 0.01, 0.01, 0.15
+"""A foot that carries less than this part of the weight for so long [s], not later than this after
+it landed [s], has not landed."""
 
 _TURN, _TURN_IN = 0.6, 0.12
 """Most that a foot is turned outwards and inwards against the other one [rad]."""
@@ -152,7 +137,7 @@ class ReactiveWalker:
         self.limits = limits or VelocityLimits()
         stand = self._standing = stand_of(robot, q)
         standing_height = stand.com[2] - stand.middle[2]
-        self.gait = gait or _usual_gait(standing_height)
+        self.gait = gait or usual_gait(standing_height)
         self.height = standing_height - self.gait.crouch
         ratios = leg_ratios(robot, stand.q, stand.soles)
         self._legs = LegMomentum(ratios.ahead, natural_frequency(self.height))
@@ -174,25 +159,23 @@ class ReactiveWalker:
         self.carried: dict[str, CarriedTarget] = self._tasks.carried
         self._sense = WalkSense(robot, stand.soles)
         self._feedback = DcmFeedback(self._legs.omega, self.settings.dcm_gain)
-        depth = self.settings.touchdown_depth
-        # At the end a quintic of least jerk is 10 (height) s^3 above where it ends.
-        self._sinking = (1.0 - RISE) * (0.1 * depth / (depth + self.gait.swing_height)) ** (1 / 3)
+        self._sinking = sinking_phase(self.settings, self.gait)
         times = StepTimes(self.gait.swing_time, self.gait.double_support)
         margin = self.settings.zmp_margin
         self._planner = StepPlanner(self.commands, self._room, self._legs, times, margin, stand)
+        self._stance = Stance(self._sense, stand, margin)
+        self._body = BodyMotion(stand, self.gait.crouch, self._legs.omega, self.carried)
         self.status, self.phase, self.steps_made = WalkStatus.READY, Phase.STAND, 0
         self._time: float | None = None
         self._foot = 0
-        self._swing: SwingFoot | None = None
+        self._watch = TroubleWatch(self._sense, self.settings, self.height)
+        self._hanging: Hanging | None = None
+        self._flight: Flight | None = None
+        self._landed: Flight | None = None
+        self._hovering = self._stood = 0.0
         self._released = self._hurried = False
-        self._left, self._elapsed, self._waited = 0.0, 0.0, 0.0
+        self._left = 0.0
         self._dcm: tuple[DcmMotion, DcmMotion] = ((0.0, 0.0), (0.0, 0.0))
-        self._com: Point = (0.0, 0.0)
-        self._rise: Motion = (0.0, 0.0, 0.0)
-        self._heading: Motion = (0.0, 0.0, 0.0)
-        self._feet = list(stand.start)
-        self._goal = stand.start[0]
-        self._support = SupportPolygon([], 0.0)
 
     # What somebody who leads it says --------------------------------------------------------------
 
@@ -274,19 +257,57 @@ class ReactiveWalker:
         """
         if not math.isfinite(float(state.q.sum()) + float(state.v.sum())):
             return
-        self._sense.update(state)
         dt = 0.0 if self._time is None else min(max(state.time - self._time, 0.0), LONGEST_TICK)
+        self._sense.update(state, dt)
         self._time = state.time
         if self.status is WalkStatus.READY:
             self._begin()
+        if self._is_stopped_by_trouble(state, dt):
+            return
         self.commands.advance(dt)
         if self.phase is Phase.STAND:
             self._stand(dt)
         elif self.phase is Phase.SHIFT:
             self._shift(dt)
-        elif self._swing is not None:
-            self._fly(self._swing, state, dt)
+        elif self._flight is not None:
+            self._fly(self._flight, state, dt)
+        if self._landed is not None:
+            self._confirm(self._landed, state, dt)
         self._keep_balance(dt)
+        if self.status.ok:
+            self.status = self._plain_status
+        self._announce_step()
+
+    def _is_stopped_by_trouble(self, state: RobotState, dt: float) -> bool:
+        """Does what `RESPONSES` says."""
+        error = math.hypot(*self._feedback.error)
+        trouble = self._watch.look(state, self._flight, error, dt)
+        self.status = trouble or self._plain_status
+        response = Response() if trouble is None else RESPONSES[trouble]
+        self.commands.pace = response.pace
+        if response.lands and self._flight is not None:
+            self._flight.land()
+        if response.hangs:
+            self._hang(state)
+        elif self._hanging is not None:
+            self._hanging.end()
+            self._hanging = None
+            self._begin()
+        return response.hangs
+
+    @property
+    def _plain_status(self) -> WalkStatus:
+        return WalkStatus.STANDING if self.phase is Phase.STAND else WalkStatus.WALKING
+
+    def _hang(self, state: RobotState) -> None:
+        """Asks for nothing but that the robot stays as it is, wherever it is taken."""
+        if self._hanging is None:
+            self._hanging = Hanging(state, self._sense, self._tasks)
+            self.phase, self._flight, self._landed = Phase.STAND, None, None
+            self._hurried = False
+            # Put down again, it stands until somebody says something else.
+            self.commands.stop()
+        self._hanging.follow(state, self._body, self._measured()[0])
         self._announce_step()
 
     def _announce_step(self) -> None:
@@ -297,26 +318,27 @@ class ReactiveWalker:
         if self.phase is Phase.STAND:
             limit.expect_step(None)
             return
-        goal = self._goal
-        if self.phase is Phase.SHIFT:
-            goal = self.commands.steps(self._foot, self._stance, 1)[0]
+        if self._flight is not None:
+            goal = self._flight.goal
+        else:
+            goal = self.commands.steps(self._foot, self._standing_foot, 1)[0]
         size = self._standing.sizes[self._foot]
         expect_step(limit, goal.position, goal.yaw, size, self.settings.adjust)
 
     def _feet_at(self) -> tuple[FeetAt, FeetAt, FeetAt]:
         """Positions [m], velocities [m/s] and accelerations [m/s^2] of both feet."""
         still = (0.0, 0.0)
-        rows = [[place.position[:2], still, still] for place in self._feet]
-        if self._swing is not None:
-            rows[self._foot] = self._swing_motion(self._swing)
+        rows = [[place.position[:2], still, still] for place in self._stance.feet]
+        if self._flight is not None:
+            rows[self._foot] = self._swing_motion(self._flight.swing)
         (a, va, aa), (b, vb, ab) = rows
         return (a, b), (va, vb), (aa, ab)
 
     def _swing_motion(self, swing: SwingFoot) -> list[Point]:
         """Position, velocity and acceleration of the foot in the air; see `LegRatios.rise`."""
-        c, s = (self._rise_ratio * f(self._heading[0]) for f in (math.cos, math.sin))
+        c, s = (self._rise_ratio * f(self._body.heading[0]) for f in (math.cos, math.sin))
         x, y, z = swing.position.tolist()
-        z -= self._stance.position[2]
+        z -= self._standing_foot.position[2]
         motion = [(x + c * z, y + s * z)]
         for rate in (swing.velocity, swing.acceleration):
             x, y, z = rate[:3].tolist()
@@ -341,68 +363,49 @@ class ReactiveWalker:
             margin: how far inside the soles' edges, and the margin of the ZMP, it has to be [m].
         """
         feet, _, _ = self._feet_at()
-        return self._support.depth(self._legs.parted(self._xi(), feet)) >= margin
+        return self._stance.support.depth(self._legs.parted(self._xi(), feet)) >= margin
 
     def _begin(self) -> None:
         self.status = WalkStatus.STANDING
-        left = self._sense.placement(0)
-        self._feet[0] = left
-        self._heading = (left.yaw, 0.0, 0.0)
-        self._stand_on((0, 1))
-        self._heading = (0.5 * (self._feet[0].yaw + self._feet[1].yaw), 0.0, 0.0)
-        self._com, _ = self._measured()
-        self._dcm = ((self._com[0], 0.0), (self._com[1], 0.0))
-        self._rise = (float(self._sense.com[2]), 0.0, 0.0)
+        self._feedback.error = np.zeros(2)
+        stance = self._stance
+        stance.stand_on((0, 1), self._sense.placement(0).yaw)
+        mass, _ = self._measured()
+        self._dcm = ((mass[0], 0.0), (mass[1], 0.0))
+        self._body.begin(mass, float(self._sense.com[2]), stance.heading)
         self._left = self.gait.shift_time
 
-    def _stand_on(self, feet: tuple[int, ...]) -> None:
-        for foot in feet:
-            place = self._sense.placement(foot)
-            # A heading is the same a whole turn on; this is the one nearest to the body's.
-            turns = round((self._heading[0] - place.yaw) / (2.0 * math.pi))
-            self._feet[foot] = Placement(
-                position=place.position, yaw=place.yaw + 2.0 * math.pi * turns
-            )
-        self._support = self._sense.support(feet, self._standing, self.settings.zmp_margin)
+    def _stand_on(self, *feet: int) -> None:
+        """These feet carry the robot from now on."""
+        self._stance.stand_on(feet, self._body.heading[0])
 
     # Both feet on the ground ----------------------------------------------------------------------
 
     def _stand(self, dt: float) -> None:
         self._left = max(self._left - dt, 0.0)
-        x, y = self._standing.rest(self._feet)
+        x, y = self._standing.rest(self._stance.feet)
         self._lead_dcm(((x, 0.0), (y, 0.0)), self._left, dt)
         if not self._is_held():
             self._hurry()
         elif self.commands.moving:
             self._go(self.commands.first_foot(), self.gait.shift_time)
-        elif self.commands.closes and not self._closed() and self._left == 0.0:
+        elif self.commands.closes and not self._is_closed() and self._left == 0.0:
             self._go(0, self.gait.shift_time)
 
-    def _closed(self) -> bool:
-        """Whether the feet are side by side."""
-        left, right = self._feet
-        yaw = 0.5 * (left.yaw + right.yaw)
-        dx, dy = (left.position[k] - right.position[k] for k in (0, 1))
-        ahead = math.cos(yaw) * dx + math.sin(yaw) * dy
-        aside = math.cos(yaw) * dy - math.sin(yaw) * dx
-        return (
-            abs(ahead) < _CLOSED
-            and abs(aside - self._room.width) < _CLOSED
-            and abs(left.yaw - right.yaw) < _CLOSED_TURN
-        )
+    def _is_closed(self) -> bool:
+        return self._stance.closed(self._room.width)
 
     def _go(self, foot: int, time: float) -> None:
         """A foot is to be lifted in a while [s]."""
         self.phase, self._foot, self._left, self._released = Phase.SHIFT, foot, time, False
-        self.status = WalkStatus.WALKING
 
     def _hurry(self) -> None:
         """A foot is to be lifted at once, so that the robot does not fall."""
-        left, right = self._feet
+        left, right = self._stance.feet
         self._go(self._planner.better_foot((left, right), self._xi()), QUICK)
         self._hurried = True
         # The ZMP has to be in the foot that stays; going there evenly would take too long.
-        self._stand_on((1 - self._foot,))
+        self._stand_on(1 - self._foot)
 
     def _shift(self, dt: float) -> None:
         """Takes the load off a foot, and lifts it when it is due."""
@@ -429,16 +432,17 @@ class ReactiveWalker:
 
     def _next_foot(self) -> Lifted:
         """The foot that comes down next, in the air or not yet."""
-        place = self._feet[self._foot].position
-        if self._swing is not None:
-            place = self._swing.position.tolist()
-        elapsed = self._elapsed if self.phase is Phase.SWING else 0.0
-        return Lifted(self._foot, (place[0], place[1]), self._stance, self._xi(), elapsed)
+        x, y, _ = self._stance.feet[self._foot].position
+        elapsed = 0.0
+        if self._flight is not None:
+            elapsed = self._flight.elapsed
+            x, y, _ = self._flight.swing.position.tolist()
+        return Lifted(self._foot, (x, y), self._standing_foot, self._xi(), elapsed)
 
     @property
-    def _stance(self) -> Placement:
+    def _standing_foot(self) -> Placement:
         """Where the foot stands that stays."""
-        return self._feet[1 - self._foot]
+        return self._stance.feet[1 - self._foot]
 
     def _lead_dcm(self, goal: tuple[DcmMotion, DcmMotion], left: float, dt: float) -> None:
         """Moves the reference on, to be at a goal in a while."""
@@ -448,161 +452,109 @@ class ReactiveWalker:
     # One foot in the air --------------------------------------------------------------------------
 
     def _lift(self, foot: int) -> None:
-        position, rotation = self._sense.lower_edge(foot)
-        begin = self._sense.placement(foot)
-        goal = self.commands.steps(foot, self._stance, 1)[0]
-        height = self.gait.swing_height
-        shape = SwingShape(
-            apex=max(begin.position[2], goal.position[2]) + height, arrive=1.0 - self._sinking
+        self._landed = None
+        self._stand_on(1 - foot)
+        goal = self.commands.steps(foot, self._standing_foot, 1)[0]
+        begin, size = self._sense.placement(foot), self._standing.sizes[foot]
+        shape = led_swing(begin, goal, size, self.gait.swing_height, self.ground, self._sinking)
+        self._flight = Flight(
+            foot,
+            self._sense,
+            goal,
+            shape,
+            self._planner,
+            self.commands,
+            self.settings,
+            self._sinking,
         )
-        if self.ground.platforms:
-            # A swing that would knock against one is made all the same: it may catch the robot.
-            with suppress(ConfigurationError):
-                size = self._standing.sizes[foot]
-                shape = clear_swing(begin, goal, size, height, self.ground, self.steps_made)
-        self._left, self._elapsed, self._waited = self._planner.times.swing, 0.0, 0.0
-        self._goal, self.phase = goal, Phase.SWING
-        self._stand_on((1 - foot,))
+        self.phase = Phase.SWING
         if self._hurried:
-            self._aim(math.inf)
+            self._aim(self._flight, math.inf)
         self._hurried = False
-        x, y, z = self._goal.position
-        low = Placement(position=(x, y, z - self.settings.touchdown_depth), yaw=goal.yaw)
-        time = self._left / (1.0 - self._sinking)
-        self._swing = SwingFoot(position, rotation, low, shape, time, self.settings.search_depth)
 
-    def _fly(self, swing: SwingFoot, state: RobotState, dt: float) -> None:
-        self._elapsed += dt
-        self._left = max(self._left - dt, 0.0)
-        self._aim(dt)
-        before_ground = 1.0 - self._sinking - swing.phase
-        if self._left > 0.0 and before_ground > 0.0:
-            swing.retime(self._left * (1.0 - swing.phase) / before_ground)
-        goal = self._goal.position
-        swing.advance(dt, np.array(goal[:2]) - np.array(swing.goal.position[:2]))
-        if self._sense.is_down(swing, state, self._foot, self.settings):
-            self._land(self._foot)
+    def _fly(self, flight: Flight, state: RobotState, dt: float) -> None:
+        flight.count(dt)
+        self._aim(flight, dt)
+        flight.advance(dt)
+        swing = flight.swing
+        if self._sense.is_down(swing, state, flight.foot, self.settings):
+            self._land(flight.foot)
             return
-        if swing.phase >= 1.0:
-            self._waited += dt
-        if self._waited > self.settings.patience:
-            self.status = WalkStatus.FOOT_LOST
-        self._tasks.lead_foot(self._sense, self._foot, swing)
+        self._tasks.lead_foot(self._sense, flight.foot, swing)
 
-    def _aim(self, dt: float) -> None:
-        """Chooses place and time of touchdown, and where the divergent component should be now.
+    def _confirm(self, flight: Flight, state: RobotState, dt: float) -> None:
+        """A foot that has bounced off what it met looks for the ground again."""
+        self._stood += dt
+        if self._stood > _BOUNCES:
+            self._landed = None
+            return
+        load = self._sense.load(state, flight.foot)
+        self._hovering = 0.0 if load > _HOVERING else self._hovering + dt
+        if self._hovering < _BOUNCE_TIME:
+            return
+        self._tasks.contacts[flight.foot].release(0.0)
+        self._tasks.contacts[1 - flight.foot].engage(0.0)
+        self._foot, self._flight, self._landed = flight.foot, flight, None
+        self.phase, self._released, self._hurried = Phase.SWING, False, False
+        flight.swing.search_again()
+        self.steps_made -= 1
+        self._stand_on(1 - flight.foot)
 
-        Args:
-            dt: since the last choice, which it stays near to [s].
-        """
+    def _aim(self, flight: Flight, dt: float) -> None:
+        """Chooses the touchdown, and where the divergent component should be now."""
         planner, lifted = self._planner, self._next_foot()
-        counts_as = None if self._swing is None else self._swing_motion(self._swing)[0]
-        pendulum = planner.plan(lifted, counts_as)
-        if self._left > _FINAL:
-            step, place = planner.choose(lifted, pendulum, self._goal.yaw - self._stance.yaw)
-            self._move_goal(place, dt)
-            most = _TIME_RATE * dt
-            self._left += min(max(step.left - self._left, -most), most)
-        pendulum = planner.moved(lifted, pendulum, self._goal.position[:2])
-        self._dcm = planner.on_the_way(pendulum, self._left)
-
-    def _move_goal(self, place: Point, dt: float) -> None:
-        """Takes the foothold nearer to a place, on ground that carries all of the sole."""
-        x, y, z = self._goal.position
-        by_x, by_y = place[0] - x, place[1] - y
-        ratio = min(1.0, _PLACE_RATE * dt / max(math.hypot(by_x, by_y), 1e-9))
-        moved = Placement(position=(x + ratio * by_x, y + ratio * by_y, z), yaw=self._goal.yaw)
-        if self.commands.carries(self._foot, moved):
-            self._goal = moved
+        pendulum = planner.plan(lifted, self._swing_motion(flight.swing)[0])
+        flight.aim(lifted, pendulum, dt)
+        pendulum = planner.moved(lifted, pendulum, flight.goal.position[:2])
+        self._dcm = planner.on_the_way(pendulum, flight.left)
 
     def _land(self, foot: int) -> None:
         self._tasks.contacts[foot].engage(ENGAGE * self.gait.double_support)
-        self._swing, self.status = None, WalkStatus.WALKING
+        self._landed, self._hovering, self._stood = self._flight, 0.0, 0.0
+        self._flight = None
         self.steps_made += 1
         commands = self.commands
         if commands.footholds and commands.footholds[0][0] == foot:
             commands.footholds.popleft()
-        self._stand_on((0, 1))
-        if commands.moving or (commands.closes and not self._closed()) or not self._is_held(_CALM):
+        self._stand_on(0, 1)
+        opened = commands.closes and not self._is_closed()
+        if commands.moving or opened or not self._is_held(_CALM):
             following = commands.next_foot(foot)
             again = following == foot
             self._go(following, self.gait.shift_time if again else self.gait.double_support)
         else:
-            self.phase, self.status = Phase.STAND, WalkStatus.STANDING
-            self._left = self.gait.settle_time
+            self.phase, self._left = Phase.STAND, self.gait.settle_time
 
     # Balance and body -----------------------------------------------------------------------------
 
     def _keep_balance(self, dt: float) -> None:
         self._move_body(dt)
-        com = self._joined_com(dt)
+        com = self._body.follow(self._dcm, dt)
         feet, velocities, accelerations = self._feet_at()
         joined, velocity = self._measured()
         x, y = self._feedback.acceleration(
             np.array(joined),
             np.array(velocity),
             com,
-            JoinedSupport(self._legs, self._support, feet),
+            JoinedSupport(self._legs, self._stance.support, feet),
         ).tolist()
-        rows = zip(com.tolist(), (feet, velocities, accelerations), self._rise, strict=True)
+        rows = zip(com.tolist(), (feet, velocities, accelerations), self._body.rise, strict=True)
         com = np.array([(*self._legs.parted((a, b), f), z) for (a, b), f, z in rows])
         asked = self._legs.parted((x, y), accelerations)
         self._tasks.lead_com(self._sense, com, np.array(asked))
-        self._carry(com)
-        if math.hypot(*self._feedback.error) > self.settings.com_bound * self.height:
-            self.status = WalkStatus.COM_LOST
-        elif self.status is WalkStatus.COM_LOST:
-            self.status = WalkStatus.WALKING
-
-    def _joined_com(self, dt: float) -> Float64[np.ndarray, "3 2"]:
-        """Reference of C, its velocity and acceleration, a row each: C' = omega (xi - C)."""
-        (x, vx), (y, vy) = self._dcm
-        w, kept = self._legs.omega, math.exp(-self._legs.omega * dt)
-        self._com = x + (self._com[0] - x) * kept, y + (self._com[1] - y) * kept
-        rates = (w * (x - self._com[0]), w * (y - self._com[1]))
-        return np.array([self._com, rates, (w * (vx - rates[0]), w * (vy - rates[1]))])
-
-    def _carry(self, com: Float64[np.ndarray, "3 3"]) -> None:
-        """Takes everything along that goes with the body.
-
-        Args:
-            com: its reference, with rates.
-        """
-        standing = self._standing
-        displacement = np.zeros((3, 4))
-        displacement[:, :3] = com
-        displacement[0, :2] -= standing.com[:2]
-        displacement[0, 2] -= standing.com[2] - self.gait.crouch
-        heading0 = 0.5 * (standing.start[0].yaw + standing.start[1].yaw)
-        displacement[:, 3] = self._heading[0] - heading0, *self._heading[1:]
-        turn = pin.utils.rotate("z", float(displacement[0, 3]))
-        for target in self.carried.values():
-            target.write(displacement, turn)
+        self._body.carry(com)
 
     def _move_body(self, dt: float) -> None:
         """Height and heading of the body, towards what the next stand asks for."""
-        left, right = self._feet
-        low, yaw, time = min(left.position[2], right.position[2]), 0.5 * (left.yaw + right.yaw), 0.0
-        if self.phase is Phase.SWING:
-            low = min(self._stance.position[2], self._goal.position[2])
-            yaw = 0.5 * (self._stance.yaw + self._goal.yaw)
-            time = self._left
+        left, right = self._stance.feet
+        low, yaw, time = min(left.position[2], right.position[2]), self._stance.heading, 0.0
+        if self._flight is not None:
+            foot, flight = self._standing_foot, self._flight
+            # A foot that looks for the ground takes the body down with it.
+            sought = min(flight.goal.position[2], float(flight.swing.position[2]))
+            low, yaw = min(foot.position[2], sought), 0.5 * (foot.yaw + flight.goal.yaw)
+            time = flight.left
         time = max(time + 0.5 * self.gait.double_support, _BODY_TIME)
         if self.steps_made == 0:
             time = max(time, self.gait.shift_time)
-        self._rise = least_jerk_towards(self._rise, low + self.height, time, dt)
-        self._heading = least_jerk_towards(self._heading, yaw, time, dt)
-
-
-def _usual_gait(height: float) -> Gait:
-    """Timing and shape of steps by the height of the COM [m]."""
-    crouch = _CROUCH * height
-    step_time = _STEP_PHASE / natural_frequency(height - crouch)
-    return Gait(
-        step_time=step_time,
-        double_support=_DOUBLE_SUPPORT * step_time,
-        swing_height=_SWING_HEIGHT * height,
-        crouch=crouch,
-        shift_time=step_time,
-        settle_time=step_time,
-    )
+        self._body.move(low + self.height, yaw, time, dt)

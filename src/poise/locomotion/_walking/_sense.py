@@ -15,7 +15,7 @@ from poise.locomotion._walking._footsteps import Stand
 from poise.locomotion._walking._ground import Placement
 from poise.locomotion._walking._settings import WalkSettings
 from poise.locomotion._walking._swing import SwingFoot
-from poise.robots import Robot
+from poise.robots import GRAVITY, Robot
 from poise.stack import BalanceLimit
 
 ENGAGE, RELEASE = 0.4, 0.5
@@ -26,6 +26,13 @@ LONGEST_TICK = 0.05
 
 _THIN = 0.002
 """A polygon has to have some area: an edge counts as this wide [m]."""
+
+_WEIGHING_TIME = 1.0
+"""Over which what the soles carry is averaged [s]."""
+
+_LEAST_FELT = 0.3
+_HEAVINESS = 0.6, 1.6
+"""Least and most that a robot is taken to weigh, over its description."""
 
 
 class WalkSense:
@@ -38,6 +45,11 @@ class WalkSense:
     Attributes:
         com: centre of mass [m].
         com_velocity: its velocity [m/s].
+        heaviness: mass that the soles feel over the robot's, averaged over some steps; one where
+            they measure nothing.
+        rising: acceleration upwards of the COM's reference [m/s^2]. What feedback asks for beside
+            it is no measure of what happens: weighed against that, a COM that is held too high
+            would seem heavier, and be held higher still.
     """
 
     def __init__(self, robot: Robot, soles: tuple[str, str]) -> None:
@@ -48,10 +60,27 @@ class WalkSense:
         self._edges = [0.5 * sole.width if sole.leans else 0.0 for sole in found]
         self.com: Float64[np.ndarray, "3"] = self._data.com[0]
         self.com_velocity: Float64[np.ndarray, "3"] = self._data.vcom[0]
+        self.heaviness, self.rising = 1.0, 0.0
 
-    def update(self, state: RobotState) -> None:
-        """Takes a state in."""
+    def update(self, state: RobotState, dt: float) -> None:
+        """Takes a state in.
+
+        Args:
+            state: of the robot.
+            dt: since the last one [s].
+        """
         pin.centerOfMass(self._model, self._data, state.q, state.v, False)
+        if all(sole in state.contacts for sole in self._soles):
+            self._weigh(sum(float(state.contacts[sole][2]) for sole in self._soles), dt)
+
+    def _weigh(self, carried: float, dt: float) -> None:
+        """Averages f / (m (g + z''))."""
+        felt = carried * GRAVITY / (self._weight * max(GRAVITY + self.rising, 0.5 * GRAVITY))
+        # Less than that is no weight: the robot hangs, or flies.
+        if math.isfinite(felt) and felt > _LEAST_FELT:
+            low, high = _HEAVINESS
+            ratio = -math.expm1(-dt / _WEIGHING_TIME)
+            self.heaviness += ratio * (min(max(felt, low), high) - self.heaviness)
 
     def sole(self, foot: int) -> tuple[Float64[np.ndarray, "3"], Float64[np.ndarray, "3 3"]]:
         """Position [m] and rotation of a sole in the world."""
@@ -71,6 +100,11 @@ class WalkSense:
         tilt = float(self.sole(foot)[1][2, 1])
         turning = pin.getFrameVelocity(self._model, self._data, self._ids[foot]).angular
         return half * abs(tilt), math.copysign(half, tilt) * float(turning[0])
+
+    def sole_velocity(self, foot: int) -> Float64[np.ndarray, "3"]:
+        """Of a sole's centre, along its own axes [m/s]."""
+        frame, axes = self._ids[foot], pin.ReferenceFrame.LOCAL
+        return pin.getFrameVelocity(self._model, self._data, frame, axes).linear
 
     def placement(self, foot: int) -> Placement:
         """Where a sole lies."""
@@ -110,6 +144,11 @@ class WalkSense:
         middle = position + rotation @ np.array([x, y, 0.0])
         return SupportPolygon(sole_rectangle(middle, rotation, size), 0.0)
 
+    def load(self, state: RobotState, foot: int) -> float:
+        """What a foot carries of the weight; all of it where nothing is measured."""
+        wrench = state.contacts.get(self._soles[foot])
+        return 1.0 if wrench is None else float(wrench[2]) / self._weight
+
     def is_down(
         self, swing: SwingFoot, state: RobotState, foot: int, settings: WalkSettings
     ) -> bool:
@@ -119,7 +158,7 @@ class WalkSense:
             # Nothing is measured: the foot is down when it should be.
             return swing.phase >= 1.0
         loaded = bool(wrench[2] >= settings.touchdown_force * self._weight)
-        return loaded and swing.phase >= settings.early
+        return loaded and (swing.phase >= settings.early or swing.searching)
 
 
 def expect_step(

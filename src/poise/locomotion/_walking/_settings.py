@@ -36,7 +36,7 @@ class WalkSettings:
     touchdown_force: Ratio = 0.05
     touchdown_depth: _Distance = 0.003
     early: Ratio = 0.5
-    search_depth: _Distance = 0.04
+    search_depth: _Distance = 0.1
     patience: Annotated[float, Bounds(positive=True, most=LARGEST, unit="s")] = 0.4
     adjust: _Distance = 0.2
     com_bound: Annotated[float, Bounds(positive=True)] = 0.4
@@ -59,11 +59,19 @@ class WalkStatus(Enum):
     """A foot found no ground: it is held, and the robot balances on the other."""
     COM_LOST = "com_lost"
     """The COM ran away from its reference: the foot comes down where it is."""
+    FOOT_CAUGHT = "foot_caught"
+    """A foot in the air is held by something: it comes down where it is."""
+    SLIPPING = "slipping"
+    """A sole that carries the robot slips: it walks more slowly."""
+    LIFTED = "lifted"
+    """No foot carries anything: nothing is asked for until one does."""
+    FALLEN = "fallen"
+    """The robot lies: nothing is asked for."""
 
     @property
     def ok(self) -> bool:
         """Whether nothing went wrong."""
-        return self not in _TROUBLE
+        return self in _FINE
 
 
-_TROUBLE = (WalkStatus.MISPLACED, WalkStatus.FOOT_LOST, WalkStatus.COM_LOST)
+_FINE = (WalkStatus.READY, WalkStatus.STANDING, WalkStatus.WALKING, WalkStatus.FINISHED)

@@ -11,8 +11,9 @@ from poise.locomotion._walking._swing_shape import RISE, SwingShape
 _FIXED = 0.06
 """The goal does not move any more when the foot is this near to its arrival [s]."""
 
-_SEARCH_SPEED, _SEARCH_ACCELERATION = 0.1, 1.5
-"""How a foot that has found no ground goes on down [m/s, m/s^2]."""
+_SEARCH_SPEED, _SEARCH_ACCELERATION = 0.5, 8.0
+"""How a foot that has found no ground goes on down [m/s, m/s^2]: what it lacks in height the robot
+falls, meanwhile, to the side where the foot should be."""
 
 
 Motion = tuple[float, float, float]
@@ -51,11 +52,10 @@ class SwingFoot:
         self._lift_off_height = float(position[2])
         self._depth = search_depth
         self._start_rotation = rotation.copy()
-        self._turn = pin.log3(pin.utils.rotate("z", goal.yaw) @ rotation.T)
+        self._turn = pin.log3(goal.rotation @ rotation.T)
         x, y, _ = position.tolist()
         self._x, self._y = (x, 0.0, 0.0), (y, 0.0, 0.0)
-        self._searched = 0.0
-        self._search_speed = 0.0
+        self._search: tuple[float, float] | None = None
         self.rotation: Float64[np.ndarray, "3 3"] = self._start_rotation
         self.position: Float64[np.ndarray, "3"] = position.copy()
         self.velocity: Float64[np.ndarray, "6"] = np.zeros(6)
@@ -69,7 +69,21 @@ class SwingFoot:
     @property
     def exhausted(self) -> bool:
         """Whether it has looked for the ground as far down as it may."""
-        return self._searched >= self._depth
+        return self._search is not None and self._search[0] <= self.goal.position[2] - self._depth
+
+    @property
+    def searching(self) -> bool:
+        """Whether it looks for the ground."""
+        return self._search is not None
+
+    def search(self) -> None:
+        """The foot should have met the ground, and has not: goes on down until it does."""
+        if self._search is None:
+            self._search = float(self.position[2]), float(self.velocity[2])
+
+    def search_again(self) -> None:
+        """What it met does not carry it: goes on down from there, slowly at first."""
+        self._search = float(self.position[2]), 0.0
 
     def stop_here(self) -> None:
         """Comes straight down from where the foot is."""
@@ -117,17 +131,23 @@ class SwingFoot:
     def _vertical(self, dt: float) -> Motion:
         """Height and its rates; below the goal if the foot is still in the air when it is due."""
         T, end = self.duration, self.goal.position[2]
-        if self.elapsed < T:
-            height, rate, second = self._shape.height(self.phase, self._lift_off_height, end)
-            return height, rate / T, second / (T * T)
-        acceleration = 0.0
-        if self.exhausted:
-            self._search_speed = 0.0
-        elif self._search_speed < _SEARCH_SPEED:
-            acceleration = _SEARCH_ACCELERATION
-            self._search_speed = min(self._search_speed + acceleration * dt, _SEARCH_SPEED)
-        self._searched = min(self._searched + self._search_speed * dt, self._depth)
-        return end - self._searched, -self._search_speed, -acceleration
+        if self._search is None and self.elapsed >= T:
+            self._search = end, 0.0
+        if self._search is not None:
+            return self._deeper(*self._search, dt)
+        height, rate, second = self._shape.height(self.phase, self._lift_off_height, end)
+        return height, rate / T, second / (T * T)
+
+    def _deeper(self, height: float, rate: float, dt: float) -> Motion:
+        """One tick of looking for the ground."""
+        lowest, acceleration = self.goal.position[2] - self._depth, 0.0
+        if height <= lowest:
+            rate = 0.0
+        elif rate > -_SEARCH_SPEED:
+            acceleration = -_SEARCH_ACCELERATION
+            rate = max(rate + acceleration * dt, -_SEARCH_SPEED)
+        self._search = max(height + rate * dt, lowest), rate
+        return *self._search, acceleration
 
 
 def least_jerk_towards(axis: Motion, goal: float, left: float, dt: float) -> Motion:

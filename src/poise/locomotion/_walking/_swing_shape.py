@@ -1,9 +1,10 @@
 """`SwingShape`: how high a foot is, and how far ahead, through a swing.
 
-`clear_swing`: the smoothest one that knocks against nothing.
+`clear_swing`: the smoothest one that knocks against nothing. `led_swing`: one whose goal may move.
 """
 
 import math
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -112,6 +113,32 @@ def clear_swing(
         got=f"swing_height {height:g} m",
         wanted="a higher swing, or other steps",
     )
+
+
+def led_swing(
+    begin: Placement,
+    goal: Placement,
+    size: tuple[float, float],
+    height: float,
+    ground: Ground,
+    sinking: float,
+) -> SwingShape:
+    """A swing whose goal may move: above all platforms where there is one, else the smoothest.
+
+    Args:
+        begin: where the sole lies before.
+        goal: where it comes down, as planned.
+        size: length and width of the sole [m].
+        height: how far it is lifted above the highest it passes [m].
+        ground: what it passes.
+        sinking: part of the phase in which it goes below the ground that it expects.
+    """
+    if ground.platforms:
+        # A swing that would knock against one is made all the same: it may catch the robot.
+        with suppress(ConfigurationError):
+            return clear_swing(begin, goal, size, height, ground, 0)
+    apex = max(begin.position[2], goal.position[2]) + height
+    return SwingShape(apex=apex, arrive=1.0 - sinking)
 
 
 def _highest(

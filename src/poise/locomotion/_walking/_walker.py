@@ -143,8 +143,8 @@ class Walker:
         """
         if not math.isfinite(float(state.q.sum()) + float(state.v.sum())):
             return
-        self._sense.update(state)
         dt = 0.0 if self._time is None else min(max(state.time - self._time, 0.0), LONGEST_TICK)
+        self._sense.update(state, dt)
         self._time = state.time
         if self.status is WalkStatus.READY:
             self._begin()

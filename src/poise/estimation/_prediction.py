@@ -1,0 +1,84 @@
+"""`StatePredictor`: the state of now, where sensors are late by a known time."""
+
+from collections import deque
+
+import numpy as np
+import pinocchio as pin
+from jaxtyping import Float64
+
+from poise.dynamics import RobotState
+from poise.errors import ConfigurationError
+from poise.robots import Robot
+
+
+class StatePredictor:
+    """Makes up for the delay between what the sensors measure and when a torque acts on it.
+
+    A state that is d old is carried on by the n = d / T accelerations a_i that the robot has been
+    commanded since, the first of them the oldest:
+
+        v(t) = v(t - d) + T sum a_i
+        q(t) = q(t - d) (+) (d v(t - d) + T^2 sum (n - i - 1/2) a_i),    i = 0 ... n - 1
+
+    It is exact while the robot does what it is told, and what a model or a push adds within d is
+    missing. Wrenches stay as old as they are. It goes behind the estimator:
+
+        estimator=lambda state: predictor.predict(estimator.update(state))
+
+    and `command` is called with what the controller answered, after each tick.
+
+    Args:
+        robot: the robot.
+        delay: d, age of the state when its torque begins to act [s].
+        period: T, from one command to the next [s].
+
+    Raises:
+        ConfigurationError: the delay is negative, or no whole number of periods.
+    """
+
+    def __init__(self, robot: Robot, delay: float, period: float) -> None:
+        count = round(delay / period) if period > 0.0 else -1
+        if count < 0 or abs(count * period - delay) > 1e-6:
+            raise ConfigurationError(
+                "a delay that is predicted over is no whole number of periods",
+                got=(delay, period),
+                wanted="delay >= 0 s, a multiple of the period",
+            )
+        self._model, self._delay, self._period = robot.model, delay, period
+        self._still = np.zeros(robot.nv)
+        self._commanded = deque([self._still] * count, maxlen=count)
+        left = (count - np.arange(count) - 0.5) * period * period
+        self._left: Float64[np.ndarray, " n"] = left
+
+    def reset(self) -> None:
+        """Forgets what was commanded: the robot stands still."""
+        self._commanded.extend([self._still] * len(self._commanded))
+
+    def command(self, acceleration: Float64[np.ndarray, " nv"] | None) -> None:
+        """Takes in what the robot was commanded last.
+
+        Args:
+            acceleration: that the command was computed for, as `Command.acceleration`
+                [m/s^2, rad/s^2]; what is missing or not finite counts as none.
+        """
+        if acceleration is None or not np.isfinite(acceleration).all():
+            acceleration = self._still
+        self._commanded.append(acceleration.copy())
+
+    def predict(self, state: RobotState) -> RobotState:
+        """The state when the next command begins to act.
+
+        Args:
+            state: as measured or estimated, `delay` old; one of another robot comes back as it is.
+        """
+        if not self._commanded or state.q.shape != (self._model.nq,):
+            return state
+        commanded = np.array(self._commanded)
+        moved = self._delay * state.v + self._left @ commanded
+        return RobotState(
+            pin.integrate(self._model, state.q, moved),
+            state.v + self._period * commanded.sum(axis=0),
+            state.contacts,
+            state.time + self._delay,
+            state.readings,
+        )

@@ -1,0 +1,94 @@
+"""`BodyMotion`: height, heading and COM of a body whose steps are made while it walks."""
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+import pinocchio as pin
+from jaxtyping import Float64
+
+from poise.locomotion._support import Point
+from poise.locomotion._walking._dcm_plan import DcmMotion
+from poise.locomotion._walking._footsteps import Stand
+from poise.locomotion._walking._swing import Motion, least_jerk_towards
+from poise.locomotion._walking._tasks import CarriedTarget
+
+
+class BodyMotion:
+    """References of the body, and of all that goes along with it.
+
+    The pendulum's mass C, see `LegMomentum`, follows the divergent component of motion; height and
+    heading go to what the next stand asks for.
+
+    Args:
+        standing: how the robot stands at the beginning.
+        crouch: how far the COM is then lowered [m].
+        omega: natural frequency of the pendulum [1/s].
+        carried: targets that go along with the body.
+
+    Attributes:
+        rise: height of the COM in the world, with rates [m].
+        heading: with rates [rad].
+    """
+
+    def __init__(
+        self,
+        standing: Stand,
+        crouch: float,
+        omega: float,
+        carried: Mapping[str, CarriedTarget],
+    ) -> None:
+        self._standing, self._crouch, self._omega = standing, crouch, omega
+        self._carried = carried
+        self._heading_before = 0.5 * (standing.start[0].yaw + standing.start[1].yaw)
+        self._mass: Point = (0.0, 0.0)
+        self.rise: Motion = (0.0, 0.0, 0.0)
+        self.heading: Motion = (0.0, 0.0, 0.0)
+
+    def begin(self, mass: Point, height: float, heading: float) -> None:
+        """Begins at rest.
+
+        Args:
+            mass: where C is [m].
+            height: of the COM [m].
+            heading: [rad].
+        """
+        self._mass = mass
+        self.rise, self.heading = (height, 0.0, 0.0), (heading, 0.0, 0.0)
+
+    def move(self, height: float, heading: float, time: float, dt: float) -> None:
+        """Moves on towards a height [m] and a heading [rad], to be there in a time [s]."""
+        self.rise = least_jerk_towards(self.rise, height, time, dt)
+        self.heading = least_jerk_towards(self.heading, heading, time, dt)
+
+    def follow(self, dcm: tuple[DcmMotion, DcmMotion], dt: float) -> Float64[np.ndarray, "3 2"]:
+        """Moves C on, C' = omega (xi - C).
+
+        Args:
+            dcm: where xi should be.
+            dt: of the tick [s].
+
+        Returns:
+            C, its velocity and acceleration, a row each.
+        """
+        (x, vx), (y, vy) = dcm
+        w, kept = self._omega, math.exp(-self._omega * dt)
+        self._mass = x + (self._mass[0] - x) * kept, y + (self._mass[1] - y) * kept
+        rates = (w * (x - self._mass[0]), w * (y - self._mass[1]))
+        return np.array([self._mass, rates, (w * (vx - rates[0]), w * (vy - rates[1]))])
+
+    def carry(self, com: Float64[np.ndarray, "3 3"]) -> None:
+        """Takes everything along that goes with the body.
+
+        Args:
+            com: its reference, with rates.
+        """
+        standing = self._standing
+        displacement = np.zeros((3, 4))
+        displacement[:, :3] = com
+        displacement[0, :2] -= standing.com[:2]
+        displacement[0, 2] -= standing.com[2] - self._crouch
+        displacement[:, 3] = self.heading[0] - self._heading_before, *self.heading[1:]
+        turn = pin.utils.rotate("z", float(displacement[0, 3]))
+        for target in self._carried.values():
+            target.write(displacement, turn)

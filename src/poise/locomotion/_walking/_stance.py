@@ -1,0 +1,98 @@
+"""`Stance`: where the feet stand, on what slope, and what the ZMP can do there."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Float64
+
+from poise.locomotion._support import Point, SupportPolygon
+from poise.locomotion._walking._footsteps import Stand
+from poise.locomotion._walking._sense import WalkSense
+
+_CLOSED, _CLOSED_TURN = 0.025, 0.06
+"""Feet so near to side by side are [m, rad]."""
+
+_TRUST = 0.5
+"""How far the slope goes towards that of a foot that has come to carry the robot: one foot may
+stand on a bump, three in a row do not."""
+
+_STEEPEST = 0.3
+"""A sole that is turned farther than this against the slope so far stands on an edge."""
+
+
+class Stance:
+    """Both feet: where they stand, or stood before they were lifted.
+
+    The ground is a plane through the foot that stands, whose slope is learned from the soles:
+    one that carries the robot alone lies flat on what it has met.
+
+    Args:
+        sense: where the soles are.
+        stand: where they are at the beginning, and what the ZMP can do on each.
+        margin: how far inside the soles' edges the ZMP stays [m].
+
+    Attributes:
+        feet: where both stand; a foot in the air where it stood.
+        slope: how steeply the ground rises along the world's x and y.
+        support: where the ZMP can be.
+    """
+
+    def __init__(
+        self,
+        sense: WalkSense,
+        stand: Stand,
+        margin: float,
+    ) -> None:
+        self._sense, self._stand, self._margin = sense, stand, margin
+        self.feet = list(stand.start)
+        self.slope: Point = (0.0, 0.0)
+        self.support = SupportPolygon([], 0.0)
+
+    def stand_on(self, feet: tuple[int, ...], heading: float) -> None:
+        """Looks at the feet that carry the robot from now on.
+
+        Args:
+            feet: which.
+            heading: of the body: a foot's is the same a whole turn on, and this one is near to it
+                [rad].
+        """
+        # A sole that leans with its leg says nothing of the ground.
+        if len(feet) == 1 and self._stand.bearings[feet[0]].width > 0.0:
+            self._feel(self._sense.sole(feet[0])[1])
+        for foot in feet:
+            place = self._sense.placement(foot)
+            turns = round((heading - place.yaw) / (2.0 * math.pi))
+            yaw = place.yaw + 2.0 * math.pi * turns
+            self.feet[foot] = replace(place, yaw=yaw, slope=self.slope)
+        self.support = self._sense.support(feet, self._stand, self._margin)
+
+    def _feel(self, rotation: Float64[np.ndarray, "3 3"]) -> None:
+        """Learns from a sole that lies on the ground, world_R_sole."""
+        x, y, z = rotation[:, 2].tolist()
+        seen = (-x / z, -y / z)
+        if math.dist(seen, self.slope) < _STEEPEST:
+            a, b = (old + _TRUST * (new - old) for old, new in zip(self.slope, seen, strict=True))
+            self.slope = (a, b)
+
+    @property
+    def heading(self) -> float:
+        """Mean of both feet's [rad]."""
+        return 0.5 * (self.feet[0].yaw + self.feet[1].yaw)
+
+    def closed(self, width: float) -> bool:
+        """Whether the feet are side by side.
+
+        Args:
+            width: of their centres then [m].
+        """
+        left, right = self.feet
+        yaw = self.heading
+        dx, dy = (left.position[k] - right.position[k] for k in (0, 1))
+        ahead = math.cos(yaw) * dx + math.sin(yaw) * dy
+        aside = math.cos(yaw) * dy - math.sin(yaw) * dx
+        return (
+            abs(ahead) < _CLOSED
+            and abs(aside - width) < _CLOSED
+            and abs(left.yaw - right.yaw) < _CLOSED_TURN
+        )

@@ -1,0 +1,182 @@
+"""What a walker that is led does when something goes wrong: one table.
+
+`TroubleWatch`: notices it. `Hanging`: what is asked of a robot that no foot carries.
+"""
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from poise.dynamics import RobotState
+from poise.locomotion._support import Point
+from poise.locomotion._walking._body import BodyMotion
+from poise.locomotion._walking._flight import Flight
+from poise.locomotion._walking._sense import WalkSense
+from poise.locomotion._walking._settings import WalkSettings, WalkStatus
+from poise.locomotion._walking._tasks import WalkTasks
+
+
+class Response(NamedTuple):
+    """What is done about a trouble.
+
+    Attributes:
+        pace: part of the commanded velocity that is followed.
+        lands: the foot in the air comes straight down.
+        hangs: no contact is loaded and no foot lifted: targets go along with the robot as it hangs
+            or lies, until something carries its feet again; then the walk begins anew.
+        lasts: how long after the last sign of it [s].
+    """
+
+    pace: float = 1.0
+    lands: bool = False
+    hangs: bool = False
+    lasts: float = 0.0
+
+
+RESPONSES: Mapping[WalkStatus, Response] = {
+    WalkStatus.FALLEN: Response(pace=0.0, hangs=True, lasts=0.3),
+    WalkStatus.LIFTED: Response(pace=0.0, hangs=True, lasts=0.05),
+    WalkStatus.FOOT_LOST: Response(pace=0.0),
+    WalkStatus.FOOT_CAUGHT: Response(lands=True),
+    WalkStatus.COM_LOST: Response(pace=0.0),
+    WalkStatus.SLIPPING: Response(pace=0.5, lasts=1.0),
+}
+"""Troubles, the worst first: of several at a time this one counts."""
+
+_FALLEN = 0.5
+"""A COM lower over the lower sole than this part of its height has fallen."""
+
+_HANGING = 0.02
+"""Feet that carry less than this part of the weight together carry nothing."""
+
+_SETTLED = 0.3
+"""Part of the weight that feet carry again when a robot is put down."""
+
+_NOTICED: Mapping[WalkStatus, float] = {WalkStatus.LIFTED: 0.15, WalkStatus.SLIPPING: 0.06}
+"""How long a sign has to last until it counts: a foot that lands bounces, and readings have noise
+[s]."""
+
+_CAUGHT, _FELT = 0.06, 0.02
+"""A foot in the air this far beside where it should be [m] is held by something, if its sole feels
+this part of the weight: without that it is the robot that is elsewhere."""
+
+_SLIP_SPEED, _SLIP_LOAD = 0.2, 0.3
+"""A sole that is faster [m/s] and carries more than this part of the weight slips."""
+
+
+_STOOD_ON = 0.1
+"""How long it takes until feet carry a robot that has been put down [s]."""
+
+
+class _Sign:
+    """Whether one trouble is there, by how long its sign lasts."""
+
+    def __init__(self, status: WalkStatus) -> None:
+        self._lasts, self._noticed = RESPONSES[status].lasts, _NOTICED.get(status, 0.0)
+        self._since = self._left = 0.0
+
+    def update(self, seen: bool, dt: float) -> None:
+        self._since = self._since + dt if seen else 0.0
+        self._left = max(self._left - dt, 0.0)
+        if seen and (self.there or self._since >= self._noticed):
+            self._left = self._lasts + dt
+
+    @property
+    def there(self) -> bool:
+        return self._left > 0.0
+
+
+class TroubleWatch:
+    """Looks for trouble in every tick.
+
+    Args:
+        sense: of the robot.
+        settings: of the walk.
+        height: of the COM over the soles [m].
+    """
+
+    def __init__(self, sense: WalkSense, settings: WalkSettings, height: float) -> None:
+        self._sense, self._settings, self._height = sense, settings, height
+        self._signs = {status: _Sign(status) for status in RESPONSES}
+
+    def look(
+        self, state: RobotState, flight: Flight | None, error: float, dt: float
+    ) -> WalkStatus | None:
+        """The worst trouble there is; None for none.
+
+        Args:
+            state: of the robot.
+            flight: of the foot in the air; None where both stand.
+            error: of the divergent component [m].
+            dt: of the tick [s].
+        """
+        sense, settings = self._sense, self._settings
+        lowest = min(float(sense.sole(foot)[0][2]) for foot in (0, 1))
+        loads = [sense.load(state, foot) for foot in (0, 1)]
+        hanging = self._signs[WalkStatus.LIFTED].there
+        seen = {
+            WalkStatus.FALLEN: float(sense.com[2]) - lowest < _FALLEN * self._height,
+            WalkStatus.LIFTED: sum(loads) < (_SETTLED if hanging else _HANGING),
+            WalkStatus.FOOT_LOST: flight is not None and flight.waited > settings.patience,
+            WalkStatus.FOOT_CAUGHT: flight is not None
+            and loads[flight.foot] > _FELT
+            and self._is_caught(flight),
+            WalkStatus.COM_LOST: error > settings.com_bound * self._height,
+            WalkStatus.SLIPPING: any(self._slips(foot, loads[foot]) for foot in (0, 1)),
+        }
+        for status, sign in self._signs.items():
+            sign.update(seen[status], dt)
+        return next((status for status, sign in self._signs.items() if sign.there), None)
+
+    def _is_caught(self, flight: Flight) -> bool:
+        x, y, _ = (self._sense.sole(flight.foot)[0] - flight.swing.position).tolist()
+        return x * x + y * y > _CAUGHT * _CAUGHT
+
+    def _slips(self, foot: int, load: float) -> bool:
+        if load < _SLIP_LOAD:
+            return False
+        x, y, _ = self._sense.sole_velocity(foot).tolist()
+        return x * x + y * y > _SLIP_SPEED * _SLIP_SPEED
+
+
+class Hanging:
+    """What is asked of a robot that no foot carries: to stay as it is, wherever it is taken.
+
+    Args:
+        state: in which it was lost.
+        sense: of that state.
+        tasks: of the walk; its contacts bear nothing from now on.
+    """
+
+    def __init__(self, state: RobotState, sense: WalkSense, tasks: WalkTasks) -> None:
+        base = pin.XYZQUATToSE3(state.q[:7])
+        poses = [sense.sole(foot) for foot in (0, 1)]
+        self._base_M_soles = [base.actInv(pin.SE3(R, p)) for p, R in poses]
+        self._sense, self._tasks = sense, tasks
+        for contact in tasks.contacts:
+            contact.release(0.0)
+
+    def follow(self, state: RobotState, body: BodyMotion, mass: Point) -> None:
+        """Takes all targets to where the robot has been taken.
+
+        Args:
+            state: of the robot.
+            body: whose references begin anew there.
+            mass: where C is, see `LegMomentum` [m].
+        """
+        base = pin.XYZQUATToSE3(state.q[:7])
+        for task, base_M_sole in zip(self._tasks.feet, self._base_M_soles, strict=True):
+            pose = base.act(base_M_sole)
+            task.set_target(pose.translation, pose.rotation)
+        com = np.zeros((3, 3))
+        com[0] = self._sense.com
+        body.begin(mass, float(com[0, 2]), body.heading[0])
+        self._tasks.lead_com(self._sense, com, np.zeros(2))
+        body.carry(com)
+
+    def end(self) -> None:
+        """The feet carry the robot again."""
+        for contact in self._tasks.contacts:
+            contact.engage(_STOOD_ON)

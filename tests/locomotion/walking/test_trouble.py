@@ -1,0 +1,145 @@
+"""What the reactive walker does about trouble; states are made up, nothing is simulated."""
+
+import numpy as np
+import pytest
+
+import poise
+from poise.locomotion import ReactiveWalker, walking_stack
+from poise.locomotion._walking._settings import WalkStatus
+from poise.locomotion._walking._trouble import RESPONSES
+
+DT = 0.002
+
+
+class Held:
+    """A robot that stays where it is put, whatever its walker asks for."""
+
+    def __init__(self, robot):
+        self.robot, self.stack = robot, walking_stack(robot)
+        self.walker = ReactiveWalker(robot, self.stack)
+        self.q, self.v, self.time = robot.q_home.copy(), np.zeros(robot.nv), 0.0
+        self.loads = [0.5, 0.5]
+
+    def until(self, time):
+        """Goes on; all that was said of it on the way."""
+        said = []
+        while self.time < time:
+            wrenches = [np.array([0, 0, k * self.robot.weight, 0, 0, 0]) for k in self.loads]
+            contacts = dict(zip(self.robot.soles, wrenches, strict=True))
+            self.walker.lead(poise.RobotState(self.q, self.v, contacts, self.time))
+            for contact in self.stack.contacts:
+                contact.advance(self.time)
+            self.time += DT
+            said.append(self.walker.status)
+        return said
+
+    def active(self):
+        return [contact.active for contact in self.stack.contacts]
+
+    def swing(self, ahead=0.0):
+        """Lifts the left foot, the weight being on its way to the right one."""
+        self.v[1] = -0.3
+        x, y, _ = self.walker._stance.feet[0].position
+        self.walker.step_to("left_sole", x + ahead, y, 0.0)
+        while self.walker._flight is None:
+            self.until(self.time + DT)
+            assert self.time < 3.0
+        self.v[1] = 0.0
+        foot = self.walker._flight.foot
+        self.loads = [0.0, 1.0] if foot == 0 else [1.0, 0.0]
+        return foot
+
+
+@pytest.fixture
+def held(get_robot):
+    return Held(get_robot("humanoid33"))
+
+
+def test_every_trouble_that_a_led_walk_can_have_has_a_response():
+    troubles = {status for status in WalkStatus if not status.ok}
+    assert troubles - {WalkStatus.MISPLACED} == set(RESPONSES)
+
+
+def test_a_robot_that_is_lifted_stops_hangs_with_its_targets_and_begins_anew(held):
+    held.walker.set_velocity(0.3)
+    held.until(0.1)
+    held.loads = [0.0, 0.0]
+    assert held.until(0.2)[-1] is not WalkStatus.LIFTED
+    assert held.until(0.4)[-1] is WalkStatus.LIFTED
+    assert held.active() == [False, False]
+    foot = held.stack.task("left_foot")
+    before = foot.target_position.copy()
+    held.q[:3] += (0.1, 0.0, 0.5)
+    held.until(0.6)
+    np.testing.assert_allclose(foot.target_position - before, (0.1, 0.0, 0.5), atol=1e-9)
+    assert held.walker.steps_made == 0
+    held.loads = [0.5, 0.5]
+    assert held.until(0.8)[-1] is WalkStatus.STANDING
+    assert held.active() == [True, True]
+
+
+def test_a_robot_that_lies_has_fallen_and_lifts_no_foot(held):
+    held.walker.set_velocity(0.3)
+    held.until(0.1)
+    held.q[3:7] = (np.sin(0.75), 0.0, 0.0, np.cos(0.75))
+    assert held.until(2.0)[-1] is WalkStatus.FALLEN
+    assert held.walker.steps_made == 0
+    assert held.walker._flight is None
+
+
+def test_a_foot_that_is_held_by_something_comes_straight_down(held):
+    foot = held.swing(ahead=0.2)
+    place = held.walker._sense.sole(foot)[0].copy()
+    assert WalkStatus.FOOT_CAUGHT not in held.until(held.time + 0.3)
+    held.loads = [0.03, 0.97]
+    assert WalkStatus.FOOT_CAUGHT in held.until(held.time + 0.5)
+    # It was up and on its way ahead; from there it goes down, and no farther.
+    caught = held.walker._flight
+    assert np.linalg.norm(caught.swing.position[:2] - place[:2]) < 0.25
+    assert caught.swing.searching
+
+
+def test_a_foot_that_finds_nothing_waits_and_the_walk_with_it(held):
+    held.swing()
+    said = held.until(held.time + 2.0)
+    assert said[-1] is WalkStatus.FOOT_LOST
+    flight = held.walker._flight
+    assert flight.swing.exhausted
+    assert held.walker.commands.pace == 0.0
+    held.loads = [0.5, 0.5]
+    assert held.until(held.time + 2 * DT)[-1] is not WalkStatus.FOOT_LOST
+    assert held.walker.steps_made == 1
+
+
+def test_a_sole_that_slips_halves_the_pace_for_a_while(held):
+    held.walker.set_velocity(0.3)
+    held.until(0.1)
+    held.v[0] = 0.25
+    assert WalkStatus.SLIPPING not in held.until(0.14)
+    assert WalkStatus.SLIPPING in held.until(0.2)
+    assert held.walker.commands.pace == 0.5
+    held.v[0] = 0.0
+    held.until(1.5)
+    assert held.walker.commands.pace == 1.0
+
+
+def test_the_robot_weighs_what_its_soles_feel(held):
+    held.loads = [0.4, 0.4]
+    held.until(6.0)
+    assert held.walker._sense.heaviness == pytest.approx(0.8, abs=0.01)
+
+
+def test_a_foot_that_has_bounced_off_looks_for_the_ground_again(held):
+    foot = held.swing()
+    flight = held.walker._flight
+    held.until(held.time + 0.6 * held.walker.gait.swing_time)
+    held.loads = [0.5, 0.5]
+    held.until(held.time + 2 * DT)
+    assert held.walker._flight is None
+    assert held.walker.steps_made == 1
+    held.loads = [0.0, 1.0] if foot == 0 else [1.0, 0.0]
+    held.until(held.time + 0.02)
+    assert held.walker._flight is flight
+    assert held.walker.steps_made == 0
+    assert flight.swing.searching
+    assert held.active() == [foot == 1, foot == 0]
