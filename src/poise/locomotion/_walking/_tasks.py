@@ -18,6 +18,9 @@ from poise.locomotion._walking._footsteps import Stand
 from poise.locomotion._walking._sense import WalkSense
 from poise.robots import Robot
 from poise.stack import (
+    LIGHT,
+    SMOOTH_RATE,
+    UPRIGHT,
     ComTask,
     Contact,
     FrameTask,
@@ -25,6 +28,7 @@ from poise.stack import (
     Stack,
     SurfaceContact,
     Task,
+    TorqueLimit,
 )
 
 
@@ -251,7 +255,7 @@ def _carried(
 
 
 def walking_stack(robot: Robot) -> Stack:
-    """COM, pelvis and feet first, then torso and hands, then posture and angular momentum.
+    """COM, pelvis and feet first, then torso and hands, with a light posture beside them.
 
     Args:
         robot: on two soles.
@@ -265,15 +269,16 @@ def walking_stack(robot: Robot) -> Stack:
     soles = two_soles(robot)
     balance: list[Task] = [
         ComTask(kp=40.0),
-        FrameTask(robot.pelvis, "orientation", kp=100.0, name="pelvis"),
+        FrameTask(robot.pelvis, "orientation", kp=100.0, weight=UPRIGHT, name="pelvis"),
     ]
     feet: list[Task] = [
         FrameTask(sole, kp=300.0, name=sole.replace("sole", "foot")) for sole in soles
     ]
     upper: list[Task] = [FrameTask(robot.torso, "orientation", kp=50.0, name="torso")]
     upper += [FrameTask(hand, "position", kp=100.0, name=hand) for hand in robot.hands]
-    last: list[Task] = [PostureTask()]
+    upper.append(PostureTask(weight=LIGHT))
     return Stack(
         contacts=[SurfaceContact(sole) for sole in soles],
-        levels=[[*balance, *feet], upper, last],
+        levels=[[*balance, *feet], upper],
+        torque_limit=TorqueLimit(rate=SMOOTH_RATE),
     )
