@@ -21,6 +21,7 @@ from poise.stack._rows import (
 )
 from poise.stack._stack import (
     LIGHT as LIGHT,
+    SOFT as SOFT,
     UPRIGHT as UPRIGHT,
     Stack,
     default_stack,

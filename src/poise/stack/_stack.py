@@ -45,11 +45,12 @@ for each rad/s^2. With I / (m h), 0.03 to 0.12 m on the humanoids of the catalog
 weigh the same; at 1 the balance would give way by ten m/s^2 before the pelvis did by one rad/s^2.
 """
 
-LIGHT = 0.05
-"""Weight of a posture beside tasks of hands and torso.
+LIGHT, SOFT = 0.05, 10.0
+"""Weight of a posture beside tasks of hands and torso, and its stiffness [1/s^2].
 
-A hand is missed by `LIGHT^2` of what the posture would rather do, some millimetres; where arms are
-nearly stretched or at their limits, the posture is what keeps them from being thrown about."""
+A hand is missed by `LIGHT^2 SOFT` over its own stiffness of what the joints are off, a millimetre
+or two; where arms are nearly stretched or at their limits, the posture is what keeps them from
+being thrown about."""
 
 
 class Stack:
@@ -193,7 +194,7 @@ def default_stack(robot: Robot) -> Stack:
     if _can_turn_freely(robot, robot.pelvis, robot.torso):
         upper.append(FrameTask(robot.torso, "orientation", kp=100.0))
     if robot.floating_base:
-        levels = [balance, [*upper, PostureTask(weight=LIGHT)]]
+        levels = [balance, [*upper, PostureTask(kp=SOFT, weight=LIGHT)]]
     else:
         levels = [upper, [PostureTask()]] if upper else [[PostureTask()]]
     return Stack(

@@ -20,6 +20,7 @@ from poise.robots import Robot
 from poise.stack import (
     LIGHT,
     SMOOTH_RATE,
+    SOFT,
     UPRIGHT,
     ComTask,
     Contact,
@@ -276,7 +277,7 @@ def walking_stack(robot: Robot) -> Stack:
     ]
     upper: list[Task] = [FrameTask(robot.torso, "orientation", kp=50.0, name="torso")]
     upper += [FrameTask(hand, "position", kp=100.0, name=hand) for hand in robot.hands]
-    upper.append(PostureTask(weight=LIGHT))
+    upper.append(PostureTask(kp=SOFT, weight=LIGHT))
     return Stack(
         contacts=[SurfaceContact(sole) for sole in soles],
         levels=[[*balance, *feet], upper],
