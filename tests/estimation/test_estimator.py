@@ -22,6 +22,7 @@ from poise.estimation import (
     StateEstimator,
 )
 from poise.locomotion import Gait, Stride, Walker, plan_footsteps, walking_stack
+from poise.robots import GRAVITY
 from poise.sim import Plant, PlantConfig, SensorConfig, rollout
 
 PERIOD = 0.002
@@ -444,3 +445,45 @@ def test_joint_velocities_are_smoothed_where_that_is_asked_for(walked):
     for k, row in enumerate(rough):
         expected += gain * (row - expected) if k else 0.0
         np.testing.assert_allclose(smooth[k], expected, atol=1e-12)
+
+
+def rolled(robot, faster, since, time):
+    """On the outer edge of the left sole, rolling over it as one body, faster and faster."""
+    angle, rate = 0.5 * faster * since**2, faster * since
+    sole = robot.soles["left_sole"]
+    home = robot.q_home
+    data = robot.model.createData()
+    pin.framesForwardKinematics(robot.model, data, home)
+    edge = data.oMf[robot.frame_id("left_sole")].act(np.array([0.0, 0.5 * sole.width, 0.0]))
+    turn = pin.exp3(np.array([angle, 0.0, 0.0]))
+    base = turn @ pin.Quaternion(home[3:7]).toRotationMatrix()
+    q = home.copy()
+    q[:3] = edge + turn @ (home[:3] - edge)
+    q[3:7] = pin.Quaternion(base).coeffs()
+    spin = np.array([rate, 0.0, 0.0])
+    arm = q[:3] - edge
+    v = np.zeros(robot.nv)
+    v[:3], v[3:6] = base.T @ np.cross(spin, arm), base.T @ spin
+    force = base.T @ (
+        np.cross([faster, 0.0, 0.0], arm)
+        + np.cross(spin, np.cross(spin, arm))
+        + [0.0, 0.0, GRAVITY]
+    )
+    wrenches = {"left_sole": np.array([0.0, 0.0, robot.weight, 0.0, 0.0, 0.0])}
+    wrenches["right_sole"] = np.zeros(6)
+    readings = SensorReadings(v[3:6].copy(), force, np.zeros(0))
+    return RobotState(q, v, wrenches, time, readings)
+
+
+def test_a_sole_that_rolls_over_its_edge_is_no_bias_of_the_gyro(get_robot_without):
+    robot = get_robot_without("left_ankle_roll", "right_ankle_roll")
+    assert all(sole.leans for sole in robot.soles.values())
+    estimator, dt = StateEstimator(robot), 0.002
+    for k in range(100):
+        estimator.update(rolled(robot, 0.0, 0.0, dt * k))
+    for k in range(150):
+        true = rolled(robot, 1.0, dt * k, 0.2 + dt * k)
+        found = estimator.update(true)
+    assert estimator.status.ok
+    assert np.linalg.norm(estimator.filter.gyro_bias) < 0.01
+    assert np.linalg.norm(found.v[:6] - true.v[:6]) < 0.05

@@ -60,6 +60,10 @@ _LOST_TIME, _LOST_SPEED = 0.3, 2.0
 """Where all soles in contact seem to move for so long [s], it is rather the estimate that is wrong,
 and its velocity becomes less sure from then on, by so much [m/s/sqrt(Hz)]."""
 
+_ROLLING = 0.02
+"""Density of the walk of a sole that leans with its leg and rolls over its edges: its middle is
+5 cm from them, goes up and down at some 5 cm/s for a fraction of a second [m/s/sqrt(Hz)]."""
+
 _JUMP_TILT, _JUMP_SPEED = 0.05, 0.5
 """How far a robot may have tipped [rad] and sped up [m/s] while nobody looked."""
 
@@ -110,6 +114,7 @@ class StateEstimator:
         # The base's velocity against the unit's: omega x (-p) = hat(p) omega.
         self._lever = hat(self._base_p_unit)
         self._q_start = np.array(robot.q_home if q_start is None else q_start)
+        self._leans = [sole.leans for sole in robot.soles.values()]
         self._kinematics = SoleKinematics(robot, self._base_R_unit, self._base_p_unit)
         self._observer = MomentumObserver(robot)
         self._weight = robot.weight
@@ -238,9 +243,11 @@ class StateEstimator:
                 self.filter.release(contact)
             else:
                 self._correct(contact, name, sole, spread)
-                if probability > _CERTAIN and reading is state.readings:
+                certain = probability > _CERTAIN and not self._leans[contact]
+                if certain and reading is state.readings:
                     self._correct_bias(sole, reading, dt)
-            self._walks[contact] = self._walk(name, probability)
+            walk = self._walk(name, probability)
+            self._walks[contact] = max(walk, _ROLLING) if self._leans[contact] else walk
         if not self.filter.held.any():
             self._fitted = self._time
             if self.status is EstimatorStatus.OK:
