@@ -149,7 +149,7 @@ class VelocityTasks:
             upright: whether the operator asks for an upright torso.
         """
         weights = self._weights.at(footing, upright=upright)
-        p, biped, dynamics, other = self._parameters, self._biped, footing.dynamics, footing.other
+        biped, dynamics, other = self._biped, footing.dynamics, footing.other
         self._stand_on(footing.stance)
         self._grounds.update(footing)
         turn = _Turn(footing, self._righting(footing, footing.stance))
