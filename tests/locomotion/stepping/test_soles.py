@@ -47,7 +47,7 @@ def test_a_sole_that_lies_flat_says_how_its_ground_is_tilted(get_robot):
         assert pitch(grounds, foot) == pytest.approx(TILT, abs=1e-6)
         assert not grounds.seeking(stands, foot).any()
     # So an inertial unit that is off by as much turns no sole.
-    np.testing.assert_allclose(grounds.righting(stands, 8.0), 0.0, atol=1e-6)
+    np.testing.assert_allclose(grounds.righting(stands, 0, 8.0), 0.0, atol=1e-6)
 
 
 @pytest.mark.parametrize(("toe", "known"), [(0.149, 0.0), (-0.149, TILT)])
@@ -61,7 +61,7 @@ def test_a_sole_on_its_edge_is_tilted_only_towards_that_edge(get_robot, toe, kno
         grounds.update(tilted(robot, TILT, edge))
     # On its toes the sole has left its ground; on its heel the ground has to be so.
     assert pitch(grounds, 0) == pytest.approx(known, abs=1e-6)
-    back = grounds.righting(tilted(robot, TILT, edge), 8.0)[1]
+    back = grounds.righting(tilted(robot, TILT, edge), 0, 8.0)[1]
     assert back == pytest.approx(8.0 * (known - TILT), abs=1e-5)
 
 

@@ -111,16 +111,19 @@ class SoleGrounds:
                     rate[axis] = -math.copysign(_SEEK, part)
         return rate
 
-    def righting(self, footing: Footing, gain: float) -> Float64[np.ndarray, "3"]:
-        """Angular velocity with which the stance sole is turned onto its ground [rad/s].
+    def righting(self, footing: Footing, foot: int, gain: float) -> Float64[np.ndarray, "3"]:
+        """Angular velocity with which a sole that carries is turned onto its ground.
 
         Args:
             footing: of the tick.
+            foot: 0 left, 1 right.
             gain: of the turn [1/s].
+
+        Returns:
+            The angular velocity, horizontal [rad/s].
         """
-        stance = footing.stance
-        lift = _sole_tilt(footing, stance) - self._tilts[stance]
-        return self.seeking(footing, stance) - gain * lift
+        lift = _sole_tilt(footing, foot) - self._tilts[foot]
+        return self.seeking(footing, foot) - gain * lift
 
 
 def _sole_tilt(footing: Footing, foot: int) -> Float64[np.ndarray, "3"]:

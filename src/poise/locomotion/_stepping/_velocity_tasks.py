@@ -149,11 +149,10 @@ class VelocityTasks:
             upright: whether the operator asks for an upright torso.
         """
         weights = self._weights.at(footing, upright=upright)
-        p, biped, dynamics, other = self._parameters, self._biped, footing.dynamics, footing.other
+        biped, dynamics, other = self._biped, footing.dynamics, footing.other
         self._stand_on(footing.stance)
         self._grounds.update(footing)
-        righting = saturate(p.omega_lim, self._grounds.righting(footing, p.k_level))
-        turn = _Turn(footing, righting)
+        turn = _Turn(footing, self._righting(footing, footing.stance))
         place, _ = dynamics.placement(biped.frames[other])
         _, torso = dynamics.placement(biped.torso)
         self._com.set_velocity(desired.com - turn.velocity_at(dynamics.com))
@@ -175,8 +174,12 @@ class VelocityTasks:
         turn = self._upright(attitude, grounds.rotation(footing.stance))
         yielding = None if footing.mode.single else self._yield.turn(footing)
         if yielding is not None:
-            turn[:2] = yielding + grounds.seeking(footing, other)[:2]
+            turn[:2] = yielding + self._righting(footing, other)[:2]
         return turn
+
+    def _righting(self, footing: Footing, foot: int) -> Float64[np.ndarray, "3"]:
+        p = self._parameters
+        return saturate(p.omega_lim, self._grounds.righting(footing, foot, p.k_level))
 
     def _upright(
         self,
