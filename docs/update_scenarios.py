@@ -29,6 +29,7 @@ SCENARIOS = (
     "walk_sideways",
     "walk_turn",
     "walk_step",
+    "drive",
 )
 """Those of a whole humanoid under torque control."""
 

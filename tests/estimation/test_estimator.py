@@ -487,3 +487,16 @@ def test_a_sole_that_rolls_over_its_edge_is_no_bias_of_the_gyro(get_robot_withou
     assert estimator.status.ok
     assert np.linalg.norm(estimator.filter.gyro_bias) < 0.01
     assert np.linalg.norm(found.v[:6] - true.v[:6]) < 0.05
+
+
+def test_a_base_that_points_backwards_is_estimated(get_robot):
+    # Of iCub the base link points backwards, and the frame that is called pelvis ahead.
+    robot = get_robot("icub")
+    plant = Plant(robot, PlantConfig(control_dt=PERIOD))
+    plant.push(robot.torso, (0.0, 0.05 * robot.weight, 0.0), duration=0.1)
+    controller, estimator = WholeBodyController(robot), StateEstimator(robot)
+    before = plant.true_state()
+    for tick in rollout(plant, controller, estimator=estimator, duration=0.4):
+        assert np.linalg.norm(tick.estimate.v[:6] - before.v[:6]) < 0.01
+        before = tick.truth
+    assert not plant.fallen

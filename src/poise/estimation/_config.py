@@ -108,7 +108,8 @@ class EstimatorConfig:
     """What an estimator believes of a robot's sensors.
 
     Attributes:
-        imu: frame of the inertial unit, on the base link; the pelvis when None.
+        imu: frame of the inertial unit, on the base link; at its origin, along its axes when None,
+            as the plant's is.
         noise: of the inertial unit.
         start: how well the first state is known.
         encoder: deviation of the joints' angles, play and bending included [rad].

@@ -429,7 +429,9 @@ def _mounting(
             got="no soles" if robot.floating_base else "a fixed base",
             wanted="a floating base and soles",
         )
-    frame = robot.model.frames[robot.frame_id(robot.pelvis if name is None else name)]
+    if name is None:
+        return np.eye(3), np.zeros(3)
+    frame = robot.model.frames[robot.frame_id(name)]
     if frame.parentJoint != 1:
         raise ConfigurationError(
             "the inertial unit is not on the base link", got=frame.name, wanted="a frame on it"
