@@ -13,12 +13,10 @@ options = parser.parse_args()
 
 robot = poise.load_robot(options.robot)
 default = poise.default_stack(robot)
-# Strict to the end: the posture below hands and torso, not beside them.
-balance_tasks, (*upper, posture) = default.levels
-levels = [balance_tasks, upper, [posture]]
 # The question is what feet can bear for a moment, not what they can go on with.
-no_limit = poise.BalanceLimit(enabled=False)
-stack = poise.Stack(default.contacts, levels, balance_limit=no_limit)
+stack = poise.Stack(
+    default.contacts, default.levels, balance_limit=poise.BalanceLimit(enabled=False)
+)
 controller = poise.WholeBodyController(robot, stack)
 
 # As many states as tries; here they are all the same, and the target is what changes.

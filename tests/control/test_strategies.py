@@ -10,12 +10,9 @@ from poise.hqp import ACCURACY
 def run(
     robot: poise.Robot, strategy: str, backend: str | None, kind=poise.WholeBodyController
 ) -> tuple[list[poise.Command], poise.WholeBodyController | poise.ReducedController]:
-    plain = poise.default_stack(robot)
-    balance, (*upper, posture) = plain.levels
-    posture.set_weight(1.0)
     # A solver that is exact to 1e-3 leaves torques that the next tick cannot change from exactly.
-    limit = poise.TorqueLimit() if backend == "osqp" else plain.torque_limit
-    stack = poise.Stack(plain.contacts, [balance, upper, [posture]], torque_limit=limit)
+    plain = poise.default_stack(robot)
+    stack = poise.Stack(plain.contacts, plain.levels) if backend == "osqp" else plain
     controller = kind(robot, stack, strategy=strategy, backend=backend)
     plant = poise.sim.Plant(robot)
     commands = []

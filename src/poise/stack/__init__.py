@@ -10,7 +10,7 @@ from poise.stack._frame import FrameTask
 from poise.stack._joints import JointTask, PostureTask
 from poise.stack._kernels import evaluate as evaluate
 from poise.stack._leader import Leader
-from poise.stack._limits import SMOOTH_RATE as SMOOTH_RATE, JointLimit, TorqueLimit
+from poise.stack._limits import JointLimit, TorqueLimit
 from poise.stack._polygon import find_hull as find_hull
 from poise.stack._relative_frame import RelativeFrameTask
 from poise.stack._rows import (
@@ -19,14 +19,7 @@ from poise.stack._rows import (
     home_jacobians as home_jacobians,
     stacked_cones as stacked_cones,
 )
-from poise.stack._stack import (
-    LIGHT as LIGHT,
-    SOFT as SOFT,
-    UPRIGHT as UPRIGHT,
-    Stack,
-    default_stack,
-    is_held as is_held,
-)
+from poise.stack._stack import Stack, default_stack, is_held as is_held
 from poise.stack._tables import Owners as Owners, Rows as Rows
 from poise.stack._task import Task
 

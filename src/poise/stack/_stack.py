@@ -15,7 +15,7 @@ from poise.stack._contact import Contact
 from poise.stack._contacts import SurfaceContact
 from poise.stack._frame import FrameTask
 from poise.stack._joints import PostureTask
-from poise.stack._limits import SMOOTH_RATE, JointLimit, TorqueLimit
+from poise.stack._limits import JointLimit, TorqueLimit
 from poise.stack._task import Task
 
 
@@ -36,22 +36,6 @@ def is_held(task: Task, contacts: Sequence[Contact]) -> bool:
 
 _TURNING_JOINTS = 3
 """Joints it takes to turn a frame in any direction."""
-
-UPRIGHT = 0.1
-"""Weight of a pelvis' orientation beside the COM [m].
-
-It counts only where both cannot be met. Then they compete for the moment that the soles can bear:
-a COM at a height h takes m h of it for each m/s^2, an upper body of inertia I about the pelvis I
-for each rad/s^2. With I / (m h), 0.03 to 0.12 m on the humanoids of the catalog, equal moments
-weigh the same; at 1 the balance would give way by ten m/s^2 before the pelvis did by one rad/s^2.
-"""
-
-LIGHT, SOFT = 0.05, 10.0
-"""Weight of a posture beside tasks of hands and torso, and its stiffness [1/s^2].
-
-A hand is missed by `LIGHT^2 SOFT` over its own stiffness of what the joints are off, a millimetre
-or two; where arms are nearly stretched or at their limits, the posture is what keeps them from
-being thrown about."""
 
 
 class Stack:
@@ -182,26 +166,18 @@ def default_stack(robot: Robot) -> Stack:
 
     Returns:
         A new stack: both soles in contact; COM and pelvis orientation; hand poses and, where the
-        waist has three joints, torso orientation, with a light posture beside them. With a fixed
-        base, where nobody can push the robot over, the posture stands strictly below the hands.
+        waist has three joints, torso orientation; posture.
     """
     balance: list[Task] = []
     if robot.floating_base:
-        balance = [
-            ComTask(kp=60.0),
-            FrameTask(robot.pelvis, "orientation", kp=100.0, weight=UPRIGHT),
-        ]
+        balance = [ComTask(kp=60.0), FrameTask(robot.pelvis, "orientation", kp=100.0)]
     upper: list[Task] = [FrameTask(hand, kp=100.0) for hand in robot.hands]
     if _can_turn_freely(robot, robot.pelvis, robot.torso):
         upper.append(FrameTask(robot.torso, "orientation", kp=100.0))
-    if robot.floating_base:
-        levels = [balance, [*upper, PostureTask(kp=SOFT, weight=LIGHT)]]
-    else:
-        levels = [upper, [PostureTask()]] if upper else [[PostureTask()]]
+    levels = [level for level in (balance, upper) if level]
     return Stack(
         contacts=[SurfaceContact(sole) for sole in robot.soles],
-        levels=levels,
-        torque_limit=TorqueLimit(rate=SMOOTH_RATE),
+        levels=[*levels, [PostureTask()]],
     )
 
 

@@ -21,7 +21,6 @@ from poise._schema import (
     mapping_schema,
 )
 from poise.stack import (
-    SMOOTH_RATE,
     BalanceLimit,
     ComTask,
     FrameTask,
@@ -149,9 +148,7 @@ class StackPlan:
 
     contacts: tuple[Annotated[Recipe, _OneOf(_CONTACTS)], ...] = ()
     levels: tuple[tuple[Annotated[Recipe, _OneOf(_TASKS)], ...], ...] = ()
-    torque_limit: Annotated[Recipe, _ArgumentsOf(TorqueLimit)] = Recipe(
-        TorqueLimit, {"rate": SMOOTH_RATE}
-    )
+    torque_limit: Annotated[Recipe, _ArgumentsOf(TorqueLimit)] = Recipe(TorqueLimit)
     joint_limit: Annotated[Recipe, _ArgumentsOf(JointLimit)] = Recipe(JointLimit)
     balance_limit: Annotated[Recipe, _ArgumentsOf(BalanceLimit)] = Recipe(BalanceLimit)
 

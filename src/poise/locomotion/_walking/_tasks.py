@@ -19,10 +19,6 @@ from poise.locomotion._walking._sense import WalkSense
 from poise.locomotion._walking._swing import SwingFoot
 from poise.robots import GRAVITY, Robot
 from poise.stack import (
-    LIGHT,
-    SMOOTH_RATE,
-    SOFT,
-    UPRIGHT,
     ComTask,
     Contact,
     FrameTask,
@@ -30,7 +26,6 @@ from poise.stack import (
     Stack,
     SurfaceContact,
     Task,
-    TorqueLimit,
 )
 
 
@@ -275,7 +270,7 @@ def _carried(
 
 
 def walking_stack(robot: Robot) -> Stack:
-    """COM, pelvis and feet first, then torso and hands, with a light posture beside them.
+    """COM, pelvis and feet first, then torso and hands, then the posture.
 
     On the edge of one sole nothing but angular momentum moves the COM aside. Where soles lean,
     torso and hands stand beside the COM, or arms would be thrown for the last of its error.
@@ -292,19 +287,15 @@ def walking_stack(robot: Robot) -> Stack:
     soles = two_soles(robot)
     balance: list[Task] = [
         ComTask(kp=40.0),
-        FrameTask(robot.pelvis, "orientation", kp=100.0, weight=UPRIGHT, name="pelvis"),
+        FrameTask(robot.pelvis, "orientation", kp=100.0, name="pelvis"),
     ]
     feet: list[Task] = [
         FrameTask(sole, kp=300.0, name=sole.replace("sole", "foot")) for sole in soles
     ]
     upper: list[Task] = [FrameTask(robot.torso, "orientation", kp=50.0, name="torso")]
     upper += [FrameTask(hand, "position", kp=100.0, name=hand) for hand in robot.hands]
-    posture = PostureTask(kp=SOFT, weight=LIGHT)
-    levels = [[*balance, *feet], [*upper, posture]]
+    last: list[Task] = [PostureTask()]
+    levels = [[*balance, *feet], upper, last]
     if any(robot.soles[sole].leans for sole in soles):
-        levels = [[*balance, *feet, *upper], [PostureTask()]]
-    return Stack(
-        contacts=[SurfaceContact(sole) for sole in soles],
-        levels=levels,
-        torque_limit=TorqueLimit(rate=SMOOTH_RATE),
-    )
+        levels = [[*balance, *feet, *upper], last]
+    return Stack(contacts=[SurfaceContact(sole) for sole in soles], levels=levels)
