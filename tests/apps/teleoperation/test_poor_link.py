@@ -43,8 +43,8 @@ def test_a_connection_that_is_cut_in_mid_step_throws_nobody(get_robot, cut):
     log = run.log
     assert not run.fell
     assert last(run) == (Mode.D, DeviceStatus.LOST)
-    # It stands, on both feet and in the middle of them.
-    np.testing.assert_allclose(log.soles[-1, :, 2], 0.0, atol=4e-3)
+    # It stands, on both feet and in the middle of them; heights are dead reckoning, by millimetres.
+    np.testing.assert_allclose(log.soles[-1, :, 2], 0.0, atol=6e-3)
     np.testing.assert_allclose(log.com[-1, :2], log.zmp_reference[-1], atol=0.02)
     assert np.abs(log.com[-1] - log.com[-20]).max() < 5e-3
 
