@@ -34,7 +34,7 @@ def walked(robot, walker, stack, duration, lead=lambda time: None):
 
 
 @pytest.mark.parametrize(("joints", "width"), LEGS)
-def test_they_walk_a_plan(unchecked, get_robot_without, joints, width):
+def test_they_walk_a_plan(get_robot_without, joints, width):
     robot = get_robot_without(joints, width=width)
     stack = walking_stack(robot)
     gait = Gait(step_time=0.6, crouch=0.02, shift_time=0.8, settle_time=1.0)
@@ -47,7 +47,7 @@ def test_they_walk_a_plan(unchecked, get_robot_without, joints, width):
 
 
 @pytest.mark.parametrize(("joints", "width"), LEGS)
-def test_they_are_led_ahead_and_to_the_side(unchecked, get_robot_without, joints, width):
+def test_they_are_led_ahead_and_to_the_side(get_robot_without, joints, width):
     robot = get_robot_without(joints, width=width)
     stack = walking_stack(robot)
     walker = ReactiveWalker(robot, stack)
