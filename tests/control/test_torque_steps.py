@@ -53,7 +53,7 @@ def test_torques_go_to_new_ones_no_faster_than_the_rate(get_robot, make):
 @pytest.mark.parametrize("make", CONTROLLERS)
 @pytest.mark.parametrize("seed", range(6))
 def test_no_torque_jumps_whatever_the_state_asks_for(get_robot, make, seed):
-    """The equations of motion hold all the same, and contacts and balance come to what they need."""
+    """The equations of motion hold all the same; contacts and balance come to what they need."""
     robot = get_robot("g1")
     controller = make(robot, stack_of(robot, 5.0))
     last = controller.step(at(robot, 0.0)).torque
