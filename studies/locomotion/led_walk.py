@@ -12,9 +12,10 @@ from poise.estimation import EstimatorConfig, StateEstimator, StatePredictor
 from poise.locomotion import ReactiveWalker, walking_stack
 from poise.robots import Robot, load_robot
 from poise.sim import Plant, PlantConfig, SensorConfig, rollout
-from poise.stack import Stack, SurfaceContact
+from poise.stack import SMOOTH_RATE, Stack, SurfaceContact, TorqueLimit
 from studies.locomotion.courses import Course, Velocity, make_course
 from studies.locomotion.estimated_walk import PERIOD
+from studies.locomotion.torque_steps import TorqueSteps
 from studies.plan import Progress
 from studies.trials import run_each
 
@@ -38,6 +39,7 @@ class LedTrial:
         push: change of the robot's velocity [m/s]; 0 for none.
         direction: of the push, from ahead to the left [rad].
         at: when the push begins [s].
+        rate: of the torque limit [1/s].
     """
 
     robot: str
@@ -48,6 +50,7 @@ class LedTrial:
     push: float = 0.0
     direction: float = 0.0
     at: float = 0.0
+    rate: float | None = SMOOTH_RATE
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,6 +63,9 @@ class LedOutcome:
         rested: whether it stood still in the end, feet side by side.
         reached: mean velocity from `_STEADY` s on, as it was asked for.
         steps: how many steps it made.
+        torque_step: largest change of a torque from tick to tick, by its limit.
+        torque_steps: how many changes were larger than half a limit.
+        worst_physics: largest residual of contacts and joint limits.
     """
 
     trial: LedTrial
@@ -67,6 +73,9 @@ class LedOutcome:
     rested: bool
     reached: Velocity
     steps: int
+    torque_step: float
+    torque_steps: int
+    worst_physics: float
 
 
 class _Leader:
@@ -109,7 +118,7 @@ def run_led(trial: LedTrial) -> LedOutcome:
     q = robot.q_home.copy()
     q[2] += course.height
     plant.reset(q)
-    stack = _stack(robot, course)
+    stack = _stack(robot, course, trial.rate)
     walker = ReactiveWalker(robot, stack, q=q)
     if trial.push > 0.0:
         force = robot.mass * trial.push / PUSH_TIME
@@ -118,6 +127,7 @@ def run_led(trial: LedTrial) -> LedOutcome:
     estimator = StateEstimator(robot, EstimatorConfig(ground=course.height), q_start=q)
     predictor = StatePredictor(robot, course.delay, PERIOD)
     poses: list[tuple[float, float, float]] = []
+    changes = TorqueSteps(robot)
     ticks = rollout(
         plant,
         WholeBodyController(robot, stack),
@@ -127,6 +137,7 @@ def run_led(trial: LedTrial) -> LedOutcome:
     )
     for tick in ticks:
         predictor.command(tick.command.acceleration)
+        changes.take(tick.command)
         if tick.time >= _STEADY:
             x, y, z, w = tick.truth.q[3:7].tolist()
             yaw = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
@@ -139,6 +150,9 @@ def run_led(trial: LedTrial) -> LedOutcome:
         rested=walker.status.value == "standing",
         reached=_mean_velocity(np.array(poses)),
         steps=walker.steps_made,
+        torque_step=changes.largest,
+        torque_steps=changes.large,
+        worst_physics=changes.worst_physics,
     )
 
 
@@ -160,13 +174,13 @@ def _course(trial: LedTrial) -> Course:
     return Course(seconds=trial.seconds, commands=commands)
 
 
-def _stack(robot: Robot, course: Course) -> Stack:
+def _stack(robot: Robot, course: Course, rate: float | None) -> Stack:
     """The stack that walks, with the friction that it is told of."""
     plain = walking_stack(robot)
-    if course.model_friction is None:
-        return plain
-    contacts = [SurfaceContact(sole, friction=course.model_friction) for sole in robot.soles]
-    return Stack(contacts, plain.levels)
+    contacts = plain.contacts
+    if course.model_friction is not None:
+        contacts = [SurfaceContact(sole, friction=course.model_friction) for sole in robot.soles]
+    return Stack(contacts, plain.levels, torque_limit=TorqueLimit(rate=rate))
 
 
 def _mean_velocity(poses: np.ndarray) -> Velocity:

@@ -72,7 +72,12 @@ def run_reference_trial(trial: ReferenceTrial) -> ReferenceOutcome:
     robot = load_robot(trial.robot)
     plant = Plant(robot, PlantConfig(control_dt=PERIOD), seed=trial.seed)
     plain = default_stack(robot)
-    stack = Stack(plain.contacts, plain.levels, balance_limit=BalanceLimit(enabled=trial.limited))
+    stack = Stack(
+        plain.contacts,
+        plain.levels,
+        torque_limit=plain.torque_limit,
+        balance_limit=BalanceLimit(enabled=trial.limited),
+    )
     controller = WholeBodyController(robot, stack, strategy=trial.strategy)
     leader = RandomReferences(robot, stack, trial.seed)
     last: Float64[np.ndarray, " nj"] | None = None

@@ -12,14 +12,14 @@ from poise.sim import Plant, PlantConfig
 from poise.stack import default_stack
 from studies.locomotion.courses import COURSES, make_course
 from studies.locomotion.estimated_walk import Outcome, Trial
-from studies.locomotion.led_walk import LedOutcome
+from studies.locomotion.led_walk import LedOutcome, LedTrial, run_led
 from studies.locomotion.standing_references import (
     RandomReferences,
     ReferenceOutcome,
     ReferenceTrial,
     run_reference_trial,
 )
-from studies.locomotion.torque_steps import StepOutcome, StepTrial, run_step_trial
+from studies.locomotion.torque_steps import PERIOD, StandOutcome, StandTrial, run_pushed_stand
 from studies.plan import StudyOptions
 
 # By its name: the package has the function of that name.
@@ -84,6 +84,18 @@ def test_a_fault_that_does_not_exist_is_refused():
         Trial(robot="g1", seed=0, seconds=1.0, fault="cracked")
 
 
+WALKED = LedOutcome(
+    trial=LedTrial(robot="g1", seed=0, seconds=1.0),
+    fell=False,
+    rested=True,
+    reached=(0.6, 0.26, 0.65),
+    steps=9,
+    torque_step=0.1,
+    torque_steps=0,
+    worst_physics=1e-12,
+)
+
+
 STOOD = ReferenceOutcome(
     trial=ReferenceTrial(robot="g1", seed=0),
     fell=False,
@@ -133,33 +145,38 @@ def test_a_far_com_topples_the_robot_without_the_limit_alone(get_robot, limited)
 
 
 def test_a_large_step_fails_its_run_alone_and_runs_without_the_bound_are_only_shown(monkeypatch):
-    def run(trials, progress, workers=None):
-        large = {(t.robot, t.kind) for t in trials if t.robot == "g1" and t.kind == "stand"}
+    def led(trials, progress):
+        return {t: replace(WALKED, trial=t, torque_step=0.1 if t.rate else 0.6) for t in trials}
+
+    def stood(trials, progress):
         return {
-            t: StepOutcome(
+            t: StandOutcome(
                 trial=t,
                 fell=False,
-                largest=0.3 if t.rate is None or (t.robot, t.kind) in large else 0.1,
-                steps=0,
+                torque_step=0.6 if t.rate is None or t.robot == "g1" else 0.1,
+                torque_steps=0,
                 worst_physics=1e-12,
             )
             for t in trials
         }
 
-    monkeypatch.setattr(steps, "run_step_trials", run)
+    monkeypatch.setattr(steps, "run_led_trials", led)
+    monkeypatch.setattr(steps, "run_stand_trials", stood)
     found = steps.steps_section(StudyOptions(quick=True), lambda done, total: None)
     assert [f.name for f in found.findings if not f.ok] == ["g1, stand: largest torque step"]
     assert len(found.findings) == 8
     assert len(found.tables[0].rows) == 12
 
 
-@pytest.mark.parametrize("kind", ["bumps", "stand"])
-def test_torques_change_by_no_more_than_the_rate_in_a_tick(get_robot, kind):
+def test_torques_change_by_no_more_than_the_rate_in_a_tick(get_robot):
     get_robot("g1")
-    outcome = run_step_trial(StepTrial(robot="g1", kind=kind, rate=50.0, seconds=1.5))
-    assert not outcome.fell
-    assert outcome.largest <= 0.1 + 1e-6
-    assert outcome.steps == 0
+    stood = run_pushed_stand(StandTrial(robot="g1", rate=2.0, seconds=1.5))
+    walked = run_led(LedTrial(robot="g1", seed=0, seconds=2.0, velocity=(0.25, 0, 0), rate=25.0))
+    for outcome in (stood, walked):
+        bound = outcome.trial.rate * PERIOD
+        assert not outcome.fell
+        assert 0.99 * bound < outcome.torque_step <= bound + 1e-6
+        assert outcome.torque_steps == 0
 
 
 led = import_module("studies.locomotion.led_section")
@@ -167,13 +184,7 @@ led = import_module("studies.locomotion.led_section")
 
 def led_findings(monkeypatch, change):
     def run(trials, progress):
-        return {
-            t: replace(
-                LedOutcome(trial=t, fell=False, rested=True, reached=(0.6, 0.26, 0.65), steps=9),
-                **change(t),
-            )
-            for t in trials
-        }
+        return {t: replace(WALKED, trial=t, **change(t)) for t in trials}
 
     monkeypatch.setattr(led, "run_led_trials", run)
     found = led.led_section(StudyOptions(), lambda done, total: None).findings
@@ -210,13 +221,12 @@ ground = import_module("studies.locomotion.ground_section")
 def test_two_falls_of_twenty_on_a_course_and_two_while_wandering_fail_alone(monkeypatch):
     def run(trials, progress):
         return {
-            t: LedOutcome(
+            t: replace(
+                WALKED,
                 trial=t,
                 fell=t.robot == "g1"
                 and t.seed < {"bumps": 2, "wandering": 2, "delay": 1}.get(t.course, 0),
-                rested=True,
                 reached=(0.25, 0.0, 0.0),
-                steps=9,
             )
             for t in trials
         }

@@ -244,7 +244,8 @@ class Controller:
         if self._rate_limit is not None:
             self._rate_limit.remember(joints)
         if self._commands_torque:
-            self._torque_limit.remember(joints, getattr(state, "time", None))
+            # What stood in for an answer is nothing that the next one should be held to.
+            self._torque_limit.reset()
             return Command(status=status, torque=joints)
         return Command(status=status, velocity=joints)
 

@@ -24,12 +24,11 @@ class FullProblem:
     Variables are x = [dv; F], torques follow from the actuated rows (7):
 
         level 1   M_u dv - J_c,u^T F = -h_u                    base dynamics (6)
-                  tau_min - h_l <= M_l dv - J_c,l^T F <= tau_max - h_l
+                  tau_min - h_l <= M_l dv - J_c,l^T F <= tau_max - h_l, by the tick's bounds
         level 2   J_c dv = reference - drift                   stationary contacts (2)
                   C F <= 0                                     contact wrench cones (3)
                   bounds on joint accelerations and normal forces
         level     J dv <= bound                                the balance limit, where there is one
-        level     |tau - tau_last| <= rate tau_max dt          where the torque limit has a rate
         levels    J dv = reference - drift                     the user's tasks (4)
         cost      dv^T M dv / 2, the acceleration energy (27)
 
@@ -44,16 +43,11 @@ class FullProblem:
     Attributes:
         rows: the rows of the stack.
         problem: the hierarchical problem, filled by `fill`.
-        step_scale: what the rows of the change of torque are multiplied by: one over the limits.
     """
 
     def __init__(self, robot: Robot, stack: Stack, contacts: Sequence[Contact]) -> None:
         cones = sum(len(c.cone) for c in contacts)
-        # The change of torque stands behind the balance limit: only tasks are below it.
-        self._steps = 0 if stack.torque_limit.rate is None else robot.nj
-        self.rows = rows = StackRows(
-            robot, stack, contacts, own_rows=cones, balance="before", more_rows=self._steps
-        )
+        self.rows = rows = StackRows(robot, stack, contacts, own_rows=cones, balance="before")
         self._stack, self._nv, self._base = stack, robot.nv, robot.base_dofs
         self.problem = problem = self._allocate(robot, rows)
         nv, n = robot.nv, problem.n
@@ -71,7 +65,6 @@ class FullProblem:
         touch = problem.level(1)
         touch.A[rows.own_rows, nv:] = rows.cone
         touch.lower[rows.own_rows], touch.upper[rows.own_rows] = -np.inf, 0.0
-        self._place_steps(robot)
         # What is compiled is compiled now, not in the first tick.
         self._fill_dynamics(np.zeros((nv, nv)), np.zeros(nv))
         answer(np.zeros(n), problem.A, np.zeros(nv), np.zeros(n), np.zeros(robot.nj))
@@ -93,31 +86,21 @@ class FullProblem:
             M,
             h,
             self.sizes,
-            (torque.lower, torque.upper),
-            (torque.step_lower, torque.step_upper, self.step_scale),
+            (torque.tick_lower, torque.tick_upper),
             (joint.lower, joint.upper),
             (problem.A, problem.lower, problem.upper, problem.H),
         )
 
-    def _place_steps(self, robot: Robot) -> None:
-        """Where the rows of the change of torque are, which are in units of each limit."""
-        self._first_step = robot.nv + self.rows.more_rows.start if self._steps else -1
-        self.step_scale: Float64[np.ndarray, " nj"] = 1.0 / robot.tau_max
-
     @property
-    def sizes(self) -> tuple[int, int, int]:
-        """Coordinates of the base, length of all wrenches, first row of the change of torque.
-
-        The last is negative where there are no such rows.
-        """
-        return self._base, self.rows.contact_rows.stop, self._first_step
+    def sizes(self) -> tuple[int, int]:
+        """Coordinates of the base, and length of all wrenches."""
+        return self._base, self.rows.contact_rows.stop
 
     def levels_with_numbers(
         self, residuals: Float64[np.ndarray, "*k levels"]
     ) -> Float64[np.ndarray, "*k numbered"]:
         """Residuals without those of the levels between physics and tasks, which have no number."""
-        between = (self.rows.balance is not None) + (self._steps > 0)
-        return np.delete(residuals, slice(2, 2 + between), axis=-1)
+        return np.delete(residuals, slice(2, 2 + (self.rows.balance is not None)), axis=-1)
 
     def answer(
         self, x: Float64[np.ndarray, " n"], dynamics: Dynamics
@@ -147,23 +130,19 @@ class FullProblem:
         """Norm of what each task could not meet, by its name, from a solution's slacks."""
         return self.rows.task_residuals(slacks[self.problem.n + self._nv :])
 
-    def _allocate(self, robot: Robot, rows: StackRows) -> HierarchicalProblem:
+    @staticmethod
+    def _allocate(robot: Robot, rows: StackRows) -> HierarchicalProblem:
         wrench_dim, cones = rows.contact_rows.stop, len(rows.cone)
         limits = [(f"torque limit of {j}", 1) for j in robot.joint_names]
-        between: list[tuple[str, int, list[tuple[str, int]]]] = []
-        if rows.balance is not None:
-            between.append((rows.balance.name, rows.balance.dim, rows.balance.labels))
-        if self._steps:
-            steps = [(f"torque step of {j}", 1) for j in robot.joint_names]
-            between.append(("torque steps", self._steps, steps))
+        balance = [] if rows.balance is None else [rows.balance]
         return HierarchicalProblem.allocate(
             robot.nv + wrench_dim,
-            [robot.nv, wrench_dim + cones, *(count for _, count, _ in between), *rows.level_sizes],
-            names=["dynamics", "contacts", *(name for name, _, _ in between), *rows.level_names],
+            [robot.nv, wrench_dim + cones, *(b.dim for b in balance), *rows.level_sizes],
+            names=["dynamics", "contacts", *(b.name for b in balance), *rows.level_names],
             labels=[
                 [("base dynamics", robot.base_dofs), *limits],
                 rows.motion_labels + rows.cone_labels,
-                *(names for _, _, names in between),
+                *(b.labels for b in balance),
                 *rows.task_labels,
             ],
             bounds_level=1,
@@ -174,11 +153,8 @@ class FullProblem:
 def fill(
     M: Float64[np.ndarray, "nv nv"],
     h: Float64[np.ndarray, " nv"],
-    sizes: tuple[int, int, int],
+    sizes: tuple[int, int],
     torques: tuple[Float64[np.ndarray, " nj"], Float64[np.ndarray, " nj"]],
-    steps: tuple[
-        Float64[np.ndarray, " nj"], Float64[np.ndarray, " nj"], Float64[np.ndarray, " nj"]
-    ],
     joints: tuple[Float64[np.ndarray, " nj"], Float64[np.ndarray, " nj"]],
     problem: tuple[
         Float64[np.ndarray, "m n"],
@@ -188,7 +164,7 @@ def fill(
     ],
 ) -> None:
     """Writes all but the rows of the stack, which stand there already."""
-    (base, wrench_dim, first_step), (A, lower, upper, H) = sizes, problem
+    (base, wrench_dim), (A, lower, upper, H) = sizes, problem
     nv, n = len(h), len(H)
     for i in range(nv):
         for k in range(nv):
@@ -203,12 +179,6 @@ def fill(
         upper[n + base + i] = torques[1][i] - h[base + i]
         lower[base + i] = joints[0][i]
         upper[base + i] = joints[1][i]
-        if first_step >= 0:
-            row, scale = first_step + i, steps[2][i]
-            for k in range(n):
-                A[row, k] = scale * A[base + i, k]
-            lower[n + row] = scale * (steps[0][i] - h[base + i])
-            upper[n + row] = scale * (steps[1][i] - h[base + i])
 
 
 @compiled

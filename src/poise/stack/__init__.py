@@ -10,7 +10,7 @@ from poise.stack._frame import FrameTask
 from poise.stack._joints import JointTask, PostureTask
 from poise.stack._kernels import evaluate as evaluate
 from poise.stack._leader import Leader
-from poise.stack._limits import JointLimit, TorqueLimit
+from poise.stack._limits import SMOOTH_RATE as SMOOTH_RATE, JointLimit, TorqueLimit
 from poise.stack._polygon import find_hull as find_hull
 from poise.stack._relative_frame import RelativeFrameTask
 from poise.stack._rows import (

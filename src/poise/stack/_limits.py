@@ -4,8 +4,7 @@
 """
 
 from collections.abc import Mapping
-from math import isfinite, isnan, sqrt
-from numbers import Real
+from math import isnan, sqrt
 
 import numpy as np
 from jaxtyping import Float64
@@ -19,27 +18,28 @@ from poise.robots import Robot
 _SHORTEST, _LONGEST = 1e-3, 0.02
 """Between which the time from one command to the next is taken to be, whatever clocks say [s]."""
 
+SMOOTH_RATE = 250.0
+"""Rate of the stacks that Poise makes [1/s]: half the limit in a tick of 2 ms."""
+
 
 class TorqueLimit:
     """|tau| <= scale tau_max, joint by joint; and no torque changes faster than it may.
 
-    The bounds stand beside the equations of motion, above everything. The bound of the change,
+    Both bounds stand beside the equations of motion, above everything:
 
-        |tau - tau_last| <= rate tau_max dt
+        max(-scale tau_max, tau_last - rate tau_max dt) <= tau
+                                  tau <= min(scale tau_max, tau_last + rate tau_max dt)
 
-    stands below contacts, joint limits and the balance limit, and above all tasks: where those
-    need more, it is missed by as little as can be, measured by each joint's limit. So no task jerks
-    the robot, and none falls by a bound that its motors do not have. tau_last is what the
-    controller commanded last; a controller's first command is free, and so are many states at once.
+    So no torque jumps, whatever contacts, limits and tasks would give for it: what they need more
+    they get some ticks later. tau_last is what the controller commanded last. A controller's first
+    command is free, and so are the first after a tick without an answer, and many states at once.
 
     What it is made of is for reading: another limit makes another controller.
 
     Args:
         scale: fraction of the robot's torque limits that may be used.
-        rate: how fast a torque may change, by its limit [1/s]; None for as fast as it likes. At 50,
-            a tenth of the limit in a tick of 2 ms, walks and gentle pushes are hardly touched, but
-            a G1 that has caught itself by a step sways by 0.06 m/s for seconds: no stack has a
-            rate unless it is given one.
+        rate: how fast a torque may change, by its limit [1/s], as `SMOOTH_RATE`; None for as fast
+            as it likes.
 
     Attributes:
         name: what reports call it.
@@ -70,16 +70,6 @@ class TorqueLimit:
         return self._rate
 
     @property
-    def step_lower(self) -> Float64[np.ndarray, " nj"]:
-        """Lower bounds in the tick that begins by the last command; the array stays [N m]."""
-        return self._step_lower
-
-    @property
-    def step_upper(self) -> Float64[np.ndarray, " nj"]:
-        """Upper ones [N m]."""
-        return self._step_upper
-
-    @property
     def lower(self) -> Float64[np.ndarray, " nj"]:
         """Lower bounds, known once bound to a robot [N m]."""
         return self._lower
@@ -88,6 +78,19 @@ class TorqueLimit:
     def upper(self) -> Float64[np.ndarray, " nj"]:
         """Upper bounds, known once bound to a robot [N m]."""
         return self._upper
+
+    @property
+    def tick_lower(self) -> Float64[np.ndarray, " nj"]:
+        """Lower bounds in the tick that begins, those by the last command among them [N m].
+
+        The array stays.
+        """
+        return self._tick_lower
+
+    @property
+    def tick_upper(self) -> Float64[np.ndarray, " nj"]:
+        """Upper ones [N m]."""
+        return self._tick_upper
 
     def bind(self, robot: Robot) -> None:
         """Takes the limits of a robot; controllers call it before the first tick.
@@ -104,13 +107,12 @@ class TorqueLimit:
         self._robot = robot
         self._upper: Float64[np.ndarray, " nj"] = self._scale * robot.tau_max
         self._lower: Float64[np.ndarray, " nj"] = -self._upper
-        self._step_lower = np.full(robot.nj, -np.inf)
-        self._step_upper = np.full(robot.nj, np.inf)
+        self._tick_lower, self._tick_upper = self._lower.copy(), self._upper.copy()
         self._last, self._time = np.zeros(robot.nj), np.nan
         self._per_second = np.inf if self._rate is None else self._rate * robot.tau_max
 
     def begin(self, time: float) -> None:
-        """Sets the bounds of the change for a tick; controllers call it.
+        """Sets the bounds for a tick; controllers call it.
 
         Args:
             time: of the state [s].
@@ -118,30 +120,25 @@ class TorqueLimit:
         if self._rate is None or isnan(self._time):
             return
         # Clocks that add up their ticks differ in the last digits, and answers should not.
-        # A time that is not a number counts as the shortest.
         step = min(max(_SHORTEST, round(time - self._time, 9)), _LONGEST) * self._per_second
-        np.subtract(self._last, step, out=self._step_lower)
-        np.add(self._last, step, out=self._step_upper)
+        np.maximum(self._lower, self._last - step, out=self._tick_lower)
+        np.minimum(self._upper, self._last + step, out=self._tick_upper)
 
-    def remember(self, torque: Float64[np.ndarray, " nj"], time: object) -> None:
+    def remember(self, torque: Float64[np.ndarray, " nj"], time: float) -> None:
         """Copies a command, from which the next may be so far; controllers call it.
 
         Args:
             torque: as commanded [N m].
-            time: for which [s]; what is no finite number counts as the time before.
+            time: for which [s].
         """
         if self._rate is None:
             return
-        self._last[:] = torque
-        if isinstance(time, Real) and isfinite(time):
-            self._time = float(time)
-        elif isnan(self._time):
-            self._time = 0.0
+        self._last[:], self._time = torque, time
 
     def reset(self) -> None:
         """Forgets the last command: the next one is free."""
         self._time = np.nan
-        self._step_lower[:], self._step_upper[:] = -np.inf, np.inf
+        self._tick_lower[:], self._tick_upper[:] = self._lower, self._upper
 
 
 _STOP_FRACTION = 0.1

@@ -49,7 +49,6 @@ class StackRows:
         own_rows: how many rows of the strategy's own stand between contacts and tasks.
         balance: where the rows of the balance limit go: before all tasks, or behind them, out of
             the way of a strategy that knows equalities alone; None for nowhere.
-        more_rows: how many rows of the strategy's own stand just before all tasks.
 
     Attributes:
         contacts: the contacts that have rows.
@@ -65,7 +64,6 @@ class StackRows:
         own_rows: the strategy's own rows.
         balance: the rows of the balance limit; None where there are none.
         balance_rows: where they stand.
-        more_rows: the strategy's own rows just before all tasks.
         task_rows: each task that acts, with its rows.
         wrench_slices: where each contact's wrench stands among all wrenches, and its rows among
             the contacts' rows.
@@ -85,7 +83,6 @@ class StackRows:
         stance: Contact | None = None,
         own_rows: int = 0,
         balance: Literal["before", "behind"] | None = None,
-        more_rows: int = 0,
     ) -> None:
         self.contacts, self._stance, self._stack = tuple(contacts), stance, stack
         holding = self.contacts if stance is None else (*self.contacts, stance)
@@ -101,15 +98,12 @@ class StackRows:
         limits = 0 if self.balance is None else self.balance.dim
         if balance == "before":
             first += limits
-        begin = first - limits
-        self.more_rows = slice(first, first + more_rows)
-        first += more_rows
         tasks = [task for level in self.levels for task in level]
         self.task_rows = list(zip(tasks, _spans([t.dim for t in tasks], first), strict=True))
         sizes = [sum(t.dim for t in level) for level in self.levels]
         self.ends: Int64[np.ndarray, " ends"] = np.array([*accumulate(sizes, initial=first)])
         last = int(self.ends[-1])
-        begin = last if balance == "behind" else begin
+        begin = last if balance == "behind" else first - limits
         self.balance_rows = slice(begin, begin + limits)
         count = max(last, begin + limits)
         self.cone: Float64[np.ndarray, "cone w"] = stacked_cones(contacts)

@@ -15,7 +15,7 @@ from poise.stack._contact import Contact
 from poise.stack._contacts import SurfaceContact
 from poise.stack._frame import FrameTask
 from poise.stack._joints import PostureTask
-from poise.stack._limits import JointLimit, TorqueLimit
+from poise.stack._limits import SMOOTH_RATE, JointLimit, TorqueLimit
 from poise.stack._task import Task
 
 
@@ -166,7 +166,8 @@ def default_stack(robot: Robot) -> Stack:
 
     Returns:
         A new stack: both soles in contact; COM and pelvis orientation; hand poses and, where the
-        waist has three joints, torso orientation; posture.
+        waist has three joints, torso orientation; posture. No torque jumps by more than
+        `SMOOTH_RATE` allows.
     """
     balance: list[Task] = []
     if robot.floating_base:
@@ -178,6 +179,7 @@ def default_stack(robot: Robot) -> Stack:
     return Stack(
         contacts=[SurfaceContact(sole) for sole in robot.soles],
         levels=[*levels, [PostureTask()]],
+        torque_limit=TorqueLimit(rate=SMOOTH_RATE),
     )
 
 

@@ -80,6 +80,17 @@ def test_standing_it_steps_when_it_is_pushed_and_comes_back_to_rest(led):
     assert np.linalg.norm(run.plant.true_state().v[:3]) < 0.05
 
 
+def test_who_has_caught_itself_stands_still(led):
+    """Arms that were thrown about come to rest; at their limits their torques would chatter."""
+    run = led("g1")
+    run.until(0.8)
+    force = run.robot.mass * 0.35 / 0.08
+    run.plant.push(run.robot.torso, (force, 0.0, 0.0), 0.08)
+    run.until(6.5)
+    assert run.walker.steps_made >= 1
+    assert np.abs(run.plant.true_state().v).max() < 0.05
+
+
 def test_footholds_one_by_one_are_met_and_kept(led):
     run = led("humanoid33")
     y = run.walker._stance.feet[0].position[1]

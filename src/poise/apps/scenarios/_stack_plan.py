@@ -21,6 +21,7 @@ from poise._schema import (
     mapping_schema,
 )
 from poise.stack import (
+    SMOOTH_RATE,
     BalanceLimit,
     ComTask,
     FrameTask,
@@ -148,7 +149,9 @@ class StackPlan:
 
     contacts: tuple[Annotated[Recipe, _OneOf(_CONTACTS)], ...] = ()
     levels: tuple[tuple[Annotated[Recipe, _OneOf(_TASKS)], ...], ...] = ()
-    torque_limit: Annotated[Recipe, _ArgumentsOf(TorqueLimit)] = Recipe(TorqueLimit)
+    torque_limit: Annotated[Recipe, _ArgumentsOf(TorqueLimit)] = Recipe(
+        TorqueLimit, {"rate": SMOOTH_RATE}
+    )
     joint_limit: Annotated[Recipe, _ArgumentsOf(JointLimit)] = Recipe(JointLimit)
     balance_limit: Annotated[Recipe, _ArgumentsOf(BalanceLimit)] = Recipe(BalanceLimit)
 

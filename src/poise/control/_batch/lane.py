@@ -54,7 +54,6 @@ class Lane:
             self._dynamics.h,
             full.sizes,
             (self._bounds[0], self._bounds[1]),
-            (np.full(robot.nj, -np.inf), np.full(robot.nj, np.inf), full.step_scale),
             (self._bounds[2], self._bounds[3]),
             (problem.A, problem.lower, problem.upper, problem.H),
             searched.address,

@@ -54,8 +54,6 @@ class Program(NamedTuple):
         h: nonlinear effects.
         sizes: of the problem, as `FullProblem` says them.
         torques: bounds of the joint torques.
-        steps: bounds of the torques by the last command, infinite: there is none; and the scale of
-            their rows.
         joints: bounds of the joint accelerations.
         problem: A, bounds and final cost.
         problem_at: address of the problem.
@@ -72,9 +70,8 @@ class Program(NamedTuple):
     room: Float64[np.ndarray, " room"]
     M: Float64[np.ndarray, "nv nv"]
     h: Float64[np.ndarray, " nv"]
-    sizes: tuple[int, int, int]
+    sizes: tuple[int, int]
     torques: tuple[Float64[np.ndarray, " nj"], Float64[np.ndarray, " nj"]]
-    steps: tuple[Float64[np.ndarray, " nj"], Float64[np.ndarray, " nj"], Float64[np.ndarray, " nj"]]
     joints: tuple[Float64[np.ndarray, " nj"], Float64[np.ndarray, " nj"]]
     problem: tuple[
         Float64[np.ndarray, "m n"],
@@ -122,7 +119,7 @@ def solve_states(
             continue
         _scatter(packed[i], p.places)
         evaluate(p.q, p.v, p.motion, p.owners, p.rows, False, p.room)
-        fill(p.M, p.h, p.sizes, torques, p.steps, joints, problem)
+        fill(p.M, p.h, p.sizes, torques, joints, problem)
         _begin(work, answers.sides[i])
         found = search(p.problem_at, p.work_at, p.changes)
         answers.found[i] = found

@@ -9,7 +9,6 @@ import numpy as np
 from jaxtyping import Float64
 
 from poise.control._controller import Controller
-from poise.control._excess import excess
 from poise.control._full_problem import FullProblem
 from poise.control._reduced._assignment import AssignedRows
 from poise.control._reduced._constraint_chain import ConstraintChainProblem
@@ -171,8 +170,6 @@ class ReducedProgram:
             if not (found.ok and costs <= _TOLERANCE and energy <= 1.0 + _MORE_ENERGY):
                 return self._solve_whole()
             physics = np.maximum(physics, second.relative_residuals[:PHYSICS_LEVELS])
-        if not self._keeps_torque_steps(joined.torque):
-            return self._solve_whole()
         return Answer(
             status,
             joined.torque,
@@ -209,14 +206,6 @@ class ReducedProgram:
         if self.second is not None and second is not None:
             words.append(second.explain(self.second.problem))
         return "; ".join(words)
-
-    def _keeps_torque_steps(self, torque: Float64[np.ndarray, " nj"]) -> bool:
-        """Whether torques change as slowly as they should: LQP 1 does not know of that bound.
-
-        An answer that keeps it is the whole problem's, for which it then makes no difference.
-        """
-        limit = self._stack.torque_limit
-        return not excess(torque, 0, limit.step_lower, limit.step_upper) > 0.0
 
     def _energy(self, dv: Float64[np.ndarray, " nv"]) -> float:
         """Twice the acceleration energy (27), above zero."""

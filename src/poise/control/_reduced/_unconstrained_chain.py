@@ -90,8 +90,8 @@ class UnconstrainedChainProblem:
         physics.A[nz:] = problem.H[:] = reduced.M_uu
         carried = dv_a.dot(reduced.M_au)
         carried += reduced.h_u
-        np.subtract(torque.lower[joints], carried, out=physics.lower[nz:])
-        np.subtract(torque.upper[joints], carried, out=physics.upper[nz:])
+        np.subtract(torque.tick_lower[joints], carried, out=physics.lower[nz:])
+        np.subtract(torque.tick_upper[joints], carried, out=physics.upper[nz:])
         problem.x_lower[:] = joint.lower[joints]
         problem.x_upper[:] = joint.upper[joints]
         part.a.scatter(dv_a, self._known)

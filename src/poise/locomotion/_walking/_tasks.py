@@ -19,6 +19,7 @@ from poise.locomotion._walking._sense import WalkSense
 from poise.locomotion._walking._swing import SwingFoot
 from poise.robots import GRAVITY, Robot
 from poise.stack import (
+    SMOOTH_RATE,
     ComTask,
     Contact,
     FrameTask,
@@ -26,6 +27,7 @@ from poise.stack import (
     Stack,
     SurfaceContact,
     Task,
+    TorqueLimit,
 )
 
 
@@ -298,4 +300,8 @@ def walking_stack(robot: Robot) -> Stack:
     levels = [[*balance, *feet], upper, last]
     if any(robot.soles[sole].leans for sole in soles):
         levels = [[*balance, *feet, *upper], last]
-    return Stack(contacts=[SurfaceContact(sole) for sole in soles], levels=levels)
+    return Stack(
+        contacts=[SurfaceContact(sole) for sole in soles],
+        levels=levels,
+        torque_limit=TorqueLimit(rate=SMOOTH_RATE),
+    )
