@@ -1,7 +1,10 @@
 """Robots for all tests, loaded once a session."""
 
+import gc
 import math
+from contextlib import nullcontext
 from functools import cache
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -33,6 +36,19 @@ def _quiet():
     """A busy machine takes long enough for lines of progress, which have tests of their own."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(_progress, "LINE_EVERY", math.inf)
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _little_garbage():
+    """No search for garbage goes through the tests themselves, which takes half a second.
+
+    Each rollout would begin with one: `tests/sim/test_rollout.py` sees to that.
+    """
+    gc.freeze()
+    with pytest.MonkeyPatch.context() as patch:
+        if find_spec("mujoco") is not None:
+            patch.setattr("poise.sim._rollout.garbage_frozen", nullcontext)
         yield
 
 
