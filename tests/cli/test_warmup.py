@@ -122,6 +122,7 @@ def forget(cache, code):
         file.unlink()
 
 
+@pytest.mark.slow
 def test_it_says_what_it_did(warm):
     cache, said, errors = warm
     assert errors == ""
