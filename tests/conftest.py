@@ -1,7 +1,10 @@
 """Robots for all tests, loaded once a session."""
 
+import gc
 import math
+from contextlib import nullcontext
 from functools import cache
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -22,6 +25,20 @@ def _load(name):
     return load_robot(name)
 
 
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config, log):
+    """Each worker has tests that stand together, and so share what a module makes once."""
+    from xdist.scheduler import WorkStealingScheduling
+
+    return WorkStealingScheduling(config, log) if config.getvalue("dist") == "load" else None
+
+
+def pytest_collection_modifyitems(items):
+    """Files with slow tests come first: at the end a worker would wait for another's."""
+    slow = {item.path for item in items if item.get_closest_marker("slow")}
+    items.sort(key=lambda item: item.path not in slow)
+
+
 @pytest.fixture(scope="session", autouse=True)
 def _compiled():
     """Compiled before the first test: no test times it, and none of its processes says so."""
@@ -33,6 +50,19 @@ def _quiet():
     """A busy machine takes long enough for lines of progress, which have tests of their own."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(_progress, "LINE_EVERY", math.inf)
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _little_garbage():
+    """No search for garbage goes through the tests themselves, which takes half a second.
+
+    Each rollout would begin with one: `tests/sim/test_rollout.py` sees to that.
+    """
+    gc.freeze()
+    with pytest.MonkeyPatch.context() as patch:
+        if find_spec("mujoco") is not None:
+            patch.setattr("poise.sim._rollout.garbage_frozen", nullcontext)
         yield
 
 

@@ -9,7 +9,7 @@ from small_biped import torque
 
 from poise.dynamics import RobotState
 from poise.errors import ConfigurationError
-from poise.sim import Plant, PlantConfig, Recorder, SensorConfig, rollout
+from poise.sim import Plant, PlantConfig, Recorder, SensorConfig, _rollout, rollout
 from poise.sim._rollout import garbage_frozen
 from poise.stack import Stack
 
@@ -206,9 +206,12 @@ def collection_ms():
 
 
 @pytest.fixture(autouse=True)
-def thawed():
-    """A test elsewhere may have left a loop open, in the traceback of an error that it expected."""
+def thawed(monkeypatch):
+    """Garbage here is as it is for users, who froze none; elsewhere tests keep it frozen."""
+    monkeypatch.setattr(_rollout, "garbage_frozen", garbage_frozen)
     gc.unfreeze()
+    yield
+    gc.freeze()
 
 
 @pytest.fixture

@@ -8,6 +8,7 @@ pytest.importorskip("mujoco")
 from studies.bad_operator.falls_section import Trial, run_trial, run_trials
 
 
+@pytest.mark.slow
 def test_outcomes_do_not_depend_on_the_processes():
     trials = [Trial(seed=200_000 + i, seconds=3.0) for i in range(3)]
     seen = []

@@ -130,6 +130,7 @@ def study(tmp_path_factory):
     return folder, {row["name"]: row for row in rows}, len(rows)
 
 
+@pytest.mark.slow
 def test_every_part_has_a_result_and_findings_have_names_of_their_own(study):
     _, found, count = study
     assert not [name for name in found if name.startswith("part ")]

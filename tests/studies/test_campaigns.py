@@ -19,6 +19,7 @@ tuning = import_module("studies.campaigns.tuning_section")
 QUICK = StudyOptions(quick=True)
 
 
+@pytest.mark.slow
 def test_an_interrupted_campaign_has_the_results_of_one_in_peace(monkeypatch):
     monkeypatch.setattr(interruption, "_QUICK_EPISODES", 8)
     seen = []

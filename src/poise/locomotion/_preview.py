@@ -2,7 +2,6 @@
 
 import numpy as np
 from jaxtyping import Float64
-from scipy.linalg import solve_discrete_are
 
 from poise._checks import checked_number
 from poise.errors import ConfigurationError
@@ -61,6 +60,9 @@ class PreviewControl:
         )
         self.b: Float64[np.ndarray, "3"] = np.array([dt**3 / 6.0, 0.5 * dt * dt, dt])
         self.c: Float64[np.ndarray, "3"] = np.array([1.0, 0.0, -1.0 / self.omega**2])
+        # SciPy takes long to import, and who only imports the package may need no preview.
+        from scipy.linalg import solve_discrete_are
+
         P = solve_discrete_are(
             self.A, self.b[:, None], Q * np.outer(self.c, self.c), np.array([[R]])
         )

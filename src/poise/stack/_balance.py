@@ -283,16 +283,16 @@ class _Leg:
             longest: by the length of the straight leg.
         """
         robot, lengths = self._robot, list[float]()
+        data = robot.model.createData()
         for j in self._joints:
             k, q = robot.model.joints[j].idx_q, robot.q_home.copy()
             i = k - (robot.nq - robot.nj)
             for q[k] in np.linspace(robot.q_min[i], robot.q_max[i], _SCAN):
-                lengths.append(self._length(q))
-        home, straight = self._length(robot.q_home), max(lengths)
+                lengths.append(self._length(q, data))
+        home, straight = self._length(robot.q_home, data), max(lengths)
         return min(shortest * straight, home), max(longest * straight, home)
 
-    def _length(self, q: Float64[np.ndarray, " nq"]) -> float:
-        data = self._robot.model.createData()
+    def _length(self, q: Float64[np.ndarray, " nq"], data: pin.Data) -> float:
         pin.forwardKinematics(self._robot.model, data, q)
         hip, ankle = (data.oMi[j].translation for j in (self._joints[0], self._joints[-1]))
         return float(np.linalg.norm(hip - ankle))

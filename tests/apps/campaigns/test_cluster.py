@@ -47,6 +47,7 @@ def test_a_worker_that_is_killed_loses_its_own_episode_alone(workers, tmp_path):
     assert Counter(number for number, _ in ran) == {str(n): 1 for n in range(12)}
 
 
+@pytest.mark.slow
 def test_one_that_ends_every_worker_is_a_result(workers):
     found = {job.number: row for job, row in workers.each(episodes.ending_third, episodes.jobs(5))}
     assert sorted(found) == [0, 1, 2, 3, 4]

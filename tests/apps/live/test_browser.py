@@ -332,6 +332,7 @@ def test_who_has_read_the_page_alone_makes_a_step_within_a_minute(browser, sessi
     assert not session.loop.snapshot.fallen
 
 
+@pytest.mark.slow
 def test_a_tab_that_sleeps_in_mid_step_lands_and_leads_only_after_letting_go(browser, session):
     with Page(browser, session.front.drive_url) as page:
         page.wait("newest.device !== 'LOST'", "the device")

@@ -1,12 +1,12 @@
 """Runs of `poise run` in processes of their own, each made once a session."""
 
 import json
-import subprocess
 import sys
 from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+from unchecked import run_poise
 
 pytest.importorskip("mujoco")
 sys.path.insert(0, str(Path(__file__).parent))
@@ -26,9 +26,8 @@ class Outcome:
 
 def poise_run(folder, *arguments):
     """Run `poise run ARGUMENTS --out FOLDER` as a user does."""
-    command = [sys.executable, "-m", "poise.cli.main", "run", *arguments, "--out", str(folder)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=200, check=False)
-    return Outcome(done.returncode, done.stdout, done.stderr, folder)
+    done = run_poise("run", *arguments, "--out", str(folder))
+    return Outcome(done.status, done.out, done.err, folder)
 
 
 @pytest.fixture(scope="session")

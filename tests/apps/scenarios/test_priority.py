@@ -44,6 +44,7 @@ def reach_log(folder, **changes):
     return read_log(run.folder / "log.mcap")
 
 
+@pytest.mark.slow
 def test_unreachable_hands_cost_the_balance_nothing(tmp_path):
     plan = yaml.safe_load((SHIPPED / "reach.yaml").read_text())
     begun = [m for m in plan["motions"] if m["at"] < UNREACHABLE[1]]

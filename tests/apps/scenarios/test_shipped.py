@@ -37,6 +37,7 @@ BIPEDS = [
 """Scenarios of a robot on two feet that is commanded torques; walks are long, and come below."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", ["humanoid33", "g1"])
 @pytest.mark.parametrize("scenario", BIPEDS)
 def test_a_shipped_scenario_holds(shipped_run, scenario, robot):

@@ -1,5 +1,7 @@
 """A robot that stands without a simulator: states, loads and footings that the tests make up."""
 
+from functools import cache
+
 import numpy as np
 
 from poise.dynamics import RobotState
@@ -11,6 +13,7 @@ from poise.locomotion._stepping._footing import Footing
 PARAMETERS = TeleopParameters(r_lift=0.077)
 
 
+@cache
 def biped(robot):
     return biped_of(robot, PARAMETERS)
 

@@ -4,7 +4,7 @@ from dataclasses import FrozenInstanceError, replace
 
 import numpy as np
 import pytest
-from standing import biped, footing
+from standing import PARAMETERS, footing
 from walker import sample
 
 from poise.apps.teleoperation import TELEOP_PLANT, plant_from_json, run_teleop
@@ -12,7 +12,7 @@ from poise.apps.teleoperation._run import plant_to_json
 from poise.errors import ConfigurationError, RobotError, UnknownNameError
 from poise.locomotion import ScriptedDevice, StepTeleoperator, TeleopParameters, WayPoint
 from poise.locomotion._pendulum import ComShifter
-from poise.locomotion._stepping._biped import leg_geometry
+from poise.locomotion._stepping._biped import biped_of, leg_geometry
 from poise.locomotion._stepping._com import ShifterDriver
 from poise.locomotion._stepping._parameters import scaled_parameters
 from poise.robots import Sole, standing_posture
@@ -163,7 +163,7 @@ def test_what_holds_arrays_is_compared_as_the_thing_it_is(get_robot):
     makes = (
         lambda: sample(0.0),
         lambda: leg_geometry(robot, next(iter(robot.soles)), 0.1),
-        lambda: biped(robot),
+        lambda: biped_of(robot, PARAMETERS),
         lambda: footing(robot),
     )
     for make in makes:

@@ -40,9 +40,9 @@ def pitch(grounds, foot):
 def test_a_sole_that_lies_flat_says_how_its_ground_is_tilted(get_robot):
     robot = get_robot("biped20")
     grounds, ours = SoleGrounds(PARAMETERS), pressed(robot, (0.01, 0.0), (0.0, -0.01))
-    for _ in range(TICKS):
-        grounds.update(tilted(robot, TILT, ours))
     stands = tilted(robot, TILT, ours)
+    for _ in range(TICKS):
+        grounds.update(stands)
     for foot in (0, 1):
         assert pitch(grounds, foot) == pytest.approx(TILT, abs=1e-6)
         assert not grounds.seeking(stands, foot).any()
@@ -54,14 +54,15 @@ def test_a_sole_that_lies_flat_says_how_its_ground_is_tilted(get_robot):
 def test_a_sole_on_its_edge_is_tilted_only_towards_that_edge(get_robot, toe, known):
     robot = get_robot("biped20")
     grounds, flat = SoleGrounds(PARAMETERS), pressed(robot, (0.0, 0.0), (0.0, 0.0))
+    upright = tilted(robot, 0.0, flat)
     for _ in range(TICKS):
-        grounds.update(tilted(robot, 0.0, flat))
-    edge = pressed(robot, (toe, 0.0), (toe, 0.0))
+        grounds.update(upright)
+    edge = tilted(robot, TILT, pressed(robot, (toe, 0.0), (toe, 0.0)))
     for _ in range(TICKS):
-        grounds.update(tilted(robot, TILT, edge))
+        grounds.update(edge)
     # On its toes the sole has left its ground; on its heel the ground has to be so.
     assert pitch(grounds, 0) == pytest.approx(known, abs=1e-6)
-    back = grounds.righting(tilted(robot, TILT, edge), 0, 8.0)[1]
+    back = grounds.righting(edge, 0, 8.0)[1]
     assert back == pytest.approx(8.0 * (known - TILT), abs=1e-5)
 
 
@@ -84,9 +85,9 @@ def test_the_ground_of_a_foot_in_the_air_is_the_stances_and_is_forgotten(get_rob
     robot = get_robot("biped20")
     grounds, both = SoleGrounds(PARAMETERS), pressed(robot, (0.0, 0.0), (0.0, 0.0))
     grounds.update(tilted(robot, 0.0, both))
-    alone = pressed(robot, (0.0, 0.0), None, (640.0, 0.0))
+    alone = tilted(robot, TILT, pressed(robot, (0.0, 0.0), None, (640.0, 0.0)), Mode.SL)
     for _ in range(TICKS):
-        grounds.update(tilted(robot, TILT, alone, Mode.SL))
+        grounds.update(alone)
     np.testing.assert_array_equal(grounds.rotation(1), grounds.rotation(0))
     assert pitch(grounds, 1) == pytest.approx(TILT, abs=1e-6)
     landed = pressed(robot, (0.0, 0.0), (0.149, 0.0))

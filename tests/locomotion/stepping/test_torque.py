@@ -108,6 +108,7 @@ def test_g1_steps_on_a_floor_that_slopes_and_with_an_attitude_that_is_off(get_ro
     assert run.log.tilt[-1] < 0.05
 
 
+@pytest.mark.slow
 def test_a_bad_operator_does_not_throw_g1_and_a_recording_is_the_same_again(get_robot, tmp_path):
     path = tmp_path / "take"
     run = run_teleop(

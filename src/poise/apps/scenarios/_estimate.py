@@ -2,7 +2,6 @@
 
 import numpy as np
 from jaxtyping import Float64
-from scipy.spatial.transform import Rotation
 
 from poise.apps.report import BaseErrors
 from poise.sim import RunRecord
@@ -22,7 +21,11 @@ class BaseKnowledge:
         if self._estimated:
             self._map, self._world = record["base_estimate"], record["base_truth"]
             self._speeds = record["velocity_estimate"], record["velocity_truth"]
-            self._world_R_map = _rotations(self._world) * _rotations(self._map).inv()
+            # SciPy takes long to import, and who only imports the package may not run anything.
+            from scipy.spatial.transform import Rotation
+
+            world, known = (Rotation.from_quat(p[:, 3:]) for p in (self._world, self._map))
+            self._world_R_map = world * known.inv()
 
     @property
     def errors(self) -> BaseErrors | None:
@@ -55,7 +58,3 @@ class BaseKnowledge:
         known[:, : points.shape[1]] = points
         turned = self._world_R_map.apply(known - self._map[:, :3]) + self._world[:, :3]
         return turned[:, : points.shape[1]]
-
-
-def _rotations(poses: Float64[np.ndarray, "T 7"]) -> Rotation:
-    return Rotation.from_quat(poses[:, 3:])

@@ -89,10 +89,12 @@ def leg_geometry(robot: Robot, sole: str, knee_min: float) -> LegGeometry:
     """
     joints = leg_joints(robot, sole)
     lower, upper = robot.q_min[joints].copy(), robot.q_max[joints].copy()
-    knee_range = _knee_range(robot, sole, knee_min)
+    dynamics = Dynamics(robot)
+    knee_range = _knee_range(dynamics, sole, knee_min)
+    relief = _hip_relief(dynamics, sole)
     lower[KNEE], upper[KNEE] = max(lower[KNEE], knee_range[0]), min(upper[KNEE], knee_range[1])
     angles = np.clip(0.0, lower, upper)
-    dynamics, hip, axes = _leg_at(robot, sole, angles)
+    hip, axes = _leg_at(dynamics, sole, angles)
     origins = np.array([dynamics.joint_position(j + 2) for j in joints])
     foot, pelvis = (
         dynamics.frame(robot.frame_id(sole)),
@@ -108,7 +110,7 @@ def leg_geometry(robot: Robot, sole: str, knee_min: float) -> LegGeometry:
         knee_range=knee_range,
         lean_max=_range_about(axes @ foot.rotation, _PITCH, lower, upper)[0],
         roll_max=min(_range_about(axes @ foot.rotation, _ROLL, lower, upper)),
-        relief=_hip_relief(robot, sole),
+        relief=relief,
     )
 
 
@@ -119,7 +121,7 @@ _RELIEF_MAX = 0.2
 """The body leans over the foot that carries by no more [rad]."""
 
 
-def _hip_relief(robot: Robot, sole: str) -> float:
+def _hip_relief(dynamics: Dynamics, sole: str) -> float:
     """How far the body has to lean over a foot to stand on it alone, within its hip's limits [rad].
 
     Upright with the COM over the foot the hip is beside it by its offset y from the middle: the leg
@@ -127,8 +129,9 @@ def _hip_relief(robot: Robot, sole: str) -> float:
     phi takes both back: the turn by phi, the moment by the weight of the body times its height over
     the hip times phi.
     """
+    robot = dynamics.robot
     joints = leg_joints(robot, sole)
-    dynamics, hip, axes = _leg_at(robot, sole, robot.q_home[7 + np.array(joints)])
+    hip, axes = _leg_at(dynamics, sole, robot.q_home[7 + np.array(joints)])
     roll = max(range(_HIP_JOINTS), key=lambda j: abs(float(axes[j, _ROLL])))
     joint = joints[roll]
     pelvis, _ = dynamics.placement(robot.frame_id(robot.pelvis))
@@ -151,28 +154,29 @@ def _hip_relief(robot: Robot, sole: str) -> float:
 
 
 def _leg_at(
-    robot: Robot, sole: str, angles: Float64[np.ndarray, " n"]
-) -> tuple[Dynamics, Float64[np.ndarray, "3"], Float64[np.ndarray, "n 3"]]:
-    """The robot with a leg's joints at some angles [rad], its hip [m], the axes of its joints."""
+    dynamics: Dynamics, sole: str, angles: Float64[np.ndarray, " n"]
+) -> tuple[Float64[np.ndarray, "3"], Float64[np.ndarray, "n 3"]]:
+    """Takes a leg's joints to some angles [rad]; its hip [m], and the axes of its joints."""
+    robot = dynamics.robot
     joints = np.array(leg_joints(robot, sole))
     q = robot.q_home.copy()
     q[7 + joints] = angles
-    dynamics = Dynamics(robot)
     dynamics.update(RobotState(q, np.zeros(robot.nv)))
     axes = dynamics.frame(robot.frame_id(sole)).jacobian[3:, robot.base_dofs + joints].T
     # Pinocchio counts the world and the floating base before the joints.
     origins = np.array([dynamics.joint_position(int(j) + 2) for j in joints[:_HIP_JOINTS]])
-    return dynamics, _nearest_to_lines(origins, axes[:_HIP_JOINTS]), axes
+    return _nearest_to_lines(origins, axes[:_HIP_JOINTS]), axes
 
 
-def _knee_range(robot: Robot, sole: str, knee_min: float) -> tuple[float, float]:
+def _knee_range(dynamics: Dynamics, sole: str, knee_min: float) -> tuple[float, float]:
     """Angles at which the knee is bent enough, on the side to which it is bent at home [rad].
 
     Where a model counts the angle from is its own affair, and so is the direction.
     """
+    robot = dynamics.robot
     joints = leg_joints(robot, sole)
     home = robot.q_home[7 + np.array(joints)]
-    dynamics, hip, axes = _leg_at(robot, sole, home)
+    hip, axes = _leg_at(dynamics, sole, home)
     axis = axes[KNEE]
     knee, ankle = (dynamics.joint_position(joints[i] + 2) for i in (KNEE, -1))
     thigh, shank = (link - axis * (axis @ link) for link in (knee - hip, ankle - knee))

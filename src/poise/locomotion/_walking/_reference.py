@@ -5,7 +5,6 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float64
-from scipy.interpolate import make_interp_spline
 
 from poise.dynamics import least_jerk
 from poise.locomotion._pendulum import natural_frequency
@@ -115,6 +114,9 @@ def _rise(plan: FootstepPlan, time: Float64[np.ndarray, " T"]) -> Float64[np.nda
 
 def _heading(plan: FootstepPlan, time: Float64[np.ndarray, " T"]) -> Float64[np.ndarray, "T 3 1"]:
     """Mean heading of the feet, smoothly from one stand to the next."""
+    # SciPy's splines take a third of a second to import, and only a walk with a plan needs them.
+    from scipy.interpolate import make_interp_spline
+
     half = 0.5 * plan.gait.double_support
     at = [plan.lift_off(0) - half]
     at += [plan.touchdown(i) + half for i in range(plan.count)]
