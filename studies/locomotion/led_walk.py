@@ -12,7 +12,7 @@ from poise.estimation import EstimatorConfig, StateEstimator, StatePredictor
 from poise.locomotion import ReactiveWalker, walking_stack
 from poise.robots import Robot, load_robot
 from poise.sim import Plant, PlantConfig, SensorConfig, rollout
-from poise.stack import SMOOTH_RATE, Stack, SurfaceContact, TorqueLimit
+from poise.stack import Stack, SurfaceContact, TorqueLimit
 from studies.locomotion.courses import Course, Velocity, make_course
 from studies.locomotion.estimated_walk import PERIOD
 from studies.locomotion.torque_steps import TorqueSteps
@@ -39,7 +39,7 @@ class LedTrial:
         push: change of the robot's velocity [m/s]; 0 for none.
         direction: of the push, from ahead to the left [rad].
         at: when the push begins [s].
-        rate: of the torque limit [1/s].
+        bounded: whether the change of torques is, as it is in the stack that walks.
     """
 
     robot: str
@@ -50,7 +50,7 @@ class LedTrial:
     push: float = 0.0
     direction: float = 0.0
     at: float = 0.0
-    rate: float | None = SMOOTH_RATE
+    bounded: bool = True
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -118,7 +118,7 @@ def run_led(trial: LedTrial) -> LedOutcome:
     q = robot.q_home.copy()
     q[2] += course.height
     plant.reset(q)
-    stack = _stack(robot, course, trial.rate)
+    stack = _stack(robot, course, trial.bounded)
     walker = ReactiveWalker(robot, stack, q=q)
     if trial.push > 0.0:
         force = robot.mass * trial.push / PUSH_TIME
@@ -174,13 +174,14 @@ def _course(trial: LedTrial) -> Course:
     return Course(seconds=trial.seconds, commands=commands)
 
 
-def _stack(robot: Robot, course: Course, rate: float | None) -> Stack:
+def _stack(robot: Robot, course: Course, bounded: bool) -> Stack:
     """The stack that walks, with the friction that it is told of."""
     plain = walking_stack(robot)
+    limit = plain.torque_limit if bounded else TorqueLimit()
     contacts = plain.contacts
     if course.model_friction is not None:
         contacts = [SurfaceContact(sole, friction=course.model_friction) for sole in robot.soles]
-    return Stack(contacts, plain.levels, torque_limit=TorqueLimit(rate=rate))
+    return Stack(contacts, plain.levels, torque_limit=limit)
 
 
 def _mean_velocity(poses: np.ndarray) -> Velocity:

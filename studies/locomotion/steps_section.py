@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 
-from poise.stack import SMOOTH_RATE
 from studies.finding import Finding, Section, Table
 from studies.locomotion.led_section import ROBOTS
 from studies.locomotion.led_walk import LedOutcome, LedTrial, run_led_trials
@@ -30,35 +29,35 @@ def steps_section(options: StudyOptions, progress: Progress) -> Section:
     """The section."""
     seeds, seconds = (1, _QUICK_SECONDS) if options.quick else (_SEEDS, _SECONDS)
     first = options.seed * _SEEDS
-    walks: dict[tuple[str, str, float | None], list[LedTrial]] = {}
-    stands: dict[tuple[str, str, float | None], list[StandTrial]] = {}
+    walks: dict[tuple[str, str, bool], list[LedTrial]] = {}
+    stands: dict[tuple[str, str, bool], list[StandTrial]] = {}
     for robot in ROBOTS:
-        for rate in (None, SMOOTH_RATE):
+        for bounded in (False, True):
             for kind, course in (("walk", ""), ("bumps", "bumps")):
-                walks[robot, kind, rate] = [
+                walks[robot, kind, bounded] = [
                     LedTrial(
                         robot=robot,
                         seed=first + i,
                         seconds=seconds,
                         velocity=_PACE,
                         course=course,
-                        rate=rate,
+                        bounded=bounded,
                     )
                     for i in range(seeds)
                 ]
-            stands[robot, "stand", rate] = [
-                StandTrial(robot=robot, rate=rate, seed=first + i, seconds=seconds)
+            stands[robot, "stand", bounded] = [
+                StandTrial(robot=robot, bounded=bounded, seed=first + i, seconds=seconds)
                 for i in range(seeds)
             ]
     walked = run_led_trials([t for group in walks.values() for t in group], progress)
     stood = run_stand_trials([t for group in stands.values() for t in group], progress)
-    groups: dict[tuple[str, str, float | None], list[_Outcome]] = {}
+    groups: dict[tuple[str, str, bool], list[_Outcome]] = {}
     groups |= {key: [walked[t] for t in group] for key, group in walks.items()}
     groups |= {key: [stood[t] for t in group] for key, group in stands.items()}
     findings = [
         finding
-        for (robot, kind, rate), found in groups.items()
-        if rate is not None
+        for (robot, kind, bounded), found in groups.items()
+        if bounded
         for finding in _findings(robot, kind, found)
     ]
     return Section(
@@ -110,22 +109,22 @@ def _findings(robot: str, kind: str, outcomes: Sequence[_Outcome]) -> list[Findi
     return found
 
 
-def _table(groups: dict[tuple[str, str, float | None], list[_Outcome]]) -> Table:
+def _table(groups: dict[tuple[str, str, bool], list[_Outcome]]) -> Table:
     rows = [
         (
             robot,
             kind,
-            "none" if rate is None else f"{rate:g}",
+            "yes" if bounded else "no",
             f"{sum(o.fell for o in found)} of {len(found)}",
             f"{max(o.torque_step for o in found):.2f}",
             str(sum(o.torque_steps for o in found)),
             f"{max(o.worst_physics for o in found):.1e}",
         )
-        for (robot, kind, rate), found in groups.items()
+        for (robot, kind, bounded), found in groups.items()
     ]
     return Table(
         title="Torque steps",
-        header="robot | run | rate [1/s] | falls | largest step | over half a limit | level 2",
+        header="robot | run | bounded | falls | largest step | over half a limit | level 2",
         rows=tuple(rows),
         caption="With no bound on the change of torques, and with that of the default stacks.",
     )

@@ -58,13 +58,13 @@ class StandTrial:
 
     Attributes:
         robot: its name.
-        rate: of the torque limit [1/s].
+        bounded: whether the change of torques is, as it is in the default stack.
         seed: of the pushes.
         seconds: how long [s].
     """
 
     robot: str
-    rate: float | None
+    bounded: bool = True
     seed: int = 0
     seconds: float = 20.0
 
@@ -93,7 +93,8 @@ def run_pushed_stand(trial: StandTrial) -> StandOutcome:
     robot = load_robot(trial.robot)
     random = np.random.default_rng(trial.seed)
     plain = default_stack(robot)
-    stack = Stack(plain.contacts, plain.levels, torque_limit=TorqueLimit(rate=trial.rate))
+    limit = plain.torque_limit if trial.bounded else TorqueLimit()
+    stack = Stack(plain.contacts, plain.levels, torque_limit=limit)
     plant = Plant(robot, PlantConfig(control_dt=PERIOD))
     for start in np.arange(1.0, trial.seconds, _PUSH_EVERY).tolist():
         angle = float(random.uniform(0.0, 2.0 * np.pi))
