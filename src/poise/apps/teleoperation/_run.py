@@ -43,7 +43,9 @@ TELEOP_PLANT = PlantConfig(
     actuation="velocity",
     control_dt=5e-3,
     physics_dt=1e-3,
-    servo=PlantConfig.Servo(stiffness=70.0, damping=2.5),
+    servo=PlantConfig.Servo(
+        stiffness=TeleopParameters().servo_stiffness, damping=TeleopParameters().servo_damping
+    ),
 )
 """Velocity servos with position feedback; physics 1 ms, control 5 ms, as Zhang and Kikuuwe have it.
 
