@@ -1,7 +1,12 @@
-"""`LiteralTeleoperator`: the rules of Zhang and Kikuuwe word for word, to show where they fall."""
+"""`LiteralTeleoperator`: the rules of Zhang and Kikuuwe word for word, to show where they fall.
+
+`CommandedLiteral` and `RestartingLiteral`: with one and with two departures that look small.
+`PaperWeights` and `PaperDoubleWeights`: Poise's rules with the weights (39c) and (39d).
+"""
 
 import math
 from collections.abc import Sequence
+from typing import ClassVar
 
 import numpy as np
 import pinocchio as pin
@@ -9,12 +14,15 @@ from jaxtyping import Float64
 
 from poise.control import DifferentialIK
 from poise.dynamics import Dynamics, RobotState
+from poise.errors import ConfigurationError
 from poise.locomotion import (
     DeviceSample,
     Mode,
     StepTeleoperator,
     TeleopStatus,
 )
+from poise.locomotion._pendulum import ComShifter
+from poise.locomotion._stepping._com import ShifterDriver
 
 _K1, _K2, _W_S2 = 4500.0, 7000.0, 100.0
 """k_1 and k_2 of (39c) and w_S2, as the paper has them."""
@@ -31,6 +39,24 @@ def momentum_weights(error: Sequence[float], least: float) -> list[float]:
     return [max(_K1 * y * y, least), max(_K2 * x * x, least)]
 
 
+def weigh_as_paper(teleoperator: StepTeleoperator, error: Sequence[float], *, single: bool) -> None:
+    """Eqs (39c) in single support and (39d) otherwise, on the stack of a teleoperator.
+
+    Args:
+        teleoperator: that has asked for its tick.
+        error: of the measured ZMP, x and y [m].
+        single: whether one foot carries.
+    """
+    p, stack = teleoperator.parameters, teleoperator.stack
+    foot = f"{teleoperator.soles[1 - teleoperator.estimator.stance]} place"
+    for task, weight in (
+        ("angular momentum", momentum_weights(error, p.epsilon) if single else p.epsilon),
+        ("torso", p.epsilon if single else p.w_B),
+        (foot, p.w_S1 if single else _W_S2),
+    ):
+        stack.task(task).set_weight(np.sqrt(np.array(weight) / DifferentialIK.ROW_WEIGHT))
+
+
 def saturate(limit: float, value: Float64[np.ndarray, " n"]) -> Float64[np.ndarray, " n"]:
     """Eq. (18): limit value / max(limit, |value|).
 
@@ -44,13 +70,27 @@ def saturate(limit: float, value: Float64[np.ndarray, " n"]) -> Float64[np.ndarr
 class LiteralTeleoperator(StepTeleoperator):
     """Leads the same stack on the same estimate, by the paper's rules and no others.
 
-    What differs from `StepTeleoperator` is what docs/teleoperation.md lists as departures. Samples
-    that are no numbers are passed over, which the paper leaves open.
+    What differs from `StepTeleoperator` is what `DEPARTURES` lists. Samples that are no numbers are
+    passed over, which the paper leaves open.
+
+    Attributes:
+        feeds_back_measured: whether the velocity of the COM in (37) is the measured one, which is
+            what the paper's p_G is; otherwise the one that was commanded in the last tick.
+        restarts: whether both integrals begin anew, from what is measured and from zero, with each
+            mode; the paper has "simple time integration".
     """
+
+    feeds_back_measured: ClassVar[bool] = True
+    restarts: ClassVar[bool] = False
 
     def reset(self) -> None:
         """Forgets the past."""
         super().reset()
+        if not isinstance(self.driver, ShifterDriver):
+            raise ConfigurationError(
+                "the paper's rules go with its COM shifter", got=type(self.driver).__name__
+            )
+        self._shifter: ComShifter = self.driver.shifter
         estimator, weight = self.estimator, self.robot.weight
         self._paper_mode, self._last_status = Mode.D, None
         self._landed_load = self.parameters.land_load * weight
@@ -104,8 +144,9 @@ class LiteralTeleoperator(StepTeleoperator):
         if after is Mode.D and support is not None:
             estimator.put_down(1 - support)
         estimator.stand_on(after.support or 0)
-        self._velocity = dynamics.com_velocity[:2].copy()
-        self._momentum = np.zeros(2)
+        if self.restarts:
+            self._velocity = dynamics.com_velocity[:2].copy()
+            self._momentum = np.zeros(2)
 
     def _lifted(self) -> list[bool]:
         """Eqs (14a) and (14b): which devices have been lifted since the last tick."""
@@ -126,9 +167,11 @@ class LiteralTeleoperator(StepTeleoperator):
         return 0.5 * (soles[0] + soles[1]) if support is None else soles[support]
 
     def _drive(self, reference: Float64[np.ndarray, "2"], dynamics: Dynamics) -> None:
-        """Eqs (37) and (39a), integrated."""
+        """Eqs (37), (39a) and (39b), integrated."""
         com, dt = dynamics.com[:2], self.parameters.dt
-        self._velocity, self._acceleration = self.driver.drive(reference, com, self._velocity, dt)
+        velocity = dynamics.com_velocity[:2] if self.feeds_back_measured else self._velocity
+        self._acceleration = self._shifter.acceleration(reference, com, velocity)
+        self._velocity = self._velocity + dt * self._acceleration
         if self._paper_mode.single:
             x, y = (reference - self._cart_table_zmp(dynamics)).tolist()
             self._momentum = self._momentum + dt * (self.robot.weight * np.array([y, -x]))
@@ -156,13 +199,7 @@ class LiteralTeleoperator(StepTeleoperator):
         place = self._sample.position(other) if single else here
         foot.set_velocity(saturate(p.v_lim, p.k_v * (place - here)))
         error = (reference - self.zmp_sensor.zmp).tolist()
-        momentum = momentum_weights(error, p.epsilon) if single else p.epsilon
-        for task, weight in (
-            ("angular momentum", momentum),
-            ("torso", p.epsilon if single else p.w_B),
-            (foot.name, p.w_S1 if single else _W_S2),
-        ):
-            stack.task(task).set_weight(np.sqrt(np.array(weight) / DifferentialIK.ROW_WEIGHT))
+        weigh_as_paper(self, error, single=single)
 
     def _paper_status(
         self, reference: Float64[np.ndarray, "2"], sample: DeviceSample | None, dynamics: Dynamics
@@ -181,3 +218,39 @@ class LiteralTeleoperator(StepTeleoperator):
             loads=self.zmp_sensor.loads.copy(),
             tilt=float(np.arccos(np.clip(upward, -1.0, 1.0))),
         )
+
+
+class CommandedLiteral(LiteralTeleoperator):
+    """The paper's rules, but (37) is fed the COM's commanded velocity."""
+
+    feeds_back_measured = False
+
+
+class RestartingLiteral(CommandedLiteral):
+    """Likewise, and each mode begins with the measured velocity and without angular momentum."""
+
+    restarts = True
+
+
+class PaperWeights(StepTeleoperator):
+    """Poise's rules, but weights as the paper has them, (39c) and (39d)."""
+
+    def lead(self, state: RobotState) -> None:
+        """One tick."""
+        super().lead(state)
+        status = self.status
+        if status is not None:
+            error = (status.zmp_reference - status.zmp).tolist()
+            weigh_as_paper(self, error, single=self._counts_as_single(status.mode))
+
+    def _counts_as_single(self, mode: Mode) -> bool:
+        """Whether (39c) holds: in single support."""
+        return mode.single
+
+
+class PaperDoubleWeights(PaperWeights):
+    """Likewise, but (39d) in every mode: our reading of the body rotator that is disabled."""
+
+    def _counts_as_single(self, mode: Mode) -> bool:
+        del mode
+        return False

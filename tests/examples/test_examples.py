@@ -30,6 +30,7 @@ SHORT = {
     "15_state_estimation.py": ["--seconds", "0.8"],
     "17_drive.py": ["--seconds", "0.6"],
     "18_lead_by_websocket.py": ["--steps", "1"],
+    "19_force_feedback.py": [],
 }
 
 
@@ -158,6 +159,18 @@ def test_lead_by_websocket_makes_a_step(run):
     left, right = numbers(r"feet at (-?[\d.]+) and (-?[\d.]+) m", printed)
     assert left > 0.04
     assert abs(right) < 0.02
+
+
+def test_force_feedback_lets_the_hand_feel_the_landing(run):
+    pytest.importorskip("websockets")
+    printed = run("19_force_feedback.py")
+    felt, after = numbers(r"felt ([\d.]+) N upwards, after ([\d.]+) s", printed)
+    assert 0.5 < felt <= 6.0
+    assert after > 2.5
+    assert numbers(r"and ([\d.]+) N in the two", printed)[0] < 0.3
+    left, right = numbers(r"feet at (-?[\d.]+) and (-?[\d.]+) m", printed)
+    assert right > 0.04
+    assert abs(left) < 0.02
 
 
 def test_drive_says_what_was_asked_for(run):

@@ -1,10 +1,17 @@
 """The study of the bad operator: same outcome on any number of cores, and falls that are kept."""
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
 from unchecked import run_unchecked
 
 pytest.importorskip("mujoco")
 
+from poise.apps.teleoperation import TELEOP_PLANT, replay_teleop, run_teleop
+from poise.locomotion import ScriptedDevice, read_recording
+from studies.bad_operator import conditions
+from studies.bad_operator.conditions_section import _finding, _row
 from studies.bad_operator.falls_section import Trial, run_trial, run_trials
 
 
@@ -94,3 +101,74 @@ def test_the_operator_does_everything_that_is_said_of_it():
     assert done["rubbish"] > 0, "it never sent rubbish"
     assert done["jump"] > 0.15, "it never jumped"
     assert done["far"] > 0.4, "it never reached far"
+
+
+def test_pushes_are_as_strong_as_said_in_order_and_in_all_directions(get_robot):
+    robot = get_robot("biped20")
+    pushed = [push for seed in range(20) for push in conditions.pushes(robot, seed, 60.0, 0.005)]
+    force = np.array([push.force for push in pushed])
+    gained = np.linalg.norm(force, axis=1) * np.array([p.duration for p in pushed]) / robot.mass
+    assert gained == pytest.approx(0.2)
+    assert np.abs(force[:, 2]).max() == 0.0
+    for axis in (0, 1):
+        assert force[:, axis].min() < 0.0 < force[:, axis].max()
+    for seed in range(3):
+        ticks = [push.tick for push in conditions.pushes(robot, seed, 60.0, 0.005)]
+        assert ticks == sorted(ticks)
+        assert 8 <= len(ticks) <= 20
+
+
+def test_every_condition_changes_what_it_says_and_nothing_else(get_robot):
+    robot = get_robot("biped20")
+    plant = TELEOP_PLANT.with_noise()
+    changed = {name: change(plant, robot, 3) for name, change in conditions.CONDITIONS.items()}
+    told = {"as described", conditions.PUSHED}
+    assert {name for name, other in changed.items() if other == plant} == told
+    error = changed["sensors off by a constant"].sensors.base_orientation_error
+    assert np.rad2deg(np.linalg.norm(error)) == pytest.approx(1.0)
+    assert np.rad2deg(np.linalg.norm(changed["slope of 3 degrees"].floor_slope)) == pytest.approx(3)
+    mixed = changed[conditions.MIXED]
+    assert mixed.friction == 0.5
+    assert mixed.blocks
+    assert mixed.sensors.delay == 0.01
+
+
+@pytest.fixture(scope="module")
+def outcome():
+    """Three seconds at velocity level."""
+    return conditions.run_trial(
+        conditions.Trial(
+            robot="biped20", level="velocity", condition="as described", seed=200_000, seconds=3.0
+        )
+    )
+
+
+def test_legs_of_a_robot_that_stands_are_apart(outcome):
+    assert not outcome.fell
+    # Feet 0.27 m apart, 0.24 m wide.
+    assert 0.0 < outcome.apart < 0.1
+
+
+def test_falls_fail_what_is_asked_for_and_are_told_where_nothing_is(outcome):
+    assert _finding([outcome]).ok
+    assert _row([outcome])[:4] == ("biped20", "velocity", "as described", 0)
+    fallen = replace(outcome, fell=True)
+    assert not _finding([fallen]).ok
+    for robot, level, ok in (("g1", "velocity", True), ("g1", "torque", False)):
+        trial = replace(outcome.trial, robot=robot, level=level)
+        assert _finding([replace(fallen, trial=trial)]).ok is ok
+
+
+def test_pushes_of_a_run_are_recorded_and_come_again(get_robot, tmp_path):
+    robot, path = get_robot("biped20"), tmp_path / "pushed.teleop"
+    pushes = [conditions.pushes(robot, 1, 8.0, 0.005)[0]._replace(tick=100)]
+
+    def hands(teleoperator):
+        return ScriptedDevice([], *teleoperator.estimator.anchors)
+
+    run = run_teleop(robot, hands, duration=1.0, pushes=pushes, recording=path)
+    calm = run_teleop(robot, hands, duration=1.0)
+    assert np.abs(run.log.com[-1] - calm.log.com[-1]).max() > 1e-3
+    assert read_recording(path).pushes == pushes
+    again = replay_teleop(path)
+    assert np.array_equal(again.log.command, run.log.command)

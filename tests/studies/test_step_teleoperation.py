@@ -1,9 +1,14 @@
 """The study of step teleoperation: its parts in their quick version, against the paper's claims."""
 
+from dataclasses import fields
+from pathlib import Path
+
 import pytest
 from unchecked import run_unchecked
 
+from poise.locomotion import TeleopParameters
 from studies.step_teleoperation import PLAN
+from studies.step_teleoperation.departures import DEPARTURES, as_markdown
 
 for package in ("matplotlib", "mujoco"):
     pytest.importorskip(package)
@@ -19,6 +24,8 @@ result = section(StudyOptions(quick=True), lambda done, total: seen.append((done
 print(json.dumps({
     "failed": [f.name for f in result.findings if not f.ok],
     "names": [f.name for f in result.findings],
+    "ours": {f.name: f.ours for f in result.findings},
+    "rows": [list(map(str, row)) for table in result.tables for row in table.rows],
     "figures": [f.name for f in result.figures],
     "last": seen[-1],
 }))
@@ -46,3 +53,33 @@ def test_every_claim_of_the_paper_holds(section, figure):
 def test_parts_have_names_of_their_own():
     names = [part.name for part in PLAN.parts]
     assert len(set(names)) == len(names)
+
+
+def test_the_swings_claim_is_told_with_both_sets_of_weights():
+    result = run_unchecked(COMPUTE, "swing_section")
+    weights = [(row[0], row[1]) for row in result["rows"]]
+    for way in ("forward", "sideways"):
+        for which in ("constant, on", "constant, off", "(39c), on", "(39d), off"):
+            assert (way, which) in weights
+        ours = result["ours"][f"swing {way}: ZMP peak to peak without over with rotator"]
+        name = f"swing {way}, paper's weights: ZMP peak to peak without over with rotator"
+        assert result["ours"][name] < 2.0 < ours
+
+
+def test_the_papers_rules_alone_fall_in_scenarios_1_2_and_3_and_poises_in_none():
+    rows = {row[0]: row[1:] for row in run_unchecked(COMPUTE, "rules_section")["rows"]}
+    assert rows["all departures"] == ["stood"] * 4
+    paper = rows["none: the paper's rules"]
+    assert all(cell.startswith("fell") for cell in paper)
+
+
+def test_the_page_lists_every_departure():
+    page = Path(__file__).parents[2] / "docs" / "teleoperation.md"
+    assert as_markdown() in page.read_text(encoding="utf-8")
+
+
+def test_departures_are_told_apart_and_taken_back_by_parameters_that_there_are():
+    names = {field.name for field in fields(TeleopParameters)}
+    assert len({d.rule for d in DEPARTURES}) == len(DEPARTURES)
+    for departure in DEPARTURES:
+        assert set(departure.taken_back) <= names

@@ -12,8 +12,7 @@ from poise.apps.live._inputs import OperatorInputs
 from poise.apps.live._log import LOG_SUFFIX, LiveLog, Takes
 from poise.apps.live._real_time import RealTimeLoop, command_time
 from poise.apps.live._snapshot import Snapshot
-from poise.apps.teleoperation import TELEOP_PLANT, teleop_setup
-from poise.dynamics import RobotState
+from poise.apps.teleoperation import TELEOP_PLANT, foot_forces, teleop_setup
 from poise.locomotion import (
     RecordedPush,
     Recording,
@@ -128,23 +127,12 @@ class LiveLoop(RealTimeLoop):
         done = None if self._ticks is None else next(self._ticks, None)
         if done is not None:
             self._inputs.commanded(command_time(begin, done))
-            self.forces = self._felt(done.state)
+            self.forces = foot_forces(self.teleoperator)
             status = self.teleoperator.status
             tick = round(self.plant.time / self._dt) - 1
             self.takes.sample(tick, None if status is None else status.sample)
         if self.plant.fallen:
             self.takes.flush()
-
-    def _felt(self, state: RobotState) -> list[list[float]]:
-        """What the feet measure, in the teleoperator's world [N]."""
-        dynamics, none = self.teleoperator.estimator.dynamics, np.zeros(6)
-        return [
-            (
-                dynamics.frame(self.robot.frame_id(sole)).rotation
-                @ state.contacts.get(sole, none)[:3]
-            ).tolist()
-            for sole in self.teleoperator.soles
-        ]
 
     def _push(self, force: Float64[np.ndarray, "3"], duration: float) -> None:
         if not self.plant.fallen:

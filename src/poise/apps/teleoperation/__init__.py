@@ -1,5 +1,12 @@
 """Step teleoperation in simulation: scripted and recorded foot devices, and everything noted."""
 
+from poise.apps.teleoperation._haptics import (
+    HapticArm,
+    HapticDriver,
+    HapticFeet,
+    SimulatedArm,
+    foot_forces as foot_forces,
+)
 from poise.apps.teleoperation._operators import BadOperator, PoorLink
 from poise.apps.teleoperation._run import (
     DEVICE_STATUSES as DEVICE_STATUSES,
@@ -24,8 +31,12 @@ __all__ = [
     "TELEOP_PLANT",
     "TORQUE_TELEOP_PLANT",
     "BadOperator",
+    "HapticArm",
+    "HapticDriver",
+    "HapticFeet",
     "PoorLink",
     "Script",
+    "SimulatedArm",
     "TeleopLog",
     "TeleopRun",
     "replay_teleop",

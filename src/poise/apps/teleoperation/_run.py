@@ -5,6 +5,7 @@ The plant that step teleoperation is simulated on.
 """
 
 import time as clock
+from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from dataclasses import asdict, dataclass, field
@@ -23,6 +24,7 @@ from poise.locomotion import (
     DeviceStatus,
     Mode,
     RecordedDevice,
+    RecordedPush,
     Recording,
     RecordingError,
     RecordingWriter,
@@ -43,7 +45,9 @@ TELEOP_PLANT = PlantConfig(
     actuation="velocity",
     control_dt=5e-3,
     physics_dt=1e-3,
-    servo=PlantConfig.Servo(stiffness=70.0, damping=2.5),
+    servo=PlantConfig.Servo(
+        stiffness=TeleopParameters().servo_stiffness, damping=TeleopParameters().servo_damping
+    ),
 )
 """Velocity servos with position feedback; physics 1 ms, control 5 ms, as Zhang and Kikuuwe have it.
 
@@ -210,6 +214,7 @@ def run_teleop(
     q_start: Float64[np.ndarray, " nq"] | None = None,
     recording: str | Path | None = None,
     leader: type[StepTeleoperator] = StepTeleoperator,
+    pushes: Sequence[RecordedPush] = (),
 ) -> TeleopRun:
     """Walks a simulated robot by a device.
 
@@ -225,6 +230,7 @@ def run_teleop(
         q_start: configuration at the start; the robot's home when None.
         recording: file to write, from which `replay_teleop` runs the same again.
         leader: leads by rules of its own, for studies.
+        pushes: on the torso, in order of time; those of a recording come by themselves.
 
     Raises:
         ConfigurationError: the plant has another tick.
@@ -254,8 +260,9 @@ def run_teleop(
     source = device(teleoperator) if callable(device) else device
     teleoperator.device = source
     if isinstance(source, RecordedDevice):
-        for push in source.recording.pushes:
-            body.push(robot.torso, push.force, push.duration, push.tick * plant.control_dt)
+        pushes = source.recording.pushes
+    for push in pushes:
+        body.push(robot.torso, push.force, push.duration, push.tick * plant.control_dt)
     setup = teleop_setup(
         teleoperator, plant, seed=seed, duration=duration, rotator=rotator, q_start=q_start
     )
@@ -264,7 +271,7 @@ def run_teleop(
         if recording is None
         else RecordingWriter(recording, robot=robot.name, dt=plant.control_dt, setup=setup)
     )
-    recorder, times = Recorder(), list[float]()
+    recorder, times, coming = Recorder(), list[float](), deque(pushes)
     begin = clock.perf_counter()
     with writing as writer:
         for tick in rollout(
@@ -277,7 +284,11 @@ def run_teleop(
         ):
             times.append(tick.estimator_seconds + tick.leader_seconds + tick.controller_seconds)
             if writer is not None and teleoperator.status is not None:
-                writer.sample(round(tick.state.time / plant.control_dt), teleoperator.status.sample)
+                number = round(tick.state.time / plant.control_dt)
+                while coming and coming[0].tick <= number:
+                    push = coming.popleft()
+                    writer.push(push.tick, np.array(push.force), push.duration)
+                writer.sample(number, teleoperator.status.sample)
     wall = clock.perf_counter() - begin
     record = recorder.record
     return TeleopRun(

@@ -49,11 +49,16 @@ class Script:
         return standing_posture(robot, feet_apart=self.feet_apart, com_height=self.com_height)
 
 
-def over_an_obstacle(robot: Robot) -> Script:
+def over_an_obstacle(robot: Robot, aside: float = 0.0) -> Script:
     """Scenario 1: right foot, then left foot over two blocks that lie across its path.
 
     The step is as long as a sole, both blocks and room before and behind them; heights go with the
     size of the robot.
+
+    Args:
+        robot: a biped.
+        aside: how far the right foot goes outwards besides, in the size of the robot [m]: the paper
+            has it go “right-forward” without a number.
     """
     size, sole = _size(robot), _sole_length(robot)
     depth, gap, low, high = 0.02 * size, 0.045 * size, 0.05 * size, 0.08 * size
@@ -64,7 +69,10 @@ def over_an_obstacle(robot: Robot) -> Script:
         Block(center=(front + 0.5 * depth, 0.0), size=(depth, width, low)),
         Block(center=(front + 1.5 * depth, 0.0), size=(depth, width, high)),
     )
-    points = (*_careful_step("right", 0.5, step, up), *_careful_step("left", 7.0, step, up))
+    points = (
+        *_careful_step("right", 0.5, (step, -aside * size), up),
+        *_careful_step("left", 7.0, (step, 0.0), up),
+    )
     return Script(
         name="scenario 1",
         points=points,
@@ -168,19 +176,19 @@ SCRIPTS: Mapping[str, Callable[..., Script]] = {
 
 
 def _careful_step(
-    foot: Literal["left", "right"], begin: float, step: float, up: float
+    foot: Literal["left", "right"], begin: float, step: tuple[float, float], up: float
 ) -> list[WayPoint]:
-    """Lift, wait for the weight to shift, up, forward, down."""
+    """Lift, wait for the weight to shift, up, along the ground, down."""
     places = (
         (0.0, (0.0, 0.0, 0.0)),
         (0.3, (0.0, 0.0, 0.03)),
         (1.0, (0.0, 0.0, 0.03)),
         (2.0, (0.0, 0.0, up)),
-        (3.6, (step, 0.0, up)),
-        (4.2, (step, 0.0, up)),
-        (5.2, (step, 0.0, -0.03)),
-        (5.6, (step, 0.0, -0.03)),
-        (6.0, (step, 0.0, 0.0)),
+        (3.6, (*step, up)),
+        (4.2, (*step, up)),
+        (5.2, (*step, -0.03)),
+        (5.6, (*step, -0.03)),
+        (6.0, (*step, 0.0)),
     )
     return [WayPoint(at=begin + t, **{foot: place}) for t, place in places]
 

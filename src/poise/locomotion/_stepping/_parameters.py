@@ -68,6 +68,9 @@ class TeleopParameters:
         reach_margin: fraction of the leg's length that a foot command stays short of.
         stoop_max: how far the COM may come down for the legs to reach, over its height.
         step_max: largest distance of the feet forward or sideways that can be commanded [m].
+        servo_stiffness: of the joints' servos where velocities are commanded: torque at 1 rad of
+            error, over the torque limit [1/rad].
+        servo_damping: likewise, torque at 1 rad/s of error, over the torque limit [s/rad].
         feet_gap: least distance of the soles' edges, side by side [m].
     """
 
@@ -113,6 +116,8 @@ class TeleopParameters:
     stoop_max: Positive = 0.2
     feet_gap: Positive = 0.01
     step_max: Positive = 0.46
+    servo_stiffness: Positive = 70.0
+    servo_damping: Positive = 2.5
 
     def __post_init__(self) -> None:
         if not self.lower_height < self.lift_height:

@@ -32,6 +32,7 @@ from poise.locomotion._stepping._mode_events import ModeEvents
 from poise.locomotion._stepping._modes import Mode
 from poise.locomotion._stepping._parameters import TeleopParameters, scaled_parameters
 from poise.locomotion._stepping._reach import FootRange
+from poise.locomotion._stepping._sway import check_sway
 from poise.locomotion._stepping._torque_tasks import TorqueTasks
 from poise.locomotion._stepping._velocity_tasks import VelocityTasks
 from poise.locomotion._support import SupportPolygon, two_soles
@@ -102,8 +103,9 @@ class StepTeleoperator:
         actuation: what is commanded, "velocity" or "torque".
 
     Raises:
-        ConfigurationError: no two feet, legs of too few joints, soles that do not fit; another
-            driver than the COM shifter for torques.
+        ConfigurationError: no two feet, legs of too few joints, soles that do not fit; servos of
+            commanded velocities so soft that the robot would sway over one foot until it falls;
+            another driver than the COM shifter for torques.
         UnknownNameError: no such actuation.
 
     Attributes:
@@ -147,6 +149,8 @@ class StepTeleoperator:
             shifter = ComShifter(self._com_height, kp=p.kp, acceleration_max=p.acceleration_max)
             driver = ShifterDriver(shifter)
         self.driver, self._rotator = driver, rotator
+        if actuation == "velocity" and isinstance(driver, ShifterDriver):
+            check_sway(self._biped, self.estimator.dynamics, driver.omega, p)
         self._reach = FootRange(robot, self.soles, p)
         self._tasks: StepTasks = (
             TorqueTasks(self._biped, p.dt)

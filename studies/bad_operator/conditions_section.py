@@ -1,0 +1,88 @@
+"""The bad operator at both levels, on a robot with large soles and one with small ones."""
+
+from studies.bad_operator.conditions import CONDITIONS, PLANTS, Outcome, Trial, run_trial
+from studies.finding import Finding, Section, Table
+from studies.plan import Progress, StudyOptions
+from studies.trials import run_each
+
+ROBOTS = ("biped20", "g1")
+
+_SEEDS, _SECONDS = 20, 60.0
+_QUICK_SEEDS, _QUICK_SECONDS = 3, 20.0
+_SPREAD = 1_000_000
+"""Seeds of `--seed N` begin at N times this."""
+
+_MINUTES = 10.0
+"""One fall in so many minutes is allowed at torque level [min]."""
+
+
+def conditions_section(options: StudyOptions, progress: Progress) -> Section:
+    """The section."""
+    count, seconds = (_QUICK_SEEDS, _QUICK_SECONDS) if options.quick else (_SEEDS, _SECONDS)
+    first = _SPREAD * options.seed
+    groups = [
+        [
+            Trial(robot=robot, level=level, condition=condition, seed=first + k, seconds=seconds)
+            for k in range(count)
+        ]
+        for robot in ROBOTS
+        for level in PLANTS
+        for condition in CONDITIONS
+    ]
+    found = run_each(run_trial, Outcome, [t for group in groups for t in group], progress)
+    outcomes = [[found[trial] for trial in group] for group in groups]
+    return Section(
+        prose=(
+            f"{count} seeds of {seconds:.0f} s each, from seed {first}. As described the sensors "
+            "have noise, and the attitude is off by half a degree; “sensors off by a constant” is "
+            "1 degree, and a bias of gyroscope and accelerometer. Asked: at torque level at most "
+            f"one fall in {_MINUTES:.0f} minutes, at velocity level of biped20 as described none; "
+            "the rest of velocity level is told, not asked for.",
+            "The simulation lets limbs go through each other: only the ground is felt. The last "
+            "column says how near shanks and feet came; a negative number is a fall that a real "
+            "robot might have had.",
+        ),
+        findings=tuple(_finding(group) for group in outcomes),
+        tables=(
+            Table(
+                title="Bad operators, level by level",
+                header="robot | level | condition | falls | minutes | feet lifted | "
+                "lean, most [rad] | legs apart, least [mm]",
+                rows=tuple(_row(group) for group in outcomes),
+            ),
+        ),
+    )
+
+
+def _is_asked(trial: Trial) -> bool:
+    """Whether a bound holds: what is known not to work is told."""
+    if trial.level == "torque":
+        return True
+    return (trial.robot, trial.condition) == ("biped20", "as described")
+
+
+def _finding(group: list[Outcome]) -> Finding:
+    trial, falls = group[0].trial, sum(o.fell for o in group)
+    minutes = sum(o.seconds for o in group) / 60.0
+    allowed = minutes / _MINUTES if trial.level == "torque" else 0.0
+    asked = _is_asked(trial)
+    return Finding(
+        name=f"{trial.robot}, {trial.level}, {trial.condition}: falls in {len(group)} seeds",
+        ours=falls,
+        ok=not asked or falls <= allowed,
+        note=f"asked: at most {allowed:.2g}" if asked else "told",
+    )
+
+
+def _row(group: list[Outcome]) -> tuple[str | float, ...]:
+    trial = group[0].trial
+    return (
+        trial.robot,
+        trial.level,
+        trial.condition,
+        sum(o.fell for o in group),
+        sum(o.seconds for o in group) / 60.0,
+        sum(o.steps for o in group),
+        max(o.tilt for o in group),
+        1e3 * min(o.apart for o in group),
+    )

@@ -1,0 +1,194 @@
+"""`DEPARTURES`: every rule of step teleoperation that is not the paper's, and what it is for.
+
+At velocity level; the table in docs/teleoperation.md has the same rows.
+"""
+
+from dataclasses import dataclass, field
+
+_NONE, _ANY = 1e-9, 1e3
+"""Parameters that take a rule's effect away: nothing of it, or as much as one likes."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Departure:
+    """A rule of Poise in place of one of the paper's.
+
+    Attributes:
+        rule: Poise's.
+        paper: the paper's.
+        reason: for the departure.
+        taken_back: parameters with which it is as in the paper; empty where none does that.
+    """
+
+    rule: str
+    paper: str
+    reason: str
+    taken_back: dict[str, float] = field(default_factory=dict[str, float])
+
+
+DEPARTURES = (
+    Departure(
+        rule="other foot firm in double support (`w_S2`)",
+        paper="w_S2 = 100",
+        reason='the "+I" of the SR-inverse lets feet drift until a sole rolls',
+        taken_back={"w_S2": 100.0},
+    ),
+    Departure(
+        rule="foot firm and straight up near the ground (`clear_height`)",
+        paper="the foot is soft and goes anywhere as soon as the mode says so",
+        reason="a foot that still touches is dragged over the ground, by angular momentum or by "
+        "the operator",
+        taken_back={"clear_height": _NONE},
+    ),
+    Departure(
+        rule="angular momentum leaks (`momentum_leak`)",
+        paper="(39a) as a pure integral",
+        reason="the torso goes into a limit cycle",
+        taken_back={"momentum_leak": _NONE},
+    ),
+    Departure(
+        rule="L_Gd = 0 in D, TL and TR, and at each change of mode",
+        paper="(39b): L_Gd stays what it was, its rate alone is zero",
+        reason="what the last swing asked for has nothing to do with the next one; in double "
+        "support it weighs next to nothing",
+    ),
+    Departure(
+        rule="constant weights, and the torso's (`w_B1`) never ε",
+        paper="weights by the measured ZMP error (39c)",
+        reason="they chatter from edge to edge; with them the body rotator hardly makes the ZMP's "
+        "largest excursion smaller",
+    ),
+    Departure(
+        rule="torso heavier the further it leans (`tilt_soft`)",
+        paper="a torso that leans as far as (39) wants",
+        reason="at 0.3 rad hip joints are at their limits and the COM cannot be placed",
+        taken_back={"tilt_soft": _ANY},
+    ),
+    Departure(
+        rule="COM above the foot that shall carry (`capture_max`, `ct_zmp_max`, `shift_time`)",
+        paper="(14e), the ZMP alone",
+        reason="while the COM brakes, the ZMP is in the foot and the COM is not; CT-ZMP and "
+        "divergent component, commanded and measured, must be near too, for `shift_time`",
+        taken_back={"capture_max": _ANY, "ct_zmp_max": _ANY, "shift_time": _NONE},
+    ),
+    Departure(
+        rule="CT-ZMP on the soles, and one factor for both axes",
+        paper="(37) wherever the COM is, each axis by itself",
+        reason="the CT-ZMP is kept on the soles, and the COM goes straight from foot to foot; "
+        "a_lim does not hold for braking. Without saturation (37) under the gain rule is "
+        "Sugihara's regulator (33) with k_s = 1 + k_p / ω², so this gives it its limits back",
+    ),
+    Departure(
+        rule="(37) is fed the COM's commanded velocity",
+        paper="the measured one",
+        reason="servos lag, and what is measured jumps as soles rock and legs swing: with it the "
+        "paper's rules fall sooner",
+    ),
+    Departure(
+        rule="COM's commanded velocity begins anew, as measured, when contacts change",
+        paper='"simple time integration" from the beginning on',
+        reason="what is commanded and what the robot does part at each landing and lift, and never "
+        "meet again; not at every change of mode: an operator who cannot decide makes many, and "
+        "each takes in noise",
+    ),
+    Departure(
+        rule="COM's commanded velocity leaks into the measured one (`velocity_leak`)",
+        paper="a commanded COM velocity that is only integrated",
+        reason="while a sole rocks on its edge the COM moves by itself; the integral leaks into "
+        "what is measured",
+        taken_back={"velocity_leak": _NONE},
+    ),
+    Departure(
+        rule="the body leans over the foot that carries where that foot's hip is weak",
+        paper="an upright torso (17b)",
+        reason="upright on one foot the hip is beside that foot by half the hips' distance, and "
+        "holds the body's weight at that lever; hips of 30 N m under 31 kg do not, and some turn "
+        "in by 0.1 rad only. Measured from the model: as far as 75% of the hip's torque and 80% of "
+        "its range need, at most 0.2 rad; zero for the paper's robot, G1 and TALOS",
+    ),
+    Departure(
+        rule="stance by load",
+        paper="the left foot as the stance in D, the support foot in TL and TR",
+        reason="in D, TL and TR the foot that carries more is the one at rest",
+    ),
+    Departure(
+        rule="stance sole turned back onto its ground (`k_level`)",
+        paper="a stance sole that is level by definition",
+        reason="a robot on the edge of a sole would stay there. What the ground is, the sole says "
+        "and no level: see “Soles and their ground”",
+        taken_back={"k_level": _NONE},
+    ),
+    Departure(
+        rule="foot in the air parallel to the stance's ground",
+        paper="level (15e)",
+        reason="on a slope, or with an attitude that is off, a level sole lands on an edge",
+    ),
+    Departure(
+        rule="other foot held on the ground, and giving way as it carries",
+        paper="(15d) in D, TL, TR, which has no feedback",
+        reason="without load a foot is held where it was put down; with load that would be a "
+        "closed chain whose servos wind up: it yields to its contact",
+    ),
+    Departure(
+        rule="foot without load pressed down (`press_speed`)",
+        paper="a foot that stays where it was when landing was felt",
+        reason="one that touched with an edge would hang in the air; without load it goes down, by "
+        "at most `press_speed`, and stands where it is as soon as it carries: pressed further it "
+        "would tip the robot over the edge of the other sole",
+        taken_back={"press_speed": _NONE},
+    ),
+    Departure(
+        rule="COM comes down for the legs to reach (`stoop_max`)",
+        paper="a constant COM height (15b)",
+        reason="the COM comes down as far as the legs need for their feet, now and at the end of a "
+        "shift, but no lower than the ankles' pitch lets the soles that carry stay level, and for "
+        "no target below the floor: the body would be coming down when the foot lands",
+        taken_back={"stoop_max": _NONE},
+    ),
+    Departure(
+        rule="gentle heights of COM and foot (`lift_speed`, `lower_speed`, `touch_speed`)",
+        paper="v_lim for everything",
+        reason="at 1 m/s down the robot falls faster than it can carry, and a foot that lands hard "
+        "kicks it: from `clear_height` to the ground its speed falls from `lower_speed` to "
+        "`touch_speed`",
+        taken_back={
+            "lift_speed": 1.0, "lift_acceleration": _ANY, "lower_speed": 1.0, "touch_speed": 1.0,
+        },
+    ),
+    Departure(
+        rule="smooth swing (`swing_time`)",
+        paper="a foot velocity that jumps, however near the robot is to tipping",
+        reason="the ZMP jumps with it; and swinging takes angular momentum that the balance needs, "
+        "so along the ground the foot is slower the nearer the divergent component is to the "
+        "sole's edge",
+        taken_back={"swing_time": _NONE},
+    ),
+    Departure(
+        rule="commands within reach",
+        paper="commands anywhere",
+        reason="a foot that is sent out of reach pulls the robot over",
+    ),
+    Departure(
+        rule="a step can be taken back",
+        paper="no way back from TL, TR, nor from SL, SR while the foot is still on the ground",
+        reason="an operator may think better of a step; and a foot that has not left the ground is "
+        "not pushed down, which would push the robot over",
+    ),
+    Departure(
+        rule="landing after unloading only",
+        paper="load alone",
+        reason="a foot that scrapes on its way up has not landed",
+    ),
+    Departure(
+        rule="rescue",
+        paper="the operator decides",
+        reason="when the divergent component leaves the sole, the foot in the air comes down",
+    ),
+)  # fmt: skip
+"""In the order of a tick's work, as far as it goes."""
+
+
+def as_markdown() -> str:
+    """The table of docs/teleoperation.md."""
+    rows = [f"| {d.rule} | {d.paper} | {d.reason} |" for d in DEPARTURES]
+    return "\n".join(["| rule | in place of | why |", "| --- | --- | --- |", *rows])

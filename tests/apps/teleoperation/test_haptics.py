@@ -1,0 +1,193 @@
+"""Arms with force feedback: what a hand feels of a foot, and what it never feels."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+pytest.importorskip("mujoco")
+
+from poise.apps.teleoperation import (
+    TELEOP_PLANT,
+    HapticArm,
+    HapticDriver,
+    HapticFeet,
+    SimulatedArm,
+    run_teleop,
+)
+from poise.dynamics import least_jerk
+from poise.errors import ConfigurationError
+from poise.locomotion import Mode
+from poise.sim import Block
+
+HOME = np.array([0.4, 0.0, 0.1])
+"""Where a hand rests, in its own frame [m]."""
+STANDING, LANDING = [[0.0, 0.0, 300.0]] * 2, [[0.0, 0.0, 300.0], [10.0, 0.0, 200.0]]
+IN_AIR = [[0.0, 0.0, 600.0], [0.0, 0.0, 0.0]]
+MOST, ROUNDING = 6.0, 1e-12
+
+
+def still(time):
+    del time
+    return HOME, True
+
+
+class Arm:
+    """One that is where it is, and notes what it is told."""
+
+    def __init__(self, clutch=True):
+        self.clutch, self.there, self.forces = clutch, True, []
+
+    def read(self):
+        return (HOME, self.clutch) if self.there else None
+
+    def write(self, force):
+        self.forces.append(force.copy())
+
+    @property
+    def norms(self):
+        return np.linalg.norm(self.forces, axis=1)
+
+
+def driven(*stages, arm=None, **settings):
+    """What the right hand is pushed by, each stage 0.3 s of the feet's forces, None for silence."""
+    arm = arm or Arm()
+    driver = HapticDriver(Arm(), arm, **settings)
+    for number, feet in enumerate(stages):
+        for tick in range(300):
+            now = 0.3 * number + 1e-3 * tick
+            if feet is not None:
+                driver.feel(feet, now)
+            driver.tick(now)
+    return arm
+
+
+def test_arms_are_what_a_driver_has_to_have():
+    assert isinstance(SimulatedArm(still), HapticArm)
+    assert isinstance(Arm(), HapticArm)
+
+
+def test_a_foot_that_stands_is_not_felt():
+    assert driven(STANDING).norms.max() == 0.0
+
+
+def test_a_landing_is_felt_smoothly_is_bounded_and_fades():
+    arm = driven(STANDING, IN_AIR, LANDING, LANDING, LANDING, LANDING, gain=0.1)
+    force = np.array(arm.forces)
+    assert np.abs(force[:600]).max() == 0.0
+    landing = force[600:]
+    assert MOST * 0.9 < arm.norms.max() <= MOST + ROUNDING
+    # Up and forward, as the ground pushes the foot.
+    strongest = landing[np.argmax(landing[:, 2])]
+    assert strongest[2] > 0.0
+    assert strongest[0] == pytest.approx(0.05 * strongest[2], rel=0.01)
+    # A period's change is at most what the smoothing lets through.
+    assert np.linalg.norm(np.diff(force, axis=0), axis=1).max() <= MOST * 1e-3 / 0.01
+    assert arm.norms[-1] == 0.0
+
+
+def test_what_a_foot_hits_in_the_air_is_felt_as_long_as_it_does():
+    arm = driven(STANDING, IN_AIR, [[0.0, 0.0, 600.0], [-150.0, 0.0, 0.0]])
+    assert arm.forces[-1] == pytest.approx([-1.5, 0.0, 0.0], abs=2e-3)
+
+
+def test_a_robot_that_falls_silent_pushes_no_hand():
+    arm = driven(STANDING, IN_AIR, LANDING, None)
+    assert arm.norms[899] > 0.5
+    # 0.1 s of patience, then as smoothly as it came.
+    assert arm.norms[900 + 99] > 0.3
+    assert arm.norms[-1] == 0.0
+
+
+def test_an_open_clutch_is_not_pushed():
+    assert driven(STANDING, IN_AIR, LANDING, arm=Arm(clutch=False)).norms.max() == 0.0
+
+
+def test_an_arm_that_is_gone_is_told_to_let_go_and_the_other_goes_on():
+    arms = Arm(), Arm()
+    driver = HapticDriver(*arms)
+    arms[1].there = False
+    for tick in range(50):
+        driver.feel(IN_AIR if tick < 25 else LANDING, 1e-3 * tick)
+        driver.tick(1e-3 * tick)
+    assert driver.readings[0] is not None
+    assert driver.readings[1] is None
+    assert arms[1].norms.max() == 0.0
+
+
+def test_rubbish_from_the_robot_is_no_news():
+    driver = HapticDriver(Arm(), Arm())
+    driver.feel(IN_AIR, 0.0)
+    driver.feel([[np.nan, 0.0, 1.0], [0.0, 0.0, np.inf]], 0.01)
+    driver.tick(0.02)
+    with pytest.raises(ConfigurationError, match="two feet.*two rows"):
+        driver.feel([[1.0, 2.0]], 0.0)
+    with pytest.raises(ConfigurationError, match="force_max"):
+        HapticDriver(Arm(), Arm(), force_max=0.0)
+
+
+def test_a_hand_gives_way_like_a_spring():
+    arm = SimulatedArm(still, stiffness=200.0)
+    arm.write(np.array([0.0, 0.0, 2.0]))
+    for _ in range(3000):
+        position, clutch = arm.read()
+    assert clutch
+    assert position == pytest.approx(HOME + [0.0, 0.0, 0.01], abs=1e-6)
+
+
+class Noted(SimulatedArm):
+    """A simulated arm with a diary: height of the hand, force upwards, period by period."""
+
+    def __init__(self, hand):
+        super().__init__(hand)
+        self.diary = []
+
+    def write(self, force):
+        super().write(force)
+        self.diary.append((float(self._position[2] - HOME[2]), *force.tolist()))
+
+
+def step(time):
+    """A hand that lifts 8 cm from 0.8 s on, goes 10 cm ahead, and comes down slowly."""
+    up = least_jerk(time, 0.8, 1.2)[0] - least_jerk(time, 3.2, 1.6)[0]
+    ahead = least_jerk(time, 2.0, 1.0)[0]
+    return HOME + [0.1 * ahead, 0.0, 0.08 * up], time > 0.1
+
+
+def walked(robot, plant):
+    """A run that is led by arms, and the right arm."""
+    arms = Noted(lambda time: (HOME, time > 0.1)), Noted(step)
+    run = run_teleop(robot, lambda t: HapticFeet(HapticDriver(*arms), t), plant, duration=6.5)
+    return run, np.array(arms[1].diary), np.array(arms[0].diary)
+
+
+def test_the_hand_feels_the_ground_when_the_foot_lands(get_robot):
+    run, right, left = walked(get_robot("biped20"), TELEOP_PLANT)
+    assert not run.fell
+    time = 1e-3 * np.arange(len(right))
+    (lifted,), landed = run.log.entries(Mode.SL), run.log.entries(Mode.D)[-1]
+    assert run.log.soles[-1, 1, 0] - run.log.soles[0, 1, 0] > 0.06
+    # Nothing before, nothing to speak of in the air, then a push upwards that fades.
+    assert np.abs(right[time < lifted - 0.1, 1:]).max() == 0.0
+    flight = (time > lifted + 0.3) & (time < landed - 0.1)
+    assert np.abs(right[flight, 1:]).max() < 0.3
+    landing = (time > landed - 0.1) & (time < landed + 0.3)
+    assert right[landing, 3].max() > 1.0
+    assert np.linalg.norm(right[:, 1:], axis=1).max() <= MOST + ROUNDING
+    assert np.abs(right[-100:, 1:]).max() < 0.2
+    # The hand of the foot that stood all the time felt nothing.
+    assert np.abs(left[:, 1:]).max() == 0.0
+
+
+def test_a_block_is_felt_sooner_than_the_ground(get_robot):
+    robot = get_robot("biped20")
+    # Under the right foot at the end of its way, and ahead of where it starts.
+    block = Block(center=(0.36, -0.135), size=(0.4, 0.24, 0.03))
+    felt, heights = [], []
+    for plant in (TELEOP_PLANT, replace(TELEOP_PLANT, blocks=(block,))):
+        run, right, _ = walked(robot, plant)
+        assert not run.fell
+        felt.append(1e-3 * np.argmax(right[:, 3] > 0.5))
+        heights.append(run.log.soles[np.searchsorted(run.log.time, felt[-1]), 1, 2])
+    assert felt[1] < felt[0] - 0.1
+    assert heights[1] - heights[0] > 0.02

@@ -1,0 +1,127 @@
+"""Robots whose servos let them sway over one foot are refused before anything moves."""
+
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from poise.apps.teleoperation import SCRIPTS, TELEOP_PLANT, run_teleop
+from poise.errors import ConfigurationError
+from poise.locomotion import StepTeleoperator, TeleopParameters
+from poise.locomotion._stepping._biped import biped_of, leg_joints
+from poise.locomotion._stepping._sway import sway_growth, sway_stiffness
+
+OMEGA = 3.5
+
+
+def scaled(robot):
+    return StepTeleoperator(robot, actuation="torque").parameters
+
+
+def with_ankles(robot, share):
+    """The same robot, its ankles' roll by so much weaker."""
+    torque = robot.tau_max.copy()
+    for sole in list(robot.soles)[:2]:
+        torque[leg_joints(robot, sole)[-1]] *= share
+    return replace(robot, tau_max=torque)
+
+
+@pytest.mark.parametrize("name", ["biped20", "humanoid33", "g1", "talos", "icub", "romeo"])
+def test_robots_that_step_are_taken(get_robot, name):
+    assert StepTeleoperator(get_robot(name))
+
+
+def test_a_robot_with_weak_ankles_is_refused_with_the_reason_and_what_helps(get_robot):
+    robot = with_ankles(get_robot("biped20"), 0.15)
+    with pytest.raises(ConfigurationError, match="sway sideways") as refused:
+        StepTeleoperator(robot)
+    for said in ("left_ankle_roll", "9.65 N m", "/s", "actuation 'torque'", "servo_stiffness"):
+        assert said in str(refused.value)
+    assert StepTeleoperator(robot, actuation="torque")
+    stiff = replace(scaled(robot), dt=5e-3, servo_stiffness=700.0, servo_damping=25.0)
+    assert StepTeleoperator(robot, parameters=stiff)
+
+
+def test_weak_ankles_for_pitch_let_it_sway_forward(get_robot):
+    robot = get_robot("biped20")
+    torque = robot.tau_max.copy()
+    torque[leg_joints(robot, "right_sole")[-2]] *= 0.1
+    with pytest.raises(ConfigurationError, match="right_sole it would sway forward"):
+        StepTeleoperator(replace(robot, tau_max=torque))
+
+
+def test_human_is_refused_and_would_fall(get_robot):
+    robot = get_robot("human")
+    with pytest.raises(ConfigurationError, match=r"sway sideways.*left_ankle_X, 20 N m"):
+        StepTeleoperator(robot)
+    # Servos that are said to be stiff, and are not.
+    script = SCRIPTS["lift_one_foot"](robot)
+    wrong = replace(scaled(robot), dt=TELEOP_PLANT.control_dt, servo_stiffness=1e4)
+    run = run_teleop(
+        robot, script.device, duration=4.0, parameters=wrong, q_start=script.posture(robot)
+    )
+    assert run.fell
+
+
+def test_stiff_servos_leave_the_pendulums_own_pole():
+    parameters = TeleopParameters(servo_stiffness=1e6, servo_damping=1e5)
+    assert sway_growth(1e6, OMEGA, parameters) == pytest.approx(-OMEGA, rel=1e-3)
+
+
+def test_sway_grows_as_the_difference_equations_do():
+    """The model marched on in steps of 0.1 ms, by itself."""
+    parameters, stiffness = TeleopParameters(), 2.0 * OMEGA**2
+    p, v, at, command = 0.01, 0.0, 0.0, 0.0
+    kd = parameters.kp / OMEGA + OMEGA
+    damping = stiffness * parameters.servo_damping / parameters.servo_stiffness
+    dt, peaks = 1e-4, []
+    for _ in range(100_000):
+        force = -stiffness * (p - at) - damping * (v - command)
+        wanted = -parameters.kp * p - kd * command + parameters.velocity_leak * (v - command)
+        before = v
+        v += dt * (OMEGA**2 * p + force)
+        p += dt * v
+        at += dt * command
+        command += dt * wanted
+        if before > 0.0 >= v:
+            peaks.append(p)
+    period = 2.0 * np.pi / np.abs(frequency(stiffness, parameters))
+    rate = np.log(peaks[-1] / peaks[-2]) / period
+    assert rate == pytest.approx(sway_growth(stiffness, OMEGA, parameters), rel=0.01)
+
+
+def frequency(stiffness, parameters):
+    """Of the swing that grows [rad/s], from the characteristic polynomial."""
+    k, d = stiffness, stiffness * parameters.servo_damping / parameters.servo_stiffness
+    kp, leak = parameters.kp, parameters.velocity_leak
+    kd = kp / OMEGA + OMEGA + leak
+    plant, spring = np.poly1d([1.0, d, k - OMEGA**2]), np.poly1d([d, k])
+    s = np.poly1d([1.0, 0.0])
+    # p (plant) = spring P, s P = V, V (s + kd) = (leak s - kp) p.
+    roots = (plant * s * (s + kd) - spring * (leak * s - kp)).roots
+    return roots[np.argmax(roots.real)].imag
+
+
+@pytest.mark.parametrize("foot", [0, 1])
+def test_the_stiffness_is_that_of_springs_one_after_the_other(get_robot, foot):
+    robot = get_robot("biped20")
+    dynamics = StepTeleoperator(robot).estimator.dynamics
+    biped = biped_of(robot, scaled(robot))
+    sole, data, step = biped.soles[foot], robot.model.createData(), 1e-6
+
+    def com(joint, angle):
+        """Seen from the sole, with one joint turned."""
+        q = robot.q_home.copy()
+        q[7 + joint] += angle
+        pin.framesForwardKinematics(robot.model, data, q)
+        place = data.oMf[robot.frame_id(sole)]
+        return place.rotation.T @ (pin.centerOfMass(robot.model, data, q) - place.translation)
+
+    gives = np.zeros(2)
+    for joint in leg_joints(robot, sole):
+        rate = (com(joint, step) - com(joint, -step))[:2] / (2.0 * step)
+        gives += rate**2 / (70.0 * robot.tau_max[joint])
+    stiffness, weakest = sway_stiffness(biped, dynamics, foot, 70.0)
+    assert stiffness == pytest.approx(1.0 / gives, rel=1e-5)
+    assert weakest[1].endswith("ankle_roll")
