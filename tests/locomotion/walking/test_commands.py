@@ -11,7 +11,8 @@ from poise.locomotion._walking._ground import Placement
 
 ROOM = LegRoom(
     sizes=((0.2, 0.08), (0.2, 0.08)),
-    width=0.2, clearance=0.01, ahead=0.5, wide=0.45, turn=0.6, turn_in=0.12,
+    width=0.2, clearance=0.01, ahead=0.5, far=0.6, wide=0.45, turn=0.6, turn_in=0.12,
+    quickness=60.0,
 )  # fmt: skip
 TIME = 0.5
 RIGHT = Placement(position=(0.0, -0.1, 0.0), yaw=0.0)
