@@ -91,14 +91,16 @@ class LegRoom(NamedTuple):
             0.5 * (width * math.cos(skew) + length * math.sin(skew)) for length, width in self.sizes
         )
 
-    def bounds(self, yaw: float) -> StepBounds:
-        """Where a foot may come down to catch the robot.
+    def bounds(self, yaw: float, *, far: bool = False) -> StepBounds:
+        """Where a foot may come down.
 
         Args:
             yaw: of the foothold, against the foot that stands [rad].
+            far: whether the body goes down for it, to catch the robot.
         """
+        ahead = self.far if far else self.ahead
         near = min(self.near(yaw), self.width)
-        return StepBounds(-self.far, self.far, near, self.wide, self.far, self.width)
+        return StepBounds(-ahead, ahead, near, self.wide, ahead, self.width)
 
 
 def side(foot: int) -> float:

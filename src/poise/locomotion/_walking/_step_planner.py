@@ -158,7 +158,7 @@ class StepPlanner:
             usual=usual,
             longest=_LONGEST * usual,
         )
-        step = choose_step(seen, self._room.bounds(turned), limits)
+        step = choose_step(seen, self._room.bounds(turned, far=True), limits)
         return step, axes.without((step.x, step.y))
 
     def cost(self, lifted: Lifted) -> float:
