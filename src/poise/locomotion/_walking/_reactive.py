@@ -570,29 +570,33 @@ class ReactiveWalker:
             sought = min(flight.goal.position[2], float(flight.swing.position[2]))
             low, yaw = min(foot.position[2], sought), 0.5 * (foot.yaw + flight.goal.yaw)
             time, feet[self._foot] = flight.left, flight.goal
-        height = self._reached_height(feet, yaw, time)
-        if height < self.height:
-            drop = max(self._body.rise[0] - low - height, 0.0)
+        height = self._reached_height(feet, low, yaw, time)
+        drop = self._body.rise[0] - height
+        if drop > 0.0 and height < low + self.height:
             time = max(time, math.sqrt(_FALL * drop), _SOONEST)
         else:
             time = max(time + 0.5 * self.gait.double_support, _BODY_TIME)
             if self.steps_made == 0:
                 time = max(time, self.gait.shift_time)
-        self._body.move(low + height, yaw, time, dt)
+        self._body.move(height, yaw, time, dt)
 
-    def _reached_height(self, feet: Sequence[Placement], yaw: float, time: float) -> float:
-        """Height of the COM at which both legs will reach their feet [m].
+    def _reached_height(
+        self, feet: Sequence[Placement], low: float, yaw: float, time: float
+    ) -> float:
+        """Height of the COM in the world at which both legs will reach their feet [m].
 
         Args:
             feet: where they stand then.
+            low: height of the lower one [m].
             yaw: of the body then [rad].
             time: until then [s].
         """
         (x, y, _), (vx, vy, _) = self._sense.com.tolist(), self._sense.com_velocity.tolist()
         x, y, out = x + time * vx, y + time * vy, 0.5 * self._standing.width
-        height = self.height
+        height = low + self.height
         for foot, place in enumerate(feet):
             aside = side(foot) * out
             hip = (x - math.sin(yaw) * aside, y + math.cos(yaw) * aside)
-            height = min(height, self._span.highest(math.dist(hip, place.position[:2])))
-        return max(height, _LOWEST * self.height)
+            highest = self._span.highest(math.dist(hip, place.position[:2]))
+            height = min(height, place.position[2] + highest)
+        return max(height, low + _LOWEST * self.height)
