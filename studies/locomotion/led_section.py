@@ -19,7 +19,7 @@ _SPEEDS: tuple[tuple[str, Velocity, float, str], ...] = (
 )
 """What is asked for, and the least that has to be reached."""
 
-_WALKING, _STANDING = 0.4, 0.6
+_PUSHES = {"walking": 0.4, "standing": 0.6}
 """Pushes that are to be survived while walking and while standing [m/s]."""
 
 _PACE = (0.3, 0.0, 0.0)
@@ -41,7 +41,7 @@ def led_section(options: StudyOptions, progress: Progress) -> Section:
             groups[f"{robot}: {name}"] = [
                 LedTrial(robot=robot, seed=first + i, seconds=7.0, velocity=velocity) for i in seeds
             ]
-        for name, push in (("walking", _WALKING), ("standing", _STANDING)):
+        for name, push in _PUSHES.items():
             groups[f"{robot}: {name}"] = [
                 _pushed(robot, first + i, k, name, push)
                 for i in seeds
@@ -62,7 +62,7 @@ def led_section(options: StudyOptions, progress: Progress) -> Section:
             "is a robot that stands with its feet side by side 3 s after the push.",
         ),
         findings=tuple(findings),
-        tables=(_table(found),),
+        tables=(_directions(found), _table(found)),
     )
 
 
@@ -95,9 +95,9 @@ def _findings(robot: str, found: dict[str, list[LedOutcome]]) -> list[Finding]:
                 note=f"at least; worst of {len(group)} seeds, nothing where it fell",
             )
         )
-    for name, push in (("walking", _WALKING), ("standing", _STANDING)):
+    for name, push in _PUSHES.items():
         group = found[f"{robot}: {name}"]
-        held = [not o.fell and (o.rested or name == "walking") for o in group]
+        held = _held(name, group)
         weakest = min(_share(group, held, k) for k in {o.trial.direction for o in group})
         findings.append(
             Finding(
@@ -106,7 +106,7 @@ def _findings(robot: str, found: dict[str, list[LedOutcome]]) -> list[Finding]:
                 ours=weakest,
                 unit="%",
                 ok=bool(weakest >= 95.0),
-                note=f"survived, at least; {sum(held)} of {len(held)} in all directions",
+                note=f"survived, at least; {_counted(sum(held), len(held))} in all directions",
             )
         )
     group = found[f"{robot}: wandering"]
@@ -128,6 +128,37 @@ def _share(group: Sequence[LedOutcome], held: Sequence[bool], direction: float) 
     """What part was survived in a direction [%]."""
     chosen = [h for o, h in zip(group, held, strict=True) if o.trial.direction == direction]
     return 100.0 * sum(chosen) / len(chosen)
+
+
+def _held(name: str, group: Sequence[LedOutcome]) -> list[bool]:
+    """Which pushes were survived; standing, by a robot that is back at rest."""
+    return [not o.fell and (o.rested or name == "walking") for o in group]
+
+
+def _counted(held: int, count: int) -> str:
+    """A count with Wilson's interval of 95% for its share."""
+    z = 1.96
+    share, spread = held / count, z * z / count
+    middle = (share + 0.5 * spread) / (1.0 + spread)
+    half = z * math.sqrt(share * (1.0 - share) / count + 0.25 * spread / count) / (1.0 + spread)
+    return f"{held} of {count} ({100.0 * (middle - half):.0f} to {100.0 * (middle + half):.0f}%)"
+
+
+def _directions(found: dict[str, list[LedOutcome]]) -> Table:
+    """Pushes by their direction."""
+    rows: list[tuple[str | float, ...]] = []
+    for name in (f"{robot}: {name}" for robot in ROBOTS for name in _PUSHES):
+        group, held = found[name], _held(name.rsplit(maxsplit=1)[1], found[name])
+        for direction in sorted({o.trial.direction for o in group}):
+            chosen = [h for o, h in zip(group, held, strict=True) if o.trial.direction == direction]
+            degrees = round(math.degrees(direction))
+            rows.append((name, degrees, _counted(sum(chosen), len(chosen))))
+    return Table(
+        title="Pushes by direction",
+        header="robot and case | push from ahead to the left [deg] | survived",
+        rows=tuple(rows),
+        caption="In brackets Wilson's interval of 95%. Standing, back at rest within 3 s.",
+    )
 
 
 def _table(found: dict[str, list[LedOutcome]]) -> Table:

@@ -196,6 +196,11 @@ def test_robots_that_are_led_well_hold(monkeypatch):
     assert len(found) == 12
 
 
+def test_counts_have_wilsons_interval():
+    assert led._counted(19, 20) == "19 of 20 (76 to 99%)"
+    assert led._counted(0, 36) == "0 of 36 (0 to 10%)"
+
+
 @pytest.mark.parametrize(
     ("fails", "change", "name"),
     [

@@ -11,7 +11,8 @@ from poise.locomotion._walking._ground import Placement
 
 ROOM = LegRoom(
     sizes=((0.2, 0.08), (0.2, 0.08)),
-    width=0.2, clearance=0.01, ahead=0.5, wide=0.45, turn=0.6, turn_in=0.12,
+    width=0.2, clearance=0.01, ahead=0.5, far=0.6, wide=0.45, turn=0.6, turn_in=0.12,
+    quickness=60.0,
 )  # fmt: skip
 TIME = 0.5
 RIGHT = Placement(position=(0.0, -0.1, 0.0), yaw=0.0)
@@ -114,3 +115,17 @@ def test_a_foothold_on_an_edge_moves_to_where_it_is_level():
     leader.advance(10.0)
     for place in leader.steps(0, RIGHT, 4):
         assert leader.carries(0, place)
+
+
+def test_a_foot_is_no_quicker_than_its_hip():
+    way, ticks = 0.4, 2001
+    phase = np.linspace(0.0, 1.0, ticks)
+    travelled = way * (10.0 * phase**3 - 15.0 * phase**4 + 6.0 * phase**5)
+    tick = ROOM.shortest_swing(way) / (ticks - 1)
+    peak = np.abs(np.diff(travelled, 2)).max() / tick**2
+    assert peak == pytest.approx(ROOM.quickness, rel=1e-3)
+
+
+def test_a_foot_that_catches_goes_farther_than_one_that_is_led():
+    assert ROOM.bounds(0.0).ahead == ROOM.ahead
+    assert ROOM.bounds(0.0, far=True).back == -ROOM.far

@@ -1,5 +1,7 @@
 """Where the legs have to reach: the base that goes with a COM of the walk."""
 
+import math
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -21,3 +23,30 @@ def test_the_robot_is_moved_and_turned_as_one_to_where_its_com_should_be(get_rob
     turned = pin.utils.rotate("z", yaw) @ pin.XYZQUATToSE3(plan.q[:7]).rotation
     np.testing.assert_allclose(pin.XYZQUATToSE3(q[:7]).rotation, turned, atol=1e-12)
     np.testing.assert_array_equal(q[7:], plan.q[7:])
+
+
+@pytest.mark.parametrize("name", ["g1", "humanoid33"])
+def test_a_com_as_high_as_a_foot_lets_it_be_stretches_the_leg(get_robot, name):
+    plan = plan_footsteps(get_robot(name), [Stride(steps=2, length=0.1)])
+    span = LegReach(get_robot(name), plan).span
+    lowered, stands = 0.85 * plan.com[2], 0.98 * plan.com[2]
+    assert 0.0 < span.beside(stands) < span.beside(lowered) < span.length
+    assert span.highest(span.beside(lowered)) == pytest.approx(lowered)
+    assert math.hypot(span.beside(lowered), lowered + span.hip) == pytest.approx(span.length)
+
+
+@pytest.mark.parametrize("name", ["g1", "humanoid33"])
+def test_the_quickest_foot_is_driven_by_all_of_the_hips_torque(get_robot, name):
+    robot = get_robot(name)
+    plan = plan_footsteps(robot, [Stride(steps=2, length=0.1)])
+    found = LegReach(robot, plan).quickness
+    model, data = robot.model, robot.model.createData()
+    hip = next(k for k, joint in enumerate(robot.joint_names) if "left_hip_pitch" in joint)
+    column = robot.base_dofs + hip
+    inertia = pin.crba(model, data, plan.q)[column, column]
+    # Only the hip moves: its torque over its inertia, at the end of the leg.
+    v = np.zeros(robot.nv)
+    v[column] = robot.tau_max[hip] / inertia
+    pin.forwardKinematics(model, data, plan.q, v)
+    sole = pin.getFrameVelocity(model, data, robot.frame_id(plan.soles[0]), pin.LOCAL).linear
+    assert found == pytest.approx(abs(float(sole[0])))

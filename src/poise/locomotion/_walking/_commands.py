@@ -43,6 +43,10 @@ class VelocityLimits:
     rise_time: Annotated[float, Bounds(positive=True, most=LARGEST, unit="s")] = 1.0
 
 
+_PEAK = 10.0 / math.sqrt(3.0)
+"""Peak acceleration of a quintic of least jerk, over its way by its time squared."""
+
+
 class LegRoom(NamedTuple):
     """Where the legs let a foot come down beside the other one.
 
@@ -51,18 +55,30 @@ class LegRoom(NamedTuple):
         width: of the feet side by side [m].
         clearance: least distance of their edges [m].
         ahead: farthest ahead and behind [m].
+        far: the same where the body goes down for it, to catch the robot [m].
         wide: farthest beside [m].
         turn: most that a foot is turned outwards from the other [rad].
         turn_in: and inwards [rad].
+        quickness: acceleration of a foot in the air, at most [m/s^2].
     """
 
     sizes: tuple[tuple[float, float], tuple[float, float]]
     width: float
     clearance: float
     ahead: float
+    far: float
     wide: float
     turn: float
     turn_in: float
+    quickness: float
+
+    def shortest_swing(self, way: float) -> float:
+        """In what time a foot goes a way, from rest to rest with the least jerk [s].
+
+        Args:
+            way: [m].
+        """
+        return math.sqrt(_PEAK * way / self.quickness)
 
     def near(self, yaw: float) -> float:
         """Least distance of the soles' centres, turned against each other [m].
@@ -75,14 +91,16 @@ class LegRoom(NamedTuple):
             0.5 * (width * math.cos(skew) + length * math.sin(skew)) for length, width in self.sizes
         )
 
-    def bounds(self, yaw: float) -> StepBounds:
-        """Where a foot may come down to catch the robot.
+    def bounds(self, yaw: float, *, far: bool = False) -> StepBounds:
+        """Where a foot may come down.
 
         Args:
             yaw: of the foothold, against the foot that stands [rad].
+            far: whether the body goes down for it, to catch the robot.
         """
+        ahead = self.far if far else self.ahead
         near = min(self.near(yaw), self.width)
-        return StepBounds(-self.ahead, self.ahead, near, self.wide, self.ahead, self.width)
+        return StepBounds(-ahead, ahead, near, self.wide, ahead, self.width)
 
 
 def side(foot: int) -> float:

@@ -1,6 +1,7 @@
 """Whether the legs reach where a walk needs them: inverse kinematics before anything moves."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -18,6 +19,34 @@ the pelvis, taken to go along with the COM, is not known better."""
 
 _STRAIGHT = 0.99
 """Ratio of a straight leg's length that a foothold may use which is moved to catch the robot."""
+
+
+class LegSpan(NamedTuple):
+    """How far a leg goes from its hip to its ankle.
+
+    Attributes:
+        length: of the leg, nearly straight [m].
+        hip: height of the hip over the ankle, less that of the COM over the sole [m].
+    """
+
+    length: float
+    hip: float
+
+    def beside(self, height: float) -> float:
+        """How far beside its hip a foot stands at most [m].
+
+        Args:
+            height: of the COM above that foot [m].
+        """
+        return math.sqrt(max(self.length**2 - (height + self.hip) ** 2, 0.0))
+
+    def highest(self, beside: float) -> float:
+        """How high the COM is above a foot at most [m].
+
+        Args:
+            beside: how far that foot is beside its hip [m].
+        """
+        return math.sqrt(max(self.length**2 - beside**2, 0.0)) - self.hip
 
 
 class LegReach:
@@ -60,19 +89,37 @@ class LegReach:
                             wanted="shorter steps, another width, or more crouch",
                         )
 
+    @property
+    def span(self) -> LegSpan:
+        """Of the left leg, at the body's posture."""
+        neutral = self._model.createData()
+        pin.framesForwardKinematics(self._model, neutral, pin.neutral(self._model))
+        hip, ankle = (self._chains[0][k] for k in (0, -1))
+        straight = np.linalg.norm(neutral.oMi[ankle].translation - neutral.oMi[hip].translation)
+        return LegSpan(_STRAIGHT * float(straight), self._hip_over_com - self._ankle_over_sole)
+
+    @property
+    def quickness(self) -> float:
+        """Acceleration of a foot by the joint that moves it most, at its torque limit [m/s^2].
+
+        With the lever r of that joint and the inertia I of all that it moves, r tau / I.
+        """
+        model, robot, chain = self._model, self._robot, self._chains[0]
+        data, frame = model.createData(), self._frames[0]
+        inertia = pin.crba(model, data, self._stand.q)
+        pin.computeJointJacobians(model, data, self._stand.q)
+        J = pin.getFrameJacobian(model, data, frame, pin.ReferenceFrame.LOCAL)
+        column = max((model.joints[j].idx_v for j in chain), key=lambda k: abs(float(J[0, k])))
+        torque = float(robot.tau_max[column - robot.base_dofs])
+        return abs(float(J[0, column])) * torque / float(inertia[column, column])
+
     def longest_step(self, com_height: float) -> float:
         """How far ahead of the other a foot may come down with the COM half way between [m].
 
         Args:
             com_height: of the COM above the ground [m].
         """
-        neutral = self._model.createData()
-        pin.framesForwardKinematics(self._model, neutral, pin.neutral(self._model))
-        hip, ankle = (self._chains[0][k] for k in (0, -1))
-        straight = np.linalg.norm(neutral.oMi[ankle].translation - neutral.oMi[hip].translation)
-        length = _STRAIGHT * float(straight)
-        height = com_height + self._hip_over_com - self._ankle_over_sole
-        return 2.0 * math.sqrt(max(length**2 - height**2, 0.0))
+        return 2.0 * self.span.beside(com_height)
 
     def _miss(self, foot: int, place: Placement, point: ReferencePoint) -> str:
         """What is wrong with a foot's place at one moment; "" if nothing is."""

@@ -12,7 +12,7 @@ from poise.dynamics import RobotState
 from poise.locomotion._pendulum import natural_frequency
 from poise.locomotion._support import Point
 from poise.locomotion._walking._body import BodyMotion
-from poise.locomotion._walking._commands import LegRoom, StepCommands, VelocityLimits
+from poise.locomotion._walking._commands import LegRoom, StepCommands, VelocityLimits, side
 from poise.locomotion._walking._dcm_plan import (
     DcmMotion,
     StepTimes,
@@ -77,6 +77,17 @@ _WIDE = 0.75
 
 _REACH = 0.85
 """Part of the longest step, both legs straight, that a foot may use."""
+
+_LOWEST = 0.9
+"""Part of its height to which the COM goes down so that a leg reaches where it catches the
+robot."""
+
+_FALL = 1.0
+"""Over a way down, the square of the time that the body takes for it [s^2/m]: with the least jerk,
+its weight is never less than 0.4 of what it is."""
+
+_SOONEST = 0.06
+"""It takes this long at least [s]."""
 
 _BODY_TIME = 0.25
 """The body turns and rises no faster than it takes for a goal this far away [s]."""
@@ -143,15 +154,19 @@ class ReactiveWalker:
         self._legs = LegMomentum(ratios.ahead, natural_frequency(self.height))
         self._rise_ratio = ratios.rise
         self.ground = ground or level_floor(stand.start)
+        reach = LegReach(robot, stand)
+        self._span = reach.span
         turns = all(robot.soles[sole].turns for sole in stand.soles)
         self._room = LegRoom(
             sizes=stand.sizes,
             width=self.gait.width or stand.width,
             clearance=FootstepPlan.clearance,
-            ahead=_REACH * LegReach(robot, stand).longest_step(self.height),
+            ahead=_REACH * 2.0 * self._span.beside(self.height),
+            far=_REACH * 2.0 * self._span.beside(_LOWEST * self.height),
             wide=_WIDE * self.height,
             turn=_TURN if turns else 0.0,
             turn_in=_TURN_IN if turns else 0.0,
+            quickness=reach.quickness,
         )
         self.commands = StepCommands(self.limits, self._room, self.gait.step_time, self.ground)
         stack.bind(robot)
@@ -548,13 +563,40 @@ class ReactiveWalker:
         """Height and heading of the body, towards what the next stand asks for."""
         left, right = self._stance.feet
         low, yaw, time = min(left.position[2], right.position[2]), self._stance.heading, 0.0
+        feet = [left, right]
         if self._flight is not None:
             foot, flight = self._standing_foot, self._flight
             # A foot that looks for the ground takes the body down with it.
             sought = min(flight.goal.position[2], float(flight.swing.position[2]))
             low, yaw = min(foot.position[2], sought), 0.5 * (foot.yaw + flight.goal.yaw)
-            time = flight.left
-        time = max(time + 0.5 * self.gait.double_support, _BODY_TIME)
-        if self.steps_made == 0:
-            time = max(time, self.gait.shift_time)
-        self._body.move(low + self.height, yaw, time, dt)
+            time, feet[self._foot] = flight.left, flight.goal
+        height = self._reached_height(feet, low, yaw, time)
+        drop = self._body.rise[0] - height
+        if drop > 0.0 and height < low + self.height:
+            time = max(time, math.sqrt(_FALL * drop), _SOONEST)
+        else:
+            time = max(time + 0.5 * self.gait.double_support, _BODY_TIME)
+            if self.steps_made == 0:
+                time = max(time, self.gait.shift_time)
+        self._body.move(height, yaw, time, dt)
+
+    def _reached_height(
+        self, feet: Sequence[Placement], low: float, yaw: float, time: float
+    ) -> float:
+        """Height of the COM in the world at which both legs will reach their feet [m].
+
+        Args:
+            feet: where they stand then.
+            low: height of the lower one [m].
+            yaw: of the body then [rad].
+            time: until then [s].
+        """
+        (x, y, _), (vx, vy, _) = self._sense.com.tolist(), self._sense.com_velocity.tolist()
+        x, y, out = x + time * vx, y + time * vy, 0.5 * self._standing.width
+        height = low + self.height
+        for foot, place in enumerate(feet):
+            aside = side(foot) * out
+            hip = (x - math.sin(yaw) * aside, y + math.cos(yaw) * aside)
+            highest = self._span.highest(math.dist(hip, place.position[:2]))
+            height = min(height, place.position[2] + highest)
+        return max(height, low + _LOWEST * self.height)

@@ -17,14 +17,11 @@ from poise.locomotion._walking._ground import Placement
 from poise.locomotion._walking._leg_momentum import LegMomentum
 from poise.locomotion._walking._step_choice import Pendulum, Step, SwingLimits, choose_step
 
-QUICK = 0.06
+QUICK = 0.04
 """From the decision to step in order not to fall to lift-off [s]."""
 
-_SHORTEST, _LONGEST = 0.65, 1.5
+_SHORTEST, _LONGEST = 0.4, 1.5
 """Shortest and longest swing over the usual one."""
-
-_SWING_SPEED = 2.5
-"""Average speed of a foot in the air, at most [m/s]."""
 
 _TRUSTED = 0.6
 """Part of a sole that the choice of a step takes the ZMP to reach; the rest is for feedback."""
@@ -78,6 +75,9 @@ class StepPlanner:
         self._stand = stand
         self._commands, self._room, self._legs, self.times = commands, room, legs, times
         self._margin, self._gain = margin, transfer_gain(legs, times)
+        # As fast as the hips move a foot: side by side at least, and as far as it goes at most.
+        self._shortest = max(_SHORTEST * times.swing, room.shortest_swing(room.width))
+        self._speed = room.far / room.shortest_swing(room.far)
 
     def plan(self, lifted: Lifted, counts_as: Point | None = None) -> Pendulum:
         """What the next footholds ask for, in the world.
@@ -152,13 +152,13 @@ class StepPlanner:
         )
         limits = SwingLimits(
             place=axes.within(lifted.place),
-            speed=_SWING_SPEED,
+            speed=self._speed,
             elapsed=lifted.elapsed,
-            shortest=_SHORTEST * usual,
+            shortest=min(self._shortest, usual),
             usual=usual,
             longest=_LONGEST * usual,
         )
-        step = choose_step(seen, self._room.bounds(turned), limits)
+        step = choose_step(seen, self._room.bounds(turned, far=True), limits)
         return step, axes.without((step.x, step.y))
 
     def cost(self, lifted: Lifted) -> float:
