@@ -6,9 +6,11 @@ from poise.locomotion._stepping._device import (
     DeviceGuard,
     DeviceSample,
     DeviceStatus,
+    HandSample,
     ScriptedDevice,
     WayPoint,
 )
+from poise.locomotion._stepping._hands import HandLeader, HandStatus
 from poise.locomotion._stepping._modes import Mode, ModeEvent, draw_modes
 from poise.locomotion._stepping._parameters import TeleopParameters, scaled_parameters
 from poise.locomotion._stepping._recording import (
@@ -17,7 +19,6 @@ from poise.locomotion._stepping._recording import (
     Recording,
     RecordingError,
     RecordingWriter,
-    RowKind,
     read_recording,
 )
 from poise.locomotion._stepping._step_teleoperator import StepTeleoperator, TeleopStatus
@@ -28,6 +29,9 @@ __all__ = [
     "DeviceGuard",
     "DeviceSample",
     "DeviceStatus",
+    "HandLeader",
+    "HandSample",
+    "HandStatus",
     "Mode",
     "ModeEvent",
     "RecordedDevice",
@@ -35,7 +39,6 @@ __all__ = [
     "Recording",
     "RecordingError",
     "RecordingWriter",
-    "RowKind",
     "ScriptedDevice",
     "ShifterDriver",
     "StepTeleoperator",

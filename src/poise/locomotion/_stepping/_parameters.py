@@ -69,6 +69,7 @@ class TeleopParameters:
         stoop_max: how far the COM may come down for the legs to reach, over its height.
         step_max: largest distance of the feet forward or sideways that can be commanded [m].
         feet_gap: least distance of the soles' edges, side by side [m].
+        hand_scale: motion of a hand over that of its device.
     """
 
     dt: Positive = 0.005
@@ -113,6 +114,7 @@ class TeleopParameters:
     stoop_max: Positive = 0.2
     feet_gap: Positive = 0.01
     step_max: Positive = 0.46
+    hand_scale: Positive = 1.0
 
     def __post_init__(self) -> None:
         if not self.lower_height < self.lift_height:

@@ -28,11 +28,12 @@ from poise.locomotion._stepping._device import Device, DeviceGuard, DeviceSample
 from poise.locomotion._stepping._estimator import StanceEstimator, ZmpSensor
 from poise.locomotion._stepping._foot import FootTarget, FootVelocity
 from poise.locomotion._stepping._footing import Footing, StanceChoice
+from poise.locomotion._stepping._hands import HandLeader, HandStatus
 from poise.locomotion._stepping._mode_events import ModeEvents
 from poise.locomotion._stepping._modes import Mode
 from poise.locomotion._stepping._parameters import TeleopParameters, scaled_parameters
 from poise.locomotion._stepping._reach import FootRange
-from poise.locomotion._stepping._torque_tasks import TorqueTasks
+from poise.locomotion._stepping._torque_tasks import POSTURE_WEIGHT, TorqueTasks
 from poise.locomotion._stepping._velocity_tasks import VelocityTasks
 from poise.locomotion._support import SupportPolygon, two_soles
 from poise.robots import Robot
@@ -61,6 +62,8 @@ class TeleopStatus:
         target: where the foot in the air is sent, None with both on the ground [m].
         loads: normal forces, left and right [N].
         tilt: angle of the torso against upright [rad].
+        hands: what each hand does.
+        hand_targets: where each hand is led to [m].
     """
 
     mode: Mode
@@ -74,6 +77,8 @@ class TeleopStatus:
     target: Float64[np.ndarray, "3"] | None
     loads: Float64[np.ndarray, "2"]
     tilt: float
+    hands: tuple[HandStatus, ...] = ()
+    hand_targets: tuple[Float64[np.ndarray, "3"], ...] = ()
 
 
 class StepTeleoperator:
@@ -86,8 +91,8 @@ class StepTeleoperator:
     `controller()` solves the stack for velocities of the legs' joints, (19) to (23), and the other
     joints keep still. With "torque" it solves it for torques of all joints: the COM shifter's
     feedback is on the measured divergent component, feet on the ground are contacts, and the trunk
-    is kept upright in place of the body rotator. `stack` may then be given to any controller that
-    commands torques.
+    is kept upright in place of the body rotator, and the arms follow the operator's hands, whatever
+    the feet do. `stack` may then be given to any controller that commands torques.
 
     Neither `estimator.update` nor `lead` raises. A state that cannot be used is passed over, and
     the controller says so.
@@ -115,6 +120,7 @@ class StepTeleoperator:
         actuation: what is commanded.
         estimator: where the robot is taken to be; its `update` comes before `lead`.
         zmp_sensor: ZMP and loads as measured.
+        hands: leads the arms, where torques are commanded.
     """
 
     def __init__(
@@ -148,8 +154,11 @@ class StepTeleoperator:
             driver = ShifterDriver(shifter)
         self.driver, self._rotator = driver, rotator
         self._reach = FootRange(robot, self.soles, p)
+        self.hands = HandLeader(
+            robot, dt=p.dt, q_rest=q_start, weight=POSTURE_WEIGHT, scale=p.hand_scale
+        )
         self._tasks: StepTasks = (
-            TorqueTasks(self._biped, p.dt)
+            TorqueTasks(self._biped, p.dt, self.hands.task)
             if actuation == "torque"
             else VelocityTasks(self._biped, p, rotator=rotator)
         )
@@ -165,6 +174,7 @@ class StepTeleoperator:
             biped.frames, self.soles, biped.weight, p.zmp_time, p.dt
         )
         self._tasks.reset()
+        self.hands.reset()
         self._guard = DeviceGuard(dt=p.dt, low=p.lower_height, press_depth=p.press_depth)
         self._com = self._com_motion()
         self._events = ModeEvents(estimator, sensor, self._com, p, biped.weight)
@@ -204,9 +214,9 @@ class StepTeleoperator:
     def signals(self) -> Mapping[str, np.ndarray | float | str]:
         """What a recorder should know of the last tick; nothing before the first.
 
-        Where the operator's devices and the foot in the air should be, the reference of the ZMP,
-        which soles carry the robot, mode and device; and what is estimated, under `estimate/`, for
-        `com` and `zmp` are the plant's own.
+        Where the operator's devices, the foot in the air and the hands should be, the reference of
+        the ZMP, which soles carry the robot, mode, device and what the hands do; and what is
+        estimated, under `estimate/`, for `com` and `zmp` are the plant's own.
         """
         status, nowhere = self.status, np.full(3, np.nan)
         if status is None:
@@ -216,8 +226,10 @@ class StepTeleoperator:
         planned = {
             f"planned/{sole}": float(support in (None, i)) for i, sole in enumerate(self.soles)
         }
+        hands = zip(self.hands.names, status.hand_targets, strict=True)
         return {
             **planned,
+            **{f"target/{hand}": place for hand, place in hands},
             "target/left device": nowhere if sample is None else sample.left,
             "target/right device": nowhere if sample is None else sample.right,
             "foot_target": nowhere if status.target is None else status.target,
@@ -230,6 +242,7 @@ class StepTeleoperator:
             "estimate/tilt": status.tilt,
             "mode": status.mode.name,
             "device": status.device.name,
+            "hands": ", ".join(hand.name for hand in status.hands),
         }
 
     def lead(self, state: RobotState) -> None:
@@ -260,6 +273,8 @@ class StepTeleoperator:
         )
         upright = command is not None and command.upright
         self._tasks.ask(footing, self._desired(footing, target), upright=upright)
+        if self.actuation == "torque":
+            self.hands.lead(sample, state)
         self._status = self._describe(footing, sample, target)
 
     def _com_motion(self) -> ComMotion | ComFeedback:
@@ -318,6 +333,8 @@ class StepTeleoperator:
             target=target if footing.mode.single else None,
             loads=self.zmp_sensor.loads.copy(),
             tilt=footing.tilt,
+            hands=tuple(self.hands.status),
+            hand_targets=self.hands.targets(*footing.dynamics.placement(self._biped.torso)),
         )
 
 

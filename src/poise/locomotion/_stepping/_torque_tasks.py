@@ -13,9 +13,10 @@ from poise.stack import (
     ComTask,
     FrameTask,
     JointLimit,
-    PostureTask,
+    JointTask,
     Stack,
     SurfaceContact,
+    Task,
 )
 
 _LEVEL = np.eye(3)
@@ -23,9 +24,12 @@ _LEVEL = np.eye(3)
 _KP_COM, _KP_FOOT, _KP_TRUNK = 100.0, 300.0, 100.0
 """Stiffness of the COM's height, of the foot in the air, of pelvis and torso [1/s^2]."""
 
-_POSTURE_WEIGHT = 0.03
-"""Of the posture beside foot and trunk: below them alone the arms would be thrown about by what
-little those leave to them."""
+POSTURE_WEIGHT = 0.03
+"""Of arms and posture beside foot and trunk: below them alone the arms would be thrown about by
+what little those leave to them. Heavier ones are thrown less, and lean the trunk more."""
+
+_KP_POSTURE = 25.0
+"""Stiffness of the posture [1/s^2]."""
 
 _URGENT = 10.0
 """Weight of the trunk while the operator asks for an upright torso."""
@@ -44,18 +48,19 @@ class TorqueTasks:
     """The references of the step teleoperator as accelerations.
 
     The first level has the COM; the second the foot in the air, pelvis and torso upright and, much
-    lighter, the posture. No foot is worth the balance: where it is swung too hard it lags. Feet on
-    the ground are contacts: nothing levels them, so they lie as the ground does.
+    lighter, arms and posture. No foot and no hand is worth the balance: where it is swung too hard
+    it lags. Feet on the ground are contacts: nothing levels them, so they lie as the ground does.
 
     Args:
         biped: the robot.
         dt: length of a tick [s].
+        arms: leads the arms' joints; None without arms.
 
     Attributes:
         stack: to be solved for torques.
     """
 
-    def __init__(self, biped: Biped, dt: float) -> None:
+    def __init__(self, biped: Biped, dt: float, arms: JointTask | None) -> None:
         robot = biped.robot
         self._robot, self._dt = robot, dt
         self._com = ComTask(kp=_KP_COM)
@@ -65,14 +70,18 @@ class TorqueTasks:
         trunk = (robot.pelvis,) if torso == pelvis else (robot.pelvis, robot.torso)
         self._trunk = [FrameTask(frame, "orientation", kp=_KP_TRUNK) for frame in trunk]
         self._contacts = [SurfaceContact(sole) for sole in biped.soles]
-        posture = PostureTask(weight=_POSTURE_WEIGHT)
+        led = set[str]() if arms is None or arms.joints is None else set(arms.joints)
+        others = [name for name in robot.joint_names if name not in led]
+        posture = JointTask(others, kp=_KP_POSTURE, weight=POSTURE_WEIGHT, name="posture")
+        limbs: list[Task] = [posture] if arms is None else [arms, posture]
         self.stack = Stack(
             contacts=self._contacts,
-            levels=[[self._com], [*self._feet, *self._trunk, posture]],
+            levels=[[self._com], [*self._feet, *self._trunk, *limbs]],
             # A straight leg gets no shorter whatever its knee does: the trunk would bow for it.
             joint_limit=JointLimit(position_range=biped.knees),
         )
         self.stack.bind(robot)
+        posture.set_target(robot.q_home[[7 + robot.joint_index(name) for name in others]])
         self._lean = TrunkLean(biped.relief, dt)
         self.reset()
 
