@@ -132,6 +132,29 @@ def test_whoever_comes_next_finds_the_devices_on_the_feet(made):
         np.testing.assert_allclose(place, anchor, atol=1e-12)
 
 
+def test_hands_come_as_they_are_held(made):
+    operator, _, device = made
+    operator.pad(Pad())
+    led = Pad(hands=(None, Tracked((0.1, -0.2, 0.3), clutch=True)), rest=True)
+    sample = run(operator, device, 1, led)
+    left, right = sample.hands
+    assert left is None
+    assert right.clutch
+    np.testing.assert_allclose(right.position, [0.1, -0.2, 0.3])
+    assert sample.rest
+
+
+def test_a_hand_that_is_held_when_somebody_comes_leads_nothing_until_it_is_let_go(made):
+    operator, _, _ = made
+    closed = Pad(hands=(Tracked((0.0, 0.0, 0.0), clutch=True), None))
+    opened = Pad(hands=(Tracked((0.0, 0.0, 0.0)), None))
+    for pad, seen in ((closed, Pad()), (Pad(), Pad()), (closed, Pad()), (opened, opened)):
+        operator.pad(pad)
+        assert operator.read() == seen
+    operator.pad(closed)
+    assert operator.read() == closed
+
+
 def test_an_operator_who_leaves_is_gone_at_once(made):
     operator, _, device = made
     operator.pad(Pad())

@@ -317,4 +317,5 @@ def test_commanding_velocities_the_arms_keep_still(get_robot):
     teleoperator.device = Says(replace(sample(0.0), hands=circling(0.0)(1.0)))
     state = teleoperator.estimator.update(teleoperator.estimator.dynamics.state)
     teleoperator.lead(state)
-    assert teleoperator.status.hands == (HandStatus.REST, HandStatus.REST)
+    assert teleoperator.hands is None
+    assert teleoperator.status.hands == ()

@@ -52,6 +52,9 @@ class Pad(Struct, frozen=True, tag_field="do", tag="drive"):
             that is not held [m].
         tracked: what leads the left and the right foot from a tracker; None for one that is not
             tracked, or not at this moment.
+        hands: likewise for the left and the right hand; a handle of the page that is dragged is a
+            closed clutch.
+        rest: whether hands that nothing leads shall go back to rest.
         beat: the sender's clock, which it gets back to measure the latency [ms]. What is older than
             the newest is dropped. 0 for no clock.
     """
@@ -63,6 +66,8 @@ class Pad(Struct, frozen=True, tag_field="do", tag="drive"):
     upright: bool = False
     drag: tuple[Place | None, Place | None] = (None, None)
     tracked: tuple[Tracked | None, Tracked | None] = (None, None)
+    hands: tuple[Tracked | None, Tracked | None] = (None, None)
+    rest: bool = False
     beat: float = 0.0
 
 
@@ -117,7 +122,7 @@ class OperatorInputs:
                 # Who has only just come may press keys at once; a handle has a place, which is an
                 # old one until it is let go.
                 silent = self._alive_at is not None
-                self._stale = pad if silent else Pad(drag=pad.drag, tracked=pad.tracked)
+                self._stale = pad if silent else _held_somewhere(pad)
             self._stale = _still_held(self._stale, pad)
             self._pad, self._alive_at = _without(pad, self._stale), clock.monotonic()
             self._unread = (1e-3 * pad.beat, self._alive_at)
@@ -150,6 +155,11 @@ class OperatorInputs:
         return self._alive_at is not None and clock.monotonic() - self._alive_at <= FRESH_FOR
 
 
+def _held_somewhere(pad: Pad) -> Pad:
+    """What of a message has a place."""
+    return Pad(drag=pad.drag, tracked=pad.tracked, hands=pad.hands)
+
+
 def _still_held(stale: Pad, pad: Pad) -> Pad:
     """What of a stale message has not been let go since."""
     return Pad(
@@ -164,6 +174,10 @@ def _still_held(stale: Pad, pad: Pad) -> Pad:
         tracked=(
             _still_closed(stale.tracked[0], pad.tracked[0]),
             _still_closed(stale.tracked[1], pad.tracked[1]),
+        ),
+        hands=(
+            _still_closed(stale.hands[0], pad.hands[0]),
+            _still_closed(stale.hands[1], pad.hands[1]),
         ),
     )
 
@@ -192,6 +206,10 @@ def _without(pad: Pad, stale: Pad) -> Pad:
         tracked=(
             pad.tracked[0] if not _is_closed(stale.tracked[0]) else None,
             pad.tracked[1] if not _is_closed(stale.tracked[1]) else None,
+        ),
+        hands=(
+            pad.hands[0] if not _is_closed(stale.hands[0]) else None,
+            pad.hands[1] if not _is_closed(stale.hands[1]) else None,
         ),
     )
 

@@ -42,9 +42,9 @@ _SPEED_RATIO = 0.7
 _JOINT_ACCELERATION = 60.0
 """Largest acceleration of a joint [rad/s^2]."""
 
-_BLOCKED, _LEAST_SPEED = 0.5, 0.05
+_BLOCKED, _LEAST_SPEED, _ENOUGH = 0.5, 0.05, 0.1
 """A hand is at the edge of its reach where so much of its velocity is lost, if it is to go faster
-than this [m/s]."""
+than this [m/s], and comes nearer to its place by less than this [m/s]."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -137,8 +137,9 @@ class ArmMotion:
             else:
                 velocity = self._towards(place - here)
                 wanted = self._follow(arm, J, velocity)
-                speed, lost = math.hypot(*velocity), math.hypot(*(velocity - J @ wanted))
-                self.blocked[i] = speed > _LEAST_SPEED and lost > _BLOCKED * speed
+                speed, nearer = math.hypot(*velocity), float(velocity @ J @ wanted)
+                least = speed * min(_BLOCKED * speed, _ENOUGH)
+                self.blocked[i] = speed > _LEAST_SPEED and nearer < least
             change = wanted - self.v[own]
             fastest = max(
                 math.hypot(*(J @ change)) / self._acceleration,

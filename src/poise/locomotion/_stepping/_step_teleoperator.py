@@ -3,6 +3,7 @@
 `TeleopStatus`: how the last tick of the step teleoperator stood.
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
@@ -62,7 +63,8 @@ class TeleopStatus:
         target: where the foot in the air is sent, None with both on the ground [m].
         loads: normal forces, left and right [N].
         tilt: angle of the torso against upright [rad].
-        hands: what each hand does.
+        heading: of the torso, to the left of the world's x axis [rad].
+        hands: what each hand does; none where velocities are commanded.
         hand_targets: where each hand is led to [m].
     """
 
@@ -77,6 +79,7 @@ class TeleopStatus:
     target: Float64[np.ndarray, "3"] | None
     loads: Float64[np.ndarray, "2"]
     tilt: float
+    heading: float = 0.0
     hands: tuple[HandStatus, ...] = ()
     hand_targets: tuple[Float64[np.ndarray, "3"], ...] = ()
 
@@ -120,7 +123,7 @@ class StepTeleoperator:
         actuation: what is commanded.
         estimator: where the robot is taken to be; its `update` comes before `lead`.
         zmp_sensor: ZMP and loads as measured.
-        hands: leads the arms, where torques are commanded.
+        hands: leads the arms; None where velocities are commanded, and the arms keep still.
     """
 
     def __init__(
@@ -154,14 +157,15 @@ class StepTeleoperator:
             driver = ShifterDriver(shifter)
         self.driver, self._rotator = driver, rotator
         self._reach = FootRange(robot, self.soles, p)
-        self.hands = HandLeader(
-            robot, dt=p.dt, q_rest=q_start, weight=POSTURE_WEIGHT, scale=p.hand_scale
-        )
-        self._tasks: StepTasks = (
-            TorqueTasks(self._biped, p.dt, self.hands.task)
-            if actuation == "torque"
-            else VelocityTasks(self._biped, p, rotator=rotator)
-        )
+        self.hands: HandLeader | None = None
+        self._tasks: StepTasks
+        if actuation == "torque":
+            self.hands = HandLeader(
+                robot, dt=p.dt, q_rest=q_start, weight=POSTURE_WEIGHT, scale=p.hand_scale
+            )
+            self._tasks = TorqueTasks(self._biped, p.dt, self.hands.task)
+        else:
+            self._tasks = VelocityTasks(self._biped, p, rotator=rotator)
         # What is compiled is compiled now, not in the first tick.
         SupportPolygon([], p.support_margin)
         self.reset()
@@ -174,7 +178,8 @@ class StepTeleoperator:
             biped.frames, self.soles, biped.weight, p.zmp_time, p.dt
         )
         self._tasks.reset()
-        self.hands.reset()
+        if self.hands is not None:
+            self.hands.reset()
         self._guard = DeviceGuard(dt=p.dt, low=p.lower_height, press_depth=p.press_depth)
         self._com = self._com_motion()
         self._events = ModeEvents(estimator, sensor, self._com, p, biped.weight)
@@ -226,7 +231,8 @@ class StepTeleoperator:
         planned = {
             f"planned/{sole}": float(support in (None, i)) for i, sole in enumerate(self.soles)
         }
-        hands = zip(self.hands.names, status.hand_targets, strict=True)
+        names = () if self.hands is None else self.hands.names
+        hands = zip(names, status.hand_targets, strict=True)
         return {
             **planned,
             **{f"target/{hand}": place for hand, place in hands},
@@ -273,7 +279,7 @@ class StepTeleoperator:
         )
         upright = command is not None and command.upright
         self._tasks.ask(footing, self._desired(footing, target), upright=upright)
-        if self.actuation == "torque":
+        if self.hands is not None:
             self.hands.lead(sample, state)
         self._status = self._describe(footing, sample, target)
 
@@ -320,7 +326,8 @@ class StepTeleoperator:
     def _describe(
         self, footing: Footing, sample: DeviceSample | None, target: Float64[np.ndarray, "3"]
     ) -> TeleopStatus:
-        com = footing.dynamics.com
+        com, torso = footing.dynamics.com, footing.dynamics.placement(self._biped.torso)
+        hands = self.hands
         return TeleopStatus(
             mode=footing.mode,
             device=self._guard.status,
@@ -333,8 +340,9 @@ class StepTeleoperator:
             target=target if footing.mode.single else None,
             loads=self.zmp_sensor.loads.copy(),
             tilt=footing.tilt,
-            hands=tuple(self.hands.status),
-            hand_targets=self.hands.targets(*footing.dynamics.placement(self._biped.torso)),
+            heading=math.atan2(footing.heading[1], footing.heading[0]),
+            hands=() if hands is None else tuple(hands.status),
+            hand_targets=() if hands is None else hands.targets(*torso),
         )
 
 
