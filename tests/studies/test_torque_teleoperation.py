@@ -6,8 +6,14 @@ import pytest
 
 pytest.importorskip("mujoco")
 
-from studies.torque_teleoperation import hands_section as hands
 from studies.torque_teleoperation.cuts_section import Trial, _finding, _row, run_trial
+from studies.torque_teleoperation.hands_section import (
+    DOINGS,
+    Trial as HandsTrial,
+    _finding as hands_finding,
+    _row as hands_row,
+    run_trial as run_hands,
+)
 
 
 @pytest.fixture(scope="module")
@@ -32,11 +38,11 @@ def test_a_fall_or_a_robot_that_does_not_rest_fails_the_finding(outcome):
         assert (finding.ok, finding.ours) == (False, 1)
 
 
-@pytest.fixture(scope="module", params=hands.DOINGS)
+@pytest.fixture(scope="module", params=DOINGS)
 def pair(request):
     """With arms at rest, and with hands moved."""
     return [
-        hands.run_trial(hands.Trial(doing=request.param, moving=moving, seed=0, seconds=3.0))
+        run_hands(HandsTrial(doing=request.param, moving=moving, seed=0, seconds=3.0))
         for moving in (False, True)
     ]
 
@@ -45,11 +51,11 @@ def test_hands_at_random_upset_nothing(pair):
     rest, moved = pair
     assert not moved.fell
     assert moved.seconds == pytest.approx(3.0)
-    assert hands._finding(rest, moved).ok
-    assert hands._row(moved)[:4] == ("g1", moved.trial.doing, "moved, 1 kg", "no")
+    assert hands_finding(rest, moved).ok
+    assert hands_row(moved)[:4] == ("g1", moved.trial.doing, "moved, 1 kg", "no")
 
 
 def test_a_fall_or_a_com_that_is_further_off_fails_the_finding(pair):
     rest, moved = pair
     for bad in (replace(moved, fell=True), replace(moved, error=2.1 * rest.error)):
-        assert not hands._finding(rest, bad).ok
+        assert not hands_finding(rest, bad).ok

@@ -8,7 +8,7 @@ from walker import Says, hands as device_of, sample, up_and_down
 
 from poise.apps.teleoperation import TORQUE_TELEOP_PLANT, replay_teleop, run_teleop
 from poise.dynamics import Dynamics, RobotState
-from poise.errors import ConfigurationError
+from poise.errors import ConfigurationError, UnknownNameError
 from poise.locomotion import (
     DeviceSample,
     HandLeader,
@@ -16,6 +16,7 @@ from poise.locomotion import (
     HandStatus,
     Mode,
     StepTeleoperator,
+    WayPoint,
     walking_stack,
 )
 from poise.locomotion._stepping._arms import ArmMotion
@@ -299,6 +300,42 @@ def test_g1_swings_its_arms_with_a_load_it_does_not_know_of(get_robot, points, t
             assert np.linalg.norm(place - target) < 0.12
         again = replay_teleop(path, robot)
         assert np.array_equal(again.log.command, log.command)
+
+
+def test_a_load_that_the_model_is_told_of_leaves_the_com_where_it_should_be(get_robot):
+    """Unknown it is a third of a kilogram metre off, and the COM by millimetres."""
+    robot = get_robot("g1")
+    load = PlantConfig.Payload(frame="right_hand", mass=1.5)
+    plant = replace(TORQUE_TELEOP_PLANT, payloads=(load,))
+    points = [WayPoint(at=0.3, right_hand=(0.0, 0.0, 0.0)), WayPoint(at=1.5, right_hand=FORWARD)]
+    off = []
+    for told in (robot, robot.carrying("right_hand", 1.5)):
+        run = run_teleop(told, device_of(*points), plant, duration=4.0)
+        assert run.teleoperator.status.hands == (HandStatus.REST, HandStatus.LED)
+        off.append(np.linalg.norm(run.record["com"][-1, :2] - run.log.zmp_reference[-1]))
+    assert off[1] < 0.001
+    assert off[0] > 5.0 * off[1]
+
+
+def test_what_a_robot_carries_is_in_its_model(get_robot):
+    robot = get_robot("g1")
+    loaded = robot.carrying("left_hand", 2.0, (0.1, 0.0, 0.0))
+    assert loaded.mass == pytest.approx(robot.mass + 2.0)
+    dynamics, without = Dynamics(loaded), Dynamics(robot)
+    for each in (dynamics, without):
+        each.update(RobotState(robot.q_home, np.zeros(robot.nv)))
+    hand = without.frame(robot.frame_id("left_hand"))
+    load = hand.position + hand.rotation @ [0.1, 0.0, 0.0]
+    expected = (robot.mass * without.com + 2.0 * load) / (robot.mass + 2.0)
+    np.testing.assert_allclose(dynamics.com, expected, atol=1e-9)
+    with pytest.raises(UnknownNameError, match="third_hand"):
+        robot.carrying("third_hand", 1.0)
+    for bad in ((-1.0, (0.0, 0.0, 0.0)), (1.0, (np.nan, 0.0, 0.0)), (1.0, (0.0, 0.0))):
+        with pytest.raises(ConfigurationError, match="of the load"):
+            robot.carrying("left_hand", *bad)
+
+
+FORWARD = (0.2, 0.0, 0.15)
 
 
 def test_hands_stand_below_the_balance(get_robot):

@@ -331,7 +331,7 @@ Offset = Annotated[tuple[float, float, float], Vector(3, Bounds(most=10.0, unit=
 
 @runtime_checkable
 class Device(Protocol):
-    """Anything that says where the operator holds the two foot devices."""
+    """Anything that says where the operator holds the devices of feet and hands."""
 
     def sample(self, time: float) -> DeviceSample | None:
         """What came since the last tick.
@@ -354,23 +354,32 @@ class WayPoint:
         at: [s].
         left: offset of the left device from its foot's start; as before when None [m].
         right: offset of the right device from its foot's start; as before when None [m].
+        left_hand: likewise of the left hand, as the torso faces [m].
+        right_hand: of the right hand [m].
     """
 
     at: Seconds
     left: Offset | None = None
     right: Offset | None = None
+    left_hand: Offset | None = None
+    right_hand: Offset | None = None
 
     def __post_init__(self) -> None:
-        if self.left is None and self.right is None:
+        if all(o is None for o in (self.left, self.right, self.left_hand, self.right_hand)):
             raise ConfigurationError("a way-point moves no device", wanted="left, right or both")
 
 
+_GRIP_AT = 0.1
+"""When a scripted device takes hold of its hand [s]: its clutch has to be seen open first."""
+
+
 class ScriptedDevice:
-    """Two devices that go from way-point to way-point, each part by a blend of least jerk.
+    """Devices that go from way-point to way-point, each part by a blend of least jerk.
 
     From one point s to the next with u in [0, 1] over the time between them:
     p = p_0 + (p_1 - p_0) (10 u^3 - 15 u^4 + 6 u^5). The blend starts and ends at rest, so a hold is
-    two points in the same place. A device without points stays at its foot.
+    two points in the same place. A device without points stays at its foot, and a hand without
+    points has none; the others take hold of their hands after a tenth of a second.
 
     Args:
         points: in order of time.
@@ -396,10 +405,19 @@ class ScriptedDevice:
                 )
         self._left = _Path([(p.at, p.left) for p in points if p.left is not None], left)
         self._right = _Path([(p.at, p.right) for p in points if p.right is not None], right)
+        paths = (
+            [(p.at, p.left_hand) for p in points if p.left_hand is not None],
+            [(p.at, p.right_hand) for p in points if p.right_hand is not None],
+        )
+        self._hands = [_Path(path, np.zeros(3)) if path else None for path in paths]
 
     def sample(self, time: float) -> DeviceSample:
         """Where the devices are at a time [s]."""
-        return DeviceSample(time, self._left.at(time), self._right.at(time))
+        left, right = (
+            None if path is None else HandSample(path.at(time), clutch=time > _GRIP_AT)
+            for path in self._hands
+        )
+        return DeviceSample(time, self._left.at(time), self._right.at(time), hands=(left, right))
 
 
 class _Path:
