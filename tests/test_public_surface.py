@@ -12,7 +12,7 @@ import poise
 from docs import update_api
 
 SURFACE = set(poise.__all__)
-MOST_NAMES = 124
+MOST_NAMES = 125
 """What there is now; a new public name takes the place of another, or says why it is needed.
 
 The last ones: a campaign from a program, workers for whoever runs anything else many times, the bad
@@ -25,7 +25,8 @@ and the walker that is led by commands with the limits of those, which nothing t
 made before could be, and the session in which somebody drives it;
 and the poor link, which scenarios and studies put between an operator and a robot; and the
 predictor for late sensors, which only whoever runs the loop can put behind an estimator;
-and what a hand is told, what leads hands beside whatever leads the feet, and what they do.
+and what a hand and the body are told, what leads hands beside whatever leads the feet, and what
+those do.
 """
 
 

@@ -8,6 +8,7 @@ from poise.locomotion._pendulum import (
 )
 from poise.locomotion._preview import PreviewControl
 from poise.locomotion._stepping import (
+    BodySample,
     ComDriver as ComDriver,
     Device,
     DeviceSample,
@@ -50,6 +51,7 @@ from poise.locomotion._walking import (
 )
 
 __all__ = [
+    "BodySample",
     "ComShifter",
     "Device",
     "DeviceSample",

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from poise.apps.live._inputs import OperatorInputs, Pad, Place, Tracked
-from poise.locomotion import DeviceSample, HandSample, StepTeleoperator
+from poise.locomotion import BodySample, DeviceSample, HandSample, StepTeleoperator
 
 HOLD_HEIGHT = 0.10
 """A foot that is lifted by a button is held this far above its place on the ground [m]."""
@@ -115,8 +115,8 @@ class LiveFeet:
                 step[2] = max(step[2], -self._dt * _DOWN_SPEED)
             self.places[foot] = self.places[foot] + step
         left, right = (place.copy() for place in self.places)
-        hands = hands_of(pad)
-        return DeviceSample(time, left, right, pad.upright, hands=hands, rest=pad.rest)
+        hands, body = hands_of(pad), BodySample(pad.body.height, pad.body.torso, pad.body.turns)
+        return DeviceSample(time, left, right, pad.upright, hands, pad.rest, body)
 
     def _goal(self, foot: int, pad: Pad) -> tuple[Float64[np.ndarray, "3"], float, bool]:
         """Where a device goes [m], how fast [m/s], and whether because it was let go."""

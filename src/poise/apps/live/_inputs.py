@@ -34,6 +34,24 @@ class Tracked(Struct, frozen=True):
     clutch: bool = False
 
 
+Turn = Annotated[float, Meta(ge=-3.2, le=3.2)]
+
+
+class Body(Struct, frozen=True):
+    """What is asked for beside feet and hands; all zero asks for nothing.
+
+    Attributes:
+        height: of the COM, over the usual one [m].
+        torso: roll, pitch and yaw against upright and facing as the feet do [rad].
+        turns: how the left and the right foot are turned, to the left of where the robot faced at
+            its start [rad].
+    """
+
+    height: Coordinate = 0.0
+    torso: tuple[Turn, Turn, Turn] = (0.0, 0.0, 0.0)
+    turns: tuple[Turn, Turn] = (0.0, 0.0)
+
+
 class Pad(Struct, frozen=True, tag_field="do", tag="drive"):
     """What the operator does at one moment, whatever they do it with: all that leads says this.
 
@@ -55,6 +73,7 @@ class Pad(Struct, frozen=True, tag_field="do", tag="drive"):
         hands: likewise for the left and the right hand; a handle of the page that is dragged is a
             closed clutch.
         rest: whether hands that nothing leads shall go back to rest.
+        body: height, torso, and how the feet are turned.
         beat: the sender's clock, which it gets back to measure the latency [ms]. What is older than
             the newest is dropped. 0 for no clock.
     """
@@ -68,6 +87,7 @@ class Pad(Struct, frozen=True, tag_field="do", tag="drive"):
     tracked: tuple[Tracked | None, Tracked | None] = (None, None)
     hands: tuple[Tracked | None, Tracked | None] = (None, None)
     rest: bool = False
+    body: Body = Body()
     beat: float = 0.0
 
 

@@ -2,6 +2,7 @@
 
 from poise.locomotion._stepping._com import ComDriver, ShifterDriver
 from poise.locomotion._stepping._device import (
+    BodySample,
     Device,
     DeviceGuard,
     DeviceSample,
@@ -24,6 +25,7 @@ from poise.locomotion._stepping._recording import (
 from poise.locomotion._stepping._step_teleoperator import StepTeleoperator, TeleopStatus
 
 __all__ = [
+    "BodySample",
     "ComDriver",
     "Device",
     "DeviceGuard",

@@ -1,7 +1,7 @@
 """`Device` and `ScriptedDevice`: where samples come from, and one that needs no person.
 
 `DeviceSample` and `DeviceGuard`: what the operator commands, and whether to believe it.
-`HandSample`: what is commanded of a hand.
+`HandSample`: what is commanded of a hand. `BodySample`: of the body, and how feet are turned.
 """
 
 import math
@@ -36,6 +36,28 @@ class HandSample:
     clutch: bool = True
 
 
+@dataclass(frozen=True, slots=True)
+class BodySample:
+    """What is commanded beside where feet and hands are; all zero asks for nothing.
+
+    Attributes:
+        height: of the COM, over the usual one [m].
+        torso: roll, pitch and yaw against upright and facing as the feet do; where torques are
+            commanded [rad].
+        turns: how the left and the right foot are turned, to the left of the world's x axis; where
+            torques are commanded [rad].
+    """
+
+    height: float = 0.0
+    torso: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    turns: tuple[float, float] = (0.0, 0.0)
+
+    @property
+    def numbers(self) -> tuple[float, float, float, float, float, float]:
+        """Height, roll, pitch, yaw, and both turns."""
+        return (self.height, *self.torso, *self.turns)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class DeviceSample:
     """Where the operator holds the devices: two for the feet, each of the sole of its side.
@@ -48,6 +70,7 @@ class DeviceSample:
         hands: what is commanded of the left and of the right hand; None for a hand without a
             device, which stays as it is.
         rest: button: hands that are not held go back to rest.
+        body: what is commanded of the body, and how the feet are turned.
     """
 
     time: float
@@ -56,6 +79,7 @@ class DeviceSample:
     upright: bool = False
     hands: tuple[HandSample | None, HandSample | None] = (None, None)
     rest: bool = False
+    body: BodySample = BodySample()
 
     def position(self, foot: int) -> Float64[np.ndarray, "3"]:
         """Position commanded for a sole: 0 left, 1 right [m]."""
@@ -130,6 +154,7 @@ class DeviceGuard:
         low = checked_number(low, "low of the device [m]", above=0.0)
         self._grips = tuple(_Grip(step, start, jump, low, lost_after) for _ in range(2))
         self._newest: DeviceSample | None = None
+        self._body = BodySample()
         self.status = DeviceStatus.LOST
 
     def check(
@@ -154,6 +179,8 @@ class DeviceGuard:
         news = sample if sample is not None and self._is_news(sample, time) else None
         if news is not None:
             self._newest = news
+            if all(map(math.isfinite, news.body.numbers)):
+                self._body = news.body
         refused = sample is not None and news is None
         for foot, grip in enumerate(self._grips):
             point = None if news is None else news.position(foot)
@@ -168,7 +195,8 @@ class DeviceGuard:
             np.array([*sole[:2], lowest] if grip.place is None else grip.place)
             for grip, sole in zip(self._grips, soles, strict=True)
         )
-        return DeviceSample(self._newest.time, left, right, self._newest.upright)
+        newest = self._newest
+        return DeviceSample(newest.time, left, right, newest.upright, body=self._body)
 
     def _status(
         self, held: Sequence[bool], time: float, *, refused: bool, silent: bool

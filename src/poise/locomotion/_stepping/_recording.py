@@ -20,7 +20,7 @@ from jaxtyping import Float64
 
 from poise._schema import Bounds, Duration, Text, checked, read
 from poise.errors import ConfigurationError, PoiseError
-from poise.locomotion._stepping._device import DeviceSample, HandSample
+from poise.locomotion._stepping._device import BodySample, DeviceSample, HandSample
 
 FORMAT, VERSION = "poise teleoperation", 1
 HEADER_BYTES = 16384
@@ -39,6 +39,8 @@ class RowKind(IntEnum):
     """A push on the torso: left is the force [N], right[0] how long [s]."""
     HANDS = 2
     """What the sample of the row before says of the hands: left, right; flags are `HandFlags`."""
+    BODY = 3
+    """What it says of the body: left is height [m] and turns [rad], right the torso [rad]."""
 
 
 class HandFlags(IntFlag):
@@ -196,6 +198,10 @@ class RecordingWriter:
         if flags:
             left, right = (np.full(3, np.nan) if h is None else h.position for h in sample.hands)
             self._write(tick, RowKind.HANDS, sample.time, left, right, flags)
+        body = sample.body
+        if body != BodySample():
+            left, right = np.array([body.height, *body.turns]), np.array(body.torso)
+            self._write(tick, RowKind.BODY, sample.time, left, right)
 
     def push(self, tick: int, force: Float64[np.ndarray, "3"], duration: float) -> None:
         """Notes a push on the torso that began before a tick.
@@ -382,6 +388,11 @@ class RecordedDevice:
                 found = DeviceSample(float(row["time"]), left, right, bool(row["flags"]))
             elif row["kind"] == RowKind.HANDS and found is not None:
                 found = _with_hands(found, row)
+            elif row["kind"] == RowKind.BODY and found is not None:
+                height, left_turn, right_turn = row["left"].tolist()
+                roll, pitch, yaw = row["right"].tolist()
+                body = BodySample(height, (roll, pitch, yaw), (left_turn, right_turn))
+                found = replace(found, body=body)
         return found
 
 

@@ -25,7 +25,13 @@ from poise.locomotion._stepping._com import (
     ShifterDriver,
 )
 from poise.locomotion._stepping._desired import DesiredMotion, StepTasks
-from poise.locomotion._stepping._device import Device, DeviceGuard, DeviceSample, DeviceStatus
+from poise.locomotion._stepping._device import (
+    BodySample,
+    Device,
+    DeviceGuard,
+    DeviceSample,
+    DeviceStatus,
+)
 from poise.locomotion._stepping._estimator import StanceEstimator, ZmpSensor
 from poise.locomotion._stepping._foot import FootTarget, FootVelocity
 from poise.locomotion._stepping._footing import Footing, StanceChoice
@@ -189,6 +195,7 @@ class StepTeleoperator:
         self._target = FootTarget(self._reach, p)
         self._height = ComHeight(self._com_height, self._reach, p)
         self._foot = FootVelocity(p)
+        self._body = BodySample()
         self._status: TeleopStatus | None = None
 
     def controller(self) -> Controller:
@@ -268,6 +275,9 @@ class StepTeleoperator:
         soles = (self.estimator.sole(0), self.estimator.sole(1))
         command = self._guard.check(sample, state.time, soles, self.estimator.anchors)
         self._move_mode(command, state.time)
+        if command is not None:
+            self._body = command.body
+        self._height.offset = self._body.height
         footing = self._footing()
         self._com.drive(footing)
         self._momentum.turn(footing, self._com.cart_table_zmp(dynamics.com[:2]))
@@ -321,6 +331,8 @@ class StepTeleoperator:
             com_acceleration=self._com.acceleration,
             momentum=self._momentum.reference,
             foot=self._foot.towards(footing, target, hurry=self._target.rescuing),
+            torso=self._body.torso,
+            turns=self._body.turns,
         )
 
     def _describe(
