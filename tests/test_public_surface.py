@@ -12,7 +12,7 @@ import poise
 from docs import update_api
 
 SURFACE = set(poise.__all__)
-MOST_NAMES = 125
+MOST_NAMES = 129
 """What there is now; a new public name takes the place of another, or says why it is needed.
 
 The last ones: a campaign from a program, workers for whoever runs anything else many times, the bad
@@ -26,7 +26,9 @@ made before could be, and the session in which somebody drives it;
 and the poor link, which scenarios and studies put between an operator and a robot; and the
 predictor for late sensors, which only whoever runs the loop can put behind an estimator;
 and what whoever owns two arms with force feedback writes a driver to, the driver that lets hands
-feel feet, the device that both make in the robot's process, and an arm that is simulated.
+feel feet, the device that both make in the robot's process, and an arm that is simulated;
+and what a hand and the body are told, what leads hands beside whatever leads the feet, and what
+those do.
 """
 
 

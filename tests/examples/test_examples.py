@@ -30,7 +30,8 @@ SHORT = {
     "15_state_estimation.py": ["--seconds", "0.8"],
     "17_drive.py": ["--seconds", "0.6"],
     "18_lead_by_websocket.py": ["--steps", "1"],
-    "19_force_feedback.py": [],
+    "20_force_feedback.py": [],
+    "19_hands.py": ["--seconds", "2.6"],
 }
 
 
@@ -163,7 +164,7 @@ def test_lead_by_websocket_makes_a_step(run):
 
 def test_force_feedback_lets_the_hand_feel_the_landing(run):
     pytest.importorskip("websockets")
-    printed = run("19_force_feedback.py")
+    printed = run("20_force_feedback.py")
     felt, after = numbers(r"felt ([\d.]+) N upwards, after ([\d.]+) s", printed)
     assert 0.5 < felt <= 6.0
     assert after > 2.5
@@ -236,3 +237,10 @@ def test_the_notebook_describes_a_stranger_that_stands_through_a_push(monkeypatc
         "Figure", "Stack", "ControllerStatus", "Figure",
     ]  # fmt: skip
     assert len(values[-1].axes) == 2
+
+
+def test_hands_prints_what_a_load_costs_and_who_is_at_the_edge(run, get_robot):
+    get_robot("g1")
+    printed = run("19_hands.py")
+    numbers(r"load unknown: COM ([\d.]+) mm off\n.*\nload known: COM ([\d.]+) mm off", printed)
+    assert printed.count("hands: at the edge of its reach: it comes no further, follows") == 2

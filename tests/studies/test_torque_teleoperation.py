@@ -1,4 +1,4 @@
-"""The study of torque-level teleoperation: connections that are cut in mid-step."""
+"""The study of torque-level teleoperation: connections cut in mid-step, and hands at random."""
 
 from dataclasses import replace
 
@@ -7,6 +7,13 @@ import pytest
 pytest.importorskip("mujoco")
 
 from studies.torque_teleoperation.cuts_section import Trial, _finding, _row, run_trial
+from studies.torque_teleoperation.hands_section import (
+    DOINGS,
+    Trial as HandsTrial,
+    _finding as hands_finding,
+    _row as hands_row,
+    run_trial as run_hands,
+)
 
 
 @pytest.fixture(scope="module")
@@ -29,3 +36,26 @@ def test_a_fall_or_a_robot_that_does_not_rest_fails_the_finding(outcome):
     for bad in (replace(outcome, fell=True), replace(outcome, rests=False)):
         finding = _finding("biped20", [outcome, bad])
         assert (finding.ok, finding.ours) == (False, 1)
+
+
+@pytest.fixture(scope="module", params=DOINGS)
+def pair(request):
+    """With arms at rest, and with hands moved."""
+    return [
+        run_hands(HandsTrial(doing=request.param, moving=moving, seed=0, seconds=3.0))
+        for moving in (False, True)
+    ]
+
+
+def test_hands_at_random_upset_nothing(pair):
+    rest, moved = pair
+    assert not moved.fell
+    assert moved.seconds == pytest.approx(3.0)
+    assert hands_finding(rest, moved).ok
+    assert hands_row(moved)[:4] == ("g1", moved.trial.doing, "moved, 1 kg", "no")
+
+
+def test_a_fall_or_a_com_that_is_further_off_fails_the_finding(pair):
+    rest, moved = pair
+    for bad in (replace(moved, fell=True), replace(moved, error=2.1 * rest.error)):
+        assert not hands_finding(rest, bad).ok

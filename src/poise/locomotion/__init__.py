@@ -8,17 +8,20 @@ from poise.locomotion._pendulum import (
 )
 from poise.locomotion._preview import PreviewControl
 from poise.locomotion._stepping import (
+    BodySample,
     ComDriver as ComDriver,
     Device,
     DeviceSample,
     DeviceStatus as DeviceStatus,
+    HandLeader,
+    HandSample,
+    HandStatus,
     Mode,
     RecordedDevice as RecordedDevice,
     RecordedPush as RecordedPush,
     Recording as Recording,
     RecordingError as RecordingError,
     RecordingWriter as RecordingWriter,
-    RowKind as RowKind,
     ScriptedDevice,
     StepTeleoperator,
     TeleopParameters,
@@ -48,12 +51,16 @@ from poise.locomotion._walking import (
 )
 
 __all__ = [
+    "BodySample",
     "ComShifter",
     "Device",
     "DeviceSample",
     "FootstepPlan",
     "Gait",
     "Ground",
+    "HandLeader",
+    "HandSample",
+    "HandStatus",
     "Mode",
     "PreviewControl",
     "ReactiveWalker",

@@ -1,7 +1,7 @@
 """`Robot`: what a robot is, apart from what it is doing. Immutable."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -9,8 +9,8 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float64
 
-from poise._checks import Numbers
-from poise.errors import UnknownNameError
+from poise._checks import Numbers, checked_number
+from poise.errors import ConfigurationError, UnknownNameError
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -143,6 +143,36 @@ class Robot:
         from poise.robots._figure import draw_robot
 
         return draw_robot(self, q)
+
+    def carrying(self, frame: str, mass: float, offset: Numbers = (0.0, 0.0, 0.0)) -> "Robot":
+        """The same robot with a load rigidly attached, which its controller then knows of.
+
+        A simulated plant is built from the document and carries what its own payloads say.
+
+        Args:
+            frame: that holds it, such as "right_hand".
+            mass: of the load, as a point [kg].
+            offset: its centre of mass in the frame [m].
+
+        Returns:
+            A new robot.
+
+        Raises:
+            UnknownNameError: no such frame.
+            ConfigurationError: a mass or an offset that cannot be.
+        """
+        checked_number(mass, "mass of the load [kg]", above=0.0)
+        center = np.array(offset, dtype=np.float64)
+        if center.shape != (3,) or not np.isfinite(center).all():
+            raise ConfigurationError(
+                "offset of the load [m]", got=offset, wanted="three finite numbers"
+            )
+        held = self.model.frames[self.frame_id(frame)]
+        model = self.model.copy()
+        load = pin.Inertia(float(mass), np.zeros(3), np.zeros((3, 3)))
+        place = held.placement * pin.SE3(np.eye(3), center)
+        model.appendBodyToJoint(held.parentJoint, load, place)
+        return replace(self, model=model)
 
     @property
     def nq(self) -> int:

@@ -12,8 +12,8 @@ pytest.importorskip("playwright", reason="playwright is not installed, it comes 
 
 from playwright.sync_api import sync_playwright
 
-from poise.apps.teleoperation import MODES, replay_teleop
-from poise.locomotion import DeviceStatus, Mode, read_recording
+from poise.apps.teleoperation import MODES, TORQUE_TELEOP_PLANT, replay_teleop
+from poise.locomotion import DeviceStatus, HandStatus, Mode, read_recording
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 pytestmark = [
@@ -75,12 +75,12 @@ class Page:
         return wait_for(lambda: self.ask(script), what)
 
 
-def on_screen(page, foot, above):
-    """Where a point above a handle [m] is drawn, in pixels of the page."""
+def on_screen(page, which, above, of="handles"):
+    """Where a point above a handle, of feet or hands, [m] is drawn, in pixels of the page."""
     return page.ask(
         f"""(() => {{
           const box = part("view").getBoundingClientRect();
-          const point = view.handles[{foot}].object.position.clone();
+          const point = view.{of}[{which}].object.position.clone();
           point.z += {above};
           point.project(view.stage.camera);
           return [box.left + 0.5 * box.width * (1 + point.x),
@@ -120,6 +120,43 @@ def test_a_dragged_handle_lifts_the_foot_letting_go_lowers_it_and_a_replay_is_th
     run = replay_teleop(read_recording(tmp_path / "takes" / "take-001.teleop"))
     assert set(run.log.mode.tolist()) >= MODES_OF_A_STEP
     assert same_commands(run, heard)
+
+
+def test_a_hands_handle_is_dragged_the_hand_stays_and_goes_back_to_rest(
+    browser, run_session, tmp_path
+):
+    with run_session(tmp_path / "takes", plant=TORQUE_TELEOP_PLANT) as session:
+        wait_for(lambda: session.loop.snapshot or session.loop.error, "the first picture")
+        with Page(browser, session.front.drive_url) as page:
+            page.wait("view !== null && newest.device !== 'LOST'", "the device")
+            page.ask("part('help').hidden = true")
+            assert page.ask("view.grips.every((grip) => grip.enabled)")
+            assert not page.ask("part('hands-row').hidden")
+            time.sleep(1.0)
+            home = session.loop.snapshot.hands[0][2]
+            x, y = on_screen(page, 0, UP_THE_ARROW, "grips")
+            _, top = on_screen(page, 0, UP_THE_ARROW + 0.15, "grips")
+            mouse = page.page.mouse
+            mouse.move(x, y)
+            time.sleep(0.5)
+            mouse.down()
+            page.wait("view.hands()[0].clutch", "the grip")
+            for step in range(1, 7):
+                mouse.move(x, y + step / 6 * (top - y))
+                time.sleep(0.1)
+            wait_for(lambda: session.loop.snapshot.hands[0][2] > home + 0.08, "the hand")
+            assert session.loop.snapshot.hands_do[0] is HandStatus.LED
+            mouse.up()
+            page.wait("part('hands').textContent === 'left held'", "the page to show it")
+            page.ask("part('rest').scrollIntoView()")
+            mouse.move(*middle(page, "rest"))
+            mouse.down()
+            wait_for(lambda: session.loop.snapshot.hands_do[0] is HandStatus.REST, "the rest")
+            mouse.up()
+            page.wait("part('hands').textContent === 'at rest'", "the page to show it")
+            assert page.errors == []
+            assert session.loop.snapshot.mode is Mode.D
+            assert not session.loop.snapshot.fallen
 
 
 def test_a_key_steps_the_plots_grow_and_the_help_goes(browser, session):
@@ -174,7 +211,7 @@ def test_without_the_token_one_sees_but_cannot_command(browser, session):
         assert page.ask("part('controls').disabled")
         page.wait("newest.mode === 'D'", "the mode")
         page.wait("view !== null && view.stage.groups[1].position.z > 0", "the drawing")
-        assert not page.ask("view.handles.some((handle) => handle.enabled)")
+        assert not page.ask("[...view.handles, ...view.grips].some((handle) => handle.enabled)")
         page.page.keyboard.down("e")
         # What the page would send if somebody took its locks off.
         page.ask("driving = true; beat(); send({do: 'pause', value: true}); 0")

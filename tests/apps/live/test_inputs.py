@@ -11,7 +11,8 @@ pytest.importorskip("websockets")
 from poise.apps.live import LiveFeet, OperatorInputs, Pad, Tracked, _inputs as inputs
 from poise.apps.live._feet import HOLD_HEIGHT
 from poise.apps.live._gamepad import pad_from
-from poise.locomotion import Mode, StepTeleoperator
+from poise.apps.live._inputs import Body
+from poise.locomotion import BodySample, Mode, StepTeleoperator
 
 DT = 0.005
 
@@ -130,6 +131,36 @@ def test_whoever_comes_next_finds_the_devices_on_the_feet(made):
     assert device.sample(1.0) is None
     for place, anchor in zip(device.places, controller.estimator.anchors, strict=True):
         np.testing.assert_allclose(place, anchor, atol=1e-12)
+
+
+def test_hands_come_as_they_are_held(made):
+    operator, _, device = made
+    operator.pad(Pad())
+    led = Pad(hands=(None, Tracked((0.1, -0.2, 0.3), clutch=True)), rest=True)
+    sample = run(operator, device, 1, led)
+    left, right = sample.hands
+    assert left is None
+    assert right.clutch
+    np.testing.assert_allclose(right.position, [0.1, -0.2, 0.3])
+    assert sample.rest
+
+
+def test_what_is_asked_of_the_body_is_in_the_sample(made):
+    operator, _, device = made
+    asked = Body(height=-0.05, torso=(0.0, 0.1, 0.2), turns=(0.3, 0.0))
+    sample = run(operator, device, 1, Pad(body=asked))
+    assert sample.body == BodySample(-0.05, (0.0, 0.1, 0.2), (0.3, 0.0))
+
+
+def test_a_hand_that_is_held_when_somebody_comes_leads_nothing_until_it_is_let_go(made):
+    operator, _, _ = made
+    closed = Pad(hands=(Tracked((0.0, 0.0, 0.0), clutch=True), None))
+    opened = Pad(hands=(Tracked((0.0, 0.0, 0.0)), None))
+    for pad, seen in ((closed, Pad()), (Pad(), Pad()), (closed, Pad()), (opened, opened)):
+        operator.pad(pad)
+        assert operator.read() == seen
+    operator.pad(closed)
+    assert operator.read() == closed
 
 
 def test_an_operator_who_leaves_is_gone_at_once(made):

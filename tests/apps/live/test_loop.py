@@ -5,15 +5,21 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from msgspec.structs import replace as replace_pad
 from operators import listen_to, same_commands, wait_for
 
 pytest.importorskip("websockets")
 pytest.importorskip("mujoco")
 
-from poise.apps.live import LiveLoop, OperatorInputs, Pad, Takes
-from poise.apps.teleoperation import TELEOP_PLANT, replay_teleop, terrain_blocks
+from poise.apps.live import LiveLoop, OperatorInputs, Pad, Takes, Tracked
+from poise.apps.teleoperation import (
+    TELEOP_PLANT,
+    TORQUE_TELEOP_PLANT,
+    replay_teleop,
+    terrain_blocks,
+)
 from poise.errors import ConfigurationError
-from poise.locomotion import DeviceStatus, Mode, RecordingError, read_recording
+from poise.locomotion import DeviceStatus, HandStatus, Mode, RecordingError, read_recording
 from poise.sim import PlantConfig
 
 
@@ -24,7 +30,9 @@ def start(get_robot, tmp_path):
 
     def make(operator=None, name="biped20", **options):
         robot = get_robot(name)
-        takes = Takes(tmp_path / "takes", robot=robot.name, dt=TELEOP_PLANT.control_dt)
+        takes = Takes(
+            tmp_path / "takes", robot=robot.name, dt=options.get("plant", TELEOP_PLANT).control_dt
+        )
         loop = LiveLoop(robot, operator or OperatorInputs(), takes, **options)
         loops.append(loop)
         loop.start()
@@ -79,6 +87,31 @@ def test_each_foot_makes_a_step_forward(start, name):
         drive(loop, operator, Pad(), lambda s: s.mode is Mode.D, "double support")
         assert loop.snapshot.soles[foot][2] == pytest.approx(0.0, abs=5e-3)
     assert not loop.snapshot.fallen
+
+
+@pytest.mark.parametrize("name", ["biped20", "g1"])
+def test_a_hand_is_led_let_go_and_goes_back_to_rest(start, name):
+    operator = OperatorInputs()
+    loop = start(operator, name=name, plant=TORQUE_TELEOP_PLANT)
+    home = loop.snapshot.hands[0].copy()
+
+    def led(z, clutch=True):
+        return Pad(hands=(Tracked((0.0, 0.0, z), clutch=clutch), None))
+
+    drive(loop, operator, led(0.0, clutch=False), lambda s: s.device is DeviceStatus.OK, "a sample")
+    drive(loop, operator, led(0.0), lambda s: s.hands_do[0] is HandStatus.LED, "the grip")
+    drive(loop, operator, led(0.15), lambda s: s.hands[0][2] > home[2] + 0.13, "the way")
+    held = led(0.0, clutch=False)
+    drive(loop, operator, held, lambda s: s.hands_do[0] is HandStatus.HELD, "the hold")
+    assert loop.snapshot.hands[0][2] > home[2] + 0.13
+    assert loop.snapshot.hands_do[1] is HandStatus.REST
+    rest = replace_pad(held, rest=True)
+    drive(loop, operator, rest, lambda s: s.hands[0][2] < home[2] + 0.02, "the rest")
+    assert not loop.snapshot.fallen
+
+
+def test_where_velocities_are_commanded_no_hand_is_led(start):
+    assert len(start().snapshot.hands) == 0
 
 
 def test_a_live_run_on_stairs_is_recorded_with_them(start, get_robot, tmp_path):

@@ -1,11 +1,13 @@
 """`DriveLoop`: a robot that walks with the velocity that somebody asks for, in real time."""
 
+import math
 import time as clock
 from collections.abc import Generator
 from pathlib import Path
 
 import numpy as np
 
+from poise.apps.live._feet import hands_of
 from poise.apps.live._inputs import OperatorInputs, Pad
 from poise.apps.live._log import LOG_SUFFIX, LiveLog, Room
 from poise.apps.live._real_time import RealTimeLoop, command_time
@@ -14,7 +16,9 @@ from poise.control import WholeBodyController
 from poise.dynamics import RobotState
 from poise.estimation import StateEstimator
 from poise.locomotion import (
+    DeviceSample,
     DeviceStatus,
+    HandLeader,
     Mode,
     ReactiveWalker,
     VelocityLimits,
@@ -58,21 +62,32 @@ def velocity_of(pad: Pad | None, limits: VelocityLimits) -> tuple[float, float, 
 
 
 class _Driver:
-    """The leader: asks the walker for what the operator asks for."""
+    """The leader: asks walker and arms for what the operator asks for."""
 
-    def __init__(self, robot: Robot, inputs: OperatorInputs) -> None:
-        self.stack: Stack = walking_stack(robot)
+    def __init__(self, robot: Robot, inputs: OperatorInputs, dt: float) -> None:
+        self.hands = HandLeader(robot, dt=dt)
+        self.stack: Stack = walking_stack(robot, self.hands.task)
         self.walker = ReactiveWalker(robot, self.stack)
         self._inputs = inputs
 
     def lead(self, state: RobotState) -> None:
         """Sets what the next tick should do."""
-        self.walker.set_velocity(*velocity_of(self._inputs.read(), self.walker.limits))
+        pad = self._inputs.read()
+        self.walker.set_velocity(*velocity_of(pad, self.walker.limits))
         self.walker.lead(state)
+        self.hands.lead(None if pad is None else _sample(pad, state.time), state)
 
     def signals(self) -> dict[str, np.ndarray | float | str]:
         """What the log should know."""
         return dict(self.walker.signals())
+
+
+_NOWHERE = np.full(3, np.nan)
+
+
+def _sample(pad: Pad, time: float) -> DeviceSample:
+    """What the operator does with the hands; nobody leads the feet."""
+    return DeviceSample(time, _NOWHERE, _NOWHERE, hands=hands_of(pad), rest=pad.rest)
 
 
 class DriveLoop(RealTimeLoop):
@@ -105,7 +120,7 @@ class DriveLoop(RealTimeLoop):
         self._inputs, self._folder, self._room = inputs, folder, Room(folder)
         self.log = LiveLog("whole_body")
         self._ticks: Generator[Tick] | None = None
-        self._driver = _Driver(robot, inputs)
+        self._driver = _Driver(robot, inputs, plant.control_dt)
         self._path = folder
 
     @property
@@ -115,7 +130,7 @@ class DriveLoop(RealTimeLoop):
 
     def _begin(self) -> None:
         self._finish()
-        self._driver = _Driver(self.robot, self._inputs)
+        self._driver = _Driver(self.robot, self._inputs, self.plant.config.control_dt)
         number = 1
         while (self._folder / f"drive-{number:03}{LOG_SUFFIX}").exists():
             number += 1
@@ -172,8 +187,23 @@ class DriveLoop(RealTimeLoop):
             speed=self._speed,
             real_time_factor=self._factor,
             take=self._room.notice if self._room.is_full else self._path.name,
+            heading=self._heading(),
+            hands=self._hands(),
+            hands_do=tuple(self._driver.hands.status),
             text=self._text(),
         )
+
+    def _heading(self) -> float:
+        x, y, _ = self._torso()[1][:, 0].tolist()
+        return math.atan2(y, x)
+
+    def _hands(self) -> np.ndarray:
+        """Where the hands are led to [m]."""
+        return np.array(self._driver.hands.targets(*self._torso())).reshape(-1, 3)
+
+    def _torso(self) -> tuple[np.ndarray, np.ndarray]:
+        site = self.plant.data.site(self.robot.torso)
+        return site.xpos, site.xmat.reshape(3, 3)
 
     def _polygon(self, names: list[str]) -> np.ndarray:
         """Corners of what the robot stands on [m]."""

@@ -1,4 +1,7 @@
-"""`LiveFeet`: what the operator does, as two foot devices that move smoothly: a `Device`."""
+"""`LiveFeet`: what the operator does, as two foot devices that move smoothly: a `Device`.
+
+`hands_of`: what the operator does with the robot's hands, which take what moves as it comes.
+"""
 
 import math
 
@@ -6,7 +9,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from poise.apps.live._inputs import OperatorInputs, Pad, Place, Tracked
-from poise.locomotion import DeviceSample, StepTeleoperator
+from poise.locomotion import BodySample, DeviceSample, HandSample, StepTeleoperator
 
 HOLD_HEIGHT = 0.10
 """A foot that is lifted by a button is held this far above its place on the ground [m]."""
@@ -112,7 +115,8 @@ class LiveFeet:
                 step[2] = max(step[2], -self._dt * _DOWN_SPEED)
             self.places[foot] = self.places[foot] + step
         left, right = (place.copy() for place in self.places)
-        return DeviceSample(time, left, right, pad.upright)
+        hands, body = hands_of(pad), BodySample(pad.body.height, pad.body.torso, pad.body.turns)
+        return DeviceSample(time, left, right, pad.upright, hands, pad.rest, body)
 
     def _goal(self, foot: int, pad: Pad) -> tuple[Float64[np.ndarray, "3"], float, bool]:
         """Where a device goes [m], how fast [m/s], and whether because it was let go."""
@@ -136,6 +140,15 @@ class LiveFeet:
             lowest = anchor[2] - self._teleoperator.parameters.press_depth
             return np.array([*sole[:2], lowest]), _SPEED, True
         return anchor, _SPEED, False
+
+
+def hands_of(pad: Pad) -> tuple[HandSample | None, HandSample | None]:
+    """What the operator does with the robot's hands."""
+    left, right = (
+        None if hand is None else HandSample(np.array(hand.position), hand.clutch)
+        for hand in pad.hands
+    )
+    return left, right
 
 
 def _near(goal: Float64[np.ndarray, "3"], sole: Float64[np.ndarray, "3"]) -> np.ndarray:

@@ -34,6 +34,24 @@ class Tracked(Struct, frozen=True):
     clutch: bool = False
 
 
+Turn = Annotated[float, Meta(ge=-3.2, le=3.2)]
+
+
+class Body(Struct, frozen=True):
+    """What is asked for beside feet and hands; all zero asks for nothing.
+
+    Attributes:
+        height: of the COM, over the usual one [m].
+        torso: roll, pitch and yaw against upright and facing as the feet do [rad].
+        turns: how the left and the right foot are turned, to the left of where the robot faced at
+            its start [rad].
+    """
+
+    height: Coordinate = 0.0
+    torso: tuple[Turn, Turn, Turn] = (0.0, 0.0, 0.0)
+    turns: tuple[Turn, Turn] = (0.0, 0.0)
+
+
 class Pad(Struct, frozen=True, tag_field="do", tag="drive"):
     """What the operator does at one moment, whatever they do it with: all that leads says this.
 
@@ -52,6 +70,10 @@ class Pad(Struct, frozen=True, tag_field="do", tag="drive"):
             that is not held [m].
         tracked: what leads the left and the right foot from a tracker; None for one that is not
             tracked, or not at this moment.
+        hands: likewise for the left and the right hand; a handle of the page that is dragged is a
+            closed clutch.
+        rest: whether hands that nothing leads shall go back to rest.
+        body: height, torso, and how the feet are turned.
         beat: the sender's clock, which it gets back to measure the latency [ms]. What is older than
             the newest is dropped. 0 for no clock.
     """
@@ -63,6 +85,9 @@ class Pad(Struct, frozen=True, tag_field="do", tag="drive"):
     upright: bool = False
     drag: tuple[Place | None, Place | None] = (None, None)
     tracked: tuple[Tracked | None, Tracked | None] = (None, None)
+    hands: tuple[Tracked | None, Tracked | None] = (None, None)
+    rest: bool = False
+    body: Body = Body()
     beat: float = 0.0
 
 
@@ -117,7 +142,7 @@ class OperatorInputs:
                 # Who has only just come may press keys at once; a handle has a place, which is an
                 # old one until it is let go.
                 silent = self._alive_at is not None
-                self._stale = pad if silent else Pad(drag=pad.drag, tracked=pad.tracked)
+                self._stale = pad if silent else _held_somewhere(pad)
             self._stale = _still_held(self._stale, pad)
             self._pad, self._alive_at = _without(pad, self._stale), clock.monotonic()
             self._unread = (1e-3 * pad.beat, self._alive_at)
@@ -150,6 +175,11 @@ class OperatorInputs:
         return self._alive_at is not None and clock.monotonic() - self._alive_at <= FRESH_FOR
 
 
+def _held_somewhere(pad: Pad) -> Pad:
+    """What of a message has a place."""
+    return Pad(drag=pad.drag, tracked=pad.tracked, hands=pad.hands)
+
+
 def _still_held(stale: Pad, pad: Pad) -> Pad:
     """What of a stale message has not been let go since."""
     return Pad(
@@ -164,6 +194,10 @@ def _still_held(stale: Pad, pad: Pad) -> Pad:
         tracked=(
             _still_closed(stale.tracked[0], pad.tracked[0]),
             _still_closed(stale.tracked[1], pad.tracked[1]),
+        ),
+        hands=(
+            _still_closed(stale.hands[0], pad.hands[0]),
+            _still_closed(stale.hands[1], pad.hands[1]),
         ),
     )
 
@@ -192,6 +226,10 @@ def _without(pad: Pad, stale: Pad) -> Pad:
         tracked=(
             pad.tracked[0] if not _is_closed(stale.tracked[0]) else None,
             pad.tracked[1] if not _is_closed(stale.tracked[1]) else None,
+        ),
+        hands=(
+            pad.hands[0] if not _is_closed(stale.hands[0]) else None,
+            pad.hands[1] if not _is_closed(stale.hands[1]) else None,
         ),
     )
 

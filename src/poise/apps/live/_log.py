@@ -18,7 +18,6 @@ from poise.errors import ConfigurationError, PoiseError
 from poise.locomotion import (
     DeviceSample,
     RecordingWriter,
-    RowKind,
     StepTeleoperator,
     read_recording,
 )
@@ -236,13 +235,7 @@ class Takes:
         recording = read_recording(self.path, allow_partial=True)
         setup = self._setup | {"duration": ticks * self._dt}
         with self._open(path, setup) as writer:
-            for row in recording.rows[recording.rows["tick"] < ticks]:
-                left, right = row["left"].astype(np.float64), row["right"].astype(np.float64)
-                if row["kind"] == RowKind.PUSH:
-                    writer.push(int(row["tick"]), left, float(right[0]))
-                else:
-                    sample = DeviceSample(float(row["time"]), left, right, bool(row["upright"]))
-                    writer.sample(int(row["tick"]), sample)
+            writer.copy(recording.rows[recording.rows["tick"] < ticks])
         return path
 
     def _open(self, path: Path, setup: dict[str, Any]) -> RecordingWriter:

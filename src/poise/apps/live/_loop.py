@@ -214,6 +214,9 @@ class LiveLoop(RealTimeLoop):
             speed=self._speed,
             real_time_factor=self._factor,
             take=self.takes.name,
+            heading=status.heading,
+            hands=np.array(status.hand_targets).reshape(-1, 3) + offset,
+            hands_do=status.hands,
         )
 
     def _offset(self) -> Float64[np.ndarray, "3"]:

@@ -1,11 +1,11 @@
 """`Snapshot`: how the robot stands, as the page shows it, some 25 times a second."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from jaxtyping import Float64
 
-from poise.locomotion import DeviceStatus, Mode
+from poise.locomotion import DeviceStatus, HandStatus, Mode
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -33,6 +33,9 @@ class Snapshot:
         speed: robot time over wall-clock time that is asked for.
         real_time_factor: what the last second reached of that speed.
         take: name of the recording.
+        heading: of the torso, to the left of the world's x axis [rad].
+        hands: where the hands are led to, left and right; no rows where none is led [m].
+        hands_do: what they do.
         text: what the robot does, in words; what its mode says when empty.
     """
 
@@ -56,4 +59,7 @@ class Snapshot:
     speed: float
     real_time_factor: float
     take: str
+    heading: float = 0.0
+    hands: Float64[np.ndarray, "h 3"] = field(default_factory=lambda: np.zeros((0, 3)))
+    hands_do: tuple[HandStatus, ...] = ()
     text: str = ""

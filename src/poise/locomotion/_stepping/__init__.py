@@ -2,13 +2,16 @@
 
 from poise.locomotion._stepping._com import ComDriver, ShifterDriver
 from poise.locomotion._stepping._device import (
+    BodySample,
     Device,
     DeviceGuard,
     DeviceSample,
     DeviceStatus,
+    HandSample,
     ScriptedDevice,
     WayPoint,
 )
+from poise.locomotion._stepping._hands import HandLeader, HandStatus
 from poise.locomotion._stepping._modes import Mode, ModeEvent, draw_modes
 from poise.locomotion._stepping._parameters import TeleopParameters, scaled_parameters
 from poise.locomotion._stepping._recording import (
@@ -17,17 +20,20 @@ from poise.locomotion._stepping._recording import (
     Recording,
     RecordingError,
     RecordingWriter,
-    RowKind,
     read_recording,
 )
 from poise.locomotion._stepping._step_teleoperator import StepTeleoperator, TeleopStatus
 
 __all__ = [
+    "BodySample",
     "ComDriver",
     "Device",
     "DeviceGuard",
     "DeviceSample",
     "DeviceStatus",
+    "HandLeader",
+    "HandSample",
+    "HandStatus",
     "Mode",
     "ModeEvent",
     "RecordedDevice",
@@ -35,7 +41,6 @@ __all__ = [
     "Recording",
     "RecordingError",
     "RecordingWriter",
-    "RowKind",
     "ScriptedDevice",
     "ShifterDriver",
     "StepTeleoperator",

@@ -66,11 +66,14 @@ class ComHeight:
         height: of the COM above the soles at the start, H [m].
         reach: of the legs.
         parameters: gains and speeds.
+
+    Attributes:
+        offset: how much higher than at the start the operator asks for, as far as legs allow [m].
     """
 
     def __init__(self, height: float, reach: FootRange, parameters: TeleopParameters) -> None:
         self._height, self._range, self._parameters = height, reach, parameters
-        self._velocity = 0.0
+        self._velocity = self.offset = 0.0
 
     def room_below(self, footing: Footing) -> float:
         """How far the COM may still come down [m].
@@ -113,7 +116,8 @@ class ComHeight:
         for foot in (stance,) if footing.mode.single else (0, 1):
             too_low = max(too_low, reach.too_low(foot, anchors[foot], hips[foot], footing.heading))
         lowest = max(height + too_low, self._lowest(footing))
-        return min(self._height + footing.ground, max(height - too_high, lowest))
+        asked = self._height + self.offset + footing.ground
+        return min(max(asked, lowest), max(height - too_high, lowest))
 
     def _lowest(self, footing: Footing) -> float:
         return (1.0 - self._parameters.stoop_max) * self._height + footing.ground

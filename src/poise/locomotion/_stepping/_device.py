@@ -1,6 +1,7 @@
 """`Device` and `ScriptedDevice`: where samples come from, and one that needs no person.
 
 `DeviceSample` and `DeviceGuard`: what the operator commands, and whether to believe it.
+`HandSample`: what is commanded of a hand. `BodySample`: of the body, and how feet are turned.
 """
 
 import math
@@ -21,20 +22,64 @@ from poise.errors import ConfigurationError
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class HandSample:
+    """Where the operator holds the device of one hand; its motion is what counts.
+
+    Attributes:
+        position: forward, left and up, as the robot's torso faces, from anywhere that stays where
+            it is [m].
+        clutch: whether the hand follows. Whoever wants to reach further lets go, moves back, and
+            takes hold anew; the hand stays where it is in between.
+    """
+
+    position: Float64[np.ndarray, "3"]
+    clutch: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class BodySample:
+    """What is commanded beside where feet and hands are; all zero asks for nothing.
+
+    Attributes:
+        height: of the COM, over the usual one [m].
+        torso: roll, pitch and yaw against upright and facing as the feet do; where torques are
+            commanded [rad].
+        turns: how the left and the right foot are turned, to the left of the world's x axis; where
+            torques are commanded [rad].
+    """
+
+    height: float = 0.0
+    torso: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    turns: tuple[float, float] = (0.0, 0.0)
+
+    @property
+    def numbers(self) -> tuple[float, float, float, float, float, float]:
+        """Height, roll, pitch, yaw, and both turns."""
+        return (self.height, *self.torso, *self.turns)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class DeviceSample:
-    """Where the operator holds the two devices; each commands the sole of its side.
+    """Where the operator holds the devices: two for the feet, each of the sole of its side.
 
     Attributes:
         time: when it was measured, on the operator's clock [s].
         left: position commanded for the left sole, in the controller's world [m].
         right: position commanded for the right sole [m].
         upright: button: bring the torso upright although one foot is in the air.
+        hands: what is commanded of the left and of the right hand; None for a hand without a
+            device, which stays as it is.
+        rest: button: hands that are not held go back to rest.
+        body: what is commanded of the body, and how the feet are turned.
     """
 
     time: float
     left: Float64[np.ndarray, "3"]
     right: Float64[np.ndarray, "3"]
     upright: bool = False
+    hands: tuple[HandSample | None, HandSample | None] = (None, None)
+    rest: bool = False
+    body: BodySample = BodySample()
 
     def position(self, foot: int) -> Float64[np.ndarray, "3"]:
         """Position commanded for a sole: 0 left, 1 right [m]."""
@@ -97,8 +142,9 @@ class DeviceGuard:
         late_max: float = 0.5,
         lost_after: float = 0.5,
     ) -> None:
-        self._late = checked_number(late_max, "late_max of the device [s]", above=0.0)
         self._lost_after = checked_number(lost_after, "lost_after of the device [s]", above=0.0)
+        late = checked_number(late_max, "late_max of the device [s]", above=0.0)
+        self._clock = SampleClock(late, lost_after)
         self._press_depth = checked_number(press_depth, "press_depth of the device [m]", above=0.0)
         step = checked_number(dt, "dt of the device [s]", above=0.0) * checked_number(
             speed_max, "speed_max of the device [m/s]", above=0.0
@@ -108,7 +154,7 @@ class DeviceGuard:
         low = checked_number(low, "low of the device [m]", above=0.0)
         self._grips = tuple(_Grip(step, start, jump, low, lost_after) for _ in range(2))
         self._newest: DeviceSample | None = None
-        self._heard_at = -math.inf
+        self._body = BodySample()
         self.status = DeviceStatus.LOST
 
     def check(
@@ -132,7 +178,9 @@ class DeviceGuard:
         """
         news = sample if sample is not None and self._is_news(sample, time) else None
         if news is not None:
-            self._newest, self._heard_at = news, time
+            self._newest = news
+            if all(map(math.isfinite, news.body.numbers)):
+                self._body = news.body
         refused = sample is not None and news is None
         for foot, grip in enumerate(self._grips):
             point = None if news is None else news.position(foot)
@@ -147,13 +195,14 @@ class DeviceGuard:
             np.array([*sole[:2], lowest] if grip.place is None else grip.place)
             for grip, sole in zip(self._grips, soles, strict=True)
         )
-        return DeviceSample(self._newest.time, left, right, self._newest.upright)
+        newest = self._newest
+        return DeviceSample(newest.time, left, right, newest.upright, body=self._body)
 
     def _status(
         self, held: Sequence[bool], time: float, *, refused: bool, silent: bool
     ) -> DeviceStatus:
         if not any(held):
-            lost = time - self._heard_at > self._lost_after
+            lost = time - self._clock.heard_at > self._lost_after
             return DeviceStatus.LOST if lost else DeviceStatus.WAITING
         if refused:
             return DeviceStatus.REFUSED
@@ -163,14 +212,69 @@ class DeviceGuard:
 
     def _is_news(self, sample: DeviceSample, time: float) -> bool:
         """Whether a sample says where a device is, and is newer than the newest."""
-        if not math.isfinite(sample.time):
+        if not (is_point(sample.left) or is_point(sample.right)):
             return False
-        if not (_is_point(sample.left) or _is_point(sample.right)):
+        return self._clock.takes(sample.time, time)
+
+
+class SampleClock:
+    """Says which samples are newer than the newest, and no more late than a link makes them.
+
+    Args:
+        late: largest difference of two samples' delays [s].
+        lost_after: after so long without a sample any clock is believed again [s].
+
+    Attributes:
+        heard_at: when the newest came, in the robot's time [s].
+    """
+
+    def __init__(self, late: float, lost_after: float) -> None:
+        self._late, self._lost_after = late, lost_after
+        self._newest = -math.inf
+        self.heard_at = -math.inf
+
+    def takes(self, stamp: float, time: float) -> bool:
+        """Whether a sample counts; then it is the newest.
+
+        Args:
+            stamp: its time, on the operator's clock [s].
+            time: of the robot [s].
+        """
+        if not math.isfinite(stamp):
             return False
-        passed = time - self._heard_at
-        if self._newest is None or passed > self._lost_after:
-            return True
-        return 0.0 < sample.time - self._newest.time <= passed + self._late
+        passed = time - self.heard_at
+        news = passed > self._lost_after or 0.0 < stamp - self._newest <= passed + self._late
+        if news:
+            self._newest, self.heard_at = stamp, time
+        return news
+
+
+class Pursuit:
+    """Follows a place by no more than `start` + `step` n in any n ticks.
+
+    Args:
+        step: how far in a tick, on average [m].
+        start: how far at once, after rest [m].
+    """
+
+    def __init__(self, step: float, start: float) -> None:
+        self._step, self._start = step, start
+        self._left = start  # Of the way that may be gone now [m].
+
+    def follow(self, place: list[float], goal: list[float]) -> list[float]:
+        """Where it is after a tick [m].
+
+        Args:
+            place: where it is now [m].
+            goal: where it is led to [m].
+        """
+        away = math.dist(goal, place)
+        most = self._left = min(self._left + self._step, self._start)
+        if away <= most:
+            self._left -= away
+            return goal
+        self._left = 0.0
+        return [p + most / away * (g - p) for p, g in zip(place, goal, strict=True)]
 
 
 class _Grip:
@@ -190,12 +294,11 @@ class _Grip:
     def __init__(
         self, step: float, start: float, jump: float, low: float, lost_after: float
     ) -> None:
-        self._step, self._start, self._jump = step, start, jump
+        self._pursuit, self._jump = Pursuit(step, start), jump
         self._low, self._lost_after = low, lost_after
         self.place: list[float] | None = None
         self._goal: list[float] = [0.0] * 3
         self._good_at = -math.inf
-        self._left = start  # Of the way that may be gone now [m].
 
     def update(
         self, point: object, time: float, sole: Float64[np.ndarray, "3"], ground: float
@@ -215,9 +318,9 @@ class _Grip:
             # For a tick at least: what is followed does not go from one place to another at once.
             self.place = None
             return False
-        good = _is_point(point) and self._holds(point.tolist(), time, sole, ground)
+        good = is_point(point) and self._holds(point.tolist(), time, sole, ground)
         if self.place is not None:
-            self.place = self._followed(self.place)
+            self.place = self._pursuit.follow(self.place, self._goal)
         return good
 
     def _holds(
@@ -239,17 +342,9 @@ class _Grip:
     def _is_near(self, point: list[float], place: list[float]) -> bool:
         return math.dist(point, place) <= self._jump
 
-    def _followed(self, place: list[float]) -> list[float]:
-        away = math.dist(self._goal, place)
-        most = self._left = min(self._left + self._step, self._start)
-        if away <= most:
-            self._left -= away
-            return self._goal
-        self._left = 0.0
-        return [p + most / away * (g - p) for p, g in zip(place, self._goal, strict=True)]
 
-
-def _is_point(value: object) -> TypeGuard[np.ndarray]:
+def is_point(value: object) -> TypeGuard[np.ndarray]:
+    """Whether a value is a place: a device may send anything."""
     return (
         isinstance(value, np.ndarray)
         and value.shape == (3,)
@@ -264,7 +359,7 @@ Offset = Annotated[tuple[float, float, float], Vector(3, Bounds(most=10.0, unit=
 
 @runtime_checkable
 class Device(Protocol):
-    """Anything that says where the operator holds the two foot devices."""
+    """Anything that says where the operator holds the devices of feet and hands."""
 
     def sample(self, time: float) -> DeviceSample | None:
         """What came since the last tick.
@@ -287,23 +382,32 @@ class WayPoint:
         at: [s].
         left: offset of the left device from its foot's start; as before when None [m].
         right: offset of the right device from its foot's start; as before when None [m].
+        left_hand: likewise of the left hand, as the torso faces [m].
+        right_hand: of the right hand [m].
     """
 
     at: Seconds
     left: Offset | None = None
     right: Offset | None = None
+    left_hand: Offset | None = None
+    right_hand: Offset | None = None
 
     def __post_init__(self) -> None:
-        if self.left is None and self.right is None:
+        if all(o is None for o in (self.left, self.right, self.left_hand, self.right_hand)):
             raise ConfigurationError("a way-point moves no device", wanted="left, right or both")
 
 
+_GRIP_AT = 0.1
+"""When a scripted device takes hold of its hand [s]: its clutch has to be seen open first."""
+
+
 class ScriptedDevice:
-    """Two devices that go from way-point to way-point, each part by a blend of least jerk.
+    """Devices that go from way-point to way-point, each part by a blend of least jerk.
 
     From one point s to the next with u in [0, 1] over the time between them:
     p = p_0 + (p_1 - p_0) (10 u^3 - 15 u^4 + 6 u^5). The blend starts and ends at rest, so a hold is
-    two points in the same place. A device without points stays at its foot.
+    two points in the same place. A device without points stays at its foot, and a hand without
+    points has none; the others take hold of their hands after a tenth of a second.
 
     Args:
         points: in order of time.
@@ -329,10 +433,19 @@ class ScriptedDevice:
                 )
         self._left = _Path([(p.at, p.left) for p in points if p.left is not None], left)
         self._right = _Path([(p.at, p.right) for p in points if p.right is not None], right)
+        paths = (
+            [(p.at, p.left_hand) for p in points if p.left_hand is not None],
+            [(p.at, p.right_hand) for p in points if p.right_hand is not None],
+        )
+        self._hands = [_Path(path, np.zeros(3)) if path else None for path in paths]
 
     def sample(self, time: float) -> DeviceSample:
         """Where the devices are at a time [s]."""
-        return DeviceSample(time, self._left.at(time), self._right.at(time))
+        left, right = (
+            None if path is None else HandSample(path.at(time), clutch=time > _GRIP_AT)
+            for path in self._hands
+        )
+        return DeviceSample(time, self._left.at(time), self._right.at(time), hands=(left, right))
 
 
 class _Path:

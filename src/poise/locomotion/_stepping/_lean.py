@@ -1,4 +1,7 @@
-"""`TrunkLean`: the trunk leans over a foot whose hip is too weak to hold the body upright on it."""
+"""`TrunkLean`: the trunk leans over a foot whose hip is too weak to hold the body upright on it.
+
+`TrunkPose`: how pelvis and torso shall be turned: so, facing as the feet do, and as commanded.
+"""
 
 import numpy as np
 import pinocchio as pin
@@ -8,6 +11,12 @@ from poise.locomotion._stepping._footing import Footing
 
 _RATE = 0.3
 """How fast it leans over a foot, and back [rad/s]."""
+
+_TURN_RATE, _POSE_RATE = 0.5, 0.6
+"""How fast the trunk turns to where the feet face, and to what is commanded [rad/s]."""
+
+_MOST = np.array([0.3, 0.4, 0.5])
+"""Roll, pitch and yaw of the torso that can be commanded: what most waists do [rad]."""
 
 _LEVEL = np.eye(3)
 
@@ -42,3 +51,44 @@ class TrunkLean:
             return _LEVEL
         x, y = footing.heading.tolist()
         return pin.exp3(self._angle * np.array([x, y, 0.0]))
+
+
+class TrunkPose:
+    """References of pelvis and torso, where both can be turned.
+
+    Args:
+        relief: how far it leans over the left and over the right foot, see `Biped` [rad].
+        dt: length of a tick [s].
+    """
+
+    def __init__(self, relief: tuple[float, float], dt: float) -> None:
+        self._lean, self._dt = TrunkLean(relief, dt), dt
+        self.reset()
+
+    def reset(self) -> None:
+        """Upright, facing ahead."""
+        self._lean.reset()
+        self._facing = 0.0
+        self._torso: Float64[np.ndarray, "3"] = np.zeros(3)
+
+    def rotations(
+        self, footing: Footing, facing: float, torso: tuple[float, float, float]
+    ) -> tuple[Float64[np.ndarray, "3 3"], Float64[np.ndarray, "3 3"]]:
+        """World_R_pelvis and world_R_torso in this tick.
+
+        Args:
+            footing: of the tick.
+            facing: where the feet face, to the left of the world's x axis [rad].
+            torso: commanded roll, pitch and yaw of the torso against that [rad].
+        """
+        most = _TURN_RATE * self._dt
+        self._facing += max(-most, min(most, facing - self._facing))
+        change = np.clip(torso, -_MOST, _MOST) - self._torso
+        most = _POSE_RATE * self._dt
+        self._torso = self._torso + np.clip(change, -most, most)
+        pelvis = self._lean.rotation(footing)
+        if self._facing != 0.0:
+            pelvis = pelvis @ pin.exp3(np.array([0.0, 0.0, self._facing]))
+        if not self._torso.any():
+            return pelvis, pelvis
+        return pelvis, pelvis @ pin.rpy.rpyToMatrix(self._torso)

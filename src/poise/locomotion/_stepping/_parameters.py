@@ -72,6 +72,7 @@ class TeleopParameters:
             error, over the torque limit [1/rad].
         servo_damping: likewise, torque at 1 rad/s of error, over the torque limit [s/rad].
         feet_gap: least distance of the soles' edges, side by side [m].
+        hand_scale: motion of a hand over that of its device.
     """
 
     dt: Positive = 0.005
@@ -118,6 +119,7 @@ class TeleopParameters:
     step_max: Positive = 0.46
     servo_stiffness: Positive = 70.0
     servo_damping: Positive = 2.5
+    hand_scale: Positive = 1.0
 
     def __post_init__(self) -> None:
         if not self.lower_height < self.lift_height:

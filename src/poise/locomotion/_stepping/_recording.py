@@ -10,8 +10,8 @@ its length does not matter.
 
 import json
 import os
-from dataclasses import dataclass, field
-from enum import IntEnum
+from dataclasses import dataclass, field, replace
+from enum import IntEnum, IntFlag
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
@@ -20,7 +20,7 @@ from jaxtyping import Float64
 
 from poise._schema import Bounds, Duration, Text, checked, read
 from poise.errors import ConfigurationError, PoiseError
-from poise.locomotion._stepping._device import DeviceSample
+from poise.locomotion._stepping._device import BodySample, DeviceSample, HandSample
 
 FORMAT, VERSION = "poise teleoperation", 1
 HEADER_BYTES = 16384
@@ -37,19 +37,39 @@ class RowKind(IntEnum):
     """What the device sent: time, left, right, upright."""
     PUSH = 1
     """A push on the torso: left is the force [N], right[0] how long [s]."""
+    HANDS = 2
+    """What the sample of the row before says of the hands: left, right; flags are `HandFlags`."""
+    BODY = 3
+    """What it says of the body: left is height [m] and turns [rad], right the torso [rad]."""
+
+
+class HandFlags(IntFlag):
+    """What a row says of hands beside where their devices are."""
+
+    LEFT = 1
+    """There is a left one."""
+    RIGHT = 2
+    """There is a right one."""
+    LEFT_CLUTCH = 4
+    """The left one's clutch is closed."""
+    RIGHT_CLUTCH = 8
+    """The right one's clutch is closed."""
+    REST = 16
+    """Hands that are not held shall go to rest."""
 
 
 ROW = np.dtype(
     [
         ("tick", "<i8"),
         ("kind", "<u1"),
-        ("upright", "<u1"),
+        ("flags", "<u1"),
         ("time", "<f8"),
         ("left", "<f8", (3,)),
         ("right", "<f8", (3,)),
     ]
 )
-"""A row: the tick before which it came, counted from zero, and what came."""
+"""A row: the tick before which it came, counted from zero, and what came. The flags of a sample
+say whether the torso shall be upright."""
 
 
 class RecordingError(PoiseError):
@@ -172,9 +192,16 @@ class RecordingWriter:
         """Notes a sample that came before a tick, good or bad; nothing where none came."""
         if sample is None:
             return
-        self._write(
-            tick, RowKind.SAMPLE, sample.time, sample.left, sample.right, upright=sample.upright
-        )
+        flags = int(sample.upright)
+        self._write(tick, RowKind.SAMPLE, sample.time, sample.left, sample.right, flags)
+        flags = int(_hand_flags(sample))
+        if flags:
+            left, right = (np.full(3, np.nan) if h is None else h.position for h in sample.hands)
+            self._write(tick, RowKind.HANDS, sample.time, left, right, flags)
+        body = sample.body
+        if body != BodySample():
+            left, right = np.array([body.height, *body.turns]), np.array(body.torso)
+            self._write(tick, RowKind.BODY, sample.time, left, right)
 
     def push(self, tick: int, force: Float64[np.ndarray, "3"], duration: float) -> None:
         """Notes a push on the torso that began before a tick.
@@ -185,6 +212,15 @@ class RecordingWriter:
             duration: [s].
         """
         self._write(tick, RowKind.PUSH, 0.0, force, np.array([duration, 0.0, 0.0]))
+
+    def copy(self, rows: np.ndarray) -> None:
+        """Writes rows of another recording as they are.
+
+        Args:
+            rows: of `ROW`.
+        """
+        self._file.write(rows.tobytes())
+        self._rows += len(rows)
 
     def flush(self) -> None:
         """Hands every row to the operating system: a run that is killed later loses none."""
@@ -212,11 +248,10 @@ class RecordingWriter:
         time: float,
         left: np.ndarray,
         right: np.ndarray,
-        *,
-        upright: bool = False,
+        flags: int = 0,
     ) -> None:
         row = np.zeros(1, dtype=ROW)
-        row["tick"], row["kind"], row["upright"], row["time"] = tick, kind, upright, time
+        row["tick"], row["kind"], row["flags"], row["time"] = tick, kind, flags, time
         # A device may send anything: what is no point is kept as one that is refused again.
         row["left"], row["right"] = _point(left), _point(right)
         self._file.write(row.tobytes())
@@ -227,6 +262,29 @@ def _point(value: object) -> np.ndarray:
     if isinstance(value, np.ndarray) and value.shape == (3,) and value.dtype == np.float64:
         return value
     return np.full(3, np.nan)
+
+
+def _hand_flags(sample: DeviceSample) -> HandFlags:
+    flags = HandFlags.REST if sample.rest else HandFlags(0)
+    present = (HandFlags.LEFT, HandFlags.RIGHT)
+    closed = (HandFlags.LEFT_CLUTCH, HandFlags.RIGHT_CLUTCH)
+    for hand, here, clutch in zip(sample.hands, present, closed, strict=True):
+        if hand is not None:
+            flags |= here | clutch if hand.clutch else here
+    return flags
+
+
+def _with_hands(sample: DeviceSample, row: np.ndarray) -> DeviceSample:
+    """A sample with what a row says of the hands."""
+    flags = HandFlags(int(row["flags"]))
+
+    def hand(side: str, here: HandFlags, clutch: HandFlags) -> HandSample | None:
+        position = row[side].astype(np.float64)
+        return HandSample(position, bool(flags & clutch)) if flags & here else None
+
+    left = hand("left", HandFlags.LEFT, HandFlags.LEFT_CLUTCH)
+    right = hand("right", HandFlags.RIGHT, HandFlags.RIGHT_CLUTCH)
+    return replace(sample, hands=(left, right), rest=bool(flags & HandFlags.REST))
 
 
 _AT_ONCE = 100_000
@@ -325,9 +383,16 @@ class RecordedDevice:
         while self._next < len(self._rows) and self._rows[self._next]["tick"] <= tick:
             row = self._rows[self._next]
             self._next += 1
-            left, right = row["left"].astype(np.float64), row["right"].astype(np.float64)
-            if row["kind"] != RowKind.PUSH:
-                found = DeviceSample(float(row["time"]), left, right, bool(row["upright"]))
+            if row["kind"] == RowKind.SAMPLE:
+                left, right = row["left"].astype(np.float64), row["right"].astype(np.float64)
+                found = DeviceSample(float(row["time"]), left, right, bool(row["flags"]))
+            elif row["kind"] == RowKind.HANDS and found is not None:
+                found = _with_hands(found, row)
+            elif row["kind"] == RowKind.BODY and found is not None:
+                height, left_turn, right_turn = row["left"].tolist()
+                roll, pitch, yaw = row["right"].tolist()
+                body = BodySample(height, (roll, pitch, yaw), (left_turn, right_turn))
+                found = replace(found, body=body)
         return found
 
 
@@ -367,7 +432,7 @@ def _check_rows(path: Path, rows: np.ndarray) -> None:
         part = rows[begin : begin + _AT_ONCE]
         ticks = part["tick"]
         steps = np.diff(ticks, prepend=last)
-        bad = np.flatnonzero((steps < 0) | (part["kind"] > RowKind.PUSH))
+        bad = np.flatnonzero((steps < 0) | (part["kind"] > max(RowKind)))
         if len(bad):
             index = int(bad[0])
             raise RecordingError(

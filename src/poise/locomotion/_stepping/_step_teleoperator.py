@@ -3,6 +3,7 @@
 `TeleopStatus`: how the last tick of the step teleoperator stood.
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
@@ -24,16 +25,23 @@ from poise.locomotion._stepping._com import (
     ShifterDriver,
 )
 from poise.locomotion._stepping._desired import DesiredMotion, StepTasks
-from poise.locomotion._stepping._device import Device, DeviceGuard, DeviceSample, DeviceStatus
+from poise.locomotion._stepping._device import (
+    BodySample,
+    Device,
+    DeviceGuard,
+    DeviceSample,
+    DeviceStatus,
+)
 from poise.locomotion._stepping._estimator import StanceEstimator, ZmpSensor
 from poise.locomotion._stepping._foot import FootTarget, FootVelocity
 from poise.locomotion._stepping._footing import Footing, StanceChoice
+from poise.locomotion._stepping._hands import HandLeader, HandStatus
 from poise.locomotion._stepping._mode_events import ModeEvents
 from poise.locomotion._stepping._modes import Mode
 from poise.locomotion._stepping._parameters import TeleopParameters, scaled_parameters
 from poise.locomotion._stepping._reach import FootRange
 from poise.locomotion._stepping._sway import check_sway
-from poise.locomotion._stepping._torque_tasks import TorqueTasks
+from poise.locomotion._stepping._torque_tasks import POSTURE_WEIGHT, TorqueTasks
 from poise.locomotion._stepping._velocity_tasks import VelocityTasks
 from poise.locomotion._support import SupportPolygon, two_soles
 from poise.robots import Robot
@@ -62,6 +70,9 @@ class TeleopStatus:
         target: where the foot in the air is sent, None with both on the ground [m].
         loads: normal forces, left and right [N].
         tilt: angle of the torso against upright [rad].
+        heading: of the torso, to the left of the world's x axis [rad].
+        hands: what each hand does; none where velocities are commanded.
+        hand_targets: where each hand is led to [m].
     """
 
     mode: Mode
@@ -75,6 +86,9 @@ class TeleopStatus:
     target: Float64[np.ndarray, "3"] | None
     loads: Float64[np.ndarray, "2"]
     tilt: float
+    heading: float = 0.0
+    hands: tuple[HandStatus, ...] = ()
+    hand_targets: tuple[Float64[np.ndarray, "3"], ...] = ()
 
 
 class StepTeleoperator:
@@ -87,8 +101,8 @@ class StepTeleoperator:
     `controller()` solves the stack for velocities of the legs' joints, (19) to (23), and the other
     joints keep still. With "torque" it solves it for torques of all joints: the COM shifter's
     feedback is on the measured divergent component, feet on the ground are contacts, and the trunk
-    is kept upright in place of the body rotator. `stack` may then be given to any controller that
-    commands torques.
+    is kept upright in place of the body rotator, and the arms follow the operator's hands, whatever
+    the feet do. `stack` may then be given to any controller that commands torques.
 
     Neither `estimator.update` nor `lead` raises. A state that cannot be used is passed over, and
     the controller says so.
@@ -117,6 +131,7 @@ class StepTeleoperator:
         actuation: what is commanded.
         estimator: where the robot is taken to be; its `update` comes before `lead`.
         zmp_sensor: ZMP and loads as measured.
+        hands: leads the arms; None where velocities are commanded, and the arms keep still.
     """
 
     def __init__(
@@ -152,11 +167,15 @@ class StepTeleoperator:
         if actuation == "velocity" and isinstance(driver, ShifterDriver):
             check_sway(self._biped, self.estimator.dynamics, driver.omega, p)
         self._reach = FootRange(robot, self.soles, p)
-        self._tasks: StepTasks = (
-            TorqueTasks(self._biped, p.dt)
-            if actuation == "torque"
-            else VelocityTasks(self._biped, p, rotator=rotator)
-        )
+        self.hands: HandLeader | None = None
+        self._tasks: StepTasks
+        if actuation == "torque":
+            self.hands = HandLeader(
+                robot, dt=p.dt, q_rest=q_start, weight=POSTURE_WEIGHT, scale=p.hand_scale
+            )
+            self._tasks = TorqueTasks(self._biped, p.dt, self.hands.task)
+        else:
+            self._tasks = VelocityTasks(self._biped, p, rotator=rotator)
         # What is compiled is compiled now, not in the first tick.
         SupportPolygon([], p.support_margin)
         self.reset()
@@ -169,6 +188,8 @@ class StepTeleoperator:
             biped.frames, self.soles, biped.weight, p.zmp_time, p.dt
         )
         self._tasks.reset()
+        if self.hands is not None:
+            self.hands.reset()
         self._guard = DeviceGuard(dt=p.dt, low=p.lower_height, press_depth=p.press_depth)
         self._com = self._com_motion()
         self._events = ModeEvents(estimator, sensor, self._com, p, biped.weight)
@@ -178,6 +199,7 @@ class StepTeleoperator:
         self._target = FootTarget(self._reach, p)
         self._height = ComHeight(self._com_height, self._reach, p)
         self._foot = FootVelocity(p)
+        self._body = BodySample()
         self._status: TeleopStatus | None = None
 
     def controller(self) -> Controller:
@@ -208,9 +230,9 @@ class StepTeleoperator:
     def signals(self) -> Mapping[str, np.ndarray | float | str]:
         """What a recorder should know of the last tick; nothing before the first.
 
-        Where the operator's devices and the foot in the air should be, the reference of the ZMP,
-        which soles carry the robot, mode and device; and what is estimated, under `estimate/`, for
-        `com` and `zmp` are the plant's own.
+        Where the operator's devices, the foot in the air and the hands should be, the reference of
+        the ZMP, which soles carry the robot, mode, device and what the hands do; and what is
+        estimated, under `estimate/`, for `com` and `zmp` are the plant's own.
         """
         status, nowhere = self.status, np.full(3, np.nan)
         if status is None:
@@ -220,8 +242,11 @@ class StepTeleoperator:
         planned = {
             f"planned/{sole}": float(support in (None, i)) for i, sole in enumerate(self.soles)
         }
+        names = () if self.hands is None else self.hands.names
+        hands = zip(names, status.hand_targets, strict=True)
         return {
             **planned,
+            **{f"target/{hand}": place for hand, place in hands},
             "target/left device": nowhere if sample is None else sample.left,
             "target/right device": nowhere if sample is None else sample.right,
             "foot_target": nowhere if status.target is None else status.target,
@@ -234,6 +259,7 @@ class StepTeleoperator:
             "estimate/tilt": status.tilt,
             "mode": status.mode.name,
             "device": status.device.name,
+            "hands": ", ".join(hand.name for hand in status.hands),
         }
 
     def lead(self, state: RobotState) -> None:
@@ -253,6 +279,9 @@ class StepTeleoperator:
         soles = (self.estimator.sole(0), self.estimator.sole(1))
         command = self._guard.check(sample, state.time, soles, self.estimator.anchors)
         self._move_mode(command, state.time)
+        if command is not None:
+            self._body = command.body
+        self._height.offset = self._body.height
         footing = self._footing()
         self._com.drive(footing)
         self._momentum.turn(footing, self._com.cart_table_zmp(dynamics.com[:2]))
@@ -264,6 +293,8 @@ class StepTeleoperator:
         )
         upright = command is not None and command.upright
         self._tasks.ask(footing, self._desired(footing, target), upright=upright)
+        if self.hands is not None:
+            self.hands.lead(sample, state)
         self._status = self._describe(footing, sample, target)
 
     def _com_motion(self) -> ComMotion | ComFeedback:
@@ -304,12 +335,15 @@ class StepTeleoperator:
             com_acceleration=self._com.acceleration,
             momentum=self._momentum.reference,
             foot=self._foot.towards(footing, target, hurry=self._target.rescuing),
+            torso=self._body.torso,
+            turns=self._body.turns,
         )
 
     def _describe(
         self, footing: Footing, sample: DeviceSample | None, target: Float64[np.ndarray, "3"]
     ) -> TeleopStatus:
-        com = footing.dynamics.com
+        com, torso = footing.dynamics.com, footing.dynamics.placement(self._biped.torso)
+        hands = self.hands
         return TeleopStatus(
             mode=footing.mode,
             device=self._guard.status,
@@ -322,6 +356,9 @@ class StepTeleoperator:
             target=target if footing.mode.single else None,
             loads=self.zmp_sensor.loads.copy(),
             tilt=footing.tilt,
+            heading=math.atan2(footing.heading[1], footing.heading[0]),
+            hands=() if hands is None else tuple(hands.status),
+            hand_targets=() if hands is None else hands.targets(*torso),
         )
 
 

@@ -1,6 +1,7 @@
 """`TorqueTasks`: the stack that the step teleoperator leads where torques are commanded."""
 
 import numpy as np
+import pinocchio as pin
 from jaxtyping import Float64
 
 from poise.control import Controller, WholeBodyController
@@ -8,14 +9,17 @@ from poise.dynamics import Dynamics
 from poise.locomotion._stepping._biped import Biped
 from poise.locomotion._stepping._desired import DesiredMotion
 from poise.locomotion._stepping._footing import Footing
-from poise.locomotion._stepping._lean import TrunkLean
+from poise.locomotion._stepping._lean import TrunkPose
 from poise.stack import (
+    SMOOTH_RATE,
     ComTask,
     FrameTask,
     JointLimit,
-    PostureTask,
+    JointTask,
     Stack,
     SurfaceContact,
+    Task,
+    TorqueLimit,
 )
 
 _LEVEL = np.eye(3)
@@ -23,9 +27,12 @@ _LEVEL = np.eye(3)
 _KP_COM, _KP_FOOT, _KP_TRUNK = 100.0, 300.0, 100.0
 """Stiffness of the COM's height, of the foot in the air, of pelvis and torso [1/s^2]."""
 
-_POSTURE_WEIGHT = 0.03
-"""Of the posture beside foot and trunk: below them alone the arms would be thrown about by what
-little those leave to them."""
+POSTURE_WEIGHT = 0.03
+"""Of arms and posture beside foot and trunk: below them alone the arms would be thrown about by
+what little those leave to them. Heavier ones are thrown less, and lean the trunk more."""
+
+_KP_POSTURE = 25.0
+"""Stiffness of the posture [1/s^2]."""
 
 _URGENT = 10.0
 """Weight of the trunk while the operator asks for an upright torso."""
@@ -36,28 +43,40 @@ _FOLLOWED = 5.0
 _FARTHEST = 0.03
 """How far the reference of the foot in the air may be from the foot [m]."""
 
+_TURN_RATE, _CLEAR = 1.0, 0.02
+"""How fast a foot turns in the air [rad/s], and how high it has to be for that [m]."""
+
+_TURNS = (0.12, 0.6)
+"""How far a foot may be turned inwards and outwards against the other one [rad]."""
+
 _UNLOAD, _LOAD = 0.03, 0.08
 """How long a foot takes to give up its load, and to take it [s]."""
+
+
+_LIGHT, _DAMPING, _BRAKED = 0.3, 20.0, 100.0
+"""Part of the weight below which a foot on the ground is held lightly, and how fast the residual
+velocity of a foot dies out that carries more, and one that carries less [1/s]."""
 
 
 class TorqueTasks:
     """The references of the step teleoperator as accelerations.
 
     The first level has the COM; the second the foot in the air, pelvis and torso upright and, much
-    lighter, the posture. No foot is worth the balance: where it is swung too hard it lags. Feet on
-    the ground are contacts: nothing levels them, so they lie as the ground does.
+    lighter, arms and posture. No foot and no hand is worth the balance: where it is swung too hard
+    it lags. Feet on the ground are contacts: nothing levels them, so they lie as the ground does.
 
     Args:
         biped: the robot.
         dt: length of a tick [s].
+        arms: leads the arms' joints; None without arms.
 
     Attributes:
         stack: to be solved for torques.
     """
 
-    def __init__(self, biped: Biped, dt: float) -> None:
+    def __init__(self, biped: Biped, dt: float, arms: JointTask | None) -> None:
         robot = biped.robot
-        self._robot, self._dt = robot, dt
+        self._robot, self._dt, self._weight = robot, dt, biped.weight
         self._com = ComTask(kp=_KP_COM)
         self._feet = [FrameTask(sole, kp=_KP_FOOT, name=f"{sole} foot") for sole in biped.soles]
         frames = robot.model.frames
@@ -65,20 +84,26 @@ class TorqueTasks:
         trunk = (robot.pelvis,) if torso == pelvis else (robot.pelvis, robot.torso)
         self._trunk = [FrameTask(frame, "orientation", kp=_KP_TRUNK) for frame in trunk]
         self._contacts = [SurfaceContact(sole) for sole in biped.soles]
-        posture = PostureTask(weight=_POSTURE_WEIGHT)
+        led = set[str]() if arms is None or arms.joints is None else set(arms.joints)
+        others = [name for name in robot.joint_names if name not in led]
+        posture = JointTask(others, kp=_KP_POSTURE, weight=POSTURE_WEIGHT, name="posture")
+        limbs: list[Task] = [posture] if arms is None else [arms, posture]
         self.stack = Stack(
             contacts=self._contacts,
-            levels=[[self._com], [*self._feet, *self._trunk, posture]],
+            levels=[[self._com], [*self._feet, *self._trunk, *limbs]],
             # A straight leg gets no shorter whatever its knee does: the trunk would bow for it.
             joint_limit=JointLimit(position_range=biped.knees),
+            torque_limit=TorqueLimit(rate=SMOOTH_RATE),
         )
         self.stack.bind(robot)
-        self._lean = TrunkLean(biped.relief, dt)
+        posture.set_target(robot.q_home[[7 + robot.joint_index(name) for name in others]])
+        self._pose = TrunkPose(biped.relief, dt)
         self.reset()
 
     def reset(self) -> None:
         """Both feet carry."""
-        self._lean.reset()
+        self._pose.reset()
+        self._yaws = [0.0, 0.0]
         self._swing: int | None = None
         self._height: float | None = None
         self._place: Float64[np.ndarray, "3"] = np.zeros(3)
@@ -103,12 +128,16 @@ class TorqueTasks:
             upright: whether the operator asks for an upright torso.
         """
         self._stand(footing)
+        self._hold_lightly_loaded(footing)
         self._move_com(footing, desired)
         if self._swing is not None:
+            self._turn_foot(self._swing, footing, desired.turns[self._swing])
             self._move_foot(self._swing, footing, desired.foot)
-        trunk = self._lean.rotation(footing)
-        for task in self._trunk:
-            task.set_target(rotation=trunk)
+        torso = (0.0, 0.0, 0.0) if upright else desired.torso
+        rotations = self._pose.rotations(footing, 0.5 * sum(self._yaws), torso)
+        # A torso without a waist is the pelvis.
+        for task, rotation in zip(self._trunk, rotations[-len(self._trunk) :], strict=True):
+            task.set_target(rotation=rotation)
             task.set_weight(_URGENT if upright else 1.0)
 
     def _stand(self, footing: Footing) -> None:
@@ -123,6 +152,18 @@ class TorqueTasks:
             self._place = footing.sole(swing).copy()
         self._swing = swing
 
+    def _hold_lightly_loaded(self, footing: Footing) -> None:
+        """A turned foot that has just landed is braked hard until it carries.
+
+        It may lie on a corner, and what turns it there, friction does not hold.
+        """
+        turned = any(self._yaws) and not footing.mode.single
+        for foot, contact in enumerate(self._contacts):
+            light = footing.sensor.loads[foot] < _LIGHT * self._weight
+            damping = _BRAKED if turned and light else _DAMPING
+            if contact.damping != damping:
+                contact.set_damping(damping)
+
     def _move_com(self, footing: Footing, desired: DesiredMotion) -> None:
         """Along the ground the acceleration of the COM shifter, upwards a height of its own."""
         com, velocity = footing.dynamics.com, footing.dynamics.com_velocity
@@ -135,6 +176,16 @@ class TorqueTasks:
         self._com.set_target([com[0], com[1], self._height], [*velocity[:2], speed])
         self._com.set_acceleration(np.array([*desired.com_acceleration, lift]))
 
+    def _turn_foot(self, foot: int, footing: Footing, turn: float) -> None:
+        """Turns a foot that is clear of the ground, as far as it may be against the other one."""
+        if float(footing.sole(foot)[2]) - footing.lowest_ground < _CLEAR:
+            return
+        other, (inwards, outwards) = self._yaws[1 - foot], _TURNS
+        least, most = (-inwards, outwards) if foot == 0 else (-outwards, inwards)
+        goal = min(max(turn, other + least), other + most)
+        change, step = goal - self._yaws[foot], self._dt * _TURN_RATE
+        self._yaws[foot] += max(-step, min(step, change))
+
     def _move_foot(self, foot: int, footing: Footing, velocity: Float64[np.ndarray, "3"]) -> None:
         """Where the foot's velocity leads, never far ahead of a foot that cannot follow."""
         here = footing.sole(foot)
@@ -142,4 +193,6 @@ class TorqueTasks:
         gap = place - here
         far = float(np.linalg.norm(gap))
         self._place = here + gap * (_FARTHEST / far) if far > _FARTHEST else place
-        self._feet[foot].set_target(self._place, _LEVEL, np.array([*velocity, 0.0, 0.0, 0.0]))
+        yaw = self._yaws[foot]
+        turn = pin.exp3(np.array([0.0, 0.0, yaw])) if yaw else _LEVEL
+        self._feet[foot].set_target(self._place, turn, np.array([*velocity, 0.0, 0.0, 0.0]))

@@ -23,6 +23,7 @@ from poise.stack import (
     ComTask,
     Contact,
     FrameTask,
+    JointTask,
     PostureTask,
     Stack,
     SurfaceContact,
@@ -271,7 +272,7 @@ def _carried(
     return carried
 
 
-def walking_stack(robot: Robot) -> Stack:
+def walking_stack(robot: Robot, arms: JointTask | None = None) -> Stack:
     """COM, pelvis and feet first, then torso and hands, then the posture.
 
     On the edge of one sole nothing but angular momentum moves the COM aside. Where soles lean,
@@ -279,6 +280,7 @@ def walking_stack(robot: Robot) -> Stack:
 
     Args:
         robot: on two soles.
+        arms: of their joints, led by somebody else, in place of hands that go along.
 
     Returns:
         A new stack.
@@ -295,7 +297,10 @@ def walking_stack(robot: Robot) -> Stack:
         FrameTask(sole, kp=300.0, name=sole.replace("sole", "foot")) for sole in soles
     ]
     upper: list[Task] = [FrameTask(robot.torso, "orientation", kp=50.0, name="torso")]
-    upper += [FrameTask(hand, "position", kp=100.0, name=hand) for hand in robot.hands]
+    if arms is None:
+        upper += [FrameTask(hand, "position", kp=100.0, name=hand) for hand in robot.hands]
+    else:
+        upper.append(arms)
     last: list[Task] = [PostureTask()]
     levels = [[*balance, *feet], upper, last]
     if any(robot.soles[sole].leans for sole in soles):

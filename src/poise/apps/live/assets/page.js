@@ -4,7 +4,7 @@ const token = new URLSearchParams(location.search).get("token");
 const BEAT = 33, QUICK = 8, RETRY = 1000, SPAN = 10, HINT = 6000;
 
 let socket = null, driving = false;
-const keys = { left: false, right: false, upright: false, arrows: new Set() };
+const keys = { left: false, right: false, upright: false, rest: false, arrows: new Set() };
 // Keys that do what an arrow does where the robot is driven.
 const ARROWS = { w: "ArrowUp", a: "ArrowLeft", s: "ArrowDown", d: "ArrowRight" };
 const driven = () => newest?.kind === "velocity";
@@ -18,7 +18,7 @@ function join() {
   socket.onmessage = (event) => take(JSON.parse(event.data));
   socket.onclose = () => {
     driving = false;
-    view?.allow(false);
+    view?.allow(false, false);
     part("controls").disabled = true;
     part("role").textContent = "no connection";
     part("role").className = "";
@@ -49,7 +49,13 @@ function welcome(message) {
   part("role").className = message.hello;
   say(driving ? "" : message.reason || "You are watching. Only the address with the token can drive.");
   if (!driving) help(false);
-  view?.allow(driving && !driven());
+  allow();
+}
+
+// Handles are for whoever drives: of the feet where they are led, of hands where the robot has some.
+let grips = false;
+function allow() {
+  view?.allow(driving && !driven(), driving && grips);
 }
 
 // What the connection has to say comes before what the robot has.
@@ -104,9 +110,11 @@ function show(s) {
   view?.show(s);
   // Whoever has made a step needs no more help, unless they call for it.
   if (driving && stepping && s.mode === "D" && !called) help(false);
-  if (document.body.dataset.kind !== s.kind) {
+  if (document.body.dataset.kind !== s.kind || grips !== s.hands.length > 0) {
     document.body.dataset.kind = s.kind;
-    view?.allow(driving && !driven());
+    grips = s.hands.length > 0;
+    part("hands-row").hidden = !grips;
+    allow();
   }
   stepping = s.mode === "SL" || s.mode === "SR";
   const last = past.at(-1);
@@ -146,12 +154,16 @@ function words(s) {
   put("device", fed, !["OK", "STALE"].includes(s.device));
   const slow = s.realTimeFactor < 0.95, speed = s.speed < 1 ? ` of ${s.speed} x` : "";
   put("factor", `${s.realTimeFactor.toFixed(2)}${speed}${slow ? ", slow" : ""}`, slow);
+  const hands = ["left", "right"].map((side, i) => [side, HANDS[s.handsDo[i]]]).filter(([, does]) => does);
+  put("hands", hands.map(([side, does]) => `${side} ${does}`).join(", ") || "at rest", s.handsDo.includes("REACH"));
   put("time", `${s.time.toFixed(1)} s`);
   put("take", s.take);
   part("pause").classList.toggle("on", s.paused);
   part("slow").classList.toggle("on", s.speed < 1);
 }
 
+// What a hand does that is not at rest.
+const HANDS = { HELD: "held", LED: "led", REACH: "at the edge of its reach" };
 const LINES = [["zmpReference", "#9aa0a6", 2], ["com", "#0d6efd", 1.5], ["zmp", "#d63384", 1]];
 function plot(canvas, axis) {
   const ratio = devicePixelRatio, width = canvas.clientWidth, height = canvas.clientHeight;
@@ -207,6 +219,8 @@ function pad() {
     turn: clip((keys.left ? 1 : 0) - (keys.right ? 1 : 0) + (stick?.turn ?? 0)),
     upright: keys.upright || Boolean(stick?.upright),
     drag: view?.drags() ?? [null, null],
+    hands: view && grips ? view.hands() : [null, null],
+    rest: keys.rest,
   };
 }
 
@@ -267,6 +281,7 @@ function hold(side, down) {
 function release() {
   hold("left", false);
   hold("right", false);
+  keys.rest = false;
   keys.arrows.clear();
   view?.release();
 }
@@ -287,6 +302,7 @@ for (const button of document.querySelectorAll("[data-arrow]")) {
     else keys.arrows[down ? "add" : "delete"](arrow);
   });
 }
+holds(part("rest"), (down) => { keys.rest = down; });
 for (const button of document.querySelectorAll("[data-push]"))
   button.addEventListener("click", () => send({ do: "push", value: button.dataset.push }));
 const toggled = (id) => !part(id).classList.contains("on");

@@ -1,5 +1,6 @@
 "use strict";
-// The picture: the robot, what balances it, and the two handles that whoever drives can drag.
+// The picture: the robot, what balances it, and the handles of feet and hands that whoever drives
+// can drag.
 const ABOVE = 0.06; // A handle is drawn this far above its sole [m], in the middle of the foot.
 const POLE = 0.3; // Height of the poles at the ZMP and its reference [m]: a foot does not hide them.
 const LINE_Z = 0.004; // Lines are drawn this far above the ground [m].
@@ -21,9 +22,17 @@ async function openView() {
   stage.camera.position.set(-2.3, 1.1, 1.3);
   stage.controls.target.set(0, 0, 0.65);
   stage.controls.update();
-  const handles = makeHandles(stage);
+  const all = makeHandles(stage, 4);
+  const handles = all.slice(0, 2), grips = all.slice(2);
   const marks = makeMarks(stage);
-  view = { stage, handles, show, drags, allow, release };
+  let heading = 0;
+  // What a hand's handle is dragged from, and where the robot faces then.
+  grips.forEach((grip) => {
+    grip.addEventListener("dragging-changed", ({ value }) => {
+      if (value) grip.from = { place: grip.object.position.clone(), heading };
+    });
+  });
+  view = { stage, handles, grips, show, drags, hands, allow, release };
 
   function show(s) {
     stage.groups.forEach((group, i) => {
@@ -36,6 +45,10 @@ async function openView() {
       const [x, y, z] = s.handles[foot];
       if (!handle.dragging) handle.object.position.set(x, y, z + ABOVE);
     });
+    heading = s.heading;
+    grips.forEach((grip, hand) => {
+      if (s.hands[hand] && !grip.dragging) grip.object.position.fromArray(s.hands[hand]);
+    });
     stage.follow(s.com[0], s.com[1]);
     stage.draw();
   }
@@ -43,22 +56,34 @@ async function openView() {
   function drags() {
     return handles.map(({ dragging, object: { position: p } }) => (dragging ? [p.x, p.y, p.z - ABOVE] : null));
   }
-  function allow(driving) {
-    if (!driving) release();
-    for (const handle of handles) {
-      handle.enabled = driving;
-      handle.getHelper().visible = driving;
-    }
+  // How far each hand's handle has been dragged, as the robot faced when that began; the clutch is
+  // closed meanwhile, and open for a handle that nobody holds.
+  function hands() {
+    return grips.map(({ dragging, from, object: { position } }) => {
+      if (!dragging || !from) return { position: [0, 0, 0], clutch: false };
+      const [x, y, z] = position.clone().sub(from.place).toArray();
+      const [c, s] = [Math.cos(from.heading), Math.sin(from.heading)];
+      return { position: [c * x + s * y, c * y - s * x, z], clutch: true };
+    });
+  }
+  function allow(feet, hands) {
+    if (!feet) handles.forEach((handle) => handle.pointerUp(null));
+    if (!hands) grips.forEach((grip) => grip.pointerUp(null));
+    all.forEach((handle, i) => {
+      const shown = i < 2 ? feet : hands;
+      handle.enabled = shown;
+      handle.getHelper().visible = shown;
+    });
     stage.draw();
   }
   function release() {
-    for (const handle of handles) handle.pointerUp(null);
+    for (const handle of all) handle.pointerUp(null);
   }
 }
 
-function makeHandles({ scene, camera, controls, draw }) {
+function makeHandles({ scene, camera, controls, draw }, count) {
   const T = window.POISE_THREE;
-  const handles = [0, 1].map(() => {
+  const handles = Array.from({ length: count }, () => {
     const place = new T.Group();
     const handle = new T.TransformControls(camera, controls.domElement);
     handle.attach(place);
@@ -68,10 +93,11 @@ function makeHandles({ scene, camera, controls, draw }) {
     scene.add(place, handle.getHelper());
     return handle;
   });
-  handles.forEach((handle, i) => {
-    // Whoever drags one handle turns neither the view nor the other handle.
+  handles.forEach((handle) => {
+    // Whoever drags one handle turns neither the view nor another handle.
     handle.addEventListener("dragging-changed", ({ value }) => {
-      controls.enabled = handles[1 - i].enabled = !value;
+      controls.enabled = !value;
+      for (const other of handles) if (other !== handle) other.enabled = !value && other.getHelper().visible;
     });
   });
   return handles;

@@ -1,0 +1,92 @@
+"""Feet that are turned, the COM's height, and the torso, as the operator commands them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from walker import hands, sample, up_and_down
+
+from poise.apps.teleoperation import TORQUE_TELEOP_PLANT, replay_teleop, run_teleop
+from poise.dynamics import Dynamics, RobotState
+from poise.locomotion import BodySample, Mode
+from poise.locomotion._stepping._device import DeviceGuard
+
+
+class Asks:
+    """Feet by way-points, and the same of the body all the time."""
+
+    def __init__(self, feet, body):
+        self._feet, self._body = feet, body
+
+    def sample(self, time):
+        return replace(self._feet.sample(time), body=self._body)
+
+
+def run(robot, body, points, duration, **options):
+    plant = TORQUE_TELEOP_PLANT.with_noise()
+    return run_teleop(
+        robot, lambda t: Asks(hands(*points)(t), body), plant, duration=duration, **options
+    )
+
+
+def frames(robot, q, *names):
+    dynamics = Dynamics(robot)
+    dynamics.update(RobotState(q, np.zeros(robot.nv)))
+    return [dynamics.frame(robot.frame_id(name)).rotation for name in names]
+
+
+def yaw(rotation):
+    return float(np.arctan2(rotation[1, 0], rotation[0, 0]))
+
+
+@pytest.mark.parametrize("name", ["biped20", "g1"])
+def test_a_foot_is_turned_in_the_air_and_the_trunk_faces_as_the_feet_do(get_robot, name, tmp_path):
+    robot, path = get_robot(name), tmp_path / "turned.teleop"
+    done = run(robot, BodySample(turns=(0.0, -0.4)), up_and_down(), 4.6, recording=path)
+    assert not done.fell
+    assert done.log.tilt.max() < 0.15
+    assert len(done.log.entries(Mode.SL)) == 1
+    assert done.log.mode[-1] == list(Mode).index(Mode.D)
+    left, right, pelvis = frames(robot, done.log.q[-1], *robot.soles, robot.pelvis)
+    assert yaw(left) == pytest.approx(0.0, abs=0.02)
+    assert yaw(right) == pytest.approx(-0.4, abs=0.08)
+    assert yaw(pelvis) == pytest.approx(-0.2, abs=0.04)
+    assert right[2, 2] > 0.9999
+    again = replay_teleop(path, robot)
+    assert np.array_equal(again.log.command, done.log.command)
+
+
+def test_feet_are_turned_no_further_than_they_may_be_against_each_other(get_robot):
+    robot = get_robot("biped20")
+    done = run(robot, BodySample(turns=(0.0, 2.0)), up_and_down(), 4.6)
+    left, right = frames(robot, done.log.q[-1], *robot.soles)
+    assert yaw(right) - yaw(left) == pytest.approx(0.12, abs=0.04)
+    assert not done.fell
+
+
+@pytest.mark.parametrize("name", ["humanoid33", "g1"])
+def test_the_body_comes_down_and_the_torso_bows_and_turns(get_robot, name):
+    robot = get_robot(name)
+    done = run(robot, BodySample(height=-0.06, torso=(0.1, 0.2, -0.3)), [], 3.0)
+    log = done.log
+    assert not done.fell
+    assert log.com[-1, 2] - log.com[0, 2] == pytest.approx(-0.06, abs=0.01)
+    np.testing.assert_allclose(log.com[-1, :2], log.zmp_reference[-1], atol=0.01)
+    (torso,) = frames(robot, log.q[-1], robot.torso)
+    assert yaw(torso) == pytest.approx(-0.3, abs=0.04)
+    assert -torso[2, 0] == pytest.approx(np.sin(0.2), abs=0.03)
+
+
+def test_whatever_is_commanded_of_the_body_it_stands(get_robot):
+    robot = get_robot("g1")
+    done = run(robot, BodySample(height=-9.0, torso=(9.0, -9.0, 9.0)), up_and_down(), 4.0)
+    assert not done.fell
+
+
+def test_what_is_no_number_leaves_the_body_as_it_was():
+    guard = DeviceGuard(dt=0.005, low=0.01, press_depth=0.08)
+    soles = [sample(0.0).left, sample(0.0).right]
+    good = BodySample(height=-0.05, turns=(0.1, 0.0))
+    for k, body in enumerate((good, BodySample(height=np.nan), BodySample(turns=(0.0, np.inf)))):
+        told = replace(sample(0.005 * k), body=body)
+        assert guard.check(told, 0.005 * k, soles, soles).body == good
