@@ -19,7 +19,7 @@ from poise.apps.teleoperation import (
     run_teleop,
     terrain_blocks,
 )
-from poise.locomotion import Mode, RecordedPush
+from poise.locomotion import Mode
 from poise.robots import Robot, load_robot
 from poise.sim import PlantConfig
 
@@ -108,7 +108,11 @@ CONDITIONS: dict[str, Change] = {
 Off by a constant are the attitude, by 1 degree, and gyroscope and accelerometer, by a bias each."""
 
 
-def pushes(robot: Robot, seed: int, seconds: float, dt: float) -> list[RecordedPush]:
+Push = tuple[int, tuple[float, float, float], float]
+"""Tick, force [N] and duration [s], as `run_teleop` takes it."""
+
+
+def pushes(robot: Robot, seed: int, seconds: float, dt: float) -> list[Push]:
     """Pushes on the torso along the ground, in directions and at times drawn by chance.
 
     Args:
@@ -117,13 +121,13 @@ def pushes(robot: Robot, seed: int, seconds: float, dt: float) -> list[RecordedP
         seconds: length of the run [s].
         dt: tick [s].
     """
-    rng, found = np.random.default_rng((seed, 11)), list[RecordedPush]()
+    rng, found = np.random.default_rng((seed, 11)), list[Push]()
     time = float(rng.uniform(*_PUSH_EVERY))
     while time < seconds:
         angle = float(rng.uniform(0.0, 2.0 * math.pi))
         force = robot.mass * _PUSH / _PUSH_TIME
         x, y = force * math.cos(angle), force * math.sin(angle)
-        found.append(RecordedPush(round(time / dt), (x, y, 0.0), _PUSH_TIME))
+        found.append((round(time / dt), (x, y, 0.0), _PUSH_TIME))
         time += float(rng.uniform(*_PUSH_EVERY))
     return found
 

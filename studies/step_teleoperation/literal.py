@@ -14,15 +14,13 @@ from jaxtyping import Float64
 
 from poise.control import DifferentialIK
 from poise.dynamics import Dynamics, RobotState
-from poise.errors import ConfigurationError
 from poise.locomotion import (
+    ComShifter,
     DeviceSample,
     Mode,
     StepTeleoperator,
     TeleopStatus,
 )
-from poise.locomotion._pendulum import ComShifter
-from poise.locomotion._stepping._com import ShifterDriver
 
 _K1, _K2, _W_S2 = 4500.0, 7000.0, 100.0
 """k_1 and k_2 of (39c) and w_S2, as the paper has them."""
@@ -86,15 +84,12 @@ class LiteralTeleoperator(StepTeleoperator):
     def reset(self) -> None:
         """Forgets the past."""
         super().reset()
-        if not isinstance(self.driver, ShifterDriver):
-            raise ConfigurationError(
-                "the paper's rules go with its COM shifter", got=type(self.driver).__name__
-            )
-        self._shifter: ComShifter = self.driver.shifter
         estimator, weight = self.estimator, self.robot.weight
         self._paper_mode, self._last_status = Mode.D, None
         self._landed_load = self.parameters.land_load * weight
         self._nominal = float(estimator.dynamics.com[2] - estimator.anchors[0][2])
+        p = self.parameters
+        self._shifter = ComShifter(self._nominal, kp=p.kp, acceleration_max=p.acceleration_max)
         self._sample = self.resting_sample
         self._was_up = [True, True]
         self._velocity, self._acceleration, self._momentum = np.zeros((3, 2))

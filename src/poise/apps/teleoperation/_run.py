@@ -24,7 +24,6 @@ from poise.locomotion import (
     DeviceStatus,
     Mode,
     RecordedDevice,
-    RecordedPush,
     Recording,
     RecordingError,
     RecordingWriter,
@@ -172,6 +171,9 @@ def _places(
     return places[np.searchsorted(starts, times, side="right") - 1]
 
 
+Push = tuple[int, tuple[float, float, float], float]
+"""Tick, force [N] and duration [s] of a push, as recordings have it."""
+
 MakeDevice = Callable[[StepTeleoperator], Device]
 """Makes a device for a teleoperator that has not begun: it knows where the feet stand."""
 
@@ -214,7 +216,7 @@ def run_teleop(
     q_start: Float64[np.ndarray, " nq"] | None = None,
     recording: str | Path | None = None,
     leader: type[StepTeleoperator] = StepTeleoperator,
-    pushes: Sequence[RecordedPush] = (),
+    pushes: Sequence[Push] = (),
 ) -> TeleopRun:
     """Walks a simulated robot by a device.
 
@@ -230,7 +232,8 @@ def run_teleop(
         q_start: configuration at the start; the robot's home when None.
         recording: file to write, from which `replay_teleop` runs the same again.
         leader: leads by rules of its own, for studies.
-        pushes: on the torso, in order of time; those of a recording come by themselves.
+        pushes: on the torso, in order of time: the tick at whose beginning, the force in the world
+            [N], how long [s]. Those of a recording come by themselves.
 
     Raises:
         ConfigurationError: the plant has another tick.
@@ -261,8 +264,8 @@ def run_teleop(
     teleoperator.device = source
     if isinstance(source, RecordedDevice):
         pushes = source.recording.pushes
-    for push in pushes:
-        body.push(robot.torso, push.force, push.duration, push.tick * plant.control_dt)
+    for number, force, seconds in pushes:
+        body.push(robot.torso, force, seconds, number * plant.control_dt)
     setup = teleop_setup(
         teleoperator, plant, seed=seed, duration=duration, rotator=rotator, q_start=q_start
     )
@@ -285,9 +288,9 @@ def run_teleop(
             times.append(tick.estimator_seconds + tick.leader_seconds + tick.controller_seconds)
             if writer is not None and teleoperator.status is not None:
                 number = round(tick.state.time / plant.control_dt)
-                while coming and coming[0].tick <= number:
-                    push = coming.popleft()
-                    writer.push(push.tick, np.array(push.force), push.duration)
+                while coming and coming[0][0] <= number:
+                    begins, force, seconds = coming.popleft()
+                    writer.push(begins, np.array(force), seconds)
                 writer.sample(number, teleoperator.status.sample)
     wall = clock.perf_counter() - begin
     record = recorder.record
