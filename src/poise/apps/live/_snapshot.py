@@ -60,6 +60,6 @@ class Snapshot:
     real_time_factor: float
     take: str
     heading: float = 0.0
-    hands: Float64[np.ndarray, "h 3"] = field(default_factory=lambda: np.zeros((0, 3)))
+    hands: Float64[np.ndarray, "k 3"] = field(default_factory=lambda: np.zeros((0, 3)))
     hands_do: tuple[HandStatus, ...] = ()
     text: str = ""

@@ -116,8 +116,9 @@ class ComHeight:
         for foot in (stance,) if footing.mode.single else (0, 1):
             too_low = max(too_low, reach.too_low(foot, anchors[foot], hips[foot], footing.heading))
         lowest = max(height + too_low, self._lowest(footing))
-        asked = self._height + self.offset + footing.ground
-        return min(max(asked, lowest), max(height - too_high, lowest))
+        usual = self._height + footing.ground
+        asked = max(usual + self.offset, min(usual, lowest))
+        return min(asked, max(height - too_high, lowest))
 
     def _lowest(self, footing: Footing) -> float:
         return (1.0 - self._parameters.stoop_max) * self._height + footing.ground
