@@ -113,7 +113,7 @@ function show(s) {
   if (document.body.dataset.kind !== s.kind || grips !== s.hands.length > 0) {
     document.body.dataset.kind = s.kind;
     grips = s.hands.length > 0;
-    part("hands-row").hidden = !grips;
+    document.body.dataset.grips = grips;
     allow();
   }
   stepping = s.mode === "SL" || s.mode === "SR";
