@@ -274,7 +274,7 @@ def _hand_flags(sample: DeviceSample) -> HandFlags:
     return flags
 
 
-def _with_hands(sample: DeviceSample, row: np.ndarray) -> DeviceSample:
+def _with_hands(sample: DeviceSample, row: np.void) -> DeviceSample:
     """A sample with what a row says of the hands."""
     flags = HandFlags(int(row["flags"]))
 
