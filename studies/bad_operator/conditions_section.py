@@ -74,7 +74,7 @@ def _finding(group: list[Outcome]) -> Finding:
     )
 
 
-def _row(group: list[Outcome]) -> tuple[str | float, ...]:
+def _row(group: list[Outcome]) -> tuple[str | int | float, ...]:
     trial = group[0].trial
     return (
         trial.robot,

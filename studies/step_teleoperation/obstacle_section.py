@@ -99,7 +99,7 @@ def _is_done(robot: Robot, run: TeleopRun, script: Script) -> bool:
     return not run.fell and not run.log.touched.any() and beyond(robot, run.log, script) > 0.0
 
 
-def _row(way: str, robot: Robot, run: TeleopRun, script: Script) -> tuple[str | float, ...]:
+def _row(way: str, robot: Robot, run: TeleopRun, script: Script) -> tuple[str | int | float, ...]:
     soles = 1e3 * (run.log.soles - run.log.soles[0])
     heights = " and ".join(f"{soles[:, foot, 2].max():.0f}" for foot in (1, 0))
     return (

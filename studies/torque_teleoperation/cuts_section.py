@@ -135,6 +135,6 @@ def _finding(robot: str, group: list[Outcome]) -> Finding:
     )
 
 
-def _row(o: Outcome) -> tuple[str | float, ...]:
+def _row(o: Outcome) -> tuple[str | int | float, ...]:
     fell, rests = ("yes" if flag else "no" for flag in (o.fell, o.rests))
     return (o.trial.robot, o.trial.cut, o.mode, fell, o.down_after, rests, o.tilt)

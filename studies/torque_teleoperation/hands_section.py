@@ -354,7 +354,7 @@ def _finding(rest: Outcome, moved: Outcome) -> Finding:
     )
 
 
-def _row(o: Outcome) -> tuple[str | float, ...]:
+def _row(o: Outcome) -> tuple[str | int | float, ...]:
     hands = f"moved, {_LOAD:g} kg" if o.trial.moving else "at rest"
     fell = "yes" if o.fell else "no"
     return (ROBOT, o.trial.doing, hands, fell, o.seconds, o.error, o.tilt, o.lag)

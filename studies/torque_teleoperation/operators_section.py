@@ -70,7 +70,7 @@ def _finding(robot: str, condition: str, group: list[Outcome]) -> Finding:
     )
 
 
-def _row(robot: str, condition: str, group: list[Outcome]) -> tuple[str | float, ...]:
+def _row(robot: str, condition: str, group: list[Outcome]) -> tuple[str | int | float, ...]:
     tilts = [o.tilt for o in group]
     return (
         robot,

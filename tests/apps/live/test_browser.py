@@ -1,5 +1,6 @@
 """The page in a real browser, as an operator and as a watcher."""
 
+import contextlib
 import re
 import shutil
 import time
@@ -148,10 +149,7 @@ def test_a_hands_handle_is_dragged_the_hand_stays_and_goes_back_to_rest(
             assert session.loop.snapshot.hands_do[0] is HandStatus.LED
             mouse.up()
             page.wait("part('hands').textContent === 'left held'", "the page to show it")
-            page.ask("part('rest').scrollIntoView()")
-            mouse.move(*middle(page, "rest"))
-            mouse.down()
-            wait_for(lambda: session.loop.snapshot.hands_do[0] is HandStatus.REST, "the rest")
+            press(page, "rest", lambda: session.loop.snapshot.hands_do[0] is HandStatus.REST)
             mouse.up()
             page.wait("part('hands').textContent === 'at rest'", "the page to show it")
             assert page.errors == []
@@ -258,9 +256,7 @@ def test_keys_and_buttons_do_not_wait_for_the_next_beat(browser, session):
         key = "window.dispatchEvent(new KeyboardEvent('{}', {{key: 'e'}})); sent.map((m) => m.lift)"
         assert page.ask(key.format("keydown")) == [[False, True]]
         assert page.ask(key.format("keyup")) == [[False, True], [False, False]]
-        page.page.mouse.move(*middle(page, "lift-left"))
-        page.page.mouse.down()
-        page.wait("sent.length === 3", "the button")
+        press(page, "lift-left", lambda: page.ask("sent.length === 3"))
         page.page.mouse.up()
         page.wait("sent.length === 4", "its release")
         assert page.ask("sent.map((m) => m.lift[0])") == [False, False, True, False]
@@ -279,6 +275,26 @@ def test_handles_and_gamepads_do_not_wait_for_the_next_beat(browser, session):
         )
         page.wait("sent.some((m) => m.lift[0])", "the gamepad")
         assert page.errors == []
+
+
+def press(page, name, done):
+    """Presses the mouse on a part of the page, until that has done something.
+
+    Lines above it come and go with what robot and device do: it may move away under the mouse.
+    """
+    script = """((part) => {
+        part.scrollIntoView({block: 'center'});
+        const {left, top, width, height} = part.getBoundingClientRect();
+        return [left + width / 2, top + height / 2];
+    })"""
+    end = time.monotonic() + PATIENCE
+    while not done():
+        assert time.monotonic() < end, f"pressed {name} in vain"
+        page.page.mouse.up()
+        page.page.mouse.move(*page.ask(f"{script}(part('{name}'))"))
+        page.page.mouse.down()
+        with contextlib.suppress(AssertionError):
+            wait_for(done, name, patience=3.0)
 
 
 def middle(page, name):
