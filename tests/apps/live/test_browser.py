@@ -373,12 +373,19 @@ def test_who_has_read_the_page_alone_makes_a_step_within_a_minute(browser, sessi
         told = page.text("help")
         key = re.search(r"hold (\w) \(left\)", " ".join(told.split()))[1]
         first = session.loop.snapshot.soles[0][0]
-        page.page.keyboard.down(key.lower())
-        wait_for(lambda: session.loop.snapshot.mode is Mode.SR, "the lift")
         assert "arrow keys" in told
-        page.page.keyboard.down("ArrowUp")
-        wait_for(lambda: session.loop.snapshot.soles[0][0] > first + 0.05, "the way")
-        page.page.keyboard.up("ArrowUp")
+
+        def moved():
+            return session.loop.snapshot.soles[0][0] > first + 0.05
+
+        while not moved():
+            # Where a busy machine loses the page in mid-step one lets go, and begins again.
+            page.page.keyboard.up(key.lower())
+            page.page.keyboard.down(key.lower())
+            wait_for(lambda: session.loop.snapshot.mode is Mode.SR, "the lift")
+            page.page.keyboard.down("ArrowUp")
+            wait_for(lambda: moved() or session.loop.snapshot.mode is Mode.D, "the way, or a loss")
+            page.page.keyboard.up("ArrowUp")
         page.page.keyboard.up(key.lower())
         wait_for(lambda: session.loop.snapshot.mode is Mode.D, "the landing")
     assert time.monotonic() - begin < 60.0
