@@ -171,6 +171,9 @@ def _assemble(
     roles = _roles(facts, root)
     add_roles(model, roles, name)
     assumed = assume_limits(model, facts.soles, floating=floating)
+    # Pinocchio leaves lower ones that are above those of a model without limits, and refuses them.
+    model.lowerVelocityLimit[:] = -model.velocityLimit
+    model.lowerEffortLimit[:] = -model.effortLimit
     soles = {n: Sole(name=n, length=s.length, width=s.width) for n, s in facts.soles.items()}
     q_home = home_configuration(model, soles, posture, floating=floating, where=name)
     base_q, base_v, first = (7, 6, 2) if floating else (0, 0, 1)

@@ -95,18 +95,20 @@ class ArmMotion:
     ) -> None:
         self._dt, self._speed, self._acceleration = dt, speed_max, acceleration_max
         chains = _chains(robot)
-        self._model, index = _model_of_arms(robot, chains, q_rest)
+        index = np.sort(np.concatenate([*chains.values(), np.zeros(0, dtype=np.int64)]))
+        self._model, self._q = robot.model, q_rest.copy()
+        self._places, self._columns = robot.nq - robot.nj + index, robot.nv - robot.nj + index
         self.names, self.index = tuple(chains), index
         self.joints = tuple(robot.joint_names[j] for j in index)
         self._data = self._model.createData()
-        self._torso = int(self._model.getFrameId(robot.torso))
-        self._rest = q_rest[robot.nq - robot.nj + index]
+        self._torso = robot.frame_id(robot.torso)
+        self._rest = q_rest[self._places]
         self._lower = np.minimum(robot.q_min[index] + _LIMIT_MARGIN, self._rest)
         self._upper = np.maximum(robot.q_max[index] - _LIMIT_MARGIN, self._rest)
         self._arms = [
             _Arm(
                 joints=np.array([np.flatnonzero(index == j)[0] for j in chain], dtype=np.int64),
-                frame=int(self._model.getFrameId(hand)),
+                frame=robot.frame_id(hand),
                 speed=_SPEED_RATIO * robot.v_max[chain],
             )
             for hand, chain in chains.items()
@@ -159,7 +161,8 @@ class ArmMotion:
         return True
 
     def _update(self) -> None:
-        pin.computeJointJacobians(self._model, self._data, self.q)
+        self._q[self._places] = self.q
+        pin.computeJointJacobians(self._model, self._data, self._q)
         self._turn = self._placement(self._torso).rotation.T
         origin = self._placement(self._torso).translation
         self.hands = [
@@ -173,7 +176,7 @@ class ArmMotion:
         """Of the hand's position in the torso, by the arm's own joints."""
         aligned = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
         J = pin.getFrameJacobian(self._model, self._data, arm.frame, aligned)
-        return self._turn @ J[:3, arm.joints]
+        return self._turn @ J[:3, self._columns[arm.joints]]
 
     def _towards(self, way: Float64[np.ndarray, "3"]) -> Float64[np.ndarray, "3"]:
         """The velocity of a hand that has a way to go [m/s]."""
@@ -249,14 +252,3 @@ def _joint(robot: Robot, frame: str) -> int:
 def _above(robot: Robot, frame: str) -> set[int]:
     """Joints that move a frame."""
     return {int(j) for j in robot.model.supports[_joint(robot, frame)]}
-
-
-def _model_of_arms(
-    robot: Robot, chains: dict[str, Int64[np.ndarray, " k"]], q: Float64[np.ndarray, " nq"]
-) -> tuple[pin.Model, Int64[np.ndarray, " n"]]:
-    """The robot with all joints but the arms' locked, and those by their index, in its order."""
-    index = np.sort(np.concatenate([*chains.values(), np.zeros(0, dtype=np.int64)]))
-    shift = 2 if robot.floating_base else 1
-    kept = {int(j) + shift for j in index}
-    locked = [j for j in range(1, robot.model.njoints) if j not in kept]
-    return pin.buildReducedModel(robot.model, locked, q), index
