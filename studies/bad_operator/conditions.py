@@ -42,7 +42,14 @@ def _direction(seed: int) -> tuple[float, float]:
     return math.cos(angle), math.sin(angle)
 
 
-def _with_attitude(plant: PlantConfig, error: float, seed: int) -> PlantConfig:
+def with_attitude(plant: PlantConfig, error: float, seed: int) -> PlantConfig:
+    """A plant whose inertial unit is mounted askew, in a direction drawn from a seed.
+
+    Args:
+        plant: as it is otherwise.
+        error: of the attitude [rad].
+        seed: of the direction.
+    """
     x, y = _direction(seed)
     sensors = replace(plant.sensors, base_orientation_error=(error * x, error * y))
     return replace(plant, sensors=sensors)
@@ -56,7 +63,7 @@ def _as_described(plant: PlantConfig, robot: Robot, seed: int) -> PlantConfig:
 def _wrongly_measured(plant: PlantConfig, robot: Robot, seed: int) -> PlantConfig:
     del robot
     biases = replace(plant.sensors, gyro_bias=_GYRO_BIAS, accelerometer_bias=_ACCELEROMETER_BIAS)
-    return _with_attitude(replace(plant, sensors=biases), _WORSE_ATTITUDE, seed)
+    return with_attitude(replace(plant, sensors=biases), _WORSE_ATTITUDE, seed)
 
 
 def _sloping(plant: PlantConfig, robot: Robot, seed: int) -> PlantConfig:
@@ -173,7 +180,7 @@ def _robot(name: str) -> Robot:
 def run_trial(trial: Trial) -> Outcome:
     """Runs a trial."""
     robot, seed = _robot(trial.robot), trial.seed
-    plant = _with_attitude(PLANTS[trial.level].with_noise(), _ATTITUDE, seed)
+    plant = with_attitude(PLANTS[trial.level].with_noise(), _ATTITUDE, seed)
     plant = CONDITIONS[trial.condition](plant, robot, seed)
     pushed = trial.condition in (PUSHED, MIXED)
     run = run_teleop(

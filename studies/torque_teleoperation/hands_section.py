@@ -25,6 +25,7 @@ from poise.locomotion import (
 )
 from poise.robots import Robot, load_robot
 from poise.sim import Plant, PlantConfig, rollout
+from studies.bad_operator.conditions import with_attitude
 from studies.finding import Finding, Section, Table
 from studies.plan import Progress, StudyOptions
 from studies.trials import run_each
@@ -194,10 +195,7 @@ def _arm(robot: Robot) -> float:
 
 
 def _plant(trial: Trial) -> PlantConfig:
-    angle = float(np.random.default_rng((trial.seed, 7)).uniform(0.0, 2.0 * math.pi))
-    plant = TORQUE_TELEOP_PLANT.with_noise()
-    error = (_ATTITUDE * math.cos(angle), _ATTITUDE * math.sin(angle))
-    plant = replace(plant, sensors=replace(plant.sensors, base_orientation_error=error))
+    plant = with_attitude(TORQUE_TELEOP_PLANT.with_noise(), _ATTITUDE, trial.seed)
     if not trial.moving:
         return plant
     load = PlantConfig.Payload(frame=_robot(ROBOT).hands[1], mass=_LOAD)

@@ -233,3 +233,11 @@ def test_the_description_in_the_documentation_is_a_right_one():
         "pelvis",
         "torso",
     }
+
+
+@pytest.mark.parametrize("name", ["humanoid33", "g1", "biped20"])
+def test_limits_of_a_model_go_both_ways(get_robot, name):
+    """Pinocchio refuses to reduce a model whose least velocity is above its largest."""
+    model = get_robot(name).model
+    assert (model.lowerVelocityLimit == -model.velocityLimit).all()
+    assert (model.lowerEffortLimit == -model.effortLimit).all()

@@ -356,11 +356,3 @@ def test_commanding_velocities_the_arms_keep_still(get_robot):
     teleoperator.lead(state)
     assert teleoperator.hands is None
     assert teleoperator.status.hands == ()
-
-
-@pytest.mark.parametrize("name", ["humanoid33", "g1", "biped20"])
-def test_limits_of_a_model_go_both_ways(get_robot, name):
-    """Pinocchio refuses to reduce a model whose least velocity is above its largest."""
-    model = get_robot(name).model
-    assert (model.lowerVelocityLimit == -model.velocityLimit).all()
-    assert (model.lowerEffortLimit == -model.effortLimit).all()

@@ -96,7 +96,9 @@ class TorqueTasks:
             torque_limit=TorqueLimit(rate=SMOOTH_RATE),
         )
         self.stack.bind(robot)
-        posture.set_target(robot.q_home[[7 + robot.joint_index(name) for name in others]])
+        posture.set_target(
+            robot.q_home[[robot.nq - robot.nj + robot.joint_index(name) for name in others]]
+        )
         self._pose = TrunkPose(biped.relief, dt)
         self.reset()
 
