@@ -3,6 +3,7 @@
 `bench_stack`: the tasks that are timed, on two feet or on one. `Path`, `Loop`: where targets are.
 """
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
@@ -18,9 +19,11 @@ from poise.sim import Plant, rollout
 from poise.stack import (
     BalanceLimit,
     ComTask,
+    Contact,
     FrameTask,
     PostureTask,
     Stack,
+    SurfaceContact,
     Task,
     default_stack,
 )
@@ -30,6 +33,9 @@ STANCES = ("double", "single")
 
 STACKS = ("table1", "default")
 """Stacks: the four levels of the paper's table, or Poise's own with a posture level."""
+
+_FRICTION = 0.7
+"""Of `paper_contacts`."""
 
 
 def swing_sole(robot: Robot) -> str:
@@ -61,9 +67,9 @@ def bench_stack(robot: Robot, kind: str, stance: str) -> Stack:
 
     "table1" is Table 1 of Ahn et al. 2024: dynamics and torque limits; contacts, wrench cones and
     acceleration limits; COM and pelvis orientation; poses of the end effectors. It has no balance
-    limit and no bound on the change of torques, as the paper has none. "default" is
-    `default_stack`, which adds the torso's orientation and, below everything, a level with the
-    posture of all joints. In single support the swing foot is one more end effector.
+    limit and no bound on the change of torques, as the paper has none, and `paper_contacts`.
+    "default" is `default_stack`, which adds the torso's orientation and, below everything, a level
+    with the posture of all joints. In single support the swing foot is one more end effector.
 
     Args:
         robot: a biped, see `check_biped`.
@@ -75,7 +81,7 @@ def bench_stack(robot: Robot, kind: str, stance: str) -> Stack:
     if kind == "table1":
         levels = [[task for task in level if not _is_extra(task, robot)] for level in levels]
         levels = [level for level in levels if level]
-    contacts = list(base.contacts)
+    contacts = paper_contacts(robot) if kind == "table1" else list(base.contacts)
     if stance == "single":
         contacts = [c for c in contacts if c.frame != swing_sole(robot)]
         swing = FrameTask(swing_sole(robot), kp=100.0)
@@ -89,6 +95,23 @@ def bench_stack(robot: Robot, kind: str, stance: str) -> Stack:
         levels,
         balance_limit=BalanceLimit(enabled=kind != "table1"),
     )
+
+
+def paper_contacts(robot: Robot) -> list[Contact]:
+    """Contacts of all soles with the ten rows of Ahn et al. 2024, as other packages have them.
+
+    The yaw moment is bounded by half of what friction holds on four corners that share the load,
+    wherever the centre of pressure is.
+
+    Args:
+        robot: whose soles.
+    """
+    contacts: list[Contact] = []
+    for sole in robot.soles.values():
+        corner = 0.5 * math.hypot(sole.length, sole.width)
+        torsion = 0.5 * _FRICTION * corner
+        contacts.append(SurfaceContact(sole.name, friction=_FRICTION, torsion=torsion))
+    return contacts
 
 
 def _is_extra(task: Task, robot: Robot) -> bool:

@@ -15,7 +15,7 @@ from benchmarks.result import Figure, Result, text_table
 from poise.apps.scenarios import Run, Scenario, load_scenario, run_scenario, stage_scenario
 from poise.sim import Recorder, rollout
 
-REAL_TIME = {"walk": 2.0, "over_an_obstacle": 5.0}
+REAL_TIME = {"walk": 2.0, "over_an_obstacle_velocity": 5.0}
 """How many seconds of a scenario a second of processor time simulates at least."""
 
 LONGEST_COLLECTION_MS = 1.0

@@ -11,7 +11,7 @@ from jaxtyping import Float64, Int64
 
 from benchmarks.clocked import Clocked
 from benchmarks.methods import REFERENCE, Method
-from benchmarks.recording import Alter, Altered, Loop, Progress
+from benchmarks.recording import Alter, Altered, Loop, Progress, paper_contacts
 from poise.control import ReducedController, WholeBodyController, make_controller
 from poise.dynamics import RobotState
 from poise.errors import PoiseError, UnknownNameError
@@ -25,7 +25,6 @@ from poise.stack import (
     MomentumTask,
     PostureTask,
     Stack,
-    SurfaceContact,
     Task,
 )
 
@@ -45,7 +44,7 @@ def walk_stack(robot: Robot, kind: str) -> Stack:
     "table1" is that of Ahn et al. 2024, Table 1: COM and pelvis orientation, then the poses of the
     end effectors, hands and the foot in the air. "hands_first" has the hands above COM and pelvis.
     "posture" adds to "table1" what keeps a robot that walks on and on in its posture: torso,
-    posture and angular momentum on two levels below everything.
+    posture and angular momentum on two levels below everything. All have `paper_contacts`.
 
     Args:
         robot: on two soles.
@@ -71,9 +70,8 @@ def walk_stack(robot: Robot, kind: str) -> Stack:
         momentum = MomentumTask("angular", kd=5.0, weight=0.1, name="momentum")
         levels.append([PostureTask(), momentum])
     # The paper's problem has neither a balance limit nor a bound on the change of torques.
-    contacts = [SurfaceContact(sole) for sole in soles]
     return Stack(
-        contacts,
+        paper_contacts(robot)[:2],
         levels,
         balance_limit=BalanceLimit(enabled=False),
     )
@@ -90,7 +88,7 @@ class WalkLead:
 
     def __init__(self, robot: Robot, plan: FootstepPlan, stack: Stack) -> None:
         self.robot, self.stack, self._push = robot, stack, 0.0
-        self.walker = Walker(robot, plan, stack)
+        self.walker = Walker(robot, stack, plan=plan)
         hands = [name for name in self.walker.carried if name in robot.hands]
         self._loops = {
             name: Loop(

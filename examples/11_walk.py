@@ -30,7 +30,7 @@ plan = plan_footsteps(
     [Stride(steps=options.steps, length=0.15, turn=0.05)],
     Gait(step_time=0.8, crouch=0.02, settle_time=0.8),
 )
-walker = Walker(robot, plan, stack)
+walker = Walker(robot, stack, plan=plan)
 controller = poise.WholeBodyController(robot, stack)
 plant = poise.Plant(robot, poise.sim.PlantConfig(control_dt=0.002))
 

@@ -3,7 +3,7 @@
 import argparse
 
 import poise
-from poise.locomotion import ReactiveWalker, walking_stack
+from poise.locomotion import Walker, walking_stack
 
 parser = argparse.ArgumentParser(description=__doc__)
 parser.add_argument("--robot", default="humanoid33", help="a name in `poise robots`, or a file")
@@ -12,7 +12,7 @@ options = parser.parse_args()
 
 robot = poise.load_robot(options.robot)
 stack = walking_stack(robot)
-walker = ReactiveWalker(robot, stack)
+walker = Walker(robot, stack)
 controller = poise.WholeBodyController(robot, stack)
 plant = poise.Plant(robot, poise.sim.PlantConfig(control_dt=0.002))
 

@@ -24,13 +24,26 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(
         prog="python -m studies",
         description="Runs a paper's experiments and writes study.html, study.json and the figures. "
-        "What is computed is written part by part. Exit status: 0 all findings hold, 1 one "
-        "failed or a part has no result, 2 bad input.",
+        "What is computed is written part by part, and trials of many seeds one by one: a run "
+        "that was interrupted goes on when it is begun again. Exit status: 0 all findings hold, "
+        "1 one failed or a part has no result, 2 bad input.",
         epilog="example: python -m studies bias-acceleration --out runs/bias",
     )
     parser.add_argument("name", metavar="NAME", help="which study: " + ", ".join(STUDIES))
     parser.add_argument(
         "--quick", action="store_true", help="a shorter version of the same, to try it out"
+    )
+    parser.add_argument(
+        "--part",
+        metavar="PART",
+        action="append",
+        help="compute this part alone; may be given several times (default: all parts)",
+    )
+    parser.add_argument(
+        "--seeds",
+        metavar="N",
+        type=_seed,
+        help="seeds a case, in parts that go through several (default: the part's own number)",
     )
     parser.add_argument(
         "--seed", metavar="N", type=_seed, default=0, help="seed (default: %(default)s)"
@@ -53,10 +66,19 @@ def _seed(text: str) -> int:
 def _act(options: argparse.Namespace) -> int:
     """Runs the study and writes everything."""
     plan = load_study(options.name)
+    if options.part:
+        plan = plan.only(options.part)
+    asked = StudyOptions(
+        quick=options.quick,
+        seed=options.seed,
+        directory=options.dir,
+        seeds=options.seeds,
+        folder=Path(options.out or f"runs/study-{plan.name}"),
+    )
     folder = Path(options.out or f"runs/study-{plan.name}")
     folder.mkdir(parents=True, exist_ok=True)
     study = plan.run(
-        StudyOptions(quick=options.quick, seed=options.seed, directory=options.dir),
+        asked,
         show=lambda title: Bar(title, ""),
         save=lambda so_far: write_study(so_far, folder),
     )

@@ -4,10 +4,11 @@
 """
 
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 from importlib import import_module
+from pathlib import Path
 
 from poise.errors import ConfigurationError, PoiseError, UnknownNameError
 from studies.finding import Finding, Section, require_matplotlib
@@ -55,15 +56,34 @@ class StudyOptions:
         quick: shorter motions and fewer samples, for tests; claims are checked all the same.
         seed: of everything random, a whole number >= 0.
         directory: where models are that a study goes through; None takes the study's own.
+        seeds: how many seeds a case has, where a part goes through several; None for the part's
+            own number.
+        folder: where outcomes of trials are kept, and taken from when the study is run again;
+            None for nowhere.
     """
 
     quick: bool = False
     seed: int = 0
     directory: str | None = None
+    seeds: int | None = None
+    folder: Path | None = None
 
     def __post_init__(self) -> None:
         if self.seed < 0:
             raise ConfigurationError("a seed cannot be negative", got=self.seed, wanted=">= 0")
+        if self.seeds is not None and self.seeds < 1:
+            raise ConfigurationError("a case needs a seed", got=self.seeds, wanted=">= 1")
+
+    def count(self, full: int, quick: int) -> int:
+        """How many seeds a case has.
+
+        Args:
+            full: in the whole study.
+            quick: in its quick version.
+        """
+        if self.seeds is not None:
+            return self.seeds
+        return quick if self.quick else full
 
 
 @dataclass(frozen=True)
@@ -98,6 +118,21 @@ class StudyPlan:
     introduction: tuple[str, ...]
     source: str
     parts: tuple[Part, ...]
+
+    def only(self, names: Sequence[str]) -> "StudyPlan":
+        """The plan of some of its parts.
+
+        Args:
+            names: of the parts, in any order.
+
+        Raises:
+            UnknownNameError: there is no such part.
+        """
+        choices = [part.name for part in self.parts]
+        for name in names:
+            if name not in choices:
+                raise UnknownNameError(f"unknown part of {self.name}", got=name, choices=choices)
+        return replace(self, parts=tuple(part for part in self.parts if part.name in names))
 
     def run(
         self,

@@ -12,14 +12,15 @@ import poise
 from docs import update_api
 
 SURFACE = set(poise.__all__)
-MOST_NAMES = 129
+MOST_NAMES = 131
 """What there is now; a new public name takes the place of another, or says why it is needed.
 
 The last ones: a campaign from a program, workers for whoever runs anything else many times, the bad
 operator, whom scenarios and studies share, the bridge to a user's own MuJoCo model; `describe`,
 `try_out` and `write_page`, a stranger's description, its trial and its page, for programs that go
 through many models; and the state estimator with its configuration and status, its two parts that
-are of use alone, and what a state carries for it; the balance limit, which stacks have or not;
+are of use alone, and what a state carries for it; the balance limit and the
+self-collision limit, which stacks have or not;
 and the plant and the grounds of step teleoperation, for studies of it;
 and the walker that is led by commands with the limits of those, which nothing that follows a plan
 made before could be, and the session in which somebody drives it;
@@ -28,7 +29,8 @@ predictor for late sensors, which only whoever runs the loop can put behind an e
 and what whoever owns two arms with force feedback writes a driver to, the driver that lets hands
 feel feet, the device that both make in the robot's process, and an arm that is simulated;
 and what a hand and the body are told, what leads hands beside whatever leads the feet, and what
-those do.
+those do;
+and the payload that a state carries, with what finds it, which nothing else tells controllers.
 """
 
 

@@ -18,7 +18,8 @@ _MINUTES = 10.0
 
 def conditions_section(options: StudyOptions, progress: Progress) -> Section:
     """The section."""
-    count, seconds = (_QUICK_SEEDS, _QUICK_SECONDS) if options.quick else (_SEEDS, _SECONDS)
+    count = options.count(_SEEDS, _QUICK_SEEDS)
+    seconds = _QUICK_SECONDS if options.quick else _SECONDS
     first = _SPREAD * options.seed
     groups = [
         [
@@ -29,7 +30,8 @@ def conditions_section(options: StudyOptions, progress: Progress) -> Section:
         for level in PLANTS
         for condition in CONDITIONS
     ]
-    found = run_each(run_trial, Outcome, [t for group in groups for t in group], progress)
+    trials = [t for group in groups for t in group]
+    found = run_each(run_trial, Outcome, trials, progress, options)
     outcomes = [[found[trial] for trial in group] for group in groups]
     return Section(
         prose=(

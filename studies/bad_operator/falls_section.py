@@ -4,13 +4,12 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-from poise.apps.campaigns import LocalWorkers
 from poise.apps.teleoperation import TELEOP_PLANT, BadOperator, run_teleop
-from poise.errors import PoiseError
 from poise.locomotion import Mode, TeleopParameters
 from poise.robots import Robot, load_robot
 from studies.finding import Finding, Section, Table
 from studies.plan import Progress, StudyOptions
+from studies.trials import run_each
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -101,11 +100,10 @@ FOLDER = Path("runs/bad-operator-falls")
 
 def falls_section(options: StudyOptions, progress: Progress) -> Section:
     """The section."""
-    count = _QUICK_SEEDS if options.quick else _SEEDS
+    count = options.count(_SEEDS, _QUICK_SEEDS)
     first = _SPREAD * options.seed
-    outcomes = run_trials(
-        [Trial(seed=first + i, seconds=_SECONDS, folder=FOLDER) for i in range(count)], progress
-    )
+    trials = [Trial(seed=first + i, seconds=_SECONDS, folder=FOLDER) for i in range(count)]
+    outcomes = list(run_each(run_trial, Outcome, trials, progress, options).values())
     falls = [o for o in outcomes if o.fell]
     allowed = ALLOWED * count // _SEEDS if count >= _SEEDS else 0
     steps = sum(o.steps for o in outcomes)
@@ -134,29 +132,3 @@ def falls_section(options: StudyOptions, progress: Progress) -> Section:
             ),
         ),
     )
-
-
-def run_trials(
-    trials: list[Trial], progress: Progress, workers: int | None = None
-) -> list[Outcome]:
-    """Runs trials in processes of their own, as many at a time as there are cores.
-
-    Args:
-        trials: in any order.
-        progress: told how many are done.
-        workers: processes; one a core when None.
-
-    Returns:
-        Outcomes by seed; they do not depend on the number of processes.
-
-    Raises:
-        PoiseError: a trial has ended every process that tried it.
-    """
-    outcomes: list[Outcome] = []
-    with LocalWorkers(workers) as crew:
-        for trial, outcome in crew.each(run_trial, trials):
-            if not isinstance(outcome, Outcome):
-                raise PoiseError(f"no outcome of seed {trial.seed}: {outcome}")
-            outcomes.append(outcome)
-            progress(float(len(outcomes)), float(len(trials)))
-    return sorted(outcomes, key=lambda outcome: outcome.seed)

@@ -107,7 +107,7 @@ def run_trial(trial: Trial) -> Outcome:
         Gait(step_time=_STEP_TIME, double_support=_DOUBLE_SUPPORT, crouch=0.02),
     )
     stack = walking_stack(robot)
-    walker = Walker(robot, plan, stack)
+    walker = Walker(robot, stack, plan=plan)
     watch = _Watch(robot, plant.true_state())
     rollout_ticks = rollout(
         plant,

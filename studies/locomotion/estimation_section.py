@@ -36,7 +36,8 @@ _HARD: tuple[tuple[str, dict[str, float | str]], ...] = (
 
 def estimation_section(options: StudyOptions, progress: Progress) -> Section:
     """The section."""
-    seeds, seconds = (_QUICK_SEEDS, _QUICK_SECONDS) if options.quick else (_SEEDS, _SECONDS)
+    seeds = options.count(_SEEDS, _QUICK_SEEDS)
+    seconds = _QUICK_SECONDS if options.quick else _SECONDS
     first = options.seed * _SEEDS
     plain = [
         Trial(robot=robot, seed=first + i, seconds=seconds)
@@ -48,7 +49,7 @@ def estimation_section(options: StudyOptions, progress: Progress) -> Section:
         for what, change in _HARD
     }
     trials = plain + [trial for group in hard.values() for trial in group]
-    outcomes = run_trials(trials, progress)
+    outcomes = run_each(run_trial, Outcome, trials, progress, options)
     findings = [
         finding
         for robot in ROBOTS
@@ -68,22 +69,6 @@ def estimation_section(options: StudyOptions, progress: Progress) -> Section:
         findings=tuple(findings),
         tables=(_table(trials, outcomes),),
     )
-
-
-def run_trials(
-    trials: Sequence[Trial], progress: Progress, workers: int | None = None
-) -> dict[Trial, Outcome]:
-    """Runs trials in processes of their own, as many at a time as there are cores.
-
-    Args:
-        trials: in any order.
-        progress: told how many are done.
-        workers: processes; one a core when None.
-
-    Raises:
-        PoiseError: a trial has ended every process that tried it.
-    """
-    return run_each(run_trial, Outcome, trials, progress, workers)
 
 
 def _walk_findings(robot: str, outcomes: Sequence[Outcome]) -> list[Finding]:

@@ -5,8 +5,9 @@ from collections.abc import Sequence
 from studies.finding import Finding, Section, Table
 from studies.locomotion.courses import COURSES
 from studies.locomotion.led_section import ROBOTS
-from studies.locomotion.led_walk import LedOutcome, LedTrial, run_led_trials
+from studies.locomotion.led_walk import LedOutcome, LedTrial, run_led
 from studies.plan import Progress, StudyOptions
+from studies.trials import run_each
 
 WANDERING = "wandering"
 """The course on which falls are counted by the time; of all others, by the seed."""
@@ -27,14 +28,15 @@ def ground_section(options: StudyOptions, progress: Progress) -> Section:
     groups: dict[tuple[str, str], list[LedTrial]] = {}
     for robot in ROBOTS:
         for course in COURSES:
-            count = _QUICK_SEEDS if options.quick else _SEEDS
+            count = options.count(_SEEDS, _QUICK_SEEDS)
             if course == WANDERING:
-                count = _QUICK_WANDERS if options.quick else _WANDERS
+                count = options.count(_WANDERS, _QUICK_WANDERS)
             groups[robot, course] = [
                 LedTrial(robot=robot, seed=first + i, seconds=_WANDERED, course=course)
                 for i in range(count)
             ]
-    outcomes = run_led_trials([t for group in groups.values() for t in group], progress)
+    trials = [t for group in groups.values() for t in group]
+    outcomes = run_each(run_led, LedOutcome, trials, progress, options)
     found = {key: [outcomes[t] for t in group] for key, group in groups.items()}
     return Section(
         prose=(

@@ -7,8 +7,9 @@ import numpy as np
 
 from studies.finding import Finding, Section, Table
 from studies.locomotion.courses import Velocity
-from studies.locomotion.led_walk import LedOutcome, LedTrial, run_led_trials
+from studies.locomotion.led_walk import LedOutcome, LedTrial, run_led
 from studies.plan import Progress, StudyOptions
+from studies.trials import run_each
 
 ROBOTS = ("humanoid33", "g1")
 
@@ -33,7 +34,7 @@ _WANDER, _QUICK_WANDER = 600.0, 30.0
 
 def led_section(options: StudyOptions, progress: Progress) -> Section:
     """The section."""
-    seeds = range(_QUICK_SEEDS if options.quick else _SEEDS)
+    seeds = range(options.count(_SEEDS, _QUICK_SEEDS))
     first = options.seed * _SEEDS
     groups: dict[str, list[LedTrial]] = {}
     for robot in ROBOTS:
@@ -52,7 +53,8 @@ def led_section(options: StudyOptions, progress: Progress) -> Section:
             LedTrial(robot=robot, seed=first + i, seconds=seconds, velocity=None)
             for i in (seeds if options.quick else range(1))
         ]
-    outcomes = run_led_trials([t for group in groups.values() for t in group], progress)
+    trials = [t for group in groups.values() for t in group]
+    outcomes = run_each(run_led, LedOutcome, trials, progress, options)
     found = {name: [outcomes[t] for t in group] for name, group in groups.items()}
     findings = [f for robot in ROBOTS for f in _findings(robot, found)]
     return Section(

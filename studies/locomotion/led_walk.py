@@ -1,7 +1,6 @@
 """One robot that is led by velocities, on some course, and pushed, on the estimate of its base."""
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,15 +8,13 @@ import numpy as np
 from poise.control import WholeBodyController
 from poise.dynamics import RobotState
 from poise.estimation import EstimatorConfig, StateEstimator, StatePredictor
-from poise.locomotion import ReactiveWalker, walking_stack
+from poise.locomotion import Walker, walking_stack
 from poise.robots import Robot, load_robot
 from poise.sim import Plant, PlantConfig, SensorConfig, rollout
 from poise.stack import Stack, SurfaceContact, TorqueLimit
 from studies.locomotion.courses import Course, Velocity, make_course
 from studies.locomotion.estimated_walk import PERIOD
 from studies.locomotion.torque_steps import TorqueSteps
-from studies.plan import Progress
-from studies.trials import run_each
 
 PUSH_TIME = 0.08
 """Of every push on the torso [s]."""
@@ -81,7 +78,7 @@ class LedOutcome:
 class _Leader:
     """Asks the walker for the velocities of a course."""
 
-    def __init__(self, walker: ReactiveWalker, stack: Stack, course: Course, seed: int) -> None:
+    def __init__(self, walker: Walker, stack: Stack, course: Course, seed: int) -> None:
         self.stack, self._walker, self._commands = stack, walker, list(course.commands)
         self._random = not course.commands
         self._rng = np.random.default_rng(seed)
@@ -119,7 +116,7 @@ def run_led(trial: LedTrial) -> LedOutcome:
     q[2] += course.height
     plant.reset(q)
     stack = _stack(robot, course, trial.bounded)
-    walker = ReactiveWalker(robot, stack, q=q)
+    walker = Walker(robot, stack, q=q)
     if trial.push > 0.0:
         force = robot.mass * trial.push / PUSH_TIME
         x, y = force * math.cos(trial.direction), force * math.sin(trial.direction)
@@ -154,16 +151,6 @@ def run_led(trial: LedTrial) -> LedOutcome:
         torque_steps=changes.large,
         worst_physics=changes.worst_physics,
     )
-
-
-def run_led_trials(trials: Sequence[LedTrial], progress: Progress) -> dict[LedTrial, LedOutcome]:
-    """Runs trials in processes of their own, as many at a time as there are cores.
-
-    Args:
-        trials: in any order.
-        progress: told how many are done.
-    """
-    return run_each(run_led, LedOutcome, trials, progress)
 
 
 def _course(trial: LedTrial) -> Course:

@@ -23,7 +23,7 @@ _COMPARED = 100
 
 def references_section(options: StudyOptions, progress: Progress) -> Section:
     """The section."""
-    seeds = _QUICK_SEEDS if options.quick else _SEEDS
+    seeds = options.count(_SEEDS, _QUICK_SEEDS)
     first = options.seed * _SEEDS
     groups = [(robot, strategy, True) for robot in ROBOTS for strategy in STRATEGIES]
     groups += [(robot, "direct", False) for robot in ROBOTS]
@@ -35,7 +35,7 @@ def references_section(options: StudyOptions, progress: Progress) -> Section:
         for robot, strategy, limited in groups
     }
     every = [trial for group in trials.values() for trial in group]
-    outcomes = run_reference_trials(every, progress)
+    outcomes = run_each(run_reference_trial, ReferenceOutcome, every, progress, options)
     found = {group: [outcomes[trial] for trial in trials[group]] for group in groups}
     return Section(
         prose=(
@@ -47,22 +47,6 @@ def references_section(options: StudyOptions, progress: Progress) -> Section:
         findings=tuple(_finding(group, found[group]) for group in groups if group[2]),
         tables=(_table(found),),
     )
-
-
-def run_reference_trials(
-    trials: Sequence[ReferenceTrial], progress: Progress, workers: int | None = None
-) -> dict[ReferenceTrial, ReferenceOutcome]:
-    """Runs trials in processes of their own, as many at a time as there are cores.
-
-    Args:
-        trials: in any order.
-        progress: told how many are done.
-        workers: processes; one a core when None.
-
-    Raises:
-        PoiseError: a trial has ended every process that tried it.
-    """
-    return run_each(run_reference_trial, ReferenceOutcome, trials, progress, workers)
 
 
 def _finding(group: tuple[str, str, bool], outcomes: Sequence[ReferenceOutcome]) -> Finding:

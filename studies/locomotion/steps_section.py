@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from studies.finding import Finding, Section, Table
 from studies.locomotion.led_section import ROBOTS
-from studies.locomotion.led_walk import LedOutcome, LedTrial, run_led_trials
+from studies.locomotion.led_walk import LedOutcome, LedTrial, run_led
 from studies.locomotion.torque_steps import StandOutcome, StandTrial, run_pushed_stand
 from studies.plan import Progress, StudyOptions
 from studies.trials import run_each
@@ -27,7 +27,8 @@ _Outcome = LedOutcome | StandOutcome
 
 def steps_section(options: StudyOptions, progress: Progress) -> Section:
     """The section."""
-    seeds, seconds = (1, _QUICK_SECONDS) if options.quick else (_SEEDS, _SECONDS)
+    seeds = options.count(_SEEDS, 1)
+    seconds = _QUICK_SECONDS if options.quick else _SECONDS
     first = options.seed * _SEEDS
     walks: dict[tuple[str, str, bool], list[LedTrial]] = {}
     stands: dict[tuple[str, str, bool], list[StandTrial]] = {}
@@ -49,8 +50,10 @@ def steps_section(options: StudyOptions, progress: Progress) -> Section:
                 StandTrial(robot=robot, bounded=bounded, seed=first + i, seconds=seconds)
                 for i in range(seeds)
             ]
-    walked = run_led_trials([t for group in walks.values() for t in group], progress)
-    stood = run_stand_trials([t for group in stands.values() for t in group], progress)
+    walking = [t for group in walks.values() for t in group]
+    standing = [t for group in stands.values() for t in group]
+    walked = run_each(run_led, LedOutcome, walking, progress, options)
+    stood = run_each(run_pushed_stand, StandOutcome, standing, progress, options)
     groups: dict[tuple[str, str, bool], list[_Outcome]] = {}
     groups |= {key: [walked[t] for t in group] for key, group in walks.items()}
     groups |= {key: [stood[t] for t in group] for key, group in stands.items()}
@@ -70,18 +73,6 @@ def steps_section(options: StudyOptions, progress: Progress) -> Section:
         findings=tuple(findings),
         tables=(_table(groups),),
     )
-
-
-def run_stand_trials(
-    trials: Sequence[StandTrial], progress: Progress
-) -> dict[StandTrial, StandOutcome]:
-    """Runs trials in processes of their own, as many at a time as there are cores.
-
-    Args:
-        trials: in any order.
-        progress: told how many are done.
-    """
-    return run_each(run_pushed_stand, StandOutcome, trials, progress)
 
 
 def _findings(robot: str, kind: str, outcomes: Sequence[_Outcome]) -> list[Finding]:

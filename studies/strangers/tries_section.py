@@ -21,7 +21,7 @@ _FEWEST_JOINTS = 10
 _TRIED = ("stand", "squat", "reach")
 """What `poise describe` tries."""
 
-_SCENES = {"walk": "walk", "obstacle": "over_an_obstacle_torque"}
+_SCENES = {"walk": "walk", "obstacle": "over_an_obstacle"}
 """Shipped scenarios that are run as well, sized to the robot, by the column of the table."""
 
 _WANTED = {"walk": ("steps_made",), "obstacle": ("beyond_blocks_end", "clearance_min")}
@@ -82,7 +82,7 @@ def tries_section(options: StudyOptions, progress: Progress) -> Section:
         "| loaded in [s] | all of it in [min] | words",
         rows=tuple(outcome.row for outcome in outcomes),
         caption="As `poise describe FILE`, `poise run walk --robot FILE` and `poise run "
-        "over_an_obstacle_torque --robot FILE` do it. A robot without hands reaches for nothing. "
+        "over_an_obstacle --robot FILE` do it. A robot without hands reaches for nothing. "
         "One walks that makes all twenty steps and stays up, pushed half way, and is led over an "
         "obstacle if both feet get behind it, touch it nowhere and stay up; bounds that it misses "
         "meanwhile are said. Words say what went wrong, or what is odd about the file.",

@@ -103,7 +103,7 @@ def cuts_section(options: StudyOptions, progress: Progress) -> Section:
     robots = ROBOTS[:1] if options.quick else ROBOTS
     cuts = np.linspace(_LIFT + 0.05, _END, PHASES).tolist()
     trials = [Trial(robot=robot, cut=cut) for robot in robots for cut in cuts]
-    outcomes = run_each(run_trial, Outcome, trials, progress)
+    outcomes = run_each(run_trial, Outcome, trials, progress, options)
     return Section(
         prose=(
             "A hand lifts the left device, carries it ahead and puts it down; from a moment on "

@@ -17,9 +17,9 @@ from poise.locomotion import (
     HandLeader,
     HandSample,
     HandStatus,
-    ReactiveWalker,
     ScriptedDevice,
     StepTeleoperator,
+    Walker,
     WayPoint,
     walking_stack,
 )
@@ -120,7 +120,7 @@ class _Walk:
     def __init__(self, robot: Robot, trial: "Trial", dt: float) -> None:
         leader = HandLeader(robot, dt=dt)
         self.stack = walking_stack(robot, leader.task)
-        self.walker, self._leader = ReactiveWalker(robot, self.stack), leader
+        self.walker, self._leader = Walker(robot, self.stack), leader
         self._hands = RandomHands(leader, _arm(robot), dt, trial.seed) if trial.moving else None
         self.errors: list[float] = []
 
@@ -313,7 +313,7 @@ def hands_section(options: StudyOptions, progress: Progress) -> Section:
         for doing in DOINGS
         for moving in (False, True)
     ]
-    outcomes = run_each(run_trial, Outcome, trials, progress)
+    outcomes = run_each(run_trial, Outcome, trials, progress, options)
     pairs = [
         (outcomes[rest], outcomes[moved])
         for rest, moved in zip(trials[::2], trials[1::2], strict=True)

@@ -18,9 +18,9 @@ def operators_section(options: StudyOptions, progress: Progress) -> Section:
         Trial(robot=robot, level="torque", condition=condition, seed=first + k, seconds=seconds)
         for robot in ("biped20", "humanoid33", "g1")
         for condition in CONDITIONS
-        for k in range(_seeds(condition, quick=options.quick))
+        for k in range(_seeds(condition, options))
     ]
-    outcomes = list(run_each(run_trial, Outcome, trials, progress).values())
+    outcomes = list(run_each(run_trial, Outcome, trials, progress, options).values())
     groups = {
         (robot, condition): [
             o for o in outcomes if (o.trial.robot, o.trial.condition) == (robot, condition)
@@ -46,10 +46,8 @@ def operators_section(options: StudyOptions, progress: Progress) -> Section:
     )
 
 
-def _seeds(condition: str, *, quick: bool) -> int:
-    if quick:
-        return 3
-    return 200 if condition == "as described" else 50
+def _seeds(condition: str, options: StudyOptions) -> int:
+    return options.count(200 if condition == "as described" else 50, 3)
 
 
 def _allowed(robot: str, condition: str, group: list[Outcome]) -> float:

@@ -95,7 +95,7 @@ def standing_section(options: StudyOptions, progress: Progress) -> Section:
         for robot, off in groups
         for k in range(count)
     ]
-    outcomes = list(run_each(run_trial, Outcome, trials, progress).values())
+    outcomes = list(run_each(run_trial, Outcome, trials, progress, options).values())
     findings: list[Finding] = []
     rows: list[tuple[str | float, ...]] = []
     for robot, off in groups:

@@ -36,7 +36,7 @@ def walk(robot, *, steps, seed=0):
     stack = walking_stack(robot)
     stride = Stride(steps=steps, length=0.15)
     plan = plan_footsteps(robot, [stride], Gait(step_time=0.8, double_support=0.15, crouch=0.02))
-    walker = Walker(robot, plan, stack)
+    walker = Walker(robot, stack, plan=plan)
     controller = WholeBodyController(robot, stack)
     measured, truths = [], [plant.true_state()]
     for tick in rollout(plant, controller, walker, duration=plan.duration):

@@ -148,7 +148,7 @@ def test_scenario_holds_its_checks_and_leaves_a_report(tmp_path):
 
 def test_walk_makes_its_steps_and_says_how_well(run):
     printed = run("11_walk.py")
-    assert "walk finished after 2 steps" in printed
+    assert "walk standing after 2 steps" in printed
     assert numbers(r"COM within (\S+) mm", printed)[0] < 10.0
 
 

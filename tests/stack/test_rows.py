@@ -271,11 +271,11 @@ def test_cones_stand_in_their_contacts_columns(robot):
     stack = Stack(contacts, [[PostureTask()]])
     stack.bind(robot)
     cone = StackRows(robot, stack, contacts).cone
-    assert cone.shape == (14, 9)
-    assert np.array_equal(cone[:10, :6], contacts[0].cone)
-    assert np.array_equal(cone[10:, 6:], contacts[1].cone)
-    assert not cone[:10, 6:].any()
-    assert not cone[10:, :6].any()
+    assert cone.shape == (20, 9)
+    assert np.array_equal(cone[:16, :6], contacts[0].cone)
+    assert np.array_equal(cone[16:, 6:], contacts[1].cone)
+    assert not cone[:16, 6:].any()
+    assert not cone[16:, :6].any()
     assert StackRows(robot, stack, ()).cone.shape == (0, 0)
 
 

@@ -12,18 +12,24 @@ from poise.apps.teleoperation import TELEOP_PLANT, replay_teleop, run_teleop
 from poise.locomotion import ScriptedDevice, read_recording
 from studies.bad_operator import conditions
 from studies.bad_operator.conditions_section import _finding, _row
-from studies.bad_operator.falls_section import Trial, run_trial, run_trials
+from studies.bad_operator.falls_section import Outcome, Trial, run_trial
+from studies.trials import run_each
 
 
 @pytest.mark.slow
 def test_outcomes_do_not_depend_on_the_processes():
     trials = [Trial(seed=200_000 + i, seconds=3.0) for i in range(3)]
     seen = []
-    outcomes = run_trials(trials, lambda done, total: seen.append((done, total)), workers=2)
-    assert outcomes == run_trials(trials, lambda done, total: None, workers=1)
-    assert outcomes[0] == run_trial(trials[0])
+
+    def run(progress, workers):
+        return run_each(run_trial, Outcome, trials, progress, workers=workers)
+
+    outcomes = run(lambda done, total: seen.append((done, total)), 2)
+    assert list(outcomes) == trials
+    assert outcomes == run(lambda done, total: None, 1)
+    assert outcomes[trials[0]] == run_trial(trials[0])
     assert seen == [(1.0, 3.0), (2.0, 3.0), (3.0, 3.0)]
-    assert not any(o.fell for o in outcomes)
+    assert not any(o.fell for o in outcomes.values())
 
 
 FALL = """

@@ -77,6 +77,27 @@ def test_a_finding_that_fails_gives_status_one(trial, capsys):
     assert "  FAIL  of ours: 1.5\n" in out
 
 
+def test_parts_that_are_named_are_the_study(trial, capsys):
+    trial(one=section(OK), two=broken, three=section(OK))
+    assert main(["trial", "--part", "three", "--part", "one"]) == 0
+    assert "all 2 findings hold" in capsys.readouterr().out
+    assert main(["trial", "--part", "four"]) == 2
+    assert "got 'four'; choices: one, two, three" in capsys.readouterr().err
+
+
+def test_seeds_are_as_many_as_asked_for(trial, capsys):
+    def counted(options, progress):
+        seeds = Finding(name="seeds", ours=options.count(20, 2), ok=True)
+        return Section(findings=(seeds,))
+
+    trial(one=counted)
+    for arguments, seeds in ([], 20), (["--quick"], 2), (["--quick", "--seeds", "7"], 7):
+        assert main(["trial", *arguments]) == 0
+        assert f"seeds: {seeds}\n" in capsys.readouterr().out
+    assert main(["trial", "--seeds", "0"]) == 2
+    assert "got 0; wanted >= 1" in capsys.readouterr().err
+
+
 def test_a_part_that_fails_gives_status_one_and_is_named_in_one_line(trial, tmp_path, capsys):
     trial(one=section(OK), two=broken, three=section(OK))
     assert main(["trial", "--out", "o"]) == 1

@@ -218,6 +218,7 @@ BAD = {
     "a row that does not fit": lambda: Table(title="T", header="a | b", rows=((1,),)),
     "a figure that is no file": lambda: Figure(name="../x", title="", caption="", svg=""),
     "a negative seed": lambda: StudyOptions(seed=-1),
+    "no seed": lambda: StudyOptions(seeds=0),
 }
 
 

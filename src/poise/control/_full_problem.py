@@ -28,7 +28,7 @@ class FullProblem:
         level 2   J_c dv = reference - drift                   stationary contacts (2)
                   C F <= 0                                     contact wrench cones (3)
                   bounds on joint accelerations and normal forces
-        level     J dv <= bound                                the balance limit, where there is one
+        level     J dv <= bound                                balance and self-collision limit
         levels    J dv = reference - drift                     the user's tasks (4)
         cost      dv^T M dv / 2, the acceleration energy (27)
 
@@ -47,7 +47,9 @@ class FullProblem:
 
     def __init__(self, robot: Robot, stack: Stack, contacts: Sequence[Contact]) -> None:
         cones = sum(len(c.cone) for c in contacts)
-        self.rows = rows = StackRows(robot, stack, contacts, own_rows=cones, balance="before")
+        self.rows = rows = StackRows(
+            robot, stack, contacts, own_rows=cones, balance="before", collisions="before"
+        )
         self._stack, self._nv, self._base = stack, robot.nv, robot.base_dofs
         self.problem = problem = self._allocate(robot, rows)
         nv, n = robot.nv, problem.n
@@ -63,7 +65,7 @@ class FullProblem:
             (problem.x_lower[nv:], problem.x_upper[nv:]),
         )
         touch = problem.level(1)
-        touch.A[rows.own_rows, nv:] = rows.cone
+        rows.write_cones_into(touch.A[rows.own_rows, nv:])
         touch.lower[rows.own_rows], touch.upper[rows.own_rows] = -np.inf, 0.0
         # What is compiled is compiled now, not in the first tick.
         self._fill_dynamics(np.zeros((nv, nv)), np.zeros(nv))
@@ -100,7 +102,7 @@ class FullProblem:
         self, residuals: Float64[np.ndarray, "*k levels"]
     ) -> Float64[np.ndarray, "*k numbered"]:
         """Residuals without those of the levels between physics and tasks, which have no number."""
-        return np.delete(residuals, slice(2, 2 + (self.rows.balance is not None)), axis=-1)
+        return np.delete(residuals, slice(2, 2 + bool(self.rows.limits)), axis=-1)
 
     def answer(
         self, x: Float64[np.ndarray, " n"], dynamics: Dynamics
@@ -133,16 +135,20 @@ class FullProblem:
     @staticmethod
     def _allocate(robot: Robot, rows: StackRows) -> HierarchicalProblem:
         wrench_dim, cones = rows.contact_rows.stop, len(rows.cone)
-        limits = [(f"torque limit of {j}", 1) for j in robot.joint_names]
-        balance = [] if rows.balance is None else [rows.balance]
+        torques = [(f"torque limit of {j}", 1) for j in robot.joint_names]
+        limits = rows.limits
+        # One level for both, whose rows are accelerations of lengths alike; none without any.
+        size = [sum(limit.dim for limit in limits)] if limits else []
+        name = [", ".join(limit.name for limit in limits)] if limits else []
+        labels = [[label for limit in limits for label in limit.labels]] if limits else []
         return HierarchicalProblem.allocate(
             robot.nv + wrench_dim,
-            [robot.nv, wrench_dim + cones, *(b.dim for b in balance), *rows.level_sizes],
-            names=["dynamics", "contacts", *(b.name for b in balance), *rows.level_names],
+            [robot.nv, wrench_dim + cones, *size, *rows.level_sizes],
+            names=["dynamics", "contacts", *name, *rows.level_names],
             labels=[
-                [("base dynamics", robot.base_dofs), *limits],
+                [("base dynamics", robot.base_dofs), *torques],
                 rows.motion_labels + rows.cone_labels,
-                *(b.labels for b in balance),
+                *labels,
                 *rows.task_labels,
             ],
             bounds_level=1,

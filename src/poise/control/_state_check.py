@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from poise._compiled import compiled
-from poise.dynamics import RobotState
+from poise.dynamics import Payload, RobotState
 from poise.robots import Robot
 
 _QUATERNION_TOLERANCE = 1e-3
@@ -31,6 +31,8 @@ def is_usable(state: object, robot: Robot) -> bool:
     q, v = state.q, state.v
     if not (_is_vector(q, robot.nq) and _is_vector(v, robot.nv) and _is_time(state.time)):
         return False
+    if not _is_payload(state.payload):
+        return False
     # Copies: whatever layout came, compiled code is made for one.
     return _is_sane(np.array(q), np.array(v), robot.floating_base)
 
@@ -51,6 +53,8 @@ def fault_of(state: object, robot: Robot) -> str:
             return f"{name} is {_kind(value)}, wanted {size} numbers"
     if not _is_time(state.time):
         return f"the time is {state.time!r}, wanted seconds"
+    if not _is_payload(state.payload):
+        return f"the payload is of kind {type(state.payload).__name__}, wanted Payload"
     for name, value, entries in (
         ("q", state.q, _entries(robot, robot.nq)),
         ("v", state.v, _entries(robot, robot.nv)),
@@ -99,3 +103,7 @@ def _entries(robot: Robot, size: int) -> list[str]:
     """What messages call the entries of q or v: base by number, joints by name."""
     base = size - robot.nj
     return [f"entry {i} of the base" for i in range(base)] + list(robot.joint_names)
+
+
+def _is_payload(value: object) -> bool:
+    return value is None or isinstance(value, Payload)

@@ -30,6 +30,7 @@ from poise.dynamics._partition import (
     Partitions,
     Selection as Selection,
 )
+from poise.dynamics._payload import LoadedModel as LoadedModel, Payload
 from poise.dynamics._reduction import (
     ReducedDynamics,
     ReducedMatrices as ReducedMatrices,
@@ -46,6 +47,7 @@ from poise.dynamics._vectors import (
 __all__ = [
     "Dynamics",
     "Partitions",
+    "Payload",
     "ReducedDynamics",
     "RobotState",
     "SensorReadings",

@@ -25,6 +25,7 @@ from poise.dynamics._motion import (
     frames_of,
     motion_of,
 )
+from poise.dynamics._payload import LoadedModel, Payload
 from poise.robots import Robot
 
 _NUMBER = np.dtype(np.float64)
@@ -61,6 +62,9 @@ class RobotState:
             the sole's centre [N, N m]; empty where nothing is measured.
         time: time of the measurement [s].
         readings: of sensors that only an estimator needs; None where there are none.
+        payload: how far mass and centre of mass are from the description, for whoever computes
+            with this state; None for not at all. One that is the same object is taken to be the
+            same.
     """
 
     q: Float64[np.ndarray, " nq"]
@@ -68,6 +72,7 @@ class RobotState:
     contacts: Mapping[str, Float64[np.ndarray, "6"]] = field(default_factory=dict)
     time: float = 0.0
     readings: SensorReadings | None = None
+    payload: Payload | None = None
 
     def __init__(
         self,
@@ -76,6 +81,7 @@ class RobotState:
         contacts: Mapping[str, Float64[np.ndarray, "6"]] | None = None,
         time: float | np.generic = 0.0,
         readings: SensorReadings | None = None,
+        payload: Payload | None = None,
     ) -> None:
         take = object.__setattr__
         take(self, "q", _as_numbers(q))
@@ -83,6 +89,7 @@ class RobotState:
         take(self, "contacts", {} if contacts is None else contacts)
         take(self, "time", time.item() if isinstance(time, np.generic) else time)
         take(self, "readings", readings)
+        take(self, "payload", payload)
 
 
 def _as_numbers(value: Numbers) -> Numbers:
@@ -140,7 +147,8 @@ class Dynamics:
     with `F_i` the wrench on the robot at contact i.
 
     Args:
-        robot: whose dynamics; its Pinocchio model is shared and not changed.
+        robot: whose dynamics; its Pinocchio model is shared and not changed. A state with a payload
+            is computed on a copy, made when the first one comes.
 
     Attributes:
         robot: whose dynamics.
@@ -156,7 +164,10 @@ class Dynamics:
     def __init__(self, robot: Robot) -> None:
         self.robot = robot
         self.state: RobotState = RobotState(robot.q_home, np.zeros(robot.nv))
-        self._data = data = robot.model.createData()
+        self._model, self._data = robot.model, robot.model.createData()
+        self._payload: Payload | None = None
+        self._loaded: LoadedModel | None = None
+        data = self._data
         self._frames: dict[int, FrameKinematics] = {}
         self._places: dict[int, Placement] = {}
         self._tables: dict[int, Frames] = {}
@@ -185,9 +196,20 @@ class Dynamics:
         self._places.clear()
         self._centroid = None
         self.q[:], self.v[:] = state.q, state.v
+        if state.payload is not self._payload:
+            self._carry(state.payload)
         # In the world's convention CRBA leaves the joints' Jacobians and A_G behind, too.
-        pin.crba(self.robot.model, self._data, self.q, pin.Convention.WORLD)
-        pin.nonLinearEffects(self.robot.model, self._data, self.q, self.v)
+        pin.crba(self._model, self._data, self.q, pin.Convention.WORLD)
+        pin.nonLinearEffects(self._model, self._data, self.q, self.v)
+
+    def _carry(self, payload: Payload | None) -> None:
+        """Takes a payload in place of the last one."""
+        if self._loaded is None:
+            self._loaded = LoadedModel(self.robot)
+            self._model = self._loaded.model
+        self._loaded.carry(payload)
+        self._payload = payload
+        self.motion.mass[0] = pin.computeTotalMass(self._model)
 
     @property
     def com(self) -> Float64[np.ndarray, "3"]:
@@ -197,17 +219,17 @@ class Dynamics:
     @property
     def com_velocity(self) -> Float64[np.ndarray, "3"]:
         """Velocity of the COM [m/s]."""
-        return self._momenta()[:3] / self.motion.mass
+        return self._momenta()[:3] / self.motion.mass[0]
 
     @property
     def com_jacobian(self) -> Float64[np.ndarray, "3 nv"]:
         """Maps `v` to the COM's velocity."""
-        return self.momentum_matrix[:3] / self.motion.mass
+        return self.momentum_matrix[:3] / self.motion.mass[0]
 
     @property
     def com_bias(self) -> Float64[np.ndarray, "3"]:
         """Acceleration of the COM at zero `dv` [m/s^2]."""
-        return self._momenta()[6:9] / self.motion.mass
+        return self._momenta()[6:9] / self.motion.mass[0]
 
     @property
     def momentum(self) -> Float64[np.ndarray, "6"]:
@@ -256,7 +278,16 @@ class Dynamics:
         Copied into those of another `Dynamics` of the robot they make its motion that of this one.
         """
         m = self.motion
-        moving = (m.J, m.placements, m.velocities, m.accelerations, m.forces, m.momentum, m.com)
+        moving = (
+            m.J,
+            m.placements,
+            m.velocities,
+            m.accelerations,
+            m.forces,
+            m.momentum,
+            m.com,
+            m.mass,
+        )
         return tuple(x.ravel(order="K") for x in (self.q, self.v, self.M, self.h, *moving))
 
     def joint_position(self, joint_id: int) -> Float64[np.ndarray, "3"]:

@@ -30,7 +30,7 @@ class Motion(NamedTuple):
         com: centre of mass in the world [m].
         gravity: the model's acceleration of gravity [m/s^2].
         roots: joints that the world carries.
-        mass: of the whole robot [kg].
+        mass: of the whole robot, a single number [kg].
     """
 
     J: Float64[np.ndarray, "6 nv"]
@@ -42,7 +42,7 @@ class Motion(NamedTuple):
     com: Float64[np.ndarray, "3"]
     gravity: Float64[np.ndarray, "3"]
     roots: Int64[np.ndarray, " roots"]
-    mass: float
+    mass: Float64[np.ndarray, "1"]
 
 
 def motion_of(model: pin.Model, data: pin.Data) -> Motion:
@@ -63,7 +63,7 @@ def motion_of(model: pin.Model, data: pin.Data) -> Motion:
         data.com[0],
         model.gravity.linear,
         np.array(roots, dtype=np.int64),
-        float(pin.computeTotalMass(model)),
+        np.array([pin.computeTotalMass(model)]),
     )
 
 
@@ -231,7 +231,7 @@ def momentum_rate(motion: Motion, out: Float64[np.ndarray, " k"], at: int) -> No
         at: where in `out`.
     """
     for i in range(3):
-        out[at + i] = motion.mass * motion.gravity[i]
+        out[at + i] = motion.mass[0] * motion.gravity[i]
         out[at + 3 + i] = 0.0
     for root in motion.roots:
         R, f = motion.placements[root], motion.forces[root]

@@ -9,10 +9,12 @@ from poise.estimation._config import (
     EstimatorConfig,
     ImuNoise as ImuNoise,
     InitialDeviation as InitialDeviation,
+    PayloadBelief as PayloadBelief,
 )
 from poise.estimation._estimator import EstimatorStatus, StateEstimator
 from poise.estimation._filter import InvariantFilter
 from poise.estimation._momentum import MomentumObserver
+from poise.estimation._payload import PayloadEstimator
 from poise.estimation._prediction import StatePredictor
 
 __all__ = [
@@ -20,6 +22,7 @@ __all__ = [
     "EstimatorStatus",
     "InvariantFilter",
     "MomentumObserver",
+    "PayloadEstimator",
     "StateEstimator",
     "StatePredictor",
 ]

@@ -4,6 +4,7 @@
 `ImuNoise`: densities of an inertial unit's noise.
 `InitialDeviation`: how well the first state is known.
 `ContactBelief`: when a sole is taken to be in contact.
+`PayloadBelief`: how a robot may differ from its description, and what tells.
 """
 
 from dataclasses import dataclass, field
@@ -132,3 +133,39 @@ class EstimatorConfig:
     joint_bandwidth: Annotated[float, Bounds(positive=True, most=1e6, unit="Hz")] | None = None
     longest_step: Duration = 0.05
     ground: float = 0.0
+
+
+@checked()
+@dataclass(frozen=True, kw_only=True)
+class PayloadBelief:
+    """What a `PayloadEstimator` believes of robot and sensors.
+
+    Attributes:
+        smoothing: time constant of the low-pass that all it compares goes through [s].
+        mass_walk: density of the walk of the mass, by the robot's own [1/sqrt(s)].
+        offset_walk: density of the walk of the centre of mass [m/sqrt(s)].
+        force_noise: density of the noise of what the soles measure together, by the weight
+            [sqrt(s)].
+        moment_noise: density of the noise of their moment about the centre of mass, by the weight
+            [m sqrt(s)].
+        lost_mass: most mass below the description's, by the robot's own.
+        added_mass: most mass beyond it, likewise.
+        offset_max: farthest that the centre of mass is along any axis [m].
+        mass_rate: how fast the mass that is told may change, by the robot's own [1/s].
+        offset_rate: how fast the centre of mass that is told may move [m/s].
+        least_load: part of the weight below which the soles say nothing: the robot hangs, or flies.
+        shock: acceleration of the centre of mass above which they say nothing either [m/s^2].
+    """
+
+    smoothing: Positive = 0.25
+    mass_walk: Deviation = 0.02
+    offset_walk: Deviation = 0.004
+    force_noise: Positive = 0.02
+    moment_noise: Positive = 0.004
+    lost_mass: Ratio = 0.4
+    added_mass: Ratio = 0.6
+    offset_max: Positive = 0.08
+    mass_rate: Deviation = 0.1
+    offset_rate: Deviation = 0.02
+    least_load: Ratio = 0.3
+    shock: Positive = 2.0

@@ -14,6 +14,7 @@ from poise.estimation._config import EstimatorConfig
 from poise.estimation._filter import InvariantFilter
 from poise.estimation._group import hat
 from poise.estimation._momentum import MomentumObserver
+from poise.estimation._payload import PayloadEstimator
 from poise.estimation._soles import SeenSole, SoleKinematics
 from poise.robots import GRAVITY, Robot
 
@@ -85,6 +86,8 @@ class StateEstimator:
         robot: with a floating base and soles.
         config: what it believes of the sensors.
         q_start: where the robot begins, of which position and yaw count; its home if not given.
+        payload: finds how far the robot is from its description, and the state says so; nobody does
+            when None.
 
     Attributes:
         filter: the filter.
@@ -107,9 +110,10 @@ class StateEstimator:
         config: EstimatorConfig | None = None,
         *,
         q_start: Float64[np.ndarray, " nq"] | None = None,
+        payload: PayloadEstimator | None = None,
     ) -> None:
         self.config = config = config if config is not None else EstimatorConfig()
-        self._robot, self._names = robot, tuple(robot.soles)
+        self._robot, self._names, self.payload = robot, tuple(robot.soles), payload
         self._base_R_unit, self._base_p_unit = _mounting(robot, config.imu)
         # The base's velocity against the unit's: omega x (-p) = hat(p) omega.
         self._lever = hat(self._base_p_unit)
@@ -135,6 +139,8 @@ class StateEstimator:
         self._last: RobotState | None = None
         self._reading: SensorReadings | None = None
         self._observer.reset()
+        if self.payload is not None:
+            self.payload.reset()
         self.wrenches: dict[str, Float64[np.ndarray, "6"]] = {}
 
     @property
@@ -344,7 +350,7 @@ class StateEstimator:
             v[6:] = self._speeds
         self._last_position = f.position[:2].copy()
         self._last = RobotState(q, v, state.contacts, state.time, state.readings)
-        return self._last
+        return self._last if self.payload is None else self.payload.update(self._last)
 
     def _joint_speeds(
         self, measured: Float64[np.ndarray, " nj"], dt: float

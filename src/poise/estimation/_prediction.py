@@ -81,4 +81,5 @@ class StatePredictor:
             state.contacts,
             state.time + self._delay,
             state.readings,
+            state.payload,
         )

@@ -19,6 +19,7 @@ from poise.errors import MissingExtraError, UnknownNameError
 from poise.hqp._tolerances import (
     ACCURACY,
     DEFINITE,
+    PROXIMAL_CREEP,
     PROXIMAL_FAILURE,
     PROXIMAL_FEASIBILITY,
     PROXIMAL_NOISE,
@@ -31,13 +32,19 @@ from poise.hqp._tolerances import (
 
 @dataclass(frozen=True, slots=True)
 class QP:
-    """One convex QP."""
+    """One convex QP.
+
+    Attributes:
+        slope: gradient of the cost that may be left over where the cost is nearly flat, and a
+            backend that repeats itself would creep along it for ever.
+    """
 
     P: Float64[np.ndarray, "d d"]
     q: Float64[np.ndarray, " d"]
     A: Float64[np.ndarray, "k d"]
     lower: Float64[np.ndarray, " k"]
     upper: Float64[np.ndarray, " k"]
+    slope: float = 0.0
 
 
 @runtime_checkable
@@ -105,7 +112,7 @@ def proximal_point(
     norms = np.linalg.norm(qp.A, axis=1)
     for ratio in PROXIMAL_RATIOS:
         weight = ratio * max(1e-300, float(np.abs(qp.P).max()))
-        x = _repeat(qp.P + weight * np.eye(len(qp.q)), qp.q, weight, solve)
+        x = _repeat(qp, weight, solve)
         if x is None:
             continue
         best, values = x, qp.A @ x
@@ -116,14 +123,17 @@ def proximal_point(
 
 
 def _repeat(
-    P: Float64[np.ndarray, "d d"],
-    q: Float64[np.ndarray, " d"],
+    qp: QP,
     weight: float,
     solve: Callable[[Float64[np.ndarray, "d d"], Float64[np.ndarray, " d"]], Any],
 ) -> Float64[np.ndarray, " d"] | None:
-    """Repeat proximal steps of one weight until they converge; None if they do not."""
+    """Repeat proximal steps of one weight until they converge; None if they do not.
+
+    Each point is the QP's own answer but for a gradient of `weight` times the step.
+    """
+    P, q = qp.P + weight * np.eye(len(qp.q)), qp.q
     x, step, size = np.zeros(len(q)), np.inf, 1.0
-    for _ in range(PROXIMAL_STEPS):
+    for k in range(PROXIMAL_STEPS):
         found = solve(P, q - weight * x)
         if found is None:
             return None
@@ -132,6 +142,8 @@ def _repeat(
         # Small steps that no longer shrink are rounding, magnified by the weak curvature.
         if step <= PROXIMAL_STEP * size or (step <= PROXIMAL_NOISE * size and step >= last):
             break
+        if k >= PROXIMAL_CREEP and weight * step <= qp.slope:
+            return x
     return x if step <= PROXIMAL_FAILURE * size else None
 
 

@@ -210,6 +210,9 @@ smallest converges fastest, a larger one is tried where the backend finds no poi
 PROXIMAL_STEPS = 300
 """Most repetitions; two or three are usual, more where a level barely curves a direction."""
 
+PROXIMAL_CREEP = 10
+"""Repetitions after which a slope that the problem allows may be left over."""
+
 PROXIMAL_STEP = 1e-11
 """The repetition ends when a step is this small, relative to the point."""
 
@@ -224,6 +227,10 @@ PROXIMAL_FAILURE = 1e-6
 """A last step larger than this says that the repetitions did not converge."""
 
 # --- the weighted QP --------------------------------------------------------------------------
+
+LEFT_OVER = 0.01
+"""Of the lowest level of tasks, what a cost that is flat elsewhere may leave over: internal forces
+between two feet cost next to nothing [unit/s^2]."""
 
 WEIGHT_SPAN = 1e6
 """How much dearer the highest level of a cost may be than the final cost below all levels: wider

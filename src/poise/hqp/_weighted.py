@@ -2,10 +2,13 @@
 
     min  sum_i ratio^(p - i) |W w_i|^2 + x^T H x / 2 + g^T x      i = 0 .. p - 1
 
-with the first level hard if that has a solution, and soft like the others if not. A lower level
-worsens a higher one by about 1/ratio of its own slack: priorities are kept only approximately.
+On a robot the lowest levels, of equality rows alone, are terms of the cost, and all above is hard.
+Where that has no solution, the lowest of the hard levels is soft, then the lowest two, and so on;
+the first level last. A lower level worsens a higher one by about 1/ratio of its own slack:
+priorities are kept only approximately.
 """
 
+from collections.abc import Iterator
 from time import perf_counter
 
 import numpy as np
@@ -16,7 +19,7 @@ from poise.hqp._backends import QP, make_backend
 from poise.hqp._measure import measure_point
 from poise.hqp._problem import HierarchicalProblem, is_sound
 from poise.hqp._solution import KeepsSolution, Solution, SolveStatus, failure
-from poise.hqp._tolerances import MET_TOLERANCE, WEIGHT_SPAN
+from poise.hqp._tolerances import LEFT_OVER, MET_TOLERANCE, WEIGHT_SPAN
 
 
 class WeightedSolver(KeepsSolution):
@@ -52,10 +55,7 @@ class WeightedSolver(KeepsSolution):
         if not is_sound(problem):
             return failure(problem, SolveStatus.BAD_PROBLEM, self.name, start)
         deadline = np.inf if self.time_limit is None else start + self.time_limit
-        for make in (_tasks_as_cost, _slacks_below_first, _slacks_everywhere):
-            qp = make(problem, self.ratio)
-            if qp is None:
-                continue
+        for qp in _forms(problem, self.ratio):
             point = self._solve_qp(qp, deadline - perf_counter())
             if point is not None and np.isfinite(point).all():
                 return self._report(problem, point[: problem.n], start)
@@ -79,20 +79,30 @@ class WeightedSolver(KeepsSolution):
         )
 
 
-def _tasks_as_cost(problem: HierarchicalProblem, ratio: float) -> QP | None:
-    """The usual form on a robot: the lowest levels, of equality rows alone, are terms of the cost.
-
-    Everything above them is hard, so no slack is needed and the QP stays small. None where there
-    is no such level.
-    """
-    count = len(problem.levels)
-    first = count
+def _forms(problem: HierarchicalProblem, ratio: float) -> Iterator[QP]:
+    """The QPs to try, the hardest first; the last one always has a solution."""
+    first = len(problem.levels)
     while first > 0 and _can_be_cost(problem, first - 1):
         first -= 1
-    if first == count:
-        return None
-    n, hard = problem.n, problem.levels[first].slice.start
-    # The dearest level weighs one: DAQP takes rows that a large Hessian shrinks for empty ones.
+    if first == len(problem.levels):
+        yield _scalarised(problem, ratio, 1)
+        yield _scalarised(problem, ratio, 0)
+    else:
+        for soft in range(first, -1, -1):
+            yield _tasks_as_cost(problem, ratio, first, soft)
+
+
+def _tasks_as_cost(problem: HierarchicalProblem, ratio: float, first: int, soft: int) -> QP:
+    """The usual form on a robot: the lowest levels are terms of the cost, and need no slack.
+
+    Args:
+        problem: the problem.
+        ratio: of the weights of two levels.
+        first: the first level that is a term of the cost; from here on all can be.
+        soft: the first level of which each row has a slack; those before it are hard.
+    """
+    count, n = len(problem.levels), problem.n
+    # The dearest task weighs one: DAQP takes rows that a large Hessian shrinks for empty ones.
     ratio = min(ratio, WEIGHT_SPAN ** (1.0 / (count - first)))
     unit = ratio ** (first - count)
     hessian, q = unit * problem.H, unit * problem.g
@@ -101,14 +111,22 @@ def _tasks_as_cost(problem: HierarchicalProblem, ratio: float) -> QP | None:
         hessian += view.A.T @ (weights[:, None] * view.A)
         q -= view.A.T @ (weights * view.lower)
     rows = np.flatnonzero(np.isfinite(problem.lower) | np.isfinite(problem.upper))
-    rows = rows[rows < n + hard]
-    A = np.vstack([np.eye(n), problem.A[:hard]])[rows]
+    rows = rows[problem.level_of[rows] < first]
+    slack = np.flatnonzero(problem.level_of[rows] >= soft)
+    dearness = ratio ** (first - problem.level_of[rows[slack]]) * problem.weights[rows[slack]] ** 2
+    A = np.zeros((len(rows), n + len(slack)))
+    A[:, :n] = np.vstack([np.eye(n), problem.A])[rows]
+    # Each slack is measured so that its square costs one.
+    A[slack, n + np.arange(len(slack))] = -1.0 / np.sqrt(dearness)
+    P = np.eye(n + len(slack))
+    P[:n, :n] = hessian
     return QP(
-        P=hessian,
-        q=q,
+        P=P,
+        q=np.append(q, np.zeros(len(slack))),
         A=A,
         lower=problem.lower[rows],
         upper=problem.upper[rows],
+        slope=LEFT_OVER * unit * ratio,
     )
 
 
@@ -119,16 +137,6 @@ def _can_be_cost(problem: HierarchicalProblem, level: int) -> bool:
     """
     view = problem.levels[level]
     return level > problem.bounds_level and bool((view.lower == view.upper).all())
-
-
-def _slacks_below_first(problem: HierarchicalProblem, ratio: float) -> QP:
-    """The first level hard, every other with a slack for each row."""
-    return _scalarised(problem, ratio, 1)
-
-
-def _slacks_everywhere(problem: HierarchicalProblem, ratio: float) -> QP:
-    """Every level with a slack for each row: always feasible."""
-    return _scalarised(problem, ratio, 0)
 
 
 def _scalarised(problem: HierarchicalProblem, ratio: float, first_soft: int) -> QP:

@@ -54,6 +54,16 @@ class SupportPolygon:
                 best, least = near, distance
         return best
 
+    def grown(self, by: float) -> "SupportPolygon":
+        """The same with its edge farther out.
+
+        Args:
+            by: how far [m].
+        """
+        grown = SupportPolygon([], 0.0)
+        grown._edges = [(nx, ny, c - by) for nx, ny, c in self._edges]
+        return grown
+
     def towards(self, start: Point, point: Point) -> Point:
         """The last point inside from a start that is inside towards a point; else the nearest."""
         (x, y), (ex, ey) = start, (point[0] - start[0], point[1] - start[1])

@@ -1,5 +1,6 @@
 """Robots: what a robot is, how one is loaded, and the catalog of names."""
 
+from poise.robots._capsules import LinkCapsules as LinkCapsules, capsules_of as capsules_of
 from poise.robots._catalog import CatalogEntry as CatalogEntry, catalog
 from poise.robots._geometry import load_mesh as load_mesh
 from poise.robots._inverse_kinematics import (

@@ -4,6 +4,7 @@ import mujoco
 import numpy as np
 
 from poise.sim._plant import Plant
+from poise.sim._world import FLOOR_ONLY
 
 
 class BlockWatch:
@@ -19,7 +20,8 @@ class BlockWatch:
         model = plant.model
         names = [f"block{i}" for i in range(len(plant.config.blocks))]
         self._blocks = {int(model.geom(name).id) for name in names}
-        solid = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
+        _, to_ground = FLOOR_ONLY
+        solid = (model.geom_conaffinity & to_ground) != 0
         self._limbs = np.flatnonzero(solid & (model.geom_bodyid > 0)).tolist()
 
     def touched(self) -> bool:

@@ -14,6 +14,7 @@ from poise.robots import FrameRole, Robot
 from poise.sim._config import PlantConfig
 from poise.sim._disturbances import LinkError, Payload
 from poise.sim._document import add_sticks, parse_document
+from poise.sim._self_contact import covers, exclude_lasting_contacts, let_touch
 from poise.sim._world import FLOOR_ONLY, add_world
 
 
@@ -89,29 +90,38 @@ def build_model(robot: Robot, config: PlantConfig) -> mujoco.MjModel:
     _set_options(spec, config)
     _place_base(spec, robot)
     _set_joints(spec, robot, config)
+    if not any(body.geoms for body in spec.bodies[1:]):
+        add_sticks(spec)
+    touching = covers(spec) if config.self_contact else []
     for role in soles:
         _bare_foot(_body(spec, role.link, robot))
     _sort_geometry(spec)
-    if not any(body.geoms for body in spec.bodies[1:]):
-        add_sticks(spec)
     for role in robot.roles.values():
         _body(spec, role.link, robot).add_site(
             name=role.name, pos=role.position, quat=_quaternion(role.rotation), group=5
         )
-    for role in soles:
-        _add_sole(spec, robot, role)
+    boxes = [_add_sole(spec, robot, role) for role in soles]
+    if config.self_contact:
+        let_touch([*touching, *boxes], config.contact_time_constant)
     for payload in config.payloads:
         _add_payload(spec, robot, payload)
     _add_motors(spec, robot, config)
     if robot.floating_base:
         _add_imu(spec, robot)
     add_world(spec, robot, config)
-    try:
-        model = spec.compile()
-    except ValueError as error:
-        raise RobotError(f"MuJoCo cannot build robot {robot.name!r}: {error}") from error
+    model = _compile(spec, robot)
+    if config.self_contact:
+        exclude_lasting_contacts(spec, model, robot)
+        model = _compile(spec, robot)
     apply_model_error(model, robot, config)
     return model
+
+
+def _compile(spec: mujoco.MjSpec, robot: Robot) -> mujoco.MjModel:
+    try:
+        return spec.compile()
+    except ValueError as error:
+        raise RobotError(f"MuJoCo cannot build robot {robot.name!r}: {error}") from error
 
 
 def _set_options(spec: mujoco.MjSpec, config: PlantConfig) -> None:
@@ -186,13 +196,13 @@ def _sort_geometry(spec: mujoco.MjSpec) -> None:
                 geom.group = _HIDDEN_GROUP
 
 
-def _add_sole(spec: mujoco.MjSpec, robot: Robot, role: FrameRole) -> None:
+def _add_sole(spec: mujoco.MjSpec, robot: Robot, role: FrameRole) -> mujoco.MjsGeom:
     """Put a thin box on the foot whose lower face is the sole: contact points are its corners."""
     sole = robot.soles[role.name]
     half = np.array([sole.length / 2, sole.width / 2, _SOLE_THICKNESS / 2])
     center = role.position + role.rotation @ np.array([0.0, 0.0, half[2]])
     body = _body(spec, role.link, robot)
-    body.add_geom(
+    return body.add_geom(
         name=f"{role.name}_contact",
         group=_HIDDEN_GROUP if body.geoms else 0,
         type=mujoco.mjtGeom.mjGEOM_BOX,

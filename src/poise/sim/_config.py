@@ -52,6 +52,10 @@ class PlantConfig:
             `physics_dt`, which is MuJoCo's condition for stability.
         floor_slope: rotation of the floor about the world's x and y axes through the origin [rad].
         blocks: boxes on the floor.
+        self_contact: whether the robot's links touch one another, by their collision geometry, or
+            where a link has none, the convex hulls of its pictures; links that touch in the home
+            posture, or have two joints or fewer between them, never do. Without it they pass
+            through one another.
         mass_scale: factor on the mass and inertia of every link.
         inertia_scale: a further factor on the inertia of every link.
         link_errors: links that differ from their description by themselves, each a
@@ -82,6 +86,7 @@ class PlantConfig:
         0.0,
     )
     blocks: tuple[Block, ...] = ()
+    self_contact: bool = False
     mass_scale: Factor = 1.0
     inertia_scale: Factor = 1.0
     link_errors: tuple[_LinkError, ...] = ()

@@ -21,6 +21,7 @@ from poise.sim._forces import PushSchedule, SoleForces
 from poise.sim._imu import InertialUnit
 from poise.sim._mapping import StateMap
 from poise.sim._rest import find_rest
+from poise.sim._self_contact import SelfContacts
 from poise.sim._sensors import Sensors
 
 _TOUCHING = 1.0
@@ -74,6 +75,7 @@ class Plant:
             _warn_of_no_armature(robot)
         self._substeps = self.config.substeps
         self._soles = SoleForces(self.model, self._sole_places())
+        self._self_contacts = SelfContacts(self.model) if self.config.self_contact else None
         self._pushes = PushSchedule(robot, self.model)
         self._actuators = Actuators(robot, self.config)
         self._sensors = self._make_sensors(seed)
@@ -118,6 +120,9 @@ class Plant:
         self.data.ctrl[:] = self._actuators.reset(q[-self.robot.nj :], self._settle(v))
         self._unit.reset()
         mujoco.mj_forward(self.model, self.data)
+        if self._self_contacts is not None:
+            self._self_contacts.begin()
+            self._self_contacts.look(self.data)
         self._truth: RobotState | None = None
         self._forces_known = False
         state = self.true_state()
@@ -227,16 +232,20 @@ class Plant:
 
     def _advance(self, begin: float) -> None:
         data, dt, pushes = self.data, self.config.physics_dt, self._pushes
-        controls, now = self._actuators.controls(), data.ctrl
-        if self._actuators.constant and not pushes:
+        controls, now, touching = self._actuators.controls(), data.ctrl, self._self_contacts
+        if self._actuators.constant and not pushes and touching is None:
             now[:] = controls[0]
             mujoco.mj_step(self.model, data, self._substeps)
             return
+        if touching is not None:
+            touching.begin()
         for k, control in enumerate(controls):
             now[:] = control
             if pushes:
                 pushes.apply(data, begin + k * dt, begin + (k + 1) * dt)
             mujoco.mj_step(self.model, data)
+            if touching is not None:
+                touching.look(data)
 
     def push(
         self,
@@ -267,7 +276,11 @@ class Plant:
         return push
 
     def sole_wrenches(self) -> dict[str, Float64[np.ndarray, "6"]]:
-        """True wrench [force; moment] on the robot by sole, in the sole's frame [N, N m]."""
+        """True wrench [force; moment] on the robot by sole, in the sole's frame [N, N m].
+
+        With `PlantConfig.self_contact` it holds what the robot's own links do to the foot, too, as
+        that of a force sensor in the ankle would.
+        """
         return {name: wrench.copy() for name, wrench in self._forces().in_soles.items()}
 
     def contacts(self) -> dict[str, bool]:
@@ -282,6 +295,15 @@ class Plant:
         about (0, 0, height). NaN where no sole carries load.
         """
         return self._forces().zmp(height)
+
+    @property
+    def self_contacts(self) -> dict[tuple[str, str], float]:
+        """Which links of the robot touched each other in the last control period, and how hard.
+
+        The largest normal force by the names of the two links [N]; empty without
+        `PlantConfig.self_contact`.
+        """
+        return {} if self._self_contacts is None else dict(self._self_contacts.forces)
 
     @property
     def com(self) -> Float64[np.ndarray, "3"]:

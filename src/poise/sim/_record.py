@@ -46,6 +46,7 @@ UNITS = {
     "tick_us": "us",
     "clearance": "m",
     "touched": "",
+    "self_contact": "N",
 }
 """Units of the signals that a recorder records by itself, by the part of a name before its "/"."""
 

@@ -84,13 +84,15 @@ class Recorder:
     """Records a rollout; give it as one of the observers.
 
     What belongs to the end of a tick's period is recorded with the time of that end: the true `q`
-    and `v`, `torque` as applied, `com`, `zmp`, a `wrench/<sole>` each, and where there are blocks
-    on the floor `clearance` and `touched`; `command_torque` or `command_velocity` and `residuals`;
-    of a controller with a stack `error/<task>`, `target/<task>` of each point, `com_reference` and
+    and `v`, `torque` as applied, `com`, `zmp`, a `wrench/<sole>` each, where there are blocks on
+    the floor `clearance` and `touched`, and where the robot's links touch each other the largest
+    force, `self_contact`; `command_torque` or `command_velocity` and `residuals`; of a controller
+    with a stack `error/<task>`, `target/<task>` of each point, `com_reference` and
     `planned/<sole>`; how long leader and controller took, `tick_us/<phase>`; what the leader's
-    `signals` say; and notes about the `status` of the commands. Where an estimator says what the
-    others know, `base_estimate` and `base_truth` (position and quaternion) and `velocity_estimate`
-    and `velocity_truth` (in the base) are of the begin of the period, when it said so.
+    `signals` say; and notes about the `status` of the commands and about which links touch. Where
+    an estimator says what the others know, `base_estimate` and `base_truth` (position and
+    quaternion) and `velocity_estimate` and `velocity_truth` (in the base) are of the begin of the
+    period, when it said so.
 
     The log, if there is one, holds that record to the last bit, see `read_log`. Beside it a topic
     a signal (`/com`, `/zmp`, ...), one a topic of notes, `/joints`, `/tf` and `/scene` are for
@@ -148,6 +150,7 @@ class Recorder:
         self.record = RunRecord(self._describe() | self._metadata)
         self._pace = Pace(self._config.record_dt)
         self._written: Counts = {}
+        self._has_touched = False
         self._next_flush = clock.monotonic() + self._config.flush_dt
         if self._path is not None:
             config = self._config
@@ -165,6 +168,8 @@ class Recorder:
     def observe(self, tick: Tick) -> None:
         """Records a tick, if one is due."""
         self.note("status", tick.command.status.value)
+        if self._plant.config.self_contact:
+            self._note_self_contacts()
         told: dict[str, Value] = {}
         for name, value in ({} if self._leader is None else self._leader.signals()).items():
             if isinstance(value, str):
@@ -248,7 +253,15 @@ class Recorder:
         if self._watch is not None:
             samples["clearance"] = self._watch.clearance()
             samples["touched"] = self._watch.touched()
+        if plant.config.self_contact:
+            samples["self_contact"] = max(plant.self_contacts.values(), default=0.0)
         return samples
+
+    def _note_self_contacts(self) -> None:
+        pairs = ["{} on {}".format(*pair) for pair in sorted(self._plant.self_contacts)]
+        if pairs or self._has_touched:
+            self.note("self_contact", ", ".join(pairs) or "none")
+            self._has_touched = True
 
     def _add_estimate(self, samples: dict[str, Value], estimate: RobotState) -> None:
         # What was known when the period began, beside what was so then.

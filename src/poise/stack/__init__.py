@@ -19,6 +19,10 @@ from poise.stack._rows import (
     home_jacobians as home_jacobians,
     stacked_cones as stacked_cones,
 )
+from poise.stack._self_collision import (
+    SelfCollisionLimit,
+    SelfCollisionRows as SelfCollisionRows,
+)
 from poise.stack._stack import Stack, default_stack, is_held as is_held
 from poise.stack._tables import Owners as Owners, Rows as Rows
 from poise.stack._task import Task
@@ -35,6 +39,7 @@ __all__ = [
     "PointContact",
     "PostureTask",
     "RelativeFrameTask",
+    "SelfCollisionLimit",
     "Stack",
     "SurfaceContact",
     "Task",

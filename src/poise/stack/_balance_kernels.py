@@ -119,8 +119,8 @@ def _bound_edges(
     omega = sqrt(-motion.gravity[2] / max(motion.com[2] - height, _LOWEST))
     speed_x = speed_y = 0.0
     for k in range(len(v)):
-        speed_x += motion.momentum[0, k] * v[k] / motion.mass
-        speed_y += motion.momentum[1, k] * v[k] / motion.mass
+        speed_x += motion.momentum[0, k] * v[k] / motion.mass[0]
+        speed_y += motion.momentum[1, k] * v[k] / motion.mass[0]
     xi_x, xi_y = motion.com[0] + speed_x / omega, motion.com[1] + speed_y / omega
     near_x, near_y = nearest_inside(inner, caught, xi_x, xi_y)
     back = decay / omega
@@ -141,13 +141,13 @@ def _bound_edges(
         rate = max(decay * left, omega * (nx * (xi_x - zmp_x) + ny * (xi_y - zmp_y)))
         row = line[FIRST] + place
         reference = omega * (rate - nx * speed_x - ny * speed_y)
-        drift = (nx * work[0] + ny * work[1]) / motion.mass
+        drift = (nx * work[0] + ny * work[1]) / motion.mass[0]
         rows.upper[row] = reference - drift
         rows.reference[row], rows.drift[row], rows.error[row] = reference, drift, left
         for k in range(len(v)):
             rows.matrix[rows.first + row, k] = (
                 nx * motion.momentum[0, k] + ny * motion.momentum[1, k]
-            ) / motion.mass
+            ) / motion.mass[0]
     _bound_momentum(v, motion, owners, line, inner, caught, height, rows, work)
 
 
@@ -174,9 +174,9 @@ def _bound_momentum(
         ax, ay = hull[i, 0], hull[i, 1]
         ex, ey = hull[(i + 1) % count, 0] - ax, hull[(i + 1) % count, 1] - ay
         arm = min(arm, (ey * (ax - mx) - ex * (ay - my)) / sqrt(ex * ex + ey * ey))
-    most = -motion.mass * motion.gravity[2] * arm
+    most = -motion.mass[0] * motion.gravity[2] * arm
     stop = owners.parameters[line[START] + STOP]
-    scale = 1.0 / (motion.mass * max(motion.com[2] - height, _LOWEST))
+    scale = 1.0 / (motion.mass[0] * max(motion.com[2] - height, _LOWEST))
     for i in range(3):
         row = line[FIRST] + MOST_EDGES + i
         momentum = 0.0

@@ -3,8 +3,6 @@
 `PointContact`: a point that can push but not twist.
 """
 
-import math
-
 import numpy as np
 from jaxtyping import Float64, Int64
 
@@ -46,21 +44,26 @@ class PointContact(Contact):
         return np.array([[1.0, 0.0, -mu], [-1.0, 0.0, -mu], [0.0, 1.0, -mu], [0.0, -1.0, -mu]])
 
 
-TORSION_FRACTION = 0.5
-"""Fraction of `friction * half diagonal` that the yaw moment may use when nothing is given.
-
-A rectangle resting on its four corners holds at most `friction * half diagonal * f_z` in pure yaw;
-half of it leaves the other half to the tangential forces, which the ten rows treat apart."""
-
-
 class SurfaceContact(Contact):
-    """A rectangular surface contact with the ten rows of Ahn et al. 2024: C F <= 0.
+    """A rectangular surface contact: C F <= 0.
 
-    With F = [f; m] along the contact's axes at the rectangle's centre,
+    With F = [f; m] along the contact's axes at the rectangle's centre, and X and Y half its length
+    and width, `margin` inside,
 
         |f_x| <= friction f_z,  |f_y| <= friction f_z        friction pyramid, 4 rows
-        |m_x| <= width/2 f_z,   |m_y| <= length/2 f_z        centre of pressure inside, 4 rows
-        |m_z| <= torsion f_z                                 yaw moment, 2 rows
+        |m_x| <= Y f_z,         |m_y| <= X f_z               centre of pressure inside, 4 rows
+         m_z  <= friction (X + Y) f_z - |Y f_x + friction m_x| - |X f_y + friction m_y|
+        -m_z  <= friction (X + Y) f_z - |Y f_x - friction m_x| - |X f_y - friction m_y|
+
+    The last two, eight rows, are the yaw moment that friction holds. Together the sixteen are
+    exactly the wrenches of forces in the pyramid at the four corners (Caron, Pham, Nakamura 2015,
+    "Stability of Surface Contacts for Humanoid Robots"). The nearer the centre of pressure comes to
+    an edge, the less yaw moment there is, and none in a corner. Where `torsion` is given,
+
+        |m_z| <= torsion f_z                                 2 rows in place of the eight
+
+    stands for them, which makes the ten rows of Ahn et al. 2024. Whoever shifts the weight to the
+    edge of a sole turns it then.
 
     Where the leg of a sole lacks a joint, the contact holds what is `Sole.controlled`, and bears no
     moment about the axis that is not. A sole that leans with its leg stands on its lower edge, left
@@ -73,8 +76,8 @@ class SurfaceContact(Contact):
             the cone of the same coefficient).
         length: along the frame's x [m]; the sole's own when None.
         width: along the frame's y [m]; the sole's own when None.
-        torsion: bound of the yaw moment per normal force [m]; half of `friction` times the half
-            diagonal when None. An edge has its own.
+        torsion: bound of the yaw moment per normal force, wherever the centre of pressure is [m];
+            what friction holds when None. An edge has its own.
         margin: how far the centre of pressure stays inside the edges [m].
         damping: how fast a residual velocity dies out [1/s].
         min_load: least normal force while loaded, by the robot's weight.
@@ -102,12 +105,53 @@ class SurfaceContact(Contact):
             if value is not None:
                 checked_number(value, f"{what} of contact {self.name!r} [m]", above=0.0)
         self._torsion = torsion
+        # The cone of a rectangle is linear in half its length and half its width, see `carry_on`.
+        self._surface: tuple[Float64[np.ndarray, "rows 6"], ...] = ()
         self._margin = checked_number(margin, f"margin of contact {self.name!r} [m]")
 
     @property
     def margin(self) -> float:
         """How far the centre of pressure stays inside the edges [m]; the cone is made of it."""
         return self._margin
+
+    @property
+    def tilts(self) -> bool:
+        """Whether it bears moments about both of its own axes: not on an edge, see `Sole.leans`."""
+        return 3 in self.chosen and 4 in self.chosen
+
+    def carry_on(self, lower: tuple[float, float], upper: tuple[float, float]) -> None:
+        """Says which part of the surface lies on something, from the next tick on.
+
+        With the middle p of that rectangle the cone is that of a smaller surface, of the wrench
+        about p: m_p = m - p x f. The strategies "whole_body" and "reduced" read it; "osf" keeps to
+        the whole surface.
+
+        Args:
+            lower: its corner with the least x and y along the contact's axes [m]; what lies outside
+                of the surface, `margin` inside, is cut.
+            upper: the one with the greatest [m].
+
+        Raises:
+            ConfigurationError: it is not bound to a robot, or stands on an edge.
+        """
+        if self._robot is None or not self.tilts:
+            raise ConfigurationError(
+                f"contact {self.name!r} has no surface that could shrink",
+                got=repr(self),
+                wanted="a contact that is bound to a robot and bears moments about x and y",
+            )
+        reach = self.pressure_reach.tolist()
+        least, most = (
+            [min(max(c, -r), r) for c, r in zip(corner, reach, strict=True)]
+            for corner in (lower, upper)
+        )
+        (x, y), (px, py) = (
+            [0.5 * (b + sign * a) for a, b in zip(least, most, strict=True)] for sign in (-1, 1)
+        )
+        shift = np.eye(6)
+        shift[3, 2], shift[4, 2], shift[5, :2] = -py, px, (py, -px)
+        plain, per_x, per_y = self._surface
+        self.cone[:] = ((plain + x * per_x + y * per_y) @ shift)[:, self.chosen]
 
     def _held_components(self, robot: Robot) -> Int64[np.ndarray, " dim"]:
         sole = robot.soles.get(self.frame)
@@ -126,15 +170,12 @@ class SurfaceContact(Contact):
         if 3 not in self.chosen:
             self.parameters[-1] = width / 2.0
             return _edge_cone(self.friction, x)[:, self.chosen]
-        half_diagonal = math.hypot(length, width) / 2.0
-        torsion = self._torsion or TORSION_FRACTION * self.friction * half_diagonal
-        limits = {0: self.friction, 1: self.friction, 3: y, 4: x, 5: torsion}
-        bounded = [component for component in limits if component in self.chosen]
-        cone = np.zeros((2 * len(bounded), 6))
-        for i, component in enumerate(bounded):
-            cone[2 * i, component], cone[2 * i + 1, component] = 1.0, -1.0
-            cone[2 * i : 2 * i + 2, 2] = -limits[component]
-        return cone[:, self.chosen]
+        plain, long, wide = (
+            _rectangle_cone(self.friction, *size, self._torsion, yaws=5 in self.chosen)
+            for size in ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0))
+        )
+        self._surface = plain, long - plain, wide - plain
+        return (plain + x * (long - plain) + y * (wide - plain))[:, self.chosen]
 
     def _rectangle(self, robot: Robot) -> tuple[float, float]:
         sole = robot.soles.get(self.frame)
@@ -150,11 +191,35 @@ class SurfaceContact(Contact):
         return length, width
 
 
+def _rectangle_cone(
+    friction: float, x: float, y: float, torsion: float | None, *, yaws: bool
+) -> Float64[np.ndarray, "rows 6"]:
+    """The cone of a rectangle, see `SurfaceContact`.
+
+    Args:
+        friction: Coulomb coefficient.
+        x: half the length [m].
+        y: half the width [m].
+        torsion: bound of the yaw moment per normal force [m]; what friction holds when None.
+        yaws: whether there is a yaw moment to bound.
+    """
+    f_x, f_y, f_z, m_x, m_y, m_z = np.eye(6)
+    pairs = [(f_x, friction * f_z), (f_y, friction * f_z), (m_x, y * f_z), (m_y, x * f_z)]
+    if yaws and torsion is not None:
+        pairs.append((m_z, torsion * f_z))
+    elif yaws:
+        for sign in (1.0, -1.0):
+            across, along = y * f_x + sign * friction * m_x, x * f_y + sign * friction * m_y
+            most = friction * (x + y) * f_z - sign * m_z
+            pairs += [(across + along, most), (across - along, most)]
+    return _two_sided(pairs)
+
+
 def _edge_cone(friction: float, half: float) -> Float64[np.ndarray, "10 6"]:
     """The cone of an edge along x, exactly: that of a rectangle without width.
 
     The nearer the pressure comes to an end of the edge, the less yaw moment its friction holds
-    (Caron, Pham, Nakamura 2015, "Stability of Surface Contacts for Humanoid Robots"):
+    (see `SurfaceContact`, whose rows these are where the width is zero):
 
         |f_x| <= friction f_z,  |f_y| <= friction f_z,  |m_y| <= half f_z
         |half f_y + friction m_y| <= friction half f_z - m_z
@@ -172,4 +237,11 @@ def _edge_cone(friction: float, half: float) -> Float64[np.ndarray, "10 6"]:
         (half * f_y + friction * m_y, friction * half * f_z - m_z),
         (half * f_y - friction * m_y, friction * half * f_z + m_z),
     ]
+    return _two_sided(pairs)
+
+
+def _two_sided(
+    pairs: list[tuple[Float64[np.ndarray, "6"], Float64[np.ndarray, "6"]]],
+) -> Float64[np.ndarray, "rows 6"]:
+    """Rows C F <= 0 of |row F| <= most F."""
     return np.array([sign * row - most for row, most in pairs for sign in (1.0, -1.0)])

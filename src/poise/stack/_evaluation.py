@@ -23,6 +23,7 @@ class Owner:
         chosen: components that have rows, or coordinates of `v`.
         turns: whether there is a target rotation.
         sine: whether the orientation error is the sine.
+        room: numbers of work space that the formulas need.
         evaluation: who evaluated it last.
         jacobian: J of its rows; as the two below, a view that the next evaluation overwrites.
         drift: their acceleration at zero `dv`.
@@ -36,6 +37,7 @@ class Owner:
     chosen: Int64[np.ndarray, " c"] = np.zeros(0, dtype=np.int64)
     turns = False
     sine = False
+    room = WORK
     evaluation: "Evaluation | None" = None
     jacobian: Float64[np.ndarray, "m nv"]
     drift: Float64[np.ndarray, " m"]
@@ -128,7 +130,7 @@ class Evaluation:
             frames_of(robot.model, [i for owner in owners for i in owner.frame_ids]),
             np.zeros((CORNERS * (1 + sum(o.kind is Kind.CONTACT for o in owners)), 2)),
         )
-        self.work = np.zeros(WORK)
+        self.work = np.zeros(max([WORK, *(owner.room for owner in owners)]))
         self._count, self._wrench_dim = count, wrench_dim
         bounds = np.zeros(count), np.zeros(count)
         wrenches = np.zeros(wrench_dim), np.zeros(wrench_dim)

@@ -18,6 +18,7 @@ from poise.dynamics import (
     turn_to_world,
 )
 from poise.stack._balance_kernels import bound_balance
+from poise.stack._self_collision_kernels import bound_self_collision
 from poise.stack._tables import (
     ACCELERATION,
     BALANCE,
@@ -37,6 +38,7 @@ from poise.stack._tables import (
     OWN_AXES,
     RATE,
     ROOT_INDEX,
+    SELF_COLLISION,
     SINE,
     SPEED,
     START,
@@ -72,7 +74,7 @@ def evaluate(
         owners: tasks and contacts.
         rows: receives their rows.
         velocities: whether right-hand sides are velocities, not accelerations.
-        work: `WORK` numbers.
+        work: as many numbers as any owner needs.
 
     Returns:
         Whether every task has a target; where one has none the rows are not finished.
@@ -85,6 +87,9 @@ def evaluate(
             continue
         if kind == BALANCE:
             bound_balance(v, motion, owners, line, rows, work)
+            continue
+        if kind == SELF_COLLISION:
+            bound_self_collision(motion, owners, line, rows, velocities, work)
             continue
         parameters = owners.parameters
         if np.isnan(parameters[target]):
@@ -212,7 +217,7 @@ def _com(
     for i in range(m):
         axis = int(owners.chosen[line[CHOSEN] + i])
         row = int(rows.first + line[FIRST]) + i
-        actual = _write_momentum_row(v, motion, axis, motion.mass, rows, row)
+        actual = _write_momentum_row(v, motion, axis, motion.mass[0], rows, row)
         target = int(line[START] + GAINS * m) + axis
         velocity = parameters[target + 3]
         _write(
@@ -223,7 +228,7 @@ def _com(
             parameters[target] - motion.com[axis],
             velocity - actual,
             parameters[target + 6],
-            work[axis] / motion.mass,
+            work[axis] / motion.mass[0],
             velocity,
             velocities,
         )

@@ -13,8 +13,10 @@ from jaxtyping import Float64, Int64
 from poise._compiled import compiled
 from poise.dynamics import Dynamics
 from poise.robots import Robot
+from poise.stack._balance import BalanceRows
 from poise.stack._contact import Contact
 from poise.stack._evaluation import Evaluation
+from poise.stack._self_collision import SelfCollisionRows
 from poise.stack._shipped import ShippedTask
 from poise.stack._stack import Stack, is_held
 from poise.stack._tables import Rows
@@ -34,6 +36,7 @@ class StackRows:
         contacts                J dv = reference - drift         J v = 0
         rows of the strategy    left to it
         balance limit           J dv <= bound                    none
+        self-collision limit    J dv >= bound                    J v >= bound
         tasks, level by level   J dv = reference - drift         J v = velocity
 
     A frame task on a frame in contact is suspended and has no rows: the contact already decides how
@@ -49,6 +52,8 @@ class StackRows:
         own_rows: how many rows of the strategy's own stand between contacts and tasks.
         balance: where the rows of the balance limit go: before all tasks, or behind them, out of
             the way of a strategy that knows equalities alone; None for nowhere.
+        collisions: where those of the self-collision limit go; where both go to one side they
+            follow those of the balance limit.
 
     Attributes:
         contacts: the contacts that have rows.
@@ -56,14 +61,16 @@ class StackRows:
         suspended: tasks that a contact stands in for.
         J: coefficients of all rows.
         target: right-hand sides of all rows: reference - drift, or velocities; lower bounds of
-            those of the balance limit.
-        upper: the same once more, but for the upper bounds of the balance limit.
+            those of the limits.
+        upper: the same once more, but for the upper bounds of the limits.
         weight: weight of each row in its level; one for contacts.
         ends: where each of the user's levels ends; the first entry is where the first one begins.
         contact_rows: the rows of the contacts.
         own_rows: the strategy's own rows.
         balance: the rows of the balance limit; None where there are none.
         balance_rows: where they stand.
+        collisions: the rows of the self-collision limit; None where there are none.
+        collision_rows: where they stand.
         task_rows: each task that acts, with its rows.
         wrench_slices: where each contact's wrench stands among all wrenches, and its rows among
             the contacts' rows.
@@ -71,7 +78,7 @@ class StackRows:
         wrench_upper: upper ones.
         evaluation: evaluates contacts and shipped tasks.
         own_tasks: the tasks that it does not know, with their rows.
-        cone: rows C of all wrench cones C F <= 0; constant, in the contacts' own axes.
+        cone: rows C of all wrench cones C F <= 0, in the contacts' own axes.
     """
 
     def __init__(
@@ -83,6 +90,7 @@ class StackRows:
         stance: Contact | None = None,
         own_rows: int = 0,
         balance: Literal["before", "behind"] | None = None,
+        collisions: Literal["before", "behind"] | None = None,
     ) -> None:
         self.contacts, self._stance, self._stack = tuple(contacts), stance, stack
         holding = self.contacts if stance is None else (*self.contacts, stance)
@@ -95,26 +103,35 @@ class StackRows:
         first = wrench_dim + own_rows
         self.contact_rows, self.own_rows = slice(0, wrench_dim), slice(wrench_dim, first)
         self.balance = stack.balance_limit.rows_for(self.contacts) if balance else None
-        limits = 0 if self.balance is None else self.balance.dim
-        if balance == "before":
-            first += limits
+        self.collisions = stack.self_collision_limit.rows_for(holding) if collisions else None
+        sides = (self.balance, balance), (self.collisions, collisions)
+        before = [limit for limit, side in sides if limit is not None and side == "before"]
+        behind = [limit for limit, side in sides if limit is not None and side == "behind"]
+        places = dict(zip(before, _spans([b.dim for b in before], first), strict=True))
+        first += sum(limit.dim for limit in before)
         tasks = [task for level in self.levels for task in level]
         self.task_rows = list(zip(tasks, _spans([t.dim for t in tasks], first), strict=True))
         sizes = [sum(t.dim for t in level) for level in self.levels]
         self.ends: Int64[np.ndarray, " ends"] = np.array([*accumulate(sizes, initial=first)])
         last = int(self.ends[-1])
-        begin = last if balance == "behind" else first - limits
-        self.balance_rows = slice(begin, begin + limits)
-        count = max(last, begin + limits)
-        self.cone: Float64[np.ndarray, "cone w"] = stacked_cones(contacts)
+        places |= dict(zip(behind, _spans([b.dim for b in behind], last), strict=True))
+        self.balance_rows = slice(first, first)
+        if self.balance is not None:
+            self.balance_rows = places[self.balance]
+        self.collision_rows = slice(self.balance_rows.stop, self.balance_rows.stop)
+        if self.collisions is not None:
+            self.collision_rows = places[self.collisions]
+        count = last + sum(limit.dim for limit in behind)
+        cones = sum(len(c.cone) for c in contacts)
+        self.write_cones_into(np.zeros((cones, wrench_dim)))
         self._missing = np.zeros(count)
         self._residuals = np.zeros(1 + len(sizes))
         self.own_tasks = [pair for pair in self.task_rows if not is_compiled(pair[0])]
         shipped = [pair for pair in self.task_rows if is_compiled(pair[0])]
         contact_rows = zip(self.contacts, self.wrench_slices, strict=True)
-        limit = [] if self.balance is None else [(self.balance, self.balance_rows)]
-        owners, places = zip(*contact_rows, *limit, *shipped, strict=True) if count else ((), ())
-        self.evaluation = Evaluation(robot, owners, places, count, wrench_dim)
+        found = [*contact_rows, *places.items(), *shipped]
+        owners, rows = zip(*found, strict=True) if found else ((), ())
+        self.evaluation = Evaluation(robot, owners, rows, count, wrench_dim)
         self._nv = robot.nv
         self._take(self.evaluation.rows)
         # What is compiled is compiled now, not in the first tick.
@@ -143,6 +160,20 @@ class StackRows:
         self.evaluation.write_into(matrix, first, *bounds, weight, *wrench_bounds)
         self._take(self.evaluation.rows)
 
+    def write_cones_into(self, matrix: Float64[np.ndarray, "cone w"]) -> None:
+        """Has `cone` written into a strategy's own memory from now on.
+
+        Args:
+            matrix: receives it.
+        """
+        rows = _spans([len(c.cone) for c in self.contacts])
+        self.cone: Float64[np.ndarray, "cone w"] = matrix
+        self.cone[:] = stacked_cones(self.contacts)
+        self._cones = [
+            (contact, matrix[at, wrench])
+            for contact, at, wrench in zip(self.contacts, rows, self.wrench_slices, strict=True)
+        ]
+
     def _take(self, rows: Rows) -> None:
         self.J = rows.matrix[rows.first : rows.first + len(rows.target), : self._nv]
         self.target, self.weight, self.upper = rows.target, rows.weight, rows.upper
@@ -153,6 +184,8 @@ class StackRows:
         self._limit_views = rows.matrix, rows.first + own.start, self.target[own], self.upper[own]
         # What is compiled is compiled now, not in the first tick.
         _is_held(*self._limit_views, np.zeros(self._nv), self._nv)
+        for limit in (self.balance_rows, self.collision_rows):
+            self.excess(np.zeros(self._nv), limit)
         self._own_views = [
             (task, self.J[place], self.target[place], self.upper[place], self.weight[place])
             for task, place in self.own_tasks
@@ -166,6 +199,9 @@ class StackRows:
         """
         self._stack.joint_limit.evaluate(dynamics)
         self.evaluation.update(dynamics)
+        # What of a surface carries may change, see `SurfaceContact.carry_on`.
+        for contact, cone in self._cones:
+            cone[:] = contact.cone
         self.update_own(dynamics)
 
     def update_own(self, dynamics: Dynamics) -> None:
@@ -228,6 +264,31 @@ class StackRows:
             x: accelerations; what follows them is left alone.
         """
         return self.balance is not None and _is_held(*self._limit_views, x, self._nv)
+
+    @property
+    def limits(self) -> tuple[BalanceRows | SelfCollisionRows, ...]:
+        """The rows of the balance and the self-collision limit, where there are any."""
+        return tuple(limit for limit in (self.balance, self.collisions) if limit is not None)
+
+    @property
+    def limit_rows(self) -> slice:
+        """Where the rows of both limits stand, if both are on one side of the tasks."""
+        balance, collisions = self.balance_rows, self.collision_rows
+        if self.balance is None:
+            return collisions
+        return slice(balance.start, collisions.stop if self.collisions else balance.stop)
+
+    def excess(self, x: Float64[np.ndarray, " n"], rows: slice) -> float:
+        """How far an answer is beyond the bounds of rows of limits, at most [m/s^2, m/s].
+
+        Args:
+            x: accelerations; what follows them is left alone.
+            rows: some of the rows.
+        """
+        if rows.start == rows.stop:
+            return 0.0
+        matrix, first = self._limit_views[0], self.evaluation.rows.first + rows.start
+        return _excess(matrix, first, self.target[rows], self.upper[rows], x, self._nv)
 
     def task_residuals(self, missing: Float64[np.ndarray, " m"] | None = None) -> dict[str, float]:
         """Norm of what each task could not meet, unweighted, by its name [unit/s^2, unit/s].
@@ -364,6 +425,24 @@ def _is_held(
         if value >= upper[row] - _AT_BOUND or value <= lower[row] + _AT_BOUND:
             return True
     return False
+
+
+@compiled
+def _excess(
+    matrix: Float64[np.ndarray, "rows columns"],
+    first: int,
+    lower: Float64[np.ndarray, " m"],
+    upper: Float64[np.ndarray, " m"],
+    x: Float64[np.ndarray, " k"],
+    nv: int,
+) -> float:
+    worst = 0.0
+    for row in range(len(upper)):
+        value = 0.0
+        for i in range(nv):
+            value += matrix[first + row, i] * x[i]
+        worst = max(worst, value - upper[row], lower[row] - value)
+    return worst
 
 
 PREPARED_CONTACTS = 3

@@ -16,6 +16,7 @@ from poise.stack._contacts import SurfaceContact
 from poise.stack._frame import FrameTask
 from poise.stack._joints import PostureTask
 from poise.stack._limits import SMOOTH_RATE, JointLimit, TorqueLimit
+from poise.stack._self_collision import SelfCollisionLimit
 from poise.stack._task import Task
 
 
@@ -42,7 +43,8 @@ class Stack:
     """What a controller is asked to do; the same for every controller.
 
     Physics comes first, always: base dynamics with the torque limits, then contacts with the
-    joint limits, then the balance limit. The user's levels follow, each strictly above the next.
+    joint limits, then balance and self-collision limit. The user's levels follow, each strictly
+    above the next.
 
     Args:
         contacts: where the robot touches the world.
@@ -50,6 +52,7 @@ class Stack:
         torque_limit: bounds of the torques.
         joint_limit: bounds of joint positions, velocities and accelerations.
         balance_limit: what keeps all tasks from toppling the robot, where torques are commanded.
+        self_collision_limit: what keeps the robot's links off each other; none when None.
 
     Raises:
         ConfigurationError: an empty level, a name used twice, two contacts on one frame, or
@@ -64,6 +67,7 @@ class Stack:
         torque_limit: TorqueLimit | None = None,
         joint_limit: JointLimit | None = None,
         balance_limit: BalanceLimit | None = None,
+        self_collision_limit: SelfCollisionLimit | None = None,
     ) -> None:
         for contact in checked_kind(contacts, Sequence, "the contacts of the stack"):
             checked_kind(contact, Contact, "a contact of the stack")
@@ -86,6 +90,11 @@ class Stack:
         )
         self.balance_limit = checked_kind(
             balance_limit or BalanceLimit(), BalanceLimit, "balance_limit of the stack"
+        )
+        self.self_collision_limit = checked_kind(
+            self_collision_limit or SelfCollisionLimit(enabled=False),
+            SelfCollisionLimit,
+            "self_collision_limit of the stack",
         )
         _check_unique([c.frame for c in self.contacts], "two contacts of the stack on one frame")
         _check_unique([c.name for c in self.contacts], "two contacts of the stack with one name")
@@ -156,6 +165,7 @@ class Stack:
         self.torque_limit.bind(robot)
         self.joint_limit.bind(robot)
         self.balance_limit.bind(robot)
+        self.self_collision_limit.bind(robot)
 
 
 def default_stack(robot: Robot) -> Stack:

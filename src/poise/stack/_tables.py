@@ -23,9 +23,12 @@ class Kind(IntEnum):
     FRAME = 4
     RELATIVE_FRAME = 5
     BALANCE = 6
+    SELF_COLLISION = 7
 
 
-CONTACT, COM, MOMENTUM, JOINTS, FRAME, RELATIVE_FRAME, BALANCE = (int(kind) for kind in Kind)
+CONTACT, COM, MOMENTUM, JOINTS, FRAME, RELATIVE_FRAME, BALANCE, SELF_COLLISION = (
+    int(kind) for kind in Kind
+)
 
 KP, KD, WEIGHT, RATE, ACCELERATION, SPEED, GAINS = range(7)
 """Rows of a task's gains: stiffness, damping, weight, kp / kd, and what `set_acceleration` and
@@ -46,7 +49,7 @@ CORNERS = 24
 each of these the outline of all, which may take twice as many while it is looked for."""
 
 WORK = 3 * KINEMATICS
-"""Numbers of work space: two frames, and what is worked out from them."""
+"""Numbers of work space that anybody has: two frames, and what is worked out from them."""
 
 
 class Rows(NamedTuple):

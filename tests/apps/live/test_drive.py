@@ -11,7 +11,7 @@ pytest.importorskip("mujoco")
 pytest.importorskip("websockets", reason="the extra teleop is not installed: no websockets")
 
 from poise.apps.live import DriveSession
-from poise.apps.live._drive import velocity_of
+from poise.apps.live._feet import velocity_of
 from poise.apps.live._gamepad import pad_from
 from poise.apps.live._inputs import Pad
 from poise.locomotion import VelocityLimits

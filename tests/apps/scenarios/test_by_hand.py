@@ -24,7 +24,7 @@ devices:
 
 @pytest.mark.parametrize("robot", ["biped20", "humanoid33", "g1"])
 def test_the_robot_is_walked_over_the_obstacle_by_torques(shipped_run, robot):
-    outcome = shipped_run("over_an_obstacle_torque", robot)
+    outcome = shipped_run("over_an_obstacle", robot)
     assert outcome.status == 0, outcome.out + outcome.err
     assert outcome.summary["fell"] is False
     assert outcome.summary["missed_ticks"] == 0
@@ -32,8 +32,8 @@ def test_the_robot_is_walked_over_the_obstacle_by_torques(shipped_run, robot):
 
 
 @pytest.mark.parametrize("robot", ["biped20", "g1"])
-def test_the_robot_is_walked_over_the_obstacle(shipped_run, robot):
-    outcome = shipped_run("over_an_obstacle", robot)
+def test_the_robot_is_walked_over_the_obstacle_by_velocities(shipped_run, robot):
+    outcome = shipped_run("over_an_obstacle_velocity", robot)
     assert outcome.status == 0, outcome.out + outcome.err
     summary = outcome.summary
     assert (summary["controller"], summary["robot"]) == ("step_teleoperation", robot)

@@ -106,7 +106,7 @@ def test_a_walk_of_a_file_leaves_its_figures(tmp_path, controller):
     log = read_log(outcome.folder / "log.mcap")
     assert log.signal("zmp_reference")[1].shape[1] == 2
     assert (log.signal("tick_us/leader")[1] > 0.0).all()
-    assert "walk finished" in (outcome.folder / "report.html").read_text()
+    assert "walk standing" in (outcome.folder / "report.html").read_text()
 
 
 def assert_holds(outcome):

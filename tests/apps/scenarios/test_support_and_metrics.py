@@ -93,7 +93,8 @@ def signals():
         base_errors=BaseErrors(
             drift=np.linspace(0.0, 0.04, n), tilt=np.full(n, 0.01), speed=np.full(n, 0.02)
         ),
-        clearance=np.array([NAN, 0.2, 0.03, *[0.1] * (n - 3)]), beyond=np.linspace(-0.5, 0.02, n),
+        clearance=np.array([NAN, 0.2, 0.03, *[0.1] * (n - 3)]),
+        self_contact=np.array([0.0, 0.0, 7.0, *[1.0] * (n - 3)]), beyond=np.linspace(-0.5, 0.02, n),
         modes=(),
     )  # fmt: skip
 
@@ -119,6 +120,7 @@ CASES = [
     ("zmp_error_max", "", None, 0.5),
     ("steps_made", "", None, 2.0),
     ("clearance_min", "", None, 0.03),
+    ("self_contact_max", "", None, 7.0),
     ("beyond_blocks_end", "", None, 0.02),
     ("drift_max", "", None, 0.04),
     ("tilt_error_rms", "", None, 0.01),
@@ -176,6 +178,7 @@ def test_a_push_is_a_force_or_a_change_of_speed_of_the_whole_robot():
         ("zmp_error_max", "", None, 10),
         ("steps_made", "", None, None),
         ("clearance_min", "", None, 2),
+        ("self_contact_max", "", None, 2),
         ("beyond_blocks_end", "", None, 10),
     ],
 )

@@ -132,3 +132,9 @@ def test_distance_inside_a_square():
     square = np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]])
     points = np.array([[0.5, 1.0], [2.3, 1.0]])
     np.testing.assert_allclose(signed_margin(points, square), [0.5, -0.3], atol=1e-12)
+
+
+def test_a_grown_polygon_reaches_farther_by_so_much():
+    support = SupportPolygon([(0.1, 0.05), (-0.1, 0.05), (-0.1, -0.05), (0.1, -0.05)], 0.01)
+    assert support.grown(0.03).depth((0.0, 0.0)) == pytest.approx(support.depth((0.0, 0.0)) + 0.03)
+    assert support.grown(0.03).nearest((0.0, 0.2)) == pytest.approx((0.0, 0.07))

@@ -21,6 +21,7 @@ from poise.locomotion import (
 )
 from poise.locomotion._stepping._arms import ArmMotion
 from poise.locomotion._stepping._hands import HandGrip
+from poise.robots import capsules_of
 from poise.sim import PlantConfig
 
 DT = 0.002
@@ -138,6 +139,29 @@ def test_a_hand_gets_where_it_can_and_says_where_it_cannot(get_robot):
         arms.advance([near, far])
     np.testing.assert_allclose(arms.hands[0], near, atol=1e-3)
     assert arms.blocked == [False, True]
+
+
+@pytest.mark.parametrize("name", ["g1", "humanoid33", "biped20"])
+def test_arms_stay_off_the_body_and_each_other_wherever_hands_are_led(get_robot, name):
+    robot, rng = get_robot(name), np.random.default_rng(4)
+    capsules, q = capsules_of(robot), robot.q_home.copy()
+    arms = ArmMotion(robot, robot.q_home, dt=DT, speed_max=1.5, acceleration_max=5.0)
+    places = [7 + robot.joint_index(joint) for joint in arms.joints]
+    margins, start = np.minimum(0.03, capsules.at_home - 0.01), [h.copy() for h in arms.hands]
+    middle, least = 0.5 * (start[0] + start[1]), np.inf
+    for k in range(800):
+        if k % 200 == 0:
+            # Into the trunk, the other hand's side, the thighs.
+            goals = [middle + rng.uniform(-0.25, 0.25, 3) for _ in start]
+        arms.advance(goals)
+        if k % 20 == 0:
+            q[places] = arms.q
+            least = min(least, (capsules.distances(robot, q) - margins).min())
+    # Braked as hands are, they come a centimetre nearer: half way to what the stack keeps.
+    assert least > -0.015
+    for _ in range(1500):
+        arms.advance([None, None])
+    np.testing.assert_allclose(arms.hands, start, atol=0.02)
 
 
 def test_the_model_of_the_arms_is_the_robots(get_robot):
@@ -340,12 +364,16 @@ FORWARD = (0.2, 0.0, 0.15)
 
 def test_hands_stand_below_the_balance(get_robot):
     teleoperator = StepTeleoperator(get_robot("g1"), actuation="torque")
-    levels = [[task.name for task in level] for level in teleoperator.stack.levels]
-    assert levels[0] == ["com"]
-    assert "arms" in levels[1]
+    state = teleoperator.estimator.update(teleoperator.estimator.dynamics.state)
+    teleoperator.lead(state)
+    com, arms = (teleoperator.stack.task(name) for name in ("com", "arms"))
+    # By weight, as far as numbers go: while the robot catches itself a foot counts as the COM does.
+    assert com.weight.min() > 1e6 * arms.weight.max()
     leader = HandLeader(teleoperator.robot, dt=DT)
     stack = walking_stack(teleoperator.robot, leader.task)
-    assert leader.task in stack.levels[1]
+    assert leader.task in stack.levels[0]
+    stack.bind(teleoperator.robot)
+    assert stack.task("com").weight.min() > 30.0 * leader.task.weight.max()
     assert not {task.name for _, task in stack.tasks()} & set(teleoperator.robot.hands)
 
 

@@ -26,11 +26,12 @@ from poise.sim import Plant, SensorConfig, rollout
 HEIGHT, SOLE = 0.8, [(0.1, 0.05), (0.1, -0.05), (-0.1, -0.05), (-0.1, 0.05)]
 
 
-def asked(com, velocity, reference):
+def asked(com, velocity, reference, mode=Mode.D):
     """The feedback, and the CT-ZMP that it asks for."""
     feedback = ComFeedback(ComShifter(HEIGHT))
     support = SupportPolygon(SOLE, 0.01)
     footing = Mock(spec=Footing, zmp_reference=np.array(reference), support=support)
+    footing.mode, footing.margin = mode, 0.01
     footing.dynamics = Mock(com=np.array([*com, HEIGHT]), com_velocity=np.array([*velocity, 0.0]))
     feedback.drive(footing)
     return feedback, feedback.cart_table_zmp(np.array(com)), support
@@ -50,6 +51,12 @@ def test_wherever_the_com_is_the_zmp_that_is_asked_for_lies_on_the_soles():
         com, velocity = rng.normal(0.0, 0.2, 2), rng.normal(0.0, 0.5, 2)
         _, zmp, support = asked(com, velocity, rng.normal(0.0, 0.3, 2))
         assert support.depth(tuple(zmp)) >= -1e-9
+
+
+def test_on_one_foot_it_may_lie_a_little_beside_the_sole():
+    _, zmp, support = asked((0.0, 0.06), (0.0, 0.0), (0.0, 0.0), Mode.SL)
+    np.testing.assert_allclose(zmp, (0.0, 0.06), atol=1e-12)
+    assert support.depth(tuple(zmp)) == pytest.approx(-0.02)
 
 
 def test_a_divergent_component_at_an_edge_is_braked_however_far_the_reference_is():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from poise.locomotion import Ground, VelocityLimits
-from poise.locomotion._walking._commands import LegRoom, StepCommands, side
+from poise.locomotion._walking._commands import Foothold, LegRoom, StepCommands, side
 from poise.locomotion._walking._ground import Placement
 
 ROOM = LegRoom(
@@ -91,7 +91,7 @@ def test_velocities_change_gradually():
 def test_a_foothold_within_reach_is_exact():
     leader = commands()
     place = Placement(position=(0.21, 0.13, 0.0), yaw=0.2)
-    leader.add_foothold(0, place)
+    leader.add_foothold(Foothold(0, place))
     first = leader.steps(0, RIGHT, 3)[0]
     assert first.position == pytest.approx(place.position, abs=1e-12)
     assert first.yaw == pytest.approx(0.2)
@@ -101,7 +101,7 @@ def test_a_foothold_within_reach_is_exact():
 @pytest.mark.parametrize("place", [(2.0, 0.1), (0.1, -0.3), (0.0, 3.0)])
 def test_one_beyond_it_or_across_the_other_foot_is_moved_and_said(place):
     leader = commands()
-    leader.add_foothold(0, Placement(position=(*place, 0.0), yaw=0.0))
+    leader.add_foothold(Foothold(0, Placement(position=(*place, 0.0), yaw=0.0)))
     x, y, _ = leader.steps(0, RIGHT, 1)[0].position
     assert abs(x) <= 0.5
     assert y - RIGHT.position[1] >= ROOM.near(0.0) - 1e-9

@@ -8,7 +8,6 @@ import poise
 from poise.errors import ConfigurationError
 from poise.locomotion import (
     Gait,
-    ReactiveWalker,
     Stride,
     Walker,
     plan_footsteps,
@@ -39,9 +38,9 @@ def test_they_walk_a_plan(get_robot_without, joints, width):
     stack = walking_stack(robot)
     gait = Gait(step_time=0.6, crouch=0.02, shift_time=0.8, settle_time=1.0)
     plan = plan_footsteps(robot, [Stride(steps=6, length=0.12)], gait)
-    walker = Walker(robot, plan, stack)
+    walker = Walker(robot, stack, plan=plan)
     error, plant = walked(robot, walker, stack, plan.duration + 0.1)
-    assert (walker.status.value, walker.steps_made) == ("finished", 7)
+    assert (walker.status.value, walker.steps_made) == ("standing", 7)
     assert error < 0.08
     assert plant.com[0] > 0.6
 
@@ -50,7 +49,7 @@ def test_they_walk_a_plan(get_robot_without, joints, width):
 def test_they_are_led_ahead_and_to_the_side(get_robot_without, joints, width):
     robot = get_robot_without(joints, width=width)
     stack = walking_stack(robot)
-    walker = ReactiveWalker(robot, stack)
+    walker = Walker(robot, stack)
 
     def lead(time):
         asked = (0.3, 0.0) if 0.5 < time < 3.0 else (0.0, 0.15) if 3.0 < time < 5.5 else (0.0, 0.0)
@@ -65,18 +64,24 @@ def test_they_are_led_ahead_and_to_the_side(get_robot_without, joints, width):
 
 def test_legs_without_yaw_do_not_turn(get_robot_without):
     robot = get_robot_without(YAW)
-    walker = ReactiveWalker(robot, walking_stack(robot))
+    walker = Walker(robot, walking_stack(robot))
     walker.set_velocity(0.2, 0.0, 0.3)
     assert "taken to (0.20 m/s, 0.00 m/s, 0.00 rad/s)" in walker.notice
     plan = plan_footsteps(robot, [Stride(steps=4, length=0.1, turn=0.1)])
     with pytest.raises(ConfigurationError, match="out of reach") as caught:
-        Walker(robot, plan, walking_stack(robot))
+        Walker(robot, walking_stack(robot), plan=plan)
     assert "rad aside" in str(caught.value)
 
 
-def test_where_soles_lean_hands_and_torso_stand_beside_the_com(get_robot, get_robot_without):
-    def levels(robot):
-        return [{task.name for task in level} for level in walking_stack(robot).levels]
+def test_where_soles_lean_hands_and_torso_weigh_as_much_as_the_com(get_robot, get_robot_without):
+    def weights(robot):
+        level, last = walking_stack(robot).levels
+        assert [task.name for task in last] == ["posture"]
+        for task in level:
+            task.bind(robot)
+        return {task.name: set(task.weight.tolist()) for task in level}
 
-    firm, leaning = levels(get_robot("humanoid33")), levels(get_robot_without(ROLL))
-    assert leaning == [firm[0] | firm[1], firm[2]]
+    firm, leaning = weights(get_robot("humanoid33")), weights(get_robot_without(ROLL))
+    assert all(weight == {1.0} for weight in leaning.values())
+    assert {name for name, weight in firm.items() if weight == {1.0}} == {"com"}
+    assert max(firm["torso"] | firm["left_hand"]) < 0.5

@@ -9,7 +9,7 @@ import pytest
 from poise.errors import ConfigurationError
 from poise.locomotion._walking._ground import Placement
 from poise.locomotion._walking._swing import SwingFoot
-from poise.locomotion._walking._swing_shape import RISE, SwingShape
+from poise.locomotion._walking._swing_shape import RISE, SwingShape, sinking_phase
 
 DT, T = 0.002, 0.6
 BEGIN, GOAL = np.array([0.1, 0.2, 0.0]), Placement(position=(0.4, 0.25, 0.05), yaw=0.3)
@@ -151,3 +151,24 @@ def test_a_foot_that_is_stopped_does_not_go_on_up():
 def test_a_shape_that_is_none_is_refused(values):
     with pytest.raises(ConfigurationError):
         SwingShape(**values)
+
+
+def test_a_foot_that_was_held_goes_straight_up_and_then_on():
+    foot = swing()
+    flown(foot, seconds=0.1 * T)
+    foot.rise_at(*BEGIN[:2])
+    rows = flown(foot, seconds=T - foot.elapsed)
+    low = rows[:, 2] < 0.03
+    assert low[:10].all()
+    apex = int(rows[:, 2].argmax())
+    np.testing.assert_allclose(rows[:apex][low[:apex], :2] - BEGIN[:2], 0.0, atol=1e-4)
+    np.testing.assert_allclose(rows[-1, :2], GOAL.position[:2], atol=2e-3)
+
+
+@pytest.mark.parametrize("ground", [0.05, 0.0, -0.1])
+def test_a_foot_is_on_the_ground_when_it_is_due_and_aims_below(ground):
+    """Whether it steps up or down: on its way to where it aims, it comes by the ground."""
+    depth, apex = 0.003, 0.1
+    phase = 1.0 - sinking_phase(depth, apex - ground)
+    height, _, _ = SwingShape(apex=apex).height(phase, 0.0, ground - depth)
+    assert height == pytest.approx(ground, abs=0.3 * depth)

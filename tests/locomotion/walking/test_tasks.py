@@ -19,6 +19,14 @@ def test_a_walk_sets_the_com_and_each_foots_own_task_and_contact(get_robot, robo
     assert not {task.name for task in found.feet} & set(found.carried)
 
 
+def test_where_not_all_can_be_had_the_com_gives_least_and_the_pelvis_most(get_robot):
+    robot = get_robot("g1")
+    stack = walking_stack(robot)
+    stack.bind(robot)
+    com, foot, pelvis = (stack.task(name).weight for name in ("com", "left_foot", "pelvis"))
+    assert com.min() > foot[:3].max() > foot[3:].max() > pelvis.max()
+
+
 def test_rates_of_a_point_in_turning_axes_are_derivatives():
     """A point that moves along a parabola, in axes at angle psi = 0.3 + 0.8 t - 0.6 t^2."""
     rng = np.random.default_rng(0)

@@ -1,10 +1,10 @@
-"""What the reactive walker does about trouble; states are made up, nothing is simulated."""
+"""What the walker does about trouble; states are made up, nothing is simulated."""
 
 import numpy as np
 import pytest
 
 import poise
-from poise.locomotion import ReactiveWalker, walking_stack
+from poise.locomotion import Walker, walking_stack
 from poise.locomotion._walking._settings import WalkStatus
 from poise.locomotion._walking._trouble import RESPONSES
 
@@ -16,15 +16,18 @@ class Held:
 
     def __init__(self, robot):
         self.robot, self.stack = robot, walking_stack(robot)
-        self.walker = ReactiveWalker(robot, self.stack)
+        self.walker = Walker(robot, self.stack)
         self.q, self.v, self.time = robot.q_home.copy(), np.zeros(robot.nv), 0.0
         self.loads = [0.5, 0.5]
+        self.side = 0.0
+        """Force back on the left sole [N]."""
 
     def until(self, time):
         """Goes on; all that was said of it on the way."""
         said = []
         while self.time < time:
             wrenches = [np.array([0, 0, k * self.robot.weight, 0, 0, 0]) for k in self.loads]
+            wrenches[0][0] = -self.side
             contacts = dict(zip(self.robot.soles, wrenches, strict=True))
             self.walker.lead(poise.RobotState(self.q, self.v, contacts, self.time))
             for contact in self.stack.contacts:
@@ -143,3 +146,22 @@ def test_a_foot_that_has_bounced_off_looks_for_the_ground_again(held):
     assert held.walker.steps_made == 0
     assert flight.swing.searching
     assert held.active() == [foot == 1, foot == 0]
+
+
+def test_a_foot_that_is_held_on_its_way_up_goes_back_and_straight_up(held):
+    foot = held.swing(ahead=0.2)
+    assert foot == 0
+    stood, swing = held.walker._sense.sole(0)[0].copy(), held.walker._flight.swing
+    held.side = 0.1 * held.robot.weight
+    held.until(held.time + 10 * DT)
+    np.testing.assert_allclose(swing.position[:2] - stood[:2], (-0.015, 0.0), atol=1e-3)
+    held.side = 0.0
+    height = swing.position[2]
+    while swing.phase < 0.3:
+        held.until(held.time + DT)
+        if swing.position[2] - stood[2] < 0.025:
+            assert swing.position[0] < stood[0] - 0.01
+    assert swing.position[2] > height
+    while swing.phase < 0.7:
+        held.until(held.time + DT)
+    assert swing.position[0] > stood[0] + 0.05

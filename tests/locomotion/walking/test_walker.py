@@ -1,251 +1,142 @@
-"""The walker by itself, on a robot that does not move: what it sets, and how it gives up."""
+"""The walker in MuJoCo: led, pushed, and told nonsense."""
 
-import itertools
-from dataclasses import replace
+import math
 
 import numpy as np
 import pytest
 
 import poise
-from poise.errors import ConfigurationError, UnknownNameError
-from poise.locomotion import Gait, Stride, Walker, WalkSettings, plan_footsteps, walking_stack
+from poise.locomotion import Walker, walking_stack
 from poise.locomotion._walking._settings import WalkStatus
 
-DT = 0.01
-GAIT = Gait(step_time=0.8, double_support=0.2, crouch=0.02, shift_time=0.4)
-BLIND = WalkSettings(com_bound=100.0)
-"""A robot that stands still is far from where it should be: that is not what is looked at here."""
-
-AHEAD = (Stride(steps=3, length=0.1),)
+sim = pytest.importorskip("poise.sim")
 
 
-class Frozen:
-    """A robot that stands as at the start whatever it is told, with a clock and felt forces."""
+class Led:
+    """A robot that is led in simulation."""
 
-    def __init__(self, robot, *, strides=AHEAD, settings=BLIND):
-        self.robot, self.stack = robot, walking_stack(robot)
-        self.plan = plan_footsteps(robot, strides, GAIT)
-        self.walker = Walker(robot, self.plan, self.stack, settings)
-        self.time = 0.0
-        self.velocity = np.zeros(robot.nv)
+    def __init__(self, robot):
+        self.robot, stack = robot, walking_stack(robot)
+        self.walker = Walker(robot, stack)
+        self.plant = sim.Plant(robot, sim.PlantConfig(control_dt=0.002))
+        self.ticks = poise.rollout(self.plant, poise.WholeBodyController(robot, stack), self.walker)
 
-    def state(self, **loads):
-        contacts = {name: np.array([0, 0, f, 0, 0, 0], float) for name, f in loads.items()}
-        return poise.RobotState(self.robot.q_home, self.velocity, contacts, self.time)
+    def until(self, time):
+        """Goes on; the largest error of the divergent component on the way."""
+        error = 0.0
+        while self.plant.time < time:
+            tick = next(self.ticks)
+            assert tick.command.status.ok
+            assert not self.plant.fallen
+            error = max(error, math.hypot(*self.walker.dcm_error))
+            self.look()
+        return error
 
-    def tick(self, **loads):
-        self.walker.lead(self.state(**loads))
-        for contact in self.stack.contacts:
-            contact.advance(self.time)
-        self.time = round(self.time + DT, 9)
-        return self.walker.status
-
-    def until(self, time, **loads):
-        while self.time < time - 0.5 * DT:
-            self.tick(**loads)
-        return self.walker.status
-
-    def active(self):
-        return tuple(contact.active for contact in self.stack.contacts)
+    def look(self):
+        """Feet never cross, and no swing is shorter or longer than it may be."""
+        left, right = self.walker._stance.feet
+        yaw = 0.5 * (left.yaw + right.yaw)
+        dx, dy = (left.position[k] - right.position[k] for k in (0, 1))
+        assert -math.sin(yaw) * dx + math.cos(yaw) * dy > 0.06
+        if self.walker._flight is not None:
+            assert self.walker._flight.elapsed < 2.0 * self.walker.gait.swing_time
 
 
 @pytest.fixture
-def frozen(get_robot):
-    return lambda **options: Frozen(get_robot("humanoid33"), **options)
+def led(get_robot):
+    made = []
+
+    def lead(name):
+        made.append(Led(get_robot(name)))
+        return made[-1]
+
+    yield lead
+    for one in made:
+        one.ticks.close()
 
 
-def test_the_first_foot_is_unloaded_before_it_is_lifted(frozen):
-    robot = frozen()
-    lift = robot.plan.lift_off(0)
-    robot.until(lift - 0.02)
-    assert robot.active() == (True, True)
-    assert robot.stack.contacts[0].wrench_upper[2] < 0.5 * 9.81 * robot.robot.mass
-    robot.until(lift + 0.05, left_sole=0.0)
-    assert robot.active() == (False, True)
-    foot = robot.stack.task("left_foot")
-    assert foot.target_position[2] > 0.0
+def test_it_walks_as_fast_as_it_is_told_and_stops_side_by_side(led):
+    run = led("humanoid33")
+    run.walker.set_velocity(0.4)
+    run.until(1.5)
+    start = run.plant.com[0]
+    error = run.until(3.5)
+    assert (run.plant.com[0] - start) / 2.0 == pytest.approx(0.4, rel=0.1)
+    assert error < 0.02
+    run.walker.set_velocity(0.0)
+    run.until(6.0)
+    assert run.walker.status is WalkStatus.STANDING
+    assert run.walker._is_closed()
 
 
-def test_a_foot_is_loaded_when_it_feels_the_ground_late_in_its_swing(frozen):
-    robot = frozen()
-    begin, end = robot.plan.lift_off(0), robot.plan.touchdown(0)
-    robot.until(begin + 0.4 * (end - begin), left_sole=200.0)
-    assert robot.walker.steps_made == 0  # it scraped, which is no touchdown
-    robot.until(end - 0.1, left_sole=0.0)
-    assert robot.walker.steps_made == 0
-    robot.tick(left_sole=200.0)
-    assert robot.walker.steps_made == 1
-    assert robot.active() == (True, True)
+def test_standing_it_steps_when_it_is_pushed_and_comes_back_to_rest(led):
+    run = led("g1")
+    run.until(0.8)
+    force = run.robot.mass * 0.4 / 0.08
+    run.plant.push(run.robot.torso, (-force, 0.0, 0.0), 0.08)
+    run.until(4.2)
+    assert run.walker.steps_made >= 1
+    assert run.walker.status is WalkStatus.STANDING
+    assert np.linalg.norm(run.plant.true_state().v[:3]) < 0.05
 
 
-def test_without_force_sensors_a_foot_is_down_when_it_should_be(frozen):
-    robot = frozen()
-    robot.until(robot.plan.touchdown(0) - 0.03)
-    assert robot.walker.steps_made == 0
-    robot.until(robot.plan.touchdown(0) + 0.05)
-    assert robot.walker.steps_made == 1
-
-
-def test_the_clock_waits_for_a_foot_that_is_late(frozen):
-    robot = frozen()
-    end = robot.plan.touchdown(0)
-    robot.until(end + 0.3, left_sole=0.0)
-    assert robot.walker.clock < end + 0.1
-    robot.tick(left_sole=200.0)
-    assert robot.walker.steps_made == 1
-    robot.until(end + 0.4, left_sole=200.0)
-    assert robot.walker.clock > end + 0.1
-
-
-def test_a_foot_that_never_lands_ends_the_walk_with_all_targets_at_rest(frozen):
-    robot = frozen()
-    status = robot.until(robot.plan.touchdown(0) + 0.7, left_sole=0.0)
-    assert status is WalkStatus.FOOT_LOST
-    assert not status.ok
-    robot.until(robot.time + 1.0, left_sole=0.0)
-    foot, com = robot.stack.task("left_foot"), robot.stack.task("com")
-    before = foot.target_position.copy(), com.target_position.copy()
-    robot.until(robot.time + 3.0, left_sole=0.0)
-    np.testing.assert_array_equal(before[0], foot.target_position)
-    np.testing.assert_array_equal(before[1], com.target_position)
-    # Not deeper than it may look, and the COM over the foot that stands.
-    settings = robot.walker.settings
-    lowest = robot.plan.start[0].position[2] - settings.touchdown_depth - settings.search_depth
-    assert foot.target_position[2] >= lowest - 1e-9
-    np.testing.assert_allclose(com.target_position[1], robot.plan.start[1].position[1], atol=1e-6)
-    # If the ground comes after all, it is stood on, and no foot is lifted any more.
-    robot.until(robot.time + 2.0, left_sole=200.0)
-    assert robot.active() == (True, True)
-    assert robot.walker.status is WalkStatus.FOOT_LOST
-
-
-@pytest.mark.parametrize("phase", [-0.1, 0.5], ids=["both feet down", "one in the air"])
-def test_a_com_that_runs_away_ends_the_walk(frozen, phase):
-    robot = frozen(settings=WalkSettings())
-    robot.until(robot.plan.lift_off(0) + phase * GAIT.swing_time, left_sole=0.0)
-    assert robot.walker.status is WalkStatus.WALKING
-    robot.velocity[0] = 2.0
-    robot.tick(left_sole=0.0)
-    assert robot.walker.status is WalkStatus.COM_LOST
-    robot.velocity[0] = 0.0
-    robot.until(8.0, left_sole=200.0, right_sole=200.0)
-    assert robot.walker.status is WalkStatus.COM_LOST
-    assert robot.walker.steps_made == (1 if phase > 0.0 else 0)
-    assert robot.active() == (True, True)
-
-
-def test_a_walk_goes_through_to_its_end(frozen):
-    robot = frozen()
-    while robot.time < robot.plan.duration + 1.0:
-        robot.tick()
-    assert robot.walker.status is WalkStatus.FINISHED
-    assert robot.walker.steps_made == robot.plan.count == 4
-    assert robot.active() == (True, True)
-
-
-def test_a_robot_that_does_not_stand_where_the_plan_begins_is_not_moved(frozen):
-    robot = frozen()
-    q = robot.robot.q_home.copy()
-    q[0] += 0.2
-    robot.walker.lead(replace(robot.state(), q=q))
-    assert robot.walker.status is WalkStatus.MISPLACED
-    assert robot.stack.task("com").target_position is None
-    assert robot.until(3.0) is WalkStatus.MISPLACED
-    assert robot.active() == (True, True)
-
-
-@pytest.mark.parametrize("time", [0.0, 0.9])
-def test_a_state_that_is_not_finite_is_passed_over(frozen, time):
-    robot = frozen()
-    robot.until(time)
-    before = robot.walker.status
-    v = np.zeros(robot.robot.nv)
-    v[3] = np.nan
-    robot.walker.lead(replace(robot.state(), v=v))
-    assert robot.walker.status is before
-    assert robot.tick().ok
-
-
-def test_clocks_that_jump_end_in_a_status_and_not_in_an_error(frozen):
-    robot = frozen()
-    for time in itertools.chain([0.0, 3.0, 1.0, 1.0, 50.0, 0.2], np.linspace(0.0, 9.0, 60)):
-        robot.time = float(time)
-        robot.tick(left_sole=0.0)
-    assert robot.walker.status in WalkStatus
-
-
-def test_a_clock_that_jumps_moves_the_walk_on_by_a_twentieth_of_a_second(frozen):
-    robot = frozen()
-    robot.until(0.1)
-    before = robot.walker.clock
-    for jump, moved in ((0.03, 0.03), (2.0, 0.05), (-1.0, 0.0)):
-        robot.time += jump - DT
-        robot.tick()
-        assert robot.walker.clock - before == pytest.approx(moved)
-        before = robot.walker.clock
-
-
-def test_what_goes_along_turns_with_the_body(frozen):
-    robot = frozen(strides=(Stride(steps=4, turn=0.1),))
-    hand = robot.walker.carried["left_hand"]
-    begin = hand.target_position.copy()
-    hand.set_target(begin + np.array([0.1, 0.0, 0.05]), np.zeros(3), np.zeros(3))
-    while robot.time < robot.plan.duration + 0.5:
-        robot.tick()
-    turn = 4 * 0.1
-    center = np.array(robot.plan.com)
-    arm = begin + np.array([0.1, 0.0, 0.05]) - center
-    c, s = np.cos(turn), np.sin(turn)
-    went = robot.stack.task("com").target_position - center
-    wanted = center[:2] + went[:2] + np.array([[c, -s], [s, c]]) @ arm[:2]
-    np.testing.assert_allclose(robot.stack.task("left_hand").target_position[:2], wanted, atol=1e-6)
-    np.testing.assert_allclose(robot.stack.task("pelvis").target_rotation[:2, 0], [c, s], atol=1e-6)
-
-
-def without(stack, name):
-    levels = [[t for t in level if t.name != name] for level in stack.levels]
-    contacts = [c for c in stack.contacts if c.name != name]
-    return poise.Stack(contacts, [level for level in levels if level])
-
-
-@pytest.mark.parametrize(
-    ("name", "message"),
-    [
-        ("com", "a ComTask of all three axes"),
-        ("left_foot", "a FrameTask of the pose of 'left_sole'"),
-        ("right_sole", "a contact on 'right_sole'"),
-    ],
-)
-def test_a_stack_that_cannot_walk_is_refused(get_robot, name, message):
+@pytest.mark.parametrize(("side", "foot"), [(1.0, 1), (-1.0, 0)])
+def test_where_no_step_catches_it_at_once_the_one_that_makes_room_goes_first(get_robot, side, foot):
+    """Falling over one foot the other comes beside it: lifting the one that carries costs more."""
     robot = get_robot("humanoid33")
-    plan = plan_footsteps(robot, [Stride(steps=2, length=0.1)], GAIT)
-    with pytest.raises(ConfigurationError, match=message):
-        Walker(robot, plan, without(walking_stack(robot), name))
+    walker = Walker(robot, walking_stack(robot))
+    feet = tuple(walker._standing.start)
+    assert walker._planner.better_foot(feet, (-0.02, 0.15 * side)) == foot
 
 
-def test_a_task_to_carry_that_does_not_exist_is_refused(get_robot):
-    robot = get_robot("humanoid33")
-    plan = plan_footsteps(robot, [Stride(steps=2, length=0.1)], GAIT)
-    with pytest.raises(UnknownNameError, match=r"third_hand.*left_hand"):
-        Walker(robot, plan, walking_stack(robot), carry=["third_hand"])
+def test_who_has_caught_itself_stands_still(led):
+    """Arms that were thrown about come to rest; at their limits their torques would chatter."""
+    run = led("g1")
+    run.until(0.8)
+    force = run.robot.mass * 0.35 / 0.08
+    run.plant.push(run.robot.torso, (force, 0.0, 0.0), 0.08)
+    run.until(6.5)
+    assert run.walker.steps_made >= 1
+    assert np.abs(run.plant.true_state().v).max() < 0.05
 
 
-@pytest.mark.parametrize("robot", ["humanoid33", "g1"])
-@pytest.mark.parametrize(
-    "stride",
-    [Stride(steps=4, length=0.6), Stride(steps=4, sideways=0.35)],
-    ids=["too long", "too wide"],
-)
-def test_steps_beyond_the_legs_are_refused_before_anything_moves(get_robot, robot, stride):
-    robot = get_robot(robot)
-    plan = plan_footsteps(robot, [stride], GAIT)
-    with pytest.raises(ConfigurationError, match="is out of reach.*wanted shorter steps"):
-        Walker(robot, plan, walking_stack(robot))
+def test_who_takes_over_makes_no_step_that_nobody_needs(led):
+    run = led("humanoid33")
+    run.until(0.5)
+    run.walker.set_velocity(0.4)
+    run.walker.take_over(run.plant.true_state())
+    run.until(1.5)
+    assert run.walker.steps_made == 0
+    assert run.walker.status is WalkStatus.STANDING
 
 
-@pytest.mark.parametrize(
-    "values", [{"dcm_gain": 0.0}, {"early": 1.5}, {"patience": -1.0}, {"adjust": float("nan")}]
-)
-def test_settings_that_cannot_be_right_are_refused(values):
-    with pytest.raises(ConfigurationError):
-        WalkSettings(**values)
+def test_footholds_one_by_one_are_met_and_kept(led):
+    run = led("humanoid33")
+    y = run.walker._stance.feet[0].position[1]
+    run.walker.step_to("left_sole", 0.15, y, 0.0)
+    run.walker.step_to("right_sole", 0.3, -y, 0.1)
+    run.until(4.0)
+    (left, right) = run.walker._stance.feet
+    assert run.walker.steps_made == 2
+    assert left.position[:2] == pytest.approx((0.15, y), abs=0.01)
+    assert right.position[:2] == pytest.approx((0.3, -y), abs=0.01)
+    assert right.yaw == pytest.approx(0.1, abs=0.02)
+    assert run.walker.status is WalkStatus.STANDING
+
+
+def test_nonsense_moves_nothing_and_is_said(led):
+    run = led("humanoid33")
+    run.walker.set_velocity(math.nan, 0.0, 0.0)
+    assert "not finite" in run.walker.notice
+    run.walker.step_to("nose", 0.1, 0.1, 0.0)
+    assert "nose" in run.walker.notice
+    run.walker.step_to("left_sole", math.inf, 0.1, 0.0)
+    assert "not finite" in run.walker.notice
+    state = run.plant.state()
+    broken = poise.RobotState(np.full_like(state.q, math.nan), state.v, {}, state.time)
+    run.walker.lead(broken)
+    run.until(0.3)
+    assert run.walker.steps_made == 0
+    assert run.walker.status is WalkStatus.STANDING
+    signals = run.walker.signals()
+    assert signals["mode"] == "walk standing"

@@ -2,7 +2,10 @@
 
 import numpy as np
 import pytest
+from scipy.optimize import linprog
 
+import poise
+from poise.errors import ConfigurationError
 from poise.stack import PointContact, SurfaceContact
 
 MU, LENGTH, WIDTH, MARGIN, TORSION = 0.6, 0.24, 0.14, 0.01, 0.05
@@ -32,7 +35,7 @@ def random_push(rng, half_length, half_width, count=5):
     return wrench_of(points, forces)
 
 
-def test_there_are_ten_rows(sole):
+def test_with_a_torsion_there_are_ten_rows(sole):
     assert sole.cone.shape == (10, 6)
 
 
@@ -94,14 +97,86 @@ def test_pulling_breaks_rows(sole):
     assert sole.wrench_lower[2] == 0.0
 
 
-def test_the_default_torsion_is_half_of_what_four_corners_hold(get_robot):
-    contact = SurfaceContact("left_sole", friction=MU)
+@pytest.mark.parametrize("width", [WIDTH, 0.05])
+def test_without_torsion_the_cone_is_what_forces_at_the_corners_make(get_robot, width):
+    contact = SurfaceContact("left_sole", friction=MU, length=LENGTH, width=width, margin=MARGIN)
+    contact.bind(get_robot("humanoid33"))
+    assert contact.cone.shape == (16, 6)
+    x, y = LENGTH / 2 - MARGIN, width / 2 - MARGIN
+    corners = np.array([[sx * x, sy * y, 0.0] for sx in (1, -1) for sy in (1, -1)])
+    faces = [np.array([a * MU, b * MU, 1.0]) for a in (1, -1) for b in (1, -1)]
+    rays = np.array([[*f, *np.cross(p, f)] for p in corners for f in faces]).T
+    rng = np.random.default_rng(3)
+    counts = [0, 0]
+    for _ in range(400):
+        F = np.append(rng.uniform(-MU, MU, 2), [1.0, *rng.uniform(-1, 1, 3) * [y, x, MU * x]])
+        worst = (contact.cone @ F).max()
+        if abs(worst) < 1e-9:
+            continue
+        made = linprog(np.zeros(rays.shape[1]), A_eq=rays, b_eq=F).status == 0
+        assert made == (worst < 0.0)
+        counts[made] += 1
+    assert min(counts) > 20
+
+
+def test_no_yaw_moment_is_left_in_a_corner(get_robot):
+    contact = SurfaceContact("left_sole", friction=MU, length=LENGTH, width=WIDTH, margin=MARGIN)
+    contact.bind(get_robot("humanoid33"))
+    F = np.array([0.0, 0.0, 1.0, WIDTH / 2 - MARGIN, -(LENGTH / 2 - MARGIN), 0.0])
+    assert (contact.cone @ F).max() == pytest.approx(0.0, abs=1e-12)
+    for yaw in (1e-3, -1e-3):
+        F[5] = yaw
+        assert (contact.cone @ F).max() > 9e-4
+
+
+LOWER, UPPER = (0.02, -0.05), (0.09, -0.01)
+
+
+def test_a_part_of_a_surface_carries_what_a_smaller_one_there_would(get_robot):
+    contact = SurfaceContact("left_sole", friction=MU, length=LENGTH, width=WIDTH, margin=MARGIN)
+    contact.bind(get_robot("humanoid33"))
+    contact.carry_on(LOWER, UPPER)
+    size = np.subtract(UPPER, LOWER)
+    small = SurfaceContact("left_sole", friction=MU, length=size[0], width=size[1], margin=0.0)
+    small.bind(get_robot("humanoid33"))
+    middle = np.array([*np.mean((LOWER, UPPER), axis=0), 0.0])
+    rng = np.random.default_rng(4)
+    for _ in range(200):
+        F = rng.normal(size=6)
+        about = np.concatenate((F[:3], F[3:] - np.cross(middle, F[:3])))
+        np.testing.assert_allclose(contact.cone @ F, small.cone @ about, atol=1e-12)
+
+
+def test_a_part_that_is_larger_than_the_surface_is_the_surface(get_robot):
+    contact = SurfaceContact("left_sole", friction=MU, length=LENGTH, width=WIDTH, margin=MARGIN)
+    contact.bind(get_robot("humanoid33"))
+    whole = contact.cone.copy()
+    contact.carry_on(LOWER, UPPER)
+    assert np.abs(contact.cone - whole).max() > 0.01
+    contact.carry_on((-1.0, -1.0), (1.0, 1.0))
+    np.testing.assert_allclose(contact.cone, whole, atol=1e-12)
+
+
+def test_an_edge_and_what_is_bound_to_no_robot_have_no_part(get_robot_without):
+    contact = SurfaceContact("left_sole")
+    with pytest.raises(ConfigurationError, match="no surface that could shrink"):
+        contact.carry_on(LOWER, UPPER)
+    contact.bind(get_robot_without(".*_ankle_roll"))
+    with pytest.raises(ConfigurationError, match="no surface that could shrink"):
+        contact.carry_on(LOWER, UPPER)
+
+
+@pytest.mark.parametrize("kind", [poise.WholeBodyController, poise.ReducedController])
+def test_the_pressure_stays_where_the_surface_carries(get_robot, kind):
     robot = get_robot("humanoid33")
-    contact.bind(robot)
-    sole = robot.soles["left_sole"]
-    assert sole.length == pytest.approx(0.28)
-    corners = 0.5 * np.hypot(sole.length, sole.width)
-    assert contact.cone[8, 2] == pytest.approx(-0.5 * MU * corners)
+    stack = poise.default_stack(robot)
+    controller = kind(robot, stack)
+    state = poise.RobotState(robot.q_home.copy(), np.zeros(robot.nv))
+    left, _ = stack.contacts
+    for lower, upper in (((0.05, -1.0), (0.06, 1.0)), ((-0.06, -1.0), (-0.05, 1.0))):
+        left.carry_on(lower, upper)
+        force = controller.step(state).wrenches[left.name]
+        assert lower[0] - 1e-6 <= -force[4] / force[2] <= upper[0] + 1e-6
 
 
 def test_a_sole_brings_its_own_size(get_robot):

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from poise.apps.live._feet import hands_of
+from poise.apps.live._feet import hands_of, velocity_of
 from poise.apps.live._inputs import OperatorInputs, Pad
 from poise.apps.live._log import LOG_SUFFIX, LiveLog, Room
 from poise.apps.live._real_time import RealTimeLoop, command_time
@@ -20,8 +20,7 @@ from poise.locomotion import (
     DeviceStatus,
     HandLeader,
     Mode,
-    ReactiveWalker,
-    VelocityLimits,
+    Walker,
     convex_hull,
     signed_margin,
     sole_rectangle,
@@ -37,29 +36,6 @@ DRIVE_PLANT = PlantConfig(control_dt=0.002)
 _STEP_MODES = ((Mode.TR, Mode.SR), (Mode.TL, Mode.SL))
 """What a robot does that is about to lift a foot, and that has lifted it, by the foot."""
 
-_SHARE = 0.85
-"""Of the limits that a stick asks for when it is all the way over."""
-
-
-def velocity_of(pad: Pad | None, limits: VelocityLimits) -> tuple[float, float, float]:
-    """The velocity that keys and sticks ask for.
-
-    Args:
-        pad: what the operator does; None for nobody, who asks for rest.
-        limits: of velocities; a stick all the way over asks for most of them.
-
-    Returns:
-        Ahead [m/s], to the left [m/s], turning to the left [rad/s].
-    """
-    if pad is None:
-        return 0.0, 0.0, 0.0
-    ahead, left = pad.move
-    return (
-        _SHARE * ahead * (limits.ahead if ahead > 0.0 else limits.back),
-        _SHARE * left * limits.sideways,
-        _SHARE * pad.turn * limits.turn,
-    )
-
 
 class _Driver:
     """The leader: asks walker and arms for what the operator asks for."""
@@ -67,7 +43,7 @@ class _Driver:
     def __init__(self, robot: Robot, inputs: OperatorInputs, dt: float) -> None:
         self.hands = HandLeader(robot, dt=dt)
         self.stack: Stack = walking_stack(robot, self.hands.task)
-        self.walker = ReactiveWalker(robot, self.stack)
+        self.walker = Walker(robot, self.stack)
         self._inputs = inputs
 
     def lead(self, state: RobotState) -> None:
@@ -124,7 +100,7 @@ class DriveLoop(RealTimeLoop):
         self._path = folder
 
     @property
-    def walker(self) -> ReactiveWalker:
+    def walker(self) -> Walker:
         """What leads the feet in the present run."""
         return self._driver.walker
 

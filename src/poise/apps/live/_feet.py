@@ -9,7 +9,13 @@ import numpy as np
 from jaxtyping import Float64
 
 from poise.apps.live._inputs import OperatorInputs, Pad, Place, Tracked
-from poise.locomotion import BodySample, DeviceSample, HandSample, StepTeleoperator
+from poise.locomotion import (
+    BodySample,
+    DeviceSample,
+    HandSample,
+    StepTeleoperator,
+    VelocityLimits,
+)
 
 HOLD_HEIGHT = 0.10
 """A foot that is lifted by a button is held this far above its place on the ground [m]."""
@@ -68,12 +74,17 @@ class _Clutch:
         return None if self._offset is None else np.array(tracked.position) + self._offset
 
 
+_LIMITS = VelocityLimits()
+"""Of a robot that sticks walk."""
+
+
 class LiveFeet:
     """Two devices for the feet of a robot, left and right.
 
     A foot is held by a tracked hand or foot whose clutch is closed, by dragging its handle, or by a
     button, and then moved by the stick. A foot that
-    is let go comes down where it is. With both feet on the ground a device that holds nothing is on
+    is let go comes down where it is. Sticks walk the robot while no foot is held, where it takes
+    torques. With both feet on the ground a device that holds nothing is on
     its foot: the handle snaps back after landing.
 
     Args:
@@ -91,6 +102,7 @@ class LiveFeet:
         self.offset: Float64[np.ndarray, "3"] = np.zeros(3)
         self.places = [anchor.copy() for anchor in teleoperator.estimator.anchors]
         self._clutches = (_Clutch(), _Clutch())
+        self._walks = False
 
     def sample(self, time: float) -> DeviceSample | None:
         """Where the devices are.
@@ -106,6 +118,7 @@ class LiveFeet:
             # Whoever comes next finds the devices on the feet.
             self.places = [anchor.copy() for anchor in self._teleoperator.estimator.anchors]
             self._clutches = (_Clutch(), _Clutch())
+            self._walks = False
             return None
         for foot in (0, 1):
             goal, speed, down = self._goal(foot, pad)
@@ -116,7 +129,17 @@ class LiveFeet:
             self.places[foot] = self.places[foot] + step
         left, right = (place.copy() for place in self.places)
         hands, body = hands_of(pad), BodySample(pad.body.height, pad.body.torso, pad.body.turns)
-        return DeviceSample(time, left, right, pad.upright, hands, pad.rest, body)
+        velocity = self._velocity(pad)
+        return DeviceSample(time, left, right, pad.upright, hands, pad.rest, body, velocity)
+
+    def _velocity(self, pad: Pad) -> tuple[float, float, float]:
+        """With which the robot walks: sticks that move no foot, and were let go since they did."""
+        velocity = velocity_of(pad, _LIMITS)
+        if any(pad.lift) or pad.drag != (None, None) or pad.tracked != (None, None):
+            self._walks = False
+        elif not any(velocity):
+            self._walks = True
+        return velocity if self._walks else (0.0, 0.0, 0.0)
 
     def _goal(self, foot: int, pad: Pad) -> tuple[Float64[np.ndarray, "3"], float, bool]:
         """Where a device goes [m], how fast [m/s], and whether because it was let go."""
@@ -140,6 +163,30 @@ class LiveFeet:
             lowest = anchor[2] - self._teleoperator.parameters.press_depth
             return np.array([*sole[:2], lowest]), _SPEED, True
         return anchor, _SPEED, False
+
+
+_SHARE = 0.85
+"""Of the limits that a stick asks for when it is all the way over."""
+
+
+def velocity_of(pad: Pad | None, limits: VelocityLimits) -> tuple[float, float, float]:
+    """The velocity that keys and sticks ask for.
+
+    Args:
+        pad: what the operator does; None for nobody, who asks for rest.
+        limits: of velocities; a stick all the way over asks for most of them.
+
+    Returns:
+        Ahead [m/s], to the left [m/s], turning to the left [rad/s].
+    """
+    if pad is None:
+        return 0.0, 0.0, 0.0
+    ahead, left = pad.move
+    return (
+        _SHARE * ahead * (limits.ahead if ahead > 0.0 else limits.back),
+        _SHARE * left * limits.sideways,
+        _SHARE * pad.turn * limits.turn,
+    )
 
 
 def hands_of(pad: Pad) -> tuple[HandSample | None, HandSample | None]:

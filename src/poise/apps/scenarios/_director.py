@@ -13,7 +13,7 @@ from jaxtyping import Float64
 from poise.apps.scenarios._scenario import ContactChange, Motion, Scenario
 from poise.dynamics import Dynamics, Quintic, RobotState
 from poise.errors import ConfigurationError, UnknownNameError
-from poise.locomotion import CarriedTarget, ReactiveWalker, Walker
+from poise.locomotion import CarriedTarget, Walker
 from poise.robots import Robot
 from poise.sim import Value
 from poise.stack import ComTask, FrameTask, JointTask, Stack, Task
@@ -144,19 +144,15 @@ class Director:
             _follow(running, time)
         self._running = [r for r in self._running if not r.trajectory.is_over(time)]
         if self.walker is not None:
-            if isinstance(self.walker, ReactiveWalker):
-                while self._velocities and self._velocities[0].at <= time:
-                    self.walker.set_velocity(*self._velocities.pop(0).velocity)
+            while self._velocities and self._velocities[0].at <= time:
+                self.walker.set_velocity(*self._velocities.pop(0).velocity)
             self.walker.lead(state)
 
     def signals(self) -> dict[str, Value | str]:
         """What a recorder should know of the last tick: how the walk stands, if there is one."""
         if self.walker is None:
             return {}
-        if isinstance(self.walker, ReactiveWalker):
-            return dict(self.walker.signals())
-        zmp = np.array(self.walker.zmp)
-        return {"zmp_reference": zmp, "mode": f"walk {self.walker.status.value}"}
+        return dict(self.walker.signals())
 
     def _apply(self, change: ContactChange, state: RobotState) -> bool:
         if state.time < change.at:
@@ -318,9 +314,7 @@ def _check_goal(motion: Motion, task: Task, robot: Robot) -> None:
             _check_angle(joint, angle, robot)
 
 
-def _check_beside_walk(
-    scenario: Scenario, walker: Walker | ReactiveWalker, tasks: Mapping[str, Task]
-) -> None:
+def _check_beside_walk(scenario: Scenario, walker: Walker, tasks: Mapping[str, Task]) -> None:
     """Refuses motions and contact changes that the walk leads itself."""
     for motion in scenario.motions:
         task = tasks[motion.task]

@@ -9,7 +9,7 @@ from typing import Annotated
 
 from poise._schema import Bounds, Seconds, Text, Vector, checked
 from poise.errors import ConfigurationError
-from poise.locomotion import Gait, Ground, ReactiveWalker, VelocityLimits, WalkSettings
+from poise.locomotion import Gait, Ground, VelocityLimits, Walker, WalkSettings
 from poise.robots import Robot
 from poise.stack import Stack
 
@@ -56,7 +56,7 @@ class DrivePlan:
                 wanted="one or more, at times that grow",
             )
 
-    def walker(self, robot: Robot, stack: Stack, ground: Ground) -> ReactiveWalker:
+    def walker(self, robot: Robot, stack: Stack, ground: Ground) -> Walker:
         """The walker of a robot from its home posture.
 
         Args:
@@ -67,6 +67,6 @@ class DrivePlan:
         Raises:
             PoiseError: the robot cannot walk, or its stack cannot be led.
         """
-        return ReactiveWalker(
+        return Walker(
             robot, stack, self.gait, self.feedback, self.limits, ground=ground, carry=self.carry
         )

@@ -170,6 +170,10 @@ def _clearance(run: RunSignals, _: str, __: int | None) -> Float64[np.ndarray, "
     return run.clearance
 
 
+def _self_contact(run: RunSignals, _: str, __: int | None) -> Float64[np.ndarray, " T"]:
+    return run.self_contact
+
+
 def _beyond_blocks(run: RunSignals, _: str, __: int | None) -> Float64[np.ndarray, " T"]:
     return run.beyond
 
@@ -335,6 +339,14 @@ METRICS = {
             takes_axis=False,
             describe="least distance of the robot from a block, 0.2 m at most",
             measure=_least(_clearance),
+        ),
+        Metric(
+            name="self_contact_max",
+            unit="N",
+            subject="",
+            takes_axis=False,
+            describe="largest force of one link of the robot on another; needs plant.self_contact",
+            measure=_largest(_self_contact),
         ),
         Metric(
             name="beyond_blocks_end",

@@ -33,7 +33,6 @@ from poise.errors import ConfigurationError, UnknownNameError
 from poise.locomotion import (
     Gait,
     Ground,
-    ReactiveWalker,
     Stride,
     Walker,
     WalkSettings,
@@ -317,7 +316,7 @@ class WalkPlan:
             PoiseError: the robot cannot walk like this, or its stack cannot be led.
         """
         plan = plan_footsteps(robot, self.strides, self.gait, ground=ground)
-        return Walker(robot, plan, stack, self.feedback, carry=self.carry)
+        return Walker(robot, stack, settings=self.feedback, plan=plan, carry=self.carry)
 
 
 def _named(value: Any) -> Any:
@@ -418,7 +417,7 @@ class Scenario:
         """Whether the robot walks by itself."""
         return self.walk is not None or self.drive is not None
 
-    def walker(self, robot: Robot, stack: Stack) -> Walker | ReactiveWalker | None:
+    def walker(self, robot: Robot, stack: Stack) -> Walker | None:
         """Who leads the feet of a robot that walks; None for one that stays.
 
         Args:

@@ -64,6 +64,7 @@ class RunSignals:
         tick_us: time of each tick by phase [us].
         base_errors: how far off what the robot knows of its base is; None where it is told.
         clearance: distance of the robot from the nearest block, NaN without blocks [m].
+        self_contact: how hard links of the robot press on each other, NaN where they cannot [N].
         beyond: how far the hindmost heel is ahead of the last block, NaN without blocks [m].
         modes: when a robot that is walked by hand changed its mode [s], or a walk its status, and
             to which.
@@ -92,6 +93,7 @@ class RunSignals:
     tick_us: dict[str, Float64[np.ndarray, " T"]] = field(repr=False)
     base_errors: BaseErrors | None = field(repr=False)
     clearance: Float64[np.ndarray, " T"] = field(repr=False)
+    self_contact: Float64[np.ndarray, " T"] = field(repr=False)
     beyond: Float64[np.ndarray, " T"] = field(repr=False)
     modes: tuple[tuple[float, str], ...] = field(repr=False)
 
@@ -218,6 +220,7 @@ def collect_signals(record: RunRecord, robot: Robot) -> RunSignals:
         tick_us={n.removeprefix(_TICK): _aligned(record, n, time, ()) for n in timed},
         base_errors=base.errors,
         clearance=_aligned(record, "clearance", time, ()),
+        self_contact=_aligned(record, "self_contact", time, ()),
         beyond=_beyond(robot, soles, blocks, len(time)),
         modes=record.notes("mode"),
     )

@@ -31,6 +31,7 @@ from poise.stack import (
     PointContact,
     PostureTask,
     RelativeFrameTask,
+    SelfCollisionLimit,
     Stack,
     SurfaceContact,
     TorqueLimit,
@@ -145,6 +146,7 @@ class StackPlan:
         torque_limit: bounds of the torques.
         joint_limit: limits of the joints' positions, velocities and accelerations.
         balance_limit: what keeps tasks from toppling the robot.
+        self_collision_limit: what keeps the robot's links off each other.
     """
 
     contacts: tuple[Annotated[Recipe, _OneOf(_CONTACTS)], ...] = ()
@@ -154,6 +156,9 @@ class StackPlan:
     )
     joint_limit: Annotated[Recipe, _ArgumentsOf(JointLimit)] = Recipe(JointLimit)
     balance_limit: Annotated[Recipe, _ArgumentsOf(BalanceLimit)] = Recipe(BalanceLimit)
+    self_collision_limit: Annotated[Recipe, _ArgumentsOf(SelfCollisionLimit)] = Recipe(
+        SelfCollisionLimit, {"enabled": False}
+    )
 
     def __post_init__(self) -> None:
         self.build()
@@ -166,4 +171,5 @@ class StackPlan:
             torque_limit=self.torque_limit.make(),
             joint_limit=self.joint_limit.make(),
             balance_limit=self.balance_limit.make(),
+            self_collision_limit=self.self_collision_limit.make(),
         )

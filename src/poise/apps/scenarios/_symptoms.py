@@ -16,8 +16,8 @@ _SETTLED = 0.05
 _LASTING = 0.01
 """What lasts shorter than this did not bring anybody down [s]."""
 
-_EDGE = 2e-3
-"""A ZMP nearer to the edge of the feet than this is at it [m]."""
+_EDGE = 7e-3
+"""A ZMP nearer to the edge of the feet than this is at it: contacts leave 5 mm [m]."""
 
 _STOP = 5e-3
 """A joint nearer to its limit than this is at it [rad]."""
@@ -121,7 +121,8 @@ def tell(symptoms: list[Symptom], time: Float64[np.ndarray, " T"], begin: float,
 
 def tell_before(symptoms: list[Symptom], time: Float64[np.ndarray, " T"], worst: float) -> str:
     """What went wrong shortly before a moment [s], in words; "" where nothing is known."""
-    return tell(symptoms, time, worst - _BEFORE, worst)
+    # What begins at that very moment lasts beyond it.
+    return tell(symptoms, time, worst - _BEFORE, worst + _LASTING)
 
 
 def _each(

@@ -9,13 +9,13 @@ from poise.control import CommandStatus
 def survived(run: Run) -> bool:
     """Whether a robot came through.
 
-    No fall, no divergence, no tick without an answer; it stands upright at the end, its walk is
-    finished, and what its scene checks holds, which for standing is being at rest.
+    No fall, no divergence, no tick without an answer; it stands upright at the end, its walk has
+    ended, and what its scene checks holds, which for standing is being at rest.
     """
     answered = all(status == CommandStatus.OK.value for status in run.signals.status)
     if run.fell or run.ended_early or not answered or lean(run) > LEAN_MAX:
         return False
-    if run.scenario.walk is not None and run.signals.modes[-1][1] != "walk finished":
+    if run.scenario.walk is not None and run.signals.modes[-1][1] != "walk standing":
         return False
     own = run.checks[len(run.checks) - len(run.scenario.checks) :]
     return all(check.ok for check in own)

@@ -31,7 +31,7 @@ _HOW = (
     "Each trial makes one thing harder, from an easy end that anybody should survive to a hard end "
     "that hardly anybody does; by bisection, seed by seed, the hardest amount that the robot "
     "survived was looked for. Survived means: no fall, no divergence, no tick without an answer, "
-    "upright at the end, a walk finished, an obstacle crossed, and standing back at rest. "
+    "upright at the end, a walk ended, an obstacle crossed, and standing back at rest. "
     "Figures are medians over the "
     "seeds; in brackets is the interval between two order statistics that holds the median with "
     "the confidence given in the table. Of trials that count seeds the figure is a share, with "

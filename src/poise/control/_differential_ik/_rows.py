@@ -13,7 +13,7 @@ from jaxtyping import Float64, Int64
 
 from poise._checks import Numbers
 from poise.control._differential_ik._base import BASE, constrain, map_base
-from poise.control._differential_ik._kernels import VelocityLevels
+from poise.control._differential_ik._kernels import VelocityLevel, VelocityLevels
 from poise.dynamics import Dynamics, saturate
 from poise.errors import ConfigurationError
 from poise.robots import Robot
@@ -176,8 +176,9 @@ class VelocityRows:
         stack_rows: the rows of the stack, on the whole velocity.
         stacked: the rows of held contacts, then of the user's levels, that `fill` writes.
         levels: the same level by level, in views.
-        jacobian: rows of all levels, on the velocities of the joints that may move.
-        velocity: their velocities.
+        jacobian: all rows, on the velocities of the joints that may move.
+        velocity: their velocities; lower bounds of those of the self-collision limit.
+        limit_rows: where the rows of the self-collision limit stand.
         base_map: base velocity by joint velocities, for the joints that may move; None for a fixed
             base.
     """
@@ -194,7 +195,7 @@ class VelocityRows:
         home: HomeJacobians,
     ) -> None:
         self.stance, self._joints = stance, joints
-        self.stack_rows = rows = StackRows(robot, stack, held, stance=stance)
+        self.stack_rows = rows = StackRows(robot, stack, held, stance=stance, collisions="behind")
         self._blocks = [
             (task, _bounded_blocks(task, place, speeds))
             for task, place in rows.task_rows
@@ -203,6 +204,8 @@ class VelocityRows:
         self._weight = np.ones(len(rows.target))
         self.jacobian: Float64[np.ndarray, "m n"] = np.zeros((len(rows.target), len(joints)))
         self.velocity: Float64[np.ndarray, " m"] = rows.target
+        # The rows of the self-collision limit stand behind all levels.
+        self.limit_rows, last = rows.collision_rows, int(rows.ends[-1])
         # A fixed base has no velocity to be mapped.
         base = 0 if stance is None else BASE
         self._base_map, self._scratch = np.zeros((base, len(joints))), np.zeros((base, base))
@@ -212,7 +215,9 @@ class VelocityRows:
         for owner, place in (*contact_rows, *rows.task_rows):
             scale[place] = home.scale(owner, stance, joints)
         ends = np.append(0, rows.ends)
-        self.stacked = VelocityLevels(self.jacobian, self.velocity, self._weight, scale, ends)
+        self.stacked = VelocityLevels(
+            self.jacobian[:last], self.velocity[:last], self._weight[:last], scale[:last], ends
+        )
         self.levels = [self.stacked.level(i) for i in range(len(ends) - 1)]
         self._compile(robot.nv)
 
@@ -232,6 +237,17 @@ class VelocityRows:
         if self.stance is not None:
             map_base(self.stance.jacobian, self._joints, self._base_map, self._scratch)
         constrain(self.stack_rows.J, self._joints, self._base_map, self.jacobian)
+
+    @property
+    def limits(self) -> VelocityLevel:
+        """The rows of the self-collision limit, whose velocities are the least ones."""
+        rows = self.limit_rows
+        return VelocityLevel(
+            self.jacobian[rows],
+            self.velocity[rows],
+            self._weight[rows],
+            np.ones(rows.stop - rows.start),
+        )
 
     def _compile(self, nv: int) -> None:
         """Eliminates nothing once, so that nothing is compiled in a tick."""

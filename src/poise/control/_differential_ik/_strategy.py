@@ -17,7 +17,7 @@ from poise.control._differential_ik._rows import (
     RowWeights,
     VelocityRows,
 )
-from poise.control._differential_ik._within_bounds import hold_within_bounds
+from poise.control._differential_ik._within_bounds import hold_apart
 from poise.control._excess import excess
 from poise.control._rank import RankTreatment
 from poise.control._strategy import PHYSICS_LEVELS, USABLE, Answer
@@ -42,6 +42,7 @@ class VelocityHierarchy:
 
         level 1   bounds of the joint velocities
         level 2   contacts that are held stay where they are
+        level     J u >= bound, the self-collision limit, where there is one
         level 3.. the user's tasks
         cost      |u|^2
 
@@ -56,12 +57,30 @@ class VelocityHierarchy:
 
     def __init__(self, rows: VelocityRows, joint_names: list[str]) -> None:
         stack_rows = rows.stack_rows
+        limits, (contacts, *sizes) = (
+            stack_rows.limits,
+            [len(level.velocity) for level in rows.levels],
+        )
         self.problem = HierarchicalProblem.allocate(
             len(joint_names),
-            [0, *(len(level.velocity) for level in rows.levels)],
-            names=["joint limits", "contacts", *stack_rows.level_names],
-            labels=[[], stack_rows.motion_labels, *stack_rows.task_labels],
+            [0, contacts, *(limit.dim for limit in limits), *sizes],
+            names=[
+                "joint limits",
+                "contacts",
+                *(limit.name for limit in limits),
+                *stack_rows.level_names,
+            ],
+            labels=[
+                [],
+                stack_rows.motion_labels,
+                *(limit.labels for limit in limits),
+                *stack_rows.task_labels,
+            ],
         )
+        # Where each of the problem's rows comes from: those of limits stand behind the others.
+        behind = np.arange(contacts + sum(sizes), len(rows.velocity))
+        self._order = np.insert(np.arange(contacts + sum(sizes)), contacts, behind)
+        self._first, self._bounded = PHYSICS_LEVELS + len(limits), contacts + np.arange(len(behind))
         self.problem.labels[:1] = [(f"limit of {name}", 1) for name in joint_names]
         self.solution: Solution | None = None
         self._rows = rows
@@ -76,11 +95,11 @@ class VelocityHierarchy:
         """
         problem = self.problem
         problem.x_lower[:], problem.x_upper[:] = lower, upper
-        problem.A[:] = self._rows.jacobian
-        problem.lower[problem.n :] = self._rows.velocity
-        problem.upper[problem.n :] = self._rows.velocity
+        problem.A[:] = self._rows.jacobian[self._order]
+        problem.lower[problem.n :] = problem.upper[problem.n :] = self._rows.velocity[self._order]
+        problem.upper[problem.n + self._bounded] = np.inf
         for i, level in enumerate(self._rows.levels[1:]):
-            weights = problem.level(PHYSICS_LEVELS + i).weights
+            weights = problem.level(self._first + i).weights
             np.sqrt(level.weight / ROW_WEIGHT, out=weights)
         self.solution = self._solver.solve(problem)
         return self.solution
@@ -263,9 +282,8 @@ class VelocityStrategy:
         bounds = self._bounds
         # By the last answer: the sign of a measured velocity is noise where a joint rests.
         self._joint_weight = limit_weights(self._q, self._last, bounds.q_min, bounds.q_max)
-        u, self._held = hold_within_bounds(
-            self._form, self.current.stacked, self._joint_weight, self._lower, self._upper
-        )
+        bounds = self._joint_weight, self._lower, self._upper
+        u, self._held = hold_apart(self._form, self.current.stacked, self.current.limits, *bounds)
         return SolveStatus.OPTIMAL, u
 
     def _by_qp(self, hierarchy: VelocityHierarchy) -> tuple[SolveStatus, Float64[np.ndarray, " n"]]:

@@ -163,9 +163,14 @@ class OperationalRows:
         # A surface carries any wrench; so does a fixed base.
         self._base = 0 if any(c.dim == 6 for c in contacts) else robot.base_dofs
         self.stack_rows = rows = StackRows(
-            robot, stack, contacts, own_rows=self._base, balance="behind"
+            robot,
+            stack,
+            contacts,
+            own_rows=self._base,
+            balance="behind",
+            collisions="behind",
         )
-        # The balance limit's rows stand behind all levels.
+        # The limits' rows stand behind all levels.
         self._count = count = int(rows.ends[-1])
         self._scale = scale = np.ones(count)
         contact_rows = zip(rows.contacts, rows.wrench_slices, strict=True)

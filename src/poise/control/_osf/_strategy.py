@@ -85,6 +85,7 @@ class OperationalStrategy:
             torque_limit=old.torque_limit,
             joint_limit=old.joint_limit,
             balance_limit=old.balance_limit,
+            self_collision_limit=old.self_collision_limit,
         )
         stack.bind(self.robot)
         before = {task for _, task in old.tasks()}
@@ -147,8 +148,13 @@ class OperationalStrategy:
             self._measure(acceleration),
             acceleration,
             rows.stack_rows.wrenches(forces.wrench.copy()),
-            bool(self._held_rows),
+            self._is_held_back(),
         )
+
+    def _is_held_back(self) -> bool:
+        """Whether a row of the balance limit is held."""
+        balance = self._current.stack_rows.balance
+        return balance is not None and any(row < balance.dim for row in self._held_rows)
 
     def task_residuals(self) -> dict[str, float]:
         """Norm of what each task could not meet at the last solve [unit/s^2]."""
@@ -160,9 +166,10 @@ class OperationalStrategy:
         names = [self.robot.joint_names[i] for i in np.flatnonzero(self._held)]
         if names:
             notes.append("held at their limits: " + ", ".join(names))
-        balance = self._current.stack_rows.balance
-        if balance is not None and self._held_rows:
-            held = [name for name, count in balance.labels for _ in range(count)]
+        limits = self._current.stack_rows.limits
+        if self._held_rows:
+            labels = [label for limit in limits for label in limit.labels]
+            held = [name for name, count in labels for _ in range(count)]
             names = sorted({held[i] for i in self._held_rows})
             notes.append("held back by the " + ", ".join(names))
         for error, what in (
@@ -199,15 +206,16 @@ class OperationalStrategy:
     def _accelerations(self, rows: LevelRows) -> Float64[np.ndarray, " nv"]:
         """Accelerations of all levels, with joints and balance held that would leave their limits.
 
-        Of the balance limit's rows the one that is farthest out is held in each round: the next is
-        often met then, and edges on both sides of a corner are held together where it is not.
+        Of the rows of balance and self-collision limit the one that is farthest out is held in each
+        round: the next is often met then, and edges on both sides of a corner are held together
+        where it is not.
         """
         acceleration = self.recursion.resolve(rows, self._dynamics)
         self._held = np.zeros(self.robot.nj, dtype=np.bool_)
         self._held_rows = {}
         for _ in range(2 * _LIMIT_ROUNDS):
             # Joints first: what they give up may have been what leaned on the balance.
-            if not (self._hold_joints(acceleration) or self._hold_balance(acceleration)):
+            if not (self._hold_joints(acceleration) or self._hold_limit(acceleration)):
                 break
             acceleration = self.recursion.resolve(self._with_held(rows), self._dynamics)
         return acceleration
@@ -226,12 +234,12 @@ class OperationalStrategy:
             self._held |= outside
         return bool(outside.any())
 
-    def _hold_balance(self, acceleration: Float64[np.ndarray, " nv"]) -> bool:
-        """Holds the row of the balance limit that is farthest out; whether there is a new one."""
+    def _hold_limit(self, acceleration: Float64[np.ndarray, " nv"]) -> bool:
+        """Holds the row of the limits that is farthest out; whether there is a new one."""
         stack_rows = self._current.stack_rows
-        if not stack_rows.is_held(acceleration):
+        own = stack_rows.limit_rows
+        if not stack_rows.excess(acceleration, own) > _SLACK:
             return False
-        own = stack_rows.balance_rows
         values = stack_rows.J[own] @ acceleration
         over, under = values - stack_rows.upper[own], stack_rows.target[own] - values
         outside = np.maximum(over, under)
@@ -252,7 +260,7 @@ class OperationalStrategy:
             rows = rows.with_held(selection, self._bounds[index], self._scales.joints[columns])
         if self._held_rows:
             stack_rows = self._current.stack_rows
-            held = stack_rows.J[stack_rows.balance_rows][list(self._held_rows)]
+            held = stack_rows.J[stack_rows.limit_rows][list(self._held_rows)]
             target = np.array(list(self._held_rows.values()))
             rows = rows.with_held(held, target, self._scales.of_rows(held))
         return rows

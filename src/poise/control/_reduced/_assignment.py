@@ -112,7 +112,7 @@ class AssignedRows:
 
     def __init__(self, rows: StackRows, robot: Robot, partition: Partition) -> None:
         self.stack_rows = rows
-        tasks = slice(rows.own_rows.stop, None)
+        tasks = slice(rows.own_rows.stop, int(rows.ends[-1]))
         self.J, self.target, self.weight = rows.J[tasks], rows.target[tasks], rows.weight[tasks]
         self.upper = rows.upper[tasks]
         self.levels = tuple(

@@ -124,8 +124,7 @@ class ConstraintChainProblem:
         self._label_bounds(joints, partition.nz + kept)
         wrench_dim, touch = rows.contact_rows.stop, problem.level(1)
         problem.H[motion.stop :, motion.stop :] = WRENCH_COST * np.eye(wrench_dim)
-        # Constant: the cones stand in the contacts' own frames.
-        touch.A[wrench_dim:, motion.stop :] = rows.cone
+        rows.write_cones_into(touch.A[wrench_dim:, motion.stop :])
         touch.lower[wrench_dim:], touch.upper[wrench_dim:] = -np.inf, 0.0
         torque, joint = stack.torque_limit, stack.joint_limit
         self.block = ConstraintChain(

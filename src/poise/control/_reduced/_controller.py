@@ -47,8 +47,9 @@ class ReducedProgram:
     follow in closed form. That is the solution of the whole problem, unless those joints exceed
     their limits, which LQP 1 does not know. Then LQP 2 looks for other motions of the chain under
     what LQP 1 decided, within the limits. If that costs no level anything, and hardly more energy,
-    it is the solution. If it does, what LQP 1 decided is worth nothing: the whole problem is solved
-    after all, `FullProblem`, and stays so for `PATIENCE` ticks.
+    it is the solution. If it does, or links would come too near each other, what LQP 1 decided is
+    worth nothing: the whole problem is solved after all, `FullProblem`, and stays so for `PATIENCE`
+    ticks.
 
     Args:
         robot: the robot.
@@ -75,7 +76,7 @@ class ReducedProgram:
         make_solver: Callable[[], Solver],
     ) -> None:
         self._robot, self._stack, self._make_solver = robot, stack, make_solver
-        self.rows = StackRows(robot, stack, contacts, balance="before")
+        self.rows = StackRows(robot, stack, contacts, balance="before", collisions="behind")
         self.tasks = AssignedRows(self.rows, robot, partition)
         self.reduced = ReducedDynamics(robot, partition)
         self.chain = ChainElimination(self.reduced, self.tasks)
@@ -170,6 +171,8 @@ class ReducedProgram:
             if not (found.ok and costs <= _TOLERANCE and energy <= 1.0 + _MORE_ENERGY):
                 return self._solve_whole()
             physics = np.maximum(physics, second.relative_residuals[:PHYSICS_LEVELS])
+        if self.rows.excess(joined.acceleration, self.rows.collision_rows) > _TOLERANCE:
+            return self._solve_whole()
         return Answer(
             status,
             joined.torque,

@@ -7,6 +7,7 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float64, Int64
 
+from poise.locomotion._stepping._clearance import ArmClearance
 from poise.robots import Robot
 
 _GAIN = 15.0
@@ -62,7 +63,8 @@ class ArmMotion:
     With the hand at x in the torso and its place p, the hand's velocity is k (p - x), no faster
     than `speed_max` and than it can be braked; the joints' follows by damped least squares
     (Nakamura and Hanafusa 1986), what is left of their freedom brings them back to rest, which
-    keeps stretched arms bent, and joints stop before their limits.
+    keeps stretched arms bent, and joints stop before their limits, links before each other
+    (`ArmClearance`).
     Velocities change by what keeps the hands' acceleration below `acceleration_max`. So whatever
     places are asked for, the joints' motion is smooth, and within reach by construction.
 
@@ -113,6 +115,7 @@ class ArmMotion:
             )
             for hand, chain in chains.items()
         ]
+        self._clearance = ArmClearance(robot, self._columns, dt) if self._arms else None
         self.reset()
 
     def reset(self) -> None:
@@ -130,15 +133,24 @@ class ArmMotion:
         """
         if all(place is None for place in places) and self._is_at_rest():
             return
-        v = self.v.copy()
+        v, all_wanted = self.v.copy(), self.v.copy()
+        jacobians = [self._jacobian(arm) for arm in self._arms]
+        velocities: list[Float64[np.ndarray, "3"] | None] = []
         for i, (arm, place) in enumerate(zip(self._arms, places, strict=True)):
-            own, here = arm.joints, self.hands[i]
-            J = self._jacobian(arm)
-            if place is None:
-                wanted, self.blocked[i] = self._homewards(arm), False
-            else:
-                velocity = self._towards(place - here)
-                wanted = self._follow(arm, J, velocity)
+            velocity = None if place is None else self._towards(place - self.hands[i])
+            all_wanted[arm.joints] = (
+                self._homewards(arm)
+                if velocity is None
+                else self._follow(arm, jacobians[i], velocity)
+            )
+            velocities.append(velocity)
+        if self._clearance is not None:
+            self._clearance.update(self._q)
+            all_wanted = self._clearance.keep(all_wanted, hard=False)
+        for i, (arm, velocity) in enumerate(zip(self._arms, velocities, strict=True)):
+            own, J = arm.joints, jacobians[i]
+            wanted, self.blocked[i] = all_wanted[own], False
+            if velocity is not None:
                 speed, nearer = math.hypot(*velocity), float(velocity @ J @ wanted)
                 least = speed * min(_BLOCKED * speed, _ENOUGH)
                 self.blocked[i] = speed > _LEAST_SPEED and nearer < least
@@ -149,6 +161,11 @@ class ArmMotion:
             )
             v[own] += change * min(1.0, self._dt / max(fastest, 1e-12))
             v[own] = np.clip(v[own], *self._bounds(arm, _HARD_STOP))
+        if self._clearance is not None:
+            braked = self._clearance.keep(v, hard=True) - self.v
+            # What is near changes from tick to tick, and joints jerk no harder for that.
+            fastest = float(np.abs(braked).max()) / _JOINT_ACCELERATION
+            v = self.v + braked * min(1.0, self._dt / max(fastest, 1e-12))
         self.q, self.v, self.a = self.q + self._dt * v, v, (v - self.v) / self._dt
         self._update()
 

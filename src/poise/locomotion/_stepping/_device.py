@@ -71,6 +71,8 @@ class DeviceSample:
             device, which stays as it is.
         rest: button: hands that are not held go back to rest.
         body: what is commanded of the body, and how the feet are turned.
+        velocity: with which the robot walks by itself, ahead, to the left [m/s] and turning to the
+            left [rad/s]; all zero while the operator steps. Where torques are commanded.
     """
 
     time: float
@@ -80,6 +82,7 @@ class DeviceSample:
     hands: tuple[HandSample | None, HandSample | None] = (None, None)
     rest: bool = False
     body: BodySample = BodySample()
+    velocity: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def position(self, foot: int) -> Float64[np.ndarray, "3"]:
         """Position commanded for a sole: 0 left, 1 right [m]."""
@@ -93,7 +96,9 @@ class DeviceStatus(Enum):
     STALE = "no new sample: the last one holds"
     REFUSED = "the last sample was refused: the one before holds"
     LOST = "the device stopped sending: the feet go back to the ground"
-    WAITING = "found again: bring each device down to its foot to take hold of it"
+    WAITING = "bring each device down to its foot to take hold of it"
+    WALKING = "the robot walks as it is told; when it stands, take hold of each foot anew"
+    OVERRULED = "the robot steps by itself so as not to fall; then take hold of each foot anew"
 
 
 class DeviceGuard:
@@ -128,6 +133,7 @@ class DeviceGuard:
 
     Attributes:
         status: what became of the last sample.
+        velocity: with which the robot shall walk by itself; zero where nobody is heard.
     """
 
     def __init__(
@@ -155,6 +161,7 @@ class DeviceGuard:
         self._grips = tuple(_Grip(step, start, jump, low, lost_after) for _ in range(2))
         self._newest: DeviceSample | None = None
         self._body = BodySample()
+        self.velocity: tuple[float, float, float] = (0.0, 0.0, 0.0)
         self.status = DeviceStatus.LOST
 
     def check(
@@ -181,6 +188,10 @@ class DeviceGuard:
             self._newest = news
             if all(map(math.isfinite, news.body.numbers)):
                 self._body = news.body
+            if all(map(math.isfinite, news.velocity)):
+                self.velocity = news.velocity
+        if time - self._clock.heard_at > self._lost_after:
+            self.velocity = (0.0, 0.0, 0.0)
         refused = sample is not None and news is None
         for foot, grip in enumerate(self._grips):
             point = None if news is None else news.position(foot)
@@ -197,6 +208,16 @@ class DeviceGuard:
         )
         newest = self._newest
         return DeviceSample(newest.time, left, right, newest.upright, body=self._body)
+
+    def let_go(self, status: DeviceStatus) -> None:
+        """Both devices let go of their feet, which somebody else leads; they may take hold anew.
+
+        Args:
+            status: why.
+        """
+        for grip in self._grips:
+            grip.place = None
+        self.status = status
 
     def _status(
         self, held: Sequence[bool], time: float, *, refused: bool, silent: bool

@@ -9,6 +9,7 @@ from jaxtyping import Float64
 
 from poise.control import is_usable
 from poise.dynamics import Dynamics, RobotState
+from poise.estimation import StateEstimator
 from poise.robots import Robot
 
 _LEAST_LOAD = 0.02
@@ -88,10 +89,16 @@ class StanceEstimator:
     (an inertial measurement unit has both), and the soles' loads; never the base's position or
     linear velocity. The position is dead reckoning: it drifts by what the feet slip.
 
+    The base's linear velocity is the one with which the stance sole rests. Where the robot is
+    pushed, that sole rocks on its edge, and the velocity would be wrong by as much. So an inertial
+    one is that of a `StateEstimator` as long as the state has readings of an inertial unit: those
+    notice what the sole does.
+
     Args:
         robot: a biped.
         soles: names of the left and the right sole.
         q_start: configuration at the start, whose feet stand on the ground.
+        inertial: whether the velocity comes from the inertial unit, too.
 
     Attributes:
         dynamics: of the estimated state.
@@ -100,17 +107,25 @@ class StanceEstimator:
     """
 
     def __init__(
-        self, robot: Robot, soles: tuple[str, str], q_start: Float64[np.ndarray, " nq"]
+        self,
+        robot: Robot,
+        soles: tuple[str, str],
+        q_start: Float64[np.ndarray, " nq"],
+        *,
+        inertial: bool = False,
     ) -> None:
         self.dynamics = Dynamics(robot)
         self._robot, self._data = robot, robot.model.createData()
         self._soles = [robot.frame_id(name) for name in soles]
         self._start = RobotState(q_start, np.zeros(robot.nv))
+        self._inertial = StateEstimator(robot, q_start=q_start) if inertial else None
         self.anchors: list[Float64[np.ndarray, "3"]] = []
         self.reset()
 
     def reset(self) -> None:
         """Back to the configuration at the start."""
+        if self._inertial is not None:
+            self._inertial.reset()
         self.dynamics.update(self._start)
         self.anchors[:] = [self.dynamics.placement(i)[0].copy() for i in self._soles]
         self.stance = 1
@@ -132,12 +147,21 @@ class StanceEstimator:
         # The sole's linear velocity is zero. The base's stands in its own axes: a rotation.
         base_R_world = jacobian[:3, :3].T
         v[:3] = -base_R_world @ (jacobian[:3, 3:] @ v[3:])
+        if self._inertial is not None and state.readings is not None:
+            fused = self._inertial.update(state)
+            if self._inertial.status.ok:
+                # Along the base's own axes it does not matter how upright either says the base is.
+                v[:3] = fused.v[:3]
         self.dynamics.update(known)
         return known
 
     def sole(self, foot: int) -> Float64[np.ndarray, "3"]:
         """Where a sole's centre is [m]."""
         return self.dynamics.placement(self._soles[foot])[0]
+
+    def rotation(self, foot: int) -> Float64[np.ndarray, "3 3"]:
+        """How a sole is turned, world_R_sole."""
+        return self.dynamics.placement(self._soles[foot])[1]
 
     def put_down(self, foot: int) -> None:
         """A sole stands on the ground where it is now."""
@@ -165,7 +189,7 @@ def _without_base_motion(state: object) -> RobotState | None:
         return None
     q, v = state.q.copy(), state.v.copy()
     q[:3], v[:3] = 0.0, 0.0
-    return RobotState(q, v, state.contacts, state.time)
+    return RobotState(q, v, state.contacts, state.time, payload=state.payload)
 
 
 def _are_arrays(*values: object) -> bool:

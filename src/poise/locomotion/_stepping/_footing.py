@@ -86,6 +86,23 @@ class StanceChoice:
             anchor[2], self._pressing = height, False
 
 
+def zmp_on(
+    foot: int,
+    place: Float64[np.ndarray, "3"],
+    rotation: Float64[np.ndarray, "3 3"],
+    inwards: float,
+) -> Float64[np.ndarray, "2"]:
+    """Where the ZMP shall be on a foot that carries alone [m].
+
+    Args:
+        foot: 0 left, 1 right.
+        place: of its sole [m].
+        rotation: world_R_sole.
+        inwards: how far from the middle of the sole, to the side of the other foot [m].
+    """
+    return place[:2] + (inwards if foot == 1 else -inwards) * rotation[:2, 1]
+
+
 @dataclass(slots=True, kw_only=True, eq=False)
 class Footing:
     """Estimated state, mode and stance of a tick, and what follows from them, computed once.
@@ -99,8 +116,10 @@ class Footing:
         omega: sqrt(g / H) [1/s].
         margin: how far from the soles' edge support ends [m].
         sensor: what the soles carry, and where.
+        inwards: how far beside the middle of the foot that shall carry the ZMP shall be, to the
+            side of the other one [m].
         zmp_reference: eq. (15a): between the feet, or where the foot that shall carry was put
-            down [m].
+            down, less `inwards` [m].
         heading: where the torso faces, along the ground.
         tilt: angle of the torso against upright [rad].
         support: of the soles on the ground, with a margin. In double support that is both, whatever
@@ -117,6 +136,7 @@ class Footing:
     omega: float
     margin: float
     sensor: ZmpSensor
+    inwards: float = 0.0
 
     zmp_reference: Float64[np.ndarray, "2"] = field(init=False)
     heading: Float64[np.ndarray, "2"] = field(init=False)
@@ -129,7 +149,8 @@ class Footing:
         if carries is None:
             self.zmp_reference = 0.5 * (self.sole(0) + self.sole(1))[:2]
         else:
-            self.zmp_reference = self.anchors[carries][:2]
+            _, rotation = dynamics.placement(self.biped.frames[carries])
+            self.zmp_reference = zmp_on(carries, self.anchors[carries], rotation, self.inwards)
         _, torso = dynamics.placement(self.biped.torso)
         (x, _, _), (y, _, _), (_, _, upward) = torso.tolist()
         length = math.hypot(x, y)

@@ -8,6 +8,7 @@ import numpy as np
 from poise.locomotion._stepping._com import ComFeedback, ComMotion
 from poise.locomotion._stepping._device import DeviceSample
 from poise.locomotion._stepping._estimator import StanceEstimator, ZmpSensor
+from poise.locomotion._stepping._footing import zmp_on
 from poise.locomotion._stepping._modes import Mode, ModeEvent, ModeMachine
 from poise.locomotion._stepping._parameters import TeleopParameters
 
@@ -93,6 +94,7 @@ class ModeEvents:
         com: says where the COM is going.
         parameters: distances, loads and times.
         weight: of the robot [N].
+        inwards: how far inwards on a foot that carries alone the ZMP shall be [m].
     """
 
     def __init__(
@@ -102,7 +104,9 @@ class ModeEvents:
         com: ComMotion | ComFeedback,
         parameters: TeleopParameters,
         weight: float,
+        inwards: float = 0.0,
     ) -> None:
+        self._inwards = inwards
         self._estimator, self._sensor, self._com = estimator, sensor, com
         self._parameters = parameters
         self._lifts = (LiftDetector(parameters), LiftDetector(parameters))
@@ -132,6 +136,21 @@ class ModeEvents:
         """
         event = self._event(device, time, rescuing=rescuing)
         return event is not None and self._machine.advance(event, time)
+
+    def follow(self, mode: Mode, time: float) -> bool:
+        """Takes over the mode from somebody else who leads the feet.
+
+        Args:
+            mode: what it is now.
+            time: now [s].
+
+        Returns:
+            Whether it has changed.
+        """
+        changed = mode is not self._machine.mode
+        if changed:
+            self._machine.mode, self._machine.since = mode, time
+        return changed
 
     def begin(self, device: DeviceSample | None) -> None:
         """Starts the detectors of a mode that has just begun; the feet's places are known."""
@@ -190,8 +209,9 @@ class ModeEvents:
 
     def _has_shifted(self, support: int) -> bool:
         """Eq. (14e), and the COM too: while it brakes, the ZMP is there and the COM is not."""
-        p, dynamics = self._parameters, self._estimator.dynamics
-        place, com = self._estimator.anchors[support][:2], dynamics.com[:2]
+        p, estimator, dynamics = self._parameters, self._estimator, self._estimator.dynamics
+        anchor, com = estimator.anchors[support], dynamics.com[:2]
+        place = zmp_on(support, anchor, estimator.rotation(support), self._inwards)
         if np.linalg.norm(self._sensor.zmp - place) > p.r_lift:
             return False
         if np.linalg.norm(self._com.cart_table_zmp(com) - place) > p.ct_zmp_max:

@@ -41,6 +41,8 @@ class RowKind(IntEnum):
     """What the sample of the row before says of the hands: left, right; flags are `HandFlags`."""
     BODY = 3
     """What it says of the body: left is height [m] and turns [rad], right the torso [rad]."""
+    VELOCITY = 4
+    """With which velocity it has the robot walk: left is ahead, left [m/s], and turn [rad/s]."""
 
 
 class HandFlags(IntFlag):
@@ -202,6 +204,9 @@ class RecordingWriter:
         if body != BodySample():
             left, right = np.array([body.height, *body.turns]), np.array(body.torso)
             self._write(tick, RowKind.BODY, sample.time, left, right)
+        if any(sample.velocity):
+            velocity = np.array(sample.velocity)
+            self._write(tick, RowKind.VELOCITY, sample.time, velocity, np.zeros(3))
 
     def push(self, tick: int, force: Float64[np.ndarray, "3"], duration: float) -> None:
         """Notes a push on the torso that began before a tick.
@@ -393,6 +398,9 @@ class RecordedDevice:
                 roll, pitch, yaw = row["right"].tolist()
                 body = BodySample(height, (roll, pitch, yaw), (left_turn, right_turn))
                 found = replace(found, body=body)
+            elif row["kind"] == RowKind.VELOCITY and found is not None:
+                ahead, left, turn = row["left"].tolist()
+                found = replace(found, velocity=(ahead, left, turn))
         return found
 
 

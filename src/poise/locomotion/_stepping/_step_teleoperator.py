@@ -38,6 +38,7 @@ from poise.locomotion._stepping._footing import Footing, StanceChoice
 from poise.locomotion._stepping._hands import HandLeader, HandStatus
 from poise.locomotion._stepping._mode_events import ModeEvents
 from poise.locomotion._stepping._modes import Mode
+from poise.locomotion._stepping._own_steps import OwnSteps, room_outwards
 from poise.locomotion._stepping._parameters import TeleopParameters, scaled_parameters
 from poise.locomotion._stepping._reach import FootRange
 from poise.locomotion._stepping._sway import check_sway
@@ -149,10 +150,10 @@ class StepTeleoperator:
         self.device = device
         self.soles = two_soles(robot)
         q_start = robot.q_home if q_start is None else q_start
-        self.estimator = StanceEstimator(robot, self.soles, q_start)
+        self.actuation = _checked_actuation(actuation, driver)
+        self.estimator = StanceEstimator(robot, self.soles, q_start, inertial=actuation == "torque")
         left, right = self.estimator.anchors
         self._com_height = float(self.estimator.dynamics.com[2] - 0.5 * (left[2] + right[2]))
-        self.actuation = _checked_actuation(actuation, driver)
         if parameters is None:
             stance = abs(float(left[1] - right[1]))
             parameters = scaled_parameters(robot, self._com_height, stance)
@@ -169,11 +170,15 @@ class StepTeleoperator:
         self._reach = FootRange(robot, self.soles, p)
         self.hands: HandLeader | None = None
         self._tasks: StepTasks
+        self._own: OwnSteps | None = None
+        self._inwards = 0.0
         if actuation == "torque":
             self.hands = HandLeader(
                 robot, dt=p.dt, q_rest=q_start, weight=POSTURE_WEIGHT, scale=p.hand_scale
             )
             self._tasks = TorqueTasks(self._biped, p.dt, self.hands.task)
+            self._inwards = room_outwards(self._biped, driver.omega, p.support_margin)
+            self._own = OwnSteps(robot, self._tasks, q_start, self._reach, p)
         else:
             self._tasks = VelocityTasks(self._biped, p, rotator=rotator)
         # What is compiled is compiled now, not in the first tick.
@@ -190,9 +195,11 @@ class StepTeleoperator:
         self._tasks.reset()
         if self.hands is not None:
             self.hands.reset()
+        if self._own is not None:
+            self._own.reset()
         self._guard = DeviceGuard(dt=p.dt, low=p.lower_height, press_depth=p.press_depth)
         self._com = self._com_motion()
-        self._events = ModeEvents(estimator, sensor, self._com, p, biped.weight)
+        self._events = ModeEvents(estimator, sensor, self._com, p, biped.weight, self._inwards)
         self._stance = StanceChoice(estimator, sensor, p, biped.weight)
         rotates = self._rotator and self.actuation == "velocity"
         self._momentum = BodyMomentum(BodyRotator(biped.weight) if rotates else None, p)
@@ -278,11 +285,21 @@ class StepTeleoperator:
         sample = None if self.device is None else self.device.sample(state.time)
         soles = (self.estimator.sole(0), self.estimator.sole(1))
         command = self._guard.check(sample, state.time, soles, self.estimator.anchors)
+        if self.hands is not None:
+            self.hands.lead(sample, state)
+        if self._own is not None:
+            self._own.drive(self._guard.velocity)
+            if self._own.acting:
+                self._follow_own_steps(self._own, state, sample)
+                return
         self._move_mode(command, state.time)
+        footing = self._footing()
+        if self._own is not None and self._own.takes_over(footing, state):
+            self._follow_own_steps(self._own, state, sample)
+            return
         if command is not None:
             self._body = command.body
         self._height.offset = self._body.height
-        footing = self._footing()
         self._com.drive(footing)
         self._momentum.turn(footing, self._com.cart_table_zmp(dynamics.com[:2]))
         target = self._target.place(
@@ -290,12 +307,30 @@ class StepTeleoperator:
             command,
             has_left=self._events.foot_has_left,
             room_below=self._height.room_below(footing),
+            landing=None if self._own is None else self._own.landing,
         )
+        if self._own is not None and self._target.rescuing:
+            self._guard.let_go(DeviceStatus.OVERRULED)
         upright = command is not None and command.upright
         self._tasks.ask(footing, self._desired(footing, target), upright=upright)
-        if self.hands is not None:
-            self.hands.lead(sample, state)
         self._status = self._describe(footing, sample, target)
+
+    def _follow_own_steps(
+        self, own: OwnSteps, state: RobotState, sample: DeviceSample | None
+    ) -> None:
+        """The robot leads its feet by itself; the operator has to take hold of them anew."""
+        own.lead(state)
+        before = self.mode
+        if self._events.follow(own.mode, state.time):
+            self._stance.begin(before, self.mode)
+        self._stance.follow(self.mode)
+        self._guard.let_go(own.status)
+        footing = self._footing()
+        footing.zmp_reference = own.zmp
+        own.accompany(footing)
+        self._status = self._describe(footing, sample, own.target)
+        if not own.acting:
+            self._restart(None)
 
     def _com_motion(self) -> ComMotion | ComFeedback:
         if self.actuation == "torque" and isinstance(self.driver, ShifterDriver):
@@ -306,15 +341,19 @@ class StepTeleoperator:
         before = self._events.mode
         if self._events.advance(command, time, rescuing=self._target.rescuing):
             self._stance.begin(before, self.mode)
-            self._events.begin(command)
             if before.single or self.mode.single:
                 # Not at every change of mode: an operator who cannot decide makes many, and each
                 # restart takes in noise.
                 self._com.restart(self.estimator.dynamics.com_velocity[:2].copy())
-            self._momentum.restart()
-            self._target.restart()
-            self._foot.restart()
+            self._restart(command)
         self._stance.follow(self.mode)
+
+    def _restart(self, command: DeviceSample | None) -> None:
+        """What belongs to a mode begins anew with it."""
+        self._events.begin(command)
+        self._momentum.restart()
+        self._target.restart()
+        self._foot.restart()
 
     def _footing(self) -> Footing:
         return Footing(
@@ -326,6 +365,7 @@ class StepTeleoperator:
             omega=self.driver.omega,
             margin=self.parameters.support_margin,
             sensor=self.zmp_sensor,
+            inwards=self._inwards,
         )
 
     def _desired(self, footing: Footing, target: Float64[np.ndarray, "3"]) -> DesiredMotion:

@@ -1,5 +1,7 @@
 """`TorqueTasks`: the stack that the step teleoperator leads where torques are commanded."""
 
+import math
+
 import numpy as np
 import pinocchio as pin
 from jaxtyping import Float64
@@ -16,6 +18,7 @@ from poise.stack import (
     FrameTask,
     JointLimit,
     JointTask,
+    SelfCollisionLimit,
     Stack,
     SurfaceContact,
     Task,
@@ -33,6 +36,10 @@ what little those leave to them. Heavier ones are thrown less, and lean the trun
 
 _KP_POSTURE = 25.0
 """Stiffness of the posture [1/s^2]."""
+
+_BALANCE, _CATCHING = 1e5, 1.0
+"""Weight of the COM beside foot and trunk while the operator leads the feet, and while the robot
+steps by itself in order not to fall: then a foot that is late costs as much."""
 
 _URGENT = 10.0
 """Weight of the trunk while the operator asks for an upright torso."""
@@ -53,17 +60,14 @@ _UNLOAD, _LOAD = 0.03, 0.08
 """How long a foot takes to give up its load, and to take it [s]."""
 
 
-_LIGHT, _DAMPING, _BRAKED = 0.3, 20.0, 100.0
-"""Part of the weight below which a foot on the ground is held lightly, and how fast the residual
-velocity of a foot dies out that carries more, and one that carries less [1/s]."""
-
-
 class TorqueTasks:
     """The references of the step teleoperator as accelerations.
 
-    The first level has the COM; the second the foot in the air, pelvis and torso upright and, much
+    By weight the COM comes first, then the foot in the air, pelvis and torso upright and, much
     lighter, arms and posture. No foot and no hand is worth the balance: where it is swung too hard
     it lags. Feet on the ground are contacts: nothing levels them, so they lie as the ground does.
+    One that has just landed may be pressed at a corner, where friction holds no yaw moment: their
+    cones are exact.
 
     Args:
         biped: the robot.
@@ -76,8 +80,8 @@ class TorqueTasks:
 
     def __init__(self, biped: Biped, dt: float, arms: JointTask | None) -> None:
         robot = biped.robot
-        self._robot, self._dt, self._weight = robot, dt, biped.weight
-        self._com = ComTask(kp=_KP_COM)
+        self._robot, self._dt = robot, dt
+        self._com = ComTask(kp=_KP_COM, weight=_BALANCE)
         self._feet = [FrameTask(sole, kp=_KP_FOOT, name=f"{sole} foot") for sole in biped.soles]
         frames = robot.model.frames
         pelvis, torso = (frames[robot.frame_id(f)].parentJoint for f in (robot.pelvis, robot.torso))
@@ -90,10 +94,11 @@ class TorqueTasks:
         limbs: list[Task] = [posture] if arms is None else [arms, posture]
         self.stack = Stack(
             contacts=self._contacts,
-            levels=[[self._com], [*self._feet, *self._trunk, *limbs]],
+            levels=[[self._com, *self._feet, *self._trunk, *limbs]],
             # A straight leg gets no shorter whatever its knee does: the trunk would bow for it.
             joint_limit=JointLimit(position_range=biped.knees),
             torque_limit=TorqueLimit(rate=SMOOTH_RATE),
+            self_collision_limit=SelfCollisionLimit(),
         )
         self.stack.bind(robot)
         posture.set_target(
@@ -129,18 +134,37 @@ class TorqueTasks:
             desired: of body and feet.
             upright: whether the operator asks for an upright torso.
         """
+        self._com.set_weight(_BALANCE)
+        self.stack.self_collision_limit.let_legs_pass(False)
         self._stand(footing)
-        self._hold_lightly_loaded(footing)
         self._move_com(footing, desired)
         if self._swing is not None:
             self._turn_foot(self._swing, footing, desired.turns[self._swing])
             self._move_foot(self._swing, footing, desired.foot)
         torso = (0.0, 0.0, 0.0) if upright else desired.torso
+        self._turn_trunk(footing, torso, urgent=upright)
+
+    def accompany(self, footing: Footing) -> None:
+        """Keeps the trunk upright while somebody else leads COM and feet.
+
+        Args:
+            footing: of the tick.
+        """
+        self._yaws = [_yaw(footing, foot) for foot in (0, 1)]
+        self._swing, self._height = None, None
+        self._com.set_weight(_CATCHING)
+        self.stack.self_collision_limit.let_legs_pass(True)
+        self._turn_trunk(footing, (0.0, 0.0, 0.0), urgent=False)
+
+    def _turn_trunk(
+        self, footing: Footing, torso: tuple[float, float, float], *, urgent: bool
+    ) -> None:
+        """Pelvis and torso, facing as the feet do."""
         rotations = self._pose.rotations(footing, 0.5 * sum(self._yaws), torso)
         # A torso without a waist is the pelvis.
         for task, rotation in zip(self._trunk, rotations[-len(self._trunk) :], strict=True):
             task.set_target(rotation=rotation)
-            task.set_weight(_URGENT if upright else 1.0)
+            task.set_weight(_URGENT if urgent else 1.0)
 
     def _stand(self, footing: Footing) -> None:
         """A foot that is to be lifted gives up its load; one that has landed takes it."""
@@ -153,18 +177,6 @@ class TorqueTasks:
             self._contacts[swing].release(_UNLOAD)
             self._place = footing.sole(swing).copy()
         self._swing = swing
-
-    def _hold_lightly_loaded(self, footing: Footing) -> None:
-        """A turned foot that has just landed is braked hard until it carries.
-
-        It may lie on a corner, and what turns it there, friction does not hold.
-        """
-        turned = any(self._yaws) and not footing.mode.single
-        for foot, contact in enumerate(self._contacts):
-            light = footing.sensor.loads[foot] < _LIGHT * self._weight
-            damping = _BRAKED if turned and light else _DAMPING
-            if contact.damping != damping:
-                contact.set_damping(damping)
 
     def _move_com(self, footing: Footing, desired: DesiredMotion) -> None:
         """Along the ground the acceleration of the COM shifter, upwards a height of its own."""
@@ -198,3 +210,9 @@ class TorqueTasks:
         yaw = self._yaws[foot]
         turn = pin.exp3(np.array([0.0, 0.0, yaw])) if yaw else _LEVEL
         self._feet[foot].set_target(self._place, turn, np.array([*velocity, 0.0, 0.0, 0.0]))
+
+
+def _yaw(footing: Footing, foot: int) -> float:
+    """How a sole is turned about the vertical [rad]."""
+    _, rotation = footing.dynamics.placement(footing.biped.frames[foot])
+    return math.atan2(rotation[1, 0], rotation[0, 0])

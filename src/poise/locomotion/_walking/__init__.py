@@ -1,4 +1,4 @@
-"""Walking: footsteps, references, and the walker that leads a stack along them."""
+"""Walking: footsteps, and the walker that makes them, planned or as it is led."""
 
 from poise.locomotion._walking._commands import VelocityLimits
 from poise.locomotion._walking._footsteps import (
@@ -9,8 +9,6 @@ from poise.locomotion._walking._footsteps import (
 )
 from poise.locomotion._walking._ground import Ground, Placement
 from poise.locomotion._walking._plan import plan_footsteps
-from poise.locomotion._walking._reactive import ReactiveWalker
-from poise.locomotion._walking._reference import WalkReference
 from poise.locomotion._walking._settings import WalkSettings, WalkStatus
 from poise.locomotion._walking._tasks import CarriedTarget, walking_stack
 from poise.locomotion._walking._walker import Walker
@@ -22,10 +20,8 @@ __all__ = [
     "Gait",
     "Ground",
     "Placement",
-    "ReactiveWalker",
     "Stride",
     "VelocityLimits",
-    "WalkReference",
     "WalkSettings",
     "WalkStatus",
     "Walker",

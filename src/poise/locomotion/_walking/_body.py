@@ -22,7 +22,8 @@ class BodyMotion:
 
     Args:
         standing: how the robot stands at the beginning.
-        crouch: how far the COM is then lowered [m].
+        crouch: how far the COM is then lowered [m]; what goes along with the body is not.
+        lowering: how long that takes [s].
         omega: natural frequency of the pendulum [1/s].
         carried: targets that go along with the body.
 
@@ -35,10 +36,13 @@ class BodyMotion:
         self,
         standing: Stand,
         crouch: float,
+        lowering: float,
         omega: float,
         carried: Mapping[str, CarriedTarget],
     ) -> None:
-        self._standing, self._crouch, self._omega = standing, crouch, omega
+        self._standing, self._omega = standing, omega
+        self._crouch, self._lowering = crouch, lowering
+        self._lowered: Motion = (0.0, 0.0, 0.0)
         self._carried = carried
         self._heading_before = 0.5 * (standing.start[0].yaw + standing.start[1].yaw)
         self._mass: Point = (0.0, 0.0)
@@ -58,6 +62,8 @@ class BodyMotion:
 
     def move(self, height: float, heading: float, time: float, dt: float) -> None:
         """Moves on towards a height [m] and a heading [rad], to be there in a time [s]."""
+        self._lowered = least_jerk_towards(self._lowered, self._crouch, self._lowering, dt)
+        self._lowering = max(self._lowering - dt, 0.0)
         self.rise = least_jerk_towards(self.rise, height, time, dt)
         self.heading = least_jerk_towards(self.heading, heading, time, dt)
 
@@ -87,7 +93,8 @@ class BodyMotion:
         displacement = np.zeros((3, 4))
         displacement[:, :3] = com
         displacement[0, :2] -= standing.com[:2]
-        displacement[0, 2] -= standing.com[2] - self._crouch
+        displacement[:, 2] += self._lowered
+        displacement[0, 2] -= standing.com[2]
         displacement[:, 3] = self.heading[0] - self._heading_before, *self.heading[1:]
         turn = pin.utils.rotate("z", float(displacement[0, 3]))
         for target in self._carried.values():

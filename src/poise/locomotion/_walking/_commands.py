@@ -6,13 +6,13 @@
 
 import math
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from poise._schema import Bounds, checked
-from poise.locomotion._walking._footsteps import LARGEST
+from poise.locomotion._walking._footsteps import LARGEST, FootstepPlan
 from poise.locomotion._walking._ground import LEVEL, Ground, Placement
 from poise.locomotion._walking._plan import level_place
 from poise.locomotion._walking._step_choice import StepBounds
@@ -108,6 +108,20 @@ def side(foot: int) -> float:
     return 1.0 if foot == 0 else -1.0
 
 
+class Foothold(NamedTuple):
+    """Where somebody wants a foot.
+
+    Attributes:
+        foot: 0 for the left one, 1 for the right one.
+        place: where its sole shall lie; how high that is, the ground says.
+        checked: whether the legs are known to reach it from the foothold before.
+    """
+
+    foot: int
+    place: Placement
+    checked: bool = False
+
+
 Velocity = tuple[float, float, float]
 """Ahead [m/s], to the left [m/s], turning to the left [rad/s]."""
 
@@ -128,7 +142,7 @@ class StepCommands:
 
     Attributes:
         velocity: that is followed now.
-        footholds: given and not yet made, each with its foot.
+        footholds: given and not yet made.
         pace: part of the velocity asked for that is followed.
         notice: what was cut or ignored of the last command; "" for nothing.
     """
@@ -141,9 +155,10 @@ class StepCommands:
         self._wanted: Velocity = (0.0, 0.0, 0.0)
         self.velocity: Velocity = (0.0, 0.0, 0.0)
         self.pace = 1.0
-        self.footholds: deque[tuple[int, Placement]] = deque()
+        self.footholds: deque[Foothold] = deque()
         self.closes = True
         self.notice = ""
+        self._planned: tuple[tuple[object, ...], list[Placement]] = ((), [])
 
     def set_velocity(self, ahead: float, sideways: float, turn: float) -> None:
         """Asks for a velocity from now on; one that is not finite is ignored.
@@ -169,24 +184,31 @@ class StepCommands:
         self.footholds.clear()
         self.closes = True
 
-    def add_foothold(self, foot: int, place: Placement) -> None:
-        """Asks for a foothold after those that were given before; one not finite is ignored.
-
-        Args:
-            foot: 0 for the left one, 1 for the right one.
-            place: where its sole shall lie.
-        """
-        if not all(math.isfinite(value) for value in (*place.position, place.yaw)):
+    def add_foothold(self, foothold: Foothold) -> None:
+        """Asks for a foothold after those that were given before; one not finite is ignored."""
+        x, y, _ = foothold.place.position
+        if not all(math.isfinite(value) for value in (x, y, foothold.place.yaw)):
             self.notice = "foothold ignored: not finite"
             return
         self._wanted, self.closes = (0.0, 0.0, 0.0), False
         self.notice = ""
-        self.footholds.append((foot, place))
+        self.footholds.append(foothold)
+
+    def follow(self, plan: FootstepPlan) -> None:
+        """Asks for all footholds of a plan."""
+        for step in plan.steps:
+            self.add_foothold(Foothold(step.foot, step.goal, checked=True))
 
     @property
     def moving(self) -> bool:
         """Whether a step is asked for."""
         return bool(self.footholds) or any(self._followed) or any(self.velocity)
+
+    @property
+    def left(self) -> int | None:
+        """How many steps there are yet until the feet stay; None where nobody has said."""
+        moves = self.closes or any(self._followed) or any(self.velocity)
+        return None if moves else len(self.footholds) or None
 
     @property
     def _followed(self) -> Velocity:
@@ -215,13 +237,13 @@ class StepCommands:
     def first_foot(self) -> int:
         """With which foot a walk begins: the one on the side that it goes to, or the left one."""
         if self.footholds:
-            return self.footholds[0][0]
+            return self.footholds[0].foot
         _, sideways, turn = self._wanted
         return 1 if (sideways or turn) < 0.0 else 0
 
     def next_foot(self, landed: int) -> int:
         """Which foot goes on after one has landed."""
-        return self.footholds[0][0] if self.footholds else 1 - landed
+        return self.footholds[0].foot if self.footholds else 1 - landed
 
     def steps(self, foot: int, stance: Placement, count: int) -> list[Placement]:
         """The next few footholds, a foot after the other.
@@ -231,11 +253,18 @@ class StepCommands:
             stance: where the other one stands.
             count: how many.
         """
+        # Nothing changes from tick to tick while a foot is in the air and nobody commands.
+        asked = (foot, stance, count, self.velocity, self.closes, len(self.footholds))
+        if asked != self._planned[0]:
+            self._planned = asked, self._next(foot, stance, count)
+        return self._planned[1]
+
+    def _next(self, foot: int, stance: Placement, count: int) -> list[Placement]:
         steps: list[Placement] = []
         given = list(self.footholds)
         for i in range(count):
-            if i < len(given) and given[i][0] == foot:
-                place = self._allowed(foot, stance, given[i][1])
+            if i < len(given) and given[i].foot == foot:
+                place = self._allowed(stance, given[i])
             elif self.closes or i > 0:
                 place = self._beside(foot, stance, (0.0, 0.0, 0.0) if given else self.velocity)
             else:
@@ -256,28 +285,39 @@ class StepCommands:
         y = stance.position[1] + s * ahead + c * out * wide
         return self._lying(foot, stance, (x, y, stance.yaw + turned))
 
-    def _allowed(self, foot: int, stance: Placement, place: Placement) -> Placement:
+    def _allowed(self, stance: Placement, asked: Foothold) -> Placement:
         """A foothold that was given, or the nearest that the legs and the other foot allow."""
+        foot, place, checked = asked
         out, room = side(foot), self._room
         turned = math.remainder(place.yaw - stance.yaw, 2.0 * math.pi)
         turned = out * min(max(out * turned, -room.turn_in), room.turn)
         c, s = math.cos(stance.yaw), math.sin(stance.yaw)
         dx, dy = (place.position[k] - stance.position[k] for k in (0, 1))
         wanted = (c * dx + s * dy, out * (c * dy - s * dx))
-        x, y = room.bounds(turned).nearest(wanted)
-        if math.dist((x, y), wanted) < LEVEL:
-            x, y = wanted
-        else:
-            self.notice = f"foothold out of reach: moved by {math.dist((x, y), wanted):.3f} m"
-        return self._lying(
-            foot,
-            stance,
-            (
+        x, y = room.bounds(turned, far=checked).nearest(wanted)
+        moved = math.dist((x, y), wanted)
+        if moved >= LEVEL:
+            self.notice = f"foothold out of reach: moved by {moved:.3f} m"
+            px, py = (
                 stance.position[0] + c * x - s * out * y,
                 stance.position[1] + s * x + c * out * y,
-                stance.yaw + turned,
-            ),
-        )
+            )
+        else:
+            px, py, _ = place.position
+            exact = self._flat(foot, Placement(position=(px, py, 0.0), yaw=stance.yaw + turned))
+            if exact is not None:
+                return exact
+        return self._lying(foot, stance, (px, py, stance.yaw + turned))
+
+    def _flat(self, foot: int, place: Placement) -> Placement | None:
+        """A sole on a platform or beside all of them; None where an edge is under it."""
+        if not self._ground.platforms:
+            return None
+        heights = self._ground.heights(place.grid(*self._room.sizes[foot]))
+        if float(np.ptp(heights)) >= LEVEL:
+            return None
+        x, y, _ = place.position
+        return replace(place, position=(x, y, float(heights[0])))
 
     def _lying(self, foot: int, stance: Placement, place: tuple[float, float, float]) -> Placement:
         """A sole on the ground: as planned, or ahead or behind where an edge is under it."""

@@ -16,6 +16,9 @@ from typing import NamedTuple
 from poise.locomotion._support import Point
 from poise.locomotion._walking._leg_momentum import LegMomentum
 
+REST_TIME = 0.3
+"""How long the ZMP takes from the foot that stood last to where it rests [s]."""
+
 
 class StepTimes(NamedTuple):
     """How long the phases of a step take.
@@ -48,11 +51,16 @@ def before_transfer(xi: Point, start: Point, end: Point, omega: float, time: flo
 
 
 def touchdown_dcm(
-    lifted: Point, footholds: Sequence[Point], legs: LegMomentum, times: StepTimes
+    lifted: Point,
+    footholds: Sequence[Point],
+    legs: LegMomentum,
+    times: StepTimes,
+    rest: Point | None = None,
 ) -> Point:
     """Where xi has to be at the next touchdown, so that all steps after it can be made as planned.
 
-    Of `LegMomentum`, as everything here. Over the last foothold it comes to rest.
+    Of `LegMomentum`, as everything here. It comes to rest over the last foothold, or where the
+    robot stands on the last two.
 
     Args:
         lifted: where the foot is, or was, that comes down next [m].
@@ -60,14 +68,17 @@ def touchdown_dcm(
             next one, and so on; two at least [m].
         legs: the pendulum.
         times: of each step.
+        rest: where the ZMP stays when all footholds are made; over the last one when None [m].
     """
     omega, feet = legs.omega, (lifted, *footholds)
-    xi = feet[-1]
+    xi = over = feet[-1] if rest is None else rest
+    time = times.double_support if rest is None else REST_TIME
     for i in range(len(feet) - 1, 1, -1):
         behind, ahead = feet[i - 1], feet[i]
         stands = (behind, ahead)
         landed = legs.joined(behind, stands)
-        xi = before_transfer(xi, landed, legs.joined(ahead, stands), omega, times.double_support)
+        xi = before_transfer(xi, landed, legs.joined(over, stands), omega, time)
+        over, time = behind, times.double_support
         if i > 2:
             start = legs.joined(behind, (feet[i - 2], behind))
             xi = before_transfer(xi, start, landed, omega, times.swing)

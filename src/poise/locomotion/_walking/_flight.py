@@ -5,29 +5,26 @@ from dataclasses import replace
 
 import numpy as np
 
+from poise.dynamics import RobotState
 from poise.locomotion._support import Point
 from poise.locomotion._walking._commands import StepCommands
-from poise.locomotion._walking._footsteps import Gait
 from poise.locomotion._walking._ground import Placement
 from poise.locomotion._walking._sense import WalkSense
 from poise.locomotion._walking._settings import WalkSettings
 from poise.locomotion._walking._step_choice import Pendulum
 from poise.locomotion._walking._step_planner import Lifted, StepPlanner
 from poise.locomotion._walking._swing import SwingFoot
-from poise.locomotion._walking._swing_shape import RISE, SwingShape
+from poise.locomotion._walking._swing_shape import RISE, SwingShape, sinking_phase
 
 _PLACE_RATE, _TIME_RATE = 2.0, 2.0
 """How fast foothold [m/s] and time of touchdown [s/s] change at most."""
 
+_HELD, _BACK = 0.04, 0.015
+"""A foot that rises and is pushed aside with more than this part of the weight, more than upwards,
+is held by something; it goes so far back from it [m]."""
+
 _FINAL = 0.05
 """Foothold and time are final when touchdown is this near [s]."""
-
-
-def sinking_phase(settings: WalkSettings, gait: Gait) -> float:
-    """Part of a swing's phase in which the foot goes from the ground to where it aims below it."""
-    depth = settings.touchdown_depth
-    # At the end a quintic of least jerk is 10 (height) s^3 above where it ends.
-    return (1.0 - RISE) * (0.1 * depth / (depth + gait.swing_height)) ** (1 / 3)
 
 
 class Flight:
@@ -44,7 +41,8 @@ class Flight:
         planner: chooses place and time.
         commands: know where the ground carries it.
         settings: of touchdown.
-        sinking: see `sinking_phase`.
+        swung: for how long a foot that is in the air already counts as swung, which comes down
+            from where it is [s]; None for one that is lifted now.
 
     Attributes:
         foot: which.
@@ -64,17 +62,21 @@ class Flight:
         planner: StepPlanner,
         commands: StepCommands,
         settings: WalkSettings,
-        sinking: float,
+        swung: float | None = None,
     ) -> None:
         self.foot, self.goal = foot, goal
-        self._planner, self._commands, self._sinking = planner, commands, sinking
-        self.left, self.elapsed, self.waited = planner.times.swing, 0.0, 0.0
+        self._sense, self._planner, self._commands = sense, planner, commands
+        self._sinking = sinking_phase(settings.touchdown_depth, shape.apex - goal.position[2])
+        self.elapsed, self.waited = swung or 0.0, 0.0
+        self.left = planner.times.swing - self.elapsed
         self._lands = False
         position, rotation = sense.lower_edge(foot)
         x, y, z = goal.position
         low = replace(goal, position=(x, y, z - settings.touchdown_depth))
-        time = self.left / (1.0 - sinking)
+        time = self.left / (1.0 - self._sinking)
         self.swing = SwingFoot(position, rotation, low, shape, time, settings.search_depth)
+        if swung is not None:
+            self.swing.elapsed = RISE * self.swing.duration
 
     def aim(self, lifted: Lifted, pendulum: Pendulum, dt: float) -> None:
         """Chooses place and time of touchdown.
@@ -116,6 +118,21 @@ class Flight:
         """Lets the time pass [s]."""
         self.elapsed += dt
         self.left = max(self.left - dt, 0.0)
+
+    def get_clear(self, state: RobotState) -> None:
+        """A foot that is held on its way up goes back from what holds it, and straight up.
+
+        A toe that came down beside an edge would be pressed against it by its way ahead, and
+        friction would hold it down all the more.
+
+        Args:
+            state: of the robot.
+        """
+        x, y, up = self._sense.felt(state, self.foot).tolist()
+        aside = math.hypot(x, y)
+        if self.swing.phase < RISE and aside > _HELD and aside > up:
+            place = self._sense.lower_edge(self.foot)[0].tolist()
+            self.swing.rise_at(place[0] + _BACK * x / aside, place[1] + _BACK * y / aside)
 
     def advance(self, dt: float) -> None:
         """Moves the foot on.

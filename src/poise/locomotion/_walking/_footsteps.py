@@ -20,7 +20,6 @@ from poise.locomotion._pendulum import natural_frequency
 from poise.locomotion._support import Point, two_soles
 from poise.locomotion._walking._bearing import Bearing, bearing
 from poise.locomotion._walking._ground import LEVEL, Ground, Placement
-from poise.locomotion._walking._leg_momentum import leg_ratios
 from poise.locomotion._walking._swing_shape import SwingShape, clear_swing
 from poise.robots import Robot
 from poise.stack import checked_target
@@ -158,8 +157,6 @@ class Stand:
         q: configuration at the beginning.
         com: centre of mass there [m].
         bearings: where in each sole the ZMP can be while that foot alone carries the robot.
-        leg_factor: `LegMomentum.factor` on soles that lean, whose edge leaves the ZMP no room to
-            make up for the momentum of the legs; 1 where there is room.
     """
 
     soles: tuple[str, str]
@@ -168,7 +165,6 @@ class Stand:
     q: Float64[np.ndarray, " nq"] = field(repr=False)
     com: tuple[float, float, float]
     bearings: tuple[Bearing, Bearing]
-    leg_factor: float = 1.0
 
     def zmp(self, foot: int, place: Placement) -> Point:
         """Where the ZMP rests while a foot alone carries the robot [m]."""
@@ -215,9 +211,6 @@ def stand_of(robot: Robot, q: Numbers | None = None) -> Stand:
     posture = robot.q_home if q is None else checked_target(q, robot.nq, "q of the walk")
     start, com = _standing_soles(robot, (left, right), posture)
     size_left, size_right = ((robot.soles[s].length, robot.soles[s].width) for s in (left, right))
-    leg_factor = 1.0
-    if any(robot.soles[sole].leans for sole in (left, right)):
-        leg_factor += 2.0 * leg_ratios(robot, posture, (left, right)).ahead
     return Stand(
         soles=(left, right),
         sizes=(size_left, size_right),
@@ -225,7 +218,6 @@ def stand_of(robot: Robot, q: Numbers | None = None) -> Stand:
         q=posture.copy(),
         com=com,
         bearings=(bearing(robot, left, 1.0), bearing(robot, right, -1.0)),
-        leg_factor=leg_factor,
     )
 
 
@@ -319,7 +311,6 @@ class FootstepPlan(Stand):
             q=stand.q,
             com=stand.com,
             bearings=stand.bearings,
-            leg_factor=stand.leg_factor,
             steps=tuple(steps),
             gait=gait,
             ground=ground,

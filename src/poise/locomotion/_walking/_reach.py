@@ -10,7 +10,6 @@ from jaxtyping import Float64
 from poise.errors import ConfigurationError
 from poise.locomotion._walking._footsteps import FootstepPlan, Stand
 from poise.locomotion._walking._ground import Placement
-from poise.locomotion._walking._reference import ReferencePoint, WalkReference
 from poise.robots import Robot, frame_error, inverse_kinematics
 
 _MISS = 0.01
@@ -69,18 +68,28 @@ class LegReach:
         self._hip_over_com = hip - stand.com[2]
         self._ankle_over_sole = ankle - stand.start[0].position[2]
 
-    def check(self, plan: FootstepPlan, reference: WalkReference) -> None:
-        """Looks at every foot of a plan when it comes down and when it leaves.
+    def check(self, plan: FootstepPlan, height: float) -> None:
+        """Looks at both feet of a plan when one of them comes down, and when the other leaves.
+
+        At touchdown the COM is taken to be half way between the feet, and to go on as fast as the
+        step does.
+
+        Args:
+            plan: the steps.
+            height: of the COM over the lower foot [m].
 
         Raises:
             ConfigurationError: a foot is out of reach; the message says after which step, and of
                 which joint.
         """
-        for foot, name in enumerate(plan.soles):
-            for begin, end, done in _stands(plan, foot):
-                place = plan.placements(done)[foot]
-                for time in (begin, end):
-                    problem = self._miss(foot, place, reference.at(time))
+        leaves = 0.5 + plan.gait.double_support / plan.gait.step_time
+        for done in range(plan.count + 1):
+            places = plan.placements(done)
+            landed = plan.steps[max(done - 1, 0)].foot
+            for way in (0.5, leaves):
+                base = self._base_between(places, landed, way, height)
+                for foot, name in enumerate(plan.soles):
+                    problem = self._miss(foot, places[foot], base)
                     if problem:
                         raise ConfigurationError(
                             f"{name} of robot {self._robot.name!r} is out of reach"
@@ -113,15 +122,25 @@ class LegReach:
         torque = float(robot.tau_max[column - robot.base_dofs])
         return abs(float(J[0, column])) * torque / float(inertia[column, column])
 
-    def longest_step(self, com_height: float) -> float:
-        """How far ahead of the other a foot may come down with the COM half way between [m].
+    def _base_between(
+        self, places: tuple[Placement, Placement], landed: int, way: float, height: float
+    ) -> pin.SE3:
+        """Where the base is with the COM between two feet.
 
         Args:
-            com_height: of the COM above the ground [m].
+            places: of both feet.
+            landed: which of them the COM goes to.
+            way: part of the way there.
+            height: of the COM over the lower foot [m].
         """
-        return 2.0 * self.span.beside(com_height)
+        behind, ahead = places[1 - landed].position, places[landed].position
+        x, y = (a + way * (b - a) for a, b in zip(behind[:2], ahead[:2], strict=True))
+        com = np.array((x, y, min(behind[2], ahead[2]) + height))
+        before = 0.5 * sum(place.yaw for place in self._stand.start)
+        turn = pin.utils.rotate("z", 0.5 * (places[0].yaw + places[1].yaw) - before)
+        return pin.SE3(turn @ self._base.rotation, com + turn @ self._base_from_com)
 
-    def _miss(self, foot: int, place: Placement, point: ReferencePoint) -> str:
+    def _miss(self, foot: int, place: Placement, base: pin.SE3) -> str:
         """What is wrong with a foot's place at one moment; "" if nothing is."""
         model, data, frame = self._model, self._data, self._frames[foot]
         goal = pin.SE3(pin.utils.rotate("z", place.yaw), np.array(place.position))
@@ -135,9 +154,11 @@ class LegReach:
             error, J = frame_error(model, data, frame, goal)
             return error[led], J[led]
 
+        q = self._stand.q.copy()
+        q[:7] = pin.SE3ToXYZQUAT(base)
         q, error = inverse_kinematics(
             model,
-            self._with_base_at(point),
+            q,
             linearize,
             [model.joints[j].idx_v for j in self._chains[foot]],
             tolerance=1e-3,
@@ -149,17 +170,9 @@ class LegReach:
         if short > _MISS:
             return f"{short:.3f} m short"
         # A sole that its leg does not turn points where the body does.
-        turned = place.yaw - self._stand.start[foot].yaw - float(point.displacement[0, 3])
-        aside = 0.0 if sole.turns else abs(turned)
+        turn = pin.log3(base.rotation @ self._base.rotation.T)[2]
+        aside = 0.0 if sole.turns else abs(place.yaw - self._stand.start[foot].yaw - float(turn))
         return f"{aside:.3f} rad aside" if aside > _MISS else self._beyond_limits(foot, q)
-
-    def _with_base_at(self, point: ReferencePoint) -> Float64[np.ndarray, " nq"]:
-        """The configuration at the beginning, its base moved with the COM and turned."""
-        turn = pin.utils.rotate("z", float(point.displacement[0, 3]))
-        position = point.com[0] + turn @ self._base_from_com
-        q = self._stand.q.copy()
-        q[:7] = pin.SE3ToXYZQUAT(pin.SE3(turn @ self._base.rotation, position))
-        return q
 
     def _beyond_limits(self, foot: int, q: Float64[np.ndarray, " nq"]) -> str:
         """Which joint of a leg is beyond its limits; "" for none."""
@@ -171,15 +184,3 @@ class LegReach:
                 name = robot.joint_names[k]
                 return f"joint {name!r} at {angle:.2f} of {low:.2f} to {high:.2f} rad"
         return ""
-
-
-def _stands(plan: FootstepPlan, foot: int) -> list[tuple[float, float, int]]:
-    """When a foot stands: from, until, and after how many steps of the plan."""
-    stands: list[tuple[float, float, int]] = []
-    begin, done = 0.0, 0
-    for i, step in enumerate(plan.steps):
-        if step.foot == foot:
-            stands.append((begin, plan.lift_off(i), done))
-            begin, done = plan.touchdown(i), i + 1
-    stands.append((begin, plan.duration, done))
-    return stands

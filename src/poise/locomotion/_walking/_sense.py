@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float64
 
-from poise.dynamics import RobotState
+from poise.dynamics import LoadedModel, Payload, RobotState
 from poise.locomotion._support import Point, SupportPolygon, sole_rectangle
 from poise.locomotion._walking._footsteps import Stand
 from poise.locomotion._walking._ground import Placement
@@ -45,16 +45,19 @@ class WalkSense:
     Attributes:
         com: centre of mass [m].
         com_velocity: its velocity [m/s].
+        weight: of the robot as it is described [N].
         heaviness: mass that the soles feel over the robot's, averaged over some steps; one where
-            they measure nothing.
+            they measure nothing, and where the state has a payload, of which the controller knows.
         rising: acceleration upwards of the COM's reference [m/s^2]. What feedback asks for beside
             it is no measure of what happens: weighed against that, a COM that is held too high
             would seem heavier, and be held higher still.
     """
 
     def __init__(self, robot: Robot, soles: tuple[str, str]) -> None:
-        self._model, self._data = robot.model, robot.model.createData()
-        self._soles, self._weight = soles, robot.weight
+        self._robot, self._model, self._data = robot, robot.model, robot.model.createData()
+        self._payload: Payload | None = None
+        self._loaded: LoadedModel | None = None
+        self._soles, self.weight = soles, robot.weight
         self._ids = [robot.frame_id(name) for name in soles]
         found = [robot.soles[name] for name in soles]
         self._edges = [0.5 * sole.width if sole.leans else 0.0 for sole in found]
@@ -69,13 +72,25 @@ class WalkSense:
             state: of the robot.
             dt: since the last one [s].
         """
+        if state.payload is not self._payload:
+            self._carry(state.payload)
         pin.centerOfMass(self._model, self._data, state.q, state.v, False)
-        if all(sole in state.contacts for sole in self._soles):
+        if state.payload is not None:
+            self.heaviness = 1.0
+        elif all(sole in state.contacts for sole in self._soles):
             self._weigh(sum(float(state.contacts[sole][2]) for sole in self._soles), dt)
+
+    def _carry(self, payload: Payload | None) -> None:
+        """Where the COM is with a payload."""
+        if self._loaded is None:
+            self._loaded = LoadedModel(self._robot)
+            self._model = self._loaded.model
+        self._loaded.carry(payload)
+        self._payload = payload
 
     def _weigh(self, carried: float, dt: float) -> None:
         """Averages f / (m (g + z''))."""
-        felt = carried * GRAVITY / (self._weight * max(GRAVITY + self.rising, 0.5 * GRAVITY))
+        felt = carried * GRAVITY / (self.weight * max(GRAVITY + self.rising, 0.5 * GRAVITY))
         # Less than that is no weight: the robot hangs, or flies.
         if math.isfinite(felt) and felt > _LEAST_FELT:
             low, high = _HEAVINESS
@@ -105,6 +120,12 @@ class WalkSense:
         """Of a sole's centre, along its own axes [m/s]."""
         frame, axes = self._ids[foot], pin.ReferenceFrame.LOCAL
         return pin.getFrameVelocity(self._model, self._data, frame, axes).linear
+
+    def sole_turning(self, foot: int) -> Point:
+        """Angular velocity of a sole about its own x and y [rad/s]."""
+        frame, axes = self._ids[foot], pin.ReferenceFrame.LOCAL
+        x, y, _ = pin.getFrameVelocity(self._model, self._data, frame, axes).angular.tolist()
+        return x, y
 
     def placement(self, foot: int) -> Placement:
         """Where a sole lies."""
@@ -144,10 +165,17 @@ class WalkSense:
         middle = position + rotation @ np.array([x, y, 0.0])
         return SupportPolygon(sole_rectangle(middle, rotation, size), 0.0)
 
-    def load(self, state: RobotState, foot: int) -> float:
-        """What a foot carries of the weight; all of it where nothing is measured."""
+    def load(self, state: RobotState, foot: int, *, stands: bool = True) -> float:
+        """What a foot carries of the weight; where nothing is measured, all of it if it stands."""
         wrench = state.contacts.get(self._soles[foot])
-        return 1.0 if wrench is None else float(wrench[2]) / self._weight
+        return float(stands) if wrench is None else float(wrench[2]) / self.weight
+
+    def felt(self, state: RobotState, foot: int) -> Float64[np.ndarray, "3"]:
+        """Force on a sole, in the world, over the weight; none where none is measured."""
+        wrench = state.contacts.get(self._soles[foot])
+        if wrench is None:
+            return np.zeros(3)
+        return self.sole(foot)[1] @ wrench[:3] / self.weight
 
     def is_down(
         self, swing: SwingFoot, state: RobotState, foot: int, settings: WalkSettings
@@ -157,7 +185,7 @@ class WalkSense:
         if wrench is None:
             # Nothing is measured: the foot is down when it should be.
             return swing.phase >= 1.0
-        loaded = bool(wrench[2] >= settings.touchdown_force * self._weight)
+        loaded = bool(wrench[2] >= settings.touchdown_force * self.weight)
         return loaded and (swing.phase >= settings.early or swing.searching)
 
 

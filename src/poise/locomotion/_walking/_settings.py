@@ -26,7 +26,7 @@ class WalkSettings:
         early: phase of the swing after which ground counts as ground.
         search_depth: how far below the expected ground a late foot looks for it [m].
         patience: how long a foot may be late [s].
-        adjust: farthest that a foothold moves from its plan to catch the robot [m]; 0 for never.
+        adjust: how far a foothold may still move, as the balance limit is told [m].
         com_bound: distance of the divergent component from its reference, over the height of the
             COM, beyond which the walk is given up.
     """
@@ -51,8 +51,6 @@ class WalkStatus(Enum):
     """Both feet stay on the ground, and nothing is asked for."""
     WALKING = "walking"
     """Steps are being made."""
-    FINISHED = "finished"
-    """All steps are made; the robot stands."""
     MISPLACED = "misplaced"
     """The feet were not where the plan begins: nothing was moved."""
     FOOT_LOST = "foot_lost"
@@ -74,4 +72,4 @@ class WalkStatus(Enum):
         return self in _FINE
 
 
-_FINE = (WalkStatus.READY, WalkStatus.STANDING, WalkStatus.WALKING, WalkStatus.FINISHED)
+_FINE = (WalkStatus.READY, WalkStatus.STANDING, WalkStatus.WALKING)

@@ -1,12 +1,14 @@
 """`Stance`: where the feet stand, on what slope, and what the ZMP can do there."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float64
 
 from poise.locomotion._support import Point, SupportPolygon
+from poise.locomotion._walking._carrying import CarryingArea
 from poise.locomotion._walking._footsteps import Stand
 from poise.locomotion._walking._sense import WalkSense
 
@@ -17,7 +19,7 @@ _TRUST = 0.5
 """How far the slope goes towards that of a foot that has come to carry the robot: one foot may
 stand on a bump, three in a row do not."""
 
-_STEEPEST = 0.3
+_STEEPEST = 0.2
 """A sole that is turned farther than this against the slope so far stands on an edge."""
 
 
@@ -31,6 +33,7 @@ class Stance:
         sense: where the soles are.
         stand: where they are at the beginning, and what the ZMP can do on each.
         margin: how far inside the soles' edges the ZMP stays [m].
+        areas: what of each sole carries.
 
     Attributes:
         feet: where both stand; a foot in the air where it stood.
@@ -43,8 +46,10 @@ class Stance:
         sense: WalkSense,
         stand: Stand,
         margin: float,
+        areas: Sequence[CarryingArea],
     ) -> None:
         self._sense, self._stand, self._margin = sense, stand, margin
+        self._areas = areas
         self.feet = list(stand.start)
         self.slope: Point = (0.0, 0.0)
         self.support = SupportPolygon([], 0.0)
@@ -58,8 +63,9 @@ class Stance:
                 [rad].
         """
         # A sole that leans with its leg says nothing of the ground.
-        if len(feet) == 1 and self._stand.bearings[feet[0]].width > 0.0:
-            self._feel(self._sense.sole(feet[0])[1])
+        foot, *others = feet
+        if not others and self._stand.bearings[foot].width > 0.0 and self._areas[foot].lies:
+            self._feel(self._sense.sole(foot)[1])
         for foot in feet:
             place = self._sense.placement(foot)
             turns = round((heading - place.yaw) / (2.0 * math.pi))

@@ -47,15 +47,26 @@ class Step(NamedTuple):
         x: of the foothold, along the foot that stands [m].
         y: away from it, to the side of the foot in the air [m].
         left: until touchdown [s].
-        missed: how far the divergent component will be from where it should be then [m].
-        cost: of the choice.
+        off: how far the divergent component will be from where it should be then, along the foot
+            that stands and away from it [m].
+        effort: what deviations of place and time cost.
     """
 
     x: float
     y: float
     left: float
-    missed: float
-    cost: float
+    off: Point
+    effort: float
+
+    @property
+    def missed(self) -> float:
+        """How far the divergent component will be from where it should be at touchdown [m]."""
+        return math.hypot(*self.off)
+
+    @property
+    def cost(self) -> float:
+        """Of the choice."""
+        return self.effort + (self.missed / _DCM) ** 2
 
 
 class Pendulum(NamedTuple):
@@ -127,6 +138,11 @@ def choose_step(pendulum: Pendulum, bounds: StepBounds, swing: SwingLimits) -> S
         swing: what the foot can do.
     """
     best: Step | None = None
+    usual = swing.usual - swing.elapsed
+    if usual >= _SOONEST:
+        best = _at(usual, pendulum, bounds, swing)
+        if best.cost == 0.0:
+            return best
     span = swing.longest - swing.shortest
     for k in range(_CANDIDATES):
         left = swing.shortest + span * k / (_CANDIDATES - 1) - swing.elapsed
@@ -134,11 +150,6 @@ def choose_step(pendulum: Pendulum, bounds: StepBounds, swing: SwingLimits) -> S
             continue
         step = _at(max(left, _SOONEST), pendulum, bounds, swing)
         if best is None or step.cost < best.cost:
-            best = step
-    usual = swing.usual - swing.elapsed
-    if usual >= _SOONEST:
-        step = _at(usual, pendulum, bounds, swing)
-        if best is None or step.cost <= best.cost:
             best = step
     assert best is not None
     return best
@@ -167,10 +178,10 @@ def _at(left: float, pendulum: Pendulum, bounds: StepBounds, swing: SwingLimits)
     x, y = bounds.nearest(wanted)
     x, y = _within_reach((x, y), swing, left)
     by_x, by_y = x - planned_x, y - planned_y
-    missed = math.hypot(off[0] - pendulum.gain * by_x, off[1] - pendulum.gain * by_y)
+    off_there = (off[0] - pendulum.gain * by_x, off[1] - pendulum.gain * by_y)
     late = swing.elapsed + left - swing.usual
-    cost = (by_x * by_x + by_y * by_y) / _PLACE**2 + (late / _TIME) ** 2 + (missed / _DCM) ** 2
-    return Step(x, y, left, missed, cost)
+    effort = (by_x * by_x + by_y * by_y) / _PLACE**2 + (late / _TIME) ** 2
+    return Step(x, y, left, off_there, effort)
 
 
 def _beyond(miss: float, most: float) -> float:

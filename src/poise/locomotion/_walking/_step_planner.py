@@ -1,6 +1,7 @@
 """`StepPlanner`: the next few steps of a command, and what they ask of the pendulum."""
 
 import math
+from dataclasses import replace
 from typing import NamedTuple
 
 from poise.locomotion._support import Point
@@ -26,7 +27,11 @@ _SHORTEST, _LONGEST = 0.4, 1.5
 _TRUSTED = 0.6
 """Part of a sole that the choice of a step takes the ZMP to reach; the rest is for feedback."""
 
-_AHEAD = 4
+_FALL = 0.3
+"""Over its height, the square of the time that a foot in the air takes to come down [s^2/m]: faster
+it would take the load off the one that carries."""
+
+AHEAD = 4
 """Footholds that are looked at."""
 
 
@@ -79,6 +84,15 @@ class StepPlanner:
         self._shortest = max(_SHORTEST * times.swing, room.shortest_swing(room.width))
         self._speed = room.far / room.shortest_swing(room.far)
 
+    def swung(self, height: float) -> float:
+        """For how long a foot in the air counts as swung, by how soon it can be down [s].
+
+        Args:
+            height: of the foot above the ground [m].
+        """
+        shortest = min(self._shortest, self.times.swing)
+        return shortest - math.sqrt(_FALL * max(height, 0.0))
+
     def plan(self, lifted: Lifted, counts_as: Point | None = None) -> Pendulum:
         """What the next footholds ask for, in the world.
 
@@ -89,17 +103,22 @@ class StepPlanner:
         """
         stance, legs = self._stand.zmp(1 - lifted.foot, lifted.stance), self._legs
         place = counts_as or lifted.place
-        steps = self._commands.steps(lifted.foot, lifted.stance, _AHEAD)
+        left = self._commands.left
+        steps = self._commands.steps(lifted.foot, lifted.stance, AHEAD)[:left]
         foothold = steps[0].position[:2]
         feet = (lifted.foot, 1 - lifted.foot)
         rests = [self._stand.zmp(feet[i % 2], step) for i, step in enumerate(steps)]
+        rest: Point | None = None
+        if len(steps) == left:
+            (ax, ay), (bx, by) = (stance, *rests)[-2:]
+            rest = 0.5 * (ax + bx), 0.5 * (ay + by)
         along, across = self._stand.bearings[1 - lifted.foot].room
         trusted = _TRUSTED * legs.factor
         return Pendulum(
             xi=lifted.xi,
             zmp=legs.joined(stance, (stance, place)),
             zmp_end=legs.joined(stance, (stance, foothold)),
-            goal=touchdown_dcm(place, (stance, *rests), legs, self.times),
+            goal=touchdown_dcm(place, (stance, *rests), legs, self.times, rest),
             foothold=foothold,
             gain=self._gain,
             room=(
@@ -166,21 +185,34 @@ class StepPlanner:
         return self.choose(lifted, self.plan(lifted), 0.0)[0].cost
 
     def better_foot(self, feet: tuple[Placement, Placement], xi: Point) -> int:
-        """The foot whose step catches the robot at the least cost.
+        """The foot whose step, and the other one's after it, catch the robot at the least cost.
+
+        A foot that cannot go where the robot falls to comes down beside the other one, which can.
 
         Args:
             feet: where both stand.
             xi: the divergent component, measured [m].
         """
         costs: list[float] = []
-        growth = math.exp(self._legs.omega * QUICK)
         for foot in (0, 1):
             lifted = Lifted(foot, feet[foot].position[:2], feet[1 - foot], xi)
-            pendulum = self.plan(lifted)
-            # Until lift-off the ZMP gets to the foot that stays, and the rest grows.
-            x, y = (z + growth * (p - z) for p, z in zip(xi, pendulum.zmp, strict=True))
-            costs.append(self.choose(lifted, pendulum._replace(xi=(x, y)), 0.0)[0].cost)
+            step, landed = self._step_at_once(lifted)
+            following, _ = self._step_at_once(landed)
+            costs.append(step.effort + following.cost)
         return int(costs[1] < costs[0])
+
+    def _step_at_once(self, lifted: Lifted) -> tuple[Step, Lifted]:
+        """The best step that begins as soon as it can, and the other foot when it has landed."""
+        pendulum, stance = self.plan(lifted), lifted.stance
+        growth = math.exp(self._legs.omega * QUICK)
+        # Until lift-off the ZMP gets to the foot that stays, and the rest grows.
+        x, y = (z + growth * (p - z) for p, z in zip(lifted.xi, pendulum.zmp, strict=True))
+        step, place = self.choose(lifted, pendulum._replace(xi=(x, y)), 0.0)
+        goal = self.moved(lifted, pendulum, place).goal
+        off = _Axes(stance, side(lifted.foot)).turned(step.off)
+        landed = replace(stance, position=(*place, stance.position[2]))
+        x, y = (there + by for there, by in zip(goal, off, strict=True))
+        return step, Lifted(1 - lifted.foot, stance.position[:2], landed, (x, y))
 
 
 class _Axes:
@@ -203,8 +235,10 @@ class _Axes:
 
     def without(self, point: Point) -> Point:
         """A point seen from the foot, in the world."""
-        along, left = point[0], self._out * point[1]
-        return (
-            self._x + self._cos * along - self._sin * left,
-            self._y + self._sin * along + self._cos * left,
-        )
+        x, y = self.turned(point)
+        return self._x + x, self._y + y
+
+    def turned(self, vector: Point) -> Point:
+        """A vector seen from the foot, in the world."""
+        along, left = vector[0], self._out * vector[1]
+        return self._cos * along - self._sin * left, self._sin * along + self._cos * left

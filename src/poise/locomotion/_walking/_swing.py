@@ -11,6 +11,9 @@ from poise.locomotion._walking._swing_shape import RISE, SwingShape
 _FIXED = 0.06
 """The goal does not move any more when the foot is this near to its arrival [s]."""
 
+_CLEAR = 0.03
+"""A foot that was held on its way up goes on when it is higher than where it stood by this [m]."""
+
 _SEARCH_SPEED, _SEARCH_ACCELERATION = 0.5, 8.0
 """How a foot that has found no ground goes on down [m/s, m/s^2]: what it lacks in height the robot
 falls, meanwhile, to the side where the foot should be."""
@@ -50,6 +53,7 @@ class SwingFoot:
         self.elapsed = 0.0
         self._shape = shape
         self._lift_off_height = float(position[2])
+        self._clears = self._lift_off_height
         self._depth = search_depth
         self._start_rotation = rotation.copy()
         self._turn = pin.log3(goal.rotation @ rotation.T)
@@ -65,6 +69,12 @@ class SwingFoot:
     def phase(self) -> float:
         """Zero at lift-off, one when the foot is due; above while it looks for the ground."""
         return self.elapsed / self.duration
+
+    @property
+    def slant(self) -> float:
+        """Height of the straight line from lift-off to the goal, by the time that is over [m]."""
+        begin, end = self._lift_off_height, self.goal.position[2]
+        return begin + min(self.phase, 1.0) * (end - begin)
 
     @property
     def exhausted(self) -> bool:
@@ -84,6 +94,16 @@ class SwingFoot:
     def search_again(self) -> None:
         """What it met does not carry it: goes on down from there, slowly at first."""
         self._search = float(self.position[2]), 0.0
+
+    def rise_at(self, x: float, y: float) -> None:
+        """Goes straight up at a place before it goes on along the ground.
+
+        Args:
+            x: in the world [m].
+            y: likewise [m].
+        """
+        self._x, self._y = (x, 0.0, 0.0), (y, 0.0, 0.0)
+        self._clears = self._lift_off_height + _CLEAR
 
     def stop_here(self) -> None:
         """Comes straight down from where the foot is."""
@@ -112,7 +132,8 @@ class SwingFoot:
         """
         left = self._shape.arrive * self.duration - self.elapsed
         self.elapsed += dt
-        if self.elapsed > self._shape.depart * self.duration:
+        clears = self.phase >= RISE or self.position[2] >= self._clears
+        if clears and self.elapsed > self._shape.depart * self.duration:
             by_x, by_y = shift.tolist()
             x, y = self.goal.position[0] + by_x, self.goal.position[1] + by_y
             self._x, self._y = (

@@ -121,7 +121,7 @@ def led_swing(
     size: tuple[float, float],
     height: float,
     ground: Ground,
-    sinking: float,
+    depth: float,
 ) -> SwingShape:
     """A swing whose goal may move: above all platforms where there is one, else the smoothest.
 
@@ -131,14 +131,27 @@ def led_swing(
         size: length and width of the sole [m].
         height: how far it is lifted above the highest it passes [m].
         ground: what it passes.
-        sinking: part of the phase in which it goes below the ground that it expects.
+        depth: how far below the ground that it expects it aims [m].
     """
     if ground.platforms:
         # A swing that would knock against one is made all the same: it may catch the robot.
         with suppress(ConfigurationError):
             return clear_swing(begin, goal, size, height, ground, 0)
     apex = max(begin.position[2], goal.position[2]) + height
-    return SwingShape(apex=apex, arrive=1.0 - sinking)
+    return SwingShape(apex=apex, arrive=1.0 - sinking_phase(depth, apex - goal.position[2]))
+
+
+def sinking_phase(depth: float, fall: float) -> float:
+    """Part of a swing's phase in which the foot goes from the ground to where it aims below it.
+
+    At its end a quintic of least jerk is 10 H s^3 above where it ends, H its height and s the part
+    of its time that is left.
+
+    Args:
+        depth: where it aims, below the ground [m].
+        fall: of the apex over the ground [m].
+    """
+    return (1.0 - RISE) * (0.1 * depth / (depth + max(fall, 0.0))) ** (1 / 3)
 
 
 def _highest(

@@ -25,6 +25,7 @@ from poise.stack import (
     FrameTask,
     JointTask,
     PostureTask,
+    SelfCollisionLimit,
     Stack,
     SurfaceContact,
     Task,
@@ -272,15 +273,31 @@ def _carried(
     return carried
 
 
-def walking_stack(robot: Robot, arms: JointTask | None = None) -> Stack:
-    """COM, pelvis and feet first, then torso and hands, then the posture.
+_FOOT, _FOOT_TURN, _PELVIS, _UPPER = 0.3, 0.1, 0.03, 0.03
+"""Weights of rows in m/s^2 and rad/s^2 beside the COM's, one.
 
-    On the edge of one sole nothing but angular momentum moves the COM aside. Where soles lean,
-    torso and hands stand beside the COM, or arms would be thrown for the last of its error.
+1 m/s^2 of the COM is 7 cm of ZMP on G1, 1 rad/s^2 of all that can turn at most 1 cm. Weighed alike,
+least squares would take nearly all from the COM that a fast swing or a trunk thrown over by a push
+asks for beyond what soles and torques give, and balance would go first.
+"""
+
+
+def walking_stack(robot: Robot, arms: JointTask | None = None) -> Stack:
+    """COM, feet, pelvis, torso and hands together, then the posture.
+
+    Where they can be had together, all are met. Where soles or torques do not give all of them, the
+    orientations of pelvis and torso and the hands give most, then the foot in the air, and the COM
+    least.
+
+    Torso and hands stand in no level of their own: where the pressure has come to an edge of a
+    sole, nothing but angular momentum moves the COM aside, and strictly under it arms would be
+    thrown for the last of its error, to their limits and back, and rock the foot that stands. Where
+    soles lean, there is nothing but edges to stand on, and all weigh the same.
 
     Args:
         robot: on two soles.
-        arms: of their joints, led by somebody else, in place of hands that go along.
+        arms: of their joints, led by somebody else, in place of hands that go along: their weight
+            is set, and the robot's links are kept off each other.
 
     Returns:
         A new stack.
@@ -289,24 +306,29 @@ def walking_stack(robot: Robot, arms: JointTask | None = None) -> Stack:
         RobotError: the robot does not stand on two soles.
     """
     soles = two_soles(robot)
+    leans = any(robot.soles[sole].leans for sole in soles)
+    pelvis = 1.0 if leans else _PELVIS
     balance: list[Task] = [
         ComTask(kp=40.0),
-        FrameTask(robot.pelvis, "orientation", kp=100.0, name="pelvis"),
+        FrameTask(robot.pelvis, "orientation", kp=100.0, weight=pelvis, name="pelvis"),
     ]
-    feet: list[Task] = [
-        FrameTask(sole, kp=300.0, name=sole.replace("sole", "foot")) for sole in soles
-    ]
+    feet: list[Task] = []
+    for sole in soles:
+        rows = sorted(robot.soles[sole].controlled)
+        weight = [1.0 if leans else _FOOT if row < 3 else _FOOT_TURN for row in rows]
+        feet.append(FrameTask(sole, kp=300.0, weight=weight, name=sole.replace("sole", "foot")))
     upper: list[Task] = [FrameTask(robot.torso, "orientation", kp=50.0, name="torso")]
     if arms is None:
         upper += [FrameTask(hand, "position", kp=100.0, name=hand) for hand in robot.hands]
     else:
         upper.append(arms)
-    last: list[Task] = [PostureTask()]
-    levels = [[*balance, *feet], upper, last]
-    if any(robot.soles[sole].leans for sole in soles):
-        levels = [[*balance, *feet, *upper], last]
+    if not leans:
+        for task in upper:
+            task.set_weight(_UPPER)
     return Stack(
         contacts=[SurfaceContact(sole) for sole in soles],
-        levels=levels,
+        levels=[[*balance, *feet, *upper], [PostureTask()]],
         torque_limit=TorqueLimit(rate=SMOOTH_RATE),
+        # What hands that go along do was planned; whoever leads them may lead them anywhere.
+        self_collision_limit=None if arms is None else SelfCollisionLimit(),
     )

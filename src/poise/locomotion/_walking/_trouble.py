@@ -3,6 +3,7 @@
 `TroubleWatch`: notices it. `Hanging`: what is asked of a robot that no foot carries.
 """
 
+import math
 from collections.abc import Mapping
 from typing import NamedTuple
 
@@ -114,14 +115,15 @@ class TroubleWatch:
         """
         sense, settings = self._sense, self._settings
         lowest = min(float(sense.sole(foot)[0][2]) for foot in (0, 1))
-        loads = [sense.load(state, foot) for foot in (0, 1)]
+        flying = None if flight is None else flight.foot
+        loads = [sense.load(state, foot, stands=foot != flying) for foot in (0, 1)]
         hanging = self._signs[WalkStatus.LIFTED].there
         seen = {
             WalkStatus.FALLEN: float(sense.com[2]) - lowest < _FALLEN * self._height,
             WalkStatus.LIFTED: sum(loads) < (_SETTLED if hanging else _HANGING),
             WalkStatus.FOOT_LOST: flight is not None and flight.waited > settings.patience,
             WalkStatus.FOOT_CAUGHT: flight is not None
-            and loads[flight.foot] > _FELT
+            and math.hypot(*sense.felt(state, flight.foot).tolist()) > _FELT
             and self._is_caught(flight),
             WalkStatus.COM_LOST: error > settings.com_bound * self._height,
             WalkStatus.SLIPPING: any(self._slips(foot, loads[foot]) for foot in (0, 1)),

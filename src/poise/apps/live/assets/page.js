@@ -225,15 +225,18 @@ function pad() {
 }
 
 let said = "";
-// A gamepad that can shake does so when a foot lands.
-const loaded = [true, true];
+// A gamepad that can shake does so when a foot lands; one that bounces lands once.
+const loaded = [true, true], landed = [-1, -1], BOUNCES = 0.5; // In the robot's time, which may be slow [s].
 function feel(forces) {
   const all = forces[0][2] + forces[1][2];
   forces.forEach(([, , up], foot) => {
     const before = loaded[foot];
     if (up < 0.05 * all) loaded[foot] = false;
     else if (up > 0.25 * all) loaded[foot] = true;
-    if (loaded[foot] && !before) rumble();
+    if (!loaded[foot] || before) return;
+    const time = newest?.time ?? 0;
+    if (Math.abs(time - landed[foot]) > BOUNCES) rumble();
+    landed[foot] = time;
   });
 }
 
@@ -266,7 +269,7 @@ function press(event, down) {
   else if (arrow) {
     if (down) {
       keys.arrows.add(arrow);
-      if (driving && !driven() && !keys.left && !keys.right) hint("Arrows move the foot that you hold: hold Q or E as well.");
+      if (driving && !driven() && !keys.left && !keys.right) hint("Arrows walk the robot, if it takes torques. To move a foot, hold Q or E as well.");
     } else keys.arrows.delete(arrow);
   } else return;
   event.preventDefault();

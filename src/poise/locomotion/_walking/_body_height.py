@@ -1,0 +1,102 @@
+"""`BodyHeight`: how high the body has to be for both legs to reach their feet, and when."""
+
+import math
+from typing import NamedTuple
+
+from poise.locomotion._walking._commands import side
+from poise.locomotion._walking._flight import Flight
+from poise.locomotion._walking._footsteps import Gait, Stand
+from poise.locomotion._walking._ground import Placement
+from poise.locomotion._walking._reach import LegSpan
+from poise.locomotion._walking._sense import WalkSense
+from poise.locomotion._walking._stance import Stance
+
+LOWEST = 0.9
+"""Part of its height to which the COM goes down so that a leg reaches where it catches the
+robot."""
+
+_FALL = 1.0
+"""Over a way down, the square of the time that the body takes for it [s^2/m]: with the least jerk,
+its weight is never less than 0.4 of what it is."""
+
+_SOONEST = 0.06
+"""It takes this long at least [s]."""
+
+_BODY_TIME = 0.25
+"""The body turns and rises no faster than it takes for a goal this far away [s]."""
+
+
+class BodyGoal(NamedTuple):
+    """Where the body shall be.
+
+    Attributes:
+        height: of the COM in the world [m].
+        yaw: its heading [rad].
+        time: until then [s].
+    """
+
+    height: float
+    yaw: float
+    time: float
+
+
+class BodyHeight:
+    """What the next stand asks of the body.
+
+    Args:
+        sense: where the COM is.
+        stand: how the robot stands at the beginning.
+        span: of its legs.
+        gait: timing of its steps.
+        height: of the COM over the lower foot while it walks [m].
+    """
+
+    def __init__(
+        self, sense: WalkSense, stand: Stand, span: LegSpan, gait: Gait, height: float
+    ) -> None:
+        self._sense, self._out, self._span = sense, 0.5 * stand.width, span
+        self._gait, self._height = gait, height
+
+    def goal(self, stance: Stance, flight: Flight | None, now: float, *, begins: bool) -> BodyGoal:
+        """Where the body goes.
+
+        Args:
+            stance: where the feet stand.
+            flight: of the one in the air; None where both stand.
+            now: height of the body's reference [m].
+            begins: whether no step has been made yet.
+        """
+        left, right = stance.feet
+        low, yaw, time = min(left.position[2], right.position[2]), stance.heading, 0.0
+        feet = [left, right]
+        if flight is not None:
+            foot = feet[1 - flight.foot]
+            # A foot that looks for the ground takes the body down with it.
+            sought = min(flight.goal.position[2], float(flight.swing.position[2]))
+            low, yaw = min(foot.position[2], sought), 0.5 * (foot.yaw + flight.goal.yaw)
+            time, feet[flight.foot] = flight.left, flight.goal
+        height = self._reached(feet, low, yaw, time)
+        drop = now - height
+        if drop > 0.0 and height < low + self._height:
+            return BodyGoal(height, yaw, max(time, math.sqrt(_FALL * drop), _SOONEST))
+        time = max(time + 0.5 * self._gait.double_support, _BODY_TIME)
+        return BodyGoal(height, yaw, max(time, self._gait.shift_time) if begins else time)
+
+    def _reached(self, feet: list[Placement], low: float, yaw: float, time: float) -> float:
+        """Height of the COM in the world at which both legs will reach their feet [m].
+
+        Args:
+            feet: where they stand then.
+            low: height of the lower one [m].
+            yaw: of the body then [rad].
+            time: until then [s].
+        """
+        (x, y, _), (vx, vy, _) = self._sense.com.tolist(), self._sense.com_velocity.tolist()
+        x, y = x + time * vx, y + time * vy
+        height = low + self._height
+        for foot, place in enumerate(feet):
+            aside = side(foot) * self._out
+            hip = (x - math.sin(yaw) * aside, y + math.cos(yaw) * aside)
+            highest = self._span.highest(math.dist(hip, place.position[:2]))
+            height = min(height, place.position[2] + highest)
+        return max(height, low + LOWEST * self._height)

@@ -1,0 +1,102 @@
+"""`CarryingArea`: which part of a sole lies on something, learned from how the sole turns."""
+
+from poise.dynamics import RobotState
+from poise.locomotion._support import Point
+from poise.locomotion._walking._sense import WalkSense
+from poise.stack import Contact, SurfaceContact
+
+_TURNING = 0.3
+"""A sole that carries and is faster than this turns about the edge of what it stands on [rad/s]."""
+
+_CARRIES = 0.1
+"""Part of the weight under which a sole says nothing of the ground."""
+
+_SPREAD = 0.2
+"""How fast the area grows again while the sole does not turn: what has not been tried for a while
+may carry [m/s]."""
+
+_LEAST = 0.004
+"""Length and width that are always left: on less, nothing could be asked for [m]."""
+
+
+_FLAT = 0.25, 0.5
+"""Parts of its length and of its width on which a sole carries that lies flat."""
+
+
+class CarryingArea:
+    """A rectangle in a sole on which it may be asked to carry.
+
+    A sole whose middle lies on an edge turns about it as soon as the centre of pressure is asked
+    for on the side where there is nothing: the measured one stays on the edge. On that side the
+    area ends there, then. Where pressure is measured, something carries; all else grows back slowly
+    while the sole lies still.
+
+    Args:
+        sense: of the robot.
+        foot: 0 for the left one, 1 for the right one.
+        contact: of its sole.
+    """
+
+    def __init__(self, sense: WalkSense, foot: int, contact: Contact) -> None:
+        self._sense, self._foot = sense, foot
+        surface = isinstance(contact, SurfaceContact) and contact.tilts
+        self._contact = contact if surface else None
+        x, y = contact.pressure_reach.tolist()
+        self._reach: Point = (x, y)
+        self._lower, self._upper = [-x, -y], [x, y]
+
+    @property
+    def lies(self) -> bool:
+        """Whether the sole seems to lie flat: on an edge, it says nothing of the ground."""
+        sizes = zip(self._lower, self._upper, self._reach, _FLAT, strict=True)
+        return all(upper - lower >= part * 2.0 * reach for lower, upper, reach, part in sizes)
+
+    def update(self, state: RobotState, dt: float) -> None:
+        """Learns from a state, and tells the contact.
+
+        Args:
+            state: of the robot, with what its soles measure; without that the whole sole carries.
+            dt: since the last one [s].
+        """
+        contact = self._contact
+        if contact is None:
+            return
+        before = (*self._lower, *self._upper)
+        wrench = state.contacts.get(contact.frame)
+        if wrench is None or not contact.active:
+            self._lower, self._upper = [-r for r in self._reach], list(self._reach)
+        else:
+            _, _, load, m_x, m_y, _ = wrench.tolist()
+            carries = load > _CARRIES * self._sense.weight
+            pressure = (-m_y / load, m_x / load) if carries else (None, None)
+            x, y = self._sense.sole_turning(self._foot)
+            # Turning to the front, about y, the toes go down; to the right, about x, that edge.
+            for axis, down in enumerate((y, -x)):
+                self._learn(axis, down, pressure[axis], dt)
+        if before != (*self._lower, *self._upper):
+            (a, b), (c, d) = self._lower, self._upper
+            contact.carry_on((a, b), (c, d))
+
+    def _learn(self, axis: int, down: float, pressure: float | None, dt: float) -> None:
+        """One axis of the sole.
+
+        Args:
+            axis: 0 for x, 1 for y.
+            down: how fast its positive side turns towards the ground [rad/s].
+            pressure: where the centre of pressure is; None where too little is carried [m].
+            dt: of the tick [s].
+        """
+        reach, lower, upper = self._reach[axis], self._lower[axis], self._upper[axis]
+        if abs(down) <= _TURNING:
+            lower, upper = lower - _SPREAD * dt, upper + _SPREAD * dt
+        if pressure is not None:
+            at = min(max(pressure, -reach), reach)
+            if down > _TURNING:
+                upper = at
+            elif down < -_TURNING:
+                lower = at
+            lower, upper = min(lower, at), max(upper, at)
+        missing = 0.5 * max(_LEAST - (upper - lower), 0.0)
+        middle = min(max(0.5 * (lower + upper), -reach + missing), reach - missing)
+        self._lower[axis] = max(min(lower, middle - missing), -reach)
+        self._upper[axis] = min(max(upper, middle + missing), reach)

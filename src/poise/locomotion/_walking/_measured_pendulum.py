@@ -1,0 +1,70 @@
+"""`MeasuredPendulum`: the pendulum of a walk as the robot is now."""
+
+import math
+
+from poise.locomotion._support import Point
+from poise.locomotion._walking._body import BodyMotion
+from poise.locomotion._walking._flight import Flight
+from poise.locomotion._walking._leg_momentum import FeetAt, LegMomentum
+from poise.locomotion._walking._sense import WalkSense
+from poise.locomotion._walking._stance import Stance
+from poise.locomotion._walking._swing import SwingFoot
+
+
+class MeasuredPendulum:
+    """C, its velocity and its divergent component, see `LegMomentum`, from what is measured.
+
+    Args:
+        legs: the pendulum.
+        rise: see `LegRatios.rise`.
+        sense: COM and soles.
+        stance: where the feet stand.
+        body: where the body heads.
+    """
+
+    def __init__(
+        self, legs: LegMomentum, rise: float, sense: WalkSense, stance: Stance, body: BodyMotion
+    ) -> None:
+        self._legs, self._rise = legs, rise
+        self._sense, self._stance, self._body = sense, stance, body
+
+    def feet(self, flight: Flight | None) -> tuple[FeetAt, FeetAt, FeetAt]:
+        """Positions [m], velocities [m/s] and accelerations [m/s^2] of both feet.
+
+        Args:
+            flight: of the foot in the air; None where both stand.
+        """
+        still = (0.0, 0.0)
+        rows = [[place.position[:2], still, still] for place in self._stance.feet]
+        if flight is not None:
+            rows[flight.foot] = self.swing_motion(flight.swing)
+        (a, va, aa), (b, vb, ab) = rows
+        return (a, b), (va, vb), (aa, ab)
+
+    def swing_motion(self, swing: SwingFoot) -> list[Point]:
+        """Position, velocity and acceleration of the foot in the air, whose height counts."""
+        c, s = (self._rise * f(self._body.heading[0]) for f in (math.cos, math.sin))
+        x, y, z = swing.position.tolist()
+        # Over that line: feet that stand count where they are, on whatever step.
+        z -= swing.slant
+        motion = [(x + c * z, y + s * z)]
+        for rate in (swing.velocity, swing.acceleration):
+            x, y, z = rate[:3].tolist()
+            motion.append((x + c * z, y + s * z))
+        return motion
+
+    def mass(self, flight: Flight | None) -> tuple[Point, Point]:
+        """C [m] and its velocity [m/s]."""
+        feet, velocities, _ = self.feet(flight)
+        (x, y, _), (vx, vy, _) = self._sense.com.tolist(), self._sense.com_velocity.tolist()
+        return self._legs.joined((x, y), feet), self._legs.joined((vx, vy), velocities)
+
+    def xi(self, flight: Flight | None) -> Point:
+        """The divergent component [m]."""
+        (x, y), (vx, vy) = self.mass(flight)
+        return x + vx / self._legs.omega, y + vy / self._legs.omega
+
+    def depth(self, flight: Flight | None) -> float:
+        """How far inside what the ZMP can do the divergent component is, negative outside [m]."""
+        feet, _, _ = self.feet(flight)
+        return self._stance.support.depth(self._legs.parted(self.xi(flight), feet))

@@ -1,0 +1,49 @@
+"""Sticks that move no foot walk the robot, once they have been let go."""
+
+from unittest.mock import Mock
+
+import pytest
+
+pytest.importorskip("mujoco")
+pytest.importorskip("websockets", reason="the extra teleop is not installed: no websockets")
+
+from poise.apps.live._feet import LiveFeet
+from poise.apps.live._inputs import OperatorInputs, Pad
+from poise.locomotion import StepTeleoperator
+
+AHEAD = (1.0, 0.0)
+
+
+@pytest.fixture
+def walked(get_robot):
+    inputs = Mock(spec=OperatorInputs)
+    feet = LiveFeet(inputs, StepTeleoperator(get_robot("biped20"), actuation="torque"))
+
+    def velocity(pad):
+        inputs.read.return_value = pad
+        sample = feet.sample(0.0)
+        return None if sample is None else sample.velocity
+
+    return velocity
+
+
+def test_a_stick_walks_the_robot_ahead(walked):
+    assert walked(Pad()) == (0.0, 0.0, 0.0)
+    ahead, left, turn = walked(Pad(move=AHEAD))
+    assert ahead > 0.3
+    assert (left, turn) == (0.0, 0.0)
+    assert walked(Pad()) == (0.0, 0.0, 0.0)
+
+
+def test_one_that_led_a_foot_has_to_be_let_go_first(walked):
+    walked(Pad())
+    assert not any(walked(Pad(move=AHEAD, lift=(True, False))))
+    assert not any(walked(Pad(move=AHEAD)))
+    assert not any(walked(Pad()))
+    assert any(walked(Pad(move=AHEAD)))
+
+
+def test_one_that_is_held_when_somebody_comes_does_nothing(walked):
+    walked(Pad())
+    assert walked(None) is None
+    assert not any(walked(Pad(move=AHEAD)))

@@ -1,0 +1,119 @@
+"""Pushed, the robot steps by itself where the feet as they are led cannot hold it."""
+
+import math
+from unittest.mock import Mock
+
+import numpy as np
+import pytest
+from walker import hands
+
+from poise.apps.teleoperation import TORQUE_TELEOP_PLANT, run_teleop
+from poise.locomotion import DeviceSample, DeviceStatus, Mode, WayPoint
+from poise.locomotion._stepping._biped import Biped
+from poise.locomotion._stepping._own_steps import room_outwards
+
+STATUSES, MODES = list(DeviceStatus), list(Mode)
+
+PUSHED_AT, PUSH_TIME = 1.6, 0.1
+
+
+def pushed(robot, speed, degrees, points, duration):
+    """A run in which the torso is pushed: a change of speed [m/s], and where to."""
+    angle, force = math.radians(degrees), robot.mass * speed / PUSH_TIME
+    push = (force * math.cos(angle), force * math.sin(angle), 0.0)
+    number = round(PUSHED_AT / TORQUE_TELEOP_PLANT.control_dt)
+    plant = TORQUE_TELEOP_PLANT.with_noise()
+    pushes = [(number, push, PUSH_TIME)]
+    return run_teleop(robot, hands(*points), plant, duration=duration, pushes=pushes)
+
+
+def held(height):
+    """The left foot held up, put down by the hand later, and lifted again."""
+    places = ((0.2, 0.0), (0.8, height), (2.6, height), (3.0, -0.02), (3.4, -0.02), (3.8, 0.06))
+    return [WayPoint(at=at, left=(0.0, 0.0, z)) for at, z in places]
+
+
+def overruled(log):
+    return log.device == STATUSES.index(DeviceStatus.OVERRULED)
+
+
+@pytest.mark.parametrize("degrees", [90, 270])
+def test_g1_on_one_foot_catches_itself_and_the_operator_takes_hold_anew(get_robot, degrees):
+    """To the side of the foot in the air, and to the side of the one that stands."""
+    run = pushed(get_robot("g1"), 0.2, degrees, held(0.06), 6.0)
+    log, double = run.log, MODES.index(Mode.D)
+    assert not run.fell
+    own = overruled(log)
+    assert not own[log.time < PUSHED_AT].any()
+    assert own.any()
+    # The hand is still up: nothing follows it until it has come down to its foot.
+    after = (log.time > log.time[own][-1]) & (log.time < 3.0)
+    assert (log.mode[after] == double).all()
+    assert (log.device[after] == STATUSES.index(DeviceStatus.WAITING)).any()
+    # Down, and up again: its foot follows.
+    assert log.mode[-1] == MODES.index(Mode.SR)
+    assert log.soles[-1, 0, 2] > 0.03
+    assert not own[log.time > 3.4].any()
+
+
+def test_where_it_holds_itself_the_operator_stays_in_command(get_robot):
+    run = pushed(get_robot("humanoid33"), 0.05, 90, held(0.06), 2.4)
+    assert not run.fell
+    assert not overruled(run.log).any()
+
+
+@pytest.mark.parametrize("degrees", [0, 180])
+def test_both_feet_on_the_ground_it_steps_and_comes_to_rest(get_robot, degrees):
+    robot = get_robot("g1")
+    run = pushed(robot, 0.45, degrees, [], 4.5)
+    log = run.log
+    assert not run.fell
+    assert overruled(log).any()
+    assert log.mode[-1] == MODES.index(Mode.D)
+    assert log.device[-1] != STATUSES.index(DeviceStatus.OVERRULED)
+    assert np.linalg.norm(log.com[-1, :2] - log.zmp_reference[-1]) < 0.02
+
+
+def test_a_narrow_sole_has_its_room_on_the_outer_side():
+    narrow, wide = (Mock(spec=Biped, sizes=((0.2, width),) * 2) for width in (0.06, 0.24))
+    assert room_outwards(narrow, 3.8, 0.0075) == pytest.approx(0.015)
+    assert room_outwards(wide, 3.6, 0.02) == 0.0
+
+
+class WalksThenSteps:
+    """Devices on the feet: the robot walks for two seconds, and later its left foot is lifted."""
+
+    def __init__(self, teleoperator, height=0.0):
+        self._anchors, self._height = teleoperator.estimator, height
+
+    def sample(self, time):
+        left, right = (anchor.copy() for anchor in self._anchors.anchors)
+        left[2] += 0.06 if time > 6.5 else 0.0
+        if 0.5 < time < 1.0:
+            left[2] += self._height
+        velocity = (0.3, 0.0, 0.0) if 1.0 < time < 3.0 else (0.0, 0.0, 0.0)
+        return DeviceSample(time, left, right, velocity=velocity)
+
+
+@pytest.mark.parametrize("height", [0.0, 0.06], ids=["both feet down", "one held up"])
+def test_walking_by_velocity_and_stepping_by_hand_change_over(get_robot, height):
+    plant = TORQUE_TELEOP_PLANT.with_noise()
+    run = run_teleop(
+        get_robot("g1"), lambda t: WalksThenSteps(t, height), plant, duration=8.0, pushes=()
+    )
+    log = run.log
+    assert not run.fell
+    walks = log.device == STATUSES.index(DeviceStatus.WALKING)
+    began, ended = log.time[walks][[0, -1]]
+    assert began == pytest.approx(1.0, abs=0.01)
+    assert 3.3 < ended < 6.0
+    assert log.com[-1, 0] - log.com[0, 0] > 0.4
+    # It stands, feet side by side, and the operator's foot is led again.
+    then = np.searchsorted(log.time, 6.4)
+    assert log.mode[then] == MODES.index(Mode.D)
+    assert abs(log.soles[then, 0, 0] - log.soles[then, 1, 0]) < 0.03
+    assert log.mode[-1] == MODES.index(Mode.SR)
+    assert log.soles[-1, 0, 2] > 0.03
+    # Nothing jumps where one hands over to the other.
+    assert np.abs(np.diff(log.com, axis=0)).max() < 0.005
+    assert log.tilt.max() < 0.3

@@ -1,0 +1,114 @@
+"""What of a sole carries, learned from how it turns; states are made up, nothing is simulated."""
+
+import numpy as np
+import pytest
+
+import poise
+from poise.locomotion import walking_stack
+from poise.locomotion._walking._carrying import CarryingArea
+from poise.locomotion._walking._sense import WalkSense
+from poise.locomotion._walking._stance import Stance
+
+DT = 0.002
+LEFT = "left_sole"
+
+
+class Turned:
+    """A sole that turns, because its robot does, about what it stands on."""
+
+    def __init__(self, robot):
+        self.robot, stack = robot, walking_stack(robot)
+        stack.bind(robot)
+        self.contact = next(c for c in stack.contacts if c.frame == LEFT)
+        self.sense = WalkSense(robot, ("left_sole", "right_sole"))
+        self.area = CarryingArea(self.sense, 0, self.contact)
+        self.whole = self.contact.cone.copy()
+
+    def look(self, pressure=(0.0, 0.0), turning=(0.0, 0.0), load=0.5, ticks=1):
+        """Some ticks with the pressure there and the sole turning like that."""
+        force = load * self.robot.weight
+        wrench = np.array([0.0, 0.0, force, pressure[1] * force, -pressure[0] * force, 0.0])
+        v = np.zeros(self.robot.nv)
+        v[3:5] = turning
+        for _ in range(ticks):
+            state = poise.RobotState(self.robot.q_home, v, {LEFT: wrench}, 0.0)
+            self.sense.update(state, DT)
+            self.area.update(state, DT)
+
+    def bears(self, x, y):
+        """Whether pressure may be asked for there."""
+        return (self.contact.cone @ np.array([0.0, 0.0, 1.0, y, -x, 0.0])).max() < 1e-9
+
+
+@pytest.fixture
+def turned(get_robot):
+    return Turned(get_robot("humanoid33"))
+
+
+@pytest.mark.parametrize(
+    ("turning", "carries", "bare"),
+    [
+        ((0.0, 1.0), (-0.02, 0.0), (0.05, 0.0)),
+        ((0.0, -1.0), (0.05, 0.0), (-0.03, 0.0)),
+        ((1.0, 0.0), (0.01, 0.02), (0.01, -0.01)),
+        ((-1.0, 0.0), (0.01, -0.02), (0.01, 0.02)),
+    ],
+)
+def test_the_side_that_goes_down_carries_nothing(turned, turning, carries, bare):
+    turned.look(pressure=(0.01, 0.0), turning=turning)
+    assert turned.bears(*carries)
+    assert not turned.bears(*bare)
+
+
+def test_a_sole_that_lies_still_carries_everywhere(turned):
+    turned.look(pressure=(0.05, 0.02), ticks=50)
+    np.testing.assert_array_equal(turned.contact.cone, turned.whole)
+    assert turned.area.lies
+
+
+def test_the_area_grows_again_and_at_once_to_where_pressure_is_felt(turned):
+    turned.look(pressure=(0.0, 0.0), turning=(1.0, 1.0), ticks=5)
+    turned.look(pressure=(0.0, 0.0), turning=(-1.0, -1.0), ticks=5)
+    assert not turned.area.lies
+    turned.look(pressure=(0.06, -0.02))
+    assert turned.bears(0.06, -0.02)
+    turned.look(ticks=round(1.0 / DT))
+    np.testing.assert_allclose(turned.contact.cone, turned.whole, atol=1e-12)
+
+
+def test_a_foot_that_hardly_carries_says_nothing(turned):
+    turned.look(pressure=(0.0, 0.0), turning=(2.0, 2.0), load=0.05)
+    np.testing.assert_array_equal(turned.contact.cone, turned.whole)
+
+
+def test_a_foot_that_was_lifted_begins_anew(turned):
+    turned.look(turning=(2.0, 2.0), ticks=5)
+    turned.contact.release(0.0)
+    turned.contact.advance(0.0)
+    turned.look()
+    np.testing.assert_allclose(turned.contact.cone, turned.whole, atol=1e-12)
+
+
+def test_something_is_always_left(turned):
+    turned.look(turning=(1.0, 1.0), pressure=(0.5, 0.5))
+    turned.look(turning=(-1.0, -1.0), pressure=(0.5, 0.5))
+    x, y = turned.contact.pressure_reach
+    assert turned.bears(x - 0.002, y - 0.002)
+
+
+def test_a_sole_on_an_edge_says_nothing_of_the_slope(turned):
+    robot = turned.robot
+    stand = poise.locomotion.Walker(robot, walking_stack(robot))._standing
+    stance = Stance(turned.sense, stand, 0.01, [turned.area, turned.area])
+    q = robot.q_home.copy()
+    q[3:7] = 0.0, np.sin(0.05), 0.0, np.cos(0.05)
+    tilted = poise.RobotState(q, np.zeros(robot.nv))
+    turned.look(turning=(0.0, 1.0), pressure=(-0.1, 0.0))
+    turned.look(turning=(0.0, -1.0), pressure=(-0.1, 0.0))
+    turned.sense.update(tilted, DT)
+    stance.stand_on((0,), 0.0)
+    assert stance.slope == (0.0, 0.0)
+    turned.look(ticks=round(1.0 / DT))
+    turned.sense.update(tilted, DT)
+    stance.stand_on((0,), 0.0)
+    assert stance.slope[0] == pytest.approx(-0.5 * np.tan(0.1))
