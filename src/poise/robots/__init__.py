@@ -2,6 +2,7 @@
 
 from poise.robots._capsules import LinkCapsules as LinkCapsules, capsules_of as capsules_of
 from poise.robots._catalog import CatalogEntry as CatalogEntry, catalog
+from poise.robots._describe import describe
 from poise.robots._geometry import load_mesh as load_mesh
 from poise.robots._inverse_kinematics import (
     frame_error as frame_error,
@@ -10,7 +11,7 @@ from poise.robots._inverse_kinematics import (
 from poise.robots._loader import description_template, load_robot
 from poise.robots._meshes import mesh_path as mesh_path
 from poise.robots._posture import standing_posture as standing_posture
-from poise.robots._proposal import Proposal as Proposal, describe
+from poise.robots._proposal import Proposal as Proposal
 from poise.robots._robot import (
     GRAVITY as GRAVITY,
     FrameRole as FrameRole,

@@ -14,6 +14,7 @@ from poise._yaml import read_text, read_yaml
 from poise.errors import RobotError, UnknownNameError
 from poise.robots._base import followers_of, settle_base
 from poise.robots._catalog import catalog_names, find_entry, open_entry
+from poise.robots._describe import describe
 from poise.robots._description import Description, Mount, match_joints, parse_description
 from poise.robots._document import Document, mend_inertias, parse, write_limits
 from poise.robots._kinematics import add_roles, build_model, check_inertia
@@ -26,7 +27,6 @@ from poise.robots._limits import (
 from poise.robots._meshes import add_figure, asset_folders, drop_missing_meshes, has_shapes
 from poise.robots._mjcf import MjcfFacts, free_site_names, read_facts
 from poise.robots._posture import home_configuration
-from poise.robots._proposal import describe
 from poise.robots._robot import FrameRole, ModelSource, Robot, Sole
 from poise.robots._sole_check import soles_off_their_feet
 from poise.robots._sole_freedom import with_controlled_soles
