@@ -4,6 +4,7 @@ from poise.stack._axes import checked_gain as checked_gain, checked_target as ch
 from poise.stack._balance import BalanceLimit, BalanceRows as BalanceRows
 from poise.stack._centroid import ComTask, MomentumTask
 from poise.stack._contact import Contact
+from poise.stack._contact_sets import ContactSets as ContactSets
 from poise.stack._contacts import PointContact, SurfaceContact
 from poise.stack._evaluation import Owner as Owner
 from poise.stack._frame import FrameTask
@@ -14,7 +15,6 @@ from poise.stack._limits import SMOOTH_RATE as SMOOTH_RATE, JointLimit, TorqueLi
 from poise.stack._polygon import find_hull as find_hull
 from poise.stack._relative_frame import RelativeFrameTask
 from poise.stack._rows import (
-    ContactSets as ContactSets,
     StackRows as StackRows,
     home_jacobians as home_jacobians,
     stacked_cones as stacked_cones,

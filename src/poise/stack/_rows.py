@@ -1,11 +1,8 @@
-"""`StackRows`: the rows of a stack for one set of active contacts, stacked once a tick.
+"""`StackRows`: the rows of a stack for one set of active contacts, stacked once a tick."""
 
-`ContactSets`: what is prepared for each set of active contacts, and which sets are, ahead of time.
-"""
-
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from itertools import accumulate, chain, combinations, pairwise
-from typing import Generic, Literal, TypeVar
+from collections.abc import Iterable, Sequence
+from itertools import accumulate, pairwise
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Float64, Int64
@@ -21,6 +18,9 @@ from poise.stack._shipped import ShippedTask
 from poise.stack._stack import Stack, is_held
 from poise.stack._tables import Rows
 from poise.stack._task import Task
+
+_AT_BOUND = 1e-6
+"""Acceleration that a row of the balance limit may lack to its bound and still be at it [m/s^2]."""
 
 Labels = list[tuple[str, int]]
 """Names of rows, each with the number of rows it stands for."""
@@ -180,10 +180,7 @@ class StackRows:
         self.wrench_lower, self.wrench_upper = rows.wrench_lower, rows.wrench_upper
         for task, place in self.task_rows:
             self.weight[place] = task.weight
-        own = self.balance_rows
-        self._limit_views = rows.matrix, rows.first + own.start, self.target[own], self.upper[own]
         # What is compiled is compiled now, not in the first tick.
-        _is_held(*self._limit_views, np.zeros(self._nv), self._nv)
         for limit in (self.balance_rows, self.collision_rows):
             self.excess(np.zeros(self._nv), limit)
         self._own_views = [
@@ -263,7 +260,7 @@ class StackRows:
         Args:
             x: accelerations; what follows them is left alone.
         """
-        return self.balance is not None and _is_held(*self._limit_views, x, self._nv)
+        return self.excess(x, self.balance_rows) >= -_AT_BOUND
 
     @property
     def limits(self) -> tuple[BalanceRows | SelfCollisionRows, ...]:
@@ -281,13 +278,14 @@ class StackRows:
     def excess(self, x: Float64[np.ndarray, " n"], rows: slice) -> float:
         """How far an answer is beyond the bounds of rows of limits, at most [m/s^2, m/s].
 
+        Negative where all of them hold with room; minus infinity for no rows.
+
         Args:
             x: accelerations; what follows them is left alone.
             rows: some of the rows.
         """
-        if rows.start == rows.stop:
-            return 0.0
-        matrix, first = self._limit_views[0], self.evaluation.rows.first + rows.start
+        own = self.evaluation.rows
+        matrix, first = own.matrix, own.first + rows.start
         return _excess(matrix, first, self.target[rows], self.upper[rows], x, self._nv)
 
     def task_residuals(self, missing: Float64[np.ndarray, " m"] | None = None) -> dict[str, float]:
@@ -405,28 +403,6 @@ def _measure(
         residuals[level] = np.sqrt(left) / max(1.0, np.sqrt(asked))
 
 
-_AT_BOUND = 1e-6
-"""Acceleration that a row of the balance limit may lack to its bound and still be at it [m/s^2]."""
-
-
-@compiled
-def _is_held(
-    matrix: Float64[np.ndarray, "rows columns"],
-    first: int,
-    lower: Float64[np.ndarray, " m"],
-    upper: Float64[np.ndarray, " m"],
-    x: Float64[np.ndarray, " k"],
-    nv: int,
-) -> bool:
-    for row in range(len(upper)):
-        value = 0.0
-        for i in range(nv):
-            value += matrix[first + row, i] * x[i]
-        if value >= upper[row] - _AT_BOUND or value <= lower[row] + _AT_BOUND:
-            return True
-    return False
-
-
 @compiled
 def _excess(
     matrix: Float64[np.ndarray, "rows columns"],
@@ -436,59 +412,10 @@ def _excess(
     x: Float64[np.ndarray, " k"],
     nv: int,
 ) -> float:
-    worst = 0.0
+    worst = -np.inf
     for row in range(len(upper)):
         value = 0.0
         for i in range(nv):
             value += matrix[first + row, i] * x[i]
         worst = max(worst, value - upper[row], lower[row] - value)
     return worst
-
-
-PREPARED_CONTACTS = 3
-"""Stacks of up to so many contacts have all their sets prepared before the first tick."""
-
-T = TypeVar("T")
-
-
-class ContactSets(Generic[T]):
-    """What belongs to each set of active contacts, made once: switching back allocates nothing.
-
-    The active contacts are prepared when this is made; where there are few contacts, all their
-    sets are, so that no tick has to make one. What is wrong is so refused before the first tick.
-
-    Args:
-        stack: whose contacts come and go.
-        make: makes what belongs to one set.
-    """
-
-    def __init__(self, stack: Stack, make: Callable[[tuple[Contact, ...]], T]) -> None:
-        self._make = make
-        self._made: dict[tuple[Contact, ...], T] = {}
-        contacts = stack.contacts
-        sets = {stack.active_contacts}
-        if len(contacts) <= PREPARED_CONTACTS:
-            sizes = range(len(contacts) + 1)
-            sets.update(chain.from_iterable(combinations(contacts, k) for k in sizes))
-        for contacts in sets:
-            self.of(contacts)
-
-    def of(self, contacts: tuple[Contact, ...]) -> T:
-        """What belongs to a set of contacts, in the order of the stack."""
-        made = self._made.get(contacts)
-        if made is None:
-            made = self._made[contacts] = self._make(contacts)
-        return made
-
-    @property
-    def sets(self) -> tuple[tuple[Contact, ...], ...]:
-        """The sets that something was made for."""
-        return tuple(self._made)
-
-    def __iter__(self) -> Iterator[T]:
-        """All that was made."""
-        return iter(self._made.values())
-
-    def __len__(self) -> int:
-        """Number of sets."""
-        return len(self._made)
