@@ -91,13 +91,18 @@ def _late(plant: PlantConfig, robot: Robot, seed: int) -> PlantConfig:
     return replace(plant, sensors=replace(plant.sensors, delay=_DELAY))
 
 
+def _solid(plant: PlantConfig, robot: Robot, seed: int) -> PlantConfig:
+    del robot, seed
+    return replace(plant, self_contact=True)
+
+
 def _mixed(plant: PlantConfig, robot: Robot, seed: int) -> PlantConfig:
-    for change in (_sloping, _bumpy, _slippery, _heavier_or_lighter, _late):
+    for change in (_sloping, _bumpy, _slippery, _heavier_or_lighter, _late, _solid):
         plant = change(plant, robot, seed)
     return plant
 
 
-PUSHED, MIXED = "pushes of 0.2 m/s", "all of them"
+PUSHED, SOLID, MIXED = "pushes of 0.2 m/s", "links that touch", "all of them"
 
 CONDITIONS: dict[str, Change] = {
     "as described": _as_described,
@@ -108,6 +113,7 @@ CONDITIONS: dict[str, Change] = {
     "mass 10% off": _heavier_or_lighter,
     "10 ms of delay": _late,
     PUSHED: _as_described,
+    SOLID: _solid,
     MIXED: _mixed,
 }
 """What is changed, by name; as described the sensors have noise and an attitude off by 0.5 degrees.
@@ -161,7 +167,7 @@ class Outcome:
         steps: how often a foot was lifted.
         tilt: largest angle of the torso [rad].
         apart: least distance of one leg from the other, negative where they go through each other,
-            which nothing in the simulation prevents [m].
+            which nothing prevents but where links touch [m].
     """
 
     trial: Trial

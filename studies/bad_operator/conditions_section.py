@@ -1,6 +1,14 @@
 """The bad operator at both levels, on a robot with large soles and one with small ones."""
 
-from studies.bad_operator.conditions import CONDITIONS, PLANTS, Outcome, Trial, run_trial
+from studies.bad_operator.conditions import (
+    CONDITIONS,
+    MIXED,
+    PLANTS,
+    SOLID,
+    Outcome,
+    Trial,
+    run_trial,
+)
 from studies.finding import Finding, Section, Table
 from studies.plan import Progress, StudyOptions
 from studies.trials import run_each
@@ -40,9 +48,9 @@ def conditions_section(options: StudyOptions, progress: Progress) -> Section:
             "1 degree, and a bias of gyroscope and accelerometer. Asked: at torque level at most "
             f"one fall in {_MINUTES:.0f} minutes, at velocity level of biped20 as described none; "
             "the rest of velocity level is told, not asked for.",
-            "The simulation lets limbs go through each other: only the ground is felt. The last "
-            "column says how near shanks and feet came; a negative number is a fall that a real "
-            "robot might have had.",
+            f"But under “{SOLID}” and “{MIXED}” the simulation lets limbs go through each other: "
+            "only the ground is felt. The last column says how near shanks and feet came; a "
+            "negative number is a fall that a real robot might have had.",
         ),
         findings=tuple(_finding(group) for group in outcomes),
         tables=(

@@ -136,6 +136,7 @@ def test_every_condition_changes_what_it_says_and_nothing_else(get_robot):
     assert np.rad2deg(np.linalg.norm(error)) == pytest.approx(1.0)
     assert np.rad2deg(np.linalg.norm(changed["slope of 3 degrees"].floor_slope)) == pytest.approx(3)
     mixed = changed[conditions.MIXED]
+    assert mixed.self_contact
     assert mixed.friction == 0.5
     assert mixed.blocks
     assert mixed.sensors.delay == 0.01
