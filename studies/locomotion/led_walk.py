@@ -7,7 +7,7 @@ import numpy as np
 
 from poise.control import WholeBodyController
 from poise.dynamics import RobotState
-from poise.estimation import EstimatorConfig, StateEstimator, StatePredictor
+from poise.estimation import EstimatorConfig, PayloadEstimator, StateEstimator, StatePredictor
 from poise.locomotion import Walker, walking_stack
 from poise.robots import Robot, load_robot
 from poise.sim import Plant, PlantConfig, SensorConfig, rollout
@@ -121,7 +121,12 @@ def run_led(trial: LedTrial) -> LedOutcome:
         force = robot.mass * trial.push / PUSH_TIME
         x, y = force * math.cos(trial.direction), force * math.sin(trial.direction)
         plant.push(robot.torso, (x, y, 0.0), PUSH_TIME, trial.at)
-    estimator = StateEstimator(robot, EstimatorConfig(ground=course.height), q_start=q)
+    estimator = StateEstimator(
+        robot,
+        EstimatorConfig(ground=course.height),
+        q_start=q,
+        payload=PayloadEstimator(robot),
+    )
     predictor = StatePredictor(robot, course.delay, PERIOD)
     poses: list[tuple[float, float, float]] = []
     changes = TorqueSteps(robot)

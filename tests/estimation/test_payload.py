@@ -108,3 +108,18 @@ def test_clocks_that_jump_and_strange_states_do_no_harm(get_robot):
 def test_a_fixed_base_is_refused(get_robot):
     with pytest.raises(ConfigurationError, match="payload"):
         PayloadEstimator(get_robot("panda"))
+
+
+def test_a_push_is_no_offset(get_robot):
+    robot = get_robot("humanoid33")
+    told = []
+    for push in (0.01, 1e3):
+        estimator = PayloadEstimator(robot, PayloadBelief(push=push))
+        plant = Plant(robot, PlantConfig(control_dt=0.002), seed=1)
+        plant.push(robot.torso, (0.03 * robot.weight, 0.0, 0.0), duration=3.0, start=1.0)
+        controller = poise.WholeBodyController(robot, poise.default_stack(robot))
+        ticks = rollout(plant, controller, estimator=estimator, duration=4.2)
+        told.append(max(float(np.abs(estimator.offset).max()) for _ in ticks))
+    # One that believed all that the soles say would take it for a centimetre.
+    assert told[0] < 0.003
+    assert told[1] > 0.01

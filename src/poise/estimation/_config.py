@@ -155,6 +155,8 @@ class PayloadBelief:
         offset_rate: how fast the centre of mass that is told may move [m/s].
         least_load: part of the weight below which the soles say nothing: the robot hangs, or flies.
         shock: acceleration of the centre of mass above which they say nothing either [m/s^2].
+        push: force along the ground, by the weight, that neither mass nor offset explains and at
+            which what the soles say counts a quarter: somebody else pushes.
     """
 
     smoothing: Positive = 0.25
@@ -169,3 +171,4 @@ class PayloadBelief:
     offset_rate: Deviation = 0.02
     least_load: Ratio = 0.3
     shock: Positive = 2.0
+    push: Positive = 0.01

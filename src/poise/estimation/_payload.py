@@ -41,10 +41,11 @@ class PayloadEstimator:
     rates are differences to it, h' = (h - h_low) / smoothing, and nothing is differentiated.
 
     It takes no measurement where a sole that should measure does not, where the soles carry next
-    to nothing, or the robot moves violently. What somebody else carries, a hand on a table, looks
-    as if the robot were lighter. Base and torso have to be upright in the state: 0.2 degrees of
-    tilt are 2 to 3 mm of the centre of mass. Wrenches that are estimated from the motors' torques
-    with the description's own masses contain those, and are of no use.
+    to nothing, or the robot moves violently, and believes them the less the more somebody pushes:
+    no mass and no offset makes a force along the ground. What somebody else carries, a hand on a
+    table, looks as if the robot were lighter. Base and torso have to be upright in the state: 0.2
+    degrees of tilt are 2 to 3 mm of the centre of mass. Wrenches that are estimated from the
+    motors' torques with the description's own masses contain those, and are of no use.
 
     It is an estimator of `rollout` by itself, for states whose base is known, or a part of
     `StateEstimator`.
@@ -155,7 +156,8 @@ class PayloadEstimator:
         H[:3, 0], H[3:, 0] = reaction, rate[3:]
         H[3:, 1:] = -hat(reaction) @ world_R_torso
         left = np.concatenate((low[:3] - reaction, low[3:6] - rate[3:])) - H @ self._mean
-        noise = np.repeat([b.force_noise, b.moment_noise], 3) * GRAVITY
+        pushed = math.hypot(float(left[0]), float(left[1])) / (b.push * GRAVITY)
+        noise = np.repeat([b.force_noise, b.moment_noise], 3) * GRAVITY * (1.0 + pushed**2)
         spread = H @ self._covariance @ H.T + np.diag(noise**2 / dt)
         gain = np.linalg.solve(spread, H @ self._covariance).T
         self._mean += gain @ left

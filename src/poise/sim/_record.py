@@ -35,6 +35,7 @@ UNITS = {
     "base_estimate": "m, -",
     "velocity_truth": "m/s, rad/s",
     "velocity_estimate": "m/s, rad/s",
+    "payload_estimate": "kg, m",
     "command_torque": "N m",
     "command_velocity": "rad/s",
     "residuals": "",

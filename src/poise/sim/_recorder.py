@@ -92,7 +92,7 @@ class Recorder:
     `signals` say; and notes about the `status` of the commands and about which links touch. Where
     an estimator says what the others know, `base_estimate` and `base_truth` (position and
     quaternion) and `velocity_estimate` and `velocity_truth` (in the base) are of the begin of the
-    period, when it said so.
+    period, when it said so, and `payload_estimate`: mass and offset beyond the description.
 
     The log, if there is one, holds that record to the last bit, see `read_log`. Beside it a topic
     a signal (`/com`, `/zmp`, ...), one a topic of notes, `/joints`, `/tf` and `/scene` are for
@@ -268,6 +268,10 @@ class Recorder:
         for name, state in (("estimate", estimate), ("truth", self._truth)):
             samples[f"base_{name}"] = state.q[:7]
             samples[f"velocity_{name}"] = state.v[:6]
+        load = estimate.payload
+        samples["payload_estimate"] = (
+            np.zeros(4) if load is None else np.append(load.mass, load.offset)
+        )
 
     def _add_command(self, samples: dict[str, Value], command: Command) -> None:
         if command.torque is not None:

@@ -6,6 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from poise.apps.report._plots import estimate_figure
 from poise.apps.scenarios import load_scenario, run_scenario
 from poise.apps.scenarios._estimate import BaseKnowledge
 from poise.apps.scenarios._metrics import METRICS
@@ -107,7 +108,18 @@ def test_a_run_records_both_and_measures_by_both():
     assert drift.value == errors.drift.max()
     tilt = METRICS["tilt_error_rms"].measure(run.signals, "", None, rows)
     assert tilt.value == pytest.approx(np.sqrt(np.mean(errors.tilt**2)))
-    assert make_view(record, run.robot).base_errors is not None
+    view = make_view(record, run.robot)
+    assert view.base_errors is not None
+    assert not view.payload.any()
+
+
+def test_a_robot_heavier_than_described_is_found_so_and_the_report_shows_it():
+    scenario = load_scenario("stand")
+    plant = replace(scenario.plant, mass_scale=1.1)
+    run = run_scenario(replace(scenario, plant=plant, duration=4.0, checks=(), motions=()))
+    assert run.record["payload_estimate"][-1, 0] == pytest.approx(0.1 * run.robot.mass, rel=0.1)
+    figure = estimate_figure(make_view(run.record, run.robot))
+    assert "Payload" in figure.how_to_read
 
 
 def test_where_the_truth_is_told_nothing_is_off():

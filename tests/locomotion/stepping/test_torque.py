@@ -16,7 +16,7 @@ from poise.apps.teleoperation import (
 )
 from poise.control import ReducedController, WholeBodyController
 from poise.errors import ConfigurationError, UnknownNameError
-from poise.locomotion import ComDriver, Mode, StepTeleoperator, TeleopParameters
+from poise.locomotion import ComDriver, Mode, ScriptedDevice, StepTeleoperator, TeleopParameters
 from poise.locomotion._pendulum import ComShifter
 from poise.locomotion._stepping._com import ComFeedback
 from poise.locomotion._stepping._footing import Footing
@@ -151,3 +151,17 @@ def test_knees_stay_bent_where_a_straight_leg_would_be_singular(get_robot):
         straightest = min(straightest, *tick.truth.q[7:][knees])
     assert straightest > 0.5 * teleoperator.parameters.knee_min
     assert not plant.fallen
+
+
+def resting(teleoperator):
+    return ScriptedDevice([], *teleoperator.estimator.anchors)
+
+
+def test_a_robot_heavier_than_described_stands_as_high(get_robot):
+    robot, height = get_robot("g1"), []
+    for scale in (1.0, 1.2):
+        plant = replace(TORQUE_TELEOP_PLANT.with_noise(), mass_scale=scale)
+        run = run_teleop(robot, resting, plant, duration=5.0, seed=1)
+        height.append(run.plant.com[2])
+    # Without knowing the payload it would stand 3 mm lower.
+    assert height[1] == pytest.approx(height[0], abs=1e-3)

@@ -126,12 +126,6 @@ def test_a_sole_that_slips_halves_the_pace_for_a_while(held):
     assert held.walker.commands.pace == 1.0
 
 
-def test_the_robot_weighs_what_its_soles_feel(held):
-    held.loads = [0.4, 0.4]
-    held.until(6.0)
-    assert held.walker._sense.heaviness == pytest.approx(0.8, abs=0.01)
-
-
 def test_a_foot_that_has_bounced_off_looks_for_the_ground_again(held):
     foot = held.swing()
     flight = held.walker._flight

@@ -14,7 +14,7 @@ from poise.apps.live._real_time import RealTimeLoop, command_time
 from poise.apps.live._snapshot import Snapshot
 from poise.control import WholeBodyController
 from poise.dynamics import RobotState
-from poise.estimation import StateEstimator
+from poise.estimation import PayloadEstimator, StateEstimator
 from poise.locomotion import (
     DeviceSample,
     DeviceStatus,
@@ -115,7 +115,7 @@ class DriveLoop(RealTimeLoop):
         if not self._room.is_full:
             self.log.expect(self._path)
         controller = WholeBodyController(self.robot, self._driver.stack)
-        estimator = StateEstimator(self.robot)
+        estimator = StateEstimator(self.robot, payload=PayloadEstimator(self.robot))
         self._ticks = rollout(self.plant, controller, self._driver, [self.log], estimator=estimator)
 
     def _tick(self) -> None:

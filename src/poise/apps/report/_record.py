@@ -175,6 +175,8 @@ class RunView:
         soles: the soles and what they carried.
         base_errors: how far off the robot's own estimate of its base is; None where it is told the
             truth.
+        payload: mass beyond the description's [kg] and offset of the centre of mass along the
+            torso's axes [m], as estimated; None where nobody does.
         residuals: what each level could not meet, relative to the level's scale [-].
         level_names: names of the levels, empty to call them by their number.
         status: how each command came about, as `CommandStatus.value`.
@@ -213,6 +215,7 @@ class RunView:
     support: tuple[SupportPhase, ...] = field(default=(), repr=False)
     soles: tuple[SoleTrack, ...] = field(default=(), repr=False)
     base_errors: BaseErrors | None = field(default=None, repr=False)
+    payload: Float64[np.ndarray, "T 4"] | None = field(default=None, repr=False)
     residuals: Float64[np.ndarray, "T nl"] = field(repr=False)
     level_names: tuple[str, ...] = ()
     status: tuple[str, ...] = field(repr=False)
@@ -267,6 +270,8 @@ class RunView:
             if task.components is not None:
                 k = task.components.shape[-1]
                 shapes[f"components of task {task.name!r}"] = (task.components.shape, (T, k))
+        if self.payload is not None:
+            shapes["payload"] = (self.payload.shape, (T, 4))
         if self.base_errors is not None:
             for what, values in vars(self.base_errors).items():
                 shapes[f"{what} of the base's estimate"] = (values.shape, (T,))

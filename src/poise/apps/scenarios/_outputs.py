@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float64
 
 from poise.apps.report import Check, Event, RunView, SoleTrack, TaskTrack, write_report
 from poise.apps.scenarios._checks import CheckResult, missed_ticks
@@ -206,6 +207,7 @@ def make_view(
             for name in robot.soles
         ),
         base_errors=signals.base_errors,
+        payload=_payload(record),
         residuals=signals.residuals,
         level_names=signals.level_names,
         status=signals.status,
@@ -228,6 +230,12 @@ def make_view(
         summary=summary or {},
         replay=make_replay(plant, signals, pushes),
     )
+
+
+def _payload(record: RunRecord) -> Float64[np.ndarray, "T 4"] | None:
+    """What the robot was found to carry, where it was looked for."""
+    known = "payload_estimate" in record
+    return record["payload_estimate"] if known else None
 
 
 def _events(record: RunRecord, signals: RunSignals) -> list[Event]:

@@ -14,7 +14,7 @@ from poise.apps.scenarios._size import (
     without_hands,
 )
 from poise.control import Controller
-from poise.estimation import StateEstimator
+from poise.estimation import PayloadEstimator, StateEstimator
 from poise.robots import Robot, load_robot
 from poise.sim import Estimator, Plant, Push
 from poise.stack import Leader
@@ -63,7 +63,8 @@ def stage_scenario(scenario: Scenario) -> Stage:
     scenario = replace(scenario, checks=checks)
     estimator = cast.estimator
     if estimator is None and robot.floating_base and not scenario.ground_truth:
-        estimator = StateEstimator(robot, q_start=cast.q_start)
+        payload = PayloadEstimator(robot)
+        estimator = StateEstimator(robot, q_start=cast.q_start, payload=payload)
     blocks = scenario.plant.blocks + cast.blocks
     scenario = replace(scenario, plant=replace(scenario.plant, blocks=blocks))
     plant = Plant(robot, scenario.plant, seed=scenario.seed)

@@ -9,7 +9,7 @@ from jaxtyping import Float64
 
 from poise.control import is_usable
 from poise.dynamics import Dynamics, RobotState
-from poise.estimation import StateEstimator
+from poise.estimation import PayloadEstimator, StateEstimator
 from poise.robots import Robot
 
 _LEAST_LOAD = 0.02
@@ -119,13 +119,15 @@ class StanceEstimator:
         self._soles = [robot.frame_id(name) for name in soles]
         self._start = RobotState(q_start, np.zeros(robot.nv))
         self._inertial = StateEstimator(robot, q_start=q_start) if inertial else None
+        self._payload = PayloadEstimator(robot) if inertial else None
         self.anchors: list[Float64[np.ndarray, "3"]] = []
         self.reset()
 
     def reset(self) -> None:
         """Back to the configuration at the start."""
-        if self._inertial is not None:
-            self._inertial.reset()
+        for part in (self._inertial, self._payload):
+            if part is not None:
+                part.reset()
         self.dynamics.update(self._start)
         self.anchors[:] = [self.dynamics.placement(i)[0].copy() for i in self._soles]
         self.stance = 1
@@ -152,6 +154,8 @@ class StanceEstimator:
             if self._inertial.status.ok:
                 # Along the base's own axes it does not matter how upright either says the base is.
                 v[:3] = fused.v[:3]
+        if self._payload is not None:
+            known = self._payload.update(known)
         self.dynamics.update(known)
         return known
 

@@ -15,7 +15,7 @@ from poise.locomotion._walking._footsteps import Stand
 from poise.locomotion._walking._ground import Placement
 from poise.locomotion._walking._settings import WalkSettings
 from poise.locomotion._walking._swing import SwingFoot
-from poise.robots import GRAVITY, Robot
+from poise.robots import Robot
 from poise.stack import BalanceLimit
 
 ENGAGE, RELEASE = 0.4, 0.5
@@ -26,13 +26,6 @@ LONGEST_TICK = 0.05
 
 _THIN = 0.002
 """A polygon has to have some area: an edge counts as this wide [m]."""
-
-_WEIGHING_TIME = 1.0
-"""Over which what the soles carry is averaged [s]."""
-
-_LEAST_FELT = 0.3
-_HEAVINESS = 0.6, 1.6
-"""Least and most that a robot is taken to weigh, over its description."""
 
 
 class WalkSense:
@@ -46,11 +39,6 @@ class WalkSense:
         com: centre of mass [m].
         com_velocity: its velocity [m/s].
         weight: of the robot as it is described [N].
-        heaviness: mass that the soles feel over the robot's, averaged over some steps; one where
-            they measure nothing, and where the state has a payload, of which the controller knows.
-        rising: acceleration upwards of the COM's reference [m/s^2]. What feedback asks for beside
-            it is no measure of what happens: weighed against that, a COM that is held too high
-            would seem heavier, and be held higher still.
     """
 
     def __init__(self, robot: Robot, soles: tuple[str, str]) -> None:
@@ -63,22 +51,16 @@ class WalkSense:
         self._edges = [0.5 * sole.width if sole.leans else 0.0 for sole in found]
         self.com: Float64[np.ndarray, "3"] = self._data.com[0]
         self.com_velocity: Float64[np.ndarray, "3"] = self._data.vcom[0]
-        self.heaviness, self.rising = 1.0, 0.0
 
-    def update(self, state: RobotState, dt: float) -> None:
+    def update(self, state: RobotState) -> None:
         """Takes a state in.
 
         Args:
             state: of the robot.
-            dt: since the last one [s].
         """
         if state.payload is not self._payload:
             self._carry(state.payload)
         pin.centerOfMass(self._model, self._data, state.q, state.v, False)
-        if state.payload is not None:
-            self.heaviness = 1.0
-        elif all(sole in state.contacts for sole in self._soles):
-            self._weigh(sum(float(state.contacts[sole][2]) for sole in self._soles), dt)
 
     def _carry(self, payload: Payload | None) -> None:
         """Where the COM is with a payload."""
@@ -87,15 +69,6 @@ class WalkSense:
             self._model = self._loaded.model
         self._loaded.carry(payload)
         self._payload = payload
-
-    def _weigh(self, carried: float, dt: float) -> None:
-        """Averages f / (m (g + z''))."""
-        felt = carried * GRAVITY / (self.weight * max(GRAVITY + self.rising, 0.5 * GRAVITY))
-        # Less than that is no weight: the robot hangs, or flies.
-        if math.isfinite(felt) and felt > _LEAST_FELT:
-            low, high = _HEAVINESS
-            ratio = -math.expm1(-dt / _WEIGHING_TIME)
-            self.heaviness += ratio * (min(max(felt, low), high) - self.heaviness)
 
     def sole(self, foot: int) -> tuple[Float64[np.ndarray, "3"], Float64[np.ndarray, "3 3"]]:
         """Position [m] and rotation of a sole in the world."""

@@ -17,7 +17,7 @@ from poise.locomotion._support import two_soles
 from poise.locomotion._walking._footsteps import Stand
 from poise.locomotion._walking._sense import WalkSense
 from poise.locomotion._walking._swing import SwingFoot
-from poise.robots import GRAVITY, Robot
+from poise.robots import Robot
 from poise.stack import (
     SMOOTH_RATE,
     ComTask,
@@ -187,10 +187,7 @@ class WalkTasks:
         height, speed = com[0, 2] - sense.com[2], com[1, 2] - sense.com_velocity[2]
         z = com[2, 2] + task.kp[2] * height + task.kd[2] * speed
         task.set_target(com[0], com[1], com[2])
-        sense.rising = float(com[2, 2])
-        # The controller gives the forces that move its model; these move what the soles carry.
-        r = sense.heaviness
-        task.set_acceleration(np.array([r * x, r * y, r * (z + GRAVITY) - GRAVITY]))
+        task.set_acceleration(np.array([x, y, z]))
 
 
 def find_walk_tasks(

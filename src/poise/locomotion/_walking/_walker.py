@@ -231,7 +231,7 @@ class Walker:
             airborne: the foot that is in the air, which comes down where that helps; 0 for the left
                 one, None for none.
         """
-        self._sense.update(state, 0.0)
+        self._sense.update(state)
         self._time, self.phase = state.time, Phase.STAND
         self._flight = self._landed = self._hanging = None
         self.commands.stop()
@@ -317,7 +317,7 @@ class Walker:
         if not math.isfinite(float(state.q.sum()) + float(state.v.sum())):
             return
         dt = 0.0 if self._time is None else min(max(state.time - self._time, 0.0), LONGEST_TICK)
-        self._sense.update(state, dt)
+        self._sense.update(state)
         for area in self._areas:
             area.update(state, dt)
         self._time = state.time
