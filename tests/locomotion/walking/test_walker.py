@@ -85,8 +85,9 @@ def test_where_no_step_catches_it_at_once_the_one_that_makes_room_goes_first(get
     """Falling over one foot the other comes beside it: lifting the one that carries costs more."""
     robot = get_robot("humanoid33")
     walker = Walker(robot, walking_stack(robot))
-    feet = tuple(walker._standing.start)
-    assert walker._planner.better_foot(feet, (-0.02, 0.15 * side)) == foot
+    stand = walker._standing
+    where = walker._planner.better_foot(stand.start, stand.bearings, (-0.02, 0.15 * side))
+    assert where == foot
 
 
 def test_who_has_caught_itself_stands_still(led):
