@@ -173,7 +173,7 @@ def _stack(robot: Robot, course: Course, bounded: bool) -> Stack:
     contacts = plain.contacts
     if course.model_friction is not None:
         contacts = [SurfaceContact(sole, friction=course.model_friction) for sole in robot.soles]
-    return Stack(contacts, plain.levels, torque_limit=limit)
+    return Stack(contacts, plain.levels, torque_limit=limit, joint_limit=plain.joint_limit)
 
 
 def _mean_velocity(poses: np.ndarray) -> Velocity:

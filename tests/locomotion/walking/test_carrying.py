@@ -5,9 +5,11 @@ import pytest
 
 import poise
 from poise.locomotion import walking_stack
+from poise.locomotion._walking._bearing import Bearing
 from poise.locomotion._walking._carrying import CarryingArea
 from poise.locomotion._walking._sense import WalkSense
 from poise.locomotion._walking._stance import Stance
+from poise.locomotion._walking._step_planner import Lifted
 
 DT = 0.002
 LEFT = "left_sole"
@@ -74,6 +76,33 @@ def test_the_area_grows_again_and_at_once_to_where_pressure_is_felt(turned):
     assert turned.bears(0.06, -0.02)
     turned.look(ticks=round(1.0 / DT))
     np.testing.assert_allclose(turned.contact.cone, turned.whole, atol=1e-12)
+
+
+def test_the_zmp_of_a_walk_stays_on_what_carries(turned):
+    whole = Bearing(-0.01, 0.0, 0.26, 0.14)
+    assert turned.area.bearing(whole) == whole
+    turned.look(pressure=(0.02, 0.01), turning=(0.0, 1.0))
+    # The toes go down: nothing carries ahead of the pressure; the other edges are the sole's own.
+    assert turned.area.bearing(whole) == pytest.approx((-0.06, 0.0, 0.16, 0.14))
+
+
+def test_steps_are_chosen_by_what_carries_of_the_foot_that_stands(get_robot):
+    robot = get_robot("humanoid33")
+    walker = poise.locomotion.Walker(robot, walking_stack(robot))
+    stand = walker._standing
+    lifted = Lifted(
+        0, stand.start[0].position[:2], stand.start[1], stand.bearings[1], (0.03, -0.05)
+    )
+    heel = lifted._replace(bearing=stand.bearings[1].within((-0.1, -1.0), (-0.06, 1.0)))
+    sole, edge = (walker._planner.plan(foot) for foot in (lifted, heel))
+    assert heel.zmp[0] == pytest.approx(lifted.zmp[0] - 0.076, abs=2e-3)
+    assert edge.room[0] < 0.2 * sole.room[0]
+    assert edge.room[1] == sole.room[1]
+    # The COM tips over the edge sooner than over the middle: the foot goes farther, or is sooner.
+    (whole, _), (part, _) = (
+        walker._planner.choose(foot, plan, 0.0) for foot, plan in ((lifted, sole), (heel, edge))
+    )
+    assert part.x > whole.x + 0.03
 
 
 def test_a_foot_that_hardly_carries_says_nothing(turned):

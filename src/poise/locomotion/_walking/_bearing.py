@@ -1,5 +1,6 @@
 """`Bearing`: where in its sole a foot can carry the whole robot by itself."""
 
+import math
 from typing import NamedTuple
 
 import pinocchio as pin
@@ -41,6 +42,39 @@ class Bearing(NamedTuple):
         """How far the ZMP can go from there either way, along x and y [m]."""
         x, y = self.rest
         return 0.5 * self.length - abs(x - self.x), 0.5 * self.width - abs(y - self.y)
+
+    def rest_at(self, position: Point, yaw: float) -> Point:
+        """Where the ZMP rests in the world, on a sole that lies there [m].
+
+        Args:
+            position: of the sole's centre [m].
+            yaw: its heading [rad].
+        """
+        (ahead, left), c, s = self.rest, math.cos(yaw), math.sin(yaw)
+        return position[0] + c * ahead - s * left, position[1] + s * ahead + c * left
+
+    def within(self, lower: Point, upper: Point) -> "Bearing":
+        """What of it lies in another rectangle; the nearest edge or corner where nothing does.
+
+        Args:
+            lower: its corner with the least x and y along the sole's axes [m].
+            upper: the one with the greatest [m].
+        """
+        (x, length), (y, width) = (
+            _common(middle, size, *ends)
+            for middle, size, *ends in (
+                (self.x, self.length, lower[0], upper[0]),
+                (self.y, self.width, lower[1], upper[1]),
+            )
+        )
+        return Bearing(x, y, length, width)
+
+
+def _common(middle: float, size: float, lower: float, upper: float) -> tuple[float, float]:
+    """Middle and size of what two intervals share [m]."""
+    low, high = middle - 0.5 * size, middle + 0.5 * size
+    begin, end = min(max(lower, low), high), min(max(upper, low), high)
+    return 0.5 * (begin + end), end - begin
 
 
 def bearing(robot: Robot, sole: str, outwards: float) -> Bearing:

@@ -1,7 +1,10 @@
 """`CarryingArea`: which part of a sole lies on something, learned from how the sole turns."""
 
+import math
+
 from poise.dynamics import RobotState
 from poise.locomotion._support import Point
+from poise.locomotion._walking._bearing import Bearing
 from poise.locomotion._walking._sense import WalkSense
 from poise.stack import Contact, SurfaceContact
 
@@ -50,6 +53,22 @@ class CarryingArea:
         """Whether the sole seems to lie flat: on an edge, it says nothing of the ground."""
         sizes = zip(self._lower, self._upper, self._reach, _FLAT, strict=True)
         return all(upper - lower >= part * 2.0 * reach for lower, upper, reach, part in sizes)
+
+    def bearing(self, whole: Bearing) -> Bearing:
+        """Where the ZMP can be while this foot alone carries the robot.
+
+        Args:
+            whole: the same if all of the sole lay on something.
+        """
+        sides = list(zip(self._lower, self._upper, self._reach, strict=True))
+        if all(lower <= -reach and upper >= reach for lower, upper, reach in sides):
+            return whole
+        # An edge that is where it can be at most takes nothing away: contacts keep a margin.
+        (a, c), (b, d) = (
+            (-math.inf if lower <= -reach else lower, math.inf if upper >= reach else upper)
+            for lower, upper, reach in sides
+        )
+        return whole.within((a, b), (c, d))
 
     def update(self, state: RobotState, dt: float) -> None:
         """Learns from a state, and tells the contact.

@@ -168,10 +168,7 @@ class Stand:
 
     def zmp(self, foot: int, place: Placement) -> Point:
         """Where the ZMP rests while a foot alone carries the robot [m]."""
-        x, y, _ = place.position
-        c, s = math.cos(place.yaw), math.sin(place.yaw)
-        ahead, left = self.bearings[foot].rest
-        return x + c * ahead - s * left, y + s * ahead + c * left
+        return self.bearings[foot].rest_at(place.position[:2], place.yaw)
 
     def rest(self, places: Sequence[Placement]) -> Point:
         """Where the ZMP stands while both feet carry it evenly [m]."""

@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from poise.locomotion._support import Point, SupportPolygon
+from poise.locomotion._walking._bearing import Bearing
 from poise.locomotion._walking._carrying import CarryingArea
 from poise.locomotion._walking._footsteps import Stand
 from poise.locomotion._walking._sense import WalkSense
@@ -80,6 +81,10 @@ class Stance:
         if math.dist(seen, self.slope) < _STEEPEST:
             a, b = (old + _TRUST * (new - old) for old, new in zip(self.slope, seen, strict=True))
             self.slope = (a, b)
+
+    def bearing(self, foot: int) -> Bearing:
+        """Where the ZMP can be while a foot alone carries the robot, as far as is known."""
+        return self._areas[foot].bearing(self._stand.bearings[foot])
 
     @property
     def heading(self) -> float:

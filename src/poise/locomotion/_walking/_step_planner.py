@@ -1,10 +1,12 @@
 """`StepPlanner`: the next few steps of a command, and what they ask of the pendulum."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
 from poise.locomotion._support import Point
+from poise.locomotion._walking._bearing import Bearing
 from poise.locomotion._walking._commands import LegRoom, StepCommands, side
 from poise.locomotion._walking._dcm_plan import (
     DcmMotion,
@@ -42,6 +44,7 @@ class Lifted(NamedTuple):
         foot: 0 for the left one, 1 for the right one.
         place: where it is now [m].
         stance: where the other one stands.
+        bearing: where in that one the ZMP can be.
         xi: the divergent component, measured [m].
         elapsed: since lift-off [s].
     """
@@ -49,8 +52,14 @@ class Lifted(NamedTuple):
     foot: int
     place: Point
     stance: Placement
+    bearing: Bearing
     xi: Point
     elapsed: float = 0.0
+
+    @property
+    def zmp(self) -> Point:
+        """Where the ZMP rests while this foot is in the air [m]."""
+        return self.bearing.rest_at(self.stance.position[:2], self.stance.yaw)
 
 
 class StepPlanner:
@@ -101,7 +110,7 @@ class StepPlanner:
             counts_as: where its height makes it count as, see `LegRatios.rise`; where it is when
                 None [m].
         """
-        stance, legs = self._stand.zmp(1 - lifted.foot, lifted.stance), self._legs
+        stance, legs = lifted.zmp, self._legs
         place = counts_as or lifted.place
         left = self._commands.left
         steps = self._commands.steps(lifted.foot, lifted.stance, AHEAD)[:left]
@@ -112,7 +121,7 @@ class StepPlanner:
         if len(steps) == left:
             (ax, ay), (bx, by) = (stance, *rests)[-2:]
             rest = 0.5 * (ax + bx), 0.5 * (ay + by)
-        along, across = self._stand.bearings[1 - lifted.foot].room
+        along, across = lifted.bearing.room
         trusted = _TRUSTED * legs.factor
         return Pendulum(
             xi=lifted.xi,
@@ -130,7 +139,7 @@ class StepPlanner:
 
     def moved(self, lifted: Lifted, pendulum: Pendulum, foothold: Point) -> Pendulum:
         """The same with another foothold, and all after it beside their plan by as much."""
-        there = self._stand.zmp(1 - lifted.foot, lifted.stance)
+        there = lifted.zmp
         x, y = (
             a + self._gain * (b - c)
             for a, b, c in zip(pendulum.goal, foothold, pendulum.foothold, strict=True)
@@ -184,18 +193,20 @@ class StepPlanner:
         """What a step would cost that begins now."""
         return self.choose(lifted, self.plan(lifted), 0.0)[0].cost
 
-    def better_foot(self, feet: tuple[Placement, Placement], xi: Point) -> int:
+    def better_foot(self, feet: Sequence[Placement], bearings: Sequence[Bearing], xi: Point) -> int:
         """The foot whose step, and the other one's after it, catch the robot at the least cost.
 
         A foot that cannot go where the robot falls to comes down beside the other one, which can.
 
         Args:
             feet: where both stand.
+            bearings: where in each the ZMP can be.
             xi: the divergent component, measured [m].
         """
         costs: list[float] = []
         for foot in (0, 1):
-            lifted = Lifted(foot, feet[foot].position[:2], feet[1 - foot], xi)
+            other = 1 - foot
+            lifted = Lifted(foot, feet[foot].position[:2], feet[other], bearings[other], xi)
             step, landed = self._step_at_once(lifted)
             following, _ = self._step_at_once(landed)
             costs.append(step.effort + following.cost)
@@ -212,7 +223,8 @@ class StepPlanner:
         off = _Axes(stance, side(lifted.foot)).turned(step.off)
         landed = replace(stance, position=(*place, stance.position[2]))
         x, y = (there + by for there, by in zip(goal, off, strict=True))
-        return step, Lifted(1 - lifted.foot, stance.position[:2], landed, (x, y))
+        bearing = self._stand.bearings[lifted.foot]
+        return step, Lifted(1 - lifted.foot, stance.position[:2], landed, bearing, (x, y))
 
 
 class _Axes:

@@ -23,6 +23,7 @@ from poise.stack import (
     ComTask,
     Contact,
     FrameTask,
+    JointLimit,
     JointTask,
     PostureTask,
     SelfCollisionLimit,
@@ -279,6 +280,16 @@ asks for beyond what soles and torques give, and balance would go first.
 """
 
 
+_BRAKING = 60.0
+"""Deceleration with which joints plan to stop before their limits [rad/s^2].
+
+A foot that catches the robot brakes with over 60 m/s^2 at the end of a leg of 0.7 m, and ankles,
+knees and trunk turn with it. A joint that planned to stop more gently would be kept slow far from
+its limit: with 8 rad/s^2, half a radian before it, an ankle may turn by no more than 2.8 rad/s, and
+a foot that has to stay flat then comes short by centimetres.
+"""
+
+
 def walking_stack(robot: Robot, arms: JointTask | None = None) -> Stack:
     """COM, feet, pelvis, torso and hands together, then the posture.
 
@@ -326,6 +337,7 @@ def walking_stack(robot: Robot, arms: JointTask | None = None) -> Stack:
         contacts=[SurfaceContact(sole) for sole in soles],
         levels=[[*balance, *feet, *upper], [PostureTask()]],
         torque_limit=TorqueLimit(rate=SMOOTH_RATE),
+        joint_limit=JointLimit(braking=_BRAKING),
         # What hands that go along do was planned; whoever leads them may lead them anywhere.
         self_collision_limit=None if arms is None else SelfCollisionLimit(),
     )

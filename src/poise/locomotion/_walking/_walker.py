@@ -442,8 +442,10 @@ class Walker:
 
     def _hurry(self) -> None:
         """A foot is to be lifted at once, so that the robot does not fall."""
-        left, right = self._stance.feet
-        self._go(self._planner.better_foot((left, right), self._pendulum.xi(self._flight)), QUICK)
+        stance = self._stance
+        bearings = [stance.bearing(foot) for foot in (0, 1)]
+        xi = self._pendulum.xi(self._flight)
+        self._go(self._planner.better_foot(stance.feet, bearings, xi), QUICK)
         self._hurried = True
         # The ZMP has to be in the foot that stays; going there evenly would take too long.
         self._stand_on(1 - self._foot)
@@ -479,7 +481,12 @@ class Walker:
             elapsed = self._flight.elapsed
             x, y, _ = self._flight.swing.position.tolist()
         return Lifted(
-            self._foot, (x, y), self._standing_foot, self._pendulum.xi(self._flight), elapsed
+            self._foot,
+            (x, y),
+            self._standing_foot,
+            self._stance.bearing(1 - self._foot),
+            self._pendulum.xi(self._flight),
+            elapsed,
         )
 
     @property
