@@ -10,7 +10,11 @@ from poise.locomotion._walking._footsteps import (
 from poise.locomotion._walking._ground import Ground, Placement
 from poise.locomotion._walking._plan import plan_footsteps
 from poise.locomotion._walking._settings import WalkSettings, WalkStatus
-from poise.locomotion._walking._tasks import CarriedTarget, walking_stack
+from poise.locomotion._walking._tasks import (
+    SWING_BRAKING as SWING_BRAKING,
+    CarriedTarget,
+    walking_stack,
+)
 from poise.locomotion._walking._walker import Walker
 
 __all__ = [

@@ -280,7 +280,7 @@ asks for beyond what soles and torques give, and balance would go first.
 """
 
 
-_BRAKING = 60.0
+SWING_BRAKING = 60.0
 """Deceleration with which joints plan to stop before their limits [rad/s^2].
 
 A foot that catches the robot brakes with over 60 m/s^2 at the end of a leg of 0.7 m, and ankles,
@@ -337,7 +337,7 @@ def walking_stack(robot: Robot, arms: JointTask | None = None) -> Stack:
         contacts=[SurfaceContact(sole) for sole in soles],
         levels=[[*balance, *feet, *upper], [PostureTask()]],
         torque_limit=TorqueLimit(rate=SMOOTH_RATE),
-        joint_limit=JointLimit(braking=_BRAKING),
+        joint_limit=JointLimit(braking=SWING_BRAKING),
         # What hands that go along do was planned; whoever leads them may lead them anywhere.
         self_collision_limit=None if arms is None else SelfCollisionLimit(),
     )
