@@ -4,6 +4,7 @@ from studies.locomotion.estimation_section import estimation_section
 from studies.locomotion.ground_section import ground_section
 from studies.locomotion.led_section import led_section
 from studies.locomotion.references_section import references_section
+from studies.locomotion.standing_section import standing_section
 from studies.locomotion.steps_section import steps_section
 from studies.plan import Part, StudyPlan
 
@@ -20,6 +21,7 @@ PLAN = StudyPlan(
     parts=(
         Part("estimation", "The estimate on walks", estimation_section),
         Part("led", "Led by velocities", led_section),
+        Part("standing", "Pushed without a step", standing_section),
         Part("ground", "Ground and bodies that nobody told of", ground_section),
         Part("steps", "Torques from tick to tick", steps_section),
         Part("references", "References that no robot can follow", references_section),

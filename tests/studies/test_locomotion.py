@@ -255,3 +255,27 @@ def test_a_course_begins_on_level_ground_under_the_feet(get_robot, name):
     carried = sum(wrench[2] for wrench in state.contacts.values())
     assert carried == pytest.approx(robot.weight, rel=1e-3)
     assert make_course(name, 3) == course
+
+
+standing = import_module("studies.locomotion.standing_section")
+
+
+def test_a_push_that_is_not_stood_fails_its_stack_and_shows_its_direction(monkeypatch):
+    def run(_, kind, trials, progress, options):
+        def falls(t):
+            return t.stack == "walking_stack" and t.push < 0.35 and t.direction == 6
+
+        return {t: kind(trial=t, fell=falls(t)) for t in trials}
+
+    monkeypatch.setattr(standing, "run_each", run)
+    found = standing.standing_section(StudyOptions(), lambda done, total: None)
+    assert [f.ours for f in found.findings] == [100.0, 0.0]
+    assert [f.ok for f in found.findings] == [True, False]
+    assert len(found.tables[0].rows) == 6
+    assert found.tables[0].rows[3][2:] == (0.0, "180")
+
+
+@pytest.mark.parametrize(("push", "falls"), [(0.33, False), (0.7, True)])
+def test_without_a_step_the_robot_stands_what_the_pendulum_with_its_feet_does(push, falls):
+    trial = standing.StandingPush(stack="walking_stack", seed=90, push=push, direction=6)
+    assert standing.run_standing_push(trial).fell is falls

@@ -82,8 +82,11 @@ def test_the_zmp_of_a_walk_stays_on_what_carries(turned):
     whole = Bearing(-0.01, 0.0, 0.26, 0.14)
     assert turned.area.bearing(whole) == whole
     turned.look(pressure=(0.02, 0.01), turning=(0.0, 1.0))
+    # A plan does not jump because a foot rocks for a moment.
+    assert turned.area.bearing(whole).length > 0.24
+    turned.look(pressure=(0.02, 0.01), turning=(0.0, 1.0), ticks=round(1.0 / DT))
     # The toes go down: nothing carries ahead of the pressure; the other edges are the sole's own.
-    assert turned.area.bearing(whole) == pytest.approx((-0.06, 0.0, 0.16, 0.14))
+    assert turned.area.bearing(whole) == pytest.approx((-0.06, 0.0, 0.16, 0.14), abs=1e-3)
 
 
 def test_steps_are_chosen_by_what_carries_of_the_foot_that_stands(get_robot):

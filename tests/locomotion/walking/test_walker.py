@@ -96,6 +96,28 @@ def test_a_foot_that_catches_the_robot_comes_down_where_it_is_led(led):
     assert max(short) < 0.02
 
 
+def test_a_robot_that_stands_at_the_very_edge_of_its_feet_steps(get_robot):
+    """There the divergent component never comes back; and an estimate drifts, with all feet."""
+    robot = get_robot("humanoid33")
+    walker = Walker(robot, walking_stack(robot))
+    q = robot.q_home.copy()
+    walker.lead(poise.RobotState(q.copy(), np.zeros(robot.nv), {}, 0.0))
+    stance, edge = walker._stance, walker._stance.support.depth(tuple(walker._sense.com[:2]))
+    q[:2] += 0.01, -0.03
+    walker.lead(poise.RobotState(q.copy(), np.zeros(robot.nv), {}, 0.002))
+    assert stance.feet[0].position[:2] == pytest.approx(walker._sense.sole(0)[0][:2])
+    assert stance.support.depth(tuple(walker._sense.com[:2])) == pytest.approx(edge, abs=1e-3)
+    assert walker.phase.value == "stand"
+    v, depth = np.zeros(robot.nv), edge
+    while walker.phase.value == "stand":
+        depth = walker._pendulum.depth(None)
+        v[0] += 0.002
+        walker.lead(poise.RobotState(q.copy(), v, {}, 0.002))
+    assert walker.phase.value == "shift"
+    # Not far inside the edge, but inside.
+    assert 0.005 < depth < 0.015
+
+
 @pytest.mark.parametrize(("side", "foot"), [(1.0, 1), (-1.0, 0)])
 def test_where_no_step_catches_it_at_once_the_one_that_makes_room_goes_first(get_robot, side, foot):
     """Falling over one foot the other comes beside it: lifting the one that carries costs more."""

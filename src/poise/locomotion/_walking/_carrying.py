@@ -22,6 +22,13 @@ _LEAST = 0.004
 """Length and width that are always left: on less, nothing could be asked for [m]."""
 
 
+_SETTLING = 0.15
+"""Over which the area is averaged that plans count on: a foot that rocks has another in every tick,
+and a ZMP that should rest in it would be thrown to and fro [s]."""
+
+_WHOLE = 1e-3
+"""An average this near to the edge is there [m]."""
+
 _FLAT = 0.25, 0.5
 """Parts of its length and of its width on which a sole carries that lies flat."""
 
@@ -47,6 +54,7 @@ class CarryingArea:
         x, y = contact.pressure_reach.tolist()
         self._reach: Point = (x, y)
         self._lower, self._upper = [-x, -y], [x, y]
+        self._settled: tuple[float, float, float, float] | None = None
 
     @property
     def lies(self) -> bool:
@@ -60,15 +68,15 @@ class CarryingArea:
         Args:
             whole: the same if all of the sole lay on something.
         """
-        sides = list(zip(self._lower, self._upper, self._reach, strict=True))
-        if all(lower <= -reach and upper >= reach for lower, upper, reach in sides):
+        edges = self._settled
+        if edges is None:
             return whole
         # An edge that is where it can be at most takes nothing away: contacts keep a margin.
-        (a, c), (b, d) = (
-            (-math.inf if lower <= -reach else lower, math.inf if upper >= reach else upper)
-            for lower, upper, reach in sides
-        )
-        return whole.within((a, b), (c, d))
+        x, y = (reach - _WHOLE for reach in self._reach)
+        a, b, c, d = edges
+        lower = (-math.inf if a <= -x else a, -math.inf if b <= -y else b)
+        upper = (math.inf if c >= x else c, math.inf if d >= y else d)
+        return whole.within(lower, upper)
 
     def update(self, state: RobotState, dt: float) -> None:
         """Learns from a state, and tells the contact.
@@ -95,6 +103,19 @@ class CarryingArea:
         if before != (*self._lower, *self._upper):
             (a, b), (c, d) = self._lower, self._upper
             contact.carry_on((a, b), (c, d))
+        self._settle(contact.active, dt)
+
+    def _settle(self, stands: bool, dt: float) -> None:
+        """Averages the area for those who plan, from where the foot came to stand on."""
+        edges = (*self._lower, *self._upper)
+        if not stands:
+            self._settled = None
+            return
+        x, y = self._reach
+        before = self._settled or (-x, -y, x, y)
+        ratio = -math.expm1(-dt / _SETTLING)
+        a, b, c, d = (old + ratio * (new - old) for old, new in zip(before, edges, strict=True))
+        self._settled = (a, b, c, d)
 
     def _learn(self, axis: int, down: float, pressure: float | None, dt: float) -> None:
         """One axis of the sole.

@@ -16,6 +16,9 @@ from poise.locomotion._walking._sense import WalkSense
 _CLOSED, _CLOSED_TURN = 0.025, 0.06
 """Feet so near to side by side are [m, rad]."""
 
+_DRIFT = 0.002
+"""Feet that seem to have moved by more than this stand elsewhere [m]."""
+
 _TRUST = 0.5
 """How far the slope goes towards that of a foot that has come to carry the robot: one foot may
 stand on a bump, three in a row do not."""
@@ -73,6 +76,21 @@ class Stance:
             yaw = place.yaw + 2.0 * math.pi * turns
             self.feet[foot] = replace(place, yaw=yaw, slope=self.slope)
         self.support = self._sense.support(feet, self._stand, self._margin)
+
+    def follow(self, heading: float) -> None:
+        """Looks again at two feet that stand, once they seem to have moved.
+
+        Where the state is estimated the world drifts under a robot that stands, millimetres in a
+        second, and with it everything but what was remembered of the feet.
+
+        Args:
+            heading: of the body [rad].
+        """
+        for foot, place in enumerate(self.feet):
+            x, y, _ = self._sense.sole(foot)[0].tolist()
+            if math.dist((x, y), place.position[:2]) > _DRIFT:
+                self.stand_on((0, 1), heading)
+                return
 
     def _feel(self, rotation: Float64[np.ndarray, "3 3"]) -> None:
         """Learns from a sole that lies on the ground, world_R_sole."""

@@ -424,9 +424,10 @@ class Walker:
 
     def _stand(self, dt: float) -> None:
         self._left = max(self._left - dt, 0.0)
+        self._stance.follow(self._body.heading[0])
         x, y = self._standing.rest(self._stance.feet)
         self._lead_dcm(((x, 0.0), (y, 0.0)), self._left, dt)
-        if not self._is_held():
+        if not self._is_held(_CALM if self.commands.closes else 0.0):
             self._hurry()
         elif self.commands.moving:
             self._go(self.commands.first_foot(), self.gait.shift_time)
