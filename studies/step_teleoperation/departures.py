@@ -88,8 +88,9 @@ DEPARTURES = (
         rule="COM's commanded velocity begins anew, as measured, when contacts change",
         paper='"simple time integration" from the beginning on',
         reason="what is commanded and what the robot does part at each landing and lift, and never "
-        "meet again; not at every change of mode: an operator who cannot decide makes many, and "
-        "each takes in noise",
+        "meet again; not at every change of mode: an operator who cannot decide makes many. "
+        "Measured is an observed velocity, made smooth with the commanded acceleration: at the "
+        "moment of a landing the bare one is that of a shock, and the robot would follow it",
     ),
     Departure(
         rule="COM's commanded velocity leaks into the measured one (`velocity_leak`)",
@@ -109,7 +110,8 @@ DEPARTURES = (
     Departure(
         rule="stance by load",
         paper="the left foot as the stance in D, the support foot in TL and TR",
-        reason="in D, TL and TR the foot that carries more is the one at rest",
+        reason="in D, TL and TR the foot that carries more is the one at rest; loads are smoothed, "
+        "for a foot that has just landed bounces",
     ),
     Departure(
         rule="stance sole turned back onto its ground (`k_level`)",
@@ -127,14 +129,16 @@ DEPARTURES = (
         rule="other foot held on the ground, and giving way as it carries",
         paper="(15d) in D, TL, TR, which has no feedback",
         reason="without load a foot is held where it was put down; with load that would be a "
-        "closed chain whose servos wind up: it yields to its contact",
+        "closed chain whose servos wind up: it yields to its contact, and is lifted or lowered "
+        "until it carries what the CT-ZMP asks for: where joints sag the weight stays where it was",
     ),
     Departure(
         rule="foot without load pressed down (`press_speed`)",
         paper="a foot that stays where it was when landing was felt",
         reason="one that touched with an edge would hang in the air; without load it goes down, by "
         "at most `press_speed`, and stands where it is as soon as it carries: pressed further it "
-        "would tip the robot over the edge of the other sole",
+        "would tip the robot over the edge of the other sole. One that is about to be lifted is "
+        "not pressed: that drums it on the ground, and throws the ZMP to the far edge of the other",
         taken_back={"press_speed": _NONE},
     ),
     Departure(

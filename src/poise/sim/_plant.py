@@ -23,6 +23,7 @@ from poise.sim._mapping import StateMap
 from poise.sim._rest import find_rest
 from poise.sim._self_contact import SelfContacts
 from poise.sim._sensors import Sensors
+from poise.sim._servo_steps import ServoSteps
 
 _TOUCHING = 1.0
 """A sole that carries more than this [N] counts as in contact."""
@@ -78,6 +79,8 @@ class Plant:
         self._self_contacts = SelfContacts(self.model) if self.config.self_contact else None
         self._pushes = PushSchedule(robot, self.model)
         self._actuators = Actuators(robot, self.config)
+        servos = self.config.actuation != "torque"
+        self._servos = ServoSteps(self.model, self.data) if servos else None
         self._sensors = self._make_sensors(seed)
         self._unit = InertialUnit()
         self._pelvis = self.model.site(robot.pelvis).id
@@ -233,7 +236,8 @@ class Plant:
     def _advance(self, begin: float) -> None:
         data, dt, pushes = self.data, self.config.physics_dt, self._pushes
         controls, now, touching = self._actuators.controls(), data.ctrl, self._self_contacts
-        if self._actuators.constant and not pushes and touching is None:
+        servos = self._servos
+        if self._actuators.constant and not pushes and touching is None and servos is None:
             now[:] = controls[0]
             mujoco.mj_step(self.model, data, self._substeps)
             return
@@ -243,7 +247,10 @@ class Plant:
             now[:] = control
             if pushes:
                 pushes.apply(data, begin + k * dt, begin + (k + 1) * dt)
-            mujoco.mj_step(self.model, data)
+            if servos is None:
+                mujoco.mj_step(self.model, data)
+            else:
+                servos.advance(data)
             if touching is not None:
                 touching.look(data)
 

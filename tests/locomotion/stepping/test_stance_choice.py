@@ -43,12 +43,34 @@ def test_a_foot_that_carries_nothing_is_pressed_down_no_faster_than_it_may(get_r
     p, where = PARAMETERS, estimator(robot)
     ours, height = choice(robot, where, sensor(robot, 0.0, 640.0)), float(where.sole(0)[2])
     ours.follow(Mode.D)
-    assert height - where.anchors[0][2] == pytest.approx(p.dt * p.press_speed)
+    assert ours.pressed == pytest.approx(p.dt * p.press_speed)
     for _ in range(TICKS):
         ours.follow(Mode.D)
-    # What is missing to the anchor, times the gain (17c), is the speed of the foot.
-    assert p.k_v * (height - where.anchors[0][2]) == pytest.approx(p.press_speed)
+    # How far below itself it is sent, times the gain (17c), is the speed of the foot.
+    assert p.k_v * ours.pressed == pytest.approx(p.press_speed)
+    # The ground is where the foot is: the body does not come down with what is pressed.
+    assert where.anchors[0][2] == pytest.approx(height, abs=1e-9)
     assert where.anchors[1][2] == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize(("mode", "pressed"), [(Mode.D, True), (Mode.TL, True), (Mode.TR, False)])
+def test_a_foot_that_is_about_to_be_lifted_is_not_pressed(get_robot, mode, pressed):
+    robot = get_robot("biped20")
+    ours = choice(robot, estimator(robot), sensor(robot, 0.0, 640.0))
+    ours.begin(Mode.D, mode)
+    for _ in range(TICKS):
+        ours.follow(mode)
+    assert (ours.pressed > 0.0) == pressed
+
+
+def test_a_foot_that_bounces_does_not_become_the_stance(get_robot):
+    robot = get_robot("biped20")
+    where, loads = estimator(robot), sensor(robot, 0.0, 640.0)
+    ours = choice(robot, where, loads)
+    for tick in range(TICKS):
+        loads.loads[:] = (300.0, 0.0) if tick % 4 == 0 else (0.0, 640.0)
+        ours.follow(Mode.D)
+        assert where.stance == 1
 
 
 def test_a_pressed_foot_stands_where_it_is_as_soon_as_it_carries(get_robot):
@@ -59,9 +81,9 @@ def test_a_pressed_foot_stands_where_it_is_as_soon_as_it_carries(get_robot):
         ours.follow(Mode.D)
     loads.loads[:] = 40.0, 600.0
     ours.follow(Mode.D)
-    assert where.anchors[0][2] == height
+    assert (where.anchors[0][2], ours.pressed) == (height, 0.0)
     ours.follow(Mode.D)
-    assert where.anchors[0][2] == height
+    assert (where.anchors[0][2], ours.pressed) == (height, 0.0)
 
 
 def test_a_foot_that_carries_from_the_start_keeps_its_place(get_robot):

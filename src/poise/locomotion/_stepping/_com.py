@@ -52,6 +52,10 @@ class BodyMomentum:
         self.reference = self._kept * self.reference + self._dt * rate
 
 
+_OBSERVED = 20.0
+"""How fast the observed velocity of the COM follows the measured one, beside what the commanded
+acceleration says [1/s]: noise and the shock of a landing are gone in two ticks, a sway is not."""
+
 _HERE = np.zeros(2)
 
 
@@ -210,21 +214,33 @@ class ComMotion:
         omega: sqrt(g / H) [1/s].
         velocity: commanded in the last tick [m/s].
         acceleration: commanded in the last tick [m/s^2].
+        observed: velocity as measured, with what was commanded made smooth [m/s].
     """
 
     def __init__(self, driver: ComDriver, parameters: TeleopParameters) -> None:
         self.omega = driver.omega
         self.velocity: Float64[np.ndarray, "2"] = np.zeros(2)
         self.acceleration: Float64[np.ndarray, "2"] = np.zeros(2)
+        self.observed: Float64[np.ndarray, "2"] = np.zeros(2)
         self._driver, self._parameters = driver, parameters
 
-    def restart(self, measured: Float64[np.ndarray, "2"]) -> None:
-        """Contacts have changed: the driver says what to go on from.
+    def observe(self, measured: Float64[np.ndarray, "2"]) -> None:
+        """Takes a measured velocity, once a tick and before all else.
+
+        Joint velocities and the gyroscope are noisy, and at the moment of a landing they are those
+        of a shock: what begins anew from them alone begins with a jump, which robot and ZMP follow.
 
         Args:
             measured: velocity of the COM [m/s].
         """
-        self.velocity = self._driver.restart(self.velocity, measured)
+        dt = self._parameters.dt
+        expected = self.observed + dt * self.acceleration
+        gain = dt * _OBSERVED / (1.0 + dt * _OBSERVED)
+        self.observed = expected + gain * (measured - expected)
+
+    def restart(self) -> None:
+        """Contacts have changed: the driver says what to go on from."""
+        self.velocity = self._driver.restart(self.velocity, self.observed.copy())
 
     def cart_table_zmp(self, com: Float64[np.ndarray, "2"]) -> Float64[np.ndarray, "2"]:
         """CT-ZMP, eq. (26), of the commanded acceleration [m].
@@ -277,6 +293,7 @@ class ComFeedback:
         omega: sqrt(g / H) [1/s].
         velocity: measured in the last tick [m/s].
         acceleration: commanded in the last tick [m/s^2].
+        observed: velocity as measured [m/s].
     """
 
     def __init__(self, shifter: ComShifter) -> None:
@@ -285,8 +302,13 @@ class ComFeedback:
         self._ahead = shifter.acceleration_max / shifter.kp
         self.velocity: Float64[np.ndarray, "2"] = np.zeros(2)
         self.acceleration: Float64[np.ndarray, "2"] = np.zeros(2)
+        self.observed: Float64[np.ndarray, "2"] = np.zeros(2)
 
-    def restart(self, measured: Float64[np.ndarray, "2"]) -> None:
+    def observe(self, measured: Float64[np.ndarray, "2"]) -> None:
+        """Takes the measured velocity of the COM [m/s]: an estimator has made it smooth."""
+        self.observed = measured.copy()
+
+    def restart(self) -> None:
         """Contacts have changed: it remembers nothing that could be wrong."""
 
     def cart_table_zmp(self, com: Float64[np.ndarray, "2"]) -> Float64[np.ndarray, "2"]:

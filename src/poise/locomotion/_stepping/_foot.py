@@ -54,7 +54,8 @@ class FootTarget:
         """
         here = footing.sole(footing.other)
         if not footing.mode.single:
-            return footing.anchors[footing.other]
+            x, y, z = footing.anchors[footing.other].tolist()
+            return np.array([x, y, z - footing.pressed])
         if footing.capture_depth < 0.0:
             # The divergent component has left the sole that carries: the robot is falling.
             self.rescuing = True

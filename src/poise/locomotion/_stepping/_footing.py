@@ -19,6 +19,10 @@ from poise.locomotion._support import SupportPolygon, sole_rectangle
 _LOAD_RATIO = 1.2
 """In double support a foot becomes the stance that carries this many times the other's load."""
 
+_LOAD_TIME = 0.05
+"""Time constant with which loads are smoothed that say which foot is the stance [s]: where the
+stance changes, velocities jump, and a foot that has just landed bounces."""
+
 
 class StanceChoice:
     """Keeps the estimator's stance and the feet's places up to date.
@@ -28,6 +32,9 @@ class StanceChoice:
         sensor: says what the feet carry.
         parameters: loads and speeds.
         weight: of the robot [N].
+
+    Attributes:
+        pressed: how far below its place the foot is sent that carries nothing [m].
     """
 
     def __init__(
@@ -40,7 +47,9 @@ class StanceChoice:
         self._estimator, self._sensor = estimator, sensor
         self._parameters = parameters
         self._least_load = parameters.land_load * weight
-        self._pressing = False
+        self._pressing, self.pressed = False, 0.0
+        self._gain = parameters.dt / (_LOAD_TIME + parameters.dt)
+        self._loads = sensor.loads.copy()
 
     def begin(self, before: Mode, mode: Mode) -> None:
         """A mode has begun: a foot that has landed has a new place, one that is lifted no weight.
@@ -50,6 +59,7 @@ class StanceChoice:
             mode: the one that has begun.
         """
         estimator = self._estimator
+        self._loads = self._sensor.loads.copy()
         if mode is Mode.D and before.single:
             estimator.put_down(1 - estimator.stance)
         if mode.single and mode.support is not None:
@@ -63,27 +73,33 @@ class StanceChoice:
         """
         if mode.single:
             return
-        estimator, loads = self._estimator, self._sensor.loads
-        stance = estimator.stance
-        if loads[1 - stance] > _LOAD_RATIO * loads[stance]:
+        estimator, stance = self._estimator, self._estimator.stance
+        self._loads = self._loads + self._gain * (self._sensor.loads - self._loads)
+        if self._loads[1 - stance] > _LOAD_RATIO * self._loads[stance]:
             estimator.stand_on(1 - stance)
-        self._press(1 - estimator.stance)
+        other = 1 - estimator.stance
+        # One that is about to be lifted is to lose its load.
+        if mode.support in (None, other):
+            self._press(other)
+        else:
+            self._pressing, self.pressed = False, 0.0
 
     def _press(self, foot: int) -> None:
         """Sends a foot down until it carries something.
 
         One that has only just touched with an edge would hang in the air. It is taken to stand
         where it is as soon as it carries: pressed further it would tip the robot over the edge of
-        the sole at rest.
+        the sole at rest. Its place is the ground that it is over, not where it is sent: the body
+        would go down with that, and up again.
         """
         p = self._parameters
         anchor, height = self._estimator.anchors[foot], float(self._estimator.sole(foot)[2])
         if self._sensor.loads[foot] < self._least_load:
-            lower = min(float(anchor[2]), height) - p.dt * p.press_speed
-            anchor[2] = max(lower, height - p.press_speed / p.k_v)
+            anchor[2] = min(float(anchor[2]), height)
+            self.pressed = min(self.pressed + p.dt * p.press_speed, p.press_speed / p.k_v)
             self._pressing = True
         elif self._pressing:
-            anchor[2], self._pressing = height, False
+            anchor[2], self._pressing, self.pressed = height, False, 0.0
 
 
 def zmp_on(
@@ -118,6 +134,8 @@ class Footing:
         sensor: what the soles carry, and where.
         inwards: how far beside the middle of the foot that shall carry the ZMP shall be, to the
             side of the other one [m].
+        pressed: how far below its place the other foot is sent, both feet on the ground [m].
+        com_velocity: of the COM, observed, x and y; that of `dynamics` when None [m/s].
         zmp_reference: eq. (15a): between the feet, or where the foot that shall carry was put
             down, less `inwards` [m].
         heading: where the torso faces, along the ground.
@@ -137,6 +155,8 @@ class Footing:
     margin: float
     sensor: ZmpSensor
     inwards: float = 0.0
+    pressed: float = 0.0
+    com_velocity: Float64[np.ndarray, "2"] | None = None
 
     zmp_reference: Float64[np.ndarray, "2"] = field(init=False)
     heading: Float64[np.ndarray, "2"] = field(init=False)
@@ -157,7 +177,8 @@ class Footing:
         self.heading = np.array([x / length, y / length])
         self.tilt = math.acos(max(-1.0, min(1.0, upward)))
         self.support = self._support()
-        x, y = (dynamics.com[:2] + dynamics.com_velocity[:2] / self.omega).tolist()
+        velocity = dynamics.com_velocity[:2] if self.com_velocity is None else self.com_velocity
+        x, y = (dynamics.com[:2] + velocity / self.omega).tolist()
         self.capture_depth = self.support.depth((x, y))
 
     def _support(self) -> SupportPolygon:

@@ -219,7 +219,7 @@ class ModeEvents:
         # As commanded, and as it is: the robot lags behind a command that has just turned.
         return all(
             float(np.linalg.norm(com + velocity / self._com.omega - place)) < p.capture_max
-            for velocity in (self._com.velocity, dynamics.com_velocity[:2])
+            for velocity in (self._com.velocity, self._com.observed)
         )
 
     def _is_given_back(self, device: DeviceSample | None, swing: int) -> bool:

@@ -145,8 +145,10 @@ def scaled_parameters(robot: Robot, height: float, stance: float) -> TeleopParam
       there is room.
     - `r_lift` keeps its ratio to the distance of the feet (with 0.27 m between them it is 0.077 m),
       and is no more than half the narrower side of a sole, which it is in the paper.
-    - `capture_max` and `ct_zmp_max` keep their ratio to half a sole; so does `touch_speed`: what a
-      landing foot kicks the COM by has to stay within it.
+    - `capture_max` and `ct_zmp_max` keep their ratio to half a sole; so do `touch_speed`
+      and `press_speed`: what a landing foot kicks the COM by has to stay within it.
+    - `stoop_max` is half the paper's, and the other half goes with half a sole: a body that comes
+      down over one foot is braked by what that sole gives.
     - `support_margin` is a quarter of half a sole, and no more than the paper's: what the ZMP
       strays by does not shrink with the soles.
     - `w_L` goes with 1 / (m h)^2, so that angular momentum weighs as much as before beside the
@@ -188,10 +190,12 @@ def scaled_parameters(robot: Robot, height: float, stance: float) -> TeleopParam
         press_depth=paper.press_depth * size,
         clear_height=paper.clear_height * size,
         step_max=paper.step_max * size,
+        stoop_max=0.5 * (1.0 + near) * paper.stoop_max,
         support_margin=min(paper.support_margin, _MARGIN_RATIO * half),
         lift_speed=paper.lift_speed * size,
         lift_acceleration=paper.lift_acceleration * size,
         lower_speed=paper.lower_speed * size,
         touch_speed=paper.touch_speed * near,
+        press_speed=paper.press_speed * near,
         w_L=paper.w_L * (_PAPER_MASS / robot.mass / size) ** 2,
     )

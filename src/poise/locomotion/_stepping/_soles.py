@@ -169,7 +169,8 @@ class SoleYield:
     - it is turned until its centre of pressure is as far ahead as the other's, and in the middle
       along the line between the feet, where loads and not soles hold the balance;
     - it goes along the ground with what is left of its pull when that of both is shared by load;
-    - it is lifted or lowered until it carries what the ZMP between the feet says.
+    - it is lifted or lowered until it carries what the ZMP between the feet asks for: the commanded
+      one. Joints that sag leave the weight where it was, and so the ZMP.
 
     Args:
         dt: length of a tick [s].
@@ -197,13 +198,17 @@ class SoleYield:
         return _ROLL_OFF * share * rotation[:2, :2].dot(np.array([off_y, -off_x]))
 
     def move(
-        self, footing: Footing, velocity: Float64[np.ndarray, "3"]
+        self,
+        footing: Footing,
+        velocity: Float64[np.ndarray, "3"],
+        zmp: Float64[np.ndarray, "2"],
     ) -> Float64[np.ndarray, "3"]:
         """Velocity of the other foot; its anchor settles where it stands [m/s].
 
         Args:
             footing: of the tick, on both feet.
             velocity: that holds it at its anchor [m/s].
+            zmp: commanded [m].
         """
         sensor, other = footing.sensor, footing.other
         total, weight = float(sensor.loads.sum()), footing.biped.weight
@@ -212,17 +217,17 @@ class SoleYield:
         part = float(sensor.loads[other]) / total
         pull, counter = (np.array(sensor.pulls[foot]) for foot in (other, footing.stance))
         squeeze = (1.0 - part) * pull - part * counter
-        give = np.array([*squeeze, (part - self._part(footing)) * total])
+        give = np.array([*squeeze, (part - self._part(footing, zmp)) * total])
         share = min(1.0, 2.0 * part)
         anchor = footing.anchors[other]
         anchor += self._settle * share * (footing.sole(other) - anchor)
         return (1.0 - share) * velocity + share / weight * np.array(_GIVE) * give
 
     @staticmethod
-    def _part(footing: Footing) -> float:
-        """Part of the load that is the other foot's with the ZMP where it is measured."""
+    def _part(footing: Footing, zmp: Float64[np.ndarray, "2"]) -> float:
+        """Part of the load that is the other foot's with the ZMP at a place."""
         along = _between(footing)
-        from_stance = footing.sensor.zmp - footing.sole(footing.stance)[:2]
+        from_stance = zmp - footing.sole(footing.stance)[:2]
         return min(1.0, max(0.0, float(from_stance.dot(along) / along.dot(along))))
 
 

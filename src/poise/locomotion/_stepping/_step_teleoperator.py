@@ -54,6 +54,9 @@ _ACTUATIONS = ("velocity", "torque")
 _TORQUE_DT = 0.002
 """Length of a tick where torques are commanded [s]."""
 
+_TORQUE_STOOP = TeleopParameters().stoop_max
+"""How far the COM may come down there, over its height: on narrow soles, too."""
+
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class TeleopStatus:
@@ -158,7 +161,7 @@ class StepTeleoperator:
             stance = abs(float(left[1] - right[1]))
             parameters = scaled_parameters(robot, self._com_height, stance)
             if actuation == "torque":
-                parameters = replace(parameters, dt=_TORQUE_DT)
+                parameters = replace(parameters, dt=_TORQUE_DT, stoop_max=_TORQUE_STOOP)
         self.parameters = p = parameters
         self._biped = biped_of(robot, p)
         if driver is None:
@@ -292,6 +295,7 @@ class StepTeleoperator:
             if self._own.acting:
                 self._follow_own_steps(self._own, state, sample)
                 return
+        self._com.observe(dynamics.com_velocity[:2])
         self._move_mode(command, state.time)
         footing = self._footing()
         if self._own is not None and self._own.takes_over(footing, state):
@@ -344,7 +348,7 @@ class StepTeleoperator:
             if before.single or self.mode.single:
                 # Not at every change of mode: an operator who cannot decide makes many, and each
                 # restart takes in noise.
-                self._com.restart(self.estimator.dynamics.com_velocity[:2].copy())
+                self._com.restart()
             self._restart(command)
         self._stance.follow(self.mode)
 
@@ -366,6 +370,8 @@ class StepTeleoperator:
             margin=self.parameters.support_margin,
             sensor=self.zmp_sensor,
             inwards=self._inwards,
+            pressed=self._stance.pressed,
+            com_velocity=self._com.observed,
         )
 
     def _desired(self, footing: Footing, target: Float64[np.ndarray, "3"]) -> DesiredMotion:

@@ -161,7 +161,9 @@ class VelocityTasks:
         self._torso.set_velocity(self._upright(torso, self._lean.rotation(footing)) - turn.rate)
         foot = desired.foot
         if not footing.mode.single:
-            foot = self._yield.move(footing, foot)
+            # The CT-ZMP (26) of the commanded acceleration.
+            zmp = dynamics.com[:2] - desired.com_acceleration / footing.omega**2
+            foot = self._yield.move(footing, foot, zmp)
         self._places[other].set_velocity(foot - turn.velocity_at(place))
         _weigh(self._momentum, weights.momentum)
         _weigh(self._torso, weights.torso)
