@@ -63,16 +63,6 @@ def test_a_foot_that_is_about_to_be_lifted_is_not_pressed(get_robot, mode, press
     assert (ours.pressed > 0.0) == pressed
 
 
-def test_a_foot_that_bounces_does_not_become_the_stance(get_robot):
-    robot = get_robot("biped20")
-    where, loads = estimator(robot), sensor(robot, 0.0, 640.0)
-    ours = choice(robot, where, loads)
-    for tick in range(TICKS):
-        loads.loads[:] = (300.0, 0.0) if tick % 4 == 0 else (0.0, 640.0)
-        ours.follow(Mode.D)
-        assert where.stance == 1
-
-
 def test_a_pressed_foot_stands_where_it_is_as_soon_as_it_carries(get_robot):
     robot = get_robot("biped20")
     where, loads = estimator(robot), sensor(robot, 0.0, 640.0)

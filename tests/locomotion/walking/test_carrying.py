@@ -34,7 +34,7 @@ class Turned:
         v[3:5] = turning
         for _ in range(ticks):
             state = poise.RobotState(self.robot.q_home, v, {LEFT: wrench}, 0.0)
-            self.sense.update(state, DT)
+            self.sense.update(state)
             self.area.update(state, DT)
 
     def bears(self, x, y):
@@ -137,10 +137,10 @@ def test_a_sole_on_an_edge_says_nothing_of_the_slope(turned):
     tilted = poise.RobotState(q, np.zeros(robot.nv))
     turned.look(turning=(0.0, 1.0), pressure=(-0.1, 0.0))
     turned.look(turning=(0.0, -1.0), pressure=(-0.1, 0.0))
-    turned.sense.update(tilted, DT)
+    turned.sense.update(tilted)
     stance.stand_on((0,), 0.0)
     assert stance.slope == (0.0, 0.0)
     turned.look(ticks=round(1.0 / DT))
-    turned.sense.update(tilted, DT)
+    turned.sense.update(tilted)
     stance.stand_on((0,), 0.0)
     assert stance.slope[0] == pytest.approx(-0.5 * np.tan(0.1))

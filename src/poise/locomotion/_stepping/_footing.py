@@ -19,10 +19,6 @@ from poise.locomotion._support import SupportPolygon, sole_rectangle
 _LOAD_RATIO = 1.2
 """In double support a foot becomes the stance that carries this many times the other's load."""
 
-_LOAD_TIME = 0.05
-"""Time constant with which loads are smoothed that say which foot is the stance [s]: where the
-stance changes, velocities jump, and a foot that has just landed bounces."""
-
 
 class StanceChoice:
     """Keeps the estimator's stance and the feet's places up to date.
@@ -48,8 +44,6 @@ class StanceChoice:
         self._parameters = parameters
         self._least_load = parameters.land_load * weight
         self._pressing, self.pressed = False, 0.0
-        self._gain = parameters.dt / (_LOAD_TIME + parameters.dt)
-        self._loads = sensor.loads.copy()
 
     def begin(self, before: Mode, mode: Mode) -> None:
         """A mode has begun: a foot that has landed has a new place, one that is lifted no weight.
@@ -59,7 +53,6 @@ class StanceChoice:
             mode: the one that has begun.
         """
         estimator = self._estimator
-        self._loads = self._sensor.loads.copy()
         if mode is Mode.D and before.single:
             estimator.put_down(1 - estimator.stance)
         if mode.single and mode.support is not None:
@@ -73,9 +66,9 @@ class StanceChoice:
         """
         if mode.single:
             return
-        estimator, stance = self._estimator, self._estimator.stance
-        self._loads = self._loads + self._gain * (self._sensor.loads - self._loads)
-        if self._loads[1 - stance] > _LOAD_RATIO * self._loads[stance]:
+        estimator, loads = self._estimator, self._sensor.loads
+        stance = estimator.stance
+        if loads[1 - stance] > _LOAD_RATIO * loads[stance]:
             estimator.stand_on(1 - stance)
         other = 1 - estimator.stance
         # One that is about to be lifted is to lose its load.

@@ -14,6 +14,7 @@ from poise.locomotion._stepping._biped import Biped
 from poise.locomotion._stepping._desired import DesiredMotion
 from poise.locomotion._stepping._footing import Footing
 from poise.locomotion._stepping._lean import TrunkLean
+from poise.locomotion._stepping._modes import Mode
 from poise.locomotion._stepping._parameters import TeleopParameters
 from poise.locomotion._stepping._soles import SoleGrounds, SoleYield
 from poise.stack import (
@@ -161,8 +162,11 @@ class VelocityTasks:
         self._torso.set_velocity(self._upright(torso, self._lean.rotation(footing)) - turn.rate)
         foot = desired.foot
         if not footing.mode.single:
-            # The CT-ZMP (26) of the commanded acceleration.
-            zmp = dynamics.com[:2] - desired.com_acceleration / footing.omega**2
+            zmp = footing.sensor.zmp
+            if footing.mode is not Mode.D:
+                # The CT-ZMP (26) of the commanded acceleration: what is measured lags behind a
+                # shift. At rest it is what is measured, or the robot would sway by a centimetre.
+                zmp = dynamics.com[:2] - desired.com_acceleration / footing.omega**2
             foot = self._yield.move(footing, foot, zmp)
         self._places[other].set_velocity(foot - turn.velocity_at(place))
         _weigh(self._momentum, weights.momentum)
