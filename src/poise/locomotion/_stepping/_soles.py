@@ -169,8 +169,9 @@ class SoleYield:
     - it is turned until its centre of pressure is as far ahead as the other's, and in the middle
       along the line between the feet, where loads and not soles hold the balance;
     - it goes along the ground with what is left of its pull when that of both is shared by load;
-    - it is lifted or lowered until it carries what the ZMP between the feet asks for: the commanded
-      one. Joints that sag leave the weight where it was, and so the ZMP.
+    - it is lifted or lowered until it carries what the ZMP between the feet asks for: the measured
+      one at rest, the commanded one in a shift, where joints that sag would leave the weight, and
+      so the ZMP, where they were.
 
     Args:
         dt: length of a tick [s].
@@ -208,7 +209,7 @@ class SoleYield:
         Args:
             footing: of the tick, on both feet.
             velocity: that holds it at its anchor [m/s].
-            zmp: commanded [m].
+            zmp: that the load shall follow [m].
         """
         sensor, other = footing.sensor, footing.other
         total, weight = float(sensor.loads.sum()), footing.biped.weight
