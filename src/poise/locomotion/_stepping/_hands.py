@@ -13,13 +13,8 @@ from jaxtyping import Float64
 from poise._checks import checked_number
 from poise.dynamics import RobotState
 from poise.locomotion._stepping._arms import ArmMotion
-from poise.locomotion._stepping._device import (
-    DeviceSample,
-    HandSample,
-    Pursuit,
-    SampleClock,
-    is_point,
-)
+from poise.locomotion._stepping._guard import Pursuit, SampleClock, is_point
+from poise.locomotion._stepping._samples import DeviceSample, HandSample
 from poise.robots import Robot
 from poise.stack import JointTask
 

@@ -1,11 +1,8 @@
-"""`StepTeleoperator`: from the operator's foot devices and the robot's sensors to a stack.
-
-`TeleopStatus`: how the last tick of the step teleoperator stood.
-"""
+"""`StepTeleoperator`: from the operator's foot devices and the robot's sensors to a stack."""
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float64
@@ -25,23 +22,20 @@ from poise.locomotion._stepping._com import (
     ShifterDriver,
 )
 from poise.locomotion._stepping._desired import DesiredMotion, StepTasks
-from poise.locomotion._stepping._device import (
-    BodySample,
-    Device,
-    DeviceGuard,
-    DeviceSample,
-    DeviceStatus,
-)
+from poise.locomotion._stepping._device import Device
 from poise.locomotion._stepping._estimator import StanceEstimator, ZmpSensor
 from poise.locomotion._stepping._foot import FootTarget, FootVelocity
 from poise.locomotion._stepping._footing import Footing, StanceChoice
-from poise.locomotion._stepping._hands import HandLeader, HandStatus
+from poise.locomotion._stepping._guard import DeviceGuard
+from poise.locomotion._stepping._hands import HandLeader
 from poise.locomotion._stepping._mode_events import ModeEvents
 from poise.locomotion._stepping._modes import Mode
 from poise.locomotion._stepping._own_steps import OwnSteps, room_outwards
 from poise.locomotion._stepping._parameters import TeleopParameters, scaled_parameters
 from poise.locomotion._stepping._reach import FootRange
+from poise.locomotion._stepping._samples import BodySample, DeviceSample, DeviceStatus
 from poise.locomotion._stepping._sway import check_sway
+from poise.locomotion._stepping._teleop_status import TeleopStatus
 from poise.locomotion._stepping._torque_tasks import POSTURE_WEIGHT, TorqueTasks
 from poise.locomotion._stepping._velocity_tasks import VelocityTasks
 from poise.locomotion._support import SupportPolygon, two_soles
@@ -53,43 +47,6 @@ _ACTUATIONS = ("velocity", "torque")
 
 _TORQUE_DT = 0.002
 """Length of a tick where torques are commanded [s]."""
-
-
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class TeleopStatus:
-    """How the last tick stood.
-
-    Attributes:
-        mode: which feet carry the robot.
-        device: what became of the operator's last sample.
-        sample: what the device gave in this tick; None for nothing.
-        zmp: measured, x and y [m].
-        zmp_reference: where it should be, x and y [m].
-        cart_table_zmp: CT-ZMP, x and y [m].
-        com: estimated [m].
-        soles: where the soles are, left and right [m].
-        target: where the foot in the air is sent, None with both on the ground [m].
-        loads: normal forces, left and right [N].
-        tilt: angle of the torso against upright [rad].
-        heading: of the torso, to the left of the world's x axis [rad].
-        hands: what each hand does; none where velocities are commanded.
-        hand_targets: where each hand is led to [m].
-    """
-
-    mode: Mode
-    device: DeviceStatus = DeviceStatus.OK
-    sample: DeviceSample | None
-    zmp: Float64[np.ndarray, "2"]
-    zmp_reference: Float64[np.ndarray, "2"]
-    cart_table_zmp: Float64[np.ndarray, "2"]
-    com: Float64[np.ndarray, "3"]
-    soles: tuple[Float64[np.ndarray, "3"], Float64[np.ndarray, "3"]]
-    target: Float64[np.ndarray, "3"] | None
-    loads: Float64[np.ndarray, "2"]
-    tilt: float
-    heading: float = 0.0
-    hands: tuple[HandStatus, ...] = ()
-    hand_targets: tuple[Float64[np.ndarray, "3"], ...] = ()
 
 
 class StepTeleoperator:
