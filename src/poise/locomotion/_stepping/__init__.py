@@ -2,6 +2,7 @@
 
 from poise.locomotion._stepping._com import ComDriver, ShifterDriver
 from poise.locomotion._stepping._device import Device, ScriptedDevice, WayPoint
+from poise.locomotion._stepping._gaze import GazeLeader
 from poise.locomotion._stepping._guard import DeviceGuard
 from poise.locomotion._stepping._hands import HandLeader, HandStatus
 from poise.locomotion._stepping._modes import Mode, ModeEvent, draw_modes
@@ -14,7 +15,13 @@ from poise.locomotion._stepping._recording import (
     read_recording,
 )
 from poise.locomotion._stepping._recording_format import RecordingError
-from poise.locomotion._stepping._samples import BodySample, DeviceSample, DeviceStatus, HandSample
+from poise.locomotion._stepping._samples import (
+    BodySample,
+    DeviceSample,
+    DeviceStatus,
+    HandSample,
+    HeadSample,
+)
 from poise.locomotion._stepping._step_teleoperator import StepTeleoperator
 from poise.locomotion._stepping._teleop_status import TeleopStatus
 
@@ -25,9 +32,11 @@ __all__ = [
     "DeviceGuard",
     "DeviceSample",
     "DeviceStatus",
+    "GazeLeader",
     "HandLeader",
     "HandSample",
     "HandStatus",
+    "HeadSample",
     "Mode",
     "ModeEvent",
     "RecordedDevice",

@@ -70,6 +70,15 @@ class ArmClearance:
             if room < math.inf and square > _NO_MOBILITY
         ]
 
+    def near(self) -> tuple[Float64[np.ndarray, "p n"], Float64[np.ndarray, " p"]]:
+        """Rows of the pairs that are near, and the least that each may be times velocities [m/s].
+
+        As is planned, not as hard as need be.
+        """
+        rows = [row for row, _, _ in self._near]
+        least = [-self._fastest(room, _BRAKING) for _, _, room in self._near]
+        return np.array(rows).reshape(-1, len(self._columns)), np.array(least, dtype=np.float64)
+
     def keep(self, wanted: Float64[np.ndarray, " n"], *, hard: bool) -> Float64[np.ndarray, " n"]:
         """Velocities near the wanted ones that keep links apart [rad/s].
 

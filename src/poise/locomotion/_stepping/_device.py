@@ -7,15 +7,19 @@ from itertools import pairwise
 from typing import Annotated, Protocol, runtime_checkable
 
 import numpy as np
+import pinocchio as pin
 from jaxtyping import Float64
 
 from poise._schema import Bounds, Seconds, Vector, checked
 from poise.dynamics import least_jerk
 from poise.errors import ConfigurationError
-from poise.locomotion._stepping._samples import DeviceSample, HandSample
+from poise.locomotion._stepping._samples import DeviceSample, HandSample, HeadSample
 
 Offset = Annotated[tuple[float, float, float], Vector(3, Bounds(most=10.0, unit="m"))]
 """Forward, left and up from where the foot stood at the start [m]."""
+
+Turn = Annotated[tuple[float, float, float], Vector(3, Bounds(most=3.0, unit="rad"))]
+"""Axis times angle, forward, left and up, as the torso faces [rad]."""
 
 
 @runtime_checkable
@@ -45,6 +49,9 @@ class WayPoint:
         right: offset of the right device from its foot's start; as before when None [m].
         left_hand: likewise of the left hand, as the torso faces [m].
         right_hand: of the right hand [m].
+        left_turn: how the left hand's device is turned from how it was at the start [rad].
+        right_turn: the right hand's [rad].
+        head: how the head is turned from looking straight ahead [rad].
     """
 
     at: Seconds
@@ -52,9 +59,14 @@ class WayPoint:
     right: Offset | None = None
     left_hand: Offset | None = None
     right_hand: Offset | None = None
+    left_turn: Turn | None = None
+    right_turn: Turn | None = None
+    head: Turn | None = None
 
     def __post_init__(self) -> None:
-        if all(o is None for o in (self.left, self.right, self.left_hand, self.right_hand)):
+        feet, hands = (self.left, self.right), (self.left_hand, self.right_hand)
+        turned = (self.left_turn, self.right_turn, self.head)
+        if all(each is None for each in (*feet, *hands, *turned)):
             raise ConfigurationError("a way-point moves no device", wanted="left, right or both")
 
 
@@ -67,8 +79,8 @@ class ScriptedDevice:
 
     From one point s to the next with u in [0, 1] over the time between them:
     p = p_0 + (p_1 - p_0) (10 u^3 - 15 u^4 + 6 u^5). The blend starts and ends at rest, so a hold is
-    two points in the same place. A device without points stays at its foot, and a hand without
-    points has none; the others take hold of their hands after a tenth of a second.
+    two points in the same place. Turns are blended as vectors. A device without points stays at its
+    foot, and a hand or head without any has none; the others take hold after a tenth of a second.
 
     Args:
         points: in order of time.
@@ -94,19 +106,53 @@ class ScriptedDevice:
                 )
         self._left = _Path([(p.at, p.left) for p in points if p.left is not None], left)
         self._right = _Path([(p.at, p.right) for p in points if p.right is not None], right)
-        paths = (
-            [(p.at, p.left_hand) for p in points if p.left_hand is not None],
-            [(p.at, p.right_hand) for p in points if p.right_hand is not None],
+        self._hands = (
+            _ScriptedHand([(p.at, p.left_hand, p.left_turn) for p in points]),
+            _ScriptedHand([(p.at, p.right_hand, p.right_turn) for p in points]),
         )
-        self._hands = [_Path(path, np.zeros(3)) if path else None for path in paths]
+        self._head = _path_of([(p.at, p.head) for p in points])
 
     def sample(self, time: float) -> DeviceSample:
         """Where the devices are at a time [s]."""
-        left, right = (
-            None if path is None else HandSample(path.at(time), clutch=time > _GRIP_AT)
-            for path in self._hands
+        left, right = (hand.at(time) for hand in self._hands)
+        head = None
+        if self._head is not None:
+            head = HeadSample(_quaternion(self._head.at(time)), clutch=time > _GRIP_AT)
+        places = self._left.at(time), self._right.at(time)
+        return DeviceSample(time, *places, hands=(left, right), head=head)
+
+
+class _ScriptedHand:
+    """The devices' trajectory of one hand.
+
+    Args:
+        points: time [s], place [m] and turn [rad] of each.
+    """
+
+    def __init__(self, points: Sequence[tuple[float, Offset | None, Turn | None]]) -> None:
+        self._place = _path_of([(at, place) for at, place, _ in points])
+        self._turn = _path_of([(at, turn) for at, _, turn in points])
+
+    def at(self, time: float) -> HandSample | None:
+        """What it says at a time [s]; None without points."""
+        if self._place is None and self._turn is None:
+            return None
+        return HandSample(
+            np.zeros(3) if self._place is None else self._place.at(time),
+            clutch=time > _GRIP_AT,
+            orientation=None if self._turn is None else _quaternion(self._turn.at(time)),
         )
-        return DeviceSample(time, self._left.at(time), self._right.at(time), hands=(left, right))
+
+
+def _quaternion(turn: Float64[np.ndarray, "3"]) -> Float64[np.ndarray, "4"]:
+    """A unit quaternion (x, y, z, w) of a rotation vector [rad]."""
+    return np.array(pin.Quaternion(pin.exp3(turn)).coeffs())
+
+
+def _path_of(points: Sequence[tuple[float, Offset | None]]) -> "_Path | None":
+    """From zero on; None without points."""
+    given = [(at, offset) for at, offset in points if offset is not None]
+    return _Path(given, np.zeros(3)) if given else None
 
 
 class _Path:

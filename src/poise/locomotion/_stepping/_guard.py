@@ -202,13 +202,23 @@ class Pursuit:
             place: where it is now [m].
             goal: where it is led to [m].
         """
-        away = math.dist(goal, place)
+        part = self.part(math.dist(goal, place))
+        if part == 1.0:
+            return goal
+        return [p + part * (g - p) for p, g in zip(place, goal, strict=True)]
+
+    def part(self, away: float) -> float:
+        """Which part of a way of so much is gone in a tick, which counts.
+
+        Args:
+            away: length of the way, in the unit of `step`.
+        """
         most = self._left = min(self._left + self._step, self._start)
         if away <= most:
             self._left -= away
-            return goal
+            return 1.0
         self._left = 0.0
-        return [p + most / away * (g - p) for p, g in zip(place, goal, strict=True)]
+        return most / away
 
 
 class _Grip:

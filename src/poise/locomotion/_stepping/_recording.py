@@ -23,7 +23,9 @@ from poise.locomotion._stepping._recording_format import (
     hand_flags,
     header_text,
     read_header,
+    turns_of,
     with_hands,
+    with_turn,
 )
 from poise.locomotion._stepping._samples import BodySample, DeviceSample
 
@@ -81,6 +83,9 @@ class RecordingWriter:
         if any(sample.velocity):
             velocity = np.array(sample.velocity)
             self._write(tick, RowKind.VELOCITY, sample.time, velocity, np.zeros(3))
+        for flags, turned in turns_of(sample):
+            last = np.array([turned[3], 0.0, 0.0])
+            self._write(tick, RowKind.TURN, sample.time, turned[:3], last, int(flags))
 
     def push(self, tick: int, force: Float64[np.ndarray, "3"], duration: float) -> None:
         """Notes a push on the torso that began before a tick.
@@ -246,6 +251,8 @@ class RecordedDevice:
             elif row["kind"] == RowKind.VELOCITY and found is not None:
                 ahead, left, turn = row["left"].tolist()
                 found = replace(found, velocity=(ahead, left, turn))
+            elif row["kind"] == RowKind.TURN and found is not None:
+                found = with_turn(found, row)
         return found
 
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from poise._schema import Bounds, Duration, Text, checked, read
 from poise.errors import ConfigurationError, PoiseError
-from poise.locomotion._stepping._samples import DeviceSample, HandSample
+from poise.locomotion._stepping._samples import DeviceSample, HandSample, HeadSample
 
 FORMAT, VERSION = "poise teleoperation", 1
 HEADER_BYTES = 16384
@@ -38,6 +38,8 @@ class RowKind(IntEnum):
     """What it says of the body: left is height [m] and turns [rad], right the torso [rad]."""
     VELOCITY = 4
     """With which velocity it has the robot walk: left is ahead, left [m/s], and turn [rad/s]."""
+    TURN = 5
+    """How it says that a device is turned, (x, y, z, w): left, right[0]; flags are `TurnFlags`."""
 
 
 class HandFlags(IntFlag):
@@ -53,6 +55,19 @@ class HandFlags(IntFlag):
     """The right one's clutch is closed."""
     REST = 16
     """Hands that are not held shall go to rest."""
+
+
+class TurnFlags(IntFlag):
+    """Whose orientation a row has."""
+
+    LEFT = 1
+    """The left hand's."""
+    RIGHT = 2
+    """The right hand's."""
+    HEAD = 4
+    """The head's."""
+    CLUTCH = 8
+    """The head's clutch is closed."""
 
 
 ROW = np.dtype(
@@ -153,6 +168,40 @@ def as_point(value: object) -> np.ndarray:
     if isinstance(value, np.ndarray) and value.shape == (3,) and value.dtype == np.float64:
         return value
     return np.full(3, np.nan)
+
+
+def as_quaternion(value: object) -> np.ndarray:
+    """An orientation as it is kept; what is none as one that is refused again."""
+    if isinstance(value, np.ndarray) and value.shape == (4,) and value.dtype == np.float64:
+        return value
+    return np.full(4, np.nan)
+
+
+def turns_of(sample: DeviceSample) -> list[tuple[TurnFlags, np.ndarray]]:
+    """Orientations that a sample has, and whose they are."""
+    found: list[tuple[TurnFlags, np.ndarray]] = []
+    for hand, flag in zip(sample.hands, (TurnFlags.LEFT, TurnFlags.RIGHT), strict=True):
+        if hand is not None and hand.orientation is not None:
+            found.append((flag, as_quaternion(hand.orientation)))
+    head = sample.head
+    if head is not None:
+        flag = TurnFlags.HEAD | TurnFlags.CLUTCH if head.clutch else TurnFlags.HEAD
+        found.append((flag, as_quaternion(head.orientation)))
+    return found
+
+
+def with_turn(sample: DeviceSample, row: np.void) -> DeviceSample:
+    """A sample with the orientation that a row has."""
+    flags = TurnFlags(int(row["flags"]))
+    turned = np.array([*row["left"], row["right"][0]], dtype=np.float64)
+    if flags & TurnFlags.HEAD:
+        return replace(sample, head=HeadSample(turned, bool(flags & TurnFlags.CLUTCH)))
+    left, right = sample.hands
+    if flags & TurnFlags.LEFT and left is not None:
+        left = replace(left, orientation=turned)
+    if flags & TurnFlags.RIGHT and right is not None:
+        right = replace(right, orientation=turned)
+    return replace(sample, hands=(left, right))
 
 
 def hand_flags(sample: DeviceSample) -> HandFlags:

@@ -1,6 +1,7 @@
 """`DeviceSample`: what the operator commands at a time, and `DeviceStatus`: what became of it.
 
-`HandSample`: what is commanded of a hand. `BodySample`: of the body, and how feet are turned.
+`HandSample`: what is commanded of a hand. `HeadSample`: of the gaze. `BodySample`: of the body, and
+how feet are turned.
 """
 
 from dataclasses import dataclass
@@ -19,9 +20,32 @@ class HandSample:
             it is [m].
         clutch: whether the hand follows. Whoever wants to reach further lets go, moves back, and
             takes hold anew; the hand stays where it is in between.
+        orientation: how the device is turned against those axes, a unit quaternion (x, y, z, w);
+            None for one that says nothing of it, whose hand is not turned. As the position: the
+            rotation R_t R_0^T since the clutch closed at R_0 turns the hand, not scaled.
     """
 
     position: Float64[np.ndarray, "3"]
+    clutch: bool = True
+    orientation: Float64[np.ndarray, "4"] | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class HeadSample:
+    """Where the operator looks.
+
+    It is not relative, as hands are: who wears a headset knows where ahead is, and a horizon or an
+    ahead that is off by what each new grip adds makes them sick. What is ahead, the headset's own
+    software says, where a person can set it anew. The clutch says whether the robot follows; where
+    it closes, the gaze goes to where the operator looks, no faster than it may.
+
+    Attributes:
+        orientation: of the head against looking straight ahead, a unit quaternion (x, y, z, w)
+            along forward, left and up as the robot's torso faces.
+        clutch: whether the gaze follows; it stays where it is while that is open.
+    """
+
+    orientation: Float64[np.ndarray, "4"]
     clutch: bool = True
 
 
@@ -58,10 +82,12 @@ class DeviceSample:
         upright: button: bring the torso upright although one foot is in the air.
         hands: what is commanded of the left and of the right hand; None for a hand without a
             device, which stays as it is.
-        rest: button: hands that are not held go back to rest.
+        rest: button: hands that are not held go back to rest, and so does the gaze.
         body: what is commanded of the body, and how the feet are turned.
         velocity: with which the robot walks by itself, ahead, to the left [m/s] and turning to the
             left [rad/s]; all zero while the operator steps. Where torques are commanded.
+        head: where the operator looks; None without a headset: the gaze stays where it is. Where
+            torques are commanded.
     """
 
     time: float
@@ -72,6 +98,7 @@ class DeviceSample:
     rest: bool = False
     body: BodySample = BodySample()
     velocity: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    head: HeadSample | None = None
 
     def position(self, foot: int) -> Float64[np.ndarray, "3"]:
         """Position commanded for a sole: 0 left, 1 right [m]."""

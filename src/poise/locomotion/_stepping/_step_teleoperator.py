@@ -26,6 +26,7 @@ from poise.locomotion._stepping._device import Device
 from poise.locomotion._stepping._estimator import StanceEstimator, ZmpSensor
 from poise.locomotion._stepping._foot import FootTarget, FootVelocity
 from poise.locomotion._stepping._footing import Footing, StanceChoice
+from poise.locomotion._stepping._gaze import GazeLeader
 from poise.locomotion._stepping._guard import DeviceGuard
 from poise.locomotion._stepping._hands import HandLeader
 from poise.locomotion._stepping._mode_events import ModeEvents
@@ -90,6 +91,7 @@ class StepTeleoperator:
         estimator: where the robot is taken to be; its `update` comes before `lead`.
         zmp_sensor: ZMP and loads as measured.
         hands: leads the arms; None where velocities are commanded, and the arms keep still.
+        gaze: likewise leads the neck, or the torso of a robot without one.
     """
 
     def __init__(
@@ -126,6 +128,7 @@ class StepTeleoperator:
             check_sway(self._biped, self.estimator.dynamics, driver.omega, p)
         self._reach = FootRange(robot, self.soles, p)
         self.hands: HandLeader | None = None
+        self.gaze: GazeLeader | None = None
         self._tasks: StepTasks
         self._own: OwnSteps | None = None
         self._inwards = 0.0
@@ -133,7 +136,11 @@ class StepTeleoperator:
             self.hands = HandLeader(
                 robot, dt=p.dt, q_rest=q_start, weight=POSTURE_WEIGHT, scale=p.hand_scale
             )
-            self._tasks = TorqueTasks(self._biped, p.dt, self.hands.task)
+            self.gaze = GazeLeader(
+                robot, dt=p.dt, q_rest=q_start, weight=POSTURE_WEIGHT, turns_torso=True
+            )
+            limbs = [task for task in (self.hands.task, self.gaze.task) if task is not None]
+            self._tasks = TorqueTasks(self._biped, p.dt, limbs)
             self._inwards = room_outwards(self._biped, driver.omega, p.support_margin)
             self._own = OwnSteps(robot, self._tasks, q_start, self._reach, p)
         else:
@@ -152,6 +159,8 @@ class StepTeleoperator:
         self._tasks.reset()
         if self.hands is not None:
             self.hands.reset()
+        if self.gaze is not None:
+            self.gaze.reset()
         if self._own is not None:
             self._own.reset()
         self._guard = DeviceGuard(dt=p.dt, low=p.lower_height, press_depth=p.press_depth)
@@ -195,7 +204,7 @@ class StepTeleoperator:
         """What a recorder should know of the last tick; nothing before the first.
 
         Where the operator's devices, the foot in the air and the hands should be, the reference of
-        the ZMP, which soles carry the robot, mode, device and what the hands do; and what is
+        the ZMP, which soles carry the robot, mode, device and what hands and head do; and what is
         estimated, under `estimate/`, for `com` and `zmp` are the plant's own.
         """
         status, nowhere = self.status, np.full(3, np.nan)
@@ -224,6 +233,7 @@ class StepTeleoperator:
             "mode": status.mode.name,
             "device": status.device.name,
             "hands": ", ".join(hand.name for hand in status.hands),
+            "gaze": "" if status.gaze is None else status.gaze.name,
         }
 
     def lead(self, state: RobotState) -> None:
@@ -244,6 +254,8 @@ class StepTeleoperator:
         command = self._guard.check(sample, state.time, soles, self.estimator.anchors)
         if self.hands is not None:
             self.hands.lead(sample, state)
+        if self.gaze is not None:
+            self.gaze.lead(sample, state.time)
         if self._own is not None:
             self._own.drive(self._guard.velocity)
             if self._own.acting:
@@ -332,9 +344,16 @@ class StepTeleoperator:
             com_acceleration=self._com.acceleration,
             momentum=self._momentum.reference,
             foot=self._foot.towards(footing, target, hurry=self._target.rescuing),
-            torso=self._body.torso,
+            torso=self._torso(),
             turns=self._body.turns,
         )
+
+    def _torso(self) -> tuple[float, float, float]:
+        """How the torso shall be turned: as commanded, and to look where a neck cannot [rad]."""
+        if self.gaze is None:
+            return self._body.torso
+        (roll, pitch, yaw), (_, down, left) = self._body.torso, self.gaze.torso
+        return (roll, pitch + down, yaw + left)
 
     def _describe(
         self, footing: Footing, sample: DeviceSample | None, target: Float64[np.ndarray, "3"]
@@ -356,6 +375,8 @@ class StepTeleoperator:
             heading=math.atan2(footing.heading[1], footing.heading[0]),
             hands=() if hands is None else tuple(hands.status),
             hand_targets=() if hands is None else hands.targets(*torso),
+            hand_rotations=() if hands is None else hands.orientations(torso[1]),
+            gaze=None if self.gaze is None else self.gaze.status,
         )
 
 

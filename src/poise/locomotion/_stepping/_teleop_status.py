@@ -29,6 +29,8 @@ class TeleopStatus:
         heading: of the torso, to the left of the world's x axis [rad].
         hands: what each hand does; none where velocities are commanded.
         hand_targets: where each hand is led to [m].
+        hand_rotations: how each is led to be turned, world_R_hand; None for one that is not.
+        gaze: what the head does; None where nothing can turn it, or velocities are commanded.
     """
 
     mode: Mode
@@ -45,3 +47,5 @@ class TeleopStatus:
     heading: float = 0.0
     hands: tuple[HandStatus, ...] = ()
     hand_targets: tuple[Float64[np.ndarray, "3"], ...] = ()
+    hand_rotations: tuple[Float64[np.ndarray, "3 3"] | None, ...] = ()
+    gaze: HandStatus | None = None
