@@ -1,5 +1,8 @@
 """Hands are turned as their devices are: what counts of it, what arms can do, what robots do."""
 
+import json
+import subprocess
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -12,7 +15,8 @@ from poise.dynamics import Dynamics, RobotState
 from poise.locomotion import DeviceSample, HandLeader, HandSample, HandStatus, WayPoint
 from poise.locomotion._stepping._arms import ArmMotion
 from poise.locomotion._stepping._grips import HandGrip
-from poise.locomotion._stepping._turning import serve
+from poise.locomotion._stepping._null_space import serve
+from poise.locomotion._stepping._turning import TurnShare
 
 DT = 0.002
 NOWHERE = np.full(3, np.nan)
@@ -158,15 +162,63 @@ def test_the_jacobian_is_what_differences_say(get_robot, name):
             arms._update()
 
 
-@pytest.mark.parametrize(("name", "bound"), [("g1", 0.45), ("humanoid33", 0.35), ("talos", 0.6)])
-def test_hands_turn_about_each_axis_where_they_are(get_robot, name, bound):
-    """To the last where the wrist allows it: some of G1's and of TALOS' turns it does not."""
+def test_turning_fades_out_where_a_hand_comes_no_nearer_and_in_again():
+    share = TurnShare(DT)
+    for _ in range(round(0.19 / DT)):
+        share.update(1.0, 0.0)
+    assert share.part == 1.0
+    for _ in range(round(0.22 / DT)):
+        share.update(1.0, 0.0)
+    assert share.part == 0.0
+    for speed, nearer in ((1.0, 0.6), (0.0, 0.0)):
+        for _ in range(round(0.25 / DT)):
+            share.update(speed, nearer)
+    assert 0.4 < share.part < 0.6
+    for _ in range(round(0.6 / DT)):
+        share.update(0.0, 0.0)
+    assert share.part == 1.0
+
+
+COMPILED = """
+import json
+import numpy as np
+import poise
+from poise.dynamics import RobotState
+from poise.locomotion import DeviceSample, GazeLeader, HandLeader, HandSample, HeadSample
+from poise.locomotion._stepping import _null_space as code
+robot, turn = poise.load_robot("humanoid33"), np.array([0.0, 0.0, 0.1, np.sqrt(0.99)])
+hands, gaze = HandLeader(robot, dt=0.002), GazeLeader(robot, dt=0.002)
+functions = code._turn, code._step, code._serve_alone
+before = [len(function.signatures) for function in functions]
+for k in range(200):
+    hand = HandSample(np.array([0.0, 0.0, 0.001 * k]), k > 1, turn)
+    head, nowhere = HeadSample(turn, k > 1), np.full(3, np.nan)
+    sample = DeviceSample(0.002 * k, nowhere, nowhere, hands=(hand, hand), head=head)
+    hands.lead(sample, RobotState(robot.q_home, np.zeros(robot.nv), time=0.002 * k))
+    gaze.lead(sample, 0.002 * k)
+turned = hands.rotations[0] is not None and np.abs(gaze.gaze - np.eye(3)).max() > 0.05
+print(json.dumps([before, [len(function.signatures) for function in functions], bool(turned)]))
+"""
+
+
+def test_once_leaders_are_made_nothing_is_compiled():
+    child = [sys.executable, "-c", COMPILED]
+    answer = subprocess.run(child, capture_output=True, text=True, check=True, timeout=300)
+    assert json.loads(answer.stdout) == [[1, 1, 1], [1, 1, 1], True]
+
+
+REACHED = {"g1": 10, "humanoid33": 12, "talos": 8}
+"""Of twelve turns by 0.6 rad, each way about each axis with each hand."""
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_hands_turn_about_each_axis_where_they_are_or_say_that_they_cannot(get_robot, name):
     robot = get_robot(name)
     arms = arms_of(robot)
     places = [here + [0.1, 0.0, 0.1] for here in arms.hands]
     for _ in range(500):
         arms.advance(places)
-    begun, exact = (arms.q.copy(), [r.copy() for r in arms.rotations]), 0
+    begun, reached = (arms.q.copy(), [r.copy() for r in arms.rotations]), 0
     for way in (0.6 * np.vstack((np.eye(3), -np.eye(3)))).tolist():
         arms.reset()
         arms.q = begun[0].copy()
@@ -175,19 +227,19 @@ def test_hands_turn_about_each_axis_where_they_are(get_robot, name, bound):
         for _ in range(600):
             arms.advance(places, goals)
         np.testing.assert_allclose(arms.hands, places, atol=1e-3)
-        off = [angle(goal, r) for goal, r in zip(goals, arms.rotations, strict=True)]
-        assert max(off) < bound
-        exact += sum(o < 0.02 for o in off)
-    assert exact >= 4
+        for goal, rotation, stuck in zip(goals, arms.rotations, arms.stuck, strict=True):
+            assert angle(goal, rotation) < 0.12 or stuck
+            reached += angle(goal, rotation) < 0.12
+    assert reached == REACHED[name]
 
 
 @pytest.mark.parametrize("name", ROBOTS)
-def test_turning_costs_no_place_that_a_hand_gets_to_without(get_robot, name):
-    """Not on the way either, and joints stay within their limits."""
+def test_turning_costs_hardly_a_place_that_a_hand_gets_to_without(get_robot, name):
+    """And joints stay within their limits."""
     robot, rng = get_robot(name), np.random.default_rng(7)
     with_turns, without = arms_of(robot), arms_of(robot)
     goals = [r.copy() for r in with_turns.rotations]
-    start, got = [h.copy() for h in without.hands], 0
+    start, got, missed = [h.copy() for h in without.hands], 0, 0
     index = [robot.joint_index(joint) for joint in with_turns.joints]
     for _ in range(6):
         places = [h + rng.uniform([-0.1, -0.2, -0.05], [0.35, 0.2, 0.45]) for h in start]
@@ -208,8 +260,9 @@ def test_turning_costs_no_place_that_a_hand_gets_to_without(get_robot, name):
         for i in range(2):
             if np.linalg.norm(without.hands[i] - places[i]) < 0.002:
                 got += 1
-                assert np.linalg.norm(with_turns.hands[i] - places[i]) < 0.005
+                missed += np.linalg.norm(with_turns.hands[i] - places[i]) > 0.005
     assert got >= 4
+    assert missed <= 1
 
 
 # The leader ---------------------------------------------------------------------------------------
@@ -295,23 +348,21 @@ def test_turned_as_far_as_it_goes_a_hand_says_so_and_comes_back_with_its_device(
 # Robots -------------------------------------------------------------------------------------------
 
 HELD, OUT = (0.0, 0.0, 0.0), (0.1, 0.0, 0.1)
+TURNS = (0.6, 0.0, 0.0), (0.0, 0.0, 0.6), (0.0, 0.6, 0.0)
 
 
-def in_turn(*, turns, step):
-    """Both hands out, turned about one axis after the other."""
-    points = []
-    for at, place, turn in (
-        (0.2, HELD, HELD),
-        (0.8, OUT, (0.6, 0.0, 0.0)),
-        (1.2, OUT, (0.6, 0.0, 0.0)),
-        (1.7, OUT, (0.0, 0.0, 0.6)),
-        (2.1, OUT, (0.0, 0.0, 0.6)),
-        (2.6, OUT, (0.0, 0.6, 0.0)),
-    ):
-        also = {"left_turn": turn, "right_turn": turn} if turns else {}
-        points.append(WayPoint(at=at, left_hand=place, right_hand=place, **also))
+def in_turn(ends, *, turns, step):
+    """Both hands out, turned about one axis after the other, each until it ends."""
+    begins = (0.3, *ends[:-1])
+    points = [WayPoint(at=0.2, left_hand=HELD, right_hand=HELD, left_turn=HELD, right_turn=HELD)]
+    for begin, end, turn in zip(begins, ends, TURNS, strict=True):
+        for at in (begin + 0.5, end):
+            also = {"left_turn": turn, "right_turn": turn}
+            points.append(WayPoint(at=at, left_hand=OUT, right_hand=OUT, **also))
+    if not turns:
+        points = [replace(point, left_turn=None, right_turn=None) for point in points]
     if step:
-        lifted = up_and_down(lift=0.45, lower=2.25)
+        lifted = up_and_down(lift=0.45, lower=2.85)
         points += [replace(point, at=point.at + 0.001) for point in lifted]
     return device_of(*sorted(points, key=lambda point: point.at))
 
@@ -320,7 +371,7 @@ class Watched:
     """A device, and how the hands of the model of the arms were turned at each tick."""
 
     def __init__(self, make):
-        self._make, self.hands = make, []
+        self._make, self.hands, self.status = make, [], []
 
     def make(self, teleoperator):
         self._teleoperator, self._device = teleoperator, self._make(teleoperator)
@@ -328,24 +379,27 @@ class Watched:
 
     def sample(self, time):
         self.hands.append([r.copy() for r in self._teleoperator.hands._arms.rotations])
+        self.status.append(tuple(self._teleoperator.hands.status))
         return self._device.sample(time)
 
 
 @pytest.mark.parametrize(
-    ("name", "step"), [("g1", True), ("humanoid33", True), ("talos", False)], ids=str
+    ("name", "step", "most"),
+    [("g1", False, 6), ("g1", True, 6), ("humanoid33", True, 6), ("talos", False, 4)],
 )
-def test_robots_turn_their_hands_and_keep_their_balance(get_robot, name, step, tmp_path):
+def test_robots_turn_their_hands_and_keep_their_balance(get_robot, name, step, most, tmp_path):
     robot, path = get_robot(name), tmp_path / "turns.teleop"
     plant, off = TORQUE_TELEOP_PLANT.with_noise(), []
-    for turns in (False, True):
-        device = in_turn(turns=turns, step=step)
-        watched = Watched(device)
-        run = run_teleop(robot, watched.make, plant, duration=3.3, seed=4, recording=path)
+    # One of TALOS' wrists comes to its limit at once, and the arm takes its time from there on.
+    ends = (1.5, 2.7, 4.2) if step else (3.0, 4.2, 5.8)
+    for turns in (False, True) if step else (True,):
+        watched = Watched(in_turn(ends, turns=turns, step=step))
+        run = run_teleop(robot, watched.make, plant, duration=ends[-1], seed=4, recording=path)
         assert not run.fell
         assert run.log.tilt.max() < 0.1
         error = run.record["com"][:, :2] - run.record["zmp_reference"]
         off.append(np.sqrt(np.mean(error**2)))
-    assert off[1] < off[0] + 0.001
+    assert off[-1] < off[0] + 0.001 if step else off[0] < 0.02
     dynamics = Dynamics(robot)
 
     def rotations(time):
@@ -355,15 +409,15 @@ def test_robots_turn_their_hands_and_keep_their_balance(get_robot, name, step, t
         )
         return [torso.T @ hand for hand in hands]
 
-    start, reached = rotations(0.1), 0
-    for time, turn in ((1.2, (0.6, 0, 0)), (2.1, (0, 0, 0.6)), (3.2, (0, 0.6, 0))):
+    start, reached, bound = rotations(0.1), 0, 0.15 if step else 0.12
+    for end, turn in zip(ends, TURNS, strict=True):
+        time = end - 0.02
         for hand, (before, now) in enumerate(zip(start, rotations(time), strict=True)):
-            # While a foot is lifted fast G1's arms give what angular momentum that takes.
-            lag = angle(now, watched.hands[round(time / DT)][hand])
-            assert lag < (0.6 if step else 0.15)
-            reached += angle(now, pin.exp3(np.array(turn, dtype=float)) @ before) < 0.12
-    # Where the wrist allows it.
-    assert reached >= 1
+            away = angle(now, pin.exp3(np.array(turn)) @ before)
+            status = watched.status[round(time / DT)][hand]
+            assert away < bound or status is HandStatus.TURNED
+            reached += away < bound
+    assert reached >= most
     if name == "g1":
         again = replay_teleop(path, robot)
         assert np.array_equal(again.log.command, run.log.command)

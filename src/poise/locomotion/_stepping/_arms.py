@@ -8,7 +8,8 @@ import pinocchio as pin
 from jaxtyping import Float64, Int64
 
 from poise.locomotion._stepping._clearance import ArmClearance
-from poise.locomotion._stepping._turning import TurnRate, is_stuck, serve, stopping
+from poise.locomotion._stepping._null_space import ArmServer, Bounds
+from poise.locomotion._stepping._turning import TurnProgress, TurnRate, TurnShare, stopping
 from poise.robots import Robot
 
 _GAIN = 15.0
@@ -31,8 +32,8 @@ there as it is asked to."""
 _TURN_JOINT_SPEED = 2.5
 """No joint is faster for turning a hand [rad/s]: centripetal acceleration would move it."""
 
-_WRIST, _UPPER = 3, 4
-"""Joints of a wrist, and the fewest of shoulder and elbow."""
+_TURN_HOW = (_DAMPING, _TURN_DAMPING, _TURN_JOINT_SPEED)
+"""All of that for an `ArmServer`."""
 
 _STEP_DAMPING = 1e-3
 """Of a step that is known to be possible [m, 1]."""
@@ -72,6 +73,7 @@ class _Arm:
     joints: Int64[np.ndarray, " k"]
     frame: int
     speed: Float64[np.ndarray, " k"]
+    server: ArmServer
 
 
 class ArmMotion:
@@ -82,9 +84,8 @@ class ArmMotion:
     (Nakamura and Hanafusa 1986), what is left of their freedom brings them back to rest, which
     keeps stretched arms bent, and joints stop before their limits, links before each other
     (`ArmClearance`). How a hand is turned comes after all that: with what then is left of the
-    joints' freedom (`serve`), so that it costs no place, and by the wrist alone: shoulder and elbow
-    do for it what keeps the hand where it is, for an arm that is bent otherwise than without
-    turning comes to its limits elsewhere.
+    joints' freedom (`ArmServer`), and not at all where the hand does not come to its place
+    (`TurnShare`).
     Velocities change by what keeps the hands' acceleration below `acceleration_max`. So whatever
     places are asked for, the joints' motion is smooth, and within reach by construction.
 
@@ -136,6 +137,7 @@ class ArmMotion:
                 joints=np.array([np.flatnonzero(index == j)[0] for j in chain], dtype=np.int64),
                 frame=robot.frame_id(hand),
                 speed=_SPEED_RATIO * robot.v_max[chain],
+                server=ArmServer(len(chain)),
             )
             for hand, chain in chains.items()
         ]
@@ -150,6 +152,8 @@ class ArmMotion:
         n = len(self.joints)
         self.q, self.v, self.a = self._rest.copy(), np.zeros(n), np.zeros(n)
         self.blocked, self.stuck = [False] * len(self._arms), [False] * len(self._arms)
+        self._shares = [TurnShare(self._dt) for _ in self._arms]
+        self._progress = [TurnProgress(self._dt) for _ in self._arms]
         self._update()
 
     def advance(
@@ -168,13 +172,14 @@ class ArmMotion:
             return
         v, all_wanted = self.v.copy(), self.v.copy()
         jacobians = [self._jacobian(arm) for arm in self._arms]
+        bounds = [self._bounds(arm, _STOP) for arm in self._arms]
         velocities: list[Float64[np.ndarray, "3"] | None] = []
         for i, (arm, place) in enumerate(zip(self._arms, places, strict=True)):
             velocity = None if place is None else self._towards(place - self.hands[i])
             all_wanted[arm.joints] = (
                 self._homewards(arm)
                 if velocity is None
-                else self._follow(arm, jacobians[i][:3], velocity)
+                else self._follow(arm, jacobians[i][:3], velocity, bounds[i])
             )
             velocities.append(velocity)
         followed = all_wanted
@@ -183,19 +188,19 @@ class ArmMotion:
             all_wanted = self._clearance.keep(all_wanted, hard=False)
         turned = [False] * len(self._arms)
         for i, rotation in enumerate(rotations or ()):
-            self.stuck[i] = False
-            turned[i] = rotation is not None and places[i] is not None
-            if rotation is not None and places[i] is not None:
-                self._turn(i, jacobians[i], rotation, followed, all_wanted)
+            self.stuck[i], velocity = False, velocities[i]
+            turned[i] = rotation is not None and velocity is not None
+            if rotation is not None and velocity is not None:
+                self._turn(i, jacobians[i], (velocity, rotation), followed, all_wanted, bounds[i])
         for i, (arm, velocity) in enumerate(zip(self._arms, velocities, strict=True)):
-            own, J = arm.joints, jacobians[i][:3]
+            own, J = arm.joints, jacobians[i]
             wanted, self.blocked[i] = all_wanted[own], False
             if velocity is not None:
-                speed, nearer = math.hypot(*velocity), float(velocity @ J @ wanted)
+                speed, nearer = math.hypot(*velocity), float(velocity @ J[:3] @ wanted)
                 least = speed * min(_BLOCKED * speed, _ENOUGH)
                 self.blocked[i] = speed > _LEAST_SPEED and nearer < least
             step = self._step_turned if turned[i] else self._step
-            v[own] = np.clip(step(J, self.v[own], wanted), *self._bounds(arm, _HARD_STOP))
+            v[own] = np.clip(step(arm, J, wanted), *self._bounds(arm, _HARD_STOP))
         if self._clearance is not None:
             braked = self._clearance.keep(v, hard=True) - self.v
             # What is near changes from tick to tick, and joints jerk no harder for that.
@@ -205,32 +210,23 @@ class ArmMotion:
         self._update()
 
     def _step(
-        self,
-        J: Float64[np.ndarray, "3 k"],
-        before: Float64[np.ndarray, " k"],
-        wanted: Float64[np.ndarray, " k"],
+        self, arm: _Arm, jacobian: Float64[np.ndarray, "6 k"], wanted: Float64[np.ndarray, " k"]
     ) -> Float64[np.ndarray, " k"]:
         """An arm's velocities after a tick, as near to the wanted ones as accelerations allow."""
+        before = self.v[arm.joints]
         change = wanted - before
         fastest = max(
-            math.hypot(*(J @ change)) / self._acceleration,
+            math.hypot(*(jacobian[:3] @ change)) / self._acceleration,
             float(np.abs(change).max()) / _JOINT_ACCELERATION,
         )
         return before + change * min(1.0, self._dt / max(fastest, 1e-12))
 
     def _step_turned(
-        self,
-        J: Float64[np.ndarray, "3 k"],
-        before: Float64[np.ndarray, " k"],
-        wanted: Float64[np.ndarray, " k"],
+        self, arm: _Arm, jacobian: Float64[np.ndarray, "6 k"], wanted: Float64[np.ndarray, " k"]
     ) -> Float64[np.ndarray, " k"]:
         """Likewise, but joints that turn the hand get no acceleration that moving it needs."""
-        most = self._dt * _JOINT_ACCELERATION
-        box, none = (before - most, before + most), (np.zeros((0, len(before))), np.zeros(0))
-        change = J @ (wanted - before)
-        part = min(1.0, self._dt * self._acceleration / max(math.hypot(*change), 1e-12))
-        moved = serve(J[:0], J, J @ before + part * change, before, box, none, _STEP_DAMPING)
-        return serve(J, np.eye(len(before)), wanted, moved, box, none, _STEP_DAMPING)
+        most = self._dt * self._acceleration, self._dt * _JOINT_ACCELERATION, _STEP_DAMPING
+        return arm.server.step(jacobian, self.v[arm.joints], wanted, most)
 
     def _is_at_rest(self) -> bool:
         """Whether nothing moves any more; then the arms are where they rest to the last bit."""
@@ -263,33 +259,27 @@ class ArmMotion:
         self,
         hand: int,
         jacobian: Float64[np.ndarray, "6 k"],
-        rotation: Float64[np.ndarray, "3 3"],
+        goal: tuple[Float64[np.ndarray, "3"], Float64[np.ndarray, "3 3"]],
         followed: Float64[np.ndarray, " n"],
         wanted: Float64[np.ndarray, " n"],
+        bounds: Bounds,
     ) -> None:
         """Has an arm turn its hand, too, by what its wanted velocities leave free."""
-        arm = self._arms[hand]
-        own, moving, turning = arm.joints, jacobian[:3], jacobian[3:]
+        arm, share, (velocity, rotation) = self._arms[hand], self._shares[hand], goal
+        own = arm.joints
+        speed, now = math.hypot(*velocity), jacobian @ self.v[own]
+        share.update(speed, float(velocity @ now[:3]) / max(speed, 1e-9))
         to_be = self._rate.towards(rotation, self.rotations[hand])
-        asked = self._rate.change(to_be, turning @ self.v[own])
-        bounds = self._bounds(arm, _STOP)
+        asked = self._rate.change(to_be, now[3:])
         near = np.zeros((0, len(own))), np.zeros(0)
         if self._clearance is not None:
-            rows, least = self._clearance.near()
-            others = wanted.copy()
-            others[own] = 0.0
-            near = rows[:, own], least - rows @ others
+            near = self._clearance.near(own, wanted)
         # An elbow that turning brought near the body must not hold the hand back from its place.
-        place = moving @ followed[own]
-        found = serve(moving[:0], moving, place, wanted[own], bounds, near, _DAMPING)
-        first = np.vstack((moving, _swivel(moving)))
-        low, high = bounds
-        slow = (
-            np.maximum(low, np.minimum(found, -_TURN_JOINT_SPEED)),
-            np.minimum(high, np.maximum(found, _TURN_JOINT_SPEED)),
-        )
-        wanted[own] = serve(first, turning, asked, found, slow, near, _TURN_DAMPING)
-        self.stuck[hand] = is_stuck(to_be, asked, turning @ wanted[own])
+        reference = np.concatenate((jacobian[:3] @ followed[own], asked))
+        found = arm.server.turn(jacobian, reference, wanted[own], bounds, near, _TURN_HOW)
+        wanted[own] += share.part * (found - wanted[own])
+        self._progress[hand].update(to_be, now[3:])
+        self.stuck[hand] = self._progress[hand].stuck
 
     def _towards(self, way: Float64[np.ndarray, "3"]) -> Float64[np.ndarray, "3"]:
         """The velocity of a hand that has a way to go [m/s]."""
@@ -303,9 +293,7 @@ class ArmMotion:
         far = float(np.abs(way).max())
         return way * min(_RETURN_GAIN, _RETURN_SPEED / max(far, 1e-9))
 
-    def _bounds(
-        self, arm: _Arm, stop: float
-    ) -> tuple[Float64[np.ndarray, " k"], Float64[np.ndarray, " k"]]:
+    def _bounds(self, arm: _Arm, stop: float) -> Bounds:
         """Least and largest velocities with which joints still stop at their limits [rad/s]."""
         own = arm.joints
         down = stopping(self.q[own] - self._lower[own], stop, self._dt)
@@ -313,11 +301,14 @@ class ArmMotion:
         return -np.minimum(arm.speed, down), np.minimum(arm.speed, up)
 
     def _follow(
-        self, arm: _Arm, J: Float64[np.ndarray, "3 k"], velocity: Float64[np.ndarray, "3"]
+        self,
+        arm: _Arm,
+        J: Float64[np.ndarray, "3 k"],
+        velocity: Float64[np.ndarray, "3"],
+        bounds: Bounds,
     ) -> Float64[np.ndarray, " k"]:
         """The joints' velocities, within their bounds; what one cannot do, the others do."""
-        own = arm.joints
-        low, high = self._bounds(arm, _STOP)
+        own, (low, high) = arm.joints, bounds
         least = math.sqrt(max(float(np.linalg.eigvalsh(J @ J.T)[0]), 0.0))
         stretched = max(1.0 - least / _SINGULAR, 0.0)
         gain = _ELBOW_GAIN + stretched * (_BEND_GAIN - _ELBOW_GAIN)
@@ -335,15 +326,6 @@ class ArmMotion:
             wanted[beyond] = np.clip(wanted, low, high)[beyond]
             free &= ~beyond
         return np.clip(wanted, low, high)
-
-
-def _swivel(moving: Float64[np.ndarray, "3 k"]) -> Float64[np.ndarray, "s k"]:
-    """How shoulder and elbow move that do not move the hand: what lies before a wrist of three."""
-    k = moving.shape[1]
-    before = min(k, max(k - _WRIST, _UPPER))
-    rows = np.zeros((before - 3, k))
-    rows[:, :before] = np.linalg.svd(moving[:, :before])[2][3:]
-    return rows
 
 
 def _chains(robot: Robot) -> dict[str, Int64[np.ndarray, " k"]]:

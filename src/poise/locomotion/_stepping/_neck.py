@@ -4,7 +4,8 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float64, Int64
 
-from poise.locomotion._stepping._turning import TurnRate, is_stuck, serve, stopping
+from poise.locomotion._stepping._null_space import serve
+from poise.locomotion._stepping._turning import TurnRate, is_stuck, stopping
 from poise.robots import Robot
 
 _HEADS = ("head", "neck")
@@ -69,6 +70,9 @@ class NeckMotion:
         self._ahead = np.eye(3)
         self.reset()
         self._ahead = self.rotation.T
+        # What is compiled is compiled now, not in the first tick.
+        if self.joints:
+            self.advance(pin.exp3(np.full(3, 0.1)))
         self.reset()
 
     def reset(self) -> None:

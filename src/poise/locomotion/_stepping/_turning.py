@@ -1,6 +1,7 @@
 """`TurnRate`: how fast something is turned to where it shall be.
 
-`serve`: joint velocities that do more of one thing and change nothing of another. `stopping`:
+`is_stuck`, `TurnProgress`: whether it is turned as far as it goes, at once and on average.
+`TurnShare`: how much an arm does for turning its hand, whose place comes first. `stopping`:
 velocities from which joints still stop at their limits.
 """
 
@@ -15,12 +16,22 @@ from poise.dynamics import rotation_vector
 _BRAKING = 0.6
 """Part of the largest acceleration that is counted on near the goal."""
 
-_KEPT = 1e-6
-"""Damping of what comes first [m^2]: rows that are nearly the same can both be kept."""
-
 _LEAST_SPEED, _LOST = 0.1, 0.5
 """What is to turn faster than this [rad/s], and loses more than this part of what it is to gain in
 a tick, is turned as far as it goes."""
+
+
+_AVERAGED, _HARDLY = 0.2, 0.15
+"""An arm at its limits is not still: over how long its turning is averaged [s], and the part of the
+wanted angular velocity below which it hardly turns its hand."""
+
+_SHORT, _GOES_ON = 0.03, 0.5
+"""A hand is short of its place that is to go there faster than this [m/s], and goes on if it comes
+nearer at this part of that at least."""
+
+_PATIENCE, _OUT, _IN = 0.2, 0.2, 1.0
+"""How long a hand that is short may get no nearer: as long as it takes to set out; how long turning
+takes to fade out then, and in again [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,70 +95,63 @@ def is_stuck(
     return speed > _LEAST_SPEED and along > 0.0 and float(wanted @ found) < (1.0 - _LOST) * along
 
 
-def serve(
-    first: Float64[np.ndarray, "m k"],
-    jacobian: Float64[np.ndarray, "r k"],
-    reference: Float64[np.ndarray, " r"],
-    velocity: Float64[np.ndarray, " k"],
-    bounds: tuple[Float64[np.ndarray, " k"], Float64[np.ndarray, " k"]],
-    near: tuple[Float64[np.ndarray, "p k"], Float64[np.ndarray, " p"]],
-    damping: float,
-) -> Float64[np.ndarray, " k"]:
-    """Joint velocities that do what is asked for and change nothing of what comes first.
-
-    To the velocities x is added d with A d = 0, by damped least squares in the null space N of A,
-
-        d = N B^T (B N B^T + l^2 1)^-1 (w - B x)
-
-    as far as bounds and near pairs allow it. What has come to its end by then is kept, too, and the
-    rest does what it can for what is left (saturation in the null space, Flacco and others 2012).
+class TurnProgress:
+    """Whether a hand is turned as far as it goes: on average it hardly turns to where it shall.
 
     Args:
-        first: A, rows that are kept.
-        jacobian: B.
-        reference: w, what B x shall be [m/s, rad/s].
-        velocity: x, within what follows [rad/s].
-        bounds: least and largest velocities [rad/s].
-        near: rows, and the least that their products with the velocities may be [m/s].
-        damping: l [m, 1].
+        dt: length of a tick [s].
 
-    Returns:
-        x + d [rad/s].
+    Attributes:
+        stuck: whether it is.
     """
-    found, (low, high), (rows, least) = velocity.copy(), bounds, near
-    free, held = np.ones(len(found), dtype=np.bool_), np.zeros(len(least), dtype=np.bool_)
-    for _ in range(len(found)):
-        kept = np.vstack((first, rows[held]))[:, free]
-        B = jacobian[:, free]
-        inverse = np.linalg.inv(kept @ kept.T + _KEPT * np.eye(len(kept)))
-        within = B - (B @ kept.T) @ inverse @ kept
-        squares = within @ within.T + damping**2 * np.eye(len(jacobian))
-        change = np.zeros(len(found))
-        change[free] = within.T @ np.linalg.solve(squares, reference - jacobian @ found)
-        joints = _parts(change, np.where(change > 0.0, high - found, found - low))
-        pairs = _parts(rows @ change, rows @ found - least, only_down=True)
-        pairs[held] = np.inf
-        part = min(1.0, float(joints.min()), float(pairs.min(initial=np.inf)))
-        found += part * change
-        if part == 1.0:
-            break
-        free &= joints > part
-        held |= pairs <= part
-        if not free.any():
-            break
-    return found
+
+    def __init__(self, dt: float) -> None:
+        self._dt, self._part, self.stuck = dt, 1.0, False
+
+    def update(self, wanted: Float64[np.ndarray, "3"], now: Float64[np.ndarray, "3"]) -> None:
+        """One tick.
+
+        Args:
+            wanted: angular velocity that is to be in the end [rad/s].
+            now: what is [rad/s].
+        """
+        speed, part = math.hypot(*wanted), 1.0
+        if speed > _LEAST_SPEED:
+            along = min(max(float(wanted @ now) / speed**2, -1.0), 1.0)
+            part = self._part + (along - self._part) * self._dt / _AVERAGED
+        self._part, self.stuck = part, part < _HARDLY
 
 
-def _parts(
-    changes: Float64[np.ndarray, " n"], rooms: Float64[np.ndarray, " n"], *, only_down: bool = False
-) -> Float64[np.ndarray, " n"]:
-    """Which part of each change there is room for; no bound where nothing changes."""
-    moves = changes < -_STILL if only_down else np.abs(changes) > _STILL
-    return np.where(moves, np.maximum(rooms, 0.0) / np.where(moves, np.abs(changes), 1.0), np.inf)
+class TurnShare:
+    """How much an arm does for turning its hand, whose place comes first.
 
+    What turns a hand moves it nowhere at once; but an arm that it has bent comes to its limits
+    elsewhere. So where the hand is short of its place and gets no nearer, turning fades out, and in
+    again when the hand goes on.
 
-_STILL = 1e-12
-"""A velocity that is none [rad/s, m/s]."""
+    Args:
+        dt: length of a tick [s].
+
+    Attributes:
+        part: from 0 to 1.
+    """
+
+    def __init__(self, dt: float) -> None:
+        self._dt, self._stalled, self.part = dt, 0.0, 1.0
+
+    def update(self, speed: float, nearer: float) -> None:
+        """One tick.
+
+        Args:
+            speed: at which the hand is to go to its place [m/s].
+            nearer: at which it comes nearer [m/s].
+        """
+        if speed < _SHORT or nearer > _GOES_ON * speed:
+            self._stalled, change = 0.0, self._dt / _IN
+        else:
+            self._stalled += self._dt
+            change = -self._dt / _OUT if self._stalled > _PATIENCE else 0.0
+        self.part = min(max(self.part + change, 0.0), 1.0)
 
 
 def stopping(room: Float64[np.ndarray, " k"], stop: float, dt: float) -> Float64[np.ndarray, " k"]:
