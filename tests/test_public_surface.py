@@ -12,7 +12,7 @@ import poise
 from docs import update_api
 
 SURFACE = set(poise.__all__)
-MOST_NAMES = 131
+MOST_NAMES = 132
 """What there is now; a new public name takes the place of another, or says why it is needed.
 
 The last ones: a campaign from a program, workers for whoever runs anything else many times, the bad
@@ -29,7 +29,7 @@ predictor for late sensors, which only whoever runs the loop can put behind an e
 and what whoever owns two arms with force feedback writes a driver to, the driver that lets hands
 feel feet, the device that both make in the robot's process, and an arm that is simulated;
 and what a hand and the body are told, what leads hands beside whatever leads the feet, and what
-those do;
+those do; and where the head looks;
 and the payload that a state carries, with what finds it, which nothing else tells controllers.
 """
 

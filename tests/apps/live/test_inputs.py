@@ -11,7 +11,7 @@ pytest.importorskip("websockets")
 from poise.apps.live import LiveFeet, OperatorInputs, Pad, Tracked, _inputs as inputs
 from poise.apps.live._feet import HOLD_HEIGHT
 from poise.apps.live._gamepad import pad_from
-from poise.apps.live._inputs import Body
+from poise.apps.live._inputs import Body, Head
 from poise.locomotion import BodySample, Mode, StepTeleoperator
 
 DT = 0.005
@@ -143,6 +143,32 @@ def test_hands_come_as_they_are_held(made):
     assert right.clutch
     np.testing.assert_allclose(right.position, [0.1, -0.2, 0.3])
     assert sample.rest
+
+
+TURNED = (0.0, 0.6, 0.0, 0.8)
+
+
+def test_hands_and_head_come_as_they_are_turned(made):
+    operator, _, device = made
+    operator.pad(Pad())
+    hand = Tracked((0.0, 0.0, 0.0), clutch=True, orientation=TURNED)
+    sample = run(operator, device, 1, Pad(hands=(hand, None), head=Head(TURNED, clutch=True)))
+    np.testing.assert_array_equal(sample.hands[0].orientation, TURNED)
+    np.testing.assert_array_equal(sample.head.orientation, TURNED)
+    assert sample.head.clutch
+    sample = run(operator, device, 1, Pad(hands=(Tracked((0.0, 0.0, 0.0)), None)))
+    assert sample.hands[0].orientation is None
+    assert sample.head is None
+
+
+def test_a_head_that_leads_when_somebody_comes_leads_nothing_until_it_is_let_go(made):
+    operator, _, _ = made
+    closed, opened = Pad(head=Head(TURNED, clutch=True)), Pad(head=Head(TURNED))
+    for pad, seen in ((closed, Pad()), (Pad(), Pad()), (closed, Pad()), (opened, opened)):
+        operator.pad(pad)
+        assert operator.read() == seen
+    operator.pad(closed)
+    assert operator.read() == closed
 
 
 def test_what_is_asked_of_the_body_is_in_the_sample(made):

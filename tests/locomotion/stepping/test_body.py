@@ -9,7 +9,7 @@ from walker import hands, sample, up_and_down
 from poise.apps.teleoperation import TORQUE_TELEOP_PLANT, replay_teleop, run_teleop
 from poise.dynamics import Dynamics, RobotState
 from poise.locomotion import BodySample, Mode
-from poise.locomotion._stepping._device import DeviceGuard
+from poise.locomotion._stepping._guard import DeviceGuard
 
 
 class Asks:

@@ -7,7 +7,7 @@ from walker import sample
 
 from poise.errors import ConfigurationError
 from poise.locomotion import DeviceStatus, TeleopParameters
-from poise.locomotion._stepping._device import DeviceGuard
+from poise.locomotion._stepping._guard import DeviceGuard
 from poise.locomotion._stepping._mode_events import LandingDetector, LiftDetector
 
 SOLES = (np.array([0.0, 0.135, 0.0]), np.array([0.0, -0.135, 0.0]))

@@ -18,7 +18,7 @@ from poise.locomotion import (
     RecordingWriter,
     read_recording,
 )
-from poise.locomotion._stepping._recording import HEADER_BYTES, ROW
+from poise.locomotion._stepping._recording_format import HEADER_BYTES, ROW
 
 
 def write(path, rows=3, robot="biped20", dt=0.005, close=True):

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from poise.apps.live._feet import hands_of, velocity_of
+from poise.apps.live._feet import hands_of, head_of, velocity_of
 from poise.apps.live._inputs import OperatorInputs, Pad
 from poise.apps.live._log import LOG_SUFFIX, LiveLog, Room
 from poise.apps.live._real_time import RealTimeLoop, command_time
@@ -18,6 +18,7 @@ from poise.estimation import PayloadEstimator, StateEstimator
 from poise.locomotion import (
     DeviceSample,
     DeviceStatus,
+    GazeLeader,
     HandLeader,
     Mode,
     Walker,
@@ -38,11 +39,12 @@ _STEP_MODES = ((Mode.TR, Mode.SR), (Mode.TL, Mode.SL))
 
 
 class _Driver:
-    """The leader: asks walker and arms for what the operator asks for."""
+    """The leader: asks walker, arms and neck for what the operator asks for."""
 
     def __init__(self, robot: Robot, inputs: OperatorInputs, dt: float) -> None:
         self.hands = HandLeader(robot, dt=dt)
-        self.stack: Stack = walking_stack(robot, self.hands.task)
+        self.gaze = GazeLeader(robot, dt=dt)
+        self.stack: Stack = walking_stack(robot, self.hands.task, self.gaze.task)
         self.walker = Walker(robot, self.stack)
         self._inputs = inputs
 
@@ -51,7 +53,9 @@ class _Driver:
         pad = self._inputs.read()
         self.walker.set_velocity(*velocity_of(pad, self.walker.limits))
         self.walker.lead(state)
-        self.hands.lead(None if pad is None else _sample(pad, state.time), state)
+        sample = None if pad is None else _sample(pad, state.time)
+        self.hands.lead(sample, state)
+        self.gaze.lead(sample, state.time)
 
     def signals(self) -> dict[str, np.ndarray | float | str]:
         """What the log should know."""
@@ -62,8 +66,9 @@ _NOWHERE = np.full(3, np.nan)
 
 
 def _sample(pad: Pad, time: float) -> DeviceSample:
-    """What the operator does with the hands; nobody leads the feet."""
-    return DeviceSample(time, _NOWHERE, _NOWHERE, hands=hands_of(pad), rest=pad.rest)
+    """What the operator does with hands and head; nobody leads the feet."""
+    hands, head = hands_of(pad), head_of(pad)
+    return DeviceSample(time, _NOWHERE, _NOWHERE, hands=hands, rest=pad.rest, head=head)
 
 
 class DriveLoop(RealTimeLoop):
@@ -166,6 +171,8 @@ class DriveLoop(RealTimeLoop):
             heading=self._heading(),
             hands=self._hands(),
             hands_do=tuple(self._driver.hands.status),
+            hand_turns=self._driver.hands.orientations(self._torso()[1]),
+            gaze=self._driver.gaze.status,
             text=self._text(),
         )
 

@@ -1,6 +1,7 @@
 """`LiveFeet`: what the operator does, as two foot devices that move smoothly: a `Device`.
 
 `hands_of`: what the operator does with the robot's hands, which take what moves as it comes.
+`head_of`: where the operator looks.
 """
 
 import math
@@ -13,6 +14,7 @@ from poise.locomotion import (
     BodySample,
     DeviceSample,
     HandSample,
+    HeadSample,
     StepTeleoperator,
     VelocityLimits,
 )
@@ -128,9 +130,17 @@ class LiveFeet:
                 step[2] = max(step[2], -self._dt * _DOWN_SPEED)
             self.places[foot] = self.places[foot] + step
         left, right = (place.copy() for place in self.places)
-        hands, body = hands_of(pad), BodySample(pad.body.height, pad.body.torso, pad.body.turns)
-        velocity = self._velocity(pad)
-        return DeviceSample(time, left, right, pad.upright, hands, pad.rest, body, velocity)
+        return DeviceSample(
+            time,
+            left,
+            right,
+            pad.upright,
+            hands=hands_of(pad),
+            rest=pad.rest,
+            body=BodySample(pad.body.height, pad.body.torso, pad.body.turns),
+            velocity=self._velocity(pad),
+            head=head_of(pad),
+        )
 
     def _velocity(self, pad: Pad) -> tuple[float, float, float]:
         """With which the robot walks: sticks that move no foot, and were let go since they did."""
@@ -191,11 +201,20 @@ def velocity_of(pad: Pad | None, limits: VelocityLimits) -> tuple[float, float, 
 
 def hands_of(pad: Pad) -> tuple[HandSample | None, HandSample | None]:
     """What the operator does with the robot's hands."""
-    left, right = (
-        None if hand is None else HandSample(np.array(hand.position), hand.clutch)
-        for hand in pad.hands
-    )
+    left, right = (None if hand is None else _hand(hand) for hand in pad.hands)
     return left, right
+
+
+def _hand(hand: Tracked) -> HandSample:
+    turned = None if hand.orientation is None else np.array(hand.orientation, dtype=np.float64)
+    return HandSample(np.array(hand.position), hand.clutch, turned)
+
+
+def head_of(pad: Pad) -> HeadSample | None:
+    """Where the operator looks."""
+    if pad.head is None:
+        return None
+    return HeadSample(np.array(pad.head.orientation, dtype=np.float64), pad.head.clutch)
 
 
 def _near(goal: Float64[np.ndarray, "3"], sole: Float64[np.ndarray, "3"]) -> np.ndarray:

@@ -7,7 +7,7 @@
 import threading
 import time as clock
 from collections import deque
-from typing import Annotated, NamedTuple
+from typing import Annotated, NamedTuple, TypeVar
 
 from msgspec import Meta, Struct
 from msgspec.structs import replace
@@ -21,6 +21,11 @@ Coordinate = Annotated[float, Meta(gt=-100.0, lt=100.0)]
 Place = tuple[Coordinate, Coordinate, Coordinate]
 
 
+Component = Annotated[float, Meta(ge=-1.01, le=1.01)]
+Quaternion = tuple[Component, Component, Component, Component]
+"""Of a rotation, (x, y, z, w); its length is checked by what follows it."""
+
+
 class Tracked(Struct, frozen=True):
     """Where a tracker sees a hand or foot of the operator that leads one of the robot's.
 
@@ -28,9 +33,24 @@ class Tracked(Struct, frozen=True):
         position: forward, left and up, from anywhere that stays where it is [m].
         clutch: whether it leads. Only its motion while it does counts: whoever wants to reach
             further lets go, moves back, and takes hold anew.
+        orientation: how it is turned against those axes, if the tracker says so; of hands alone,
+            for how feet are turned is in `Body`.
     """
 
     position: Place
+    clutch: bool = False
+    orientation: Quaternion | None = None
+
+
+class Head(Struct, frozen=True):
+    """Where the operator looks.
+
+    Attributes:
+        orientation: of the head against looking straight ahead, along forward, left and up.
+        clutch: whether the robot looks there, too.
+    """
+
+    orientation: Quaternion
     clutch: bool = False
 
 
@@ -72,7 +92,8 @@ class Pad(Struct, frozen=True, tag_field="do", tag="drive"):
             tracked, or not at this moment.
         hands: likewise for the left and the right hand; a handle of the page that is dragged is a
             closed clutch.
-        rest: whether hands that nothing leads shall go back to rest.
+        head: where the operator looks; None without a headset, or where that is lost.
+        rest: whether hands that nothing leads shall go back to rest, and the head look ahead.
         body: height, torso, and how the feet are turned.
         beat: the sender's clock, which it gets back to measure the latency [ms]. What is older than
             the newest is dropped. 0 for no clock.
@@ -86,6 +107,7 @@ class Pad(Struct, frozen=True, tag_field="do", tag="drive"):
     drag: tuple[Place | None, Place | None] = (None, None)
     tracked: tuple[Tracked | None, Tracked | None] = (None, None)
     hands: tuple[Tracked | None, Tracked | None] = (None, None)
+    head: Head | None = None
     rest: bool = False
     body: Body = Body()
     beat: float = 0.0
@@ -175,9 +197,12 @@ class OperatorInputs:
         return self._alive_at is not None and clock.monotonic() - self._alive_at <= FRESH_FOR
 
 
+_Clutched = TypeVar("_Clutched", Tracked, Head)
+
+
 def _held_somewhere(pad: Pad) -> Pad:
     """What of a message has a place."""
-    return Pad(drag=pad.drag, tracked=pad.tracked, hands=pad.hands)
+    return Pad(drag=pad.drag, tracked=pad.tracked, hands=pad.hands, head=pad.head)
 
 
 def _still_held(stale: Pad, pad: Pad) -> Pad:
@@ -199,10 +224,11 @@ def _still_held(stale: Pad, pad: Pad) -> Pad:
             _still_closed(stale.hands[0], pad.hands[0]),
             _still_closed(stale.hands[1], pad.hands[1]),
         ),
+        head=_still_closed(stale.head, pad.head),
     )
 
 
-def _still_closed(stale: Tracked | None, tracked: Tracked | None) -> Tracked | None:
+def _still_closed(stale: _Clutched | None, tracked: _Clutched | None) -> _Clutched | None:
     """A clutch that was closed is so until it is seen open: out of sight is not let go."""
     if stale is None or not stale.clutch:
         return None
@@ -231,8 +257,9 @@ def _without(pad: Pad, stale: Pad) -> Pad:
             pad.hands[0] if not _is_closed(stale.hands[0]) else None,
             pad.hands[1] if not _is_closed(stale.hands[1]) else None,
         ),
+        head=pad.head if not _is_closed(stale.head) else None,
     )
 
 
-def _is_closed(tracked: Tracked | None) -> bool:
+def _is_closed(tracked: Tracked | Head | None) -> bool:
     return tracked is not None and tracked.clutch

@@ -217,6 +217,8 @@ class LiveLoop(RealTimeLoop):
             heading=status.heading,
             hands=np.array(status.hand_targets).reshape(-1, 3) + offset,
             hands_do=status.hands,
+            hand_turns=status.hand_rotations,
+            gaze=status.gaze,
         )
 
     def _offset(self) -> Float64[np.ndarray, "3"]:

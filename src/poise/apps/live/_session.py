@@ -215,6 +215,8 @@ class _Session(ABC):
             "heading": round(now.heading, 4),
             "hands": _rounded(now.hands),
             "handsDo": [hand.name for hand in now.hands_do],
+            "handTurns": [None if t is None else _rounded(t.ravel()) for t in now.hand_turns],
+            "gaze": None if now.gaze is None else now.gaze.name,
             "target": None if now.target is None else _rounded(now.target),
             "polygon": _rounded(now.polygon),
             "bodies": _rounded(now.bodies.ravel()),

@@ -36,6 +36,8 @@ class Snapshot:
         heading: of the torso, to the left of the world's x axis [rad].
         hands: where the hands are led to, left and right; no rows where none is led [m].
         hands_do: what they do.
+        hand_turns: how they are led to be turned, world_R_hand; None for one that is not.
+        gaze: what the head does; None where nothing can turn it.
         text: what the robot does, in words; what its mode says when empty.
     """
 
@@ -62,4 +64,6 @@ class Snapshot:
     heading: float = 0.0
     hands: Float64[np.ndarray, "k 3"] = field(default_factory=lambda: np.zeros((0, 3)))
     hands_do: tuple[HandStatus, ...] = ()
+    hand_turns: tuple[Float64[np.ndarray, "3 3"] | None, ...] = ()
+    gaze: HandStatus | None = None
     text: str = ""

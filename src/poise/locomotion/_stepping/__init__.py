@@ -1,16 +1,9 @@
 """A person leads the robot's feet: step-by-step teleoperation of bipeds."""
 
 from poise.locomotion._stepping._com import ComDriver, ShifterDriver
-from poise.locomotion._stepping._device import (
-    BodySample,
-    Device,
-    DeviceGuard,
-    DeviceSample,
-    DeviceStatus,
-    HandSample,
-    ScriptedDevice,
-    WayPoint,
-)
+from poise.locomotion._stepping._device import Device, ScriptedDevice, WayPoint
+from poise.locomotion._stepping._gaze import GazeLeader
+from poise.locomotion._stepping._guard import DeviceGuard
 from poise.locomotion._stepping._hands import HandLeader, HandStatus
 from poise.locomotion._stepping._modes import Mode, ModeEvent, draw_modes
 from poise.locomotion._stepping._parameters import TeleopParameters, scaled_parameters
@@ -18,11 +11,19 @@ from poise.locomotion._stepping._recording import (
     RecordedDevice,
     RecordedPush,
     Recording,
-    RecordingError,
     RecordingWriter,
     read_recording,
 )
-from poise.locomotion._stepping._step_teleoperator import StepTeleoperator, TeleopStatus
+from poise.locomotion._stepping._recording_format import RecordingError
+from poise.locomotion._stepping._samples import (
+    BodySample,
+    DeviceSample,
+    DeviceStatus,
+    HandSample,
+    HeadSample,
+)
+from poise.locomotion._stepping._step_teleoperator import StepTeleoperator
+from poise.locomotion._stepping._teleop_status import TeleopStatus
 
 __all__ = [
     "BodySample",
@@ -31,9 +32,11 @@ __all__ = [
     "DeviceGuard",
     "DeviceSample",
     "DeviceStatus",
+    "GazeLeader",
     "HandLeader",
     "HandSample",
     "HandStatus",
+    "HeadSample",
     "Mode",
     "ModeEvent",
     "RecordedDevice",

@@ -8,6 +8,8 @@ import pinocchio as pin
 from jaxtyping import Float64, Int64
 
 from poise.locomotion._stepping._clearance import ArmClearance
+from poise.locomotion._stepping._null_space import ArmServer, Bounds
+from poise.locomotion._stepping._turning import TurnProgress, TurnRate, TurnShare, stopping
 from poise.robots import Robot
 
 _GAIN = 15.0
@@ -19,6 +21,22 @@ _BRAKING = 0.6
 _SINGULAR, _DAMPING = 0.1, 0.05
 """An arm whose hand is moved by no more than this a radian in some direction [m] is nearly
 stretched; the damping of one that is [m]."""
+
+_TURN_GAIN, _TURN_ACCELERATION = 10.0, 20.0
+"""How fast a hand turns to where it shall be, over the angle [1/s]; and how hard [rad/s^2]."""
+
+_TURN_DAMPING = 0.1
+"""A wrist that turns its hand by no more than this a radian in some direction turns it half as fast
+there as it is asked to."""
+
+_TURN_JOINT_SPEED = 2.5
+"""No joint is faster for turning a hand [rad/s]: centripetal acceleration would move it."""
+
+_TURN_HOW = (_DAMPING, _TURN_DAMPING, _TURN_JOINT_SPEED)
+"""All of that for an `ArmServer`."""
+
+_STEP_DAMPING = 1e-3
+"""Of a step that is known to be possible [m, 1]."""
 
 _LEAST_DAMPING = 1e-6
 """Of an arm that has lost joints to their limits [m^2]."""
@@ -55,6 +73,7 @@ class _Arm:
     joints: Int64[np.ndarray, " k"]
     frame: int
     speed: Float64[np.ndarray, " k"]
+    server: ArmServer
 
 
 class ArmMotion:
@@ -64,7 +83,9 @@ class ArmMotion:
     than `speed_max` and than it can be braked; the joints' follows by damped least squares
     (Nakamura and Hanafusa 1986), what is left of their freedom brings them back to rest, which
     keeps stretched arms bent, and joints stop before their limits, links before each other
-    (`ArmClearance`).
+    (`ArmClearance`). How a hand is turned comes after all that: with what then is left of the
+    joints' freedom (`ArmServer`), and not at all where the hand does not come to its place
+    (`TurnShare`).
     Velocities change by what keeps the hands' acceleration below `acceleration_max`. So whatever
     places are asked for, the joints' motion is smooth, and within reach by construction.
 
@@ -74,6 +95,7 @@ class ArmMotion:
         dt: length of a tick [s].
         speed_max: of a hand [m/s].
         acceleration_max: of a hand [m/s^2].
+        turn_speed_max: of a hand [rad/s].
 
     Attributes:
         names: of the hands.
@@ -83,7 +105,9 @@ class ArmMotion:
         v: their velocities [rad/s].
         a: their accelerations [rad/s^2].
         hands: where the hands are in the torso [m].
+        rotations: how they are turned, torso_R_hand.
         blocked: whether each hand is at the edge of its reach.
+        stuck: whether each is turned as far as it goes.
     """
 
     def __init__(
@@ -94,6 +118,7 @@ class ArmMotion:
         dt: float,
         speed_max: float,
         acceleration_max: float,
+        turn_speed_max: float = 3.0,
     ) -> None:
         self._dt, self._speed, self._acceleration = dt, speed_max, acceleration_max
         chains = _chains(robot)
@@ -112,9 +137,13 @@ class ArmMotion:
                 joints=np.array([np.flatnonzero(index == j)[0] for j in chain], dtype=np.int64),
                 frame=robot.frame_id(hand),
                 speed=_SPEED_RATIO * robot.v_max[chain],
+                server=ArmServer(len(chain)),
             )
             for hand, chain in chains.items()
         ]
+        self._rate = TurnRate(
+            gain=_TURN_GAIN, speed=turn_speed_max, acceleration=_TURN_ACCELERATION, dt=dt
+        )
         self._clearance = ArmClearance(robot, self._columns, dt) if self._arms else None
         self.reset()
 
@@ -122,45 +151,56 @@ class ArmMotion:
         """Both arms are at rest."""
         n = len(self.joints)
         self.q, self.v, self.a = self._rest.copy(), np.zeros(n), np.zeros(n)
-        self.blocked = [False] * len(self._arms)
+        self.blocked, self.stuck = [False] * len(self._arms), [False] * len(self._arms)
+        self._shares = [TurnShare(self._dt) for _ in self._arms]
+        self._progress = [TurnProgress(self._dt) for _ in self._arms]
         self._update()
 
-    def advance(self, places: list[Float64[np.ndarray, "3"] | None]) -> None:
+    def advance(
+        self,
+        places: list[Float64[np.ndarray, "3"] | None],
+        rotations: list[Float64[np.ndarray, "3 3"] | None] | None = None,
+    ) -> None:
         """One tick.
 
         Args:
             places: where each hand shall be in the torso [m]; None for an arm that goes to rest.
+            rotations: how each hand that has a place shall be turned, torso_R_hand; None for one
+                that is turned as its place asks for.
         """
         if all(place is None for place in places) and self._is_at_rest():
             return
         v, all_wanted = self.v.copy(), self.v.copy()
         jacobians = [self._jacobian(arm) for arm in self._arms]
+        bounds = [self._bounds(arm, _STOP) for arm in self._arms]
         velocities: list[Float64[np.ndarray, "3"] | None] = []
         for i, (arm, place) in enumerate(zip(self._arms, places, strict=True)):
             velocity = None if place is None else self._towards(place - self.hands[i])
             all_wanted[arm.joints] = (
                 self._homewards(arm)
                 if velocity is None
-                else self._follow(arm, jacobians[i], velocity)
+                else self._follow(arm, jacobians[i][:3], velocity, bounds[i])
             )
             velocities.append(velocity)
+        followed = all_wanted
         if self._clearance is not None:
             self._clearance.update(self._q)
             all_wanted = self._clearance.keep(all_wanted, hard=False)
+        turned = [False] * len(self._arms)
+        for i, rotation in enumerate(rotations or ()):
+            self.stuck[i], velocity = False, velocities[i]
+            turned[i] = rotation is not None and velocity is not None
+            if rotation is not None and velocity is not None:
+                self._turn(i, jacobians[i], (velocity, rotation), followed, all_wanted, bounds[i])
         for i, (arm, velocity) in enumerate(zip(self._arms, velocities, strict=True)):
             own, J = arm.joints, jacobians[i]
             wanted, self.blocked[i] = all_wanted[own], False
             if velocity is not None:
-                speed, nearer = math.hypot(*velocity), float(velocity @ J @ wanted)
+                speed, nearer = math.hypot(*velocity), float(velocity @ J[:3] @ wanted)
                 least = speed * min(_BLOCKED * speed, _ENOUGH)
                 self.blocked[i] = speed > _LEAST_SPEED and nearer < least
-            change = wanted - self.v[own]
-            fastest = max(
-                math.hypot(*(J @ change)) / self._acceleration,
-                float(np.abs(change).max()) / _JOINT_ACCELERATION,
-            )
-            v[own] += change * min(1.0, self._dt / max(fastest, 1e-12))
-            v[own] = np.clip(v[own], *self._bounds(arm, _HARD_STOP))
+            step = self._step_turned if turned[i] else self._step
+            v[own] = np.clip(step(arm, J, wanted), *self._bounds(arm, _HARD_STOP))
         if self._clearance is not None:
             braked = self._clearance.keep(v, hard=True) - self.v
             # What is near changes from tick to tick, and joints jerk no harder for that.
@@ -168,6 +208,25 @@ class ArmMotion:
             v = self.v + braked * min(1.0, self._dt / max(fastest, 1e-12))
         self.q, self.v, self.a = self.q + self._dt * v, v, (v - self.v) / self._dt
         self._update()
+
+    def _step(
+        self, arm: _Arm, jacobian: Float64[np.ndarray, "6 k"], wanted: Float64[np.ndarray, " k"]
+    ) -> Float64[np.ndarray, " k"]:
+        """An arm's velocities after a tick, as near to the wanted ones as accelerations allow."""
+        before = self.v[arm.joints]
+        change = wanted - before
+        fastest = max(
+            math.hypot(*(jacobian[:3] @ change)) / self._acceleration,
+            float(np.abs(change).max()) / _JOINT_ACCELERATION,
+        )
+        return before + change * min(1.0, self._dt / max(fastest, 1e-12))
+
+    def _step_turned(
+        self, arm: _Arm, jacobian: Float64[np.ndarray, "6 k"], wanted: Float64[np.ndarray, " k"]
+    ) -> Float64[np.ndarray, " k"]:
+        """Likewise, but joints that turn the hand get no acceleration that moving it needs."""
+        most = self._dt * self._acceleration, self._dt * _JOINT_ACCELERATION, _STEP_DAMPING
+        return arm.server.step(jacobian, self.v[arm.joints], wanted, most)
 
     def _is_at_rest(self) -> bool:
         """Whether nothing moves any more; then the arms are where they rest to the last bit."""
@@ -180,20 +239,47 @@ class ArmMotion:
     def _update(self) -> None:
         self._q[self._places] = self.q
         pin.computeJointJacobians(self._model, self._data, self._q)
-        self._turn = self._placement(self._torso).rotation.T
+        self._into_torso = turn = self._placement(self._torso).rotation.T
         origin = self._placement(self._torso).translation
-        self.hands = [
-            self._turn @ (self._placement(arm.frame).translation - origin) for arm in self._arms
-        ]
+        poses = [self._placement(arm.frame) for arm in self._arms]
+        self.hands = [turn @ (pose.translation - origin) for pose in poses]
+        self.rotations = [turn @ pose.rotation for pose in poses]
 
     def _placement(self, frame: int) -> pin.SE3:
         return pin.updateFramePlacement(self._model, self._data, frame)
 
-    def _jacobian(self, arm: _Arm) -> Float64[np.ndarray, "3 k"]:
-        """Of the hand's position in the torso, by the arm's own joints."""
+    def _jacobian(self, arm: _Arm) -> Float64[np.ndarray, "6 k"]:
+        """Of the hand in the torso, linear first, by the arm's own joints."""
         aligned = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
         J = pin.getFrameJacobian(self._model, self._data, arm.frame, aligned)
-        return self._turn @ J[:3, self._columns[arm.joints]]
+        own = J[:, self._columns[arm.joints]]
+        return np.concatenate((self._into_torso @ own[:3], self._into_torso @ own[3:]))
+
+    def _turn(
+        self,
+        hand: int,
+        jacobian: Float64[np.ndarray, "6 k"],
+        goal: tuple[Float64[np.ndarray, "3"], Float64[np.ndarray, "3 3"]],
+        followed: Float64[np.ndarray, " n"],
+        wanted: Float64[np.ndarray, " n"],
+        bounds: Bounds,
+    ) -> None:
+        """Has an arm turn its hand, too, by what its wanted velocities leave free."""
+        arm, share, (velocity, rotation) = self._arms[hand], self._shares[hand], goal
+        own = arm.joints
+        speed, now = math.hypot(*velocity), jacobian @ self.v[own]
+        share.update(speed, float(velocity @ now[:3]) / max(speed, 1e-9))
+        to_be = self._rate.towards(rotation, self.rotations[hand])
+        asked = self._rate.change(to_be, now[3:])
+        near = np.zeros((0, len(own))), np.zeros(0)
+        if self._clearance is not None:
+            near = self._clearance.near(own, wanted)
+        # An elbow that turning brought near the body must not hold the hand back from its place.
+        reference = np.concatenate((jacobian[:3] @ followed[own], asked))
+        found = arm.server.turn(jacobian, reference, wanted[own], bounds, near, _TURN_HOW)
+        wanted[own] += share.part * (found - wanted[own])
+        self._progress[hand].update(to_be, now[3:])
+        self.stuck[hand] = self._progress[hand].stuck
 
     def _towards(self, way: Float64[np.ndarray, "3"]) -> Float64[np.ndarray, "3"]:
         """The velocity of a hand that has a way to go [m/s]."""
@@ -207,21 +293,22 @@ class ArmMotion:
         far = float(np.abs(way).max())
         return way * min(_RETURN_GAIN, _RETURN_SPEED / max(far, 1e-9))
 
-    def _bounds(
-        self, arm: _Arm, stop: float
-    ) -> tuple[Float64[np.ndarray, " k"], Float64[np.ndarray, " k"]]:
+    def _bounds(self, arm: _Arm, stop: float) -> Bounds:
         """Least and largest velocities with which joints still stop at their limits [rad/s]."""
         own = arm.joints
-        down = _braked(self.q[own] - self._lower[own], stop, self._dt)
-        up = _braked(self._upper[own] - self.q[own], stop, self._dt)
+        down = stopping(self.q[own] - self._lower[own], stop, self._dt)
+        up = stopping(self._upper[own] - self.q[own], stop, self._dt)
         return -np.minimum(arm.speed, down), np.minimum(arm.speed, up)
 
     def _follow(
-        self, arm: _Arm, J: Float64[np.ndarray, "3 k"], velocity: Float64[np.ndarray, "3"]
+        self,
+        arm: _Arm,
+        J: Float64[np.ndarray, "3 k"],
+        velocity: Float64[np.ndarray, "3"],
+        bounds: Bounds,
     ) -> Float64[np.ndarray, " k"]:
         """The joints' velocities, within their bounds; what one cannot do, the others do."""
-        own = arm.joints
-        low, high = self._bounds(arm, _STOP)
+        own, (low, high) = arm.joints, bounds
         least = math.sqrt(max(float(np.linalg.eigvalsh(J @ J.T)[0]), 0.0))
         stretched = max(1.0 - least / _SINGULAR, 0.0)
         gain = _ELBOW_GAIN + stretched * (_BEND_GAIN - _ELBOW_GAIN)
@@ -239,12 +326,6 @@ class ArmMotion:
             wanted[beyond] = np.clip(wanted, low, high)[beyond]
             free &= ~beyond
         return np.clip(wanted, low, high)
-
-
-def _braked(room: Float64[np.ndarray, " k"], stop: float, dt: float) -> Float64[np.ndarray, " k"]:
-    """The velocities that come to rest in so much room, which may be rounded below zero [rad/s]."""
-    room = np.maximum(room, 0.0)
-    return np.minimum(np.sqrt(2.0 * stop * room), 0.5 * room / dt)
 
 
 def _chains(robot: Robot) -> dict[str, Int64[np.ndarray, " k"]]:

@@ -70,6 +70,24 @@ class ArmClearance:
             if room < math.inf and square > _NO_MOBILITY
         ]
 
+    def near(
+        self, own: Int64[np.ndarray, " k"], wanted: Float64[np.ndarray, " n"]
+    ) -> tuple[Float64[np.ndarray, "p k"], Float64[np.ndarray, " p"]]:
+        """Rows of the pairs that are near, and the least that each may be times velocities [m/s].
+
+        As is planned, not as hard as need be.
+
+        Args:
+            own: joints of one arm.
+            wanted: velocities of all of them; what the others do is taken off [rad/s].
+        """
+        if not self._near:
+            return np.zeros((0, len(own))), np.zeros(0)
+        matrix = np.array([row for row, _, _ in self._near])
+        rows = np.ascontiguousarray(matrix[:, own])
+        least = np.array([-self._fastest(room, _BRAKING) for _, _, room in self._near])
+        return rows, least - matrix @ wanted + rows @ wanted[own]
+
     def keep(self, wanted: Float64[np.ndarray, " n"], *, hard: bool) -> Float64[np.ndarray, " n"]:
         """Velocities near the wanted ones that keep links apart [rad/s].
 

@@ -9,10 +9,10 @@ import numpy as np
 from jaxtyping import Float64
 
 from poise.dynamics import saturate
-from poise.locomotion._stepping._device import DeviceSample
 from poise.locomotion._stepping._footing import Footing
 from poise.locomotion._stepping._parameters import TeleopParameters
 from poise.locomotion._stepping._reach import FootRange
+from poise.locomotion._stepping._samples import DeviceSample
 
 
 class FootTarget:

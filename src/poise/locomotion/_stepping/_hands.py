@@ -1,43 +1,34 @@
 """`HandLeader`: arms that follow the operator's hands, whatever leads the feet.
 
-`HandGrip`: how one device leads its hand: while its clutch is closed, by its motion alone.
-`HandStatus`: what a hand does.
+`HandStatus`: what a hand does, or the gaze.
 """
 
 import math
 from enum import Enum
 
 import numpy as np
+import pinocchio as pin
 from jaxtyping import Float64
 
 from poise._checks import checked_number
-from poise.dynamics import RobotState
+from poise.dynamics import RobotState, rotation_vector
 from poise.locomotion._stepping._arms import ArmMotion
-from poise.locomotion._stepping._device import (
-    DeviceSample,
-    HandSample,
-    Pursuit,
-    SampleClock,
-    is_point,
-)
+from poise.locomotion._stepping._grips import LATE, LOST_AFTER, HandGrip
+from poise.locomotion._stepping._guard import SampleClock
+from poise.locomotion._stepping._samples import DeviceSample
 from poise.robots import Robot
 from poise.stack import JointTask
 
 
 class HandStatus(Enum):
-    """What a hand does."""
+    """What a hand does, or the head."""
 
     REST = "at rest, or on its way there"
     HELD = "stays where it was let go"
     LED = "follows its device"
     REACH = "at the edge of its reach: it comes no further"
+    TURNED = "turned as far as it goes: its place follows"
 
-
-_START, _JUMP = 0.06, 0.3
-"""How far a device is followed at once, and beyond what distance it is another thing [m]."""
-
-_LATE, _LOST_AFTER = 0.5, 0.5
-"""Largest difference of two samples' delays, and silence after which a device is lost [s]."""
 
 _KP_REST, _KP_LED = 25.0, 150.0
 """Stiffness of the arms' joints at rest, where it is that of the posture, and led [1/s^2]."""
@@ -53,62 +44,10 @@ _EDGE = 0.03
 """At the edge of its reach a hand's place is no further ahead than this [m]: when the device comes
 back, so does the hand at once."""
 
-
-class HandGrip:
-    """How one device leads its hand.
-
-    The device takes hold where the hand is when its clutch closes, which has to be seen: one that
-    is closed when it is found, or found again, leads nothing until it was open. From then on its
-    motion counts, at `speed_max` on average at most and in any time t by no more than 6 cm +
-    `speed_max` t. A place that no hand got to, more than 30 cm away, is refused; a device without a
-    good sample for half a second lets go.
-
-    Args:
-        dt: length of a tick [s].
-        speed_max: largest speed at which a device is followed [m/s].
-
-    Attributes:
-        holds: whether the device leads its hand.
-    """
-
-    def __init__(self, dt: float, speed_max: float) -> None:
-        self._pursuit = Pursuit(dt * speed_max, _START)
-        self._was_open = self.holds = False
-        self._place: list[float] = [0.0] * 3
-        self._goal: list[float] = [0.0] * 3
-        self._good_at = -math.inf
-
-    def update(self, sample: HandSample | None, time: float) -> Float64[np.ndarray, "3"]:
-        """Takes one tick.
-
-        Args:
-            sample: what came; None for nothing new.
-            time: of the robot [s].
-
-        Returns:
-            How far the device moved that holds its hand [m].
-        """
-        if self.holds and time - self._good_at > _LOST_AFTER:
-            self.holds = self._was_open = False
-        if sample is not None:
-            self._take(sample, time)
-        if not self.holds:
-            return np.zeros(3)
-        before, self._place = self._place, self._pursuit.follow(self._place, self._goal)
-        return np.subtract(self._place, before)
-
-    def _take(self, sample: HandSample, time: float) -> None:
-        if not sample.clutch:
-            self.holds, self._was_open = False, True
-            return
-        if not is_point(sample.position):
-            return
-        point: list[float] = sample.position.tolist()
-        if not self.holds and self._was_open:
-            self.holds, self._was_open, self._place = True, False, point
-            self._goal, self._good_at = point, time
-        elif self.holds and math.dist(point, self._place) <= _JUMP:
-            self._goal, self._good_at = point, time
+_TURN_EDGE = 1.0
+"""And it is led to be turned no further ahead than this [rad]. So far a device may turn where the
+hand cannot follow, and turned back both face alike again, as whoever turns a wrist expects. Much
+more, and there are two ways round."""
 
 
 class HandLeader:
@@ -116,8 +55,10 @@ class HandLeader:
 
     What counts is the motion of a device while its clutch is closed, `scale` times, along the axes
     of the torso: hands go along with a body that walks, and where it leans no arm is thrown about.
-    `task` has the arms' joints follow a model of the arms (`ArmMotion`), smooth and within reach.
-    It belongs into a level below the balance.
+    How a device is turned meanwhile, which gives that, turns its hand, not scaled. A hand that was
+    ever turned keeps its orientation in the torso until it rests; another is turned as its arm has
+    it. `task` has the arms' joints follow a model of the arms (`ArmMotion`), smooth and within
+    reach. It belongs into a level below the balance.
 
     Args:
         robot: with arms or without, which is led by nothing then.
@@ -127,6 +68,7 @@ class HandLeader:
         scale: motion of a hand over that of its device.
         speed_max: of a hand [m/s].
         acceleration_max: of a hand [m/s^2].
+        turn_speed_max: of a hand [rad/s].
 
     Raises:
         ConfigurationError: a number that is not positive.
@@ -136,6 +78,7 @@ class HandLeader:
         names: of the hands that are led.
         status: what each hand does.
         places: where each hand is led to, in the torso's frame [m].
+        rotations: how each is led to be turned, torso_R_hand; None for one that is not.
     """
 
     def __init__(
@@ -148,11 +91,15 @@ class HandLeader:
         scale: float = 1.0,
         speed_max: float = 1.5,
         acceleration_max: float = 5.0,
+        turn_speed_max: float = 3.0,
     ) -> None:
         self._dt = checked_number(dt, "dt of the hands [s]", above=0.0)
         self._scale = checked_number(scale, "scale of the hands", above=0.0)
         self._speed = checked_number(speed_max, "speed_max of the hands [m/s]", above=0.0)
         checked_number(acceleration_max, "acceleration_max of the hands [m/s^2]", above=0.0)
+        self._turn_speed = checked_number(
+            turn_speed_max, "turn_speed_max of the hands [rad/s]", above=0.0
+        )
         self._joints = robot.nj
         self._arms = ArmMotion(
             robot,
@@ -160,6 +107,7 @@ class HandLeader:
             dt=dt,
             speed_max=speed_max,
             acceleration_max=acceleration_max,
+            turn_speed_max=turn_speed_max,
         )
         self.names = self._arms.names
         self.task: JointTask | None = None
@@ -171,10 +119,11 @@ class HandLeader:
     def reset(self) -> None:
         """Forgets the past: the arms are at rest."""
         self._arms.reset()
-        self._clock = SampleClock(_LATE, _LOST_AFTER)
-        self._grips = [HandGrip(self._dt, self._speed) for _ in self.names]
+        self._clock = SampleClock(LATE, LOST_AFTER)
+        self._grips = [HandGrip(self._dt, self._speed, self._turn_speed) for _ in self.names]
         self._bias, self._stiff = np.zeros(len(self._arms.joints)), 0.0
         self.places = [hand.copy() for hand in self._arms.hands]
+        self.rotations: list[Float64[np.ndarray, "3 3"] | None] = [None for _ in self.names]
         self.status = [HandStatus.REST for _ in self.names]
         if self.task is not None:
             self.task.set_gains(_KP_REST)
@@ -193,6 +142,7 @@ class HandLeader:
         for hand, grip in enumerate(self._grips):
             motion = grip.update(None if news is None else news.hands[hand], state.time)
             self.places[hand] = self.places[hand] + self._scale * motion
+            self._turn(hand, grip)
             if grip.holds:
                 self.status[hand] = HandStatus.LED
             elif news is not None and news.rest:
@@ -201,7 +151,8 @@ class HandLeader:
                 self.status[hand] = HandStatus.HELD
         rests = [status is HandStatus.REST for status in self.status]
         self._arms.advance(
-            [None if rest else place for rest, place in zip(rests, self.places, strict=True)]
+            [None if rest else place for rest, place in zip(rests, self.places, strict=True)],
+            self.rotations,
         )
         for hand, here in enumerate(self._arms.hands):
             self._stop_at_edge(hand, here)
@@ -219,15 +170,43 @@ class HandLeader:
         """
         return tuple(position + rotation @ place for place in self.places)
 
+    def orientations(
+        self, rotation: Float64[np.ndarray, "3 3"]
+    ) -> tuple[Float64[np.ndarray, "3 3"] | None, ...]:
+        """How each hand is led to be turned, world_R_hand; None for one that is not.
+
+        Args:
+            rotation: world_R_torso.
+        """
+        return tuple(None if turned is None else rotation @ turned for turned in self.rotations)
+
+    def _turn(self, hand: int, grip: HandGrip) -> None:
+        """Where a hand is led to be turned: by how its device turned, from how it is itself."""
+        turned = self.rotations[hand]
+        if turned is None:
+            if grip.turns:
+                self.rotations[hand] = self._arms.rotations[hand]
+            return
+        if grip.turn.any():
+            turned = pin.exp3(grip.turn) @ turned
+        here = self._arms.rotations[hand]
+        way = rotation_vector(turned, here)
+        far = math.hypot(*way)
+        self.rotations[hand] = (
+            pin.exp3(way * (_TURN_EDGE / far)) @ here if far > _TURN_EDGE else turned
+        )
+
     def _stop_at_edge(self, hand: int, here: Float64[np.ndarray, "3"]) -> None:
         """A hand that comes no further says so, and its place stays near."""
         if self.status[hand] is HandStatus.REST:
-            self.places[hand] = here
+            self.places[hand], self.rotations[hand] = here, None
         elif self._arms.blocked[hand]:
             if self.status[hand] is HandStatus.LED:
                 self.status[hand] = HandStatus.REACH
             way = self.places[hand] - here
             self.places[hand] = here + way * min(1.0, _EDGE / max(math.hypot(*way), 1e-9))
+        elif self._arms.stuck[hand] and self.status[hand] is HandStatus.LED:
+            self.status[hand] = HandStatus.TURNED
 
     def _stiffen(self, *, led: bool, state: RobotState) -> None:
         """Arms that are led are stiff, and learn what they carry; at rest they forget it."""

@@ -15,7 +15,7 @@ _RATE = 0.3
 _TURN_RATE, _POSE_RATE = 0.5, 0.6
 """How fast the trunk turns to where the feet face, and to what is commanded [rad/s]."""
 
-_MOST = np.array([0.3, 0.4, 0.5])
+TORSO_MOST = np.array([0.3, 0.4, 0.5])
 """Roll, pitch and yaw of the torso that can be commanded: what most waists do [rad]."""
 
 _LEVEL = np.eye(3)
@@ -83,7 +83,7 @@ class TrunkPose:
         """
         most = _TURN_RATE * self._dt
         self._facing += max(-most, min(most, facing - self._facing))
-        change = np.clip(torso, -_MOST, _MOST) - self._torso
+        change = np.clip(torso, -TORSO_MOST, TORSO_MOST) - self._torso
         most = _POSE_RATE * self._dt
         self._torso = self._torso + np.clip(change, -most, most)
         pelvis = self._lean.rotation(footing)

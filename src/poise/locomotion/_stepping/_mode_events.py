@@ -6,11 +6,11 @@ Detectors of lifted devices and landed feet.
 import numpy as np
 
 from poise.locomotion._stepping._com import ComFeedback, ComMotion
-from poise.locomotion._stepping._device import DeviceSample
 from poise.locomotion._stepping._estimator import StanceEstimator, ZmpSensor
 from poise.locomotion._stepping._footing import zmp_on
 from poise.locomotion._stepping._modes import Mode, ModeEvent, ModeMachine
 from poise.locomotion._stepping._parameters import TeleopParameters
+from poise.locomotion._stepping._samples import DeviceSample
 
 _STUCK_TIME = 0.3
 """A foot that still carries so long after it should have been lifted stays on the ground [s]."""

@@ -10,11 +10,11 @@ from jaxtyping import Float64
 
 from poise.dynamics import RobotState
 from poise.locomotion._stepping._biped import Biped
-from poise.locomotion._stepping._device import DeviceStatus
 from poise.locomotion._stepping._footing import Footing
 from poise.locomotion._stepping._modes import Mode
 from poise.locomotion._stepping._parameters import TeleopParameters
 from poise.locomotion._stepping._reach import FootRange
+from poise.locomotion._stepping._samples import DeviceStatus
 from poise.locomotion._stepping._torque_tasks import TorqueTasks
 from poise.locomotion._support import SupportPolygon, sole_rectangle
 from poise.locomotion._walking import Walker, WalkSettings

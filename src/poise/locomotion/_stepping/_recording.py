@@ -1,157 +1,33 @@
 """`Recording`: a recorded run, read through a memory map, and as a device.
 
-The file of a recording: a header of one line of JSON, and rows of numbers.
 `RecordingWriter`: keeps everything that comes from outside a run, a row an event.
-
-The header is padded with spaces to `HEADER_BYTES` and a new line, and behind it are rows of `ROW`,
-little-endian, without gaps. It is written while the run goes on and read through a memory map, so
-its length does not matter.
 """
 
-import json
 import os
 from dataclasses import dataclass, field, replace
-from enum import IntEnum, IntFlag
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float64
 
-from poise._schema import Bounds, Duration, Text, checked, read
-from poise.errors import ConfigurationError, PoiseError
-from poise.locomotion._stepping._device import BodySample, DeviceSample, HandSample
-
-FORMAT, VERSION = "poise teleoperation", 1
-HEADER_BYTES = 16384
-"""Length of the header with its new line: room for a world of some fifty blocks."""
-
-UNFINISHED = -1
-"""Number of rows in the header of a file that was not closed."""
-
-
-class RowKind(IntEnum):
-    """What a row holds."""
-
-    SAMPLE = 0
-    """What the device sent: time, left, right, upright."""
-    PUSH = 1
-    """A push on the torso: left is the force [N], right[0] how long [s]."""
-    HANDS = 2
-    """What the sample of the row before says of the hands: left, right; flags are `HandFlags`."""
-    BODY = 3
-    """What it says of the body: left is height [m] and turns [rad], right the torso [rad]."""
-    VELOCITY = 4
-    """With which velocity it has the robot walk: left is ahead, left [m/s], and turn [rad/s]."""
-
-
-class HandFlags(IntFlag):
-    """What a row says of hands beside where their devices are."""
-
-    LEFT = 1
-    """There is a left one."""
-    RIGHT = 2
-    """There is a right one."""
-    LEFT_CLUTCH = 4
-    """The left one's clutch is closed."""
-    RIGHT_CLUTCH = 8
-    """The right one's clutch is closed."""
-    REST = 16
-    """Hands that are not held shall go to rest."""
-
-
-ROW = np.dtype(
-    [
-        ("tick", "<i8"),
-        ("kind", "<u1"),
-        ("flags", "<u1"),
-        ("time", "<f8"),
-        ("left", "<f8", (3,)),
-        ("right", "<f8", (3,)),
-    ]
+from poise.locomotion._stepping._recording_format import (
+    FORMAT,
+    HEADER_BYTES,
+    ROW,
+    UNFINISHED,
+    VERSION,
+    RecordingError,
+    RowKind,
+    as_point,
+    hand_flags,
+    header_text,
+    read_header,
+    turns_of,
+    with_hands,
+    with_turn,
 )
-"""A row: the tick before which it came, counted from zero, and what came. The flags of a sample
-say whether the torso shall be upright."""
-
-
-class RecordingError(PoiseError):
-    """A recording that cannot be read or does not belong to this robot."""
-
-
-def header_text(header: dict[str, Any]) -> bytes:
-    """A header as it stands in the file.
-
-    Args:
-        header: as JSON.
-
-    Raises:
-        ConfigurationError: it is too long or no JSON.
-    """
-    try:
-        text = json.dumps(header, allow_nan=False)
-    except (TypeError, ValueError) as error:
-        raise ConfigurationError(f"the set-up of a recording is no JSON: {error}") from None
-    encoded = text.encode()
-    if len(encoded) >= HEADER_BYTES:
-        raise ConfigurationError(
-            "the set-up of a recording is too long",
-            got=f"{len(encoded)} bytes",
-            wanted=f"less than {HEADER_BYTES}",
-        )
-    return encoded.ljust(HEADER_BYTES - 1) + b"\n"
-
-
-@checked(RecordingError)
-@dataclass(frozen=True, kw_only=True)
-class Header:
-    """The first line of a recording.
-
-    Attributes:
-        format: what kind of file it is.
-        version: of the format.
-        robot: the robot's name.
-        dt: length of a tick [s].
-        rows: how many there are; `UNFINISHED` for a file that was not closed.
-        setup: what else the run needs.
-    """
-
-    format: Text = FORMAT
-    version: int = VERSION
-    robot: Text
-    dt: Duration
-    rows: Annotated[int, Bounds(least=float(UNFINISHED), most=1e15, whole=True)]
-    setup: dict[str, Any]
-
-
-def read_header(path: str | Path) -> Header:
-    """The header of a file, checked.
-
-    Args:
-        path: the file.
-
-    Raises:
-        RecordingError: no recording, another version, or a header that is broken.
-    """
-    path = Path(path)
-    try:
-        with path.open("rb") as file:
-            head = file.read(HEADER_BYTES)
-    except OSError as error:
-        raise RecordingError(f"the recording {path} cannot be read: {error.strerror}") from None
-    wanted = f"a file that a {FORMAT} run has left"
-    try:
-        header = json.loads(head)
-    except (UnicodeDecodeError, json.JSONDecodeError):
-        raise RecordingError(f"{path.name} is no recording", wanted=wanted) from None
-    if not isinstance(header, dict) or header.get("format") != FORMAT:
-        raise RecordingError(f"{path.name} is no recording", wanted=wanted)
-    if header.get("version") != VERSION:
-        raise RecordingError(
-            f"the recording {path.name} is of another version",
-            got=header.get("version"),
-            wanted=str(VERSION),
-        )
-    return read(Header, header, f"the header of {path.name}", error=RecordingError)
+from poise.locomotion._stepping._samples import BodySample, DeviceSample
 
 
 class RecordingWriter:
@@ -196,7 +72,7 @@ class RecordingWriter:
             return
         flags = int(sample.upright)
         self._write(tick, RowKind.SAMPLE, sample.time, sample.left, sample.right, flags)
-        flags = int(_hand_flags(sample))
+        flags = int(hand_flags(sample))
         if flags:
             left, right = (np.full(3, np.nan) if h is None else h.position for h in sample.hands)
             self._write(tick, RowKind.HANDS, sample.time, left, right, flags)
@@ -207,6 +83,9 @@ class RecordingWriter:
         if any(sample.velocity):
             velocity = np.array(sample.velocity)
             self._write(tick, RowKind.VELOCITY, sample.time, velocity, np.zeros(3))
+        for flags, turned in turns_of(sample):
+            last = np.array([turned[3], 0.0, 0.0])
+            self._write(tick, RowKind.TURN, sample.time, turned[:3], last, int(flags))
 
     def push(self, tick: int, force: Float64[np.ndarray, "3"], duration: float) -> None:
         """Notes a push on the torso that began before a tick.
@@ -258,38 +137,9 @@ class RecordingWriter:
         row = np.zeros(1, dtype=ROW)
         row["tick"], row["kind"], row["flags"], row["time"] = tick, kind, flags, time
         # A device may send anything: what is no point is kept as one that is refused again.
-        row["left"], row["right"] = _point(left), _point(right)
+        row["left"], row["right"] = as_point(left), as_point(right)
         self._file.write(row.tobytes())
         self._rows += 1
-
-
-def _point(value: object) -> np.ndarray:
-    if isinstance(value, np.ndarray) and value.shape == (3,) and value.dtype == np.float64:
-        return value
-    return np.full(3, np.nan)
-
-
-def _hand_flags(sample: DeviceSample) -> HandFlags:
-    flags = HandFlags.REST if sample.rest else HandFlags(0)
-    present = (HandFlags.LEFT, HandFlags.RIGHT)
-    closed = (HandFlags.LEFT_CLUTCH, HandFlags.RIGHT_CLUTCH)
-    for hand, here, clutch in zip(sample.hands, present, closed, strict=True):
-        if hand is not None:
-            flags |= here | clutch if hand.clutch else here
-    return flags
-
-
-def _with_hands(sample: DeviceSample, row: np.void) -> DeviceSample:
-    """A sample with what a row says of the hands."""
-    flags = HandFlags(int(row["flags"]))
-
-    def hand(side: str, here: HandFlags, clutch: HandFlags) -> HandSample | None:
-        position = row[side].astype(np.float64)
-        return HandSample(position, bool(flags & clutch)) if flags & here else None
-
-    left = hand("left", HandFlags.LEFT, HandFlags.LEFT_CLUTCH)
-    right = hand("right", HandFlags.RIGHT, HandFlags.RIGHT_CLUTCH)
-    return replace(sample, hands=(left, right), rest=bool(flags & HandFlags.REST))
 
 
 _AT_ONCE = 100_000
@@ -392,7 +242,7 @@ class RecordedDevice:
                 left, right = row["left"].astype(np.float64), row["right"].astype(np.float64)
                 found = DeviceSample(float(row["time"]), left, right, bool(row["flags"]))
             elif row["kind"] == RowKind.HANDS and found is not None:
-                found = _with_hands(found, row)
+                found = with_hands(found, row)
             elif row["kind"] == RowKind.BODY and found is not None:
                 height, left_turn, right_turn = row["left"].tolist()
                 roll, pitch, yaw = row["right"].tolist()
@@ -401,6 +251,8 @@ class RecordedDevice:
             elif row["kind"] == RowKind.VELOCITY and found is not None:
                 ahead, left, turn = row["left"].tolist()
                 found = replace(found, velocity=(ahead, left, turn))
+            elif row["kind"] == RowKind.TURN and found is not None:
+                found = with_turn(found, row)
         return found
 
 

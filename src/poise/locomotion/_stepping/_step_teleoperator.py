@@ -1,11 +1,8 @@
-"""`StepTeleoperator`: from the operator's foot devices and the robot's sensors to a stack.
-
-`TeleopStatus`: how the last tick of the step teleoperator stood.
-"""
+"""`StepTeleoperator`: from the operator's foot devices and the robot's sensors to a stack."""
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float64
@@ -25,23 +22,21 @@ from poise.locomotion._stepping._com import (
     ShifterDriver,
 )
 from poise.locomotion._stepping._desired import DesiredMotion, StepTasks
-from poise.locomotion._stepping._device import (
-    BodySample,
-    Device,
-    DeviceGuard,
-    DeviceSample,
-    DeviceStatus,
-)
+from poise.locomotion._stepping._device import Device
 from poise.locomotion._stepping._estimator import StanceEstimator, ZmpSensor
 from poise.locomotion._stepping._foot import FootTarget, FootVelocity
 from poise.locomotion._stepping._footing import Footing, StanceChoice
-from poise.locomotion._stepping._hands import HandLeader, HandStatus
+from poise.locomotion._stepping._gaze import GazeLeader
+from poise.locomotion._stepping._guard import DeviceGuard
+from poise.locomotion._stepping._hands import HandLeader
 from poise.locomotion._stepping._mode_events import ModeEvents
 from poise.locomotion._stepping._modes import Mode
 from poise.locomotion._stepping._own_steps import OwnSteps, room_outwards
 from poise.locomotion._stepping._parameters import TeleopParameters, scaled_parameters
 from poise.locomotion._stepping._reach import FootRange
+from poise.locomotion._stepping._samples import BodySample, DeviceSample, DeviceStatus
 from poise.locomotion._stepping._sway import check_sway
+from poise.locomotion._stepping._teleop_status import TeleopStatus
 from poise.locomotion._stepping._torque_tasks import POSTURE_WEIGHT, TorqueTasks
 from poise.locomotion._stepping._velocity_tasks import VelocityTasks
 from poise.locomotion._support import SupportPolygon, two_soles
@@ -56,43 +51,6 @@ _TORQUE_DT = 0.002
 
 _TORQUE_STOOP = TeleopParameters().stoop_max
 """How far the COM may come down there, over its height: on narrow soles, too."""
-
-
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class TeleopStatus:
-    """How the last tick stood.
-
-    Attributes:
-        mode: which feet carry the robot.
-        device: what became of the operator's last sample.
-        sample: what the device gave in this tick; None for nothing.
-        zmp: measured, x and y [m].
-        zmp_reference: where it should be, x and y [m].
-        cart_table_zmp: CT-ZMP, x and y [m].
-        com: estimated [m].
-        soles: where the soles are, left and right [m].
-        target: where the foot in the air is sent, None with both on the ground [m].
-        loads: normal forces, left and right [N].
-        tilt: angle of the torso against upright [rad].
-        heading: of the torso, to the left of the world's x axis [rad].
-        hands: what each hand does; none where velocities are commanded.
-        hand_targets: where each hand is led to [m].
-    """
-
-    mode: Mode
-    device: DeviceStatus = DeviceStatus.OK
-    sample: DeviceSample | None
-    zmp: Float64[np.ndarray, "2"]
-    zmp_reference: Float64[np.ndarray, "2"]
-    cart_table_zmp: Float64[np.ndarray, "2"]
-    com: Float64[np.ndarray, "3"]
-    soles: tuple[Float64[np.ndarray, "3"], Float64[np.ndarray, "3"]]
-    target: Float64[np.ndarray, "3"] | None
-    loads: Float64[np.ndarray, "2"]
-    tilt: float
-    heading: float = 0.0
-    hands: tuple[HandStatus, ...] = ()
-    hand_targets: tuple[Float64[np.ndarray, "3"], ...] = ()
 
 
 class StepTeleoperator:
@@ -136,6 +94,7 @@ class StepTeleoperator:
         estimator: where the robot is taken to be; its `update` comes before `lead`.
         zmp_sensor: ZMP and loads as measured.
         hands: leads the arms; None where velocities are commanded, and the arms keep still.
+        gaze: likewise leads the neck, or the torso of a robot without one.
     """
 
     def __init__(
@@ -172,6 +131,7 @@ class StepTeleoperator:
             check_sway(self._biped, self.estimator.dynamics, driver.omega, p)
         self._reach = FootRange(robot, self.soles, p)
         self.hands: HandLeader | None = None
+        self.gaze: GazeLeader | None = None
         self._tasks: StepTasks
         self._own: OwnSteps | None = None
         self._inwards = 0.0
@@ -179,7 +139,11 @@ class StepTeleoperator:
             self.hands = HandLeader(
                 robot, dt=p.dt, q_rest=q_start, weight=POSTURE_WEIGHT, scale=p.hand_scale
             )
-            self._tasks = TorqueTasks(self._biped, p.dt, self.hands.task)
+            self.gaze = GazeLeader(
+                robot, dt=p.dt, q_rest=q_start, weight=POSTURE_WEIGHT, turns_torso=True
+            )
+            limbs = [task for task in (self.hands.task, self.gaze.task) if task is not None]
+            self._tasks = TorqueTasks(self._biped, p.dt, limbs)
             self._inwards = room_outwards(self._biped, driver.omega, p.support_margin)
             self._own = OwnSteps(robot, self._tasks, q_start, self._reach, p)
         else:
@@ -198,6 +162,8 @@ class StepTeleoperator:
         self._tasks.reset()
         if self.hands is not None:
             self.hands.reset()
+        if self.gaze is not None:
+            self.gaze.reset()
         if self._own is not None:
             self._own.reset()
         self._guard = DeviceGuard(dt=p.dt, low=p.lower_height, press_depth=p.press_depth)
@@ -241,7 +207,7 @@ class StepTeleoperator:
         """What a recorder should know of the last tick; nothing before the first.
 
         Where the operator's devices, the foot in the air and the hands should be, the reference of
-        the ZMP, which soles carry the robot, mode, device and what the hands do; and what is
+        the ZMP, which soles carry the robot, mode, device and what hands and head do; and what is
         estimated, under `estimate/`, for `com` and `zmp` are the plant's own.
         """
         status, nowhere = self.status, np.full(3, np.nan)
@@ -270,6 +236,7 @@ class StepTeleoperator:
             "mode": status.mode.name,
             "device": status.device.name,
             "hands": ", ".join(hand.name for hand in status.hands),
+            "gaze": "" if status.gaze is None else status.gaze.name,
         }
 
     def lead(self, state: RobotState) -> None:
@@ -290,6 +257,8 @@ class StepTeleoperator:
         command = self._guard.check(sample, state.time, soles, self.estimator.anchors)
         if self.hands is not None:
             self.hands.lead(sample, state)
+        if self.gaze is not None:
+            self.gaze.lead(sample, state.time)
         if self._own is not None:
             self._own.drive(self._guard.velocity)
             if self._own.acting:
@@ -381,9 +350,16 @@ class StepTeleoperator:
             com_acceleration=self._com.acceleration,
             momentum=self._momentum.reference,
             foot=self._foot.towards(footing, target, hurry=self._target.rescuing),
-            torso=self._body.torso,
+            torso=self._torso(),
             turns=self._body.turns,
         )
+
+    def _torso(self) -> tuple[float, float, float]:
+        """How the torso shall be turned: as commanded, and to look where a neck cannot [rad]."""
+        if self.gaze is None:
+            return self._body.torso
+        (roll, pitch, yaw), (_, down, left) = self._body.torso, self.gaze.torso
+        return (roll, pitch + down, yaw + left)
 
     def _describe(
         self, footing: Footing, sample: DeviceSample | None, target: Float64[np.ndarray, "3"]
@@ -405,6 +381,8 @@ class StepTeleoperator:
             heading=math.atan2(footing.heading[1], footing.heading[0]),
             hands=() if hands is None else tuple(hands.status),
             hand_targets=() if hands is None else hands.targets(*torso),
+            hand_rotations=() if hands is None else hands.orientations(torso[1]),
+            gaze=None if self.gaze is None else self.gaze.status,
         )
 
 

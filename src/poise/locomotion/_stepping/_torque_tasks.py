@@ -1,6 +1,7 @@
 """`TorqueTasks`: the stack that the step teleoperator leads where torques are commanded."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 import pinocchio as pin
@@ -22,7 +23,6 @@ from poise.stack import (
     SelfCollisionLimit,
     Stack,
     SurfaceContact,
-    Task,
     TorqueLimit,
 )
 
@@ -73,13 +73,13 @@ class TorqueTasks:
     Args:
         biped: the robot.
         dt: length of a tick [s].
-        arms: leads the arms' joints; None without arms.
+        limbs: of the joints of arms and neck, which somebody else leads.
 
     Attributes:
         stack: to be solved for torques.
     """
 
-    def __init__(self, biped: Biped, dt: float, arms: JointTask | None) -> None:
+    def __init__(self, biped: Biped, dt: float, limbs: Sequence[JointTask]) -> None:
         robot = biped.robot
         self._robot, self._dt = robot, dt
         self._com = ComTask(kp=_KP_COM, weight=_BALANCE)
@@ -89,13 +89,12 @@ class TorqueTasks:
         trunk = (robot.pelvis,) if torso == pelvis else (robot.pelvis, robot.torso)
         self._trunk = [FrameTask(frame, "orientation", kp=_KP_TRUNK) for frame in trunk]
         self._contacts = [SurfaceContact(sole) for sole in biped.soles]
-        led = set[str]() if arms is None or arms.joints is None else set(arms.joints)
+        led = {joint for task in limbs for joint in task.joints or ()}
         others = [name for name in robot.joint_names if name not in led]
         posture = JointTask(others, kp=_KP_POSTURE, weight=POSTURE_WEIGHT, name="posture")
-        limbs: list[Task] = [posture] if arms is None else [arms, posture]
         self.stack = Stack(
             contacts=self._contacts,
-            levels=[[self._com, *self._feet, *self._trunk, *limbs]],
+            levels=[[self._com, *self._feet, *self._trunk, *limbs, posture]],
             # A straight leg gets no shorter whatever its knee does: the trunk would bow for it.
             joint_limit=JointLimit(position_range=biped.knees, braking=SWING_BRAKING),
             torque_limit=TorqueLimit(rate=SMOOTH_RATE),

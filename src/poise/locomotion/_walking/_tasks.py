@@ -290,7 +290,9 @@ a foot that has to stay flat then comes short by centimetres.
 """
 
 
-def walking_stack(robot: Robot, arms: JointTask | None = None) -> Stack:
+def walking_stack(
+    robot: Robot, arms: JointTask | None = None, neck: JointTask | None = None
+) -> Stack:
     """COM, feet, pelvis, torso and hands together, then the posture.
 
     Where they can be had together, all are met. Where soles or torques do not give all of them, the
@@ -306,6 +308,7 @@ def walking_stack(robot: Robot, arms: JointTask | None = None) -> Stack:
         robot: on two soles.
         arms: of their joints, led by somebody else, in place of hands that go along: their weight
             is set, and the robot's links are kept off each other.
+        neck: of its joints, led by somebody else; its weight is set, too.
 
     Returns:
         A new stack.
@@ -330,6 +333,8 @@ def walking_stack(robot: Robot, arms: JointTask | None = None) -> Stack:
         upper += [FrameTask(hand, "position", kp=100.0, name=hand) for hand in robot.hands]
     else:
         upper.append(arms)
+    if neck is not None:
+        upper.append(neck)
     if not leans:
         for task in upper:
             task.set_weight(_UPPER)

@@ -156,6 +156,7 @@ function words(s) {
   put("factor", `${s.realTimeFactor.toFixed(2)}${speed}${slow ? ", slow" : ""}`, slow);
   const hands = ["left", "right"].map((side, i) => [side, HANDS[s.handsDo[i]]]).filter(([, does]) => does);
   put("hands", hands.map(([side, does]) => `${side} ${does}`).join(", ") || "at rest", s.handsDo.includes("REACH"));
+  put("gaze", s.gaze === null ? "–" : GAZE[s.gaze], s.gaze === "REACH");
   put("time", `${s.time.toFixed(1)} s`);
   put("take", s.take);
   part("pause").classList.toggle("on", s.paused);
@@ -163,7 +164,8 @@ function words(s) {
 }
 
 // What a hand does that is not at rest.
-const HANDS = { HELD: "held", LED: "led", REACH: "at the edge of its reach" };
+const HANDS = { HELD: "held", LED: "led", REACH: "at the edge of its reach", TURNED: "turned as far as it goes" };
+const GAZE = { REST: "ahead", HELD: "held", LED: "led", REACH: "as far as it goes" };
 const LINES = [["zmpReference", "#9aa0a6", 2], ["com", "#0d6efd", 1.5], ["zmp", "#d63384", 1]];
 function plot(canvas, axis) {
   const ratio = devicePixelRatio, width = canvas.clientWidth, height = canvas.clientHeight;

@@ -5,6 +5,7 @@ const ABOVE = 0.06; // A handle is drawn this far above its sole [m], in the mid
 const POLE = 0.3; // Height of the poles at the ZMP and its reference [m]: a foot does not hide them.
 const LINE_Z = 0.004; // Lines are drawn this far above the ground [m].
 const COLOURS = { zmp: 0xd63384, com: 0x0d6efd, target: 0xfd7e14, support: 0x28a745 };
+const AXES = [0xdc3545, 0x28a745, 0x0d6efd], AXIS = 0.1; // Of a hand that is turned [m].
 const PALE = 0.45;
 let view = null; // There is none until the shapes have come, or where the browser has no WebGL.
 
@@ -25,6 +26,7 @@ async function openView() {
   const all = makeHandles(stage, 4);
   const handles = all.slice(0, 2), grips = all.slice(2);
   const marks = makeMarks(stage);
+  const axes = grips.map(() => makeAxes(stage));
   let heading = 0;
   // What a hand's handle is dragged from, and where the robot faces then.
   grips.forEach((grip) => {
@@ -48,6 +50,7 @@ async function openView() {
     heading = s.heading;
     grips.forEach((grip, hand) => {
       if (s.hands[hand] && !grip.dragging) grip.object.position.fromArray(s.hands[hand]);
+      axes[hand](s.hands[hand], s.handTurns[hand]);
     });
     stage.follow(s.com[0], s.com[1]);
     stage.draw();
@@ -101,6 +104,29 @@ function makeHandles({ scene, camera, controls, draw }, count) {
     });
   });
   return handles;
+}
+
+// How a hand is led to be turned: its axes x, y, z in red, green and blue, at its place.
+function makeAxes({ scene }) {
+  const T = window.POISE_THREE;
+  const axes = new T.Group();
+  const alongY = [[0, 0, -Math.PI / 2], [0, 0, 0], [Math.PI / 2, 0, 0]];
+  AXES.forEach((color, i) => {
+    const rod = new T.CylinderGeometry(0.005, 0.005, AXIS, 8).translate(0, AXIS / 2, 0);
+    const mesh = new T.Mesh(rod, new T.MeshBasicMaterial({ color }));
+    mesh.rotation.set(...alongY[i]);
+    axes.add(mesh);
+  });
+  axes.visible = false;
+  axes.matrixAutoUpdate = false;
+  scene.add(axes);
+  return (place, turn) => {
+    axes.visible = Boolean(place && turn);
+    if (!axes.visible) return;
+    const [a, b, c, d, e, f, g, h, i] = turn;
+    axes.matrix.set(a, b, c, place[0], d, e, f, place[1], g, h, i, place[2], 0, 0, 0, 1);
+    axes.matrixWorldNeedsUpdate = true;
+  };
 }
 
 function makeMarks({ scene, ball, polygon }) {

@@ -1,0 +1,117 @@
+"""`DeviceSample`: what the operator commands at a time, and `DeviceStatus`: what became of it.
+
+`HandSample`: what is commanded of a hand. `HeadSample`: of the gaze. `BodySample`: of the body, and
+how feet are turned.
+"""
+
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+from jaxtyping import Float64
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class HandSample:
+    """Where the operator holds the device of one hand; its motion is what counts.
+
+    Attributes:
+        position: forward, left and up, as the robot's torso faces, from anywhere that stays where
+            it is [m].
+        clutch: whether the hand follows. Whoever wants to reach further lets go, moves back, and
+            takes hold anew; the hand stays where it is in between.
+        orientation: how the device is turned against those axes, a unit quaternion (x, y, z, w);
+            None for one that says nothing of it, whose hand is not turned. As the position: the
+            rotation R_t R_0^T since the clutch closed at R_0 turns the hand, not scaled.
+    """
+
+    position: Float64[np.ndarray, "3"]
+    clutch: bool = True
+    orientation: Float64[np.ndarray, "4"] | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class HeadSample:
+    """Where the operator looks.
+
+    It is not relative, as hands are: who wears a headset knows where ahead is, and a horizon or an
+    ahead that is off by what each new grip adds makes them sick. What is ahead, the headset's own
+    software says, where a person can set it anew. The clutch says whether the robot follows; where
+    it closes, the gaze goes to where the operator looks, no faster than it may.
+
+    Attributes:
+        orientation: of the head against looking straight ahead, a unit quaternion (x, y, z, w)
+            along forward, left and up as the robot's torso faces.
+        clutch: whether the gaze follows; it stays where it is while that is open.
+    """
+
+    orientation: Float64[np.ndarray, "4"]
+    clutch: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class BodySample:
+    """What is commanded beside where feet and hands are; all zero asks for nothing.
+
+    Attributes:
+        height: of the COM, over the usual one [m].
+        torso: roll, pitch and yaw against upright and facing as the feet do; where torques are
+            commanded [rad].
+        turns: how the left and the right foot are turned, to the left of the world's x axis; where
+            torques are commanded [rad].
+    """
+
+    height: float = 0.0
+    torso: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    turns: tuple[float, float] = (0.0, 0.0)
+
+    @property
+    def numbers(self) -> tuple[float, float, float, float, float, float]:
+        """Height, roll, pitch, yaw, and both turns."""
+        return (self.height, *self.torso, *self.turns)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DeviceSample:
+    """Where the operator holds the devices: two for the feet, each of the sole of its side.
+
+    Attributes:
+        time: when it was measured, on the operator's clock [s].
+        left: position commanded for the left sole, in the controller's world [m].
+        right: position commanded for the right sole [m].
+        upright: button: bring the torso upright although one foot is in the air.
+        hands: what is commanded of the left and of the right hand; None for a hand without a
+            device, which stays as it is.
+        rest: button: hands that are not held go back to rest, and so does the gaze.
+        body: what is commanded of the body, and how the feet are turned.
+        velocity: with which the robot walks by itself, ahead, to the left [m/s] and turning to the
+            left [rad/s]; all zero while the operator steps. Where torques are commanded.
+        head: where the operator looks; None without a headset: the gaze stays where it is. Where
+            torques are commanded.
+    """
+
+    time: float
+    left: Float64[np.ndarray, "3"]
+    right: Float64[np.ndarray, "3"]
+    upright: bool = False
+    hands: tuple[HandSample | None, HandSample | None] = (None, None)
+    rest: bool = False
+    body: BodySample = BodySample()
+    velocity: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    head: HeadSample | None = None
+
+    def position(self, foot: int) -> Float64[np.ndarray, "3"]:
+        """Position commanded for a sole: 0 left, 1 right [m]."""
+        return self.left if foot == 0 else self.right
+
+
+class DeviceStatus(Enum):
+    """What became of the last sample."""
+
+    OK = "ok"
+    STALE = "no new sample: the last one holds"
+    REFUSED = "the last sample was refused: the one before holds"
+    LOST = "the device stopped sending: the feet go back to the ground"
+    WAITING = "bring each device down to its foot to take hold of it"
+    WALKING = "the robot walks as it is told; when it stands, take hold of each foot anew"
+    OVERRULED = "the robot steps by itself so as not to fall; then take hold of each foot anew"

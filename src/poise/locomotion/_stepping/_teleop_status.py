@@ -1,0 +1,51 @@
+"""`TeleopStatus`: how the last tick of the step teleoperator stood."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float64
+
+from poise.locomotion._stepping._hands import HandStatus
+from poise.locomotion._stepping._modes import Mode
+from poise.locomotion._stepping._samples import DeviceSample, DeviceStatus
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class TeleopStatus:
+    """How the last tick stood.
+
+    Attributes:
+        mode: which feet carry the robot.
+        device: what became of the operator's last sample.
+        sample: what the device gave in this tick; None for nothing.
+        zmp: measured, x and y [m].
+        zmp_reference: where it should be, x and y [m].
+        cart_table_zmp: CT-ZMP, x and y [m].
+        com: estimated [m].
+        soles: where the soles are, left and right [m].
+        target: where the foot in the air is sent, None with both on the ground [m].
+        loads: normal forces, left and right [N].
+        tilt: angle of the torso against upright [rad].
+        heading: of the torso, to the left of the world's x axis [rad].
+        hands: what each hand does; none where velocities are commanded.
+        hand_targets: where each hand is led to [m].
+        hand_rotations: how each is led to be turned, world_R_hand; None for one that is not.
+        gaze: what the head does; None where nothing can turn it, or velocities are commanded.
+    """
+
+    mode: Mode
+    device: DeviceStatus = DeviceStatus.OK
+    sample: DeviceSample | None
+    zmp: Float64[np.ndarray, "2"]
+    zmp_reference: Float64[np.ndarray, "2"]
+    cart_table_zmp: Float64[np.ndarray, "2"]
+    com: Float64[np.ndarray, "3"]
+    soles: tuple[Float64[np.ndarray, "3"], Float64[np.ndarray, "3"]]
+    target: Float64[np.ndarray, "3"] | None
+    loads: Float64[np.ndarray, "2"]
+    tilt: float
+    heading: float = 0.0
+    hands: tuple[HandStatus, ...] = ()
+    hand_targets: tuple[Float64[np.ndarray, "3"], ...] = ()
+    hand_rotations: tuple[Float64[np.ndarray, "3 3"] | None, ...] = ()
+    gaze: HandStatus | None = None

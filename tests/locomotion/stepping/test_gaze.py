@@ -1,0 +1,218 @@
+"""The robot looks where the operator looks: what counts of that, what a neck can do."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from walker import hands as device_of
+
+from poise.apps.teleoperation import TORQUE_TELEOP_PLANT, replay_teleop, run_teleop
+from poise.dynamics import Dynamics, RobotState
+from poise.errors import ConfigurationError
+from poise.locomotion import (
+    DeviceSample,
+    GazeLeader,
+    HandSample,
+    HandStatus,
+    HeadSample,
+    RecordingWriter,
+    WayPoint,
+    read_recording,
+    walking_stack,
+)
+from poise.locomotion._stepping._neck import NeckMotion
+
+DT = 0.002
+NOWHERE = np.full(3, np.nan)
+NECKS = {
+    "humanoid33": ("neck_yaw", "neck_pitch"),
+    "talos": ("head_1_joint", "head_2_joint"),
+    "romeo": ("NeckYaw", "NeckPitch", "HeadPitch", "HeadRoll"),
+    "icub": ("neck_pitch", "neck_roll", "neck_yaw"),
+    "g1": (),
+    "biped20": (),
+    "human": ("middle_cervical_Z", "middle_cervical_X", "middle_cervical_Y"),
+    "simple_humanoid": (),
+    "panda": (),
+}
+
+
+def head(*turn, clutch=True):
+    return HeadSample(np.array(pin.Quaternion(pin.exp3(np.array(turn))).coeffs()), clutch)
+
+
+def angle(one, other):
+    return float(np.linalg.norm(pin.log3(one @ other.T)))
+
+
+@pytest.mark.parametrize(("name", "joints"), NECKS.items(), ids=NECKS)
+def test_a_neck_is_what_is_between_torso_and_head(get_robot, name, joints):
+    robot = get_robot(name)
+    leader = GazeLeader(robot, dt=DT)
+    assert set(leader.task.joints if leader.task else ()) == set(joints)
+    assert (leader.status is None) == (not joints)
+    leader.lead(DeviceSample(0.0, NOWHERE, NOWHERE, head=head(0.0, 0.0, 0.3)), 0.0)
+    assert leader.torso == (0.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize("name", ["humanoid33", "talos", "romeo"])
+def test_the_jacobian_of_a_neck_is_what_differences_say(get_robot, name):
+    robot, rng, step = get_robot(name), np.random.default_rng(2), 1e-6
+    neck = NeckMotion(robot, robot.q_home, dt=DT, speed_max=2.5)
+    for _ in range(10):
+        q = rng.uniform(neck._lower, neck._upper)
+        neck.q = q
+        neck._update()
+        J, before = neck._jacobian(), neck.rotation
+        for column in range(len(q)):
+            neck.q = q + step * (np.arange(len(q)) == column)
+            neck._update()
+            turn = pin.log3(neck.rotation @ before.T) / step
+            np.testing.assert_allclose(turn, J[:, column], atol=1e-5)
+
+
+class Looks:
+    """A leader of a gaze, a tick a sample."""
+
+    def __init__(self, robot, **options):
+        self.leader, self.time = GazeLeader(robot, dt=DT, **options), 0.0
+        self.gazes = [self.leader.gaze]
+
+    def say(self, head, seconds=DT, rest=False):
+        for _ in range(round(seconds / DT)):
+            self.time += DT
+            self.leader.lead(
+                DeviceSample(self.time, NOWHERE, NOWHERE, head=head, rest=rest), self.time
+            )
+            self.gazes.append(self.leader.gaze)
+
+
+@pytest.mark.parametrize("name", ["humanoid33", "talos", "icub", "romeo"])
+def test_the_head_looks_there_stays_where_it_is_lost_and_looks_ahead_again(get_robot, name):
+    robot = Looks(get_robot(name))
+    leader, turn = robot.leader, (0.0, 0.1, 0.4)
+    home = leader.task.target_position.copy()
+    # Closed when it is found: nothing.
+    robot.say(head(*turn), 0.1)
+    assert leader.status is HandStatus.REST
+    robot.say(head(*turn, clutch=False))
+    robot.say(head(*turn), 1.5)
+    assert leader.status is HandStatus.LED
+    # It looks there; a neck of two joints may hold its head askew for that.
+    looks = pin.exp3(np.array(turn))[:, 0]
+    np.testing.assert_allclose(leader._neck.rotation[:, 0], looks, atol=0.02)
+    robot.say(None, 1.0)
+    assert leader.status is HandStatus.HELD
+    np.testing.assert_allclose(leader._neck.rotation[:, 0], looks, atol=0.02)
+    # Found elsewhere, and gripped anew there: that is where it looks, as no hand would.
+    robot.say(head(0.0, 0.0, -0.3), 0.5)
+    np.testing.assert_allclose(leader._neck.rotation[:, 0], looks, atol=0.02)
+    robot.say(head(0.0, 0.0, -0.3, clutch=False))
+    robot.say(head(0.0, 0.0, -0.3), 1.5)
+    away = pin.exp3(np.array([0.0, 0.0, -0.3]))[:, 0]
+    np.testing.assert_allclose(leader._neck.rotation[:, 0], away, atol=0.02)
+    robot.say(head(0.0, 0.0, -0.3, clutch=False), 2.0, rest=True)
+    assert leader.status is HandStatus.REST
+    np.testing.assert_array_equal(leader.task.target_position, home)
+
+
+@pytest.mark.parametrize("every", [1, 9, 50])
+def test_no_stream_of_samples_turns_the_gaze_faster_than_it_may(get_robot, every):
+    rng, robot = np.random.default_rng(1), Looks(get_robot("humanoid33"))
+    for k in range(1500):
+        clutch = rng.random() < 0.9
+        new = head(*rng.uniform(-0.8, 0.8, 3), clutch=clutch) if k % every == 0 else None
+        robot.say(new)
+        limits = robot.leader._neck
+        assert (limits._lower - 1e-9 <= limits.q).all()
+        assert (limits.q <= limits._upper + 1e-9).all()
+    for ticks in (1, 10, 100):
+        far = max(angle(b, a) for a, b in zip(robot.gazes, robot.gazes[ticks:], strict=False))
+        assert far <= 0.12 + 2.5 * DT * ticks + 1e-9
+
+
+BAD = {"not a number": np.full(4, np.nan), "too long": np.array([0.0, 0.0, 0.5, 1.0])}
+
+
+@pytest.mark.parametrize("bad", BAD.values(), ids=BAD)
+def test_a_bad_orientation_is_refused_and_then_lost(get_robot, bad):
+    robot = Looks(get_robot("humanoid33"))
+    robot.say(head(0.0, 0.0, 0.0, clutch=False))
+    robot.say(head(0.0, 0.0, 0.2), 0.5)
+    gaze = robot.leader.gaze
+    robot.say(HeadSample(bad), 0.3)
+    assert robot.leader.status is HandStatus.LED
+    robot.say(HeadSample(bad), 0.3)
+    assert robot.leader.status is HandStatus.HELD
+    np.testing.assert_array_equal(robot.leader.gaze, gaze)
+
+
+def test_further_than_the_neck_goes_it_says_so_and_without_one_the_torso_turns(get_robot):
+    robot = Looks(get_robot("humanoid33"))
+    robot.say(head(0.0, 0.0, 0.0, clutch=False))
+    for yaw in np.arange(0.0, 2.6, 0.02):
+        robot.say(head(0.0, 0.0, yaw), 0.01)
+    robot.say(head(0.0, 0.0, yaw), 0.5)
+    assert robot.leader.status is HandStatus.REACH
+    robot = Looks(get_robot("g1"), turns_torso=True)
+    robot.say(head(0.0, 0.0, 0.0, clutch=False))
+    robot.say(head(0.0, 0.2, 0.0), 0.5)
+    assert robot.leader.status is HandStatus.LED
+    np.testing.assert_allclose(robot.leader.torso, (0.0, 0.2, 0.0), atol=1e-9)
+    robot.say(head(0.0, 0.0, 0.9), 0.5)
+    assert robot.leader.status is HandStatus.REACH
+    with pytest.raises(ConfigurationError, match="speed_max of the gaze"):
+        GazeLeader(get_robot("g1"), dt=DT, speed_max=0.0)
+
+
+def test_a_neck_stands_below_the_balance_of_a_walk(get_robot):
+    robot = get_robot("talos")
+    leader = GazeLeader(robot, dt=DT)
+    stack = walking_stack(robot, neck=leader.task)
+    stack.bind(robot)
+    assert stack.task("com").weight.min() > 30.0 * leader.task.weight.max()
+
+
+@pytest.mark.parametrize(("name", "frame"), [("humanoid33", "head_link"), ("g1", "torso")])
+def test_robots_look_there_and_the_run_replays(get_robot, name, frame, tmp_path):
+    robot, path = get_robot(name), tmp_path / "gaze.teleop"
+    points = [WayPoint(at=0.2, head=(0.0, 0.0, 0.0)), WayPoint(at=0.7, head=(0.0, 0.0, 0.4))]
+    plant = TORQUE_TELEOP_PLANT.with_noise()
+    run = run_teleop(robot, device_of(*points), plant, duration=1.6, seed=2, recording=path)
+    assert not run.fell
+    assert run.teleoperator.status.gaze is HandStatus.LED
+    dynamics = Dynamics(robot)
+    dynamics.update(RobotState(run.log.q[-1], np.zeros(robot.nv)))
+    now = dynamics.frame(robot.frame_id(frame)).rotation
+    dynamics.update(RobotState(robot.q_home, np.zeros(robot.nv)))
+    home = dynamics.frame(robot.frame_id(frame)).rotation
+    assert angle(now, pin.exp3(np.array([0.0, 0.0, 0.4])) @ home) < 0.06
+    again = replay_teleop(path, robot)
+    assert np.array_equal(again.log.command, run.log.command)
+
+
+def test_orientations_are_recorded_to_the_last_bit(tmp_path):
+    rng, samples = np.random.default_rng(0), []
+    for k in range(20):
+        a, b, c = (q / np.linalg.norm(q) for q in rng.normal(size=(3, 4)))
+        left = HandSample(rng.normal(size=3), k % 2 == 0, a)
+        right = HandSample(rng.normal(size=3), k % 3 == 0, b if k % 4 else None)
+        looks = HeadSample(c if k % 5 else np.full(4, np.nan), k % 2 == 1) if k % 7 else None
+        samples.append(DeviceSample(0.1 * k, rng.normal(size=3), rng.normal(size=3),
+                                    hands=(left, right), head=looks))  # fmt: skip
+    path = tmp_path / "turns.teleop"
+    with RecordingWriter(path, robot="g1", dt=DT) as writer:
+        for k, sample in enumerate(samples):
+            writer.sample(k, sample)
+    device = read_recording(path).device(robot="g1", dt=DT)
+    for k, sample in enumerate(samples):
+        read = device.sample(k * DT)
+        for one, other in zip(sample.hands, read.hands, strict=True):
+            assert one.clutch == other.clutch
+            np.testing.assert_array_equal(one.position, other.position)
+            assert (one.orientation is None) == (other.orientation is None)
+            if one.orientation is not None:
+                np.testing.assert_array_equal(one.orientation, other.orientation)
+        assert (sample.head is None) == (read.head is None)
+        if sample.head is not None:
+            assert sample.head.clutch == read.head.clutch
+            np.testing.assert_array_equal(sample.head.orientation, read.head.orientation)

@@ -1,0 +1,423 @@
+"""Hands are turned as their devices are: what counts of it, what arms can do, what robots do."""
+
+import json
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from walker import hands as device_of, up_and_down
+
+from poise.apps.teleoperation import TORQUE_TELEOP_PLANT, replay_teleop, run_teleop
+from poise.dynamics import Dynamics, RobotState
+from poise.locomotion import DeviceSample, HandLeader, HandSample, HandStatus, WayPoint
+from poise.locomotion._stepping._arms import ArmMotion
+from poise.locomotion._stepping._grips import HandGrip
+from poise.locomotion._stepping._null_space import serve
+from poise.locomotion._stepping._turning import TurnShare
+
+DT = 0.002
+NOWHERE = np.full(3, np.nan)
+ROBOTS = ["g1", "humanoid33", "talos"]
+
+
+def quaternion(*turn):
+    return np.array(pin.Quaternion(pin.exp3(np.array(turn))).coeffs())
+
+
+def hand(*turn, x=0.0, clutch=True):
+    return HandSample(np.array([x, 0.0, 0.0]), clutch, quaternion(*turn))
+
+
+def angle(one, other):
+    return float(np.linalg.norm(pin.log3(one @ other.T)))
+
+
+def turned(grip, samples, begin=2):
+    """How a hand is turned, given a sample a tick."""
+    rotation = np.eye(3)
+    for k, sample in enumerate(samples):
+        grip.update(sample, (begin + k) * DT)
+        rotation = pin.exp3(grip.turn) @ rotation
+    return rotation
+
+
+def gripped(*turn):
+    grip = HandGrip(DT, 1.5)
+    grip.update(hand(*turn, clutch=False), 0.0)
+    grip.update(hand(*turn), DT)
+    return grip
+
+
+def test_a_hand_turns_by_what_its_device_turned_along_the_same_axes():
+    """However the device was held when its clutch closed."""
+    for start in ((0.0, 0.0, 0.0), (0.4, -0.9, 0.3)):
+        grip = gripped(*start)
+        assert grip.turns
+        way = pin.exp3(np.array([0.1, 0.0, 0.05]))
+        held = pin.Quaternion(way @ pin.exp3(np.array(start))).coeffs()
+        rotation = turned(grip, [HandSample(np.zeros(3), True, np.array(held))] * 10)
+        np.testing.assert_allclose(rotation, way, atol=1e-9)
+
+
+def test_turning_while_the_clutch_is_open_does_not_count():
+    grip = gripped(0.0, 0.0, 0.0)
+    away = [hand(0.1, 0.0, 0.0)] * 5 + [hand(0.9, 0.4, 0.0, clutch=False)] * 5
+    away += [hand(0.9, 0.4, 0.0)] * 5
+    np.testing.assert_allclose(turned(grip, away), pin.exp3(np.array([0.1, 0, 0])), atol=1e-9)
+
+
+BAD = {
+    "not a number": np.array([0.0, 0.0, 0.0, np.nan]),
+    "too long": np.array([0.0, 0.0, 0.0, 1.1]),
+    "nothing": np.zeros(4),
+    "elsewhere": quaternion(0.0, 2.0, 0.0),
+}
+
+
+@pytest.mark.parametrize("bad", BAD.values(), ids=BAD)
+def test_an_orientation_that_cannot_be_is_refused_and_the_hand_stays(bad):
+    grip = gripped(0.0, 0.0, 0.0)
+    sample = HandSample(np.array([0.01, 0.0, 0.0]), True, bad)
+    assert not grip.update(sample, 2 * DT).any()
+    assert not grip.turn.any()
+    assert grip.holds
+    np.testing.assert_array_equal(turned(grip, [sample] * 300, 3), np.eye(3))
+    # Half a second of it, and the device is lost until its clutch was open.
+    assert not grip.holds
+    assert not grip.update(hand(0.0, 0.0, 0.0), 303 * DT).any()
+    assert not grip.holds
+
+
+def test_an_orientation_that_comes_again_turns_from_there_on():
+    grip = gripped(0.0, 0.0, 0.0)
+    without = HandSample(np.zeros(3), True)
+    rotation = turned(grip, [hand(0.1, 0, 0)] * 5 + [without] * 5 + [hand(0.8, 0, 0)] * 5)
+    np.testing.assert_allclose(rotation, pin.exp3(np.array([0.1, 0.0, 0.0])), atol=1e-9)
+    rotation = turned(grip, [hand(0.85, 0, 0)] * 5, 17)
+    np.testing.assert_allclose(rotation, pin.exp3(np.array([0.05, 0.0, 0.0])), atol=1e-9)
+
+
+@pytest.mark.parametrize("every", [1, 7, 40])
+def test_no_stream_of_samples_turns_a_hand_faster_than_it_may(every):
+    rng, grip = np.random.default_rng(5), gripped(0.0, 0.0, 0.0)
+    rotations = [np.eye(3)]
+    for k in range(2, 2000):
+        new = None
+        if k % every == 0:
+            new = hand(*rng.uniform(-0.7, 0.7, 3), clutch=rng.random() < 0.98)
+        grip.update(new, k * DT)
+        rotations.append(pin.exp3(grip.turn) @ rotations[-1])
+    for ticks in (1, 5, 50, 300):
+        far = max(angle(b, a) for a, b in zip(rotations, rotations[ticks:], strict=False))
+        assert far <= 0.12 + 3.0 * DT * ticks + 1e-9
+
+
+# Arms ---------------------------------------------------------------------------------------------
+
+
+def arms_of(robot):
+    return ArmMotion(robot, robot.q_home, dt=DT, speed_max=1.5, acceleration_max=5.0)
+
+
+def test_serving_keeps_what_comes_first_and_all_bounds():
+    rng, served = np.random.default_rng(3), 0
+    for _ in range(300):
+        n, m = int(rng.integers(3, 9)), int(rng.integers(0, 3))
+        first, jacobian, rows = (rng.normal(size=(k, n)) for k in (m, 3, 2))
+        velocity, reference = 0.5 * rng.normal(size=n), rng.normal(size=3)
+        low, high = velocity - rng.uniform(0.0, 1.0, n), velocity + rng.uniform(0.0, 1.0, n)
+        least = rows @ velocity - rng.uniform(0.0, 0.3, 2)
+        found = serve(first, jacobian, reference, velocity, (low, high), (rows, least), 0.05)
+        assert (found >= low - 1e-9).all()
+        assert (found <= high + 1e-9).all()
+        assert (rows @ found >= least - 1e-2).all()
+        np.testing.assert_allclose(first @ found, first @ velocity, atol=1e-2)
+        before, after = (np.linalg.norm(jacobian @ v - reference) for v in (velocity, found))
+        assert after <= before + 1e-9
+        served += after < 0.1 * before
+    assert served > 30
+
+
+@pytest.mark.parametrize("name", ["g1", "humanoid33"])
+def test_the_jacobian_is_what_differences_say(get_robot, name):
+    robot, rng = get_robot(name), np.random.default_rng(1)
+    arms, step = arms_of(robot), 1e-6
+    for _ in range(10):
+        arms.q = rng.uniform(arms._lower, arms._upper)
+        arms._update()
+        for i, arm in enumerate(arms._arms):
+            q, J = arms.q.copy(), arms._jacobian(arm)
+            hand, rotation = arms.hands[i].copy(), arms.rotations[i].copy()
+            for column, joint in enumerate(arm.joints):
+                arms.q = q.copy()
+                arms.q[joint] += step
+                arms._update()
+                np.testing.assert_allclose((arms.hands[i] - hand) / step, J[:3, column], atol=1e-5)
+                turn = pin.log3(arms.rotations[i] @ rotation.T) / step
+                np.testing.assert_allclose(turn, J[3:, column], atol=1e-5)
+            arms.q = q
+            arms._update()
+
+
+def test_turning_fades_out_where_a_hand_comes_no_nearer_and_in_again():
+    share = TurnShare(DT)
+    for _ in range(round(0.19 / DT)):
+        share.update(1.0, 0.0)
+    assert share.part == 1.0
+    for _ in range(round(0.22 / DT)):
+        share.update(1.0, 0.0)
+    assert share.part == 0.0
+    for speed, nearer in ((1.0, 0.6), (0.0, 0.0)):
+        for _ in range(round(0.25 / DT)):
+            share.update(speed, nearer)
+    assert 0.4 < share.part < 0.6
+    for _ in range(round(0.6 / DT)):
+        share.update(0.0, 0.0)
+    assert share.part == 1.0
+
+
+COMPILED = """
+import json
+import numpy as np
+import poise
+from poise.dynamics import RobotState
+from poise.locomotion import DeviceSample, GazeLeader, HandLeader, HandSample, HeadSample
+from poise.locomotion._stepping import _null_space as code
+robot, turn = poise.load_robot("humanoid33"), np.array([0.0, 0.0, 0.1, np.sqrt(0.99)])
+hands, gaze = HandLeader(robot, dt=0.002), GazeLeader(robot, dt=0.002)
+functions = code._turn, code._step, code._serve_alone
+before = [len(function.signatures) for function in functions]
+for k in range(200):
+    hand = HandSample(np.array([0.0, 0.0, 0.001 * k]), k > 1, turn)
+    head, nowhere = HeadSample(turn, k > 1), np.full(3, np.nan)
+    sample = DeviceSample(0.002 * k, nowhere, nowhere, hands=(hand, hand), head=head)
+    hands.lead(sample, RobotState(robot.q_home, np.zeros(robot.nv), time=0.002 * k))
+    gaze.lead(sample, 0.002 * k)
+turned = hands.rotations[0] is not None and np.abs(gaze.gaze - np.eye(3)).max() > 0.05
+print(json.dumps([before, [len(function.signatures) for function in functions], bool(turned)]))
+"""
+
+
+def test_once_leaders_are_made_nothing_is_compiled():
+    child = [sys.executable, "-c", COMPILED]
+    answer = subprocess.run(child, capture_output=True, text=True, check=True, timeout=300)
+    assert json.loads(answer.stdout) == [[1, 1, 1], [1, 1, 1], True]
+
+
+REACHED = {"g1": 10, "humanoid33": 12, "talos": 8}
+"""Of twelve turns by 0.6 rad, each way about each axis with each hand."""
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_hands_turn_about_each_axis_where_they_are_or_say_that_they_cannot(get_robot, name):
+    robot = get_robot(name)
+    arms = arms_of(robot)
+    places = [here + [0.1, 0.0, 0.1] for here in arms.hands]
+    for _ in range(500):
+        arms.advance(places)
+    begun, reached = (arms.q.copy(), [r.copy() for r in arms.rotations]), 0
+    for way in (0.6 * np.vstack((np.eye(3), -np.eye(3)))).tolist():
+        arms.reset()
+        arms.q = begun[0].copy()
+        arms._update()
+        goals = [pin.exp3(np.array(way)) @ r for r in begun[1]]
+        for _ in range(600):
+            arms.advance(places, goals)
+        np.testing.assert_allclose(arms.hands, places, atol=1e-3)
+        for goal, rotation, stuck in zip(goals, arms.rotations, arms.stuck, strict=True):
+            assert angle(goal, rotation) < 0.12 or stuck
+            reached += angle(goal, rotation) < 0.12
+    assert reached == REACHED[name]
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_turning_costs_hardly_a_place_that_a_hand_gets_to_without(get_robot, name):
+    """And joints stay within their limits."""
+    robot, rng = get_robot(name), np.random.default_rng(7)
+    with_turns, without = arms_of(robot), arms_of(robot)
+    goals = [r.copy() for r in with_turns.rotations]
+    start, got, missed = [h.copy() for h in without.hands], 0, 0
+    index = [robot.joint_index(joint) for joint in with_turns.joints]
+    for _ in range(6):
+        places = [h + rng.uniform([-0.1, -0.2, -0.05], [0.35, 0.2, 0.45]) for h in start]
+        ways = rng.uniform(-0.6, 0.6, (2, 3))
+        for k in range(600):
+            for i in range(2):
+                if 100 <= k < 300:
+                    goals[i] = pin.exp3(ways[i] / 200) @ goals[i]
+                off = pin.log3(goals[i] @ with_turns.rotations[i].T)
+                far = np.linalg.norm(off)
+                if far > 1.0:
+                    goals[i] = pin.exp3(off / far) @ with_turns.rotations[i]
+            with_turns.advance(places, goals)
+            without.advance(places)
+            assert (np.abs(with_turns.v) <= robot.v_max[index]).all()
+            assert (with_turns.q >= robot.q_min[index] - 1e-9).all()
+            assert (with_turns.q <= robot.q_max[index] + 1e-9).all()
+        for i in range(2):
+            if np.linalg.norm(without.hands[i] - places[i]) < 0.002:
+                got += 1
+                missed += np.linalg.norm(with_turns.hands[i] - places[i]) > 0.005
+    assert got >= 4
+    assert missed <= 1
+
+
+# The leader ---------------------------------------------------------------------------------------
+
+
+class Follows:
+    """A leader of hands whose arms are where they are asked to be."""
+
+    def __init__(self, robot, **options):
+        self.robot, self.leader = robot, HandLeader(robot, dt=DT, **options)
+        self.time = 0.0
+        self.index = [7 + robot.joint_index(name) for name in self.leader.task.joints]
+
+    def say(self, right, seconds=DT, rest=False):
+        for _ in range(round(seconds / DT)):
+            self.time += DT
+            sample = DeviceSample(self.time, NOWHERE, NOWHERE, hands=(None, right), rest=rest)
+            self.leader.lead(sample, RobotState(self.q, np.zeros(self.robot.nv), time=self.time))
+
+    @property
+    def q(self):
+        q = self.robot.q_home.copy()
+        q[self.index] = self.leader.task.target_position
+        return q
+
+    @property
+    def rotation(self):
+        """Torso_R_hand of the right one."""
+        dynamics = Dynamics(self.robot)
+        dynamics.update(RobotState(self.q, np.zeros(self.robot.nv)))
+        torso, right = (
+            dynamics.frame(self.robot.frame_id(name)).rotation
+            for name in (self.robot.torso, self.robot.hands[1])
+        )
+        return torso.T @ right
+
+
+def test_a_hand_is_turned_regripped_held_and_comes_back_to_rest(get_robot):
+    robot = Follows(get_robot("g1"), scale=2.0)
+    leader, start = robot.leader, robot.rotation
+    robot.say(hand(0.0, 0.0, 0.3, clutch=False))
+    robot.say(hand(0.0, 0.0, 0.3))
+    robot.say(hand(0.0, 0.0, 0.6), 1.0)
+    way = pin.exp3(np.array([0.0, 0.0, 0.3]))
+    assert angle(robot.rotation, way @ start) < 0.01
+    assert leader.status[1] is HandStatus.LED
+    assert leader.rotations[0] is None
+    place = leader.places[1].copy()
+    robot.say(hand(0.7, 0.0, 0.0, clutch=False), 0.5)
+    assert leader.status[1] is HandStatus.HELD
+    robot.say(hand(0.7, 0.0, 0.0), 0.5)
+    assert angle(robot.rotation, way @ start) < 0.01
+    robot.say(hand(0.9, 0.0, 0.0), 1.0)
+    assert angle(robot.rotation, pin.exp3(np.array([0.2, 0.0, 0.0])) @ way @ start) < 0.07
+    np.testing.assert_allclose(leader.places[1], place, atol=1e-6)
+    # Without orientation it keeps the one that it has.
+    robot.say(HandSample(np.zeros(3), False))
+    robot.say(HandSample(np.zeros(3)))
+    robot.say(HandSample(np.array([0.02, 0.0, 0.02])), 1.0)
+    assert angle(robot.rotation, pin.exp3(np.array([0.2, 0.0, 0.0])) @ way @ start) < 0.07
+    robot.say(HandSample(np.zeros(3), False), 3.0, rest=True)
+    assert leader.rotations[1] is None
+    assert angle(robot.rotation, start) < 0.02
+
+
+def test_turned_as_far_as_it_goes_a_hand_says_so_and_comes_back_with_its_device(get_robot):
+    robot = Follows(get_robot("g1"))
+    leader, start = robot.leader, robot.rotation
+    robot.say(hand(0.0, 0.0, 0.0, clutch=False))
+    for y in np.arange(0.0, 1.5, 0.01):
+        robot.say(hand(0.0, -y, 0.0), 0.01)
+    robot.say(hand(0.0, -y, 0.0), 0.5)
+    assert leader.status[1] is HandStatus.TURNED
+    far = angle(robot.rotation, start)
+    assert 0.1 < far < 1.4
+    for back in np.arange(y, 0.0, -0.01):
+        robot.say(hand(0.0, -back, 0.0), 0.01)
+    assert leader.status[1] is HandStatus.LED
+    # The device went up to a radian further than the hand, and that is forgiven.
+    assert angle(robot.rotation, start) < 0.5
+
+
+# Robots -------------------------------------------------------------------------------------------
+
+HELD, OUT = (0.0, 0.0, 0.0), (0.1, 0.0, 0.1)
+TURNS = (0.6, 0.0, 0.0), (0.0, 0.0, 0.6), (0.0, 0.6, 0.0)
+
+
+def in_turn(ends, *, turns, step):
+    """Both hands out, turned about one axis after the other, each until it ends."""
+    begins = (0.3, *ends[:-1])
+    points = [WayPoint(at=0.2, left_hand=HELD, right_hand=HELD, left_turn=HELD, right_turn=HELD)]
+    for begin, end, turn in zip(begins, ends, TURNS, strict=True):
+        for at in (begin + 0.5, end):
+            also = {"left_turn": turn, "right_turn": turn}
+            points.append(WayPoint(at=at, left_hand=OUT, right_hand=OUT, **also))
+    if not turns:
+        points = [replace(point, left_turn=None, right_turn=None) for point in points]
+    if step:
+        lifted = up_and_down(lift=0.45, lower=2.85)
+        points += [replace(point, at=point.at + 0.001) for point in lifted]
+    return device_of(*sorted(points, key=lambda point: point.at))
+
+
+class Watched:
+    """A device, and how the hands of the model of the arms were turned at each tick."""
+
+    def __init__(self, make):
+        self._make, self.hands, self.status = make, [], []
+
+    def make(self, teleoperator):
+        self._teleoperator, self._device = teleoperator, self._make(teleoperator)
+        return self
+
+    def sample(self, time):
+        self.hands.append([r.copy() for r in self._teleoperator.hands._arms.rotations])
+        self.status.append(tuple(self._teleoperator.hands.status))
+        return self._device.sample(time)
+
+
+@pytest.mark.parametrize(
+    ("name", "step", "most"),
+    [("g1", False, 6), ("g1", True, 6), ("humanoid33", True, 6), ("talos", False, 4)],
+)
+def test_robots_turn_their_hands_and_keep_their_balance(get_robot, name, step, most, tmp_path):
+    robot, path = get_robot(name), tmp_path / "turns.teleop"
+    plant, off = TORQUE_TELEOP_PLANT.with_noise(), []
+    # One of TALOS' wrists comes to its limit at once, and the arm takes its time from there on.
+    ends = (1.5, 2.7, 4.2) if step else (3.0, 4.2, 5.8)
+    for turns in (False, True) if step else (True,):
+        watched = Watched(in_turn(ends, turns=turns, step=step))
+        run = run_teleop(robot, watched.make, plant, duration=ends[-1], seed=4, recording=path)
+        assert not run.fell
+        assert run.log.tilt.max() < 0.1
+        error = run.record["com"][:, :2] - run.record["zmp_reference"]
+        off.append(np.sqrt(np.mean(error**2)))
+    assert off[-1] < off[0] + 0.001 if step else off[0] < 0.02
+    dynamics = Dynamics(robot)
+
+    def rotations(time):
+        dynamics.update(RobotState(run.log.q[round(time / DT)], np.zeros(robot.nv)))
+        torso, *hands = (
+            dynamics.frame(robot.frame_id(frame)).rotation for frame in (robot.torso, *robot.hands)
+        )
+        return [torso.T @ hand for hand in hands]
+
+    start, reached, bound = rotations(0.1), 0, 0.15 if step else 0.12
+    for end, turn in zip(ends, TURNS, strict=True):
+        time = end - 0.02
+        for hand, (before, now) in enumerate(zip(start, rotations(time), strict=True)):
+            away = angle(now, pin.exp3(np.array(turn)) @ before)
+            status = watched.status[round(time / DT)][hand]
+            assert away < bound or status is HandStatus.TURNED
+            reached += away < bound
+    assert reached >= most
+    if name == "g1":
+        again = replay_teleop(path, robot)
+        assert np.array_equal(again.log.command, run.log.command)
