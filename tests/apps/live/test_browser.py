@@ -76,6 +76,24 @@ class Page:
         return wait_for(lambda: self.ask(script), what)
 
 
+def hold(page, key, lifted, again):
+    """Holds a key until a foot is up.
+
+    Where a busy machine loses the page in mid-step one lets go, and begins `again`.
+    """
+    begin = time.monotonic()
+    while time.monotonic() < begin + PATIENCE:
+        page.ask(f"{again}; 0")
+        page.page.keyboard.down(key)
+        try:
+            wait_for(lambda: page.ask(lifted), "the lift", patience=10.0)
+        except AssertionError:
+            page.page.keyboard.up(key)
+        else:
+            return
+    raise AssertionError("waited in vain for the lift")
+
+
 def on_screen(page, which, above, of="handles"):
     """Where a point above a handle, of feet or hands, [m] is drawn, in pixels of the page."""
     return page.ask(
@@ -181,8 +199,7 @@ def test_a_gamepad_shakes_when_a_foot_lands_and_not_before(browser, session):
             "navigator.getGamepads = () => [{connected: true, buttons: [], axes: [],"
             " vibrationActuator: {playEffect: (kind) => shaken.push(kind)}}]; 0"
         )
-        page.page.keyboard.down("e")
-        page.wait("newest.mode === 'SL' && newest.soles[1][2] > 0.04", "the lift")
+        hold(page, "e", "newest.mode === 'SL' && newest.soles[1][2] > 0.04", "shaken.length = 0")
         assert page.ask("shaken") == []
         page.page.keyboard.up("e")
         page.wait("newest.mode === 'D'", "double support")
