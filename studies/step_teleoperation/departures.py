@@ -110,8 +110,7 @@ DEPARTURES = (
     Departure(
         rule="stance by load",
         paper="the left foot as the stance in D, the support foot in TL and TR",
-        reason="in D, TL and TR the foot that carries more is the one at rest; loads are smoothed, "
-        "for a foot that has just landed bounces",
+        reason="in D, TL and TR the foot that carries more is the one at rest",
     ),
     Departure(
         rule="stance sole turned back onto its ground (`k_level`)",
@@ -130,7 +129,8 @@ DEPARTURES = (
         paper="(15d) in D, TL, TR, which has no feedback",
         reason="without load a foot is held where it was put down; with load that would be a "
         "closed chain whose servos wind up: it yields to its contact, and is lifted or lowered "
-        "until it carries what the CT-ZMP asks for: where joints sag the weight stays where it was",
+        "until it carries what the ZMP asks for, in a shift the CT-ZMP: where joints sag the "
+        "weight stays where it was",
     ),
     Departure(
         rule="foot without load pressed down (`press_speed`)",

@@ -227,15 +227,19 @@ function pad() {
 }
 
 let said = "";
-// A gamepad that can shake does so when a foot lands; one that bounces lands once.
+// A gamepad that can shake does so when a foot lands that was in the air; one that bounces lands once.
 const loaded = [true, true], landed = [-1, -1], BOUNCES = 0.5; // In the robot's time, which may be slow [s].
+const flew = [false, false];
 function feel(forces) {
   const all = forces[0][2] + forces[1][2];
   forces.forEach(([, , up], foot) => {
     const before = loaded[foot];
     if (up < 0.05 * all) loaded[foot] = false;
     else if (up > 0.25 * all) loaded[foot] = true;
-    if (!loaded[foot] || before) return;
+    // The other one gives up its load, too, for a moment, when a foot lands hard.
+    if (!loaded[foot] && newest?.mode === ["SR", "SL"][foot]) flew[foot] = true;
+    if (!loaded[foot] || before || !flew[foot]) return;
+    flew[foot] = false;
     const time = newest?.time ?? 0;
     if (Math.abs(time - landed[foot]) > BOUNCES) rumble();
     landed[foot] = time;
