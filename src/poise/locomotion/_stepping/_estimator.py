@@ -98,7 +98,8 @@ class StanceEstimator:
         robot: a biped.
         soles: names of the left and the right sole.
         q_start: configuration at the start, whose feet stand on the ground.
-        inertial: whether the velocity comes from the inertial unit, too.
+        inertial: whether the velocity comes from the inertial unit, too, and the state has the
+            payload that the soles' wrenches say.
 
     Attributes:
         dynamics: of the estimated state.
