@@ -180,6 +180,7 @@ class JointLimit:
         position_margin: distance kept from the position limits [rad].
         velocity_scale: fraction of the robot's velocity limits that may be used.
         position_range: narrower position limits, lower and upper, by joint name [rad].
+        braking_of: braking of joints that stop otherwise than the rest, by joint name [rad/s^2].
 
     Attributes:
         name: what reports call it.
@@ -194,15 +195,17 @@ class JointLimit:
         position_margin: float = 0.01,
         velocity_scale: float = 1.0,
         position_range: Mapping[str, tuple[float, float]] | None = None,
+        braking_of: Mapping[str, float] | None = None,
     ) -> None:
         self.name = "joint limit"
         self._acceleration_max = checked_number(
             acceleration_max, "acceleration_max of the joint limit [rad/s^2]", above=0.0
         )
-        self._braking = min(
-            checked_number(braking, "braking of the joint limit [rad/s^2]", above=0.0),
-            self._acceleration_max,
-        )
+        self._braking = self._checked_braking(braking, "braking of the joint limit [rad/s^2]")
+        self._braking_of = {
+            name: self._checked_braking(b, f"braking of joint {name!r} [rad/s^2]")
+            for name, b in (braking_of or {}).items()
+        }
         self._horizon = checked_number(horizon, "horizon of the joint limit [s]", above=0.0)
         self._position_margin = checked_number(
             position_margin, "position_margin of the joint limit [rad]"
@@ -220,6 +223,9 @@ class JointLimit:
                 )
         self._robot: Robot | None = None
 
+    def _checked_braking(self, braking: float, what: str) -> float:
+        return min(checked_number(braking, what, above=0.0), self._acceleration_max)
+
     @property
     def acceleration_max(self) -> float:
         """Largest joint acceleration [rad/s^2]."""
@@ -229,6 +235,11 @@ class JointLimit:
     def braking(self) -> float:
         """Deceleration with which a joint plans to stop before its position limit [rad/s^2]."""
         return self._braking
+
+    @property
+    def braking_of(self) -> dict[str, float]:
+        """The same of joints that stop otherwise than the rest, by joint name [rad/s^2]."""
+        return dict(self._braking_of)
 
     @property
     def horizon(self) -> float:
@@ -269,7 +280,7 @@ class JointLimit:
         """Takes the limits of a robot; controllers call it before the first tick.
 
         Raises:
-            UnknownNameError: a range of a joint that the robot does not have.
+            UnknownNameError: a range or a braking of a joint that the robot does not have.
             ConfigurationError: margin or range leave a joint no room, or the limit serves another
                 robot.
         """
@@ -295,6 +306,9 @@ class JointLimit:
                 got=self._position_margin,
                 wanted="a smaller margin, or a wider range [rad]",
             )
+        braking = np.full(robot.nj, self._braking)
+        for name, b in self._braking_of.items():
+            braking[robot.joint_index(name)] = b
         self._q_slice = slice(robot.nq - robot.nj, robot.nq)
         self._v_slice = slice(robot.base_dofs, robot.nv)
         self._viable = ViableAcceleration(
@@ -303,7 +317,7 @@ class JointLimit:
             self._velocity_scale * robot.v_max,
             a_max=self._acceleration_max,
             dt=self._horizon,
-            braking=self._braking,
+            braking=braking,
         )
         self._lower: Float64[np.ndarray, " nj"] = np.zeros(robot.nj)
         self._upper: Float64[np.ndarray, " nj"] = np.zeros(robot.nj)
@@ -339,7 +353,7 @@ class ViableAcceleration:
         v_max: velocity limits [rad/s].
         a_max: acceleration limit [rad/s^2].
         dt: horizon [s].
-        braking: b, the deceleration that stopping is planned with [rad/s^2].
+        braking: b, the decelerations that stopping is planned with [rad/s^2].
     """
 
     def __init__(
@@ -350,10 +364,10 @@ class ViableAcceleration:
         *,
         a_max: float,
         dt: float,
-        braking: float,
+        braking: Float64[np.ndarray, " nj"],
     ) -> None:
-        self._limits = q_min, q_max, v_max
-        self._settings = float(a_max), float(dt), float(braking)
+        self._limits = q_min, q_max, v_max, braking
+        self._horizon = float(a_max), float(dt)
 
     def bounds(
         self,
@@ -370,7 +384,7 @@ class ViableAcceleration:
             lower: receives the lower bounds [rad/s^2].
             upper: receives the upper bounds [rad/s^2].
         """
-        _bounds(q, v, self._limits, self._settings, lower, upper)
+        _bounds(q, v, self._limits, self._horizon, lower, upper)
 
 
 @compiled
@@ -378,14 +392,19 @@ def _bounds(
     q: Float64[np.ndarray, " nj"],
     v: Float64[np.ndarray, " nj"],
     limits: tuple[
-        Float64[np.ndarray, " nj"], Float64[np.ndarray, " nj"], Float64[np.ndarray, " nj"]
+        Float64[np.ndarray, " nj"],
+        Float64[np.ndarray, " nj"],
+        Float64[np.ndarray, " nj"],
+        Float64[np.ndarray, " nj"],
     ],
-    settings: tuple[float, float, float],
+    horizon: tuple[float, float],
     lower: Float64[np.ndarray, " nj"],
     upper: Float64[np.ndarray, " nj"],
 ) -> None:
-    q_min, q_max, v_max = limits
+    q_min, q_max, v_max, braking = limits
+    a_max, dt = horizon
     for i in range(len(q)):
+        settings = a_max, dt, braking[i]
         upper[i] = largest_acceleration(q_max[i] - q[i], v[i], v_max[i], settings)
         lower[i] = -largest_acceleration(q[i] - q_min[i], -v[i], v_max[i], settings)
         if lower[i] > upper[i]:

@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 
-from poise.locomotion import Stride, plan_footsteps, walking_stack
+from poise.control import WholeBodyController
+from poise.locomotion import Stride, Walker, plan_footsteps, walking_stack
 from poise.locomotion._walking._tasks import _in_turning_axes, find_walk_tasks
+from poise.sim import Plant, PlantConfig, rollout
 
 
 @pytest.mark.parametrize("robot", ["humanoid33", "g1"])
@@ -25,6 +27,28 @@ def test_where_not_all_can_be_had_the_com_gives_least_and_the_pelvis_most(get_ro
     stack.bind(robot)
     com, foot, pelvis = (stack.task(name).weight for name in ("com", "left_foot", "pelvis"))
     assert com.min() > foot[:3].max() > foot[3:].max() > pelvis.max()
+
+
+@pytest.mark.parametrize("robot", ["humanoid33", "g1", "talos", "icub"])
+def test_legs_alone_stop_hard_before_their_limits(get_robot, robot):
+    robot = get_robot(robot)
+    limit = walking_stack(robot).joint_limit
+    legs = {robot.model.names[j] for sole in robot.soles for j in robot.leg_joints(sole)}
+    assert set(limit.braking_of) == legs
+    assert min(limit.braking_of.values()) > limit.braking
+
+
+def test_arms_at_their_stops_do_not_throw_a_robot_that_is_pushed_as_it_walks(get_robot):
+    """The shoulders of TALOS come to their limits as its hands go along."""
+    robot = get_robot("talos")
+    plant = Plant(robot, PlantConfig(control_dt=0.002))
+    stack = walking_stack(robot)
+    walker = Walker(robot, stack)
+    walker.set_velocity(0.3, 0.0, 0.0)
+    plant.push(robot.torso, (0.0, -0.25 * robot.mass / 0.1, 0.0), 0.1, 2.5)
+    for _ in rollout(plant, WholeBodyController(robot, stack), walker, duration=5.0):
+        assert not plant.fallen
+    assert walker.steps_made >= 6
 
 
 def test_rates_of_a_point_in_turning_axes_are_derivatives():

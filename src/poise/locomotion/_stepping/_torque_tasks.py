@@ -13,7 +13,7 @@ from poise.locomotion._stepping._biped import Biped
 from poise.locomotion._stepping._desired import DesiredMotion
 from poise.locomotion._stepping._footing import Footing
 from poise.locomotion._stepping._lean import TrunkPose
-from poise.locomotion._walking import SWING_BRAKING
+from poise.locomotion._walking import swing_braking
 from poise.stack import (
     SMOOTH_RATE,
     ComTask,
@@ -96,7 +96,7 @@ class TorqueTasks:
             contacts=self._contacts,
             levels=[[self._com, *self._feet, *self._trunk, *limbs, posture]],
             # A straight leg gets no shorter whatever its knee does: the trunk would bow for it.
-            joint_limit=JointLimit(position_range=biped.knees, braking=SWING_BRAKING),
+            joint_limit=JointLimit(position_range=biped.knees, braking_of=swing_braking(robot)),
             torque_limit=TorqueLimit(rate=SMOOTH_RATE),
             self_collision_limit=SelfCollisionLimit(),
         )

@@ -11,8 +11,8 @@ from poise.locomotion._walking._ground import Ground, Placement
 from poise.locomotion._walking._plan import plan_footsteps
 from poise.locomotion._walking._settings import WalkSettings, WalkStatus
 from poise.locomotion._walking._tasks import (
-    SWING_BRAKING as SWING_BRAKING,
     CarriedTarget,
+    swing_braking as swing_braking,
     walking_stack,
 )
 from poise.locomotion._walking._walker import Walker

@@ -280,14 +280,33 @@ asks for beyond what soles and torques give, and balance would go first.
 """
 
 
-SWING_BRAKING = 60.0
-"""Deceleration with which joints plan to stop before their limits [rad/s^2].
+_SWING_BRAKING = 60.0
+"""Deceleration with which the joints of legs plan to stop before their limits [rad/s^2].
 
-A foot that catches the robot brakes with over 60 m/s^2 at the end of a leg of 0.7 m, and ankles,
-knees and trunk turn with it. A joint that planned to stop more gently would be kept slow far from
-its limit: with 8 rad/s^2, half a radian before it, an ankle may turn by no more than 2.8 rad/s, and
-a foot that has to stay flat then comes short by centimetres.
+A foot that catches the robot brakes with over 60 m/s^2 at the end of a leg of 0.7 m, and its ankle
+and knee turn with it. A joint that planned to stop more gently would be kept slow far from its
+limit: with 8 rad/s^2, half a radian before it, an ankle may turn by no more than 2.8 rad/s, and a
+foot that has to stay flat then comes short by centimetres.
 """
+
+
+def swing_braking(robot: Robot) -> dict[str, float]:
+    """How hard the joints of legs stop before their limits, for a `JointLimit`.
+
+    Arms, neck and waist stop as gently as in other stacks: nobody waits for them, and an arm that
+    goes along to its stop would shake the robot that carries it.
+
+    Args:
+        robot: on its soles.
+
+    Returns:
+        The decelerations by joint name [rad/s^2].
+    """
+    return {
+        robot.model.names[joint]: _SWING_BRAKING
+        for sole in robot.soles
+        for joint in robot.leg_joints(sole)
+    }
 
 
 def walking_stack(
@@ -342,7 +361,7 @@ def walking_stack(
         contacts=[SurfaceContact(sole) for sole in soles],
         levels=[[*balance, *feet, *upper], [PostureTask()]],
         torque_limit=TorqueLimit(rate=SMOOTH_RATE),
-        joint_limit=JointLimit(braking=SWING_BRAKING),
+        joint_limit=JointLimit(braking_of=swing_braking(robot)),
         # What hands that go along do was planned; whoever leads them may lead them anywhere.
         self_collision_limit=None if arms is None else SelfCollisionLimit(),
     )
