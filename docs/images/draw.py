@@ -43,11 +43,10 @@ def draw_moments() -> None:
     names = ("q", "com", "zmp", *(f"wrench/{sole}" for sole in robot.soles))
     for number, (scenario, time) in enumerate(MOMENTS.items()):
         log = poise.sim.read_log(RUNS / f"{scenario}-{ROBOT}" / "log.mcap")
-        for name in names:
-            moments.add(float(number), name, _at(log, name, time))
+        moments.add(float(number), {name: _at(log, name, time) for name in names})
     markers = run_markers(robot, moments)
     config = poise.sim.Camera.Config(
-        width=400, height=620, azimuth=150.0, elevation=-10.0, distance=1.5, antialiasing=4
+        width=460, height=620, azimuth=150.0, elevation=-10.0, distance=1.85, antialiasing=4
     )
     with poise.sim.Camera(robot, plant.model, config) as camera:
         frames = [camera.picture(q, markers(i)) for i, q in enumerate(moments["q"])]
@@ -62,7 +61,7 @@ def draw_obstacle() -> None:
         robot, poise.sim.PlantConfig(blocks=SCRIPTS["over_an_obstacle"](robot).blocks)
     )
     config = poise.sim.Camera.Config(
-        width=230, height=420, azimuth=140.0, elevation=-12.0, distance=1.45, antialiasing=4
+        width=270, height=420, azimuth=140.0, elevation=-12.0, distance=1.75, antialiasing=4
     )
     with poise.sim.Camera(robot, plant.model, config) as camera:
         frames = [camera.picture(_at(log, "q", t)) for t in STEPS]

@@ -92,18 +92,19 @@ def test_the_zmp_of_a_walk_stays_on_what_carries(turned):
 def test_steps_are_chosen_by_what_carries_of_the_foot_that_stands(get_robot):
     robot = get_robot("humanoid33")
     walker = poise.locomotion.Walker(robot, walking_stack(robot))
-    stand = walker._standing
+    stand = walker._parts.stand
     lifted = Lifted(
         0, stand.start[0].position[:2], stand.start[1], stand.bearings[1], (0.03, -0.05)
     )
     heel = lifted._replace(bearing=stand.bearings[1].within((-0.1, -1.0), (-0.06, 1.0)))
-    sole, edge = (walker._planner.plan(foot) for foot in (lifted, heel))
+    sole, edge = (walker._parts.planner.plan(foot) for foot in (lifted, heel))
     assert heel.zmp[0] == pytest.approx(lifted.zmp[0] - 0.076, abs=2e-3)
     assert edge.room[0] < 0.2 * sole.room[0]
     assert edge.room[1] == sole.room[1]
     # The COM tips over the edge sooner than over the middle: the foot goes farther, or is sooner.
     (whole, _), (part, _) = (
-        walker._planner.choose(foot, plan, 0.0) for foot, plan in ((lifted, sole), (heel, edge))
+        walker._parts.planner.choose(foot, plan, 0.0)
+        for foot, plan in ((lifted, sole), (heel, edge))
     )
     assert part.x > whole.x + 0.03
 
@@ -130,7 +131,7 @@ def test_something_is_always_left(turned):
 
 def test_a_sole_on_an_edge_says_nothing_of_the_slope(turned):
     robot = turned.robot
-    stand = poise.locomotion.Walker(robot, walking_stack(robot))._standing
+    stand = poise.locomotion.Walker(robot, walking_stack(robot))._parts.stand
     stance = Stance(turned.sense, stand, 0.01, [turned.area, turned.area])
     q = robot.q_home.copy()
     q[3:7] = 0.0, np.sin(0.05), 0.0, np.cos(0.05)

@@ -67,7 +67,7 @@ def test_every_step_is_made_in_its_time_and_lands_where_it_should(walk):
     assert walk.walker.status is WalkStatus.STANDING
     assert walk.walker.steps_made == walk.plan.count == 4
     for foot, place in zip(
-        walk.walker._stance.feet, walk.plan.placements(walk.plan.count), strict=True
+        walk.walker._parts.stance.feet, walk.plan.placements(walk.plan.count), strict=True
     ):
         assert foot.position[:2] == pytest.approx(place.position[:2], abs=0.005)
         assert foot.yaw == pytest.approx(place.yaw, abs=0.01)

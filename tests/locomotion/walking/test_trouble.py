@@ -42,13 +42,13 @@ class Held:
     def swing(self, ahead=0.0):
         """Lifts the left foot, the weight being on its way to the right one."""
         self.v[1] = -0.3
-        x, y, _ = self.walker._stance.feet[0].position
+        x, y, _ = self.walker._parts.stance.feet[0].position
         self.walker.step_to("left_sole", x + ahead, y, 0.0)
-        while self.walker._flight is None:
+        while self.walker._steps.flight is None:
             self.until(self.time + DT)
             assert self.time < 3.0
         self.v[1] = 0.0
-        foot = self.walker._flight.foot
+        foot = self.walker._steps.flight.foot
         self.loads = [0.0, 1.0] if foot == 0 else [1.0, 0.0]
         return foot
 
@@ -87,17 +87,17 @@ def test_a_robot_that_lies_has_fallen_and_lifts_no_foot(held):
     held.q[3:7] = (np.sin(0.75), 0.0, 0.0, np.cos(0.75))
     assert held.until(2.0)[-1] is WalkStatus.FALLEN
     assert held.walker.steps_made == 0
-    assert held.walker._flight is None
+    assert held.walker._steps.flight is None
 
 
 def test_a_foot_that_is_held_by_something_comes_straight_down(held):
     foot = held.swing(ahead=0.2)
-    place = held.walker._sense.sole(foot)[0].copy()
+    place = held.walker._parts.sense.sole(foot)[0].copy()
     assert WalkStatus.FOOT_CAUGHT not in held.until(held.time + 0.3)
     held.loads = [0.03, 0.97]
     assert WalkStatus.FOOT_CAUGHT in held.until(held.time + 0.5)
     # It was up and on its way ahead; from there it goes down, and no farther.
-    caught = held.walker._flight
+    caught = held.walker._steps.flight
     assert np.linalg.norm(caught.swing.position[:2] - place[:2]) < 0.25
     assert caught.swing.searching
 
@@ -106,7 +106,7 @@ def test_a_foot_that_finds_nothing_waits_and_the_walk_with_it(held):
     held.swing()
     said = held.until(held.time + 2.0)
     assert said[-1] is WalkStatus.FOOT_LOST
-    flight = held.walker._flight
+    flight = held.walker._steps.flight
     assert flight.swing.exhausted
     assert held.walker.commands.pace == 0.0
     held.loads = [0.5, 0.5]
@@ -128,15 +128,15 @@ def test_a_sole_that_slips_halves_the_pace_for_a_while(held):
 
 def test_a_foot_that_has_bounced_off_looks_for_the_ground_again(held):
     foot = held.swing()
-    flight = held.walker._flight
+    flight = held.walker._steps.flight
     held.until(held.time + 0.6 * held.walker.gait.swing_time)
     held.loads = [0.5, 0.5]
     held.until(held.time + 2 * DT)
-    assert held.walker._flight is None
+    assert held.walker._steps.flight is None
     assert held.walker.steps_made == 1
     held.loads = [0.0, 1.0] if foot == 0 else [1.0, 0.0]
     held.until(held.time + 0.02)
-    assert held.walker._flight is flight
+    assert held.walker._steps.flight is flight
     assert held.walker.steps_made == 0
     assert flight.swing.searching
     assert held.active() == [foot == 1, foot == 0]
@@ -145,7 +145,7 @@ def test_a_foot_that_has_bounced_off_looks_for_the_ground_again(held):
 def test_a_foot_that_is_held_on_its_way_up_goes_back_and_straight_up(held):
     foot = held.swing(ahead=0.2)
     assert foot == 0
-    stood, swing = held.walker._sense.sole(0)[0].copy(), held.walker._flight.swing
+    stood, swing = held.walker._parts.sense.sole(0)[0].copy(), held.walker._steps.flight.swing
     held.side = 0.1 * held.robot.weight
     held.until(held.time + 10 * DT)
     np.testing.assert_allclose(swing.position[:2] - stood[:2], (-0.015, 0.0), atol=1e-3)

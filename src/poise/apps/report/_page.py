@@ -109,7 +109,7 @@ def _step(record: RunView) -> _Card | None:
     if value is None:
         return None
     return _Card(
-        name="largest torque step", figure=number(100.0 * value), unit="% of its limit in a tick"
+        name="largest torque step", figure=number(100.0 * value), unit="% of limit, a tick"
     )
 
 

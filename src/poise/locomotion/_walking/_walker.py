@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from enum import Enum
 
 import numpy as np
 from jaxtyping import Float64
@@ -10,24 +9,8 @@ from jaxtyping import Float64
 from poise._checks import Numbers
 from poise.dynamics import RobotState
 from poise.errors import ConfigurationError
-from poise.locomotion._pendulum import natural_frequency
-from poise.locomotion._walking._body import BodyMotion
-from poise.locomotion._walking._body_height import LOWEST, BodyHeight
-from poise.locomotion._walking._carrying import CarryingArea
-from poise.locomotion._walking._commands import (
-    Foothold,
-    LegRoom,
-    StepCommands,
-    VelocityLimits,
-)
-from poise.locomotion._walking._dcm_plan import (
-    REST_TIME,
-    DcmMotion,
-    StepTimes,
-    hermite_step,
-)
+from poise.locomotion._walking._commands import Foothold, VelocityLimits
 from poise.locomotion._walking._feedback import DcmFeedback
-from poise.locomotion._walking._flight import Flight
 from poise.locomotion._walking._footsteps import (
     FootstepPlan,
     Gait,
@@ -36,56 +19,15 @@ from poise.locomotion._walking._footsteps import (
     usual_gait,
 )
 from poise.locomotion._walking._ground import Ground, Placement
-from poise.locomotion._walking._leg_momentum import JoinedSupport, LegMomentum, leg_ratios
-from poise.locomotion._walking._measured_pendulum import MeasuredPendulum
-from poise.locomotion._walking._reach import LegReach
-from poise.locomotion._walking._sense import (
-    ENGAGE,
-    LONGEST_TICK,
-    RELEASE,
-    WalkSense,
-    expect_step,
-)
+from poise.locomotion._walking._leg_momentum import JoinedSupport
+from poise.locomotion._walking._parts import make_parts
+from poise.locomotion._walking._sense import LONGEST_TICK
 from poise.locomotion._walking._settings import WalkSettings, WalkStatus
-from poise.locomotion._walking._stance import Stance
-from poise.locomotion._walking._step_planner import AHEAD, QUICK, Lifted, StepPlanner
-from poise.locomotion._walking._swing_shape import led_swing
-from poise.locomotion._walking._tasks import CarriedTarget, find_walk_tasks
+from poise.locomotion._walking._step_cycle import Phase, StepCycle
+from poise.locomotion._walking._tasks import CarriedTarget
 from poise.locomotion._walking._trouble import RESPONSES, Hanging, Response, TroubleWatch
 from poise.robots import Robot
 from poise.stack import Stack, Task
-
-
-class Phase(Enum):
-    """What the feet do."""
-
-    STAND = "stand"
-    """Both carry the robot, and stay."""
-    SHIFT = "shift"
-    """Both carry it, and one is about to be lifted."""
-    SWING = "swing"
-    """One is in the air."""
-
-
-_WORTH = 0.5
-"""A foot stays where it is while both hold the robot and its step would cost more than this."""
-
-_CALM = 0.01
-"""The divergent component has to be this far inside what holds it for the feet to stay [m]."""
-
-_HOVERING, _BOUNCE_TIME, _BOUNCES = 0.01, 0.01, 0.15
-"""A foot that carries less than this part of the weight for so long [s], not later than this after
-it landed [s], has not landed."""
-
-_TURN, _TURN_IN = 0.6, 0.12
-"""Most that a foot is turned outwards and inwards against the other one [rad]."""
-
-_WIDE = 0.75
-"""Farthest that feet stand apart, over the height of the COM."""
-
-_REACH = 0.85
-"""Part of the longest step, both legs straight, that a foot may use."""
-
 
 _MISPLACED = 0.03
 """How far a sole may be from where a plan begins [m]."""
@@ -126,8 +68,6 @@ class Walker:
         settings: feedback and touchdown.
         limits: of velocities.
         status: how the walk stands.
-        phase: what the feet do.
-        steps_made: how many steps are behind.
         carried: targets that go along with the body, by the name of their task.
 
     Raises:
@@ -155,58 +95,21 @@ class Walker:
             _check_alone(gait, q, ground)
             gait, ground = plan.gait, plan.ground
         self.plan = plan
-        stand = self._standing = plan or stand_of(robot, q)
-        standing_height = stand.com[2] - stand.middle[2]
-        self.gait = gait or usual_gait(standing_height)
-        self.height = standing_height - self.gait.crouch
-        ratios = leg_ratios(robot, stand.q, stand.soles)
-        self._legs = LegMomentum(ratios.ahead, natural_frequency(self.height))
+        stand = plan or stand_of(robot, q)
+        self.gait = gait or usual_gait(stand.com[2] - stand.middle[2])
         self.ground = ground or level_floor(stand.start)
-        reach = LegReach(robot, stand)
-        if plan is not None:
-            reach.check(plan, self.height)
-        turns = all(robot.soles[sole].turns for sole in stand.soles)
-        self._room = LegRoom(
-            sizes=stand.sizes,
-            width=self.gait.width or stand.width,
-            clearance=FootstepPlan.clearance,
-            ahead=_REACH * 2.0 * reach.span.beside(self.height),
-            far=_REACH * 2.0 * reach.span.beside(LOWEST * self.height),
-            wide=_WIDE * self.height,
-            turn=_TURN if turns else 0.0,
-            turn_in=_TURN_IN if turns else 0.0,
-            quickness=reach.quickness,
-        )
-        self.commands = StepCommands(self.limits, self._room, self.gait.step_time, self.ground)
         stack.bind(robot)
-        self._tasks = find_walk_tasks(robot, stand, stack, carry)
-        self.carried: dict[str, CarriedTarget] = self._tasks.carried
-        self._sense = WalkSense(robot, stand.soles)
-        contacts = enumerate(self._tasks.contacts)
-        self._areas = [CarryingArea(self._sense, foot, contact) for foot, contact in contacts]
-        self._feedback = DcmFeedback(self._legs.omega, self.settings.dcm_gain)
-        times = StepTimes(self.gait.swing_time, self.gait.double_support)
-        margin = self.settings.zmp_margin
-        self._planner = StepPlanner(self.commands, self._room, self._legs, times, margin, stand)
-        self._stance = Stance(self._sense, stand, margin, self._areas)
-        self._body = BodyMotion(
-            stand, self.gait.crouch, self.gait.shift_time, self._legs.omega, self.carried
+        parts = self._parts = make_parts(
+            robot, stack, stand, self.gait, self.settings, self.limits, self.ground, carry
         )
-        self._height = BodyHeight(self._sense, stand, reach.span, self.gait, self.height)
-        self._pendulum = MeasuredPendulum(
-            self._legs, ratios.rise, self._sense, self._stance, self._body
-        )
-        self.status, self.phase, self.steps_made = WalkStatus.READY, Phase.STAND, 0
-        self._time: float | None = None
-        self._foot = 0
-        self._watch = TroubleWatch(self._sense, self.settings, self.height)
+        self.height, self.commands = parts.height, parts.commands
+        self.carried: Mapping[str, CarriedTarget] = parts.tasks.carried
+        self.status = WalkStatus.READY
+        self._steps = StepCycle(parts)
+        self._feedback = DcmFeedback(parts.legs.omega, self.settings.dcm_gain)
+        self._watch = TroubleWatch(parts.sense, self.settings, self.height)
         self._hanging: Hanging | None = None
-        self._flight: Flight | None = None
-        self._landed: Flight | None = None
-        self._hovering = self._stood = 0.0
-        self._released = self._hurried = False
-        self._left = 0.0
-        self._dcm: tuple[DcmMotion, DcmMotion] = ((0.0, 0.0), (0.0, 0.0))
+        self._time: float | None = None
 
     # What somebody who leads it says --------------------------------------------------------------
 
@@ -231,17 +134,14 @@ class Walker:
             airborne: the foot that is in the air, which comes down where that helps; 0 for the left
                 one, None for none.
         """
-        self._sense.update(state)
-        self._time, self.phase = state.time, Phase.STAND
-        self._flight = self._landed = self._hanging = None
+        self._parts.sense.update(state)
+        self._time, self._hanging = state.time, None
+        self._steps.put_down()
         self.commands.stop()
-        self.commands.closes = self._hurried = False
+        self.commands.closes = False
         self._begin()
         if airborne is not None:
-            # On its way to be side by side it would cost time, and its leg momentum.
-            self.commands.add_foothold(Foothold(airborne, self._sense.placement(airborne)))
-            self._foot, self._hurried = airborne, True
-            self._lift(airborne, airborne=True)
+            self._steps.catch(airborne)
 
     def step_to(self, sole: str, x: float, y: float, yaw: float) -> None:
         """Makes a step, after those that were asked for before.
@@ -252,10 +152,11 @@ class Walker:
             y: likewise [m].
             yaw: its heading [rad].
         """
-        if sole not in self._standing.soles:
+        soles = self._parts.stand.soles
+        if sole not in soles:
             self.commands.notice = f"foothold of {sole!r} ignored: no sole of this robot"
             return
-        foot = self._standing.soles.index(sole)
+        foot = soles.index(sole)
         self.commands.add_foothold(Foothold(foot, Placement(position=(x, y, 0.0), yaw=yaw)))
 
     @property
@@ -266,16 +167,27 @@ class Walker:
     # What a recorder may know ---------------------------------------------------------------------
 
     @property
+    def phase(self) -> Phase:
+        """What the feet do."""
+        return self._steps.phase
+
+    @property
+    def steps_made(self) -> int:
+        """How many steps are behind."""
+        return self._steps.steps_made
+
+    @property
     def lifting(self) -> tuple[int, bool] | None:
         """Which foot is being lifted, 0 for the left one, and whether it is in the air."""
         if self.phase is Phase.STAND:
             return None
-        return self._foot, self.phase is Phase.SWING
+        return self._steps.foot, self.phase is Phase.SWING
 
     @property
     def landing(self) -> Placement | None:
         """Where the foot in the air comes down; None with both on the ground."""
-        return None if self._flight is None else self._flight.goal
+        flight = self._steps.flight
+        return None if flight is None else flight.goal
 
     @property
     def dcm_error(self) -> Float64[np.ndarray, "2"]:
@@ -285,9 +197,9 @@ class Walker:
     @property
     def zmp(self) -> Float64[np.ndarray, "2"]:
         """Where the ZMP should be, feedback included [m]."""
-        feet, _, _ = self._pendulum.feet(self._flight)
+        feet, _, _ = self._parts.pendulum.feet(self._steps.flight)
         x, y = self._feedback.zmp.tolist()
-        return np.array(self._legs.parted((x, y), feet))
+        return np.array(self._parts.legs.parted((x, y), feet))
 
     def signals(self) -> Mapping[str, Float64[np.ndarray, " n"] | float | str]:
         """What a recorder should know of the last tick."""
@@ -300,11 +212,12 @@ class Walker:
 
     def leads(self, task: Task) -> bool:
         """Whether the walk sets a task's target by itself: the COM's and the feet's."""
-        return task is self._tasks.com or task in self._tasks.feet
+        tasks = self._parts.tasks
+        return task is tasks.com or task in tasks.feet
 
     def holds(self, contact: str) -> bool:
         """Whether the walk loads and unloads a contact of that name."""
-        return any(contact == c.name for c in self._tasks.contacts)
+        return any(contact == c.name for c in self._parts.tasks.contacts)
 
     # A tick ---------------------------------------------------------------------------------------
 
@@ -317,23 +230,16 @@ class Walker:
         if not math.isfinite(float(state.q.sum()) + float(state.v.sum())):
             return
         dt = 0.0 if self._time is None else min(max(state.time - self._time, 0.0), LONGEST_TICK)
-        self._sense.update(state)
-        for area in self._areas:
-            area.update(state, dt)
         self._time = state.time
+        self._parts.sense.update(state)
+        for area in self._parts.areas:
+            area.update(state, dt)
         if self.status is WalkStatus.READY:
             self._start()
         if self.status is WalkStatus.MISPLACED or self._is_stopped_by_trouble(state, dt):
             return
         self.commands.advance(dt)
-        if self.phase is Phase.STAND:
-            self._stand(dt)
-        elif self.phase is Phase.SHIFT:
-            self._shift(dt)
-        elif self._flight is not None:
-            self._fly(self._flight, state, dt)
-        if self._landed is not None:
-            self._confirm(self._landed, state, dt)
+        self._steps.advance(state, dt)
         self._keep_balance(dt)
         if self.status.ok:
             self.status = self._plain_status
@@ -342,12 +248,13 @@ class Walker:
     def _is_stopped_by_trouble(self, state: RobotState, dt: float) -> bool:
         """Does what `RESPONSES` says."""
         error = math.hypot(*self._feedback.error)
-        trouble = self._watch.look(state, self._flight, error, dt)
+        flight = self._steps.flight
+        trouble = self._watch.look(state, flight, error, dt)
         self.status = trouble or self._plain_status
         response = Response() if trouble is None else RESPONSES[trouble]
         self.commands.pace = response.pace
-        if response.lands and self._flight is not None:
-            self._flight.land()
+        if response.lands and flight is not None:
+            flight.land()
         if response.hangs:
             self._hang(state)
         elif self._hanging is not None:
@@ -362,252 +269,59 @@ class Walker:
 
     def _hang(self, state: RobotState) -> None:
         """Asks for nothing but that the robot stays as it is, wherever it is taken."""
+        parts = self._parts
         if self._hanging is None:
-            self._hanging = Hanging(state, self._sense, self._tasks)
-            self.phase, self._flight, self._landed = Phase.STAND, None, None
-            self._hurried = False
+            self._hanging = Hanging(state, parts.sense, parts.tasks)
+            self._steps.put_down()
             # Put down again, it stands until somebody says something else.
             self.commands.stop()
-        self._hanging.follow(state, self._body, self._pendulum.mass(self._flight)[0])
+        mass, _ = parts.pendulum.mass(self._steps.flight)
+        self._hanging.follow(state, parts.body, mass)
         self._announce_step()
 
     def _announce_step(self) -> None:
-        """Tells the balance limit of the stack where the next step catches the robot."""
         limit = self.stack.balance_limit
-        if not limit.enabled:
-            return
-        if self.phase is Phase.STAND:
-            # The last foot of a plan does not carry at once: it is still the one that catches.
-            if self._landed is None or self.commands.closes:
-                limit.expect_step(None)
-            return
-        if self._flight is not None:
-            goal = self._flight.goal
-        else:
-            goal = self.commands.steps(self._foot, self._standing_foot, AHEAD)[0]
-        size = self._standing.sizes[self._foot]
-        expect_step(limit, goal.position, goal.yaw, size, self.settings.adjust)
-
-    def _is_held(self, margin: float = 0.0) -> bool:
-        """Whether the feet as they stand can bring the divergent component to rest.
-
-        Args:
-            margin: how far inside the soles' edges, and the margin of the ZMP, it has to be [m].
-        """
-        return self._pendulum.depth(self._flight) >= margin
+        if limit.enabled:
+            self._steps.announce(limit)
 
     def _start(self) -> None:
         """Begins where the robot stands, which is where its plan begins if it has one."""
         if self.plan is not None:
             for foot, place in enumerate(self.plan.start):
-                if math.dist(self._sense.sole(foot)[0].tolist(), place.position) > _MISPLACED:
+                if math.dist(self._parts.sense.sole(foot)[0].tolist(), place.position) > _MISPLACED:
                     self.status = WalkStatus.MISPLACED
                     return
             self.commands.follow(self.plan)
         self._begin()
 
     def _begin(self) -> None:
+        parts = self._parts
         self.status = WalkStatus.STANDING
         self._feedback.error = np.zeros(2)
-        stance = self._stance
-        stance.stand_on((0, 1), self._sense.placement(0).yaw)
-        mass, _ = self._pendulum.mass(self._flight)
-        self._dcm = ((mass[0], 0.0), (mass[1], 0.0))
-        self._body.begin(mass, float(self._sense.com[2]), stance.heading)
-        self._left = self.gait.shift_time
-
-    def _stand_on(self, *feet: int) -> None:
-        """These feet carry the robot from now on."""
-        self._stance.stand_on(feet, self._body.heading[0])
-
-    # Both feet on the ground ----------------------------------------------------------------------
-
-    def _stand(self, dt: float) -> None:
-        self._left = max(self._left - dt, 0.0)
-        self._stance.follow(self._body.heading[0])
-        x, y = self._standing.rest(self._stance.feet)
-        self._lead_dcm(((x, 0.0), (y, 0.0)), self._left, dt)
-        if not self._is_held(_CALM if self.commands.closes else 0.0):
-            self._hurry()
-        elif self.commands.moving:
-            self._go(self.commands.first_foot(), self.gait.shift_time)
-        elif self.commands.closes and not self._is_closed() and self._left == 0.0:
-            self._go(0, self.gait.shift_time)
-
-    def _is_closed(self) -> bool:
-        return self._stance.closed(self._room.width)
-
-    def _go(self, foot: int, time: float) -> None:
-        """A foot is to be lifted in a while [s]."""
-        self.phase, self._foot, self._left, self._released = Phase.SHIFT, foot, time, False
-
-    def _hurry(self) -> None:
-        """A foot is to be lifted at once, so that the robot does not fall."""
-        stance = self._stance
-        bearings = [stance.bearing(foot) for foot in (0, 1)]
-        xi = self._pendulum.xi(self._flight)
-        self._go(self._planner.better_foot(stance.feet, bearings, xi), QUICK)
-        self._hurried = True
-        # The ZMP has to be in the foot that stays; going there evenly would take too long.
-        self._stand_on(1 - self._foot)
-
-    def _shift(self, dt: float) -> None:
-        """Takes the load off a foot, and lifts it when it is due."""
-        self._left -= dt
-        foot, contact = self._foot, self._tasks.contacts[self._foot]
-        if self._left > QUICK and not self._released and not self._is_held():
-            self._hurry()
-            foot, contact = self._foot, self._tasks.contacts[self._foot]
-        if not self._hurried:
-            planner = self._planner
-            lift_off = planner.on_the_way(planner.plan(self._next_foot()), planner.times.swing)
-            self._lead_dcm(lift_off, self._left, dt)
-        ramp = min(RELEASE * self.gait.double_support, QUICK)
-        if not self._released and self._left <= ramp:
-            if self._is_held() and self._planner.cost(self._next_foot()) > _WORTH:
-                self._left = ramp
-                return
-            contact.release(ramp)
-            self._released = True
-            # The tick that finds the contact gone comes before the next state: it holds the foot.
-            self._tasks.feet[foot].set_target(*self._sense.sole(foot))
-        if self._left <= 0.0 and not contact.active:
-            self._lift(foot)
-
-    def _next_foot(self) -> Lifted:
-        """The foot that comes down next, in the air or not yet."""
-        x, y, _ = self._stance.feet[self._foot].position
-        elapsed = 0.0
-        if self._flight is not None:
-            elapsed = self._flight.elapsed
-            x, y, _ = self._flight.swing.position.tolist()
-        return Lifted(
-            self._foot,
-            (x, y),
-            self._standing_foot,
-            self._stance.bearing(1 - self._foot),
-            self._pendulum.xi(self._flight),
-            elapsed,
-        )
-
-    @property
-    def _standing_foot(self) -> Placement:
-        """Where the foot stands that stays."""
-        return self._stance.feet[1 - self._foot]
-
-    def _lead_dcm(self, goal: tuple[DcmMotion, DcmMotion], left: float, dt: float) -> None:
-        """Moves the reference on, to be at a goal in a while."""
-        x, y = (hermite_step(a, b, left, dt) for a, b in zip(self._dcm, goal, strict=True))
-        self._dcm = (x, y)
-
-    # One foot in the air --------------------------------------------------------------------------
-
-    def _lift(self, foot: int, *, airborne: bool = False) -> None:
-        self._landed = None
-        self._stand_on(1 - foot)
-        goal = self.commands.steps(foot, self._standing_foot, AHEAD)[0]
-        begin, size = self._sense.placement(foot), self._standing.sizes[foot]
-        rise, swung = self.gait.swing_height, None
-        if airborne:
-            rise, swung = 0.0, self._planner.swung(begin.position[2] - goal.position[2])
-        depth = self.settings.touchdown_depth
-        shape = led_swing(begin, goal, size, rise, self.ground, depth)
-        self._flight = Flight(
-            foot,
-            self._sense,
-            goal,
-            shape,
-            self._planner,
-            self.commands,
-            self.settings,
-            swung,
-        )
-        self.phase = Phase.SWING
-        if self._hurried:
-            self._aim(self._flight, math.inf)
-        self._hurried = False
-
-    def _fly(self, flight: Flight, state: RobotState, dt: float) -> None:
-        flight.count(dt)
-        self._aim(flight, dt)
-        flight.get_clear(state)
-        flight.advance(dt)
-        swing = flight.swing
-        if self._sense.is_down(swing, state, flight.foot, self.settings):
-            self._land(flight.foot)
-            return
-        self._tasks.lead_foot(self._sense, flight.foot, swing)
-
-    def _confirm(self, flight: Flight, state: RobotState, dt: float) -> None:
-        """A foot that has bounced off what it met looks for the ground again."""
-        self._stood += dt
-        if self._stood > _BOUNCES:
-            self._landed = None
-            return
-        load = self._sense.load(state, flight.foot)
-        self._hovering = 0.0 if load > _HOVERING else self._hovering + dt
-        if self._hovering < _BOUNCE_TIME:
-            return
-        self._tasks.contacts[flight.foot].release(0.0)
-        self._tasks.contacts[1 - flight.foot].engage(0.0)
-        self._foot, self._flight, self._landed = flight.foot, flight, None
-        self.phase, self._released, self._hurried = Phase.SWING, False, False
-        flight.swing.search_again()
-        self.steps_made -= 1
-        self._stand_on(1 - flight.foot)
-
-    def _aim(self, flight: Flight, dt: float) -> None:
-        """Chooses the touchdown, and where the divergent component should be now."""
-        planner, lifted = self._planner, self._next_foot()
-        pendulum = planner.plan(lifted, self._pendulum.swing_motion(flight.swing)[0])
-        flight.aim(lifted, pendulum, dt)
-        pendulum = planner.moved(lifted, pendulum, flight.goal.position[:2])
-        self._dcm = planner.on_the_way(pendulum, flight.left)
-
-    def _land(self, foot: int) -> None:
-        # What came down in a hurry has to carry as soon.
-        hurry = min(self._flight.elapsed / self._planner.times.swing, 1.0) if self._flight else 1.0
-        self._tasks.contacts[foot].engage(hurry * ENGAGE * self.gait.double_support)
-        self._landed, self._hovering, self._stood = self._flight, 0.0, 0.0
-        self._flight = None
-        self.steps_made += 1
-        commands = self.commands
-        if commands.footholds and commands.footholds[0].foot == foot:
-            commands.footholds.popleft()
-        self._stand_on(0, 1)
-        opened = commands.closes and not self._is_closed()
-        # Who steps only in order not to fall keeps any stand that holds.
-        calm = _CALM if commands.closes else 0.0
-        if commands.moving or opened or not self._is_held(calm):
-            following = commands.next_foot(foot)
-            again = following == foot
-            self._go(following, self.gait.shift_time if again else self.gait.double_support)
-        else:
-            # The divergent component goes over to where it rests as it was planned to, or in peace.
-            planned = not commands.closes
-            self._left = REST_TIME if planned else self.gait.settle_time
-            self.phase = Phase.STAND
-
-    # Balance and body -----------------------------------------------------------------------------
+        self._steps.begin()
+        mass, _ = parts.pendulum.mass(self._steps.flight)
+        parts.body.begin(mass, float(parts.sense.com[2]), parts.stance.heading)
 
     def _keep_balance(self, dt: float) -> None:
-        begins = self.steps_made == 0
-        goal = self._height.goal(self._stance, self._flight, self._body.rise[0], begins=begins)
-        self._body.move(*goal, dt)
-        com = self._body.follow(self._dcm, dt)
-        feet, velocities, accelerations = self._pendulum.feet(self._flight)
-        joined, velocity = self._pendulum.mass(self._flight)
+        """Leads the COM, and what goes along with it, where the divergent component should be."""
+        parts, steps = self._parts, self._steps
+        begins = steps.steps_made == 0
+        goal = parts.rise.goal(parts.stance, steps.flight, parts.body.rise[0], begins=begins)
+        parts.body.move(*goal, dt)
+        com = parts.body.follow(steps.dcm, dt)
+        feet, velocities, accelerations = parts.pendulum.feet(steps.flight)
+        joined, velocity = parts.pendulum.mass(steps.flight)
         x, y = self._feedback.acceleration(
             np.array(joined),
             np.array(velocity),
             com,
-            JoinedSupport(self._legs, self._stance.support, feet),
+            JoinedSupport(parts.legs, parts.stance.support, feet),
         ).tolist()
-        rows = zip(com.tolist(), (feet, velocities, accelerations), self._body.rise, strict=True)
-        com = np.array([(*self._legs.parted((a, b), f), z) for (a, b), f, z in rows])
-        asked = self._legs.parted((x, y), accelerations)
-        self._tasks.lead_com(self._sense, com, np.array(asked))
-        self._body.carry(com)
+        rows = zip(com.tolist(), (feet, velocities, accelerations), parts.body.rise, strict=True)
+        com = np.array([(*parts.legs.parted((a, b), f), z) for (a, b), f, z in rows])
+        asked = parts.legs.parted((x, y), accelerations)
+        parts.tasks.lead_com(parts.sense, com, np.array(asked))
+        parts.body.carry(com)
 
 
 def _check_alone(gait: Gait | None, q: Numbers | None, ground: Ground | None) -> None:

@@ -1,0 +1,145 @@
+"""`WalkParts`: what a walk is made of, made once."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from poise.locomotion._pendulum import natural_frequency
+from poise.locomotion._walking._body import BodyMotion
+from poise.locomotion._walking._body_height import LOWEST, BodyHeight
+from poise.locomotion._walking._carrying import CarryingArea
+from poise.locomotion._walking._commands import LegRoom, StepCommands, VelocityLimits
+from poise.locomotion._walking._dcm_plan import StepTimes
+from poise.locomotion._walking._footsteps import FootstepPlan, Gait, Stand
+from poise.locomotion._walking._ground import Ground
+from poise.locomotion._walking._leg_momentum import LegMomentum, leg_ratios
+from poise.locomotion._walking._measured_pendulum import MeasuredPendulum
+from poise.locomotion._walking._reach import LegReach
+from poise.locomotion._walking._sense import WalkSense
+from poise.locomotion._walking._settings import WalkSettings
+from poise.locomotion._walking._stance import Stance
+from poise.locomotion._walking._step_planner import StepPlanner
+from poise.locomotion._walking._tasks import WalkTasks, find_walk_tasks
+from poise.robots import Robot
+from poise.stack import Stack
+
+_TURN, _TURN_IN = 0.6, 0.12
+"""Most that a foot is turned outwards and inwards against the other one [rad]."""
+
+_WIDE = 0.75
+"""Farthest that feet stand apart, over the height of the COM."""
+
+_REACH = 0.85
+"""Part of the longest step, both legs straight, that a foot may use."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class WalkParts:
+    """What a walk is made of.
+
+    Attributes:
+        stand: how the robot stands before it begins.
+        gait: timing and shape of a step.
+        settings: feedback and touchdown.
+        ground: what it walks on.
+        height: of the COM over the soles while it walks [m].
+        room: where feet may go.
+        legs: the pendulum, with the momentum of its legs.
+        commands: what is asked for.
+        tasks: what is set of the stack.
+        sense: COM and soles, as they are.
+        areas: what of each sole carries.
+        planner: of the next footholds.
+        stance: where the feet stand.
+        body: where the COM and what goes along with it should be.
+        rise: how high the body goes.
+        pendulum: as it is.
+    """
+
+    stand: Stand
+    gait: Gait
+    settings: WalkSettings
+    ground: Ground
+    height: float
+    room: LegRoom
+    legs: LegMomentum
+    commands: StepCommands
+    tasks: WalkTasks
+    sense: WalkSense
+    areas: Sequence[CarryingArea]
+    planner: StepPlanner
+    stance: Stance
+    body: BodyMotion
+    rise: BodyHeight
+    pendulum: MeasuredPendulum
+
+
+def make_parts(
+    robot: Robot,
+    stack: Stack,
+    stand: Stand,
+    gait: Gait,
+    settings: WalkSettings,
+    limits: VelocityLimits,
+    ground: Ground,
+    carry: Sequence[str] | None,
+) -> WalkParts:
+    """The parts of a walk, for one robot and stack.
+
+    Args:
+        robot: on two soles.
+        stack: bound to the robot.
+        stand: how it stands; the plan, if it walks along one.
+        gait: timing and shape of a step.
+        settings: feedback and touchdown.
+        limits: of velocities.
+        ground: what it walks on.
+        carry: names of frame tasks that go along with the body; all that are on no sole when None.
+
+    Raises:
+        ConfigurationError: the stack lacks something, or a leg does not reach where the plan wants
+            it.
+        UnknownNameError: no such frame task to carry.
+    """
+    height = stand.com[2] - stand.middle[2] - gait.crouch
+    ratios = leg_ratios(robot, stand.q, stand.soles)
+    legs = LegMomentum(ratios.ahead, natural_frequency(height))
+    reach = LegReach(robot, stand)
+    if isinstance(stand, FootstepPlan):
+        reach.check(stand, height)
+    turns = all(robot.soles[sole].turns for sole in stand.soles)
+    room = LegRoom(
+        sizes=stand.sizes,
+        width=gait.width or stand.width,
+        clearance=FootstepPlan.clearance,
+        ahead=_REACH * 2.0 * reach.span.beside(height),
+        far=_REACH * 2.0 * reach.span.beside(LOWEST * height),
+        wide=_WIDE * height,
+        turn=_TURN if turns else 0.0,
+        turn_in=_TURN_IN if turns else 0.0,
+        quickness=reach.quickness,
+    )
+    commands = StepCommands(limits, room, gait.step_time, ground)
+    tasks = find_walk_tasks(robot, stand, stack, carry)
+    sense = WalkSense(robot, stand.soles)
+    areas = [CarryingArea(sense, foot, contact) for foot, contact in enumerate(tasks.contacts)]
+    times = StepTimes(gait.swing_time, gait.double_support)
+    stance = Stance(sense, stand, settings.zmp_margin, areas)
+    body = BodyMotion(stand, gait.crouch, gait.shift_time, legs.omega, tasks.carried)
+    return WalkParts(
+        stand=stand,
+        gait=gait,
+        settings=settings,
+        ground=ground,
+        height=height,
+        room=room,
+        legs=legs,
+        commands=commands,
+        tasks=tasks,
+        sense=sense,
+        areas=areas,
+        planner=StepPlanner(commands, room, legs, times, settings.zmp_margin, stand),
+        stance=stance,
+        body=body,
+        rise=BodyHeight(sense, stand, reach.span, gait, height),
+        pendulum=MeasuredPendulum(legs, ratios.rise, sense, stance, body),
+    )
