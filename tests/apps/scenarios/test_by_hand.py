@@ -29,6 +29,9 @@ def test_the_robot_is_walked_over_the_obstacle_by_torques(shipped_run, robot):
     assert outcome.summary["fell"] is False
     assert outcome.summary["missed_ticks"] == 0
     assert max(outcome.summary["residual_max"][:2]) < 1e-6
+    # However far the foot in the air is from the ground, the pelvis stays upright.
+    record = read_log(outcome.folder / "log.mcap")
+    assert np.abs(record["error/pelvis orientation"]).max() < 0.1
 
 
 @pytest.mark.parametrize("robot", ["biped20", "g1"])

@@ -38,9 +38,12 @@ what little those leave to them. Heavier ones are thrown less, and lean the trun
 _KP_POSTURE = 25.0
 """Stiffness of the posture [1/s^2]."""
 
-_BALANCE, _CATCHING = 1e5, 1.0
+_BALANCE, _CATCHING = (1e5, 1e5, 1.0), 1.0
 """Weight of the COM beside foot and trunk while the operator leads the feet, and while the robot
-steps by itself in order not to fall: then a foot that is late costs as much."""
+steps by itself in order not to fall: then a foot that is late costs as much.
+
+Height is no balance: where the leg that stands folds no deeper, and the COM was to come down all
+the same, trunk and hip would roll towards the foot in the air and slam it onto the ground."""
 
 _URGENT = 10.0
 """Weight of the trunk while the operator asks for an upright torso."""
