@@ -5,6 +5,7 @@ import importlib
 import json
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -42,8 +43,13 @@ def modules():
     return sorted(ROOT.rglob("*.py"))
 
 
+@cache
 def imports_of(path):
     """Every absolute name that a file imports, wherever the import stands in it."""
+    return tuple(_imports_of(path))
+
+
+def _imports_of(path):
     package = ("poise", *path.relative_to(ROOT).parts[:-1])
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):

@@ -1,8 +1,12 @@
 """What `type_checks` checks: the first calls of each function in each test, and some later ones."""
 
+import inspect
+
 import jaxtyping
 import numpy as np
 import pytest
+import type_checks
+from beartype import beartype
 from type_checks import EVERY, FIRST
 
 from poise.apps.report import BaseErrors
@@ -21,11 +25,44 @@ def is_checked():
     return False
 
 
+def annotated(calls: int):
+    """One that counts its calls."""
+
+
 @pytest.mark.parametrize("time", ["first", "second"])
 def test_wrong_shapes_are_errors_in_the_first_calls_of_each_test_and_in_some_after_them(time):
-    checked = [is_checked() for _ in range(2 * EVERY)]
-    assert all(checked[:FIRST])
+    counting = type_checks.counting(annotated, beartype)
+    checked = [is_checked() for _ in range(2 * FIRST)]
+    assert checked == [True] * FIRST + [False] * FIRST
+    for _ in range(3):
+        for k in range(EVERY + FIRST + 1):
+            counting(k)
+        assert [is_checked() for _ in range(2 * FIRST)].count(True) == 1
+
+
+def test_one_that_counts_is_checked_as_often():
+    counting = type_checks.counting(annotated, beartype)
+    checked = []
+    for _ in range(FIRST + 2 * EVERY):
+        try:
+            counting("no number")
+        except jaxtyping.TypeCheckError:
+            checked.append(True)
+        else:
+            checked.append(False)
+    assert checked[:FIRST] == [True] * FIRST
     assert checked.count(True) == FIRST + 1
+    assert checked[FIRST + EVERY]
+
+
+def test_one_that_is_not_checked_is_as_it_was_written():
+    """With its defaults, its name and what it closes over."""
+    assert signed_margin.__code__ is not inspect.unwrap(signed_margin).__code__
+    for _ in range(2 * FIRST):
+        is_checked()
+    assert signed_margin.__code__ is inspect.unwrap(signed_margin).__code__
+    for _ in range(2 * FIRST):
+        assert ComTask().name == "com"
 
 
 def test_a_function_that_is_called_late_is_checked():

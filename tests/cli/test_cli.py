@@ -265,11 +265,7 @@ def poise(*arguments, cwd):
     )
 
 
-@pytest.mark.parametrize(
-    "arguments",
-    [("squad",), ("stand", "--robot", "g2"), ("bad.yaml",), ("stand", "--out", "/proc/x/y")],
-    ids=str,
-)
+@pytest.mark.parametrize("arguments", [("bad.yaml",), ("stand", "--out", "/proc/x/y")], ids=str)
 def test_a_real_process_gives_one_line_and_status_two(tmp_path, arguments):
     (tmp_path / "bad.yaml").write_text("name: s\nduration: 5 s\n")
     done = poise("run", *arguments, cwd=tmp_path)

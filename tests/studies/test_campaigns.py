@@ -21,13 +21,13 @@ QUICK = StudyOptions(quick=True)
 
 @pytest.mark.slow
 def test_an_interrupted_campaign_has_the_results_of_one_in_peace(monkeypatch):
-    monkeypatch.setattr(interruption, "_QUICK_EPISODES", 8)
+    monkeypatch.setattr(interruption, "_QUICK_EPISODES", 6)
     seen = []
     section = interruption.interruption_section(QUICK, lambda done, of: seen.append((done, of)))
-    assert [finding.ours for finding in section.findings] == [8, 0, 0]
+    assert [finding.ours for finding in section.findings] == [6, 0, 0]
     assert all(finding.ok for finding in section.findings)
-    assert seen[0] == (0.0, 16.0)
-    assert max(seen)[0] <= 16.0
+    assert seen[0] == (0.0, 12.0)
+    assert max(seen)[0] <= 12.0
 
 
 def test_a_trial_is_worth_the_mean_of_its_episodes_and_falls_count():

@@ -408,7 +408,9 @@ def test_many_watchers_do_not_slow_the_robot_down(front, session):
 
 def test_a_page_that_does_not_keep_up_holds_up_nobody(front):
     url = f"ws://127.0.0.1:{front.port}/control"
-    with connect(url, proxy=None, max_queue=1), control(front) as (watcher, _):
+    # It does not even say goodbye, which nobody is to wait for.
+    late = connect(url, proxy=None, max_queue=1, close_timeout=0.1)
+    with late, control(front) as (watcher, _):
         time.sleep(2.0)
         begin = time.monotonic()
         newest = [json.loads(watcher.recv(timeout=60)) for _ in range(60)][-1]

@@ -39,7 +39,7 @@ def last(run):
     return tuple(Mode)[run.log.mode[-1]], tuple(DeviceStatus)[run.log.device[-1]]
 
 
-@pytest.mark.parametrize("cut", np.linspace(LIFT + 0.05, 2.1, 10).round(3))
+@pytest.mark.parametrize("cut", np.linspace(LIFT + 0.05, 2.1, 5).round(3))
 def test_a_connection_that_is_cut_in_mid_step_throws_nobody(get_robot, cut):
     run = run_teleop(get_robot("biped20"), over(cut=cut), TELEOP_PLANT.with_noise(), duration=4.5)
     log = run.log

@@ -122,7 +122,7 @@ def test_a_bad_operator_does_not_throw_g1_and_a_recording_is_the_same_again(get_
         get_robot("g1"),
         lambda teleoperator: BadOperator(teleoperator, 31),
         TORQUE_TELEOP_PLANT.with_noise(),
-        duration=12.0,
+        duration=8.0,
         seed=31,
         recording=path,
     )
