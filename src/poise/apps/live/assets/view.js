@@ -5,7 +5,7 @@ const ABOVE = 0.06; // A handle is drawn this far above its sole [m], in the mid
 const POLE = 0.3; // Height of the poles at the ZMP and its reference [m]: a foot does not hide them.
 const LINE_Z = 0.004; // Lines are drawn this far above the ground [m].
 const COLOURS = { zmp: 0xd63384, com: 0x0d6efd, target: 0xfd7e14, support: 0x28a745 };
-const AXES = [0xdc3545, 0x28a745, 0x0d6efd], AXIS = 0.1; // Of a hand that is turned [m].
+const AXES = [0xdc3545, 0x28a745, 0x0d6efd], AXIS = 0.12; // Of a hand that is turned [m].
 const PALE = 0.45;
 let view = null; // There is none until the shapes have come, or where the browser has no WebGL.
 
@@ -19,10 +19,13 @@ async function openView() {
     ratio: software ? 0.5 : Math.min(devicePixelRatio, 2),
     renderer: { antialias: !software },
   });
-  // From behind: left is left, and the arrow that points away is forward.
-  stage.camera.position.set(-2.3, 1.1, 1.3);
-  stage.controls.target.set(0, 0, 0.65);
-  stage.controls.update();
+  // From behind: left is left, and the arrow that points away is forward. As far as it takes to see
+  // all of a robot whose COM is so high [m].
+  function lookAt(height) {
+    stage.camera.position.set(-2.3, 1.1, 1.3).multiplyScalar(height / 0.7);
+    stage.controls.target.set(0, 0, 0.93 * height);
+    stage.controls.update();
+  }
   const all = makeHandles(stage, 4);
   const handles = all.slice(0, 2), grips = all.slice(2);
   const marks = makeMarks(stage);
@@ -36,7 +39,10 @@ async function openView() {
   });
   view = { stage, handles, grips, show, drags, hands, allow, release };
 
+  let looked = false;
   function show(s) {
+    if (!looked) lookAt(s.com[2]);
+    looked = true;
     stage.groups.forEach((group, i) => {
       group.position.fromArray(s.bodies, 3 * i);
       const [w, x, y, z] = s.turns.slice(4 * i, 4 * i + 4);
@@ -112,8 +118,10 @@ function makeAxes({ scene }) {
   const axes = new T.Group();
   const alongY = [[0, 0, -Math.PI / 2], [0, 0, 0], [Math.PI / 2, 0, 0]];
   AXES.forEach((color, i) => {
-    const rod = new T.CylinderGeometry(0.005, 0.005, AXIS, 8).translate(0, AXIS / 2, 0);
-    const mesh = new T.Mesh(rod, new T.MeshBasicMaterial({ color }));
+    const rod = new T.CylinderGeometry(0.007, 0.007, AXIS, 8).translate(0, AXIS / 2, 0);
+    // Seen through the hand, whose middle they begin in.
+    const mesh = new T.Mesh(rod, new T.MeshBasicMaterial({ color, depthTest: false }));
+    mesh.renderOrder = 1;
     mesh.rotation.set(...alongY[i]);
     axes.add(mesh);
   });
