@@ -4,7 +4,9 @@
 for sensors that are late.
 """
 
+from poise.estimation._attitude_bias import AttitudeBiasEstimator
 from poise.estimation._config import (
+    AttitudeBiasBelief as AttitudeBiasBelief,
     ContactBelief as ContactBelief,
     EstimatorConfig,
     ImuNoise as ImuNoise,
@@ -18,6 +20,7 @@ from poise.estimation._payload import PayloadEstimator
 from poise.estimation._prediction import StatePredictor
 
 __all__ = [
+    "AttitudeBiasEstimator",
     "EstimatorConfig",
     "EstimatorStatus",
     "InvariantFilter",
