@@ -11,6 +11,7 @@ from poise._checks import Numbers
 from poise.dynamics import RobotState
 from poise.errors import ConfigurationError
 from poise.locomotion._pendulum import natural_frequency
+from poise.locomotion._support import SolePart
 from poise.locomotion._walking._body import BodyMotion
 from poise.locomotion._walking._body_height import LOWEST, BodyHeight
 from poise.locomotion._walking._carrying import CarryingArea
@@ -51,7 +52,7 @@ from poise.locomotion._walking._stance import Stance
 from poise.locomotion._walking._step_planner import AHEAD, QUICK, Lifted, StepPlanner
 from poise.locomotion._walking._swing_shape import led_swing
 from poise.locomotion._walking._tasks import CarriedTarget, find_walk_tasks
-from poise.locomotion._walking._trouble import RESPONSES, Hanging, Response, TroubleWatch
+from poise.locomotion._walking._trouble import RESPONSES, Hanging, HangWatch, Response, TroubleWatch
 from poise.robots import Robot
 from poise.stack import Stack, Task
 
@@ -199,6 +200,7 @@ class Walker:
         self.status, self.phase, self.steps_made = WalkStatus.READY, Phase.STAND, 0
         self._time: float | None = None
         self._foot = 0
+        self._hang_watch = HangWatch(self._sense, self._tasks.contacts)
         self._watch = TroubleWatch(self._sense, self.settings, self.height)
         self._hanging: Hanging | None = None
         self._flight: Flight | None = None
@@ -238,10 +240,40 @@ class Walker:
         self.commands.closes = self._hurried = False
         self._begin()
         if airborne is not None:
-            # On its way to be side by side it would cost time, and its leg momentum.
-            self.commands.add_foothold(Foothold(airborne, self._sense.placement(airborne)))
-            self._foot, self._hurried = airborne, True
-            self._lift(airborne, airborne=True)
+            self._put_down(airborne)
+
+    def feel(self, state: RobotState) -> None:
+        """Learns what soles carry on, and whether one hangs, while somebody else leads two feet.
+
+        Contacts are not told: who leads them takes the ZMP to what carries by itself, and a sole
+        that rocks for a moment has another area in every tick.
+
+        Args:
+            state: of the robot.
+        """
+        dt = self._since_last(state)
+        self._time = state.time
+        self._sense.update(state)
+        for area in self._areas:
+            area.learn(state, dt)
+        self._hang_watch.update(state, dt)
+
+    def forget(self) -> None:
+        """All of both soles carries, for all that is known, and no foot hangs."""
+        self._time = None
+        for area in self._areas:
+            area.forget()
+        self._hang_watch.forget()
+
+    @property
+    def parts(self) -> list[SolePart | None]:
+        """What of each sole carries, left then right; None for all of it."""
+        return self._stance.parts
+
+    @property
+    def hanging(self) -> int | None:
+        """A foot that should stand and hangs in the air, 0 for the left one; None for none."""
+        return self._hang_watch.foot
 
     def step_to(self, sole: str, x: float, y: float, yaw: float) -> None:
         """Makes a step, after those that were asked for before.
@@ -276,6 +308,11 @@ class Walker:
     def landing(self) -> Placement | None:
         """Where the foot in the air comes down; None with both on the ground."""
         return None if self._flight is None else self._flight.goal
+
+    @property
+    def held(self) -> bool:
+        """Whether the feet as they stand hold the robot, on what carries of their soles."""
+        return self.phase is Phase.STAND and self._is_held()
 
     @property
     def dcm_error(self) -> Float64[np.ndarray, "2"]:
@@ -316,16 +353,19 @@ class Walker:
         """
         if not math.isfinite(float(state.q.sum()) + float(state.v.sum())):
             return
-        dt = 0.0 if self._time is None else min(max(state.time - self._time, 0.0), LONGEST_TICK)
+        dt = self._since_last(state)
         self._sense.update(state)
         for area in self._areas:
             area.update(state, dt)
+        self._stance.feel()
+        self._hang_watch.update(state, dt)
         self._time = state.time
         if self.status is WalkStatus.READY:
             self._start()
         if self.status is WalkStatus.MISPLACED or self._is_stopped_by_trouble(state, dt):
             return
         self.commands.advance(dt)
+        self._catch_hanging()
         if self.phase is Phase.STAND:
             self._stand(dt)
         elif self.phase is Phase.SHIFT:
@@ -338,6 +378,10 @@ class Walker:
         if self.status.ok:
             self.status = self._plain_status
         self._announce_step()
+
+    def _since_last(self, state: RobotState) -> float:
+        """Since the last state [s]."""
+        return 0.0 if self._time is None else min(max(state.time - self._time, 0.0), LONGEST_TICK)
 
     def _is_stopped_by_trouble(self, state: RobotState, dt: float) -> bool:
         """Does what `RESPONSES` says."""
@@ -419,6 +463,25 @@ class Walker:
     def _stand_on(self, *feet: int) -> None:
         """These feet carry the robot from now on."""
         self._stance.stand_on(feet, self._body.heading[0])
+
+    def _catch_hanging(self) -> None:
+        """A foot that should stand, and hangs, is one in the air."""
+        foot = self.hanging
+        lifted = self._foot if self.phase is Phase.SHIFT and self._released else None
+        if foot is None or foot == lifted or self.phase is Phase.SWING:
+            return
+        self._landed = None
+        self._tasks.contacts[1 - foot].engage(0.0)
+        self._put_down(foot)
+
+    def _put_down(self, foot: int) -> None:
+        """A foot in the air comes down where that helps."""
+        # On its way to be side by side it would cost time, and its leg momentum.
+        self.commands.add_foothold(Foothold(foot, self._sense.placement(foot)))
+        self._tasks.contacts[foot].release(0.0)
+        self._tasks.feet[foot].set_target(*self._sense.sole(foot))
+        self._foot, self._hurried = foot, True
+        self._lift(foot, airborne=True)
 
     # Both feet on the ground ----------------------------------------------------------------------
 
