@@ -4,7 +4,9 @@
 for sensors that are late.
 """
 
-from poise.estimation._attitude_bias import AttitudeBiasEstimator
+from poise.estimation._attitude_bias import (
+    AttitudeBiasEstimator as AttitudeBiasEstimator,
+)
 from poise.estimation._config import (
     AttitudeBiasBelief as AttitudeBiasBelief,
     ContactBelief as ContactBelief,
@@ -20,7 +22,6 @@ from poise.estimation._payload import PayloadEstimator
 from poise.estimation._prediction import StatePredictor
 
 __all__ = [
-    "AttitudeBiasEstimator",
     "EstimatorConfig",
     "EstimatorStatus",
     "InvariantFilter",
