@@ -4,7 +4,11 @@
 for sensors that are late.
 """
 
+from poise.estimation._attitude_bias import (
+    AttitudeBiasEstimator as AttitudeBiasEstimator,
+)
 from poise.estimation._config import (
+    AttitudeBiasBelief as AttitudeBiasBelief,
     ContactBelief as ContactBelief,
     EstimatorConfig,
     ImuNoise as ImuNoise,

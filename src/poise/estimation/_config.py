@@ -172,3 +172,30 @@ class PayloadBelief:
     least_load: Ratio = 0.3
     shock: Positive = 2.0
     push: Positive = 0.01
+
+
+@checked()
+@dataclass(frozen=True, kw_only=True)
+class AttitudeBiasBelief:
+    """What a `AttitudeBiasEstimator` believes of robot and sensors.
+
+    Attributes:
+        likely: error of the attitude that is likely before anything is known [rad].
+        walk: density of its walk [rad/sqrt(s)].
+        noise: density of the noise of what is measured of it [rad sqrt(s)].
+        smoothing: time constant of the low-pass that all it compares goes through [s].
+        shock: acceleration of the centre of mass above which soles say nothing [m/s^2].
+        push: error beyond what is known at which what is measured counts a quarter: somebody
+            pushes [rad].
+        rate: how fast either component may change [rad/s].
+        most: largest error about either axis [rad].
+    """
+
+    likely: Positive = 0.01
+    walk: Deviation = 0.001
+    noise: Positive = 0.004
+    smoothing: Positive = 0.25
+    shock: Positive = 2.0
+    push: Positive = 0.01
+    rate: Positive = 0.02
+    most: Positive = 0.05

@@ -1,11 +1,13 @@
 """`SupportPolygon`: where the ZMP can be, and the nearest point of it.
 
 `two_soles`: what a robot that walks stands on.
+`SolePart`: what of a sole carries. `both_soles`: where the ZMP can be on two.
 `sole_rectangle`, `convex_hull`, `signed_margin`: its corners, its outline, and distances to that.
 """
 
 import math
 from collections.abc import Iterable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float64
@@ -113,6 +115,67 @@ def sole_rectangle(
         (x - ax - bx, y - ay - by),
         (x + ax - bx, y + ay - by),
     ]
+
+
+_THIN = 0.002
+"""What carries of a sole has to have some area: an edge counts as this wide [m]."""
+
+
+class SolePart(NamedTuple):
+    """A rectangle in a sole on which it carries.
+
+    Attributes:
+        x: of its middle, along the sole's axes from the sole's centre [m].
+        y: likewise [m].
+        length: along x [m].
+        width: along y [m].
+    """
+
+    x: float
+    y: float
+    length: float
+    width: float
+
+    def corners(
+        self,
+        position: Float64[np.ndarray, "3"],
+        rotation: Float64[np.ndarray, "3 3"],
+        margin: float,
+    ) -> list[Point]:
+        """Its corners, seen from above, shrunk as far as it can be [m].
+
+        Args:
+            position: of the sole's centre [m].
+            rotation: world_R_sole.
+            margin: how far inside its edges they are [m].
+        """
+        size = (max(self.length - 2.0 * margin, _THIN), max(self.width - 2.0 * margin, _THIN))
+        middle = position + rotation @ np.array([self.x, self.y, 0.0])
+        return sole_rectangle(middle, rotation, size)
+
+
+def both_soles(
+    placements: Sequence[tuple[Float64[np.ndarray, "3"], Float64[np.ndarray, "3 3"]]],
+    sizes: Sequence[Point],
+    margin: float,
+    parts: Sequence[SolePart | None] = (None, None),
+) -> SupportPolygon:
+    """Where the ZMP can be on two feet.
+
+    Args:
+        placements: of their soles: centre [m] and world_R_sole.
+        sizes: their length and width [m].
+        margin: how far inside the edges it stays [m].
+        parts: what of them carries; None for all of one.
+    """
+    if all(part is None for part in parts):
+        rows = zip(placements, sizes, strict=True)
+        return SupportPolygon([c for p, size in rows for c in sole_rectangle(*p, size)], margin)
+    # A part may be narrower than its margins: each is shrunk by itself.
+    corners: list[Point] = []
+    for placement, size, part in zip(placements, sizes, parts, strict=True):
+        corners += (part or SolePart(0.0, 0.0, *size)).corners(*placement, margin)
+    return SupportPolygon(corners, 0.0)
 
 
 def convex_hull(points: Iterable[Point]) -> list[Point]:

@@ -9,6 +9,7 @@ from standing import PARAMETERS, biped, footing
 from poise.locomotion import Mode
 from poise.locomotion._stepping._com import ComHeight
 from poise.locomotion._stepping._reach import FootRange
+from poise.locomotion._support import SolePart
 
 AWAY = (3.0, -2.0)
 
@@ -35,6 +36,19 @@ def test_soles_on_the_ground_support_and_others_do_not(get_robot, mode, inside):
     now = footing(get_robot("biped20"), mode, at=AWAY)
     depths = [now.support.depth(tuple(now.sole(foot)[:2].tolist())) for foot in (0, 1)]
     assert [depth > 0.0 for depth in depths] == inside
+
+
+def test_two_feet_support_on_what_carries_of_them(get_robot):
+    whole = footing(get_robot("biped20"), Mode.D, at=AWAY)
+    # Of the left sole the last 4 cm are on something.
+    heel = SolePart(-0.5 * whole.biped.sizes[0][0] + 0.02, 0.0, 0.04, 0.2)
+    part = replace(whole, parts=(heel, None))
+    toes = tuple((whole.sole(0)[:2] + (0.08, 0.0)).tolist())
+    assert whole.support.depth(toes) > 0.0 > part.support.depth(toes)
+    behind = tuple((whole.sole(0)[:2] - (0.12, 0.0)).tolist())
+    assert part.support.depth(behind) > 0.0
+    single = footing(get_robot("biped20"), Mode.SL, at=AWAY)
+    assert replace(single, parts=(heel, None)).support.depth(toes) > 0.0
 
 
 @pytest.mark.parametrize(("height", "share"), [(-0.01, 0.0), (0.01, 0.25), (0.05, 1.0)])

@@ -8,7 +8,8 @@ import pytest
 from walker import hands
 
 from poise.apps.teleoperation import TORQUE_TELEOP_PLANT, run_teleop
-from poise.locomotion import DeviceSample, DeviceStatus, Mode, WayPoint
+from poise.dynamics import RobotState
+from poise.locomotion import DeviceSample, DeviceStatus, Mode, StepTeleoperator, WayPoint
 from poise.locomotion._stepping._biped import Biped
 from poise.locomotion._stepping._own_steps import room_outwards
 
@@ -72,6 +73,30 @@ def test_both_feet_on_the_ground_it_steps_and_comes_to_rest(get_robot, degrees):
     assert log.mode[-1] == MODES.index(Mode.D)
     assert log.device[-1] != STATUSES.index(DeviceStatus.OVERRULED)
     assert np.linalg.norm(log.com[-1, :2] - log.zmp_reference[-1]) < 0.02
+    # What its steps learned of the soles is not left to the operator, who learns nothing.
+    whole = StepTeleoperator(robot, actuation="torque")
+    for contact, new in zip(run.teleoperator.stack.contacts, whole.stack.contacts, strict=True):
+        np.testing.assert_allclose(contact.cone, new.cone, atol=1e-12)
+
+
+def test_a_foot_that_stands_and_hangs_is_put_down(get_robot):
+    """Both feet on the ground by their mode; states are made up."""
+    robot = get_robot("g1")
+    teleoperator = StepTeleoperator(robot, actuation="torque")
+    overruled = []
+    for tick in range(75):
+        time = 0.002 * tick
+        left = 0.5 if time < 0.04 else 0.0
+        contacts = {
+            sole: np.array([0.0, 0.0, part * robot.weight, 0.0, 0.0, 0.0])
+            for sole, part in zip(teleoperator.soles, (left, 1.0 - left), strict=True)
+        }
+        measured = RobotState(robot.q_home, np.zeros(robot.nv), contacts, time)
+        teleoperator.lead(teleoperator.estimator.update(measured))
+        overruled.append(teleoperator.status.device is DeviceStatus.OVERRULED)
+    assert not any(overruled[: round(0.09 / 0.002)])
+    assert all(overruled[round(0.1 / 0.002) :])
+    assert teleoperator.mode is Mode.SR
 
 
 def test_a_narrow_sole_has_its_room_on_the_outer_side():

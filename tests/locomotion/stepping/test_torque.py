@@ -165,3 +165,16 @@ def test_a_robot_heavier_than_described_stands_as_high(get_robot):
         height.append(run.plant.com[2])
     # Without knowing the payload it would stand 3 mm lower.
     assert height[1] == pytest.approx(height[0], abs=1e-3)
+
+
+def test_an_attitude_that_is_off_puts_the_com_no_farther_from_the_feet(get_robot):
+    robot = get_robot("g1")
+    sensors = replace(SensorConfig.typical(), base_orientation_error=(0.009, -0.006))
+    run = run_teleop(robot, resting, replace(TORQUE_TELEOP_PLANT, sensors=sensors), duration=4.0)
+    middles = [
+        0.5 * sum(run.plant.data.site(name).xpos for name in run.teleoperator.soles),
+        0.5 * sum(run.teleoperator.status.soles),
+    ]
+    true, ours = run.plant.com - middles[0], run.teleoperator.status.com - middles[1]
+    # By the attitude alone it would be 6 and 4 mm off.
+    assert np.abs(true - ours)[:2].max() < 2e-3

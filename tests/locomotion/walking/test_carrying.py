@@ -109,6 +109,36 @@ def test_steps_are_chosen_by_what_carries_of_the_foot_that_stands(get_robot):
     assert part.x > whole.x + 0.03
 
 
+def test_two_feet_hold_no_more_than_what_carries_of_them(turned):
+    robot = turned.robot
+    stand = poise.locomotion.Walker(robot, walking_stack(robot))._parts.stand
+    right = CarryingArea(turned.sense, 1, turned.contact)
+    stance = Stance(turned.sense, stand, 0.01, [turned.area, right])
+    turned.look()
+    stance.stand_on((0, 1), 0.0)
+    x, y, _ = stance.feet[0].position
+    ahead = (x + 0.08, y)
+    whole = stance.support.depth(ahead)
+    assert whole > 0.0
+    # The toes of the left foot go down.
+    turned.look(pressure=(0.02, 0.0), turning=(0.0, 1.0), ticks=round(1.0 / DT))
+    stance.feel()
+    assert stance.support.depth(ahead) < -0.02
+    assert stance.support.depth((x - 0.02, y - 0.05)) > 0.0
+    turned.look(ticks=round(2.0 / DT))
+    stance.feel()
+    assert stance.support.depth(ahead) == pytest.approx(whole)
+
+
+def test_an_area_that_is_forgotten_is_that_of_the_sole(turned):
+    turned.look(turning=(2.0, 2.0), ticks=5)
+    turned.look(turning=(-2.0, -2.0), ticks=5)
+    assert not turned.area.lies
+    turned.area.forget()
+    np.testing.assert_allclose(turned.contact.cone, turned.whole, atol=1e-12)
+    assert turned.area.lies
+
+
 def test_a_foot_that_hardly_carries_says_nothing(turned):
     turned.look(pressure=(0.0, 0.0), turning=(2.0, 2.0), load=0.05)
     np.testing.assert_array_equal(turned.contact.cone, turned.whole)

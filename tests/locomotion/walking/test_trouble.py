@@ -142,6 +142,31 @@ def test_a_foot_that_has_bounced_off_looks_for_the_ground_again(held):
     assert held.active() == [foot == 1, foot == 0]
 
 
+@pytest.mark.parametrize("foot", [0, 1])
+def test_a_foot_that_stands_and_hangs_is_one_in_the_air(held, foot):
+    """What its contact is asked to carry would move nothing but its leg."""
+    held.until(0.5)
+    held.loads = [0.0, 1.0] if foot == 0 else [1.0, 0.0]
+    held.until(0.54)
+    assert held.walker.lifting is None
+    held.until(0.57)
+    assert held.walker.lifting == (foot, True)
+    assert held.active() == [foot == 1, foot == 0]
+    # It comes down where it is, and both stand again.
+    held.until(held.time + 0.5 * held.walker.gait.swing_time)
+    held.loads = [0.5, 0.5]
+    held.until(held.time + 0.1)
+    assert held.active() == [True, True]
+    assert held.walker.held
+
+
+def test_a_foot_that_carries_little_does_not_hang(held):
+    held.loads = [0.02, 0.98]
+    held.until(0.8)
+    assert held.walker.hanging is None
+    assert held.walker.steps_made == 0
+
+
 def test_a_foot_that_is_held_on_its_way_up_goes_back_and_straight_up(held):
     foot = held.swing(ahead=0.2)
     assert foot == 0

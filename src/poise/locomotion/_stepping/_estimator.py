@@ -9,7 +9,7 @@ from jaxtyping import Float64
 
 from poise.control import is_usable
 from poise.dynamics import Dynamics, RobotState
-from poise.estimation import PayloadEstimator, StateEstimator
+from poise.estimation import AttitudeBiasEstimator, PayloadEstimator, StateEstimator
 from poise.robots import Robot
 
 _LEAST_LOAD = 0.02
@@ -98,8 +98,8 @@ class StanceEstimator:
         robot: a biped.
         soles: names of the left and the right sole.
         q_start: configuration at the start, whose feet stand on the ground.
-        inertial: whether the velocity comes from the inertial unit, too, and the state has the
-            payload that the soles' wrenches say.
+        inertial: whether the velocity comes from the inertial unit, too, the state has the payload
+            that the soles' wrenches say, and the attitude is less the error that they say.
 
     Attributes:
         dynamics: of the estimated state.
@@ -118,15 +118,17 @@ class StanceEstimator:
         self.dynamics = Dynamics(robot)
         self._robot, self._data = robot, robot.model.createData()
         self._soles = [robot.frame_id(name) for name in soles]
+        self._names = soles
         self._start = RobotState(q_start, np.zeros(robot.nv))
         self._inertial = StateEstimator(robot, q_start=q_start) if inertial else None
         self._payload = PayloadEstimator(robot) if inertial else None
+        self._attitude = AttitudeBiasEstimator() if inertial else None
         self.anchors: list[Float64[np.ndarray, "3"]] = []
         self.reset()
 
     def reset(self) -> None:
         """Back to the configuration at the start."""
-        for part in (self._inertial, self._payload):
+        for part in (self._inertial, self._payload, self._attitude):
             if part is not None:
                 part.reset()
         self.dynamics.update(self._start)
@@ -145,6 +147,8 @@ class StanceEstimator:
         if known is None or not is_usable(known, self._robot):
             return state
         q, v = known.q, known.v
+        if self._attitude is not None:
+            q[3:7] = self._attitude.corrected(q[3:7])
         position, jacobian = self._stance_sole(q)
         q[:3] = self.anchors[self.stance] - position
         # The sole's linear velocity is zero. The base's stands in its own axes: a rotation.
@@ -158,7 +162,19 @@ class StanceEstimator:
         if self._payload is not None:
             known = self._payload.update(known)
         self.dynamics.update(known)
+        if self._attitude is not None:
+            self._learn_attitude(self._attitude, known)
         return known
+
+    def _learn_attitude(self, estimator: AttitudeBiasEstimator, state: RobotState) -> None:
+        """Takes in what the soles push along the ground."""
+        wrenches = [state.contacts.get(name) for name in self._names]
+        forces = [
+            None if wrench is None else self.rotation(foot) @ wrench[:3]
+            for foot, wrench in enumerate(wrenches)
+        ]
+        world_R_base = pin.Quaternion(state.q[3:7]).matrix()
+        estimator.update(state.time, forces, self.dynamics.com_velocity, world_R_base)
 
     def sole(self, foot: int) -> Float64[np.ndarray, "3"]:
         """Where a sole's centre is [m]."""

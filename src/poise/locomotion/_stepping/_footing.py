@@ -4,6 +4,7 @@
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -14,7 +15,7 @@ from poise.locomotion._stepping._biped import Biped
 from poise.locomotion._stepping._estimator import StanceEstimator, ZmpSensor
 from poise.locomotion._stepping._modes import Mode
 from poise.locomotion._stepping._parameters import TeleopParameters
-from poise.locomotion._support import SupportPolygon, sole_rectangle
+from poise.locomotion._support import SolePart, SupportPolygon, both_soles, sole_rectangle
 
 _LOAD_RATIO = 1.2
 """In double support a foot becomes the stance that carries this many times the other's load."""
@@ -128,6 +129,7 @@ class Footing:
         inwards: how far beside the middle of the foot that shall carry the ZMP shall be, to the
             side of the other one [m].
         pressed: how far below its place the other foot is sent, both feet on the ground [m].
+        parts: what of each sole carries where both feet stand, left then right; None for all.
         com_velocity: of the COM, observed, x and y; that of `dynamics` when None [m/s].
         zmp_reference: eq. (15a): between the feet, or where the foot that shall carry was put
             down, less `inwards` [m].
@@ -149,6 +151,7 @@ class Footing:
     sensor: ZmpSensor
     inwards: float = 0.0
     pressed: float = 0.0
+    parts: Sequence[SolePart | None] = (None, None)
     com_velocity: Float64[np.ndarray, "2"] | None = None
 
     zmp_reference: Float64[np.ndarray, "2"] = field(init=False)
@@ -175,11 +178,14 @@ class Footing:
         self.capture_depth = self.support.depth((x, y))
 
     def _support(self) -> SupportPolygon:
-        corners: list[tuple[float, float]] = []
-        for foot in (self.stance,) if self.mode.single else (0, 1):
-            placement = self.dynamics.placement(self.biped.frames[foot])
-            corners += sole_rectangle(*placement, self.biped.sizes[foot])
-        return SupportPolygon(corners, self.margin)
+        biped, placement = self.biped, self.dynamics.placement
+        if self.mode.single:
+            stance = self.stance
+            rectangle = sole_rectangle(*placement(biped.frames[stance]), biped.sizes[stance])
+            return SupportPolygon(rectangle, self.margin)
+        return both_soles(
+            [placement(frame) for frame in biped.frames], biped.sizes, self.margin, self.parts
+        )
 
     @property
     def other(self) -> int:

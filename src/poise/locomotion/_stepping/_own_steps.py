@@ -4,6 +4,7 @@
 """
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Float64
@@ -16,7 +17,7 @@ from poise.locomotion._stepping._parameters import TeleopParameters
 from poise.locomotion._stepping._reach import FootRange
 from poise.locomotion._stepping._samples import DeviceStatus
 from poise.locomotion._stepping._torque_tasks import TorqueTasks
-from poise.locomotion._support import SupportPolygon, sole_rectangle
+from poise.locomotion._support import SolePart, SupportPolygon, sole_rectangle
 from poise.locomotion._walking import Walker, WalkSettings
 from poise.robots import Robot
 
@@ -173,6 +174,23 @@ class OwnSteps:
         if self.acting and self._driven:
             self._walker.set_velocity(*velocity)
 
+    def feel(self, state: RobotState, mode: Mode) -> None:
+        """Learns what the soles carry on, while the operator leads and both stand.
+
+        Args:
+            state: of the robot.
+            mode: which feet carry the robot.
+        """
+        if mode.single:
+            self._walker.forget()
+        else:
+            self._walker.feel(state)
+
+    @property
+    def parts(self) -> Sequence[SolePart | None]:
+        """What of each sole carries, left then right; None for all of it."""
+        return self._walker.parts
+
     def takes_over(self, footing: Footing, state: RobotState) -> bool:
         """Begins to act if it shall walk, or the feet do not hold the robot as they are.
 
@@ -181,9 +199,12 @@ class OwnSteps:
             state: of the robot.
         """
         held = footing.capture_depth >= 0.0 or self.landing(footing) is not None
-        if held and not any(self._velocity):
+        airborne = footing.other if footing.mode.single else self._walker.hanging
+        # One that is about to be lifted may hang.
+        hangs = airborne is not None and footing.mode.support in (None, airborne)
+        if held and not any(self._velocity) and not hangs:
             return False
-        self._walker.take_over(state, footing.other if footing.mode.single else None)
+        self._walker.take_over(state, airborne)
         self.acting, self._rested = True, 0.0
         self.drive(self._velocity)
         return True
@@ -211,8 +232,9 @@ class OwnSteps:
             footing: of the tick.
         """
         self._tasks.accompany(footing)
-        rests = self._walker.lifting is None and self._walker.status.ok
+        rests = self._walker.held and self._walker.status.ok
         rests = rests and footing.capture_depth > 0.0 and not any(self._velocity)
         self._rested = self._rested + self._parameters.dt if rests else 0.0
         if self._rested > _REST:
+            self._walker.forget()
             self.reset()

@@ -262,13 +262,14 @@ class StepTeleoperator:
         if self._own is not None:
             self._own.drive(self._guard.velocity)
             if self._own.acting:
-                self._follow_own_steps(self._own, state, sample)
+                self._follow_own(self._own, state, sample)
                 return
+            self._own.feel(state, self.mode)
         self._com.observe(dynamics.com_velocity[:2])
         self._move_mode(command, state.time)
         footing = self._footing()
         if self._own is not None and self._own.takes_over(footing, state):
-            self._follow_own_steps(self._own, state, sample)
+            self._follow_own(self._own, state, sample)
             return
         if command is not None:
             self._body = command.body
@@ -288,9 +289,7 @@ class StepTeleoperator:
         self._tasks.ask(footing, self._desired(footing, target), upright=upright)
         self._status = self._describe(footing, sample, target)
 
-    def _follow_own_steps(
-        self, own: OwnSteps, state: RobotState, sample: DeviceSample | None
-    ) -> None:
+    def _follow_own(self, own: OwnSteps, state: RobotState, sample: DeviceSample | None) -> None:
         """The robot leads its feet by itself; the operator has to take hold of them anew."""
         own.lead(state)
         before = self.mode
@@ -340,6 +339,7 @@ class StepTeleoperator:
             sensor=self.zmp_sensor,
             inwards=self._inwards,
             pressed=self._stance.pressed,
+            parts=(None, None) if self._own is None else self._own.parts,
             com_velocity=self._com.observed,
         )
 

@@ -3,7 +3,7 @@
 import math
 
 from poise.dynamics import RobotState
-from poise.locomotion._support import Point
+from poise.locomotion._support import Point, SolePart
 from poise.locomotion._walking._bearing import Bearing
 from poise.locomotion._walking._sense import WalkSense
 from poise.stack import Contact, SurfaceContact
@@ -54,6 +54,7 @@ class CarryingArea:
         x, y = contact.pressure_reach.tolist()
         self._reach: Point = (x, y)
         self._lower, self._upper = [-x, -y], [x, y]
+        self._told = (-x, -y, x, y)
         self._settled: tuple[float, float, float, float] | None = None
 
     @property
@@ -78,8 +79,42 @@ class CarryingArea:
         upper = (math.inf if c >= x else c, math.inf if d >= y else d)
         return whole.within(lower, upper)
 
+    def part(self, size: Point) -> SolePart | None:
+        """What of the sole carries, as far as is known; None for all of it.
+
+        Args:
+            size: its length and width [m].
+        """
+        if self._settled is None:
+            return None
+        ends: list[Point] = []
+        for axis, side in enumerate(size):
+            low, high, most = self._settled[axis], self._settled[2 + axis], self._reach[axis]
+            # An edge that is where it can be at most is the sole's: contacts keep a margin.
+            low = -0.5 * side if low <= _WHOLE - most else low
+            ends.append((low, 0.5 * side if high >= most - _WHOLE else high))
+        (a, b), (c, d) = ends
+        part = SolePart(0.5 * (a + b), 0.5 * (c + d), b - a, d - c)
+        return None if (part.length, part.width) == size else part
+
+    def forget(self) -> None:
+        """All of the sole carries, for all that is known."""
+        self._lower, self._upper = [-r for r in self._reach], list(self._reach)
+        self._settled = None
+        self._tell()
+
     def update(self, state: RobotState, dt: float) -> None:
         """Learns from a state, and tells the contact.
+
+        Args:
+            state: of the robot, with what its soles measure; without that the whole sole carries.
+            dt: since the last one [s].
+        """
+        self.learn(state, dt)
+        self._tell()
+
+    def learn(self, state: RobotState, dt: float) -> None:
+        """Learns from a state, and tells nobody.
 
         Args:
             state: of the robot, with what its soles measure; without that the whole sole carries.
@@ -88,7 +123,6 @@ class CarryingArea:
         contact = self._contact
         if contact is None:
             return
-        before = (*self._lower, *self._upper)
         wrench = state.contacts.get(contact.frame)
         if wrench is None or not contact.active:
             self._lower, self._upper = [-r for r in self._reach], list(self._reach)
@@ -100,10 +134,15 @@ class CarryingArea:
             # Turning to the front, about y, the toes go down; to the right, about x, that edge.
             for axis, down in enumerate((y, -x)):
                 self._learn(axis, down, pressure[axis], dt)
-        if before != (*self._lower, *self._upper):
-            (a, b), (c, d) = self._lower, self._upper
-            contact.carry_on((a, b), (c, d))
         self._settle(contact.active, dt)
+
+    def _tell(self) -> None:
+        """Tells the contact what it does not know yet."""
+        edges = (*self._lower, *self._upper)
+        if self._contact is not None and edges != self._told:
+            self._told = edges
+            (a, b), (c, d) = self._lower, self._upper
+            self._contact.carry_on((a, b), (c, d))
 
     def _settle(self, stands: bool, dt: float) -> None:
         """Averages the area for those who plan, from where the foot came to stand on."""

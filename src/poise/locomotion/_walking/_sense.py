@@ -4,13 +4,14 @@
 """
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 import pinocchio as pin
 from jaxtyping import Float64
 
 from poise.dynamics import LoadedModel, Payload, RobotState
-from poise.locomotion._support import Point, SupportPolygon, sole_rectangle
+from poise.locomotion._support import Point, SolePart, SupportPolygon, both_soles, sole_rectangle
 from poise.locomotion._walking._footsteps import Stand
 from poise.locomotion._walking._ground import Placement
 from poise.locomotion._walking._settings import WalkSettings
@@ -23,9 +24,6 @@ ENGAGE, RELEASE = 0.4, 0.5
 
 LONGEST_TICK = 0.05
 """A clock that jumps farther than this moves a walk on no farther [s]."""
-
-_THIN = 0.002
-"""A polygon has to have some area: an edge counts as this wide [m]."""
 
 
 class WalkSense:
@@ -121,22 +119,26 @@ class WalkSense:
             corners += sole_rectangle(*self.sole(foot), sizes[foot])
         return corners
 
-    def support(self, feet: tuple[int, ...], stand: Stand, margin: float) -> SupportPolygon:
+    def support(
+        self,
+        feet: tuple[int, ...],
+        stand: Stand,
+        margin: float,
+        parts: Sequence[SolePart | None] = (None, None),
+    ) -> SupportPolygon:
         """Where the ZMP can be.
 
         Args:
             feet: those that carry.
             stand: whose soles and bearings they have.
             margin: how far inside the edges it stays [m].
+            parts: what of both soles carries where two feet stand; None for all of one.
         """
         foot, *others = feet
-        if others:
-            return SupportPolygon(self.corners(feet, stand.sizes), margin)
-        position, rotation = self.sole(foot)
-        x, y, length, width = stand.bearings[foot]
-        size = (max(length - 2.0 * margin, _THIN), max(width - 2.0 * margin, _THIN))
-        middle = position + rotation @ np.array([x, y, 0.0])
-        return SupportPolygon(sole_rectangle(middle, rotation, size), 0.0)
+        if not others:
+            bears = SolePart(*stand.bearings[foot])
+            return SupportPolygon(bears.corners(*self.sole(foot), margin), 0.0)
+        return both_soles([self.sole(f) for f in (0, 1)], stand.sizes, margin, parts)
 
     def load(self, state: RobotState, foot: int, *, stands: bool = True) -> float:
         """What a foot carries of the weight; where nothing is measured, all of it if it stands."""

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float64
 
-from poise.locomotion._support import Point, SupportPolygon
+from poise.locomotion._support import Point, SolePart, SupportPolygon
 from poise.locomotion._walking._bearing import Bearing
 from poise.locomotion._walking._carrying import CarryingArea
 from poise.locomotion._walking._footsteps import Stand
@@ -57,6 +57,8 @@ class Stance:
         self.feet = list(stand.start)
         self.slope: Point = (0.0, 0.0)
         self.support = SupportPolygon([], 0.0)
+        self._feet: tuple[int, ...] = ()
+        self._seen: list[SolePart | None] = [None, None]
 
     def stand_on(self, feet: tuple[int, ...], heading: float) -> None:
         """Looks at the feet that carry the robot from now on.
@@ -75,7 +77,22 @@ class Stance:
             turns = round((heading - place.yaw) / (2.0 * math.pi))
             yaw = place.yaw + 2.0 * math.pi * turns
             self.feet[foot] = replace(place, yaw=yaw, slope=self.slope)
-        self.support = self._sense.support(feet, self._stand, self._margin)
+        self._feet = feet
+        self._look()
+
+    def feel(self) -> None:
+        """Looks again at what two soles stand on, where that is only a part of them, or was."""
+        if len(self._feet) == 2 and any(part for part in (*self.parts, *self._seen)):
+            self._look()
+
+    def _look(self) -> None:
+        self._seen = self.parts
+        self.support = self._sense.support(self._feet, self._stand, self._margin, self._seen)
+
+    @property
+    def parts(self) -> list[SolePart | None]:
+        """What of each sole carries, as far as is known; None for all of it."""
+        return [a.part(size) for a, size in zip(self._areas, self._stand.sizes, strict=True)]
 
     def follow(self, heading: float) -> None:
         """Looks again at two feet that stand, once they seem to have moved.

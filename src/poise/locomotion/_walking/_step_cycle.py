@@ -66,7 +66,7 @@ class StepCycle:
 
     # Beginnings -----------------------------------------------------------------------------------
 
-    def put_down(self) -> None:
+    def stand(self) -> None:
         """Both feet stand from now on, wherever they are."""
         self.phase, self.flight, self._landed = Phase.STAND, None, None
         self._hurried = False
@@ -78,16 +78,31 @@ class StepCycle:
         self.dcm = ((mass[0], 0.0), (mass[1], 0.0))
         self._left = self._gait.shift_time
 
-    def catch(self, foot: int) -> None:
-        """A foot that somebody else has lifted comes down where that helps.
+    def put_down(self, foot: int) -> None:
+        """A foot in the air, whoever lifted it, comes down where that helps.
 
         Args:
             foot: 0 for the left one, 1 for the right one.
         """
         # On its way to be side by side it would cost time, and its leg momentum.
         self._commands.add_foothold(Foothold(foot, self._sense.placement(foot)))
+        self._tasks.contacts[foot].release(0.0)
+        self._tasks.feet[foot].set_target(*self._sense.sole(foot))
         self.foot, self._hurried = foot, True
         self._lift(foot, airborne=True)
+
+    def catch(self, foot: int) -> None:
+        """A foot that should stand, and hangs, is one in the air, unless it is about to be lifted.
+
+        Args:
+            foot: 0 for the left one, 1 for the right one.
+        """
+        lifted = self.foot if self.phase is Phase.SHIFT and self._released else None
+        if foot == lifted or self.phase is Phase.SWING:
+            return
+        self._landed = None
+        self._tasks.contacts[1 - foot].engage(0.0)
+        self.put_down(foot)
 
     # A tick ---------------------------------------------------------------------------------------
 
@@ -133,7 +148,7 @@ class StepCycle:
         self._stance.follow(self._parts.body.heading[0])
         x, y = self._parts.stand.rest(self._stance.feet)
         self._lead_dcm(((x, 0.0), (y, 0.0)), self._left, dt)
-        if not self._is_held(_CALM if commands.closes else 0.0):
+        if not self.is_held(_CALM if commands.closes else 0.0):
             self._hurry()
         elif commands.moving:
             self._go(commands.first_foot(), self._gait.shift_time)
@@ -145,7 +160,7 @@ class StepCycle:
         """Whether the feet are side by side."""
         return self._stance.closed(self._parts.room.width)
 
-    def _is_held(self, margin: float = 0.0) -> bool:
+    def is_held(self, margin: float = 0.0) -> bool:
         """Whether the feet as they stand can bring the divergent component to rest.
 
         Args:
@@ -174,7 +189,7 @@ class StepCycle:
     def _shift(self, dt: float) -> None:
         """Takes the load off a foot, and lifts it when it is due."""
         self._left -= dt
-        if self._left > QUICK and not self._released and not self._is_held():
+        if self._left > QUICK and not self._released and not self.is_held():
             self._hurry()
         foot, contact = self.foot, self._tasks.contacts[self.foot]
         if not self._hurried:
@@ -183,7 +198,7 @@ class StepCycle:
             self._lead_dcm(lift_off, self._left, dt)
         ramp = min(RELEASE * self._gait.double_support, QUICK)
         if not self._released and self._left <= ramp:
-            if self._is_held() and self._planner.cost(self._next_foot()) > _WORTH:
+            if self.is_held() and self._planner.cost(self._next_foot()) > _WORTH:
                 self._left = ramp
                 return
             contact.release(ramp)
@@ -282,7 +297,7 @@ class StepCycle:
         opened = commands.closes and not self.is_closed
         # Who steps only in order not to fall keeps any stand that holds.
         calm = _CALM if commands.closes else 0.0
-        if commands.moving or opened or not self._is_held(calm):
+        if commands.moving or opened or not self.is_held(calm):
             following = commands.next_foot(foot)
             again = following == foot
             self._go(following, self._gait.shift_time if again else self._gait.double_support)

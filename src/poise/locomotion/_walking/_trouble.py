@@ -1,10 +1,11 @@
 """What a walker that is led does when something goes wrong: one table.
 
-`TroubleWatch`: notices it. `Hanging`: what is asked of a robot that no foot carries.
+`TroubleWatch`: notices it. `HangWatch`: notices a foot that hangs in the air. `Hanging`: what is
+asked of a robot that no foot carries.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -17,6 +18,7 @@ from poise.locomotion._walking._flight import Flight
 from poise.locomotion._walking._sense import WalkSense
 from poise.locomotion._walking._settings import WalkSettings, WalkStatus
 from poise.locomotion._walking._tasks import WalkTasks
+from poise.stack import Contact
 
 
 class Response(NamedTuple):
@@ -141,6 +143,49 @@ class TroubleWatch:
             return False
         x, y, _ = self._sense.sole_velocity(foot).tolist()
         return x * x + y * y > _SLIP_SPEED * _SLIP_SPEED
+
+
+_IDLE, _IDLE_TIME = 0.01, 0.05
+"""A foot that should stand, and carries less than this part of the weight for so long [s] while the
+other one carries the robot, hangs in the air."""
+
+
+class HangWatch:
+    """Looks for a foot that should stand, and hangs in the air.
+
+    What its contact is asked to carry moves nothing but its leg, which flies off.
+
+    Args:
+        sense: says what feet carry.
+        contacts: of the left and of the right sole.
+
+    Attributes:
+        foot: which hangs, 0 for the left one; None for none.
+    """
+
+    def __init__(self, sense: WalkSense, contacts: Sequence[Contact]) -> None:
+        self._sense, self._contacts = sense, contacts
+        self.forget()
+
+    def forget(self) -> None:
+        """Both feet carry, for all that is known."""
+        self._idle = [0.0, 0.0]
+        self.foot: int | None = None
+
+    def update(self, state: RobotState, dt: float) -> None:
+        """Takes in what the feet carry.
+
+        Args:
+            state: of the robot.
+            dt: since the last one [s].
+        """
+        for foot, contact in enumerate(self._contacts):
+            idle = contact.active and self._sense.load(state, foot) < _IDLE
+            self._idle[foot] = self._idle[foot] + dt if idle else 0.0
+        left, right = self._idle
+        self.foot = None
+        if max(left, right) > _IDLE_TIME and min(left, right) == 0.0:
+            self.foot = 0 if left > right else 1
 
 
 class Hanging:

@@ -9,6 +9,7 @@ from jaxtyping import Float64
 from poise._checks import Numbers
 from poise.dynamics import RobotState
 from poise.errors import ConfigurationError
+from poise.locomotion._support import SolePart
 from poise.locomotion._walking._commands import Foothold, VelocityLimits
 from poise.locomotion._walking._feedback import DcmFeedback
 from poise.locomotion._walking._footsteps import (
@@ -25,7 +26,7 @@ from poise.locomotion._walking._sense import LONGEST_TICK
 from poise.locomotion._walking._settings import WalkSettings, WalkStatus
 from poise.locomotion._walking._step_cycle import Phase, StepCycle
 from poise.locomotion._walking._tasks import CarriedTarget
-from poise.locomotion._walking._trouble import RESPONSES, Hanging, Response, TroubleWatch
+from poise.locomotion._walking._trouble import RESPONSES, Hanging, HangWatch, Response, TroubleWatch
 from poise.robots import Robot
 from poise.stack import Stack, Task
 
@@ -107,6 +108,7 @@ class Walker:
         self.status = WalkStatus.READY
         self._steps = StepCycle(parts)
         self._feedback = DcmFeedback(parts.legs.omega, self.settings.dcm_gain)
+        self._hang_watch = HangWatch(parts.sense, parts.tasks.contacts)
         self._watch = TroubleWatch(parts.sense, self.settings, self.height)
         self._hanging: Hanging | None = None
         self._time: float | None = None
@@ -136,12 +138,45 @@ class Walker:
         """
         self._parts.sense.update(state)
         self._time, self._hanging = state.time, None
-        self._steps.put_down()
+        self._steps.stand()
         self.commands.stop()
         self.commands.closes = False
         self._begin()
         if airborne is not None:
-            self._steps.catch(airborne)
+            self._steps.put_down(airborne)
+
+    def feel(self, state: RobotState) -> None:
+        """Learns what soles carry on, and whether one hangs, while somebody else leads two feet.
+
+        Contacts are not told: who leads them takes the ZMP to what carries by itself, and a sole
+        that rocks for a moment has another area in every tick.
+
+        Args:
+            state: of the robot.
+        """
+        dt = self._since_last(state)
+        self._time = state.time
+        self._parts.sense.update(state)
+        for area in self._parts.areas:
+            area.learn(state, dt)
+        self._hang_watch.update(state, dt)
+
+    def forget(self) -> None:
+        """All of both soles carries, for all that is known, and no foot hangs."""
+        self._time = None
+        for area in self._parts.areas:
+            area.forget()
+        self._hang_watch.forget()
+
+    @property
+    def parts(self) -> list[SolePart | None]:
+        """What of each sole carries, left then right; None for all of it."""
+        return self._parts.stance.parts
+
+    @property
+    def hanging(self) -> int | None:
+        """A foot that should stand and hangs in the air, 0 for the left one; None for none."""
+        return self._hang_watch.foot
 
     def step_to(self, sole: str, x: float, y: float, yaw: float) -> None:
         """Makes a step, after those that were asked for before.
@@ -190,6 +225,11 @@ class Walker:
         return None if flight is None else flight.goal
 
     @property
+    def held(self) -> bool:
+        """Whether the feet as they stand hold the robot, on what carries of their soles."""
+        return self._steps.phase is Phase.STAND and self._steps.is_held()
+
+    @property
     def dcm_error(self) -> Float64[np.ndarray, "2"]:
         """How far the divergent component of motion is from its reference [m]."""
         return self._feedback.error
@@ -229,21 +269,29 @@ class Walker:
         """
         if not math.isfinite(float(state.q.sum()) + float(state.v.sum())):
             return
-        dt = 0.0 if self._time is None else min(max(state.time - self._time, 0.0), LONGEST_TICK)
+        dt = self._since_last(state)
         self._time = state.time
         self._parts.sense.update(state)
         for area in self._parts.areas:
             area.update(state, dt)
+        self._parts.stance.feel()
+        self._hang_watch.update(state, dt)
         if self.status is WalkStatus.READY:
             self._start()
         if self.status is WalkStatus.MISPLACED or self._is_stopped_by_trouble(state, dt):
             return
         self.commands.advance(dt)
+        if self.hanging is not None:
+            self._steps.catch(self.hanging)
         self._steps.advance(state, dt)
         self._keep_balance(dt)
         if self.status.ok:
             self.status = self._plain_status
         self._announce_step()
+
+    def _since_last(self, state: RobotState) -> float:
+        """Since the last state [s]."""
+        return 0.0 if self._time is None else min(max(state.time - self._time, 0.0), LONGEST_TICK)
 
     def _is_stopped_by_trouble(self, state: RobotState, dt: float) -> bool:
         """Does what `RESPONSES` says."""
@@ -272,7 +320,7 @@ class Walker:
         parts = self._parts
         if self._hanging is None:
             self._hanging = Hanging(state, parts.sense, parts.tasks)
-            self._steps.put_down()
+            self._steps.stand()
             # Put down again, it stands until somebody says something else.
             self.commands.stop()
         mass, _ = parts.pendulum.mass(self._steps.flight)
