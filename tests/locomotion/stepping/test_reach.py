@@ -76,6 +76,23 @@ def test_the_hip_is_too_low_as_soon_as_the_ankle_bends_too_far(get_robot, name, 
     assert max(too_low_with_ankle(robot, lean - 0.15)) < 0.0
 
 
+@pytest.mark.parametrize(("name", "off"), [("biped20", 1e-9), ("talos", 1e-9), ("g1", 0.02)])
+def test_the_hip_is_too_low_for_a_leg_that_folds_no_deeper(get_robot, name, off):
+    robot = get_robot(name)
+    dynamics = bent(robot, -0.4, 0.8, -0.4)
+    place = soles_of(dynamics)[0]
+    hip = range_of(robot).hip(0, dynamics)
+    leg = leg_of(robot)
+    long = np.linalg.norm(hip - place - leg.ankle) / leg.length
+    missing = [
+        range_of(robot, fold_min=fold).too_low(0, place, hip, FORWARD)
+        for fold in (long - 0.05, long, long + 0.05)
+    ]
+    assert missing[1] == pytest.approx(0.0, abs=off)
+    assert missing[0] < missing[1] < missing[2]
+    assert missing[2] == pytest.approx(0.05 * leg.length, abs=off + 0.01)
+
+
 def test_a_place_in_reach_is_left_alone(get_robot):
     robot = get_robot("biped20")
     reach, dynamics = range_of(robot), bent(robot, -0.3, 0.6, -0.3)

@@ -142,6 +142,21 @@ def test_a_foot_that_has_bounced_off_looks_for_the_ground_again(held):
     assert held.active() == [foot == 1, foot == 0]
 
 
+def test_a_foot_that_meets_something_before_it_could_be_down_carries_at_once(held):
+    """It was taken over half a metre up: until it is down it counts as not yet lifted."""
+    robot = held.robot
+    for joint, angle in (("left_hip_pitch", -1.2), ("left_knee", 1.9), ("left_ankle_pitch", -0.7)):
+        held.q[7 + robot.joint_index(joint)] += angle
+    held.until(0.01)
+    held.loads = [0.0, 1.0]
+    held.walker.take_over(poise.RobotState(held.q, held.v, {}, held.time), airborne=0)
+    held.until(held.time + DT)
+    flight = held.walker._steps.flight
+    assert flight.elapsed < 0.0
+    held.walker._steps._land(flight)
+    assert held.active() == [True, True]
+
+
 @pytest.mark.parametrize("foot", [0, 1])
 def test_a_foot_that_stands_and_hangs_is_one_in_the_air(held, foot):
     """What its contact is asked to carry would move nothing but its leg."""

@@ -67,6 +67,7 @@ class TeleopParameters:
         knee_min: least bend of a knee; straighter the leg is singular [rad].
         reach_margin: fraction of the leg's length that a foot command stays short of.
         stoop_max: how far the COM may come down for the legs to reach, over its height.
+        fold_min: least distance of hip and ankle of a leg that carries, over its length.
         step_max: largest distance of the feet forward or sideways that can be commanded [m].
         servo_stiffness: of the joints' servos where velocities are commanded: torque at 1 rad of
             error, over the torque limit [1/rad].
@@ -115,6 +116,7 @@ class TeleopParameters:
     knee_min: Positive = 0.08
     reach_margin: Positive = 0.02
     stoop_max: Positive = 0.2
+    fold_min: Positive = 0.5
     feet_gap: Positive = 0.01
     step_max: Positive = 0.46
     servo_stiffness: Positive = 70.0

@@ -39,6 +39,7 @@ class FootRange:
         # A few numbers each tick are several times as quick as such than as arrays.
         self._ankles: list[list[float]] = [leg.ankle.tolist() for leg in self._legs]
         self._reach = [(1.0 - parameters.reach_margin) * leg.length for leg in self._legs]
+        self._fold = [parameters.fold_min * leg.length for leg in self._legs]
         # A level sole beside the hip takes as much roll of the ankle as the leg leans.
         sides = [
             reach * float(np.sin(min(_ROLL_RATIO * leg.roll_max, 0.5 * np.pi)))
@@ -127,9 +128,10 @@ class FootRange:
         hip: Float64[np.ndarray, "3"],
         heading: Float64[np.ndarray, "2"],
     ) -> float:
-        """How far the hip is too low for the ankle to keep the sole level; negative for room [m].
+        """How far the hip is too low for a leg that carries; negative for room [m].
 
-        A leg that bends leans its shank forward, the more so the further the hip is ahead.
+        Its ankle keeps the sole level: a leg that bends leans its shank forward, the more so the
+        further the hip is ahead. And it folds no deeper than it may.
 
         Args:
             foot: 0 left, 1 right.
@@ -145,4 +147,6 @@ class FootRange:
         ahead, aside = x * forward_x + y * forward_y, y * forward_x - x * forward_y
         # The shank as far forward as it goes, and the thigh from its knee to the hip.
         thigh = leg.thigh**2 - (ahead - leg.shank * math.sin(lean)) ** 2 - aside * aside
-        return leg.shank * math.cos(lean) + math.sqrt(max(thigh, 0.0)) - z
+        level = leg.shank * math.cos(lean) + math.sqrt(max(thigh, 0.0))
+        folded = math.sqrt(max(self._fold[foot] ** 2 - ahead * ahead - aside * aside, 0.0))
+        return max(level, folded) - z

@@ -52,6 +52,10 @@ _TORQUE_DT = 0.002
 _TORQUE_STOOP = TeleopParameters().stoop_max
 """How far the COM may come down there, over its height: on narrow soles, too."""
 
+_TORQUE_FOLD = 0.78
+"""Least distance of hip and ankle there, over a leg's length: the stack's balance limit keeps 0.75,
+and brakes before it. Asked for less, a robot that comes down would be thrown up by that."""
+
 
 class StepTeleoperator:
     """The leader of Zhang and Kikuuwe: a person places the feet, feedback keeps the balance.
@@ -120,7 +124,9 @@ class StepTeleoperator:
             stance = abs(float(left[1] - right[1]))
             parameters = scaled_parameters(robot, self._com_height, stance)
             if actuation == "torque":
-                parameters = replace(parameters, dt=_TORQUE_DT, stoop_max=_TORQUE_STOOP)
+                parameters = replace(
+                    parameters, dt=_TORQUE_DT, stoop_max=_TORQUE_STOOP, fold_min=_TORQUE_FOLD
+                )
         self.parameters = p = parameters
         self._biped = biped_of(robot, p)
         if driver is None:

@@ -22,7 +22,7 @@ from poise.locomotion._walking._tasks import WalkTasks, find_walk_tasks
 from poise.robots import Robot
 from poise.stack import Stack
 
-_TURN, _TURN_IN = 0.6, 0.12
+_TURN, _TURN_IN = 0.8, 0.12
 """Most that a foot is turned outwards and inwards against the other one [rad]."""
 
 _WIDE = 0.75

@@ -286,7 +286,7 @@ class StepCycle:
     def _land(self, flight: Flight) -> None:
         foot, commands = flight.foot, self._commands
         # What came down in a hurry has to carry as soon.
-        hurry = min(flight.elapsed / self._planner.times.swing, 1.0)
+        hurry = min(max(flight.elapsed / self._planner.times.swing, 0.0), 1.0)
         self._tasks.contacts[foot].engage(hurry * ENGAGE * self._gait.double_support)
         self._landed, self._hovering, self._stood = flight, 0.0, 0.0
         self.flight = None
