@@ -50,7 +50,7 @@ class AttitudeBiasEstimator:
         self.bias: Float64[np.ndarray, "2"] = np.zeros(2)
         self._variance = self.belief.likely**2
         self._time = math.nan
-        self._low: Float64[np.ndarray, "6"] | None = None
+        self._low: list[float] | None = None
 
     def corrected(self, quaternion: Float64[np.ndarray, "4"]) -> Float64[np.ndarray, "4"]:
         """An attitude less its error.
@@ -83,30 +83,39 @@ class AttitudeBiasEstimator:
             self._low = felt
             return
         b = self.belief
-        self._low = self._low - math.expm1(-dt / b.smoothing) * (felt - self._low)
+        # A few numbers are several times as quick as such than as arrays.
+        step = -math.expm1(-dt / b.smoothing)
+        low = self._low = [
+            old + step * (new - old) for old, new in zip(self._low, felt, strict=True)
+        ]
         self._variance += b.walk**2 * dt
-        a_x, a_y, a_z = ((felt[3:] - self._low[3:]) / b.smoothing).tolist()
-        f_x, f_y, f_z = self._low[:3].tolist()
+        a_x, a_y, a_z = ((felt[k] - low[k]) / b.smoothing for k in (3, 4, 5))
+        f_x, f_y, f_z, *_ = low
         if f_z <= 0.0 or max(abs(a_x), abs(a_y), abs(a_z)) > b.shock:
             return
         part = (a_z + GRAVITY) / f_z
-        left = np.array([a_y - part * f_y, part * f_x - a_x, 0.0]) / GRAVITY
-        noise = b.noise * (1.0 + float(left @ left) / b.push**2)
+        left_x, left_y = (a_y - part * f_y) / GRAVITY, (part * f_x - a_x) / GRAVITY
+        noise = b.noise * (1.0 + (left_x * left_x + left_y * left_y) / b.push**2)
         gain = self._variance / (self._variance + noise**2 / dt)
         self._variance -= gain * self._variance
-        change = gain * (world_R_base.T @ left)[:2]
+        along_x, along_y, _ = world_R_base[0].tolist()
+        across_x, across_y, _ = world_R_base[1].tolist()
+        changes = (along_x * left_x + across_x * left_y, along_y * left_x + across_y * left_y)
         most = b.rate * dt
-        self.bias = np.clip(self.bias + np.clip(change, -most, most), -b.most, b.most)
+        for axis, change in enumerate(changes):
+            moved = float(self.bias[axis]) + min(max(gain * change, -most), most)
+            self.bias[axis] = min(max(moved, -b.most), b.most)
 
 
 def _felt(
     forces: Iterable[Float64[np.ndarray, "3"] | None], com_velocity: Float64[np.ndarray, "3"]
-) -> Float64[np.ndarray, "6"] | None:
+) -> list[float] | None:
     """Force of the soles and velocity of the centre of mass; None where something is missing."""
-    felt = np.zeros(6)
-    felt[3:] = com_velocity
+    x = y = z = 0.0
     for force in forces:
         if force is None:
             return None
-        felt[:3] += force
-    return felt if np.isfinite(felt).all() else None
+        f_x, f_y, f_z = force.tolist()
+        x, y, z = x + f_x, y + f_y, z + f_z
+    felt = [x, y, z, *com_velocity.tolist()]
+    return felt if math.isfinite(sum(felt)) else None
