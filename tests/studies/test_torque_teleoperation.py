@@ -51,11 +51,15 @@ def test_hands_at_random_upset_nothing(pair):
     rest, moved = pair
     assert not moved.fell
     assert moved.seconds == pytest.approx(3.0)
-    assert hands_finding(rest, moved).ok
+    # By how much depends on the arms at rest, too: standing, those have the COM within 3 mm since the
+    # attitude's constant error is found, and twice that is less than what a load that moves costs.
+    assert rest.error < 0.02
+    assert moved.error < max(0.007, 1.5 * rest.error)
     assert hands_row(moved)[:4] == ("g1", moved.trial.doing, "moved, 1 kg", "no")
 
 
 def test_a_fall_or_a_com_that_is_further_off_fails_the_finding(pair):
     rest, moved = pair
+    assert hands_finding(rest, replace(moved, error=1.9 * rest.error)).ok
     for bad in (replace(moved, fell=True), replace(moved, error=2.1 * rest.error)):
         assert not hands_finding(rest, bad).ok

@@ -23,9 +23,10 @@ async function openView() {
   // all of a robot whose COM is so high [m].
   function lookAt(height) {
     stage.camera.position.set(-2.3, 1.1, 1.3).multiplyScalar(height / 0.7);
-    stage.controls.target.set(0, 0, 0.93 * height);
+    stage.controls.target.set(0, 0, (0.65 / 0.7) * height);
     stage.controls.update();
   }
+  lookAt(0.7);
   const all = makeHandles(stage, 4);
   const handles = all.slice(0, 2), grips = all.slice(2);
   const marks = makeMarks(stage);
@@ -41,7 +42,7 @@ async function openView() {
 
   let looked = false;
   function show(s) {
-    if (!looked) lookAt(s.com[2]);
+    if (!looked && s.com[2] > 0.75) lookAt(s.com[2]);
     looked = true;
     stage.groups.forEach((group, i) => {
       group.position.fromArray(s.bodies, 3 * i);
