@@ -51,8 +51,8 @@ def test_hands_at_random_upset_nothing(pair):
     rest, moved = pair
     assert not moved.fell
     assert moved.seconds == pytest.approx(3.0)
-    # By how much depends on the arms at rest, too: standing, those have the COM within 3 mm since the
-    # attitude's constant error is found, and twice that is less than what a load that moves costs.
+    # By how much depends on the arms at rest, too: standing, those have the COM within 3 mm since
+    # the attitude's constant error is found; twice that is less than what a moving load costs.
     assert rest.error < 0.02
     assert moved.error < max(0.007, 1.5 * rest.error)
     assert hands_row(moved)[:4] == ("g1", moved.trial.doing, "moved, 1 kg", "no")
