@@ -78,16 +78,19 @@ class Stance:
             yaw = place.yaw + 2.0 * math.pi * turns
             self.feet[foot] = replace(place, yaw=yaw, slope=self.slope)
         self._feet = feet
-        self._look()
+        self._look(self.parts)
 
     def feel(self) -> None:
         """Looks again at what two soles stand on, where that is only a part of them, or was."""
-        if len(self._feet) == 2 and any(part for part in (*self.parts, *self._seen)):
-            self._look()
+        if len(self._feet) != 2:
+            return
+        parts = self.parts
+        if any((*parts, *self._seen)):
+            self._look(parts)
 
-    def _look(self) -> None:
-        self._seen = self.parts
-        self.support = self._sense.support(self._feet, self._stand, self._margin, self._seen)
+    def _look(self, parts: list[SolePart | None]) -> None:
+        self._seen = parts
+        self.support = self._sense.support(self._feet, self._stand, self._margin, parts)
 
     @property
     def parts(self) -> list[SolePart | None]:
