@@ -13,9 +13,10 @@ from poise._checks import Numbers, checked_kind, checked_number
 from poise.errors import ConfigurationError
 from poise.robots import Robot
 from poise.stack._axes import checked_target
-from poise.stack._balance_kernels import FIRST_LEG, LEGS, MOST_EDGES, NEXT_STEP
+from poise.stack._balance_kernels import FIRST_LEG, MOST_EDGES
 from poise.stack._contact import Contact
 from poise.stack._evaluation import Owner
+from poise.stack._support_kernels import NEXT_STEP, TORQUES
 from poise.stack._tables import Kind, Rows
 
 _CARRYING = 0.5
@@ -169,7 +170,8 @@ class BalanceLimit:
                 self._braking,
                 _LEG_HORIZON,
                 self._stop_time,
-                *[np.nan] * (LEGS - NEXT_STEP),
+                *[np.nan] * (TORQUES - NEXT_STEP),
+                *robot.tau_max,
                 *(x for leg in legs for x in leg.bounds(self._leg_min, self._leg_max)),
             ]
         )
@@ -193,7 +195,7 @@ class BalanceLimit:
             raise ConfigurationError(
                 "the balance limit serves no robot yet", got=None, wanted="a stack that is bound"
             )
-        place = self.parameters[NEXT_STEP:LEGS]
+        place = self.parameters[NEXT_STEP:TORQUES]
         if corners is None:
             place[:] = np.nan
         else:

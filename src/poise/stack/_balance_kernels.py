@@ -9,7 +9,6 @@ from poise._compiled import part
 from poise.dynamics import (
     BIAS,
     KINEMATICS,
-    ROTATION,
     VELOCITY,
     Motion,
     column_at,
@@ -18,25 +17,26 @@ from poise.dynamics import (
     turn_to_world,
 )
 from poise.stack._limits import largest_acceleration
-from poise.stack._polygon import find_hull, nearest_inside
+from poise.stack._polygon import nearest_inside
+from poise.stack._support_kernels import BASE, NEXT_STEP, TORQUES, outline_support
 from poise.stack._tables import (
     CHOSEN,
-    CONTACT,
+    CORNERS,
     COUNT,
     FIRST,
     FRAME_INDEX,
-    KIND,
+    OUTLINE,
+    POINTS,
     START,
     Owners,
     Rows,
 )
 
-DECAY, MARGIN, LEAST_LOAD, BRAKING, HORIZON, STOP, NEXT_STEP, LEGS = 0, 1, 2, 3, 4, 5, 6, 14
-"""Places in the limit's parameters: how fast the way out to an edge is used up [1/s], distance kept
-from the edges [m], normal force that a contact must be able to carry to count [N], braking [m/s^2]
-and horizon [s] of the legs' bounds, time in which the soles could stop the angular momentum [s], x
-and y of the four corners of the next foothold, NaN for none [m], then the least and the largest
-length of each leg [m]."""
+DECAY, BRAKING, HORIZON, STOP = 0, 3, 4, 5
+"""Places in the limit's parameters: how fast the way out to an edge is used up [1/s], braking
+[m/s^2] and horizon [s] of the legs' bounds, time in which the soles could stop the angular momentum
+[s]; the others are for where the soles can press. The least and the largest length of each leg [m]
+are their last."""
 
 MOST_EDGES = 12
 """Rows for edges of the support: two soles and a foothold have no more."""
@@ -44,19 +44,12 @@ MOST_EDGES = 12
 FIRST_LEG = MOST_EDGES + 3
 """Rows of the edges, and of the angular momentum about the three axes."""
 
-_STEEP = 0.7
-"""Cosine of a contact's slope beyond which it is no ground: a hand on a wall can hold a robot whose
-divergent component is anywhere."""
-
 _STEP_DECAY = 60.0
 """Least decay while a step is announced [1/s]: a step takes the component to the next foothold at
 its full speed, and the ZMP goes over to it within a tenth of a second."""
 
 _LOWEST = 0.1
 """Least height of the COM over the contacts that is reckoned with [m]."""
-
-_MARGIN_RATIO = 0.4
-"""A margin takes away no more than this part of half a sole's width."""
 
 _ANY_SPEED = 1e9
 """Legs have no velocity limit of their own [m/s]."""
@@ -101,17 +94,12 @@ def _bound_edges(
     rows: Rows,
     work: Float64[np.ndarray, " work"],
 ) -> None:
-    size = len(owners.corners) // 24
-    # Where the ZMP can be now, where the divergent component is caught, and the outlines of both.
-    reach, catch = owners.corners[: 4 * size], owners.corners[4 * size : 8 * size]
-    outer, inner = owners.corners[8 * size : 16 * size], owners.corners[16 * size : 24 * size]
-    standing, height = _gather(motion, owners, line, reach, catch, work)
-    caught = _add_next_step(owners.parameters, line[START], catch, standing)
-    standing = find_hull(reach, standing, outer)
-    if standing < 3:
-        return
-    caught = find_hull(catch, caught, inner)
-    if caught < 3:
+    size = len(owners.corners) // CORNERS
+    # Where the ZMP can be now, where the divergent component is caught: behind what they are of.
+    outer = owners.corners[2 * POINTS * size : (2 * POINTS + OUTLINE) * size]
+    inner = owners.corners[(2 * POINTS + OUTLINE) * size :]
+    standing, caught, height = outline_support(motion, owners, line, outer, inner, work)
+    if min(standing, caught) < 3:
         return
     decay = owners.parameters[line[START] + DECAY]
     if not np.isnan(owners.parameters[line[START] + NEXT_STEP]):
@@ -189,58 +177,6 @@ def _bound_momentum(
 
 
 @part
-def _gather(
-    motion: Motion,
-    owners: Owners,
-    line: Int64[np.ndarray, " entries"],
-    reach: Float64[np.ndarray, "k 2"],
-    catch: Float64[np.ndarray, "k 2"],
-    work: Float64[np.ndarray, " work"],
-) -> tuple[int, float]:
-    """Corners of the contacts that carry, of their whole rectangles and of smaller ones.
-
-    Returns:
-        How many there are, none where a contact is no ground; and the contacts' mean height.
-    """
-    parameters, at = owners.parameters, line[START]
-    count, height = 0, 0.0
-    for other in owners.table:
-        if other[KIND] != CONTACT:
-            break
-        begin, m = other[START], other[COUNT]
-        place_frame(motion, owners.frames, other[FRAME_INDEX], work, 0)
-        if work[ROTATION + 8] < _STEEP:
-            return 0, 0.0
-        if parameters[begin + 3 + m] < parameters[at + LEAST_LOAD]:
-            continue
-        height += work[2]
-        length, width = parameters[begin + 1 + 2 * m], parameters[begin + 2 + 2 * m]
-        margin = min(parameters[at + MARGIN], _MARGIN_RATIO * min(length, width))
-        for corner in range(4):
-            along = 1.0 if corner < 2 else -1.0
-            aside = 1.0 if corner % 3 == 0 else -1.0
-            for i in range(2):
-                x, y = along * work[ROTATION + 3 * i], aside * work[ROTATION + 3 * i + 1]
-                reach[count, i] = work[i] + length * x + width * y
-                catch[count, i] = work[i] + (length - margin) * x + (width - margin) * y
-            count += 1
-    return count, 4.0 * height / max(count, 1)
-
-
-@part
-def _add_next_step(
-    parameters: Float64[np.ndarray, " p"], at: int, catch: Float64[np.ndarray, "k 2"], count: int
-) -> int:
-    """Adds the corners of the next foothold; returns how many there are then."""
-    if np.isnan(parameters[at + NEXT_STEP]):
-        return count
-    for corner in range(4):
-        catch[count + corner, 0] = parameters[at + NEXT_STEP + 2 * corner]
-        catch[count + corner, 1] = parameters[at + NEXT_STEP + 2 * corner + 1]
-    return count + 4
-
-
-@part
 def _rank_among_nearest(
     hull: Float64[np.ndarray, "k 2"], count: int, edge: int, left: float, x: float, y: float
 ) -> int:
@@ -285,7 +221,8 @@ def _bound_leg(
         drift += u * (work[BIAS + i] - work[ankle + BIAS + i])
     drift += (square - speed * speed) / length
     at = line[START]
-    limits = int(at + LEGS + 2 * owners.chosen[line[CHOSEN] + leg])
+    torques = motion.J.shape[1] - BASE
+    limits = int(at + TORQUES + torques + 2 * owners.chosen[line[CHOSEN] + leg])
     settings = (_ANY_SPEED, float(parameters[at + HORIZON]), float(parameters[at + BRAKING]))
     row = line[FIRST] + FIRST_LEG + leg
     rows.drift[row] = drift

@@ -44,9 +44,11 @@ TARGET_ROTATION, TARGET_VELOCITY, TARGET_ACCELERATION, TARGET_SIZE = 3, 12, 18, 
 OWN_AXES = 6
 """The component of a frame's motion from which on it is turning about the frame's own axes."""
 
-CORNERS = 24
-"""Points a contact of the room for polygons: corners of a rectangle and of a smaller one, and for
-each of these the outline of all, which may take twice as many while it is looked for."""
+POINTS, OUTLINE = 12, 16
+CORNERS = 2 * (POINTS + OUTLINE)
+"""Points a contact of the room for polygons: corners of a rectangle and two others for each, and
+the outline of these others, which may take twice as many while it is looked for; all of it for the
+rectangle, and again for a smaller one."""
 
 WORK = 3 * KINEMATICS
 """Numbers of work space that anybody has: two frames, and what is worked out from them."""

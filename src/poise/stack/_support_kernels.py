@@ -1,0 +1,226 @@
+"""Where the soles can press, compiled: outlines of what the legs' torques can hold up.
+
+A vertical force f at p is held by a joint of the leg, with the axis a through o, by the torque
+
+    f [a x (p - o)]_z
+
+so a joint with the largest torque tau carries the weight m g at places no farther than tau / (m g)
+from its axis, and a part tau / (m g |[a x (p - o)]_z|) of it at others: R. Orsolino, M. Focchi,
+S. Caron, G. Raiola, V. Barasuol, D. G. Caldwell, C. Semini, "Feasible region: an actuation-aware
+extension of the support region" (2020). The weight of the leg itself is left out, and tangential
+forces, which sum up to nothing at rest.
+"""
+
+import numpy as np
+from jaxtyping import Float64, Int64
+
+from poise._compiled import part
+from poise.dynamics import ROTATION, Motion, column_at, place_frame
+from poise.stack._polygon import find_hull
+from poise.stack._tables import (
+    CONTACT,
+    CORNERS,
+    COUNT,
+    FRAME_INDEX,
+    KIND,
+    POINTS,
+    START,
+    Owners,
+)
+
+MARGIN, LEAST_LOAD, NEXT_STEP, TORQUES = 1, 2, 6, 14
+"""Places in the limit's parameters: distance kept from the edges [m], normal force that a contact
+must be able to carry to count [N], x and y of the four corners of the next foothold, NaN for none
+[m], the largest torques of all joints [N m]."""
+
+_STEEP = 0.7
+"""Cosine of a contact's slope beyond which it is no ground: a hand on a wall can hold a robot whose
+divergent component is anywhere."""
+
+_MARGIN_RATIO = 0.4
+"""A margin takes away no more than this part of half a sole's width."""
+
+_KEPT = 0.9
+"""Part of the torques that the weight may use where the divergent component is to be caught."""
+
+BASE = 6
+"""Coordinates of the base, which has no torques."""
+
+_SMALLEST = 0.3
+"""Part of half a sole that is left where the leg cannot stand on this foot alone."""
+
+
+@part
+def outline_support(
+    motion: Motion,
+    owners: Owners,
+    line: Int64[np.ndarray, " entries"],
+    outer: Float64[np.ndarray, "k 2"],
+    inner: Float64[np.ndarray, "k 2"],
+    work: Float64[np.ndarray, " work"],
+) -> tuple[int, int, float]:
+    """Outlines of where the ZMP can be now, and of where the divergent component is caught.
+
+    Args:
+        motion: what the dynamics found.
+        owners: contacts among them.
+        line: of the balance limit.
+        outer: receives where the soles can press.
+        inner: receives that with margins, and the next foothold.
+        work: room.
+
+    Returns:
+        Corners of both, none where a contact is no ground; the mean height of the contacts [m].
+    """
+    size = len(owners.corners) // CORNERS
+    reach = owners.corners[: POINTS * size]
+    catch = owners.corners[POINTS * size : 2 * POINTS * size]
+    feet, height = _gather(motion, owners, line, reach, catch, work)
+    if feet == 0:
+        return 0, 0, 0.0
+    count = 4 * feet
+    last = _press(motion, owners, line, reach, feet, 1.0)
+    standing = find_hull(reach[count:], last - count, outer)
+    last = _press(motion, owners, line, catch, feet, _KEPT)
+    last = _add_next_step(owners.parameters, line[START], catch, last)
+    return standing, find_hull(catch[count:], last - count, inner), height
+
+
+@part
+def _gather(
+    motion: Motion,
+    owners: Owners,
+    line: Int64[np.ndarray, " entries"],
+    reach: Float64[np.ndarray, "k 2"],
+    catch: Float64[np.ndarray, "k 2"],
+    work: Float64[np.ndarray, " work"],
+) -> tuple[int, float]:
+    """Corners of the contacts that carry, of their whole rectangles and of smaller ones.
+
+    Returns:
+        How many contacts there are, none where one is no ground; and their mean height.
+    """
+    parameters, at = owners.parameters, line[START]
+    count, height = 0, 0.0
+    for other in owners.table:
+        if other[KIND] != CONTACT:
+            break
+        begin = other[START]
+        place_frame(motion, owners.frames, other[FRAME_INDEX], work, 0)
+        if work[ROTATION + 8] < _STEEP:
+            return 0, 0.0
+        if not _carries(owners, line, other):
+            continue
+        height += work[2]
+        m = other[COUNT]
+        length, width = parameters[begin + 1 + 2 * m], parameters[begin + 2 + 2 * m]
+        margin = min(parameters[at + MARGIN], _MARGIN_RATIO * min(length, width))
+        for corner in range(4):
+            along = 1.0 if corner < 2 else -1.0
+            aside = 1.0 if corner % 3 == 0 else -1.0
+            for i in range(2):
+                x, y = along * work[ROTATION + 3 * i], aside * work[ROTATION + 3 * i + 1]
+                reach[4 * count + corner, i] = work[i] + length * x + width * y
+                catch[4 * count + corner, i] = (
+                    work[i] + (length - margin) * x + (width - margin) * y
+                )
+        count += 1
+    return count, height / max(count, 1)
+
+
+@part
+def _carries(
+    owners: Owners, line: Int64[np.ndarray, " entries"], other: Int64[np.ndarray, " entries"]
+) -> bool:
+    most = owners.parameters[other[START] + 3 + other[COUNT]]
+    return bool(most >= owners.parameters[line[START] + LEAST_LOAD])
+
+
+@part
+def _press(
+    motion: Motion,
+    owners: Owners,
+    line: Int64[np.ndarray, " entries"],
+    points: Float64[np.ndarray, "k 2"],
+    feet: int,
+    kept: float,
+) -> int:
+    """Where each foot can press, alone and with the next one's help, after the feet's corners.
+
+    Returns:
+        How many points there are.
+    """
+    foot, last = 0, 4 * feet
+    for other in owners.table:
+        if other[KIND] != CONTACT:
+            break
+        if not _carries(owners, line, other):
+            continue
+        for corner in range(4):
+            last = _press_corner(
+                motion,
+                owners,
+                (line[START] + TORQUES, other[FRAME_INDEX]),
+                points,
+                (foot, corner, feet),
+                kept,
+                last,
+            )
+        foot += 1
+    return last
+
+
+@part
+def _press_corner(
+    motion: Motion,
+    owners: Owners,
+    leg: tuple[int, int],
+    points: Float64[np.ndarray, "k 2"],
+    which: tuple[int, int, int],
+    kept: float,
+    last: int,
+) -> int:
+    """A corner, or as near to it as the leg can carry the weight, alone and shared."""
+    (torques, frame), (foot, corner, feet) = leg, which
+    frames, at = owners.frames, 4 * foot
+    x, y = points[at + corner, 0], points[at + corner, 1]
+    mx = 0.5 * (points[at, 0] + points[at + 2, 0])
+    my = 0.5 * (points[at, 1] + points[at + 2, 1])
+    weight = -motion.mass[0] * motion.gravity[2]
+    share, way, alone = 1.0, 1.0, True
+    for k in range(frames.starts[frame], frames.starts[frame + 1]):
+        column = int(frames.columns[k])
+        if column < BASE:
+            continue
+        arm = kept * owners.parameters[torques + column - BASE] / weight
+        lever = column_at(motion, column, x, y, 0.0)[2]
+        if abs(lever) <= arm:
+            continue
+        share = min(share, arm / abs(lever))
+        middle = column_at(motion, column, mx, my, 0.0)[2] * (1.0 if lever > 0.0 else -1.0)
+        way = min(way, (arm - middle) / (abs(lever) - middle))
+        alone = alone and abs(middle) < arm
+    if alone or feet == 1:
+        way = max(way, _SMALLEST)
+        points[last, 0], points[last, 1] = mx + way * (x - mx), my + way * (y - my)
+        last += 1
+    if share < 1.0 and feet > 1:
+        # The next foot carries the rest, at the same corner.
+        other = 4 * ((foot + 1) % feet) + corner
+        for i in range(2):
+            points[last, i] = share * points[at + corner, i] + (1.0 - share) * points[other, i]
+        last += 1
+    return last
+
+
+@part
+def _add_next_step(
+    parameters: Float64[np.ndarray, " p"], at: int, catch: Float64[np.ndarray, "k 2"], count: int
+) -> int:
+    """Adds the corners of the next foothold; returns how many there are then."""
+    if np.isnan(parameters[at + NEXT_STEP]):
+        return count
+    for corner in range(4):
+        catch[count + corner, 0] = parameters[at + NEXT_STEP + 2 * corner]
+        catch[count + corner, 1] = parameters[at + NEXT_STEP + 2 * corner + 1]
+    return count + 4
