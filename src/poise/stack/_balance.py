@@ -37,10 +37,13 @@ class BalanceLimit:
 
         xi_dot = cdot + cddot / omega = omega (xi - p)      while the angular momentum is constant
 
-    p stays in the outline of the soles. So a robot is lost once xi has left it for good, and what
-    moves the COM moves xi. In every tick xi_dot, linear in the accelerations, is bounded. With
-    n x <= h the edges of where the component is caught, the outline of the soles that carry,
-    `margin` inside, and of the foothold that `expect_step` announces,
+    p stays in the outline of the soles, as far as the legs' torques hold the weight there: a corner
+    at which a leg cannot carry all of it counts as near to the sole's middle as it can, and with as
+    much of the weight as it can while the next sole carries the rest (R. Orsolino et al. 2020,
+    "Feasible region: an actuation-aware extension of the support region"). So a robot is lost once
+    xi has left it for good, and what moves the COM moves xi. In every tick xi_dot, linear in the
+    accelerations, is bounded. With n x <= h the edges of where the component is caught, the outline
+    of the soles that carry, `margin` inside, and of the foothold that `expect_step` announces,
 
         n xi_dot <= max(decay (h - n xi), omega n (xi - r))        for each edge
 
@@ -55,13 +58,16 @@ class BalanceLimit:
     the soles, the least that it can do, xi_dot = 0, is the most that is allowed. They hold for xi
     as it is measured, whatever moved it.
 
-    Angular momentum L about the COM moves p as well, and only the soles can take it away again,
-    with a moment of m g a at most, where a is how far the edges are from the middle. So
+    Angular momentum L about the COM moves p as well, and only the soles can take it away again:
+    a lean to one side by a force beyond the component on that side, with a moment of m g a at most,
+    where a is how far the edges are from xi there. So
 
-        |L_dot| <= m g a (1 - |L| / (m g a stop_time))             for each axis, in the sense of L
+        |L_dot| <= m g a (1 - |L| / (m g a stop_time))      for each axis and sense of L, with its a
 
     lets arms and trunk be thrown as hard as the soles can bear, and no farther than they can stop
-    within `stop_time`. L_dot = 0 always meets it.
+    within `stop_time`. a is at most how far the edges are from the middle, which it is about the
+    vertical; it is 0.3 of that at least, and all of it once xi is outside, for then hips catch the
+    robot. L_dot = 0 always meets it.
 
     Each sole's leg is kept between a least and a largest distance of hip and ankle, by the
     viability bounds that `JointLimit` has: a straight knee lifts nothing any more, and what is

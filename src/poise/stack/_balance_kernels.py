@@ -51,6 +51,9 @@ its full speed, and the ZMP goes over to it within a tenth of a second."""
 _LOWEST = 0.1
 """Least height of the COM over the contacts that is reckoned with [m]."""
 
+_LEAST_ARM = 0.3
+"""Part of the moment that remains where the component is on the edge: hips need it to catch."""
+
 _ANY_SPEED = 1e9
 """Legs have no velocity limit of their own [m/s]."""
 
@@ -136,7 +139,7 @@ def _bound_edges(
             rows.matrix[rows.first + row, k] = (
                 nx * motion.momentum[0, k] + ny * motion.momentum[1, k]
             ) / motion.mass[0]
-    _bound_momentum(v, motion, owners, line, inner, caught, height, rows, work)
+    _bound_momentum(v, motion, owners, line, inner, caught, (xi_x, xi_y), height, rows, work)
 
 
 @part
@@ -147,6 +150,7 @@ def _bound_momentum(
     line: Int64[np.ndarray, " entries"],
     hull: Float64[np.ndarray, "k 2"],
     count: int,
+    xi: tuple[float, float],
     height: float,
     rows: Rows,
     work: Float64[np.ndarray, " work"],
@@ -162,7 +166,7 @@ def _bound_momentum(
         ax, ay = hull[i, 0], hull[i, 1]
         ex, ey = hull[(i + 1) % count, 0] - ax, hull[(i + 1) % count, 1] - ay
         arm = min(arm, (ey * (ax - mx) - ex * (ay - my)) / sqrt(ex * ex + ey * ey))
-    most = -motion.mass[0] * motion.gravity[2] * arm
+    weight = -motion.mass[0] * motion.gravity[2]
     stop = owners.parameters[line[START] + STOP]
     scale = 1.0 / (motion.mass[0] * max(motion.com[2] - height, _LOWEST))
     for i in range(3):
@@ -171,9 +175,41 @@ def _bound_momentum(
         for k in range(len(v)):
             momentum += motion.momentum[3 + i, k] * v[k]
             rows.matrix[rows.first + row, k] = scale * motion.momentum[3 + i, k]
-        used = momentum / (most * stop)
-        rows.upper[row] = scale * (most * max(1.0 - used, 0.0) - work[3 + i])
-        rows.target[row] = scale * (-most * max(1.0 + used, 0.0) - work[3 + i])
+        # A lean to the left, about -x, is stopped by pressing to the left of the component.
+        up = down = arm
+        if i == 0:
+            up = _stopping_arm(hull, count, xi, (0.0, -1.0), arm)
+            down = _stopping_arm(hull, count, xi, (0.0, 1.0), arm)
+        elif i == 1:
+            up = _stopping_arm(hull, count, xi, (1.0, 0.0), arm)
+            down = _stopping_arm(hull, count, xi, (-1.0, 0.0), arm)
+        up, down = weight * up, weight * down
+        rows.upper[row] = scale * (up * max(1.0 - momentum / (up * stop), 0.0) - work[3 + i])
+        rows.target[row] = scale * (-down * max(1.0 + momentum / (down * stop), 0.0) - work[3 + i])
+
+
+@part
+def _stopping_arm(
+    hull: Float64[np.ndarray, "k 2"],
+    count: int,
+    xi: tuple[float, float],
+    way: tuple[float, float],
+    most: float,
+) -> float:
+    """How far beyond the component the soles can press, one way: what stops a lean that way [m].
+
+    Where the component is outside, it is what takes the soles' place until it is back.
+    """
+    least = np.inf
+    for i in range(count):
+        ax, ay = hull[i, 0], hull[i, 1]
+        ex, ey = hull[(i + 1) % count, 0] - ax, hull[(i + 1) % count, 1] - ay
+        along = ey * way[0] - ex * way[1]
+        if along > 1e-9 * (abs(ex) + abs(ey)):
+            least = min(least, (ey * (ax - xi[0]) - ex * (ay - xi[1])) / along)
+    if least < 0.0:
+        return most
+    return min(most, max(least, _LEAST_ARM * most))
 
 
 @part

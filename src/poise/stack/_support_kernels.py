@@ -40,9 +40,6 @@ divergent component is anywhere."""
 _MARGIN_RATIO = 0.4
 """A margin takes away no more than this part of half a sole's width."""
 
-_KEPT = 0.9
-"""Part of the torques that the weight may use where the divergent component is to be caught."""
-
 BASE = 6
 """Coordinates of the base, which has no torques."""
 
@@ -79,9 +76,9 @@ def outline_support(
     if feet == 0:
         return 0, 0, 0.0
     count = 4 * feet
-    last = _press(motion, owners, line, reach, feet, 1.0)
+    last = _press(motion, owners, line, reach, feet)
     standing = find_hull(reach[count:], last - count, outer)
-    last = _press(motion, owners, line, catch, feet, _KEPT)
+    last = _press(motion, owners, line, catch, feet)
     last = _add_next_step(owners.parameters, line[START], catch, last)
     return standing, find_hull(catch[count:], last - count, inner), height
 
@@ -143,7 +140,6 @@ def _press(
     line: Int64[np.ndarray, " entries"],
     points: Float64[np.ndarray, "k 2"],
     feet: int,
-    kept: float,
 ) -> int:
     """Where each foot can press, alone and with the next one's help, after the feet's corners.
 
@@ -163,7 +159,6 @@ def _press(
                 (line[START] + TORQUES, other[FRAME_INDEX]),
                 points,
                 (foot, corner, feet),
-                kept,
                 last,
             )
         foot += 1
@@ -177,7 +172,6 @@ def _press_corner(
     leg: tuple[int, int],
     points: Float64[np.ndarray, "k 2"],
     which: tuple[int, int, int],
-    kept: float,
     last: int,
 ) -> int:
     """A corner, or as near to it as the leg can carry the weight, alone and shared."""
@@ -192,7 +186,7 @@ def _press_corner(
         column = int(frames.columns[k])
         if column < BASE:
             continue
-        arm = kept * owners.parameters[torques + column - BASE] / weight
+        arm = owners.parameters[torques + column - BASE] / weight
         lever = column_at(motion, column, x, y, 0.0)[2]
         if abs(lever) <= arm:
             continue

@@ -72,6 +72,39 @@ def soles_corners(robot, dynamics, contacts, margin):
     return np.array(corners)
 
 
+def levers(robot, dynamics, state, contact, point):
+    """Torques of a leg's joints by 1 N upwards at a point, and their largest [m, N m]."""
+    model, data = robot.model, robot.model.createData()
+    J = pin.computeJointJacobians(model, data, state.q)
+    leg = model.supports[model.frames[robot.frame_id(contact.frame)].parentJoint]
+    columns = [model.joints[j].idx_v for j in leg if j > 1]
+    arms = np.array([J[2, k] + np.cross(J[3:, k], [*point, 0.0])[2] for k in columns])
+    return arms, robot.tau_max[np.array(columns) - 6]
+
+
+def carried_corners(robot, dynamics, state, contacts, margin):
+    """Where soles can press: a corner, or as near to it as the leg's torques allow, or shared."""
+    feet = soles_corners(robot, dynamics, contacts, margin).reshape(len(contacts), 4, 2)
+    points = []
+    for i, contact in enumerate(contacts):
+        middle = feet[i].mean(axis=0)
+        a0, most = levers(robot, dynamics, state, contact, middle)
+        most = most / robot.weight
+        for j, corner in enumerate(feet[i]):
+            a1, _ = levers(robot, dynamics, state, contact, corner)
+            ways = [
+                (m * np.sign(b) - a) / (b - a)
+                for a, b, m in zip(a0, a1, most, strict=True)
+                if abs(b) > m
+            ]
+            share = min(1.0, (most / np.abs(a1)).min())
+            if len(contacts) == 1 or not any(way <= 0.0 for way in ways):
+                points.append(middle + max(0.3, min([1.0, *ways])) * (corner - middle))
+            if share < 1.0 and len(contacts) > 1:
+                points.append(share * corner + (1.0 - share) * feet[(i + 1) % len(feet)][j])
+    return np.array(points)
+
+
 def component(robot, dynamics, state, contacts):
     data = robot.model.createData()
     com = pin.centerOfMass(robot.model, data, state.q, state.v).copy()
@@ -88,7 +121,7 @@ def test_inside_each_edge_is_approached_no_faster_than_its_distance_allows(get_r
     state = leaning(robot, seed, 0.02)
     contacts = [SurfaceContact(sole) for sole in robot.soles]
     rows, J, _, upper, dynamics = rows_of(robot, state, limit, contacts)
-    hull = ConvexHull(soles_corners(robot, dynamics, contacts, limit.margin))
+    hull = ConvexHull(carried_corners(robot, dynamics, state, contacts, limit.margin))
     xi, speed, omega = component(robot, dynamics, state, contacts)
     expected = {}
     drift = centroid_drift(robot, state)[0]
@@ -138,7 +171,7 @@ def test_a_centre_of_pressure_in_the_soles_always_meets_all_edges(get_robot, nam
     normals = np.linalg.lstsq(A.T, J[:EDGES][used].T, rcond=None)[0].T
     assert np.allclose(np.linalg.norm(normals, axis=1), 1.0)
     # n (omega^2 (c - p)) - n drift <= upper for a p = sum of corners with weights that add up to 1.
-    corners = soles_corners(robot, dynamics, contacts, 0.0)
+    corners = carried_corners(robot, dynamics, state, contacts, 0.0)
     com = dynamics.com[:2]
     matrix = -omega * omega * normals @ corners.T
     bound = upper[:EDGES][used] + normals @ drift - omega * omega * normals @ com
@@ -151,6 +184,70 @@ def test_a_centre_of_pressure_in_the_soles_always_meets_all_edges(get_robot, nam
         [1.0],
     )
     assert found.fun <= 1e-7
+
+
+def folded(robot, by):
+    """At rest, upright, with knees bent as far: soles where they were, as the trunk comes down."""
+    q = robot.q_home.copy()
+    names = list(robot.joint_names)
+    for side in ("left", "right"):
+        for joint, part in (("hip_pitch", -0.5), ("knee", 1.0), ("ankle_pitch", -0.5)):
+            index = next(i for i, n in enumerate(names) if n.startswith(f"{side}_{joint}"))
+            q[7 + index] += part * by
+    return RobotState(q, np.zeros(robot.nv))
+
+
+@pytest.mark.parametrize("name", ["g1", "humanoid33", "biped20"])
+@pytest.mark.parametrize("by", [0.0, 0.8, 1.3])
+@pytest.mark.parametrize("feet", [1, 2])
+def test_where_soles_can_press_the_legs_hold_the_weight(get_robot, name, by, feet):
+    """By a linear program that has the vertical forces at all corners, and all torques."""
+    robot, limit = get_robot(name), BalanceLimit(margin=0.0)
+    state = folded(robot, by)
+    contacts = [SurfaceContact(sole) for sole in list(robot.soles)[:feet]]
+    rows, J, _, _, dynamics = rows_of(robot, state, limit, contacts)
+    corners = soles_corners(robot, dynamics, contacts, 0.0)
+    torques, most = [], []
+    for i, contact in enumerate(contacts):
+        columns = []
+        for k, corner in enumerate(corners):
+            arms, limits = levers(robot, dynamics, state, contact, corner)
+            columns.append(arms * robot.weight * (k // 4 == i))
+        torques.append(np.array(columns).T)
+        most.append(limits)
+    matrix, bound = np.vstack(torques), np.concatenate(most)
+
+    def holds(p):
+        """The least part of the torques that carries the weight at p."""
+        n = len(corners)
+        found = linprog(
+            np.append(np.zeros(n), 1.0),
+            np.column_stack((np.vstack((matrix, -matrix)), -np.tile(bound, 2))),
+            np.zeros(2 * len(bound)),
+            np.vstack((np.column_stack((corners.T, [0.0, 0.0])), [*np.ones(n), 0.0])),
+            [*p, 1.0],
+        )
+        return found.fun if found.success else np.inf
+
+    # The polygon from the rows: edges n x <= h, of which the component's distances are known.
+    used = np.isfinite(rows.balance.edge_distances)
+    A = dynamics.momentum_matrix[:2] / pin.computeTotalMass(robot.model)
+    normals = np.linalg.lstsq(A.T, J[:EDGES][used].T, rcond=None)[0].T
+    xi = component(robot, dynamics, state, contacts)[0]
+    offsets = rows.balance.edge_distances[used] + normals @ xi
+    expected = ConvexHull(carried_corners(robot, dynamics, state, contacts, 0.0))
+    assert np.allclose(np.sort(offsets), np.sort(-expected.equations[:, 2]), atol=1e-6)
+    cut = expected.volume < ConvexHull(corners).volume - 1e-9
+    # Folded legs carry less: the robot that stands with nearly straight ones has more to stand on.
+    assert cut or by < 1.3
+    # A third of the sole or so is always left.
+    least = 0.3 * corners + 0.7 * corners.mean(axis=0)
+    vertices = expected.points[expected.vertices]
+    used = [holds(p) for p in vertices if feet == 2 or np.abs(least - p).max(axis=1).min() > 1e-9]
+    assert max(used, default=0.0) <= 1.0 + 1e-6
+    if feet == 1 and cut and len(used) == len(vertices):
+        # No more is taken away than has to be.
+        assert max(used) == pytest.approx(1.0, abs=1e-6)
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -189,19 +286,29 @@ def test_angular_momentum_is_bounded_by_what_the_soles_can_stop(get_robot, seed)
     state = near_home(robot, seed, speed=1.0)
     contacts = [SurfaceContact(sole) for sole in robot.soles]
     _, J, lower, upper, dynamics = rows_of(robot, state, limit, contacts)
-    corners = soles_corners(robot, dynamics, contacts, limit.margin)
+    corners = carried_corners(robot, dynamics, state, contacts, limit.margin)
     hull = ConvexHull(corners)
     middle = corners[hull.vertices].mean(axis=0)
     arm = (-hull.equations[:, 2] - hull.equations[:, :2] @ middle).min()
-    moment = robot.weight * arm
+    xi, _, _ = component(robot, dynamics, state, contacts)
+
+    def stopping(way):
+        """How far it is to the edges beyond the component, where it has not left them."""
+        along = hull.equations[:, :2] @ way
+        left = -hull.equations[:, 2] - hull.equations[:, :2] @ xi
+        least = (left[along > 0.0] / along[along > 0.0]).min()
+        return arm if least < 0.0 else np.clip(least, 0.3 * arm, arm)
+
+    up = robot.weight * np.array([stopping((0.0, -1.0)), stopping((1.0, 0.0)), arm])
+    down = robot.weight * np.array([stopping((0.0, 1.0)), stopping((-1.0, 0.0)), arm])
     L = (dynamics.momentum_matrix @ state.v)[3:]
     rate = centroid_drift(robot, state)[1]
     place = slice(EDGES, EDGES + 3)
     # Rows are scaled alike; the scale is what makes A_G of them.
     scale = np.linalg.norm(J[place]) / np.linalg.norm(dynamics.momentum_matrix[3:])
     assert np.allclose(J[place], scale * dynamics.momentum_matrix[3:])
-    most = moment * np.maximum(1.0 - L / (moment * 0.2), 0.0)
-    least = -moment * np.maximum(1.0 + L / (moment * 0.2), 0.0)
+    most = up * np.maximum(1.0 - L / (up * 0.2), 0.0)
+    least = -down * np.maximum(1.0 + L / (down * 0.2), 0.0)
     assert np.allclose(upper[place] / scale + rate, most, atol=1e-6)
     assert np.allclose(lower[place] / scale + rate, least, atol=1e-6)
 
