@@ -51,7 +51,7 @@ its full speed, and the ZMP goes over to it within a tenth of a second."""
 _LOWEST = 0.1
 """Least height of the COM over the contacts that is reckoned with [m]."""
 
-_LEAST_ARM = 0.3
+_LEAST_ARM = 0.4
 """Part of the moment that remains where the component is on the edge: hips need it to catch."""
 
 _ANY_SPEED = 1e9
