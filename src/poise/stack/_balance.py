@@ -66,7 +66,7 @@ class BalanceLimit:
 
     lets arms and trunk be thrown as hard as the soles can bear, and no farther than they can stop
     within `stop_time`. a is at most how far the edges are from the middle, which it is about the
-    vertical; it is 0.4 of that at least, and all of it once xi is outside, for then hips catch the
+    vertical, and 0.3 of that at least. Outside it grows with the way back, for then hips catch the
     robot. L_dot = 0 always meets it.
 
     Each sole's leg is kept between a least and a largest distance of hip and ankle, by the

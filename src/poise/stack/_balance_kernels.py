@@ -51,8 +51,9 @@ its full speed, and the ZMP goes over to it within a tenth of a second."""
 _LOWEST = 0.1
 """Least height of the COM over the contacts that is reckoned with [m]."""
 
-_LEAST_ARM = 0.4
-"""Part of the moment that remains where the component is on the edge: hips need it to catch."""
+_LEAST_ARM, _CATCHING = 0.3, 10.0
+"""Part of the moment that remains where the component is on the edge, and how much more there is,
+as an arm, by how far it is outside: hips need it to catch."""
 
 _ANY_SPEED = 1e9
 """Legs have no velocity limit of their own [m/s]."""
@@ -198,7 +199,7 @@ def _stopping_arm(
 ) -> float:
     """How far beyond the component the soles can press, one way: what stops a lean that way [m].
 
-    Where the component is outside, it is what takes the soles' place until it is back.
+    Where the component is outside, a lean that way is what brings it back.
     """
     least = np.inf
     for i in range(count):
@@ -208,7 +209,7 @@ def _stopping_arm(
         if along > 1e-9 * (abs(ex) + abs(ey)):
             least = min(least, (ey * (ax - xi[0]) - ex * (ay - xi[1])) / along)
     if least < 0.0:
-        return most
+        return min(most, _LEAST_ARM * most - _CATCHING * least)
     return min(most, max(least, _LEAST_ARM * most))
 
 

@@ -297,7 +297,7 @@ def test_angular_momentum_is_bounded_by_what_the_soles_can_stop(get_robot, seed)
         along = hull.equations[:, :2] @ way
         left = -hull.equations[:, 2] - hull.equations[:, :2] @ xi
         least = (left[along > 0.0] / along[along > 0.0]).min()
-        return arm if least < 0.0 else np.clip(least, 0.4 * arm, arm)
+        return np.clip(0.3 * arm - 10.0 * least if least < 0.0 else least, 0.3 * arm, arm)
 
     up = robot.weight * np.array([stopping((0.0, -1.0)), stopping((1.0, 0.0)), arm])
     down = robot.weight * np.array([stopping((0.0, 1.0)), stopping((-1.0, 0.0)), arm])
