@@ -55,6 +55,22 @@ def test_everything_agrees_with_a_model_made_so(get_robot, name):
     np.testing.assert_allclose(dynamics.com_velocity, data.hg.linear / (ratio * robot.mass))
 
 
+@pytest.mark.parametrize("name", NAMES)
+def test_what_hands_hold_is_where_the_hands_are(get_robot, name):
+    robot, state = get_robot(name), near_home(get_robot(name), 4, speed=0.5)
+    left, right = robot.hands
+    dynamics, known = Dynamics(robot), Dynamics(robot.carrying(left, 0.5).carrying(right, 2.0))
+    dynamics.update(carrying(state, Payload(0.0, np.zeros(3), np.array([0.5, 2.0]))))
+    known.update(state)
+    np.testing.assert_allclose(dynamics.M, known.M, atol=1e-10)
+    np.testing.assert_allclose(dynamics.h, known.h, atol=1e-9)
+    np.testing.assert_allclose(dynamics.com, known.com, atol=1e-12)
+    np.testing.assert_allclose(dynamics.com_velocity, known.com_velocity, atol=1e-12)
+    # Hands that the robot has not hold nothing.
+    dynamics.update(carrying(state, Payload(0.0, np.zeros(3), np.array([0.5, 2.0, 7.0]))))
+    np.testing.assert_allclose(dynamics.com, known.com, atol=1e-12)
+
+
 def test_nobody_else_feels_it_and_without_it_all_is_as_before(get_robot):
     robot, state = get_robot("g1"), near_home(get_robot("g1"), 3, speed=0.5)
     before = [inertia.mass for inertia in robot.model.inertias]
@@ -96,6 +112,12 @@ def test_what_is_none_is_a_bad_state(get_robot):
 def test_numbers_that_are_none_are_refused(mass, offset):
     with pytest.raises(ConfigurationError, match="payload"):
         Payload(mass, offset)
+
+
+@pytest.mark.parametrize("held", [[-0.1], [np.nan, 0.0], [np.inf]])
+def test_hands_hold_no_less_than_nothing(held):
+    with pytest.raises(ConfigurationError, match="payload"):
+        Payload(0.0, np.zeros(3), np.array(held))
 
 
 def test_no_robot_loses_all_of_its_mass(get_robot):

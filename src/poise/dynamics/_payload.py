@@ -1,10 +1,10 @@
-"""`Payload`: how far a robot is from its description in mass and centre of mass.
+"""`Payload`: how far a robot is from its description in mass, centre of mass, and what hands hold.
 
 `LoadedModel`: a robot's model with that in it.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import pinocchio as pin
@@ -22,26 +22,35 @@ class Payload:
     """What a robot carries, or is, beside its description, as the ground feels it.
 
     Attributes:
-        mass: beyond the description's [kg]; negative for a robot that is lighter.
-        offset: how far the centre of mass is from the description's, along the axes of the torso's
-            frame [m].
+        mass: beyond the description's, without what its hands hold [kg]; negative for a robot that
+            is lighter.
+        offset: how far the centre of mass of all but what the hands hold is from the description's,
+            along the axes of the torso's frame [m].
+        held: masses at the hands' frames, in the order of `Robot.hands`; empty for none [kg].
 
     Raises:
-        ConfigurationError: numbers that are not finite, or not three of them.
+        ConfigurationError: numbers that are not finite, not three of them, or a negative mass in a
+            hand.
     """
 
     mass: float
     offset: Float64[np.ndarray, "3"]
+    held: Float64[np.ndarray, " h"] = field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self) -> None:
         offset = np.asarray(self.offset, dtype=np.float64)
-        if not (math.isfinite(self.mass) and offset.shape == (3,) and np.isfinite(offset).all()):
+        held = np.asarray(self.held, dtype=np.float64)
+        body = math.isfinite(self.mass) and offset.shape == (3,) and np.isfinite(offset).all()
+        # Written so that NaN fails.
+        if not (body and held.ndim == 1 and np.all((held >= 0.0) & (held < np.inf))):
             raise ConfigurationError(
                 "payload of a robot",
-                got=(self.mass, self.offset),
-                wanted="a finite mass [kg] and three finite numbers [m]",
+                got=(self.mass, self.offset, self.held),
+                wanted="a finite mass [kg], three finite numbers [m], and no negative mass in a "
+                "hand [kg]",
             )
         object.__setattr__(self, "offset", offset)
+        object.__setattr__(self, "held", held)
 
 
 class LoadedModel:
@@ -50,6 +59,7 @@ class LoadedModel:
     The ground tells mass and centre of mass, not where a load is. So all links become heavier in
     the same ratio s = 1 + mass / m, and the torso's own centre moves by m offset / m_torso: every
     link stays a body that can be, and the mass matrix positive definite, for lighter robots too.
+    What hands hold is a point at each hand's frame, as in `Robot.carrying`.
 
     Args:
         robot: whose model; it is not changed.
@@ -64,6 +74,8 @@ class LoadedModel:
         self._bare = [pin.Inertia(inertia) for inertia in robot.model.inertias]
         torso = robot.model.frames[robot.frame_id(robot.torso)]
         self._torso = _first_with_mass(robot, torso.parentJoint)
+        frames = (robot.model.frames[robot.frame_id(hand)] for hand in robot.hands)
+        self._hands = [(f.parentJoint, f.placement.translation.copy()) for f in frames]
         data = robot.model.createData()
         pin.forwardKinematics(robot.model, data, pin.neutral(robot.model))
         turn = data.oMi[self._torso].rotation.T @ data.oMi[torso.parentJoint].rotation
@@ -73,7 +85,8 @@ class LoadedModel:
         """Takes a payload in place of the last one.
 
         Args:
-            payload: None for the description as it is.
+            payload: None for the description as it is. Masses in hands that the robot has not
+                count for nothing.
         """
         mass, offset = (0.0, np.zeros(3)) if payload is None else (payload.mass, payload.offset)
         ratio = max(1.0 + mass / self._mass, LEAST_MASS)
@@ -86,6 +99,10 @@ class LoadedModel:
         self.model.inertias[self._torso] = pin.Inertia(
             ratio * bare.mass, moved, ratio * bare.inertia
         )
+        held = () if payload is None else payload.held.tolist()
+        for (joint, place), load in zip(self._hands, held, strict=False):
+            if load > 0.0:
+                self.model.inertias[joint] += pin.Inertia(load, place, np.zeros((3, 3)))
 
 
 def _first_with_mass(robot: Robot, joint: int) -> int:

@@ -142,6 +142,10 @@ class PayloadBelief:
 
     Attributes:
         smoothing: time constant of the low-pass that all it compares goes through [s].
+        likely_mass: deviation of the mass from the description's that is likely before anything is
+            known, by the robot's own.
+        likely_offset: likewise of the centre of mass, along each axis [m].
+        likely_held: likewise of what a hand holds, by the robot's mass.
         mass_walk: density of the walk of the mass, by the robot's own [1/sqrt(s)].
         offset_walk: density of the walk of the centre of mass [m/sqrt(s)].
         force_noise: density of the noise of what the soles measure together, by the weight
@@ -151,6 +155,12 @@ class PayloadBelief:
         lost_mass: most mass below the description's, by the robot's own.
         added_mass: most mass beyond it, likewise.
         offset_max: farthest that the centre of mass is along any axis [m].
+        held_walk: density of the walk of what a hand holds by the way that it moves, by the robot's
+            mass [1/sqrt(m)].
+        held_noise: density of the noise of how the moment changes, by the weight [m sqrt(s)].
+        held_max: most that a hand holds, by the robot's mass.
+        held_rate: how fast what a hand is told to hold may change, by the robot's mass [1/s].
+        washout: how long a moment has to stay to be the body's own [s].
         mass_rate: how fast the mass that is told may change, by the robot's own [1/s].
         offset_rate: how fast the centre of mass that is told may move [m/s].
         least_load: part of the weight below which the soles say nothing: the robot hangs, or flies.
@@ -160,6 +170,9 @@ class PayloadBelief:
     """
 
     smoothing: Positive = 0.25
+    likely_mass: Deviation = 0.1
+    likely_offset: Deviation = 0.01
+    likely_held: Deviation = 0.03
     mass_walk: Deviation = 0.02
     offset_walk: Deviation = 0.004
     force_noise: Positive = 0.02
@@ -167,6 +180,11 @@ class PayloadBelief:
     lost_mass: Ratio = 0.4
     added_mass: Ratio = 0.6
     offset_max: Positive = 0.08
+    held_walk: Deviation = 0.03
+    held_noise: Positive = 0.0015
+    held_max: Ratio = 0.1
+    held_rate: Deviation = 0.04
+    washout: Positive = 1.0
     mass_rate: Deviation = 0.1
     offset_rate: Deviation = 0.02
     least_load: Ratio = 0.3

@@ -1,4 +1,4 @@
-"""`PayloadEstimator`: how heavy a robot is and where its centre of mass is, from its soles."""
+"""`PayloadEstimator`: how heavy a robot is, where its centre of mass is, and what hands hold."""
 
 import math
 
@@ -10,6 +10,7 @@ from poise.dynamics import Payload, RobotState
 from poise.errors import ConfigurationError
 from poise.estimation._config import PayloadBelief
 from poise.estimation._group import hat
+from poise.estimation._hands import HAND, HandLoads
 from poise.robots import GRAVITY, Robot
 
 _GRAVITY = np.array([0.0, 0.0, -GRAVITY])
@@ -18,12 +19,12 @@ _LONGEST = 0.05
 """A clock that jumps farther says nothing of what happened meanwhile [s]."""
 
 
-_PERIOD = 0.01
+_PERIOD = 0.02
 """The filter goes on after so long: what it looks for is slow [s]."""
 
-_MASS_STEP, _OFFSET_STEP = 0.002, 0.0005
-"""What is told stays as it is until it is off by so much, by the robot's mass and [m]: who computes
-with it has its work with every change."""
+_MASS_STEP, _OFFSET_STEP, _HELD_STEP = 0.002, 0.0005, 0.001
+"""What is told stays as it is until it is off by so much, by the robot's mass, [m], and in a hand
+by the robot's mass: who computes with it has its work with every change."""
 
 
 class PayloadEstimator:
@@ -36,6 +37,7 @@ class PayloadEstimator:
         F - (p' - m g) = sigma (p' - m g)
         N - L'         = sigma L' + m R e x (a - g)                a = p' / m
 
+    and what hands hold beside that, which shows as they move (`HandLoads`).
     A Kalman filter finds sigma and e, three numbers of which gravity shows two; the third stays
     near zero until the torso has leaned. All that is compared goes through one low-pass, so that
     rates are differences to it, h' = (h - h_low) / smoothing, and nothing is differentiated.
@@ -74,6 +76,9 @@ class PayloadEstimator:
         self._model, self._data, self._mass = robot.model, robot.model.createData(), robot.mass
         self._soles = {name: robot.frame_id(name) for name in robot.soles}
         self._torso = robot.frame_id(robot.torso)
+        self._hands = HandLoads(robot, self.belief)
+        steps = [_MASS_STEP, *[_OFFSET_STEP] * 3, *[_HELD_STEP] * len(self._hands)]
+        self._steps = np.array(steps)
         self.reset()
 
     def reset(self) -> None:
@@ -81,19 +86,29 @@ class PayloadEstimator:
         self.payload: Payload | None = None
         self._time, self._since = math.nan, 0.0
         self._mean = np.zeros(4)
-        self._covariance = np.zeros((4, 4))
-        self._told = np.zeros(4)
-        self._low: Float64[np.ndarray, "12"] | None = None
+        b = self.belief
+        self._covariance = np.diag([b.likely_mass, *[b.likely_offset] * 3]) ** 2
+        self._told, self._last = np.zeros(4 + len(self._hands)), np.zeros(4 + len(self._hands))
+        self._low: Float64[np.ndarray, " k"] | None = None
+        self._hands.reset()
 
     @property
     def mass(self) -> float:
-        """What the filter finds beyond the description's mass, before it is told slowly [kg]."""
+        """What it finds beyond the description's mass, without what hands hold [kg].
+
+        It is told more slowly, as offset and what is held are.
+        """
         return float(self._mean[0]) * self._mass
 
     @property
     def offset(self) -> Float64[np.ndarray, "3"]:
         """How far it finds the centre of mass to be off, along the torso's axes [m]."""
         return self._mean[1:] / (1.0 + self._mean[0])
+
+    @property
+    def held(self) -> Float64[np.ndarray, " h"]:
+        """What it finds in each hand [kg]."""
+        return self._hands.held * self._mass
 
     def update(self, state: RobotState) -> RobotState:
         """Takes a state in, and returns it with the payload.
@@ -107,6 +122,7 @@ class PayloadEstimator:
         felt = self._felt(state)
         if felt is None or not 0.0 < dt <= _LONGEST or self._low is None:
             self._low = felt
+            self._hands.restart()
         else:
             self._low += -math.expm1(-dt / self.belief.smoothing) * (felt - self._low)
             self._since += dt
@@ -118,16 +134,16 @@ class PayloadEstimator:
             state.q, state.v, state.contacts, state.time, state.readings, self.payload
         )
 
-    def _felt(self, state: RobotState) -> Float64[np.ndarray, "12"] | None:
+    def _felt(self, state: RobotState) -> Float64[np.ndarray, " k"] | None:
         """Force and moment of the soles about the centre of mass, then the momentum, by the mass.
 
-        None where there are none, or numbers of no use.
+        Then what hands do. None where there are none, or numbers of no use.
         """
         if state.q.shape != (self._model.nq,) or state.v.shape != (self._model.nv,):
             return None
         pin.computeCentroidalMomentum(self._model, self._data, state.q, state.v)
-        felt = np.zeros(12)
-        felt[6:] = self._data.hg.vector / self._mass
+        felt = np.zeros(12 + HAND * len(self._hands))
+        felt[6:12] = self._data.hg.vector / self._mass
         for name, frame in self._soles.items():
             wrench = state.contacts.get(name)
             if wrench is None:
@@ -138,24 +154,30 @@ class PayloadEstimator:
             felt[3:6] += hat(place.translation - self._data.com[0]) @ force
             felt[3:6] += place.rotation @ wrench[3:]
         felt[:6] /= self._mass
+        self._hands.read(self._model, self._data, felt[6:9], felt[12:])
         return felt if np.isfinite(felt).all() else None
 
-    def _correct(self, felt: Float64[np.ndarray, "12"], dt: float) -> None:
+    def _correct(self, felt: Float64[np.ndarray, " k"], dt: float) -> None:
         """One step of the filter, all by the robot's mass."""
         b, low = self.belief, self._low
         assert low is not None
-        rate = (felt[6:] - low[6:]) / b.smoothing
+        rate = (felt[6:12] - low[6:12]) / b.smoothing
         walk = np.array([b.mass_walk, *[b.offset_walk] * 3]) ** 2 * dt
         self._covariance[np.diag_indices(4)] += walk
-        shocked = float(np.abs(rate[:3]).max()) > b.shock
-        if shocked or low[2] < b.least_load * GRAVITY:
+        if low[2] < b.least_load * GRAVITY:
+            self._hands.restart()
             return
-        world_R_torso = pin.updateFramePlacement(self._model, self._data, self._torso).rotation
+        if float(np.abs(rate[:3]).max()) > b.shock:
+            return
+        torso = pin.updateFramePlacement(self._model, self._data, self._torso)
         reaction = rate[:3] - _GRAVITY
         H = np.zeros((6, 4))
         H[:3, 0], H[3:, 0] = reaction, rate[3:]
-        H[3:, 1:] = -hat(reaction) @ world_R_torso
-        left = np.concatenate((low[:3] - reaction, low[3:6] - rate[3:])) - H @ self._mean
+        H[3:, 1:] = -hat(reaction) @ torso.rotation
+        left = np.concatenate((low[:3] - reaction, low[3:6] - rate[3:]))
+        if len(self._hands):
+            left -= self._held(felt, left, rate, torso, dt)
+        left -= H @ self._mean
         pushed = math.hypot(float(left[0]), float(left[1])) / (b.push * GRAVITY)
         noise = np.repeat([b.force_noise, b.moment_noise], 3) * GRAVITY * (1.0 + pushed**2)
         spread = H @ self._covariance @ H.T + np.diag(noise**2 / dt)
@@ -166,14 +188,34 @@ class PayloadEstimator:
         self._mean[0] = min(max(self._mean[0], -b.lost_mass), b.added_mass)
         np.clip(self._mean[1:], -b.offset_max, b.offset_max, out=self._mean[1:])
 
+    def _held(
+        self,
+        felt: Float64[np.ndarray, " k"],
+        left: Float64[np.ndarray, "6"],
+        rate: Float64[np.ndarray, "6"],
+        torso: pin.SE3,
+        dt: float,
+    ) -> Float64[np.ndarray, "6"]:
+        """Force and moment of what hands hold; what is found to be theirs the body gives up.
+
+        Of the body its accelerations are taken away before, but not its weight: the offset that is
+        found follows what hands do, late, and would take from them what is theirs.
+        """
+        assert self._low is not None
+        columns = self._hands.columns(felt[12:], self._low[12:])
+        more, offset = float(self._mean[0]), torso.rotation @ self._mean[1:]
+        changing = left - more * rate
+        changing[3:] -= hat(offset) @ rate[:3]
+        self._mean -= self._hands.correct(changing, columns, self._data, torso, dt)
+        return columns @ self._hands.held
+
     def _tell(self, dt: float) -> None:
         """What is told follows what is found, no faster than it may, and in steps worth telling."""
         b, told = self.belief, self._told
-        most = np.array([b.mass_rate, *[b.offset_rate] * 3]) * dt
-        told += np.clip(np.append(self._mean[0], self.offset) - told, -most, most)
-        last = np.zeros(4)
-        if self.payload is not None:
-            last[0], last[1:] = self.payload.mass / self._mass, self.payload.offset
-        off = np.abs(told - last)
-        if off[0] > _MASS_STEP or float(off[1:].max()) > _OFFSET_STEP:
-            self.payload = Payload(float(told[0]) * self._mass, told[1:].copy())
+        most = np.array([b.mass_rate, *[b.offset_rate] * 3, *[b.held_rate] * len(self._hands)]) * dt
+        found = np.concatenate((self._mean[:1], self.offset, self._hands.held))
+        told += np.clip(found - told, -most, most)
+        if (np.abs(told - self._last) > self._steps).any():
+            self._last = told.copy()
+            mass, held = float(told[0]) * self._mass, told[4:] * self._mass
+            self.payload = Payload(mass, told[1:4].copy(), held)

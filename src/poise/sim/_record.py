@@ -36,6 +36,7 @@ UNITS = {
     "velocity_truth": "m/s, rad/s",
     "velocity_estimate": "m/s, rad/s",
     "payload_estimate": "kg, m",
+    "held_estimate": "kg",
     "command_torque": "N m",
     "command_velocity": "rad/s",
     "residuals": "",

@@ -92,7 +92,8 @@ class Recorder:
     `signals` say; and notes about the `status` of the commands and about which links touch. Where
     an estimator says what the others know, `base_estimate` and `base_truth` (position and
     quaternion) and `velocity_estimate` and `velocity_truth` (in the base) are of the begin of the
-    period, when it said so, and `payload_estimate`: mass and offset beyond the description.
+    period, when it said so, `payload_estimate`: mass and offset beyond the description, and
+    `held_estimate`: the mass in each hand.
 
     The log, if there is one, holds that record to the last bit, see `read_log`. Beside it a topic
     a signal (`/com`, `/zmp`, ...), one a topic of notes, `/joints`, `/tf` and `/scene` are for
@@ -272,6 +273,11 @@ class Recorder:
         samples["payload_estimate"] = (
             np.zeros(4) if load is None else np.append(load.mass, load.offset)
         )
+        held = np.zeros(len(self._plant.robot.hands))
+        if len(held):
+            if load is not None and len(load.held) == len(held):
+                held[:] = load.held
+            samples["held_estimate"] = held
 
     def _add_command(self, samples: dict[str, Value], command: Command) -> None:
         if command.torque is not None:

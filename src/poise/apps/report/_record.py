@@ -175,8 +175,8 @@ class RunView:
         soles: the soles and what they carried.
         base_errors: how far off the robot's own estimate of its base is; None where it is told the
             truth.
-        payload: mass beyond the description's [kg] and offset of the centre of mass along the
-            torso's axes [m], as estimated; None where nobody does.
+        payload: mass beyond the description's [kg], and offset of the centre of mass of all but
+            what hands hold along the torso's axes [m], as estimated; None where nobody does.
         residuals: what each level could not meet, relative to the level's scale [-].
         level_names: names of the levels, empty to call them by their number.
         status: how each command came about, as `CommandStatus.value`.

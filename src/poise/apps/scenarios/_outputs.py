@@ -234,8 +234,12 @@ def make_view(
 
 def _payload(record: RunRecord) -> Float64[np.ndarray, "T 4"] | None:
     """What the robot was found to carry, where it was looked for."""
-    known = "payload_estimate" in record
-    return record["payload_estimate"] if known else None
+    if "payload_estimate" not in record:
+        return None
+    payload = record["payload_estimate"].copy()
+    if "held_estimate" in record:
+        payload[:, 0] += record["held_estimate"].sum(axis=1)
+    return payload
 
 
 def _events(record: RunRecord, signals: RunSignals) -> list[Event]:

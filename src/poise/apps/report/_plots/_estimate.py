@@ -42,5 +42,5 @@ _CAPTION = (
 )
 _PAYLOAD = (
     " Payload and offset are what the soles say the robot weighs beyond its description, and how "
-    "far its centre of mass is from there."
+    "far its centre of mass is from there, without what its hands hold."
 )

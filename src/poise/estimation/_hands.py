@@ -1,0 +1,167 @@
+"""`HandLoads`: what hands hold, told from the body's own mass by how hands move."""
+
+import math
+
+import numpy as np
+import pinocchio as pin
+from jaxtyping import Float64
+
+from poise.estimation._config import PayloadBelief
+from poise.robots import GRAVITY, Robot
+
+HAND = 12
+"""Numbers of a hand that go through the low-pass."""
+
+_AT_REST = 0.05
+"""A hand that stays within so much of a place in the torso has not moved: arms that rest swing as
+much when a robot walks [m]."""
+
+_EYE = np.eye(3)
+
+
+class HandLoads:
+    """Masses in the hands, from what the soles feel as hands move.
+
+    A mass mu in a hand, at the place r with velocity v, takes mu (a - g) of force and, about the
+    robot's centre of mass c, mu (r - c) x (a - g) of moment. With hands at rest a mass and an
+    offset of the body do the same; when a hand moves, its moment goes along and the body's stays.
+    So both, the moment y that nothing else explains and the columns B of unit masses, go through a
+    washout in the torso's axes, and a Kalman filter follows mu:
+
+        y - y_slow = (B - B_slow) mu
+
+    At rest there is nothing on the right, and mu stays as it is. Its random walk is by the way
+    that the hand moves: what does not move grips nothing. It believes little while somebody pushes
+    or something is put on or leaned on, which the change of the force tells.
+
+    With (r - c) x a = ((r - c) x v)' + c' x v and one low-pass on v, (r - c) x v, c' x v and r - c
+    nothing is differentiated.
+
+    Args:
+        robot: whose hands; it may have none.
+        belief: what is believed of them.
+
+    Attributes:
+        held: found in each hand, by the robot's mass.
+    """
+
+    def __init__(self, robot: Robot, belief: PayloadBelief) -> None:
+        self._frames = [robot.frame_id(name) for name in robot.hands]
+        self._belief = belief
+        self.held: Float64[np.ndarray, " h"] = np.zeros(len(self._frames))
+        self.reset()
+
+    def __len__(self) -> int:
+        return len(self._frames)
+
+    def reset(self) -> None:
+        """Forgets everything: hands are empty."""
+        self.held = np.zeros(len(self))
+        self._covariance = self._belief.likely_held**2 * np.eye(len(self))
+        self.restart()
+
+    def restart(self) -> None:
+        """Time has jumped: nothing is known of how hands moved."""
+        self._anchors: list[list[float] | None] = [None] * len(self)
+        self._slow: Float64[np.ndarray, "6 k"] | None = None
+
+    def read(
+        self,
+        model: pin.Model,
+        data: pin.Data,
+        com_velocity: Float64[np.ndarray, "3"],
+        out: Float64[np.ndarray, " k"],
+    ) -> None:
+        """Writes v, (r - c) x v, c' x v and r - c of each hand, one after the other.
+
+        Args:
+            model: of the robot.
+            data: with its kinematics and centre of mass.
+            com_velocity: c' [m/s].
+            out: `HAND` numbers a hand.
+        """
+        axes = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+        c_x, c_y, c_z = data.com[0].tolist()
+        u_x, u_y, u_z = com_velocity.tolist()
+        for k, frame in enumerate(self._frames):
+            x, y, z = pin.updateFramePlacement(model, data, frame).translation.tolist()
+            x, y, z = x - c_x, y - c_y, z - c_z
+            v_x, v_y, v_z = pin.getFrameVelocity(model, data, frame, axes).linear.tolist()
+            # A few numbers are several times as quick as such than as arrays.
+            out[HAND * k : HAND * (k + 1)] = (
+                v_x, v_y, v_z,
+                y * v_z - z * v_y, z * v_x - x * v_z, x * v_y - y * v_x,
+                u_y * v_z - u_z * v_y, u_z * v_x - u_x * v_z, u_x * v_y - u_y * v_x,
+                x, y, z,
+            )  # fmt: skip
+
+    def columns(
+        self, felt: Float64[np.ndarray, " k"], low: Float64[np.ndarray, " k"]
+    ) -> Float64[np.ndarray, "6 h"]:
+        """B: force and moment that a unit mass in each hand takes.
+
+        Args:
+            felt: as `read` wrote it.
+            low: the same, smoothed.
+        """
+        felt, low = felt.reshape(-1, HAND), low.reshape(-1, HAND)
+        found = (felt[:, :6] - low[:, :6]) / self._belief.smoothing
+        found[:, 2] += GRAVITY
+        found[:, 3:] += low[:, 6:9]
+        found[:, 3] += GRAVITY * low[:, 10]
+        found[:, 4] -= GRAVITY * low[:, 9]
+        return found.T
+
+    def correct(
+        self,
+        left: Float64[np.ndarray, "6"],
+        columns: Float64[np.ndarray, "6 h"],
+        data: pin.Data,
+        torso: pin.SE3,
+        dt: float,
+    ) -> Float64[np.ndarray, "4"]:
+        """One step of the filter.
+
+        Args:
+            left: force and moment about c, by the mass, that the body's motion does not explain;
+                what does not change does not count.
+            columns: B.
+            data: with the hands' placements.
+            torso: where the torso is.
+            dt: since the last step [s].
+
+        Returns:
+            What the body has to give up, as it was taken for its own until now: mass, and first
+            moment in the torso's axes [m], by the mass.
+        """
+        b, P = self._belief, self._covariance
+        for k, way in enumerate(self._moved(data, torso)):
+            P[k, k] += b.held_walk**2 * way
+        seen = np.empty((6, 1 + len(self)))
+        seen[:, 0], seen[:, 1:] = left, columns
+        seen = (torso.rotation.T @ seen.reshape(2, 3, -1)).reshape(6, -1)
+        slow = seen if self._slow is None else self._slow
+        self._slow = slow = slow - math.expm1(-dt / b.washout) * (seen - slow)
+        changed = seen - slow
+        y, B, before = changed[3:, 0], changed[3:, 1:], self.held
+        force = changed[:3, 0] - changed[:3, 1:] @ before
+        pushed = float(force @ force) / (b.push * GRAVITY) ** 2
+        noise = b.held_noise * GRAVITY * (1.0 + pushed)
+        BP = B @ P
+        gain = np.linalg.solve(BP @ B.T + (noise**2 / dt) * _EYE, BP).T
+        P -= gain @ BP
+        self.held = (before + gain @ (y - B @ before)).clip(0.0, b.held_max)
+        given = self.held - before
+        m_x, m_y, _ = (slow[3:, 1:] @ given).tolist()
+        return np.array([given.sum(), -m_y / GRAVITY, m_x / GRAVITY, 0.0])
+
+    def _moved(self, data: pin.Data, torso: pin.SE3) -> list[float]:
+        """How far each hand has moved in the torso since it was last asked for [m]."""
+        ways = [0.0] * len(self)
+        for k, frame in enumerate(self._frames):
+            here = torso.actInv(data.oMf[frame].translation).tolist()
+            anchor = self._anchors[k]
+            way = 0.0 if anchor is None else math.dist(here, anchor)
+            if anchor is None or way > _AT_REST:
+                ways[k], self._anchors[k] = way, here
+        return ways
