@@ -16,6 +16,9 @@ _AT_REST = 0.05
 """A hand that stays within so much of a place in the torso has not moved: arms that rest swing as
 much when a robot walks [m]."""
 
+_VIOLENT = 1e6
+"""Square of a change of the force, over `PayloadBelief.push`, that is as good as any larger."""
+
 _EYE = np.eye(3)
 
 
@@ -32,7 +35,8 @@ class HandLoads:
 
     At rest there is nothing on the right, and mu stays as it is. Its random walk is by the way
     that the hand moves: what does not move grips nothing. It believes little while somebody pushes
-    or something is put on or leaned on, which the change of the force tells.
+    or something is put on or leaned on, which the change of the force tells, and until the washout
+    has forgotten that.
 
     With (r - c) x a = ((r - c) x v)' + c' x v and one low-pass on v, (r - c) x v, c' x v and r - c
     nothing is differentiated.
@@ -64,6 +68,7 @@ class HandLoads:
         """Time has jumped: nothing is known of how hands moved."""
         self._anchors: list[list[float] | None] = [None] * len(self)
         self._slow: Float64[np.ndarray, "6 k"] | None = None
+        self._pushed = 0.0
 
     def read(
         self,
@@ -141,11 +146,14 @@ class HandLoads:
         seen[:, 0], seen[:, 1:] = left, columns
         seen = (torso.rotation.T @ seen.reshape(2, 3, -1)).reshape(6, -1)
         slow = seen if self._slow is None else self._slow
-        self._slow = slow = slow - math.expm1(-dt / b.washout) * (seen - slow)
+        kept = math.exp(-dt / b.washout)
+        self._slow = slow = seen + kept * (slow - seen)
         changed = seen - slow
         y, B, before = changed[3:, 0], changed[3:, 1:], self.held
         force = changed[:3, 0] - changed[:3, 1:] @ before
-        pushed = float(force @ force) / (b.push * GRAVITY) ** 2
+        pushed = min(float(force @ force) / (b.push * GRAVITY) ** 2, _VIOLENT)
+        # A push passes through zero as it changes; the washout has its moment for longer.
+        self._pushed = pushed = max(pushed, kept * self._pushed)
         noise = b.held_noise * GRAVITY * (1.0 + pushed)
         BP = B @ P
         gain = np.linalg.solve(BP @ B.T + (noise**2 / dt) * _EYE, BP).T
