@@ -22,6 +22,10 @@ _LONGEST = 0.05
 _PERIOD = 0.02
 """The filter goes on after so long: what it looks for is slow [s]."""
 
+_SETTLED = 2.0
+"""It begins when so many time constants of the low-pass have passed: until then that has the first
+sample, in which soles may not yet carry what they will."""
+
 _MASS_STEP, _OFFSET_STEP, _HELD_STEP = 0.002, 0.0005, 0.001
 """What is told stays as it is until it is off by so much, by the robot's mass, [m], and in a hand
 by the robot's mass: who computes with it has its work with every change."""
@@ -121,7 +125,7 @@ class PayloadEstimator:
         self._time = state.time
         felt = self._felt(state)
         if felt is None or not 0.0 < dt <= _LONGEST or self._low is None:
-            self._low = felt
+            self._low, self._since = felt, -_SETTLED * self.belief.smoothing
             self._hands.restart()
         else:
             self._low += -math.expm1(-dt / self.belief.smoothing) * (felt - self._low)
