@@ -145,6 +145,16 @@ def test_leader_and_estimator_may_be_objects(plant):
     assert order == ["estimate", "lead"] * 2
 
 
+def test_an_estimator_that_asks_for_it_is_told_what_was_commanded_and_when(plant):
+    told = []
+    estimator = SimpleNamespace(
+        update=lambda state: state, command=lambda *command: told.append(command)
+    )
+    ticks = list(rollout(plant, Limp(plant.robot), estimator=estimator, duration=0.004))
+    assert len(told) > 1
+    assert told == [(tick.command.acceleration, tick.time) for tick in ticks]
+
+
 def test_observers_see_every_tick_before_the_one_who_iterates(plant):
     diaries = [Diary(), Diary()]
     for tick in rollout(plant, Limp(plant.robot), observers=diaries, duration=0.003):

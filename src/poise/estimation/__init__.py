@@ -1,7 +1,7 @@
 """Where the robot is and how fast, from what it can measure itself: inertial unit, encoders, soles.
 
-`StateEstimator` is an estimator of `rollout`; its parts are of use alone. `StatePredictor` makes up
-for sensors that are late.
+`StateEstimator` is an estimator of `rollout`; its parts are of use alone. `StatePredictor` and
+`StampedPredictor` make up for sensors that are late.
 """
 
 from poise.estimation._attitude_bias import (
@@ -19,7 +19,7 @@ from poise.estimation._estimator import EstimatorStatus, StateEstimator
 from poise.estimation._filter import InvariantFilter
 from poise.estimation._momentum import MomentumObserver
 from poise.estimation._payload import PayloadEstimator
-from poise.estimation._prediction import StatePredictor
+from poise.estimation._prediction import StampedPredictor, StatePredictor
 
 __all__ = [
     "EstimatorConfig",
@@ -27,6 +27,7 @@ __all__ = [
     "InvariantFilter",
     "MomentumObserver",
     "PayloadEstimator",
+    "StampedPredictor",
     "StateEstimator",
     "StatePredictor",
 ]

@@ -1,5 +1,9 @@
-"""`StatePredictor`: the state of now, where sensors are late by a known time."""
+"""`StatePredictor`: the state of now, where sensors are late by a known time.
 
+`StampedPredictor`: the same where clock and stamps say how late they are.
+"""
+
+import math
 from collections import deque
 
 import numpy as np
@@ -73,13 +77,90 @@ class StatePredictor:
         """
         if not self._commanded or state.q.shape != (self._model.nq,):
             return state
-        commanded = np.array(self._commanded)
-        moved = self._delay * state.v + self._left @ commanded
-        return RobotState(
-            pin.integrate(self._model, state.q, moved),
-            state.v + self._period * commanded.sum(axis=0),
-            state.contacts,
-            state.time + self._delay,
-            state.readings,
-            state.payload,
-        )
+        return _carried_on(self._model, state, np.array(self._commanded), self._left, self._period)
+
+
+_OLDEST = 25
+"""Commands that are remembered: a state that is older is carried on by no more of them."""
+
+_LONGEST = 0.05
+"""A command that comes later than this after the one before follows a pause [s]."""
+
+
+class StampedPredictor:
+    """Makes up for the age of a state, as its stamp and the clock of commands have it.
+
+    The sum of `StatePredictor`, over all commands that the robot has been given since the state was
+    measured: of a state that is not late there are none, and it stays as it is. Nobody has to know
+    the delay, and it may change.
+
+    Args:
+        robot: the robot.
+    """
+
+    def __init__(self, robot: Robot) -> None:
+        self._model, self._still = robot.model, np.zeros(robot.nv)
+        self.reset()
+
+    def reset(self) -> None:
+        """Forgets what was commanded."""
+        self._commanded: deque[tuple[float, Float64[np.ndarray, " nv"]]] = deque(maxlen=_OLDEST)
+
+    def command(self, acceleration: Float64[np.ndarray, " nv"] | None, time: float) -> None:
+        """Takes in what the robot was commanded last.
+
+        Args:
+            acceleration: as `StatePredictor.command` has it [m/s^2, rad/s^2].
+            time: by the clock that stamps states, when the command began to act [s]; after a pause,
+                or a clock that went back, all before is forgotten.
+        """
+        if not math.isfinite(time):
+            return
+        if self._commanded and not 0.0 < time - self._commanded[-1][0] < _LONGEST:
+            self.reset()
+        if acceleration is None or not np.isfinite(acceleration).all():
+            acceleration = self._still
+        self._commanded.append((time, acceleration.copy()))
+
+    def predict(self, state: RobotState) -> RobotState:
+        """The state when the next command begins to act.
+
+        Args:
+            state: as measured or estimated; one of another robot comes back as it is.
+        """
+        if len(self._commanded) < 2 or state.q.shape != (self._model.nq,):
+            return state
+        times = [time for time, _ in self._commanded]
+        period = (times[-1] - times[0]) / (len(times) - 1)
+        since = [a for time, a in self._commanded if time > state.time - 0.5 * period]
+        if not since:
+            return state
+        left = (len(since) - np.arange(len(since)) - 0.5) * period * period
+        return _carried_on(self._model, state, np.array(since), left, period)
+
+
+def _carried_on(
+    model: pin.Model,
+    state: RobotState,
+    commanded: Float64[np.ndarray, "n nv"],
+    left: Float64[np.ndarray, " n"],
+    period: float,
+) -> RobotState:
+    """A state after n commands of one period each.
+
+    Args:
+        model: of the robot.
+        state: when the first of them began to act.
+        commanded: accelerations [m/s^2, rad/s^2].
+        left: what each adds to the configuration [s^2].
+        period: [s].
+    """
+    delay = len(commanded) * period
+    return RobotState(
+        pin.integrate(model, state.q, delay * state.v + left @ commanded),
+        state.v + period * commanded.sum(axis=0),
+        state.contacts,
+        state.time + delay,
+        state.readings,
+        state.payload,
+    )

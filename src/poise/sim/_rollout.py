@@ -13,6 +13,9 @@ from dataclasses import dataclass
 from time import perf_counter
 from typing import Protocol, TypeVar, runtime_checkable
 
+import numpy as np
+from jaxtyping import Float64
+
 from poise.control import Command
 from poise.dynamics import RobotState
 from poise.errors import ConfigurationError
@@ -66,6 +69,21 @@ class Estimator(Protocol):
 
     def update(self, state: RobotState) -> RobotState:
         """Takes a measured state in, once a tick; returns the estimated one."""
+        ...
+
+
+@runtime_checkable
+class CommandedEstimator(Estimator, Protocol):
+    """One that has to know what the robot is commanded, as who makes up for late sensors does."""
+
+    def command(self, acceleration: Float64[np.ndarray, " nv"] | None, time: float) -> None:
+        """Takes in what the robot was commanded, once a tick.
+
+        Args:
+            acceleration: that the command was computed for [m/s^2, rad/s^2]; None where there was
+                none.
+            time: the body's clock when the tick began [s].
+        """
         ...
 
 
@@ -170,7 +188,7 @@ def rollout(
             state does for `lead`.
         observers: look on.
         estimator: between the sensors and those who get a state; none when None. A function from
-            state to state does for `update`.
+            state to state does for `update`. One with `command` is told what was commanded.
         duration: how long [s], to the nearest tick; without end when None.
 
     Yields:
@@ -195,6 +213,7 @@ def _ticks(
 ) -> Generator[Tick]:
     lead = leader.lead if isinstance(leader, Leader) else leader
     estimate = estimator if estimator is None or callable(estimator) else estimator.update
+    tell = estimator.command if isinstance(estimator, CommandedEstimator) else None
     count = math.inf if duration is None else math.ceil(duration / plant.control_dt - 0.5)
     index = 0
     with ExitStack() as watched:
@@ -214,6 +233,8 @@ def _ticks(
             command = controller.step(state)
             controlled = perf_counter()
             plant.step(command)
+            if tell is not None:
+                tell(command.acceleration, time)
             tick = Tick(
                 index=index,
                 time=time,
