@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from walker import hands, up_and_down, walk
 
-from poise.apps.teleoperation import TELEOP_PLANT
+from poise.apps.teleoperation import TELEOP_PLANT, TORQUE_TELEOP_PLANT
 from poise.control import CommandStatus
 from poise.dynamics import RobotState
 from poise.locomotion import StepTeleoperator
-from poise.sim import Plant
+from poise.sim import Plant, SensorConfig, rollout
 
 
 def test_soles_and_com_are_where_the_simulator_has_them(get_robot):
@@ -95,3 +95,29 @@ def test_the_floor_may_slope_a_little(get_robot):
     plant = replace(TELEOP_PLANT, floor_slope=(0.0, 0.01))
     run = walk(get_robot("biped20"), up_and_down(), 4.0, plant=plant)
     assert not run.fell
+
+
+def test_late_sensors_are_made_up_for(get_robot):
+    """Where torques are commanded; told nothing of the commands, velocities stay late."""
+    robot, off = get_robot("biped20"), []
+    for told in (True, False):
+        late = replace(TORQUE_TELEOP_PLANT, sensors=SensorConfig(delay=0.01))
+        plant = Plant(robot, late)
+        teleoperator = StepTeleoperator(robot, actuation="torque")
+        teleoperator.device = hands(*up_and_down(lift=0.2))(teleoperator)
+        estimator = teleoperator.estimator
+        ticks = rollout(
+            plant,
+            teleoperator.controller(),
+            teleoperator,
+            estimator=estimator if told else estimator.update,
+            duration=1.6,
+        )
+        truth = [plant.true_state()]
+        errors = []
+        for tick in ticks:
+            errors.append(tick.estimate.v[6:] - truth[-1].v[6:])
+            truth.append(tick.truth)
+        off.append(float(np.sqrt(np.mean(np.square(errors[50:])))))
+        assert tick.estimate.time == pytest.approx(tick.time - (0.0 if told else 0.01))
+    assert off[0] < 0.3 * off[1]

@@ -9,7 +9,12 @@ from jaxtyping import Float64
 
 from poise.control import is_usable
 from poise.dynamics import Dynamics, RobotState
-from poise.estimation import AttitudeBiasEstimator, PayloadEstimator, StateEstimator
+from poise.estimation import (
+    AttitudeBiasEstimator,
+    PayloadEstimator,
+    StampedPredictor,
+    StateEstimator,
+)
 from poise.robots import Robot
 
 _LEAST_LOAD = 0.02
@@ -123,12 +128,13 @@ class StanceEstimator:
         self._inertial = StateEstimator(robot, q_start=q_start) if inertial else None
         self._payload = PayloadEstimator(robot) if inertial else None
         self._attitude = AttitudeBiasEstimator() if inertial else None
+        self._now = StampedPredictor(robot) if inertial else None
         self.anchors: list[Float64[np.ndarray, "3"]] = []
         self.reset()
 
     def reset(self) -> None:
         """Back to the configuration at the start."""
-        for part in (self._inertial, self._payload, self._attitude):
+        for part in (self._inertial, self._payload, self._attitude, self._now):
             if part is not None:
                 part.reset()
         self.dynamics.update(self._start)
@@ -164,7 +170,22 @@ class StanceEstimator:
         self.dynamics.update(known)
         if self._attitude is not None:
             self._learn_attitude(self._attitude, known)
-        return known
+        if self._now is None:
+            return known
+        now = self._now.predict(known)
+        if now is not known:
+            self.dynamics.update(now)
+        return now
+
+    def command(self, acceleration: Float64[np.ndarray, " nv"] | None, time: float) -> None:
+        """Takes in what the robot was commanded, once a tick; without it states stay late.
+
+        Args:
+            acceleration: as `Command.acceleration` [m/s^2, rad/s^2].
+            time: by the clock that stamps states, when the command began to act [s].
+        """
+        if self._now is not None:
+            self._now.command(acceleration, time)
 
     def _learn_attitude(self, estimator: AttitudeBiasEstimator, state: RobotState) -> None:
         """Takes in what the soles push along the ground."""
