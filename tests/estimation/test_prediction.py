@@ -110,3 +110,13 @@ def test_however_late_a_state_is_it_goes_on_by_fifty_milliseconds_at_most(robot)
     np.testing.assert_allclose(predictor.predict(old).v, 25 * T)
     other = poise.RobotState(np.zeros(3), np.zeros(3), {}, 0.0)
     assert predictor.predict(other) is other
+
+
+def test_a_share_of_what_was_commanded_may_count(robot):
+    predictor = StampedPredictor(robot, 0.5)
+    for i in range(4):
+        predictor.command(np.full(robot.nv, 2.0), 1.0 + i * T)
+    found = predictor.predict(state_of(robot, np.zeros(robot.nv)))
+    np.testing.assert_allclose(found.v, 4.0 * T)
+    with pytest.raises(ConfigurationError, match="share"):
+        StampedPredictor(robot, 1.5)

@@ -94,12 +94,24 @@ class StampedPredictor:
     measured: of a state that is not late there are none, and it stays as it is. Nobody has to know
     the delay, and it may change.
 
+    Where soles rock and masses are other than believed, a robot does only a part of what it is
+    commanded: then a part of the accelerations is nearer to the truth than all of them.
+
     Args:
         robot: the robot.
+        share: part of the commanded accelerations that counts, 0 to 1.
+
+    Raises:
+        ConfigurationError: the share is not between 0 and 1.
     """
 
-    def __init__(self, robot: Robot) -> None:
-        self._model, self._still = robot.model, np.zeros(robot.nv)
+    def __init__(self, robot: Robot, share: float = 1.0) -> None:
+        if not 0.0 <= share <= 1.0:
+            raise ConfigurationError(
+                "share of the commanded accelerations", got=share, wanted="0 <= share <= 1"
+            )
+        self._model, self._share = robot.model, share
+        self._still = np.zeros(robot.nv)
         self.reset()
 
     def reset(self) -> None:
@@ -136,7 +148,7 @@ class StampedPredictor:
         if not since:
             return state
         left = (len(since) - np.arange(len(since)) - 0.5) * period * period
-        return _carried_on(self._model, state, np.array(since), left, period)
+        return _carried_on(self._model, state, self._share * np.array(since), left, period)
 
 
 def _carried_on(

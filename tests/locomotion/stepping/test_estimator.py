@@ -120,4 +120,5 @@ def test_late_sensors_are_made_up_for(get_robot):
             truth.append(tick.truth)
         off.append(float(np.sqrt(np.mean(np.square(errors[50:])))))
         assert tick.estimate.time == pytest.approx(tick.time - (0.0 if told else 0.01))
-    assert off[0] < 0.3 * off[1]
+    # Half of what is commanded counts, all of which this robot does.
+    assert off[0] < 0.6 * off[1]
