@@ -19,7 +19,7 @@ from poise.estimation._estimator import EstimatorStatus, StateEstimator
 from poise.estimation._filter import InvariantFilter
 from poise.estimation._momentum import MomentumObserver
 from poise.estimation._payload import PayloadEstimator
-from poise.estimation._prediction import StampedPredictor, StatePredictor
+from poise.estimation._prediction import StampedPredictor as StampedPredictor, StatePredictor
 
 __all__ = [
     "EstimatorConfig",
@@ -27,7 +27,6 @@ __all__ = [
     "InvariantFilter",
     "MomentumObserver",
     "PayloadEstimator",
-    "StampedPredictor",
     "StateEstimator",
     "StatePredictor",
 ]

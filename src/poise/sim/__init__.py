@@ -28,7 +28,6 @@ from poise.sim._recorder import HasSignals as HasSignals, Recorder, RecorderConf
 from poise.sim._rollout import (
     AnyController as AnyController,
     Body,
-    CommandedEstimator as CommandedEstimator,
     Estimator as Estimator,
     LeadFunction as LeadFunction,
     Observer,
