@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from poise.sim import Block
-from studies.locomotion.estimated_walk import DELAY
+from studies.locomotion.late_estimate import DELAY
 
 Velocity = tuple[float, float, float]
 """Ahead [m/s], to the left [m/s], turning to the left [rad/s]."""

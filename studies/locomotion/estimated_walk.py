@@ -14,13 +14,8 @@ from poise.errors import ConfigurationError
 from poise.estimation import StateEstimator
 from poise.locomotion import Gait, Stride, Walker, plan_footsteps, walking_stack
 from poise.robots import Robot, load_robot
-from poise.sim import Plant, PlantConfig, SensorConfig, Tick, rollout
-
-PERIOD = 0.002
-"""Of the controller [s]."""
-
-DELAY = 0.002
-"""Of all sensors [s]."""
+from poise.sim import Plant, PlantConfig, Tick, rollout
+from studies.locomotion.late_estimate import DELAY, PERIOD, typical_sensors
 
 FAULTS = ("", "stuck", "dead", "none")
 """What is wrong with the load cells that the estimator reads: nothing; in every second second the
@@ -97,8 +92,7 @@ class Outcome:
 def run_trial(trial: Trial) -> Outcome:
     """Walks."""
     robot = load_robot(trial.robot)
-    sensors = replace(SensorConfig.typical(), delay=DELAY)
-    config = PlantConfig(control_dt=PERIOD, sensors=sensors, friction=trial.friction)
+    config = PlantConfig(control_dt=PERIOD, sensors=typical_sensors(), friction=trial.friction)
     plant = Plant(robot, config, seed=trial.seed)
     steps = max(1, int((trial.seconds - 2.0 * _REST) / (_STEP_TIME + _DOUBLE_SUPPORT)))
     plan = plan_footsteps(

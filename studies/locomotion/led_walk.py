@@ -1,19 +1,19 @@
 """One robot that is led by velocities, on some course, and pushed, on the estimate of its base."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from poise.control import WholeBodyController
 from poise.dynamics import RobotState
-from poise.estimation import EstimatorConfig, PayloadEstimator, StateEstimator, StatePredictor
+from poise.estimation import EstimatorConfig
 from poise.locomotion import Walker, walking_stack
 from poise.robots import Robot, load_robot
-from poise.sim import Plant, PlantConfig, SensorConfig, rollout
+from poise.sim import Plant, PlantConfig, rollout
 from poise.stack import Stack, SurfaceContact, TorqueLimit
 from studies.locomotion.courses import Course, Velocity, make_course
-from studies.locomotion.estimated_walk import PERIOD
+from studies.locomotion.late_estimate import PERIOD, LateEstimate, typical_sensors
 from studies.locomotion.torque_steps import TorqueSteps
 
 PUSH_TIME = 0.08
@@ -103,10 +103,9 @@ class _Leader:
 def run_led(trial: LedTrial) -> LedOutcome:
     """Walks."""
     robot, course = load_robot(trial.robot), _course(trial)
-    sensors = replace(SensorConfig.typical(), delay=course.delay)
     config = PlantConfig(
         control_dt=PERIOD,
-        sensors=sensors,
+        sensors=typical_sensors(course.delay),
         friction=course.friction,
         blocks=course.blocks,
         mass_scale=course.mass,
@@ -121,24 +120,22 @@ def run_led(trial: LedTrial) -> LedOutcome:
         force = robot.mass * trial.push / PUSH_TIME
         x, y = force * math.cos(trial.direction), force * math.sin(trial.direction)
         plant.push(robot.torso, (x, y, 0.0), PUSH_TIME, trial.at)
-    estimator = StateEstimator(
+    estimate = LateEstimate(
         robot,
         EstimatorConfig(ground=course.height),
         q_start=q,
-        payload=PayloadEstimator(robot),
+        delay=course.delay,
     )
-    predictor = StatePredictor(robot, course.delay, PERIOD)
     poses: list[tuple[float, float, float]] = []
     changes = TorqueSteps(robot)
     ticks = rollout(
         plant,
         WholeBodyController(robot, stack),
         _Leader(walker, stack, course, trial.seed),
-        estimator=lambda state: predictor.predict(estimator.update(state)),
+        estimator=estimate,
         duration=course.seconds,
     )
     for tick in ticks:
-        predictor.command(tick.command.acceleration)
         changes.take(tick.command)
         if tick.time >= _STEADY:
             x, y, z, w = tick.truth.q[3:7].tolist()

@@ -42,7 +42,7 @@ def references_section(options: StudyOptions, progress: Progress) -> Section:
             f"Robots stand for 5 s while {seeds} random references a robot and solver are set, "
             "feasible and absurd: of COM, pelvis, torso and hands some jump or swing by up to half "
             "a metre and 1.5 rad, at up to 3 Hz, from a random moment on. The stack is the default "
-            "one. States are true ones.",
+            "one; states are estimated, with noise and delay.",
         ),
         findings=tuple(_finding(group, found[group]) for group in groups if group[2]),
         tables=(_table(found),),

@@ -11,9 +11,7 @@ from poise.dynamics import Dynamics, RobotState
 from poise.robots import Robot, load_robot
 from poise.sim import Plant, PlantConfig, rollout
 from poise.stack import BalanceLimit, ComTask, FrameTask, Stack, default_stack
-
-PERIOD = 0.002
-"""Of the controller [s]."""
+from studies.locomotion.late_estimate import PERIOD, LateEstimate, typical_sensors
 
 _FARTHEST, _WIDEST = 0.5, 1.5
 """How far references go from where the robot is [m, rad]."""
@@ -68,9 +66,10 @@ class ReferenceOutcome:
 
 
 def run_reference_trial(trial: ReferenceTrial) -> ReferenceOutcome:
-    """Stands, and is asked for things."""
+    """Stands on the estimate, and is asked for things."""
     robot = load_robot(trial.robot)
-    plant = Plant(robot, PlantConfig(control_dt=PERIOD), seed=trial.seed)
+    config = PlantConfig(control_dt=PERIOD, sensors=typical_sensors())
+    plant = Plant(robot, config, seed=trial.seed)
     plain = default_stack(robot)
     stack = Stack(
         plain.contacts,
@@ -83,7 +82,8 @@ def run_reference_trial(trial: ReferenceTrial) -> ReferenceOutcome:
     last: Float64[np.ndarray, " nj"] | None = None
     held = ticks = 0
     step = worst = 0.0
-    for tick in rollout(plant, controller, leader, duration=trial.seconds):
+    estimate = LateEstimate(robot)
+    for tick in rollout(plant, controller, leader, estimator=estimate, duration=trial.seconds):
         ticks += 1
         held += tick.command.held_back
         torque = tick.command.torque

@@ -2,16 +2,15 @@
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from poise.control import WholeBodyController
-from poise.estimation import StateEstimator, StatePredictor
 from poise.locomotion import walking_stack
 from poise.robots import Robot, load_robot
-from poise.sim import Plant, PlantConfig, SensorConfig, rollout
+from poise.sim import Plant, PlantConfig, rollout
 from poise.stack import Stack, default_stack
 from studies.finding import Finding, Section, Table
-from studies.locomotion.estimated_walk import DELAY, PERIOD
+from studies.locomotion.late_estimate import PERIOD, LateEstimate, typical_sensors
 from studies.locomotion.led_walk import PUSH_TIME
 from studies.plan import Progress, StudyOptions
 from studies.trials import run_each
@@ -68,22 +67,15 @@ class StandingOutcome:
 def run_standing_push(trial: StandingPush) -> StandingOutcome:
     """Stands, and is pushed on the torso; nobody leads the stack."""
     robot = load_robot(_ROBOT)
-    sensors = replace(SensorConfig.typical(), delay=DELAY)
-    plant = Plant(robot, PlantConfig(control_dt=PERIOD, sensors=sensors), seed=trial.seed)
+    config = PlantConfig(control_dt=PERIOD, sensors=typical_sensors())
+    plant = Plant(robot, config, seed=trial.seed)
     force = robot.mass * trial.push / PUSH_TIME
     angle = 2.0 * math.pi * trial.direction / _DIRECTIONS
     x, y = force * math.cos(angle), force * math.sin(angle)
     plant.push(robot.torso, (x, y, 0.0), PUSH_TIME, _AT)
-    estimator = StateEstimator(robot, q_start=robot.q_home)
-    predictor = StatePredictor(robot, DELAY, PERIOD)
-    ticks = rollout(
-        plant,
-        WholeBodyController(robot, STACKS[trial.stack](robot)),
-        estimator=lambda state: predictor.predict(estimator.update(state)),
-        duration=_SECONDS,
-    )
-    for tick in ticks:
-        predictor.command(tick.command.acceleration)
+    controller = WholeBodyController(robot, STACKS[trial.stack](robot))
+    for _ in rollout(plant, controller, estimator=LateEstimate(robot), duration=_SECONDS):
+        pass
     return StandingOutcome(trial=trial, fell=plant.fallen)
 
 

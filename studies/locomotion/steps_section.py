@@ -66,9 +66,10 @@ def steps_section(options: StudyOptions, progress: Progress) -> Section:
     return Section(
         prose=(
             "Robots are led at 0.25 m/s on the flat and over tiles of up to 20 mm that nobody told "
-            "them of, on the estimate, with noise and delay; and they stand, on the true state, "
-            f"for {seconds:.0f} s while the torso is pushed every second by 0.1 m/s. A torque step "
-            "is the change of a torque from tick to tick, 2 ms, over the joint's limit.",
+            "them of, and they stand for "
+            f"{seconds:.0f} s while the torso is pushed every second by 0.1 m/s; all on the "
+            "estimate, with noise and delay. A torque step is the change of a torque from tick to "
+            "tick, 2 ms, over the joint's limit.",
         ),
         findings=tuple(findings),
         tables=(_table(groups),),

@@ -12,9 +12,7 @@ from poise.control import Command, WholeBodyController
 from poise.robots import Robot, load_robot
 from poise.sim import Plant, PlantConfig, rollout
 from poise.stack import Stack, TorqueLimit, default_stack
-
-PERIOD = 0.002
-"""Of the controller [s]."""
+from studies.locomotion.late_estimate import PERIOD, LateEstimate, typical_sensors
 
 _LARGE = 0.5
 """Changes above this, by the limit, are counted."""
@@ -89,20 +87,22 @@ class StandOutcome:
 
 
 def run_pushed_stand(trial: StandTrial) -> StandOutcome:
-    """Stands, and is pushed; with the true state."""
+    """Stands on the estimate, and is pushed."""
     robot = load_robot(trial.robot)
     random = np.random.default_rng(trial.seed)
     plain = default_stack(robot)
     limit = plain.torque_limit if trial.bounded else TorqueLimit()
     stack = Stack(plain.contacts, plain.levels, torque_limit=limit)
-    plant = Plant(robot, PlantConfig(control_dt=PERIOD))
+    config = PlantConfig(control_dt=PERIOD, sensors=typical_sensors())
+    plant = Plant(robot, config, seed=trial.seed)
     for start in np.arange(1.0, trial.seconds, _PUSH_EVERY).tolist():
         angle = float(random.uniform(0.0, 2.0 * np.pi))
         size = robot.mass * _PUSH_SPEED / _PUSH_TIME
         force = (size * float(np.cos(angle)), size * float(np.sin(angle)), 0.0)
         plant.push(robot.torso, force, _PUSH_TIME, start)
     changes = TorqueSteps(robot)
-    for tick in rollout(plant, WholeBodyController(robot, stack), duration=trial.seconds):
+    controller, estimate = WholeBodyController(robot, stack), LateEstimate(robot)
+    for tick in rollout(plant, controller, estimator=estimate, duration=trial.seconds):
         changes.take(tick.command)
     return StandOutcome(
         trial=trial,

@@ -1,0 +1,60 @@
+"""`LateEstimate`: what studies control by, an estimate carried on over the sensors' delay."""
+
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Float64
+
+from poise.dynamics import RobotState
+from poise.estimation import EstimatorConfig, PayloadEstimator, StateEstimator, StatePredictor
+from poise.robots import Robot
+from poise.sim import SensorConfig
+
+PERIOD = 0.002
+"""Of the controller [s]."""
+
+DELAY = 0.002
+"""Of all sensors [s]."""
+
+
+def typical_sensors(delay: float = DELAY) -> SensorConfig:
+    """Sensors with the errors of a real robot's, late.
+
+    Args:
+        delay: of all of them [s].
+    """
+    return replace(SensorConfig.typical(), delay=delay)
+
+
+class LateEstimate:
+    """The estimator, looking for what the robot carries, with a predictor behind it.
+
+    What `poise run` and `poise drive` have, as a rollout asks them.
+
+    Args:
+        robot: the robot.
+        config: of the estimator; its defaults when None.
+        q_start: where the robot begins; home when None.
+        delay: of the sensors [s].
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        config: EstimatorConfig | None = None,
+        *,
+        q_start: Float64[np.ndarray, " nq"] | None = None,
+        delay: float = DELAY,
+    ) -> None:
+        payload = PayloadEstimator(robot)
+        self._estimator = StateEstimator(robot, config, q_start=q_start, payload=payload)
+        self._predictor = StatePredictor(robot, delay, PERIOD)
+
+    def update(self, state: RobotState) -> RobotState:
+        """The state of now."""
+        return self._predictor.predict(self._estimator.update(state))
+
+    def command(self, acceleration: Float64[np.ndarray, " nv"] | None, time: float) -> None:
+        """Takes in what the robot was commanded."""
+        del time  # The delay is known; nobody has to look at stamps.
+        self._predictor.command(acceleration)
