@@ -24,6 +24,7 @@ from poise.estimation import (
 from poise.locomotion import Gait, Stride, Walker, plan_footsteps, walking_stack
 from poise.robots import GRAVITY
 from poise.sim import Plant, PlantConfig, SensorConfig, rollout
+from poise.stack import default_stack
 
 PERIOD = 0.002
 VELOCITY, TILT, DRIFT = 0.05, math.radians(0.5), 0.02
@@ -473,6 +474,47 @@ def rolled(robot, faster, since, time):
     wrenches["right_sole"] = np.zeros(6)
     readings = SensorReadings(v[3:6].copy(), force, np.zeros(0))
     return RobotState(q, v, wrenches, time, readings)
+
+
+class Shaken:
+    """Asks a standing robot to turn its pelvis and torso to and fro, as fast as it can."""
+
+    def __init__(self, stack):
+        self.stack, self._tasks = stack, {task.name: task for _, task in stack.tasks()}
+
+    def lead(self, state):
+        for name, axis, rate in (
+            ("pelvis orientation", np.array([0.0, 0.3, 1.4]), 17.0),
+            ("torso orientation", np.array([0.5, 1.0, 0.0]), 14.0),
+        ):
+            angle = math.sin(rate * state.time)
+            twist = np.append(np.zeros(3), rate * math.cos(rate * state.time) * axis)
+            accel = np.append(np.zeros(3), -rate * rate * angle * axis)
+            self._tasks[name].set_target(None, pin.exp3(angle * axis), twist, accel)
+
+
+def test_soles_that_rock_under_a_shaken_robot_are_no_bias_of_the_gyro(get_robot):
+    robot, biases = get_robot("g1"), {}
+    for shake in (0.0, ContactBelief().shake):
+        plant = Plant(robot, PlantConfig(control_dt=PERIOD))
+        config = EstimatorConfig(contact=ContactBelief(shake=shake))
+        estimator = StateEstimator(robot, config, q_start=robot.q_home)
+        stack = default_stack(robot)
+        turned = found = 0.0
+        for tick in rollout(
+            plant,
+            WholeBodyController(robot, stack),
+            Shaken(stack),
+            estimator=estimator,
+            duration=1.0,
+        ):
+            turned = max(turned, np.linalg.norm(tick.truth.v[3:6]))
+            found = max(found, np.linalg.norm(estimator.filter.gyro_bias))
+        assert not plant.fallen
+        assert turned > 4.0
+        biases[shake] = found
+    # The gyro has none.
+    assert biases[ContactBelief().shake] < 0.01 < 0.015 < biases[0.0]
 
 
 def test_a_sole_that_rolls_over_its_edge_is_no_bias_of_the_gyro(get_robot_without):

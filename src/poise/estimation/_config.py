@@ -76,6 +76,8 @@ class ContactBelief:
         speed_width: how far from there its odds change by a factor of e [m/s].
         rest: density of the walk of a point in certain contact [m/s/sqrt(Hz)].
         turn: density of the angular velocity of a sole in certain contact [rad/s/sqrt(Hz)].
+        shake: how much that grows with the angular velocity of the base: soles rock under a robot
+            that is shaken, and clocks and scales of gyro and encoders differ [1/sqrt(Hz)].
         slip: density of the walk of one that slips, or is in no contact at all [m/s/sqrt(Hz)].
         gate: square of the Mahalanobis distance beyond which a sole has slipped; one in a thousand
             at rest is beyond 16.3.
@@ -90,6 +92,7 @@ class ContactBelief:
     speed_width: Positive = 0.03
     rest: Deviation = 3e-3
     turn: Deviation = 2e-3
+    shake: Deviation = 4e-3
     slip: Deviation = 0.3
     gate: Positive = 16.3
     slip_time: Seconds = 0.05

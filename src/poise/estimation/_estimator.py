@@ -276,10 +276,11 @@ class StateEstimator:
 
     def _correct_bias(self, sole: SeenSole, reading: SensorReadings, dt: float) -> None:
         """A sole at rest does not turn, so the kinematics say how the base does."""
-        turn = self.config.contact.turn**2 / dt
+        c, rate = self.config.contact, reading.angular_velocity
+        turn = (c.turn**2 + c.shake**2 * float(rate @ rate)) / dt
         spread = self.config.joint_velocity**2 * sole.turning_spread + turn * np.eye(3)
-        distance = self.filter.innovate_bias(reading.angular_velocity + sole.turning, spread)
-        if distance <= self.config.contact.gate:
+        distance = self.filter.innovate_bias(rate + sole.turning, spread)
+        if distance <= c.gate:
             self.filter.correct()
 
     def _walk(self, name: str, probability: float) -> float:

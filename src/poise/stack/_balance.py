@@ -98,7 +98,7 @@ class BalanceLimit:
         self,
         *,
         enabled: bool = True,
-        margin: float = 0.01,
+        margin: float = 0.02,
         decay: float = 4.0,
         stop_time: float = 0.15,
         leg_min: float = 0.75,

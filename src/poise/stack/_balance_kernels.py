@@ -48,12 +48,16 @@ _STEP_DECAY = 60.0
 """Least decay while a step is announced [1/s]: a step takes the component to the next foothold at
 its full speed, and the ZMP goes over to it within a tenth of a second."""
 
+_COMEBACK = 12.0
+"""Least rate at which the component comes back from beyond an edge [1/s]: a vertical that is off by
+an angle pushes it out there by h angle omega / rate."""
+
 _LOWEST = 0.1
 """Least height of the COM over the contacts that is reckoned with [m]."""
 
-_LEAST_ARM, _CATCHING = 0.3, 10.0
-"""Part of the moment that remains where the component is on the edge, and how much more there is,
-as an arm, by how far it is outside: hips need it to catch."""
+_LEAST_ARM, _CATCHING, _MOST_ARM = 0.3, 10.0, 1.4
+"""Part of the moment that remains where the component is on the edge; how much more there is, as an
+arm, by how far it is outside, for hips need it to catch; and how much there is at most."""
 
 _ANY_SPEED = 1e9
 """Legs have no velocity limit of their own [m/s]."""
@@ -115,7 +119,8 @@ def _bound_edges(
         speed_y += motion.momentum[1, k] * v[k] / motion.mass[0]
     xi_x, xi_y = motion.com[0] + speed_x / omega, motion.com[1] + speed_y / omega
     near_x, near_y = nearest_inside(inner, caught, xi_x, xi_y)
-    back = decay / omega
+    comeback = max(decay, _COMEBACK)
+    back = comeback / omega
     zmp_x, zmp_y = nearest_inside(
         outer, standing, xi_x + back * (xi_x - near_x), xi_y + back * (xi_y - near_y)
     )
@@ -130,7 +135,8 @@ def _bound_edges(
         if place >= MOST_EDGES:
             continue
         # The component may approach the edge, or do what the ZMP cannot keep it from.
-        rate = max(decay * left, omega * (nx * (xi_x - zmp_x) + ny * (xi_y - zmp_y)))
+        rate = decay * left if left > 0.0 else comeback * left
+        rate = max(rate, omega * (nx * (xi_x - zmp_x) + ny * (xi_y - zmp_y)))
         row = line[FIRST] + place
         reference = omega * (rate - nx * speed_x - ny * speed_y)
         drift = (nx * work[0] + ny * work[1]) / motion.mass[0]
@@ -209,7 +215,7 @@ def _stopping_arm(
         if along > 1e-9 * (abs(ex) + abs(ey)):
             least = min(least, (ey * (ax - xi[0]) - ex * (ay - xi[1])) / along)
     if least < 0.0:
-        return min(most, _LEAST_ARM * most - _CATCHING * least)
+        return min(_MOST_ARM * most, _LEAST_ARM * most - _CATCHING * least)
     return min(most, max(least, _LEAST_ARM * most))
 
 

@@ -141,12 +141,14 @@ class TorqueLimit:
         self._tick_lower[:], self._tick_upper[:] = self._lower, self._upper
 
 
-_STOP_FRACTION = 0.1
+_STOP_FRACTION = 0.5
 """Fraction of the horizon in which a joint about to pass its limit stops.
 
 It bounds the braking gain near the limit, where v^2 / 2s would turn measurement noise into full
-braking. The price is that a joint may pass its limit by `a_max (fraction dt)^2 / 2`, 0.4 mrad with
-the defaults, which the position margin is there for."""
+braking: an ankle that stands at its limit is then asked for what its sole on the ground cannot do,
+and all tasks below give way for that tick. The price is that a joint may pass its limit by
+`a_max (fraction dt)^2 / 2`, 10 mrad with the defaults, where it came in need of full braking, and
+by a fortieth of that where it came as planned. The position margin is there for it."""
 
 _TINY = 1e-12
 """Keeps a joint at rest on its limit from dividing by zero [rad]."""

@@ -37,8 +37,8 @@ _STEEP = 0.7
 """Cosine of a contact's slope beyond which it is no ground: a hand on a wall can hold a robot whose
 divergent component is anywhere."""
 
-_MARGIN_RATIO = 0.4
-"""A margin takes away no more than this part of half a sole's width."""
+_MARGIN_RATIO = 0.5
+"""A margin takes away no more than this part of half a sole's length or width."""
 
 BASE = 6
 """Coordinates of the base, which has no torques."""
@@ -111,16 +111,15 @@ def _gather(
         height += work[2]
         m = other[COUNT]
         length, width = parameters[begin + 1 + 2 * m], parameters[begin + 2 + 2 * m]
-        margin = min(parameters[at + MARGIN], _MARGIN_RATIO * min(length, width))
+        inner_length = length - min(parameters[at + MARGIN], _MARGIN_RATIO * length)
+        inner_width = width - min(parameters[at + MARGIN], _MARGIN_RATIO * width)
         for corner in range(4):
             along = 1.0 if corner < 2 else -1.0
             aside = 1.0 if corner % 3 == 0 else -1.0
             for i in range(2):
                 x, y = along * work[ROTATION + 3 * i], aside * work[ROTATION + 3 * i + 1]
                 reach[4 * count + corner, i] = work[i] + length * x + width * y
-                catch[4 * count + corner, i] = (
-                    work[i] + (length - margin) * x + (width - margin) * y
-                )
+                catch[4 * count + corner, i] = work[i] + inner_length * x + inner_width * y
         count += 1
     return count, height / max(count, 1)
 
@@ -147,11 +146,13 @@ def _press(
         How many points there are.
     """
     foot, last = 0, 4 * feet
+    weight = -motion.mass[0] * motion.gravity[2]
     for other in owners.table:
         if other[KIND] != CONTACT:
             break
         if not _carries(owners, line, other):
             continue
+        least = 0.0 if feet == 1 else _least_share(owners, line, (foot + 1) % feet, weight)
         for corner in range(4):
             last = _press_corner(
                 motion,
@@ -159,10 +160,28 @@ def _press(
                 (line[START] + TORQUES, other[FRAME_INDEX]),
                 points,
                 (foot, corner, feet),
+                least,
                 last,
             )
         foot += 1
     return last
+
+
+@part
+def _least_share(
+    owners: Owners, line: Int64[np.ndarray, " entries"], foot: int, weight: float
+) -> float:
+    """Part of the weight that a foot has to carry: what contacts are not let go of by."""
+    place = 0
+    for other in owners.table:
+        if other[KIND] != CONTACT:
+            break
+        if not _carries(owners, line, other):
+            continue
+        if place == foot:
+            return float(owners.parameters[other[START] + 3] / weight)
+        place += 1
+    return 0.0
 
 
 @part
@@ -172,16 +191,21 @@ def _press_corner(
     leg: tuple[int, int],
     points: Float64[np.ndarray, "k 2"],
     which: tuple[int, int, int],
+    least: float,
     last: int,
 ) -> int:
-    """A corner, or as near to it as the leg can carry the weight, alone and shared."""
+    """A corner, or as near to it as the leg can carry the weight, alone and shared.
+
+    The next foot carries its least load, or the rest, at the same corner.
+    """
     (torques, frame), (foot, corner, feet) = leg, which
     frames, at = owners.frames, 4 * foot
     x, y = points[at + corner, 0], points[at + corner, 1]
     mx = 0.5 * (points[at, 0] + points[at + 2, 0])
     my = 0.5 * (points[at, 1] + points[at + 2, 1])
     weight = -motion.mass[0] * motion.gravity[2]
-    share, way, alone = 1.0, 1.0, True
+    share, way, alone = 1.0 - least, 1.0, True
+    other = 4 * ((foot + 1) % feet) + corner
     for k in range(frames.starts[frame], frames.starts[frame + 1]):
         column = int(frames.columns[k])
         if column < BASE:
@@ -196,11 +220,10 @@ def _press_corner(
         alone = alone and abs(middle) < arm
     if alone or feet == 1:
         way = max(way, _SMALLEST)
-        points[last, 0], points[last, 1] = mx + way * (x - mx), my + way * (y - my)
+        points[last, 0] = (1.0 - least) * (mx + way * (x - mx)) + least * points[other, 0]
+        points[last, 1] = (1.0 - least) * (my + way * (y - my)) + least * points[other, 1]
         last += 1
-    if share < 1.0 and feet > 1:
-        # The next foot carries the rest, at the same corner.
-        other = 4 * ((foot + 1) % feet) + corner
+    if share < 1.0 - least and feet > 1:
         for i in range(2):
             points[last, i] = share * points[at + corner, i] + (1.0 - share) * points[other, i]
         last += 1

@@ -67,7 +67,7 @@ def soles_corners(robot, dynamics, contacts, margin):
     corners = []
     for contact in contacts:
         place, R = dynamics.placement(robot.frame_id(contact.frame))
-        a, b = contact.pressure_reach - min(margin, 0.4 * contact.pressure_reach.min())
+        a, b = contact.pressure_reach - np.minimum(margin, 0.5 * contact.pressure_reach)
         corners += [(place + R @ [s * a, t * b, 0.0])[:2] for s in (1, -1) for t in (1, -1)]
     return np.array(corners)
 
@@ -83,13 +83,18 @@ def levers(robot, dynamics, state, contact, point):
 
 
 def carried_corners(robot, dynamics, state, contacts, margin):
-    """Where soles can press: a corner, or as near to it as the leg's torques allow, or shared."""
+    """Where soles can press: a corner, or as near to it as the leg's torques allow, or shared.
+
+    The other foot carries what it has to, at the same corner.
+    """
     feet = soles_corners(robot, dynamics, contacts, margin).reshape(len(contacts), 4, 2)
     points = []
     for i, contact in enumerate(contacts):
         middle = feet[i].mean(axis=0)
         a0, most = levers(robot, dynamics, state, contact, middle)
         most = most / robot.weight
+        other = feet[(i + 1) % len(feet)]
+        least = contacts[(i + 1) % len(feet)].min_load if len(contacts) > 1 else 0.0
         for j, corner in enumerate(feet[i]):
             a1, _ = levers(robot, dynamics, state, contact, corner)
             ways = [
@@ -97,11 +102,12 @@ def carried_corners(robot, dynamics, state, contacts, margin):
                 for a, b, m in zip(a0, a1, most, strict=True)
                 if abs(b) > m
             ]
-            share = min(1.0, (most / np.abs(a1)).min())
+            share = min(1.0 - least, (most / np.abs(a1)).min())
             if len(contacts) == 1 or not any(way <= 0.0 for way in ways):
-                points.append(middle + max(0.3, min([1.0, *ways])) * (corner - middle))
-            if share < 1.0 and len(contacts) > 1:
-                points.append(share * corner + (1.0 - share) * feet[(i + 1) % len(feet)][j])
+                alone = middle + max(0.3, min([1.0, *ways])) * (corner - middle)
+                points.append((1.0 - least) * alone + least * other[j])
+            if share < 1.0 - least and len(contacts) > 1:
+                points.append(share * corner + (1.0 - share) * other[j])
     return np.array(points)
 
 
@@ -274,10 +280,52 @@ def test_beyond_the_outermost_edge_the_bound_is_what_the_soles_can_do(get_robot)
     state = RobotState(robot.q_home, v)
     rows, J, _, upper, dynamics = rows_of(robot, state, None, contacts)
     edge = int(np.argmin(rows.balance.edge_distances))
-    assert rows.balance.edge_distances[edge] == pytest.approx(-0.21, abs=1e-6)
+    assert rows.balance.edge_distances[edge] == pytest.approx(-0.22, abs=1e-6)
     expected = omega**2 * (dynamics.com[0] - front)
     assert upper[edge] == pytest.approx(expected - centroid_drift(robot, state)[0][0], rel=1e-6)
     assert J[edge, 0] == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("beyond", [0.001, 0.002])
+def test_from_just_beyond_an_edge_the_component_comes_back_at_its_own_rate(get_robot, beyond):
+    """12 /s whatever the decay inside; a vertical that is off pushes it out by the less."""
+    robot, limit = get_robot("humanoid33"), BalanceLimit(decay=3.0)
+    contacts = [SurfaceContact(sole) for sole in robot.soles]
+    state = RobotState(robot.q_home, np.zeros(robot.nv))
+    dynamics = dynamics_at(robot, state.q, state.v)
+    for contact in contacts:
+        contact.bind(robot)
+    front = soles_corners(robot, dynamics, contacts, limit.margin)[:, 0].max()
+    _, _, omega = component(robot, dynamics, state, contacts)
+    v = np.zeros(robot.nv)
+    v[0] = omega * (front + beyond - dynamics.com[0])
+    state = RobotState(robot.q_home, v)
+    rows, _, _, upper, dynamics = rows_of(robot, state, limit, contacts)
+    edge = int(np.argmin(rows.balance.edge_distances))
+    # xi_dot = cdot + cddot / omega = -12 beyond
+    expected = omega * (-12.0 * beyond - v[0])
+    assert upper[edge] == pytest.approx(expected - centroid_drift(robot, state)[0][0], rel=1e-5)
+
+
+def test_a_foot_that_has_to_carry_something_keeps_the_pressure_from_the_other_s_edge(get_robot):
+    """Against the hull of 0.2 of the weight on one foot, and 0.8 on the other."""
+    robot, limit = get_robot("humanoid33"), BalanceLimit(margin=0.0)
+    state = RobotState(robot.q_home, np.zeros(robot.nv))
+    contacts = [SurfaceContact(sole, min_load=0.2) for sole in robot.soles]
+    rows, J, _, _, dynamics = rows_of(robot, state, limit, contacts)
+    feet = soles_corners(robot, dynamics, contacts, 0.0).reshape(2, 4, 2)
+    sums = [s * a + (1.0 - s) * b for s in (0.2, 0.8) for a in feet[0] for b in feet[1]]
+    used = np.isfinite(rows.balance.edge_distances)
+    A = dynamics.momentum_matrix[:2] / pin.computeTotalMass(robot.model)
+    normals = np.linalg.lstsq(A.T, J[:EDGES][used].T, rcond=None)[0].T
+    xi = component(robot, dynamics, state, contacts)[0]
+    offsets = rows.balance.edge_distances[used] + normals @ xi
+    farthest = (normals @ np.array(sums).T).max(axis=1)
+    assert (offsets <= farthest + 1e-9).all()
+    # Nothing is lost sideways, where the legs' torques do not count.
+    sideways = np.abs(normals[:, 1]) > 0.999
+    assert sideways.sum() == 2
+    assert np.allclose(offsets[sideways], farthest[sideways])
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -297,7 +345,9 @@ def test_angular_momentum_is_bounded_by_what_the_soles_can_stop(get_robot, seed)
         along = hull.equations[:, :2] @ way
         left = -hull.equations[:, 2] - hull.equations[:, :2] @ xi
         least = (left[along > 0.0] / along[along > 0.0]).min()
-        return np.clip(0.3 * arm - 10.0 * least if least < 0.0 else least, 0.3 * arm, arm)
+        if least < 0.0:
+            return min(0.3 * arm - 10.0 * least, 1.4 * arm)
+        return np.clip(least, 0.3 * arm, arm)
 
     up = robot.weight * np.array([stopping((0.0, -1.0)), stopping((1.0, 0.0)), arm])
     down = robot.weight * np.array([stopping((0.0, 1.0)), stopping((-1.0, 0.0)), arm])

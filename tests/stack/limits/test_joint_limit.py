@@ -10,8 +10,9 @@ from poise.stack import JointLimit
 from poise.stack._limits import ViableAcceleration
 
 A_MAX, BRAKING, HORIZON = 200.0, 8.0, 0.02
-OVERSHOOT = A_MAX * (0.1 * HORIZON) ** 2 / 2.0
-"""What the limit documents: 0.4 mrad with the defaults."""
+STOPPING = 0.5
+OVERSHOOT = A_MAX * (STOPPING * HORIZON) ** 2 / 2.0
+"""What the limit documents: 10 mrad with the defaults."""
 
 
 def bounds_of(viable, q, v):
@@ -111,9 +112,22 @@ def test_a_control_period_up_to_half_the_horizon_keeps_every_limit(control):
 @pytest.mark.parametrize(("a_max", "dt"), [(50.0, 0.02), (500.0, 0.02), (200.0, 0.05)])
 def test_the_overshoot_is_as_documented_for_other_settings(a_max, dt):
     beyond, fast, hard = drive(hold(True), seed=3, a_max=a_max, dt=dt)
-    assert beyond < a_max * (0.1 * dt) ** 2 / 2.0
+    assert beyond < a_max * (STOPPING * dt) ** 2 / 2.0
     assert fast < 1e-9
     assert hard <= 0.0
+
+
+@pytest.mark.parametrize("b", [8.0, 60.0])
+def test_who_always_accelerates_from_rest_passes_the_end_by_little(b):
+    """As planned: by a fortieth of the documented overshoot for 8 rad/s^2."""
+    q = -np.random.default_rng(0).uniform(0.05, 1.5, 300)
+    v, ends = np.zeros(300), (np.full(300, -9.0), np.zeros(300), np.full(300, 10.0))
+    beyond = -np.inf
+    for _ in range(2000):
+        a = bounds(q, v, *ends, braking=b)[1]
+        q, v = q + 1e-3 * v + 0.5e-6 * a, v + 1e-3 * a
+        beyond = max(beyond, q.max())
+    assert beyond < OVERSHOOT / 40.0 * b / 8.0
 
 
 def test_the_limit_gets_out_of_the_way_of_a_joint_at_rest_in_the_middle():
