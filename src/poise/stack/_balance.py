@@ -40,17 +40,21 @@ class BalanceLimit:
     p stays in the outline of the soles, as far as the legs' torques hold the weight there: a corner
     at which a leg cannot carry all of it counts as near to the sole's middle as it can, and with as
     much of the weight as it can while the next sole carries the rest (R. Orsolino et al. 2020,
-    "Feasible region: an actuation-aware extension of the support region"). So a robot is lost once
-    xi has left it for good, and what moves the COM moves xi. In every tick xi_dot, linear in the
-    accelerations, is bounded. With n x <= h the edges of where the component is caught, the outline
-    of the soles that carry, `margin` inside, and of the foothold that `expect_step` announces,
+    "Feasible region: an actuation-aware extension of the support region"); and as far as the next
+    sole carries its least load meanwhile. So a robot is lost once xi has left it for good, and what
+    moves the COM moves xi. In every tick xi_dot, linear in the accelerations, is bounded. With
+    n x <= h the edges of where the component is caught, the outline of the soles that carry,
+    `margin` inside, and of the foothold that `expect_step` announces,
 
-        n xi_dot <= max(decay (h - n xi), omega n (xi - r))        for each edge
+        n xi_dot <= max(d (h - n xi), omega n (xi - r))            for each edge
 
-        r = P_soles(xi + decay / omega (xi - P_caught(xi)))        P: the nearest point of a polygon
+        r = P_soles(xi + e / omega (xi - P_caught(xi)))            P: the nearest point of a polygon
 
-    Inside, xi may approach an edge as fast as would bring it there in 1 / decay, and at an edge not
-    move out. Beyond, it has to come back at the same rate, as far as the soles can make it.
+    with d = decay inside and d = e, 12 /s or decay, beyond. Inside, xi may approach an edge as
+    fast as would bring it there in 1 / decay, and at an edge not move out. Beyond, it has to come
+    back at the rate e, as far as the soles can make it. A vertical that is off by an angle puts the
+    ZMP off by z times that, 1 cm at 0.6 m and 1 degree: xi then rests z angle omega / e beyond an
+    edge, and `margin` is what the soles have left to hold it there.
 
     These bounds are never infeasible for the soles: p = r lies in them and meets all edges at once,
     for n xi_dot = omega n (xi - r) is then the second term of each. And they are exact: inside,
@@ -66,8 +70,8 @@ class BalanceLimit:
 
     lets arms and trunk be thrown as hard as the soles can bear, and no farther than they can stop
     within `stop_time`. a is at most how far the edges are from the middle, which it is about the
-    vertical, and 0.3 of that at least. Outside it grows with the way back, for then hips catch the
-    robot. L_dot = 0 always meets it.
+    vertical, and 0.3 of that at least. Outside it grows with the way back, up to 1.4 times, for
+    then hips catch the robot. L_dot = 0 always meets it.
 
     Each sole's leg is kept between a least and a largest distance of hip and ankle, by the
     viability bounds that `JointLimit` has: a straight knee lifts nothing any more, and what is
@@ -81,7 +85,8 @@ class BalanceLimit:
 
     Args:
         enabled: False takes the limit away.
-        margin: distance kept from the edges that the centre of pressure can reach [m].
+        margin: distance kept from the edges that the centre of pressure can reach, at most half of
+            what there is [m].
         decay: how fast the distance to an edge may be used up [1/s].
         stop_time: in which the soles could stop the angular momentum that is allowed [s].
         leg_min: least distance of hip and ankle, by that of a straight leg.

@@ -18,15 +18,12 @@ from poise.dynamics import (
 )
 from poise.stack._limits import largest_acceleration
 from poise.stack._polygon import nearest_inside
-from poise.stack._support_kernels import BASE, NEXT_STEP, TORQUES, outline_support
+from poise.stack._support_kernels import BASE, NEXT_STEP, TORQUES, Support, outline_support
 from poise.stack._tables import (
     CHOSEN,
-    CORNERS,
     COUNT,
     FIRST,
     FRAME_INDEX,
-    OUTLINE,
-    POINTS,
     START,
     Owners,
     Rows,
@@ -102,27 +99,24 @@ def _bound_edges(
     rows: Rows,
     work: Float64[np.ndarray, " work"],
 ) -> None:
-    size = len(owners.corners) // CORNERS
-    # Where the ZMP can be now, where the divergent component is caught: behind what they are of.
-    outer = owners.corners[2 * POINTS * size : (2 * POINTS + OUTLINE) * size]
-    inner = owners.corners[(2 * POINTS + OUTLINE) * size :]
-    standing, caught, height = outline_support(motion, owners, line, outer, inner, work)
-    if min(standing, caught) < 3:
+    support = outline_support(motion, owners, line, work)
+    outer, inner, caught = support.outer, support.inner, len(support.inner)
+    if min(len(outer), caught) < 3:
         return
     decay = owners.parameters[line[START] + DECAY]
     if not np.isnan(owners.parameters[line[START] + NEXT_STEP]):
         decay = max(decay, _STEP_DECAY)
-    omega = sqrt(-motion.gravity[2] / max(motion.com[2] - height, _LOWEST))
+    omega = sqrt(-motion.gravity[2] / max(motion.com[2] - support.height, _LOWEST))
     speed_x = speed_y = 0.0
     for k in range(len(v)):
         speed_x += motion.momentum[0, k] * v[k] / motion.mass[0]
         speed_y += motion.momentum[1, k] * v[k] / motion.mass[0]
     xi_x, xi_y = motion.com[0] + speed_x / omega, motion.com[1] + speed_y / omega
-    near_x, near_y = nearest_inside(inner, caught, xi_x, xi_y)
+    near_x, near_y = nearest_inside(inner, xi_x, xi_y)
     comeback = max(decay, _COMEBACK)
     back = comeback / omega
     zmp_x, zmp_y = nearest_inside(
-        outer, standing, xi_x + back * (xi_x - near_x), xi_y + back * (xi_y - near_y)
+        outer, xi_x + back * (xi_x - near_x), xi_y + back * (xi_y - near_y)
     )
     momentum_rate(motion, work, 0)
     for i in range(caught):
@@ -131,7 +125,7 @@ def _bound_edges(
         length = sqrt(ex * ex + ey * ey)
         nx, ny = ey / length, -ex / length
         left = nx * (ax - xi_x) + ny * (ay - xi_y)
-        place = _rank_among_nearest(inner, caught, i, left, xi_x, xi_y)
+        place = _rank_among_nearest(inner, i, left, xi_x, xi_y)
         if place >= MOST_EDGES:
             continue
         # The component may approach the edge, or do what the ZMP cannot keep it from.
@@ -146,7 +140,7 @@ def _bound_edges(
             rows.matrix[rows.first + row, k] = (
                 nx * motion.momentum[0, k] + ny * motion.momentum[1, k]
             ) / motion.mass[0]
-    _bound_momentum(v, motion, owners, line, inner, caught, (xi_x, xi_y), height, rows, work)
+    _bound_momentum(v, motion, owners, line, support, (xi_x, xi_y), rows, work)
 
 
 @part
@@ -155,14 +149,13 @@ def _bound_momentum(
     motion: Motion,
     owners: Owners,
     line: Int64[np.ndarray, " entries"],
-    hull: Float64[np.ndarray, "k 2"],
-    count: int,
+    support: Support,
     xi: tuple[float, float],
-    height: float,
     rows: Rows,
     work: Float64[np.ndarray, " work"],
 ) -> None:
     """The angular momentum about the COM, as the acceleration that as much force gave it."""
+    hull, count = support.inner, len(support.inner)
     mx = my = 0.0
     for i in range(count):
         mx += hull[i, 0] / count
@@ -175,7 +168,7 @@ def _bound_momentum(
         arm = min(arm, (ey * (ax - mx) - ex * (ay - my)) / sqrt(ex * ex + ey * ey))
     weight = -motion.mass[0] * motion.gravity[2]
     stop = owners.parameters[line[START] + STOP]
-    scale = 1.0 / (motion.mass[0] * max(motion.com[2] - height, _LOWEST))
+    scale = 1.0 / (motion.mass[0] * max(motion.com[2] - support.height, _LOWEST))
     for i in range(3):
         row = line[FIRST] + MOST_EDGES + i
         momentum = 0.0
@@ -185,11 +178,11 @@ def _bound_momentum(
         # A lean to the left, about -x, is stopped by pressing to the left of the component.
         up = down = arm
         if i == 0:
-            up = _stopping_arm(hull, count, xi, (0.0, -1.0), arm)
-            down = _stopping_arm(hull, count, xi, (0.0, 1.0), arm)
+            up = _stopping_arm(hull, xi, (0.0, -1.0), arm)
+            down = _stopping_arm(hull, xi, (0.0, 1.0), arm)
         elif i == 1:
-            up = _stopping_arm(hull, count, xi, (1.0, 0.0), arm)
-            down = _stopping_arm(hull, count, xi, (-1.0, 0.0), arm)
+            up = _stopping_arm(hull, xi, (1.0, 0.0), arm)
+            down = _stopping_arm(hull, xi, (-1.0, 0.0), arm)
         up, down = weight * up, weight * down
         rows.upper[row] = scale * (up * max(1.0 - momentum / (up * stop), 0.0) - work[3 + i])
         rows.target[row] = scale * (-down * max(1.0 + momentum / (down * stop), 0.0) - work[3 + i])
@@ -198,7 +191,6 @@ def _bound_momentum(
 @part
 def _stopping_arm(
     hull: Float64[np.ndarray, "k 2"],
-    count: int,
     xi: tuple[float, float],
     way: tuple[float, float],
     most: float,
@@ -207,7 +199,7 @@ def _stopping_arm(
 
     Where the component is outside, a lean that way is what brings it back.
     """
-    least = np.inf
+    least, count = np.inf, len(hull)
     for i in range(count):
         ax, ay = hull[i, 0], hull[i, 1]
         ex, ey = hull[(i + 1) % count, 0] - ax, hull[(i + 1) % count, 1] - ay
@@ -221,9 +213,10 @@ def _stopping_arm(
 
 @part
 def _rank_among_nearest(
-    hull: Float64[np.ndarray, "k 2"], count: int, edge: int, left: float, x: float, y: float
+    hull: Float64[np.ndarray, "k 2"], edge: int, left: float, x: float, y: float
 ) -> int:
     """The place of an edge: its own, or that in the order of distance where there are too many."""
+    count = len(hull)
     if count <= MOST_EDGES:
         return edge
     nearer = 0

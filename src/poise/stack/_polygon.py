@@ -40,18 +40,15 @@ def find_hull(
 
 
 @part
-def nearest_inside(
-    hull: Float64[np.ndarray, "k 2"], count: int, x: float, y: float
-) -> tuple[float, float]:
+def nearest_inside(hull: Float64[np.ndarray, "k 2"], x: float, y: float) -> tuple[float, float]:
     """The point itself where a polygon holds it, else the nearest of the outline.
 
     Args:
         hull: corners, counter-clockwise.
-        count: how many.
         x: the point [m].
         y: its second coordinate [m].
     """
-    inside, least, near_x, near_y = True, np.inf, x, y
+    inside, least, near_x, near_y, count = True, np.inf, x, y, len(hull)
     for i in range(count):
         ax, ay = hull[i, 0], hull[i, 1]
         ex, ey = hull[(i + 1) % count, 0] - ax, hull[(i + 1) % count, 1] - ay

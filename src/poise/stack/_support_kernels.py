@@ -11,6 +11,8 @@ extension of the support region" (2020). The weight of the leg itself is left ou
 forces, which sum up to nothing at rest.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from jaxtyping import Float64, Int64
 
@@ -23,6 +25,7 @@ from poise.stack._tables import (
     COUNT,
     FRAME_INDEX,
     KIND,
+    OUTLINE,
     POINTS,
     START,
     Owners,
@@ -47,40 +50,52 @@ _SMALLEST = 0.3
 """Part of half a sole that is left where the leg cannot stand on this foot alone."""
 
 
+class Support(NamedTuple):
+    """What the feet hold the robot on.
+
+    Attributes:
+        outer: corners of where the soles can press, counter-clockwise; none where a contact is no
+            ground [m].
+        inner: the same with margins, and with the next foothold: where the component is caught [m].
+        height: mean of the contacts [m].
+    """
+
+    outer: Float64[np.ndarray, "k 2"]
+    inner: Float64[np.ndarray, "n 2"]
+    height: float
+
+
 @part
 def outline_support(
     motion: Motion,
     owners: Owners,
     line: Int64[np.ndarray, " entries"],
-    outer: Float64[np.ndarray, "k 2"],
-    inner: Float64[np.ndarray, "k 2"],
     work: Float64[np.ndarray, " work"],
-) -> tuple[int, int, float]:
+) -> Support:
     """Outlines of where the ZMP can be now, and of where the divergent component is caught.
 
     Args:
         motion: what the dynamics found.
         owners: contacts among them.
         line: of the balance limit.
-        outer: receives where the soles can press.
-        inner: receives that with margins, and the next foothold.
         work: room.
-
-    Returns:
-        Corners of both, none where a contact is no ground; the mean height of the contacts [m].
     """
     size = len(owners.corners) // CORNERS
+    # Points of whole and of smaller rectangles, then the outlines of both.
     reach = owners.corners[: POINTS * size]
     catch = owners.corners[POINTS * size : 2 * POINTS * size]
+    outer = owners.corners[2 * POINTS * size : (2 * POINTS + OUTLINE) * size]
+    inner = owners.corners[(2 * POINTS + OUTLINE) * size :]
     feet, height = _gather(motion, owners, line, reach, catch, work)
     if feet == 0:
-        return 0, 0, 0.0
+        return Support(outer[:0], inner[:0], 0.0)
     count = 4 * feet
     last = _press(motion, owners, line, reach, feet)
     standing = find_hull(reach[count:], last - count, outer)
     last = _press(motion, owners, line, catch, feet)
     last = _add_next_step(owners.parameters, line[START], catch, last)
-    return standing, find_hull(catch[count:], last - count, inner), height
+    caught = find_hull(catch[count:], last - count, inner)
+    return Support(outer[:standing], inner[:caught], height)
 
 
 @part
