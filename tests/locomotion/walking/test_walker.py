@@ -182,3 +182,29 @@ def test_nonsense_moves_nothing_and_is_said(led):
     assert run.walker.status is WalkStatus.STANDING
     signals = run.walker.signals()
     assert signals["mode"] == "walk standing"
+
+
+def test_who_was_in_a_hurry_and_is_held_again_goes_on_walking(get_robot):
+    """At rest over one foot, where the step that was to be made costs more than to wait."""
+    robot = get_robot("humanoid33")
+    plant, stack = sim.Plant(robot, sim.PlantConfig(control_dt=0.002)), walking_stack(robot)
+    controller, dynamics = poise.WholeBodyController(robot, stack), poise.Dynamics(robot)
+    dynamics.update(plant.true_state())
+    home, left = dynamics.com.copy(), dynamics.placement(robot.frame_id("left_sole"))[0]
+
+    def lean(state):
+        aside = 0.95 * (left[1] - home[1]) * min(state.time, 1.0)
+        stack.task("com").set_target([home[0], home[1] + aside, home[2]])
+
+    for _ in poise.rollout(plant, controller, lean, duration=1.6):
+        pass
+    walker = Walker(robot, stack, q=plant.true_state().q)
+    walker.set_velocity(0.25)
+    walker.lead(plant.state())
+    walker._steps._hurry()
+    planner = walker._parts.planner
+    honest = planner.cost
+    planner.cost = lambda lifted: 1.0 if walker._steps._hurried else honest(lifted)
+    for _ in poise.rollout(plant, controller, walker, duration=2.0):
+        assert not plant.fallen
+    assert walker.steps_made >= 2

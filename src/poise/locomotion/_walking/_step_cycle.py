@@ -200,6 +200,7 @@ class StepCycle:
         if not self._released and self._left <= ramp:
             if self.is_held() and self._planner.cost(self._next_foot()) > _WORTH:
                 self._left = ramp
+                self._calm_down()
                 return
             contact.release(ramp)
             self._released = True
@@ -207,6 +208,14 @@ class StepCycle:
             self._tasks.feet[foot].set_target(*self._sense.sole(foot))
         if self._left <= 0.0 and not contact.active:
             self._lift(foot)
+
+    def _calm_down(self) -> None:
+        """Who was in a hurry, and is held again, leads the divergent component on from here."""
+        if self._hurried:
+            self._hurried = False
+            self._stand_on(0, 1)
+            x, y = self._pendulum.xi(self.flight)
+            self.dcm = ((x, 0.0), (y, 0.0))
 
     def _next_foot(self) -> Lifted:
         """The foot that comes down next, in the air or not yet."""
