@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from benchmarks.commands.runs import (
     add_bias,
     add_first,
+    add_keys,
     add_latency,
     add_run,
     add_teleop,
@@ -26,6 +27,7 @@ BENCHMARKS = (
     add_first,
     add_teleop,
     add_latency,
+    add_keys,
     add_run,
     add_worst,
     add_bias,

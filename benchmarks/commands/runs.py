@@ -81,6 +81,27 @@ def _latency(options: argparse.Namespace) -> None:
     time_and_print(options, plan, bench_latency, format_latency_table, latency_figures, " messages")
 
 
+def add_keys(commands: Any) -> None:
+    """`keys`: from a key in a browser to what a driven robot is asked for."""
+    parser = add_command(
+        commands,
+        "keys",
+        _keys,
+        "presses a key in a browser without a screen, and times how soon the robot that is driven "
+        "is asked for another velocity",
+        "--presses 20",
+    )
+    parser.add_argument("--robot", metavar="R", help="a humanoid (default: g1)")
+    parser.add_argument("--presses", metavar="N", type=int, help="presses that count (default: 40)")
+
+
+def _keys(options: argparse.Namespace) -> None:
+    from benchmarks.keys import KeysBench, bench_keys, format_keys_table, keys_figures
+
+    plan = KeysBench(**given(options, "robot", "presses"))
+    time_and_print(options, plan, bench_keys, format_keys_table, keys_figures, " presses")
+
+
 def add_run(commands: Any) -> None:
     """`run`: where the time of a scenario goes."""
     parser = add_command(

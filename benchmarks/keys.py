@@ -1,0 +1,201 @@
+"""`bench_keys`: from a key in a browser to the velocity that the driven robot is asked for."""
+
+import shutil
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from benchmarks.recording import Progress
+from benchmarks.result import Figure, Result, text_table
+from poise.apps.live import DriveSession
+from poise.errors import ConfigurationError, MissingExtraError, PoiseError
+from poise.robots import load_robot
+
+BOUND_MS = 50.0
+"""From key to changed command at most, on a machine with nothing else to do [ms]."""
+
+_BROWSERS = ("chromium", "chromium-browser", "google-chrome")
+
+_SOFTWARE = ("--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader")
+"""What a browser without a screen draws the robot with."""
+
+_WARM_UP, _PATIENCE, _HELD, _LOOK = 2, 60.0, 0.25, 2e-4
+"""Presses before those that count; how long anything is waited for, how long a key is held or left,
+and how often the command is looked at [s]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class KeysBench:
+    """What to time; checked when made.
+
+    Attributes:
+        robot: name or path of a humanoid.
+        presses: of a key that count; each is let go again, which counts, too.
+    """
+
+    robot: str = "g1"
+    presses: int = 40
+
+    def __post_init__(self) -> None:
+        if self.presses < 1:
+            raise ConfigurationError("nothing to time", got=self.presses, wanted="presses >= 1")
+
+
+@dataclass(frozen=True, kw_only=True)
+class KeysResult(Result):
+    """How long keys take.
+
+    Attributes:
+        robot: name of the robot.
+        event: "pressed" or "let go".
+        p50_ms: median [ms].
+        p99_ms: 99th percentile [ms].
+        max_ms: longest [ms].
+        presses: how many.
+        real_time_factor: robot time over clock time: below 1 the machine is too slow for the robot.
+    """
+
+    robot: str
+    event: str
+    p50_ms: float
+    p99_ms: float
+    max_ms: float
+    presses: int
+    real_time_factor: float
+
+
+def bench_keys(plan: KeysBench, progress: Progress | None = None) -> list[KeysResult]:
+    """Drives a robot by a key in a real browser without a screen.
+
+    Time runs from before the browser is told of the key until the walker is asked for another
+    velocity, so the way to the browser counts, too.
+
+    Args:
+        plan: what to time.
+        progress: told how many presses are done.
+
+    Returns:
+        A result for keys that are pressed, and one for those that are let go.
+
+    Raises:
+        MissingExtraError: there is nothing to lead a browser with.
+        PoiseError: there is no browser, or the page or the robot does not answer.
+    """
+    robot = load_robot(plan.robot)
+    spans = np.zeros((plan.presses, 2))
+    with tempfile.TemporaryDirectory() as folder, DriveSession(robot, folder) as session:
+        loop = session.loop
+
+        def velocity() -> tuple[float, ...]:
+            return tuple(loop.walker.commands.velocity)
+
+        with _Page(session.front.drive_url) as page:
+            _wait(lambda: page.ask("newest !== null && newest.device === 'OK'"), 0.1)
+            began, first = time.monotonic(), loop.plant.time
+            for k in range(-_WARM_UP, plan.presses):
+                for event, act in enumerate((page.press, page.let_go)):
+                    now = velocity()
+                    start = time.monotonic()
+                    act()
+                    _wait(lambda now=now: velocity() != now, _LOOK)
+                    if k >= 0:
+                        spans[k, event] = time.monotonic() - start
+                    # Keys come at any time of a tick and of a beat.
+                    time.sleep(_HELD * (1.0 + 0.1 * ((7 * k) % 10)))
+                if progress is not None:
+                    progress(float(k + 1 + _WARM_UP), float(plan.presses + _WARM_UP))
+            factor = (loop.plant.time - first) / (time.monotonic() - began)
+    return [
+        KeysResult(
+            robot=robot.name,
+            event=event,
+            p50_ms=float(np.median(span)),
+            p99_ms=float(np.percentile(span, 99.0)),
+            max_ms=float(span.max()),
+            presses=plan.presses,
+            real_time_factor=factor,
+        )
+        for event, span in zip(("pressed", "let go"), 1e3 * spans.T, strict=True)
+    ]
+
+
+def keys_figures(results: Sequence[KeysResult]) -> list[Figure]:
+    """What must hold of them."""
+    return [
+        Figure(
+            name=f"key {r.event} to changed command, {r.robot}: {what} [ms]",
+            bound=BOUND_MS,
+            ours=ours,
+            ok=ours <= BOUND_MS,
+        )
+        for r in results
+        for what, ours in (("median", r.p50_ms), ("99th percentile", r.p99_ms))
+    ]
+
+
+def format_keys_table(results: Sequence[KeysResult]) -> str:
+    """The times, and the figures, for a terminal."""
+    rows = [(r.event, [f"{ms:.2f}" for ms in (r.p50_ms, r.p99_ms, r.max_ms)], "") for r in results]
+    figures = [
+        f"{f.name}: {f.ours:.2f}, at most {f.bound:.0f}: {'ok' if f.ok else 'NOT MET'}"
+        for f in keys_figures(results)
+    ]
+    first = results[0]
+    head = (
+        f"{first.robot}, {first.presses} presses, times in ms, real-time factor "
+        f"{first.real_time_factor:.2f}"
+    )
+    return "\n".join([head, *text_table(("p50", "p99", "max"), rows), "", *figures])
+
+
+class _Page:
+    """The page of `poise drive` in a browser without a screen.
+
+    Args:
+        url: of the page.
+    """
+
+    def __init__(self, url: str) -> None:
+        self._url = url
+
+    def __enter__(self) -> "_Page":
+        browser = next((path for name in _BROWSERS if (path := shutil.which(name))), None)
+        if browser is None:
+            raise PoiseError(f"keys are pressed in a browser; install one of {_BROWSERS}")
+        try:
+            from playwright.sync_api import sync_playwright
+        except ImportError as e:
+            raise MissingExtraError("playwright", "dev", "timing keys") from e
+        self._play: Any = sync_playwright().start()
+        self._browser = self._play.chromium.launch(executable_path=browser, args=[*_SOFTWARE])
+        self._page = self._browser.new_page()
+        self._page.goto(self._url)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._browser.close()
+        self._play.stop()
+
+    def ask(self, script: str) -> Any:
+        """What a script of the page says."""
+        return self._page.evaluate(script)
+
+    def press(self) -> None:
+        """The key for walking ahead."""
+        self._page.keyboard.down("w")
+
+    def let_go(self) -> None:
+        """Of it."""
+        self._page.keyboard.up("w")
+
+
+def _wait(there: Callable[[], bool], every: float) -> None:
+    end = time.monotonic() + _PATIENCE
+    while not there():
+        if time.monotonic() > end:
+            raise PoiseError("the page or the robot does not answer")
+        time.sleep(every)
