@@ -91,14 +91,16 @@ class LoadedModel:
         mass, offset = (0.0, np.zeros(3)) if payload is None else (payload.mass, payload.offset)
         ratio = max(1.0 + mass / self._mass, LEAST_MASS)
         for joint, bare in enumerate(self._bare):
-            self.model.inertias[joint] = pin.Inertia(
-                ratio * bare.mass, bare.lever, ratio * bare.inertia
+            # Part by part: a new one is refused where rounding has made a zero inertia negative.
+            link = self.model.inertias[joint]
+            link.mass, link.lever, link.inertia = (
+                ratio * bare.mass,
+                bare.lever,
+                ratio * bare.inertia,
             )
         bare = self._bare[self._torso]
         moved = bare.lever + self._link_R_torso @ offset * (self._mass / bare.mass)
-        self.model.inertias[self._torso] = pin.Inertia(
-            ratio * bare.mass, moved, ratio * bare.inertia
-        )
+        self.model.inertias[self._torso].lever = moved
         held = () if payload is None else payload.held.tolist()
         for (joint, place), load in zip(self._hands, held, strict=False):
             if load > 0.0:
