@@ -12,7 +12,8 @@ NAN = float("nan")
 
 
 def as_set(points):
-    return {tuple(np.round(p, 9)) for p in points}
+    """Up to the grid of 4 nm on which outlines are exact."""
+    return {tuple(np.round(p, 8)) for p in points}
 
 
 def still(robot, count):
