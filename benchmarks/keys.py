@@ -140,10 +140,7 @@ def keys_figures(results: Sequence[KeysResult]) -> list[Figure]:
 def format_keys_table(results: Sequence[KeysResult]) -> str:
     """The times, and the figures, for a terminal."""
     rows = [(r.event, [f"{ms:.2f}" for ms in (r.p50_ms, r.p99_ms, r.max_ms)], "") for r in results]
-    figures = [
-        f"{f.name}: {f.ours:.2f}, at most {f.bound:.0f}: {'ok' if f.ok else 'NOT MET'}"
-        for f in keys_figures(results)
-    ]
+    figures = [figure.words() for figure in keys_figures(results)]
     first = results[0]
     head = (
         f"{first.robot}, {first.presses} presses, times in ms, real-time factor "

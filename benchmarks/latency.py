@@ -163,10 +163,7 @@ def format_latency_table(results: Sequence[LatencyResult]) -> str:
     """The stages, and the figures, for a terminal."""
     first = results[0]
     rows = [(r.stage, [f"{ms:.2f}" for ms in (r.p50_ms, r.p99_ms, r.max_ms)], "") for r in results]
-    figures = [
-        f"{f.name}: {f.ours:.2f}, at most {f.bound:.0f}: {'ok' if f.ok else 'NOT MET'}"
-        for f in latency_figures(results)
-    ]
+    figures = [figure.words() for figure in latency_figures(results)]
     head = (
         f"{first.robot}, {first.actuation}, {first.messages} messages, times in ms, "
         f"real-time factor {first.real_time_factor:.2f}"

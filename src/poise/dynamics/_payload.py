@@ -93,11 +93,8 @@ class LoadedModel:
         for joint, bare in enumerate(self._bare):
             # Part by part: a new one is refused where rounding has made a zero inertia negative.
             link = self.model.inertias[joint]
-            link.mass, link.lever, link.inertia = (
-                ratio * bare.mass,
-                bare.lever,
-                ratio * bare.inertia,
-            )
+            link.mass, link.lever = ratio * bare.mass, bare.lever
+            link.inertia = ratio * bare.inertia
         bare = self._bare[self._torso]
         moved = bare.lever + self._link_R_torso @ offset * (self._mass / bare.mass)
         self.model.inertias[self._torso].lever = moved
