@@ -57,6 +57,21 @@ def test_g1_on_one_foot_catches_itself_and_the_operator_takes_hold_anew(get_robo
     assert not own[log.time > 3.4].any()
 
 
+@pytest.mark.parametrize("degrees", [60, 143])
+def test_a_foot_that_is_up_and_behind_comes_down_and_is_not_thrown(get_robot, degrees):
+    """To the foot's side: balanced by the trunk alone, the leg would be swung up against it."""
+    places = ((0.2, 0.0, 0.0), (0.6, 0.0, 0.12), (1.1, -0.3, 0.15))
+    points = [WayPoint(at=at, left=(x, 0.0, z)) for at, x, z in places]
+    run = pushed(get_robot("g1"), 0.2, degrees, points, 3.0)
+    log = run.log
+    after = log.time > PUSHED_AT
+    assert not run.fell
+    assert overruled(log).any()
+    assert log.soles[after, 0, 2].max() < log.soles[~after, 0, 2][-1] + 0.01
+    assert log.mode[-1] == MODES.index(Mode.D)
+    assert log.tilt.max() < 0.2
+
+
 def test_where_it_holds_itself_the_operator_stays_in_command(get_robot):
     run = pushed(get_robot("humanoid33"), 0.05, 90, held(0.06), 2.4)
     assert not run.fell

@@ -3,8 +3,6 @@
 `FootTarget`: where the foot is sent that is not the stance.
 """
 
-from collections.abc import Callable
-
 import numpy as np
 from jaxtyping import Float64
 
@@ -41,7 +39,6 @@ class FootTarget:
         *,
         has_left: bool,
         room_below: float,
-        landing: Callable[[Footing], Float64[np.ndarray, "3"] | None] | None = None,
     ) -> Float64[np.ndarray, "3"]:
         """The place [m].
 
@@ -50,7 +47,6 @@ class FootTarget:
             device: the operator's foot devices, None while they are lost.
             has_left: whether the foot in the air has left the ground.
             room_below: how far the body may still come down for it [m].
-            landing: where a foot that is put down to hold the robot helps, None for where it is.
         """
         here = footing.sole(footing.other)
         if not footing.mode.single:
@@ -59,9 +55,6 @@ class FootTarget:
         if footing.capture_depth < 0.0:
             # The divergent component has left the sole that carries: the robot is falling.
             self.rescuing = True
-        if self.rescuing and landing is not None:
-            place = landing(footing)
-            here = here if place is None else place
         lowest = footing.lowest_ground - self._parameters.press_depth
         if device is None or self.rescuing:
             # Nobody commands, or nobody may: straight down, until the ground is felt.

@@ -1,9 +1,5 @@
-"""`OwnSteps`: steps that nobody commands, so that a robot which torques move does not fall.
+"""`OwnSteps`: steps that nobody commands, so that a robot which torques move does not fall."""
 
-`find_landing`: where a foot in the air comes down so that both soles hold the robot.
-"""
-
-import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -13,11 +9,9 @@ from poise.dynamics import RobotState
 from poise.locomotion._stepping._biped import Biped
 from poise.locomotion._stepping._footing import Footing
 from poise.locomotion._stepping._modes import Mode
-from poise.locomotion._stepping._parameters import TeleopParameters
-from poise.locomotion._stepping._reach import FootRange
 from poise.locomotion._stepping._samples import DeviceStatus
 from poise.locomotion._stepping._torque_tasks import TorqueTasks
-from poise.locomotion._support import SolePart, SupportPolygon, sole_rectangle
+from poise.locomotion._support import SolePart
 from poise.locomotion._walking import Walker, WalkSettings
 from poise.robots import Robot
 
@@ -49,62 +43,12 @@ def room_outwards(biped: Biped, omega: float, margin: float) -> float:
 _CAUGHT_MARGIN = 0.005
 """How far inside the soles' edges the ZMP stays in order not to fall [m]."""
 
-_SURE = 0.01
-"""How far inside both soles the divergent component shall be when the foot is down [m]."""
-
-_LATER = 0.05
-"""How much later than by its speed a foot lands that was moved otherwise before [s]."""
-
-_CANDIDATES = 6
-"""Places between the foot and the divergent component that are looked at."""
-
-
-def find_landing(
-    footing: Footing, reach: FootRange, parameters: TeleopParameters
-) -> Float64[np.ndarray, "3"] | None:
-    """The nearest place where a foot that comes down at once holds the robot, with the other one.
-
-    Until it is down the ZMP r stays as near to the divergent component xi as the other sole lets
-    it, and xi goes to r + (xi - r) e^{omega tau}. The place is looked for on the straight way.
-
-    Args:
-        footing: of the tick, on one foot.
-        reach: of the legs.
-        parameters: speeds.
-
-    Returns:
-        Where the sole comes down, at the height of the ground [m]; None where no place is good.
-    """
-    dynamics, swing, omega = footing.dynamics, footing.other, footing.omega
-    here, rotation = dynamics.placement(footing.biped.frames[swing])
-    (x, y, z), ground = here.tolist(), footing.ground
-    time = max(z - ground, 0.0) / parameters.v_lim + _LATER
-    xi_x, xi_y = (dynamics.com[:2] + dynamics.com_velocity[:2] / omega).tolist()
-    zmp_x, zmp_y = footing.support.nearest((xi_x, xi_y))
-    growth = math.exp(omega * time)
-    then = (zmp_x + growth * (xi_x - zmp_x), zmp_y + growth * (xi_y - zmp_y))
-    far = math.dist(then, (x, y))
-    most = min(1.0, parameters.v_lim * time / max(far, 1e-9))
-    hip, stance = reach.hip(swing, dynamics), footing.anchors[footing.stance]
-    standing = sole_rectangle(
-        *dynamics.placement(footing.biped.frames[footing.stance]),
-        footing.biped.sizes[footing.stance],
-    )
-    for ratio in np.linspace(0.0, most, _CANDIDATES).tolist():
-        place = np.array([x + ratio * (then[0] - x), y + ratio * (then[1] - y), ground])
-        place = reach.bring_back(swing, place, stance, hip, footing.heading)
-        corners = standing + sole_rectangle(place, rotation, footing.biped.sizes[swing])
-        if SupportPolygon(corners, footing.margin).depth(then) > _SURE:
-            return place
-    return None
-
 
 class OwnSteps:
     """Catches the robot with its own steps where the feet as they are led cannot hold it.
 
     Once the divergent component has left what carries, no ZMP brings it back: only a foot somewhere
-    else does. One that is in the air comes down at once, where both then hold the robot, if there
-    is such a place. Otherwise a `Walker` on the same stack chooses where and when, foot
+    else does. A `Walker` on the same stack chooses where and when, the one in the air first, foot
     after foot, until both hold the robot at rest. It also walks with a velocity that the operator
     asks for, and comes back to rest, feet side by side, when that is zero again.
 
@@ -112,8 +56,7 @@ class OwnSteps:
         robot: a biped.
         tasks: those of COM and feet, and contacts, are the walker's meanwhile.
         q_start: how the robot stands at the start.
-        reach: of the legs.
-        parameters: speeds, and length of a tick.
+        dt: length of a tick [s].
 
     Attributes:
         acting: whether the feet are led by it, and not by the operator.
@@ -124,14 +67,12 @@ class OwnSteps:
         robot: Robot,
         tasks: TorqueTasks,
         q_start: Float64[np.ndarray, " nq"],
-        reach: FootRange,
-        parameters: TeleopParameters,
+        dt: float,
     ) -> None:
         # Trunk and arms stay whose they are.
         settings = WalkSettings(zmp_margin=_CAUGHT_MARGIN)
         self._walker = Walker(robot, tasks.stack, settings=settings, q=q_start, carry=())
-        self._tasks = tasks
-        self._reach, self._parameters = reach, parameters
+        self._tasks, self._dt = tasks, dt
         self.reset()
 
     def reset(self) -> None:
@@ -198,7 +139,7 @@ class OwnSteps:
             footing: of the tick.
             state: of the robot.
         """
-        held = footing.capture_depth >= 0.0 or self.landing(footing) is not None
+        held = footing.capture_depth >= 0.0
         airborne = footing.other if footing.mode.single else self._walker.hanging
         # One that is about to be lifted may hang.
         hangs = airborne is not None and footing.mode.support in (None, airborne)
@@ -208,14 +149,6 @@ class OwnSteps:
         self.acting, self._rested = True, 0.0
         self.drive(self._velocity)
         return True
-
-    def landing(self, footing: Footing) -> Float64[np.ndarray, "3"] | None:
-        """Where a foot in the air comes down to hold the robot; None for nowhere [m].
-
-        Args:
-            footing: of the tick.
-        """
-        return find_landing(footing, self._reach, self._parameters) if footing.mode.single else None
 
     def lead(self, state: RobotState) -> None:
         """Sets COM, feet and their contacts for a tick.
@@ -234,7 +167,7 @@ class OwnSteps:
         self._tasks.accompany(footing)
         rests = self._walker.held and self._walker.status.ok
         rests = rests and footing.capture_depth > 0.0 and not any(self._velocity)
-        self._rested = self._rested + self._parameters.dt if rests else 0.0
+        self._rested = self._rested + self._dt if rests else 0.0
         if self._rested > _REST:
             self._walker.forget()
             self.reset()

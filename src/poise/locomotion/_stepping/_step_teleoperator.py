@@ -34,7 +34,7 @@ from poise.locomotion._stepping._modes import Mode
 from poise.locomotion._stepping._own_steps import OwnSteps, room_outwards
 from poise.locomotion._stepping._parameters import TeleopParameters, scaled_parameters
 from poise.locomotion._stepping._reach import FootRange
-from poise.locomotion._stepping._samples import BodySample, DeviceSample, DeviceStatus
+from poise.locomotion._stepping._samples import BodySample, DeviceSample
 from poise.locomotion._stepping._sway import check_sway
 from poise.locomotion._stepping._teleop_status import TeleopStatus
 from poise.locomotion._stepping._torque_tasks import POSTURE_WEIGHT, TorqueTasks
@@ -151,7 +151,7 @@ class StepTeleoperator:
             limbs = [task for task in (self.hands.task, self.gaze.task) if task is not None]
             self._tasks = TorqueTasks(self._biped, p.dt, limbs)
             self._inwards = room_outwards(self._biped, driver.omega, p.support_margin)
-            self._own = OwnSteps(robot, self._tasks, q_start, self._reach, p)
+            self._own = OwnSteps(robot, self._tasks, q_start, p.dt)
         else:
             self._tasks = VelocityTasks(self._biped, p, rotator=rotator)
         # What is compiled is compiled now, not in the first tick.
@@ -287,10 +287,7 @@ class StepTeleoperator:
             command,
             has_left=self._events.foot_has_left,
             room_below=self._height.room_below(footing),
-            landing=None if self._own is None else self._own.landing,
         )
-        if self._own is not None and self._target.rescuing:
-            self._guard.let_go(DeviceStatus.OVERRULED)
         upright = command is not None and command.upright
         self._tasks.ask(footing, self._desired(footing, target), upright=upright)
         self._status = self._describe(footing, sample, target)
