@@ -31,7 +31,7 @@ def test_the_nearest_block_is_found_without_measuring_every_pair(plant):
     model, data, random = plant.model, plant.data, np.random.default_rng(4)
     watch, seen = BlockWatch(plant, distance_max=FAR), []
     blocks = [g for g in range(model.ngeom) if model.geom(g).name.startswith("block")]
-    limbs = [g for g in range(model.ngeom) if model.geom_bodyid[g] > 0 and model.geom_conaffinity[g]]
+    limbs = np.flatnonzero((model.geom_bodyid > 0) & (model.geom_conaffinity > 0)).tolist()
     for _ in range(30):
         data.qpos[:3] = random.uniform(-1.5, 1.5, 3)
         data.qpos[7:] = random.uniform(-0.5, 0.5, model.nq - 7)
