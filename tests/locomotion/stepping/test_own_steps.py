@@ -1,7 +1,6 @@
 """Pushed, the robot steps by itself where the feet as they are led cannot hold it."""
 
 import math
-from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -10,8 +9,6 @@ from walker import hands
 from poise.apps.teleoperation import TORQUE_TELEOP_PLANT, run_teleop
 from poise.dynamics import RobotState
 from poise.locomotion import DeviceSample, DeviceStatus, Mode, StepTeleoperator, WayPoint
-from poise.locomotion._stepping._biped import Biped
-from poise.locomotion._stepping._own_steps import room_outwards
 
 STATUSES, MODES = list(DeviceStatus), list(Mode)
 
@@ -38,10 +35,9 @@ def overruled(log):
     return log.device == STATUSES.index(DeviceStatus.OVERRULED)
 
 
-@pytest.mark.parametrize("degrees", [90, 270])
-def test_g1_on_one_foot_catches_itself_and_the_operator_takes_hold_anew(get_robot, degrees):
-    """To the side of the foot in the air, and to the side of the one that stands."""
-    run = pushed(get_robot("g1"), 0.2, degrees, held(0.06), 6.0)
+def test_g1_on_one_foot_catches_itself_and_the_operator_takes_hold_anew(get_robot):
+    """To the side of the foot in the air, which comes down there."""
+    run = pushed(get_robot("g1"), 0.2, 90, held(0.06), 6.0)
     log, double = run.log, MODES.index(Mode.D)
     assert not run.fell
     own = overruled(log)
@@ -112,12 +108,6 @@ def test_a_foot_that_stands_and_hangs_is_put_down(get_robot):
     assert not any(overruled[: round(0.09 / 0.002)])
     assert all(overruled[round(0.1 / 0.002) :])
     assert teleoperator.mode is Mode.SR
-
-
-def test_a_narrow_sole_has_its_room_on_the_outer_side():
-    narrow, wide = (Mock(spec=Biped, sizes=((0.2, width),) * 2) for width in (0.06, 0.24))
-    assert room_outwards(narrow, 3.8, 0.0075) == pytest.approx(0.015)
-    assert room_outwards(wide, 3.6, 0.02) == 0.0
 
 
 class WalksThenSteps:

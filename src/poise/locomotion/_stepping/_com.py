@@ -272,19 +272,15 @@ class ComMotion:
         self.velocity = before + p.dt * self.acceleration
 
 
-_BY_MOMENTUM = 0.01
-"""How far beyond the edge of the only sole that carries the CT-ZMP may be: for a while the trunk's
-angular momentum makes up for what the sole does not give [m]."""
-
-
 class ComFeedback:
     """The COM shifter (37) where accelerations are commanded: feedback on what is measured.
 
     Under the gain rule its CT-ZMP is r + k_s (xi - r) with the divergent component xi. Far from
     its reference that leaves the soles, where a limit on each axis by itself loses the direction:
     the reference is taken a_lim / k_p ahead of xi, on the straight way, and the CT-ZMP to the
-    nearest place on the soles, or a little beyond the only one that carries. So a component that is
-    about to leave them is braked first.
+    nearest place on the soles, or beyond the only one that carries: for a while the trunk's angular
+    momentum makes up for what that does not give. So a component that is about to leave them is
+    braked first.
 
     Args:
         shifter: gains.
@@ -333,7 +329,7 @@ class ComFeedback:
         pull = near * (self._gain - 1.0)
         support = footing.support
         if footing.mode.single:
-            support = support.grown(footing.margin + _BY_MOMENTUM)
+            support = support.grown(footing.margin + footing.one_foot.momentum)
         zmp = support.nearest((x - pull * to_x, y - pull * to_y))
         self.acceleration = self.omega**2 * (com - np.array(zmp))
 

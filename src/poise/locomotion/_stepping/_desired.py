@@ -24,6 +24,7 @@ class DesiredMotion:
         com_acceleration: of the COM along the ground [m/s^2].
         momentum: angular, about the COM, x and y [kg m^2/s].
         foot: velocity of the sole that is not the stance [m/s].
+        foot_place: where that is sent [m].
         torso: roll, pitch and yaw against upright and facing as the feet do [rad].
         turns: how the feet shall be turned, left and right [rad].
     """
@@ -32,6 +33,7 @@ class DesiredMotion:
     com_acceleration: Float64[np.ndarray, "2"]
     momentum: Float64[np.ndarray, "2"]
     foot: Float64[np.ndarray, "3"]
+    foot_place: Float64[np.ndarray, "3"]
     torso: tuple[float, float, float] = (0.0, 0.0, 0.0)
     turns: tuple[float, float] = (0.0, 0.0)
 

@@ -14,6 +14,7 @@ from poise.dynamics import Dynamics
 from poise.locomotion._stepping._biped import Biped
 from poise.locomotion._stepping._estimator import StanceEstimator, ZmpSensor
 from poise.locomotion._stepping._modes import Mode
+from poise.locomotion._stepping._one_foot import WIDE, OneFoot
 from poise.locomotion._stepping._parameters import TeleopParameters
 from poise.locomotion._support import SolePart, SupportPolygon, both_soles, sole_rectangle
 
@@ -96,23 +97,6 @@ class StanceChoice:
             anchor[2], self._pressing, self.pressed = height, False, 0.0
 
 
-def zmp_on(
-    foot: int,
-    place: Float64[np.ndarray, "3"],
-    rotation: Float64[np.ndarray, "3 3"],
-    inwards: float,
-) -> Float64[np.ndarray, "2"]:
-    """Where the ZMP shall be on a foot that carries alone [m].
-
-    Args:
-        foot: 0 left, 1 right.
-        place: of its sole [m].
-        rotation: world_R_sole.
-        inwards: how far from the middle of the sole, to the side of the other foot [m].
-    """
-    return place[:2] + (inwards if foot == 1 else -inwards) * rotation[:2, 1]
-
-
 @dataclass(slots=True, kw_only=True, eq=False)
 class Footing:
     """Estimated state, mode and stance of a tick, and what follows from them, computed once.
@@ -126,19 +110,19 @@ class Footing:
         omega: sqrt(g / H) [1/s].
         margin: how far from the soles' edge support ends [m].
         sensor: what the soles carry, and where.
-        inwards: how far beside the middle of the foot that shall carry the ZMP shall be, to the
-            side of the other one [m].
+        one_foot: where the robot balances on a foot that carries alone.
         pressed: how far below its place the other foot is sent, both feet on the ground [m].
         parts: what of each sole carries where both feet stand, left then right; None for all.
         com_velocity: of the COM, observed, x and y; that of `dynamics` when None [m/s].
         zmp_reference: eq. (15a): between the feet, or where the foot that shall carry was put
-            down, less `inwards` [m].
+            down, as `one_foot` says [m].
         heading: where the torso faces, along the ground.
         tilt: angle of the torso against upright [rad].
         support: of the soles on the ground, with a margin. In double support that is both, whatever
             their load: a foot that happens to carry nothing carries as soon as the ZMP moves
             towards it.
-        capture_depth: how far the divergent component p + pdot / omega is inside the support [m].
+        capture_depth: how far the divergent component p + pdot / omega is inside the support, or
+            inside what `one_foot` holds [m].
     """
 
     biped: Biped
@@ -149,7 +133,7 @@ class Footing:
     omega: float
     margin: float
     sensor: ZmpSensor
-    inwards: float = 0.0
+    one_foot: OneFoot = WIDE
     pressed: float = 0.0
     parts: Sequence[SolePart | None] = (None, None)
     com_velocity: Float64[np.ndarray, "2"] | None = None
@@ -161,31 +145,45 @@ class Footing:
     capture_depth: float = field(init=False)
 
     def __post_init__(self) -> None:
-        carries, dynamics = self.mode.support, self.dynamics
-        if carries is None:
-            self.zmp_reference = 0.5 * (self.sole(0) + self.sole(1))[:2]
-        else:
-            _, rotation = dynamics.placement(self.biped.frames[carries])
-            self.zmp_reference = zmp_on(carries, self.anchors[carries], rotation, self.inwards)
+        dynamics = self.dynamics
         _, torso = dynamics.placement(self.biped.torso)
+        self.zmp_reference = self._zmp_reference(torso[:2, 2])
         (x, _, _), (y, _, _), (_, _, upward) = torso.tolist()
         length = math.hypot(x, y)
         self.heading = np.array([x / length, y / length])
         self.tilt = math.acos(max(-1.0, min(1.0, upward)))
-        self.support = self._support()
+        self.support, held = self._support()
         velocity = dynamics.com_velocity[:2] if self.com_velocity is None else self.com_velocity
         x, y = (dynamics.com[:2] + velocity / self.omega).tolist()
-        self.capture_depth = self.support.depth((x, y))
+        self.capture_depth = held.depth((x, y))
 
-    def _support(self) -> SupportPolygon:
+    def _zmp_reference(self, upward: Float64[np.ndarray, "2"]) -> Float64[np.ndarray, "2"]:
+        """Where the ZMP should be, by where the torso leans [m]."""
+        carries = self.mode.support
+        if carries is None:
+            return 0.5 * (self.sole(0) + self.sole(1))[:2]
+        place, frames = self.anchors[carries], self.biped.frames
+        _, rotation = self.dynamics.placement(frames[carries])
+        leaning = 0.0
+        if self.mode.single:
+            leaning = float(upward @ rotation[:2, 1]) * (1.0 if carries == 1 else -1.0)
+        return self.one_foot.zmp(carries, place, rotation, leaning)
+
+    def _support(self) -> tuple[SupportPolygon, SupportPolygon]:
+        """That of the soles, and where the divergent component is held."""
         biped, placement = self.biped, self.dynamics.placement
         if self.mode.single:
             stance = self.stance
-            rectangle = sole_rectangle(*placement(biped.frames[stance]), biped.sizes[stance])
-            return SupportPolygon(rectangle, self.margin)
-        return both_soles(
+            place, size = placement(biped.frames[stance]), biped.sizes[stance]
+            sole = SupportPolygon(sole_rectangle(*place, size), self.margin)
+            if not self.one_foot.narrow:
+                return sole, sole
+            held = self.one_foot.holds(stance, size)
+            return sole, SupportPolygon(held.corners(*place, 0.0), self.margin)
+        soles = both_soles(
             [placement(frame) for frame in biped.frames], biped.sizes, self.margin, self.parts
         )
+        return soles, soles
 
     @property
     def other(self) -> int:

@@ -7,8 +7,8 @@ import numpy as np
 
 from poise.locomotion._stepping._com import ComFeedback, ComMotion
 from poise.locomotion._stepping._estimator import StanceEstimator, ZmpSensor
-from poise.locomotion._stepping._footing import zmp_on
 from poise.locomotion._stepping._modes import Mode, ModeEvent, ModeMachine
+from poise.locomotion._stepping._one_foot import WIDE, OneFoot
 from poise.locomotion._stepping._parameters import TeleopParameters
 from poise.locomotion._stepping._samples import DeviceSample
 
@@ -94,7 +94,7 @@ class ModeEvents:
         com: says where the COM is going.
         parameters: distances, loads and times.
         weight: of the robot [N].
-        inwards: how far inwards on a foot that carries alone the ZMP shall be [m].
+        one_foot: where the ZMP shall be on a foot that carries alone.
     """
 
     def __init__(
@@ -104,9 +104,9 @@ class ModeEvents:
         com: ComMotion | ComFeedback,
         parameters: TeleopParameters,
         weight: float,
-        inwards: float = 0.0,
+        one_foot: OneFoot = WIDE,
     ) -> None:
-        self._inwards = inwards
+        self._one_foot = one_foot
         self._estimator, self._sensor, self._com = estimator, sensor, com
         self._parameters = parameters
         self._lifts = (LiftDetector(parameters), LiftDetector(parameters))
@@ -211,7 +211,7 @@ class ModeEvents:
         """Eq. (14e), and the COM too: while it brakes, the ZMP is there and the COM is not."""
         p, estimator, dynamics = self._parameters, self._estimator, self._estimator.dynamics
         anchor, com = estimator.anchors[support], dynamics.com[:2]
-        place = zmp_on(support, anchor, estimator.rotation(support), self._inwards)
+        place = self._one_foot.zmp(support, anchor, estimator.rotation(support))
         if np.linalg.norm(self._sensor.zmp - place) > p.r_lift:
             return False
         if np.linalg.norm(self._com.cart_table_zmp(com) - place) > p.ct_zmp_max:

@@ -6,7 +6,6 @@ import numpy as np
 from jaxtyping import Float64
 
 from poise.dynamics import RobotState
-from poise.locomotion._stepping._biped import Biped
 from poise.locomotion._stepping._footing import Footing
 from poise.locomotion._stepping._modes import Mode
 from poise.locomotion._stepping._samples import DeviceStatus
@@ -18,27 +17,6 @@ from poise.robots import Robot
 _REST = 0.3
 """So long the robot stands still, its divergent component inside its soles, before it is given back
 [s]."""
-
-_PUSH, _INWARDS = 0.2, 0.5
-"""A push outwards that one sole shall hold [m/s], and how far beside the middle of the sole the ZMP
-may be for that, over half its width. At 0.6 and more G1 lifts no foot that stays up."""
-
-
-def room_outwards(biped: Biped, omega: float, margin: float) -> float:
-    """How far inwards from the middle of the foot that carries alone the ZMP should be [m].
-
-    Pushed inwards, the foot in the air comes down where it is and holds the robot; pushed outwards
-    it would have to cross the other leg. So room is worth more on the outer side: as much as a push
-    of 0.2 m/s takes, but for soles so narrow that too little would be left on the inner one.
-
-    Args:
-        biped: the robot.
-        omega: sqrt(g / H) [1/s].
-        margin: how far from the soles' edges support ends [m].
-    """
-    half = 0.5 * min(width for _, width in biped.sizes)
-    return min(max(_PUSH / omega + margin - half, 0.0), _INWARDS * half)
-
 
 _CAUGHT_MARGIN = 0.005
 """How far inside the soles' edges the ZMP stays in order not to fall [m]."""

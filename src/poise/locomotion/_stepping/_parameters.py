@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from poise._schema import Positive, checked
 from poise.errors import ConfigurationError
 from poise.locomotion._pendulum import natural_frequency
+from poise.locomotion._stepping._one_foot import one_foot
 from poise.robots import Robot
 
 _PAPER_MASS = 65.0
@@ -15,6 +16,18 @@ _PAPER_HEIGHT, _PAPER_STANCE, _PAPER_HALF_SOLE = 0.765, 0.42, 0.12
 
 _MARGIN_RATIO = 0.25
 """Part of half a sole that the CT-ZMP stays away from its edge."""
+
+
+_TORQUE_DT = 0.002
+"""Length of a tick where torques are commanded [s]."""
+
+_TORQUE_FOLD = 0.78
+"""Least distance of hip and ankle there, over a leg's length: the stack's balance limit keeps 0.75,
+and brakes before it. Asked for less, a robot that comes down would be thrown up by that."""
+
+_NARROW_STEP = 0.75
+"""How far ahead a foot may be led there beside one too narrow for a push, over `step_max`: from
+farther away it does not come down in time to catch the robot."""
 
 
 @checked()
@@ -200,4 +213,23 @@ def scaled_parameters(robot: Robot, height: float, stance: float) -> TeleopParam
         touch_speed=paper.touch_speed * near,
         press_speed=paper.press_speed * near,
         w_L=paper.w_L * (_PAPER_MASS / robot.mass / size) ** 2,
+    )
+
+
+def for_torques(robot: Robot, parameters: TeleopParameters, height: float) -> TeleopParameters:
+    """The same parameters where torques are commanded.
+
+    Args:
+        robot: a biped.
+        parameters: of its own, for velocities.
+        height: of the COM above the soles [m].
+    """
+    omega, margin = natural_frequency(height), parameters.support_margin
+    farthest = _NARROW_STEP if one_foot(robot, omega, margin).narrow else 1.0
+    return replace(
+        parameters,
+        dt=_TORQUE_DT,
+        stoop_max=TeleopParameters().stoop_max,
+        fold_min=_TORQUE_FOLD,
+        step_max=farthest * parameters.step_max,
     )

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float64
@@ -31,8 +30,13 @@ from poise.locomotion._stepping._guard import DeviceGuard
 from poise.locomotion._stepping._hands import HandLeader
 from poise.locomotion._stepping._mode_events import ModeEvents
 from poise.locomotion._stepping._modes import Mode
-from poise.locomotion._stepping._own_steps import OwnSteps, room_outwards
-from poise.locomotion._stepping._parameters import TeleopParameters, scaled_parameters
+from poise.locomotion._stepping._one_foot import WIDE, one_foot
+from poise.locomotion._stepping._own_steps import OwnSteps
+from poise.locomotion._stepping._parameters import (
+    TeleopParameters,
+    for_torques,
+    scaled_parameters,
+)
 from poise.locomotion._stepping._reach import FootRange
 from poise.locomotion._stepping._samples import BodySample, DeviceSample
 from poise.locomotion._stepping._sway import check_sway
@@ -45,16 +49,6 @@ from poise.stack import Stack
 
 _ACTUATIONS = ("velocity", "torque")
 """What the controller of the stack may command."""
-
-_TORQUE_DT = 0.002
-"""Length of a tick where torques are commanded [s]."""
-
-_TORQUE_STOOP = TeleopParameters().stoop_max
-"""How far the COM may come down there, over its height: on narrow soles, too."""
-
-_TORQUE_FOLD = 0.78
-"""Least distance of hip and ankle there, over a leg's length: the stack's balance limit keeps 0.75,
-and brakes before it. Asked for less, a robot that comes down would be thrown up by that."""
 
 
 class StepTeleoperator:
@@ -124,9 +118,7 @@ class StepTeleoperator:
             stance = abs(float(left[1] - right[1]))
             parameters = scaled_parameters(robot, self._com_height, stance)
             if actuation == "torque":
-                parameters = replace(
-                    parameters, dt=_TORQUE_DT, stoop_max=_TORQUE_STOOP, fold_min=_TORQUE_FOLD
-                )
+                parameters = for_torques(robot, parameters, self._com_height)
         self.parameters = p = parameters
         self._biped = biped_of(robot, p)
         if driver is None:
@@ -140,7 +132,7 @@ class StepTeleoperator:
         self.gaze: GazeLeader | None = None
         self._tasks: StepTasks
         self._own: OwnSteps | None = None
-        self._inwards = 0.0
+        self._one_foot = WIDE
         if actuation == "torque":
             self.hands = HandLeader(
                 robot, dt=p.dt, q_rest=q_start, weight=POSTURE_WEIGHT, scale=p.hand_scale
@@ -150,7 +142,7 @@ class StepTeleoperator:
             )
             limbs = [task for task in (self.hands.task, self.gaze.task) if task is not None]
             self._tasks = TorqueTasks(self._biped, p.dt, limbs)
-            self._inwards = room_outwards(self._biped, driver.omega, p.support_margin)
+            self._one_foot = one_foot(robot, driver.omega, p.support_margin)
             self._own = OwnSteps(robot, self._tasks, q_start, p.dt)
         else:
             self._tasks = VelocityTasks(self._biped, p, rotator=rotator)
@@ -174,7 +166,7 @@ class StepTeleoperator:
             self._own.reset()
         self._guard = DeviceGuard(dt=p.dt, low=p.lower_height, press_depth=p.press_depth)
         self._com = self._com_motion()
-        self._events = ModeEvents(estimator, sensor, self._com, p, biped.weight, self._inwards)
+        self._events = ModeEvents(estimator, sensor, self._com, p, biped.weight, self._one_foot)
         self._stance = StanceChoice(estimator, sensor, p, biped.weight)
         rotates = self._rotator and self.actuation == "velocity"
         self._momentum = BodyMomentum(BodyRotator(biped.weight) if rotates else None, p)
@@ -340,7 +332,7 @@ class StepTeleoperator:
             omega=self.driver.omega,
             margin=self.parameters.support_margin,
             sensor=self.zmp_sensor,
-            inwards=self._inwards,
+            one_foot=self._one_foot,
             pressed=self._stance.pressed,
             parts=(None, None) if self._own is None else self._own.parts,
             com_velocity=self._com.observed,
@@ -353,6 +345,7 @@ class StepTeleoperator:
             com_acceleration=self._com.acceleration,
             momentum=self._momentum.reference,
             foot=self._foot.towards(footing, target, hurry=self._target.rescuing),
+            foot_place=target,
             torso=self._torso(),
             turns=self._body.turns,
         )

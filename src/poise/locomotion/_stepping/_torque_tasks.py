@@ -45,6 +45,12 @@ steps by itself in order not to fall: then a foot that is late costs as much.
 Height is no balance: where the leg that stands folds no deeper, and the COM was to come down all
 the same, trunk and hip would roll towards the foot in the air and slam it onto the ground."""
 
+_THROWN, _AWAY, _HIGH = 1e3, 0.15, 0.1
+"""Weight of a foot in the air that is twice so far from where it is sent [m], beside a narrow one;
+so far above the ground [m] it is not too high for landing. A leg helps to balance a push by its
+angular momentum, but it would be thrown up by a metre, and then not be there to be put down: from
+there on trunk and arms have to do it. Heavier all the time it costs more balance than that."""
+
 _URGENT = 10.0
 """Weight of the trunk while the operator asks for an upright torso."""
 
@@ -139,11 +145,12 @@ class TorqueTasks:
         """
         self._com.set_weight(_BALANCE)
         self.stack.self_collision_limit.let_legs_pass(False)
+        self._announce(footing)
         self._stand(footing)
         self._move_com(footing, desired)
         if self._swing is not None:
             self._turn_foot(self._swing, footing, desired.turns[self._swing])
-            self._move_foot(self._swing, footing, desired.foot)
+            self._move_foot(self._swing, footing, desired)
         torso = (0.0, 0.0, 0.0) if upright else desired.torso
         self._turn_trunk(footing, torso, urgent=upright)
 
@@ -156,8 +163,21 @@ class TorqueTasks:
         self._yaws = [_yaw(footing, foot) for foot in (0, 1)]
         self._swing, self._height = None, None
         self._com.set_weight(_CATCHING)
+        for foot in self._feet:
+            foot.set_weight(1.0)
         self.stack.self_collision_limit.let_legs_pass(True)
         self._turn_trunk(footing, (0.0, 0.0, 0.0), urgent=False)
+
+    def _announce(self, footing: Footing) -> None:
+        """Where the foot in the air would catch the robot that stands on a narrow one.
+
+        There the ZMP rests nearer to the inner edge than balance on one foot would let it.
+        """
+        caught, stance = None, footing.stance
+        if footing.mode.single:
+            caught = footing.one_foot.caught(stance, footing.biped.sizes[stance])
+        place = footing.dynamics.placement(footing.biped.frames[stance])
+        self.stack.balance_limit.expect_step(caught and caught.corners(*place, 0.0))
 
     def _turn_trunk(
         self, footing: Footing, torso: tuple[float, float, float], *, urgent: bool
@@ -203,16 +223,29 @@ class TorqueTasks:
         change, step = goal - self._yaws[foot], self._dt * _TURN_RATE
         self._yaws[foot] += max(-step, min(step, change))
 
-    def _move_foot(self, foot: int, footing: Footing, velocity: Float64[np.ndarray, "3"]) -> None:
+    def _move_foot(self, foot: int, footing: Footing, desired: DesiredMotion) -> None:
         """Where the foot's velocity leads, never far ahead of a foot that cannot follow."""
-        here = footing.sole(foot)
+        here, velocity = footing.sole(foot), desired.foot
         place = self._place + self._dt * velocity
         gap = place - here
         far = float(np.linalg.norm(gap))
         self._place = here + gap * (_FARTHEST / far) if far > _FARTHEST else place
+        self._feet[foot].set_weight(_foot_weight(footing, here, desired.foot_place))
         yaw = self._yaws[foot]
         turn = pin.exp3(np.array([0.0, 0.0, yaw])) if yaw else _LEVEL
         self._feet[foot].set_target(self._place, turn, np.array([*velocity, 0.0, 0.0, 0.0]))
+
+
+def _foot_weight(
+    footing: Footing, here: Float64[np.ndarray, "3"], sent: Float64[np.ndarray, "3"]
+) -> float:
+    """Of the foot in the air, by how far it has been thrown from where it is sent."""
+    if not footing.one_foot.narrow:
+        return 1.0
+    (x, y, z), (to_x, to_y, to_z) = here.tolist(), sent.tolist()
+    up = max(z - max(to_z, footing.highest_ground + _HIGH), 0.0)
+    away = math.hypot(x - to_x, y - to_y, up) / _AWAY
+    return _THROWN ** min(max(away - 1.0, 0.0), 1.0)
 
 
 def _yaw(footing: Footing, foot: int) -> float:

@@ -79,12 +79,13 @@ class LegMomentum:
         omega: natural frequency of the COM over the ground [1/s].
 
     Attributes:
+        beta: of each leg.
         factor: 1 + 2 beta.
         omega: W [1/s].
     """
 
     def __init__(self, beta: float, omega: float) -> None:
-        self._beta, self.factor = beta, 1.0 + 2.0 * beta
+        self.beta, self.factor = beta, 1.0 + 2.0 * beta
         self.omega = omega / math.sqrt(self.factor)
 
     def joined(self, body: Point, feet: FeetAt) -> Point:
@@ -96,16 +97,16 @@ class LegMomentum:
         """
         (lx, ly), (rx, ry) = feet
         return (
-            self.factor * body[0] - self._beta * (lx + rx),
-            self.factor * body[1] - self._beta * (ly + ry),
+            self.factor * body[0] - self.beta * (lx + rx),
+            self.factor * body[1] - self.beta * (ly + ry),
         )
 
     def parted(self, joined: Point, feet: FeetAt) -> Point:
         """What `joined` was made from."""
         (lx, ly), (rx, ry) = feet
         return (
-            (joined[0] + self._beta * (lx + rx)) / self.factor,
-            (joined[1] + self._beta * (ly + ry)) / self.factor,
+            (joined[0] + self.beta * (lx + rx)) / self.factor,
+            (joined[1] + self.beta * (ly + ry)) / self.factor,
         )
 
 

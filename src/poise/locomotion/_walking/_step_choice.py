@@ -7,6 +7,7 @@ import math
 from typing import NamedTuple
 
 from poise.locomotion._support import Point
+from poise.locomotion._walking._last_step import LastStep, beyond
 
 
 class StepBounds(NamedTuple):
@@ -81,6 +82,7 @@ class Pendulum(NamedTuple):
         gain: how far the goal moves with the foothold.
         room: of the ZMP, beside where it should be, along the foot and across it [m].
         omega: natural frequency [1/s].
+        last: what counts in place of `goal` where both feet stay afterwards.
     """
 
     xi: Point
@@ -91,6 +93,7 @@ class Pendulum(NamedTuple):
     gain: float
     room: Point
     omega: float
+    last: LastStep | None = None
 
 
 class SwingLimits(NamedTuple):
@@ -130,7 +133,8 @@ def choose_step(pendulum: Pendulum, bounds: StepBounds, swing: SwingLimits) -> S
     component to r_1 + s + E (xi - r_0 - s), s = (r_1 - r_0) / (omega tau), and r (1 - E) farther
     where it is r beside that. It does what it can within the sole; the foothold moves for the rest,
     within reach; what is left is missed. Deviations of place, time and divergent component are
-    weighed against each other, in the manner of Khadiv et al. (2020).
+    weighed against each other, in the manner of Khadiv et al. (2020). After a last step any place
+    of the divergent component between the feet will do.
 
     Args:
         pendulum: measured, and planned.
@@ -159,34 +163,30 @@ def _at(left: float, pendulum: Pendulum, bounds: StepBounds, swing: SwingLimits)
     """The best foothold for one time until touchdown."""
     product = pendulum.omega * left
     growth = math.exp(product)
-    off = [
-        _beyond(
-            end + (end - start) / product + growth * (xi - start - (end - start) / product) - goal,
-            room * (growth - 1.0),
-        )
-        for xi, start, end, goal, room in zip(
-            pendulum.xi,
-            pendulum.zmp,
-            pendulum.zmp_end,
-            pendulum.goal,
-            pendulum.room,
-            strict=True,
-        )
-    ]
+    xi_x, xi_y = (
+        end + (end - start) / product + growth * (xi - start - (end - start) / product)
+        for xi, start, end in zip(pendulum.xi, pendulum.zmp, pendulum.zmp_end, strict=True)
+    )
+    room_x, room_y = pendulum.room
+    reached = (room_x * (growth - 1.0), room_y * (growth - 1.0))
     planned_x, planned_y = pendulum.foothold
-    wanted = (planned_x + off[0] / pendulum.gain, planned_y + off[1] / pendulum.gain)
-    x, y = bounds.nearest(wanted)
+    last, gain = pendulum.last, pendulum.gain
+    goal_x, goal_y = pendulum.goal
+    off = (beyond(xi_x - goal_x, reached[0]), beyond(xi_y - goal_y, reached[1]))
+    if last is None:
+        by_x, by_y = off[0] / gain, off[1] / gain
+    else:
+        by_x, by_y = last.move((xi_x, xi_y), pendulum.foothold, reached)
+    x, y = bounds.nearest((planned_x + by_x, planned_y + by_y))
     x, y = _within_reach((x, y), swing, left)
     by_x, by_y = x - planned_x, y - planned_y
-    off_there = (off[0] - pendulum.gain * by_x, off[1] - pendulum.gain * by_y)
+    if last is None:
+        off_there = (off[0] - gain * by_x, off[1] - gain * by_y)
+    else:
+        off_there = last.off((xi_x, xi_y), (x, y), reached)
     late = swing.elapsed + left - swing.usual
     effort = (by_x * by_x + by_y * by_y) / _PLACE**2 + (late / _TIME) ** 2
     return Step(x, y, left, off_there, effort)
-
-
-def _beyond(miss: float, most: float) -> float:
-    """What of a miss is left when the ZMP has done what it can [m]."""
-    return math.copysign(max(abs(miss) - most, 0.0), miss)
 
 
 def _within_reach(place: Point, swing: SwingLimits, left: float) -> Point:

@@ -17,6 +17,7 @@ from poise.locomotion._walking._dcm_plan import (
 )
 from poise.locomotion._walking._footsteps import Stand
 from poise.locomotion._walking._ground import Placement
+from poise.locomotion._walking._last_step import LastStep
 from poise.locomotion._walking._leg_momentum import LegMomentum
 from poise.locomotion._walking._step_choice import Pendulum, Step, SwingLimits, choose_step
 
@@ -123,6 +124,10 @@ class StepPlanner:
             rest = 0.5 * (ax + bx), 0.5 * (ay + by)
         along, across = lifted.bearing.room
         trusted = _TRUSTED * legs.factor
+        room = (
+            trusted * max(along - self._margin, 0.0),
+            trusted * max(across - self._margin, 0.0),
+        )
         return Pendulum(
             xi=lifted.xi,
             zmp=legs.joined(stance, (stance, place)),
@@ -130,11 +135,9 @@ class StepPlanner:
             goal=touchdown_dcm(place, (stance, *rests), legs, self.times, rest),
             foothold=foothold,
             gain=self._gain,
-            room=(
-                trusted * max(along - self._margin, 0.0),
-                trusted * max(across - self._margin, 0.0),
-            ),
+            room=room,
             omega=legs.omega,
+            last=LastStep(legs.beta, room) if len(steps) == left == 1 else None,
         )
 
     def moved(self, lifted: Lifted, pendulum: Pendulum, foothold: Point) -> Pendulum:

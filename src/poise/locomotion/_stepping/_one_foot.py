@@ -1,0 +1,135 @@
+"""`OneFoot`: where the robot balances on one foot, and what holds it there."""
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float64
+
+from poise.locomotion._support import Point, SolePart
+from poise.robots import Robot
+
+_PUSH, _MOST = 0.2, 0.7
+"""A push outwards that one foot shall hold [m/s], and how far beside the middle of the sole the ZMP
+may rest for that, over half its width."""
+
+_STRAY = 0.0115
+"""So far from its reference the divergent component comes on bumps, with an attitude that is off
+and noise of sensors: a foot put down for that would never stay up [m]."""
+
+_CAUGHT, _ASKED = 0.0275, 0.0525
+"""How far beyond a narrow sole's outer edge the divergent component is held by what trunk, arms and
+leg give, and how far the CT-ZMP is asked beyond for that [m]."""
+
+_PLAIN = 0.01
+"""The latter for any other sole [m]."""
+
+_UPRIGHT = 0.1
+"""How far outwards the ZMP rests for each radian that the trunk leans inwards [m/rad]."""
+
+_ANNOUNCED = 0.7
+"""How far inwards the foot in the air catches the robot, over how far the ZMP rests there."""
+
+
+class OneFoot(NamedTuple):
+    """Where weight and momentum are kept while one foot carries the robot alone.
+
+    Pushed inwards, the foot in the air comes down where it is and holds the robot; pushed outwards
+    it would have to cross the other leg. So where a push outwards takes more than half of a sole
+    the ZMP rests on its inner side. On one that is too narrow even for that, what is still missing
+    is made up for by angular momentum: on its outer side the robot leans before it steps. A trunk
+    that leans inwards needs room on the inner side to come up again, and where the ZMP rests near
+    that edge there is none: it moves back.
+
+    Attributes:
+        inwards: how far beside the middle of the sole the ZMP rests, to the side of the other foot
+            [m].
+        inner: how far beyond the edge of its support on that side the divergent component may be
+            before the robot steps [m].
+        outer: likewise on the other side [m].
+        momentum: how far beyond that edge the CT-ZMP may be, for a while [m].
+        narrow: whether the sole is too narrow for a push outwards wherever the ZMP rests.
+    """
+
+    inwards: float = 0.0
+    inner: float = 0.0
+    outer: float = 0.0
+    momentum: float = _PLAIN
+    narrow: bool = False
+
+    def zmp(
+        self,
+        foot: int,
+        place: Float64[np.ndarray, "3"],
+        rotation: Float64[np.ndarray, "3 3"],
+        leaning: float = 0.0,
+    ) -> Float64[np.ndarray, "2"]:
+        """Where the ZMP shall be on a foot that carries alone [m].
+
+        Args:
+            foot: 0 left, 1 right.
+            place: of its sole [m].
+            rotation: world_R_sole.
+            leaning: of the trunk, to the side of the other foot [rad].
+        """
+        inwards = self.inwards
+        if self.narrow:
+            inwards -= min(_UPRIGHT * max(leaning, 0.0), inwards)
+        return place[:2] + _inner_side(foot) * inwards * rotation[:2, 1]
+
+    def holds(self, foot: int, size: Point) -> SolePart:
+        """Where on the ground, along its sole, the divergent component is held.
+
+        Args:
+            foot: 0 left, 1 right.
+            size: length and width of the sole [m].
+        """
+        length, width = size
+        middle = 0.5 * _inner_side(foot) * (self.inner - self.outer)
+        return SolePart(0.0, middle, length, width + self.inner + self.outer)
+
+    def caught(self, foot: int, size: Point) -> SolePart | None:
+        """Where the foot in the air would catch the robot, along the sole of the one that stands.
+
+        Args:
+            foot: that stands, 0 left, 1 right.
+            size: length and width of its sole [m].
+
+        Returns:
+            The sole, moved inwards; None where the robot holds a push on what it stands on.
+        """
+        if not self.narrow:
+            return None
+        return SolePart(0.0, _ANNOUNCED * _inner_side(foot) * self.inwards, *size)
+
+
+WIDE = OneFoot()
+"""On a sole that is wide enough."""
+
+
+def one_foot(robot: Robot, omega: float, margin: float) -> OneFoot:
+    """How a robot stands on one foot, by how wide its soles are.
+
+    Args:
+        robot: with soles.
+        omega: sqrt(g / H) [1/s].
+        margin: how far from the soles' edges support ends [m].
+    """
+    half = 0.5 * min(sole.width for sole in robot.soles.values())
+    missing = _PUSH / omega + margin - half
+    if missing <= 0.0:
+        return WIDE
+    inwards = _MOST * half
+    if missing <= inwards:
+        return OneFoot(inwards=missing)
+    return OneFoot(
+        inwards=inwards,
+        inner=max(inwards + _STRAY - (half - margin), 0.0),
+        outer=margin + _CAUGHT,
+        momentum=margin + _ASKED,
+        narrow=True,
+    )
+
+
+def _inner_side(foot: int) -> float:
+    """On which side of a foot the other one is: 1 for its left."""
+    return 1.0 if foot == 1 else -1.0
