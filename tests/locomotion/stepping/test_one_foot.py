@@ -89,7 +89,7 @@ def test_a_foot_beside_a_narrow_one_is_not_led_as_far_ahead(get_robot):
 def test_g1_on_one_foot_leans_against_a_push_outwards_and_steps_nowhere(
     get_robot, forward, degrees
 ):
-    """Its foot stays up where it is held, and its leg is not thrown about."""
+    """Its leg helps, not by more than 40 cm, and is back where it is held: its foot stays up."""
     robot, seed, at = get_robot("g1"), 3, 2.6
     angle, force = math.radians(degrees), robot.mass * 0.2 / 0.1
     push = (force * math.cos(angle), force * math.sin(angle), 0.0)
@@ -111,7 +111,7 @@ def test_g1_on_one_foot_leans_against_a_push_outwards_and_steps_nowhere(
     xi = log.com[:, 1] + np.gradient(log.com[:, 1], log.time) / 3.8
     assert (log.soles[after, 1, 1] - xi[after]).max() > half
     place = log.soles[~after, 0][-1]
-    assert np.abs(log.soles[after, 0] - place).max() < 0.2
+    assert np.abs(log.soles[after, 0] - place).max() < 0.4
     assert log.tilt.max() < 0.6
     assert np.linalg.norm(log.soles[-1, 0] - place) < 0.03
     assert log.tilt[-1] < 0.1

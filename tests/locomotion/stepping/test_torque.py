@@ -20,6 +20,7 @@ from poise.locomotion import ComDriver, Mode, ScriptedDevice, StepTeleoperator, 
 from poise.locomotion._pendulum import ComShifter
 from poise.locomotion._stepping._com import ComFeedback
 from poise.locomotion._stepping._footing import Footing
+from poise.locomotion._stepping._one_foot import WIDE
 from poise.locomotion._support import SupportPolygon
 from poise.sim import Plant, SensorConfig, rollout
 
@@ -31,7 +32,7 @@ def asked(com, velocity, reference, mode=Mode.D):
     feedback = ComFeedback(ComShifter(HEIGHT))
     support = SupportPolygon(SOLE, 0.01)
     footing = Mock(spec=Footing, zmp_reference=np.array(reference), support=support)
-    footing.mode, footing.margin = mode, 0.01
+    footing.mode, footing.margin, footing.one_foot = mode, 0.01, WIDE
     footing.dynamics = Mock(com=np.array([*com, HEIGHT]), com_velocity=np.array([*velocity, 0.0]))
     feedback.drive(footing)
     return feedback, feedback.cart_table_zmp(np.array(com)), support
