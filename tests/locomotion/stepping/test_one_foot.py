@@ -5,13 +5,16 @@ from unittest.mock import Mock
 
 import numpy as np
 import pytest
-from standing import biped, footing
+from standing import PARAMETERS, biped, estimator, footing, sensor
 from walker import hands
 
 from poise.apps.teleoperation import TORQUE_TELEOP_PLANT, run_teleop
-from poise.locomotion import DeviceStatus, Mode, StepTeleoperator, WayPoint
+from poise.locomotion import DeviceSample, DeviceStatus, Mode, StepTeleoperator, WayPoint
+from poise.locomotion._pendulum import ComShifter
+from poise.locomotion._stepping._com import ComFeedback
 from poise.locomotion._stepping._footing import Footing
-from poise.locomotion._stepping._one_foot import WIDE, OneFoot, one_foot
+from poise.locomotion._stepping._mode_events import ModeEvents
+from poise.locomotion._stepping._one_foot import WIDE, OneFoot, inner_side, one_foot
 from poise.robots import Robot
 
 
@@ -20,7 +23,8 @@ def of(width, omega, margin):
     return one_foot(Mock(spec=Robot, soles=soles), omega, margin)
 
 
-NARROW = of(0.06, 3.8, 0.0075)
+OMEGA = 3.8
+NARROW = of(0.06, OMEGA, 0.0075)
 
 
 @pytest.mark.parametrize(
@@ -48,14 +52,49 @@ def test_what_is_held_reaches_beyond_both_edges_of_a_narrow_sole():
     assert WIDE.caught(0, (0.3, 0.24)) is None
 
 
+def test_no_momentum_is_asked_for_to_the_side_of_the_foot_in_the_air():
+    """There the pressure comes to 5 mm from the edge, and what is missing would lean the trunk."""
+    for foot, side in ((0, -1.0), (1, 1.0)):
+        asked = NARROW.asks(foot, (0.2, 0.06))
+        inner, outer = (side * asked.y + sign * 0.5 * asked.width for sign in (1.0, -1.0))
+        assert NARROW.inwards < inner < 0.03 - 0.005
+        assert outer == pytest.approx(-0.03 - NARROW.momentum)
+        assert asked.length == pytest.approx(0.22)
+
+
+@pytest.mark.parametrize(("inwards", "lifted"), [(0.003, True), (0.006, False), (-0.012, True)])
 @pytest.mark.parametrize("foot", [0, 1])
-def test_a_trunk_that_leans_inwards_gets_room_to_come_up_again(foot):
+def test_a_foot_is_lifted_where_the_zmp_brings_the_robot_back(get_robot, foot, inwards, lifted):
+    """Farther inwards than the ZMP gets the divergent component would only go on."""
+    robot = get_robot("biped20")
+    ours = estimator(robot)
+    place = NARROW.zmp(foot, ours.anchors[foot], ours.rotation(foot))
+    xi = place + inner_side(foot) * inwards * ours.rotation(foot)[:2, 1]
+    velocity = OMEGA * (xi - ours.dynamics.com[:2])
+    com = ComFeedback(ComShifter(9.81 / OMEGA**2), 0.005)
+    com.velocity = com.observed = velocity
+    com.acceleration = com.omega**2 * (ours.dynamics.com[:2] - place)
+    loads = sensor(robot, 300.0, 300.0)
+    loads.zmp = place
+    events = ModeEvents(ours, loads, com, PARAMETERS, robot.weight, NARROW)
+    for tick in range(20):
+        places = [anchor.copy() for anchor in ours.anchors]
+        places[1 - foot][2] += 0.0 if tick == 0 else 0.05
+        events.advance(DeviceSample(0.005 * tick, *places), 0.005 * tick, rescuing=False)
+    assert events.mode.support == foot
+    assert events.mode.single == lifted
+
+
+@pytest.mark.parametrize("foot", [0, 1])
+def test_trunk_and_limbs_that_were_thrown_get_room_to_come_back(foot):
     place, side = np.array([0.4, 0.1, 0.0]), 1.0 if foot == 1 else -1.0
     rests = [
         side * float((NARROW.zmp(foot, place, np.eye(3), leaning) - place[:2])[1])
         for leaning in (-0.1, 0.0, 0.1, 0.5)
     ]
-    assert rests == pytest.approx([0.021, 0.021, 0.011, 0.0])
+    assert rests == pytest.approx([0.0195, 0.0195, 0.0095, 0.0])
+    thrown = NARROW.zmp(foot, place, np.eye(3), 0.0, 0.5) - place[:2]
+    assert side * float(thrown[1]) == pytest.approx(0.5 * 0.0195)
     plain = OneFoot(inwards=0.01)
     assert plain.zmp(foot, place, np.eye(3), 0.5)[1] - 0.1 == pytest.approx(side * 0.01)
 

@@ -20,7 +20,7 @@ from poise.locomotion import ComDriver, Mode, ScriptedDevice, StepTeleoperator, 
 from poise.locomotion._pendulum import ComShifter
 from poise.locomotion._stepping._com import ComFeedback
 from poise.locomotion._stepping._footing import Footing
-from poise.locomotion._stepping._one_foot import WIDE
+from poise.locomotion._stepping._one_foot import PLAIN
 from poise.locomotion._support import SupportPolygon
 from poise.sim import Plant, SensorConfig, rollout
 
@@ -29,13 +29,19 @@ HEIGHT, SOLE = 0.8, [(0.1, 0.05), (0.1, -0.05), (-0.1, -0.05), (-0.1, 0.05)]
 
 def asked(com, velocity, reference, mode=Mode.D):
     """The feedback, and the CT-ZMP that it asks for."""
-    feedback = ComFeedback(ComShifter(HEIGHT))
+    feedback = ComFeedback(ComShifter(HEIGHT), 0.002)
+    support = drive(feedback, com, reference, mode, velocity)
+    return feedback, feedback.cart_table_zmp(np.array(com)), support
+
+
+def drive(feedback, com, reference, mode, velocity=(0.0, 0.0)):
+    """A tick of it; the soles."""
     support = SupportPolygon(SOLE, 0.01)
-    footing = Mock(spec=Footing, zmp_reference=np.array(reference), support=support)
-    footing.mode, footing.margin, footing.one_foot = mode, 0.01, WIDE
+    footing = Mock(spec=Footing, zmp_reference=np.array(reference), support=support, mode=mode)
+    footing.asked = support.grown(0.01 + PLAIN) if mode.single else support
     footing.dynamics = Mock(com=np.array([*com, HEIGHT]), com_velocity=np.array([*velocity, 0.0]))
     feedback.drive(footing)
-    return feedback, feedback.cart_table_zmp(np.array(com)), support
+    return support
 
 
 def test_near_its_reference_it_is_the_com_shifter():
@@ -58,6 +64,19 @@ def test_on_one_foot_it_may_lie_a_little_beside_the_sole():
     _, zmp, support = asked((0.0, 0.06), (0.0, 0.0), (0.0, 0.0), Mode.SL)
     np.testing.assert_allclose(zmp, (0.0, 0.06), atol=1e-12)
     assert support.depth(tuple(zmp)) == pytest.approx(-0.02)
+
+
+def test_what_momentum_has_given_counts_until_trunk_and_limbs_are_back():
+    feedback, _, _ = asked((0.0, 0.06), (0.0, 0.0), (0.0, 0.0), Mode.SL)
+    assert feedback.borrowed == pytest.approx(0.002 / 0.05)
+    for _ in range(30):
+        drive(feedback, (0.0, 0.06), (0.0, 0.0), Mode.SL)
+    assert feedback.borrowed == 1.0
+    for _ in range(375):
+        drive(feedback, (0.0, 0.0), (0.0, 0.0), Mode.SL)
+    assert feedback.borrowed == pytest.approx(0.5)
+    feedback, _, _ = asked((0.0, 0.06), (0.0, 0.0), (0.0, 0.0), Mode.D)
+    assert feedback.borrowed == 0.0
 
 
 def test_a_divergent_component_at_an_edge_is_braked_however_far_the_reference_is():

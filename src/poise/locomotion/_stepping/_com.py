@@ -215,10 +215,11 @@ class ComMotion:
         velocity: commanded in the last tick [m/s].
         acceleration: commanded in the last tick [m/s^2].
         observed: velocity as measured, with what was commanded made smooth [m/s].
+        borrowed: zero: nothing is asked for that the soles do not give.
     """
 
     def __init__(self, driver: ComDriver, parameters: TeleopParameters) -> None:
-        self.omega = driver.omega
+        self.omega, self.borrowed = driver.omega, 0.0
         self.velocity: Float64[np.ndarray, "2"] = np.zeros(2)
         self.acceleration: Float64[np.ndarray, "2"] = np.zeros(2)
         self.observed: Float64[np.ndarray, "2"] = np.zeros(2)
@@ -272,28 +273,36 @@ class ComMotion:
         self.velocity = before + p.dt * self.acceleration
 
 
+_BEYOND, _BORROWING, _REPAYING = 0.003, 0.05, 1.5
+"""So far beyond the support the CT-ZMP is asked for of trunk, arms and leg [m]; in what time that
+counts for all, and in what time they are taken to be back after it [s]."""
+
+
 class ComFeedback:
     """The COM shifter (37) where accelerations are commanded: feedback on what is measured.
 
     Under the gain rule its CT-ZMP is r + k_s (xi - r) with the divergent component xi. Far from
     its reference that leaves the soles, where a limit on each axis by itself loses the direction:
     the reference is taken a_lim / k_p ahead of xi, on the straight way, and the CT-ZMP to the
-    nearest place on the soles, or beyond the only one that carries: for a while the trunk's angular
-    momentum makes up for what that does not give. So a component that is about to leave them is
-    braked first.
+    nearest place that may be asked for, see `Footing.asked`. So a component that is about to leave
+    the soles is braked first.
 
     Args:
         shifter: gains.
+        dt: length of a tick [s].
 
     Attributes:
+        borrowed: how much more than the sole that carries alone gives has been asked for lately,
+            from 0 to 1.
         omega: sqrt(g / H) [1/s].
         velocity: measured in the last tick [m/s].
         acceleration: commanded in the last tick [m/s^2].
         observed: velocity as measured [m/s].
     """
 
-    def __init__(self, shifter: ComShifter) -> None:
-        self.omega = shifter.omega
+    def __init__(self, shifter: ComShifter, dt: float) -> None:
+        self.omega, self._dt = shifter.omega, dt
+        self.borrowed = 0.0
         self._gain = 1.0 + shifter.kp / shifter.omega**2
         self._ahead = shifter.acceleration_max / shifter.kp
         self.velocity: Float64[np.ndarray, "2"] = np.zeros(2)
@@ -327,10 +336,10 @@ class ComFeedback:
         to_x, to_y = goal_x - x, goal_y - y
         near = min(1.0, self._ahead / max(math.hypot(to_x, to_y), 1e-9))
         pull = near * (self._gain - 1.0)
-        support = footing.support
-        if footing.mode.single:
-            support = support.grown(footing.margin + footing.one_foot.momentum)
-        zmp = support.nearest((x - pull * to_x, y - pull * to_y))
+        zmp = footing.asked.nearest((x - pull * to_x, y - pull * to_y))
+        beyond = footing.mode.single and footing.support.depth(zmp) < -_BEYOND
+        change = self._dt / _BORROWING if beyond else -self._dt / _REPAYING
+        self.borrowed = min(max(self.borrowed + change, 0.0), 1.0)
         self.acceleration = self.omega**2 * (com - np.array(zmp))
 
 

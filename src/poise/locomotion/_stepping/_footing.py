@@ -14,7 +14,7 @@ from poise.dynamics import Dynamics
 from poise.locomotion._stepping._biped import Biped
 from poise.locomotion._stepping._estimator import StanceEstimator, ZmpSensor
 from poise.locomotion._stepping._modes import Mode
-from poise.locomotion._stepping._one_foot import WIDE, OneFoot
+from poise.locomotion._stepping._one_foot import PLAIN, WIDE, OneFoot, inner_side
 from poise.locomotion._stepping._parameters import TeleopParameters
 from poise.locomotion._support import SolePart, SupportPolygon, both_soles, sole_rectangle
 
@@ -113,6 +113,7 @@ class Footing:
         one_foot: where the robot balances on a foot that carries alone.
         pressed: how far below its place the other foot is sent, both feet on the ground [m].
         parts: what of each sole carries where both feet stand, left then right; None for all.
+        borrowed: see `ComFeedback`.
         com_velocity: of the COM, observed, x and y; that of `dynamics` when None [m/s].
         zmp_reference: eq. (15a): between the feet, or where the foot that shall carry was put
             down, as `one_foot` says [m].
@@ -121,6 +122,8 @@ class Footing:
         support: of the soles on the ground, with a margin. In double support that is both, whatever
             their load: a foot that happens to carry nothing carries as soon as the ZMP moves
             towards it.
+        asked: where the CT-ZMP may be asked for: a little beyond the only sole that carries, where
+            the trunk's angular momentum makes up for a while for what that does not give.
         capture_depth: how far the divergent component p + pdot / omega is inside the support, or
             inside what `one_foot` holds [m].
     """
@@ -136,12 +139,14 @@ class Footing:
     one_foot: OneFoot = WIDE
     pressed: float = 0.0
     parts: Sequence[SolePart | None] = (None, None)
+    borrowed: float = 0.0
     com_velocity: Float64[np.ndarray, "2"] | None = None
 
     zmp_reference: Float64[np.ndarray, "2"] = field(init=False)
     heading: Float64[np.ndarray, "2"] = field(init=False)
     tilt: float = field(init=False)
     support: SupportPolygon = field(init=False)
+    asked: SupportPolygon = field(init=False)
     capture_depth: float = field(init=False)
 
     def __post_init__(self) -> None:
@@ -152,7 +157,7 @@ class Footing:
         length = math.hypot(x, y)
         self.heading = np.array([x / length, y / length])
         self.tilt = math.acos(max(-1.0, min(1.0, upward)))
-        self.support, held = self._support()
+        self.support, self.asked, held = self._support()
         velocity = dynamics.com_velocity[:2] if self.com_velocity is None else self.com_velocity
         x, y = (dynamics.com[:2] + velocity / self.omega).tolist()
         self.capture_depth = held.depth((x, y))
@@ -164,26 +169,30 @@ class Footing:
             return 0.5 * (self.sole(0) + self.sole(1))[:2]
         place, frames = self.anchors[carries], self.biped.frames
         _, rotation = self.dynamics.placement(frames[carries])
-        leaning = 0.0
-        if self.mode.single:
-            leaning = float(upward @ rotation[:2, 1]) * (1.0 if carries == 1 else -1.0)
-        return self.one_foot.zmp(carries, place, rotation, leaning)
+        if not self.mode.single:
+            return self.one_foot.zmp(carries, place, rotation)
+        leaning = float(upward @ rotation[:2, 1]) * inner_side(carries)
+        return self.one_foot.zmp(carries, place, rotation, leaning, self.borrowed)
 
-    def _support(self) -> tuple[SupportPolygon, SupportPolygon]:
-        """That of the soles, and where the divergent component is held."""
+    def _support(self) -> tuple[SupportPolygon, SupportPolygon, SupportPolygon]:
+        """That of the soles, what may be asked for, and where the divergent component is held."""
         biped, placement = self.biped, self.dynamics.placement
         if self.mode.single:
             stance = self.stance
             place, size = placement(biped.frames[stance]), biped.sizes[stance]
             sole = SupportPolygon(sole_rectangle(*place, size), self.margin)
             if not self.one_foot.narrow:
-                return sole, sole
-            held = self.one_foot.holds(stance, size)
-            return sole, SupportPolygon(held.corners(*place, 0.0), self.margin)
+                return sole, sole.grown(self.margin + PLAIN), sole
+            asked, held = self.one_foot.asks(stance, size), self.one_foot.holds(stance, size)
+            return (
+                sole,
+                SupportPolygon(asked.corners(*place, 0.0), 0.0),
+                SupportPolygon(held.corners(*place, 0.0), self.margin),
+            )
         soles = both_soles(
             [placement(frame) for frame in biped.frames], biped.sizes, self.margin, self.parts
         )
-        return soles, soles
+        return soles, soles, soles
 
     @property
     def other(self) -> int:

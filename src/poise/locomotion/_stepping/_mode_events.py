@@ -8,7 +8,7 @@ import numpy as np
 from poise.locomotion._stepping._com import ComFeedback, ComMotion
 from poise.locomotion._stepping._estimator import StanceEstimator, ZmpSensor
 from poise.locomotion._stepping._modes import Mode, ModeEvent, ModeMachine
-from poise.locomotion._stepping._one_foot import WIDE, OneFoot
+from poise.locomotion._stepping._one_foot import WIDE, OneFoot, inner_side
 from poise.locomotion._stepping._parameters import TeleopParameters
 from poise.locomotion._stepping._samples import DeviceSample
 
@@ -216,11 +216,13 @@ class ModeEvents:
             return False
         if np.linalg.norm(self._com.cart_table_zmp(com) - place) > p.ct_zmp_max:
             return False
+        inwards = inner_side(support) * estimator.rotation(support)[:2, 1]
         # As commanded, and as it is: the robot lags behind a command that has just turned.
-        return all(
-            float(np.linalg.norm(com + velocity / self._com.omega - place)) < p.capture_max
-            for velocity in (self._com.velocity, self._com.observed)
-        )
+        for velocity in (self._com.velocity, self._com.observed):
+            off = com + velocity / self._com.omega - place
+            if np.linalg.norm(off) >= p.capture_max or off @ inwards > self._one_foot.arrival:
+                return False
+        return True
 
     def _is_given_back(self, device: DeviceSample | None, swing: int) -> bool:
         """Whether nobody wants a foot in the air that is still on the ground."""

@@ -1,6 +1,7 @@
 """`OwnSteps`: steps that nobody commands, so that a robot which torques move does not fall."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float64
@@ -11,7 +12,7 @@ from poise.locomotion._stepping._modes import Mode
 from poise.locomotion._stepping._samples import DeviceStatus
 from poise.locomotion._stepping._torque_tasks import TorqueTasks
 from poise.locomotion._support import SolePart
-from poise.locomotion._walking import Walker, WalkSettings
+from poise.locomotion._walking import Walker, WalkSettings, stand_of, usual_gait
 from poise.robots import Robot
 
 _REST = 0.3
@@ -20,6 +21,13 @@ _REST = 0.3
 
 _CAUGHT_MARGIN = 0.005
 """How far inside the soles' edges the ZMP stays in order not to fall [m]."""
+
+_APART = 0.03
+"""Least distance of the soles' edges: a foot that is caught by the other one comes down no more
+[m]."""
+
+_HIGHER = 1.6
+"""How high a foot is lifted, over what a walk does: what stumbles over a bump catches nobody."""
 
 
 class OwnSteps:
@@ -47,9 +55,12 @@ class OwnSteps:
         q_start: Float64[np.ndarray, " nq"],
         dt: float,
     ) -> None:
+        settings = WalkSettings(zmp_margin=_CAUGHT_MARGIN, clearance=_APART)
+        stand = stand_of(robot, q_start)
+        gait = usual_gait(stand.com[2] - stand.middle[2])
+        gait = replace(gait, swing_height=_HIGHER * gait.swing_height)
         # Trunk and arms stay whose they are.
-        settings = WalkSettings(zmp_margin=_CAUGHT_MARGIN)
-        self._walker = Walker(robot, tasks.stack, settings=settings, q=q_start, carry=())
+        self._walker = Walker(robot, tasks.stack, gait, settings, q=q_start, carry=())
         self._tasks, self._dt = tasks, dt
         self.reset()
 

@@ -301,7 +301,7 @@ class StepTeleoperator:
 
     def _com_motion(self) -> ComMotion | ComFeedback:
         if self.actuation == "torque" and isinstance(self.driver, ShifterDriver):
-            return ComFeedback(self.driver.shifter)
+            return ComFeedback(self.driver.shifter, self.parameters.dt)
         return ComMotion(self.driver, self.parameters)
 
     def _move_mode(self, command: DeviceSample | None, time: float) -> None:
@@ -335,6 +335,7 @@ class StepTeleoperator:
             one_foot=self._one_foot,
             pressed=self._stance.pressed,
             parts=(None, None) if self._own is None else self._own.parts,
+            borrowed=self._com.borrowed,
             com_velocity=self._com.observed,
         )
 

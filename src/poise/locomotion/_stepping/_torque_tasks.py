@@ -13,7 +13,7 @@ from poise.locomotion._stepping._biped import Biped
 from poise.locomotion._stepping._desired import DesiredMotion
 from poise.locomotion._stepping._footing import Footing
 from poise.locomotion._stepping._lean import TrunkPose
-from poise.locomotion._walking import swing_braking
+from poise.locomotion._walking import FOOT_WEIGHT, swing_braking
 from poise.stack import (
     SMOOTH_RATE,
     ComTask,
@@ -38,9 +38,12 @@ what little those leave to them. Heavier ones are thrown less, and lean the trun
 _KP_POSTURE = 25.0
 """Stiffness of the posture [1/s^2]."""
 
-_BALANCE, _CATCHING = (1e5, 1e5, 1.0), 1.0
-"""Weight of the COM beside foot and trunk while the operator leads the feet, and while the robot
-steps by itself in order not to fall: then a foot that is late costs as much.
+_BALANCE, _CATCHING, _CAUGHT_TRUNK = (1e5, 1e5, 1.0), 1.0, 0.1
+"""Weight of the COM beside foot and trunk while the operator leads the feet; and of COM and trunk
+while the robot steps by itself in order not to fall, beside a foot that weighs as in a walk.
+
+Then a foot that is late costs the balance, too. But a trunk that a push has thrown over asks for 80
+rad/s^2: weighed as the COM it would get nearly all of that, and the COM 2 m/s^2 less than it needs.
 
 Height is no balance: where the leg that stands folds no deeper, and the COM was to come down all
 the same, trunk and hip would roll towards the foot in the air and slam it onto the ground."""
@@ -152,7 +155,7 @@ class TorqueTasks:
             self._turn_foot(self._swing, footing, desired.turns[self._swing])
             self._move_foot(self._swing, footing, desired)
         torso = (0.0, 0.0, 0.0) if upright else desired.torso
-        self._turn_trunk(footing, torso, urgent=upright)
+        self._turn_trunk(footing, torso, weight=_URGENT if upright else 1.0)
 
     def accompany(self, footing: Footing) -> None:
         """Keeps the trunk upright while somebody else leads COM and feet.
@@ -164,9 +167,9 @@ class TorqueTasks:
         self._swing, self._height = None, None
         self._com.set_weight(_CATCHING)
         for foot in self._feet:
-            foot.set_weight(1.0)
+            foot.set_weight(FOOT_WEIGHT)
         self.stack.self_collision_limit.let_legs_pass(True)
-        self._turn_trunk(footing, (0.0, 0.0, 0.0), urgent=False)
+        self._turn_trunk(footing, (0.0, 0.0, 0.0), weight=_CAUGHT_TRUNK)
 
     def _announce(self, footing: Footing) -> None:
         """Where the foot in the air would catch the robot that stands on a narrow one.
@@ -180,14 +183,14 @@ class TorqueTasks:
         self.stack.balance_limit.expect_step(caught and caught.corners(*place, 0.0))
 
     def _turn_trunk(
-        self, footing: Footing, torso: tuple[float, float, float], *, urgent: bool
+        self, footing: Footing, torso: tuple[float, float, float], *, weight: float
     ) -> None:
         """Pelvis and torso, facing as the feet do."""
         rotations = self._pose.rotations(footing, 0.5 * sum(self._yaws), torso)
         # A torso without a waist is the pelvis.
         for task, rotation in zip(self._trunk, rotations[-len(self._trunk) :], strict=True):
             task.set_target(rotation=rotation)
-            task.set_weight(_URGENT if urgent else 1.0)
+            task.set_weight(weight)
 
     def _stand(self, footing: Footing) -> None:
         """A foot that is to be lifted gives up its load; one that has landed takes it."""

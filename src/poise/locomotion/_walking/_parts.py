@@ -110,7 +110,7 @@ def make_parts(
     room = LegRoom(
         sizes=stand.sizes,
         width=gait.width or stand.width,
-        clearance=FootstepPlan.clearance,
+        clearance=settings.clearance,
         ahead=_REACH * 2.0 * reach.span.beside(height),
         far=_REACH * 2.0 * reach.span.beside(LOWEST * height),
         wide=_WIDE * height,

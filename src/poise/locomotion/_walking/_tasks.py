@@ -271,7 +271,8 @@ def _carried(
     return carried
 
 
-_FOOT, _FOOT_TURN, _PELVIS, _UPPER = 0.3, 0.1, 0.03, 0.03
+FOOT_WEIGHT = (0.3, 0.3, 0.3, 0.1, 0.1, 0.1)
+_PELVIS, _UPPER = 0.03, 0.03
 """Weights of rows in m/s^2 and rad/s^2 beside the COM's, one.
 
 1 m/s^2 of the COM is 7 cm of ZMP on G1, 1 rad/s^2 of all that can turn at most 1 cm. Weighed alike,
@@ -345,7 +346,7 @@ def walking_stack(
     feet: list[Task] = []
     for sole in soles:
         rows = sorted(robot.soles[sole].controlled)
-        weight = [1.0 if leans else _FOOT if row < 3 else _FOOT_TURN for row in rows]
+        weight = [1.0 if leans else FOOT_WEIGHT[row] for row in rows]
         feet.append(FrameTask(sole, kp=300.0, weight=weight, name=sole.replace("sole", "foot")))
     upper: list[Task] = [FrameTask(robot.torso, "orientation", kp=50.0, name="torso")]
     if arms is None:

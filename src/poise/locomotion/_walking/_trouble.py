@@ -149,6 +149,10 @@ _IDLE, _IDLE_TIME = 0.01, 0.05
 """A foot that should stand, and carries less than this part of the weight for so long [s] while the
 other one carries the robot, hangs in the air."""
 
+_NOISE = 5.0
+"""How much more a moment with a load counts than one without: 3 N of noise on a G1 is a load, too,
+and would hide for a second that its foot hangs."""
+
 
 class HangWatch:
     """Looks for a foot that should stand, and hangs in the air.
@@ -181,7 +185,8 @@ class HangWatch:
         """
         for foot, contact in enumerate(self._contacts):
             idle = contact.active and self._sense.load(state, foot) < _IDLE
-            self._idle[foot] = self._idle[foot] + dt if idle else 0.0
+            change = dt if idle else -_NOISE * dt
+            self._idle[foot] = max(self._idle[foot] + change, 0.0)
         left, right = self._idle
         self.foot = None
         if max(left, right) > _IDLE_TIME and min(left, right) == 0.0:
