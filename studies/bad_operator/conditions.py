@@ -121,6 +121,19 @@ CONDITIONS: dict[str, Change] = {
 Off by a constant are the attitude, by 1 degree, and gyroscope and accelerometer, by a bias each."""
 
 
+def changed_plant(robot: Robot, level: str, condition: str, seed: int) -> PlantConfig:
+    """A plant with noise, an attitude that is off, and a condition.
+
+    Args:
+        robot: on it.
+        level: what is commanded, see `PLANTS`.
+        condition: see `CONDITIONS`.
+        seed: of all that is drawn by chance.
+    """
+    plant = with_attitude(PLANTS[level].with_noise(), _ATTITUDE, seed)
+    return CONDITIONS[condition](plant, robot, seed)
+
+
 Push = tuple[int, tuple[float, float, float], float]
 """Tick, force [N] and duration [s], as `run_teleop` takes it."""
 
@@ -186,8 +199,7 @@ def _robot(name: str) -> Robot:
 def run_trial(trial: Trial) -> Outcome:
     """Runs a trial."""
     robot, seed = _robot(trial.robot), trial.seed
-    plant = with_attitude(PLANTS[trial.level].with_noise(), _ATTITUDE, seed)
-    plant = CONDITIONS[trial.condition](plant, robot, seed)
+    plant = changed_plant(robot, trial.level, trial.condition, seed)
     pushed = trial.condition in (PUSHED, MIXED)
     run = run_teleop(
         robot,

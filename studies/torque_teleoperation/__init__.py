@@ -3,6 +3,7 @@
 from studies.plan import Part, StudyPlan
 from studies.torque_teleoperation.cuts_section import cuts_section
 from studies.torque_teleoperation.hands_section import hands_section
+from studies.torque_teleoperation.held_section import held_section
 from studies.torque_teleoperation.operators_section import operators_section
 from studies.torque_teleoperation.scenarios_section import scenarios_section
 from studies.torque_teleoperation.standing_section import standing_section
@@ -22,9 +23,10 @@ PLAN = StudyPlan(
     parts=(
         Part("scenarios", "The paper's scenarios", scenarios_section),
         Part("operators", "Bad operators", operators_section),
+        Part("held", "Pushed with one foot held up", held_section),
         Part("cuts", "Connections cut in mid-step", cuts_section),
         Part("hands", "Hands at random", hands_section),
         Part("standing", "Standing at velocity level", standing_section),
     ),
 )
-"""The study: five parts."""
+"""The study: six parts."""

@@ -2,7 +2,10 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
+
+from poise.locomotion import StepTeleoperator
 
 pytest.importorskip("mujoco")
 
@@ -13,6 +16,12 @@ from studies.torque_teleoperation.hands_section import (
     _finding as hands_finding,
     _row as hands_row,
     run_trial as run_hands,
+)
+from studies.torque_teleoperation.held_section import (
+    Outcome as HeldOutcome,
+    Trial as HeldTrial,
+    _finding as held_finding,
+    _hand,
 )
 
 
@@ -63,3 +72,24 @@ def test_a_fall_or_a_com_that_is_further_off_fails_the_finding(pair):
     assert hands_finding(rest, replace(moved, error=1.9 * rest.error)).ok
     for bad in (replace(moved, fell=True), replace(moved, error=2.1 * rest.error)):
         assert not hands_finding(rest, bad).ok
+
+
+def test_either_foot_is_held_at_the_same_place_from_where_it_stood(get_robot):
+    teleoperator = StepTeleoperator(get_robot("g1"), actuation="torque")
+    start = teleoperator.resting_sample
+    offsets = []
+    for left in (True, False):
+        held = _hand(teleoperator, 7, left=left).sample(4.0)
+        moved, still = (held.left, held.right) if left else (held.right, held.left)
+        np.testing.assert_array_equal(still, start.right if left else start.left)
+        offsets.append(moved - (start.left if left else start.right))
+    np.testing.assert_allclose(offsets[0], [0.15, 0.1, 0.12])
+    np.testing.assert_allclose(offsets[1], [0.15, -0.1, 0.12])
+
+
+def test_one_fall_in_ten_minutes_of_pushes_is_allowed():
+    trial = HeldTrial(place=0, direction=90, seed=0)
+    stands = HeldOutcome(trial=trial, fell=False, up=True, stepped=False, tilt=0.1)
+    falls = replace(stands, fell=True)
+    assert held_finding([stands] * 119 + [falls]).ok
+    assert not held_finding([stands] * 118 + [falls]).ok
