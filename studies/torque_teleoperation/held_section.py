@@ -5,9 +5,10 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
+from jaxtyping import Bool
 
-from poise.apps.teleoperation import run_teleop
-from poise.locomotion import DeviceStatus, Mode, ScriptedDevice, StepTeleoperator, WayPoint
+from poise.apps.teleoperation import TeleopRun, run_teleop
+from poise.locomotion import Mode, ScriptedDevice, StepTeleoperator, WayPoint
 from poise.robots import Robot, load_robot
 from studies.bad_operator.conditions import MIXED, changed_plant
 from studies.finding import Finding, Section, Table
@@ -94,7 +95,7 @@ def run_trial(trial: Trial) -> Outcome:
     )
     log = run.log
     after = log.time >= at
-    own = log.device == tuple(DeviceStatus).index(DeviceStatus.OVERRULED)
+    own = _overruled(run)
     led = log.when(Mode.SR if left else Mode.SL) & ~own
     # One that has fallen before has no such tick.
     last = max(int(np.argmax(after)) - 1, 0) if after.any() else len(log) - 1
@@ -105,6 +106,14 @@ def run_trial(trial: Trial) -> Outcome:
         stepped=bool(own[after].any()),
         tilt=float(log.tilt[last:].max()),
     )
+
+
+def _overruled(run: TeleopRun) -> Bool[np.ndarray, " T"]:
+    """When the robot led its feet by itself, a row a tick."""
+    notes = run.record.notes("device")
+    ticks = run.record.times("zmp_reference")
+    last = np.searchsorted([time for time, _ in notes], ticks, side="right") - 1
+    return np.array([text == "OVERRULED" for _, text in notes])[last]
 
 
 def _hand(teleoperator: StepTeleoperator, place: int, *, left: bool) -> ScriptedDevice:
