@@ -91,8 +91,9 @@ class SimulatedArm:
         self.force = force.copy()
 
 
-_UNLOADED = 0.05
-"""A foot with less than this part of both feet's load is in the air."""
+_UNLOADED, _LIFTED = 0.05, 0.05
+"""A foot with less than this part of both feet's load for so long [s] is in the air: as the weight
+begins to shift to it, the load of one that stands may be gone for a moment."""
 _SETTLED = 0.9
 """Part of a landed foot's force that has to be washed out for the foot to count as standing."""
 _LEAST = 1e-3
@@ -110,7 +111,7 @@ class _Touch:
 
     def __init__(self, washout: float) -> None:
         self._washout = washout
-        self._in_air = False
+        self._in_air, self._without = False, 0.0
         self._slow: Float64[np.ndarray, "3"] = np.zeros(3)
 
     def felt(
@@ -123,11 +124,13 @@ class _Touch:
             total: what both feet carry [N].
             dt: period [s].
         """
-        if force[2] < _UNLOADED * total:
+        unloaded = bool(force[2] < _UNLOADED * total)
+        self._without = self._without + dt if unloaded else 0.0
+        if self._without > _LIFTED:
             self._in_air, self._slow = True, np.zeros(3)
         if not self._in_air:
             return np.zeros(3)
-        if force[2] >= _UNLOADED * total:
+        if not unloaded:
             self._slow = self._slow + dt / (self._washout + dt) * (force - self._slow)
             self._in_air = bool(self._slow[2] < _SETTLED * force[2])
         return force - self._slow
