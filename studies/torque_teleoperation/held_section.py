@@ -142,7 +142,7 @@ def held_section(options: StudyOptions, progress: Progress) -> Section:
         Trial(
             place=place,
             direction=direction,
-            seed=10_000 * options.seed + 1000 * repeat + 10 * DIRECTIONS.index(direction) + place,
+            seed=10_000 * options.seed + 1001 * repeat + 10 * DIRECTIONS.index(direction) + place,
         )
         for direction in directions
         for place in places
