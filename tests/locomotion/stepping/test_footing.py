@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from standing import PARAMETERS, biped, footing
 
-from poise.locomotion import Mode
+from poise.dynamics import RobotState
+from poise.locomotion import Mode, StepTeleoperator
 from poise.locomotion._stepping._com import ComHeight
 from poise.locomotion._stepping._reach import FootRange
 from poise.locomotion._support import SolePart
@@ -49,6 +50,17 @@ def test_two_feet_support_on_what_carries_of_them(get_robot):
     assert part.support.depth(behind) > 0.0
     single = footing(get_robot("biped20"), Mode.SL, at=AWAY)
     assert replace(single, parts=(heel, None)).support.depth(toes) > 0.0
+
+
+def test_a_torso_that_is_turned_on_its_waist_turns_no_heading(get_robot):
+    robot = get_robot("g1")
+    teleoperator = StepTeleoperator(robot, actuation="torque")
+    q, waist = robot.q_home.copy(), ("waist_yaw_joint", "waist_pitch_joint")
+    q[robot.nq - robot.nj + np.array([robot.joint_index(name) for name in waist])] = 1.0, 0.4
+    teleoperator.estimator.dynamics.update(RobotState(q, np.zeros(robot.nv)))
+    now = teleoperator._footing()
+    np.testing.assert_allclose(now.heading, (1.0, 0.0), atol=1e-9)
+    assert now.tilt == pytest.approx(0.4, abs=0.01)
 
 
 @pytest.mark.parametrize(("height", "share"), [(-0.01, 0.0), (0.01, 0.25), (0.05, 1.0)])

@@ -147,7 +147,17 @@ def test_a_foot_stays_on_its_side_and_within_a_step(get_robot, foot):
     assert sent(-0.8, 0.27)[0] >= -0.3 - 1e-12
 
 
-def test_beside_is_across_where_the_torso_faces(get_robot):
+@pytest.mark.parametrize(("asked", "given"), [(0.1, 0.1), (0.4, 0.25), (-0.05, -0.05)])
+def test_a_foot_goes_no_higher_than_it_may_above_the_other_one(get_robot, asked, given):
+    robot = get_robot("biped20")
+    reach, dynamics = range_of(robot, lift_max=0.25), bent(robot, -0.3, 0.6, -0.3)
+    left, right = soles_of(dynamics)
+    target = left + [0.05, 0.0, asked]
+    answer = reach.bring_back(0, target, right, reach.hip(0, dynamics), FORWARD)
+    np.testing.assert_allclose(answer, left + [0.05, 0.0, given], atol=1e-12)
+
+
+def test_beside_is_across_where_the_pelvis_faces(get_robot):
     robot = get_robot("biped20")
     reach, dynamics = range_of(robot), bent(robot, -0.5, 1.0, -0.5)
     left, right = soles_of(dynamics)

@@ -224,6 +224,7 @@ class Biped:
         frames: their frames.
         sizes: their lengths and widths [m].
         base: frame of the floating base.
+        pelvis: frame of the body from which the legs hang.
         torso: its frame.
         weight: m g [N].
         legs: names of the legs' joints, the left leg's first.
@@ -236,6 +237,7 @@ class Biped:
     frames: tuple[int, int]
     sizes: tuple[tuple[float, float], tuple[float, float]]
     base: int
+    pelvis: int
     torso: int
     weight: float
     legs: tuple[str, ...]
@@ -267,6 +269,7 @@ def biped_of(robot: Robot, parameters: TeleopParameters) -> Biped:
         frames=(robot.frame_id(left), robot.frame_id(right)),
         sizes=(_size(robot, left), _size(robot, right)),
         base=robot.model.getFrameId(robot.model.names[_BASE_JOINT]),
+        pelvis=robot.frame_id(robot.pelvis),
         torso=robot.frame_id(robot.torso),
         weight=robot.weight,
         legs=(*left_leg, *right_leg),

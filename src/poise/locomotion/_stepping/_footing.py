@@ -117,7 +117,7 @@ class Footing:
         com_velocity: of the COM, observed, x and y; that of `dynamics` when None [m/s].
         zmp_reference: eq. (15a): between the feet, or where the foot that shall carry was put
             down, as `one_foot` says [m].
-        heading: where the torso faces, along the ground.
+        heading: where the pelvis faces, along the ground: legs cross or not as it is turned.
         tilt: angle of the torso against upright [rad].
         support: of the soles on the ground, with a margin. In double support that is both, whatever
             their load: a foot that happens to carry nothing carries as soon as the ZMP moves
@@ -153,10 +153,11 @@ class Footing:
         dynamics = self.dynamics
         _, torso = dynamics.placement(self.biped.torso)
         self.zmp_reference = self._zmp_reference(torso[:2, 2])
-        (x, _, _), (y, _, _), (_, _, upward) = torso.tolist()
+        _, pelvis = dynamics.placement(self.biped.pelvis)
+        (x, _, _), (y, _, _), _ = pelvis.tolist()
         length = math.hypot(x, y)
         self.heading = np.array([x / length, y / length])
-        self.tilt = math.acos(max(-1.0, min(1.0, upward)))
+        self.tilt = math.acos(max(-1.0, min(1.0, float(torso[2, 2]))))
         self.support, self.asked, held = self._support()
         velocity = dynamics.com_velocity[:2] if self.com_velocity is None else self.com_velocity
         x, y = (dynamics.com[:2] + velocity / self.omega).tolist()

@@ -25,9 +25,9 @@ _TORQUE_FOLD = 0.78
 """Least distance of hip and ankle there, over a leg's length: the stack's balance limit keeps 0.75,
 and brakes before it. Asked for less, a robot that comes down would be thrown up by that."""
 
-_NARROW_STEP = 0.75
-"""How far ahead a foot may be led there beside one too narrow for a push, over `step_max`: from
-farther away it does not come down in time to catch the robot."""
+_NARROW_STEP, _NARROW_LIFT = 0.75, 0.5
+"""How far ahead and how high a foot may be led there beside one too narrow for a push, over
+`step_max` and `lift_max`: from farther away it does not come down in time to catch the robot."""
 
 
 @checked()
@@ -82,6 +82,7 @@ class TeleopParameters:
         stoop_max: how far the COM may come down for the legs to reach, over its height.
         fold_min: least distance of hip and ankle of a leg that carries, over its length.
         step_max: largest distance of the feet forward or sideways that can be commanded [m].
+        lift_max: how far above the other foot one can be commanded [m].
         servo_stiffness: of the joints' servos where velocities are commanded: torque at 1 rad of
             error, over the torque limit [1/rad].
         servo_damping: likewise, torque at 1 rad/s of error, over the torque limit [s/rad].
@@ -132,6 +133,7 @@ class TeleopParameters:
     fold_min: Positive = 0.5
     feet_gap: Positive = 0.01
     step_max: Positive = 0.46
+    lift_max: Positive = 0.46
     servo_stiffness: Positive = 70.0
     servo_damping: Positive = 2.5
     hand_scale: Positive = 1.0
@@ -168,9 +170,9 @@ def scaled_parameters(robot: Robot, height: float, stance: float) -> TeleopParam
       strays by does not shrink with the soles.
     - `w_L` goes with 1 / (m h)^2, so that angular momentum weighs as much as before beside the
       swing foot's velocity.
-    - `v_lim`, `press_depth`, `clear_height` and `step_max` keep their ratio to the COM's height; so
-      do `lift_speed`, `lift_acceleration` and `lower_speed`, by which body and feet go up and down
-      in the time that an operator gives them on any robot.
+    - `v_lim`, `press_depth`, `clear_height`, `step_max` and `lift_max` keep their ratio to the
+      COM's height; so do `lift_speed`, `lift_acceleration` and `lower_speed`, by which body and
+      feet go up and down in the time that an operator gives them on any robot.
 
     Args:
         robot: a biped.
@@ -205,6 +207,7 @@ def scaled_parameters(robot: Robot, height: float, stance: float) -> TeleopParam
         press_depth=paper.press_depth * size,
         clear_height=paper.clear_height * size,
         step_max=paper.step_max * size,
+        lift_max=paper.lift_max * size,
         stoop_max=0.5 * (1.0 + near) * paper.stoop_max,
         support_margin=min(paper.support_margin, _MARGIN_RATIO * half),
         lift_speed=paper.lift_speed * size,
@@ -225,11 +228,13 @@ def for_torques(robot: Robot, parameters: TeleopParameters, height: float) -> Te
         height: of the COM above the soles [m].
     """
     omega, margin = natural_frequency(height), parameters.support_margin
-    farthest = _NARROW_STEP if one_foot(robot, omega, margin).narrow else 1.0
+    narrow = one_foot(robot, omega, margin).narrow
+    farthest, highest = (_NARROW_STEP, _NARROW_LIFT) if narrow else (1.0, 1.0)
     return replace(
         parameters,
         dt=_TORQUE_DT,
         stoop_max=TeleopParameters().stoop_max,
         fold_min=_TORQUE_FOLD,
         step_max=farthest * parameters.step_max,
+        lift_max=highest * parameters.lift_max,
     )

@@ -23,9 +23,9 @@ class FootRange:
     Reach is a sphere around the hip for the ankle, whose place follows from the sole's, which is
     kept level. Its radius is the leg's length with the knee as straight as it may be, less a
     margin; a command beyond it is shortened along the ground. Beside means: to its own side of the
-    support foot, across the heading of the torso, by no less than the width of a sole and a gap, so
-    that legs never cross, and by no more than `step_max`, which also holds along the heading, nor
-    than the ankles' roll allows.
+    support foot, across the heading of the pelvis, by no less than the width of a sole and a gap,
+    so that legs never cross, and by no more than `step_max`, which also holds along the heading,
+    nor than the ankles' roll allows. It goes no higher than `lift_max` above the support foot.
 
     Args:
         robot: a biped.
@@ -48,7 +48,7 @@ class FootRange:
         ]
         widths = [robot.soles[name].width for name in soles]
         self._apart = 0.5 * sum(widths) + parameters.feet_gap
-        self._step_max = parameters.step_max
+        self._step_max, self._lift_max = parameters.step_max, parameters.lift_max
         self._aside_max = max(self._apart, min(parameters.step_max, *sides))
 
     def hip(self, foot: int, dynamics: Dynamics) -> Float64[np.ndarray, "3"]:
@@ -84,7 +84,7 @@ class FootRange:
         (x, y, z), (support_x, support_y, support_z) = target.tolist(), support.tolist()
         forward_x, forward_y = heading.tolist()
         across_x, across_y = (-forward_y, forward_x) if foot == 0 else (forward_y, -forward_x)
-        x, y = x - support_x, y - support_y
+        x, y, z = x - support_x, y - support_y, min(z, support_z + self._lift_max)
         aside, ahead = x * across_x + y * across_y, x * forward_x + y * forward_y
         aside = min(max(aside, self._apart), self._aside_max)
         ahead = min(max(ahead, -self._step_max), self._step_max)

@@ -26,7 +26,7 @@ class TeleopStatus:
         target: where the foot in the air is sent, None with both on the ground [m].
         loads: normal forces, left and right [N].
         tilt: angle of the torso against upright [rad].
-        heading: of the torso, to the left of the world's x axis [rad].
+        heading: of the pelvis, to the left of the world's x axis [rad].
         hands: what each hand does; none where velocities are commanded.
         hand_targets: where each hand is led to [m].
         hand_rotations: how each is led to be turned, world_R_hand; None for one that is not.

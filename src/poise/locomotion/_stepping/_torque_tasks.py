@@ -38,7 +38,7 @@ what little those leave to them. Heavier ones are thrown less, and lean the trun
 _KP_POSTURE = 25.0
 """Stiffness of the posture [1/s^2]."""
 
-_BALANCE, _CATCHING, _CAUGHT_TRUNK = (1e5, 1e5, 1.0), 1.0, 0.1
+_BALANCE, _CATCHING, _CAUGHT_TRUNK = (1e5, 1e5, 1.0), 1.0, (0.1, 0.1, 0.1)
 """Weight of the COM beside foot and trunk while the operator leads the feet; and of COM and trunk
 while the robot steps by itself in order not to fall, beside a foot that weighs as in a walk.
 
@@ -56,6 +56,10 @@ there on trunk and arms have to do it. Heavier all the time it costs more balanc
 
 _URGENT = 10.0
 """Weight of the trunk while the operator asks for an upright torso."""
+
+_FACING = 10.0
+"""Weight of where the trunk faces, at least, while the operator leads: turning about the vertical
+balances nothing, but the leg and the arms that do would spin a light torso by two radians."""
 
 _FOLLOWED = 5.0
 """How fast the reference of the COM's height leaks into what is measured [1/s]."""
@@ -155,7 +159,8 @@ class TorqueTasks:
             self._turn_foot(self._swing, footing, desired.turns[self._swing])
             self._move_foot(self._swing, footing, desired)
         torso = (0.0, 0.0, 0.0) if upright else desired.torso
-        self._turn_trunk(footing, torso, weight=_URGENT if upright else 1.0)
+        weight = _URGENT if upright else 1.0
+        self._turn_trunk(footing, torso, weight=(weight, weight, _FACING))
 
     def accompany(self, footing: Footing) -> None:
         """Keeps the trunk upright while somebody else leads COM and feet.
@@ -183,7 +188,11 @@ class TorqueTasks:
         self.stack.balance_limit.expect_step(caught and caught.corners(*place, 0.0))
 
     def _turn_trunk(
-        self, footing: Footing, torso: tuple[float, float, float], *, weight: float
+        self,
+        footing: Footing,
+        torso: tuple[float, float, float],
+        *,
+        weight: tuple[float, float, float],
     ) -> None:
         """Pelvis and torso, facing as the feet do."""
         rotations = self._pose.rotations(footing, 0.5 * sum(self._yaws), torso)
