@@ -223,9 +223,15 @@ class Task(ABC):
         Raises:
             ConfigurationError: wrong length, or weights that are not finite and positive.
         """
-        if isinstance(weight, float) and 0.0 < weight < math.inf and self._robot is not None:
-            # One number each tick, as leaders have it: no array to check.
-            self._gain_rows[WEIGHT] = weight
+        # Plain numbers each tick, as leaders have them: no array to check.
+        row = (weight,) * self.dim if isinstance(weight, float) else weight
+        if (
+            self._robot is not None
+            and isinstance(row, tuple)
+            and len(row) == self.dim
+            and all(isinstance(w, float) and 0.0 < w < math.inf for w in row)
+        ):
+            self._gain_rows[WEIGHT] = row
             return
         found = self._checked_weight(weight)
         if self._robot is None:

@@ -7,6 +7,7 @@ from oracles import dynamics_at, frame_placement, moved, random_state
 from scipy.spatial.transform import Rotation
 
 from poise.dynamics import Dynamics, RobotState
+from poise.errors import ConfigurationError
 from poise.stack import ComTask, FrameTask, JointTask, MomentumTask, PostureTask, RelativeFrameTask
 
 
@@ -311,10 +312,21 @@ def test_weights_that_were_given_one_a_row_are_copied_and_can_be_set_anew(robot)
     given = np.array([1.0, 2.0, 3.0])
     task = ComTask(weight=given)
     task.bind(robot)
-    for weight in (5.0, [4.0, 5.0, 6.0]):
+    for weight in (5.0, [4.0, 5.0, 6.0], (7.0, 8.0, 9.0)):
         task.set_weight(weight)
         np.testing.assert_array_equal(task.weight, weight)
     np.testing.assert_array_equal(given, [1.0, 2.0, 3.0])
+
+
+@pytest.mark.parametrize(
+    "bad", [(1.0, 2.0), (1.0, 0.0, 2.0), (1.0, np.inf, 2.0), (1.0, np.nan, 2.0)]
+)
+def test_a_row_of_weights_that_cannot_be_is_refused_and_changes_nothing(robot, bad):
+    task = ComTask(weight=(1.0, 2.0, 3.0))
+    task.bind(robot)
+    with pytest.raises(ConfigurationError, match="weight of task 'com'"):
+        task.set_weight(bad)
+    np.testing.assert_array_equal(task.weight, [1.0, 2.0, 3.0])
 
 
 def test_errors_carry_their_unit(robot):

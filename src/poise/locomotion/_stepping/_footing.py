@@ -14,7 +14,7 @@ from poise.dynamics import Dynamics
 from poise.locomotion._stepping._biped import Biped
 from poise.locomotion._stepping._estimator import StanceEstimator, ZmpSensor
 from poise.locomotion._stepping._modes import Mode
-from poise.locomotion._stepping._one_foot import PLAIN, WIDE, OneFoot, inner_side
+from poise.locomotion._stepping._one_foot import WIDE, OneFoot, inner_side
 from poise.locomotion._stepping._parameters import TeleopParameters
 from poise.locomotion._support import SolePart, SupportPolygon, both_soles, sole_rectangle
 
@@ -183,7 +183,7 @@ class Footing:
             place, size = placement(biped.frames[stance]), biped.sizes[stance]
             sole = SupportPolygon(sole_rectangle(*place, size), self.margin)
             if not self.one_foot.narrow:
-                return sole, sole.grown(self.margin + PLAIN), sole
+                return sole, sole.grown(self.margin + self.one_foot.momentum), sole
             asked, held = self.one_foot.asks(stance, size), self.one_foot.holds(stance, size)
             return (
                 sole,
