@@ -2,6 +2,9 @@
 
 import math
 
+import numpy as np
+from jaxtyping import Float64
+
 from poise.locomotion._support import Point
 from poise.locomotion._walking._body import BodyMotion
 from poise.locomotion._walking._flight import Flight
@@ -13,6 +16,10 @@ from poise.locomotion._walking._swing import SwingFoot
 
 class MeasuredPendulum:
     """C, its velocity and its divergent component, see `LegMomentum`, from what is measured.
+
+    So is the velocity of the foot in the air: one that lags behind its plan, or drags along the
+    ground, has not the momentum that was planned. At 1 m/s of lag C would seem to be 2 cm
+    elsewhere on G1, and the ZMP would be sent to an edge for that.
 
     Args:
         legs: the pendulum.
@@ -47,17 +54,23 @@ class MeasuredPendulum:
         x, y, z = swing.position.tolist()
         # Over that line: feet that stand count where they are, on whatever step.
         z -= swing.slant
-        motion = [(x + c * z, y + s * z)]
-        for rate in (swing.velocity, swing.acceleration):
-            x, y, z = rate[:3].tolist()
-            motion.append((x + c * z, y + s * z))
-        return motion
+        return [(x + c * z, y + s * z), *map(self._counted, (swing.velocity, swing.acceleration))]
+
+    def _counted(self, rate: Float64[np.ndarray, " n"]) -> Point:
+        """A velocity or an acceleration of a foot along the ground, its rise counted in."""
+        x, y, z = rate[:3].tolist()
+        heading = self._body.heading[0]
+        return x + self._rise * math.cos(heading) * z, y + self._rise * math.sin(heading) * z
 
     def mass(self, flight: Flight | None) -> tuple[Point, Point]:
         """C [m] and its velocity [m/s]."""
-        feet, velocities, _ = self.feet(flight)
+        feet, _, _ = self.feet(flight)
+        velocities = [(0.0, 0.0), (0.0, 0.0)]
+        if flight is not None:
+            velocities[flight.foot] = self._counted(self._sense.lower_edge_velocity(flight.foot))
+        left, right = velocities
         (x, y, _), (vx, vy, _) = self._sense.com.tolist(), self._sense.com_velocity.tolist()
-        return self._legs.joined((x, y), feet), self._legs.joined((vx, vy), velocities)
+        return self._legs.joined((x, y), feet), self._legs.joined((vx, vy), (left, right))
 
     def xi(self, flight: Flight | None) -> Point:
         """The divergent component [m]."""

@@ -87,6 +87,12 @@ class WalkSense:
         turning = pin.getFrameVelocity(self._model, self._data, self._ids[foot]).angular
         return half * abs(tilt), math.copysign(half, tilt) * float(turning[0])
 
+    def lower_edge_velocity(self, foot: int) -> Float64[np.ndarray, "3"]:
+        """Velocity of what `lower_edge` gives the position of, along the world's axes [m/s]."""
+        frame, axes = self._ids[foot], pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+        velocity = pin.getFrameVelocity(self._model, self._data, frame, axes).linear
+        return velocity - np.array([0.0, 0.0, self.edge_drop(foot)[1]])
+
     def sole_velocity(self, foot: int) -> Float64[np.ndarray, "3"]:
         """Of a sole's centre, along its own axes [m/s]."""
         frame, axes = self._ids[foot], pin.ReferenceFrame.LOCAL
