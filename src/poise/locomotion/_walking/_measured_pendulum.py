@@ -50,15 +50,13 @@ class MeasuredPendulum:
 
     def swing_motion(self, swing: SwingFoot) -> list[Point]:
         """Position, velocity and acceleration of the foot in the air, whose height counts."""
-        c, s = (self._rise * f(self._body.heading[0]) for f in (math.cos, math.sin))
-        x, y, z = swing.position.tolist()
         # Over that line: feet that stand count where they are, on whatever step.
-        z -= swing.slant
-        return [(x + c * z, y + s * z), *map(self._counted, (swing.velocity, swing.acceleration))]
+        position = swing.position - np.array([0.0, 0.0, swing.slant])
+        return [self._counted(row) for row in (position, swing.velocity, swing.acceleration)]
 
-    def _counted(self, rate: Float64[np.ndarray, " n"]) -> Point:
-        """A velocity or an acceleration of a foot along the ground, its rise counted in."""
-        x, y, z = rate[:3].tolist()
+    def _counted(self, row: Float64[np.ndarray, " n"]) -> Point:
+        """Place of a foot along the ground, or a rate of it, its height counted in."""
+        x, y, z = row[:3].tolist()
         heading = self._body.heading[0]
         return x + self._rise * math.cos(heading) * z, y + self._rise * math.sin(heading) * z
 
