@@ -11,8 +11,8 @@ PLAN = StudyPlan(
         "An operator who commands at random for a minute, about two and a half whims a second: "
         "jumps, jitters of up to 10 cm, taps, lifts both feet, freezes, reaches too far, crosses "
         "the legs, lowers early, sends rubbish. Sensors have noise, encoders 17 bits. How often "
-        "does `biped20` fall? And how often do it and G1 at either level, where sensors are off by "
-        "a constant, floors slope, somebody pushes?",
+        "do `biped20` and G1 fall at velocity level? And how often at either level, where sensors "
+        "are off by a constant, floors slope, somebody pushes?",
     ),
     source="The controller is that of Y. Zhang, R. Kikuuwe, “COM Shifter and Body Rotator for "
     "Step-by-Step Teleoperation of Bipedal Robots”, with Poise's departures; the operator is ours.",

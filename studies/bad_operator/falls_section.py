@@ -91,44 +91,54 @@ _SPREAD = 1_000_000
 """Seeds of `--seed N` begin at N times this: runs with different N share none. Tuning used seeds
 from 100,000 to 100,999, which no N reaches."""
 
-ALLOWED = 2
-"""Falls in 200 seeds that are asked for at most."""
+ALLOWED = {"biped20": 2, "g1": 10}
+"""Falls in 200 seeds that are asked for at most, by robot."""
 
 FOLDER = Path("runs/bad-operator-falls")
-"""Where inputs that made the robot fall are kept."""
+"""Where inputs that made a robot fall are kept, in a folder for each."""
 
 
 def falls_section(options: StudyOptions, progress: Progress) -> Section:
     """The section."""
     count = options.count(_SEEDS, _QUICK_SEEDS)
     first = _SPREAD * options.seed
-    trials = [Trial(seed=first + i, seconds=_SECONDS, folder=FOLDER) for i in range(count)]
-    outcomes = list(run_each(run_trial, Outcome, trials, progress, options).values())
-    falls = [o for o in outcomes if o.fell]
-    allowed = ALLOWED * count // _SEEDS if count >= _SEEDS else 0
-    steps = sum(o.steps for o in outcomes)
+    trials = [
+        Trial(seed=first + k, seconds=_SECONDS, folder=FOLDER / robot, robot=robot)
+        for robot in ALLOWED
+        for k in range(count)
+    ]
+    found = run_each(run_trial, Outcome, trials, progress, options)
+    groups = {robot: [found[t] for t in trials if t.robot == robot] for robot in ALLOWED}
+    rows = [
+        (robot, o.seed, o.seconds, o.mode, o.steps, str(o.recording or ""))
+        for robot, group in groups.items()
+        for o in group
+        if o.fell
+    ]
     return Section(
         prose=(
-            f"Seeds {first} to {first + count - 1}, {_SECONDS:.0f} s each. Inputs that made the "
+            f"Seeds {first} to {first + count - 1}, {_SECONDS:.0f} s each. Inputs that made a "
             f"robot fall are in `{FOLDER}`; `poise.apps.teleoperation.replay_teleop` "
             "runs them again.",
         ),
-        findings=(
-            Finding(
-                name=f"falls in {count} seeds",
-                ours=len(falls),
-                ok=len(falls) <= allowed,
-                note=f"asked: at most {ALLOWED} in {_SEEDS}; {steps} feet were lifted in all",
-            ),
-        ),
+        findings=tuple(_finding(robot, group) for robot, group in groups.items()),
         tables=(
             Table(
                 title="Falls",
-                header="seed | fell at [s] | mode | feet lifted before | recording",
-                rows=tuple(
-                    (o.seed, o.seconds, o.mode, o.steps, str(o.recording or "")) for o in falls
-                ),
-                caption="" if falls else "None.",
+                header="robot | seed | fell at [s] | mode | feet lifted before | recording",
+                rows=tuple(rows),
+                caption="" if rows else "None.",
             ),
         ),
+    )
+
+
+def _finding(robot: str, group: list[Outcome]) -> Finding:
+    count, falls = len(group), sum(o.fell for o in group)
+    return Finding(
+        name=f"{robot}: falls in {count} seeds",
+        ours=falls,
+        ok=falls <= ALLOWED[robot] * count // _SEEDS,
+        note=f"asked: at most {ALLOWED[robot]} in {_SEEDS}; "
+        f"{sum(o.steps for o in group)} feet were lifted in all",
     )

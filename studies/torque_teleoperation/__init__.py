@@ -1,6 +1,7 @@
 """The study of step teleoperation at torque level: the paper's scenarios, and bad operators."""
 
 from studies.plan import Part, StudyPlan
+from studies.torque_teleoperation.again_section import again_section
 from studies.torque_teleoperation.cuts_section import cuts_section
 from studies.torque_teleoperation.hands_section import hands_section
 from studies.torque_teleoperation.held_section import held_section
@@ -24,9 +25,10 @@ PLAN = StudyPlan(
         Part("scenarios", "The paper's scenarios", scenarios_section),
         Part("operators", "Bad operators", operators_section),
         Part("held", "Pushed with one foot held up", held_section),
+        Part("again", "Pushed again while it catches itself", again_section),
         Part("cuts", "Connections cut in mid-step", cuts_section),
         Part("hands", "Hands at random", hands_section),
         Part("standing", "Standing at velocity level", standing_section),
     ),
 )
-"""The study: six parts."""
+"""The study: seven parts."""

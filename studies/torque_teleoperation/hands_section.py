@@ -10,7 +10,7 @@ from jaxtyping import Float64
 from poise.apps.teleoperation import TORQUE_TELEOP_PLANT, TeleopRun, run_teleop
 from poise.control import WholeBodyController
 from poise.dynamics import Dynamics, RobotState
-from poise.estimation import StateEstimator
+from poise.estimation import PayloadEstimator, StateEstimator
 from poise.locomotion import (
     Device,
     DeviceSample,
@@ -212,7 +212,8 @@ def _walk(trial: Trial) -> Outcome:
     plant, leader = Plant(robot, config, seed=trial.seed), _Walk(robot, trial, config.control_dt)
     plant.reset(None)
     controller = WholeBodyController(robot, leader.stack)
-    estimator = StateEstimator(robot)
+    # As in `poise drive`: what a hand holds is weighed while it walks.
+    estimator = StateEstimator(robot, payload=PayloadEstimator(robot))
     for _ in rollout(plant, controller, leader, estimator=estimator, duration=trial.seconds):
         pass
     return Outcome(

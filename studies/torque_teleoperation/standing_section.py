@@ -14,7 +14,8 @@ from studies.finding import Finding, Section, Table
 from studies.plan import Progress, StudyOptions
 from studies.trials import run_each
 
-ROBOTS = ("biped20", "humanoid33", "g1")
+ROBOTS = ("biped20", "humanoid33", "g1", "talos", "icub", "romeo", "simple_humanoid")
+"""All bipeds of the catalog that step teleoperation takes at velocity level."""
 
 _SLOPE, _ATTITUDE = math.radians(2.0), math.radians(1.0)
 """Of the floor, and constant error of the attitude [rad]."""

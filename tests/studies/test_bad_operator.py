@@ -12,7 +12,7 @@ from poise.apps.teleoperation import TELEOP_PLANT, replay_teleop, run_teleop
 from poise.locomotion import ScriptedDevice, read_recording
 from studies.bad_operator import conditions
 from studies.bad_operator.conditions_section import _finding, _row
-from studies.bad_operator.falls_section import Outcome, Trial, run_trial
+from studies.bad_operator.falls_section import Outcome, Trial, _finding as falls_finding, run_trial
 from studies.trials import run_each
 
 
@@ -181,3 +181,12 @@ def test_pushes_of_a_run_are_recorded_and_come_again(get_robot, tmp_path):
     assert read_recording(path).pushes == pushes
     again = replay_teleop(path)
     assert np.array_equal(again.log.command, run.log.command)
+
+
+@pytest.mark.parametrize(("robot", "most"), [("biped20", 2), ("g1", 10)])
+def test_of_200_seeds_each_robot_may_fall_in_its_own_number(robot, most):
+    stood = Outcome(seed=0, fell=False, seconds=60.0, steps=9, mode="D", tilt=0.1, recording=None)
+    fell = replace(stood, fell=True, seconds=7.0)
+    assert falls_finding(robot, [stood] * (200 - most) + [fell] * most).ok
+    assert not falls_finding(robot, [stood] * (199 - most) + [fell] * (most + 1)).ok
+    assert not falls_finding(robot, [stood] * 9 + [fell]).ok

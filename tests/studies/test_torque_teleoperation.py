@@ -1,6 +1,8 @@
-"""The study of torque-level teleoperation: connections cut in mid-step, and hands at random."""
+"""The study of torque-level teleoperation: its trials, and what their findings allow."""
 
+import math
 from dataclasses import replace
+from importlib import import_module
 
 import numpy as np
 import pytest
@@ -9,6 +11,13 @@ from poise.locomotion import StepTeleoperator
 
 pytest.importorskip("mujoco")
 
+from studies.torque_teleoperation.again_section import (
+    Outcome as AgainOutcome,
+    Trial as AgainTrial,
+    _finding as again_finding,
+    _row as again_row,
+    run_trial as run_again,
+)
 from studies.torque_teleoperation.cuts_section import Trial, _finding, _row, run_trial
 from studies.torque_teleoperation.hands_section import (
     DOINGS,
@@ -93,3 +102,37 @@ def test_one_fall_in_ten_minutes_of_pushes_is_allowed():
     falls = replace(stands, fell=True)
     assert held_finding([stands] * 119 + [falls]).ok
     assert not held_finding([stands] * 118 + [falls]).ok
+
+
+def test_fates_have_the_same_ground_and_pushes_and_other_noise(get_robot, monkeypatch):
+    mass = get_robot("g1").mass
+    asked = []
+
+    def ask(_, device, plant, **options):
+        asked.append((plant, options))
+        raise InterruptedError
+
+    module = import_module("studies.torque_teleoperation.again_section")
+    monkeypatch.setattr(module, "run_teleop", ask)
+    for seed, fate in ((3, 0), (3, 1), (4, 0)):
+        with pytest.raises(InterruptedError):
+            run_again(AgainTrial(seed=seed, fate=fate))
+    (plant, options), (same_plant, same), (other_plant, other) = asked
+    assert plant == same_plant != other_plant
+    assert options["pushes"] == same["pushes"] != other["pushes"]
+    assert len({o["seed"] for o in (options, same, other)}) == 3
+    (first, _, length), (second, _, _) = options["pushes"]
+    dt = plant.control_dt
+    assert 3.0 <= first * dt <= 5.0
+    assert 0.25 <= (second - first) * dt <= 1.15
+    for (_, force, _), speed in zip(options["pushes"], (0.45, 0.2), strict=True):
+        assert math.hypot(*force) * length / mass == pytest.approx(speed)
+
+
+def test_one_fall_in_37_trials_is_allowed_of_a_robot_that_catches_itself():
+    trial = AgainTrial(seed=0, fate=0)
+    stands = AgainOutcome(trial=trial, fell=False, stepped=True, seconds=2.8, tilt=0.1)
+    falls = replace(stands, fell=True, seconds=1.0)
+    assert again_finding([stands] * 36 + [falls]).ok
+    assert not again_finding([stands] * 35 + [falls]).ok
+    assert again_row([stands, falls])[1:5] == (2, 2, 1, 1.0)
