@@ -135,11 +135,41 @@ def test_a_foot_that_has_bounced_off_looks_for_the_ground_again(held):
     assert held.walker._steps.flight is None
     assert held.walker.steps_made == 1
     held.loads = [0.0, 1.0] if foot == 0 else [1.0, 0.0]
+    # What has just come down carries next to nothing for a moment.
+    held.until(held.time + 0.02)
+    assert held.walker._steps.flight is None
     held.until(held.time + 0.02)
     assert held.walker._steps.flight is flight
     assert held.walker.steps_made == 0
     assert flight.swing.searching
     assert held.active() == [foot == 1, foot == 0]
+
+
+def test_a_foot_is_on_its_way_until_it_is_near_its_foothold_or_due(held):
+    foot = held.swing(ahead=0.3)
+    flight = held.walker._steps.flight
+    sense = held.walker._parts.sense
+    assert flight.on_its_way
+    begin = held.q[0]
+    for left, nearer, on_its_way in ((0.3, 0.2, True), (0.3, 0.25, False), (0.02, 0.0, False)):
+        flight.left = left
+        held.q[0] = begin + nearer
+        sense.update(poise.RobotState(held.q, held.v, {}, held.time))
+        way = flight.goal.position[0] - sense.lower_edge(foot)[0][0]
+        assert way == pytest.approx(0.3 - nearer, abs=0.01)
+        assert flight.on_its_way is on_its_way
+
+
+@pytest.mark.parametrize("on_its_way", [True, False])
+def test_what_a_foot_meets_on_its_way_is_not_its_ground(held, monkeypatch, on_its_way):
+    held.swing()
+    flight = held.walker._steps.flight
+    held.until(held.time + 0.51 * held.walker.gait.swing_time)
+    monkeypatch.setattr(type(flight), "on_its_way", on_its_way)
+    held.loads = [0.5, 0.5]
+    held.until(held.time + 2 * DT)
+    assert held.walker._steps.flight is (flight if on_its_way else None)
+    assert held.walker.steps_made == (0 if on_its_way else 1)
 
 
 def test_a_foot_that_meets_something_before_it_could_be_down_carries_at_once(held):

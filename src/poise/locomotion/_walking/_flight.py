@@ -23,6 +23,10 @@ _HELD, _BACK = 0.04, 0.015
 """A foot that rises and is pushed aside with more than this part of the weight, more than upwards,
 is held by something; it goes so far back from it [m]."""
 
+_SHORT, _EARLY = 0.08, 0.03
+"""What a foot meets so far from its foothold [m], earlier than so long before it is due [s], is
+something on its way."""
+
 _FINAL = 0.05
 """Foothold and time are final when touchdown is this near [s]."""
 
@@ -113,6 +117,18 @@ class Flight:
             x, y, _ = self.swing.position.tolist()
             self.goal = replace(self.goal, position=(x, y, self.goal.position[2]))
             self._lands, self.left = True, 0.0
+
+    @property
+    def on_its_way(self) -> bool:
+        """Whether what the foot meets now cannot be the ground that it is to stand on.
+
+        It goes on over that, as planned. Standing there it would not catch the robot, which needs
+        it elsewhere.
+        """
+        if self.left <= _EARLY:
+            return False
+        x, y, _ = self._sense.lower_edge(self.foot)[0].tolist()
+        return math.dist((x, y), self.goal.position[:2]) > _SHORT
 
     def count(self, dt: float) -> None:
         """Lets the time pass [s]."""

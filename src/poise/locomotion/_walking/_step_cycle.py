@@ -32,9 +32,15 @@ _WORTH = 0.5
 _CALM = 0.01
 """The divergent component has to be this far inside what holds it for the feet to stay [m]."""
 
-_HOVERING, _BOUNCE_TIME, _BOUNCES = 0.01, 0.01, 0.15
+_HOVERING, _BOUNCE_TIME, _BOUNCES = 0.01, 0.03, 0.15
 """A foot that carries less than this part of the weight for so long [s], not later than this after
-it landed [s], has not landed."""
+it landed [s], has not landed.
+
+One that lies carries little at first, too: it is loaded by a ramp, load cells have noise of as much
+as this, and a sole that came down on an edge turns over it. After 0.01 s nearly every foot that
+caught a robot on bumps was taken for one in the air, up to ten times a step, and each time the ZMP
+was to be in the other one again.
+"""
 
 
 class StepCycle:
@@ -277,7 +283,8 @@ class StepCycle:
         flight.get_clear(state)
         flight.advance(dt)
         swing = flight.swing
-        if self._sense.is_down(swing, state, flight.foot, self._parts.settings):
+        down = self._sense.is_down(swing, state, flight.foot, self._parts.settings)
+        if down and not flight.on_its_way:
             self._land(flight)
             return
         self._tasks.lead_foot(self._sense, flight.foot, swing)
