@@ -26,6 +26,15 @@ _APART = 0.03
 """Least distance of the soles' edges: a foot that is caught by the other one comes down no more
 [m]."""
 
+_BOUNCE_TIME = 0.03
+"""For how long a foot that has just landed carries nothing when it is let go again [s].
+
+One that catches the robot lies long before it carries: the other one does, load cells have noise of
+as much as counts here, and a sole that came down on an edge turns over it. After the 0.01 s of a
+walk nearly every foot was let go, up to ten times a step, and each time the ZMP was to be in the
+other one again.
+"""
+
 _HIGHER = 1.6
 """How high a foot is lifted, over what a walk does: what stumbles over a bump catches nobody."""
 
@@ -55,7 +64,9 @@ class OwnSteps:
         q_start: Float64[np.ndarray, " nq"],
         dt: float,
     ) -> None:
-        settings = WalkSettings(zmp_margin=_CAUGHT_MARGIN, clearance=_APART)
+        settings = WalkSettings(
+            zmp_margin=_CAUGHT_MARGIN, clearance=_APART, bounce_time=_BOUNCE_TIME
+        )
         stand = stand_of(robot, q_start)
         gait = usual_gait(stand.com[2] - stand.middle[2])
         gait = replace(gait, swing_height=_HIGHER * gait.swing_height)

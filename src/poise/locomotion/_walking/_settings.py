@@ -26,6 +26,8 @@ class WalkSettings:
         early: phase of the swing after which ground counts as ground.
         search_depth: how far below the expected ground a late foot looks for it [m].
         patience: how long a foot may be late [s].
+        bounce_time: for how long a foot that has just landed carries nothing when it has bounced
+            off [s].
         clearance: least distance of the soles' edges when a foot comes down beside the other [m].
         adjust: how far a foothold may still move, as the balance limit is told [m].
         com_bound: distance of the divergent component from its reference, over the height of the
@@ -39,6 +41,7 @@ class WalkSettings:
     early: Ratio = 0.5
     search_depth: _Distance = 0.1
     patience: Annotated[float, Bounds(positive=True, most=LARGEST, unit="s")] = 0.4
+    bounce_time: Annotated[float, Bounds(positive=True, most=LARGEST, unit="s")] = 0.01
     clearance: _Distance = 0.01
     adjust: _Distance = 0.2
     com_bound: Annotated[float, Bounds(positive=True)] = 0.4

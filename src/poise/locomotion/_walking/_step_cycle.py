@@ -32,15 +32,9 @@ _WORTH = 0.5
 _CALM = 0.01
 """The divergent component has to be this far inside what holds it for the feet to stay [m]."""
 
-_HOVERING, _BOUNCE_TIME, _BOUNCES = 0.01, 0.03, 0.15
-"""A foot that carries less than this part of the weight for so long [s], not later than this after
-it landed [s], has not landed.
-
-One that lies carries little at first, too: it is loaded by a ramp, load cells have noise of as much
-as this, and a sole that came down on an edge turns over it. After 0.01 s nearly every foot that
-caught a robot on bumps was taken for one in the air, up to ten times a step, and each time the ZMP
-was to be in the other one again.
-"""
+_HOVERING, _BOUNCES = 0.01, 0.15
+"""A foot that carries less than this part of the weight for the bounce time of the settings, not
+later than this after it landed [s], has not landed."""
 
 
 class StepCycle:
@@ -331,7 +325,7 @@ class StepCycle:
             return
         load = self._sense.load(state, flight.foot)
         self._hovering = 0.0 if load > _HOVERING else self._hovering + dt
-        if self._hovering < _BOUNCE_TIME:
+        if self._hovering < self._parts.settings.bounce_time:
             return
         self._tasks.contacts[flight.foot].release(0.0)
         self._tasks.contacts[1 - flight.foot].engage(0.0)
