@@ -138,6 +138,21 @@ Push = tuple[int, tuple[float, float, float], float]
 """Tick, force [N] and duration [s], as `run_teleop` takes it."""
 
 
+def push(robot: Robot, speed: float, angle: float, time: float, dt: float) -> Push:
+    """A push on the torso along the ground, 0.1 s long.
+
+    Args:
+        robot: that is pushed.
+        speed: by which it changes the robot's velocity [m/s].
+        angle: of its direction, from the world's x [rad].
+        time: when it begins [s].
+        dt: tick [s].
+    """
+    force = robot.mass * speed / _PUSH_TIME
+    x, y = force * math.cos(angle), force * math.sin(angle)
+    return round(time / dt), (x, y, 0.0), _PUSH_TIME
+
+
 def pushes(robot: Robot, seed: int, seconds: float, dt: float) -> list[Push]:
     """Pushes on the torso along the ground, in directions and at times drawn by chance.
 
@@ -150,10 +165,7 @@ def pushes(robot: Robot, seed: int, seconds: float, dt: float) -> list[Push]:
     rng, found = np.random.default_rng((seed, 11)), list[Push]()
     time = float(rng.uniform(*_PUSH_EVERY))
     while time < seconds:
-        angle = float(rng.uniform(0.0, 2.0 * math.pi))
-        force = robot.mass * _PUSH / _PUSH_TIME
-        x, y = force * math.cos(angle), force * math.sin(angle)
-        found.append((round(time / dt), (x, y, 0.0), _PUSH_TIME))
+        found.append(push(robot, _PUSH, float(rng.uniform(0.0, 2.0 * math.pi)), time, dt))
         time += float(rng.uniform(*_PUSH_EVERY))
     return found
 

@@ -7,9 +7,9 @@ from functools import cache
 import numpy as np
 
 from poise.apps.teleoperation import run_teleop
-from poise.locomotion import ScriptedDevice, StepTeleoperator
+from poise.locomotion import ScriptedDevice
 from poise.robots import Robot, load_robot
-from studies.bad_operator.conditions import MIXED, changed_plant
+from studies.bad_operator.conditions import MIXED, changed_plant, push
 from studies.finding import Finding, Section, Table
 from studies.plan import Progress, StudyOptions
 from studies.trials import run_each
@@ -17,16 +17,14 @@ from studies.trials import run_each
 ROBOT = "g1"
 
 FATES = 2
-"""Trials that differ in nothing but the noise of the sensors.
+"""Trials that differ in the sensors' noise and in the small biases of gyroscope and accelerometer,
+and in nothing else.
 
 What becomes of a robot that steps on bumps hangs on next to nothing: of 60 seeds, 11 in which it
 fell, both fates fell in 2. Who compares two controllers by one fate each sees mostly that."""
 
 _PUSHES = (0.45, 0.2)
 """By which the velocity of the robot changes, first and then [m/s]."""
-
-_PUSH_TIME = 0.1
-"""In which it does [s]."""
 
 _AT, _SPREAD, _AGAIN, _AFTER = 3.0, 2.0, (0.25, 1.15), 2.8
 """The first push comes at this time and by so much later at most, the second one so long after it,
@@ -74,18 +72,17 @@ def run_trial(trial: Trial) -> Outcome:
     robot, rng = _robot(), np.random.default_rng((trial.seed, 77))
     plant = changed_plant(robot, "torque", MIXED, trial.seed)
     first = _AT + _SPREAD * float(rng.uniform())
-    pushes: list[tuple[int, tuple[float, float, float], float]] = []
-    for time, speed in zip((first, first + float(rng.uniform(*_AGAIN))), _PUSHES, strict=True):
-        angle = float(rng.uniform(0.0, 2.0 * math.pi))
-        force = robot.mass * speed / _PUSH_TIME
-        along = (force * math.cos(angle), force * math.sin(angle), 0.0)
-        pushes.append((round(time / plant.control_dt), along, _PUSH_TIME))
+    times = (first, first + float(rng.uniform(*_AGAIN)))
+    pushes = [
+        push(robot, speed, float(rng.uniform(0.0, 2.0 * math.pi)), time, plant.control_dt)
+        for time, speed in zip(times, _PUSHES, strict=True)
+    ]
     run = run_teleop(
         robot,
-        _nobody,
+        lambda teleoperator: ScriptedDevice([], *teleoperator.estimator.anchors),
         plant,
         duration=first + _AFTER,
-        # Of the noise alone: the ground and what is off by a constant are the plant's.
+        # Of noise and small biases: the ground and the attitude's error are the plant's.
         seed=trial.seed + 1_000_003 * trial.fate,
         pushes=pushes,
     )
@@ -97,12 +94,6 @@ def run_trial(trial: Trial) -> Outcome:
         seconds=run.plant.time - first,
         tilt=float(run.log.tilt[after].max()) if after.any() else math.nan,
     )
-
-
-def _nobody(teleoperator: StepTeleoperator) -> ScriptedDevice:
-    """Devices that lie where they were put down."""
-    start = teleoperator.resting_sample
-    return ScriptedDevice([], start.left, start.right)
 
 
 def again_section(options: StudyOptions, progress: Progress) -> Section:
@@ -117,7 +108,8 @@ def again_section(options: StudyOptions, progress: Progress) -> Section:
             f"{ROBOT}, all conditions of the bad operator at once, on both feet, commanded "
             f"nothing. The torso is pushed by {first:g} m/s and, {_AGAIN[0]:g} to {_AGAIN[1]:g} s "
             f"later, by {then:g} m/s, each in a direction drawn by chance. Each seed has {FATES} "
-            "fates: the same ground, errors and pushes, but other noise of the sensors.",
+            "fates: the same ground, pushes and error of the attitude, but other noise, and other "
+            "biases of gyroscope and accelerometer.",
         ),
         findings=(_finding(outcomes),),
         tables=(

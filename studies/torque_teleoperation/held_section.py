@@ -10,7 +10,7 @@ from jaxtyping import Bool
 from poise.apps.teleoperation import TeleopRun, run_teleop
 from poise.locomotion import Mode, ScriptedDevice, StepTeleoperator, WayPoint
 from poise.robots import Robot, load_robot
-from studies.bad_operator.conditions import MIXED, changed_plant
+from studies.bad_operator.conditions import MIXED, changed_plant, push
 from studies.finding import Finding, Section, Table
 from studies.plan import Progress, StudyOptions
 from studies.trials import run_each
@@ -26,8 +26,8 @@ _PLACES = (
 )  # fmt: skip
 """Where the foot is held, from where it stood: ahead, outwards and up [m]."""
 
-_SPEED, _PUSH_TIME = 0.2, 0.1
-"""A push changes the robot's velocity by this [m/s] within this time [s]."""
+_SPEED = 0.2
+"""A push changes the robot's velocity by this [m/s]."""
 
 _BEGIN, _PUSHED, _SPREAD, _AFTER = 1.5, 4.3, 0.3, 2.5
 """When the hand begins, when it is pushed at the earliest and by how much later at most, and how
@@ -82,16 +82,14 @@ def run_trial(trial: Trial) -> Outcome:
     at = _PUSHED + _SPREAD * float(np.random.default_rng((seed, 5)).uniform())
     # Outwards is to the side of the foot that stands.
     out = -1.0 if left else 1.0
-    angle = math.radians(trial.direction)
-    force = robot.mass * _SPEED / _PUSH_TIME
-    push = (force * math.cos(angle), out * force * math.sin(angle), 0.0)
+    angle = out * math.radians(trial.direction)
     run = run_teleop(
         robot,
         lambda teleoperator: _hand(teleoperator, trial.place, left=left),
         plant,
         duration=at + _AFTER,
         seed=seed,
-        pushes=[(round(at / plant.control_dt), push, _PUSH_TIME)],
+        pushes=[push(robot, _SPEED, angle, at, plant.control_dt)],
     )
     log = run.log
     after = log.time >= at

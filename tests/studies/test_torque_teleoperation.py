@@ -104,7 +104,7 @@ def test_one_fall_in_ten_minutes_of_pushes_is_allowed():
     assert not held_finding([stands] * 118 + [falls]).ok
 
 
-def test_fates_have_the_same_ground_and_pushes_and_other_noise(get_robot, monkeypatch):
+def test_fates_have_the_same_ground_and_pushes_and_other_sensors(get_robot, monkeypatch):
     mass = get_robot("g1").mass
     asked = []
 

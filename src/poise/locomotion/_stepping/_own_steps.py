@@ -31,7 +31,7 @@ _BOUNCE_TIME = 0.03
 
 One that catches the robot lies long before it carries: the other one does, load cells have noise of
 as much as counts here, and a sole that came down on an edge turns over it. After the 0.01 s of a
-walk nearly every foot was let go, up to ten times a step, and each time the ZMP was to be in the
+walk nearly every foot was let go, up to twelve times a step, and each time the ZMP was to be in the
 other one again.
 """
 
