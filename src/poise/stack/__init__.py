@@ -11,7 +11,12 @@ from poise.stack._frame import FrameTask
 from poise.stack._joints import JointTask, PostureTask
 from poise.stack._kernels import evaluate as evaluate
 from poise.stack._leader import Leader
-from poise.stack._limits import SMOOTH_RATE as SMOOTH_RATE, JointLimit, TorqueLimit
+from poise.stack._limits import (
+    SMOOTH_RATE as SMOOTH_RATE,
+    JointLimit,
+    TorqueLimit,
+    Viability as Viability,
+)
 from poise.stack._polygon import find_hull as find_hull
 from poise.stack._relative_frame import RelativeFrameTask
 from poise.stack._rows import (
@@ -22,6 +27,10 @@ from poise.stack._rows import (
 from poise.stack._self_collision import (
     SelfCollisionLimit,
     SelfCollisionRows as SelfCollisionRows,
+)
+from poise.stack._settling import (
+    SettlingRoom as SettlingRoom,
+    bound_settling as bound_settling,
 )
 from poise.stack._stack import Stack, default_stack, is_held as is_held
 from poise.stack._tables import Owners as Owners, Rows as Rows

@@ -5,12 +5,13 @@
 
 from collections.abc import Mapping
 from math import isnan, sqrt
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float64
 
 from poise._checks import checked_number
-from poise._compiled import compiled
+from poise._compiled import compiled, part
 from poise.dynamics import Dynamics
 from poise.errors import ConfigurationError
 from poise.robots import Robot
@@ -170,6 +171,9 @@ class JointLimit:
     every state. A joint that is beyond a limit is asked back within one horizon, as far as the
     acceleration limit allows. Where bounds contradict each other, as a position limit that needs
     harder braking than a velocity limit would have, both become the one that brakes.
+
+    Torque controllers leave out of v what joints beside a contact do only because that still moves,
+    see `bound_settling`.
 
     What it is made of is for reading: another limit makes another controller.
 
@@ -334,6 +338,31 @@ class JointLimit:
         q, v = dynamics.q[self._q_slice], dynamics.v[self._v_slice]
         self._viable.bounds(q, v, self._lower, self._upper)
 
+    @property
+    def viability(self) -> "Viability":
+        """What the bounds are made from; known once bound to a robot."""
+        return self._viable.viability
+
+
+class Viability(NamedTuple):
+    """What the bounds of joint accelerations are made from.
+
+    Attributes:
+        q_min: lower position limits [rad].
+        q_max: upper position limits [rad].
+        v_max: velocity limits [rad/s].
+        braking: decelerations that stopping is planned with [rad/s^2].
+        a_max: acceleration limit [rad/s^2].
+        dt: horizon [s].
+    """
+
+    q_min: Float64[np.ndarray, " nj"]
+    q_max: Float64[np.ndarray, " nj"]
+    v_max: Float64[np.ndarray, " nj"]
+    braking: Float64[np.ndarray, " nj"]
+    a_max: float
+    dt: float
+
 
 class ViableAcceleration:
     """Accelerations after which a joint can still stop before its position limits.
@@ -356,6 +385,9 @@ class ViableAcceleration:
         a_max: acceleration limit [rad/s^2].
         dt: horizon [s].
         braking: b, the decelerations that stopping is planned with [rad/s^2].
+
+    Attributes:
+        viability: all of them.
     """
 
     def __init__(
@@ -368,8 +400,7 @@ class ViableAcceleration:
         dt: float,
         braking: Float64[np.ndarray, " nj"],
     ) -> None:
-        self._limits = q_min, q_max, v_max, braking
-        self._horizon = float(a_max), float(dt)
+        self.viability = Viability(q_min, q_max, v_max, braking, float(a_max), float(dt))
 
     def bounds(
         self,
@@ -386,31 +417,45 @@ class ViableAcceleration:
             lower: receives the lower bounds [rad/s^2].
             upper: receives the upper bounds [rad/s^2].
         """
-        _bounds(q, v, self._limits, self._horizon, lower, upper)
+        _bounds(q, v, self.viability, lower, upper)
 
 
 @compiled
 def _bounds(
     q: Float64[np.ndarray, " nj"],
     v: Float64[np.ndarray, " nj"],
-    limits: tuple[
-        Float64[np.ndarray, " nj"],
-        Float64[np.ndarray, " nj"],
-        Float64[np.ndarray, " nj"],
-        Float64[np.ndarray, " nj"],
-    ],
-    horizon: tuple[float, float],
+    viability: Viability,
     lower: Float64[np.ndarray, " nj"],
     upper: Float64[np.ndarray, " nj"],
 ) -> None:
-    q_min, q_max, v_max, braking = limits
-    a_max, dt = horizon
     for i in range(len(q)):
-        settings = a_max, dt, braking[i]
-        upper[i] = largest_acceleration(q_max[i] - q[i], v[i], v_max[i], settings)
-        lower[i] = -largest_acceleration(q[i] - q_min[i], -v[i], v_max[i], settings)
-        if lower[i] > upper[i]:
-            lower[i] = upper[i] = upper[i] if v[i] > 0.0 else lower[i]
+        bound_joint(i, q[i], v[i], viability, lower, upper)
+
+
+@part
+def bound_joint(
+    i: int,
+    q: float,
+    v: float,
+    viability: Viability,
+    lower: Float64[np.ndarray, " nj"],
+    upper: Float64[np.ndarray, " nj"],
+) -> None:
+    """The bounds of one joint.
+
+    Args:
+        i: which.
+        q: its position [rad].
+        v: its velocity [rad/s].
+        viability: of all joints.
+        lower: receives the lower bound [rad/s^2].
+        upper: receives the upper one.
+    """
+    settings, v_max = (viability.a_max, viability.dt, viability.braking[i]), viability.v_max[i]
+    upper[i] = largest_acceleration(viability.q_max[i] - q, v, v_max, settings)
+    lower[i] = -largest_acceleration(q - viability.q_min[i], -v, v_max, settings)
+    if lower[i] > upper[i]:
+        lower[i] = upper[i] = upper[i] if v > 0.0 else lower[i]
 
 
 @compiled

@@ -13,7 +13,9 @@ from poise.robots import Robot
 from poise.stack._balance import BalanceRows
 from poise.stack._contact import Contact
 from poise.stack._evaluation import Evaluation
+from poise.stack._limits import JointLimit
 from poise.stack._self_collision import SelfCollisionRows
+from poise.stack._settling import bound_settling, settling_room
 from poise.stack._shipped import ShippedTask
 from poise.stack._stack import Stack, is_held
 from poise.stack._tables import Rows
@@ -77,6 +79,7 @@ class StackRows:
         wrench_lower: simple bounds of all wrenches [N, N m].
         wrench_upper: upper ones.
         evaluation: evaluates contacts and shipped tasks.
+        settling_room: see `bound_settling`.
         own_tasks: the tasks that it does not know, with their rows.
         cone: rows C of all wrench cones C F <= 0, in the contacts' own axes.
     """
@@ -132,10 +135,12 @@ class StackRows:
         found = [*contact_rows, *places.items(), *shipped]
         owners, rows = zip(*found, strict=True) if found else ((), ())
         self.evaluation = Evaluation(robot, owners, rows, count, wrench_dim)
+        self.settling_room = settling_room(robot.nj)
         self._nv = robot.nv
         self._take(self.evaluation.rows)
         # What is compiled is compiled now, not in the first tick.
         self.measure(np.zeros(robot.nv))
+        self._settle(stack.joint_limit, np.zeros(robot.nq), np.zeros(robot.nv))
 
     def write_into(
         self,
@@ -194,12 +199,21 @@ class StackRows:
         Args:
             dynamics: the state, up to date.
         """
-        self._stack.joint_limit.evaluate(dynamics)
+        limit = self._stack.joint_limit
+        limit.evaluate(dynamics)
         self.evaluation.update(dynamics)
+        self._settle(limit, dynamics.q, dynamics.v)
         # What of a surface carries may change, see `SurfaceContact.carry_on`.
         for contact, cone in self._cones:
             cone[:] = contact.cone
         self.update_own(dynamics)
+
+    def _settle(
+        self, limit: JointLimit, q: Float64[np.ndarray, " nq"], v: Float64[np.ndarray, " nv"]
+    ) -> None:
+        evaluated = self.evaluation.inputs, self.evaluation.rows
+        bounds = limit.lower, limit.upper
+        bound_settling(q, v, *evaluated, limit.viability, self.settling_room, *bounds)
 
     def update_own(self, dynamics: Dynamics) -> None:
         """Evaluates for a state what is not compiled: tasks of a user's own.

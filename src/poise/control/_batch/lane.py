@@ -55,6 +55,8 @@ class Lane:
             full.sizes,
             (self._bounds[0], self._bounds[1]),
             (self._bounds[2], self._bounds[3]),
+            stack.joint_limit.viability,
+            full.rows.settling_room,
             (problem.A, problem.lower, problem.upper, problem.H),
             searched.address,
             work.address,

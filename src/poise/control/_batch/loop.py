@@ -9,7 +9,7 @@ from poise._compiled import Block, compiled, compiled_for_threads, part, view
 from poise.control._full_problem import answer, fill
 from poise.dynamics import Motion
 from poise.hqp import LOST, UNSOUND, Work, search
-from poise.stack import Owners, Rows, evaluate
+from poise.stack import Owners, Rows, SettlingRoom, Viability, bound_settling, evaluate
 
 UNUSABLE = -1
 """Stands for how the search ended where a state was of no use."""
@@ -55,6 +55,8 @@ class Program(NamedTuple):
         sizes: of the problem, as `FullProblem` says them.
         torques: bounds of the joint torques.
         joints: bounds of the joint accelerations.
+        viability: what they are made from.
+        settling: room for those beside contacts that move.
         problem: A, bounds and final cost.
         problem_at: address of the problem.
         work_at: address of the search's workspace.
@@ -73,6 +75,8 @@ class Program(NamedTuple):
     sizes: tuple[int, int]
     torques: tuple[Float64[np.ndarray, " nj"], Float64[np.ndarray, " nj"]]
     joints: tuple[Float64[np.ndarray, " nj"], Float64[np.ndarray, " nj"]]
+    viability: Viability
+    settling: SettlingRoom
     problem: tuple[
         Float64[np.ndarray, "m n"],
         Float64[np.ndarray, " nm"],
@@ -119,6 +123,7 @@ def solve_states(
             continue
         _scatter(packed[i], p.places)
         evaluate(p.q, p.v, p.motion, p.owners, p.rows, False, p.room)
+        bound_settling(p.q, p.v, p.owners, p.rows, p.viability, p.settling, joints[0], joints[1])
         fill(p.M, p.h, p.sizes, torques, joints, problem)
         _begin(work, answers.sides[i])
         found = search(p.problem_at, p.work_at, p.changes)

@@ -1,0 +1,128 @@
+"""`bound_settling`: joint limits beside contacts that do not lie still."""
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float64, Int64
+
+from poise._compiled import compiled, factor_leading, part, solve_leading
+from poise.stack._limits import Viability, bound_joint
+from poise.stack._tables import CONTACT, COUNT, FIRST, FRAME_INDEX, KIND, START, Owners, Rows
+
+_LARGEST = 6
+"""Rows that a contact has at most."""
+
+_SINGULAR = 1e-4
+"""What is added to the squares of how joints move a contact [m^2, 1]: what a leg that is all but
+straight would have to do very fast is not taken to happen."""
+
+
+class SettlingRoom(NamedTuple):
+    """Room for `bound_settling`.
+
+    Attributes:
+        gram: how the joints of a contact move it, squared.
+        slip: velocity of a contact [m/s, rad/s].
+        velocity: of the joints, for contacts that come to rest [rad/s].
+        rate: how fast that changes until they do [rad/s^2].
+        beside: one for joints that move a contact, zero for others.
+    """
+
+    gram: Float64[np.ndarray, "6 6"]
+    slip: Float64[np.ndarray, "6"]
+    velocity: Float64[np.ndarray, " nj"]
+    rate: Float64[np.ndarray, " nj"]
+    beside: Float64[np.ndarray, " nj"]
+
+
+def settling_room(joints: int) -> SettlingRoom:
+    """The room for so many joints."""
+    gram = np.zeros((_LARGEST, _LARGEST))
+    return SettlingRoom(gram, np.zeros(_LARGEST), *np.zeros((3, joints)))
+
+
+@compiled
+def bound_settling(
+    q: Float64[np.ndarray, " nq"],
+    v: Float64[np.ndarray, " nv"],
+    owners: Owners,
+    rows: Rows,
+    viability: Viability,
+    room: SettlingRoom,
+    lower: Float64[np.ndarray, " nj"],
+    upper: Float64[np.ndarray, " nj"],
+) -> None:
+    """Leaves out of joint limits what joints do only because a contact still moves.
+
+    A contact that carries comes to rest by itself, J dv + drift = -d J v. A sole that has come
+    down on an edge turns by several rad/s until it lies, and its ankle with it: an ankle that shall
+    stop before its limit could do so sooner by the body alone, which would be thrown aside by 40
+    m/s^2 for it. So, with w the least velocity of the joints between base and contact that moves it
+    as it moves, J w = J v,
+
+        lower(v - w) - d w <= dv <= upper(v - w) - d w
+
+    where lower and upper are the bounds of `JointLimit`.
+
+    Args:
+        q: configuration.
+        v: velocity.
+        owners: contacts, which come first, among them.
+        rows: theirs, evaluated for this state.
+        viability: of the joints.
+        room: to work in.
+        lower: lower bounds of the joints' accelerations; those beside contacts are replaced
+            [rad/s^2].
+        upper: upper ones.
+    """
+    first = len(v) - len(lower)
+    for i in range(len(lower)):
+        room.velocity[i] = room.rate[i] = room.beside[i] = 0.0
+    for i in range(len(owners.table)):
+        if owners.table[i, KIND] != CONTACT:
+            break
+        _settle(v, owners, owners.table[i], rows, first, room)
+    angles = len(q) - len(lower)
+    for i in range(len(lower)):
+        if room.beside[i] > 0.0:
+            bound_joint(i, q[angles + i], v[first + i] - room.velocity[i], viability, lower, upper)
+            lower[i] += room.rate[i]
+            upper[i] += room.rate[i]
+
+
+@part
+def _settle(
+    v: Float64[np.ndarray, " nv"],
+    owners: Owners,
+    line: Int64[np.ndarray, " entries"],
+    rows: Rows,
+    first: int,
+    room: SettlingRoom,
+) -> None:
+    """Adds what one contact's motion asks of its joints: w = J^T (J J^T + s I)^-1 J v."""
+    columns, frame = owners.frames.columns, line[FRAME_INDEX]
+    begin, end = owners.frames.starts[frame], owners.frames.starts[frame + 1]
+    top, count = rows.first + line[FIRST], int(line[COUNT])
+    for i in range(count):
+        room.slip[i] = 0.0
+        for k in range(begin, end):
+            room.slip[i] += rows.matrix[top + i, columns[k]] * v[columns[k]]
+        for j in range(i + 1):
+            total = _SINGULAR if i == j else 0.0
+            for k in range(begin, end):
+                if columns[k] >= first:
+                    total += rows.matrix[top + i, columns[k]] * rows.matrix[top + j, columns[k]]
+            room.gram[i, j] = total
+    if not factor_leading(room.gram, count):
+        return
+    solve_leading(room.gram, count, room.slip)
+    damping = owners.parameters[line[START]]
+    for k in range(begin, end):
+        joint = columns[k] - first
+        if joint >= 0:
+            velocity = 0.0
+            for i in range(count):
+                velocity += rows.matrix[top + i, columns[k]] * room.slip[i]
+            room.velocity[joint] += velocity
+            room.rate[joint] -= damping * velocity
+            room.beside[joint] = 1.0

@@ -1,0 +1,120 @@
+"""What joints do only because a contact still moves is no matter of their limits."""
+
+import numpy as np
+import pytest
+
+import poise
+from poise.dynamics import Dynamics
+from tests.stances import contact_rows
+
+ROBOTS = ("humanoid33", "g1")
+DAMPING = 20.0
+"""Of a contact, by default [1/s]."""
+
+
+def standing(robot):
+    """A controller of a robot on both soles, whose limit has met no state yet."""
+    return poise.WholeBodyController(robot, poise.default_stack(robot))
+
+
+def bounds_at(controller, state):
+    """Bounds of the joints in a state."""
+    assert controller.step(state).status.ok
+    limit = controller.stack.joint_limit
+    return limit.lower.copy(), limit.upper.copy()
+
+
+def plain_bounds(robot, q, v):
+    """Those of the limit by itself."""
+    limit = poise.JointLimit()
+    limit.bind(robot)
+    dynamics = Dynamics(robot)
+    dynamics.update(poise.RobotState(q, v))
+    limit.evaluate(dynamics)
+    return limit.lower.copy(), limit.upper.copy()
+
+
+def legs(robot):
+    """Coordinates of each leg's joints in `v`."""
+    model = robot.model
+    return [[model.joints[j].idx_v for j in robot.leg_joints(sole)] for sole in robot.soles]
+
+
+def moving(robot, seed):
+    """A state in which everything moves."""
+    rng = np.random.default_rng(seed)
+    q = robot.q_home.copy()
+    q[7:] += rng.uniform(-0.15, 0.15, robot.nj)
+    return poise.RobotState(q, rng.normal(0.0, 0.5, robot.nv))
+
+
+def slips(robot, state):
+    """Velocity of both soles, one after the other, and how each leg's joints move its own."""
+    dynamics = Dynamics(robot)
+    dynamics.update(state)
+    J, _ = contact_rows(robot, dynamics, robot.soles)
+    return np.split(J @ state.v, 2), [
+        J[6 * i : 6 * i + 6][:, leg] for i, leg in enumerate(legs(robot))
+    ]
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_soles_that_lie_still_leave_the_limits_as_they_are(name):
+    robot = poise.load_robot(name)
+    state = moving(robot, 3)
+    dynamics = Dynamics(robot)
+    dynamics.update(state)
+    J, _ = contact_rows(robot, dynamics, robot.soles)
+    v = state.v - np.linalg.pinv(J) @ (J @ state.v)
+    lower, upper = bounds_at(standing(robot), poise.RobotState(state.q, v))
+    plain_lower, plain_upper = plain_bounds(robot, state.q, v)
+    np.testing.assert_allclose(lower, plain_lower, atol=1e-6)
+    np.testing.assert_allclose(upper, plain_upper, atol=1e-6)
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+@pytest.mark.parametrize("seed", range(5))
+def test_bounds_are_those_of_the_velocity_without_what_moves_the_soles(name, seed):
+    robot = poise.load_robot(name)
+    state = moving(robot, seed)
+    lower, upper = bounds_at(standing(robot), state)
+    still, rate = state.v.copy(), np.zeros(robot.nv)
+    for leg, slip, J in zip(legs(robot), *slips(robot, state), strict=True):
+        # The least velocities of a leg that move its sole so, by a solver of least squares.
+        square = np.vstack([J, 1e-2 * np.eye(len(leg))])
+        w = np.linalg.lstsq(square, np.concatenate([slip, np.zeros(len(leg))]), rcond=None)[0]
+        still[leg] -= w
+        rate[leg] = -DAMPING * w
+    plain_lower, plain_upper = plain_bounds(robot, state.q, still)
+    joints = slice(robot.base_dofs, robot.nv)
+    np.testing.assert_allclose(lower, plain_lower + rate[joints], rtol=1e-9, atol=1e-8)
+    np.testing.assert_allclose(upper, plain_upper + rate[joints], rtol=1e-9, atol=1e-8)
+
+
+def test_many_states_at_once_have_the_same_bounds():
+    robot = poise.load_robot("humanoid33")
+    controller = poise.WholeBodyController(robot, poise.default_stack(robot))
+    states = [moving(robot, seed) for seed in range(4)]
+    together = controller.solve_batch(states)
+    for state, command in zip(states, together, strict=True):
+        alone = poise.WholeBodyController(robot, poise.default_stack(robot)).step(state)
+        np.testing.assert_allclose(command.acceleration, alone.acceleration, atol=1e-6)
+
+
+def test_a_sole_that_turns_onto_its_ground_does_not_throw_the_robot_aside():
+    """The left ankle turns at 5 rad/s, near its limit, because its sole does; all else rests.
+
+    The body would have to be thrown aside for the ankle to slow down sooner than its sole.
+    """
+    robot = poise.load_robot("g1")
+    q, v = robot.q_home.copy(), np.zeros(robot.nv)
+    roll = robot.joint_index("left_ankle_roll_joint")
+    q[7 + roll], v[6 + roll] = robot.q_max[roll] - 0.08, 5.0
+    # By the limit alone, with half of what its range leaves, it would have to slow down so:
+    _, upper = plain_bounds(robot, q, v)
+    assert upper[roll] < -150.0
+    command = standing(robot).step(poise.RobotState(q, v))
+    dynamics = Dynamics(robot)
+    dynamics.update(poise.RobotState(q, v))
+    com = dynamics.com_jacobian @ command.acceleration + dynamics.com_bias
+    assert np.linalg.norm(com[:2]) < 2.0
