@@ -22,6 +22,7 @@ from poise.apps.teleoperation import (
 from poise.locomotion import Mode
 from poise.robots import Robot, load_robot
 from poise.sim import PlantConfig
+from studies.bad_operator.habits import HabitualOperator
 
 PLANTS = {"velocity": TELEOP_PLANT, "torque": TORQUE_TELEOP_PLANT}
 """What the robot is simulated on, by what it is commanded."""
@@ -172,13 +173,17 @@ def pushes(robot: Robot, seed: int, seconds: float, dt: float) -> list[Push]:
 
 @dataclass(frozen=True, kw_only=True)
 class Trial:
-    """What a worker is asked for: a robot, a level, a condition, a seed, and a time [s]."""
+    """What a worker is asked for: a robot, a level, a condition, a seed, and a time [s].
+
+    The operator has one of the `HABITS`, or "" for the bad one, who has none.
+    """
 
     robot: str
     level: str
     condition: str
     seed: int
     seconds: float
+    habit: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -215,7 +220,11 @@ def run_trial(trial: Trial) -> Outcome:
     pushed = trial.condition in (PUSHED, MIXED)
     run = run_teleop(
         robot,
-        lambda teleoperator: BadOperator(teleoperator, seed),
+        lambda teleoperator: (
+            HabitualOperator(teleoperator, trial.habit, seed)
+            if trial.habit
+            else BadOperator(teleoperator, seed)
+        ),
         plant,
         duration=trial.seconds,
         seed=seed,

@@ -3,6 +3,7 @@
 from studies.plan import Part, StudyPlan
 from studies.torque_teleoperation.again_section import again_section
 from studies.torque_teleoperation.cuts_section import cuts_section
+from studies.torque_teleoperation.habits_section import habits_section
 from studies.torque_teleoperation.hands_section import hands_section
 from studies.torque_teleoperation.held_section import held_section
 from studies.torque_teleoperation.operators_section import operators_section
@@ -24,6 +25,7 @@ PLAN = StudyPlan(
     parts=(
         Part("scenarios", "The paper's scenarios", scenarios_section),
         Part("operators", "Bad operators", operators_section),
+        Part("habits", "Operators with habits", habits_section),
         Part("held", "Pushed with one foot held up", held_section),
         Part("again", "Pushed again while it catches itself", again_section),
         Part("cuts", "Connections cut in mid-step", cuts_section),
@@ -31,4 +33,4 @@ PLAN = StudyPlan(
         Part("standing", "Standing at velocity level", standing_section),
     ),
 )
-"""The study: seven parts."""
+"""The study: eight parts."""
