@@ -173,7 +173,7 @@ class JointLimit:
     harder braking than a velocity limit would have, both become the one that brakes.
 
     Torque controllers leave out of v what joints beside a contact do only because that still moves,
-    see `bound_settling`.
+    and ask those joints for no more than `braking`, nor for `braking_of`: see `bound_settling`.
 
     What it is made of is for reading: another limit makes another controller.
 
@@ -324,6 +324,7 @@ class JointLimit:
             a_max=self._acceleration_max,
             dt=self._horizon,
             braking=braking,
+            gentle=np.minimum(braking, self._braking),
         )
         self._lower: Float64[np.ndarray, " nj"] = np.zeros(robot.nj)
         self._upper: Float64[np.ndarray, " nj"] = np.zeros(robot.nj)
@@ -352,6 +353,7 @@ class Viability(NamedTuple):
         q_max: upper position limits [rad].
         v_max: velocity limits [rad/s].
         braking: decelerations that stopping is planned with [rad/s^2].
+        gentle: the same of joints beside contacts, and the most that these are asked for [rad/s^2].
         a_max: acceleration limit [rad/s^2].
         dt: horizon [s].
     """
@@ -360,6 +362,7 @@ class Viability(NamedTuple):
     q_max: Float64[np.ndarray, " nj"]
     v_max: Float64[np.ndarray, " nj"]
     braking: Float64[np.ndarray, " nj"]
+    gentle: Float64[np.ndarray, " nj"]
     a_max: float
     dt: float
 
@@ -385,6 +388,7 @@ class ViableAcceleration:
         a_max: acceleration limit [rad/s^2].
         dt: horizon [s].
         braking: b, the decelerations that stopping is planned with [rad/s^2].
+        gentle: the same beside contacts, see `bound_settling`; as elsewhere when None [rad/s^2].
 
     Attributes:
         viability: all of them.
@@ -399,8 +403,10 @@ class ViableAcceleration:
         a_max: float,
         dt: float,
         braking: Float64[np.ndarray, " nj"],
+        gentle: Float64[np.ndarray, " nj"] | None = None,
     ) -> None:
-        self.viability = Viability(q_min, q_max, v_max, braking, float(a_max), float(dt))
+        gentle = braking if gentle is None else gentle
+        self.viability = Viability(q_min, q_max, v_max, braking, gentle, float(a_max), float(dt))
 
     def bounds(
         self,
@@ -429,7 +435,7 @@ def _bounds(
     upper: Float64[np.ndarray, " nj"],
 ) -> None:
     for i in range(len(q)):
-        bound_joint(i, q[i], v[i], viability, lower, upper)
+        bound_joint(i, q[i], v[i], viability.braking[i], viability, lower, upper)
 
 
 @part
@@ -437,6 +443,7 @@ def bound_joint(
     i: int,
     q: float,
     v: float,
+    braking: float,
     viability: Viability,
     lower: Float64[np.ndarray, " nj"],
     upper: Float64[np.ndarray, " nj"],
@@ -447,11 +454,12 @@ def bound_joint(
         i: which.
         q: its position [rad].
         v: its velocity [rad/s].
+        braking: with what it plans to stop [rad/s^2].
         viability: of all joints.
         lower: receives the lower bound [rad/s^2].
         upper: receives the upper one.
     """
-    settings, v_max = (viability.a_max, viability.dt, viability.braking[i]), viability.v_max[i]
+    settings, v_max = (viability.a_max, viability.dt, braking), viability.v_max[i]
     upper[i] = largest_acceleration(viability.q_max[i] - q, v, v_max, settings)
     lower[i] = -largest_acceleration(q - viability.q_min[i], -v, v_max, settings)
     if lower[i] > upper[i]:

@@ -8,8 +8,8 @@ from poise.dynamics import Dynamics
 from tests.stances import contact_rows
 
 ROBOTS = ("humanoid33", "g1")
-DAMPING = 20.0
-"""Of a contact, by default [1/s]."""
+DAMPING, BRAKING = 20.0, 8.0
+"""Of a contact [1/s], and of a joint limit [rad/s^2], by default."""
 
 
 def standing(robot):
@@ -32,6 +32,15 @@ def plain_bounds(robot, q, v):
     dynamics.update(poise.RobotState(q, v))
     limit.evaluate(dynamics)
     return limit.lower.copy(), limit.upper.copy()
+
+
+def gentle_bounds(robot, q, v):
+    """Those, but for joints of legs, which stand: they never have to brake harder than planned."""
+    lower, upper = plain_bounds(robot, q, v)
+    stands = np.concatenate(legs(robot)) - robot.base_dofs
+    lower[stands] = np.minimum(lower[stands], BRAKING)
+    upper[stands] = np.maximum(upper[stands], -BRAKING)
+    return lower, upper
 
 
 def legs(robot):
@@ -67,9 +76,9 @@ def test_soles_that_lie_still_leave_the_limits_as_they_are(name):
     J, _ = contact_rows(robot, dynamics, robot.soles)
     v = state.v - np.linalg.pinv(J) @ (J @ state.v)
     lower, upper = bounds_at(standing(robot), poise.RobotState(state.q, v))
-    plain_lower, plain_upper = plain_bounds(robot, state.q, v)
-    np.testing.assert_allclose(lower, plain_lower, atol=1e-6)
-    np.testing.assert_allclose(upper, plain_upper, atol=1e-6)
+    gentle_lower, gentle_upper = gentle_bounds(robot, state.q, v)
+    np.testing.assert_allclose(lower, gentle_lower, atol=1e-6)
+    np.testing.assert_allclose(upper, gentle_upper, atol=1e-6)
 
 
 @pytest.mark.parametrize("name", ROBOTS)
@@ -85,10 +94,10 @@ def test_bounds_are_those_of_the_velocity_without_what_moves_the_soles(name, see
         w = np.linalg.lstsq(square, np.concatenate([slip, np.zeros(len(leg))]), rcond=None)[0]
         still[leg] -= w
         rate[leg] = -DAMPING * w
-    plain_lower, plain_upper = plain_bounds(robot, state.q, still)
+    gentle_lower, gentle_upper = gentle_bounds(robot, state.q, still)
     joints = slice(robot.base_dofs, robot.nv)
-    np.testing.assert_allclose(lower, plain_lower + rate[joints], rtol=1e-9, atol=1e-8)
-    np.testing.assert_allclose(upper, plain_upper + rate[joints], rtol=1e-9, atol=1e-8)
+    np.testing.assert_allclose(lower, gentle_lower + rate[joints], rtol=1e-9, atol=1e-8)
+    np.testing.assert_allclose(upper, gentle_upper + rate[joints], rtol=1e-9, atol=1e-8)
 
 
 def test_many_states_at_once_have_the_same_bounds():
@@ -118,3 +127,49 @@ def test_a_sole_that_turns_onto_its_ground_does_not_throw_the_robot_aside():
     dynamics.update(poise.RobotState(q, v))
     com = dynamics.com_jacobian @ command.acceleration + dynamics.com_bias
     assert np.linalg.norm(com[:2]) < 2.0
+
+
+def test_a_sole_that_is_tilted_beyond_its_ankle_does_not_throw_the_robot_aside():
+    """The ankle is 2 degrees beyond its limit, as on a bump: its own stop holds it there."""
+    robot = poise.load_robot("g1")
+    q, v = robot.q_home.copy(), np.zeros(robot.nv)
+    roll = robot.joint_index("left_ankle_roll_joint")
+    q[7 + roll] = robot.q_max[roll] + 0.035
+    _, upper = plain_bounds(robot, q, v)
+    assert upper[roll] < -100.0
+    state = poise.RobotState(q, v)
+    assert bounds_at(standing(robot), state)[1][roll] == pytest.approx(-BRAKING)
+    dynamics = Dynamics(robot)
+    dynamics.update(state)
+    command = standing(robot).step(state)
+    com = dynamics.com_jacobian @ command.acceleration + dynamics.com_bias
+    assert np.linalg.norm(com[:2]) < 5.0
+
+
+def test_a_leg_that_swings_stops_as_hard_as_it_was_told_and_one_that_stands_gently():
+    robot = poise.load_robot("g1")
+    stack = poise.Stack(
+        contacts=[poise.SurfaceContact(sole) for sole in robot.soles],
+        levels=[[poise.PostureTask()]],
+        joint_limit=poise.JointLimit(
+            braking_of={"left_knee_joint": 60.0, "right_knee_joint": 60.0}
+        ),
+    )
+    controller = poise.WholeBodyController(robot, stack)
+    q, v = robot.q_home.copy(), np.zeros(robot.nv)
+    for side in ("left", "right"):
+        knee = robot.joint_index(f"{side}_knee_joint")
+        q[7 + knee], v[6 + knee] = robot.q_max[knee] - 0.05, 3.0
+    # Both soles at rest: the base and the other joints move so that they are.
+    dynamics = Dynamics(robot)
+    dynamics.update(poise.RobotState(q, v))
+    J, _ = contact_rows(robot, dynamics, robot.soles)
+    knees = [6 + robot.joint_index(f"{side}_knee_joint") for side in ("left", "right")]
+    others = [k for k in range(robot.nv) if k not in knees]
+    v[others] = -np.linalg.pinv(J[:, others]) @ (J @ v)
+    stack.contacts[1].release(0.0)
+    state = poise.RobotState(q, v)
+    assert controller.step(state).acceleration is not None
+    left, right = stack.joint_limit.upper[[k - 6 for k in knees]]
+    assert left == pytest.approx(-BRAKING)
+    assert right < -100.0
