@@ -20,6 +20,16 @@ CONTROLLERS = {
 }
 
 
+def apart(robot, stack):
+    """In closed form, with links that are kept apart."""
+    limit = poise.SelfCollisionLimit(margin=0.1)
+    stack = poise.Stack(stack.contacts, stack.levels, self_collision_limit=limit)
+    return poise.DifferentialIK(robot, stack, dt=0.002)
+
+
+CONTROLLERS["apart"] = apart
+
+
 def signatures():
     """How often each function with a way in from Python is compiled, by its name."""
     found = {}

@@ -1,6 +1,6 @@
 """`StackRows`: the rows of a stack for one set of active contacts, stacked once a tick."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from itertools import accumulate, pairwise
 from typing import Literal
 
@@ -56,6 +56,7 @@ class StackRows:
             the way of a strategy that knows equalities alone; None for nowhere.
         collisions: where those of the self-collision limit go; where both go to one side they
             follow those of the balance limit.
+        joints: names of those that may move, for the self-collision limit; all when None.
 
     Attributes:
         contacts: the contacts that have rows.
@@ -94,6 +95,7 @@ class StackRows:
         own_rows: int = 0,
         balance: Literal["before", "behind"] | None = None,
         collisions: Literal["before", "behind"] | None = None,
+        joints: Collection[str] | None = None,
     ) -> None:
         self.contacts, self._stance, self._stack = tuple(contacts), stance, stack
         holding = self.contacts if stance is None else (*self.contacts, stance)
@@ -106,7 +108,8 @@ class StackRows:
         first = wrench_dim + own_rows
         self.contact_rows, self.own_rows = slice(0, wrench_dim), slice(wrench_dim, first)
         self.balance = stack.balance_limit.rows_for(self.contacts) if balance else None
-        self.collisions = stack.self_collision_limit.rows_for(holding) if collisions else None
+        apart = stack.self_collision_limit
+        self.collisions = apart.rows_for(holding, joints) if collisions else None
         sides = (self.balance, balance), (self.collisions, collisions)
         before = [limit for limit, side in sides if limit is not None and side == "before"]
         behind = [limit for limit, side in sides if limit is not None and side == "behind"]

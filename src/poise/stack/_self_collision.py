@@ -4,7 +4,7 @@
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -28,6 +28,9 @@ _NEVER = -10.0
 
 _ROOM_AT_HOME = 0.01
 """How much nearer than at home links may come that stand near each other there [m]."""
+
+_Use = tuple[frozenset[Contact], frozenset[str] | None]
+"""What rows are for: active contacts, and the joints that may move, None for all."""
 
 
 class NearPair(NamedTuple):
@@ -72,6 +75,8 @@ class SelfCollisionLimit:
 
     Args:
         enabled: False takes the limit away; nothing is computed then.
+        legs_only: True keeps legs off each other and nothing else, where nobody moves the arms out
+            of their way.
         margin: distance that is kept [m].
         braking: deceleration with which links plan to stop before they touch [m/s^2].
         horizon: of the bounds, as that of the joints' [s].
@@ -86,6 +91,7 @@ class SelfCollisionLimit:
         self,
         *,
         enabled: bool = True,
+        legs_only: bool = False,
         margin: float = 0.02,
         braking: float = 5.0,
         horizon: float = 0.03,
@@ -93,6 +99,7 @@ class SelfCollisionLimit:
     ) -> None:
         self.name = name = "self-collision limit"
         self._enabled = checked_kind(enabled, bool, f"enabled of the {name}")
+        self._legs_only = checked_kind(legs_only, bool, f"legs_only of the {name}")
         self._margin = checked_number(margin, f"margin of the {name} [m]")
         self._braking = checked_number(braking, f"braking of the {name} [m/s^2]", above=0.0)
         self._horizon = checked_number(horizon, f"horizon of the {name} [s]", above=0.0)
@@ -100,8 +107,8 @@ class SelfCollisionLimit:
             approach_time, f"approach_time of the {name} [s]", above=0.0
         )
         self._robot: Robot | None = None
-        self._made: dict[frozenset[Contact], SelfCollisionRows] = {}
-        self._legs_pass = False
+        self._made: dict[_Use, SelfCollisionRows] = {}
+        self._legs_pass, self._at_rest = False, False
 
     @property
     def enabled(self) -> bool:
@@ -116,9 +123,10 @@ class SelfCollisionLimit:
     @property
     def near(self) -> tuple[NearPair, ...]:
         """The pairs that had rows at the last tick, nearest first."""
-        seen = frozenset[Contact]().union(*self._made)
-        rows = self._made.get(frozenset(c for c in seen if c.active))
-        return () if rows is None else rows.near()
+        seen = frozenset[Contact]().union(*(contacts for contacts, _ in self._made))
+        active = frozenset(c for c in seen if c.active)
+        used = [rows for (contacts, _), rows in self._made.items() if contacts == active]
+        return used[-1].near() if used else ()
 
     def let_legs_pass(self, legs_pass: bool) -> None:
         """Leaves legs to balance for a while, or keeps them apart again.
@@ -131,8 +139,24 @@ class SelfCollisionLimit:
         """
         if legs_pass != self._legs_pass:
             self._legs_pass = legs_pass
-            for rows in self._made.values():
-                rows.let_legs_pass(legs_pass)
+            self._tell_rows()
+
+    def rest(self, at_rest: bool) -> None:
+        """Has no bounds for a while, or has them again.
+
+        Where velocities are commanded a foot may stand that is no contact of the stack: links that
+        only it could keep apart go where the body goes.
+
+        Args:
+            at_rest: whether no pair has a bound.
+        """
+        if at_rest != self._at_rest:
+            self._at_rest = at_rest
+            self._tell_rows()
+
+    def _tell_rows(self) -> None:
+        for rows in self._made.values():
+            rows.let_pass(legs=self._legs_pass, everything=self._at_rest)
 
     def bind(self, robot: Robot) -> None:
         """Finds the capsules of a robot; controllers call it before the first tick.
@@ -159,17 +183,22 @@ class SelfCollisionLimit:
         self._shapes = np.concatenate([settings, shapes.ravel()])
         self._margins = margins
 
-    def rows_for(self, contacts: Sequence[Contact]) -> "SelfCollisionRows | None":
+    def rows_for(
+        self, contacts: Sequence[Contact], joints: Collection[str] | None = None
+    ) -> "SelfCollisionRows | None":
         """The rows for a set of active contacts; None where nothing can touch.
 
         Args:
             contacts: bound to the robot that the limit serves.
+            joints: names of those that may move; all when None.
         """
         if not self._enabled or self._robot is None:
             return None
-        held = frozenset(contacts)
-        if held not in self._made:
-            free = self._free_pairs(self._robot, contacts)
+        use = frozenset(contacts), None if joints is None else frozenset(joints)
+        if use not in self._made:
+            free, legs = self._free_pairs(self._robot, *use), self._of_legs(self._robot)
+            if self._legs_only:
+                free &= legs
             if not free.any():
                 return None
             pairs, places = self._capsules.pairs[free], self._places
@@ -177,11 +206,10 @@ class SelfCollisionLimit:
             names = [self._capsules.names[i] for i in pairs.ravel()]
             links = list(zip(names[::2], names[1::2], strict=True))
             parameters = np.append(self._shapes, self._margins[free])
-            legs = self._of_legs(self._robot)[free]
-            rows = SelfCollisionRows(self.name, parameters, self._frames, table, links, legs)
-            rows.let_legs_pass(self._legs_pass)
-            self._made[held] = rows
-        return self._made[held]
+            rows = SelfCollisionRows(self.name, parameters, self._frames, table, links, legs[free])
+            rows.let_pass(legs=self._legs_pass, everything=self._at_rest)
+            self._made[use] = rows
+        return self._made[use]
 
     def _of_legs(self, robot: Robot) -> Bool[np.ndarray, " pairs"]:
         """Pairs of a leg and a leg."""
@@ -189,12 +217,16 @@ class SelfCollisionLimit:
         joints = self._capsules.joints[self._capsules.pairs]
         return np.logical_and.reduce(np.isin(joints, legs), axis=1)
 
-    def _free_pairs(self, robot: Robot, contacts: Sequence[Contact]) -> Bool[np.ndarray, " pairs"]:
-        """Pairs that some joint moves which stands between no contact and the base."""
+    def _free_pairs(
+        self, robot: Robot, contacts: frozenset[Contact], names: frozenset[str] | None
+    ) -> Bool[np.ndarray, " pairs"]:
+        """Pairs that some joint moves which may and stands between no contact and the base."""
         supports = robot.model.supports
         stand = set[int]().union(
             *(supports[robot.model.frames[robot.frame_id(c.frame)].parentJoint] for c in contacts)
         )
+        if names is not None:
+            stand |= {j for j, name in enumerate(robot.model.names) if name not in names}
         joints = self._capsules.joints[self._capsules.pairs]
         between = [set(supports[i]) ^ set(supports[j]) for i, j in joints.tolist()]
         return np.array([bool(moving - stand) for moving in between], dtype=np.bool_)
@@ -248,9 +280,14 @@ class SelfCollisionRows(Owner):
         super().view(rows, own, nv)
         self._distances, self._pairs = rows.error[own], rows.error_rate[own]
 
-    def let_legs_pass(self, legs_pass: bool) -> None:
-        """See `SelfCollisionLimit`."""
-        self._margins[:] = np.where(self._legs & legs_pass, _NEVER, self._least)
+    def let_pass(self, *, legs: bool, everything: bool) -> None:
+        """Which pairs have no bound for a while.
+
+        Args:
+            legs: those of a leg and a leg.
+            everything: all of them.
+        """
+        self._margins[:] = np.where((self._legs & legs) | everything, _NEVER, self._least)
 
     def rooms(self) -> list[float]:
         """What is left to the least distance of each row's pair, infinite without one [m]."""

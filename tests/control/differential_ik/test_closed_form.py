@@ -215,7 +215,7 @@ def test_projectors_and_eigenvalues_give_what_the_compiled_levels_do(sizes, exac
     form, wb = ClosedForm(12, exact, RANK), rng.uniform(1.0, 20.0, size=12)
     u = form.solve(levels, wb)
     form.solve(levels._replace(ends=levels.ends[:1]), wb)
-    form._work.B[:] = np.eye(12)
+    form.work.B[:] = np.eye(12)
     assert np.abs(form._serve_lost(levels, 0, 0) - u).max() < 1e-9
 
 

@@ -188,6 +188,61 @@ def test_legs_may_pass_for_a_while_and_arms_may_not(get_robot):
     assert of_legs() == before
 
 
+def test_at_rest_no_pair_has_a_bound(get_robot):
+    robot, limit = get_robot("g1"), SelfCollisionLimit()
+    state = moving(robot, 0, speed=0.3)
+    before = rows_of(robot, state, limit, velocities=True)
+    own = before.collision_rows
+    bounds = before.target[own].copy()
+    assert bounds.max() > -1.0
+    limit.rest(True)
+    # Rows that were made before and rows that are made after.
+    for rows in (before, rows_of(robot, state, limit, velocities=True)):
+        dynamics = Dynamics(robot)
+        dynamics.update(state)
+        rows.update_velocities(dynamics)
+        assert rows.target[own].max() < -50.0
+    limit.rest(False)
+    again = rows_of(robot, state, limit, velocities=True)
+    np.testing.assert_array_equal(again.target[own], bounds)
+
+
+def test_legs_only_is_legs_and_nothing_else(get_robot):
+    robot, limit = get_robot("g1"), SelfCollisionLimit(legs_only=True)
+    limit.bind(robot)
+    model = robot.model
+    legs = {model.names[joint] for sole in robot.soles for joint in robot.leg_joints(sole)}
+    for seed in range(3):
+        _, pairs, owner = chosen(rows_of(robot, moving(robot, seed), limit))
+        links = capsules_of(robot)
+        of_legs = {links.names[k] for k in range(len(links.names))
+                   if model.names[int(links.joints[k])] in legs}  # fmt: skip
+        assert len(pairs) > 2
+        assert all(of_legs.issuperset(pair.links) for pair in owner.near())
+
+
+def test_joints_that_do_not_move_make_no_rows(get_robot):
+    robot, limit = get_robot("humanoid33"), SelfCollisionLimit()
+    limit.bind(robot)
+    left, right = (
+        [robot.model.names[joint] for joint in robot.leg_joints(sole)] for sole in robot.soles
+    )
+    stance = SurfaceContact("left_sole")
+    stance.bind(robot)
+    assert limit.rows_for([stance], left) is None
+    rows = limit.rows_for([stance], right)
+    assert rows is limit.rows_for([stance], right)
+    assert rows is not limit.rows_for([stance])
+    moved = {robot.model.getJointId(name) for name in right}
+    capsules = capsules_of(robot)
+    hanging = {name for name, joint in zip(capsules.names, capsules.joints, strict=True)
+               if int(joint) in moved}  # fmt: skip
+    dynamics = Dynamics(robot)
+    dynamics.update(near_home(robot, 0))
+    rows.evaluate_alone(dynamics)
+    assert all(hanging.intersection(pair.links) for pair in rows.near())
+
+
 def rows_joints(robot, pair):
     """Names of the joints that carry the capsules of a pair."""
     capsules = capsules_of(robot)

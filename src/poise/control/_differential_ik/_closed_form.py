@@ -125,11 +125,15 @@ class ClosedForm:
         n: number of joints.
         exact: how many levels, from the top, are met exactly where that is possible.
         rank: what happens to directions that are lost.
+
+    Attributes:
+        exact: as given.
+        rank: as given.
+        work: the memory.
     """
 
     def __init__(self, n: int, exact: int, rank: RankTreatment) -> None:
-        self.exact = exact
-        self._rank, self._work = rank, make_work(n)
+        self.exact, self.rank, self.work = exact, rank, make_work(n)
         # What is compiled is compiled now, not in the first tick.
         drop_rounding(self.solve(VelocityLevels.nothing(n), np.ones(n)))
 
@@ -143,9 +147,7 @@ class ClosedForm:
             joint_weight: diagonal of W_B.
         """
         u = np.empty(len(joint_weight))
-        served, taken = serve_levels(
-            levels, joint_weight, self.exact, self._rank.high, self._work, u
-        )
+        served, taken = serve_levels(levels, joint_weight, self.exact, self.rank.high, self.work, u)
         if served == len(levels.ends) - 1:
             return u
         return self._serve_lost(levels, served, taken)
@@ -154,8 +156,8 @@ class ClosedForm:
         self, levels: VelocityLevels, served: int, taken: int
     ) -> Float64[np.ndarray, " n"]:
         """Serves the levels from the first one that lost rank on."""
-        shrink, z = self._work.shrink, self._work.z[0].copy()
-        basis = self._work.B[: len(z) - taken]
+        shrink, z = self.work.shrink, self.work.z[0].copy()
+        basis = self.work.B[: len(z) - taken]
         N, count = basis.T @ basis, len(levels.ends) - 1
         for i in range(served, count):
             level = levels.level(i)
@@ -166,7 +168,7 @@ class ClosedForm:
             if i >= self.exact:
                 z += N @ robust_step(rows, missing, level.weight)
             if i < self.exact or i < count - 1:
-                step, filled = right_inverse(rows, missing, level.scale, self._rank)
+                step, filled = right_inverse(rows, missing, level.scale, self.rank)
                 z += N @ step if i < self.exact else 0.0
                 N = N - N @ filled
         u = shrink * z

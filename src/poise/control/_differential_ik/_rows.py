@@ -14,6 +14,7 @@ from jaxtyping import Float64, Int64
 from poise._checks import Numbers
 from poise.control._differential_ik._base import BASE, constrain, map_base
 from poise.control._differential_ik._kernels import VelocityLevel, VelocityLevels
+from poise.control._differential_ik._limited import LimitedLevels
 from poise.dynamics import Dynamics, saturate
 from poise.errors import ConfigurationError
 from poise.robots import Robot
@@ -178,7 +179,7 @@ class VelocityRows:
         levels: the same level by level, in views.
         jacobian: all rows, on the velocities of the joints that may move.
         velocity: their velocities; lower bounds of those of the self-collision limit.
-        limit_rows: where the rows of the self-collision limit stand.
+        limited: levels and the rows of the self-collision limit, where there are any.
         base_map: base velocity by joint velocities, for the joints that may move; None for a fixed
             base.
     """
@@ -195,7 +196,12 @@ class VelocityRows:
         home: HomeJacobians,
     ) -> None:
         self.stance, self._joints = stance, joints
-        self.stack_rows = rows = StackRows(robot, stack, held, stance=stance, collisions="behind")
+        moving = None
+        if len(joints) < robot.nj:
+            moving = [robot.joint_names[joint] for joint in joints]
+        self.stack_rows = rows = StackRows(
+            robot, stack, held, stance=stance, collisions="behind", joints=moving
+        )
         self._blocks = [
             (task, _bounded_blocks(task, place, speeds))
             for task, place in rows.task_rows
@@ -205,7 +211,7 @@ class VelocityRows:
         self.jacobian: Float64[np.ndarray, "m n"] = np.zeros((len(rows.target), len(joints)))
         self.velocity: Float64[np.ndarray, " m"] = rows.target
         # The rows of the self-collision limit stand behind all levels.
-        self.limit_rows, last = rows.collision_rows, int(rows.ends[-1])
+        limit_rows, last = rows.collision_rows, int(rows.ends[-1])
         # A fixed base has no velocity to be mapped.
         base = 0 if stance is None else BASE
         self._base_map, self._scratch = np.zeros((base, len(joints))), np.zeros((base, base))
@@ -218,6 +224,13 @@ class VelocityRows:
         self.stacked = VelocityLevels(
             self.jacobian[:last], self.velocity[:last], self._weight[:last], scale[:last], ends
         )
+        limits = VelocityLevel(
+            self.jacobian[limit_rows],
+            self.velocity[limit_rows],
+            self._weight[limit_rows],
+            scale[limit_rows],
+        )
+        self.limited = LimitedLevels(self.stacked, limits)
         self.levels = [self.stacked.level(i) for i in range(len(ends) - 1)]
         self._compile(robot.nv)
 
@@ -237,17 +250,6 @@ class VelocityRows:
         if self.stance is not None:
             map_base(self.stance.jacobian, self._joints, self._base_map, self._scratch)
         constrain(self.stack_rows.J, self._joints, self._base_map, self.jacobian)
-
-    @property
-    def limits(self) -> VelocityLevel:
-        """The rows of the self-collision limit, whose velocities are the least ones."""
-        rows = self.limit_rows
-        return VelocityLevel(
-            self.jacobian[rows],
-            self.velocity[rows],
-            self._weight[rows],
-            np.ones(rows.stop - rows.start),
-        )
 
     def _compile(self, nv: int) -> None:
         """Eliminates nothing once, so that nothing is compiled in a tick."""

@@ -17,7 +17,6 @@ from poise.control._differential_ik._rows import (
     RowWeights,
     VelocityRows,
 )
-from poise.control._differential_ik._within_bounds import hold_apart
 from poise.control._excess import excess
 from poise.control._rank import RankTreatment
 from poise.control._strategy import PHYSICS_LEVELS, USABLE, Answer
@@ -152,6 +151,8 @@ class VelocityStrategy:
         self.robot, self.stack, self.name = robot, stack, strategy
         self._joints, self._bounds = joints, bounds
         self._form = ClosedForm(len(joints), _EXACT, rank)
+        # With one more level, the self-collision limit.
+        self._joined_form = ClosedForm(len(joints), _EXACT + 1, rank)
         self._q_index = joints + (robot.nq - robot.nj)
         self._speeds, self._home = speeds, HomeJacobians(robot, stack)
         self.weights = RowWeights(stack)
@@ -283,7 +284,7 @@ class VelocityStrategy:
         # By the last answer: the sign of a measured velocity is noise where a joint rests.
         self._joint_weight = limit_weights(self._q, self._last, bounds.q_min, bounds.q_max)
         bounds = self._joint_weight, self._lower, self._upper
-        u, self._held = hold_apart(self._form, self.current.stacked, self.current.limits, *bounds)
+        u, self._held = self.current.limited.hold(self._form, self._joined_form, *bounds)
         return SolveStatus.OPTIMAL, u
 
     def _by_qp(self, hierarchy: VelocityHierarchy) -> tuple[SolveStatus, Float64[np.ndarray, " n"]]:
@@ -314,6 +315,7 @@ class VelocityStrategy:
                 home=self._home,
             )
             if self.name != "hqp":
+                rows.limited.compile(self._joined_form)
                 return rows, None
             names = [self.robot.joint_names[i] for i in self._joints]
             return rows, VelocityHierarchy(rows, names)

@@ -32,10 +32,6 @@ _SLIPPED = 1e-6
 """Velocity that the first level, the contacts, may miss before the rest slows down [unit/s]."""
 
 
-_NO_MOBILITY = 1e-6
-"""Velocity of a row for a radian a second below which nothing moves it [unit]."""
-
-
 def solve_within_bounds(
     levels: Sequence[VelocityLevel],
     joint_weight: Float64[np.ndarray, " n"],
@@ -102,62 +98,6 @@ def hold_within_bounds(
     if _missed(levels, 1, u) > _SLIPPED:
         u = _slowed(form, levels, joint_weight, lower, upper)
     return u, held
-
-
-def hold_apart(
-    form: ClosedForm,
-    levels: VelocityLevels,
-    limits: VelocityLevel,
-    joint_weight: Float64[np.ndarray, " n"],
-    lower: Float64[np.ndarray, " n"],
-    upper: Float64[np.ndarray, " n"],
-) -> tuple[Float64[np.ndarray, " n"], Bool[np.ndarray, " n"]]:
-    """`hold_within_bounds` with rows that have least velocities, above all but the first level.
-
-    The row that is farthest below is held in each round, beside the contacts: the next is often met
-    then. Where none is below, that costs one product.
-
-    Args:
-        form: solves levels without bounds.
-        levels: most important first.
-        limits: rows with least velocities.
-        joint_weight: diagonal of W_B.
-        lower: lower bounds of the joint velocities [rad/s].
-        upper: upper bounds, not below the lower ones.
-
-    Returns:
-        Joint velocities [rad/s], and which joints are held.
-    """
-    u, held = hold_within_bounds(form, levels, joint_weight, lower, upper)
-    rows: list[int] = []
-    for _ in range(len(limits.velocity)):
-        below = limits.velocity - limits.jacobian @ u
-        below[rows] = 0.0
-        worst = int(np.argmax(below))
-        if not below[worst] > _SLIPPED:
-            break
-        rows.append(worst)
-        u, held = hold_within_bounds(
-            form, _with_limits(levels, limits, rows), joint_weight, lower, upper
-        )
-    return u, held
-
-
-def _with_limits(
-    levels: VelocityLevels, limits: VelocityLevel, rows: Sequence[int]
-) -> VelocityLevels:
-    """Levels with some rows of limits at the end of the first."""
-    at = int(levels.ends[1])
-    scale = 1.0 / np.maximum(np.linalg.norm(limits.jacobian[rows], axis=1), _NO_MOBILITY)
-    ends = levels.ends + len(rows)
-    ends[0] = 0
-    return VelocityLevels(
-        np.insert(levels.jacobian, at, limits.jacobian[rows], axis=0),
-        np.insert(levels.velocity, at, limits.velocity[rows]),
-        np.insert(levels.weight, at, limits.weight[rows]),
-        np.insert(levels.scale, at, scale),
-        ends,
-    )
 
 
 def _first(levels: VelocityLevels, count: int) -> VelocityLevels:
