@@ -6,7 +6,7 @@ from studies.torque_teleoperation.cuts_section import cuts_section
 from studies.torque_teleoperation.habits_section import habits_section
 from studies.torque_teleoperation.hands_section import hands_section
 from studies.torque_teleoperation.held_section import held_section
-from studies.torque_teleoperation.operators_section import operators_section
+from studies.torque_teleoperation.operators_section import mixed_section, operators_section
 from studies.torque_teleoperation.scenarios_section import scenarios_section
 from studies.torque_teleoperation.standing_section import standing_section
 
@@ -25,6 +25,7 @@ PLAN = StudyPlan(
     parts=(
         Part("scenarios", "The paper's scenarios", scenarios_section),
         Part("operators", "Bad operators", operators_section),
+        Part("mixed", "G1 under all conditions at once", mixed_section),
         Part("habits", "Operators with habits", habits_section),
         Part("held", "Pushed with one foot held up", held_section),
         Part("again", "Pushed again while it catches itself", again_section),
@@ -33,4 +34,4 @@ PLAN = StudyPlan(
         Part("standing", "Standing at velocity level", standing_section),
     ),
 )
-"""The study: eight parts."""
+"""The study: nine parts."""

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from studies.bad_operator.conditions import CONDITIONS, Outcome, Trial, run_trial
+from studies.bad_operator.conditions import CONDITIONS, MIXED, Outcome, Trial, run_trial
 from studies.finding import Finding, Section, Table
 from studies.plan import Progress, StudyOptions
 from studies.trials import run_each
@@ -11,13 +11,33 @@ _SPREAD = 1_000_000
 """Seeds of `--seed N` begin at N times this."""
 
 
+_ROBOTS = ("biped20", "humanoid33", "g1")
+
+
 def operators_section(options: StudyOptions, progress: Progress) -> Section:
-    """The section."""
+    """The section, of all robots under all conditions."""
+    return _section(_ROBOTS, tuple(CONDITIONS), options, progress)
+
+
+def mixed_section(options: StudyOptions, progress: Progress) -> Section:
+    """What is hardest in it, by itself, half an hour in place of a night.
+
+    Both keep the same trials: who runs one after the other runs none of them again.
+    """
+    return _section(("g1",), (MIXED,), options, progress)
+
+
+def _section(
+    robots: tuple[str, ...],
+    conditions: tuple[str, ...],
+    options: StudyOptions,
+    progress: Progress,
+) -> Section:
     first, seconds = _SPREAD * options.seed, 20.0 if options.quick else 60.0
     trials = [
         Trial(robot=robot, level="torque", condition=condition, seed=first + k, seconds=seconds)
-        for robot in ("biped20", "humanoid33", "g1")
-        for condition in CONDITIONS
+        for robot in robots
+        for condition in conditions
         for k in range(_seeds(condition, options))
     ]
     outcomes = list(run_each(run_trial, Outcome, trials, progress, options).values())
@@ -25,8 +45,8 @@ def operators_section(options: StudyOptions, progress: Progress) -> Section:
         (robot, condition): [
             o for o in outcomes if (o.trial.robot, o.trial.condition) == (robot, condition)
         ]
-        for robot in ("biped20", "humanoid33", "g1")
-        for condition in CONDITIONS
+        for robot in robots
+        for condition in conditions
     }
     return Section(
         prose=(
