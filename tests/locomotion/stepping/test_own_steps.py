@@ -82,10 +82,10 @@ def test_where_it_holds_itself_the_operator_stays_in_command(get_robot):
     assert not overruled(run.log).any()
 
 
-@pytest.mark.parametrize("degrees", [0, 180])
-def test_both_feet_on_the_ground_it_steps_and_comes_to_rest(get_robot, degrees):
+@pytest.mark.parametrize(("speed", "degrees"), [(0.45, 0), (0.45, 180), (0.5, 45)])
+def test_both_feet_on_the_ground_it_steps_and_comes_to_rest(get_robot, speed, degrees):
     robot = get_robot("g1")
-    run = pushed(robot, 0.45, degrees, [], 4.5)
+    run = pushed(robot, speed, degrees, [], 4.5)
     log = run.log
     assert not run.fell
     assert overruled(log).any()

@@ -29,6 +29,10 @@ _NARROW_STEP, _NARROW_LIFT = 0.75, 0.5
 """How far ahead and how high a foot may be led there beside one too narrow for a push, over
 `step_max` and `lift_max`: from farther away it does not come down in time to catch the robot."""
 
+_NARROW_GAP = 0.09
+"""Least distance of such soles' edges there, over the COM's height: one behind the other, as on a
+rope, they hold no push aside."""
+
 
 @checked()
 @dataclass(frozen=True, kw_only=True)
@@ -230,6 +234,7 @@ def for_torques(robot: Robot, parameters: TeleopParameters, height: float) -> Te
     omega, margin = natural_frequency(height), parameters.support_margin
     narrow = one_foot(robot, omega, margin).narrow
     farthest, highest = (_NARROW_STEP, _NARROW_LIFT) if narrow else (1.0, 1.0)
+    gap = _NARROW_GAP if narrow else 0.0
     return replace(
         parameters,
         dt=_TORQUE_DT,
@@ -237,4 +242,5 @@ def for_torques(robot: Robot, parameters: TeleopParameters, height: float) -> Te
         fold_min=_TORQUE_FOLD,
         step_max=farthest * parameters.step_max,
         lift_max=highest * parameters.lift_max,
+        feet_gap=max(parameters.feet_gap, gap * height),
     )

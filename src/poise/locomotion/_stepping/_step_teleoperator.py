@@ -250,6 +250,7 @@ class StepTeleoperator:
                 return
             dynamics.update(state)
         self.zmp_sensor.update(state, dynamics)
+        self._com.observe(dynamics.com_velocity[:2])
         sample = None if self.device is None else self.device.sample(state.time)
         soles = (self.estimator.sole(0), self.estimator.sole(1))
         command = self._guard.check(sample, state.time, soles, self.estimator.anchors)
@@ -263,7 +264,6 @@ class StepTeleoperator:
                 self._follow_own(self._own, state, sample)
                 return
             self._own.feel(state, self.mode)
-        self._com.observe(dynamics.com_velocity[:2])
         self._move_mode(command, state.time)
         footing = self._footing()
         if self._own is not None and self._own.takes_over(footing, state):
