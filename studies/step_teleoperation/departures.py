@@ -173,6 +173,11 @@ DEPARTURES = (
         reason="a foot that is sent out of reach pulls the robot over",
     ),
     Departure(
+        rule="legs kept off each other",
+        paper="a foot goes where it is sent, whatever is there",
+        reason="feet that have come down pressed together throw the robot at its next shift",
+    ),
+    Departure(
         rule="a step can be taken back",
         paper="no way back from TL, TR, nor from SL, SR while the foot is still on the ground",
         reason="an operator may think better of a step; and a foot that has not left the ground is "

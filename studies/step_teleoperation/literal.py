@@ -181,6 +181,8 @@ class LiteralTeleoperator(StepTeleoperator):
         stance, other = estimator.stance, 1 - estimator.stance
         stack.contact(self.soles[stance]).engage(0.0)
         stack.contact(self.soles[other]).release(0.0)
+        # Nothing in the paper keeps one leg off the other.
+        stack.self_collision_limit.rest(True)
         height = self._nominal + float(estimator.anchors[stance][2])
         up = saturate(p.v_lim, np.array([p.k_v * (height - dynamics.com[2])]))
         stack.task("com").set_velocity(np.array([*self._velocity, *up]))
@@ -228,11 +230,16 @@ class RestartingLiteral(CommandedLiteral):
 
 
 class PaperWeights(StepTeleoperator):
-    """Poise's rules, but weights as the paper has them, (39c) and (39d)."""
+    """Poise's rules, but weights as the paper has them, (39c) and (39d).
+
+    And nothing keeps one leg off the other: where that held the foot the ZMP would be compared for
+    another swing than the paper's.
+    """
 
     def lead(self, state: RobotState) -> None:
         """One tick."""
         super().lead(state)
+        self.stack.self_collision_limit.rest(True)
         status = self.status
         if status is not None:
             error = (status.zmp_reference - status.zmp).tolist()
