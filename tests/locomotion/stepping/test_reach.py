@@ -177,3 +177,14 @@ def test_a_robot_that_stands_is_neither_too_high_nor_too_low(get_robot):
         hip = reach.hip(foot, dynamics)
         assert reach.too_high(foot, place, hip, STAY) < 0.0
         assert reach.too_low(foot, place, hip, FORWARD) < 0.0
+
+
+def test_feet_span_what_they_may_be_led_to_and_little_more(get_robot):
+    reach = range_of(get_robot("biped20"), step_max=0.3)
+    right, turned = np.zeros(3), np.array([np.cos(0.5), np.sin(0.5)])
+    for ahead, aside, spans in ((0.0, 0.27, True), (0.37, 0.27, True), (-0.39, 0.27, False),
+                                (0.0, 0.37, True), (0.0, 0.39, False)):  # fmt: skip
+        left = np.array([ahead, aside, 0.05])
+        assert reach.spans(left, right, FORWARD) == spans
+        along = turned * ahead + np.array([-turned[1], turned[0]]) * aside
+        assert reach.spans(np.array([*along, 0.0]), right, turned) == spans

@@ -19,6 +19,9 @@ _REST = 0.3
 """So long the robot stands still, its divergent component inside its soles, before it is given back
 [s]."""
 
+_CLOSING = 6.0
+"""For so long at most it goes on stepping only to have its feet side by side [s]."""
+
 _CAUGHT_MARGIN = 0.005
 """How far inside the soles' edges the ZMP stays in order not to fall [m]."""
 
@@ -44,8 +47,9 @@ class OwnSteps:
 
     Once the divergent component has left what carries, no ZMP brings it back: only a foot somewhere
     else does. A `Walker` on the same stack chooses where and when, the one in the air first, foot
-    after foot, until both hold the robot at rest. It also walks with a velocity that the operator
-    asks for, and comes back to rest, feet side by side, when that is zero again.
+    after foot, until both hold the robot at rest; and on, until they stand side by side, where they
+    would be farther apart than the operator can lead them. It also walks with a velocity that the
+    operator asks for, and comes back to rest, feet side by side, when that is zero again.
 
     Args:
         robot: a biped.
@@ -78,6 +82,7 @@ class OwnSteps:
     def reset(self) -> None:
         """The operator leads."""
         self.acting, self._rested = False, 0.0
+        self._closing: float | None = None
         self._velocity, self._driven = (0.0, 0.0, 0.0), False
 
     @property
@@ -146,7 +151,7 @@ class OwnSteps:
         if held and not any(self._velocity) and not hangs:
             return False
         self._walker.take_over(state, airborne)
-        self.acting, self._rested = True, 0.0
+        self.acting, self._rested, self._closing = True, 0.0, None
         self.drive(self._velocity)
         return True
 
@@ -158,16 +163,24 @@ class OwnSteps:
         """
         self._walker.lead(state)
 
-    def accompany(self, footing: Footing) -> None:
+    def accompany(self, footing: Footing, *, fits: bool) -> None:
         """Sets the trunk; gives the robot back once it has come to rest.
 
         Args:
             footing: of the tick.
+            fits: whether the operator could have led the feet to where they are.
         """
         self._tasks.accompany(footing)
         rests = self._walker.held and self._walker.status.ok
         rests = rests and footing.capture_depth > 0.0 and not any(self._velocity)
         self._rested = self._rested + self._dt if rests else 0.0
-        if self._rested > _REST:
+        if self._closing is not None:
+            self._closing += self._dt
+        if self._rested <= _REST:
+            return
+        if not fits and self._closing is None:
+            self._walker.close()
+            self._closing = 0.0
+        if fits or (self._closing or 0.0) > _CLOSING:
             self._walker.forget()
             self.reset()

@@ -16,6 +16,10 @@ _ROLL_RATIO = 0.8
 _LEAN_RATIO = 0.9
 """Part of the ankle's pitch that the shank may lean forward by."""
 
+_SPARE = 0.08
+"""How much farther apart than they may be led feet may stand where the robot has put them [m]:
+twice as far apart as at home G1's ankles are at the ends of their roll, and a shift goes beyond."""
+
 
 class FootRange:
     """Keeps a swing foot within the leg's reach and beside the other foot.
@@ -100,6 +104,24 @@ class FootRange:
             shorter = 1.0 - room / distance
             x, y = x - shorter * offset_x, y - shorter * offset_y
         return np.array([x, y, z])
+
+    def spans(
+        self,
+        left: Float64[np.ndarray, "3"],
+        right: Float64[np.ndarray, "3"],
+        heading: Float64[np.ndarray, "2"],
+    ) -> bool:
+        """Whether feet stand no farther apart than they may be led, or little more.
+
+        Args:
+            left: centre of the left sole [m].
+            right: of the right one [m].
+            heading: unit vector forward, x and y.
+        """
+        x, y, _ = (left - right).tolist()
+        forward_x, forward_y = heading.tolist()
+        aside, ahead = y * forward_x - x * forward_y, x * forward_x + y * forward_y
+        return aside <= self._aside_max + _SPARE and abs(ahead) <= self._step_max + _SPARE
 
     def too_high(
         self,

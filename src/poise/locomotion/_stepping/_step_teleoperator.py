@@ -294,7 +294,8 @@ class StepTeleoperator:
         self._guard.let_go(own.status)
         footing = self._footing()
         footing.zmp_reference = own.zmp
-        own.accompany(footing)
+        soles = footing.sole(0), footing.sole(1)
+        own.accompany(footing, fits=self._reach.spans(*soles, footing.heading))
         self._status = self._describe(footing, sample, own.target)
         if not own.acting:
             self._restart(None)

@@ -29,6 +29,10 @@ class Phase(Enum):
 _WORTH = 0.5
 """A foot stays where it is while both hold the robot and its step would cost more than this."""
 
+_PATIENCE = 0.5
+"""For so long a foot that is to step waits for its step to cost less [s]: with feet far apart
+ankles do not let the robot come nearer to the other one, and it steps from where it is."""
+
 _CALM = 0.01
 """The divergent component has to be this far inside what holds it for the feet to stay [m]."""
 
@@ -62,7 +66,7 @@ class StepCycle:
         self._landed: Flight | None = None
         self._hovering = self._stood = 0.0
         self._released = self._hurried = False
-        self._left = 0.0
+        self._left = self._waited = 0.0
 
     # Beginnings -----------------------------------------------------------------------------------
 
@@ -175,6 +179,7 @@ class StepCycle:
     def _go(self, foot: int, time: float) -> None:
         """A foot is to be lifted in a while [s]."""
         self.phase, self.foot, self._left, self._released = Phase.SHIFT, foot, time, False
+        self._waited = 0.0
 
     def _hurry(self) -> None:
         """A foot is to be lifted at once, so that the robot does not fall."""
@@ -198,8 +203,8 @@ class StepCycle:
             self._lead_dcm(lift_off, self._left, dt)
         ramp = min(RELEASE * self._gait.double_support, QUICK)
         if not self._released and self._left <= ramp:
-            if self.is_held() and self._planner.cost(self._next_foot()) > _WORTH:
-                self._left = ramp
+            if self._waited < _PATIENCE and self._can_wait():
+                self._left, self._waited = ramp, self._waited + dt
                 self._calm_down()
                 return
             contact.release(ramp)
@@ -208,6 +213,10 @@ class StepCycle:
             self._tasks.feet[foot].set_target(*self._sense.sole(foot))
         if self._left <= 0.0 and not contact.active:
             self._lift(foot)
+
+    def _can_wait(self) -> bool:
+        """Whether both feet hold the robot, and a step now would cost it much."""
+        return self.is_held() and self._planner.cost(self._next_foot()) > _WORTH
 
     def _calm_down(self) -> None:
         """Who was in a hurry, and is held again, leads the divergent component on from here."""

@@ -145,6 +145,10 @@ class Walker:
         if airborne is not None:
             self._steps.put_down(airborne)
 
+    def close(self) -> None:
+        """Brings the feet side by side, as after a walk."""
+        self.commands.closes = True
+
     def feel(self, state: RobotState) -> None:
         """Learns what soles carry on, and whether one hangs, while somebody else leads two feet.
 
