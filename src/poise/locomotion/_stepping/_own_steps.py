@@ -20,7 +20,7 @@ _REST = 0.3
 [s]."""
 
 _CLOSING = 6.0
-"""For so long at most it goes on stepping only to have its feet side by side [s]."""
+"""For so long at most it goes on stepping only to have its feet nearer together [s]."""
 
 _CAUGHT_MARGIN = 0.005
 """How far inside the soles' edges the ZMP stays in order not to fall [m]."""
@@ -47,8 +47,8 @@ class OwnSteps:
 
     Once the divergent component has left what carries, no ZMP brings it back: only a foot somewhere
     else does. A `Walker` on the same stack chooses where and when, the one in the air first, foot
-    after foot, until both hold the robot at rest; and on, until they stand side by side, where they
-    would be farther apart than the operator can lead them. It also walks with a velocity that the
+    after foot, until both hold the robot at rest; and on, towards side by side, where they would be
+    farther apart than the operator can lead them. It also walks with a velocity that the
     operator asks for, and comes back to rest, feet side by side, when that is zero again.
 
     Args:
@@ -176,10 +176,13 @@ class OwnSteps:
         self._rested = self._rested + self._dt if rests else 0.0
         if self._closing is not None:
             self._closing += self._dt
+            if not any(self._velocity):
+                # Each step is another chance to stumble: near enough is enough.
+                self._walker.close(not fits)
         if self._rested <= _REST:
             return
         if not fits and self._closing is None:
-            self._walker.close()
+            self._walker.close(True)
             self._closing = 0.0
         if fits or (self._closing or 0.0) > _CLOSING:
             self._walker.forget()

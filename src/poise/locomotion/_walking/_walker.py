@@ -145,9 +145,13 @@ class Walker:
         if airborne is not None:
             self._steps.put_down(airborne)
 
-    def close(self) -> None:
-        """Brings the feet side by side, as after a walk."""
-        self.commands.closes = True
+    def close(self, closes: bool) -> None:
+        """Brings the feet side by side, as after a walk, or leaves them where they are.
+
+        Args:
+            closes: whether.
+        """
+        self.commands.closes = closes
 
     def feel(self, state: RobotState) -> None:
         """Learns what soles carry on, and whether one hangs, while somebody else leads two feet.
