@@ -64,8 +64,9 @@ def bound_settling(
 
     where lower and upper are the bounds of `JointLimit`, but with its `braking` b for all of these
     joints, and never so that a joint has to brake, or to come back from beyond its limit, by more
-    than b: nothing but the body could do that beside a contact that holds, and soles give it 3
-    m/s^2. Where an ankle's sole is tilted beyond its range the joint's own stop holds it.
+    than b: nothing but the body could do that beside a contact that holds, and it would take the
+    robot off its soles. Where an ankle's sole is tilted beyond its range the joint's own stop holds
+    it.
 
     Args:
         q: configuration.

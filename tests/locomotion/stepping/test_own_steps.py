@@ -17,6 +17,7 @@ from poise.locomotion import (
     StepTeleoperator,
     WayPoint,
 )
+from poise.locomotion._stepping._reach import FootRange
 
 STATUSES, MODES = list(DeviceStatus), list(Mode)
 
@@ -109,6 +110,19 @@ def test_feet_that_stand_too_far_apart_to_be_led_are_brought_together_again(get_
     assert not overruled(log)[log.time > 5.3].any()
     # The trunk leans for the push, and not for what comes after it.
     assert log.tilt[log.time > PUSHED_AT + 2.0].max() < 0.3
+
+
+def test_feet_that_cannot_be_brought_together_are_the_operators_all_the_same(
+    get_robot, monkeypatch
+):
+    monkeypatch.setattr(FootRange, "spans", lambda *feet: False)
+    run = pushed(get_robot("g1"), 0.45, 0, [], 10.0)
+    own = overruled(run.log)
+    assert not run.fell
+    # Six seconds of trying, and what comes before and after.
+    assert own[run.log.time < 7.0].any()
+    assert 6.0 < own.sum() * TORQUE_TELEOP_PLANT.control_dt < 8.2
+    assert not own[-1]
 
 
 def test_a_foot_that_stands_and_hangs_is_put_down(get_robot):

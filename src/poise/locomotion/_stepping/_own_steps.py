@@ -178,7 +178,7 @@ class OwnSteps:
             self._closing += self._dt
             if not any(self._velocity):
                 # Each step is another chance to stumble: near enough is enough.
-                self._walker.close(not fits)
+                self._walker.close(not fits and self._closing <= _CLOSING)
         if self._rested <= _REST:
             return
         if not fits and self._closing is None:

@@ -18,7 +18,7 @@ _LEAN_RATIO = 0.9
 
 _SPARE = 0.08
 """How much farther apart than they may be led feet may stand where the robot has put them [m]:
-twice as far apart as at home G1's ankles are at the ends of their roll, and a shift goes beyond."""
+from twice as far apart as at home a shift takes an ankle of G1 beyond the end of its roll."""
 
 
 class FootRange:
