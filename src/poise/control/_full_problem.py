@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Float64
+from scipy.linalg import block_diag
 
 from poise._compiled import compiled
 from poise.dynamics import Dynamics
@@ -11,11 +12,23 @@ from poise.hqp import HierarchicalProblem
 from poise.robots import Robot
 from poise.stack import Contact, Stack, StackRows
 
-WRENCH_COST = 1e-4
-"""Final cost of a wrench component against the acceleration energy.
+_WRENCH_COST, _UNEVEN = 1e-4, 0.1
+"""Final cost of a wrench, by the metric of its contact, against the acceleration energy; and how
+much less normal forces count in it: feet share what they have to hold by their loads, before the
+pressure goes to the edge of either. There a sole that does not quite lie on its ground turns over.
 
 It only chooses among the internal forces that every level leaves free; it stands in the final
 cost, below all levels, so it takes nothing from a task."""
+
+
+def wrench_cost(contacts: Sequence[Contact]) -> Float64[np.ndarray, "w w"]:
+    """Final cost of the wrenches of contacts, one after the other."""
+    blocks: list[Float64[np.ndarray, "dim dim"]] = []
+    for contact in contacts:
+        metric = contact.metric
+        metric[2, 2] *= _UNEVEN
+        blocks.append(_WRENCH_COST * metric)
+    return block_diag(*blocks) if blocks else np.zeros((0, 0))
 
 
 class FullProblem:
@@ -54,7 +67,7 @@ class FullProblem:
         self.problem = problem = self._allocate(robot, rows)
         nv, n = robot.nv, problem.n
         problem.labels[:1] = _bound_labels(robot, rows)
-        problem.H[nv:, nv:] = WRENCH_COST * np.eye(n - nv)
+        problem.H[nv:, nv:] = wrench_cost(contacts)
         # The stack's rows begin where the dynamics' end, and the bounds on x precede them all.
         stacked = slice(n + nv, None)
         rows.write_into(

@@ -9,11 +9,11 @@ from abc import ABC, abstractmethod
 import numpy as np
 from jaxtyping import Float64, Int64
 
-from poise._checks import checked_kind, checked_number
+from poise._checks import Numbers, checked_kind, checked_number
 from poise.dynamics import Dynamics
 from poise.errors import ConfigurationError
 from poise.robots import Robot
-from poise.stack._axes import split_rows
+from poise.stack._axes import checked_target, split_rows
 from poise.stack._evaluation import Owner
 from poise.stack._tables import Kind
 
@@ -69,7 +69,7 @@ class Contact(Owner, ABC):
     Wrenches act on the robot, at the frame's origin, along the frame's own axes, so that the cone
     `C F <= 0` is constant; on an edge the origin is there. The contact frame does not accelerate:
     J dv + drift = -damping velocity, equation (2) of Ahn et al. 2024 with a damping that keeps a
-    foot from creeping.
+    foot from creeping; and where its leader has it turn or move, as `set_acceleration` says.
 
     Args:
         frame: the frame in contact, such as "left_sole".
@@ -122,8 +122,9 @@ class Contact(Owner, ABC):
         self.chosen, self.dim = components, len(components)
         self.cone: Float64[np.ndarray, "rows dim"] = np.zeros((0, self.dim))
         self.reference: Float64[np.ndarray, " dim"] = np.zeros(self.dim)
-        # Damping, lower and upper bounds of the wrench, `pressure_reach`, `edge_distance`.
-        self.parameters: Float64[np.ndarray, " p"] = np.zeros(4 + 2 * self.dim)
+        # Damping, lower and upper bounds of the wrench, `pressure_reach`, `edge_distance`, and the
+        # acceleration that is asked for.
+        self.parameters: Float64[np.ndarray, " p"] = np.zeros(4 + 3 * self.dim)
         self.set_damping(damping)
         self.wrench_lower[:], self.wrench_upper[:] = -np.inf, np.inf
         self.wrench_lower[2] = 0.0
@@ -207,12 +208,44 @@ class Contact(Owner, ABC):
 
         Zero for a contact that does not roll; made with the cone.
         """
-        return float(self.parameters[-1])
+        return float(self.parameters[3 + 2 * self.dim])
+
+    @property
+    def acceleration(self) -> Float64[np.ndarray, " dim"]:
+        """What is asked for beside the damping [m/s^2, rad/s^2]; `set_acceleration` changes it."""
+        return self.parameters[4 + 2 * self.dim :].copy()
+
+    def set_acceleration(self, acceleration: Numbers) -> None:
+        """Asks the contact to move, from the next tick on.
+
+        J dv + drift = acceleration - damping velocity. What lies firmly on the ground does not
+        follow, and little is lost by that: it is the inertia of a foot that does. A sole that
+        carries little, on an edge or just off the ground, can be turned by it.
+
+        Args:
+            acceleration: of the components that the contact holds (`chosen`), along its own axes,
+                linear first [m/s^2, rad/s^2].
+
+        Raises:
+            TargetError: not so many finite numbers.
+        """
+        what = f"acceleration of contact {self.name!r} [m/s^2, rad/s^2]"
+        self.parameters[4 + 2 * self.dim :] = checked_target(acceleration, self.dim, what)
 
     @property
     def active(self) -> bool:
         """Whether the contact may carry load; an inactive one does not constrain the robot."""
         return self._load.active
+
+    @property
+    def metric(self) -> Float64[np.ndarray, "dim dim"]:
+        """How near a wrench is to what the contact can hold: F^T metric F [N^2].
+
+        C^T C, each row of the cone over its bound at unit normal force, over the number of rows: a
+        moment counts as the normal force with which it takes the pressure to an edge.
+        """
+        rows = self.cone / -self.cone[:, 2:3]
+        return rows.T @ rows / len(rows)
 
     @property
     def blocks(self) -> tuple[int, ...]:

@@ -168,7 +168,7 @@ class SurfaceContact(Contact):
             )
         self.pressure_reach[:] = x, y
         if 3 not in self.chosen:
-            self.parameters[-1] = width / 2.0
+            self.parameters[3 + 2 * self.dim] = width / 2.0
             return _edge_cone(self.friction, x)[:, self.chosen]
         plain, long, wide = (
             _rectangle_cone(self.friction, *size, self._torsion, yaws=5 in self.chosen)

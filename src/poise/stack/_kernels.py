@@ -170,7 +170,8 @@ def _contact(
             )
     for i in range(m):
         component = int(owners.chosen[line[CHOSEN] + i])
-        drift, reference = work[BIAS + component], -parameters[at] * work[VELOCITY + component]
+        drift, asks = work[BIAS + component], parameters[at + 4 + 2 * m + i]
+        reference = asks - parameters[at] * work[VELOCITY + component]
         rows.drift[first + i], rows.reference[first + i] = drift, reference
         asked = 0.0 if velocities else reference - drift
         rows.target[first + i] = rows.upper[first + i] = asked

@@ -23,6 +23,7 @@ class SettlingRoom(NamedTuple):
     Attributes:
         gram: how the joints of a contact move it, squared.
         slip: velocity of a contact [m/s, rad/s].
+        change: what it is asked to change it by [m/s^2, rad/s^2].
         velocity: of the joints, for contacts that come to rest [rad/s].
         rate: how fast that changes until they do [rad/s^2].
         beside: one for joints that move a contact, zero for others.
@@ -30,6 +31,7 @@ class SettlingRoom(NamedTuple):
 
     gram: Float64[np.ndarray, "6 6"]
     slip: Float64[np.ndarray, "6"]
+    change: Float64[np.ndarray, "6"]
     velocity: Float64[np.ndarray, " nj"]
     rate: Float64[np.ndarray, " nj"]
     beside: Float64[np.ndarray, " nj"]
@@ -38,7 +40,7 @@ class SettlingRoom(NamedTuple):
 def settling_room(joints: int) -> SettlingRoom:
     """The room for so many joints."""
     gram = np.zeros((_LARGEST, _LARGEST))
-    return SettlingRoom(gram, np.zeros(_LARGEST), *np.zeros((3, joints)))
+    return SettlingRoom(gram, *np.zeros((2, _LARGEST)), *np.zeros((3, joints)))
 
 
 @compiled
@@ -54,13 +56,13 @@ def bound_settling(
 ) -> None:
     """Leaves out of joint limits what joints do only because a contact still moves.
 
-    A contact that carries comes to rest by itself, J dv + drift = -d J v. A sole that has come
+    A contact that carries comes to rest by itself, J dv + drift = a - d J v. A sole that has come
     down on an edge turns by several rad/s until it lies, and its ankle with it: an ankle that shall
     stop before its limit could do so sooner by the body alone, which would be thrown aside by 40
     m/s^2 for it. So, with w the least velocity of the joints between base and contact that moves it
     as it moves, J w = J v,
 
-        lower(v - w) - d w <= dv <= upper(v - w) - d w
+        lower(v - w) + r <= dv <= upper(v - w) + r,  r the least with J r = a - d J v
 
     where lower and upper are the bounds of `JointLimit`, but with its `braking` b for all of these
     joints, and never so that a joint has to brake, or to come back from beyond its limit, by more
@@ -104,7 +106,7 @@ def _settle(
     first: int,
     room: SettlingRoom,
 ) -> None:
-    """Adds what one contact's motion asks of its joints: w = J^T (J J^T + s I)^-1 J v."""
+    """Adds what one contact's motion asks of its joints: w = J^T (J J^T + s I)^-1 J v, so r."""
     columns, frame = owners.frames.columns, line[FRAME_INDEX]
     begin, end = owners.frames.starts[frame], owners.frames.starts[frame + 1]
     top, count = rows.first + line[FIRST], int(line[COUNT])
@@ -120,14 +122,16 @@ def _settle(
             room.gram[i, j] = total
     if not factor_leading(room.gram, count):
         return
+    at = line[START]
+    for i in range(count):
+        asks = owners.parameters[at + 4 + 2 * count + i]
+        room.change[i] = asks - owners.parameters[at] * room.slip[i]
     solve_leading(room.gram, count, room.slip)
-    damping = owners.parameters[line[START]]
+    solve_leading(room.gram, count, room.change)
     for k in range(begin, end):
         joint = columns[k] - first
         if joint >= 0:
-            velocity = 0.0
             for i in range(count):
-                velocity += rows.matrix[top + i, columns[k]] * room.slip[i]
-            room.velocity[joint] += velocity
-            room.rate[joint] -= damping * velocity
+                room.velocity[joint] += rows.matrix[top + i, columns[k]] * room.slip[i]
+                room.rate[joint] += rows.matrix[top + i, columns[k]] * room.change[i]
             room.beside[joint] = 1.0

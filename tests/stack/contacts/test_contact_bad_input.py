@@ -1,6 +1,7 @@
+import numpy as np
 import pytest
 
-from poise.errors import ConfigurationError, UnknownNameError
+from poise.errors import ConfigurationError, TargetError, UnknownNameError
 from poise.stack import PointContact, SurfaceContact
 
 NAN, INF = float("nan"), float("inf")
@@ -66,6 +67,15 @@ def test_a_damping_that_cannot_be_is_refused_and_changes_nothing(value):
     with pytest.raises(ConfigurationError, match="damping of contact 'left_sole'"):
         contact.set_damping(value)
     assert contact.damping == 7.0
+
+
+@pytest.mark.parametrize("value", [[0.0] * 5, np.zeros(7), [NAN, *[0.0] * 5], "fast"])
+def test_an_acceleration_that_cannot_be_is_refused_and_changes_nothing(value):
+    contact = SurfaceContact("left_sole")
+    contact.set_acceleration(np.ones(6))
+    with pytest.raises(TargetError, match="acceleration of contact 'left_sole'"):
+        contact.set_acceleration(value)
+    np.testing.assert_array_equal(contact.acceleration, np.ones(6))
 
 
 @pytest.mark.parametrize(

@@ -58,6 +58,18 @@ def test_rows_equal_differences_along_the_contacts_own_axes(robot, seed):
         assert np.abs(contact.reference + contact.damping * velocity).max() < 1e-5
 
 
+def test_a_contact_is_asked_to_move_beside_its_damping(robot):
+    state, asked = random_state(robot, 2), np.arange(1.0, 7.0)
+    for contact in (SurfaceContact("left_sole"), PointContact("left_sole", name="point")):
+        before = evaluated(contact, robot, state).reference.copy()
+        contact.set_acceleration(asked[: contact.dim])
+        np.testing.assert_array_equal(contact.acceleration, asked[: contact.dim])
+        after = evaluated(contact, robot, state).reference
+        np.testing.assert_allclose(after - before, asked[: contact.dim], atol=1e-12)
+        contact.set_acceleration(np.zeros(contact.dim))
+        np.testing.assert_array_equal(evaluated(contact, robot, state).reference, before)
+
+
 def test_power_of_a_wrench_is_the_same_in_joints_and_in_space(robot):
     """F acts on the robot along the contact's axes at its origin: v^T J^T F = f v + m omega."""
     state, rng = random_state(robot, 1), np.random.default_rng(0)

@@ -81,19 +81,28 @@ def test_soles_that_lie_still_leave_the_limits_as_they_are(name):
     np.testing.assert_allclose(upper, gentle_upper, atol=1e-6)
 
 
+@pytest.mark.parametrize("asked", [0.0, 30.0])
 @pytest.mark.parametrize("name", ROBOTS)
 @pytest.mark.parametrize("seed", range(5))
-def test_bounds_are_those_of_the_velocity_without_what_moves_the_soles(name, seed):
+def test_bounds_are_those_of_the_velocity_without_what_moves_the_soles(name, seed, asked):
+    """Nor do they count what soles are asked to change their velocity by, up to so much."""
     robot = poise.load_robot(name)
     state = moving(robot, seed)
-    lower, upper = bounds_at(standing(robot), state)
+    controller, rng = standing(robot), np.random.default_rng(seed)
+    changes = asked * rng.uniform(-1.0, 1.0, (2, 6))
+    for contact, change in zip(controller.stack.contacts, changes, strict=True):
+        contact.set_acceleration(change)
+    lower, upper = bounds_at(controller, state)
     still, rate = state.v.copy(), np.zeros(robot.nv)
-    for leg, slip, J in zip(legs(robot), *slips(robot, state), strict=True):
+    for leg, slip, J, change in zip(legs(robot), *slips(robot, state), changes, strict=True):
         # The least velocities of a leg that move its sole so, by a solver of least squares.
         square = np.vstack([J, 1e-2 * np.eye(len(leg))])
-        w = np.linalg.lstsq(square, np.concatenate([slip, np.zeros(len(leg))]), rcond=None)[0]
+        w, r = (
+            np.linalg.lstsq(square, np.concatenate([moves, np.zeros(len(leg))]), rcond=None)[0]
+            for moves in (slip, change - DAMPING * slip)
+        )
         still[leg] -= w
-        rate[leg] = -DAMPING * w
+        rate[leg] = r
     gentle_lower, gentle_upper = gentle_bounds(robot, state.q, still)
     joints = slice(robot.base_dofs, robot.nv)
     np.testing.assert_allclose(lower, gentle_lower + rate[joints], rtol=1e-9, atol=1e-8)

@@ -65,7 +65,7 @@ class ContactForces:
         self._cone: Float64[np.ndarray, "rows c"] = stacked_cones(contacts)
         normals = np.eye(ends[-1])[[rows.start + 2 for rows in self.slices]]
         bounded_rows = np.concatenate((self._cone, normals, -normals))
-        self._metrics = [_metric(c) for c in self.contacts]
+        self._metrics = [len(c.cone) * c.metric for c in self.contacts]
         self._cost = np.zeros((ends[-1], ends[-1]))
         self._loads: tuple[float, ...] = ()
         self._balance = Balance(

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float64, Int64
 
 from poise._compiled import Block, compiled, part, view
-from poise.control._full_problem import WRENCH_COST
+from poise.control._full_problem import wrench_cost
 from poise.control._reduced._assignment import AssignedRows
 from poise.control._reduced._elimination import (
     ChainElimination,
@@ -123,7 +123,7 @@ class ConstraintChainProblem:
         self.problem = problem = self._allocate(joints, left)
         self._label_bounds(joints, partition.nz + kept)
         wrench_dim, touch = rows.contact_rows.stop, problem.level(1)
-        problem.H[motion.stop :, motion.stop :] = WRENCH_COST * np.eye(wrench_dim)
+        problem.H[motion.stop :, motion.stop :] = wrench_cost(rows.contacts)
         rows.write_cones_into(touch.A[wrench_dim:, motion.stop :])
         touch.lower[wrench_dim:], touch.upper[wrench_dim:] = -np.inf, 0.0
         torque, joint = stack.torque_limit, stack.joint_limit
