@@ -8,7 +8,7 @@ from walker import hands, sample, up_and_down
 
 from poise.apps.teleoperation import TORQUE_TELEOP_PLANT, replay_teleop, run_teleop
 from poise.dynamics import Dynamics, RobotState
-from poise.locomotion import BodySample, Mode
+from poise.locomotion import BodySample, Mode, StepTeleoperator
 from poise.locomotion._stepping._guard import DeviceGuard
 
 
@@ -90,3 +90,23 @@ def test_what_is_no_number_leaves_the_body_as_it_was():
     for k, body in enumerate((good, BodySample(height=np.nan), BodySample(turns=(0.0, np.inf)))):
         told = replace(sample(0.005 * k), body=body)
         assert guard.check(told, 0.005 * k, soles, soles).body == good
+
+
+@pytest.mark.parametrize("turned", [0.4, -0.5])
+def test_the_trunk_faces_as_feet_do_that_have_turned_on_their_ground(get_robot, turned):
+    """Nobody commanded that; states are made up."""
+    robot = get_robot("g1")
+    teleoperator = StepTeleoperator(robot, actuation="torque")
+    q = robot.q_home.copy()
+    q[robot.nq - robot.nj + robot.joint_index("left_hip_yaw_joint")] += turned
+    wrench = np.array([0.0, 0.0, 0.5 * robot.weight, 0.0, 0.0, 0.0])
+    contacts = dict.fromkeys(teleoperator.soles, wrench)
+    state = RobotState(q, np.zeros(robot.nv), contacts)
+    for tick in range(500):
+        measured = replace(state, time=0.002 * tick)
+        teleoperator.lead(teleoperator.estimator.update(measured))
+    left, right = frames(robot, q, *teleoperator.soles)
+    facing = 0.5 * (yaw(left) + yaw(right))
+    assert abs(facing) > 0.4 * abs(turned)
+    tasks = {task.name: task for level in teleoperator.stack.levels for task in level}
+    assert yaw(tasks["pelvis orientation"].target_rotation) == pytest.approx(facing, abs=1e-3)

@@ -94,7 +94,7 @@ def test_both_feet_on_the_ground_it_steps_and_comes_to_rest(get_robot, speed, de
     assert log.mode[-1] == MODES.index(Mode.D)
     assert log.device[-1] != STATUSES.index(DeviceStatus.OVERRULED)
     assert np.linalg.norm(log.com[-1, :2] - log.zmp_reference[-1]) < 0.02
-    # What its steps learned of the soles is not left to the operator, who learns nothing.
+    # What its steps learned of the soles has grown to all of them again.
     whole = StepTeleoperator(robot, actuation="torque")
     for contact, new in zip(run.teleoperator.stack.contacts, whole.stack.contacts, strict=True):
         np.testing.assert_allclose(contact.cone, new.cone, atol=1e-12)
@@ -119,12 +119,12 @@ def test_feet_that_cannot_be_brought_together_are_the_operators_all_the_same(
     """The walker never finds them side by side, and steps on the spot until it is told to stop."""
     monkeypatch.setattr(FootRange, "spans", lambda *feet: False)
     monkeypatch.setattr(StepCycle, "is_closed", property(lambda _: False))
-    run = pushed(get_robot("g1"), 0.45, 0, [], 10.0)
+    run = pushed(get_robot("g1"), 0.45, 0, [], 11.0)
     own = overruled(run.log)
     assert not run.fell
-    # Six seconds of trying, and what comes before and after.
+    # Six seconds of trying, what comes before, and coming to rest.
     assert own[run.log.time < 7.0].any()
-    assert 6.0 < own.sum() * TORQUE_TELEOP_PLANT.control_dt < 8.4
+    assert 6.0 < own.sum() * TORQUE_TELEOP_PLANT.control_dt < 9.0
     assert not own[-1]
 
 
@@ -162,9 +162,15 @@ def test_the_balance_outweighs_the_trunk_while_the_robot_steps_by_itself(get_rob
     teleoperator.device = ScriptedDevice(
         [WayPoint(at=0.0, left=(0.0, 0.0, 0.0))], *teleoperator.estimator.anchors
     )
-    teleoperator.lead(replace(state, time=0.002))
+    weights = []
+    for tick in range(1, 160):
+        teleoperator.lead(replace(state, time=0.002 * tick))
+        weights.append(tasks["com"].weight[0])
+    # What is before everything again does not begin to be so with a jump.
+    assert weights[0] < 1.1 * least
+    assert np.diff(np.log(weights)).max() < 0.1
     for name in ("com", "pelvis orientation", "torso orientation"):
-        np.testing.assert_array_equal(tasks[name].weight, before[name])
+        np.testing.assert_allclose(tasks[name].weight, before[name])
 
 
 class WalksThenSteps:

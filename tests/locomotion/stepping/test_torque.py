@@ -66,6 +66,26 @@ def test_on_one_foot_it_may_lie_a_little_beside_the_sole():
     assert support.depth(tuple(zmp)) == pytest.approx(-0.02)
 
 
+@pytest.mark.parametrize("zmp", [(0.02, 0.01), (-0.05, 0.03)])
+def test_who_takes_over_goes_on_from_the_zmp_that_was_asked_for(zmp):
+    com, velocity, reference = (0.01, 0.005), (-0.02, 0.03), (0.0, -0.01)
+    feedback, own, support = asked(com, velocity, reference)
+    assert np.linalg.norm(own - zmp) > 0.02
+    footing = Mock(spec=Footing, zmp_reference=np.array(reference), support=support)
+    footing.dynamics = Mock(com=np.array([*com, HEIGHT]), com_velocity=np.array([*velocity, 0.0]))
+    feedback.take_over(np.array(zmp), footing)
+    far = []
+    for _ in range(800):
+        drive(feedback, com, reference, Mode.D, velocity)
+        asks = feedback.cart_table_zmp(np.array(com))
+        far.append(float(np.linalg.norm(asks - own)))
+        if len(far) == 1:
+            np.testing.assert_allclose(asks, zmp, atol=1e-12)
+    # And comes to what it asks for by itself, evenly.
+    assert (np.diff(far) < 0.0).all()
+    assert far[-1] < 0.01 * far[0]
+
+
 def test_what_momentum_has_given_counts_until_trunk_and_limbs_are_back():
     feedback, _, _ = asked((0.0, 0.06), (0.0, 0.0), (0.0, 0.0), Mode.SL)
     assert feedback.borrowed == pytest.approx(0.002 / 0.05)

@@ -79,6 +79,14 @@ class ComHeight:
         self._height, self._range, self._parameters = height, reach, parameters
         self._velocity = self.offset = 0.0
 
+    def restart(self, velocity: float) -> None:
+        """Somebody else has led the COM, and it moves as it does now.
+
+        Args:
+            velocity: upwards [m/s].
+        """
+        self._velocity = velocity
+
     def room_below(self, footing: Footing) -> float:
         """How far the COM may still come down [m].
 
@@ -273,6 +281,9 @@ class ComMotion:
         self.velocity = before + p.dt * self.acceleration
 
 
+_FADE = 0.3
+"""How long a ZMP that somebody else has led goes on counting [s]."""
+
 _BEYOND, _BORROWING, _REPAYING = 0.003, 0.05, 1.5
 """So far beyond the support the CT-ZMP is asked for of trunk, arms and leg [m]; in what time that
 counts for all, and in what time they are taken to be back after it [s]."""
@@ -308,6 +319,22 @@ class ComFeedback:
         self.velocity: Float64[np.ndarray, "2"] = np.zeros(2)
         self.acceleration: Float64[np.ndarray, "2"] = np.zeros(2)
         self.observed: Float64[np.ndarray, "2"] = np.zeros(2)
+        self._offset = (0.0, 0.0)
+
+    def take_over(self, zmp: Float64[np.ndarray, "2"], footing: Footing) -> None:
+        """Goes on from where somebody else has led the ZMP, without a jump.
+
+        Its reference begins where it asks for that ZMP, and fades into its own.
+
+        Args:
+            zmp: as asked for last [m].
+            footing: of the tick.
+        """
+        com, velocity = footing.dynamics.com[:2], footing.dynamics.com_velocity[:2]
+        capture = com + velocity / self.omega
+        begin = capture + (capture - zmp) / (self._gain - 1.0)
+        x, y = (begin - footing.zmp_reference).tolist()
+        self._offset = (x, y)
 
     def observe(self, measured: Float64[np.ndarray, "2"]) -> None:
         """Takes the measured velocity of the COM [m/s]: an estimator has made it smooth."""
@@ -333,7 +360,10 @@ class ComFeedback:
         com, self.velocity = footing.dynamics.com[:2], footing.dynamics.com_velocity[:2].copy()
         x, y = (com + self.velocity / self.omega).tolist()
         goal_x, goal_y = footing.zmp_reference.tolist()
-        to_x, to_y = goal_x - x, goal_y - y
+        off_x, off_y = self._offset
+        to_x, to_y = goal_x + off_x - x, goal_y + off_y - y
+        kept = 1.0 - self._dt / _FADE
+        self._offset = off_x * kept, off_y * kept
         near = min(1.0, self._ahead / max(math.hypot(to_x, to_y), 1e-9))
         pull = near * (self._gain - 1.0)
         zmp = footing.asked.nearest((x - pull * to_x, y - pull * to_y))

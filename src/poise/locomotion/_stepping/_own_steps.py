@@ -19,6 +19,12 @@ _REST = 0.3
 """So long the robot stands still, its divergent component inside its soles, before it is given back
 [s]."""
 
+_STILL = 0.1
+"""A COM that is faster than this does not stand still [m/s]."""
+
+_ROCKING = 2.0
+"""For so long at most it waits for that: on an edge it may rock for ever [s]."""
+
 _CLOSING = 6.0
 """For so long at most it goes on stepping only to have its feet nearer together [s]."""
 
@@ -81,7 +87,7 @@ class OwnSteps:
 
     def reset(self) -> None:
         """The operator leads."""
-        self.acting, self._rested = False, 0.0
+        self.acting, self._rested, self._held = False, 0.0, 0.0
         self._closing: float | None = None
         self._velocity, self._driven = (0.0, 0.0, 0.0), False
 
@@ -151,7 +157,7 @@ class OwnSteps:
         if held and not any(self._velocity) and not hangs:
             return False
         self._walker.take_over(state, airborne)
-        self.acting, self._rested, self._closing = True, 0.0, None
+        self.acting, self._rested, self._held, self._closing = True, 0.0, 0.0, None
         self.drive(self._velocity)
         return True
 
@@ -173,6 +179,8 @@ class OwnSteps:
         self._tasks.accompany(footing)
         rests = self._walker.held and self._walker.status.ok
         rests = rests and footing.capture_depth > 0.0 and not any(self._velocity)
+        self._held = self._held + self._dt if rests else 0.0
+        rests = rests and (_is_still(footing) or self._held > _ROCKING)
         self._rested = self._rested + self._dt if rests else 0.0
         if self._closing is not None:
             self._closing += self._dt
@@ -185,5 +193,9 @@ class OwnSteps:
             self._walker.close(True)
             self._closing = 0.0
         if fits or (self._closing or 0.0) > _CLOSING:
-            self._walker.forget()
             self.reset()
+
+
+def _is_still(footing: Footing) -> bool:
+    x, y, z = footing.dynamics.com_velocity.tolist()
+    return x * x + y * y + z * z < _STILL * _STILL

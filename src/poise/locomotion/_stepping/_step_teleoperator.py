@@ -299,6 +299,9 @@ class StepTeleoperator:
         self._status = self._describe(footing, sample, own.target)
         if not own.acting:
             self._restart(None)
+            self._height.restart(float(footing.dynamics.com_velocity[2]))
+            if isinstance(self._com, ComFeedback):
+                self._com.take_over(own.zmp, self._footing())
 
     def _com_motion(self) -> ComMotion | ComFeedback:
         if self.actuation == "torque" and isinstance(self.driver, ShifterDriver):

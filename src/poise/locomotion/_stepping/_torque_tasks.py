@@ -13,6 +13,7 @@ from poise.locomotion._stepping._biped import Biped
 from poise.locomotion._stepping._desired import DesiredMotion
 from poise.locomotion._stepping._footing import Footing
 from poise.locomotion._stepping._lean import TrunkPose
+from poise.locomotion._stepping._righting import SoleRighting
 from poise.locomotion._walking import FOOT_WEIGHT, swing_braking
 from poise.stack import (
     SMOOTH_RATE,
@@ -48,6 +49,10 @@ rad/s^2: weighed as the COM it would get nearly all of that, and the COM 2 m/s^2
 Height is no balance: where the leg that stands folds no deeper, and the COM was to come down all
 the same, trunk and hip would roll towards the foot in the air and slam it onto the ground."""
 
+_EASED = 0.3
+"""In what time the balance comes to weigh that much after them [s]: all at once, it throws over a
+robot one of whose soles carries less than it is taken to."""
+
 _THROWN, _AWAY, _HIGH = 1e3, 0.15, 0.1
 """Weight of a foot in the air that is twice so far from where it is sent [m], beside a narrow one;
 so far above the ground [m] it is not too high for landing. A leg helps to balance a push by its
@@ -72,6 +77,11 @@ _TURN_RATE, _CLEAR = 1.0, 0.02
 
 _TURNS = (0.12, 0.6)
 """How far a foot may be turned inwards and outwards against the other one [rad]."""
+
+_FRICTION = 0.45
+"""Of the soles, as contacts assume it. More buys a swing of legs and arms about the vertical, which
+turns a sole on its ground where that is slippery, or where it lies on an edge; and hips of a robot
+whose feet point elsewhere come to their limits."""
 
 _UNLOAD, _LOAD = 0.03, 0.08
 """How long a foot takes to give up its load, and to take it [s]."""
@@ -104,7 +114,7 @@ class TorqueTasks:
         pelvis, torso = (frames[robot.frame_id(f)].parentJoint for f in (robot.pelvis, robot.torso))
         trunk = (robot.pelvis,) if torso == pelvis else (robot.pelvis, robot.torso)
         self._trunk = [FrameTask(frame, "orientation", kp=_KP_TRUNK) for frame in trunk]
-        self._contacts = [SurfaceContact(sole) for sole in biped.soles]
+        self._contacts = [SurfaceContact(sole, friction=_FRICTION) for sole in biped.soles]
         led = {joint for task in limbs for joint in task.joints or ()}
         others = [name for name in robot.joint_names if name not in led]
         posture = JointTask(others, kp=_KP_POSTURE, weight=POSTURE_WEIGHT, name="posture")
@@ -121,14 +131,17 @@ class TorqueTasks:
             robot.q_home[[robot.nq - robot.nj + robot.joint_index(name) for name in others]]
         )
         self._pose = TrunkPose(biped.relief, dt)
+        self._righting = SoleRighting(self._contacts, biped.weight)
         self.reset()
 
     def reset(self) -> None:
         """Both feet carry."""
         self._pose.reset()
+        self._righting.reset()
         self._yaws = [0.0, 0.0]
         self._swing: int | None = None
         self._height: float | None = None
+        self._eased = 1.0
         self._place: Float64[np.ndarray, "3"] = np.zeros(3)
         for contact in self._contacts:
             contact.engage(0.0)
@@ -150,10 +163,16 @@ class TorqueTasks:
             desired: of body and feet.
             upright: whether the operator asks for an upright torso.
         """
-        self._com.set_weight(_BALANCE)
+        self._eased = min(self._eased + self._dt / _EASED, 1.0)
+        self._com.set_weight((*(_CATCHING * (w / _CATCHING) ** self._eased for w in _BALANCE),))
         self.stack.self_collision_limit.let_legs_pass(False)
         self._announce(footing)
         self._stand(footing)
+        self._righting.update(footing)
+        # Where soles have turned on the ground hips at their limits would hold no balance.
+        for foot in (0, 1):
+            if foot != self._swing:
+                self._yaws[foot] = _yaw(footing, foot)
         self._move_com(footing, desired)
         if self._swing is not None:
             self._turn_foot(self._swing, footing, desired.turns[self._swing])
@@ -168,8 +187,9 @@ class TorqueTasks:
         Args:
             footing: of the tick.
         """
+        self._righting.update(footing)
         self._yaws = [_yaw(footing, foot) for foot in (0, 1)]
-        self._swing, self._height = None, None
+        self._swing, self._height, self._eased = None, None, 0.0
         self._com.set_weight(_CATCHING)
         for foot in self._feet:
             foot.set_weight(FOOT_WEIGHT)

@@ -101,7 +101,7 @@ class CarryingArea:
         """All of the sole carries, for all that is known."""
         self._lower, self._upper = [-r for r in self._reach], list(self._reach)
         self._settled = None
-        self._tell()
+        self._tell((*self._lower, *self._upper))
 
     def update(self, state: RobotState, dt: float) -> None:
         """Learns from a state, and tells the contact.
@@ -110,16 +110,21 @@ class CarryingArea:
             state: of the robot, with what its soles measure; without that the whole sole carries.
             dt: since the last one [s].
         """
-        self.learn(state, dt)
-        self._tell()
+        self._learn_from(state, dt)
+        self._tell((*self._lower, *self._upper))
 
-    def learn(self, state: RobotState, dt: float) -> None:
-        """Learns from a state, and tells nobody.
+    def widen(self, state: RobotState, dt: float) -> None:
+        """Learns from a state, and tells the contact what carries besides, and of nothing less.
 
         Args:
             state: of the robot, with what its soles measure; without that the whole sole carries.
             dt: since the last one [s].
         """
+        self._learn_from(state, dt)
+        (a, b), (c, d), told = self._lower, self._upper, self._told
+        self._tell((min(a, told[0]), min(b, told[1]), max(c, told[2]), max(d, told[3])))
+
+    def _learn_from(self, state: RobotState, dt: float) -> None:
         contact = self._contact
         if contact is None:
             return
@@ -136,12 +141,10 @@ class CarryingArea:
                 self._learn(axis, down, pressure[axis], dt)
         self._settle(contact.active, dt)
 
-    def _tell(self) -> None:
+    def _tell(self, edges: tuple[float, float, float, float]) -> None:
         """Tells the contact what it does not know yet."""
-        edges = (*self._lower, *self._upper)
         if self._contact is not None and edges != self._told:
-            self._told = edges
-            (a, b), (c, d) = self._lower, self._upper
+            self._told = a, b, c, d = edges
             self._contact.carry_on((a, b), (c, d))
 
     def _settle(self, stands: bool, dt: float) -> None:

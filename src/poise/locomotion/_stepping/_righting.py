@@ -1,0 +1,59 @@
+"""`SoleRighting`: soles that stand and carry little are turned level, as feet in the air are."""
+
+from poise.locomotion._stepping._footing import Footing
+from poise.stack import SurfaceContact
+
+_STIFFNESS, _MOST = 400.0, 60.0
+"""How hard a sole is turned level [1/s^2], and the largest angular acceleration of that
+[rad/s^2]."""
+
+_LIGHT, _FIRM = 0.1, 0.2
+"""Parts of the weight: a sole that carries less than the first is turned, one that carries more
+than the second lies as the ground does."""
+
+
+class SoleRighting:
+    """Turns soles that have just landed, or have lost their load, as if they were in the air.
+
+    A foot that comes down on an edge is set spinning by it, and a contact only damps that: with
+    10 rad/s it turns by half a radian, up to the limit of its ankle, and stands on that edge.
+    Nothing levels a sole that carries: what that takes is nothing beside what the ground gives.
+
+    Args:
+        contacts: of the left and of the right sole.
+        weight: of the robot [N].
+    """
+
+    def __init__(self, contacts: list[SurfaceContact], weight: float) -> None:
+        self._contacts, self._weight = contacts, weight
+        self._turning = [False, False]
+
+    def reset(self) -> None:
+        """No sole is turned."""
+        for foot in (0, 1):
+            self._turn(foot, 0.0, 0.0)
+
+    def update(self, footing: Footing) -> None:
+        """One tick.
+
+        Args:
+            footing: of the tick.
+        """
+        for foot, contact in enumerate(self._contacts):
+            load = float(footing.sensor.loads[foot]) / self._weight
+            share = min(max((_FIRM - load) / (_FIRM - _LIGHT), 0.0), 1.0)
+            if share == 0.0 or not contact.active:
+                self._turn(foot, 0.0, 0.0)
+                continue
+            _, rotation = footing.dynamics.placement(footing.biped.frames[foot])
+            # The sine of the angle to the vertical, about the sole's own axes.
+            up_x, up_y, _ = rotation[2].tolist()
+            most = share * _MOST
+            x, y = -share * _STIFFNESS * up_y, share * _STIFFNESS * up_x
+            self._turn(foot, max(-most, min(most, x)), max(-most, min(most, y)))
+
+    def _turn(self, foot: int, x: float, y: float) -> None:
+        turns = x != 0.0 or y != 0.0
+        if turns or self._turning[foot]:
+            self._contacts[foot].set_acceleration((0.0, 0.0, 0.0, x, y, 0.0))
+            self._turning[foot] = turns
