@@ -232,9 +232,9 @@ def _stand_or_step(trial: Trial) -> Outcome:
     def operator(teleoperator: StepTeleoperator) -> _Operator:
         points = _steps(trial.seconds) if trial.doing == "stepping" else []
         feet = ScriptedDevice(points, *teleoperator.estimator.anchors)
-        hands, leader = None, teleoperator.hands
-        if trial.moving and leader is not None:
-            hands = RandomHands(leader, _arm(robot), config.control_dt, trial.seed)
+        hands = None
+        if trial.moving:
+            hands = RandomHands(teleoperator.hands, _arm(robot), config.control_dt, trial.seed)
         return _Operator(feet, hands)
 
     run = run_teleop(robot, operator, config, duration=trial.seconds, seed=trial.seed)

@@ -89,10 +89,11 @@ def test_each_foot_makes_a_step_forward(start, name):
     assert not loop.snapshot.fallen
 
 
+@pytest.mark.parametrize("plant", [TORQUE_TELEOP_PLANT, TELEOP_PLANT], ids=["torque", "velocity"])
 @pytest.mark.parametrize("name", ["biped20", "g1"])
-def test_a_hand_is_led_let_go_and_goes_back_to_rest(start, name):
+def test_a_hand_is_led_let_go_and_goes_back_to_rest(start, name, plant):
     operator = OperatorInputs()
-    loop = start(operator, name=name, plant=TORQUE_TELEOP_PLANT)
+    loop = start(operator, name=name, plant=plant)
     home = loop.snapshot.hands[0].copy()
 
     def led(z, clutch=True):
@@ -108,10 +109,6 @@ def test_a_hand_is_led_let_go_and_goes_back_to_rest(start, name):
     rest = replace_pad(held, rest=True)
     drive(loop, operator, rest, lambda s: s.hands[0][2] < home[2] + 0.02, "the rest")
     assert not loop.snapshot.fallen
-
-
-def test_where_velocities_are_commanded_no_hand_is_led(start):
-    assert len(start().snapshot.hands) == 0
 
 
 def test_a_live_run_on_stairs_is_recorded_with_them(start, get_robot, tmp_path):

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from walker import Says, hands as device_of, sample, up_and_down
+from walker import hands as device_of, up_and_down
 
 from poise.apps.teleoperation import TORQUE_TELEOP_PLANT, replay_teleop, run_teleop
 from poise.dynamics import Dynamics, RobotState
@@ -376,12 +376,3 @@ def test_hands_stand_below_the_balance(get_robot):
     stack.bind(teleoperator.robot)
     assert stack.task("com").weight.min() > 30.0 * leader.task.weight.max()
     assert not {task.name for _, task in stack.tasks()} & set(teleoperator.robot.hands)
-
-
-def test_commanding_velocities_the_arms_keep_still(get_robot):
-    teleoperator = StepTeleoperator(get_robot("biped20"))
-    teleoperator.device = Says(replace(sample(0.0), hands=circling(0.0)(1.0)))
-    state = teleoperator.estimator.update(teleoperator.estimator.dynamics.state)
-    teleoperator.lead(state)
-    assert teleoperator.hands is None
-    assert teleoperator.status.hands == ()

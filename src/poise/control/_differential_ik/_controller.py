@@ -10,6 +10,7 @@ from poise._checks import Numbers, checked_kind, checked_number
 from poise.control._controller import Controller
 from poise.control._differential_ik._bounds import VelocityBounds
 from poise.control._differential_ik._closed_form import RANK
+from poise.control._differential_ik._led import LedJoints
 from poise.control._differential_ik._rows import ROW_WEIGHT, RowWeights
 from poise.control._differential_ik._strategy import VelocityStrategy
 from poise.control._rank import RankTreatment
@@ -29,6 +30,9 @@ class DifferentialIK(Controller):
     active contacts are held above all tasks. A task asks for its target's velocity plus kp / kd
     times its error, or for what `Task.set_velocity` gave it.
 
+    Joints may be led by joint tasks of their own: those move as they are asked to, within their
+    limits, and all other tasks are served by the other joints, which make up for that.
+
     "closed_form" meets the first level by a right inverse and those below by SR-inverses, with
     joints near their limits weighed down; joints that would leave their limits are held. "hqp"
     solves the hierarchical QP with hard position and velocity limits.
@@ -42,7 +46,9 @@ class DifferentialIK(Controller):
             positions and the velocity scale count.
         dt: control period, over which a velocity is held [s].
         strategy: how the levels are solved, "closed_form" or "hqp".
-        joints: names of the joints that may move, the others have velocity zero; all when None.
+        joints: names of the joints that are solved for, the others have velocity zero, or are led;
+            all that are not led when None.
+        led: names of joint tasks whose joints are led, in levels of their own below all others.
         stance: name of the contact that the robot stands on, as long as it is active; the first
             active one of the stack when None.
         speeds: largest norm of the velocity that a task asks for, by its name: one number, or one
@@ -71,6 +77,7 @@ class DifferentialIK(Controller):
         dt: float,
         strategy: str = "closed_form",
         joints: Sequence[str] | None = None,
+        led: Sequence[str] = (),
         stance: str | None = None,
         speeds: Mapping[str, Numbers] | None = None,
         limit_time: float = 0.1,
@@ -81,14 +88,17 @@ class DifferentialIK(Controller):
         self.dt = checked_number(dt, "dt of the controller [s]", above=0.0)
         limit_time = checked_number(limit_time, "limit_time of the controller [s]")
         _check_gains(stack)
-        index = _joint_indices(robot, joints)
-        bounds = VelocityBounds(robot, stack.joint_limit, max(self.dt, limit_time), index)
+        limit_time = max(self.dt, limit_time)
+        leads = LedJoints(robot, stack, led, limit_time)
+        index = _joint_indices(robot, joints, leads)
+        bounds = VelocityBounds(robot, stack.joint_limit, limit_time, index)
         self._velocities = VelocityStrategy(
             robot,
             stack,
             strategy,
             stance,
             index,
+            leads,
             bounds,
             _checked_speeds(speeds or {}, stack),
             checked_kind(rank or RANK, RankTreatment, "rank of the controller"),
@@ -107,7 +117,7 @@ class DifferentialIK(Controller):
 
     @property
     def joint_weights(self) -> Float64[np.ndarray, " n"]:
-        """W_B of the last tick, of the joints that may move."""
+        """W_B of the last tick, of the joints that are solved for."""
         return self._velocities.joint_weights
 
     @property
@@ -129,9 +139,11 @@ class DifferentialIK(Controller):
         self._velocities.set_stance(name)
 
 
-def _joint_indices(robot: Robot, names: Sequence[str] | None) -> Int64[np.ndarray, " n"]:
+def _joint_indices(
+    robot: Robot, names: Sequence[str] | None, led: LedJoints
+) -> Int64[np.ndarray, " n"]:
     if names is None:
-        return np.arange(robot.nj)
+        names = [name for i, name in enumerate(robot.joint_names) if i not in led.index]
     if isinstance(names, str) or not names:
         raise ConfigurationError(
             "joints of the controller are no list of names", got=names, wanted="joint names"
@@ -139,6 +151,9 @@ def _joint_indices(robot: Robot, names: Sequence[str] | None) -> Int64[np.ndarra
     index = sorted(robot.joint_index(name) for name in names)
     if len(set(index)) != len(index):
         raise ConfigurationError("the controller's joints name one twice", got=list(names))
+    both = [robot.joint_names[i] for i in index if i in led.index]
+    if both:
+        raise ConfigurationError("joints are led and solved for", got=both, wanted="either")
     return np.array(index, dtype=np.int64)
 
 

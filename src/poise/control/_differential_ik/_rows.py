@@ -14,6 +14,7 @@ from jaxtyping import Float64, Int64
 from poise._checks import Numbers
 from poise.control._differential_ik._base import BASE, constrain, map_base
 from poise.control._differential_ik._kernels import VelocityLevel, VelocityLevels
+from poise.control._differential_ik._led import LedJoints
 from poise.control._differential_ik._limited import LimitedLevels
 from poise.dynamics import Dynamics, saturate
 from poise.errors import ConfigurationError
@@ -161,14 +162,16 @@ class VelocityRows:
     The stance contact does not move, which gives the base's velocity and takes the base out of
     every row. The contacts that are held beside it come first, with velocity zero; the levels of
     the stack follow, with the velocities of `StackRows.update_velocities`, the norm of each block
-    of rows bounded where a bound was given.
+    of rows bounded where a bound was given. Joints that are led have known velocities, and what
+    these do to a row is taken off its velocity; their own rows are in no level.
 
     Args:
         robot: the robot.
         stack: contacts and tasks, bound to the robot.
         stance: the contact that stands; None for a fixed base.
         held: other contacts that are active.
-        joints: indices of the joints that may move.
+        joints: indices of the joints that are solved for.
+        led: joints that are led.
         speeds: largest norm of the velocity that each block of a task's rows asks for, by name.
         home: Jacobians in the home posture, by which ranks are decided.
 
@@ -177,10 +180,11 @@ class VelocityRows:
         stack_rows: the rows of the stack, on the whole velocity.
         stacked: the rows of held contacts, then of the user's levels, that `fill` writes.
         levels: the same level by level, in views.
-        jacobian: all rows, on the velocities of the joints that may move.
+        jacobian: all rows, on the velocities of the joints that are solved for.
         velocity: their velocities; lower bounds of those of the self-collision limit.
+        led_velocity: velocities of the joints that are led [rad/s].
         limited: levels and the rows of the self-collision limit, where there are any.
-        base_map: base velocity by joint velocities, for the joints that may move; None for a fixed
+        base_map: base velocity by velocities of the joints that are solved for; None for a fixed
             base.
     """
 
@@ -191,6 +195,7 @@ class VelocityRows:
         stance: Contact | None,
         held: Sequence[Contact],
         joints: Int64[np.ndarray, " n"],
+        led: LedJoints,
         *,
         speeds: Mapping[str, Float64[np.ndarray, " b"]],
         home: HomeJacobians,
@@ -210,17 +215,22 @@ class VelocityRows:
         self._weight = np.ones(len(rows.target))
         self.jacobian: Float64[np.ndarray, "m n"] = np.zeros((len(rows.target), len(joints)))
         self.velocity: Float64[np.ndarray, " m"] = rows.target
-        # The rows of the self-collision limit stand behind all levels.
-        limit_rows, last = rows.collision_rows, int(rows.ends[-1])
+        # The rows of the self-collision limit stand behind all levels, those of led joints last.
+        ends = np.append(0, rows.ends[: len(rows.ends) - led.levels])
+        limit_rows, last = rows.collision_rows, int(ends[-1])
+        self._led, self._led_rows = led, slice(last, int(rows.ends[-1]))
+        self._led_columns = led.index + robot.base_dofs
+        self.led_velocity: Float64[np.ndarray, " k"] = np.zeros(len(led.index))
+        self._known = np.zeros(robot.nv)
         # A fixed base has no velocity to be mapped.
         base = 0 if stance is None else BASE
         self._base_map, self._scratch = np.zeros((base, len(joints))), np.zeros((base, base))
+        self._led_map = np.zeros((base, len(led.index)))
         self.base_map = None if stance is None else self._base_map
         scale = np.ones(len(rows.target))
         contact_rows = zip(rows.contacts, rows.wrench_slices, strict=True)
         for owner, place in (*contact_rows, *rows.task_rows):
             scale[place] = home.scale(owner, stance, joints)
-        ends = np.append(0, rows.ends)
         self.stacked = VelocityLevels(
             self.jacobian[:last], self.velocity[:last], self._weight[:last], scale[:last], ends
         )
@@ -250,6 +260,18 @@ class VelocityRows:
         if self.stance is not None:
             map_base(self.stance.jacobian, self._joints, self._base_map, self._scratch)
         constrain(self.stack_rows.J, self._joints, self._base_map, self.jacobian)
+        if self._led.levels:
+            self._lead(dynamics.state.q)
+
+    def _lead(self, q: Float64[np.ndarray, " nq"]) -> None:
+        """Takes what led joints do off the velocities of all rows, their own included."""
+        self.led_velocity = self._led.within_limits(self.velocity[self._led_rows], q)
+        self._known[self._led_columns] = self.led_velocity
+        if self.stance is not None:
+            # Zero, but for a led joint between the base and the stance.
+            map_base(self.stance.jacobian, self._led.index, self._led_map, self._scratch)
+            self._known[:BASE] = self._led_map @ self.led_velocity
+        self.velocity -= self.stack_rows.J @ self._known
 
     def _compile(self, nv: int) -> None:
         """Eliminates nothing once, so that nothing is compiled in a tick."""

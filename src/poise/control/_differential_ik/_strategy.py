@@ -11,6 +11,7 @@ from jaxtyping import Float64, Int64
 
 from poise.control._differential_ik._bounds import VelocityBounds, limit_weights
 from poise.control._differential_ik._closed_form import ClosedForm
+from poise.control._differential_ik._led import LedJoints
 from poise.control._differential_ik._rows import (
     ROW_WEIGHT,
     HomeJacobians,
@@ -47,7 +48,7 @@ class VelocityHierarchy:
 
     Args:
         rows: its rows.
-        joint_names: joints that may move.
+        joint_names: joints that are solved for.
 
     Attributes:
         problem: the problem of the last tick.
@@ -60,6 +61,7 @@ class VelocityHierarchy:
             stack_rows.limits,
             [len(level.velocity) for level in rows.levels],
         )
+        levels = len(sizes)
         self.problem = HierarchicalProblem.allocate(
             len(joint_names),
             [0, contacts, *(limit.dim for limit in limits), *sizes],
@@ -67,17 +69,18 @@ class VelocityHierarchy:
                 "joint limits",
                 "contacts",
                 *(limit.name for limit in limits),
-                *stack_rows.level_names,
+                *stack_rows.level_names[:levels],
             ],
             labels=[
                 [],
                 stack_rows.motion_labels,
                 *(limit.labels for limit in limits),
-                *stack_rows.task_labels,
+                *stack_rows.task_labels[:levels],
             ],
         )
         # Where each of the problem's rows comes from: those of limits stand behind the others.
-        behind = np.arange(contacts + sum(sizes), len(rows.velocity))
+        bounded = stack_rows.collision_rows
+        behind = np.arange(bounded.start, bounded.stop)
         self._order = np.insert(np.arange(contacts + sum(sizes)), contacts, behind)
         self._first, self._bounded = PHYSICS_LEVELS + len(limits), contacts + np.arange(len(behind))
         self.problem.labels[:1] = [(f"limit of {name}", 1) for name in joint_names]
@@ -121,8 +124,9 @@ class VelocityStrategy:
         stack: contacts and tasks, bound to the robot.
         strategy: one of `STRATEGIES`.
         stance: name of the contact to stand on, as `set_stance` takes it.
-        joints: indices of the joints that may move.
-        bounds: bounds of their velocities.
+        joints: indices of the joints that are solved for.
+        led: joints that are led.
+        bounds: bounds of the velocities of those that are solved for.
         speeds: largest norm of the velocity that each block of a task's rows asks for, by name.
         rank: what happens where an exact level of the closed form loses rank.
 
@@ -142,6 +146,7 @@ class VelocityStrategy:
         strategy: str,
         stance: str | None,
         joints: Int64[np.ndarray, " n"],
+        led: LedJoints,
         bounds: VelocityBounds,
         speeds: Mapping[str, Float64[np.ndarray, " b"]],
         rank: RankTreatment,
@@ -149,7 +154,7 @@ class VelocityStrategy:
         if strategy not in STRATEGIES:
             raise UnknownNameError("no such strategy", got=strategy, choices=STRATEGIES)
         self.robot, self.stack, self.name = robot, stack, strategy
-        self._joints, self._bounds = joints, bounds
+        self._joints, self._led, self._bounds = joints, led, bounds
         self._form = ClosedForm(len(joints), _EXACT, rank)
         # With one more level, the self-collision limit.
         self._joined_form = ClosedForm(len(joints), _EXACT + 1, rank)
@@ -194,13 +199,13 @@ class VelocityStrategy:
 
     @property
     def size(self) -> tuple[int, int]:
-        """Number of joints that may move, and of rows, their bounds among them."""
+        """Number of joints that are solved for, and of rows, their bounds among them."""
         joints = len(self._joints)
         return joints, joints + len(self.current.velocity)
 
     @property
     def joint_weights(self) -> Float64[np.ndarray, " n"]:
-        """W_B of the last tick, of the joints that may move."""
+        """W_B of the last tick, of the joints that are solved for."""
         return self._joint_weight.copy()
 
     def set_stance(self, name: str | None) -> None:
@@ -249,14 +254,14 @@ class VelocityStrategy:
             self._lower, self._upper = self._bounds.at(self._q)
 
     def solve(self) -> Answer:
-        """Velocities of all joints; zero of those that may not move."""
+        """Velocities of all joints; zero of those that are neither solved for nor led."""
         rows, hierarchy = self._current
         with np.errstate(all="ignore"):
             status, u = self._in_closed_form() if hierarchy is None else self._by_qp(hierarchy)
             found = rows.stack_rows.measure(u, rows.jacobian).tolist()
         self._solved = True
         velocity = np.zeros(self.robot.nj)
-        velocity[self._joints] = u
+        velocity[self._joints], velocity[self._led.index] = u, rows.led_velocity
         if status in USABLE and np.isfinite(np.add.reduce(u)):
             self._last = u
         # Joint limits always hold.
@@ -274,7 +279,8 @@ class VelocityStrategy:
             notes.append(f"no contact is active: {rows.stance.name} still counts as stance")
         if hierarchy is not None and hierarchy.solution is not None:
             notes.append(hierarchy.solution.explain(hierarchy.problem))
-        names = [self.robot.joint_names[i] for i in self._joints[self._held]]
+        held = *self._joints[self._held], *self._led.index[self._led.held]
+        names = [self.robot.joint_names[i] for i in held]
         if names:
             notes.append("held at their limits: " + ", ".join(names))
         return "; ".join(notes) or "contacts and limits hold"
@@ -311,6 +317,7 @@ class VelocityStrategy:
                 stance,
                 [c for c in contacts if c is not stance],
                 self._joints,
+                self._led,
                 speeds=self._speeds,
                 home=self._home,
             )

@@ -10,13 +10,11 @@ from poise.locomotion._stepping._grips import LATE, LOST_AFTER, HeadGrip, TurnPu
 from poise.locomotion._stepping._guard import SampleClock
 from poise.locomotion._stepping._hands import HandStatus
 from poise.locomotion._stepping._lean import TORSO_MOST
+from poise.locomotion._stepping._limb_feedback import BY_SERVOS, NECK_BY_TORQUES, LimbFeedback
 from poise.locomotion._stepping._neck import NeckMotion
 from poise.locomotion._stepping._samples import DeviceSample
 from poise.robots import Robot
 from poise.stack import JointTask
-
-_KP = 100.0
-"""Stiffness of the neck's joints [1/s^2]."""
 
 _AHEAD = np.eye(3)
 
@@ -37,6 +35,7 @@ class GazeLeader:
         weight: of the task in its level.
         speed_max: of the head [rad/s].
         turns_torso: whether somebody turns the torso by `torso` where there is no neck.
+        servos: whether servos of commanded velocities move the neck; else torques do.
 
     Raises:
         ConfigurationError: a number that is not positive.
@@ -56,6 +55,7 @@ class GazeLeader:
         weight: float = 1.0,
         speed_max: float = 2.5,
         turns_torso: bool = False,
+        servos: bool = False,
     ) -> None:
         self._dt = checked_number(dt, "dt of the gaze [s]", above=0.0)
         self._speed = checked_number(speed_max, "speed_max of the gaze [rad/s]", above=0.0)
@@ -63,8 +63,10 @@ class GazeLeader:
         self._neck = NeckMotion(robot, q_rest, dt=dt, speed_max=speed_max)
         self.task: JointTask | None = None
         if self._neck.joints:
-            self.task = JointTask(self._neck.joints, kp=_KP, weight=weight, name="neck")
+            self.task = JointTask(self._neck.joints, weight=weight, name="neck")
             self.task.bind(robot)
+        firmness = BY_SERVOS if servos else NECK_BY_TORQUES
+        self._feedback = LimbFeedback(self.task, firmness, dt)
         self._turns_torso = turns_torso and self.task is None
         self.reset()
 
@@ -72,6 +74,7 @@ class GazeLeader:
         """Forgets the past: the head looks straight ahead."""
         self._neck.reset()
         self._clock = SampleClock(LATE, LOST_AFTER)
+        self._feedback.reset()
         self._grip = HeadGrip(self._dt, self._speed)
         self._back = TurnPursuit(self._dt * self._speed)
         self.gaze: Float64[np.ndarray, "3 3"] = _AHEAD
@@ -110,6 +113,8 @@ class GazeLeader:
             self._back.lead(None, None)
         if self.task is not None:
             self._neck.advance(self.gaze)
+            moving = bool(self._neck.v.any())
+            self._feedback.stiffen(led=moving or self.status is not HandStatus.REST)
             self._set_target()
         if self.status is HandStatus.LED and self._at_edge():
             self.status = HandStatus.REACH

@@ -15,6 +15,7 @@ from poise.dynamics import RobotState, rotation_vector
 from poise.locomotion._stepping._arms import ArmMotion
 from poise.locomotion._stepping._grips import LATE, LOST_AFTER, HandGrip
 from poise.locomotion._stepping._guard import SampleClock
+from poise.locomotion._stepping._limb_feedback import ARMS_BY_TORQUES, BY_SERVOS, LimbFeedback
 from poise.locomotion._stepping._samples import DeviceSample
 from poise.robots import Robot
 from poise.stack import JointTask
@@ -29,16 +30,6 @@ class HandStatus(Enum):
     REACH = "at the edge of its reach: it comes no further"
     TURNED = "turned as far as it goes: its place follows"
 
-
-_KP_REST, _KP_LED = 25.0, 150.0
-"""Stiffness of the arms' joints at rest, where it is that of the posture, and led [1/s^2]."""
-
-_STIFFEN = 0.5
-"""How long arms take to become stiff when a hand is led, and soft again at rest [s]."""
-
-_KI, _BIAS_MAX = 150.0, 30.0
-"""How fast what led joints lag by becomes a bias [1/s^3], for what a hand carries and nobody knows
-of; and the largest one [rad/s^2]."""
 
 _EDGE = 0.03
 """At the edge of its reach a hand's place is no further ahead than this [m]: when the device comes
@@ -69,6 +60,7 @@ class HandLeader:
         speed_max: of a hand [m/s].
         acceleration_max: of a hand [m/s^2].
         turn_speed_max: of a hand [rad/s].
+        servos: whether servos of commanded velocities move the arms; else torques do.
 
     Raises:
         ConfigurationError: a number that is not positive.
@@ -92,6 +84,7 @@ class HandLeader:
         speed_max: float = 1.5,
         acceleration_max: float = 5.0,
         turn_speed_max: float = 3.0,
+        servos: bool = False,
     ) -> None:
         self._dt = checked_number(dt, "dt of the hands [s]", above=0.0)
         self._scale = checked_number(scale, "scale of the hands", above=0.0)
@@ -100,7 +93,7 @@ class HandLeader:
         self._turn_speed = checked_number(
             turn_speed_max, "turn_speed_max of the hands [rad/s]", above=0.0
         )
-        self._joints = robot.nj
+        self._joints, self._servos = robot.nj, servos
         self._arms = ArmMotion(
             robot,
             robot.q_home if q_rest is None else q_rest,
@@ -112,8 +105,10 @@ class HandLeader:
         self.names = self._arms.names
         self.task: JointTask | None = None
         if self._arms.joints:
-            self.task = JointTask(self._arms.joints, kp=_KP_REST, weight=weight, name="arms")
+            self.task = JointTask(self._arms.joints, weight=weight, name="arms")
             self.task.bind(robot)
+        firmness = BY_SERVOS if servos else ARMS_BY_TORQUES
+        self._feedback = LimbFeedback(self.task, firmness, dt)
         self.reset()
 
     def reset(self) -> None:
@@ -121,12 +116,10 @@ class HandLeader:
         self._arms.reset()
         self._clock = SampleClock(LATE, LOST_AFTER)
         self._grips = [HandGrip(self._dt, self._speed, self._turn_speed) for _ in self.names]
-        self._bias, self._stiff = np.zeros(len(self._arms.joints)), 0.0
+        self._feedback.reset()
         self.places = [hand.copy() for hand in self._arms.hands]
         self.rotations: list[Float64[np.ndarray, "3 3"] | None] = [None for _ in self.names]
         self.status = [HandStatus.REST for _ in self.names]
-        if self.task is not None:
-            self.task.set_gains(_KP_REST)
         self._set_target()
 
     def lead(self, sample: DeviceSample | None, state: RobotState) -> None:
@@ -156,7 +149,10 @@ class HandLeader:
         )
         for hand, here in enumerate(self._arms.hands):
             self._stop_at_edge(hand, here)
-        self._stiffen(led=not all(rests), state=state)
+        # Servos follow all the way to rest; by torques arms that go there are soft.
+        moving = self._servos and bool(self._arms.v.any())
+        self._feedback.stiffen(led=moving or not all(rests))
+        self._feedback.learn(self._arms.q - state.q[-self._joints :][self._arms.index])
         self._set_target()
 
     def targets(
@@ -208,17 +204,6 @@ class HandLeader:
         elif self._arms.stuck[hand] and self.status[hand] is HandStatus.LED:
             self.status[hand] = HandStatus.TURNED
 
-    def _stiffen(self, *, led: bool, state: RobotState) -> None:
-        """Arms that are led are stiff, and learn what they carry; at rest they forget it."""
-        change = self._dt / _STIFFEN if led else -self._dt / _STIFFEN
-        before, self._stiff = self._stiff, min(max(self._stiff + change, 0.0), 1.0)
-        lag = self._arms.q - state.q[-self._joints :][self._arms.index]
-        bias = self._bias + self._dt * _KI * lag
-        self._bias = np.clip(self._stiff * bias, -_BIAS_MAX, _BIAS_MAX)
-        if self.task is not None and self._stiff != before:
-            kp = _KP_REST + self._stiff * (_KP_LED - _KP_REST)
-            self.task.set_gains(kp)
-
     def _set_target(self) -> None:
         if self.task is not None:
-            self.task.set_target(self._arms.q, self._arms.v, self._arms.a + self._bias)
+            self.task.set_target(self._arms.q, self._arms.v, self._arms.a + self._feedback.bias)

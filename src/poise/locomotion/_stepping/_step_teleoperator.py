@@ -58,11 +58,12 @@ class StepTeleoperator:
     reads the device, events (14) move the mode on, references (15) follow from mode and device, and
     the COM shifter (37), the body rotator (39) and saturated P controllers (17) make velocities of
     them, which tasks of `stack` are asked for. With the actuation "velocity", the paper's own,
-    `controller()` solves the stack for velocities of the legs' joints, (19) to (23), and the other
-    joints keep still. With "torque" it solves it for torques of all joints: the COM shifter's
-    feedback is on the measured divergent component, feet on the ground are contacts, and the trunk
-    is kept upright in place of the body rotator, and the arms follow the operator's hands, whatever
-    the feet do. `stack` may then be given to any controller that commands torques.
+    `controller()` solves the stack for velocities of the legs' joints, (19) to (23); a waist is
+    kept still. With "torque" it solves it for torques of all joints: the COM shifter's feedback is
+    on the measured divergent component, feet on the ground are contacts, and the trunk is kept
+    upright in place of the body rotator. `stack` may then be given to any controller that commands
+    torques. Either way the arms follow the operator's hands and the neck the operator's head,
+    whatever the feet do.
 
     Neither `estimator.update` nor `lead` raises. A state that cannot be used is passed over, and
     the controller says so.
@@ -91,8 +92,8 @@ class StepTeleoperator:
         actuation: what is commanded.
         estimator: where the robot is taken to be; its `update` comes before `lead`.
         zmp_sensor: ZMP and loads as measured.
-        hands: leads the arms; None where velocities are commanded, and the arms keep still.
-        gaze: likewise leads the neck, or the torso of a robot without one.
+        hands: leads the arms.
+        gaze: leads the neck, or by torques the torso of a robot without one.
     """
 
     def __init__(
@@ -128,24 +129,33 @@ class StepTeleoperator:
         if actuation == "velocity" and isinstance(driver, ShifterDriver):
             check_sway(self._biped, self.estimator.dynamics, driver.omega, p)
         self._reach = FootRange(robot, self.soles, p)
-        self.hands: HandLeader | None = None
-        self.gaze: GazeLeader | None = None
+        servos = actuation == "velocity"
+        self.hands = HandLeader(
+            robot,
+            dt=p.dt,
+            q_rest=q_start,
+            weight=POSTURE_WEIGHT,
+            scale=p.hand_scale,
+            servos=servos,
+        )
+        self.gaze = GazeLeader(
+            robot,
+            dt=p.dt,
+            q_rest=q_start,
+            weight=POSTURE_WEIGHT,
+            turns_torso=not servos,
+            servos=servos,
+        )
+        limbs = [task for task in (self.hands.task, self.gaze.task) if task is not None]
         self._tasks: StepTasks
         self._own: OwnSteps | None = None
         self._one_foot = WIDE
         if actuation == "torque":
-            self.hands = HandLeader(
-                robot, dt=p.dt, q_rest=q_start, weight=POSTURE_WEIGHT, scale=p.hand_scale
-            )
-            self.gaze = GazeLeader(
-                robot, dt=p.dt, q_rest=q_start, weight=POSTURE_WEIGHT, turns_torso=True
-            )
-            limbs = [task for task in (self.hands.task, self.gaze.task) if task is not None]
             self._tasks = TorqueTasks(self._biped, p.dt, limbs)
             self._one_foot = one_foot(robot, driver.omega, p.support_margin)
             self._own = OwnSteps(robot, self._tasks, q_start, p.dt)
         else:
-            self._tasks = VelocityTasks(self._biped, p, rotator=rotator)
+            self._tasks = VelocityTasks(self._biped, p, limbs, rotator=rotator)
         # What is compiled is compiled now, not in the first tick.
         SupportPolygon([], p.support_margin)
         self.reset()
@@ -158,10 +168,8 @@ class StepTeleoperator:
             biped.frames, self.soles, biped.weight, p.zmp_time, p.dt
         )
         self._tasks.reset()
-        if self.hands is not None:
-            self.hands.reset()
-        if self.gaze is not None:
-            self.gaze.reset()
+        self.hands.reset()
+        self.gaze.reset()
         if self._own is not None:
             self._own.reset()
         self._guard = DeviceGuard(dt=p.dt, low=p.lower_height, press_depth=p.press_depth)
@@ -216,8 +224,7 @@ class StepTeleoperator:
         planned = {
             f"planned/{sole}": float(support in (None, i)) for i, sole in enumerate(self.soles)
         }
-        names = () if self.hands is None else self.hands.names
-        hands = zip(names, status.hand_targets, strict=True)
+        hands = zip(self.hands.names, status.hand_targets, strict=True)
         return {
             **planned,
             **{f"target/{hand}": place for hand, place in hands},
@@ -254,10 +261,8 @@ class StepTeleoperator:
         sample = None if self.device is None else self.device.sample(state.time)
         soles = (self.estimator.sole(0), self.estimator.sole(1))
         command = self._guard.check(sample, state.time, soles, self.estimator.anchors)
-        if self.hands is not None:
-            self.hands.lead(sample, state)
-        if self.gaze is not None:
-            self.gaze.lead(sample, state.time)
+        self.hands.lead(sample, state)
+        self.gaze.lead(sample, state.time)
         if self._own is not None:
             self._own.drive(self._guard.velocity)
             if self._own.acting:
@@ -357,8 +362,6 @@ class StepTeleoperator:
 
     def _torso(self) -> tuple[float, float, float]:
         """How the torso shall be turned: as commanded, and to look where a neck cannot [rad]."""
-        if self.gaze is None:
-            return self._body.torso
         (roll, pitch, yaw), (_, down, left) = self._body.torso, self.gaze.torso
         return (roll, pitch + down, yaw + left)
 
@@ -366,7 +369,6 @@ class StepTeleoperator:
         self, footing: Footing, sample: DeviceSample | None, target: Float64[np.ndarray, "3"]
     ) -> TeleopStatus:
         com, torso = footing.dynamics.com, footing.dynamics.placement(self._biped.torso)
-        hands = self.hands
         return TeleopStatus(
             mode=footing.mode,
             device=self._guard.status,
@@ -380,10 +382,10 @@ class StepTeleoperator:
             loads=self.zmp_sensor.loads.copy(),
             tilt=footing.tilt,
             heading=math.atan2(footing.heading[1], footing.heading[0]),
-            hands=() if hands is None else tuple(hands.status),
-            hand_targets=() if hands is None else hands.targets(*torso),
-            hand_rotations=() if hands is None else hands.orientations(torso[1]),
-            gaze=None if self.gaze is None else self.gaze.status,
+            hands=tuple(self.hands.status),
+            hand_targets=self.hands.targets(*torso),
+            hand_rotations=self.hands.orientations(torso[1]),
+            gaze=self.gaze.status,
         )
 
 

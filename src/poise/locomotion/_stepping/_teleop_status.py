@@ -27,10 +27,10 @@ class TeleopStatus:
         loads: normal forces, left and right [N].
         tilt: angle of the torso against upright [rad].
         heading: of the pelvis, to the left of the world's x axis [rad].
-        hands: what each hand does; none where velocities are commanded.
+        hands: what each hand does.
         hand_targets: where each hand is led to [m].
         hand_rotations: how each is led to be turned, world_R_hand; None for one that is not.
-        gaze: what the head does; None where nothing can turn it, or velocities are commanded.
+        gaze: what the head does; None where nothing can turn it.
     """
 
     mode: Mode

@@ -3,6 +3,7 @@
 `TaskWeights`: W_A, how much each task of the second level counts.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -21,6 +22,7 @@ from poise.stack import (
     ComTask,
     FrameTask,
     JointLimit,
+    JointTask,
     MomentumTask,
     SelfCollisionLimit,
     Stack,
@@ -93,19 +95,29 @@ class VelocityTasks:
     The first level has the COM's velocity and the other sole's angular velocity; the second has
     angular momentum, the torso's angular velocity and the other sole's velocity. The stance is the
     only active contact: tasks on it are suspended, and the other sole, on the ground or in the air,
-    is led by its tasks.
+    is led by its tasks. Arms and neck move as their own tasks say; the legs make up for what that
+    does to COM and angular momentum.
 
     Args:
         biped: the robot.
         parameters: gains and limits.
+        limbs: of the joints of arms and neck, which somebody else leads.
         rotator: whether the body rotator acts.
 
     Attributes:
         stack: to be solved for joint velocities.
     """
 
-    def __init__(self, biped: Biped, parameters: TeleopParameters, *, rotator: bool) -> None:
+    def __init__(
+        self,
+        biped: Biped,
+        parameters: TeleopParameters,
+        limbs: Sequence[JointTask],
+        *,
+        rotator: bool,
+    ) -> None:
         self._biped, self._parameters = biped, parameters
+        self._led = [task.name for task in limbs]
         self._lean = TrunkLean(biped.relief, parameters.dt)
         self._grounds, self._yield = SoleGrounds(parameters), SoleYield(parameters.dt)
         self._weights = TaskWeights(parameters, rotator=rotator)
@@ -120,6 +132,7 @@ class VelocityTasks:
             levels=[
                 [self._com, *self._turns],
                 [self._momentum, self._torso, *self._places],
+                *([limbs] if limbs else []),
             ],
             joint_limit=JointLimit(position_margin=0.0, position_range=biped.knees),
             self_collision_limit=SelfCollisionLimit(legs_only=True, margin=_MARGIN),
@@ -144,6 +157,7 @@ class VelocityTasks:
             self.stack,
             dt=self._parameters.dt,
             joints=self._biped.legs,
+            led=self._led,
             limit_time=_LIMIT_TIME,
             dynamics=dynamics,
         )

@@ -1,0 +1,85 @@
+"""`LimbFeedback`: how firmly led limbs follow their model, by torques or by servos."""
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float64
+
+from poise.stack import JointTask
+
+_STIFFEN = 0.5
+"""How long limbs take to become stiff when they are led, and soft again at rest [s]."""
+
+_BIAS_MAX = 30.0
+"""Largest acceleration that is learned for what a hand carries [rad/s^2]."""
+
+
+class Firmness(NamedTuple):
+    """How firmly joints follow their model.
+
+    Attributes:
+        rest: stiffness at rest [1/s^2].
+        led: stiffness of joints that are led [1/s^2].
+        learning: how fast what led joints lag by becomes a bias of their accelerations [1/s^3].
+    """
+
+    rest: float
+    led: float
+    learning: float
+
+
+ARMS_BY_TORQUES = Firmness(25.0, 150.0, 150.0)
+"""At rest as stiff as the posture; what a hand carries, and nobody knows of, is learned."""
+
+NECK_BY_TORQUES = Firmness(100.0, 100.0, 0.0)
+"""A head carries nothing."""
+
+BY_SERVOS = Firmness(0.0, 16.0, 0.0)
+"""Servos follow by themselves and carry what there is, so nothing is learned, and at rest nothing
+is asked for at all. What led joints sag by, or missed in ticks that failed, is taken back at 2 /s:
+the rate is half the root of the stiffness."""
+
+
+class LimbFeedback:
+    """Makes limbs stiff while they are led, and has them learn what they carry.
+
+    Args:
+        task: of the joints, bound to a robot; None without joints.
+        firmness: of the joints.
+        dt: length of a tick [s].
+
+    Attributes:
+        bias: to be added to the joints' accelerations [rad/s^2].
+    """
+
+    def __init__(self, task: JointTask | None, firmness: Firmness, dt: float) -> None:
+        self._task, self._firmness, self._dt = task, firmness, dt
+        self.reset()
+
+    def reset(self) -> None:
+        """The limbs are at rest, and carry nothing."""
+        self._stiff = 0.0
+        self.bias: Float64[np.ndarray, " n"] = np.zeros(0 if self._task is None else self._task.dim)
+        if self._task is not None:
+            self._task.set_gains(self._firmness.rest)
+
+    def stiffen(self, *, led: bool) -> None:
+        """One tick.
+
+        Args:
+            led: whether the joints are led.
+        """
+        change = self._dt / _STIFFEN if led else -self._dt / _STIFFEN
+        before, self._stiff = self._stiff, min(max(self._stiff + change, 0.0), 1.0)
+        if self._task is not None and self._stiff != before:
+            rest, most, _ = self._firmness
+            self._task.set_gains(rest + self._stiff * (most - rest))
+
+    def learn(self, lag: Float64[np.ndarray, " n"]) -> None:
+        """One tick; joints at rest forget.
+
+        Args:
+            lag: how far the joints are from where their model is [rad].
+        """
+        bias = self.bias + self._dt * self._firmness.learning * lag
+        self.bias = np.clip(self._stiff * bias, -_BIAS_MAX, _BIAS_MAX)
