@@ -28,7 +28,7 @@ def wrench_cost(contacts: Sequence[Contact]) -> Float64[np.ndarray, "w w"]:
         metric = contact.metric
         metric[2, 2] *= _UNEVEN
         blocks.append(_WRENCH_COST * metric)
-    return block_diag(*blocks) if blocks else np.zeros((0, 0))
+    return np.asarray(block_diag(*blocks)) if blocks else np.zeros((0, 0))
 
 
 class FullProblem:

@@ -189,12 +189,6 @@ class ContactForces:
             self.wrench[:] = solution.x
 
 
-def _metric(contact: Contact) -> Float64[np.ndarray, "dim dim"]:
-    """C^T C with the rows of the cone over their bound at unit normal force."""
-    rows = contact.cone / -contact.cone[:, 2:3]
-    return rows.T @ rows
-
-
 def _make_problem(base: int, cone: Float64[np.ndarray, "rows c"], nj: int) -> HierarchicalProblem:
     rows, size = cone.shape
     problem = HierarchicalProblem.allocate(

@@ -101,7 +101,7 @@ class CarryingArea:
         """All of the sole carries, for all that is known."""
         self._lower, self._upper = [-r for r in self._reach], list(self._reach)
         self._settled = None
-        self._tell((*self._lower, *self._upper))
+        self._tell(*self._lower, *self._upper)
 
     def update(self, state: RobotState, dt: float) -> None:
         """Learns from a state, and tells the contact.
@@ -111,7 +111,7 @@ class CarryingArea:
             dt: since the last one [s].
         """
         self._learn_from(state, dt)
-        self._tell((*self._lower, *self._upper))
+        self._tell(*self._lower, *self._upper)
 
     def widen(self, state: RobotState, dt: float) -> None:
         """Learns from a state, and tells the contact what carries besides, and of nothing less.
@@ -122,7 +122,7 @@ class CarryingArea:
         """
         self._learn_from(state, dt)
         (a, b), (c, d), told = self._lower, self._upper, self._told
-        self._tell((min(a, told[0]), min(b, told[1]), max(c, told[2]), max(d, told[3])))
+        self._tell(min(a, told[0]), min(b, told[1]), max(c, told[2]), max(d, told[3]))
 
     def _learn_from(self, state: RobotState, dt: float) -> None:
         contact = self._contact
@@ -141,10 +141,10 @@ class CarryingArea:
                 self._learn(axis, down, pressure[axis], dt)
         self._settle(contact.active, dt)
 
-    def _tell(self, edges: tuple[float, float, float, float]) -> None:
-        """Tells the contact what it does not know yet."""
-        if self._contact is not None and edges != self._told:
-            self._told = a, b, c, d = edges
+    def _tell(self, a: float, b: float, c: float, d: float) -> None:
+        """Tells the contact what it does not know yet: its lower and its upper edges."""
+        if self._contact is not None and (a, b, c, d) != self._told:
+            self._told = (a, b, c, d)
             self._contact.carry_on((a, b), (c, d))
 
     def _settle(self, stands: bool, dt: float) -> None:
