@@ -201,7 +201,7 @@ class LiteralTeleoperator(StepTeleoperator):
     def _paper_status(
         self, reference: Float64[np.ndarray, "2"], sample: DeviceSample | None, dynamics: Dynamics
     ) -> TeleopStatus:
-        upward = dynamics.frame(self.robot.frame_id(self.robot.torso)).rotation[2, 2]
+        torso = dynamics.placement(self.robot.frame_id(self.robot.torso))
         other = 1 - self.estimator.stance
         return TeleopStatus(
             mode=self._paper_mode,
@@ -213,7 +213,10 @@ class LiteralTeleoperator(StepTeleoperator):
             soles=(self.estimator.sole(0), self.estimator.sole(1)),
             target=self._sample.position(other) if self._paper_mode.single else None,
             loads=self.zmp_sensor.loads.copy(),
-            tilt=float(np.arccos(np.clip(upward, -1.0, 1.0))),
+            tilt=float(np.arccos(np.clip(torso[1][2, 2], -1.0, 1.0))),
+            hands=tuple(self.hands.status),
+            hand_targets=self.hands.targets(*torso),
+            hand_rotations=self.hands.orientations(torso[1]),
         )
 
 

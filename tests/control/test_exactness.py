@@ -198,8 +198,15 @@ def levels_of(robot, stack, state):
         rows = np.hstack((J, np.zeros((len(J), n - nv))))
         b = np.concatenate([t.reference - t.drift for t in tasks])
         levels.append((rows, b, np.concatenate([t.weight for t in tasks])))
-    H = 1e-4 * np.eye(n)
+    H, start = np.zeros((n, n)), nv
     H[:nv, :nv] = dynamics.M
+    for contact in contacts:
+        # How far a wrench of 1 N, and no other, takes each edge of the cone; normal forces by 0.1.
+        edges = contact.cone / np.abs(contact.cone[:, [2]])
+        cost = 1e-4 * np.einsum("ki,kj->ij", edges, edges) / len(edges)
+        cost[2, 2] *= 0.1
+        H[start : start + len(cost), start : start + len(cost)] = cost
+        start += len(cost)
     return H, levels
 
 

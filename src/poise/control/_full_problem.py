@@ -4,7 +4,6 @@ from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Float64
-from scipy.linalg import block_diag
 
 from poise._compiled import compiled
 from poise.dynamics import Dynamics
@@ -23,12 +22,14 @@ cost, below all levels, so it takes nothing from a task."""
 
 def wrench_cost(contacts: Sequence[Contact]) -> Float64[np.ndarray, "w w"]:
     """Final cost of the wrenches of contacts, one after the other."""
-    blocks: list[Float64[np.ndarray, "dim dim"]] = []
+    size = sum(contact.dim for contact in contacts)
+    cost, start = np.zeros((size, size)), 0
     for contact in contacts:
+        block = slice(start, start := start + contact.dim)
         metric = contact.metric
         metric[2, 2] *= _UNEVEN
-        blocks.append(_WRENCH_COST * metric)
-    return np.asarray(block_diag(*blocks)) if blocks else np.zeros((0, 0))
+        cost[block, block] = _WRENCH_COST * metric
+    return cost
 
 
 class FullProblem:

@@ -1,11 +1,17 @@
 """`SoleRighting`: soles that stand and carry little are turned level, as feet in the air are."""
 
+import math
+
 from poise.locomotion._stepping._footing import Footing
 from poise.stack import SurfaceContact
 
 _STIFFNESS, _MOST = 400.0, 60.0
 """How hard a sole is turned level [1/s^2], and the largest angular acceleration of that
 [rad/s^2]."""
+
+_GROUND = 0.1
+"""Sine of how far a sole may be off level, and lie as the ground does, as far as anyone knows: a
+slope of 3 degrees with an attitude off by 1, or a bump."""
 
 _LIGHT, _FIRM = 0.1, 0.2
 """Parts of the weight: a sole that carries less than the first is turned, one that carries more
@@ -48,8 +54,10 @@ class SoleRighting:
             _, rotation = footing.dynamics.placement(footing.biped.frames[foot])
             # The sine of the angle to the vertical, about the sole's own axes.
             up_x, up_y, _ = rotation[2].tolist()
+            off = math.hypot(up_x, up_y)
+            beyond = share * _STIFFNESS * max(0.0, 1.0 - _GROUND / max(off, _GROUND))
             most = share * _MOST
-            x, y = -share * _STIFFNESS * up_y, share * _STIFFNESS * up_x
+            x, y = -beyond * up_y, beyond * up_x
             self._turn(foot, max(-most, min(most, x)), max(-most, min(most, y)))
 
     def _turn(self, foot: int, x: float, y: float) -> None:
