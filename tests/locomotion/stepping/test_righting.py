@@ -1,4 +1,4 @@
-"""Soles that stand and carry little are turned level."""
+"""Soles that stand, carry little and are far off level are turned back."""
 
 from unittest.mock import Mock
 

@@ -1,4 +1,4 @@
-"""`SoleRighting`: soles that stand and carry little are turned level, as feet in the air are."""
+"""`SoleRighting`: soles that stand, carry little and are far off level are turned back."""
 
 import math
 
@@ -6,7 +6,7 @@ from poise.locomotion._stepping._footing import Footing
 from poise.stack import SurfaceContact
 
 _STIFFNESS, _MOST = 400.0, 60.0
-"""How hard a sole is turned level [1/s^2], and the largest angular acceleration of that
+"""How hard a sole is turned back [1/s^2], and the largest angular acceleration of that
 [rad/s^2]."""
 
 _GROUND = 0.1
@@ -23,7 +23,7 @@ class SoleRighting:
 
     A foot that comes down on an edge is set spinning by it, and a contact only damps that: with
     10 rad/s it turns by half a radian, up to the limit of its ankle, and stands on that edge.
-    Nothing levels a sole that carries: what that takes is nothing beside what the ground gives.
+    Nothing turns a sole that carries: what that takes is nothing beside what the ground gives.
 
     Args:
         contacts: of the left and of the right sole.
