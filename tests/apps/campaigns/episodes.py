@@ -49,8 +49,9 @@ def noted(job):
 
 
 def ending_third(job):
-    """Number 3 takes its process along; the others take their time."""
+    """Number 3 takes its process along, after a while; the others take their time."""
     if job.number == 3:
+        time.sleep(job.values.get("after", 0.0))
         os.kill(os.getpid(), signal.SIGSEGV)
     return slow(job)
 
@@ -60,6 +61,7 @@ def ending_once(job):
     marker = Path(job.values["marker"])
     if job.number == 3 and not marker.exists():
         marker.touch()
+        time.sleep(job.values.get("after", 0.0))
         os._exit(7)
     return noted(job)
 

@@ -19,6 +19,9 @@ from poise.apps.campaigns import DaskWorkers, SlurmWorkers, WorkerLostError, _cl
 from poise.apps.campaigns._episode import run_episode
 from poise.errors import ConfigurationError, PoiseError
 
+# A worker that ends before its nanny has heard of its start is not replaced (distributed 2026.8).
+KNOWN = 0.5
+
 
 @pytest.fixture(scope="module")
 def cluster():
@@ -34,13 +37,15 @@ def cluster():
 
 @pytest.fixture
 def workers(cluster):
+    cluster.scale(2)
+    cluster.wait_for_workers(2, timeout=60)
     with DaskWorkers(cluster.scheduler_address) as workers:
         yield workers
 
 
 def test_a_worker_that_is_killed_loses_its_own_episode_alone(workers, tmp_path):
     notes = tmp_path / "notes"
-    jobs = episodes.jobs(12, notes=str(notes), marker=str(tmp_path / "marker"))
+    jobs = episodes.jobs(12, notes=str(notes), marker=str(tmp_path / "marker"), after=KNOWN)
     found = {job.number: row for job, row in workers.each(episodes.ending_once, jobs)}
     assert found == {job.number: episodes.row(job) for job in jobs}
     ran = [line.split() for line in notes.read_text().splitlines()]
@@ -49,7 +54,8 @@ def test_a_worker_that_is_killed_loses_its_own_episode_alone(workers, tmp_path):
 
 @pytest.mark.slow
 def test_one_that_ends_every_worker_is_a_result(workers):
-    found = {job.number: row for job, row in workers.each(episodes.ending_third, episodes.jobs(5))}
+    jobs = episodes.jobs(5, after=KNOWN)
+    found = {job.number: row for job, row in workers.each(episodes.ending_third, jobs)}
     assert sorted(found) == [0, 1, 2, 3, 4]
     lost = {n: str(row) for n, row in found.items() if isinstance(row, WorkerLostError)}
     assert lost == {3: "it ended 2 workers"}

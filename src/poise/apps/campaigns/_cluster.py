@@ -113,7 +113,10 @@ class DaskWorkers(Workers):
             if isinstance(found, WorkerLostError):
                 raise PoiseError(f"the first episode cannot be begun: {found}")
         with suppress(ValueError):  # A worker without a nanny cannot be started anew.
-            self._client.restart_workers([a for a, used in used_up.items() if used])
+            # One that does not come back is gone, and the others do its share.
+            self._client.restart_workers(
+                [a for a, used in used_up.items() if used], raise_for_error=False
+            )
 
     def _workers(self) -> dict[str, Any]:
         """What the scheduler says of each worker, by address."""
