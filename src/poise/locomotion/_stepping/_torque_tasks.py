@@ -39,15 +39,20 @@ what little those leave to them. Heavier ones are thrown less, and lean the trun
 _KP_POSTURE = 25.0
 """Stiffness of the posture [1/s^2]."""
 
-_BALANCE, _CATCHING, _CAUGHT_TRUNK = (1e5, 1e5, 1.0), 1.0, (0.1, 0.1, 0.1)
+_BALANCE, _CATCHING, _CAUGHT_TRUNK = (1e5, 1e5, 1.0), 1.0, (0.3, 0.3, 0.3)
 """Weight of the COM beside foot and trunk while the operator leads the feet; and of COM and trunk
 while the robot steps by itself in order not to fall, beside a foot that weighs as in a walk.
 
-Then a foot that is late costs the balance, too. But a trunk that a push has thrown over asks for 80
-rad/s^2: weighed as the COM it would get nearly all of that, and the COM 2 m/s^2 less than it needs.
+Then a foot that is late costs the balance, too.
 
 Height is no balance: where the leg that stands folds no deeper, and the COM was to come down all
 the same, trunk and hip would roll towards the foot in the air and slam it onto the ground."""
+
+_RIGHTED = 0.2
+"""How far from where it is the trunk is sent meanwhile [rad]. One that a push has thrown over asked
+for 80 rad/s^2 at once, and the COM got 2 m/s^2 less than it needs; weighed so light that it does
+not, it leaned by half a radian for seconds, while each step was made for a robot that is upright.
+"""
 
 _EASED = 0.3
 """In what time the balance comes to weigh that much after them [s]: all at once, it throws over a
@@ -194,7 +199,7 @@ class TorqueTasks:
         for foot in self._feet:
             foot.set_weight(FOOT_WEIGHT)
         self.stack.self_collision_limit.let_legs_pass(True)
-        self._turn_trunk(footing, (0.0, 0.0, 0.0), weight=_CAUGHT_TRUNK)
+        self._turn_trunk(footing, (0.0, 0.0, 0.0), weight=_CAUGHT_TRUNK, most=_RIGHTED)
 
     def _announce(self, footing: Footing) -> None:
         """Where the foot in the air would catch the robot that stands on a narrow one.
@@ -213,12 +218,15 @@ class TorqueTasks:
         torso: tuple[float, float, float],
         *,
         weight: tuple[float, float, float],
+        most: float = math.inf,
     ) -> None:
-        """Pelvis and torso, facing as the feet do."""
+        """Pelvis and torso, facing as the feet do, led at most so far from where they are [rad]."""
         rotations = self._pose.rotations(footing, 0.5 * sum(self._yaws), torso)
+        frames = footing.biped.pelvis, footing.biped.torso
         # A torso without a waist is the pelvis.
-        for task, rotation in zip(self._trunk, rotations[-len(self._trunk) :], strict=True):
-            task.set_target(rotation=rotation)
+        for k, task in enumerate(self._trunk, start=-len(self._trunk)):
+            _, here = footing.dynamics.placement(frames[k])
+            task.set_target(rotation=_towards(rotations[k], here, most))
             task.set_weight(weight)
 
     def _stand(self, footing: Footing) -> None:
@@ -278,6 +286,17 @@ def _foot_weight(
     up = max(z - max(to_z, footing.highest_ground + _HIGH), 0.0)
     away = math.hypot(x - to_x, y - to_y, up) / _AWAY
     return _THROWN ** min(max(away - 1.0, 0.0), 1.0)
+
+
+def _towards(
+    goal: Float64[np.ndarray, "3 3"], here: Float64[np.ndarray, "3 3"], most: float
+) -> Float64[np.ndarray, "3 3"]:
+    """A rotation on the way from one to another, no farther than that [rad]."""
+    if most == math.inf:
+        return goal
+    way = pin.log3(here.T @ goal)
+    far = float(np.linalg.norm(way))
+    return goal if far <= most else here @ pin.exp3(way * (most / far))
 
 
 def _yaw(footing: Footing, foot: int) -> float:

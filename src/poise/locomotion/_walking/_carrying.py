@@ -23,8 +23,9 @@ _LEAST = 0.004
 
 
 _SETTLING = 0.15
-"""Over which the area is averaged that plans count on: a foot that rocks has another in every tick,
-and a ZMP that should rest in it would be thrown to and fro [s]."""
+"""Over which the area is averaged that plans count on, and whoever stands without a step to make: a
+foot that rocks has another in every tick, and a ZMP that should rest in it would be thrown to and
+fro [s]."""
 
 _WHOLE = 1e-3
 """An average this near to the edge is there [m]."""
@@ -113,16 +114,17 @@ class CarryingArea:
         self._learn_from(state, dt)
         self._tell(*self._lower, *self._upper)
 
-    def widen(self, state: RobotState, dt: float) -> None:
-        """Learns from a state, and tells the contact what carries besides, and of nothing less.
+    def feel(self, state: RobotState, dt: float) -> None:
+        """Learns from a state, and tells the contact what carries on the average.
 
         Args:
             state: of the robot, with what its soles measure; without that the whole sole carries.
             dt: since the last one [s].
         """
         self._learn_from(state, dt)
-        (a, b), (c, d), told = self._lower, self._upper, self._told
-        self._tell(min(a, told[0]), min(b, told[1]), max(c, told[2]), max(d, told[3]))
+        x, y = self._reach
+        a, b, c, d = self._settled or (-x, -y, x, y)
+        self._tell(_whole(a, -x), _whole(b, -y), _whole(c, x), _whole(d, y))
 
     def _learn_from(self, state: RobotState, dt: float) -> None:
         contact = self._contact
@@ -182,3 +184,8 @@ class CarryingArea:
         middle = min(max(0.5 * (lower + upper), -reach + missing), reach - missing)
         self._lower[axis] = max(min(lower, middle - missing), -reach)
         self._upper[axis] = min(max(upper, middle + missing), reach)
+
+
+def _whole(edge: float, end: float) -> float:
+    """An edge, or the end of what can carry where it is nearly there [m]."""
+    return end if abs(end - edge) <= _WHOLE else edge

@@ -156,9 +156,9 @@ class Walker:
     def feel(self, state: RobotState) -> None:
         """Learns what soles carry on, and whether one hangs, while somebody else leads two feet.
 
-        Contacts are told of what carries besides, and of nothing less: who leads them takes the ZMP
-        to what carries by itself, and a sole that rocks for a moment has another area in every
-        tick. But all of a sole that the walker has found on a bump would tip it over.
+        Contacts are told what has carried lately, on the average: a sole that rocks for a moment
+        has another area in every tick, and one that stands on an edge tips over where all of it is
+        taken to carry.
 
         Args:
             state: of the robot.
@@ -167,7 +167,7 @@ class Walker:
         self._time = state.time
         self._parts.sense.update(state)
         for area in self._parts.areas:
-            area.widen(state, dt)
+            area.feel(state, dt)
         self._hang_watch.update(state, dt)
 
     def forget(self) -> None:
