@@ -64,20 +64,25 @@ class CarryingArea:
         sizes = zip(self._lower, self._upper, self._reach, _FLAT, strict=True)
         return all(upper - lower >= part * 2.0 * reach for lower, upper, reach, part in sizes)
 
+    @property
+    def _average(self) -> tuple[float, float, float, float]:
+        """Lower and upper edges on the average; all that can carry where nothing is known [m]."""
+        x, y = self._reach
+        a, b, c, d = self._settled or (-x, -y, x, y)
+        return _whole(a, -x), _whole(b, -y), _whole(c, x), _whole(d, y)
+
     def bearing(self, whole: Bearing) -> Bearing:
         """Where the ZMP can be while this foot alone carries the robot.
 
         Args:
             whole: the same if all of the sole lay on something.
         """
-        edges = self._settled
-        if edges is None:
+        if self._settled is None:
             return whole
+        (x, y), (a, b, c, d) = self._reach, self._average
         # An edge that is where it can be at most takes nothing away: contacts keep a margin.
-        x, y = (reach - _WHOLE for reach in self._reach)
-        a, b, c, d = edges
-        lower = (-math.inf if a <= -x else a, -math.inf if b <= -y else b)
-        upper = (math.inf if c >= x else c, math.inf if d >= y else d)
+        lower = (-math.inf if a == -x else a, -math.inf if b == -y else b)
+        upper = (math.inf if c == x else c, math.inf if d == y else d)
         return whole.within(lower, upper)
 
     def part(self, size: Point) -> SolePart | None:
@@ -86,14 +91,13 @@ class CarryingArea:
         Args:
             size: its length and width [m].
         """
-        if self._settled is None:
-            return None
-        ends: list[Point] = []
+        edges, ends = self._average, list[Point]()
         for axis, side in enumerate(size):
-            low, high, most = self._settled[axis], self._settled[2 + axis], self._reach[axis]
+            low, high, most = edges[axis], edges[2 + axis], self._reach[axis]
             # An edge that is where it can be at most is the sole's: contacts keep a margin.
-            low = -0.5 * side if low <= _WHOLE - most else low
-            ends.append((low, 0.5 * side if high >= most - _WHOLE else high))
+            ends.append(
+                (-0.5 * side if low == -most else low, 0.5 * side if high == most else high)
+            )
         (a, b), (c, d) = ends
         part = SolePart(0.5 * (a + b), 0.5 * (c + d), b - a, d - c)
         return None if (part.length, part.width) == size else part
@@ -122,9 +126,7 @@ class CarryingArea:
             dt: since the last one [s].
         """
         self._learn_from(state, dt)
-        x, y = self._reach
-        a, b, c, d = self._settled or (-x, -y, x, y)
-        self._tell(_whole(a, -x), _whole(b, -y), _whole(c, x), _whole(d, y))
+        self._tell(*self._average)
 
     def _learn_from(self, state: RobotState, dt: float) -> None:
         contact = self._contact
