@@ -1,5 +1,7 @@
 """Which blocks the robot touches, and how near to them it came."""
 
+import math
+
 import mujoco
 import numpy as np
 from jaxtyping import Float64
@@ -24,6 +26,13 @@ class BlockWatch:
         solid = (model.geom_conaffinity & to_ground) != 0
         self._blocks, self._touching = np.array(blocks, dtype=np.int64), set(blocks)
         self._limbs = np.flatnonzero(solid & (model.geom_bodyid > 0))
+        self._radii = model.geom_rbound[self._limbs]
+        # Blocks stay where they are.
+        self._centers = plant.data.geom_xpos[self._blocks]
+        self._axes = plant.data.geom_xmat[self._blocks].reshape(-1, 3, 3)
+        self._halves = model.geom_size[self._blocks, None]
+        up = (np.abs(self._axes[:, 2:]) @ model.geom_size[self._blocks, :, None]).ravel()
+        self._top = float((self._centers[:, 2] + up).max(initial=-math.inf))
 
     def touched(self) -> bool:
         """Whether any part of the robot touches a block at the last physics step."""
@@ -32,29 +41,41 @@ class BlockWatch:
     def clearance(self) -> float:
         """Distance between the robot and the nearest block, at most `distance_max` [m]."""
         model, data, nearest = self._plant.model, self._plant.data, self._far
+        places = data.geom_xpos[self._limbs]
+        # Most of a robot is far above all blocks.
+        low = np.flatnonzero(places[:, 2] - self._radii < self._top + nearest)
+        least = self._least_distances(places[low], self._radii[low])
         # Exact distances are dear, and most pairs are farther apart than the nearest is.
-        least = self._least_distances()
-        for i in np.flatnonzero(least < nearest)[np.argsort(least[least < nearest])].tolist():
+        near = np.flatnonzero(least < nearest)
+        for i in near[np.argsort(least[near])].tolist():
             if least[i] >= nearest:
                 break
-            block, limb = divmod(i, len(self._limbs))
+            block, limb = divmod(i, len(low))
             nearest = min(
                 nearest,
                 mujoco.mj_geomDistance(
-                    model, data, int(self._blocks[block]), int(self._limbs[limb]), nearest, None
+                    model,
+                    data,
+                    int(self._blocks[block]),
+                    int(self._limbs[low[limb]]),
+                    nearest,
+                    None,
                 ),
             )
         return float(nearest)
 
-    def _least_distances(self) -> Float64[np.ndarray, " pairs"]:
+    def _least_distances(
+        self, places: Float64[np.ndarray, "limbs 3"], radii: Float64[np.ndarray, " limbs"]
+    ) -> Float64[np.ndarray, " pairs"]:
         """What each block is at least away from each limb, limb by limb of the first block first.
 
         The sphere around a limb lies that far from the box.
+
+        Args:
+            places: of the limbs [m].
+            radii: of the spheres around them [m].
         """
-        model, data = self._plant.model, self._plant.data
-        boxes = data.geom_xmat[self._blocks].reshape(-1, 3, 3)
-        apart = data.geom_xpos[self._limbs] - data.geom_xpos[self._blocks, None]
         # Along the axes of each box, and beyond its sides.
-        beyond = np.abs(apart @ boxes) - model.geom_size[self._blocks, None]
+        beyond = np.abs((places - self._centers[:, None]) @ self._axes) - self._halves
         distance = np.sqrt((np.maximum(beyond, 0.0) ** 2).sum(axis=-1))
-        return (distance - model.geom_rbound[self._limbs]).ravel()
+        return (distance - radii).ravel()
