@@ -98,6 +98,7 @@ class WholeBodyController(Controller):
         backend: QP solver of the cascade and weighted strategies.
         time_limit: cap of one solve [s], beyond which the command is the fallback's; none when
             None.
+        dynamics: shared with the estimator of the state, see `Controller`; its own when None.
 
     Raises:
         PoiseError: a name that the robot does not have, or a setting that cannot be right.
@@ -111,6 +112,7 @@ class WholeBodyController(Controller):
         strategy: str = "direct",
         backend: str | None = None,
         time_limit: float | None = None,
+        dynamics: Dynamics | None = None,
     ) -> None:
         stack = bound_stack(robot, stack)
         self._strategy_name, self._batch = strategy, Batch(robot, stack)
@@ -120,7 +122,7 @@ class WholeBodyController(Controller):
             stack,
             lambda contacts: FullProgram(FullProblem(robot, stack, contacts), make_solver()),
         )
-        super().__init__(self._programs)
+        super().__init__(self._programs, dynamics=dynamics)
 
     @property
     def strategy(self) -> Programs[FullProgram]:

@@ -160,6 +160,9 @@ def test_the_balance_outweighs_the_trunk_while_the_robot_steps_by_itself(get_rob
     least = tasks["com"].weight.min()
     for name in ("pelvis orientation", "torso orientation"):
         assert tasks[name].weight.max() <= 0.3 * least
+    # A foot that is late costs the balance, too.
+    for sole in teleoperator.soles:
+        np.testing.assert_allclose(tasks[f"{sole} foot"].weight[:3], least)
     teleoperator.device = ScriptedDevice(
         [WayPoint(at=0.0, left=(0.0, 0.0, 0.0))], *teleoperator.estimator.anchors
     )
@@ -237,3 +240,34 @@ def test_walking_by_velocity_and_stepping_by_hand_change_over(get_robot, height)
     # Nothing jumps where one hands over to the other.
     assert np.abs(np.diff(log.com, axis=0)).max() < 0.005
     assert log.tilt.max() < 0.3
+
+
+def test_what_was_learned_in_own_steps_is_forgotten_by_a_reset(get_robot):
+    robot = get_robot("g1")
+    teleoperator = StepTeleoperator(robot, actuation="torque")
+    told = []
+    for run in range(2):
+        for tick in range(120):
+            time = 0.002 * tick
+            # Pressed at the left edge of a sole that turns to the left.
+            half = 0.5 * robot.weight
+            wrench = np.array([0.0, 0.0, half, 0.02 * half, 0.0, 0.0])
+            contacts = dict.fromkeys(teleoperator.soles, wrench)
+            v = np.zeros(robot.nv)
+            v[6 + robot.joint_index("left_ankle_roll_joint")] = -1.0
+            measured = RobotState(robot.q_home, v if run == 0 else 0.0 * v, contacts, time)
+            teleoperator.lead(teleoperator.estimator.update(measured))
+        told.append(teleoperator._own.parts[0])
+        teleoperator.reset()
+        assert tuple(teleoperator._own.parts) == (None, None)
+    assert told[0] is not None
+    assert told[1] is None
+
+
+def test_where_the_zmp_should_be_is_told_while_the_robot_steps_by_itself(get_robot):
+    run = pushed(get_robot("g1"), 0.45, 0, [], 2.6)
+    own = overruled(run.log)
+    assert own.sum() > 50
+    asked = run.log.cart_table_zmp[own]
+    np.testing.assert_allclose(asked, run.log.zmp_reference[own], atol=1e-12)
+    assert np.linalg.norm(np.diff(asked, axis=0), axis=1).max() > 1e-3

@@ -83,9 +83,14 @@ class OwnSteps:
         # Trunk and arms stay whose they are.
         self._walker = Walker(robot, tasks.stack, gait, settings, q=q_start, carry=())
         self._tasks, self._dt = tasks, dt
-        self.reset()
+        self._give_back()
 
     def reset(self) -> None:
+        """Forgets the past: the operator leads, and all of both soles carries."""
+        self._walker.forget()
+        self._give_back()
+
+    def _give_back(self) -> None:
         """The operator leads."""
         self.acting, self._rested, self._held = False, 0.0, 0.0
         self._closing: float | None = None
@@ -193,7 +198,7 @@ class OwnSteps:
             self._walker.close(True)
             self._closing = 0.0
         if fits or (self._closing or 0.0) > _CLOSING:
-            self.reset()
+            self._give_back()
 
 
 def _is_still(footing: Footing) -> bool:

@@ -292,7 +292,8 @@ class StepTeleoperator:
         )
         upright = command is not None and command.upright
         self._tasks.ask(footing, self._desired(footing, target), upright=upright)
-        self._status = self._describe(footing, sample, target)
+        cart_table_zmp = self._com.cart_table_zmp(dynamics.com[:2])
+        self._status = self._describe(footing, sample, target, cart_table_zmp)
 
     def _follow_own(self, own: OwnSteps, state: RobotState, sample: DeviceSample | None) -> None:
         """The robot leads its feet by itself; the operator has to take hold of them anew."""
@@ -306,7 +307,7 @@ class StepTeleoperator:
         footing.zmp_reference = own.zmp
         soles = footing.sole(0), footing.sole(1)
         own.accompany(footing, fits=self._reach.spans(*soles, footing.heading))
-        self._status = self._describe(footing, sample, own.target)
+        self._status = self._describe(footing, sample, own.target, own.zmp)
         if not own.acting:
             self._restart(None)
             self._height.restart(float(footing.dynamics.com_velocity[2]))
@@ -371,7 +372,11 @@ class StepTeleoperator:
         return (roll, pitch + down, yaw + left)
 
     def _describe(
-        self, footing: Footing, sample: DeviceSample | None, target: Float64[np.ndarray, "3"]
+        self,
+        footing: Footing,
+        sample: DeviceSample | None,
+        target: Float64[np.ndarray, "3"],
+        cart_table_zmp: Float64[np.ndarray, "2"],
     ) -> TeleopStatus:
         com, torso = footing.dynamics.com, footing.dynamics.placement(self._biped.torso)
         return TeleopStatus(
@@ -380,7 +385,7 @@ class StepTeleoperator:
             sample=sample,
             zmp=self.zmp_sensor.zmp,
             zmp_reference=footing.zmp_reference,
-            cart_table_zmp=self._com.cart_table_zmp(com[:2]),
+            cart_table_zmp=cart_table_zmp,
             com=com,
             soles=(footing.sole(0), footing.sole(1)),
             target=target if footing.mode.single else None,

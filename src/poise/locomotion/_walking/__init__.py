@@ -13,7 +13,6 @@ from poise.locomotion._walking._ground import Ground, Placement
 from poise.locomotion._walking._plan import plan_footsteps
 from poise.locomotion._walking._settings import WalkSettings, WalkStatus
 from poise.locomotion._walking._tasks import (
-    FOOT_WEIGHT as FOOT_WEIGHT,
     CarriedTarget,
     swing_braking as swing_braking,
     walking_stack,

@@ -271,7 +271,7 @@ def _carried(
     return carried
 
 
-FOOT_WEIGHT = (0.3, 0.3, 0.3, 0.1, 0.1, 0.1)
+_FOOT = (0.3, 0.3, 0.3, 0.1, 0.1, 0.1)
 _PELVIS, _UPPER = 0.03, 0.03
 """Weights of rows in m/s^2 and rad/s^2 beside the COM's, one.
 
@@ -346,7 +346,7 @@ def walking_stack(
     feet: list[Task] = []
     for sole in soles:
         rows = sorted(robot.soles[sole].controlled)
-        weight = [1.0 if leans else FOOT_WEIGHT[row] for row in rows]
+        weight = [1.0 if leans else _FOOT[row] for row in rows]
         feet.append(FrameTask(sole, kp=300.0, weight=weight, name=sole.replace("sole", "foot")))
     upper: list[Task] = [FrameTask(robot.torso, "orientation", kp=50.0, name="torso")]
     if arms is None:

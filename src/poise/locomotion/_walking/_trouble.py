@@ -102,6 +102,10 @@ class TroubleWatch:
 
     def __init__(self, sense: WalkSense, settings: WalkSettings, height: float) -> None:
         self._sense, self._settings, self._height = sense, settings, height
+        self.forget()
+
+    def forget(self) -> None:
+        """There has been no trouble."""
         self._signs = {status: _Sign(status) for status in RESPONSES}
 
     def look(

@@ -138,6 +138,8 @@ class Walker:
         """
         self._parts.sense.update(state)
         self._time, self._hanging = state.time, None
+        # What was the trouble when it led last is long over.
+        self._watch.forget()
         self._steps.stand()
         self.commands.stop()
         self.commands.closes = False
@@ -274,9 +276,9 @@ class Walker:
         """Sets what the next tick should do.
 
         Args:
-            state: of the robot; one that is not finite is passed over.
+            state: of the robot; one that is not finite, its time included, is passed over.
         """
-        if not math.isfinite(float(state.q.sum()) + float(state.v.sum())):
+        if not math.isfinite(float(state.q.sum()) + float(state.v.sum()) + state.time):
             return
         dt = self._since_last(state)
         self._time = state.time
