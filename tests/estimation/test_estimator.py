@@ -266,6 +266,29 @@ def test_without_force_sensors_the_torques_say_what_is_in_contact(walked):
     assert np.sqrt(np.mean(np.square(observer_error))) < 0.15 * robot.weight
 
 
+def test_a_torque_that_is_no_number_is_forgotten(walked):
+    robot, measured, truths = walked
+    estimator = StateEstimator(robot, q_start=truths[0].q)
+    for k, state in enumerate(measured[:400]):
+        readings = state.readings
+        if k == 200:
+            torque = readings.torque.copy()
+            torque[3] = np.nan
+            readings = readings._replace(torque=torque)
+        estimator.update(replace(state, contacts={}, readings=readings))
+        assert estimator.status.ok
+    assert np.isfinite([*estimator.wrenches.values()]).all()
+    assert max(estimator.probability.values()) > 0.9
+
+
+def test_it_may_be_started_twice(walked):
+    robot, measured, truths = walked
+    estimator = StateEstimator(robot, q_start=truths[0].q)
+    for _ in range(2):
+        estimator.start(measured[:50])
+    np.testing.assert_allclose(estimator.update(measured[50]).q[:2], truths[0].q[:2], atol=5e-3)
+
+
 def test_with_neither_forces_nor_torques_all_soles_are_contacts_until_they_move(walked):
     robot, measured, truths = walked
     estimator, estimates = StateEstimator(robot, q_start=truths[0].q), []

@@ -5,6 +5,7 @@
 `FrameKinematics`: where one frame is, how it moves, and how it answers to joint acceleration.
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -90,6 +91,17 @@ class RobotState:
         take(self, "time", time.item() if isinstance(time, np.generic) else time)
         take(self, "readings", readings)
         take(self, "payload", payload)
+
+    def wrench(self, sole: str) -> Float64[np.ndarray, "6"] | None:
+        """What is measured of a sole; None for nothing, and for NaN or infinity in it.
+
+        Args:
+            sole: its name.
+        """
+        found = self.contacts.get(sole)
+        if found is None or not math.isfinite(float(found.sum())):
+            return None
+        return found
 
 
 def _as_numbers(value: Numbers) -> Numbers:

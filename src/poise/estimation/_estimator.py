@@ -137,6 +137,7 @@ class StateEstimator:
         self._fitted = -math.inf
         self._speeds: Float64[np.ndarray, " nj"] | None = None
         self._last: RobotState | None = None
+        self._last_position: Float64[np.ndarray, "2"] | None = None
         self._reading: SensorReadings | None = None
         self._observer.reset()
         if self.payload is not None:
@@ -314,6 +315,10 @@ class StateEstimator:
             return dict(state.contacts)
         if reading.torque.size != self._robot.nj or self._last is None:
             return {}
+        if not math.isfinite(float(reading.torque.sum())):
+            # What it has found so far would never be numbers again.
+            self._observer.reset()
+            return {}
         self._observer.update(self._last, reading.torque, dt)
         return self._observer.wrenches
 
@@ -331,7 +336,7 @@ class StateEstimator:
         position = self._q_start[:3] + world_R_base @ self._base_p_unit
         lowest = min(float(R[2] @ sole.offset) for sole in self._kinematics.soles)
         position[2] = self.config.ground - lowest
-        if self._started:
+        if self._last_position is not None:
             position[:2] = self._last_position
         self.filter.start(R, position, gyro_bias=gyro_bias, deviation=self.config.start)
         self._started = True

@@ -149,7 +149,7 @@ class PayloadEstimator:
         felt = np.zeros(12 + HAND * len(self._hands))
         felt[6:12] = self._data.hg.vector / self._mass
         for name, frame in self._soles.items():
-            wrench = state.contacts.get(name)
+            wrench = state.wrench(name)
             if wrench is None:
                 return None
             place = pin.updateFramePlacement(self._model, self._data, frame)

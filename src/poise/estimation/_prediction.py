@@ -48,7 +48,7 @@ class StatePredictor:
                 got=(delay, period),
                 wanted="delay >= 0 s, a multiple of the period",
             )
-        self._model, self._delay, self._period = robot.model, delay, period
+        self._model, self._period = robot.model, period
         self._still = np.zeros(robot.nv)
         self._commanded = deque([self._still] * count, maxlen=count)
         left = (count - np.arange(count) - 0.5) * period * period
@@ -82,6 +82,9 @@ class StatePredictor:
 
 _OLDEST = 25
 """Commands that are remembered: a state that is older is carried on by no more of them."""
+
+_JUMP = 1.0
+"""A state that is so much older than the last command is of a clock that has gone back [s]."""
 
 _LONGEST = 0.05
 """A command that comes later than this after the one before follows a pause [s]."""
@@ -138,11 +141,14 @@ class StampedPredictor:
         """The state when the next command begins to act.
 
         Args:
-            state: as measured or estimated; one of another robot comes back as it is.
+            state: as measured or estimated; one of another robot, or of a clock that went back,
+                comes back as it is.
         """
         if len(self._commanded) < 2 or state.q.shape != (self._model.nq,):
             return state
         times = [time for time, _ in self._commanded]
+        if times[-1] - state.time > _JUMP:
+            return state
         period = (times[-1] - times[0]) / (len(times) - 1)
         since = [a for time, a in self._commanded if time > state.time - 0.5 * period]
         if not since:

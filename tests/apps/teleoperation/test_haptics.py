@@ -17,7 +17,7 @@ from poise.apps.teleoperation import (
 )
 from poise.dynamics import least_jerk
 from poise.errors import ConfigurationError
-from poise.locomotion import Mode
+from poise.locomotion import Mode, StepTeleoperator
 from poise.sim import Block
 
 HOME = np.array([0.4, 0.0, 0.1])
@@ -191,3 +191,16 @@ def test_a_block_is_felt_sooner_than_the_ground(get_robot):
         heights.append(run.log.soles[np.searchsorted(run.log.time, felt[-1]), 1, 2])
     assert felt[1] < felt[0] - 0.1
     assert heights[1] - heights[0] > 0.02
+
+
+@pytest.mark.parametrize("to", [0.0, 1.7e9])
+def test_arms_go_on_where_the_robots_clock_jumps_to(get_robot, to):
+    arms = Arm(), Arm()
+    teleoperator = StepTeleoperator(get_robot("biped20"))
+    device = HapticFeet(HapticDriver(*arms), teleoperator)
+    for tick in range(20):
+        device.sample(3.0 + 0.005 * tick)
+    before = len(arms[0].forces)
+    for tick in range(20):
+        device.sample(to + 0.005 * tick)
+    assert len(arms[0].forces) - before == pytest.approx(96, abs=1)

@@ -181,6 +181,23 @@ def test_a_foot_in_the_air_comes_down_when_the_clock_jumps(ahead):
     assert made.status is DeviceStatus.WAITING
 
 
+def test_a_robot_whose_clock_goes_back_lets_go_and_takes_hold_again():
+    """A plant that is reset, say: the hands' clock goes back with it, or does not."""
+    for stamp in (0.0, 10.0):
+        made = guard()
+        for tick in range(40):
+            check(made, sample(10.0 + tick * DT), 10.0 + tick * DT)
+        assert made.status is DeviceStatus.OK
+        assert check(made, sample(stamp + DT), 0.0) is None
+        for tick in range(1, 10):
+            found = check(made, sample(stamp + (tick + 1) * DT), tick * DT)
+        assert made.status is DeviceStatus.OK
+        assert same(found, sample(0.0))
+        for tick in range(10, 120):
+            check(made, None, tick * DT)
+        assert made.status is DeviceStatus.LOST
+
+
 def test_one_stamp_that_is_wrong_costs_one_sample():
     made = held()
     check(made, sample(1e9), DT)

@@ -376,3 +376,15 @@ def test_hands_stand_below_the_balance(get_robot):
     stack.bind(teleoperator.robot)
     assert stack.task("com").weight.min() > 30.0 * leader.task.weight.max()
     assert not {task.name for _, task in stack.tasks()} & set(teleoperator.robot.hands)
+
+
+def test_joints_that_are_not_numbers_teach_nothing_and_raise_nothing(get_robot):
+    robot = get_robot("g1")
+    leader = HandLeader(robot, dt=DT)
+    good = RobotState(robot.q_home, np.zeros(robot.nv))
+    q = robot.q_home.copy()
+    q[-1] = np.nan
+    for tick, state in enumerate((good, replace(good, q=q), good)):
+        leader.lead(None, replace(state, time=tick * DT))
+        np.testing.assert_allclose(leader.task.target_position, robot.q_home[-14:], atol=1e-9)
+        assert np.isfinite(leader._feedback.bias).all()

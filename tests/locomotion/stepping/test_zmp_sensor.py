@@ -46,3 +46,20 @@ def test_without_load_the_last_zmp_holds(get_robot):
     before = ours.zmp.copy()
     ours.update(pressed(robot, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)), where.dynamics)
     assert ours.zmp.tolist() == before.tolist()
+
+
+@pytest.mark.parametrize("entry", range(6))
+def test_a_wrench_with_a_hole_says_nothing_and_is_forgotten(get_robot, entry):
+    robot = get_robot("biped20")
+    where, ours = estimator(robot), fresh(robot)
+    good = pressed(robot, (0.05, 0.01, 600.0), (0.0, 0.0, 0.0))
+    ours.update(good, where.dynamics)
+    before = ours.zmp.copy()
+    bad = pressed(robot, (0.05, 0.01, 600.0), (0.0, 0.0, 0.0))
+    bad.contacts[biped(robot).soles[0]][entry] = np.nan
+    ours.update(bad, where.dynamics)
+    assert ours.zmp.tolist() == before.tolist()
+    assert ours.loads.tolist() == [0.0, 0.0]
+    ours.update(good, where.dynamics)
+    np.testing.assert_allclose(ours.zmp, before, atol=1e-12)
+    assert ours.loads.tolist() == [600.0, 0.0]

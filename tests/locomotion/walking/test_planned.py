@@ -155,6 +155,7 @@ def test_a_state_that_is_not_finite_is_passed_over(frozen, ticks):
     v = np.zeros(frozen.robot.nv)
     v[3] = np.nan
     assert frozen.tick(ticks * DT, v=v) is before
+    assert frozen.tick(math.nan) is before
     assert frozen.tick((ticks + 1) * DT).ok
 
 

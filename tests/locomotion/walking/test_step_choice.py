@@ -84,7 +84,8 @@ def test_every_choice_is_within_bounds_reach_and_time():
         assert step.left >= 0.02
         whole = swing.elapsed + step.left
         assert whole <= max(swing.longest, swing.elapsed + 0.02) + 1e-9
-        assert whole >= min(swing.shortest, whole)
+        # What should be down already comes down as soon as it can.
+        assert whole >= min(swing.shortest, swing.usual) - 1e-9 or step.left == 0.02
         gone = math.dist((step.x, step.y), swing.place)
         assert gone <= swing.speed * step.left + 1e-9
 

@@ -9,7 +9,7 @@ import pytest
 from poise.errors import ConfigurationError
 from poise.locomotion._walking._ground import Placement
 from poise.locomotion._walking._swing import SwingFoot
-from poise.locomotion._walking._swing_shape import RISE, SwingShape, sinking_phase
+from poise.locomotion._walking._swing_shape import SwingShape, sinking_phase
 
 DT, T = 0.002, 0.6
 BEGIN, GOAL = np.array([0.1, 0.2, 0.0]), Placement(position=(0.4, 0.25, 0.05), yaw=0.3)
@@ -88,7 +88,7 @@ def test_the_last_millimetre_goes_by_three_equal_poles():
 def test_a_foot_that_finds_no_ground_looks_so_far_down_and_no_farther():
     foot = swing(depth=0.03)
     rows = flown(foot, seconds=T + 1.0)
-    assert foot.exhausted
+    assert foot.searching
     assert rows[-1, 2] == pytest.approx(GOAL.position[2] - 0.03)
     assert np.abs(rows[-1, 3:6]).max() < 1e-3
     assert rows[:, 5].min() > -0.6
@@ -124,24 +124,6 @@ def test_a_foot_comes_down_as_the_ground_lies():
     normal = np.array([-0.1, 0.05, 1.0])
     np.testing.assert_allclose(foot.rotation[:, 2], normal / np.linalg.norm(normal))
     assert math.atan2(foot.rotation[1, 0], foot.rotation[0, 0]) == pytest.approx(0.3)
-
-
-def test_a_foot_that_is_stopped_comes_straight_down():
-    foot = swing()
-    rows = flown(foot, seconds=0.3)
-    foot.stop_here()
-    after = flown(foot, seconds=1.0)
-    assert foot.goal.position[:2] == tuple(rows[-1, :2])
-    np.testing.assert_allclose(after[:, :2] - rows[-1, :2], 0.0, atol=1e-9)
-    np.testing.assert_allclose(after[:, [3, 4, 9, 10]], 0.0, atol=1e-6)
-    assert after[-1, 2] < GOAL.position[2]
-
-
-def test_a_foot_that_is_stopped_does_not_go_on_up():
-    foot = swing()
-    flown(foot, seconds=0.1)
-    foot.stop_here()
-    assert foot.phase == pytest.approx(RISE)
 
 
 @pytest.mark.parametrize(

@@ -107,7 +107,8 @@ def test_a_foot_that_finds_nothing_waits_and_the_walk_with_it(held):
     said = held.until(held.time + 2.0)
     assert said[-1] is WalkStatus.FOOT_LOST
     flight = held.walker._steps.flight
-    assert flight.swing.exhausted
+    lowest = flight.swing.goal.position[2] - held.walker.settings.search_depth
+    assert flight.swing.position[2] == pytest.approx(lowest, abs=1e-9)
     assert held.walker.commands.pace == 0.0
     held.loads = [0.5, 0.5]
     assert held.until(held.time + 2 * DT)[-1] is not WalkStatus.FOOT_LOST

@@ -233,13 +233,18 @@ class HapticDriver:
 def foot_forces(teleoperator: StepTeleoperator) -> list[list[float]]:
     """What the feet measured in the last tick, left and right: forward, left, up [N]."""
     dynamics = teleoperator.estimator.dynamics
-    contacts, none = dynamics.state.contacts, np.zeros(6)
     soles = teleoperator.soles
+    felt = [dynamics.state.wrench(sole) for sole in soles]
     turns = [dynamics.frame(teleoperator.robot.frame_id(sole)).rotation for sole in soles]
     return [
-        (turn @ contacts.get(sole, none)[:3]).tolist()
-        for turn, sole in zip(turns, soles, strict=True)
+        [0.0, 0.0, 0.0] if wrench is None else (turn @ wrench[:3]).tolist()
+        for turn, wrench in zip(turns, felt, strict=True)
     ]
+
+
+_PAUSE = 0.1
+"""A clock of the robot that goes on or back by more than this has jumped [s]: the arms go on from
+where it is now."""
 
 
 class HapticFeet:
@@ -261,7 +266,7 @@ class HapticFeet:
         self._scale = checked_number(scale, "scale of the hands' ways", above=0.0)
         self._places = [anchor.copy() for anchor in teleoperator.estimator.anchors]
         self._offsets: list[Float64[np.ndarray, "3"] | None] = [None, None]
-        self._periods = 0
+        self._begin, self._periods = 0.0, 0
 
     def sample(self, time: float) -> DeviceSample | None:
         """Where the hands lead the feet; None while an arm is gone.
@@ -271,14 +276,21 @@ class HapticFeet:
         """
         driver = self.driver
         driver.feel(foot_forces(self._teleoperator), time)
-        while self._periods * driver.dt <= time:
-            driver.tick(self._periods * driver.dt)
+        if abs(time - self._next) > _PAUSE:
+            self._begin, self._periods = time, 0
+        while self._next <= time:
+            driver.tick(self._next)
             self._periods += 1
         left, right = driver.readings
         if left is None or right is None:
             self._offsets = [None, None]
             return None
         return DeviceSample(time, self._led(0, left), self._led(1, right))
+
+    @property
+    def _next(self) -> float:
+        """When the arms' next period begins [s]."""
+        return self._begin + self._periods * self.driver.dt
 
     def _led(self, foot: int, reading: Reading) -> Float64[np.ndarray, "3"]:
         position, clutch = reading

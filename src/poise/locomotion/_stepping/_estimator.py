@@ -74,9 +74,9 @@ class ZmpSensor:
         """
         pressed_x = pressed_y = total = 0.0
         for i, (frame_id, name) in enumerate(zip(self._frames, self._names, strict=True)):
-            wrench = state.contacts.get(name)
+            wrench = state.wrench(name)
             fx, fy, load, mx, my, _ = _NO_WRENCH if wrench is None else wrench.tolist()
-            self.loads[i] = load = load if load > 0.0 else 0.0  # not a number is no load
+            self.loads[i] = load = load if load > 0.0 else 0.0
             self.pulls[i] = (fx, fy)
             self.centres[i] = (-my / load, mx / load) if load > self._least else None
             if load > self._least:
@@ -194,7 +194,7 @@ class StanceEstimator:
 
     def _learn_attitude(self, estimator: AttitudeBiasEstimator, state: RobotState) -> None:
         """Takes in what the soles push along the ground."""
-        wrenches = [state.contacts.get(name) for name in self._names]
+        wrenches = [state.wrench(name) for name in self._names]
         forces = [
             None if wrench is None else self.rotation(foot) @ wrench[:3]
             for foot, wrench in enumerate(wrenches)

@@ -42,8 +42,8 @@ class Clutch:
         self._good_at = -math.inf
 
     def expire(self, time: float) -> None:
-        """Lets go of what is lost, at a time of the robot [s]."""
-        if self.holds and time - self._good_at > LOST_AFTER:
+        """Lets go of what is lost, at a time of the robot [s]; also where that has gone back."""
+        if self.holds and abs(time - self._good_at) > LOST_AFTER:
             self.holds = self._was_open = False
 
     def open(self) -> None:

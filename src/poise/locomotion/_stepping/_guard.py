@@ -103,7 +103,7 @@ class DeviceGuard:
                 self._body = news.body
             if all(map(math.isfinite, news.velocity)):
                 self.velocity = news.velocity
-        if time - self._clock.heard_at > self._lost_after:
+        if self._clock.is_lost(time):
             self.velocity = (0.0, 0.0, 0.0)
         refused = sample is not None and news is None
         for foot, grip in enumerate(self._grips):
@@ -136,8 +136,7 @@ class DeviceGuard:
         self, held: Sequence[bool], time: float, *, refused: bool, silent: bool
     ) -> DeviceStatus:
         if not any(held):
-            lost = time - self._clock.heard_at > self._lost_after
-            return DeviceStatus.LOST if lost else DeviceStatus.WAITING
+            return DeviceStatus.LOST if self._clock.is_lost(time) else DeviceStatus.WAITING
         if refused:
             return DeviceStatus.REFUSED
         if not all(held):
@@ -177,10 +176,18 @@ class SampleClock:
         if not math.isfinite(stamp):
             return False
         passed = time - self.heard_at
-        news = passed > self._lost_after or 0.0 < stamp - self._newest <= passed + self._late
+        news = self.is_lost(time) or 0.0 < stamp - self._newest <= passed + self._late
         if news:
             self._newest, self.heard_at = stamp, time
         return news
+
+    def is_lost(self, time: float) -> bool:
+        """Whether nothing was heard for too long, or the robot's clock has gone back as far.
+
+        Args:
+            time: of the robot [s].
+        """
+        return abs(time - self.heard_at) > self._lost_after
 
 
 class Pursuit:
@@ -258,7 +265,8 @@ class _Grip:
         Returns:
             Whether the point is followed.
         """
-        if self.place is not None and time - self._good_at > self._lost_after:
+        # The robot's clock may have gone back.
+        if self.place is not None and abs(time - self._good_at) > self._lost_after:
             # For a tick at least: what is followed does not go from one place to another at once.
             self.place = None
             return False

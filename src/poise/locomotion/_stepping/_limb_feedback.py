@@ -1,5 +1,6 @@
 """`LimbFeedback`: how firmly led limbs follow their model, by torques or by servos."""
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -76,10 +77,12 @@ class LimbFeedback:
             self._task.set_gains(rest + self._stiff * (most - rest))
 
     def learn(self, lag: Float64[np.ndarray, " n"]) -> None:
-        """One tick; joints at rest forget.
+        """One tick; joints at rest forget, and what is not finite teaches nothing.
 
         Args:
             lag: how far the joints are from where their model is [rad].
         """
+        if not math.isfinite(float(lag.sum())):
+            return
         bias = self.bias + self._dt * self._firmness.learning * lag
         self.bias = np.clip(self._stiff * bias, -_BIAS_MAX, _BIAS_MAX)

@@ -25,11 +25,6 @@ class Mode(Enum):
         """Whether one foot is in the air."""
         return self in (Mode.SL, Mode.SR)
 
-    @property
-    def transient(self) -> bool:
-        """Whether the weight is on its way to one foot."""
-        return self in (Mode.TL, Mode.TR)
-
 
 _SUPPORT = {Mode.D: None, Mode.TL: 0, Mode.SL: 0, Mode.TR: 1, Mode.SR: 1}
 

@@ -86,8 +86,7 @@ class DeviceSample:
         body: what is commanded of the body, and how the feet are turned.
         velocity: with which the robot walks by itself, ahead, to the left [m/s] and turning to the
             left [rad/s]; all zero while the operator steps. Where torques are commanded.
-        head: where the operator looks; None without a headset: the gaze stays where it is. Where
-            torques are commanded.
+        head: where the operator looks; None without a headset: the gaze stays where it is.
     """
 
     time: float

@@ -132,7 +132,7 @@ class CarryingArea:
         contact = self._contact
         if contact is None:
             return
-        wrench = state.contacts.get(contact.frame)
+        wrench = state.wrench(contact.frame)
         if wrench is None or not contact.active:
             self._lower, self._upper = [-r for r in self._reach], list(self._reach)
         else:

@@ -148,12 +148,12 @@ class WalkSense:
 
     def load(self, state: RobotState, foot: int, *, stands: bool = True) -> float:
         """What a foot carries of the weight; where nothing is measured, all of it if it stands."""
-        wrench = state.contacts.get(self._soles[foot])
+        wrench = state.wrench(self._soles[foot])
         return float(stands) if wrench is None else float(wrench[2]) / self.weight
 
     def felt(self, state: RobotState, foot: int) -> Float64[np.ndarray, "3"]:
         """Force on a sole, in the world, over the weight; none where none is measured."""
-        wrench = state.contacts.get(self._soles[foot])
+        wrench = state.wrench(self._soles[foot])
         if wrench is None:
             return np.zeros(3)
         return self.sole(foot)[1] @ wrench[:3] / self.weight
@@ -162,7 +162,7 @@ class WalkSense:
         self, swing: SwingFoot, state: RobotState, foot: int, settings: WalkSettings
     ) -> bool:
         """Whether a foot in the air has come to the ground."""
-        wrench = state.contacts.get(self._soles[foot])
+        wrench = state.wrench(self._soles[foot])
         if wrench is None:
             # Nothing is measured: the foot is down when it should be.
             return swing.phase >= 1.0

@@ -31,7 +31,7 @@ class WalkSettings:
         clearance: least distance of the soles' edges when a foot comes down beside the other [m].
         adjust: how far a foothold may still move, as the balance limit is told [m].
         com_bound: distance of the divergent component from its reference, over the height of the
-            COM, beyond which the walk is given up.
+            COM, beyond which the COM counts as lost.
     """
 
     dcm_gain: Annotated[float, Bounds(positive=True, most=LARGEST, unit="1/s")] = 4.0
@@ -61,7 +61,7 @@ class WalkStatus(Enum):
     FOOT_LOST = "foot_lost"
     """A foot found no ground: it is held, and the robot balances on the other."""
     COM_LOST = "com_lost"
-    """The COM ran away from its reference: the foot comes down where it is."""
+    """The COM ran away from its reference: velocities wait, steps go on catching the robot."""
     FOOT_CAUGHT = "foot_caught"
     """A foot in the air is held by something: it comes down where it is."""
     SLIPPING = "slipping"

@@ -77,11 +77,6 @@ class SwingFoot:
         return begin + min(self.phase, 1.0) * (end - begin)
 
     @property
-    def exhausted(self) -> bool:
-        """Whether it has looked for the ground as far down as it may."""
-        return self._search is not None and self._search[0] <= self.goal.position[2] - self._depth
-
-    @property
     def searching(self) -> bool:
         """Whether it looks for the ground."""
         return self._search is not None
@@ -104,13 +99,6 @@ class SwingFoot:
         """
         self._x, self._y = (x, 0.0, 0.0), (y, 0.0, 0.0)
         self._clears = self._lift_off_height + _CLEAR
-
-    def stop_here(self) -> None:
-        """Comes straight down from where the foot is."""
-        x, y, _ = self.position.tolist()
-        self._x, self._y = (x, 0.0, 0.0), (y, 0.0, 0.0)
-        self.goal = Placement(position=(x, y, self.goal.position[2]), yaw=self.goal.yaw)
-        self.elapsed = max(self.elapsed, RISE * self.duration)
 
     def retime(self, left: float) -> None:
         """The foot is due in another time from now on; its phase stays what it is.
