@@ -4,6 +4,7 @@ import json
 import shutil
 import time
 
+import numpy as np
 import pytest
 from operators import beat, control, wait_for
 
@@ -69,6 +70,23 @@ def test_beats_walk_the_robot_and_silence_stops_it(session):
     wait_for(lambda: not any(asked(session)), "the rest")
     wait_for(lambda: session.loop.walker.lifting is None, "both feet on the ground")
     assert not session.loop.snapshot.fallen
+
+
+def test_the_zmp_that_is_shown_is_the_measured_one_and_its_reference_is_beside_it(session):
+    seen = []
+
+    def walked():
+        beat_once = session.loop.snapshot
+        session.inputs.pad(Pad(move=(1.0, 0.0)))
+        if not seen or beat_once.time != seen[-1].time:
+            seen.append(beat_once)
+        return beat_once.time > 2.5
+
+    wait_for(walked, "two seconds of walking")
+    apart = [float(np.linalg.norm(s.zmp - s.zmp_reference)) for s in seen]
+    assert max(apart) > 1e-4
+    assert np.median(apart) < 0.02
+    assert min(s.margin for s in seen) > -0.01
 
 
 def test_only_the_operator_drives(session):

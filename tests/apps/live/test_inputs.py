@@ -308,3 +308,15 @@ def test_a_senders_clock_that_jumps_locks_nobody_out(made, monkeypatch, jump):
     operator.pad(Pad(beat=2e6 + 33.0 * 61 + min(jump, 0.0)))
     operator.pad(Pad(beat=2e6 + 33.0 * 62 + min(jump, 0.0), turn=0.9))
     assert operator.read().turn == 0.9
+
+
+def test_whether_somebody_is_there_can_be_asked_without_taking_the_message():
+    operator = OperatorInputs()
+    assert not operator.alive
+    operator.pad(Pad())
+    assert operator.alive
+    operator.commanded(1.0)
+    assert not operator.stages
+    operator.read()
+    operator.commanded(1.0)
+    assert len(operator.stages) == 1

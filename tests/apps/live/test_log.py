@@ -129,3 +129,34 @@ def test_a_full_folder_ends_what_is_recorded_and_not_the_run(get_robot, tmp_path
     loop.stop()
     assert loop.error is None
     assert {path.name for path in tmp_path.iterdir()} == set(held)
+
+
+def test_a_file_that_can_be_written_no_more_costs_the_recording_and_not_the_run(
+    loop, tmp_path, monkeypatch
+):
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    drive(loop, Pad(), lambda s: s.time > 0.2, "some time")
+    monkeypatch.setattr(loop.takes._writer, "sample", full)
+    drive(loop, Pad(), lambda s: "No space left" in s.take, "the loss to be told")
+    now = loop.snapshot.time
+    drive(loop, Pad(), lambda s: s.time > now + 0.2, "the run to go on")
+    with pytest.raises(ConfigurationError, match="No space left"):
+        loop.takes.keep()
+    loop.reset()
+    wait_for(lambda: loop.snapshot.time < now, "the reset")
+    loop.stop()
+    assert loop.error is None
+    assert len(read_recording(tmp_path / "takes" / "take-001.teleop").rows) > 10
+
+
+def test_a_folder_that_is_gone_costs_the_recording_and_not_the_run(loop, tmp_path, monkeypatch):
+    monkeypatch.setattr(logs, "_LOOK_EVERY", 0.0)
+    drive(loop, Pad(), lambda s: s.time > 0.2, "some time")
+    shutil.rmtree(tmp_path / "takes")
+    drive(loop, Pad(), lambda s: "not recorded" in s.take, "the loss to be told")
+    now = loop.snapshot.time
+    drive(loop, Pad(), lambda s: s.time > now + 0.2, "the run to go on")
+    loop.stop()
+    assert loop.error is None

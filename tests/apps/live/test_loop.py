@@ -239,3 +239,10 @@ def test_the_margin_in_double_support_is_that_of_both_feet(start, get_robot):
     feet = loop.snapshot.soles
     apart = feet[0][1] - feet[1][1]
     assert np.ptp(polygon[:, 1]) == pytest.approx(apart + soles[0].width, abs=1e-3)
+
+
+def test_a_plant_with_another_tick_is_refused(get_robot, tmp_path):
+    robot = get_robot("biped20")
+    takes = Takes(tmp_path, robot=robot.name, dt=0.001)
+    with pytest.raises(ConfigurationError, match="different ticks"):
+        LiveLoop(robot, OperatorInputs(), takes, plant=PlantConfig())

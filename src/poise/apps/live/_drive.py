@@ -6,13 +6,14 @@ from collections.abc import Generator
 from pathlib import Path
 
 import numpy as np
+from jaxtyping import Float64
 
 from poise.apps.live._feet import hands_of, head_of, velocity_of
 from poise.apps.live._inputs import OperatorInputs, Pad
 from poise.apps.live._log import LOG_SUFFIX, LiveLog, Room
 from poise.apps.live._real_time import RealTimeLoop, command_time
 from poise.apps.live._snapshot import Snapshot
-from poise.control import WholeBodyController
+from poise.control import WholeBodyController, is_usable
 from poise.dynamics import RobotState
 from poise.estimation import PayloadEstimator, StateEstimator
 from poise.locomotion import (
@@ -39,17 +40,24 @@ _STEP_MODES = ((Mode.TR, Mode.SR), (Mode.TL, Mode.SL))
 
 
 class _Driver:
-    """The leader: asks walker, arms and neck for what the operator asks for."""
+    """The leader: asks walker, arms and neck for what the operator asks for.
+
+    Attributes:
+        offset: from the world that is estimated to the simulator's [m].
+    """
 
     def __init__(self, robot: Robot, inputs: OperatorInputs, dt: float) -> None:
         self.hands = HandLeader(robot, dt=dt)
         self.gaze = GazeLeader(robot, dt=dt)
         self.stack: Stack = walking_stack(robot, self.hands.task, self.gaze.task)
         self.walker = Walker(robot, self.stack)
-        self._inputs = inputs
+        self._inputs, self._robot = inputs, robot
+        self.offset: Float64[np.ndarray, "3"] = np.zeros(3)
 
     def lead(self, state: RobotState) -> None:
-        """Sets what the next tick should do."""
+        """Sets what the next tick should do; a state that cannot be used changes nothing."""
+        if not is_usable(state, self._robot):
+            return
         pad = self._inputs.read()
         self.walker.set_velocity(*velocity_of(pad, self.walker.limits))
         self.walker.lead(state)
@@ -57,9 +65,14 @@ class _Driver:
         self.hands.lead(sample, state)
         self.gaze.lead(sample, state.time)
 
+    @property
+    def zmp(self) -> Float64[np.ndarray, "2"]:
+        """Where the ZMP should be, in the simulator's world [m]."""
+        return self.walker.zmp + self.offset[:2]
+
     def signals(self) -> dict[str, np.ndarray | float | str]:
-        """What the log should know."""
-        return dict(self.walker.signals())
+        """What the log should know, in the simulator's world as the rest of it."""
+        return {**self.walker.signals(), "zmp_reference": self.zmp}
 
 
 _NOWHERE = np.full(3, np.nan)
@@ -128,6 +141,7 @@ class DriveLoop(RealTimeLoop):
         done = None if self._ticks is None else next(self._ticks, None)
         if done is not None:
             self._inputs.commanded(command_time(begin, done))
+            self._driver.offset = done.truth.q[:3] - done.estimate.q[:3]
 
     def _flush(self) -> None:
         """The log's own thread does that, as long as there is room."""
@@ -145,14 +159,17 @@ class DriveLoop(RealTimeLoop):
         names = list(self.robot.soles)
         soles = np.array([data.site(name).xpos for name in names])
         loads = np.array([truth.contacts[name][2] for name in names])
-        zmp, polygon = walker.zmp, self._polygon(names)
+        zmp, polygon = plant.zmp(), self._polygon(names)
+        if not np.isfinite(zmp).all():
+            # Nothing presses: it is drawn where it should be.
+            zmp = self._driver.zmp
         lifted = walker.lifting
         return Snapshot(
             time=plant.time,
             mode=Mode.D if lifted is None else _STEP_MODES[lifted[0]][lifted[1]],
-            device=DeviceStatus.LOST if self._inputs.read() is None else DeviceStatus.OK,
+            device=DeviceStatus.OK if self._inputs.alive else DeviceStatus.LOST,
             zmp=zmp,
-            zmp_reference=zmp,
+            zmp_reference=self._driver.zmp,
             com=plant.com,
             soles=soles,
             handles=soles,

@@ -181,6 +181,12 @@ class OperatorInputs:
                 self._sampled, self._unread = (*self._unread, clock.monotonic()), None
             return self._pad if self._alive else None
 
+    @property
+    def alive(self) -> bool:
+        """Whether there has been a sign of life lately."""
+        with self._lock:
+            return self._alive
+
     def commanded(self, at: float) -> None:
         """The robot has a command that follows from what was read last.
 

@@ -8,6 +8,8 @@ import math
 import re
 import threading
 import time as clock
+from collections.abc import Generator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +19,7 @@ from jaxtyping import Float64
 from poise.errors import ConfigurationError, PoiseError
 from poise.locomotion import (
     DeviceSample,
+    RecordingError,
     RecordingWriter,
     StepTeleoperator,
     read_recording,
@@ -38,7 +41,7 @@ _LOOK_EVERY = 10.0
 
 
 class Room:
-    """Whether a folder has room for more of a run. A run that finds none goes on unrecorded.
+    """Whether a folder can take more of a run; one that finds no room there goes on unrecorded.
 
     Args:
         folder: where live runs are kept; made when it is not there.
@@ -48,7 +51,7 @@ class Room:
     def __init__(self, folder: Path, most: int = MOST_BYTES) -> None:
         folder.mkdir(parents=True, exist_ok=True)
         self.folder, self._most = folder, most
-        self._looked_at, self._free = -math.inf, True
+        self._looked_at, self._free, self._problem = -math.inf, True, ""
 
     @property
     def is_full(self) -> bool:
@@ -60,12 +63,27 @@ class Room:
     def look(self) -> None:
         """Looks at once."""
         self._looked_at = clock.monotonic()
-        self._free = sum(path.stat().st_size for path in self.folder.iterdir()) < self._most
+        try:
+            used = sum(path.stat().st_size for path in self.folder.iterdir())
+        except OSError as error:
+            self.close(error)
+            return
+        if not self._problem:
+            self._free = used < self._most
+
+    def close(self, error: Exception) -> None:
+        """Nothing more is recorded: the folder cannot be written.
+
+        Args:
+            error: why.
+        """
+        self._free, self._problem = False, f"not recorded: {error}"
 
     @property
     def notice(self) -> str:
-        """What to tell whoever drives when it is full."""
-        return f"not recorded: {self.folder} is full ({self._most / 2**20:.0f} MiB)"
+        """What to tell whoever drives when nothing is recorded."""
+        full = f"not recorded: {self.folder} is full ({self._most / 2**20:.0f} MiB)"
+        return self._problem or full
 
 
 class LiveLog:
@@ -74,7 +92,8 @@ class LiveLog:
     Nothing is recorded before `expect` says where to.
 
     It samples twenty times a second and keeps nothing in memory, for a run may last hours. The
-    file is made when somebody drives. A log that cannot be written ends nothing but itself.
+    file of a robot whose feet are led is made when somebody leads them. A log that cannot be
+    written ends nothing but itself.
 
     Args:
         controller: what the log says of it.
@@ -100,7 +119,7 @@ class LiveLog:
         self._cast = plant, controller, leader
 
     def observe(self, tick: Tick) -> None:
-        """Records a tick, from the first one on at which somebody drives."""
+        """Records a tick; of feet that are led, from the first one on at which somebody does."""
         if not self._tried and self._is_driven():
             # A file that cannot be made is not tried again at each tick.
             self._tried = True
@@ -142,6 +161,8 @@ SUFFIX = ".teleop"
 class Takes:
     """Records into numbered files of a folder; what is there already stays.
 
+    It is never in the robot's way: where a file cannot be written the run goes on unrecorded.
+
     Args:
         folder: made when it is not there.
         robot: the robot's name.
@@ -181,24 +202,29 @@ class Takes:
             self._setup, self._ticks = setup, 0
             self.room.look()
             if not self.room.is_full:
-                self._writer = self._open(self.path, setup)
+                with self._writing():
+                    self._writer = self._open(self.path, setup)
 
     def sample(self, tick: int, sample: DeviceSample | None) -> None:
         """Notes a tick, and what came before it."""
-        self._ticks = tick + 1
         if self._writer is not None:
-            self._writer.sample(tick, sample)
+            with self._writing():
+                self._writer.sample(tick, sample)
+        # Last: whoever copies meanwhile copies no tick that is only half there.
+        self._ticks = tick + 1
 
     def push(self, tick: int, force: Float64[np.ndarray, "3"], duration: float) -> None:
         """Notes a push on the torso [N], [s]."""
         if self._writer is not None:
-            self._writer.push(tick, force, duration)
+            with self._writing():
+                self._writer.push(tick, force, duration)
 
     def flush(self) -> None:
         """Whatever happens to this process, what was noted so far is on the disk."""
         if self._writer is None:
             return
-        self._writer.flush()
+        with self._writing():
+            self._writer.flush()
         if self.room.is_full:
             self.finish()
 
@@ -210,9 +236,22 @@ class Takes:
             writer, self._writer = self._writer, None
             # The header was written before anybody knew how long the take would be.
             writer.setup["duration"] = self._ticks * self._dt
-            writer.close()
-            if len(read_recording(self.path).rows) == 0:
-                self.path.unlink()
+            with self._writing():
+                writer.close()
+                if len(read_recording(self.path).rows) == 0:
+                    self.path.unlink()
+
+    @contextmanager
+    def _writing(self) -> Generator[None]:
+        """While a file is written; one that cannot be is given up."""
+        try:
+            yield
+        except (OSError, RecordingError) as error:
+            self.room.close(error)
+            writer, self._writer = self._writer, None
+            if writer is not None:
+                with suppress(OSError):
+                    writer.close()
 
     def keep(self) -> Path:
         """Writes a finished copy of the take so far; another thread may go on recording.
@@ -221,14 +260,17 @@ class Takes:
             The copy.
 
         Raises:
-            ConfigurationError: the folder is full.
+            ConfigurationError: the folder is full, or cannot be written.
         """
         with self._lock:
             if self._writer is None or self.room.is_full:
                 raise ConfigurationError(f"no copy is kept: {self.name}")
             ticks = self._ticks
-            self._writer.flush()
-            return self._copy(self.folder / f"kept-{self._next('kept'):03}{SUFFIX}", ticks)
+            try:
+                self._writer.flush()
+                return self._copy(self.folder / f"kept-{self._next('kept'):03}{SUFFIX}", ticks)
+            except OSError as error:
+                raise ConfigurationError(f"no copy is kept: {error}") from error
 
     def _copy(self, path: Path, ticks: int) -> Path:
         """The take up to a tick, with the duration that it has by then."""

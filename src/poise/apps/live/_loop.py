@@ -12,7 +12,7 @@ from poise.apps.live._inputs import OperatorInputs
 from poise.apps.live._log import LOG_SUFFIX, LiveLog, Takes
 from poise.apps.live._real_time import RealTimeLoop, command_time
 from poise.apps.live._snapshot import Snapshot
-from poise.apps.teleoperation import TELEOP_PLANT, foot_forces, teleop_setup
+from poise.apps.teleoperation import TELEOP_PLANT, check_tick, foot_forces, teleop_setup
 from poise.locomotion import (
     RecordedPush,
     Recording,
@@ -92,7 +92,7 @@ class LiveLoop(RealTimeLoop):
         seed: of the sensor noise.
 
     Raises:
-        ConfigurationError: the robot cannot be walked.
+        ConfigurationError: the robot cannot be walked, or not at the plant's tick.
         RecordingError: the recording is of another robot.
 
     Attributes:
@@ -143,6 +143,7 @@ class LiveLoop(RealTimeLoop):
         """Teleoperator and device as at the beginning."""
         self._end_rollout()
         self.teleoperator = _LiveTeleoperator(self.robot, actuation=self._config.actuation)
+        check_tick(self.teleoperator, self._config)
         self._feet = LiveFeet(self._inputs, self.teleoperator)
         self.teleoperator.device, self._pushes = self._feet, deque[RecordedPush]()
         if self._recording is not None:

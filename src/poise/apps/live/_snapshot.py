@@ -25,7 +25,7 @@ class Snapshot:
         polygon: the support polygon's corners, counter-clockwise [m].
         margin: of the ZMP to the polygon's nearest edge, negative outside [m].
         loads: on the soles, left and right [N].
-        tilt: of the torso [rad].
+        tilt: of the torso, or of the base of a robot that is driven [rad].
         bodies: where each body of the simulator is [m].
         turns: and how it is turned, (w, x, y, z).
         fallen: whether the robot fell.
@@ -33,7 +33,8 @@ class Snapshot:
         speed: robot time over wall-clock time that is asked for.
         real_time_factor: what the last second reached of that speed.
         take: name of the recording.
-        heading: of the torso, to the left of the world's x axis [rad].
+        heading: where the pelvis faces, or the torso of a robot that is driven, to the left of the
+            world's x axis [rad].
         hands: where the hands are led to, left and right; no rows where none is led [m].
         hands_do: what they do.
         hand_turns: how they are led to be turned, world_R_hand; None for one that is not.
