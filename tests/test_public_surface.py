@@ -119,7 +119,7 @@ def test_the_example_of_the_design_runs(get_robot, name):
 WRONG_KINDS = """
 import numpy as np, poise
 from poise import ComTask, FrameTask, JointLimit, PoiseError, PostureTask, Stack, SurfaceContact
-from poise import PointContact, TorqueLimit, WholeBodyController
+from poise import JointTask, Plant, PointContact, TorqueLimit, WholeBodyController
 
 robot = poise.load_robot("biped20")
 wrong = {
@@ -130,6 +130,10 @@ wrong = {
     "a task for the list of levels": lambda: Stack(levels=ComTask()),
     "a name for a contact": lambda: Stack(contacts=["left_sole"]),
     "a word for a gain": lambda: ComTask(kp="high"),
+    "a name for the joints of a task": lambda: JointTask("left_knee"),
+    "two numbers for a pose": lambda: FrameTask("pelvis").set_target([0, 0]),
+    "a name for the robot of a plant": lambda: Plant("biped20"),
+    "a dictionary for the configuration of a plant": lambda: Plant(robot, {"friction": 0.5}),
     "a word for a friction": lambda: SurfaceContact("left_sole", friction="slippery"),
     "a list for a friction": lambda: PointContact("left_sole", friction=[0.5, 0.5]),
     "None for a margin": lambda: SurfaceContact("left_sole", margin=None),

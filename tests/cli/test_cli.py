@@ -96,14 +96,31 @@ def test_without_opengl_the_report_comes_and_says_what_to_install(
     assert "<video" not in page
 
 
+def test_a_video_of_an_earlier_run_does_not_pass_for_this_ones(in_folder, short):
+    folder = in_folder / "o"
+    folder.mkdir()
+    for name in ("video.mp4", "video.jpg"):
+        (folder / name).write_bytes(b"of another run")
+    assert main(["run", short, "--out", "o", "--no-video"]) == 0
+    assert files(folder) == {"report.html", "log.mcap", "summary.json"}
+
+
+@pytest.mark.parametrize("scenario", ["over_an_obstacle", "over_an_obstacle_velocity"])
+def test_a_robot_without_feet_that_shall_be_walked_by_hand_is_one_line(in_folder, capsys, scenario):
+    assert main(["run", scenario, "--robot", "arm6", "--no-video"]) == 2
+    assert "cannot walk on two feet" in capsys.readouterr().err
+
+
 def test_ctrl_c_while_the_video_is_drawn_leaves_the_report(in_folder, short, capsys, monkeypatch):
-    def interrupted(*_, **__):
+    def interrupted(_, __, ___, path, **____):
+        path.write_bytes(b"the first half")
         raise KeyboardInterrupt
 
     monkeypatch.setattr(outputs, "render_video", interrupted)
     assert main(["run", short, "--out", "o"]) == 0
     assert "No video: interrupted" in capsys.readouterr().err
     assert "No video: interrupted" in (in_folder / "o" / "report.html").read_text()
+    assert files(in_folder / "o") == {"report.html", "log.mcap", "summary.json"}
 
 
 def test_a_check_that_fails_gives_status_one(in_folder, capsys):

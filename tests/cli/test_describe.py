@@ -39,6 +39,26 @@ def test_saved_beside_the_model_it_is_found_without_a_warning(model, capsys):
     assert load_robot(model).hands == ("left_hand", "right_hand")
 
 
+def test_a_description_that_says_something_else_is_written_over_only_by_force(model, capsys):
+    line = ["describe", "stranger.urdf", "--save", "--no-trial"]
+    assert main(line) == main(line) == 0
+    saved = model.parent / "stranger.poise.yaml"
+    proposed = saved.read_text()
+    saved.write_text(proposed + "# measured by hand\n")
+    capsys.readouterr()
+    assert main(line) == 2
+    assert "--force" in capsys.readouterr().err
+    assert saved.read_text().endswith("# measured by hand\n")
+    assert main([*line, "--force"]) == 0
+    assert saved.read_text() == proposed
+
+
+def test_a_model_without_mass_is_refused_in_a_line(model, capsys):
+    model.write_text(re.sub(r"<inertial>.*?</inertial>", "", model.read_text(), flags=re.DOTALL))
+    assert main(["describe", "stranger.urdf", "--no-trial"]) == 2
+    assert "has no mass" in capsys.readouterr().err
+
+
 def test_a_robot_that_falls_is_told_in_words_with_status_one(model, capsys):
     model.write_text(re.sub(r'effort="[^"]*"', 'effort="0.5"', model.read_text()))
     assert main(["describe", "stranger.urdf", "--out", "out"]) == 1

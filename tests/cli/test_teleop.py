@@ -100,6 +100,33 @@ def test_a_recording_is_played_on_its_own_terrain_unless_another_is_asked_for(
 
 
 @needs_page
+def test_a_recording_is_of_its_own_robot_and_actuation(in_folder, capsys, monkeypatch):
+    from poise.apps import live
+    from poise.apps.teleoperation import TELEOP_PLANT, run_teleop
+    from poise.locomotion import ScriptedDevice
+    from poise.robots import load_robot
+
+    run_teleop(
+        load_robot("humanoid33"),
+        lambda c: ScriptedDevice([], c.resting_sample.left, c.resting_sample.right),
+        TELEOP_PLANT,
+        duration=0.1,
+        recording=in_folder / "x.teleop",
+    )
+    assert "made with" in refused(capsys, "--device", "x.teleop", "--actuation", "torque")
+    seen, session = [], live.LiveSession
+
+    def made(robot, *arguments, **options):
+        seen.append((robot.name, options["plant"].actuation))
+        return session(robot, *arguments, **options)
+
+    monkeypatch.setattr(live, "LiveSession", made)
+    line = ["teleop", "--no-open", "--port", "0", "--seconds", "0.3", "--device", "x.teleop"]
+    assert main(line) == 0
+    assert seen == [("humanoid33", "velocity")]
+
+
+@needs_page
 def test_a_port_in_use_is_one_line(in_folder, capsys):
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))

@@ -9,6 +9,7 @@ from small_biped import torque
 
 from poise.dynamics import RobotState
 from poise.errors import ConfigurationError
+from poise.locomotion import StepTeleoperator
 from poise.sim import Plant, PlantConfig, Recorder, SensorConfig, _rollout, rollout
 from poise.sim._rollout import garbage_frozen
 from poise.stack import Stack
@@ -278,3 +279,12 @@ def test_what_somebody_else_froze_stays_frozen(plant):
         list(rollout(plant, Limp(plant.robot), duration=0.003))
         assert gc.get_freeze_count() > 0
     assert gc.get_freeze_count() == 0
+
+
+def test_a_leader_of_another_period_is_refused_before_anything_moves(get_robot):
+    robot = get_robot("biped20")
+    teleoperator = StepTeleoperator(robot)
+    plant = Plant(robot, PlantConfig(actuation="velocity"))
+    with pytest.raises(ConfigurationError, match="0.005 s and 0.001 s"):
+        rollout(plant, teleoperator.controller(), teleoperator)
+    assert plant.time == 0.0

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from poise.cli._options import add_output_options, make_folder
+from poise.errors import ConfigurationError
 from poise.robots import Proposal, describe, load_robot
 
 
@@ -27,6 +28,9 @@ def add_parser(verbs: Any) -> None:
         action="store_true",
         help="write the description beside the model, where load_robot finds it",
     )
+    parser.add_argument(
+        "--force", action="store_true", help="let --save write over another description"
+    )
     parser.add_argument("--no-trial", action="store_true", help="leave the simulation out")
     add_output_options(parser, "runs/describe-STEM")
     parser.set_defaults(act=act)
@@ -35,7 +39,10 @@ def add_parser(verbs: Any) -> None:
 def act(options: argparse.Namespace) -> int:
     """Proposes, tries out, and writes everything."""
     path = Path(options.file)
+    saved = path.parent / f"{path.stem}.poise.yaml"
     proposal = describe(path)
+    if options.save and not options.force:
+        _check_unwritten(saved, proposal)
     robot = load_robot(path, proposal.facts)
     trial = None
     if not options.no_trial and robot.floating_base:
@@ -43,7 +50,7 @@ def act(options: argparse.Namespace) -> int:
 
         trial = try_out(robot)
     folder = make_folder(options.out, f"runs/describe-{path.stem}")
-    description = (path.parent if options.save else folder) / f"{path.stem}.poise.yaml"
+    description = saved if options.save else folder / saved.name
     description.write_text(proposal.text, encoding="utf-8")
     page = None
     if robot.floating_base:
@@ -56,6 +63,16 @@ def act(options: argparse.Namespace) -> int:
     else:
         _print(proposal, robot, trial, description, page)
     return 0 if trial is None or trial.ok else 1
+
+
+def _check_unwritten(saved: Path, proposal: Proposal) -> None:
+    """Raises ConfigurationError where a description would be lost that says something else."""
+    if saved.is_file() and saved.read_text(encoding="utf-8") != proposal.text:
+        raise ConfigurationError(
+            "there is a description already, and it is another one",
+            got=str(saved),
+            wanted="--force to write over it, or no --save to compare",
+        )
 
 
 def _summary(

@@ -74,6 +74,7 @@ def run_and_report(
     """
     from poise.apps.scenarios import (
         LOG,
+        discard_video,
         run_scenario,
         summarise,
         write_page,
@@ -81,6 +82,7 @@ def run_and_report(
         write_video,
     )
 
+    discard_video(folder)
     with Bar("simulating", "s", lines=not quiet) as bar:
         run = run_scenario(scenario, log=folder / LOG, view=view, progress=bar)
     summary = summarise(run)

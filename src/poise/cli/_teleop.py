@@ -10,6 +10,9 @@ from poise.cli._live import add_live_options, check_seconds, run_live
 from poise.cli._options import make_folder
 from poise.errors import ConfigurationError
 
+_ROBOT = "biped20"
+"""The robot where nobody names one."""
+
 
 def add_parser(verbs: Any) -> None:
     """Adds the verb to the command line."""
@@ -24,7 +27,9 @@ def add_parser(verbs: Any) -> None:
         epilog="example: poise teleop --robot biped20 --terrain steps",
     )
     parser.add_argument(
-        "--robot", metavar="R", default="biped20", help="a biped (default: %(default)s)"
+        "--robot",
+        metavar="R",
+        help=f"a biped (default: {_ROBOT}; with a recording, its own)",
     )
     parser.add_argument(
         "--device",
@@ -37,10 +42,9 @@ def add_parser(verbs: Any) -> None:
     parser.add_argument(
         "--actuation",
         choices=("torque", "velocity"),
-        default="torque",
         help="what the robot is commanded: torques, so that its feet lie as the ground does, or "
         "velocities of its joints, as in the paper and for robots that take nothing else "
-        "(default: %(default)s; with a recording, what it was made with)",
+        "(default: torque; with a recording, what it was made with)",
     )
     parser.add_argument(
         "--terrain",
@@ -59,7 +63,8 @@ def act(options: argparse.Namespace) -> int:
     from poise.robots import load_robot
 
     recording = _recording(options.device)
-    robot = load_robot(options.robot)
+    own = _ROBOT if recording is None else recording.robot
+    robot = load_robot(options.robot or own)
     plant = _plant(options, robot, recording)
     folder = make_folder(options.out, f"runs/teleop-{Path(robot.name).stem}")
     session = LiveSession(
@@ -92,6 +97,12 @@ def _plant(options: argparse.Namespace, robot: Any, recording: Any) -> Any:
     plant = TELEOP_PLANT if options.actuation == "velocity" else TORQUE_TELEOP_PLANT
     if recording is not None and "plant" in recording.setup:
         plant = plant_from_json(recording.setup["plant"])
+        if options.actuation not in (None, plant.actuation):
+            raise ConfigurationError(
+                "a recording is played with what it was made with",
+                got=f"--actuation {options.actuation}",
+                wanted=plant.actuation,
+            )
     if options.terrain is None:
         return plant
     return replace(plant, blocks=terrain_blocks(options.terrain, robot, seed=options.seed))

@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from poise._compiled import compiled
+from poise.control._strategy import PHYSICS_LEVELS
 from poise.dynamics import Dynamics
 from poise.hqp import HierarchicalProblem
 from poise.robots import Robot
@@ -116,7 +117,12 @@ class FullProblem:
         self, residuals: Float64[np.ndarray, "*k levels"]
     ) -> Float64[np.ndarray, "*k numbered"]:
         """Residuals without those of the levels between physics and tasks, which have no number."""
-        return np.delete(residuals, slice(2, 2 + bool(self.rows.limits)), axis=-1)
+        return np.delete(residuals, self.unnumbered, axis=-1)
+
+    @property
+    def unnumbered(self) -> list[int]:
+        """The levels between physics and tasks, which have no number."""
+        return [PHYSICS_LEVELS] if self.rows.limits else []
 
     def answer(
         self, x: Float64[np.ndarray, " n"], dynamics: Dynamics

@@ -81,8 +81,10 @@ class FullProgram:
 
     def explain(self) -> str:
         """Which rows conflict and with what, in words."""
-        solution = self.solution
-        return "nothing solved yet" if solution is None else solution.explain(self.full.problem)
+        solution, full = self.solution, self.full
+        if solution is None:
+            return "nothing solved yet"
+        return solution.explain(full.problem, full.unnumbered)
 
 
 class WholeBodyController(Controller):

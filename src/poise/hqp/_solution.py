@@ -1,5 +1,6 @@
 """`Solution`: what a strategy found, with everything needed to judge it and to say it in words."""
 
+from collections.abc import Collection
 from dataclasses import dataclass, field
 from enum import Enum
 from time import perf_counter
@@ -119,11 +120,12 @@ class Solution:
                 found.append(Conflict(label, level, row, float(self.slacks[row]), against))
         return found
 
-    def explain(self, problem: HierarchicalProblem) -> str:
+    def explain(self, problem: HierarchicalProblem, unnumbered: Collection[int] = ()) -> str:
         """Say in words which rows conflict, by how much, and with which tasks or limits.
 
         Args:
             problem: the problem as it was when it was solved.
+            unnumbered: indices of levels that have no number, by which those after them go on.
         """
         if self.status is SolveStatus.BAD_PROBLEM:
             return f"{self.status.value}: numbers that are not finite, or bounds that cross"
@@ -135,7 +137,9 @@ class Solution:
         for conflict in conflicts:
             groups.setdefault((conflict.level, conflict.label), []).append(conflict)
         for (level, label), rows in groups.items():
-            lines.append(f"  level {level + 1} ({problem.level(level).name}): {_say(label, rows)}")
+            number = level + 1 - sum(other < level for other in unnumbered)
+            which = "level without a number" if level in unnumbered else f"level {number}"
+            lines.append(f"  {which} ({problem.level(level).name}): {_say(label, rows)}")
         return "\n".join(lines)
 
     def certify(self, problem: HierarchicalProblem) -> Certificate:

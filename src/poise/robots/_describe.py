@@ -112,6 +112,12 @@ class _Describer:
             locked_joints=source.locked_joints,
         )
         self._model = build_model(self._source, floating=True, armature={}, where=self._where)
+        if not sum(float(inertia.mass) for inertia in self._model.inertias) > 0.0:
+            raise RobotError(
+                f"{self._where} has no mass",
+                got="no link with one",
+                wanted="an <inertial> with a positive mass in its links",
+            )
         if self._mjcf is not None:
             apply_limits(self._model, torque=self._mjcf.torque)
         propose_positions(self._draft, self._model, endless, self._source.locked_joints)

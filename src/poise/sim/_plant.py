@@ -8,6 +8,7 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Bool, Float64
 
+from poise._checks import checked_kind
 from poise._show import html_table
 from poise.control import Command
 from poise.dynamics import RobotState, SensorReadings
@@ -59,13 +60,16 @@ class Plant:
         seed: seed of the sensor noise.
 
     Raises:
+        ConfigurationError: it is no robot, or no configuration.
         RobotError: the robot's document cannot be simulated.
         UnknownNameError: the configuration names a link or frame that does not exist.
     """
 
     def __init__(self, robot: Robot, config: PlantConfig | None = None, *, seed: int = 0) -> None:
-        self.robot = robot
-        self.config = config if config is not None else PlantConfig()
+        self.robot = checked_kind(robot, Robot, "robot of the plant")
+        self.config = checked_kind(
+            PlantConfig() if config is None else config, PlantConfig, "configuration of the plant"
+        )
         self.model = build_model(robot, self.config)
         self.data = mujoco.MjData(self.model)
         # A view: how often MuJoCo has warned of what.

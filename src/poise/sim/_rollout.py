@@ -143,6 +143,20 @@ class Observer(Protocol[B_contra]):
         ...
 
 
+@runtime_checkable
+class PeriodicLeader(Leader, Protocol):
+    """A leader that has to be asked at a period of its own."""
+
+    @property
+    def dt(self) -> float:
+        """That period [s]."""
+        ...
+
+
+_SAME_PERIOD = 1e-9
+"""Periods that differ by less are the same [s]."""
+
+
 @contextmanager
 def garbage_frozen() -> Generator[None]:
     """Keeps Python's search for garbage short inside a loop.
@@ -195,10 +209,17 @@ def rollout(
         Every tick.
 
     Raises:
-        ConfigurationError: the duration is no length of time.
+        ConfigurationError: the duration is no length of time, or the plant has another control
+            period than the leader was made for.
     """
     if duration is not None and not duration >= 0.0:
         raise ConfigurationError("wrong duration of a rollout", got=duration, wanted=">= 0 s")
+    if isinstance(leader, PeriodicLeader) and abs(leader.dt - plant.control_dt) > _SAME_PERIOD:
+        raise ConfigurationError(
+            f"{type(leader).__name__} and plant have different control periods",
+            got=f"{leader.dt:g} s and {plant.control_dt:g} s",
+            wanted="the same",
+        )
     # A generator would say so at the first tick only, far from the line that is wrong.
     return _ticks(plant, controller, leader, observers, estimator, duration)
 

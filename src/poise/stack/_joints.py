@@ -38,6 +38,10 @@ class JointTask(ShippedTask[VectorTarget]):
     ) -> None:
         super().__init__(name, kp=kp, kd=kd, weight=weight)
         self.unit = "rad"
+        if isinstance(joints, str):
+            raise ConfigurationError(
+                f"joints of task {name!r} are one text", got=joints, wanted=f"a list: [{joints!r}]"
+            )
         if joints is not None and len(set(joints)) != len(joints):
             raise ConfigurationError(f"task {name!r} names a joint twice", got=list(joints))
         if joints is not None and not joints:

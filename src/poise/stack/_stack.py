@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 
 from poise._checks import checked_kind
 from poise._show import html_table
-from poise.errors import ConfigurationError
+from poise.errors import ConfigurationError, UnknownNameError
 from poise.robots import Robot
 from poise.stack._balance import BalanceLimit
 from poise.stack._centroid import ComTask
@@ -134,12 +134,12 @@ class Stack:
         """The task of that name.
 
         Raises:
-            ConfigurationError: no such task; the message lists those that exist.
+            UnknownNameError: no such task; the message lists those that exist.
         """
         for _, task in self.tasks():
             if task.name == name:
                 return task
-        raise ConfigurationError(
+        raise UnknownNameError(
             "unknown task of the stack", got=name, choices=[t.name for _, t in self.tasks()]
         )
 
@@ -147,12 +147,12 @@ class Stack:
         """The contact of that name.
 
         Raises:
-            ConfigurationError: no such contact; the message lists those that exist.
+            UnknownNameError: no such contact; the message lists those that exist.
         """
         for contact in self.contacts:
             if contact.name == name:
                 return contact
-        raise ConfigurationError(
+        raise UnknownNameError(
             "unknown contact of the stack", got=name, choices=[c.name for c in self.contacts]
         )
 

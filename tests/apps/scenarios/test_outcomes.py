@@ -20,8 +20,8 @@ from poise.apps.scenarios import (
     write_summary,
 )
 from poise.control import CommandStatus
-from poise.errors import UnknownNameError
-from poise.sim import read_log
+from poise.errors import ConfigurationError, UnknownNameError
+from poise.sim import RunRecord, read_log
 
 STAND = """
 name: stand still
@@ -276,3 +276,15 @@ def test_a_scenario_is_run_by_its_name_or_file_and_paths_are_texts(scenario_file
     assert report(log, folder).parent == tmp_path / "page"
     with pytest.raises(UnknownNameError, match="neither a shipped scenario nor a file.*stand"):
         run_scenario("stnad")
+
+
+def test_a_record_of_no_rollout_is_not_reported(get_robot, tmp_path):
+    record = RunRecord()
+    record.add(0.0, {"hand_error": np.zeros(3)})
+    for robot in (None, get_robot("biped20")):
+        with pytest.raises(ConfigurationError, match="does not say its plant, tasks, levels"):
+            report(record, tmp_path / "out", robot)
+    file = tmp_path / "file"
+    file.write_text("")
+    with pytest.raises(ConfigurationError, match="goes into a folder"):
+        report(record, file)

@@ -549,7 +549,7 @@ def test_wrong_weights_and_velocities_are_refused_and_change_nothing(get_robot):
     for bad in (0.0, -1.0, np.nan, [1.0, 2.0], "high"):
         with pytest.raises(ConfigurationError, match="com"):
             controller.weights["com"] = bad
-    with pytest.raises(ConfigurationError, match="choices: com"):
+    with pytest.raises(UnknownNameError, match="choices: com"):
         controller.weights["con"] = 1.0
     assert controller.weights["com"].tolist() == [ROW_WEIGHT] * 3
     assert list(controller.weights) == ["com", "torso", "hand", "posture"]

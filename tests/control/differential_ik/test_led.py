@@ -8,7 +8,7 @@ from oracles import near_home
 from poise.control import DifferentialIK
 from poise.control._differential_ik._strategy import STRATEGIES
 from poise.dynamics import RobotState
-from poise.errors import ConfigurationError
+from poise.errors import ConfigurationError, PoiseError
 from poise.robots import capsules_of
 from poise.stack import (
     ComTask,
@@ -185,7 +185,7 @@ BAD = {
 def test_tasks_that_cannot_lead_are_refused(get_robot, names, said):
     arm = JointTask(["left_elbow_joint"], name="arm")
     stack = Stack([SurfaceContact(LEFT)], [[ComTask()], [arm], [PostureTask()]])
-    with pytest.raises(ConfigurationError, match=said):
+    with pytest.raises(PoiseError, match=said):
         DifferentialIK(get_robot("g1"), stack, dt=DT, led=names)
 
 

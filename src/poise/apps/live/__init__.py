@@ -6,6 +6,9 @@ from poise.errors import MissingExtraError
 
 if find_spec("websockets") is None:
     raise MissingExtraError("websockets", "teleop", "Live teleoperation")
+# Another package may have brought the first one.
+if find_spec("msgspec") is None:
+    raise MissingExtraError("msgspec", "teleop", "Live teleoperation")
 
 from poise.apps.live._drive import DriveLoop as DriveLoop
 from poise.apps.live._feet import LiveFeet as LiveFeet

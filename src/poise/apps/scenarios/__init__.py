@@ -4,6 +4,7 @@ from poise.apps.scenarios._checks import measure as measure, validate_checks as 
 from poise.apps.scenarios._controllers import controller_names as controller_names
 from poise.apps.scenarios._outputs import (
     LOG as LOG,
+    discard_video as discard_video,
     report,
     summarise as summarise,
     write_page as write_page,

@@ -18,7 +18,7 @@ from poise.control import (
     make_controller,
 )
 from poise.errors import ConfigurationError, UnknownNameError
-from poise.locomotion import StepTeleoperator, walking_stack
+from poise.locomotion import StepTeleoperator, two_soles, walking_stack
 from poise.robots import Robot
 from poise.sim import Block, Estimator
 from poise.stack import Leader
@@ -108,6 +108,8 @@ def cast_of(scenario: Scenario, robot: Robot) -> Cast:
 
 def _by_hand(robot: Robot, devices: DevicePlan, scenario: Scenario) -> Cast:
     """An operator who leads the feet."""
+    # Before a script is made for feet that are not there.
+    two_soles(robot)
     dt = scenario.plant.control_dt
     script = SCRIPTS[devices.script](robot) if devices.script else None
     q_start = robot.q_home if script is None else script.posture(robot)

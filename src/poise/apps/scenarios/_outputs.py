@@ -16,7 +16,7 @@ from poise.apps.scenarios._run import Progress, Run
 from poise.apps.scenarios._signals import RunSignals, collect_signals
 from poise.apps.teleoperation import plant_from_json
 from poise.control import PHYSICS_LEVELS
-from poise.errors import MissingExtraError
+from poise.errors import ConfigurationError, MissingExtraError
 from poise.robots import Robot, load_robot
 from poise.sim import Plant, Push, RunRecord, read_log, render_video
 
@@ -88,6 +88,7 @@ def write_video(run: Run, directory: Path, progress: Progress | None = None) -> 
     Returns:
         "" where the video was drawn, else why not and what to install.
     """
+    discard_video(directory)
     try:
         render_video(
             run.plant,
@@ -99,7 +100,21 @@ def write_video(run: Run, directory: Path, progress: Progress | None = None) -> 
         )
     except MissingExtraError as reason:
         return f"No video: {reason}"
+    except BaseException:
+        # Half a video looks like a whole one.
+        discard_video(directory)
+        raise
     return ""
+
+
+def discard_video(directory: Path) -> None:
+    """Removes a video that an earlier run has left, which would pass for this one's.
+
+    Args:
+        directory: folder of the run.
+    """
+    for name in (VIDEO, POSTER):
+        (directory / name).unlink(missing_ok=True)
 
 
 def write_page(run: Run, summary: dict[str, object], directory: Path, no_video: str | None) -> Path:
@@ -135,15 +150,28 @@ def report(
         Path of the page.
 
     Raises:
-        PoiseError: the file is no log, or the robot cannot be loaded.
+        PoiseError: the file is no log, the record is of no rollout, the robot cannot be loaded, or
+            the directory is a file.
     """
     directory = Path(directory)
+    if directory.exists() and not directory.is_dir():
+        raise ConfigurationError(
+            "a report goes into a folder", got=str(directory), wanted="no file of that name"
+        )
     if isinstance(run, Run):
         directory.mkdir(parents=True, exist_ok=True)
         summary = summarise(run)
         write_summary(summary, directory)
         return write_page(run, summary, directory, no_video=None)
     record = run if isinstance(run, RunRecord) else read_log(run)
+    lacking = [key for key in ("plant", "tasks", "levels") if key not in record.metadata]
+    lacking += ["robot"] if robot is None and "robot" not in record.metadata else []
+    if lacking:
+        raise ConfigurationError(
+            f"a record that does not say its {', '.join(lacking)} cannot be reported",
+            got=sorted(record.metadata),
+            wanted="one that a Recorder made of a rollout",
+        )
     robot = load_robot(record.metadata["robot"]) if robot is None else robot
     return write_report(make_view(record, robot), directory)
 

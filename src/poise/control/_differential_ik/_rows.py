@@ -17,7 +17,7 @@ from poise.control._differential_ik._kernels import VelocityLevel, VelocityLevel
 from poise.control._differential_ik._led import LedJoints
 from poise.control._differential_ik._limited import LimitedLevels
 from poise.dynamics import Dynamics, saturate
-from poise.errors import ConfigurationError
+from poise.errors import ConfigurationError, UnknownNameError
 from poise.robots import Robot
 from poise.stack import Contact, Stack, StackRows, Task, checked_gain, home_jacobians
 
@@ -47,7 +47,7 @@ class RowWeights:
         """Weights of a task's rows, a copy.
 
         Raises:
-            ConfigurationError: no such task.
+            UnknownNameError: no such task.
         """
         weight = self._task(task).weight
         return ROW_WEIGHT * weight * weight
@@ -56,7 +56,8 @@ class RowWeights:
         """Sets the weights of a task's rows, one number or one a row.
 
         Raises:
-            ConfigurationError: no such task, a wrong length, or weights that are not positive.
+            ConfigurationError: a wrong length, or weights that are not positive.
+            UnknownNameError: no such task.
         """
         found = self._task(task)
         what = f"row weight of task {found.name!r}"
@@ -76,9 +77,7 @@ class RowWeights:
     def _task(self, task: Task | str) -> Task:
         name = task.name if isinstance(task, Task) else task
         if name not in self._tasks:
-            raise ConfigurationError(
-                "unknown task of the stack", got=name, choices=list(self._tasks)
-            )
+            raise UnknownNameError("unknown task of the stack", got=name, choices=list(self._tasks))
         return self._tasks[name]
 
 

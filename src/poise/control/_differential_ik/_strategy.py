@@ -83,6 +83,7 @@ class VelocityHierarchy:
         behind = np.arange(bounded.start, bounded.stop)
         self._order = np.insert(np.arange(contacts + sum(sizes)), contacts, behind)
         self._first, self._bounded = PHYSICS_LEVELS + len(limits), contacts + np.arange(len(behind))
+        self.unnumbered = range(PHYSICS_LEVELS, self._first)
         self.problem.labels[:1] = [(f"limit of {name}", 1) for name in joint_names]
         self.solution: Solution | None = None
         self._rows = rows
@@ -278,7 +279,7 @@ class VelocityStrategy:
         if rows.stance is not None and not rows.stance.active:
             notes.append(f"no contact is active: {rows.stance.name} still counts as stance")
         if hierarchy is not None and hierarchy.solution is not None:
-            notes.append(hierarchy.solution.explain(hierarchy.problem))
+            notes.append(hierarchy.solution.explain(hierarchy.problem, hierarchy.unnumbered))
         held = *self._joints[self._held], *self._led.index[self._led.held]
         names = [self.robot.joint_names[i] for i in held]
         if names:

@@ -205,7 +205,8 @@ class ReducedProgram:
         first, second = self.first_solution, self.second_solution
         if first is None:
             return "nothing solved yet"
-        words = [first.explain(self.first.problem)]
+        unnumbered = self.whole.full.unnumbered
+        words = [first.explain(self.first.problem, unnumbered)]
         if self.second is not None and second is not None:
             words.append(second.explain(self.second.problem))
         return "; ".join(words)

@@ -194,6 +194,11 @@ class StepTeleoperator:
         return self._tasks.stack
 
     @property
+    def dt(self) -> float:
+        """Length of a tick: how often it has to be asked [s]."""
+        return self.parameters.dt
+
+    @property
     def mode(self) -> Mode:
         """Which feet carry the robot."""
         return self._events.mode
