@@ -141,8 +141,8 @@ class Controller:
             kd: damping [1/s]; critical, 2 sqrt(kp), when None.
 
         Raises:
-            ConfigurationError: no such task, wrong length, or gains that are not finite or
-                negative.
+            ConfigurationError: wrong length, or gains that are not finite or negative.
+            UnknownNameError: no such task.
         """
         self.stack.task(task).set_gains(kp, kd)
 

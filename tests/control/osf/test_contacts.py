@@ -9,7 +9,7 @@ from osf_world import Mujoco, contact_force, missing, reload_with, stack_for
 
 from poise.control import OperationalSpaceController
 from poise.dynamics import RobotState
-from poise.errors import ConfigurationError, TargetError
+from poise.errors import TargetError, UnknownNameError
 from poise.sim import Plant
 from poise.stack import (
     ComTask,
@@ -143,7 +143,7 @@ def test_a_wrench_that_is_none_is_refused(get_any, wrong):
 def test_a_wrench_on_a_contact_that_is_none_is_refused(get_any):
     robot = get_any("humanoid33")
     controller = OperationalSpaceController(robot, stack_for(robot))
-    with pytest.raises(ConfigurationError, match="left_sole"):
+    with pytest.raises(UnknownNameError, match="left_sole"):
         controller.set_wrench("left_hand", np.zeros(6))
 
 

@@ -93,7 +93,7 @@ class OperationalSpaceController(Controller):
                 [N, N m]; None for as little as possible.
 
         Raises:
-            ConfigurationError: no such contact.
+            UnknownNameError: no such contact.
             TargetError: wrong shape, NaN or infinite.
         """
         self._operational.set_wrench(contact, wrench)
