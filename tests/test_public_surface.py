@@ -132,6 +132,7 @@ wrong = {
     "a word for a gain": lambda: ComTask(kp="high"),
     "a name for the joints of a task": lambda: JointTask("left_knee"),
     "two numbers for a pose": lambda: FrameTask("pelvis").set_target([0, 0]),
+    "ragged numbers for a pose": lambda: FrameTask("pelvis").set_target([[0.0, [1.0]], 2.0]),
     "a name for the robot of a plant": lambda: Plant("biped20"),
     "a dictionary for the configuration of a plant": lambda: Plant(robot, {"friction": 0.5}),
     "a word for a friction": lambda: SurfaceContact("left_sole", friction="slippery"),

@@ -159,7 +159,11 @@ def split_pose(value: Pose, what: str) -> tuple[Numbers, Numbers] | None:
     """
     if isinstance(value, pin.SE3):
         return value.translation, value.rotation
-    if isinstance(value, list | tuple) and len(value) == 2 and np.ndim(value[0]) > 0:
+    if (
+        isinstance(value, list | tuple)
+        and len(value) == 2
+        and not isinstance(value[0], int | float | np.generic)
+    ):
         return value[0], value[1]
     # Rows in a list are looked at once they are an array.
     matrix = _as_array(value, what, TargetError) if isinstance(value, list | tuple) else value
