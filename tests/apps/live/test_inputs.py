@@ -250,6 +250,40 @@ def test_a_tracked_foot_leads_by_what_it_moves_while_its_clutch_is_closed(made):
     np.testing.assert_allclose(sample.left - place, [0.1, 0.0, 0.0], atol=5e-3)
 
 
+def test_a_clutch_that_was_open_within_a_burst_of_messages_was_open(made):
+    operator, controller, device = made
+    anchor = controller.estimator.anchors[0]
+    run(operator, device, 2, tracked(0.0, 0.0, clutch=False))
+    run(operator, device, 2, tracked(0.0, 0.0))
+    sample = run(operator, device, 40, tracked(0.05, 0.05))
+    np.testing.assert_allclose(sample.left - anchor, [0.05, 0.0, 0.05], atol=1e-12)
+    # Let go, moved on and taken hold of anew, all before the robot's loop looks again.
+    operator.pad(tracked(0.05, 0.05, clutch=False))
+    operator.pad(tracked(0.12, 0.05, clutch=False))
+    operator.pad(tracked(0.12, 0.05))
+    operator.pad(tracked(0.12, 0.05))
+    device.sample(0.0)
+    place = device.places[0].copy()
+    sample = run(operator, device, 40, tracked(0.12, 0.05))
+    np.testing.assert_allclose(sample.left, place, atol=1e-12)
+
+
+def test_hands_and_head_that_were_open_within_a_burst_are_seen_so_once(made):
+    operator, _, _ = made
+    for clutch in (False, True):
+        hand = Tracked(position=(0.1, 0.0, 0.0), clutch=clutch)
+        head = Head(orientation=(0.0, 0.0, 0.0, 1.0), clutch=clutch)
+        operator.pad(Pad(hands=(None, hand), head=head, turn=0.5))
+    seen = operator.read()
+    assert not seen.hands[1].clutch
+    assert not seen.head.clutch
+    assert seen.hands[0] is None
+    assert seen.turn == 0.5
+    seen = operator.read()
+    assert seen.hands[1].clutch
+    assert seen.head.clutch
+
+
 def test_a_tracked_foot_does_not_jump(made):
     operator, _, device = made
     run(operator, device, 2, tracked(0.0, 0.0, clutch=False))

@@ -139,6 +139,8 @@ class OperatorInputs:
     Whoever comes back after a silence takes hold anew: what was held in the first message after it
     counts as let go until it really is. A message that another one has overtaken is no sign of
     life: where a clock has jumped back, there is a silence, and then it is the new one that counts.
+    A clutch that was open in a message is seen to be, also where a closed one overtook it: messages
+    come in bursts, and a hand that let go, moved and took hold anew must not seem to have led.
 
     Attributes:
         stages: times of the last messages that the robot's loop took; the loop passes over those
@@ -150,6 +152,7 @@ class OperatorInputs:
         self._pad = Pad()
         self._alive_at: float | None = None
         self._stale = Pad()
+        self._unseen: Pad | None = None
         self.stages: deque[StageTimes] = deque(maxlen=_STAGES)
         self._unread: tuple[float, float] | None = None
         self._sampled: tuple[float, float, float] | None = None
@@ -166,20 +169,23 @@ class OperatorInputs:
                 silent = self._alive_at is not None
                 self._stale = pad if silent else _held_somewhere(pad)
             self._stale = _still_held(self._stale, pad)
-            self._pad, self._alive_at = _without(pad, self._stale), clock.monotonic()
+            fresh = _without(pad, self._stale)
+            self._unseen = fresh if self._unseen is None else _reopened(fresh, self._unseen)
+            self._pad, self._alive_at = fresh, clock.monotonic()
             self._unread = (1e-3 * pad.beat, self._alive_at)
 
     def clear(self) -> None:
         """Nobody is at the controls."""
         with self._lock:
-            self._pad, self._alive_at = Pad(), None
+            self._pad, self._alive_at, self._unseen = Pad(), None, None
 
     def read(self) -> Pad | None:
         """What the operator does; None when there has been no sign of life for a while."""
         with self._lock:
             if self._unread is not None:
                 self._sampled, self._unread = (*self._unread, clock.monotonic()), None
-            return self._pad if self._alive else None
+            pad, self._unseen = self._pad if self._unseen is None else self._unseen, None
+            return pad if self._alive else None
 
     @property
     def alive(self) -> bool:
@@ -241,6 +247,24 @@ def _still_closed(stale: _Clutched | None, tracked: _Clutched | None) -> _Clutch
     return tracked if tracked is not None else stale
 
 
+def _reopened(pad: Pad, unseen: Pad) -> Pad:
+    """A message with the clutches that were open in what nobody has seen yet."""
+    if unseen.tracked == unseen.hands == (None, None) and unseen.head is None:
+        return pad
+    return replace(
+        pad,
+        tracked=(
+            unseen.tracked[0] if _is_open(unseen.tracked[0]) else pad.tracked[0],
+            unseen.tracked[1] if _is_open(unseen.tracked[1]) else pad.tracked[1],
+        ),
+        hands=(
+            unseen.hands[0] if _is_open(unseen.hands[0]) else pad.hands[0],
+            unseen.hands[1] if _is_open(unseen.hands[1]) else pad.hands[1],
+        ),
+        head=unseen.head if _is_open(unseen.head) else pad.head,
+    )
+
+
 def _without(pad: Pad, stale: Pad) -> Pad:
     """A message without what is stale in it."""
     if stale == Pad():
@@ -269,3 +293,7 @@ def _without(pad: Pad, stale: Pad) -> Pad:
 
 def _is_closed(tracked: Tracked | Head | None) -> bool:
     return tracked is not None and tracked.clutch
+
+
+def _is_open(tracked: Tracked | Head | None) -> bool:
+    return tracked is not None and not tracked.clutch
