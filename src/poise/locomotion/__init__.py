@@ -37,6 +37,7 @@ from poise.locomotion._support import (
     convex_hull as convex_hull,
     signed_margin as signed_margin,
     sole_rectangle as sole_rectangle,
+    soles_outline as soles_outline,
     two_soles as two_soles,
 )
 from poise.locomotion._walking import (

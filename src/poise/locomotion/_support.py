@@ -2,11 +2,12 @@
 
 `two_soles`: what a robot that walks stands on.
 `SolePart`: what of a sole carries. `both_soles`: where the ZMP can be on two.
-`sole_rectangle`, `convex_hull`, `signed_margin`: its corners, its outline, and distances to that.
+`sole_rectangle`, `convex_hull`, `signed_margin`: its corners, its outline, and distances to that;
+`soles_outline`: that of some of a robot's soles.
 """
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -188,6 +189,23 @@ def convex_hull(points: Iterable[Point]) -> list[Point]:
     hull = np.empty((2 * len(array), 2))
     count = find_hull(array, len(array), hull)
     return [(x, y) for x, y in hull[:count].tolist()]
+
+
+def soles_outline(
+    robot: Robot,
+    placements: Mapping[str, tuple[Float64[np.ndarray, "3"], Float64[np.ndarray, "3 3"]]],
+) -> Float64[np.ndarray, "h 2"]:
+    """Corners of what some soles span, seen from above, counter-clockwise [m].
+
+    Args:
+        robot: whose soles.
+        placements: by the names of those that stand, centre [m] and world_R_sole.
+    """
+    corners: list[Point] = []
+    for name, placement in placements.items():
+        sole = robot.soles[name]
+        corners += sole_rectangle(*placement, (sole.length, sole.width))
+    return np.array(convex_hull(corners)).reshape(-1, 2)
 
 
 def signed_margin(

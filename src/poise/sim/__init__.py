@@ -32,6 +32,7 @@ from poise.sim._rollout import (
     LeadFunction as LeadFunction,
     Observer,
     Tick,
+    check_period as check_period,
     rollout,
 )
 from poise.sim._sensors import SensorConfig

@@ -157,6 +157,24 @@ _SAME_PERIOD = 1e-9
 """Periods that differ by less are the same [s]."""
 
 
+def check_period(leader: object, dt: float) -> None:
+    """Refuses a leader that has to be asked at another period than it will be.
+
+    Args:
+        leader: of a rollout; one that is no `PeriodicLeader` may be asked at any.
+        dt: of the plant's control [s].
+
+    Raises:
+        ConfigurationError: the periods differ.
+    """
+    if isinstance(leader, PeriodicLeader) and abs(leader.dt - dt) > _SAME_PERIOD:
+        raise ConfigurationError(
+            f"{type(leader).__name__} and plant have different control periods",
+            got=f"{leader.dt:g} s and {dt:g} s",
+            wanted="the same",
+        )
+
+
 @contextmanager
 def garbage_frozen() -> Generator[None]:
     """Keeps Python's search for garbage short inside a loop.
@@ -214,12 +232,7 @@ def rollout(
     """
     if duration is not None and not duration >= 0.0:
         raise ConfigurationError("wrong duration of a rollout", got=duration, wanted=">= 0 s")
-    if isinstance(leader, PeriodicLeader) and abs(leader.dt - plant.control_dt) > _SAME_PERIOD:
-        raise ConfigurationError(
-            f"{type(leader).__name__} and plant have different control periods",
-            got=f"{leader.dt:g} s and {plant.control_dt:g} s",
-            wanted="the same",
-        )
+    check_period(leader, plant.control_dt)
     # A generator would say so at the first tick only, far from the line that is wrong.
     return _ticks(plant, controller, leader, observers, estimator, duration)
 

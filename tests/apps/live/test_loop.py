@@ -244,5 +244,5 @@ def test_the_margin_in_double_support_is_that_of_both_feet(start, get_robot):
 def test_a_plant_with_another_tick_is_refused(get_robot, tmp_path):
     robot = get_robot("biped20")
     takes = Takes(tmp_path, robot=robot.name, dt=0.001)
-    with pytest.raises(ConfigurationError, match="different ticks"):
+    with pytest.raises(ConfigurationError, match="different control periods"):
         LiveLoop(robot, OperatorInputs(), takes, plant=PlantConfig())

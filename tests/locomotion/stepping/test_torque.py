@@ -115,7 +115,7 @@ def test_what_is_commanded_and_by_whom_is_checked(get_robot):
     driver = Mock(spec=ComDriver, omega=3.5)
     with pytest.raises(ConfigurationError, match="torques need the COM shifter"):
         StepTeleoperator(robot, actuation="torque", driver=driver)
-    with pytest.raises(ConfigurationError, match="different ticks"):
+    with pytest.raises(ConfigurationError, match="different control periods"):
         walk(robot, up_and_down(), 1.0, plant=TORQUE_TELEOP_PLANT, parameters=TeleopParameters())
 
 

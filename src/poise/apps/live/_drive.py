@@ -23,9 +23,8 @@ from poise.locomotion import (
     HandLeader,
     Mode,
     Walker,
-    convex_hull,
     signed_margin,
-    sole_rectangle,
+    soles_outline,
     walking_stack,
 )
 from poise.robots import Robot
@@ -208,14 +207,14 @@ class DriveLoop(RealTimeLoop):
     def _polygon(self, names: list[str]) -> np.ndarray:
         """Corners of what the robot stands on [m]."""
         lifted = self.walker.lifting
-        corners: list[tuple[float, float]] = []
-        for foot, name in enumerate(names):
-            if lifted == (foot, True):
-                continue
-            site, sole = self.plant.data.site(name), self.robot.soles[name]
-            rotation = site.xmat.reshape(3, 3)
-            corners += sole_rectangle(site.xpos, rotation, (sole.length, sole.width))
-        return np.array(convex_hull(corners))
+        sites = {
+            name: self.plant.data.site(name)
+            for foot, name in enumerate(names)
+            if lifted != (foot, True)
+        }
+        return soles_outline(
+            self.robot, {name: (s.xpos, s.xmat.reshape(3, 3)) for name, s in sites.items()}
+        )
 
     def _text(self) -> str:
         """How the walk stands, with which velocity, and what was cut of it."""

@@ -12,18 +12,17 @@ from poise.apps.live._inputs import OperatorInputs
 from poise.apps.live._log import LOG_SUFFIX, LiveLog, Takes
 from poise.apps.live._real_time import RealTimeLoop, command_time
 from poise.apps.live._snapshot import Snapshot
-from poise.apps.teleoperation import TELEOP_PLANT, check_tick, foot_forces, teleop_setup
+from poise.apps.teleoperation import TELEOP_PLANT, foot_forces, teleop_setup
 from poise.locomotion import (
     RecordedPush,
     Recording,
     StepTeleoperator,
     TeleopStatus,
-    convex_hull,
     signed_margin,
-    sole_rectangle,
+    soles_outline,
 )
 from poise.robots import Robot
-from poise.sim import PlantConfig, Tick, rollout
+from poise.sim import PlantConfig, Tick, check_period, rollout
 
 
 def support_polygon(
@@ -38,16 +37,11 @@ def support_polygon(
     Returns:
         x and y, counter-clockwise [m].
     """
-    robot, dynamics = teleoperator.robot, teleoperator.estimator.dynamics
-    feet = [status.mode.support] if status.mode.single else [0, 1]
-    corners: list[tuple[float, float]] = []
-    for foot in feet:
-        assert foot is not None
-        name = teleoperator.soles[foot]
-        frame = dynamics.frame(robot.frame_id(name))
-        sole = robot.soles[name]
-        corners += sole_rectangle(frame.position, frame.rotation, (sole.length, sole.width))
-    return np.array(convex_hull(corners))
+    robot, placement = teleoperator.robot, teleoperator.estimator.dynamics.placement
+    names = teleoperator.soles
+    if status.mode.single and status.mode.support is not None:
+        names = names[status.mode.support : status.mode.support + 1]
+    return soles_outline(robot, {name: placement(robot.frame_id(name)) for name in names})
 
 
 _ENDLESS = 1e9
@@ -143,7 +137,7 @@ class LiveLoop(RealTimeLoop):
         """Teleoperator and device as at the beginning."""
         self._end_rollout()
         self.teleoperator = _LiveTeleoperator(self.robot, actuation=self._config.actuation)
-        check_tick(self.teleoperator, self._config)
+        check_period(self.teleoperator, self._dt)
         self._feet = LiveFeet(self._inputs, self.teleoperator)
         self.teleoperator.device, self._pushes = self._feet, deque[RecordedPush]()
         if self._recording is not None:

@@ -16,7 +16,7 @@ from jaxtyping import Float64
 from poise.apps.report import BaseErrors, SupportPhase
 from poise.apps.scenarios._estimate import BaseKnowledge
 from poise.apps.teleoperation import plant_from_json
-from poise.locomotion import convex_hull, signed_margin, sole_rectangle
+from poise.locomotion import signed_margin, soles_outline
 from poise.robots import Robot
 from poise.sim import Block, RunRecord
 
@@ -125,16 +125,12 @@ def support_phases(
     for a, b in pairwise(starts):
         standing = [name for name, on in zip(names, pattern[a], strict=True) if on]
         middle = (a + b) // 2
-        corners: list[tuple[float, float]] = []
-        for name in standing:
-            position, rotation = (pose[middle] for pose in poses[name])
-            sole = robot.soles[name]
-            corners += sole_rectangle(position, rotation, (sole.length, sole.width))
+        placements = {n: (poses[n][0][middle], poses[n][1][middle]) for n in standing}
         phases.append(
             SupportPhase(
                 start=float(time[a]),
                 end=float(time[b]) if b < len(time) else float(time[-1]) + 1e-9,
-                vertices=np.array(convex_hull(corners)).reshape(-1, 2),
+                vertices=soles_outline(robot, placements),
                 label=" + ".join(standing) or "flight",
             )
         )

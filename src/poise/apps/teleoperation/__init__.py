@@ -15,7 +15,6 @@ from poise.apps.teleoperation._run import (
     TORQUE_TELEOP_PLANT,
     TeleopLog,
     TeleopRun,
-    check_tick as check_tick,
     plant_from_json as plant_from_json,
     replay_teleop,
     run_teleop,

@@ -37,6 +37,7 @@ from poise.sim import (
     PlantConfig,
     Recorder,
     RunRecord,
+    check_period,
     rollout,
 )
 
@@ -203,16 +204,6 @@ class TeleopRun:
     real_time_factor: float
 
 
-def check_tick(teleoperator: StepTeleoperator, plant: PlantConfig) -> None:
-    """Raises ConfigurationError unless a plant is commanded as often as a teleoperator commands."""
-    if plant.control_dt != teleoperator.parameters.dt:
-        raise ConfigurationError(
-            "teleoperator and plant have different ticks",
-            got=(teleoperator.parameters.dt, plant.control_dt),
-            wanted="the same",
-        )
-
-
 def run_teleop(
     robot: Robot,
     device: Device | MakeDevice,
@@ -257,7 +248,7 @@ def run_teleop(
         driver=driver,
         actuation=plant.actuation,
     )
-    check_tick(teleoperator, plant)
+    check_period(teleoperator, plant.control_dt)
     if recording is not None and (driver is not None or leader is not StepTeleoperator):
         raise ConfigurationError(
             "a run with a driver or a leader of its own cannot be recorded",
