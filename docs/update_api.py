@@ -32,9 +32,12 @@ MODULES = (
 
 HEAD = """# Public names
 
-Everything that a program may import stands here; modules and names with a leading underscore are
-private and may change with any version, and so may what a package hands to other parts of Poise
-without listing it. `python docs/update_api.py` writes this page; a test compares it with the code.
+What a program may rely on stands here. Modules and names with a leading underscore are private and
+may change with any version, but for the two that a `Task` of one's own has, `_resolve` and
+`_evaluate`. Packages hand out some names more, which pages of these documents use where they are
+needed, such as `ContactBelief`, `DeviceStatus`, `ImuNoise`, `StampedPredictor` and
+`read_recording`; those may change, too. `python docs/update_api.py` writes this page; a test
+compares it with the code.
 """
 
 

@@ -8,6 +8,8 @@ from poise.locomotion._pendulum import (
 )
 from poise.locomotion._preview import PreviewControl
 from poise.locomotion._stepping import (
+    FOOT_TURNS as FOOT_TURNS,
+    TORSO_MOST as TORSO_MOST,
     BodySample,
     ComDriver as ComDriver,
     Device,

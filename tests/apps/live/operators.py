@@ -13,13 +13,18 @@ PATIENCE = 60.0
 
 def wait_for(happened, what, patience=PATIENCE):
     """What `happened` returns as soon as that is true."""
+    found = comes(happened, patience)
+    if not found:
+        raise AssertionError(f"waited in vain for {what}")
+    return found
+
+
+def comes(happened, patience):
+    """Likewise; what it returned last where that is not true in time."""
     end = time.monotonic() + patience
-    while time.monotonic() < end:
-        found = happened()
-        if found:
-            return found
+    while not (found := happened()) and time.monotonic() < end:
         time.sleep(0.02)
-    raise AssertionError(f"waited in vain for {what}")
+    return found
 
 
 @contextmanager
@@ -33,7 +38,7 @@ def control(front, token=None, **options):
 
 def beat(socket, **pad):
     """A sign of life, with keys, sticks and handles."""
-    socket.send(json.dumps({"do": "drive", "beat": time.monotonic(), **pad}))
+    socket.send(json.dumps({"do": "drive", "beat": 1e3 * time.monotonic(), **pad}))
 
 
 def answer(socket):

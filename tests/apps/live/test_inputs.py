@@ -1,5 +1,6 @@
 """From keys, handles and gamepads to the samples of a device."""
 
+import sys
 from unittest.mock import Mock
 
 import numpy as np
@@ -9,10 +10,12 @@ from msgspec.structs import replace
 pytest.importorskip("websockets")
 
 from poise.apps.live import LiveFeet, OperatorInputs, Pad, Tracked, _inputs as inputs
+from poise.apps.live._body import Bend, BodyLimits, bent, limits_of
 from poise.apps.live._feet import HOLD_HEIGHT
-from poise.apps.live._gamepad import pad_from
+from poise.apps.live._gamepad import HostGamepad, Landings, bend_from, pad_from
 from poise.apps.live._inputs import Body, Head
 from poise.locomotion import BodySample, Mode, StepTeleoperator
+from poise.locomotion._stepping import _lean as lean, _torque_tasks as torque_tasks
 
 DT = 0.005
 
@@ -211,6 +214,167 @@ def test_each_stick_moves_its_own_foot_where_both_are_held():
     assert pad == Pad(lift=(True, True), move=(1.0, -0.5), second=(-0.4, 0.6), turn=0.6)
 
 
+def test_the_d_pad_sends_the_body_up_and_the_held_foot_around_and_with_b_the_torso():
+    assert bend_from([], (0, 0)) == Bend()
+    assert bend_from([0, 0, 0, 0], (-1, 1)) == Bend(height=1.0, turn=1.0)
+    assert bend_from([0, 1], (1, -1)) == Bend(pitch=-1.0, yaw=-1.0)
+    assert bend_from([0, 0, 0, 1], (0, 0)).neutral
+
+
+BEND_LIMITS = BodyLimits((-0.1, 0.03), (0.3, 0.4, 0.5), (0.12, 0.6))
+
+
+def bent_for(seconds, bend, *, body=None, held=(False, False), limits=BEND_LIMITS):
+    """What is asked after so long, in steps of a gamepad's."""
+    body = Body() if body is None else body
+    for _ in range(round(60 * seconds)):
+        body = bent(body, bend, held, 1 / 60, limits)
+    return body
+
+
+def test_what_is_asked_of_the_body_grows_stays_and_goes_back_to_neutral():
+    lower = bent_for(0.5, Bend(height=-1.0))
+    assert lower.height == pytest.approx(-0.03)
+    led = bent_for(0.5, Bend(pitch=1.0, yaw=-1.0), body=lower)
+    assert led.torso == pytest.approx((0.0, 0.2, -0.2))
+    assert bent_for(1.0, Bend(), body=led) == led
+    assert bent_for(0.1, Bend(neutral=True), body=led) == Body()
+
+
+def test_what_is_asked_of_the_body_goes_no_further_than_the_robot():
+    every = Bend(height=-1.0, pitch=-1.0, yaw=1.0, turn=1.0)
+    far = bent_for(9.0, every, held=(True, False))
+    assert far == Body(-0.1, (0.0, -0.4, 0.5), (0.6, 0.0))
+    assert bent_for(9.0, Bend(height=1.0)).height == 0.03
+    only_height = bent_for(9.0, every, held=(True, True), limits=BodyLimits((-0.1, 0.03)))
+    assert only_height == Body(-0.1)
+    assert bent_for(9.0, every, held=(True, True), limits=BodyLimits()) == Body()
+
+
+def test_feet_are_turned_while_they_are_held_each_against_the_other():
+    left, right = Bend(turn=1.0), Bend(turn=-1.0)
+    assert bent_for(1.0, left).turns == (0.0, 0.0)
+    assert bent_for(3.0, right, held=(True, False)).turns == pytest.approx((-0.12, 0.0))
+    body = Body()
+    for step in range(1, 12):
+        body = bent_for(3.0, left, body=body, held=(step % 2 == 1, step % 2 == 0))
+    # All the way round: 0.6 and 0.12 rad in turn.
+    assert body.turns == pytest.approx((6 * 0.6 + 5 * 0.12 - 2 * np.pi, 5 * 0.72 - 2 * np.pi))
+
+
+@pytest.mark.parametrize("actuation", ["velocity", "torque"])
+def test_limits_of_the_body_are_the_robots(get_robot, actuation):
+    teleoperator = StepTeleoperator(get_robot("biped20"), actuation=actuation)
+    limits = limits_of(teleoperator)
+    assert limits.height[0] == pytest.approx(-teleoperator.parameters.stoop_max * 0.765, rel=0.01)
+    turned = actuation == "torque"
+    assert limits.torso == (tuple(lean.TORSO_MOST) if turned else (0.0, 0.0, 0.0))
+    assert limits.turns == (torque_tasks.FOOT_TURNS if turned else (0.0, 0.0))
+
+
+class Sticks:
+    """A pygame with one gamepad, which can be pulled out and plugged in again."""
+
+    JOYDEVICEREMOVED, error = 1, RuntimeError
+
+    def __init__(self):
+        self.display = self.joystick = self.event = self
+        self.plugs, self.events, self.count = 0, [], 1
+        self.buttons, self.hat, self.shaken = [0] * 6, (0, 0), []
+
+    def init(self):
+        pass
+
+    def get_count(self):
+        return self.count
+
+    def Joystick(self, _):
+        self.plugs += 1
+        return Mock(
+            get_name=lambda: "pad",
+            get_instance_id=Mock(return_value=self.plugs),
+            get_numbuttons=lambda: len(self.buttons),
+            get_button=lambda i: self.buttons[i],
+            get_numaxes=lambda: 0,
+            get_numhats=lambda: 1,
+            get_hat=lambda _: self.hat,
+            rumble=lambda *how: self.shaken.append(how),
+        )
+
+    def get(self):
+        events, self.events = self.events, []
+        return events
+
+    def pull(self):
+        self.count = 0
+        self.events.append(Mock(type=self.JOYDEVICEREMOVED, instance_id=self.plugs))
+
+
+@pytest.fixture
+def sticks(monkeypatch):
+    made = Sticks()
+    monkeypatch.setitem(sys.modules, "pygame", made)
+    return made
+
+
+def test_a_gamepad_of_the_robots_machine_bends_the_body_and_keeps_it(sticks):
+    operator = OperatorInputs()
+    host = HostGamepad(operator)
+    sticks.buttons, sticks.hat = [0, 0, 0, 0, 1, 0], (-1, -1)
+    for _ in range(6):
+        host.poll(1 / 60, BEND_LIMITS)
+    asked = operator.read().body
+    assert asked.height == pytest.approx(-0.006)
+    assert asked.turns == pytest.approx((0.04, 0.0))
+    sticks.buttons, sticks.hat = [0] * 6, (0, 0)
+    host.poll(1 / 60, BEND_LIMITS)
+    assert operator.read().body == host.body == asked
+    host.straighten()
+    host.poll(1 / 60, BEND_LIMITS)
+    assert operator.read().body == Body()
+
+
+def test_a_gamepad_that_was_pulled_out_works_again_when_it_is_plugged_in(sticks):
+    operator = OperatorInputs()
+    host = HostGamepad(operator)
+    sticks.pull()
+    sticks.buttons[4] = 1
+    host.poll(1 / 60, BEND_LIMITS)
+    assert operator.read() is None
+    sticks.count = 1
+    host.poll(1 / 60, BEND_LIMITS)
+    assert operator.read().lift == (True, False)
+    assert sticks.plugs == 2
+
+
+def up(left, right):
+    return [[0.0, 0.0, left], [0.0, 0.0, right]]
+
+
+def test_a_landing_is_felt_once_and_of_a_foot_that_was_in_the_air():
+    landings = Landings()
+    story = [
+        (up(300.0, 300.0), Mode.D, 0.0, False),
+        (up(600.0, 0.0), Mode.SL, 1.0, False),
+        (up(300.0, 300.0), Mode.D, 2.0, True),
+        (up(600.0, 10.0), Mode.SL, 2.1, False),
+        (up(300.0, 300.0), Mode.D, 2.2, False),
+        # A foot that gives up its load on the ground was not in the air.
+        (up(0.0, 600.0), Mode.D, 3.0, False),
+        (up(300.0, 300.0), Mode.D, 4.0, False),
+    ]
+    for forces, mode, time, felt in story:
+        assert landings.felt(forces, mode, time) is felt
+
+
+def test_a_gamepad_of_the_robots_machine_shakes_when_a_foot_lands(sticks):
+    host = HostGamepad(OperatorInputs())
+    host.feel(up(600.0, 0.0), Mode.SL, 1.0)
+    assert sticks.shaken == []
+    host.feel(up(300.0, 300.0), Mode.D, 2.0)
+    assert len(sticks.shaken) == 1
+
+
 @pytest.mark.parametrize("mode", [Mode.SL, Mode.SR])
 @pytest.mark.parametrize("both", [False, True])
 def test_with_one_foot_held_either_stick_moves_it_and_with_both_its_own(made, mode, both):
@@ -248,6 +412,24 @@ def test_a_tracked_foot_leads_by_what_it_moves_while_its_clutch_is_closed(made):
     run(operator, device, 1, tracked(0.0, 0.05))
     sample = run(operator, device, 40, tracked(0.1, 0.05))
     np.testing.assert_allclose(sample.left - place, [0.1, 0.0, 0.0], atol=5e-3)
+
+
+@pytest.mark.parametrize("lead", ["stick", "tracker"])
+def test_forward_is_where_the_robot_faces(made, lead):
+    operator, controller, device = made
+    # It has been turned by a quarter to the left.
+    controller._ahead = np.pi / 2.0
+    begin = device.places[0].copy()
+    if lead == "stick":
+        controller._events = Mock(mode=Mode.SR)
+        sample = run(operator, device, 20, Pad(lift=(True, False), move=(1.0, 0.0)))
+    else:
+        run(operator, device, 2, tracked(0.0, 0.0, clutch=False))
+        run(operator, device, 2, tracked(0.0, 0.0))
+        sample = run(operator, device, 40, tracked(0.05, 0.02))
+    forward, aside = sample.left[1] - begin[1], sample.left[0] - begin[0]
+    assert forward > 0.02
+    assert abs(aside) < 1e-9
 
 
 def test_a_clutch_that_was_open_within_a_burst_of_messages_was_open(made):
@@ -342,6 +524,42 @@ def test_a_senders_clock_that_jumps_locks_nobody_out(made, monkeypatch, jump):
     operator.pad(Pad(beat=2e6 + 33.0 * 61 + min(jump, 0.0)))
     operator.pad(Pad(beat=2e6 + 33.0 * 62 + min(jump, 0.0), turn=0.9))
     assert operator.read().turn == 0.9
+
+
+@pytest.mark.parametrize(
+    ("delay", "gone"),
+    [
+        (lambda time: 0.3, False),
+        (lambda time: 0.3 * (int(10.0 * time) % 2), False),
+        (lambda time: 5e-4 * time, False),
+        (lambda time: 0.4 * time, True),
+    ],
+    ids=["always", "now and then", "a clock that loses", "more and more"],
+)
+def test_who_leads_by_messages_that_pile_up_is_gone(made, monkeypatch, delay, gone):
+    operator, _, _ = made
+    sent, now, was_gone = 0.0, 100.0, False
+    monkeypatch.setattr(inputs.clock, "monotonic", lambda: now)
+    while sent < 60.0 and not was_gone:
+        sent += 0.033
+        now = max(now, 100.0 + sent + delay(sent))
+        operator.pad(Pad(beat=1e3 * sent, turn=0.5))
+        was_gone = not operator.alive or operator.read().turn == 0.0
+    assert was_gone is gone
+    if gone:
+        # Half a second behind at most, and a silence.
+        assert delay(sent) < 1.0
+
+
+def test_a_senders_clock_that_counts_seconds_is_no_sign_of_lateness(made, monkeypatch):
+    operator, _, _ = made
+    now = 100.0
+    monkeypatch.setattr(inputs.clock, "monotonic", lambda: now)
+    for _ in range(300):
+        now += 0.033
+        operator.pad(Pad(beat=now, turn=0.5))
+        assert operator.alive
+        assert operator.read().turn == 0.5
 
 
 def test_whether_somebody_is_there_can_be_asked_without_taking_the_message():

@@ -8,7 +8,7 @@ pytest.importorskip("mujoco")
 pytest.importorskip("websockets", reason="the extra teleop is not installed: no websockets")
 
 from poise.apps.live._feet import LiveFeet
-from poise.apps.live._inputs import OperatorInputs, Pad
+from poise.apps.live._inputs import OperatorInputs, Pad, Tracked
 from poise.locomotion import StepTeleoperator
 
 AHEAD = (1.0, 0.0)
@@ -47,3 +47,10 @@ def test_one_that_is_held_when_somebody_comes_does_nothing(walked):
     walked(Pad())
     assert walked(None) is None
     assert not any(walked(Pad(move=AHEAD)))
+
+
+def test_a_tracked_foot_that_is_not_held_keeps_no_stick_from_walking(walked):
+    for clutch in (False, True):
+        seen = Tracked(position=(0.0, 0.0, 1.0), clutch=clutch)
+        walked(Pad())
+        assert any(walked(Pad(move=AHEAD, tracked=(seen, None)))) is not clutch

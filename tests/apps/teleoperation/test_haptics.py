@@ -37,9 +37,10 @@ class Arm:
 
     def __init__(self, clutch=True):
         self.clutch, self.there, self.forces = clutch, True, []
+        self.place = HOME
 
     def read(self):
-        return (HOME, self.clutch) if self.there else None
+        return (self.place, self.clutch) if self.there else None
 
     def write(self, force):
         self.forces.append(force.copy())
@@ -191,6 +192,29 @@ def test_a_block_is_felt_sooner_than_the_ground(get_robot):
         heights.append(run.log.soles[np.searchsorted(run.log.time, felt[-1]), 1, 2])
     assert felt[1] < felt[0] - 0.1
     assert heights[1] - heights[0] > 0.02
+
+
+def test_a_clutch_that_was_not_seen_open_leads_nothing(get_robot):
+    arms = Arm(), Arm()
+    teleoperator = StepTeleoperator(get_robot("biped20"))
+    device, now = HapticFeet(HapticDriver(*arms), teleoperator), 0.0
+
+    def moved(by, clutch):
+        nonlocal now
+        now += 0.005
+        arms[1].place, arms[1].clutch = HOME + [0.0, 0.0, by], clutch
+        return round(float((device.sample(now).right - teleoperator.estimator.sole(1))[2]), 9)
+
+    # Closed from the beginning, then let go, taken hold of, and led.
+    assert [moved(0.0, True), moved(0.05, True)] == [0.0, 0.0]
+    assert [moved(0.05, False), moved(0.05, True)] == [0.0, 0.0]
+    assert moved(0.08, True) == 0.03
+    # Gone and back, closed as it was.
+    arms[1].there = False
+    now += 0.005
+    assert device.sample(now) is None
+    arms[1].there = True
+    assert [moved(0.08, True), moved(0.12, True)] == [0.0, 0.0]
 
 
 @pytest.mark.parametrize("to", [0.0, 1.7e9])

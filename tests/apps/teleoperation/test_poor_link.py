@@ -7,7 +7,7 @@ pytest.importorskip("mujoco")
 
 from careful import true_soles
 
-from poise.apps.teleoperation import TELEOP_PLANT, PoorLink, run_teleop
+from poise.apps.teleoperation import TELEOP_PLANT, TORQUE_TELEOP_PLANT, PoorLink, run_teleop
 from poise.locomotion import DeviceSample, DeviceStatus, Mode, ScriptedDevice, WayPoint
 
 LIFT, LOWER = 0.5, 1.6
@@ -53,10 +53,20 @@ def test_a_connection_that_is_cut_in_mid_step_throws_nobody(get_robot, cut):
     assert np.abs(log.com[-1] - log.com[-20]).max() < 5e-3
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_a_link_that_loses_delays_and_mixes_up_samples_still_makes_a_step(get_robot, seed):
+@pytest.mark.parametrize(
+    ("name", "plant", "seed"),
+    [
+        *(("biped20", TELEOP_PLANT, seed) for seed in range(3)),
+        ("g1", TORQUE_TELEOP_PLANT, 0),
+        ("biped20", TORQUE_TELEOP_PLANT, 1),
+    ],
+    ids=lambda value: str(getattr(value, "actuation", value)),
+)
+def test_a_link_that_loses_delays_and_mixes_up_samples_still_makes_a_step(
+    get_robot, name, plant, seed
+):
     device = over(loss=0.5, jitter=0.3, seed=seed)
-    run = run_teleop(get_robot("biped20"), device, TELEOP_PLANT.with_noise(), duration=4.0)
+    run = run_teleop(get_robot(name), device, plant.with_noise(), duration=4.0)
     assert not run.fell
     assert len(run.log.entries(Mode.SL)) == 1
     assert last(run)[0] is Mode.D

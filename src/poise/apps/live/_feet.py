@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from poise.apps.live._inputs import OperatorInputs, Pad, Place, Tracked
+from poise.apps.teleoperation import along_ahead
 from poise.locomotion import (
     BodySample,
     DeviceSample,
@@ -43,22 +44,24 @@ class _Clutch:
     """Where a tracked hand or foot leads to: by how it moved since it took hold.
 
     It takes hold when its clutch closes, which has to be seen: one that is closed when the tracker
-    finds it, or that is found elsewhere than it was lost, leads nothing until it was open.
+    finds it, or that is found elsewhere than it was lost, leads nothing until it was open. What is
+    ahead for it, is so for the robot when it takes hold.
     """
 
     def __init__(self) -> None:
-        self._open = False
+        self._open, self._ahead = False, 0.0
         self._offset: Float64[np.ndarray, "3"] | None = None
         self._last: Place = (0.0, 0.0, 0.0)
 
     def follow(
-        self, tracked: Tracked | None, place: Float64[np.ndarray, "3"]
+        self, tracked: Tracked | None, place: Float64[np.ndarray, "3"], ahead: float
     ) -> Float64[np.ndarray, "3"] | None:
         """Takes what the tracker says.
 
         Args:
             tracked: None for nothing.
             place: of the device, from where it leads when it takes hold now [m].
+            ahead: where the robot faces, to the left of the world's x axis [rad].
 
         Returns:
             Where it leads to [m]; None while it does not.
@@ -69,11 +72,14 @@ class _Clutch:
         if self._offset is None:
             if not self._open:
                 return None
-            self._offset = place - np.array(tracked.position)
+            self._ahead = ahead
+            self._offset = place - along_ahead(tracked.position, ahead)
         elif math.dist(tracked.position, self._last) > _STRAY:
             self._offset = None
         self._open, self._last = False, tracked.position
-        return None if self._offset is None else np.array(tracked.position) + self._offset
+        if self._offset is None:
+            return None
+        return self._offset + along_ahead(tracked.position, self._ahead)
 
 
 _LIMITS = VelocityLimits()
@@ -145,7 +151,8 @@ class LiveFeet:
     def _velocity(self, pad: Pad) -> tuple[float, float, float]:
         """With which the robot walks: sticks that move no foot, and were let go since they did."""
         velocity = velocity_of(pad, _LIMITS)
-        if any(pad.lift) or pad.drag != (None, None) or pad.tracked != (None, None):
+        tracked = any(t is not None and t.clutch for t in pad.tracked)
+        if any(pad.lift) or pad.drag != (None, None) or tracked:
             self._walks = False
         elif not any(velocity):
             self._walks = True
@@ -154,7 +161,8 @@ class LiveFeet:
     def _goal(self, foot: int, pad: Pad) -> tuple[Float64[np.ndarray, "3"], float, bool]:
         """Where a device goes [m], how fast [m/s], and whether because it was let go."""
         estimator, place = self._teleoperator.estimator, self.places[foot]
-        tracked = self._clutches[foot].follow(pad.tracked[foot], place)
+        ahead = self._teleoperator.ahead
+        tracked = self._clutches[foot].follow(pad.tracked[foot], place, ahead)
         anchor, drag, sole = estimator.anchors[foot], pad.drag[foot], estimator.sole(foot)
         if tracked is not None:
             return _near(tracked, sole), _TRACKED_SPEED, False
@@ -166,7 +174,8 @@ class LiveFeet:
             height = anchor[2] + HOLD_HEIGHT
             if not in_air:
                 return np.array([anchor[0], anchor[1], height]), _SPEED, False
-            moved = place[:2] + self._dt * _STICK_SPEED * _stick(pad, foot)
+            along = along_ahead((*_stick(pad, foot), 0.0), ahead)[:2]
+            moved = place[:2] + self._dt * _STICK_SPEED * along
             moved = np.clip(moved, sole[:2] - _STICK_LEAD, sole[:2] + _STICK_LEAD)
             return np.array([*moved, height]), _SPEED, False
         if in_air:

@@ -1,17 +1,36 @@
-"""`HostGamepad`: a gamepad that is plugged into the machine on which the robot is simulated."""
+"""`HostGamepad`: a gamepad that is plugged into the machine on which the robot is simulated.
 
+`pad_from`, `bend_from`: what its buttons and sticks ask for. `Landings`: when it shakes.
+"""
+
+import contextlib
 import os
 import threading
+import time as clock
 from collections.abc import Sequence
 from typing import Any
 
-from poise.apps.live._inputs import OperatorInputs, Pad
-from poise.errors import MissingExtraError, PoiseError
+from msgspec.structs import replace
 
-_A, _LEFT_SHOULDER, _RIGHT_SHOULDER = 0, 4, 5
+from poise.apps.live._body import Bend, BodyLimits, bent
+from poise.apps.live._inputs import Body, OperatorInputs, Pad
+from poise.apps.live._real_time import RealTimeLoop
+from poise.errors import MissingExtraError, PoiseError
+from poise.locomotion import Mode
+
+_A, _B, _Y, _LEFT_SHOULDER, _RIGHT_SHOULDER = 0, 1, 3, 4, 5
 _DEAD = 0.15
 """A stick nearer to the middle than this is in the middle."""
 _PERIOD = 1.0 / 60.0
+_LONGEST = 0.1
+"""What is held for longer from one look to the next [s] was held for so long."""
+
+_UNLOADED, _LOADED = 0.05, 0.25
+"""Parts of the robot's weight below and above which a foot is in the air and has landed."""
+_BOUNCES = 0.5
+"""A foot that lands again within this [s] bounces."""
+_STRONG, _WEAK, _SHAKE = 0.8, 0.4, 80
+"""How the gamepad shakes: its two motors, from 0 to 1, and how long [ms]."""
 
 
 class NoGamepadError(PoiseError):
@@ -30,31 +49,83 @@ def pad_from(buttons: Sequence[bool | int], axes: Sequence[float | int]) -> Pad:
         axes: from -1 to 1: left stick, to the right and back, then the right one likewise.
     """
 
-    def pressed(button: int) -> bool:
-        return button < len(buttons) and bool(buttons[button])
-
     def deflection(axis: int) -> float:
         value = float(axes[axis]) if axis < len(axes) else 0.0
         return -max(-1.0, min(1.0, value)) if abs(value) > _DEAD else 0.0
 
     return Pad(
-        lift=(pressed(_LEFT_SHOULDER), pressed(_RIGHT_SHOULDER)),
+        lift=(_pressed(buttons, _LEFT_SHOULDER), _pressed(buttons, _RIGHT_SHOULDER)),
         move=(deflection(1), deflection(0)),
         second=(deflection(3), deflection(2)),
         turn=deflection(2),
-        upright=pressed(_A),
+        upright=_pressed(buttons, _A),
     )
+
+
+def bend_from(buttons: Sequence[bool | int], hat: tuple[int, int]) -> Bend:
+    """Where the D-pad sends the body; with B held the torso, and Y sends all back to neutral.
+
+    Args:
+        buttons: whether each is pressed.
+        hat: of the D-pad, to the right and up, each from -1 to 1.
+    """
+    left, up = -hat[0], hat[1]
+    neutral = _pressed(buttons, _Y)
+    if _pressed(buttons, _B):
+        return Bend(pitch=up, yaw=left, neutral=neutral)
+    return Bend(height=up, turn=left, neutral=neutral)
+
+
+def _pressed(buttons: Sequence[bool | int], button: int) -> bool:
+    return button < len(buttons) and bool(buttons[button])
+
+
+class Landings:
+    """When a foot lands that was in the air; one that bounces lands once. So does the page."""
+
+    def __init__(self) -> None:
+        self._loaded, self._flew = [True, True], [False, False]
+        self._landed = [-1.0, -1.0]
+
+    def felt(self, forces: Sequence[Sequence[float]], mode: Mode, time: float) -> bool:
+        """Whether a foot has landed just now.
+
+        Args:
+            forces: of the ground on the left and the right foot, forward, left and up [N].
+            mode: which feet carry the robot.
+            time: the robot's, which may be slow [s].
+        """
+        felt, weight = False, sum(up for _, _, up in forces)
+        for foot, (_, _, up) in enumerate(forces):
+            before = self._loaded[foot]
+            if up < _UNLOADED * weight:
+                self._loaded[foot] = False
+            elif up > _LOADED * weight:
+                self._loaded[foot] = True
+            # The other one gives up its load, too, for a moment, when a foot lands hard.
+            if not self._loaded[foot] and mode.single and mode.support != foot:
+                self._flew[foot] = True
+            if before or not self._loaded[foot] or not self._flew[foot]:
+                continue
+            self._flew[foot] = False
+            felt = felt or abs(time - self._landed[foot]) > _BOUNCES
+            self._landed[foot] = time
+        return felt
 
 
 class HostGamepad:
     """Reads the first gamepad in a thread of its own, sixty times a second.
 
     Args:
-        inputs: where what it says goes. A gamepad that is pulled out says nothing any more.
+        inputs: where what it says goes. A gamepad that is pulled out says nothing until one is
+            plugged in again.
 
     Raises:
         MissingExtraError: the package pygame is not installed.
         NoGamepadError: no gamepad is there.
+
+    Attributes:
+        body: what it has asked for so far of height, torso and feet.
     """
 
     def __init__(self, inputs: OperatorInputs) -> None:
@@ -77,24 +148,80 @@ class HostGamepad:
         self._stick: Any = pygame.joystick.Joystick(0)
         self.name = str(self._stick.get_name())
         self._inputs, self._stop = inputs, threading.Event()
-        self._thread = threading.Thread(target=self._run, name="poise gamepad", daemon=True)
+        self.body, self._neutral = Body(), False
+        self._landings = Landings()
+        self._thread: threading.Thread | None = None
 
-    def start(self) -> None:
-        """Starts reading."""
+    def start(self, loop: RealTimeLoop) -> None:
+        """Starts reading.
+
+        Args:
+            loop: of the robot that it leads; the gamepad shakes when one of its feet lands.
+        """
+        self._thread = threading.Thread(
+            target=self._run, args=(loop,), name="poise gamepad", daemon=True
+        )
         self._thread.start()
 
     def stop(self) -> None:
         """Ends reading."""
         self._stop.set()
-        if self._thread.is_alive():
+        if self._thread is not None:
             self._thread.join()
 
-    def _run(self) -> None:
-        stick = self._stick
+    def straighten(self) -> None:
+        """Nothing is asked any more of height, torso and feet."""
+        self._neutral = True
+
+    def _run(self, loop: RealTimeLoop) -> None:
+        before = clock.monotonic()
         while not self._stop.wait(_PERIOD):
-            self._pygame.event.pump()
-            if not stick.get_init() or self._pygame.joystick.get_count() == 0:
-                continue
-            buttons = [stick.get_button(i) for i in range(stick.get_numbuttons())]
-            axes = [stick.get_axis(i) for i in range(stick.get_numaxes())]
-            self._inputs.pad(pad_from(buttons, axes))
+            now = clock.monotonic()
+            self.poll(min(now - before, _LONGEST), loop.limits)
+            before, snapshot = now, loop.snapshot
+            if loop.forces is not None and snapshot is not None:
+                self.feel(loop.forces, snapshot.mode, snapshot.time)
+
+    def poll(self, seconds: float, limits: BodyLimits) -> None:
+        """Looks at the gamepad once.
+
+        Args:
+            seconds: since the last time [s].
+            limits: of the robot's body.
+        """
+        stick = self._plugged_in()
+        if stick is None:
+            return
+        buttons = [stick.get_button(i) for i in range(stick.get_numbuttons())]
+        axes = [stick.get_axis(i) for i in range(stick.get_numaxes())]
+        hat = stick.get_hat(0) if stick.get_numhats() else (0, 0)
+        if self._neutral:
+            self.body, self._neutral = Body(), False
+        pad = pad_from(buttons, axes)
+        self.body = bent(self.body, bend_from(buttons, hat), pad.lift, seconds, limits)
+        self._inputs.pad(replace(pad, body=self.body))
+
+    def feel(self, forces: Sequence[Sequence[float]], mode: Mode, time: float) -> None:
+        """Shakes the gamepad, if it can, when a foot lands.
+
+        Args:
+            forces: of the ground on the left and the right foot, forward, left and up [N].
+            mode: which feet carry the robot.
+            time: the robot's [s].
+        """
+        if self._landings.felt(forces, mode, time) and self._stick is not None:
+            self._stick.rumble(_STRONG, _WEAK, _SHAKE)
+
+    def _plugged_in(self) -> Any:
+        """The gamepad; None while there is none."""
+        pygame = self._pygame
+        # All of them are taken: in a full queue there is no place for a gamepad that goes.
+        events = pygame.event.get()
+        gone = [event.instance_id for event in events if event.type == pygame.JOYDEVICEREMOVED]
+        if self._stick is not None and self._stick.get_instance_id() in gone:
+            self._stick = None
+        if self._stick is None and pygame.joystick.get_count() > 0:
+            # One that cannot be opened yet may be at the next look.
+            with contextlib.suppress(pygame.error):
+                self._stick = pygame.joystick.Joystick(0)
+        return self._stick

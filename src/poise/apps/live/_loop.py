@@ -7,6 +7,7 @@ from collections.abc import Generator, Mapping
 import numpy as np
 from jaxtyping import Float64
 
+from poise.apps.live._body import limits_of
 from poise.apps.live._feet import LiveFeet
 from poise.apps.live._inputs import OperatorInputs
 from poise.apps.live._log import LOG_SUFFIX, LiveLog, Takes
@@ -138,6 +139,7 @@ class LiveLoop(RealTimeLoop):
         self._end_rollout()
         self.teleoperator = _LiveTeleoperator(self.robot, actuation=self._config.actuation)
         check_period(self.teleoperator, self._dt)
+        self.limits = limits_of(self.teleoperator)
         self._feet = LiveFeet(self._inputs, self.teleoperator)
         self.teleoperator.device, self._pushes = self._feet, deque[RecordedPush]()
         if self._recording is not None:

@@ -9,6 +9,7 @@ from collections.abc import Callable
 import numpy as np
 from jaxtyping import Float64
 
+from poise.apps.live._body import BodyLimits
 from poise.apps.live._snapshot import Snapshot
 from poise.robots import Robot
 from poise.sim import Plant, PlantConfig, Tick
@@ -67,6 +68,7 @@ class RealTimeLoop(ABC):
         error: what ended the thread, if anything went wrong.
         forces: of the ground on the left and the right foot in the last tick, forward, left and up
             [N], for a device that lets the operator feel them; None where nobody leads feet.
+        limits: how far the operator can send height, torso and feet.
     """
 
     def __init__(self, robot: Robot, plant: PlantConfig, seed: int) -> None:
@@ -76,6 +78,7 @@ class RealTimeLoop(ABC):
         self.error: Exception | None = None
         self.snapshot: Snapshot | None = None
         self.forces: list[list[float]] | None = None
+        self.limits = BodyLimits()
         self._orders: dict[str, Callable[[], None]] = {}
         self._ordering = threading.Lock()
         self._pushed_until = 0.0

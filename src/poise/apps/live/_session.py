@@ -14,7 +14,7 @@ from msgspec import Struct
 from poise.apps.live._drive import DRIVE_PLANT, DriveLoop
 from poise.apps.live._front import Front
 from poise.apps.live._gamepad import HostGamepad
-from poise.apps.live._inputs import OperatorInputs, Pad
+from poise.apps.live._inputs import Body, OperatorInputs, Pad
 from poise.apps.live._log import Takes
 from poise.apps.live._loop import LiveLoop
 from poise.apps.live._real_time import RealTimeLoop
@@ -100,6 +100,7 @@ class _Session(ABC):
         self.loop, self.inputs = loop, inputs
         self._gamepad, self._source = gamepad, source
         self._last: dict[type[_Order], float] = {}
+        self._asked = Body()
         model = loop.plant.model
         shapes = {"bodies": model.nbody, **shapes_payload(drawn_shapes(model))}
         self.front = Front(self, port=port, shapes=shapes)
@@ -119,7 +120,7 @@ class _Session(ABC):
     def _start(self) -> None:
         self.loop.start()
         if self._gamepad is not None:
-            self._gamepad.start()
+            self._gamepad.start(self.loop)
         self.front.start()
 
     def __exit__(self, *_: object) -> None:
@@ -166,6 +167,7 @@ class _Session(ABC):
             case Pad():
                 if self._source == "browser":
                     self.inputs.pad(message)
+                    self._asked = message.body
                 # As often as a device asks: what the feet feel is no use to it later.
                 return {"echo": message.beat, "forces": self.loop.forces}
             case PushOrder():
@@ -178,6 +180,8 @@ class _Session(ABC):
                 if not self._is_rare(Reset):
                     return _WAIT
                 self.loop.reset()
+                if self._gamepad is not None:
+                    self._gamepad.straighten()
             case Keep():
                 return self._keep() if self._is_rare(Keep) else _WAIT
         return None
@@ -194,11 +198,20 @@ class _Session(ABC):
         """The operator's page has gone: no more samples, the feet go back to the ground."""
         if self._source == "browser":
             self.inputs.clear()
+            self._asked = Body()
 
     def status(self) -> dict[str, Any]:
         """What every page shows."""
         now = self.loop.snapshot
-        common = {"robot": self.loop.robot.name, "source": self._source, "kind": self.kind}
+        common = {
+            "robot": self.loop.robot.name,
+            "source": self._source,
+            "kind": self.kind,
+            "limits": self.loop.limits._asdict(),
+            "asked": msgspec.to_builtins(
+                self._asked if self._gamepad is None else self._gamepad.body
+            ),
+        }
         if now is None:
             return common
         return common | {

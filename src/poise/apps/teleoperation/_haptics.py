@@ -230,14 +230,28 @@ class HapticDriver:
         return goal - left if math.sqrt(float(left @ left)) > _LEAST else goal
 
 
+def along_ahead(vector: Sequence[float], ahead: float) -> Float64[np.ndarray, "3"]:
+    """What is forward, left and up of a robot, along the world's axes.
+
+    Args:
+        vector: forward, left, up.
+        ahead: where the robot faces, to the left of the world's x axis [rad].
+    """
+    (forward, left, up), c, s = vector, math.cos(ahead), math.sin(ahead)
+    return np.array([c * forward - s * left, s * forward + c * left, up])
+
+
 def foot_forces(teleoperator: StepTeleoperator) -> list[list[float]]:
     """What the feet measured in the last tick, left and right: forward, left, up [N]."""
     dynamics = teleoperator.estimator.dynamics
     soles = teleoperator.soles
     felt = [dynamics.state.wrench(sole) for sole in soles]
     turns = [dynamics.frame(teleoperator.robot.frame_id(sole)).rotation for sole in soles]
+    back = -teleoperator.ahead
     return [
-        [0.0, 0.0, 0.0] if wrench is None else (turn @ wrench[:3]).tolist()
+        [0.0, 0.0, 0.0]
+        if wrench is None
+        else along_ahead((turn @ wrench[:3]).tolist(), back).tolist()
         for turn, wrench in zip(turns, felt, strict=True)
     ]
 
@@ -250,8 +264,11 @@ where it is now."""
 class HapticFeet:
     """Two arms as a `Device`: each leads its foot by how it moves while its clutch is closed.
 
-    For arms in the robot's own process, and for simulated ones. Each tick of the robot both are
-    driven up to its time, period by period. A clutch takes hold where the device is: on the foot.
+    For simulated arms: real ones want a thread of their own that calls `HapticDriver.tick` at their
+    rate. Each tick of the robot both are driven up to its time, period by period. A clutch takes
+    hold where the device is: on the foot. It has to be seen open before: one that is closed at the
+    beginning, or when an arm that was gone is back, leads nothing. Forward is where the robot faces
+    when it takes hold.
 
     Args:
         driver: of the arms.
@@ -266,6 +283,7 @@ class HapticFeet:
         self._scale = checked_number(scale, "scale of the hands' ways", above=0.0)
         self._places = [anchor.copy() for anchor in teleoperator.estimator.anchors]
         self._offsets: list[Float64[np.ndarray, "3"] | None] = [None, None]
+        self._open, self._aheads = [False, False], [0.0, 0.0]
         self._begin, self._periods = 0.0, 0
 
     def sample(self, time: float) -> DeviceSample | None:
@@ -283,7 +301,7 @@ class HapticFeet:
             self._periods += 1
         left, right = driver.readings
         if left is None or right is None:
-            self._offsets = [None, None]
+            self._offsets, self._open = [None, None], [False, False]
             return None
         return DeviceSample(time, self._led(0, left), self._led(1, right))
 
@@ -293,14 +311,18 @@ class HapticFeet:
         return self._begin + self._periods * self.driver.dt
 
     def _led(self, foot: int, reading: Reading) -> Float64[np.ndarray, "3"]:
-        position, clutch = reading
-        offset = self._offsets[foot]
-        if not clutch:
+        (position, clutch), teleoperator = reading, self._teleoperator
+        if clutch and self._offsets[foot] is None and self._open[foot]:
+            self._aheads[foot] = ahead = teleoperator.ahead
+            way = self._scale * along_ahead(position.tolist(), ahead)
+            self._offsets[foot] = self._places[foot] - way
+        self._open[foot] = not clutch
+        offset = self._offsets[foot] if clutch else None
+        if offset is None:
             # Whoever leads nothing asks for nothing: the device is on its foot.
             self._offsets[foot] = None
-            self._places[foot] = self._teleoperator.estimator.anchors[foot].copy()
-        elif offset is None:
-            self._offsets[foot] = self._places[foot] - self._scale * position
+            self._places[foot] = teleoperator.estimator.anchors[foot].copy()
         else:
-            self._places[foot] = offset + self._scale * position
+            way = self._scale * along_ahead(position.tolist(), self._aheads[foot])
+            self._places[foot] = offset + way
         return self._places[foot].copy()

@@ -5,6 +5,7 @@ from poise.locomotion._stepping._device import Device, ScriptedDevice, WayPoint
 from poise.locomotion._stepping._gaze import GazeLeader
 from poise.locomotion._stepping._guard import DeviceGuard
 from poise.locomotion._stepping._hands import HandLeader, HandStatus
+from poise.locomotion._stepping._lean import TORSO_MOST
 from poise.locomotion._stepping._modes import Mode, ModeEvent, draw_modes
 from poise.locomotion._stepping._parameters import TeleopParameters, scaled_parameters
 from poise.locomotion._stepping._recording import (
@@ -24,8 +25,11 @@ from poise.locomotion._stepping._samples import (
 )
 from poise.locomotion._stepping._step_teleoperator import StepTeleoperator
 from poise.locomotion._stepping._teleop_status import TeleopStatus
+from poise.locomotion._stepping._torque_tasks import FOOT_TURNS
 
 __all__ = [
+    "FOOT_TURNS",
+    "TORSO_MOST",
     "BodySample",
     "ComDriver",
     "Device",

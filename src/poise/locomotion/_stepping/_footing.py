@@ -1,6 +1,7 @@
 """`Footing`: how the robot stands in one tick, once mode and stance are settled.
 
 `StanceChoice`: which foot is taken to be at rest, and where the feet count as standing.
+`wrapped`, `mean_angle`: angles of feet that may have turned all the way round.
 """
 
 import math
@@ -204,6 +205,16 @@ class Footing:
         """Where a sole's centre is [m]."""
         return self.dynamics.placement(self.biped.frames[foot])[0]
 
+    def yaw(self, foot: int) -> float:
+        """How a sole is turned, to the left of the world's x axis, from -pi to pi [rad]."""
+        _, rotation = self.dynamics.placement(self.biped.frames[foot])
+        return math.atan2(rotation[1, 0], rotation[0, 0])
+
+    @property
+    def facing(self) -> float:
+        """Where the feet face together, likewise [rad]."""
+        return mean_angle(self.yaw(0), self.yaw(1))
+
     @property
     def ground(self) -> float:
         """Height of the ground that carries: of the stance foot, or the middle of both feet [m]."""
@@ -229,3 +240,13 @@ class Footing:
             clear: height above it from which on the foot is clear [m].
         """
         return min(1.0, max(0.0, (float(self.sole(self.other)[2]) - ground) / clear))
+
+
+def wrapped(angle: float) -> float:
+    """The same angle, from -pi to pi [rad]."""
+    return math.remainder(angle, 2.0 * math.pi)
+
+
+def mean_angle(left: float, right: float) -> float:
+    """Half way between two angles, the shorter way round [rad]."""
+    return left + 0.5 * wrapped(right - left)

@@ -7,7 +7,7 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float64
 
-from poise.locomotion._stepping._footing import Footing
+from poise.locomotion._stepping._footing import Footing, wrapped
 
 _RATE = 0.3
 """How fast it leans over a foot, and back [rad/s]."""
@@ -15,9 +15,10 @@ _RATE = 0.3
 _TURN_RATE, _POSE_RATE = 0.5, 0.6
 """How fast the trunk turns to where the feet face, and to what is commanded [rad/s]."""
 
-TORSO_MOST = np.array([0.3, 0.4, 0.5])
+TORSO_MOST = (0.3, 0.4, 0.5)
 """Roll, pitch and yaw of the torso that can be commanded: what most waists do [rad]."""
 
+_MOST = np.array(TORSO_MOST)
 _LEVEL = np.eye(3)
 
 
@@ -66,9 +67,9 @@ class TrunkPose:
         self.reset()
 
     def reset(self) -> None:
-        """Upright, facing ahead."""
+        """Upright, facing as the feet do."""
         self._lean.reset()
-        self._facing = 0.0
+        self._facing: float | None = None
         self._torso: Float64[np.ndarray, "3"] = np.zeros(3)
 
     def rotations(
@@ -81,9 +82,12 @@ class TrunkPose:
             facing: where the feet face, to the left of the world's x axis [rad].
             torso: commanded roll, pitch and yaw of the torso against that [rad].
         """
+        before = facing if self._facing is None else self._facing
         most = _TURN_RATE * self._dt
-        self._facing += max(-most, min(most, facing - self._facing))
-        change = np.clip(torso, -TORSO_MOST, TORSO_MOST) - self._torso
+        # The shorter way, also where angles pass from pi to -pi.
+        turn = wrapped(facing - before)
+        self._facing = before + max(-most, min(most, turn))
+        change = np.clip(torso, -_MOST, _MOST) - self._torso
         most = _POSE_RATE * self._dt
         self._torso = self._torso + np.clip(change, -most, most)
         pelvis = self._lean.rotation(footing)

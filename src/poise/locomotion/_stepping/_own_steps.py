@@ -102,6 +102,11 @@ class OwnSteps:
         return DeviceStatus.WALKING if self._driven else DeviceStatus.OVERRULED
 
     @property
+    def driven(self) -> bool:
+        """Whether it has walked with a velocity since it began to act."""
+        return self._driven
+
+    @property
     def mode(self) -> Mode:
         """Which feet carry the robot."""
         lifting = self._walker.lifting

@@ -57,8 +57,8 @@ class BodySample:
         height: of the COM, over the usual one [m].
         torso: roll, pitch and yaw against upright and facing as the feet do; where torques are
             commanded [rad].
-        turns: how the left and the right foot are turned, to the left of the world's x axis; where
-            torques are commanded [rad].
+        turns: how the left and the right foot are turned, to the left of ahead
+            (`StepTeleoperator.ahead`); where torques are commanded [rad].
     """
 
     height: float = 0.0

@@ -61,9 +61,8 @@ class StepTeleoperator:
     `controller()` solves the stack for velocities of the legs' joints, (19) to (23); a waist is
     kept still. With "torque" it solves it for torques of all joints: the COM shifter's feedback is
     on the measured divergent component, feet on the ground are contacts, and the trunk is kept
-    upright in place of the body rotator. `stack` may then be given to any controller that commands
-    torques. Either way the arms follow the operator's hands and the neck the operator's head,
-    whatever the feet do.
+    upright in place of the body rotator. Either way the arms follow the operator's hands and the
+    neck the operator's head, whatever the feet do.
 
     Neither `estimator.update` nor `lead` raises. A state that cannot be used is passed over, and
     the controller says so.
@@ -182,6 +181,7 @@ class StepTeleoperator:
         self._height = ComHeight(self._com_height, self._reach, p)
         self._foot = FootVelocity(p)
         self._body = BodySample()
+        self._ahead = self._footing().facing
         self._status: TeleopStatus | None = None
 
     def controller(self) -> Controller:
@@ -202,6 +202,14 @@ class StepTeleoperator:
     def mode(self) -> Mode:
         """Which feet carry the robot."""
         return self._events.mode
+
+    @property
+    def ahead(self) -> float:
+        """Where the robot faces while nobody turns its feet, left of the world's x axis [rad].
+
+        Where it faced at the start; after it has walked by a velocity, where that has turned it.
+        """
+        return self._ahead
 
     @property
     def status(self) -> TeleopStatus | None:
@@ -310,10 +318,12 @@ class StepTeleoperator:
         self._guard.let_go(own.status)
         footing = self._footing()
         footing.zmp_reference = own.zmp
-        soles = footing.sole(0), footing.sole(1)
+        soles, driven = (footing.sole(0), footing.sole(1)), own.driven
         own.accompany(footing, fits=self._reach.spans(*soles, footing.heading))
         self._status = self._describe(footing, sample, own.target, own.zmp)
         if not own.acting:
+            if driven:
+                self._ahead = footing.facing
             self._restart(None)
             self._height.restart(float(footing.dynamics.com_velocity[2]))
             if isinstance(self._com, ComFeedback):
@@ -361,6 +371,7 @@ class StepTeleoperator:
 
     def _desired(self, footing: Footing, target: Float64[np.ndarray, "3"]) -> DesiredMotion:
         com = np.array([*self._com.velocity, self._height.velocity(footing, target)])
+        left, right = self._body.turns
         return DesiredMotion(
             com=com,
             com_acceleration=self._com.acceleration,
@@ -368,7 +379,7 @@ class StepTeleoperator:
             foot=self._foot.towards(footing, target, hurry=self._target.rescuing),
             foot_place=target,
             torso=self._torso(),
-            turns=self._body.turns,
+            turns=(self._ahead + left, self._ahead + right),
         )
 
     def _torso(self) -> tuple[float, float, float]:

@@ -11,7 +11,7 @@ from poise.control import Controller, WholeBodyController
 from poise.dynamics import Dynamics
 from poise.locomotion._stepping._biped import Biped
 from poise.locomotion._stepping._desired import DesiredMotion
-from poise.locomotion._stepping._footing import Footing
+from poise.locomotion._stepping._footing import Footing, mean_angle, wrapped
 from poise.locomotion._stepping._lean import TrunkPose
 from poise.locomotion._stepping._righting import SoleRighting
 from poise.locomotion._walking import swing_braking
@@ -84,7 +84,7 @@ _FARTHEST = 0.03
 _TURN_RATE, _CLEAR = 1.0, 0.02
 """How fast a foot turns in the air [rad/s], and how high it has to be for that [m]."""
 
-_TURNS = (0.12, 0.6)
+FOOT_TURNS = (0.12, 0.6)
 """How far a foot may be turned inwards and outwards against the other one [rad]."""
 
 _FRICTION = 0.45
@@ -180,7 +180,7 @@ class TorqueTasks:
         # Where soles have turned on the ground hips at their limits would hold no balance.
         for foot in (0, 1):
             if foot != self._swing:
-                self._yaws[foot] = _yaw(footing, foot)
+                self._yaws[foot] = footing.yaw(foot)
         self._move_com(footing, desired)
         if self._swing is not None:
             self._turn_foot(self._swing, footing, desired.turns[self._swing])
@@ -196,7 +196,7 @@ class TorqueTasks:
             footing: of the tick.
         """
         self._righting.update(footing)
-        self._yaws = [_yaw(footing, foot) for foot in (0, 1)]
+        self._yaws = [footing.yaw(foot) for foot in (0, 1)]
         self._swing, self._height, self._eased = None, None, 0.0
         self._com.set_weight(_CATCHING)
         for foot in self._feet:
@@ -224,7 +224,7 @@ class TorqueTasks:
         most: float = math.inf,
     ) -> None:
         """Pelvis and torso, facing as the feet do, led at most so far from where they are [rad]."""
-        rotations = self._pose.rotations(footing, 0.5 * sum(self._yaws), torso)
+        rotations = self._pose.rotations(footing, mean_angle(*self._yaws), torso)
         frames = footing.biped.pelvis, footing.biped.torso
         # A torso without a waist is the pelvis.
         for k, task in enumerate(self._trunk, start=-len(self._trunk)):
@@ -260,10 +260,10 @@ class TorqueTasks:
         """Turns a foot that is clear of the ground, as far as it may be against the other one."""
         if float(footing.sole(foot)[2]) - footing.lowest_ground < _CLEAR:
             return
-        other, (inwards, outwards) = self._yaws[1 - foot], _TURNS
+        other, (inwards, outwards) = self._yaws[1 - foot], FOOT_TURNS
         least, most = (-inwards, outwards) if foot == 0 else (-outwards, inwards)
-        goal = min(max(turn, other + least), other + most)
-        change, step = goal - self._yaws[foot], self._dt * _TURN_RATE
+        goal = other + min(max(wrapped(turn - other), least), most)
+        change, step = wrapped(goal - self._yaws[foot]), self._dt * _TURN_RATE
         self._yaws[foot] += max(-step, min(step, change))
 
     def _move_foot(self, foot: int, footing: Footing, desired: DesiredMotion) -> None:
@@ -300,9 +300,3 @@ def _towards(
     way = pin.log3(here.T @ goal)
     far = float(np.linalg.norm(way))
     return goal if far <= most else here @ pin.exp3(way * (most / far))
-
-
-def _yaw(footing: Footing, foot: int) -> float:
-    """How a sole is turned about the vertical [rad]."""
-    _, rotation = footing.dynamics.placement(footing.biped.frames[foot])
-    return math.atan2(rotation[1, 0], rotation[0, 0])

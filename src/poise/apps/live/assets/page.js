@@ -4,10 +4,15 @@ const token = new URLSearchParams(location.search).get("token");
 const BEAT = 33, QUICK = 8, RETRY = 1000, SPAN = 10, HINT = 6000;
 
 let socket = null, driving = false;
-const keys = { left: false, right: false, upright: false, rest: false, arrows: new Set() };
+const keys = { left: false, right: false, upright: false, rest: false, arrows: new Set(), bends: new Set() };
 // Keys that do what an arrow does where the robot is driven.
 const ARROWS = { w: "ArrowUp", a: "ArrowLeft", s: "ArrowDown", d: "ArrowRight" };
 const driven = () => newest?.kind === "velocity";
+// Keys that bend the body while they are held, and where to: "turn" is of the foot that is held.
+const BENDS = { r: ["height", 1], f: ["height", -1], i: ["pitch", 1], k: ["pitch", -1],
+  j: ["yaw", 1], l: ["yaw", -1], u: ["turn", 1], o: ["turn", -1] };
+// How fast [m/s, rad/s]; a gamepad at the robot's machine is as fast.
+const RATES = { height: 0.06, pitch: 0.4, yaw: 0.4, turn: 0.4 }, LONGEST = 0.1;
 const past = [];
 
 // The channel ---------------------------------------------------------------------------------------
@@ -48,7 +53,10 @@ function welcome(message) {
   part("role").textContent = driving ? "you drive" : "you watch";
   part("role").className = message.hello;
   say(driving ? "" : message.reason || "You are watching. Only the address with the token can drive.");
-  if (!driving) help(false);
+  if (!driving) {
+    help(false);
+    straighten();
+  }
   allow();
 }
 
@@ -114,6 +122,9 @@ function show(s) {
     document.body.dataset.kind = s.kind;
     grips = s.hands.length > 0;
     document.body.dataset.grips = grips;
+    // What no limits are known of cannot be bent.
+    document.body.dataset.bends = s.limits.height[0] < 0 && s.source !== "recording";
+    document.body.dataset.torso = s.limits.torso[2] > 0;
     allow();
   }
   stepping = s.mode === "SL" || s.mode === "SR";
@@ -159,6 +170,7 @@ function words(s) {
   put("gaze", s.gaze === null ? "–" : GAZE[s.gaze], s.gaze === "REACH");
   put("time", `${s.time.toFixed(1)} s`);
   put("take", s.take);
+  bends(s);
   part("pause").classList.toggle("on", s.paused);
   part("slow").classList.toggle("on", s.speed < 1);
 }
@@ -207,7 +219,10 @@ function gamepad() {
   const stick = (v) => (Math.abs(v) > 0.15 ? v : 0);
   const pressed = (i) => Boolean(pad.buttons[i]?.pressed);
   const [x, y, turn, ahead] = [0, 1, 2, 3].map((i) => -stick(pad.axes[i] ?? 0));
-  return { lift: [pressed(4), pressed(5)], move: [y, x], second: [ahead, turn], turn, upright: pressed(0) };
+  // The D-pad, with B held for the torso.
+  const up = pressed(12) - pressed(13), left = pressed(14) - pressed(15);
+  const bend = pressed(1) ? { pitch: up, yaw: left } : { height: up, turn: left };
+  return { lift: [pressed(4), pressed(5)], move: [y, x], second: [ahead, turn], turn, upright: pressed(0), bend, neutral: pressed(3) };
 }
 
 function pad() {
@@ -223,7 +238,91 @@ function pad() {
     drag: view?.drags() ?? [null, null],
     hands: view && grips ? view.hands() : [null, null],
     rest: keys.rest,
+    body: asked(),
   };
+}
+
+// Height of the COM [m], the torso's pitch and yaw, and how each foot is turned [rad]: they stay as
+// they are until they are changed.
+const body = { height: 0, pitch: 0, yaw: 0, left: 0, right: 0 };
+const bendable = () => driving && newest?.source === "browser" && newest.limits.height[0] < 0;
+const wrapped = (angle) => angle - 2 * Math.PI * Math.round(angle / (2 * Math.PI));
+
+// What is asked of the body; nothing where all is neutral.
+function asked() {
+  const fine = (v) => Math.round(1000 * v) / 1000 || 0;
+  const torso = [0, fine(body.pitch), fine(body.yaw)], turns = [body.left, body.right].map((v) => fine(wrapped(v)));
+  const height = fine(body.height);
+  return [height, ...torso, ...turns].some(Boolean) ? { height, torso, turns } : undefined;
+}
+
+// How far one of them goes, each foot against the other one.
+function range(name) {
+  const { height, torso: [, pitch, yaw], turns: [inwards, outwards] } = newest.limits;
+  if (name === "left") return [body.right - inwards, body.right + outwards];
+  if (name === "right") return [body.left - outwards, body.left + inwards];
+  return { height, pitch: [-pitch, pitch], yaw: [-yaw, yaw] }[name];
+}
+
+function set(name, value) {
+  const [least, most] = range(name);
+  body[name] = Math.max(least, Math.min(most, value));
+}
+
+function straighten() {
+  for (const name in body) body[name] = 0;
+}
+
+// Bends the body by as much as its keys and the gamepad ask for since the last time.
+let bentAt = 0;
+function bend() {
+  const now = performance.now(), seconds = Math.min((now - bentAt) / 1000, LONGEST);
+  bentAt = now;
+  if (!bendable()) return;
+  const stick = gamepad(), way = { height: 0, pitch: 0, yaw: 0, turn: 0, ...stick?.bend };
+  if (stick?.neutral) straighten();
+  for (const key of keys.bends) way[BENDS[key][0]] += BENDS[key][1];
+  const step = (name) => seconds * RATES[name] * Math.max(-1, Math.min(1, way[name]));
+  for (const name of ["height", "pitch", "yaw"]) if (way[name]) set(name, body[name] + step(name));
+  if (!way.turn) return;
+  const drags = view?.drags() ?? [null, null];
+  ["left", "right"].forEach((side, i) => {
+    if (keys[side] || stick?.lift[i] || drags[i]) set(side, body[side] + step("turn"));
+  });
+}
+
+const degrees = (v, more, less) => {
+  const whole = Math.round((180 / Math.PI) * wrapped(v));
+  return whole ? `${Math.abs(whole)}° ${whole > 0 ? more : less}` : "0°";
+};
+const BENT = {
+  height: (v) => { const cm = (100 * v).toFixed(0); return `${cm > 0 ? "+" : ""}${Number(cm)} cm`.replace("-", "−"); },
+  pitch: (v) => degrees(v, "forward", "back"),
+  yaw: (v) => degrees(v, "left", "right"),
+  left: (v) => degrees(v, "left", "right"),
+  right: (v) => degrees(v, "left", "right"),
+};
+const BENT_PART = { height: "", pitch: "lean ", yaw: "turn ", left: "left foot ", right: "right foot " };
+// Sliders whose right is the robot's right, where more is to the left.
+const MIRRORED = new Set(["yaw", "left", "right"]);
+
+// Sliders and words say what is asked of the body, here or by whoever else leads it.
+function bends({ asked: far }) {
+  part("bends").disabled = !bendable();
+  if (!bendable()) {
+    [body.height, body.pitch, body.yaw] = [far.height, far.torso[1], far.torso[2]];
+    [body.left, body.right] = far.turns;
+  }
+  const told = [];
+  for (const name in body) {
+    const slider = part(`bend-${name}`), sign = MIRRORED.has(name) ? -1 : 1;
+    [slider.min, slider.max] = range(name).map((v) => sign * v).sort((a, b) => a - b);
+    slider.value = sign * body[name];
+    const text = BENT[name](body[name]);
+    put(`bent-${name}`, text);
+    if (!text.startsWith("0")) told.push(BENT_PART[name] + text);
+  }
+  put("body-now", told.join(", "));
 }
 
 let said = "";
@@ -263,13 +362,14 @@ function beat() {
 // What changes need not wait for the next beat: keys and buttons say so at once, and handles and
 // gamepads, which do not, are looked at this often.
 function look() {
+  bend();
   if (driving && JSON.stringify(pad()) !== said) beat();
 }
 
 function press(event, down) {
   if (event.repeat) return;
   if (event.key === "?" && down) help(part("help").hidden, true);
-  const arrow = event.key.startsWith("Arrow") ? event.key : driven() && ARROWS[event.key.toLowerCase()];
+  const letter = event.key.toLowerCase(), arrow = event.key.startsWith("Arrow") ? event.key : driven() && ARROWS[letter];
   if (event.key === "q" || event.key === "Q") hold("left", down);
   else if (event.key === "e" || event.key === "E") hold("right", down);
   else if (arrow) {
@@ -277,9 +377,22 @@ function press(event, down) {
       keys.arrows.add(arrow);
       if (driving && !driven() && !keys.left && !keys.right) hint("Arrows walk the robot, if it takes torques. To move a foot, hold Q or E as well.");
     } else keys.arrows.delete(arrow);
-  } else return;
+  } else if (letter in BENDS && !down) keys.bends.delete(letter);
+  // With one of these the browser does something of its own.
+  else if (event.ctrlKey || event.metaKey || event.altKey) return;
+  else if (letter in BENDS && bendable()) tell(letter);
+  else if (letter === "n" && down && bendable()) straighten();
+  else return;
   event.preventDefault();
   look();
+}
+
+// A key that bends the body is pressed: the body says so, or the page why it does not.
+function tell(letter) {
+  keys.bends.add(letter);
+  const [what] = BENDS[letter];
+  if (what !== "height" && newest.limits.torso[2] === 0) hint("Where velocities are commanded, only the height of the body changes.");
+  else if (what === "turn" && !pad().lift.some(Boolean) && !pad().drag.some(Boolean)) hint("A foot is turned while it is held: hold Q or E as well.");
 }
 
 function hold(side, down) {
@@ -292,6 +405,7 @@ function release() {
   hold("right", false);
   keys.rest = false;
   keys.arrows.clear();
+  keys.bends.clear();
   view?.release();
 }
 
@@ -318,7 +432,12 @@ const toggled = (id) => !part(id).classList.contains("on");
 part("pause").addEventListener("click", () => send({ do: "pause", value: toggled("pause") }));
 part("slow").addEventListener("click", () => send({ do: "slow", value: toggled("slow") }));
 part("upright").addEventListener("click", () => { keys.upright = toggled("upright"); part("upright").classList.toggle("on", keys.upright); look(); });
-part("reset").addEventListener("click", () => send({ do: "reset" }));
+part("reset").addEventListener("click", () => { straighten(); send({ do: "reset" }); });
+for (const name in body) {
+  const slider = part(`bend-${name}`);
+  slider.addEventListener("input", () => { set(name, (MIRRORED.has(name) ? -1 : 1) * slider.valueAsNumber); look(); });
+}
+part("neutral").addEventListener("click", () => { straighten(); look(); });
 part("keep").addEventListener("click", () => send({ do: "keep" }));
 part("help-close").addEventListener("click", () => help(false));
 part("help-open").addEventListener("click", () => help(part("help").hidden, true));
