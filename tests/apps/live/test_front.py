@@ -18,7 +18,7 @@ from operators import answer, beat, control, wait_for
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
-from poise.apps.live import _seat as seats
+from poise.apps.live import _inputs as inputs, _seat as seats
 from poise.apps.live._front import PortInUseError
 from poise.locomotion import DeviceStatus, Mode, read_recording
 
@@ -224,6 +224,28 @@ def test_what_writes_files_is_not_done_as_often_as_it_is_asked_for(front, sessio
         answers = [answer(operator) for _ in range(20)]
         assert sum("kept" in said for said in answers) < 10
         assert any("second" in said.get("error", "") for said in answers)
+
+
+def test_a_copy_that_takes_long_silences_no_operator(front, session, monkeypatch):
+    monkeypatch.setattr(inputs, "FRESH_FOR", 2.0)
+
+    def copy():
+        time.sleep(4.0)
+        return Path("kept-001.teleop")
+
+    monkeypatch.setattr(session.takes, "keep", copy)
+    session._last.clear()
+    with control(front, front.seat.token) as (operator, _):
+        operator.send('{"do": "keep"}')
+        begin, said = time.monotonic(), {}
+        while "kept" not in said:
+            beat(operator)
+            said = answer(operator)
+            assert session.inputs.alive
+            assert time.monotonic() < begin + 60.0
+            time.sleep(0.03)
+        assert said["kept"] == "kept-001.teleop"
+        assert time.monotonic() - begin > 3.9
 
 
 @pytest.mark.parametrize("token", [None, "", "wrong", "the token"])

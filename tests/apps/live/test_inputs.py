@@ -526,42 +526,6 @@ def test_a_senders_clock_that_jumps_locks_nobody_out(made, monkeypatch, jump):
     assert operator.read().turn == 0.9
 
 
-@pytest.mark.parametrize(
-    ("delay", "gone"),
-    [
-        (lambda time: 0.3, False),
-        (lambda time: 0.3 * (int(10.0 * time) % 2), False),
-        (lambda time: 5e-4 * time, False),
-        (lambda time: 0.4 * time, True),
-    ],
-    ids=["always", "now and then", "a clock that loses", "more and more"],
-)
-def test_who_leads_by_messages_that_pile_up_is_gone(made, monkeypatch, delay, gone):
-    operator, _, _ = made
-    sent, now, was_gone = 0.0, 100.0, False
-    monkeypatch.setattr(inputs.clock, "monotonic", lambda: now)
-    while sent < 60.0 and not was_gone:
-        sent += 0.033
-        now = max(now, 100.0 + sent + delay(sent))
-        operator.pad(Pad(beat=1e3 * sent, turn=0.5))
-        was_gone = not operator.alive or operator.read().turn == 0.0
-    assert was_gone is gone
-    if gone:
-        # Half a second behind at most, and a silence.
-        assert delay(sent) < 1.0
-
-
-def test_a_senders_clock_that_counts_seconds_is_no_sign_of_lateness(made, monkeypatch):
-    operator, _, _ = made
-    now = 100.0
-    monkeypatch.setattr(inputs.clock, "monotonic", lambda: now)
-    for _ in range(300):
-        now += 0.033
-        operator.pad(Pad(beat=now, turn=0.5))
-        assert operator.alive
-        assert operator.read().turn == 0.5
-
-
 def test_whether_somebody_is_there_can_be_asked_without_taking_the_message():
     operator = OperatorInputs()
     assert not operator.alive

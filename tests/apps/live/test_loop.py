@@ -44,6 +44,12 @@ def start(get_robot, tmp_path):
         loop.stop()
 
 
+@pytest.fixture(autouse=True)
+def patient(monkeypatch):
+    """An operator who is not thought gone when a busy machine stops all of this for a while."""
+    monkeypatch.setattr("poise.apps.live._inputs.FRESH_FOR", 10.0)
+
+
 def drive(loop, operator, pad, until, what):
     """Holds keys until something is seen."""
 

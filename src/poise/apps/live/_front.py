@@ -19,11 +19,12 @@ page of another origin gets nothing, whatever it asks for and whatever it shows.
 import asyncio
 import socket
 import threading
+from collections.abc import Callable
 from contextlib import suppress
 from http import HTTPStatus
 from importlib.resources import files
 from pathlib import Path
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Protocol, TypeVar, runtime_checkable
 from urllib.parse import parse_qs, urlsplit
 
 import msgspec
@@ -64,6 +65,12 @@ _TOO_LATE = (
 _NOT_YOU = {"error": "You are watching: nothing that this page sends moves the robot."}
 
 
+Answer = dict[str, Any] | None
+"""What a page gets for a message; None for nothing."""
+
+_Reply = TypeVar("_Reply")
+
+
 class PortInUseError(PoiseError):
     """Something else listens on the port."""
 
@@ -72,8 +79,12 @@ class PortInUseError(PoiseError):
 class Desk(Protocol):
     """What stands behind `Front`: all commands come here, and only from the operator."""
 
-    def order(self, text: str | bytes) -> dict[str, Any] | None:
-        """Carries out a message of the operator's page; an answer for that page."""
+    def order(self, text: str | bytes) -> Answer | Callable[[], Answer]:
+        """Carries out a message of the operator's page; an answer for that page.
+
+        Or what is still to be done for it, which may take a while: it is called in another thread,
+        so that the operator's next messages do not wait for it.
+        """
         ...
 
     def left(self) -> None:
@@ -111,6 +122,7 @@ class Front:
         self._loop = asyncio.new_event_loop()
         self._ready, self._stopped = threading.Event(), asyncio.Event()
         self._told, self._told_at = "", -1.0
+        self._tasks = set[asyncio.Task[None]]()
         self._thread = threading.Thread(target=self._run, name="poise front", daemon=True)
 
     @property
@@ -137,6 +149,9 @@ class Front:
 
     def _run(self) -> None:
         self._loop.run_until_complete(self._serve())
+        if self._tasks:
+            self._loop.run_until_complete(asyncio.wait(self._tasks))
+        self._loop.run_until_complete(self._loop.shutdown_default_executor())
         self._loop.close()
 
     async def _serve(self) -> None:
@@ -155,7 +170,7 @@ class Front:
 
     # Pages ---------------------------------------------------------------------------------------
 
-    def _requested(self, _: ServerConnection, request: Request) -> Response | None:
+    async def _requested(self, _: ServerConnection, request: Request) -> Response | None:
         """What a request gets; None lets it on to the channel."""
         host = request.headers.get("Host")
         if not is_local(host):
@@ -169,16 +184,18 @@ class Front:
             body, kind = self._pages[path]
             return _answer(HTTPStatus.OK, body, kind)
         if path.startswith("/takes/"):
-            return self._download(path.removeprefix("/takes/"), _token(request))
+            return await self._download(path.removeprefix("/takes/"), _token(request))
         return _answer(HTTPStatus.NOT_FOUND, b"No such page.")
 
-    def _download(self, name: str, token: str | None) -> Response:
+    async def _download(self, name: str, token: str | None) -> Response:
         if token is None or not self.seat.shows(token):
             return _answer(HTTPStatus.FORBIDDEN, b"Recordings are for the operator.")
         path = self._desk.file(name)
         if path is None:
             return _answer(HTTPStatus.NOT_FOUND, b"No such recording.")
-        return _answer(HTTPStatus.OK, path.read_bytes(), "application/octet-stream")
+        # Of hours it is so long that the operator would seem to be silent meanwhile.
+        body = await asyncio.to_thread(path.read_bytes)
+        return _answer(HTTPStatus.OK, body, "application/octet-stream")
 
     # The channel ---------------------------------------------------------------------------------
 
@@ -207,18 +224,29 @@ class Front:
         drives = grant.drives
         async for text in connection:
             if self.seat.hears(grant):
-                reply = self._obey(text)
+                reply = self._obey(lambda said=text: self._desk.order(said))
             else:
                 if drives:
                     drives = False
                     await connection.send(_hello(drives=False, reason=_TOO_LATE))
                 reply = _NOT_YOU
-            if reply is not None:
+            if callable(reply):
+                task = asyncio.create_task(self._carry_out(connection, reply))
+                self._tasks.add(task)
+                task.add_done_callback(self._tasks.discard)
+            elif reply is not None:
                 await connection.send(_json(reply))
 
-    def _obey(self, text: str | bytes) -> dict[str, Any] | None:
+    async def _carry_out(self, connection: ServerConnection, work: Callable[[], Answer]) -> None:
+        """Does what takes a while, and says what came of it."""
+        answer = await asyncio.to_thread(self._obey, work)
+        if answer is not None:
+            with suppress(ConnectionClosed):
+                await connection.send(_json(answer))
+
+    def _obey(self, work: Callable[[], _Reply]) -> _Reply | dict[str, Any]:
         try:
-            return self._desk.order(text)
+            return work()
         except PoiseError as error:
             return {"error": str(error)}
 

@@ -15,15 +15,6 @@ from msgspec.structs import replace
 FRESH_FOR = 0.4
 """The operator is there for so long after the last sign of life [s]."""
 
-_LATE = 0.5
-"""A message that comes so much later than the soonest did is of the past [s]."""
-
-_DRIFT = 1e-3
-"""How fast the sender's clock may seem to lose against ours [s/s]."""
-
-_SLOWEST = 0.1
-"""What is slower than this beside our clock is none in milliseconds."""
-
 Deflection = Annotated[float, Meta(ge=-1.0, le=1.0)]
 Coordinate = Annotated[float, Meta(gt=-100.0, lt=100.0)]
 """A handle further away than this [m] is none."""
@@ -148,8 +139,6 @@ class OperatorInputs:
     Whoever comes back after a silence takes hold anew: what was held in the first message after it
     counts as let go until it really is. A message that another one has overtaken is no sign of
     life: where a clock has jumped back, there is a silence, and then it is the new one that counts.
-    Nor is one that a link has held back for long: where messages pile up on their way, nobody leads
-    the robot by what they did a while ago.
     A clutch that was open in a message is seen to be, also where a closed one overtook it: messages
     come in bursts, and a hand that let go, moved and took hold anew must not seem to have led.
 
@@ -164,8 +153,6 @@ class OperatorInputs:
         self._alive_at: float | None = None
         self._stale = Pad()
         self._unseen: Pad | None = None
-        self._soonest: tuple[float, float] | None = None
-        self._first = (0.0, 0.0)
         self.stages: deque[StageTimes] = deque(maxlen=_STAGES)
         self._unread: tuple[float, float] | None = None
         self._sampled: tuple[float, float, float] | None = None
@@ -174,13 +161,8 @@ class OperatorInputs:
         """Takes the state of keys, sticks and handles: a sign of life."""
         with self._lock:
             alive = self._alive
-            now = clock.monotonic()
-            if alive and pad.beat > 0.0:
-                if pad.beat < self._pad.beat or self._lateness(1e-3 * pad.beat, now) > _LATE:
-                    return
-            elif not alive:
-                # Whoever comes, or comes back, may do so with another clock.
-                self._soonest = None
+            if alive and 0.0 < pad.beat < self._pad.beat:
+                return
             if not alive:
                 # Who has only just come may press keys at once; a handle has a place, which is an
                 # old one until it is let go.
@@ -189,7 +171,7 @@ class OperatorInputs:
             self._stale = _still_held(self._stale, pad)
             fresh = _without(pad, self._stale)
             self._unseen = fresh if self._unseen is None else _reopened(fresh, self._unseen)
-            self._pad, self._alive_at = fresh, now
+            self._pad, self._alive_at = fresh, clock.monotonic()
             self._unread = (1e-3 * pad.beat, self._alive_at)
 
     def clear(self) -> None:
@@ -221,24 +203,6 @@ class OperatorInputs:
             if self._sampled is not None:
                 self.stages.append(StageTimes(*self._sampled, at))
                 self._sampled = None
-
-    def _lateness(self, sent: float, now: float) -> float:
-        """How much later a message comes than the soonest did [s].
-
-        Args:
-            sent: on the sender's clock [s].
-            now: on ours [s].
-        """
-        on_its_way = now - sent
-        if self._soonest is None:
-            self._soonest, self._first = (on_its_way, now), (sent, now)
-        soonest, at = self._soonest
-        least = min(soonest + _DRIFT * (now - at), on_its_way)
-        self._soonest = (least, now)
-        sent_first, first = self._first
-        # A clock that hardly goes on counts something else, such as seconds.
-        is_clock = sent - sent_first > _SLOWEST * (now - first)
-        return on_its_way - least if is_clock else 0.0
 
     @property
     def _alive(self) -> bool:

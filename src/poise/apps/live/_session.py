@@ -3,6 +3,7 @@
 import math
 import time as clock
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Literal
 
@@ -12,7 +13,7 @@ from jaxtyping import Float64
 from msgspec import Struct
 
 from poise.apps.live._drive import DRIVE_PLANT, DriveLoop
-from poise.apps.live._front import Front
+from poise.apps.live._front import Answer, Front
 from poise.apps.live._gamepad import HostGamepad
 from poise.apps.live._inputs import Body, OperatorInputs, Pad
 from poise.apps.live._log import Takes
@@ -147,14 +148,14 @@ class _Session(ABC):
 
     # What the front asks for ---------------------------------------------------------------------
 
-    def order(self, text: str | bytes) -> dict[str, Any] | None:
+    def order(self, text: str | bytes) -> Answer | Callable[[], Answer]:
         """Carries out a message of the operator's page.
 
         Args:
             text: JSON of one of `_ORDERS`.
 
         Returns:
-            An answer for the page.
+            An answer for the page, or what takes a while and has one in the end.
 
         Raises:
             ConfigurationError: no such message.
@@ -183,7 +184,7 @@ class _Session(ABC):
                 if self._gamepad is not None:
                     self._gamepad.straighten()
             case Keep():
-                return self._keep() if self._is_rare(Keep) else _WAIT
+                return self._keep if self._is_rare(Keep) else _WAIT
         return None
 
     def _is_rare(self, order: type[_Order]) -> bool:

@@ -1,7 +1,7 @@
 """`Footing`: how the robot stands in one tick, once mode and stance are settled.
 
 `StanceChoice`: which foot is taken to be at rest, and where the feet count as standing.
-`wrapped`, `mean_angle`: angles of feet that may have turned all the way round.
+`yaw_of`, `wrapped`, `mean_angle`: angles of feet that may have turned all the way round.
 """
 
 import math
@@ -207,13 +207,7 @@ class Footing:
 
     def yaw(self, foot: int) -> float:
         """How a sole is turned, to the left of the world's x axis, from -pi to pi [rad]."""
-        _, rotation = self.dynamics.placement(self.biped.frames[foot])
-        return math.atan2(rotation[1, 0], rotation[0, 0])
-
-    @property
-    def facing(self) -> float:
-        """Where the feet face together, likewise [rad]."""
-        return mean_angle(self.yaw(0), self.yaw(1))
+        return yaw_of(self.dynamics.placement(self.biped.frames[foot])[1])
 
     @property
     def ground(self) -> float:
@@ -240,6 +234,11 @@ class Footing:
             clear: height above it from which on the foot is clear [m].
         """
         return min(1.0, max(0.0, (float(self.sole(self.other)[2]) - ground) / clear))
+
+
+def yaw_of(rotation: Float64[np.ndarray, "3 3"]) -> float:
+    """How something is turned, to the left of the world's x axis, from -pi to pi [rad]."""
+    return math.atan2(rotation[1, 0], rotation[0, 0])
 
 
 def wrapped(angle: float) -> float:

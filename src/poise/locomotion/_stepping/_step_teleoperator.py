@@ -24,7 +24,7 @@ from poise.locomotion._stepping._desired import DesiredMotion, StepTasks
 from poise.locomotion._stepping._device import Device
 from poise.locomotion._stepping._estimator import StanceEstimator, ZmpSensor
 from poise.locomotion._stepping._foot import FootTarget, FootVelocity
-from poise.locomotion._stepping._footing import Footing, StanceChoice
+from poise.locomotion._stepping._footing import Footing, StanceChoice, mean_angle, yaw_of
 from poise.locomotion._stepping._gaze import GazeLeader
 from poise.locomotion._stepping._guard import DeviceGuard
 from poise.locomotion._stepping._hands import HandLeader
@@ -181,7 +181,7 @@ class StepTeleoperator:
         self._height = ComHeight(self._com_height, self._reach, p)
         self._foot = FootVelocity(p)
         self._body = BodySample()
-        self._ahead = self._footing().facing
+        self._ahead = self._faces()
         self._status: TeleopStatus | None = None
 
     def controller(self) -> Controller:
@@ -323,7 +323,7 @@ class StepTeleoperator:
         self._status = self._describe(footing, sample, own.target, own.zmp)
         if not own.acting:
             if driven:
-                self._ahead = footing.facing
+                self._ahead = self._faces()
             self._restart(None)
             self._height.restart(float(footing.dynamics.com_velocity[2]))
             if isinstance(self._com, ComFeedback):
@@ -368,6 +368,11 @@ class StepTeleoperator:
             borrowed=self._com.borrowed,
             com_velocity=self._com.observed,
         )
+
+    def _faces(self) -> float:
+        """Where the feet face, to the left of the world's x axis [rad]."""
+        dynamics, frames = self.estimator.dynamics, self._biped.frames
+        return mean_angle(*(yaw_of(dynamics.placement(frame)[1]) for frame in frames))
 
     def _desired(self, footing: Footing, target: Float64[np.ndarray, "3"]) -> DesiredMotion:
         com = np.array([*self._com.velocity, self._height.velocity(footing, target)])
