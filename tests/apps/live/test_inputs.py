@@ -268,7 +268,7 @@ def test_limits_of_the_body_are_the_robots(get_robot, actuation):
     limits = limits_of(teleoperator)
     assert limits.height[0] == pytest.approx(-teleoperator.parameters.stoop_max * 0.765, rel=0.01)
     turned = actuation == "torque"
-    assert limits.torso == (tuple(lean.TORSO_MOST) if turned else (0.0, 0.0, 0.0))
+    assert limits.torso == (lean.TORSO_MOST if turned else (0.0, 0.0, 0.0))
     assert limits.turns == (torque_tasks.FOOT_TURNS if turned else (0.0, 0.0))
 
 

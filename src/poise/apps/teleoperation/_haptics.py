@@ -247,13 +247,11 @@ def foot_forces(teleoperator: StepTeleoperator) -> list[list[float]]:
     soles = teleoperator.soles
     felt = [dynamics.state.wrench(sole) for sole in soles]
     turns = [dynamics.frame(teleoperator.robot.frame_id(sole)).rotation for sole in soles]
-    back = -teleoperator.ahead
-    return [
-        [0.0, 0.0, 0.0]
-        if wrench is None
-        else along_ahead((turn @ wrench[:3]).tolist(), back).tolist()
+    in_world = [
+        (0.0, 0.0, 0.0) if wrench is None else (turn @ wrench[:3]).tolist()
         for turn, wrench in zip(turns, felt, strict=True)
     ]
+    return [along_ahead(force, -teleoperator.ahead).tolist() for force in in_world]
 
 
 _PAUSE = 0.1
@@ -312,17 +310,18 @@ class HapticFeet:
 
     def _led(self, foot: int, reading: Reading) -> Float64[np.ndarray, "3"]:
         (position, clutch), teleoperator = reading, self._teleoperator
-        if clutch and self._offsets[foot] is None and self._open[foot]:
-            self._aheads[foot] = ahead = teleoperator.ahead
-            way = self._scale * along_ahead(position.tolist(), ahead)
-            self._offsets[foot] = self._places[foot] - way
-        self._open[foot] = not clutch
-        offset = self._offsets[foot] if clutch else None
-        if offset is None:
+        was_open, self._open[foot] = self._open[foot], not clutch
+        offset = self._offsets[foot]
+        if not clutch or (offset is None and not was_open):
             # Whoever leads nothing asks for nothing: the device is on its foot.
             self._offsets[foot] = None
             self._places[foot] = teleoperator.estimator.anchors[foot].copy()
+            return self._places[foot].copy()
+        if offset is None:
+            self._aheads[foot] = teleoperator.ahead
+        way = self._scale * along_ahead(position.tolist(), self._aheads[foot])
+        if offset is None:
+            self._offsets[foot] = self._places[foot] - way
         else:
-            way = self._scale * along_ahead(position.tolist(), self._aheads[foot])
             self._places[foot] = offset + way
         return self._places[foot].copy()
