@@ -27,6 +27,9 @@ _WARM_UP, _PATIENCE, _HELD, _LOOK = 2, 60.0, 0.25, 2e-4
 """Presses before those that count; how long anything is waited for, how long a key is held or left,
 and how often the command is looked at [s]."""
 
+_ANSWER, _STALLS = 2.0, 10
+"""How long a key's answer is waited for [s]; presses that may be lost to stalls of the machine."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class KeysBench:
@@ -56,6 +59,8 @@ class KeysResult(Result):
         p99_ms: 99th percentile [ms].
         max_ms: longest [ms].
         presses: how many.
+        stalls: presses made again, since the machine stood still for so long that the operator
+            counted as gone and the key with them.
         real_time_factor: robot time over clock time: below 1 the machine is too slow for the robot.
     """
 
@@ -65,6 +70,7 @@ class KeysResult(Result):
     p99_ms: float
     max_ms: float
     presses: int
+    stalls: int
     real_time_factor: float
 
 
@@ -96,18 +102,21 @@ def bench_keys(plan: KeysBench, progress: Progress | None = None) -> list[KeysRe
         with _Page(session.front.drive_url) as page:
             _wait(lambda: page.ask("newest !== null && newest.device === 'OK'"), 0.1)
             began, first = time.monotonic(), loop.plant.time
-            for k in range(-_WARM_UP, plan.presses):
-                for event, act in enumerate((page.press, page.let_go)):
-                    now = velocity()
-                    start = time.monotonic()
-                    act()
-                    _wait(lambda now=now: velocity() != now, _LOOK)
-                    if k >= 0:
-                        spans[k, event] = time.monotonic() - start
-                    # Keys come at any time of a tick and of a beat.
-                    time.sleep(_HELD * (1.0 + 0.1 * ((7 * k) % 10)))
+            k, stalls = -_WARM_UP, 0
+            while k < plan.presses:
+                # Keys come at any time of a tick and of a beat.
+                held = _HELD * (1.0 + 0.1 * ((7 * k) % 10))
+                span = _press(page, velocity, held)
+                if span is None:
+                    stalls += 1
+                    if stalls > _STALLS:
+                        raise PoiseError("the page or the robot does not answer")
+                    continue
+                if k >= 0:
+                    spans[k] = span
+                k += 1
                 if progress is not None:
-                    progress(float(k + 1 + _WARM_UP), float(plan.presses + _WARM_UP))
+                    progress(float(k + _WARM_UP), float(plan.presses + _WARM_UP))
             factor = (loop.plant.time - first) / (time.monotonic() - began)
     return [
         KeysResult(
@@ -117,6 +126,7 @@ def bench_keys(plan: KeysBench, progress: Progress | None = None) -> list[KeysRe
             p99_ms=float(np.percentile(span, 99.0)),
             max_ms=float(span.max()),
             presses=plan.presses,
+            stalls=stalls,
             real_time_factor=factor,
         )
         for event, span in zip(("pressed", "let go"), 1e3 * spans.T, strict=True)
@@ -143,8 +153,8 @@ def format_keys_table(results: Sequence[KeysResult]) -> str:
     figures = [figure.words() for figure in keys_figures(results)]
     first = results[0]
     head = (
-        f"{first.robot}, {first.presses} presses, times in ms, real-time factor "
-        f"{first.real_time_factor:.2f}"
+        f"{first.robot}, {first.presses} presses ({first.stalls} lost to stalls), times in ms, "
+        f"real-time factor {first.real_time_factor:.2f}"
     )
     return "\n".join([head, *text_table(("p50", "p99", "max"), rows), "", *figures])
 
@@ -188,6 +198,37 @@ class _Page:
     def let_go(self) -> None:
         """Of it."""
         self._page.keyboard.up("w")
+
+
+def _press(
+    page: _Page, velocity: Callable[[], tuple[float, ...]], held: float
+) -> tuple[float, float] | None:
+    """Times until a key that is pressed, and let go, changes the command [s].
+
+    None where the machine stalled meanwhile: who is silent counts as gone, and the robot comes to
+    rest whatever is pressed.
+    """
+    rest = velocity()
+    start = time.monotonic()
+    page.press()
+    pressed = _changed(velocity, rest, start)
+    time.sleep(held)
+    led = velocity()
+    start = time.monotonic()
+    page.let_go()
+    let_go = _changed(velocity, led, start) if led != rest else None
+    time.sleep(held)
+    return None if pressed is None or let_go is None else (pressed, let_go)
+
+
+def _changed(
+    velocity: Callable[[], tuple[float, ...]], now: tuple[float, ...], start: float
+) -> float | None:
+    while velocity() == now:
+        if time.monotonic() - start > _ANSWER:
+            return None
+        time.sleep(_LOOK)
+    return time.monotonic() - start
 
 
 def _wait(there: Callable[[], bool], every: float) -> None:

@@ -3,6 +3,7 @@
 import os
 import time
 from collections import Counter
+from contextlib import contextmanager
 from importlib.metadata import PackageNotFoundError
 
 import episodes
@@ -23,8 +24,8 @@ from poise.errors import ConfigurationError, PoiseError
 KNOWN = 0.5
 
 
-@pytest.fixture(scope="module")
-def cluster():
+@contextmanager
+def a_cluster():
     """Two workers, each a process that is replaced when it dies."""
     with (
         dask.config.set({"distributed.scheduler.allowed-failures": 1}),
@@ -35,27 +36,38 @@ def cluster():
         yield cluster
 
 
+@pytest.fixture(scope="module")
+def cluster():
+    with a_cluster() as cluster:
+        yield cluster
+
+
 @pytest.fixture
 def workers(cluster):
-    cluster.scale(2)
-    cluster.wait_for_workers(2, timeout=60)
     with DaskWorkers(cluster.scheduler_address) as workers:
         yield workers
 
 
-def test_a_worker_that_is_killed_loses_its_own_episode_alone(workers, tmp_path):
+@pytest.fixture
+def doomed_workers():
+    """Of a cluster of their own: it may have lost one for good when the test ends."""
+    with a_cluster() as cluster, DaskWorkers(cluster.scheduler_address) as workers:
+        yield workers
+
+
+def test_a_worker_that_is_killed_loses_its_own_episode_alone(doomed_workers, tmp_path):
     notes = tmp_path / "notes"
     jobs = episodes.jobs(12, notes=str(notes), marker=str(tmp_path / "marker"), after=KNOWN)
-    found = {job.number: row for job, row in workers.each(episodes.ending_once, jobs)}
+    found = {job.number: row for job, row in doomed_workers.each(episodes.ending_once, jobs)}
     assert found == {job.number: episodes.row(job) for job in jobs}
     ran = [line.split() for line in notes.read_text().splitlines()]
     assert Counter(number for number, _ in ran) == {str(n): 1 for n in range(12)}
 
 
 @pytest.mark.slow
-def test_one_that_ends_every_worker_is_a_result(workers):
+def test_one_that_ends_every_worker_is_a_result(doomed_workers):
     jobs = episodes.jobs(5, after=KNOWN)
-    found = {job.number: row for job, row in workers.each(episodes.ending_third, jobs)}
+    found = {job.number: row for job, row in doomed_workers.each(episodes.ending_third, jobs)}
     assert sorted(found) == [0, 1, 2, 3, 4]
     lost = {n: str(row) for n, row in found.items() if isinstance(row, WorkerLostError)}
     assert lost == {3: "it ended 2 workers"}
