@@ -5,12 +5,18 @@ from dataclasses import FrozenInstanceError, replace
 import numpy as np
 import pytest
 from standing import PARAMETERS, footing
-from walker import sample
+from walker import hands, sample, up_and_down
 
 from poise.apps.teleoperation import TELEOP_PLANT, plant_from_json, run_teleop
 from poise.apps.teleoperation._run import plant_to_json
 from poise.errors import ConfigurationError, RobotError, UnknownNameError
-from poise.locomotion import ScriptedDevice, StepTeleoperator, TeleopParameters, WayPoint
+from poise.locomotion import (
+    DeviceStatus,
+    ScriptedDevice,
+    StepTeleoperator,
+    TeleopParameters,
+    WayPoint,
+)
 from poise.locomotion._pendulum import ComShifter
 from poise.locomotion._stepping._biped import biped_of, leg_geometry
 from poise.locomotion._stepping._com import ShifterDriver
@@ -170,3 +176,47 @@ def test_what_holds_arrays_is_compared_as_the_thing_it_is(get_robot):
         one, other = make(), make()
         assert one == one
         assert one != other
+
+
+class Fails:
+    """A device whose driver fails in the middle of a step, and answers again later."""
+
+    def __init__(self, inner, what, begin, end):
+        self._inner, self._what, self._begin, self._end = inner, what, begin, end
+
+    def sample(self, time):
+        if not self._begin <= time < self._end:
+            return self._inner.sample(time)
+        if isinstance(self._what, Exception):
+            raise self._what
+        return self._what
+
+
+@pytest.mark.parametrize(
+    "what", [OSError("the cable is out"), "left foot up"], ids=["raise", "str"]
+)
+def test_a_device_that_fails_counts_as_silent_and_is_said_once(get_robot, what, caplog):
+    seen = []
+
+    class Watched(Fails):
+        def sample(self, time):
+            status = teleoperator.status
+            seen.append((teleoperator.device_error, status and status.device))
+            return super().sample(time)
+
+    def make(started):
+        nonlocal teleoperator
+        teleoperator = started
+        return Watched(hands(*up_and_down())(started), what, 1.2, 3.2)
+
+    teleoperator = None
+    run = run_teleop(get_robot("biped20"), make, duration=3.4)
+    assert not run.fell
+    errors = [error for error, _ in seen if error is not None]
+    assert len(errors) == pytest.approx(2.0 / teleoperator.parameters.dt, abs=2)
+    assert teleoperator.device_error is None
+    # The foot that was up went back to the ground by itself.
+    assert DeviceStatus.LOST in {status for error, status in seen if error is not None}
+    assert run.log.soles[round(3.15 / teleoperator.parameters.dt), 1, 2] < 0.01
+    (said,) = (record for record in caplog.records if "the device failed" in record.message)
+    assert said.exc_info[1] is errors[0]

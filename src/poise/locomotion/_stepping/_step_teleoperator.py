@@ -1,5 +1,6 @@
 """`StepTeleoperator`: from the operator's foot devices and the robot's sensors to a stack."""
 
+import logging
 import math
 from collections.abc import Mapping
 
@@ -50,6 +51,8 @@ from poise.stack import Stack
 _ACTUATIONS = ("velocity", "torque")
 """What the controller of the stack may command."""
 
+_LOG = logging.getLogger("poise")
+
 
 class StepTeleoperator:
     """The leader of Zhang and Kikuuwe: a person places the feet, feedback keeps the balance.
@@ -65,7 +68,7 @@ class StepTeleoperator:
     neck the operator's head, whatever the feet do.
 
     Neither `estimator.update` nor `lead` raises. A state that cannot be used is passed over, and
-    the controller says so.
+    the controller says so. A device that raises counts as silent, and the logger `poise` says why.
 
     Args:
         robot: a biped with legs of six joints.
@@ -85,6 +88,7 @@ class StepTeleoperator:
     Attributes:
         robot: that is walked.
         device: says what the operator commands; None for nothing.
+        device_error: what the device raised in the last tick; None if it did not.
         soles: names of its left and its right sole.
         parameters: in use.
         driver: in use.
@@ -108,6 +112,7 @@ class StepTeleoperator:
     ) -> None:
         self.robot = checked_kind(robot, Robot, "the robot of the teleoperation")
         self.device = device
+        self.device_error: Exception | None = None
         self.soles = two_soles(robot)
         q_start = robot.q_home if q_start is None else q_start
         self.actuation = _checked_actuation(actuation, driver)
@@ -271,7 +276,7 @@ class StepTeleoperator:
             dynamics.update(state)
         self.zmp_sensor.update(state, dynamics)
         self._com.observe(dynamics.com_velocity[:2])
-        sample = None if self.device is None else self.device.sample(state.time)
+        sample = self._heard(state.time)
         soles = (self.estimator.sole(0), self.estimator.sole(1))
         command = self._guard.check(sample, state.time, soles, self.estimator.anchors)
         self.hands.lead(sample, state)
@@ -307,6 +312,27 @@ class StepTeleoperator:
         self._tasks.ask(footing, self._desired(footing, target), upright=upright)
         cart_table_zmp = self._com.cart_table_zmp(dynamics.com[:2])
         self._status = self._describe(footing, sample, target, cart_table_zmp)
+
+    def _heard(self, time: float) -> DeviceSample | None:
+        """What the device says; nothing where it fails, which is no reason to let the robot fall.
+
+        Args:
+            time: of the robot [s].
+        """
+        if self.device is None:
+            return None
+        try:
+            sample = self.device.sample(time)
+            if sample is not None and not isinstance(sample, DeviceSample):
+                raise TypeError(f"no DeviceSample: {sample!r}")
+        except Exception as error:
+            # Once, as long as it fails alike: a tick has no time for a line.
+            if repr(error) != repr(self.device_error):
+                _LOG.error("the device failed, and counts as silent", exc_info=error)
+            self.device_error = error
+            return None
+        self.device_error = None
+        return sample
 
     def _follow_own(self, own: OwnSteps, state: RobotState, sample: DeviceSample | None) -> None:
         """The robot leads its feet by itself; the operator has to take hold of them anew."""
