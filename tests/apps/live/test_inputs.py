@@ -4,6 +4,7 @@ import sys
 from unittest.mock import Mock
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from msgspec.structs import replace
 
@@ -430,6 +431,45 @@ def test_forward_is_where_the_robot_faces(made, lead):
     forward, aside = sample.left[1] - begin[1], sample.left[0] - begin[0]
     assert forward > 0.02
     assert abs(aside) < 1e-9
+
+
+def turned(yaw, *, clutch=True, tip=0.0):
+    """The left foot, turned to the left and then tipped forward [rad]."""
+    quaternion = pin.Quaternion(
+        pin.exp3(np.array([0.0, 0.0, yaw])) @ pin.exp3(np.array([0.0, tip, 0.0]))
+    )
+    seen = Tracked(
+        position=(0.0, 0.0, 1.0), clutch=clutch, orientation=tuple(quaternion.coeffs().tolist())
+    )
+    return Pad(tracked=(seen, None), body=Body(turns=(0.1, -0.2)))
+
+
+def test_a_tracked_foot_turns_as_its_tracker_does_while_its_clutch_is_closed(made):
+    operator, _, device = made
+    for yaw in (2.9, 3.0):
+        assert run(operator, device, 2, turned(yaw, clutch=False)).body.turns == (0.1, -0.2)
+    assert run(operator, device, 2, turned(3.0)).body.turns == pytest.approx((0.1, -0.2))
+    # Across half a turn, with the toes down, which turns no foot.
+    sample = run(operator, device, 2, turned(3.3, tip=0.3))
+    assert sample.body.turns == pytest.approx((0.4, -0.2), abs=1e-9)
+    # It stays so when it is let go, and goes on from there.
+    assert run(operator, device, 2, turned(2.0, clutch=False)).body.turns[0] == sample.body.turns[0]
+    assert run(operator, device, 2, turned(2.0)).body.turns[0] == sample.body.turns[0]
+    assert run(operator, device, 2, turned(1.9)).body.turns[0] == pytest.approx(0.3, abs=1e-9)
+    # Whatever else leads it says how it is turned.
+    assert run(operator, device, 2, Pad(lift=(True, False))).body.turns == (0.0, 0.0)
+
+
+@pytest.mark.parametrize("bad", [(0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 1.0, 1.0), (1.0, 0.0, 0.0, 0.0)])
+def test_what_is_no_way_to_hold_a_foot_does_not_turn_it(made, bad):
+    operator, _, device = made
+    run(operator, device, 2, turned(0.0, clutch=False))
+    run(operator, device, 2, turned(0.0))
+    pad = Pad(tracked=(Tracked(position=(0.0, 0.0, 1.0), clutch=True, orientation=bad), None))
+    assert run(operator, device, 2, turned(0.2)).body.turns[0] == pytest.approx(0.3)
+    assert run(operator, device, 2, pad).body.turns[0] == pytest.approx(0.3)
+    assert run(operator, device, 2, turned(0.5)).body.turns[0] == pytest.approx(0.3)
+    assert run(operator, device, 2, turned(0.6)).body.turns[0] == pytest.approx(0.4)
 
 
 def test_a_clutch_that_was_open_within_a_burst_of_messages_was_open(made):

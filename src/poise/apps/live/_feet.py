@@ -9,7 +9,7 @@ import math
 import numpy as np
 from jaxtyping import Float64
 
-from poise.apps.live._inputs import OperatorInputs, Pad, Place, Tracked
+from poise.apps.live._inputs import OperatorInputs, Pad, Place, Quaternion, Tracked
 from poise.apps.teleoperation import along_ahead
 from poise.locomotion import (
     BodySample,
@@ -82,6 +82,39 @@ class _Clutch:
         return self._offset + along_ahead(tracked.position, self._ahead)
 
 
+class _Turned:
+    """How a tracked foot is turned: by what its tracker turned about the vertical while it leads.
+
+    It stays turned when the tracker lets go, until something else leads the foot.
+
+    Attributes:
+        angle: to the left of ahead [rad]; None where no tracker has turned it.
+    """
+
+    def __init__(self) -> None:
+        self.angle: float | None = None
+        self._off: float | None = None
+
+    def follow(self, orientation: Quaternion | None, angle: float) -> None:
+        """Takes what the tracker says, which leads the foot.
+
+        Args:
+            orientation: of the tracker; None where it does not say.
+            angle: that is asked of the foot now [rad].
+        """
+        yaw = None if orientation is None else _yaw_of(orientation)
+        if yaw is None:
+            self._off = None
+            return
+        if self._off is None:
+            self._off = angle - yaw
+        self.angle = math.remainder(self._off + yaw, math.tau)
+
+    def let_go(self) -> None:
+        """The tracker does not lead."""
+        self._off = None
+
+
 _LIMITS = VelocityLimits()
 """Of a robot that sticks walk."""
 
@@ -89,11 +122,11 @@ _LIMITS = VelocityLimits()
 class LiveFeet:
     """Two devices for the feet of a robot, left and right.
 
-    A foot is held by a tracked hand or foot whose clutch is closed, by dragging its handle, or by a
-    button, and then moved by the stick. A foot that
-    is let go comes down where it is. Sticks walk the robot while no foot is held, where it takes
-    torques. With both feet on the ground a device that holds nothing is on
-    its foot: the handle snaps back after landing.
+    A foot is held by a tracked hand or foot whose clutch is closed, which turns it, too, by
+    dragging its handle, or by a button, and then moved by the stick. A foot that is let go comes
+    down where it is. Sticks walk the robot while no foot is held, where it takes torques. With both
+    feet on the ground a device that holds nothing is on its foot: the handle snaps back after
+    landing.
 
     Args:
         inputs: what the operator does.
@@ -110,6 +143,7 @@ class LiveFeet:
         self.offset: Float64[np.ndarray, "3"] = np.zeros(3)
         self.places = [anchor.copy() for anchor in teleoperator.estimator.anchors]
         self._clutches = (_Clutch(), _Clutch())
+        self._turned = (_Turned(), _Turned())
         self._walks = False
 
     def sample(self, time: float) -> DeviceSample | None:
@@ -126,6 +160,7 @@ class LiveFeet:
             # Whoever comes next finds the devices on the feet.
             self.places = [anchor.copy() for anchor in self._teleoperator.estimator.anchors]
             self._clutches = (_Clutch(), _Clutch())
+            self._turned = (_Turned(), _Turned())
             self._walks = False
             return None
         for foot in (0, 1):
@@ -136,6 +171,10 @@ class LiveFeet:
                 step[2] = max(step[2], -self._dt * _DOWN_SPEED)
             self.places[foot] = self.places[foot] + step
         left, right = (place.copy() for place in self.places)
+        velocity = self._velocity(pad)
+        if any(velocity):
+            # Who has walked faces ahead.
+            self._turned = (_Turned(), _Turned())
         return DeviceSample(
             time,
             left,
@@ -143,10 +182,18 @@ class LiveFeet:
             pad.upright,
             hands=hands_of(pad),
             rest=pad.rest,
-            body=BodySample(pad.body.height, pad.body.torso, pad.body.turns),
-            velocity=self._velocity(pad),
+            body=BodySample(pad.body.height, pad.body.torso, self._turns(pad)),
+            velocity=velocity,
             head=head_of(pad),
         )
+
+    def _turns(self, pad: Pad) -> tuple[float, float]:
+        """How the feet are turned, to the left of ahead [rad]."""
+        left, right = (
+            asked if turned.angle is None else turned.angle
+            for turned, asked in zip(self._turned, pad.body.turns, strict=True)
+        )
+        return left, right
 
     def _velocity(self, pad: Pad) -> tuple[float, float, float]:
         """With which the robot walks: sticks that move no foot, and were let go since they did."""
@@ -164,8 +211,14 @@ class LiveFeet:
         ahead = self._teleoperator.ahead
         tracked = self._clutches[foot].follow(pad.tracked[foot], place, ahead)
         anchor, drag, sole = estimator.anchors[foot], pad.drag[foot], estimator.sole(foot)
+        turned = self._turned[foot]
         if tracked is not None:
+            seen = pad.tracked[foot]
+            turned.follow(None if seen is None else seen.orientation, self._turns(pad)[foot])
             return _near(tracked, sole), _TRACKED_SPEED, False
+        turned.let_go()
+        if drag is not None or pad.lift[foot]:
+            turned.angle = None
         if drag is not None:
             return _near(np.array(drag) - self.offset, sole), _SPEED, False
         mode = self._teleoperator.mode
@@ -182,6 +235,22 @@ class LiveFeet:
             lowest = anchor[2] - self._teleoperator.parameters.press_depth
             return np.array([*sole[:2], lowest]), _SPEED, True
         return anchor, _SPEED, False
+
+
+_ROUNDED, _UPSIDE_DOWN = 0.01, 0.3
+"""How far a quaternion's length may be from one; below this a foot is so far over that it faces
+nowhere."""
+
+
+def _yaw_of(orientation: Quaternion) -> float | None:
+    """What a unit quaternion turns to the left about the vertical [rad]; None for what is none.
+
+    The twist of q = swing * twist: 2 atan2(q_z, q_w), undefined for what stands on its head.
+    """
+    x, y, z, w = orientation
+    if abs(math.hypot(x, y, z, w) - 1.0) > _ROUNDED or math.hypot(z, w) < _UPSIDE_DOWN:
+        return None
+    return 2.0 * math.atan2(z, w)
 
 
 _SHARE = 0.85

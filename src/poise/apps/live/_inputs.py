@@ -33,8 +33,8 @@ class Tracked(Struct, frozen=True):
         position: forward, left and up, from anywhere that stays where it is [m].
         clutch: whether it leads. Only its motion while it does counts: whoever wants to reach
             further lets go, moves back, and takes hold anew.
-        orientation: how it is turned against those axes, if the tracker says so; of hands alone,
-            for how feet are turned is in `Body`.
+        orientation: how it is turned against those axes, if the tracker says so. A foot is turned
+            about the vertical alone, in place of what `Body` says of it.
     """
 
     position: Place
@@ -63,8 +63,8 @@ class Body(Struct, frozen=True):
     Attributes:
         height: of the COM, over the usual one [m].
         torso: roll, pitch and yaw against upright and facing as the feet do [rad].
-        turns: how the left and the right foot are turned, to the left of where the robot faced at
-            its start [rad].
+        turns: how the left and the right foot are turned, to the left of ahead
+            (`StepTeleoperator.ahead`) [rad].
     """
 
     height: Coordinate = 0.0
