@@ -131,6 +131,25 @@ def test_every_role_is_one_frame_on_its_link(robot):
     assert set(robot.soles) | set(robot.hands) | {robot.pelvis, robot.torso} == set(robot.roles)
 
 
+@pytest.mark.parametrize("robot", NAMES, indirect=True)
+def test_joints_above_a_frame_are_those_that_move_it(robot):
+    model, data = robot.model, robot.model.createData()
+    rng = np.random.default_rng(4)
+    q = pin.integrate(model, robot.q_home, 0.1 * rng.normal(size=robot.nv))
+    for role in robot.roles:
+        pin.computeJointJacobians(model, data, q)
+        pin.updateFramePlacements(model, data)
+        jacobian = pin.getFrameJacobian(model, data, robot.frame_id(role), pin.LOCAL)
+        moving = np.flatnonzero(np.abs(jacobian).max(axis=0) > 1e-9)
+        joints = sorted({j for j in range(1, model.njoints) for i in moving
+                         if 0 <= i - model.idx_vs[j] < model.nvs[j]})  # fmt: skip
+        assert robot.joints_above(role) == joints
+    for sole in robot.soles:
+        assert set(robot.leg_joints(sole)) <= set(robot.joints_above(sole))
+    with pytest.raises(UnknownNameError, match="tail"):
+        robot.joints_above("tail")
+
+
 @pytest.mark.parametrize("robot", ["g1"], indirect=True)
 def test_a_robot_cannot_be_changed_by_mistake(robot):
     for array in (robot.q_home, robot.q_min, robot.q_max, robot.v_max, robot.tau_max):

@@ -216,6 +216,19 @@ class Robot:
             f"unknown frame of robot {self.name!r}", got=name, choices=self.frame_names()
         )
 
+    def joints_above(self, frame: str) -> list[int]:
+        """Pinocchio's indices of the joints that move a frame, from the base on, which counts.
+
+        Args:
+            frame: by role or by the document's own name.
+
+        Raises:
+            UnknownNameError: no such frame.
+        """
+        parent = self.model.frames[self.frame_id(frame)].parentJoint
+        # Joint 0 is the world.
+        return [int(j) for j in self.model.supports[parent] if j > 0]
+
     def leg_joints(self, sole: str) -> list[int]:
         """Pinocchio's indices of a leg's joints, from the hip on.
 
@@ -227,12 +240,11 @@ class Robot:
         Raises:
             UnknownNameError: no such frame.
         """
-        joints = self.model.frames[self.frame_id(sole)].parentJoint
-        others = (self.model.frames[self.frame_id(s)].parentJoint for s in self.soles if s != sole)
-        shared = {0, int(self.base_dofs > 0)}
-        for other in others:
-            shared |= set(self.model.supports[other].tolist())
-        return [int(j) for j in self.model.supports[joints] if j not in shared]
+        shared = {int(self.base_dofs > 0)}
+        for other in self.soles:
+            if other != sole:
+                shared.update(self.joints_above(other))
+        return [j for j in self.joints_above(sole) if j not in shared]
 
     def frame_names(self) -> tuple[str, ...]:
         """All frames that tasks and contacts may name, those with a part to play first."""

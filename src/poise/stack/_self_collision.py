@@ -222,9 +222,7 @@ class SelfCollisionLimit:
     ) -> Bool[np.ndarray, " pairs"]:
         """Pairs that some joint moves which may and stands between no contact and the base."""
         supports = robot.model.supports
-        stand = set[int]().union(
-            *(supports[robot.model.frames[robot.frame_id(c.frame)].parentJoint] for c in contacts)
-        )
+        stand = set[int]().union(*(robot.joints_above(c.frame) for c in contacts))
         if names is not None:
             stand |= {j for j, name in enumerate(robot.model.names) if name not in names}
         joints = self._capsules.joints[self._capsules.pairs]

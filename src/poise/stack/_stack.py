@@ -195,12 +195,8 @@ def default_stack(robot: Robot) -> Stack:
 
 def _can_turn_freely(robot: Robot, root: str, frame: str) -> bool:
     """Whether a frame has three joints to turn with against another; with fewer, both conflict."""
-    model = robot.model
-    chains = [
-        set(model.supports[model.frames[robot.frame_id(name)].parentJoint].tolist())
-        for name in (root, frame)
-    ]
-    return len(chains[1] - chains[0]) >= _TURNING_JOINTS
+    above_root = set(robot.joints_above(root))
+    return len(set(robot.joints_above(frame)) - above_root) >= _TURNING_JOINTS
 
 
 def _check_unique(names: list[str], what: str) -> None:

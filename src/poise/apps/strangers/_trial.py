@@ -267,12 +267,11 @@ def _came_down(scene: _Scene) -> list[str]:
 def _swing(robot: Robot, hand: str) -> tuple[Float64[np.ndarray, "3"], Float64[np.ndarray, " nj"]]:
     """How one joint of the arm takes the hand furthest forward and up: [m], and by joint [rad]."""
     model, data, q = robot.model, robot.model.createData(), robot.q_home
-    frame, torso = (robot.frame_id(name) for name in (hand, robot.torso))
-    trunk = set(model.supports[model.frames[torso].parentJoint].tolist())
+    frame, trunk = robot.frame_id(hand), robot.joints_above(robot.torso)
     best, most, turned = np.zeros(3), 0.0, np.zeros(robot.nj)
     pin.framesForwardKinematics(model, data, q)
     begun = data.oMf[frame].translation.copy()
-    for joint in model.supports[model.frames[frame].parentJoint].tolist():
+    for joint in robot.joints_above(hand):
         if joint in trunk:
             continue
         place, index = model.joints[joint].idx_q, robot.joint_index(model.names[joint])

@@ -81,8 +81,8 @@ def assign(task: Task, robot: Robot, partition: Partition) -> Assignment:
 def _movers(robot: Robot, frame: str) -> set[int]:
     """Coordinates that move a frame in the world."""
     model = robot.model
-    joints = model.supports[model.frames[robot.frame_id(frame)].parentJoint].tolist()
-    return {model.idx_vs[j] + k for j in joints if j > 0 for k in range(model.nvs[j])}
+    joints = robot.joints_above(frame)
+    return {model.idx_vs[j] + k for j in joints for k in range(model.nvs[j])}
 
 
 class AssignedRows:

@@ -330,23 +330,13 @@ class ArmMotion:
 
 def _chains(robot: Robot) -> dict[str, Int64[np.ndarray, " k"]]:
     """Joints of each arm, from the torso on, by its hand; no joint that moves both hands."""
-    model, torso = robot.model, _above(robot, robot.torso)
-    above = {hand: _above(robot, hand) for hand in robot.hands}
+    torso = robot.joints_above(robot.torso)
+    above = {hand: robot.joints_above(hand) for hand in robot.hands}
     own: dict[str, Int64[np.ndarray, " k"]] = {}
     for hand, joints in above.items():
-        others = set[int]().union(*(above[h] for h in above if h != hand))
-        chain = [int(j) for j in model.supports[_joint(robot, hand)] if j in joints - others]
+        others = set(torso).union(*(above[h] for h in above if h != hand))
         # Joint 0 is the world; those of a floating base are no arm's.
-        index = [j - (2 if robot.floating_base else 1) for j in chain if j not in torso]
+        index = [j - (2 if robot.floating_base else 1) for j in joints if j not in others]
         if len(index) >= 3:
             own[hand] = np.array(index, dtype=np.int64)
     return own
-
-
-def _joint(robot: Robot, frame: str) -> int:
-    return int(robot.model.frames[robot.frame_id(frame)].parentJoint)
-
-
-def _above(robot: Robot, frame: str) -> set[int]:
-    """Joints that move a frame."""
-    return {int(j) for j in robot.model.supports[_joint(robot, frame)]}

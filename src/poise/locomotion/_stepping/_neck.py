@@ -145,24 +145,16 @@ def _neck(robot: Robot) -> tuple[Int64[np.ndarray, " n"], int]:
     The head is what frames of that name are on that most joints beyond the torso move, none of
     which moves a hand or a sole.
     """
-    model, torso = robot.model, robot.frame_id(robot.torso)
-    others = _moving(robot, torso).union(
-        *(_moving(robot, robot.frame_id(name)) for name in (*robot.hands, *robot.soles))
-    )
-    found, best = set[int](), torso
-    for frame, each in enumerate(model.frames):
+    torso = set(robot.joints_above(robot.torso))
+    others = torso.union(*(robot.joints_above(name) for name in (*robot.hands, *robot.soles)))
+    found, best = set[int](), robot.frame_id(robot.torso)
+    for frame, each in enumerate(robot.model.frames):
         if any(word in each.name.lower() for word in _HEADS):
-            above = _moving(robot, frame)
+            above = set(robot.model.supports[each.parentJoint].tolist()) - {0}
             own = above - others
-            on_torso = _moving(robot, torso) <= above
+            on_torso = torso <= above
             if on_torso and len(own) > len(found):
                 found, best = own, frame
     # Joint 0 is the world; those of a floating base are no neck's.
     first = 2 if robot.floating_base else 1
     return np.array(sorted(j - first for j in found), dtype=np.int64), best
-
-
-def _moving(robot: Robot, frame: int) -> set[int]:
-    """Joints that move a frame."""
-    model = robot.model
-    return {int(j) for j in model.supports[int(model.frames[frame].parentJoint)]} - {0}

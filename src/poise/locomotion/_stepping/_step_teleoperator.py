@@ -322,9 +322,7 @@ class StepTeleoperator:
         if self.device is None:
             return None
         try:
-            sample = self.device.sample(time)
-            if sample is not None and not isinstance(sample, DeviceSample):
-                raise TypeError(f"no DeviceSample: {sample!r}")
+            sample = _checked_sample(self.device.sample(time))
         except Exception as error:
             # Once, as long as it fails alike: a tick has no time for a line.
             if repr(error) != repr(self.device_error):
@@ -458,3 +456,10 @@ def _checked_actuation(actuation: str, driver: ComDriver | None) -> str:
             wanted="ShifterDriver, or none",
         )
     return actuation
+
+
+def _checked_sample(sample: object) -> DeviceSample | None:
+    """What a device has given, which may be anything."""
+    if sample is None or isinstance(sample, DeviceSample):
+        return sample
+    raise TypeError(f"no DeviceSample: {sample!r}")

@@ -50,8 +50,7 @@ def leg_ratios(robot: Robot, q: Float64[np.ndarray, " nq"], soles: tuple[str, st
     for sole in soles:
         frame = robot.frame_id(sole)
         jacobian = pin.getFrameJacobian(model, data, frame, pin.LOCAL_WORLD_ALIGNED)
-        joints = model.supports[model.frames[frame].parentJoint].tolist()
-        leg = [model.joints[j].idx_v for j in joints if j > 1]
+        leg = [model.joints[j].idx_v for j in robot.joints_above(sole) if j > 1]
         lever = robot.mass * (height - float(data.oMf[frame].translation[2]))
         motions = np.linalg.lstsq(jacobian[:, leg], np.eye(6)[:, [0, 2]], rcond=None)[0]
         x, z = (-momentum[4, leg] @ motions / lever).tolist()
