@@ -62,6 +62,9 @@ _TOO_LATE = (
     "You were silent, and somebody else drives now: you can watch. Reload the page when they have "
     "left."
 )
+_DEAF_FOR = 0.05
+"""Who does not drive is heard so seldom [s]."""
+
 _NOT_YOU = {"error": "You are watching: nothing that this page sends moves the robot."}
 
 
@@ -230,6 +233,8 @@ class Front:
                     drives = False
                     await connection.send(_hello(drives=False, reason=_TOO_LATE))
                 reply = _NOT_YOU
+                # What comes faster waits unread, and costs the robot's machine nothing.
+                await asyncio.sleep(_DEAF_FOR)
             if callable(reply):
                 task = asyncio.create_task(self._carry_out(connection, reply))
                 self._tasks.add(task)
