@@ -4,20 +4,23 @@
     poise run walk --controller reduced --robot g1
     python docs/images/draw.py
 
-The moments need OpenGL, the report a chromium on the path.
+The moments need OpenGL, the report and the live page a chromium on the path.
 """
 
 import shutil
 import subprocess
 import sys
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from PIL import Image
+from playwright.sync_api import sync_playwright
 
 import poise
-from poise.apps.teleoperation import SCRIPTS
+from poise.apps.live import LiveSession
+from poise.apps.teleoperation import SCRIPTS, TORQUE_TELEOP_PLANT, terrain_blocks
 from poise.sim import run_markers
 
 HERE = Path(__file__).parent
@@ -97,6 +100,34 @@ def draw_report() -> None:
         _save(Image.open(shot).convert("RGB"), "report.jpg")
 
 
+def draw_teleop() -> None:
+    """The page of `poise teleop`, with a foot held up."""
+    browser = shutil.which("chromium") or shutil.which("chromium-browser")
+    if browser is None:
+        sys.exit("no chromium on the path")
+    robot = poise.load_robot("biped20")
+    plant = replace(TORQUE_TELEOP_PLANT, blocks=terrain_blocks("obstacle", robot))
+    options = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader"]
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        LiveSession(robot, folder, plant=plant) as session,
+        sync_playwright() as play,
+    ):
+        page = play.chromium.launch(executable_path=browser, args=options).new_page(
+            viewport={"width": 1280, "height": 800}, bypass_csp=True
+        )
+        page.goto(session.front.drive_url)
+        page.wait_for_function("newest !== null && newest.device === 'OK'")
+        page.keyboard.down("q")
+        page.wait_for_function("newest.mode === 'SR' && newest.soles[0][2] > 0.09")
+        # The plots are some seconds long.
+        page.wait_for_timeout(4000)
+        shot = Path(folder) / "page.png"
+        page.screenshot(path=shot)
+        page.keyboard.up("q")
+        _save(Image.open(shot).convert("RGB"), "teleop.jpg")
+
+
 def _at(log: poise.sim.RunRecord, name: str, time: float) -> np.ndarray:
     times, values = log.signal(name)
     return values[np.searchsorted(times, time)]
@@ -112,3 +143,4 @@ if __name__ == "__main__":
     draw_moments()
     draw_walk()
     draw_report()
+    draw_teleop()

@@ -77,6 +77,7 @@ def test_single_support_has_a_bound_of_its_own_and_misses_are_marked():
     assert any("<= 0.7" in line for line in missed)
 
 
+@pytest.mark.slow
 def test_the_command_prints_four_methods_a_robot_and_the_targets():
     command = [sys.executable, "-m", "benchmarks", "dof", "--joints", "20"]
     command += ["--contacts", "double", "--ticks", "10", "--json"]

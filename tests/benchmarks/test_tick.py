@@ -49,6 +49,7 @@ def bench_in_a_process(*arguments: str) -> str:
     return subprocess.run(command, capture_output=True, text=True, check=True).stdout
 
 
+@pytest.mark.slow
 def test_a_line_a_method_and_stack_with_every_key_and_files_in_out(tmp_path):
     methods = "direct,cascade/osqp"
     text = bench_in_a_process(
@@ -125,6 +126,7 @@ def test_the_phases_add_up_to_the_tick(recording):
     assert np.median(parts / times.total) > 0.7
 
 
+@pytest.mark.slow
 def test_single_support_stands_on_the_right_foot_with_the_left_one_moving():
     text = bench_in_a_process(
         "--contacts", "single", "--ticks", "20", "--json", "--methods", "direct"

@@ -39,6 +39,7 @@ print(json.dumps({
 """
 
 
+@pytest.mark.slow
 def test_a_walk_is_led_again_bit_by_bit_and_both_controllers_agree_on_it():
     # In a process of its own, without the shape checks of the tests, which take five times as long.
     done = subprocess.run(

@@ -61,6 +61,7 @@ def test_json_prints_the_summary_and_nothing_else(in_folder, short, capsys):
     assert json.loads(out)["seed"] == 7
 
 
+@pytest.mark.slow
 def test_robot_controller_and_strategy_of_the_command_line_win(in_folder, short, capsys):
     more = ["--robot", "biped20", "--controller", "whole_body", "--strategy", "cascade"]
     assert main(["run", short, "--no-video", "--json", *more]) in (0, 1)

@@ -48,6 +48,7 @@ def ask(folder):
     return float(value), int(hits)
 
 
+@pytest.mark.slow
 def test_code_is_kept_until_a_callee_or_a_number_of_another_file_changes(tmp_path):
     (tmp_path / "caller.py").write_text(CALLER)
     (tmp_path / "callee.py").write_text(CALLEE.format(factor=1.0, times=2.0))

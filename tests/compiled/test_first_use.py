@@ -112,6 +112,7 @@ def test_two_processes_at_once(folder):
     assert ask(folder)[0] == 1
 
 
+@pytest.mark.slow
 def test_another_processor_has_code_of_its_own(folder):
     ask(folder)
     hits, said, _ = ask(folder, NUMBA_CPU_NAME="generic", NUMBA_CPU_FEATURES="")
@@ -129,6 +130,7 @@ IndexDataCacheFile.{what} = full
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("what", ["_save_data", "_save_index"])
 def test_a_full_disk(folder, what):
     hits, said, _ = ask(folder, FULL.format(what=what))
@@ -140,6 +142,7 @@ def test_a_full_disk(folder, what):
     assert ask(folder)[0] == 1
 
 
+@pytest.mark.slow
 def test_code_of_another_version_is_never_taken_where_a_disk_was_full(folder):
     ask(folder)
     (folder / "source.py").write_text(SOURCE.replace("return times", "return 2.0 * times"))

@@ -243,6 +243,7 @@ def test_a_command_keeps_its_numbers_after_the_next_tick(robot, controller):
 garbage = st.floats(allow_nan=True, allow_infinity=True, width=64)
 
 
+@pytest.mark.slow
 @KINDS
 @settings(
     max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]

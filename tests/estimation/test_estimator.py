@@ -130,6 +130,7 @@ print(json.dumps(asdict(run_trial(Trial(robot=sys.argv[1], seed=1, seconds=8.0))
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["humanoid33", "g1"])
 def test_a_robot_walks_on_the_estimate(get_robot, name):
     get_robot(name)

@@ -106,6 +106,7 @@ def test_a_hand_at_rest_tells_nothing_and_the_body_has_it(get_robot):
     assert estimator.mass == pytest.approx(1.0, rel=0.03)
 
 
+@pytest.mark.slow
 def test_what_is_let_go_is_unlearned_as_the_hand_goes_on(get_robot):
     robot = get_robot("g1")
     loaded = robot.carrying(robot.hands[1], 1.0)
@@ -120,6 +121,7 @@ def test_what_is_let_go_is_unlearned_as_the_hand_goes_on(get_robot):
     assert abs(estimator.mass) < 0.1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("leans", "bound"), [(False, 0.02), (True, 0.5)])
 def test_pushes_are_no_loads_and_nothing_is_that_a_hand_leans_on(get_robot, leans, bound):
     robot = get_robot("g1")
@@ -193,6 +195,7 @@ class Swing:
             task.set_target(place + np.array([0.15 * np.sin(angle), 0.0, 0.1 * np.sin(2 * angle)]))
 
 
+@pytest.mark.slow
 def test_a_plant_that_swings_a_load_has_its_com_where_it_is_told(get_robot):
     robot = get_robot("g1")
     load = PlantConfig.Payload(frame=robot.hands[1], mass=1.0)

@@ -43,6 +43,7 @@ def test_mass_and_centre_of_a_load_in_a_hand_are_found(get_robot, name):
     assert np.abs(off[:2]).max() < 2e-3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scale", [0.8, 1.2])
 def test_a_robot_that_is_lighter_or_heavier_stands_as_high(get_robot, scale):
     robot = get_robot("g1")
@@ -114,6 +115,7 @@ def test_a_fixed_base_is_refused(get_robot):
         PayloadEstimator(get_robot("panda"))
 
 
+@pytest.mark.slow
 def test_a_push_is_no_offset(get_robot):
     robot = get_robot("humanoid33")
     told = []

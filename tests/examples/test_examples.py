@@ -134,6 +134,7 @@ def test_push_and_log_leaves_a_log_that_reads_back(run, tmp_path):
     assert (tmp_path / "push.mcap").is_file()
 
 
+@pytest.mark.slow
 def test_scenario_holds_its_checks_and_leaves_a_report(tmp_path):
     # A process of its own, without the checks of shapes that make a whole run slow.
     command = [sys.executable, str(FOLDER / "08_scenario.py"), *SHORT["08_scenario.py"]]
@@ -158,6 +159,7 @@ def patient(monkeypatch):
     monkeypatch.setattr("poise.apps.live._inputs.FRESH_FOR", 10.0)
 
 
+@pytest.mark.slow
 def test_lead_by_websocket_makes_a_step(run, patient):
     pytest.importorskip("websockets")
     printed = run("18_lead_by_websocket.py")
@@ -168,6 +170,7 @@ def test_lead_by_websocket_makes_a_step(run, patient):
     assert abs(right) < 0.02
 
 
+@pytest.mark.slow
 def test_force_feedback_lets_the_hand_feel_the_landing(run, patient):
     pytest.importorskip("websockets")
     printed = run("20_force_feedback.py")
@@ -180,6 +183,7 @@ def test_force_feedback_lets_the_hand_feel_the_landing(run, patient):
     assert abs(left) < 0.02
 
 
+@pytest.mark.slow
 def test_drive_says_what_was_asked_for(run):
     printed = run("17_drive.py")
     assert "0.5 s: asked for (0.3, 0.0, 0.0); nothing cut" in printed
@@ -231,6 +235,7 @@ def shown(code, names):
     return None
 
 
+@pytest.mark.slow
 def test_the_notebook_describes_a_stranger_that_stands_through_a_push(monkeypatch, capsys):
     monkeypatch.chdir(FOLDER)
     names: dict[str, object] = {}
@@ -245,6 +250,7 @@ def test_the_notebook_describes_a_stranger_that_stands_through_a_push(monkeypatc
     assert len(values[-1].axes) == 2
 
 
+@pytest.mark.slow
 def test_hands_prints_what_a_load_costs_and_who_is_at_the_edge(run, get_robot):
     get_robot("g1")
     printed = run("19_hands.py")

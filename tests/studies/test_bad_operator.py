@@ -58,6 +58,7 @@ print(json.dumps({
 """
 
 
+@pytest.mark.slow
 def test_an_input_that_made_the_robot_fall_is_kept_and_runs_again(tmp_path):
     found = run_unchecked(FALL, tmp_path)
     assert found["fell"] == [True, True]

@@ -225,6 +225,7 @@ def test_figure_5_compares_with_the_numbers_of_the_paper(monkeypatch):
     assert [f.name for f in section.figures] == ["figure-5"]
 
 
+@pytest.mark.slow
 def test_both_methods_track_alike_in_the_loop():
     # Without the shape checks of the tests, which take five times as long.
     done = subprocess.run(

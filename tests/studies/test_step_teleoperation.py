@@ -5,6 +5,7 @@ from functools import cache
 from pathlib import Path
 
 import pytest
+from slow import slow
 from unchecked import run_unchecked
 
 from poise.locomotion import TeleopParameters
@@ -46,7 +47,7 @@ def computed(section):
         ("obstacle_section", "figure-8"),
         ("lift_section", "figure-10"),
         ("switch_section", "figure-12"),
-        ("swing_section", "figure-14-forward"),
+        slow("swing_section", "figure-14-forward"),
     ],
 )
 def test_every_claim_of_the_paper_holds(section, figure):
@@ -73,6 +74,7 @@ def test_the_swings_claim_is_told_with_both_sets_of_weights():
         assert result["ours"][name] < 2.0 < ours
 
 
+@pytest.mark.slow
 def test_the_papers_rules_alone_fall_in_scenarios_1_2_and_3_and_poises_in_none():
     rows = {row[0]: row[1:] for row in computed("rules_section")["rows"]}
     assert rows["all departures"] == ["stood"] * 4

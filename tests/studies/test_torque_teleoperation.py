@@ -40,6 +40,7 @@ def outcome():
     return run_trial(Trial(robot="biped20", cut=1.6))
 
 
+@pytest.mark.slow
 def test_a_foot_in_the_air_comes_down_and_the_robot_rests(outcome):
     assert outcome.mode == "SR"
     assert not outcome.fell

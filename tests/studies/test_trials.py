@@ -63,6 +63,7 @@ def test_a_second_run_computes_what_is_new_alone(trials, tmp_path):
     assert first == {trial: Outcome(trial.number**2) for trial in trials[:2]}
 
 
+@pytest.mark.slow
 def test_a_record_that_was_not_finished_is_computed_again_and_later_ones_stay(trials, tmp_path):
     run(trials[:2], tmp_path / "out")
     (kept,) = (tmp_path / "out" / "trials").iterdir()
@@ -73,6 +74,7 @@ def test_a_record_that_was_not_finished_is_computed_again_and_later_ones_stay(tr
     assert [ran(tmp_path, number) for number in range(3)] == [1, 2, 1]
 
 
+@pytest.mark.slow
 def test_another_code_takes_no_results_of_the_former_and_leaves_them(trials, tmp_path, monkeypatch):
     run(trials[:1], tmp_path / "out")
     monkeypatch.setattr(module, "_code", lambda: "other")
@@ -89,6 +91,7 @@ def test_what_was_done_before_a_trial_without_outcome_is_kept(trials, tmp_path):
     assert ran(tmp_path, 0) == 1
 
 
+@pytest.mark.slow
 def test_without_a_folder_nothing_is_kept(trials, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for _ in range(2):

@@ -91,6 +91,7 @@ def test_a_worker_of_another_version_is_refused(workers):
         list(workers.each(run_episode, episodes.jobs(1)))
 
 
+@pytest.mark.slow
 def test_a_scheduler_that_goes_away_is_said(monkeypatch):
     monkeypatch.setattr(_cluster, "_PATIENCE", 2.0)
     cluster = distributed.LocalCluster(
@@ -143,6 +144,7 @@ def test_a_worker_without_poise_is_refused(cluster, monkeypatch):
 
 
 # The process of a job may outlive submitit's own object for it.
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:subprocess .* is still running:ResourceWarning")
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 def test_jobs_of_slurm_work_and_end(tmp_path, monkeypatch):

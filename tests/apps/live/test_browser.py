@@ -173,6 +173,7 @@ def test_a_dragged_handle_lifts_the_foot_letting_go_lowers_it_and_a_replay_is_th
     assert same_commands(run, heard)
 
 
+@pytest.mark.slow
 def test_a_hands_handle_is_dragged_the_hand_stays_and_goes_back_to_rest(
     browser, run_session, tmp_path
 ):
@@ -214,6 +215,7 @@ def test_a_key_steps_the_plots_grow_and_the_help_goes(browser, session):
         assert page.errors == []
 
 
+@pytest.mark.slow
 def test_a_gamepad_shakes_when_a_foot_lands_and_not_before(browser, session):
     with Page(browser, session.front.drive_url) as page:
         page.wait("newest.device !== 'LOST'", "the device")
@@ -231,6 +233,7 @@ def test_a_gamepad_shakes_when_a_foot_lands_and_not_before(browser, session):
         assert page.errors == []
 
 
+@pytest.mark.slow
 def test_a_closed_page_in_mid_step_brings_the_foot_down(browser, session):
     with Page(browser, session.front.drive_url) as page:
         page.wait("newest.device !== 'LOST'", "the device")
@@ -288,6 +291,7 @@ LISTEN = """
 """From now on the page says nothing by its clock, and what it says otherwise is known."""
 
 
+@pytest.mark.slow
 def test_keys_and_buttons_do_not_wait_for_the_next_beat(browser, session):
     with Page(browser, session.front.drive_url) as page:
         page.wait("newest.device !== 'LOST'", "the device")
@@ -325,6 +329,7 @@ def asked(session):
 NEUTRAL = {"height": 0.0, "torso": (0.0, 0.0, 0.0), "turns": (0.0, 0.0)}
 
 
+@pytest.mark.slow
 def test_keys_and_a_gamepad_bend_the_body_until_it_is_set_straight(browser, run_session, tmp_path):
     with run_session(tmp_path / "takes", plant=TORQUE_TELEOP_PLANT) as session:
         wait_for(lambda: session.loop.snapshot or session.loop.error, "the first picture")
@@ -365,6 +370,7 @@ def test_keys_and_a_gamepad_bend_the_body_until_it_is_set_straight(browser, run_
             assert page.errors == []
 
 
+@pytest.mark.slow
 def test_a_slider_lowers_the_body_and_only_that_where_velocities_are_commanded(browser, session):
     with Page(browser, session.front.drive_url) as page:
         page.wait("newest.device !== 'LOST'", "the device")
@@ -423,6 +429,7 @@ def box(page, name):
     )
 
 
+@pytest.mark.slow
 def test_the_help_can_be_called_back_and_then_stays(browser, session):
     with Page(browser, session.front.drive_url) as page:
         page.wait("newest.device !== 'LOST'", "the device")
@@ -440,6 +447,7 @@ def test_the_help_can_be_called_back_and_then_stays(browser, session):
         assert page.ask(hidden)
 
 
+@pytest.mark.slow
 def test_a_hint_goes_by_itself(browser, session):
     with Page(browser, session.front.drive_url) as page:
         page.wait("newest.device !== 'LOST'", "the device")
@@ -448,6 +456,7 @@ def test_a_hint_goes_by_itself(browser, session):
         page.wait("part('said').textContent.trim() === ''", "the hint to go")
 
 
+@pytest.mark.slow
 def test_on_a_phone_the_robot_has_the_upper_half_and_can_be_led(browser, session):
     width, height = 390, 844
     phone = {

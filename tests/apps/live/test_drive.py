@@ -72,6 +72,7 @@ def test_beats_walk_the_robot_and_silence_stops_it(session):
     assert not session.loop.snapshot.fallen
 
 
+@pytest.mark.slow
 def test_the_zmp_that_is_shown_is_the_measured_one_and_its_reference_is_beside_it(session):
     seen = []
 

@@ -157,6 +157,7 @@ def test_without_webgl_a_sentence_stands_in_and_the_time_still_moves(tmp_path):
     assert seen["movedCursors"] != seen["startCursors"]
 
 
+@pytest.mark.slow
 def test_one_frame_is_enough_and_a_mesh_is_drawn_in_its_colour(tmp_path):
     seen = visit(walking_record(duration=0.004, mesh=ball_mesh()), tmp_path)
     assert seen["errors"] == []

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from dry_run import forbid_ticks
+from slow import slow
 
 from poise.apps.scenarios import load_scenario, parse_scenario, run_scenario
 from poise.apps.teleoperation import SCRIPTS
@@ -22,7 +23,7 @@ devices:
 """
 
 
-@pytest.mark.parametrize("robot", ["biped20", "humanoid33", "g1"])
+@pytest.mark.parametrize("robot", ["biped20", slow("humanoid33"), slow("g1")])
 def test_the_robot_is_walked_over_the_obstacle_by_torques(shipped_run, robot):
     outcome = shipped_run("over_an_obstacle", robot)
     assert outcome.status == 0, outcome.out + outcome.err
@@ -34,7 +35,7 @@ def test_the_robot_is_walked_over_the_obstacle_by_torques(shipped_run, robot):
     assert np.abs(record["error/pelvis orientation"]).max() < 0.1
 
 
-@pytest.mark.parametrize("robot", ["biped20", "g1"])
+@pytest.mark.parametrize("robot", ["biped20", slow("g1")])
 def test_the_robot_is_walked_over_the_obstacle_by_velocities(shipped_run, robot):
     outcome = shipped_run("over_an_obstacle_velocity", robot)
     assert outcome.status == 0, outcome.out + outcome.err

@@ -260,6 +260,7 @@ def test_a_killed_run_leaves_a_log_up_to_the_last_second(tmp_path, scenario_file
         assert time[-1] >= a_second_ago - 0.01
 
 
+@pytest.mark.slow
 def test_a_report_can_be_made_of_a_log_alone(tmp_path):
     log = tmp_path / "log.mcap"
     done = run_scenario(parse_scenario(stand(0.1), "stand.yaml"), log=log)

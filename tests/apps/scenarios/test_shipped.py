@@ -1,9 +1,11 @@
 """Every shipped scenario on both robots, through the command line, from file to report."""
 
+import itertools
 import json
 
 import pytest
 from conftest import poise_run
+from slow import slow
 
 from poise.apps.scenarios import shipped_scenarios
 from poise.sim import read_log
@@ -37,9 +39,17 @@ BIPEDS = [
 """Scenarios of a robot on two feet that is commanded torques; walks are long, and come below."""
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("robot", ["humanoid33", "g1"])
-@pytest.mark.parametrize("scenario", BIPEDS)
+QUICK = {("push", "humanoid33"), ("squat", "g1")}
+"""Run with all tests; the others take minutes together."""
+
+
+@pytest.mark.parametrize(
+    ("scenario", "robot"),
+    [
+        run if run in QUICK else slow(*run)
+        for run in itertools.product(BIPEDS, ("humanoid33", "g1"))
+    ],
+)
 def test_a_shipped_scenario_holds(shipped_run, scenario, robot):
     outcome = shipped_run(scenario, robot)
     assert outcome.status == 0, outcome.out + outcome.err
@@ -95,7 +105,7 @@ checks:
 """
 
 
-@pytest.mark.parametrize("controller", ["whole_body", "reduced"])
+@pytest.mark.parametrize("controller", ["whole_body", slow("reduced")])
 def test_a_walk_of_a_file_leaves_its_figures(tmp_path, controller):
     file = tmp_path / "short_walk.yaml"
     file.write_text(SHORT)
@@ -117,11 +127,12 @@ def assert_holds(outcome):
     assert outcome.summary["controller"] == "osf"
 
 
-@pytest.mark.parametrize("robot", ["arm6", "panda", "ur5"])
+@pytest.mark.parametrize("robot", ["panda", slow("arm6"), slow("ur5")])
 def test_an_arm_reaches_under_the_operational_space_formulation(shipped_run, robot):
     assert_holds(shipped_run("reach_arm", robot))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("scenario", "robot"), [("squat", "g1"), ("reach", "humanoid33")])
 def test_a_humanoid_scenario_holds_under_the_operational_space_formulation(
     shipped_run, scenario, robot

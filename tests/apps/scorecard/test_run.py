@@ -159,6 +159,7 @@ def test_the_folder_of_another_card_is_refused(hands, here, tmp_path, change):
         make_card(replace(hands, **change), tmp_path, here, function=known)
 
 
+@pytest.mark.slow
 def test_trials_that_cannot_be_made_are_left_out_and_say_why(here, tmp_path):
     names = ("push", "bandwidth", "speed", "latency")
     plan = Plan(controller="step_teleoperation", trials=names, **LEGS)

@@ -46,6 +46,7 @@ class Eager:
         place[2] = max(anchor[2] + UP - LET_GO * over, anchor[2] - DOWN)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("robot", "phase"), [("biped20", 0.0), ("g1", 0.0), ("g1", 0.013)])
 def test_it_steps_again_as_soon_as_both_feet_stand(get_robot, robot, phase):
     devices = []

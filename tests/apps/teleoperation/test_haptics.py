@@ -180,6 +180,7 @@ def test_the_hand_feels_the_ground_when_the_foot_lands(get_robot):
     assert np.abs(left[:, 1:]).max() == 0.0
 
 
+@pytest.mark.slow
 def test_a_block_is_felt_sooner_than_the_ground(get_robot):
     robot = get_robot("biped20")
     # Under the right foot at the end of its way, and ahead of where it starts.

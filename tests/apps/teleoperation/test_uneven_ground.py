@@ -40,6 +40,7 @@ def test_one_foot_and_then_the_other_step_on_a_stair_of_5_cm(get_robot):
         assert abs(sole[0] - stair.center[0]) < 0.5 * (stair.size[0] - 0.3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("part", ["toes", "corner"])
 def test_a_foot_that_lands_partly_on_a_bump_stands_there_quietly(get_robot, part):
     steps = [("right", LANDS_AT, HEIGHT)]
@@ -52,6 +53,7 @@ def test_a_foot_that_lands_partly_on_a_bump_stands_there_quietly(get_robot, part
     assert np.ptp(run.log.com[last], axis=0).max() < 2e-3
 
 
+@pytest.mark.slow
 def test_a_foot_that_lands_with_its_inner_edge_on_a_bump_makes_no_fall(get_robot):
     # Not quietly: the foot rocks on the bump and slips by some centimetres.
     steps = [("right", LANDS_AT, HEIGHT)]

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from slow import slow
 from walker import hands, sample, up_and_down
 
 from poise.apps.teleoperation import TORQUE_TELEOP_PLANT, replay_teleop, run_teleop
@@ -39,7 +40,7 @@ def yaw(rotation):
     return float(np.arctan2(rotation[1, 0], rotation[0, 0]))
 
 
-@pytest.mark.parametrize("name", ["biped20", "g1"])
+@pytest.mark.parametrize("name", [slow("biped20"), "g1"])
 def test_a_foot_is_turned_in_the_air_and_the_trunk_faces_as_the_feet_do(get_robot, name, tmp_path):
     robot, path = get_robot(name), tmp_path / "turned.teleop"
     done = run(robot, BodySample(turns=(0.0, -0.4)), up_and_down(), 4.6, recording=path)
@@ -64,6 +65,7 @@ def test_feet_are_turned_no_further_than_they_may_be_against_each_other(get_robo
     assert not done.fell
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["humanoid33", "g1"])
 def test_the_body_comes_down_and_the_torso_bows_and_turns(get_robot, name):
     robot = get_robot(name)
@@ -77,6 +79,7 @@ def test_the_body_comes_down_and_the_torso_bows_and_turns(get_robot, name):
     assert -torso[2, 0] == pytest.approx(np.sin(0.2), abs=0.03)
 
 
+@pytest.mark.slow
 def test_whatever_is_commanded_of_the_body_it_stands(get_robot):
     robot = get_robot("g1")
     done = run(robot, BodySample(height=-9.0, torso=(9.0, -9.0, 9.0)), up_and_down(), 4.0)

@@ -71,6 +71,7 @@ def test_legs_that_are_crossed_do_not_touch(get_robot, touched, name, foot):
     assert force == 0.0
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("free")
 def test_without_the_limit_those_of_a_robot_with_wide_feet_do(get_robot, touched):
     for foot in ("left", "right"):

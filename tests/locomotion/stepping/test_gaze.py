@@ -3,6 +3,7 @@
 import numpy as np
 import pinocchio as pin
 import pytest
+from slow import slow
 from walker import hands as device_of
 
 from poise.apps.teleoperation import TORQUE_TELEOP_PLANT, replay_teleop, run_teleop
@@ -172,7 +173,7 @@ def test_a_neck_stands_below_the_balance_of_a_walk(get_robot):
     assert stack.task("com").weight.min() > 30.0 * leader.task.weight.max()
 
 
-@pytest.mark.parametrize(("name", "frame"), [("humanoid33", "head_link"), ("g1", "torso")])
+@pytest.mark.parametrize(("name", "frame"), [("humanoid33", "head_link"), slow("g1", "torso")])
 def test_robots_look_there_and_the_run_replays(get_robot, name, frame, tmp_path):
     robot, path = get_robot(name), tmp_path / "gaze.teleop"
     points = [WayPoint(at=0.2, head=(0.0, 0.0, 0.0)), WayPoint(at=0.7, head=(0.0, 0.0, 0.4))]

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from slow import slow
 from walker import hands as device_of, up_and_down
 
 from poise.apps.teleoperation import TORQUE_TELEOP_PLANT, replay_teleop, run_teleop
@@ -106,7 +107,7 @@ def test_no_stream_of_samples_moves_a_hand_faster_than_it_may():
 # Arms ---------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", ["g1", "biped20", "humanoid33", "talos"])
+@pytest.mark.parametrize("name", ["g1", slow("biped20"), slow("humanoid33"), slow("talos")])
 def test_whatever_is_asked_for_arms_move_smoothly_and_within_their_limits(get_robot, name):
     robot, rng = get_robot(name), np.random.default_rng(2)
     arms = ArmMotion(robot, robot.q_home, dt=DT, speed_max=1.5, acceleration_max=5.0)
@@ -141,7 +142,7 @@ def test_a_hand_gets_where_it_can_and_says_where_it_cannot(get_robot):
     assert arms.blocked == [False, True]
 
 
-@pytest.mark.parametrize("name", ["g1", "humanoid33", "biped20"])
+@pytest.mark.parametrize("name", ["g1", slow("humanoid33"), slow("biped20")])
 def test_arms_stay_off_the_body_and_each_other_wherever_hands_are_led(get_robot, name):
     robot, rng = get_robot(name), np.random.default_rng(4)
     capsules, q = capsules_of(robot), robot.q_home.copy()
@@ -300,6 +301,7 @@ def operator(points, make):
     return device
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("points", [[], up_and_down()], ids=["standing", "stepping"])
 def test_g1_swings_its_arms_with_a_load_it_does_not_know_of(get_robot, points, tmp_path):
     robot, path = get_robot("g1"), tmp_path / "hands.teleop"
@@ -326,6 +328,7 @@ def test_g1_swings_its_arms_with_a_load_it_does_not_know_of(get_robot, points, t
         assert np.array_equal(again.log.command, log.command)
 
 
+@pytest.mark.slow
 def test_a_load_that_the_model_is_told_of_leaves_the_com_where_it_should_be(get_robot):
     """Unknown it is a third of a kilogram metre off, and the COM by millimetres."""
     robot = get_robot("g1")

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 import pytest
+from slow import slow
 from walker import hands as device_of, up_and_down
 
 from poise.apps.teleoperation import TELEOP_PLANT, replay_teleop, run_teleop
@@ -100,6 +101,7 @@ def misses(run, robot):
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["biped20", "g1"])
 def test_hands_at_rest_change_no_command(get_robot, name):
     """To the last bit those of a robot whose arms nobody leads."""
@@ -112,7 +114,7 @@ def test_hands_at_rest_change_no_command(get_robot, name):
     assert not commands[0].log.command[:, arms_of(robot)].any()
 
 
-@pytest.mark.parametrize("name", ["biped20", "g1", "humanoid33"])
+@pytest.mark.parametrize("name", ["biped20", slow("g1"), slow("humanoid33")])
 def test_hands_get_where_they_are_led_while_a_foot_is_lifted(get_robot, name, tmp_path):
     robot, path = get_robot(name), tmp_path / "hands.teleop"
     device, plant = operator(raised, up_and_down()), TELEOP_PLANT.with_noise()
@@ -125,6 +127,7 @@ def test_hands_get_where_they_are_led_while_a_foot_is_lifted(get_robot, name, tm
         assert np.array_equal(replay_teleop(path, robot).log.command, run.log.command)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["biped20", "g1"])
 def test_legs_make_up_for_arms_that_swing(get_robot, name):
     """The COM stays where it shall be, though the arms alone would move it by millimetres."""
@@ -167,6 +170,7 @@ def test_the_com_moves_as_was_asked_for_whatever_arms_do(get_robot):
     np.testing.assert_allclose(com, asked, atol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["g1", "humanoid33"])
 def test_nothing_jumps_where_a_clutch_opens_or_closes_a_device_is_lost_or_hands_go_to_rest(
     get_robot, name
@@ -204,6 +208,7 @@ BAD = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("bad", BAD.values(), ids=BAD)
 def test_a_sample_that_is_no_number_moves_nothing(get_robot, bad):
     robot = get_robot("biped20")
@@ -232,6 +237,7 @@ class Spoiled:
         return self._estimator.update(state)
 
 
+@pytest.mark.slow
 def test_arms_and_their_model_come_together_again_after_ticks_that_failed(get_robot):
     """Servos ran on by the last velocities meanwhile, and the model did not."""
     robot = get_robot("g1")
@@ -254,6 +260,7 @@ def test_arms_and_their_model_come_together_again_after_ticks_that_failed(get_ro
     assert gaps[-1] < 0.005
 
 
+@pytest.mark.slow
 def test_nothing_winds_up_in_arms_that_cannot_follow(get_robot):
     """Somebody holds them: servos are asked for no more than the gap gives, and learn nothing."""
     robot = get_robot("g1")
@@ -266,6 +273,7 @@ def test_nothing_winds_up_in_arms_that_cannot_follow(get_robot):
     np.testing.assert_allclose(leader.task.velocity_gain, 2.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["g1", "humanoid33"])
 def test_arms_stay_smooth_within_limits_and_off_the_body_at_this_tick(get_robot, name):
     robot, rng = get_robot(name), np.random.default_rng(6)
@@ -296,6 +304,7 @@ def turned(yaw):
     return HeadSample(np.array(pin.Quaternion(pin.exp3(np.array([0.0, 0.0, yaw]))).coeffs()))
 
 
+@pytest.mark.slow
 def test_a_neck_looks_there_and_the_run_replays(get_robot, tmp_path):
     robot, path = get_robot("humanoid33"), tmp_path / "gaze.teleop"
     points = [

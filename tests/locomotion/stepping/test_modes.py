@@ -64,6 +64,7 @@ def test_the_zmp_stays_in_the_foot_that_carries(stepped):
     assert offset[:, 1].max() < 0.12
 
 
+@pytest.mark.slow
 def test_a_device_that_is_lowered_before_the_foot_left_gives_both_feet_back(get_robot):
     run = walk(get_robot("biped20"), up_and_down(lift=0.5, lower=1.2, height=0.03)[:2], 0.75)
     assert run.teleoperator.mode is Mode.TL

@@ -126,6 +126,7 @@ def test_a_foot_beside_a_narrow_one_is_not_led_as_far_nor_as_high(get_robot, nam
     assert torque.lift_max == pytest.approx(up * velocity.lift_max)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("forward", "degrees"), [(0.0, 270), (0.2, 250), (-0.2, 300)])
 def test_g1_on_one_foot_leans_against_a_push_outwards_and_steps_nowhere(
     get_robot, forward, degrees

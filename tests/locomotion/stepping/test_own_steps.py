@@ -6,7 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 import pytest
-from walker import hands
+from slow import slow
+from walker import Says, hands
 
 from poise.apps.teleoperation import TORQUE_TELEOP_PLANT, run_teleop
 from poise.dynamics import RobotState
@@ -20,6 +21,7 @@ from poise.locomotion import (
 )
 from poise.locomotion._stepping._reach import FootRange
 from poise.locomotion._walking._step_cycle import StepCycle
+from poise.stack import ComTask
 
 STATUSES, MODES = list(DeviceStatus), list(Mode)
 
@@ -64,6 +66,7 @@ def test_g1_on_one_foot_catches_itself_and_the_operator_takes_hold_anew(get_robo
     assert not own[log.time > 3.4].any()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("degrees", [60, 143])
 def test_a_foot_that_is_up_and_behind_comes_down_and_is_not_thrown(get_robot, degrees):
     """To the foot's side: balanced by the trunk alone, the leg would be swung up against it."""
@@ -79,13 +82,14 @@ def test_a_foot_that_is_up_and_behind_comes_down_and_is_not_thrown(get_robot, de
     assert log.tilt.max() < 0.2
 
 
+@pytest.mark.slow
 def test_where_it_holds_itself_the_operator_stays_in_command(get_robot):
     run = pushed(get_robot("humanoid33"), 0.05, 90, held(0.06), 2.4)
     assert not run.fell
     assert not overruled(run.log).any()
 
 
-@pytest.mark.parametrize(("speed", "degrees"), [(0.45, 0), (0.45, 180), (0.5, 45)])
+@pytest.mark.parametrize(("speed", "degrees"), [slow(0.45, 0), slow(0.45, 180), (0.5, 45)])
 def test_both_feet_on_the_ground_it_steps_and_comes_to_rest(get_robot, speed, degrees):
     robot = get_robot("g1")
     run = pushed(robot, speed, degrees, [], 4.5)
@@ -101,6 +105,7 @@ def test_both_feet_on_the_ground_it_steps_and_comes_to_rest(get_robot, speed, de
         np.testing.assert_allclose(contact.cone, new.cone, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_feet_that_stand_too_far_apart_to_be_led_are_brought_together_again(get_robot):
     """From twice as far apart as at home no shift takes the COM over one foot."""
     run = pushed(get_robot("g1"), 0.65, 75, [], 7.5)
@@ -114,6 +119,7 @@ def test_feet_that_stand_too_far_apart_to_be_led_are_brought_together_again(get_
     assert log.tilt[log.time > PUSHED_AT + 2.0].max() < 0.3
 
 
+@pytest.mark.slow
 def test_feet_that_cannot_be_brought_together_are_the_operators_all_the_same(
     get_robot, monkeypatch
 ):
@@ -196,6 +202,29 @@ def test_a_trunk_that_was_thrown_over_is_led_back_little_by_little(get_robot, le
         np.testing.assert_allclose(step, far * back / np.linalg.norm(back), atol=1e-9)
 
 
+@pytest.mark.parametrize("own", [False, True])
+@pytest.mark.parametrize("rising", [0.05, -3.0, 3.0])
+def test_height_asks_for_no_more_than_half_of_gravity(get_robot, monkeypatch, own, rising):
+    """Led down again as fast as it was pressed up, the robot would fly, and nothing balances it."""
+    asked = []
+    monkeypatch.setattr(ComTask, "set_acceleration", lambda _, value: asked.append(value[2]))
+    robot = get_robot("g1")
+    teleoperator = StepTeleoperator(robot, actuation="torque")
+    state = teleoperator.estimator.update(teleoperator.estimator.dynamics.state)
+    if own:
+        walks = replace(teleoperator.resting_sample, velocity=(0.1, 0.0, 0.0))
+        teleoperator.device = Says(walks)
+    teleoperator.lead(state)
+    assert teleoperator._own.acting is own
+    asked.clear()
+    v = np.zeros(robot.nv)
+    v[2] = rising
+    teleoperator.lead(replace(state, v=v, time=0.002))
+    assert len(asked) == 1
+    assert asked[0] == pytest.approx(np.clip(-20.0 * rising, -5.0, 5.0), rel=0.1)
+    assert abs(asked[0]) <= 5.0
+
+
 def test_a_push_that_throws_the_trunk_is_survived_upright(get_robot):
     run = pushed(get_robot("g1"), 0.65, 90, [], 4.0)
     assert not run.fell
@@ -218,7 +247,7 @@ class WalksThenSteps:
         return DeviceSample(time, left, right, velocity=velocity)
 
 
-@pytest.mark.parametrize("height", [0.0, 0.06], ids=["both feet down", "one held up"])
+@pytest.mark.parametrize("height", [0.0, slow(0.06)], ids=["both feet down", "one held up"])
 def test_walking_by_velocity_and_stepping_by_hand_change_over(get_robot, height):
     plant = TORQUE_TELEOP_PLANT.with_noise()
     run = run_teleop(

@@ -5,6 +5,7 @@ from unittest.mock import Mock
 
 import numpy as np
 import pytest
+from slow import slow
 from walker import up_and_down, walk
 
 from poise.apps.teleoperation import (
@@ -131,7 +132,7 @@ def test_its_stack_may_be_solved_by_any_controller_of_torques(get_robot):
     np.testing.assert_allclose(other.torque, one.torque, atol=1e-6)
 
 
-@pytest.mark.parametrize("name", ["biped20", "humanoid33", "g1"])
+@pytest.mark.parametrize("name", [slow("biped20"), slow("humanoid33"), "g1"])
 def test_a_foot_is_lifted_and_put_down(get_robot, name):
     run = walk(get_robot(name), up_and_down(), 4.5, plant=TORQUE_TELEOP_PLANT.with_noise())
     log = run.log
@@ -144,7 +145,7 @@ def test_a_foot_is_lifted_and_put_down(get_robot, name):
     np.testing.assert_allclose(log.com[-1, :2], log.zmp_reference[-1], atol=0.01)
 
 
-@pytest.mark.parametrize("slope", [(0.05, 0.0), (0.0, 0.05), (0.0, -0.05)])
+@pytest.mark.parametrize("slope", [slow((0.05, 0.0)), (0.0, 0.05), slow((0.0, -0.05))])
 def test_g1_steps_on_a_floor_that_slopes_and_with_an_attitude_that_is_off(get_robot, slope):
     """3 degrees of slope and one of attitude; the velocity level falls standing still."""
     sensors = SensorConfig(base_orientation_error=(0.0175, 0.0175))
@@ -171,6 +172,7 @@ def test_a_bad_operator_does_not_throw_g1_and_a_recording_is_the_same_again(get_
     assert np.array_equal(again.log.command, run.log.command)
 
 
+@pytest.mark.slow
 def test_knees_stay_bent_where_a_straight_leg_would_be_singular(get_robot):
     """A straight knee cannot shorten the leg to first order: the trunk would bow for it."""
     robot = get_robot("g1")
@@ -197,6 +199,7 @@ def resting(teleoperator):
     return ScriptedDevice([], *teleoperator.estimator.anchors)
 
 
+@pytest.mark.slow
 def test_a_robot_heavier_than_described_stands_as_high(get_robot):
     robot, height = get_robot("g1"), []
     for scale in (1.0, 1.2):
@@ -207,6 +210,7 @@ def test_a_robot_heavier_than_described_stands_as_high(get_robot):
     assert height[1] == pytest.approx(height[0], abs=1e-3)
 
 
+@pytest.mark.slow
 def test_an_attitude_that_is_off_puts_the_com_no_farther_from_the_feet(get_robot):
     robot = get_robot("g1")
     sensors = replace(SensorConfig.typical(), base_orientation_error=(0.009, -0.006))

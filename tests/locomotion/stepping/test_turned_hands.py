@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 import pytest
+from slow import slow
 from walker import hands as device_of, up_and_down
 
 from poise.apps.teleoperation import TORQUE_TELEOP_PLANT, replay_teleop, run_teleop
@@ -233,6 +234,7 @@ def test_hands_turn_about_each_axis_where_they_are_or_say_that_they_cannot(get_r
     assert reached == REACHED[name]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ROBOTS)
 def test_turning_costs_hardly_a_place_that_a_hand_gets_to_without(get_robot, name):
     """And joints stay within their limits."""
@@ -385,7 +387,7 @@ class Watched:
 
 @pytest.mark.parametrize(
     ("name", "step", "most"),
-    [("g1", False, 6), ("g1", True, 6), ("humanoid33", True, 6), ("talos", False, 4)],
+    [("g1", False, 6), slow("g1", True, 6), slow("humanoid33", True, 6), slow("talos", False, 4)],
 )
 def test_robots_turn_their_hands_and_keep_their_balance(get_robot, name, step, most, tmp_path):
     robot, path = get_robot(name), tmp_path / "turns.teleop"

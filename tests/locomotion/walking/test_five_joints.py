@@ -45,6 +45,7 @@ def test_they_walk_a_plan(get_robot_without, joints, width):
     assert plant.com[0] > 0.6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("joints", "width"), LEGS)
 def test_they_are_led_ahead_and_to_the_side(get_robot_without, joints, width):
     robot = get_robot_without(joints, width=width)
