@@ -7,7 +7,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from slow import slow
-from walker import Says, hands
+from walker import hands
 
 from poise.apps.teleoperation import TORQUE_TELEOP_PLANT, run_teleop
 from poise.dynamics import RobotState
@@ -21,7 +21,6 @@ from poise.locomotion import (
 )
 from poise.locomotion._stepping._reach import FootRange
 from poise.locomotion._walking._step_cycle import StepCycle
-from poise.stack import ComTask
 
 STATUSES, MODES = list(DeviceStatus), list(Mode)
 
@@ -200,29 +199,6 @@ def test_a_trunk_that_was_thrown_over_is_led_back_little_by_little(get_robot, le
         back = pin.log3(here.T)
         far = min(np.linalg.norm(back), 0.2)
         np.testing.assert_allclose(step, far * back / np.linalg.norm(back), atol=1e-9)
-
-
-@pytest.mark.parametrize("own", [False, True])
-@pytest.mark.parametrize("rising", [0.05, -3.0, 3.0])
-def test_height_asks_for_no_more_than_half_of_gravity(get_robot, monkeypatch, own, rising):
-    """Led down again as fast as it was pressed up, the robot would fly, and nothing balances it."""
-    asked = []
-    monkeypatch.setattr(ComTask, "set_acceleration", lambda _, value: asked.append(value[2]))
-    robot = get_robot("g1")
-    teleoperator = StepTeleoperator(robot, actuation="torque")
-    state = teleoperator.estimator.update(teleoperator.estimator.dynamics.state)
-    if own:
-        walks = replace(teleoperator.resting_sample, velocity=(0.1, 0.0, 0.0))
-        teleoperator.device = Says(walks)
-    teleoperator.lead(state)
-    assert teleoperator._own.acting is own
-    asked.clear()
-    v = np.zeros(robot.nv)
-    v[2] = rising
-    teleoperator.lead(replace(state, v=v, time=0.002))
-    assert len(asked) == 1
-    assert asked[0] == pytest.approx(np.clip(-20.0 * rising, -5.0, 5.0), rel=0.1)
-    assert abs(asked[0]) <= 5.0
 
 
 def test_a_push_that_throws_the_trunk_is_survived_upright(get_robot):

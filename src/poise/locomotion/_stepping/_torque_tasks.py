@@ -14,7 +14,7 @@ from poise.locomotion._stepping._desired import DesiredMotion
 from poise.locomotion._stepping._footing import Footing, mean_angle, wrapped
 from poise.locomotion._stepping._lean import TrunkPose
 from poise.locomotion._stepping._righting import SoleRighting
-from poise.locomotion._walking import bounded_lift, swing_braking
+from poise.locomotion._walking import swing_braking
 from poise.stack import (
     SMOOTH_RATE,
     ComTask,
@@ -254,7 +254,7 @@ class TorqueTasks:
         lift += 2.0 * _KP_COM**0.5 * (speed - float(velocity[2]))
         # The target is for reports: feedback is in the acceleration.
         self._com.set_target([com[0], com[1], self._height], [*velocity[:2], speed])
-        self._com.set_acceleration(np.array([*desired.com_acceleration, bounded_lift(lift)]))
+        self._com.set_acceleration(np.array([*desired.com_acceleration, lift]))
 
     def _turn_foot(self, foot: int, footing: Footing, turn: float) -> None:
         """Turns a foot that is clear of the ground, as far as it may be against the other one."""

@@ -14,7 +14,6 @@ from poise.locomotion._walking._plan import plan_footsteps
 from poise.locomotion._walking._settings import WalkSettings, WalkStatus
 from poise.locomotion._walking._tasks import (
     CarriedTarget,
-    bounded_lift as bounded_lift,
     swing_braking as swing_braking,
     walking_stack,
 )

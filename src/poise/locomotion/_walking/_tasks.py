@@ -186,25 +186,9 @@ class WalkTasks:
         """
         task, (x, y) = self.com, horizontal.tolist()
         height, speed = com[0, 2] - sense.com[2], com[1, 2] - sense.com_velocity[2]
-        z = bounded_lift(com[2, 2] + task.kp[2] * height + task.kd[2] * speed)
+        z = com[2, 2] + task.kp[2] * height + task.kd[2] * speed
         task.set_target(com[0], com[1], com[2])
         task.set_acceleration(np.array([x, y, z]))
-
-
-_LIFT_MAX = 5.0
-"""What is asked of the COM's height at most, up or down [m/s^2]."""
-
-
-def bounded_lift(asked: float) -> float:
-    """What may be asked of the COM's height: by half of gravity, so that feet keep their load.
-
-    Balance may press a robot up. Led down again as hard as feedback says it would fly, and nothing
-    balances it in the air.
-
-    Args:
-        asked: [m/s^2].
-    """
-    return max(-_LIFT_MAX, min(asked, _LIFT_MAX))
 
 
 def find_walk_tasks(
