@@ -16,10 +16,20 @@ from poise.apps.teleoperation import (
     TELEOP_PLANT,
     TORQUE_TELEOP_PLANT,
     replay_teleop,
+    run_teleop,
     terrain_blocks,
 )
 from poise.errors import ConfigurationError
-from poise.locomotion import DeviceStatus, HandStatus, Mode, RecordingError, read_recording
+from poise.locomotion import (
+    DeviceStatus,
+    HandStatus,
+    Mode,
+    RecordingError,
+    ScriptedDevice,
+    StepTeleoperator,
+    read_recording,
+)
+from poise.robots import standing_posture
 from poise.sim import PlantConfig
 
 
@@ -220,6 +230,35 @@ def test_a_recording_drives_in_place_of_a_person(start, tmp_path):
     again = start(recording=read_recording(tmp_path / "takes" / "take-001.teleop"))
     wait_for(lambda: again.snapshot.mode is Mode.SL, "the step")
     wait_for(lambda: again.snapshot.mode is Mode.D, "its end")
+
+
+def recorded(robot, path, **changes):
+    """A short run of commands to stay, recorded."""
+    still = ScriptedDevice([], *StepTeleoperator(robot).estimator.anchors)
+    run_teleop(robot, still, duration=0.05, recording=path, **changes)
+    return read_recording(path)
+
+
+def test_a_recording_is_played_with_the_parameters_that_it_was_made_with(
+    start, get_robot, tmp_path
+):
+    robot = get_robot("biped20")
+    parameters = replace(StepTeleoperator(robot).parameters, hand_scale=1.7, lift_speed=0.2)
+    made = recorded(robot, tmp_path / "made.teleop", parameters=parameters, rotator=False)
+    loop = start(recording=made)
+    assert loop.teleoperator.parameters == parameters
+    wait_for(lambda: loop.snapshot.time > 0.1, "some time")
+    loop.stop()
+    again = read_recording(tmp_path / "takes" / "take-001.teleop").setup
+    assert (again["parameters"]["hand_scale"], again["rotator"]) == (1.7, False)
+
+
+def test_a_recording_that_begins_elsewhere_than_at_home_is_refused(start, get_robot, tmp_path):
+    robot = get_robot("biped20")
+    lower = standing_posture(robot, com_height=0.72)
+    made = recorded(robot, tmp_path / "made.teleop", q_start=lower)
+    with pytest.raises(RecordingError, match=r"made\.teleop begins elsewhere.*replay_teleop"):
+        start(recording=made)
 
 
 def test_a_robot_without_feet_is_refused(get_robot, tmp_path):

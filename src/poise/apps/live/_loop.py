@@ -13,11 +13,13 @@ from poise.apps.live._inputs import OperatorInputs
 from poise.apps.live._log import LOG_SUFFIX, LiveLog, Takes
 from poise.apps.live._real_time import RealTimeLoop, command_time
 from poise.apps.live._snapshot import Snapshot
-from poise.apps.teleoperation import TELEOP_PLANT, foot_forces, teleop_setup
+from poise.apps.teleoperation import TELEOP_PLANT, foot_forces, recorded_setup, teleop_setup
 from poise.locomotion import (
     RecordedPush,
     Recording,
+    RecordingError,
     StepTeleoperator,
+    TeleopParameters,
     TeleopStatus,
     signed_margin,
     soles_outline,
@@ -75,6 +77,19 @@ _PLACES = (
 """Signals of a teleoperator that are points."""
 
 
+def _made_with(recording: Recording | None) -> tuple[TeleopParameters | None, bool]:
+    """Parameters, and whether the body rotator acts; those of a recording that is played."""
+    if recording is None or not recording.setup:
+        return None, True
+    setup = recorded_setup(recording)
+    if setup.q_start is not None:
+        raise RecordingError(
+            f"the recording {recording.path.name} begins elsewhere than at the robot's home",
+            wanted="replay_teleop, which begins there, too",
+        )
+    return setup.parameters, setup.rotator
+
+
 class LiveLoop(RealTimeLoop):
     """A biped whose feet somebody leads, in real time.
 
@@ -88,7 +103,7 @@ class LiveLoop(RealTimeLoop):
 
     Raises:
         ConfigurationError: the robot cannot be walked, or not at the plant's tick.
-        RecordingError: the recording is of another robot.
+        RecordingError: the recording is of another robot, or begins elsewhere than at its home.
 
     Attributes:
         log: of each take, beside its recording.
@@ -108,6 +123,7 @@ class LiveLoop(RealTimeLoop):
         self.takes = takes
         self._inputs, self._recording, self._seed = inputs, recording, seed
         self._config = plant
+        self._parameters, self._rotator = _made_with(recording)
         self.log = LiveLog()
         self._ticks: Generator[Tick] | None = None
         self._start()
@@ -137,7 +153,12 @@ class LiveLoop(RealTimeLoop):
     def _start(self) -> None:
         """Teleoperator and device as at the beginning."""
         self._end_rollout()
-        self.teleoperator = _LiveTeleoperator(self.robot, actuation=self._config.actuation)
+        self.teleoperator = _LiveTeleoperator(
+            self.robot,
+            actuation=self._config.actuation,
+            parameters=self._parameters,
+            rotator=self._rotator,
+        )
         check_period(self.teleoperator, self._dt)
         self.limits = limits_of(self.teleoperator)
         self._feet = LiveFeet(self._inputs, self.teleoperator)
@@ -154,6 +175,7 @@ class LiveLoop(RealTimeLoop):
             self._config,
             seed=self._seed,
             duration=_ENDLESS,
+            rotator=self._rotator,
         )
         self.takes.begin(setup)
         if not self.takes.room.is_full:

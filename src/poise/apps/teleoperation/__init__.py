@@ -17,6 +17,7 @@ from poise.apps.teleoperation._run import (
     TeleopLog,
     TeleopRun,
     plant_from_json as plant_from_json,
+    recorded_setup as recorded_setup,
     replay_teleop,
     run_teleop,
     teleop_setup as teleop_setup,

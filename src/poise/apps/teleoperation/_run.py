@@ -316,28 +316,65 @@ def replay_teleop(recording: Recording | str | Path, robot: Robot | None = None)
         recording = read_recording(recording)
     robot = load_robot(recording.robot) if robot is None else robot
     device = recording.device(robot=robot.name, dt=recording.dt)
+    setup = recorded_setup(recording)
+    return run_teleop(
+        robot,
+        device,
+        setup.plant,
+        duration=setup.duration,
+        seed=setup.seed,
+        parameters=setup.parameters,
+        rotator=setup.rotator,
+        q_start=setup.q_start,
+    )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RecordedSetup:
+    """What a recording was made with, beside its robot.
+
+    Attributes:
+        parameters: of the teleoperator.
+        rotator: whether the body rotator acts.
+        plant: of the run.
+        seed: of the sensor noise.
+        duration: of the run [s].
+        q_start: configuration at the start; None for the robot's home.
+    """
+
+    parameters: TeleopParameters
+    rotator: bool
+    plant: PlantConfig
+    seed: int
+    duration: float
+    q_start: Float64[np.ndarray, " nq"] | None
+
+
+def recorded_setup(recording: Recording) -> RecordedSetup:
+    """What a recording was made with.
+
+    Args:
+        recording: of `run_teleop` or of a live run.
+
+    Raises:
+        RecordingError: it does not say.
+    """
     setup = recording.setup
     try:
-        parameters = TeleopParameters(**setup["parameters"])
-        plant = plant_from_json(setup["plant"])
-        q_start = None if setup["q_start"] is None else np.array(setup["q_start"])
-        seed, duration, rotator = setup["seed"], setup["duration"], setup["rotator"]
+        return RecordedSetup(
+            parameters=TeleopParameters(**setup["parameters"]),
+            rotator=setup["rotator"],
+            plant=plant_from_json(setup["plant"]),
+            seed=setup["seed"],
+            duration=setup["duration"],
+            q_start=None if setup["q_start"] is None else np.array(setup["q_start"]),
+        )
     except (KeyError, TypeError) as error:
         raise RecordingError(
             f"the recording {recording.path.name} lacks the set-up of a run",
             got=f"{type(error).__name__}: {error}",
             wanted="one that run_teleop has written",
         ) from None
-    return run_teleop(
-        robot,
-        device,
-        plant,
-        duration=duration,
-        seed=seed,
-        parameters=parameters,
-        rotator=rotator,
-        q_start=q_start,
-    )
 
 
 def teleop_setup(
