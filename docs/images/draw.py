@@ -87,9 +87,7 @@ def draw_walk() -> None:
 def draw_report() -> None:
     """The main job's page, as a browser shows it."""
     folder = RUNS / MAIN
-    browser = shutil.which("chromium") or shutil.which("chromium-browser")
-    if browser is None:
-        sys.exit("no chromium on the path")
+    browser = _browser()
     with tempfile.TemporaryDirectory() as place:
         shot = Path(place) / "page.png"
         page = (folder / "report.html").resolve().as_uri()
@@ -102,9 +100,7 @@ def draw_report() -> None:
 
 def draw_teleop() -> None:
     """The page of `poise teleop`, with a foot held up."""
-    browser = shutil.which("chromium") or shutil.which("chromium-browser")
-    if browser is None:
-        sys.exit("no chromium on the path")
+    browser = _browser()
     robot = poise.load_robot("biped20")
     plant = replace(TORQUE_TELEOP_PLANT, blocks=terrain_blocks("obstacle", robot))
     options = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader"]
@@ -126,12 +122,21 @@ def draw_teleop() -> None:
             page.wait_for_timeout(6000)
             if page.evaluate("newest.mode === 'SR' && newest.soles[0][2] > 0.05"):
                 break
+        else:
+            sys.exit("no foot was lifted: the machine is too busy to draw the live page")
         # The plots are some seconds long.
         page.wait_for_timeout(4000)
         shot = Path(folder) / "page.png"
         page.screenshot(path=shot)
         page.keyboard.up("q")
         _save(Image.open(shot).convert("RGB"), "teleop.jpg")
+
+
+def _browser() -> str:
+    browser = shutil.which("chromium") or shutil.which("chromium-browser")
+    if browser is None:
+        sys.exit("no chromium on the path")
+    return browser
 
 
 def _at(log: poise.sim.RunRecord, name: str, time: float) -> np.ndarray:

@@ -39,7 +39,8 @@ def scenarios_section(options: StudyOptions, progress: Progress) -> Section:
     rows: list[tuple[str | float, ...]] = []
     jobs = [(robot, script) for robot in robots for script in SCRIPTS]
     for k, (name, script) in enumerate(jobs):
-        runs = {level: _run(load_robot(name), script, level) for level in _LEVELS}
+        robot = load_robot(name)
+        runs = {level: _run(robot, script, level) for level in _LEVELS}
         findings.append(_finding(name, script, runs["torque"]))
         rows += [_row(name, script, level, run) for level, run in runs.items()]
         progress(k + 1.0, float(len(jobs)))

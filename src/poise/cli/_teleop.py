@@ -90,13 +90,13 @@ def _plant(options: argparse.Namespace, robot: Any, recording: Any) -> Any:
     from poise.apps.teleoperation import (
         TELEOP_PLANT,
         TORQUE_TELEOP_PLANT,
-        plant_from_json,
+        recorded_setup,
         terrain_blocks,
     )
 
     plant = TELEOP_PLANT if options.actuation == "velocity" else TORQUE_TELEOP_PLANT
-    if recording is not None and "plant" in recording.setup:
-        plant = plant_from_json(recording.setup["plant"])
+    if recording is not None and recording.setup:
+        plant = recorded_setup(recording).plant
         if options.actuation not in (None, plant.actuation):
             raise ConfigurationError(
                 "a recording is played with what it was made with",

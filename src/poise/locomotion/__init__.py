@@ -33,6 +33,8 @@ from poise.locomotion._stepping import (
     WayPoint,
     draw_modes as draw_modes,
     read_recording as read_recording,
+    rotation_of as rotation_of,
+    yaw_of as yaw_of,
 )
 from poise.locomotion._support import (
     SupportPolygon as SupportPolygon,

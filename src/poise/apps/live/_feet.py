@@ -18,6 +18,8 @@ from poise.locomotion import (
     HeadSample,
     StepTeleoperator,
     VelocityLimits,
+    rotation_of,
+    yaw_of,
 )
 
 HOLD_HEIGHT = 0.10
@@ -174,7 +176,8 @@ class LiveFeet:
         velocity = self._velocity(pad)
         if any(velocity):
             # Who has walked faces ahead.
-            self._turned = (_Turned(), _Turned())
+            for turned in self._turned:
+                turned.angle = None
         return DeviceSample(
             time,
             left,
@@ -237,20 +240,10 @@ class LiveFeet:
         return anchor, _SPEED, False
 
 
-_ROUNDED, _UPSIDE_DOWN = 0.01, 0.3
-"""How far a quaternion's length may be from one; below this a foot is so far over that it faces
-nowhere."""
-
-
 def _yaw_of(orientation: Quaternion) -> float | None:
-    """What a unit quaternion turns to the left about the vertical [rad]; None for what is none.
-
-    The twist of q = swing * twist: 2 atan2(q_z, q_w), undefined for what stands on its head.
-    """
-    x, y, z, w = orientation
-    if abs(math.hypot(x, y, z, w) - 1.0) > _ROUNDED or math.hypot(z, w) < _UPSIDE_DOWN:
-        return None
-    return 2.0 * math.atan2(z, w)
+    """How a tracker is turned, to the left [rad]; None for no rotation, or one upside down."""
+    rotation = rotation_of(np.array(orientation, dtype=np.float64))
+    return None if rotation is None or rotation[2, 2] <= 0.0 else yaw_of(rotation)
 
 
 _SHARE = 0.85

@@ -2,7 +2,9 @@
 
 from poise.locomotion._stepping._com import ComDriver, ShifterDriver
 from poise.locomotion._stepping._device import Device, ScriptedDevice, WayPoint
+from poise.locomotion._stepping._footing import yaw_of
 from poise.locomotion._stepping._gaze import GazeLeader
+from poise.locomotion._stepping._grips import rotation_of
 from poise.locomotion._stepping._guard import DeviceGuard
 from poise.locomotion._stepping._hands import HandLeader, HandStatus
 from poise.locomotion._stepping._lean import TORSO_MOST
@@ -56,5 +58,7 @@ __all__ = [
     "WayPoint",
     "draw_modes",
     "read_recording",
+    "rotation_of",
     "scaled_parameters",
+    "yaw_of",
 ]

@@ -113,6 +113,7 @@ class StepTeleoperator:
         self.robot = checked_kind(robot, Robot, "the robot of the teleoperation")
         self.device = device
         self.device_error: Exception | None = None
+        self._said: type[Exception] | None = None
         self.soles = two_soles(robot)
         q_start = robot.q_home if q_start is None else q_start
         self.actuation = _checked_actuation(actuation, driver)
@@ -171,6 +172,7 @@ class StepTeleoperator:
         self.zmp_sensor = sensor = ZmpSensor(
             biped.frames, self.soles, biped.weight, p.zmp_time, p.dt
         )
+        self._said = None
         self._tasks.reset()
         self.hands.reset()
         self.gaze.reset()
@@ -324,8 +326,9 @@ class StepTeleoperator:
         try:
             sample = _checked_sample(self.device.sample(time))
         except Exception as error:
-            # Once, as long as it fails alike: a tick has no time for a line.
-            if repr(error) != repr(self.device_error):
+            # Each kind once, also where it fails now and then: a tick has no time for a line.
+            if type(error) is not self._said:
+                self._said = type(error)
                 _LOG.error("the device failed, and counts as silent", exc_info=error)
             self.device_error = error
             return None
@@ -462,4 +465,4 @@ def _checked_sample(sample: object) -> DeviceSample | None:
     """What a device has given, which may be anything."""
     if sample is None or isinstance(sample, DeviceSample):
         return sample
-    raise TypeError(f"no DeviceSample: {sample!r}")
+    raise TypeError(f"a {type(sample).__name__} is no DeviceSample")
