@@ -39,6 +39,21 @@ def in_folder(tmp_path, monkeypatch):
     return tmp_path
 
 
+@pytest.fixture
+def begun(monkeypatch):
+    """Name of the robot and plant of each session that is begun."""
+    from poise.apps import live
+
+    seen, session = [], live.LiveSession
+
+    def made(robot, *arguments, **options):
+        seen.append((robot.name, options["plant"]))
+        return session(robot, *arguments, **options)
+
+    monkeypatch.setattr(live, "LiveSession", made)
+    return seen
+
+
 @needs_page
 def test_it_says_where_to_drive_where_to_watch_and_how_to_step(in_folder, capsys):
     assert main(["teleop", "--no-open", "--port", "0", "--seconds", "0.5"]) == 0
@@ -70,9 +85,8 @@ def test_bad_input_is_one_line(in_folder, capsys, arguments, words):
 @needs_page
 @pytest.mark.parametrize("asked", [None, "flat"])
 def test_a_recording_is_played_on_its_own_terrain_unless_another_is_asked_for(
-    in_folder, monkeypatch, asked
+    in_folder, begun, asked
 ):
-    from poise.apps import live
     from poise.apps.teleoperation import TELEOP_PLANT, run_teleop, terrain_blocks
     from poise.locomotion import ScriptedDevice, WayPoint
     from poise.robots import load_robot
@@ -87,21 +101,13 @@ def test_a_recording_is_played_on_its_own_terrain_unless_another_is_asked_for(
         duration=0.1,
         recording=in_folder / "x.teleop",
     )
-    seen, session = [], live.LiveSession
-
-    def made(*arguments, **options):
-        seen.append(options["plant"].blocks)
-        return session(*arguments, **options)
-
-    monkeypatch.setattr(live, "LiveSession", made)
     line = ["teleop", "--no-open", "--port", "0", "--seconds", "0.3", "--device", "x.teleop"]
     assert main(line + ([] if asked is None else ["--terrain", asked])) == 0
-    assert seen == [blocks if asked is None else ()]
+    assert [plant.blocks for _, plant in begun] == [blocks if asked is None else ()]
 
 
 @needs_page
-def test_a_recording_is_of_its_own_robot_and_actuation(in_folder, capsys, monkeypatch):
-    from poise.apps import live
+def test_a_recording_is_of_its_own_robot_and_actuation(in_folder, capsys, begun):
     from poise.apps.teleoperation import TELEOP_PLANT, run_teleop
     from poise.locomotion import ScriptedDevice
     from poise.robots import load_robot
@@ -114,16 +120,19 @@ def test_a_recording_is_of_its_own_robot_and_actuation(in_folder, capsys, monkey
         recording=in_folder / "x.teleop",
     )
     assert "made with" in refused(capsys, "--device", "x.teleop", "--actuation", "torque")
-    seen, session = [], live.LiveSession
-
-    def made(robot, *arguments, **options):
-        seen.append((robot.name, options["plant"].actuation))
-        return session(robot, *arguments, **options)
-
-    monkeypatch.setattr(live, "LiveSession", made)
     line = ["teleop", "--no-open", "--port", "0", "--seconds", "0.3", "--device", "x.teleop"]
     assert main(line) == 0
-    assert seen == [("humanoid33", "velocity")]
+    ((name, plant),) = begun
+    assert (name, plant.actuation, plant.self_contact) == ("humanoid33", "velocity", False)
+
+
+@needs_page
+@pytest.mark.parametrize("actuation", ["torque", "velocity"])
+def test_links_of_a_robot_that_a_person_leads_touch(in_folder, begun, actuation):
+    line = ["teleop", "--no-open", "--port", "0", "--seconds", "0.1", "--actuation", actuation]
+    assert main(line) == 0
+    ((_, plant),) = begun
+    assert (plant.actuation, plant.self_contact) == (actuation, True)
 
 
 @needs_page

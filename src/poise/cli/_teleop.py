@@ -86,7 +86,7 @@ def act(options: argparse.Namespace) -> int:
 
 
 def _plant(options: argparse.Namespace, robot: Any, recording: Any) -> Any:
-    """The plant of the recording if one is played; the terrain that was asked for lies on it."""
+    """That of the recording if one is played, else one whose links touch; terrain lies on it."""
     from poise.apps.teleoperation import (
         TELEOP_PLANT,
         TORQUE_TELEOP_PLANT,
@@ -95,6 +95,8 @@ def _plant(options: argparse.Namespace, robot: Any, recording: Any) -> Any:
     )
 
     plant = TELEOP_PLANT if options.actuation == "velocity" else TORQUE_TELEOP_PLANT
+    # A person may lead hands and feet into the robot.
+    plant = replace(plant, self_contact=True)
     if recording is not None and recording.setup:
         plant = recorded_setup(recording).plant
         if options.actuation not in (None, plant.actuation):

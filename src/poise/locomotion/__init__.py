@@ -20,6 +20,7 @@ from poise.locomotion._stepping import (
     HandSample,
     HandStatus,
     HeadSample,
+    Lateness as Lateness,
     Mode,
     RecordedDevice as RecordedDevice,
     RecordedPush as RecordedPush,

@@ -566,6 +566,27 @@ def test_a_senders_clock_that_jumps_locks_nobody_out(made, monkeypatch, jump):
     assert operator.read().turn == 0.9
 
 
+@pytest.mark.parametrize("slower", [1e-4, 0.02, 0.5])
+def test_who_comes_later_and_later_is_silent_until_they_take_hold_anew(made, monkeypatch, slower):
+    operator, _, _ = made
+    now, lifted = 100.0, Pad(lift=(True, False))
+    monkeypatch.setattr(inputs.clock, "monotonic", lambda: now)
+    led, late = [], []
+    for tick in range(1500):
+        # A clock that drifts, or a link that has more to carry than it can.
+        now = 100.0 + 0.033 * (1.0 + slower) * tick
+        operator.pad(replace(lifted, beat=5e3 + 33.0 * tick))
+        led.append((pad := operator.read()) is not None and pad.lift[0])
+        late.append(now - 100.0 - 0.033 * tick)
+    gone = led.index(False) if False in led else len(led)
+    assert max(late[:gone]) < inputs.LATE + inputs.FRESH_FOR + 0.1
+    assert not any(led[gone:])
+    assert (gone == len(led)) == (slower == 1e-4)
+    operator.pad(Pad(beat=5e3 + 33.0 * 1500))
+    operator.pad(replace(lifted, beat=5e3 + 33.0 * 1501))
+    assert operator.read().lift[0]
+
+
 def test_whether_somebody_is_there_can_be_asked_without_taking_the_message():
     operator = OperatorInputs()
     assert not operator.alive

@@ -181,6 +181,34 @@ def test_a_foot_in_the_air_comes_down_when_the_clock_jumps(ahead):
     assert made.status is DeviceStatus.WAITING
 
 
+@pytest.mark.parametrize("slower", [5e-4, 0.02, 0.5])
+def test_what_comes_later_and_later_is_followed_for_so_long_only(slower):
+    """Clocks drift; a link that is choked delivers all of it, but an age after it was sent."""
+    made, up, led = held(), (0.0, 0.135, 0.1), []
+    for tick in range(1, 10_000):
+        found = check(made, sample(tick * DT / (1.0 + slower), left=up), tick * DT)
+        led.append(found is not None and found.left[2] == 0.1)
+    begun = led.index(True)
+    gone = next((k for k in range(begun, len(led)) if not led[k]), None)
+    if slower == 5e-4:
+        assert gone is None
+        return
+    # Half a second late, and half a second of silence until the device counts as lost.
+    assert gone * DT * slower / (1.0 + slower) < 1.1
+    assert not any(led[gone:])
+    assert made.status is not DeviceStatus.OK
+
+
+def test_a_robot_that_is_slowed_down_hears_nothing_late():
+    made, time, sent = held(), 0.0, 0.0
+    for speed in (1.0, 0.25, 0.0, 1.0):
+        for _ in range(400):
+            time, sent = time + DT * speed, sent + DT
+            check(made, sample(sent), time)
+            assert made.status is not DeviceStatus.LOST
+    assert made.status is DeviceStatus.OK
+
+
 def test_a_robot_whose_clock_goes_back_lets_go_and_takes_hold_again():
     """A plant that is reset, say: the hands' clock goes back with it, or does not."""
     for stamp in (0.0, 10.0):

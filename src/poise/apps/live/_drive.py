@@ -31,8 +31,8 @@ from poise.robots import Robot
 from poise.sim import PlantConfig, Tick, rollout
 from poise.stack import Stack
 
-DRIVE_PLANT = PlantConfig(control_dt=0.002)
-"""What a driven robot is simulated by."""
+DRIVE_PLANT = PlantConfig(control_dt=0.002, self_contact=True)
+"""What a driven robot is simulated by: its links touch, for a person may lead hands into it."""
 
 _STEP_MODES = ((Mode.TR, Mode.SR), (Mode.TL, Mode.SL))
 """What a robot does that is about to lift a foot, and that has lifted it, by the foot."""

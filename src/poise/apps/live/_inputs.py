@@ -12,8 +12,13 @@ from typing import Annotated, NamedTuple, TypeVar
 from msgspec import Meta, Struct
 from msgspec.structs import replace
 
+from poise.locomotion import Lateness
+
 FRESH_FOR = 0.4
 """The operator is there for so long after the last sign of life [s]."""
+
+LATE = 0.5
+"""What comes this much later than the soonest did is no sign of life [s]."""
 
 Deflection = Annotated[float, Meta(ge=-1.0, le=1.0)]
 Coordinate = Annotated[float, Meta(gt=-100.0, lt=100.0)]
@@ -96,7 +101,8 @@ class Pad(Struct, frozen=True, tag_field="do", tag="drive"):
         rest: whether hands that nothing leads shall go back to rest, and the head look ahead.
         body: height, torso, and how the feet are turned.
         beat: the sender's clock, which it gets back to measure the latency [ms]. What is older than
-            the newest is dropped. 0 for no clock.
+            the newest is dropped, and so is what comes 0.5 s later than the soonest did. 0 for no
+            clock.
     """
 
     lift: tuple[bool, bool] = (False, False)
@@ -139,6 +145,8 @@ class OperatorInputs:
     Whoever comes back after a silence takes hold anew: what was held in the first message after it
     counts as let go until it really is. A message that another one has overtaken is no sign of
     life: where a clock has jumped back, there is a silence, and then it is the new one that counts.
+    Nor is one that comes `LATE` later than the soonest did: whoever leads through a link that is
+    choked leads a robot of half a second ago.
     A clutch that was open in a message is seen to be, also where a closed one overtook it: messages
     come in bursts, and a hand that let go, moved and took hold anew must not seem to have led.
 
@@ -151,6 +159,7 @@ class OperatorInputs:
         self._lock = threading.Lock()
         self._pad = Pad()
         self._alive_at: float | None = None
+        self._lateness = Lateness()
         self._stale = Pad()
         self._unseen: Pad | None = None
         self.stages: deque[StageTimes] = deque(maxlen=_STAGES)
@@ -160,8 +169,12 @@ class OperatorInputs:
     def pad(self, pad: Pad) -> None:
         """Takes the state of keys, sticks and handles: a sign of life."""
         with self._lock:
-            alive = self._alive
+            alive, now = self._alive, clock.monotonic()
             if alive and 0.0 < pad.beat < self._pad.beat:
+                return
+            if not alive:
+                self._lateness.restart()
+            if pad.beat > 0.0 and self._lateness.of(1e-3 * pad.beat, now) > LATE:
                 return
             if not alive:
                 # Who has only just come may press keys at once; a handle has a place, which is an
@@ -171,7 +184,7 @@ class OperatorInputs:
             self._stale = _still_held(self._stale, pad)
             fresh = _without(pad, self._stale)
             self._unseen = fresh if self._unseen is None else _reopened(fresh, self._unseen)
-            self._pad, self._alive_at = fresh, clock.monotonic()
+            self._pad, self._alive_at = fresh, now
             self._unread = (1e-3 * pad.beat, self._alive_at)
 
     def clear(self) -> None:

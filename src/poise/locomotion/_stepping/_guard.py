@@ -1,6 +1,7 @@
 """`DeviceGuard`: whether to believe what the operator commands of the feet.
 
-`SampleClock`: which samples are news. `Pursuit`: follows no faster than may be.
+`SampleClock`: which samples are news. `Lateness`: how late a link makes them. `Pursuit`: follows no
+faster than may be.
 """
 
 import math
@@ -150,6 +151,36 @@ class DeviceGuard:
         return self._clock.takes(sample.time, time)
 
 
+_DRIFT = 1e-3
+"""By how much of the time two clocks may drift apart."""
+
+
+class Lateness:
+    """How much later than the soonest messages come, by stamps of a clock that nobody has set.
+
+    What grows by less than a thousandth of the time is taken for two clocks that drift apart. Where
+    the receiver's own time is slowed down or stopped nothing comes late.
+    """
+
+    def __init__(self) -> None:
+        self._soonest, self._at = math.inf, 0.0
+
+    def restart(self) -> None:
+        """Whatever comes next is on time."""
+        self._soonest = math.inf
+
+    def of(self, stamp: float, time: float) -> float:
+        """Takes what has come, and says how late it is [s].
+
+        Args:
+            stamp: when it was sent, on the sender's clock [s].
+            time: of the receiver, which does not go back but for `restart` [s].
+        """
+        drift, self._at = _DRIFT * (time - self._at), time
+        self._soonest = min(self._soonest + drift, time - stamp)
+        return time - stamp - self._soonest
+
+
 class SampleClock:
     """Says which samples are newer than the newest, and no more late than a link makes them.
 
@@ -163,6 +194,7 @@ class SampleClock:
 
     def __init__(self, late: float, lost_after: float) -> None:
         self._late, self._lost_after = late, lost_after
+        self._lateness = Lateness()
         self._newest = -math.inf
         self.heard_at = -math.inf
 
@@ -175,11 +207,14 @@ class SampleClock:
         """
         if not math.isfinite(stamp):
             return False
-        passed = time - self.heard_at
-        news = self.is_lost(time) or 0.0 < stamp - self._newest <= passed + self._late
-        if news:
-            self._newest, self.heard_at = stamp, time
-        return news
+        if self.is_lost(time):
+            self._lateness.restart()
+        elif not 0.0 < stamp - self._newest <= time - self.heard_at + self._late:
+            return False
+        if self._lateness.of(stamp, time) > self._late:
+            return False
+        self._newest, self.heard_at = stamp, time
+        return True
 
     def is_lost(self, time: float) -> bool:
         """Whether nothing was heard for too long, or the robot's clock has gone back as far.
