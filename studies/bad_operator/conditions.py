@@ -175,7 +175,8 @@ def pushes(robot: Robot, seed: int, seconds: float, dt: float) -> list[Push]:
 class Trial:
     """What a worker is asked for: a robot, a level, a condition, a seed, and a time [s].
 
-    The operator has one of the `HABITS`, or "" for the bad one, who has none.
+    The operator has one of the `HABITS`, or "" for the bad one, who has none. `solved_by` names
+    the controller; None for the usual one.
     """
 
     robot: str
@@ -184,6 +185,7 @@ class Trial:
     seed: int
     seconds: float
     habit: str = ""
+    solved_by: str | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -229,6 +231,7 @@ def run_trial(trial: Trial) -> Outcome:
         duration=trial.seconds,
         seed=seed,
         pushes=pushes(robot, seed, trial.seconds, plant.control_dt) if pushed else (),
+        solved_by=trial.solved_by,
     )
     log = run.log
     return Outcome(

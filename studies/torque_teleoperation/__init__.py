@@ -2,6 +2,7 @@
 
 from studies.plan import Part, StudyPlan
 from studies.torque_teleoperation.again_section import again_section
+from studies.torque_teleoperation.controllers_section import controllers_section
 from studies.torque_teleoperation.cuts_section import cuts_section
 from studies.torque_teleoperation.habits_section import habits_section
 from studies.torque_teleoperation.hands_section import hands_section
@@ -27,6 +28,7 @@ PLAN = StudyPlan(
         Part("operators", "Bad operators", operators_section),
         Part("mixed", "G1 under all conditions at once", mixed_section),
         Part("habits", "Operators with habits", habits_section),
+        Part("controllers", "Each controller of torques", controllers_section),
         Part("held", "Pushed with one foot held up", held_section),
         Part("again", "Pushed again while it catches itself", again_section),
         Part("cuts", "Connections cut in mid-step", cuts_section),
@@ -34,4 +36,4 @@ PLAN = StudyPlan(
         Part("standing", "Standing at velocity level", standing_section),
     ),
 )
-"""The study: nine parts."""
+"""The study: ten parts."""

@@ -74,6 +74,7 @@ def test_it_says_where_to_drive_where_to_watch_and_how_to_step(in_folder, capsys
         (("--port", "99999"), "0 to 65535"),
         (("--terrain", "swamp"), "flat, obstacle, steps, bumps"),
         (("--device", "no_such_file"), "browser, gamepad, or the file"),
+        (("--actuation", "velocity", "--controller", "osf"), "no such controller"),
         (("--seconds", "0"), "--seconds"),
         (("--seconds", "nan"), "--seconds"),
     ],
@@ -120,10 +121,27 @@ def test_a_recording_is_of_its_own_robot_and_actuation(in_folder, capsys, begun)
         recording=in_folder / "x.teleop",
     )
     assert "made with" in refused(capsys, "--device", "x.teleop", "--actuation", "torque")
+    assert "made with" in refused(capsys, "--device", "x.teleop", "--controller", "osf")
     line = ["teleop", "--no-open", "--port", "0", "--seconds", "0.3", "--device", "x.teleop"]
     assert main(line) == 0
     ((name, plant),) = begun
     assert (name, plant.actuation, plant.self_contact) == ("humanoid33", "velocity", False)
+
+
+@needs_page
+def test_what_finds_the_torques_is_asked_for_by_name(in_folder, monkeypatch):
+    from poise.apps import live
+
+    seen, session = [], live.LiveSession
+
+    def made(*arguments, **options):
+        seen.append(session(*arguments, **options))
+        return seen[0]
+
+    monkeypatch.setattr(live, "LiveSession", made)
+    line = ["teleop", "--no-open", "--port", "0", "--seconds", "0.1", "--controller", "reduced"]
+    assert main(line) == 0
+    assert seen[0].loop.teleoperator.solved_by == "reduced"
 
 
 @needs_page

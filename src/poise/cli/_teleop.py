@@ -47,6 +47,11 @@ def add_parser(verbs: Any) -> None:
         "(default: torque; with a recording, what it was made with)",
     )
     parser.add_argument(
+        "--controller",
+        choices=("whole_body", "reduced", "osf"),
+        help="what finds the torques (default: whole_body; with a recording, its own)",
+    )
+    parser.add_argument(
         "--terrain",
         metavar="T",
         help="what lies on the floor: flat, obstacle, steps, or bumps, whose places the seed draws "
@@ -75,6 +80,7 @@ def act(options: argparse.Namespace) -> int:
         recording=recording,
         plant=plant,
         seed=options.seed,
+        solved_by=options.controller,
     )
     hint = "To step: hold Q or E in the page, or drag a foot's handle up; let go to step down."
     run_live(session, robot.name, hint, options)
@@ -98,16 +104,22 @@ def _plant(options: argparse.Namespace, robot: Any, recording: Any) -> Any:
     # A person may lead hands and feet into the robot.
     plant = replace(plant, self_contact=True)
     if recording is not None and recording.setup:
-        plant = recorded_setup(recording).plant
-        if options.actuation not in (None, plant.actuation):
-            raise ConfigurationError(
-                "a recording is played with what it was made with",
-                got=f"--actuation {options.actuation}",
-                wanted=plant.actuation,
-            )
+        setup = recorded_setup(recording)
+        plant = setup.plant
+        _check_made_with("actuation", options.actuation, plant.actuation)
+        _check_made_with("controller", options.controller, setup.solved_by)
     if options.terrain is None:
         return plant
     return replace(plant, blocks=terrain_blocks(options.terrain, robot, seed=options.seed))
+
+
+def _check_made_with(option: str, asked: str | None, made: str | None) -> None:
+    if asked not in (None, made):
+        raise ConfigurationError(
+            "a recording is played with what it was made with",
+            got=f"--{option} {asked}",
+            wanted=made,
+        )
 
 
 def _recording(device: str) -> Any:

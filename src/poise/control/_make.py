@@ -10,6 +10,7 @@ from poise.control._differential_ik import STRATEGIES as IK_STRATEGIES, Differen
 from poise.control._osf import OperationalSpaceController
 from poise.control._reduced import ReducedController
 from poise.control._whole_body import WholeBodyController
+from poise.dynamics import Dynamics
 from poise.errors import ConfigurationError, UnknownNameError
 from poise.hqp import STRATEGIES
 from poise.robots import Robot
@@ -48,34 +49,60 @@ class ControllerKind:
     """
 
     strategies: tuple[str, ...]
-    make: Callable[[Robot, Stack | None, ControllerPlan, str], Controller]
+    make: Callable[[Robot, Stack | None, ControllerPlan, str, Dynamics | None], Controller]
     actuation: Literal["torque", "velocity"] = "torque"
 
 
 def _whole_body(
-    robot: Robot, stack: Stack | None, plan: ControllerPlan, strategy: str
+    robot: Robot,
+    stack: Stack | None,
+    plan: ControllerPlan,
+    strategy: str,
+    dynamics: Dynamics | None,
 ) -> Controller:
     return WholeBodyController(
-        robot, stack, strategy=strategy, backend=plan.backend, time_limit=plan.time_limit
+        robot,
+        stack,
+        strategy=strategy,
+        backend=plan.backend,
+        time_limit=plan.time_limit,
+        dynamics=dynamics,
     )
 
 
-def _reduced(robot: Robot, stack: Stack | None, plan: ControllerPlan, strategy: str) -> Controller:
+def _reduced(
+    robot: Robot,
+    stack: Stack | None,
+    plan: ControllerPlan,
+    strategy: str,
+    dynamics: Dynamics | None,
+) -> Controller:
     return ReducedController(
-        robot, stack, strategy=strategy, backend=plan.backend, time_limit=plan.time_limit
+        robot,
+        stack,
+        strategy=strategy,
+        backend=plan.backend,
+        time_limit=plan.time_limit,
+        dynamics=dynamics,
     )
 
 
-def _osf(robot: Robot, stack: Stack | None, plan: ControllerPlan, _: str) -> Controller:
+def _osf(
+    robot: Robot, stack: Stack | None, plan: ControllerPlan, _: str, dynamics: Dynamics | None
+) -> Controller:
     _refuse_solver_settings(plan, "the operational space formulation", "it solves in closed form")
-    return OperationalSpaceController(robot, stack)
+    return OperationalSpaceController(robot, stack, dynamics=dynamics)
 
 
 def _differential_ik(
-    robot: Robot, stack: Stack | None, plan: ControllerPlan, strategy: str
+    robot: Robot,
+    stack: Stack | None,
+    plan: ControllerPlan,
+    strategy: str,
+    dynamics: Dynamics | None,
 ) -> Controller:
     _refuse_solver_settings(plan, "differential inverse kinematics", "its problems are small")
-    return DifferentialIK(robot, stack, dt=plan.dt, strategy=strategy)
+    return DifferentialIK(robot, stack, dt=plan.dt, strategy=strategy, dynamics=dynamics)
 
 
 def _refuse_solver_settings(plan: ControllerPlan, controller: str, why: str) -> None:
@@ -118,7 +145,11 @@ def check_plan(plan: ControllerPlan) -> ControllerKind:
 
 
 def make_controller(
-    robot: Robot, stack: Stack | None = None, plan: ControllerPlan | None = None
+    robot: Robot,
+    stack: Stack | None = None,
+    plan: ControllerPlan | None = None,
+    *,
+    dynamics: Dynamics | None = None,
 ) -> Controller:
     """A controller by name.
 
@@ -126,6 +157,7 @@ def make_controller(
         robot: the robot.
         stack: contacts, limits and tasks; the robot's default stack when None.
         plan: which controller; the defaults of `ControllerPlan` when None.
+        dynamics: shared with the estimator of the state, see `Controller`; its own when None.
 
     Raises:
         UnknownNameError: no such controller, strategy or backend.
@@ -133,4 +165,4 @@ def make_controller(
     """
     plan = plan or ControllerPlan()
     kind = check_plan(plan)
-    return kind.make(robot, stack, plan, plan.strategy or kind.strategies[0])
+    return kind.make(robot, stack, plan, plan.strategy or kind.strategies[0], dynamics)

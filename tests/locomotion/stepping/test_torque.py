@@ -15,9 +15,16 @@ from poise.apps.teleoperation import (
     replay_teleop,
     run_teleop,
 )
-from poise.control import ReducedController, WholeBodyController
+from poise.control import OperationalSpaceController, ReducedController, WholeBodyController
 from poise.errors import ConfigurationError, UnknownNameError
-from poise.locomotion import ComDriver, Mode, ScriptedDevice, StepTeleoperator, TeleopParameters
+from poise.locomotion import (
+    ComDriver,
+    Mode,
+    ScriptedDevice,
+    StepTeleoperator,
+    TeleopParameters,
+    WayPoint,
+)
 from poise.locomotion._pendulum import ComShifter
 from poise.locomotion._stepping._com import ComFeedback
 from poise.locomotion._stepping._footing import Footing
@@ -113,6 +120,9 @@ def test_what_is_commanded_and_by_whom_is_checked(get_robot):
     robot = get_robot("biped20")
     with pytest.raises(UnknownNameError, match=r"no such actuation.*'position'.*velocity, torque"):
         StepTeleoperator(robot, actuation="position")
+    for actuation, name in (("torque", "differential_ik"), ("velocity", "osf")):
+        with pytest.raises(UnknownNameError, match=f"no such controller.*by {actuation}.*{name}"):
+            StepTeleoperator(robot, actuation=actuation, solved_by=name)
     driver = Mock(spec=ComDriver, omega=3.5)
     with pytest.raises(ConfigurationError, match="torques need the COM shifter"):
         StepTeleoperator(robot, actuation="torque", driver=driver)
@@ -120,16 +130,45 @@ def test_what_is_commanded_and_by_whom_is_checked(get_robot):
         walk(robot, up_and_down(), 1.0, plant=TORQUE_TELEOP_PLANT, parameters=TeleopParameters())
 
 
-def test_its_stack_may_be_solved_by_any_controller_of_torques(get_robot):
-    teleoperator = StepTeleoperator(get_robot("biped20"), actuation="torque")
-    assert isinstance(teleoperator.controller(), WholeBodyController)
+CONTROLLERS = {
+    "whole_body": WholeBodyController,
+    "reduced": ReducedController,
+    "osf": OperationalSpaceController,
+}
+
+
+def first_torque(robot, name):
+    """What a controller commands in the first tick."""
+    teleoperator = StepTeleoperator(robot, actuation="torque", solved_by=name)
+    controller = teleoperator.controller()
+    assert isinstance(controller, CONTROLLERS[name or "whole_body"])
     state = teleoperator.estimator.update(teleoperator.estimator.dynamics.state)
     teleoperator.lead(state)
-    one = teleoperator.controller().step(state)
-    other = ReducedController(teleoperator.robot, teleoperator.stack).step(state)
-    assert one.status.ok
-    assert other.status.ok
-    np.testing.assert_allclose(other.torque, one.torque, atol=1e-6)
+    command = controller.step(state)
+    assert command.status.ok
+    return command.torque
+
+
+def test_each_controller_of_torques_solves_the_same_stack(get_robot):
+    robot = get_robot("biped20")
+    usual = first_torque(robot, None)
+    np.testing.assert_allclose(first_torque(robot, "reduced"), usual, atol=1e-6)
+    # It damps what it inverts, and looks for internal forces by itself.
+    np.testing.assert_allclose(first_torque(robot, "osf"), usual, atol=0.01)
+
+
+@pytest.mark.parametrize("name", [slow("reduced"), "osf"])
+def test_a_step_is_led_whichever_controller_finds_the_torques(get_robot, tmp_path, name):
+    points = (WayPoint(at=0.4, right=(0.0, 0.0, 0.0)), WayPoint(at=1.0, right=(0.0, 0.0, 0.06)))
+    options = {"plant": TORQUE_TELEOP_PLANT.with_noise(), "recording": tmp_path / "x.teleop"}
+    run = walk(get_robot("g1"), points, 1.6, solved_by=name, **options)
+    assert not run.fell
+    assert run.log.tilt.max() < 0.1
+    assert run.log.soles[:, 1, 2].max() > 0.03
+    assert run.teleoperator.solved_by == name
+    again = replay_teleop(tmp_path / "x.teleop")
+    assert again.teleoperator.solved_by == name
+    np.testing.assert_array_equal(again.log.command, run.log.command)
 
 
 @pytest.mark.parametrize("name", [slow("biped20"), slow("humanoid33"), "g1"])

@@ -3,6 +3,7 @@
 import time as clock
 from collections import deque
 from collections.abc import Generator, Mapping
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float64
@@ -77,17 +78,25 @@ _PLACES = (
 """Signals of a teleoperator that are points."""
 
 
-def _made_with(recording: Recording | None) -> tuple[TeleopParameters | None, bool]:
-    """Parameters, and whether the body rotator acts; those of a recording that is played."""
+class _Making(NamedTuple):
+    """What a teleoperator is made with: `StepTeleoperator` has the same."""
+
+    parameters: TeleopParameters | None
+    rotator: bool
+    solved_by: str | None
+
+
+def _made_with(recording: Recording | None, solved_by: str | None) -> _Making:
+    """What a recording that is played was made with; as usual without."""
     if recording is None or not recording.setup:
-        return None, True
+        return _Making(None, True, solved_by)
     setup = recorded_setup(recording)
     if setup.q_start is not None:
         raise RecordingError(
             f"the recording {recording.path.name} begins elsewhere than at the robot's home",
             wanted="replay_teleop, which begins there, too",
         )
-    return setup.parameters, setup.rotator
+    return _Making(setup.parameters, setup.rotator, setup.solved_by)
 
 
 class LiveLoop(RealTimeLoop):
@@ -100,9 +109,12 @@ class LiveLoop(RealTimeLoop):
         recording: plays this in place of a person when given.
         plant: takes what the teleoperator is to command, at its tick.
         seed: of the sensor noise.
+        solved_by: name of the controller that solves the stack, see `StepTeleoperator`; a recording
+            that is played has its own.
 
     Raises:
         ConfigurationError: the robot cannot be walked, or not at the plant's tick.
+        UnknownNameError: no such controller of what the plant takes.
         RecordingError: the recording is of another robot, or begins elsewhere than at its home.
 
     Attributes:
@@ -118,12 +130,13 @@ class LiveLoop(RealTimeLoop):
         recording: Recording | None = None,
         plant: PlantConfig = TELEOP_PLANT,
         seed: int = 0,
+        solved_by: str | None = None,
     ) -> None:
         super().__init__(robot, plant, seed)
         self.takes = takes
         self._inputs, self._recording, self._seed = inputs, recording, seed
         self._config = plant
-        self._parameters, self._rotator = _made_with(recording)
+        self._making = _made_with(recording, solved_by)
         self.log = LiveLog()
         self._ticks: Generator[Tick] | None = None
         self._start()
@@ -156,8 +169,9 @@ class LiveLoop(RealTimeLoop):
         self.teleoperator = _LiveTeleoperator(
             self.robot,
             actuation=self._config.actuation,
-            parameters=self._parameters,
-            rotator=self._rotator,
+            parameters=self._making.parameters,
+            rotator=self._making.rotator,
+            solved_by=self._making.solved_by,
         )
         check_period(self.teleoperator, self._dt)
         self.limits = limits_of(self.teleoperator)
@@ -175,7 +189,7 @@ class LiveLoop(RealTimeLoop):
             self._config,
             seed=self._seed,
             duration=_ENDLESS,
-            rotator=self._rotator,
+            rotator=self._making.rotator,
         )
         self.takes.begin(setup)
         if not self.takes.room.is_full:

@@ -257,9 +257,12 @@ class LiveSession(_Session):
         recording: plays this in place of a person.
         plant: with torque actuation, or velocity, as in the paper.
         seed: of the sensor noise.
+        solved_by: name of the controller that solves the stack, see `StepTeleoperator`; a recording
+            that is played has its own.
 
     Raises:
         ConfigurationError: the robot cannot be walked.
+        UnknownNameError: no such controller of what the plant takes.
         RecordingError: the recording is of another robot.
         PortInUseError: the port is taken.
         NoGamepadError: a gamepad is wanted and none is there.
@@ -278,12 +281,21 @@ class LiveSession(_Session):
         recording: Recording | None = None,
         plant: PlantConfig = TORQUE_TELEOP_PLANT,
         seed: int = 0,
+        solved_by: str | None = None,
     ) -> None:
         inputs = OperatorInputs()
         source: Source = "gamepad" if gamepad else "browser" if recording is None else "recording"
         host = HostGamepad(inputs) if gamepad else None
         self.takes = Takes(Path(folder), robot=robot.name, dt=plant.control_dt)
-        loop = LiveLoop(robot, inputs, self.takes, recording=recording, plant=plant, seed=seed)
+        loop = LiveLoop(
+            robot,
+            inputs,
+            self.takes,
+            recording=recording,
+            plant=plant,
+            seed=seed,
+            solved_by=solved_by,
+        )
         super().__init__(loop, inputs, port=port, gamepad=host, source=source)
 
     def __enter__(self) -> "LiveSession":

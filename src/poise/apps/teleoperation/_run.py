@@ -218,6 +218,7 @@ def run_teleop(
     recording: str | Path | None = None,
     leader: type[StepTeleoperator] = StepTeleoperator,
     pushes: Sequence[Push] = (),
+    solved_by: str | None = None,
 ) -> TeleopRun:
     """Walks a simulated robot by a device.
 
@@ -235,9 +236,11 @@ def run_teleop(
         leader: leads by rules of its own, for studies.
         pushes: on the torso, in order of time: the tick at whose beginning, the force in the world
             [N], how long [s]. Those of a recording come by themselves.
+        solved_by: name of the controller that solves the stack, see `StepTeleoperator`.
 
     Raises:
         ConfigurationError: the plant has another tick.
+        UnknownNameError: no such controller of what the plant takes.
     """
     checked_number(duration, "duration of the run [s]", above=0.0)
     teleoperator = leader(
@@ -247,6 +250,7 @@ def run_teleop(
         rotator=rotator,
         driver=driver,
         actuation=plant.actuation,
+        solved_by=solved_by,
     )
     check_period(teleoperator, plant.control_dt)
     if recording is not None and (driver is not None or leader is not StepTeleoperator):
@@ -326,6 +330,7 @@ def replay_teleop(recording: Recording | str | Path, robot: Robot | None = None)
         parameters=setup.parameters,
         rotator=setup.rotator,
         q_start=setup.q_start,
+        solved_by=setup.solved_by,
     )
 
 
@@ -340,6 +345,7 @@ class RecordedSetup:
         seed: of the sensor noise.
         duration: of the run [s].
         q_start: configuration at the start; None for the robot's home.
+        solved_by: name of the controller that solved the stack; None for the usual one.
     """
 
     parameters: TeleopParameters
@@ -348,6 +354,7 @@ class RecordedSetup:
     seed: int
     duration: float
     q_start: Float64[np.ndarray, " nq"] | None
+    solved_by: str | None
 
 
 def recorded_setup(recording: Recording) -> RecordedSetup:
@@ -368,6 +375,8 @@ def recorded_setup(recording: Recording) -> RecordedSetup:
             seed=setup["seed"],
             duration=setup["duration"],
             q_start=None if setup["q_start"] is None else np.array(setup["q_start"]),
+            # The first recordings do not say.
+            solved_by=setup.get("solved_by"),
         )
     except (KeyError, TypeError) as error:
         raise RecordingError(
@@ -403,4 +412,5 @@ def teleop_setup(
         "seed": seed,
         "duration": duration,
         "q_start": None if q_start is None else q_start.tolist(),
+        "solved_by": teleoperator.solved_by,
     }

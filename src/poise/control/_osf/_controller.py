@@ -10,6 +10,7 @@ from poise.control._osf._limits import DemandLimit
 from poise.control._osf._strategy import OperationalStrategy
 from poise.control._rank import RankTreatment
 from poise.control._strategy import bound_stack
+from poise.dynamics import Dynamics
 from poise.robots import Robot
 from poise.stack import Stack, Task
 
@@ -39,6 +40,7 @@ class OperationalSpaceController(Controller):
             it; `math.inf` for no bound.
         torque_step: largest change of a torque from tick to tick [N m], one number or one a joint;
             a tenth of the torque limits when None, `math.inf` for no bound.
+        dynamics: shared with the estimator of the state, see `Controller`; its own when None.
 
     Raises:
         PoiseError: a name that the robot does not have, no task, or a setting that cannot be right.
@@ -52,6 +54,7 @@ class OperationalSpaceController(Controller):
         rank: RankTreatment | None = None,
         demand: float = 50.0,
         torque_step: Numbers | None = None,
+        dynamics: Dynamics | None = None,
     ) -> None:
         stack = bound_stack(robot, stack)
         limit = None
@@ -59,7 +62,9 @@ class OperationalSpaceController(Controller):
             limit = DemandLimit(acceleration=demand, base=robot.base_dofs)
         rank = checked_kind(rank or RankTreatment(), RankTreatment, "rank of the controller")
         self._operational = OperationalStrategy(robot, stack, rank, limit)
-        super().__init__(self._operational, rate_limit=RateLimit(robot, torque_step))
+        super().__init__(
+            self._operational, rate_limit=RateLimit(robot, torque_step), dynamics=dynamics
+        )
 
     @property
     def strategy(self) -> OperationalStrategy:

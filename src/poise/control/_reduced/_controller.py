@@ -263,6 +263,7 @@ class ReducedController(Controller):
         backend: QP solver of the cascade and weighted strategies.
         time_limit: cap of one solve [s], beyond which the command is the fallback's; none when
             None.
+        dynamics: shared with the estimator of the state, see `Controller`; its own when None.
 
     Raises:
         PoiseError: a name that the robot does not have, or a setting that cannot be right.
@@ -276,6 +277,7 @@ class ReducedController(Controller):
         strategy: str = "direct",
         backend: str | None = None,
         time_limit: float | None = None,
+        dynamics: Dynamics | None = None,
     ) -> None:
         announce()
         stack = bound_stack(robot, stack)
@@ -286,7 +288,7 @@ class ReducedController(Controller):
             return ReducedProgram(robot, stack, contacts, partition, make_solver)
 
         self._programs = Programs(robot, stack, make)
-        super().__init__(self._programs)
+        super().__init__(self._programs, dynamics=dynamics)
         _rehearse(robot, partitions, make_solver)
 
     @property

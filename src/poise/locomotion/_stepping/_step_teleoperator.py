@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from poise._checks import checked_kind
-from poise.control import Controller, is_usable
+from poise.control import CONTROLLERS, Controller, is_usable
 from poise.dynamics import RobotState
 from poise.errors import ConfigurationError, UnknownNameError
 from poise.locomotion._pendulum import BodyRotator, ComShifter
@@ -78,12 +78,14 @@ class StepTeleoperator:
         rotator: whether the body rotator acts, where velocities are commanded.
         driver: moves the COM; the COM shifter when None.
         actuation: what is commanded, "velocity" or "torque".
+        solved_by: name of the controller of torques that solves the stack: "whole_body", "reduced"
+            or "osf"; the first when None.
 
     Raises:
         ConfigurationError: no two feet, legs of too few joints, soles that do not fit; servos of
             commanded velocities so soft that the robot would sway over one foot until it falls;
             another driver than the COM shifter for torques.
-        UnknownNameError: no such actuation.
+        UnknownNameError: no such actuation, or no such controller of it.
 
     Attributes:
         robot: that is walked.
@@ -93,6 +95,7 @@ class StepTeleoperator:
         parameters: in use.
         driver: in use.
         actuation: what is commanded.
+        solved_by: name of the controller that solves the stack.
         estimator: where the robot is taken to be; its `update` comes before `lead`.
         zmp_sensor: ZMP and loads as measured.
         hands: leads the arms.
@@ -109,6 +112,7 @@ class StepTeleoperator:
         rotator: bool = True,
         driver: ComDriver | None = None,
         actuation: str = "velocity",
+        solved_by: str | None = None,
     ) -> None:
         self.robot = checked_kind(robot, Robot, "the robot of the teleoperation")
         self.device = device
@@ -117,6 +121,7 @@ class StepTeleoperator:
         self.soles = two_soles(robot)
         q_start = robot.q_home if q_start is None else q_start
         self.actuation = _checked_actuation(actuation, driver)
+        self.solved_by = _checked_controller(solved_by, actuation)
         self.estimator = StanceEstimator(robot, self.soles, q_start, inertial=actuation == "torque")
         left, right = self.estimator.anchors
         self._com_height = float(self.estimator.dynamics.com[2] - 0.5 * (left[2] + right[2]))
@@ -156,7 +161,7 @@ class StepTeleoperator:
         self._own: OwnSteps | None = None
         self._one_foot = WIDE
         if actuation == "torque":
-            self._tasks = TorqueTasks(self._biped, p.dt, limbs)
+            self._tasks = TorqueTasks(self._biped, p.dt, limbs, self.solved_by)
             self._one_foot = one_foot(robot, driver.omega, p.support_margin)
             self._own = OwnSteps(robot, self._tasks, q_start, p.dt)
         else:
@@ -459,6 +464,18 @@ def _checked_actuation(actuation: str, driver: ComDriver | None) -> str:
             wanted="ShifterDriver, or none",
         )
     return actuation
+
+
+def _checked_controller(name: str | None, actuation: str) -> str:
+    """That controller, or the first one that commands so."""
+    choices = [each for each, kind in CONTROLLERS.items() if kind.actuation == actuation]
+    if name is None:
+        return choices[0]
+    if name not in choices:
+        raise UnknownNameError(
+            f"no such controller for step teleoperation by {actuation}", got=name, choices=choices
+        )
+    return name
 
 
 def _checked_sample(sample: object) -> DeviceSample | None:

@@ -7,7 +7,7 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float64
 
-from poise.control import Controller, WholeBodyController
+from poise.control import Controller, ControllerPlan, make_controller
 from poise.dynamics import Dynamics
 from poise.locomotion._stepping._biped import Biped
 from poise.locomotion._stepping._desired import DesiredMotion
@@ -109,14 +109,17 @@ class TorqueTasks:
         biped: the robot.
         dt: length of a tick [s].
         limbs: of the joints of arms and neck, which somebody else leads.
+        solved_by: name of the controller that solves the stack.
 
     Attributes:
         stack: to be solved for torques.
     """
 
-    def __init__(self, biped: Biped, dt: float, limbs: Sequence[JointTask]) -> None:
+    def __init__(
+        self, biped: Biped, dt: float, limbs: Sequence[JointTask], solved_by: str
+    ) -> None:
         robot = biped.robot
-        self._robot, self._dt = robot, dt
+        self._robot, self._dt, self._plan = robot, dt, ControllerPlan(name=solved_by)
         self._com = ComTask(kp=_KP_COM, weight=_BALANCE)
         self._feet = [FrameTask(sole, kp=_KP_FOOT, name=f"{sole} foot") for sole in biped.soles]
         frames = robot.model.frames
@@ -161,7 +164,7 @@ class TorqueTasks:
         Args:
             dynamics: of the estimated state.
         """
-        return WholeBodyController(self._robot, self.stack, dynamics=dynamics)
+        return make_controller(self._robot, self.stack, self._plan, dynamics=dynamics)
 
     def ask(self, footing: Footing, desired: DesiredMotion, *, upright: bool) -> None:
         """Sets contacts and references for a tick.
