@@ -3,9 +3,9 @@
 `record_walk`: a walk by scripted hands, recorded once: what the step teleoperator was told.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from time import perf_counter, process_time
+from time import process_time, thread_time
 
 import numpy as np
 from jaxtyping import Float64
@@ -13,15 +13,29 @@ from jaxtyping import Float64
 from benchmarks.clocked import collector_paused
 from benchmarks.recording import Progress
 from benchmarks.result import Result, spread_us, text_table
-from poise.apps.teleoperation import SCRIPTS, TELEOP_PLANT, Script, TeleopRun, run_teleop
+from poise.apps.teleoperation import (
+    SCRIPTS,
+    TELEOP_PLANT,
+    TORQUE_TELEOP_PLANT,
+    Script,
+    TeleopRun,
+    run_teleop,
+)
+from poise.control import Command
 from poise.dynamics import RobotState
-from poise.errors import ConfigurationError, PoiseError
+from poise.errors import ConfigurationError, PoiseError, UnknownNameError
 from poise.locomotion import Device, DeviceSample, StepTeleoperator
 from poise.robots import Robot, load_robot
 from poise.sim import Plant, PlantConfig, rollout
 
 SCENARIO = "over_an_obstacle"
 """The script that is walked: both feet stand, shift, swing and land in it."""
+
+PLANTS = {"torque": TORQUE_TELEOP_PLANT, "velocity": TELEOP_PLANT}
+"""By what is commanded."""
+
+PARTS = ("estimator", "leader", "controller")
+"""Of a control step, in their order."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -41,23 +55,24 @@ class Walk:
     plant: PlantConfig
 
     @classmethod
-    def over_an_obstacle(cls, robot: Robot) -> "Walk":
+    def over_an_obstacle(cls, robot: Robot, actuation: str = "velocity") -> "Walk":
         """Scenario 1 of Zhang and Kikuuwe, scaled to the robot.
 
         Args:
             robot: a biped with legs of six joints.
+            actuation: what is commanded, one of `PLANTS`.
 
         Raises:
             ConfigurationError: the robot cannot be walked.
         """
         # Says what is wrong with a robot that is no biped, before a script is made for it.
-        StepTeleoperator(robot)
+        StepTeleoperator(robot, actuation=actuation)
         script = SCRIPTS[SCENARIO](robot)
         return cls(
             robot=robot,
             script=script,
             q_start=script.posture(robot),
-            plant=replace(TELEOP_PLANT, blocks=script.blocks),
+            plant=replace(PLANTS[actuation], blocks=script.blocks),
         )
 
     @property
@@ -67,7 +82,7 @@ class Walk:
 
     def teleoperator(self) -> StepTeleoperator:
         """A teleoperator that has not begun."""
-        return StepTeleoperator(self.robot, q_start=self.q_start)
+        return StepTeleoperator(self.robot, q_start=self.q_start, actuation=self.plant.actuation)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -132,12 +147,16 @@ class TeleopBench:
         robot: name or path of a biped with legs of six joints.
         ticks: timed ticks; the walk is gone through from its start as often as it takes. All of
             one pass when None.
+        actuation: what is commanded, one of `PLANTS`.
     """
 
     robot: str = "biped20"
     ticks: int | None = None
+    actuation: str = "torque"
 
     def __post_init__(self) -> None:
+        if self.actuation not in PLANTS:
+            raise UnknownNameError("no such actuation", got=self.actuation, choices=PLANTS)
         if self.ticks is not None and self.ticks < 1:
             raise ConfigurationError("nothing to time", got=self.ticks, wanted="at least one tick")
 
@@ -150,11 +169,14 @@ class TeleopResult(Result):
         robot: name of the robot.
         joints: its actuated joints.
         controller: "teleop".
+        actuation: what is commanded.
         scenario: the script that was walked.
         period_us: the control period T [us].
-        p50_us: median step, from state and device sample to joint velocities [us].
+        p50_us: median step, from state and device sample to the command, by processor time of the
+            thread [us].
         p99_us: 99th percentile [us].
         max_us: longest step [us].
+        estimator_us, leader_us, controller_us: medians of its parts [us].
         share_of_period: p50_us by period_us.
         ticks: timed steps.
         single_support: share of them with one foot in the air.
@@ -170,11 +192,15 @@ class TeleopResult(Result):
     robot: str
     joints: int
     controller: str
+    actuation: str
     scenario: str
     period_us: float
     p50_us: float
     p99_us: float
     max_us: float
+    estimator_us: float
+    leader_us: float
+    controller_us: float
     share_of_period: float
     ticks: int
     single_support: float
@@ -190,14 +216,19 @@ class StepTimes:
     """One pass.
 
     Attributes:
-        seconds: each step [s].
+        parts: each step, part by part as in `PARTS`, by processor time of the thread [s].
         single: whether one foot was in the air after it.
         missed: whether it gave no usable command.
     """
 
-    seconds: Float64[np.ndarray, " ticks"]
+    parts: Float64[np.ndarray, "ticks 3"]
     single: Sequence[bool]
     missed: Sequence[bool]
+
+    @property
+    def seconds(self) -> Float64[np.ndarray, " ticks"]:
+        """Each step [s]."""
+        return self.parts.sum(axis=1)
 
 
 def bench_teleop(plan: TeleopBench, progress: Progress | None = None) -> list[TeleopResult]:
@@ -218,7 +249,7 @@ def bench_teleop(plan: TeleopBench, progress: Progress | None = None) -> list[Te
         PoiseError: the robot cannot be walked, or fell.
     """
     robot = load_robot(plan.robot)
-    walk = Walk.over_an_obstacle(robot)
+    walk = Walk.over_an_obstacle(robot, plan.actuation)
     wanted = walk.ticks - WARM_UP if plan.ticks is None else plan.ticks
     length = min(wanted + WARM_UP, walk.ticks)
     passes = _passes(wanted, length)
@@ -240,24 +271,39 @@ def bench_teleop(plan: TeleopBench, progress: Progress | None = None) -> list[Te
     return [_result(walk, run, processor, timed)]
 
 
-def time_steps(walk: Walk, recorded: Sequence[WalkTick]) -> StepTimes:
-    """Times a new controller on a recorded walk, from its start."""
+def time_steps(
+    walk: Walk,
+    recorded: Sequence[WalkTick],
+    look: Callable[[Command], object] | None = None,
+) -> StepTimes:
+    """Times a new controller on a recorded walk, from its start.
+
+    Args:
+        walk: what was walked.
+        recorded: what the teleoperator was told.
+        look: shown each command.
+    """
     teleoperator = walk.teleoperator()
     controller = teleoperator.controller()
     samples = iter([tick.sample for tick in recorded])
     teleoperator.device = _Replayed(samples)
-    seconds = np.zeros(len(recorded))
+    parts = np.zeros((len(recorded), len(PARTS)))
     single: list[bool] = []
     missed: list[bool] = []
     for i, tick in enumerate(recorded):
-        begin = perf_counter()
+        asked = thread_time()
         estimate = teleoperator.estimator.update(tick.state)
+        begin = thread_time()
         teleoperator.lead(estimate)
+        led = thread_time()
         command = controller.step(estimate)
-        seconds[i] = perf_counter() - begin
+        parts[i] = begin - asked, led - begin, thread_time() - led
+        teleoperator.estimator.command(command.acceleration, tick.state.time)
+        if look is not None:
+            look(command)
         single.append(teleoperator.mode.single)
         missed.append(not command.status.ok)
-    return StepTimes(seconds=seconds, single=single, missed=missed)
+    return StepTimes(parts=parts, single=single, missed=missed)
 
 
 class _Replayed:
@@ -300,11 +346,13 @@ def _result(
     walk: Walk, run: TeleopRun, processor: float, passes: Sequence[StepTimes]
 ) -> TeleopResult:
     times = np.concatenate([each.seconds[WARM_UP:] for each in passes])
+    parts = 1e6 * np.median(np.concatenate([each.parts[WARM_UP:] for each in passes]), axis=0)
     period = walk.plant.control_dt
     return TeleopResult(
         robot=walk.robot.name,
         joints=walk.robot.nj,
         controller="teleop",
+        actuation=walk.plant.actuation,
         scenario=SCENARIO,
         period_us=round(1e6 * period, 1),
         share_of_period=round(float(np.median(times)) / period, 4),
@@ -316,6 +364,7 @@ def _result(
         real_time_factor_cpu=round(run.plant.time / processor, 2),
         simulation_p50_us=round(run.tick_us, 1),
         **spread_us(times),
+        **{f"{name}_us": round(float(part), 1) for name, part in zip(PARTS, parts, strict=True)},
     )
 
 
@@ -324,7 +373,10 @@ def _counted(columns: Sequence[Sequence[bool]]) -> list[bool]:
     return [value for column in columns for value in column[WARM_UP:]]
 
 
-_HEADS = ("p50", "p99", "max", "% of T", "in sim.", "real time", "by CPU")
+_HEADS = (
+    "p50", "p99", "max", "estimator", "leader", "controller", "% of T", "in sim.", "real time",
+    "by CPU",
+)  # fmt: skip
 
 
 def format_teleop_table(results: Sequence[TeleopResult]) -> str:
@@ -334,6 +386,7 @@ def format_teleop_table(results: Sequence[TeleopResult]) -> str:
     for r in results:
         cells = [
             *(f"{t:.0f}" for t in (r.p50_us, r.p99_us, r.max_us)),
+            *(f"{t:.0f}" for t in (r.estimator_us, r.leader_us, r.controller_us)),
             f"{100.0 * r.share_of_period:.1f}",
             f"{r.simulation_p50_us:.0f}",
             f"x {r.real_time_factor:.1f}",
@@ -343,5 +396,6 @@ def format_teleop_table(results: Sequence[TeleopResult]) -> str:
         rows.append(
             (r.robot, cells, words + (f", {r.missed_ticks} FAILED" if r.missed_ticks else ""))
         )
-    title = f"step teleoperator, {first.scenario}, T = {first.period_us / 1e3:g} ms; times in us"
+    title = f"step teleoperator by {first.actuation}, {first.scenario}, "
+    title += f"T = {first.period_us / 1e3:g} ms; times in us"
     return "\n".join([title, *text_table(_HEADS, rows)])

@@ -41,13 +41,14 @@ def add_teleop(commands: Any) -> None:
         "--robot g1",
     )
     parser.add_argument("--robot", metavar="R", help="a biped (default: biped20)")
+    parser.add_argument("--actuation", metavar="A", help="torque (default) or velocity")
     parser.add_argument("--ticks", metavar="N", type=int, help="timed ticks (default: one walk)")
 
 
 def _teleop(options: argparse.Namespace) -> None:
     from benchmarks.teleop import TeleopBench, bench_teleop, format_teleop_table
 
-    plan = TeleopBench(**given(options, "robot", "ticks"))
+    plan = TeleopBench(**given(options, "robot", "ticks", "actuation"))
     time_and_print(options, plan, bench_teleop, format_teleop_table)
 
 

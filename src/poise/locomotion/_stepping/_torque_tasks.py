@@ -115,9 +115,7 @@ class TorqueTasks:
         stack: to be solved for torques.
     """
 
-    def __init__(
-        self, biped: Biped, dt: float, limbs: Sequence[JointTask], solved_by: str
-    ) -> None:
+    def __init__(self, biped: Biped, dt: float, limbs: Sequence[JointTask], solved_by: str) -> None:
         robot = biped.robot
         self._robot, self._dt, self._plan = robot, dt, ControllerPlan(name=solved_by)
         self._com = ComTask(kp=_KP_COM, weight=_BALANCE)
