@@ -343,6 +343,7 @@ def test_keys_and_a_gamepad_bend_the_body_until_it_is_set_straight(browser, run_
                 ("f", lambda body: body["height"] < -0.01),
                 ("k", lambda body: body["torso"][1] < -0.05),
                 ("j", lambda body: body["torso"][2] > 0.05),
+                ("h", lambda body: body["torso"][0] > 0.05),
             ):
                 keyboard.down(key)
                 wait_for(lambda bent=bent: bent(asked(session)), key)
@@ -356,6 +357,7 @@ def test_keys_and_a_gamepad_bend_the_body_until_it_is_set_straight(browser, run_
             keyboard.up("e")
             stays = page.ask("({...body})")
             page.wait("part('body-now').textContent.includes('right foot')", "the words")
+            assert "right" in page.text("bent-roll")
             assert page.ask("({...body})") == stays
             page.ask(
                 "navigator.getGamepads = () => [{connected: true, axes: [], buttons:"

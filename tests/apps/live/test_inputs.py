@@ -541,6 +541,30 @@ def test_a_tracked_foot_that_was_lost_leads_only_by_a_fresh_clutch(made, monkeyp
     np.testing.assert_allclose(sample.left - anchor, [0.1, 0.0, 0.05], atol=1e-12)
 
 
+def test_a_tracker_that_says_how_fast_it_is_says_so_of_the_foot_that_follows_it(made, monkeypatch):
+    operator, _, device = made
+    monkeypatch.setattr(StepTeleoperator, "ahead", np.pi / 2)
+    fast = (0.2, 0.0, 0.1)
+    held = replace(tracked(1.0, 0.1), tracked=(Tracked((1.0, 0.0, 0.1), True, None, fast), None))
+    run(operator, device, 2, tracked(1.0, 0.1, clutch=False))
+    sample = run(operator, device, 2, held)
+    np.testing.assert_allclose(sample.rates[0], [0.0, 0.2, 0.1], atol=1e-12)
+    assert sample.rates[1] is None
+    # One that lags behind its tracker does not go as fast, and one that is let go does not go.
+    far = Tracked((1.2, 0.0, 0.1), True, None, fast)
+    assert run(operator, device, 1, replace(held, tracked=(far, None))).rates[0] is None
+    assert run(operator, device, 1, tracked(1.2, 0.1, clutch=False)).rates == (None, None)
+
+
+def test_a_tracked_hand_says_how_fast_it_is(made):
+    operator, _, device = made
+    hand = Tracked((0.0, 0.0, 0.0), True, None, (0.0, 0.3, 0.0))
+    run(operator, device, 1, Pad())
+    sample = run(operator, device, 1, Pad(hands=(hand, Tracked((0.0, 0.0, 0.0)))))
+    np.testing.assert_array_equal(sample.hands[0].velocity, [0.0, 0.3, 0.0])
+    assert sample.hands[1].velocity is None
+
+
 def test_messages_that_others_have_overtaken_are_dropped(made):
     operator, _, _ = made
     operator.pad(Pad(beat=1000.0, turn=0.1))

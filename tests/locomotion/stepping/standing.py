@@ -66,3 +66,10 @@ def measured(robot, left, right, time):
         for name, load in zip(biped(robot).soles, (left, right), strict=True)
     }
     return RobotState(robot.q_home, np.zeros(robot.nv), wrenches, time)
+
+
+def steady(robot, **changes):
+    """A footing whose divergent component is at the centre of the sole that carries."""
+    now = footing(robot, **changes)
+    way = now.anchors[0][:2] - now.dynamics.com[:2]
+    return footing(robot, **changes, com_velocity=tuple((way * now.omega).tolist()))

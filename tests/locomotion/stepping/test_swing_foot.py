@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from standing import PARAMETERS, biped, footing
+from standing import PARAMETERS, biped, footing, steady
 from walker import sample
 
 from poise.locomotion import Mode
@@ -16,13 +16,6 @@ AT_ONCE = replace(PARAMETERS, swing_time=1e-12)
 
 def target(robot):
     return FootTarget(FootRange(robot, biped(robot).soles, PARAMETERS), PARAMETERS)
-
-
-def steady(robot, **changes):
-    """A footing whose divergent component is at the centre of the sole that carries."""
-    now = footing(robot, **changes)
-    way = now.anchors[0][:2] - now.dynamics.com[:2]
-    return footing(robot, **changes, com_velocity=tuple((way * now.omega).tolist()))
 
 
 def device_at(footing, up, ahead=0.0):

@@ -37,6 +37,8 @@ _STRAY = 0.3
 """A tracked hand or foot that is further away from one message to the next [m] is another thing."""
 _STICK_LEAD = 0.06
 """The stick moves a device no further than this ahead of its foot, along an axis [m]."""
+_THERE = 1e-6
+"""A device that is no farther from where it is led follows it [m]."""
 _HANDLE_LEAD = 0.4
 """A handle, hand or foot is followed no further than this away from the robot's foot, along an axis
 [m]: further than a leg reaches, and near enough to be back within a second."""
@@ -82,6 +84,12 @@ class _Clutch:
         if self._offset is None:
             return None
         return self._offset + along_ahead(tracked.position, self._ahead)
+
+    def rate(self, tracked: Tracked | None) -> Float64[np.ndarray, "3"] | None:
+        """How fast the place moves to which it leads [m/s]; None where the tracker does not say."""
+        if self._offset is None or tracked is None or tracked.velocity is None:
+            return None
+        return along_ahead(tracked.velocity, self._ahead)
 
 
 class _Turned:
@@ -165,6 +173,7 @@ class LiveFeet:
             self._turned = (_Turned(), _Turned())
             self._walks = False
             return None
+        rates: list[Float64[np.ndarray, "3"] | None] = [None, None]
         for foot in (0, 1):
             goal, speed, down = self._goal(foot, pad)
             most = self._dt * speed
@@ -172,6 +181,8 @@ class LiveFeet:
             if down:
                 step[2] = max(step[2], -self._dt * _DOWN_SPEED)
             self.places[foot] = self.places[foot] + step
+            if math.dist(self.places[foot], goal) < _THERE:
+                rates[foot] = self._clutches[foot].rate(pad.tracked[foot])
         left, right = (place.copy() for place in self.places)
         velocity = self._velocity(pad)
         if any(velocity):
@@ -188,6 +199,7 @@ class LiveFeet:
             body=BodySample(pad.body.height, pad.body.torso, self._turns(pad)),
             velocity=velocity,
             head=head_of(pad),
+            rates=(rates[0], rates[1]),
         )
 
     def _turns(self, pad: Pad) -> tuple[float, float]:
@@ -278,7 +290,8 @@ def hands_of(pad: Pad) -> tuple[HandSample | None, HandSample | None]:
 
 def _hand(hand: Tracked) -> HandSample:
     turned = None if hand.orientation is None else np.array(hand.orientation, dtype=np.float64)
-    return HandSample(np.array(hand.position), hand.clutch, turned)
+    rate = None if hand.velocity is None else np.array(hand.velocity, dtype=np.float64)
+    return HandSample(np.array(hand.position, dtype=np.float64), hand.clutch, turned, rate)
 
 
 def head_of(pad: Pad) -> HeadSample | None:

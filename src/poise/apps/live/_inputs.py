@@ -40,11 +40,13 @@ class Tracked(Struct, frozen=True):
             further lets go, moves back, and takes hold anew.
         orientation: how it is turned against those axes, if the tracker says so. A foot is turned
             about the vertical alone, in place of what `Body` says of it.
+        velocity: along those axes, if the tracker says so: what it leads lags less behind it [m/s].
     """
 
     position: Place
     clutch: bool = False
     orientation: Quaternion | None = None
+    velocity: Place | None = None
 
 
 class Head(Struct, frozen=True):

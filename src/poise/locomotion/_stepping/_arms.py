@@ -79,12 +79,13 @@ class _Arm:
 class ArmMotion:
     """Moves a model of both arms on a torso that rests, so that hands go to their places.
 
-    With the hand at x in the torso and its place p, the hand's velocity is k (p - x), no faster
-    than `speed_max` and than it can be braked; the joints' follows by damped least squares
-    (Nakamura and Hanafusa 1986), what is left of their freedom brings them back to rest, which
-    keeps stretched arms bent, and joints stop before their limits, links before each other
-    (`ArmClearance`). How a hand is turned comes after all that: with what then is left of the
-    joints' freedom (`ArmServer`), and not at all where the hand does not come to its place
+    With the hand at x in the torso and its place p, the hand's velocity is k (p - x) + p', with p'
+    where it is known, no faster than `speed_max` and, against p', than it can be braked; the
+    joints' follows by damped least squares (Nakamura and Hanafusa 1986), what is left of their
+    freedom brings them back to rest, which keeps stretched arms bent, and joints stop before their
+    limits, links before each other (`ArmClearance`). How a hand is turned comes after all that:
+    with what then is left of the joints' freedom (`ArmServer`), and not at all where the hand does
+    not come to its place
     (`TurnShare`).
     Velocities change by what keeps the hands' acceleration below `acceleration_max`. So whatever
     places are asked for, the joints' motion is smooth, and within reach by construction.
@@ -160,6 +161,7 @@ class ArmMotion:
         self,
         places: list[Float64[np.ndarray, "3"] | None],
         rotations: list[Float64[np.ndarray, "3 3"] | None] | None = None,
+        rates: list[Float64[np.ndarray, "3"] | None] | None = None,
     ) -> None:
         """One tick.
 
@@ -167,6 +169,7 @@ class ArmMotion:
             places: where each hand shall be in the torso [m]; None for an arm that goes to rest.
             rotations: how each hand that has a place shall be turned, torso_R_hand; None for one
                 that is turned as its place asks for.
+            rates: how fast each place moves [m/s]; None for one of which that is not known.
         """
         if all(place is None for place in places) and self._is_at_rest():
             return
@@ -175,7 +178,8 @@ class ArmMotion:
         bounds = [self._bounds(arm, _STOP) for arm in self._arms]
         velocities: list[Float64[np.ndarray, "3"] | None] = []
         for i, (arm, place) in enumerate(zip(self._arms, places, strict=True)):
-            velocity = None if place is None else self._towards(place - self.hands[i])
+            rate = None if rates is None else rates[i]
+            velocity = None if place is None else self._towards(place - self.hands[i], rate)
             all_wanted[arm.joints] = (
                 self._homewards(arm)
                 if velocity is None
@@ -281,12 +285,17 @@ class ArmMotion:
         self._progress[hand].update(to_be, now[3:])
         self.stuck[hand] = self._progress[hand].stuck
 
-    def _towards(self, way: Float64[np.ndarray, "3"]) -> Float64[np.ndarray, "3"]:
-        """The velocity of a hand that has a way to go [m/s]."""
+    def _towards(
+        self, way: Float64[np.ndarray, "3"], rate: Float64[np.ndarray, "3"] | None
+    ) -> Float64[np.ndarray, "3"]:
+        """The velocity of a hand that has a way to go to a place that moves [m/s]."""
         far = math.hypot(*way)
         braked = math.sqrt(2.0 * _BRAKING * self._acceleration * far)
-        speed = min(_GAIN * far, braked, self._speed)
-        return way * (speed / max(far, 1e-9))
+        velocity = way * (min(_GAIN * far, braked, self._speed) / max(far, 1e-9))
+        if rate is None:
+            return velocity
+        velocity += rate
+        return velocity * min(1.0, self._speed / max(math.hypot(*velocity), 1e-9))
 
     def _homewards(self, arm: _Arm) -> Float64[np.ndarray, " k"]:
         way = self._rest[arm.joints] - self.q[arm.joints]

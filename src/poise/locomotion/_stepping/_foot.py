@@ -3,6 +3,8 @@
 `FootTarget`: where the foot is sent that is not the stance.
 """
 
+import math
+
 import numpy as np
 from jaxtyping import Float64
 
@@ -11,6 +13,11 @@ from poise.locomotion._stepping._footing import Footing
 from poise.locomotion._stepping._parameters import TeleopParameters
 from poise.locomotion._stepping._reach import FootRange
 from poise.locomotion._stepping._samples import DeviceSample
+
+_AT_REST = np.zeros(3)
+
+_THERE = 1e-6
+"""A foot is sent no nearer than this to where the operator says, whatever is rounded [m]."""
 
 
 class FootTarget:
@@ -22,11 +29,14 @@ class FootTarget:
 
     Attributes:
         rescuing: whether the foot in the air is put down, whatever the operator commands.
+        rate: how fast the operator moves the place where it is sent [m/s]; zero where it is sent
+            elsewhere than they say, or they do not say how fast.
     """
 
     def __init__(self, reach: FootRange, parameters: TeleopParameters) -> None:
         self._range, self._parameters = reach, parameters
         self.rescuing = False
+        self.rate: Float64[np.ndarray, "3"] = _AT_REST
 
     def restart(self) -> None:
         """Another mode has begun."""
@@ -49,6 +59,7 @@ class FootTarget:
             room_below: how far the body may still come down for it [m].
         """
         here = footing.sole(footing.other)
+        self.rate = _AT_REST
         if not footing.mode.single:
             x, y, z = footing.anchors[footing.other].tolist()
             return np.array([x, y, z - footing.pressed])
@@ -79,9 +90,13 @@ class FootTarget:
         )
         hip = self._range.hip(swing, footing.dynamics)
         support = footing.anchors[footing.stance]
-        return self._range.bring_back(
+        found = self._range.bring_back(
             swing, target, support, hip, footing.heading, lower=room_below
         )
+        rate = device.rates[swing]
+        if rate is not None and math.dist(found.tolist(), (x, y, z)) < _THERE:
+            self.rate = rate
+        return found
 
 
 _CALM = 0.8
@@ -89,7 +104,10 @@ _CALM = 0.8
 
 
 class FootVelocity:
-    """Eq. (17c), gently down and smoothed.
+    """Eq. (17c), gently down and smoothed; and as fast as the operator says that they are.
+
+    With (17c) alone the foot is behind a device that moves by 1 / k_v: where its velocity is known,
+    that is added.
 
     Args:
         parameters: gains, speeds and times.
@@ -105,17 +123,24 @@ class FootVelocity:
         self._smoothed: Float64[np.ndarray, "3"] = np.zeros(3)
 
     def towards(
-        self, footing: Footing, target: Float64[np.ndarray, "3"], *, hurry: bool
+        self,
+        footing: Footing,
+        target: Float64[np.ndarray, "3"],
+        rate: Float64[np.ndarray, "3"] = _AT_REST,
+        *,
+        hurry: bool,
     ) -> Float64[np.ndarray, "3"]:
         """The velocity [m/s].
 
         Args:
             footing: of the tick.
             target: where the foot is sent [m].
+            rate: how fast that moves [m/s].
             hurry: whether it has to be down as soon as it can.
         """
         p = self._parameters
-        x, y, z = saturate(p.v_lim, p.k_v * (target - footing.sole(footing.other))).tolist()
+        gap = target - footing.sole(footing.other)
+        x, y, z = saturate(p.v_lim, p.k_v * gap + rate).tolist()
         if not hurry:
             z = max(z, -self._lowering_speed(footing))
         if not footing.mode.single:

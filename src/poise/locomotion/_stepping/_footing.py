@@ -172,7 +172,7 @@ class Footing:
         place, frames = self.anchors[carries], self.biped.frames
         _, rotation = self.dynamics.placement(frames[carries])
         if not self.mode.single:
-            return self.one_foot.zmp(carries, place, rotation)
+            return self.one_foot.arriving(carries, place, rotation)
         leaning = float(upward @ rotation[:2, 1]) * inner_side(carries)
         return self.one_foot.zmp(carries, place, rotation, leaning, self.borrowed)
 

@@ -11,7 +11,7 @@ import pinocchio as pin
 from jaxtyping import Float64
 
 from poise.dynamics import rotation_vector
-from poise.locomotion._stepping._guard import Pursuit, is_point
+from poise.locomotion._stepping._guard import DeviceRate, Pursuit, is_point
 from poise.locomotion._stepping._samples import HandSample, HeadSample
 
 _START, _JUMP = 0.06, 0.3
@@ -122,11 +122,13 @@ class HandGrip:
         turns: whether it turns its hand, too.
         turn: how far its device turned in the last tick, a rotation vector along the axes of the
             torso [rad].
+        rate: how fast it moves.
     """
 
     def __init__(self, dt: float, speed_max: float, turn_speed_max: float = 3.0) -> None:
         self._pursuit = Pursuit(dt * speed_max, _START)
         self._turning = TurnPursuit(dt * turn_speed_max)
+        self.rate = DeviceRate(speed_max)
         self._clutch = Clutch()
         self._place: list[float] = [0.0] * 3
         self._goal: list[float] = [0.0] * 3
@@ -182,6 +184,7 @@ class HandGrip:
         self._turning.lead(rotation, rotation)
         self._goal = point
         self._clutch.good(time)
+        self.rate.tell(sample.velocity, time)
 
     def _is_near(self, point: list[float], rotation: Float64[np.ndarray, "3 3"] | None) -> bool:
         if math.dist(point, self._place) > _JUMP:

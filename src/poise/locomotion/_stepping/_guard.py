@@ -72,7 +72,7 @@ class DeviceGuard:
         start = checked_number(start_max, "start_max of the device [m]", above=0.0)
         jump = checked_number(jump_max, "jump_max of the device [m]", above=0.0)
         low = checked_number(low, "low of the device [m]", above=0.0)
-        self._grips = tuple(_Grip(step, start, jump, low, lost_after) for _ in range(2))
+        self._grips = tuple(_Grip(step, start, jump, low, lost_after, speed_max) for _ in range(2))
         self._newest: DeviceSample | None = None
         self._body = BodySample()
         self.velocity: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -108,8 +108,8 @@ class DeviceGuard:
             self.velocity = (0.0, 0.0, 0.0)
         refused = sample is not None and news is None
         for foot, grip in enumerate(self._grips):
-            point = None if news is None else news.position(foot)
-            believed = grip.update(point, time, soles[foot], float(grounds[foot][2]))
+            point, rate = (None, None) if news is None else (news.position(foot), news.rates[foot])
+            believed = grip.update(point, rate, time, soles[foot], float(grounds[foot][2]))
             refused = refused or (grip.place is not None and point is not None and not believed)
         held = [grip.place is not None for grip in self._grips]
         self.status = self._status(held, time, refused=refused, silent=sample is None)
@@ -121,7 +121,14 @@ class DeviceGuard:
             for grip, sole in zip(self._grips, soles, strict=True)
         )
         newest = self._newest
-        return DeviceSample(newest.time, left, right, newest.upright, body=self._body)
+        return DeviceSample(
+            newest.time,
+            left,
+            right,
+            newest.upright,
+            body=self._body,
+            rates=(self._grips[0].rate.at(time), self._grips[1].rate.at(time)),
+        )
 
     def let_go(self, status: DeviceStatus) -> None:
         """Both devices let go of their feet, which somebody else leads; they may take hold anew.
@@ -263,6 +270,37 @@ class Pursuit:
         return most / away
 
 
+_RATE_HOLDS = 0.1
+"""For how long a velocity counts that is not told anew [s]."""
+
+
+class DeviceRate:
+    """How fast a device says that it moves, for a moment from when it does.
+
+    Args:
+        fastest: no hand is faster: such a velocity is none [m/s].
+    """
+
+    def __init__(self, fastest: float) -> None:
+        self._fastest = fastest
+        self._rate: Float64[np.ndarray, "3"] | None = None
+        self._told_at = -math.inf
+
+    def tell(self, rate: object, time: float) -> None:
+        """Takes what came with a good sample.
+
+        Args:
+            rate: anything [m/s]; None where the device does not say.
+            time: of the robot [s].
+        """
+        good = is_point(rate) and math.hypot(*rate.tolist()) <= self._fastest
+        self._rate, self._told_at = rate if good else None, time
+
+    def at(self, time: float) -> Float64[np.ndarray, "3"] | None:
+        """The velocity at a time of the robot [m/s]; None where nothing is known."""
+        return self._rate if 0.0 <= time - self._told_at <= _RATE_HOLDS else None
+
+
 class _Grip:
     """How one device holds its foot.
 
@@ -272,14 +310,23 @@ class _Grip:
         jump: how far it may be from where it is followed to [m].
         low: how far above the ground it counts as put down [m].
         lost_after: without a good sample it lets go after this [s].
+        fastest: velocity that no hand has [m/s].
 
     Attributes:
         place: where it is followed to [m]; None while it does not hold its foot.
+        rate: how fast it moves.
     """
 
     def __init__(
-        self, step: float, start: float, jump: float, low: float, lost_after: float
+        self,
+        step: float,
+        start: float,
+        jump: float,
+        low: float,
+        lost_after: float,
+        fastest: float,
     ) -> None:
+        self.rate = DeviceRate(fastest)
         self._pursuit, self._jump = Pursuit(step, start), jump
         self._low, self._lost_after = low, lost_after
         self.place: list[float] | None = None
@@ -287,12 +334,18 @@ class _Grip:
         self._good_at = -math.inf
 
     def update(
-        self, point: object, time: float, sole: Float64[np.ndarray, "3"], ground: float
+        self,
+        point: object,
+        rate: object,
+        time: float,
+        sole: Float64[np.ndarray, "3"],
+        ground: float,
     ) -> bool:
         """Takes one tick.
 
         Args:
             point: where the device is now [m]; None for nothing new, and anything for a bad one.
+            rate: how fast it moves [m/s]; likewise.
             time: of the robot [s].
             sole: where its foot is [m].
             ground: height of the place where the foot stood last [m].
@@ -306,6 +359,8 @@ class _Grip:
             self.place = None
             return False
         good = is_point(point) and self._holds(point.tolist(), time, sole, ground)
+        if good:
+            self.rate.tell(rate, time)
         if self.place is not None:
             self.place = self._pursuit.follow(self.place, self._goal)
         return good

@@ -143,9 +143,11 @@ class HandLeader:
             elif self.status[hand] is not HandStatus.REST:
                 self.status[hand] = HandStatus.HELD
         rests = [status is HandStatus.REST for status in self.status]
+        rates = [grip.rate.at(state.time) if grip.holds else None for grip in self._grips]
         self._arms.advance(
             [None if rest else place for rest, place in zip(rests, self.places, strict=True)],
             self.rotations,
+            [None if rate is None else self._scale * rate for rate in rates],
         )
         for hand, here in enumerate(self._arms.hands):
             self._stop_at_edge(hand, here)

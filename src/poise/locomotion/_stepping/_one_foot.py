@@ -31,6 +31,12 @@ it, and whatever is asked beyond is made up for by the trunk, which leans more a
 _UPRIGHT = 0.1
 """How far outwards the ZMP rests for each radian that the trunk leans inwards [m/rad]."""
 
+_ARRIVING = 0.6
+"""Part of that way beside the middle for which a shift aims. Aiming for all of it, G1 was lifted
+where its divergent component was as near to the inner edge as the CT-ZMP gets, with nothing left to
+brake what the other leg's swing did to it, and with noise alone one foot in six came down again by
+itself."""
+
 _ANNOUNCED = 0.7
 """How far inwards the foot in the air catches the robot, over how far the ZMP rests there."""
 
@@ -87,6 +93,18 @@ class OneFoot(NamedTuple):
             inwards -= min(_UPRIGHT * max(leaning, 0.0), inwards)
             inwards *= 1.0 - borrowed
         return place[:2] + inner_side(foot) * inwards * rotation[:2, 1]
+
+    def arriving(
+        self, foot: int, place: Float64[np.ndarray, "3"], rotation: Float64[np.ndarray, "3 3"]
+    ) -> Float64[np.ndarray, "2"]:
+        """Where the ZMP shall be while the weight comes over a foot: further outwards [m].
+
+        Args:
+            foot: 0 left, 1 right.
+            place: of its sole [m].
+            rotation: world_R_sole.
+        """
+        return place[:2] + inner_side(foot) * _ARRIVING * self.inwards * rotation[:2, 1]
 
     def holds(self, foot: int, size: Point) -> SolePart:
         """Where on the ground, along its sole, the divergent component is held.

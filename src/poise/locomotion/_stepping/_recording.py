@@ -25,6 +25,7 @@ from poise.locomotion._stepping._recording_format import (
     read_header,
     turns_of,
     with_hands,
+    with_rates,
     with_turn,
 )
 from poise.locomotion._stepping._samples import BodySample, DeviceSample
@@ -86,6 +87,10 @@ class RecordingWriter:
         for flags, turned in turns_of(sample):
             last = np.array([turned[3], 0.0, 0.0])
             self._write(tick, RowKind.TURN, sample.time, turned[:3], last, int(flags))
+        of_hands = tuple(None if hand is None else hand.velocity for hand in sample.hands)
+        for flag, (left, right) in enumerate((sample.rates, of_hands)):
+            if not (left is None and right is None):
+                self._write(tick, RowKind.RATES, sample.time, left, right, flag)
 
     def push(self, tick: int, force: Float64[np.ndarray, "3"], duration: float) -> None:
         """Notes a push on the torso that began before a tick.
@@ -130,8 +135,8 @@ class RecordingWriter:
         tick: int,
         kind: RowKind,
         time: float,
-        left: np.ndarray,
-        right: np.ndarray,
+        left: object,
+        right: object,
         flags: int = 0,
     ) -> None:
         row = np.zeros(1, dtype=ROW)
@@ -253,6 +258,8 @@ class RecordedDevice:
                 found = replace(found, velocity=(ahead, left, turn))
             elif row["kind"] == RowKind.TURN and found is not None:
                 found = with_turn(found, row)
+            elif row["kind"] == RowKind.RATES and found is not None:
+                found = with_rates(found, row)
         return found
 
 

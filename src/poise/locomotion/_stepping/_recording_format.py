@@ -40,6 +40,9 @@ class RowKind(IntEnum):
     """With which velocity it has the robot walk: left is ahead, left [m/s], and turn [rad/s]."""
     TURN = 5
     """How it says that a device is turned, (x, y, z, w): left, right[0]; flags are `TurnFlags`."""
+    RATES = 6
+    """How fast it says that the feet's devices move, left and right [m/s]; NaN for one that does
+    not say, and with any flag set the hands'."""
 
 
 class HandFlags(IntFlag):
@@ -202,6 +205,22 @@ def with_turn(sample: DeviceSample, row: np.void) -> DeviceSample:
     if flags & TurnFlags.RIGHT and right is not None:
         right = replace(right, orientation=turned)
     return replace(sample, hands=(left, right))
+
+
+def with_rates(sample: DeviceSample, row: np.void) -> DeviceSample:
+    """A sample with the velocities that a row has."""
+    left, right = (
+        None if np.isnan(rate).all() else rate
+        for rate in (row["left"].astype(np.float64), row["right"].astype(np.float64))
+    )
+    if not row["flags"]:
+        return replace(sample, rates=(left, right))
+    hands = (
+        hand if hand is None else replace(hand, velocity=rate)
+        for hand, rate in zip(sample.hands, (left, right), strict=True)
+    )
+    left_hand, right_hand = hands
+    return replace(sample, hands=(left_hand, right_hand))
 
 
 def hand_flags(sample: DeviceSample) -> HandFlags:

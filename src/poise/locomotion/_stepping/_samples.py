@@ -23,11 +23,14 @@ class HandSample:
         orientation: how the device is turned against those axes, a unit quaternion (x, y, z, w);
             None for one that says nothing of it, whose hand is not turned. As the position: the
             rotation R_t R_0^T since the clutch closed at R_0 turns the hand, not scaled.
+        velocity: of the device along the same axes [m/s]; None for one that does not say, whose
+            hand lags behind it.
     """
 
     position: Float64[np.ndarray, "3"]
     clutch: bool = True
     orientation: Float64[np.ndarray, "4"] | None = None
+    velocity: Float64[np.ndarray, "3"] | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -87,6 +90,8 @@ class DeviceSample:
         velocity: with which the robot walks by itself, ahead, to the left [m/s] and turning to the
             left [rad/s]; all zero while the operator steps. Where torques are commanded.
         head: where the operator looks; None without a headset: the gaze stays where it is.
+        rates: velocities of the left and of the right foot's device [m/s]; None for one that does
+            not say, whose foot lags behind it.
     """
 
     time: float
@@ -98,6 +103,7 @@ class DeviceSample:
     body: BodySample = BodySample()
     velocity: tuple[float, float, float] = (0.0, 0.0, 0.0)
     head: HeadSample | None = None
+    rates: tuple[Float64[np.ndarray, "3"] | None, Float64[np.ndarray, "3"] | None] = (None, None)
 
     def position(self, foot: int) -> Float64[np.ndarray, "3"]:
         """Position commanded for a sole: 0 left, 1 right [m]."""

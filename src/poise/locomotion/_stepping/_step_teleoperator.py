@@ -413,7 +413,9 @@ class StepTeleoperator:
             com=com,
             com_acceleration=self._com.acceleration,
             momentum=self._momentum.reference,
-            foot=self._foot.towards(footing, target, hurry=self._target.rescuing),
+            foot=self._foot.towards(
+                footing, target, self._target.rate, hurry=self._target.rescuing
+            ),
             foot_place=target,
             torso=self._torso(),
             turns=(self._ahead + left, self._ahead + right),

@@ -10,9 +10,9 @@ const ARROWS = { w: "ArrowUp", a: "ArrowLeft", s: "ArrowDown", d: "ArrowRight" }
 const driven = () => newest?.kind === "velocity";
 // Keys that bend the body while they are held, and where to: "turn" is of the foot that is held.
 const BENDS = { r: ["height", 1], f: ["height", -1], i: ["pitch", 1], k: ["pitch", -1],
-  j: ["yaw", 1], l: ["yaw", -1], u: ["turn", 1], o: ["turn", -1] };
+  j: ["yaw", 1], l: ["yaw", -1], g: ["roll", -1], h: ["roll", 1], u: ["turn", 1], o: ["turn", -1] };
 // How fast [m/s, rad/s]; a gamepad at the robot's machine is as fast.
-const RATES = { height: 0.06, pitch: 0.4, yaw: 0.4, turn: 0.4 }, LONGEST = 0.1;
+const RATES = { height: 0.06, roll: 0.4, pitch: 0.4, yaw: 0.4, turn: 0.4 }, LONGEST = 0.1;
 const past = [];
 
 // The channel ---------------------------------------------------------------------------------------
@@ -242,26 +242,26 @@ function pad() {
   };
 }
 
-// Height of the COM [m], the torso's pitch and yaw, and how each foot is turned [rad]: they stay as
+// Height of the COM [m], the torso's angles, and how each foot is turned [rad]: they stay as
 // they are until they are changed.
-const body = { height: 0, pitch: 0, yaw: 0, left: 0, right: 0 };
+const body = { height: 0, roll: 0, pitch: 0, yaw: 0, left: 0, right: 0 };
 const bendable = () => driving && newest?.source === "browser" && newest.limits.height[0] < 0;
 const wrapped = (angle) => angle - 2 * Math.PI * Math.round(angle / (2 * Math.PI));
 
 // What is asked of the body; nothing where all is neutral.
 function asked() {
   const fine = (v) => Math.round(1000 * v) / 1000 || 0;
-  const torso = [0, fine(body.pitch), fine(body.yaw)], turns = [body.left, body.right].map((v) => fine(wrapped(v)));
+  const torso = [body.roll, body.pitch, body.yaw].map(fine), turns = [body.left, body.right].map((v) => fine(wrapped(v)));
   const height = fine(body.height);
   return [height, ...torso, ...turns].some(Boolean) ? { height, torso, turns } : undefined;
 }
 
 // How far one of them goes, each foot against the other one.
 function range(name) {
-  const { height, torso: [, pitch, yaw], turns: [inwards, outwards] } = newest.limits;
+  const { height, torso: [roll, pitch, yaw], turns: [inwards, outwards] } = newest.limits;
   if (name === "left") return [body.right - inwards, body.right + outwards];
   if (name === "right") return [body.left - outwards, body.left + inwards];
-  return { height, pitch: [-pitch, pitch], yaw: [-yaw, yaw] }[name];
+  return { height, roll: [-roll, roll], pitch: [-pitch, pitch], yaw: [-yaw, yaw] }[name];
 }
 
 function set(name, value) {
@@ -279,11 +279,11 @@ function bend() {
   const now = performance.now(), seconds = Math.min((now - bentAt) / 1000, LONGEST);
   bentAt = now;
   if (!bendable()) return;
-  const stick = gamepad(), way = { height: 0, pitch: 0, yaw: 0, turn: 0, ...stick?.bend };
+  const stick = gamepad(), way = { height: 0, roll: 0, pitch: 0, yaw: 0, turn: 0, ...stick?.bend };
   if (stick?.neutral) straighten();
   for (const key of keys.bends) way[BENDS[key][0]] += BENDS[key][1];
   const step = (name) => seconds * RATES[name] * Math.max(-1, Math.min(1, way[name]));
-  for (const name of ["height", "pitch", "yaw"]) if (way[name]) set(name, body[name] + step(name));
+  for (const name of ["height", "roll", "pitch", "yaw"]) if (way[name]) set(name, body[name] + step(name));
   if (!way.turn) return;
   const drags = view?.drags() ?? [null, null];
   ["left", "right"].forEach((side, i) => {
@@ -297,12 +297,13 @@ const degrees = (v, more, less) => {
 };
 const BENT = {
   height: (v) => { const cm = (100 * v).toFixed(0); return `${cm > 0 ? "+" : ""}${Number(cm)} cm`.replace("-", "−"); },
+  roll: (v) => degrees(v, "right", "left"),
   pitch: (v) => degrees(v, "forward", "back"),
   yaw: (v) => degrees(v, "left", "right"),
   left: (v) => degrees(v, "left", "right"),
   right: (v) => degrees(v, "left", "right"),
 };
-const BENT_PART = { height: "", pitch: "lean ", yaw: "turn ", left: "left foot ", right: "right foot " };
+const BENT_PART = { height: "", roll: "tilt ", pitch: "lean ", yaw: "turn ", left: "left foot ", right: "right foot " };
 // Sliders whose right is the robot's right, where more is to the left.
 const MIRRORED = new Set(["yaw", "left", "right"]);
 
@@ -310,7 +311,7 @@ const MIRRORED = new Set(["yaw", "left", "right"]);
 function bends({ asked: far }) {
   part("bends").disabled = !bendable();
   if (!bendable()) {
-    [body.height, body.pitch, body.yaw] = [far.height, far.torso[1], far.torso[2]];
+    [body.height, body.roll, body.pitch, body.yaw] = [far.height, ...far.torso];
     [body.left, body.right] = far.turns;
   }
   const told = [];

@@ -1,0 +1,173 @@
+"""Devices that say how fast they move: what leads feet and hands lags less behind them."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from standing import PARAMETERS, biped, footing, steady
+from walker import sample
+
+from poise.apps.teleoperation import TORQUE_TELEOP_PLANT, run_teleop
+from poise.locomotion import (
+    DeviceSample,
+    HandSample,
+    Mode,
+    RecordingWriter,
+    read_recording,
+)
+from poise.locomotion._stepping import DeviceGuard
+from poise.locomotion._stepping._arms import ArmMotion
+from poise.locomotion._stepping._foot import FootTarget, FootVelocity
+from poise.locomotion._stepping._hands import HandGrip
+from poise.locomotion._stepping._reach import FootRange
+
+DT = 0.002
+UP = np.array([0.1, 0.0, 0.2])
+SOLES = [np.array([0.0, 0.135, 0.0]), np.array([0.0, -0.135, 0.0])]
+
+
+def rates_after(rate, waits=0):
+    """What a guard makes of a left device's velocity, so many ticks after it was told."""
+    guard = DeviceGuard(dt=DT, low=0.02, press_depth=0.05)
+    guard.check(replace(sample(0.0), rates=(rate, None)), 0.0, SOLES, SOLES)
+    found = guard.check(replace(sample(DT), rates=(rate, None)), DT, SOLES, SOLES)
+    for tick in range(waits):
+        found = guard.check(None, (tick + 2) * DT, SOLES, SOLES)
+    return found.rates
+
+
+def test_a_velocity_counts_for_a_tenth_of_a_second():
+    for waits, known in ((0, True), (48, True), (52, False)):
+        left, right = rates_after(UP, waits)
+        assert right is None
+        assert (left is not None) == known
+    np.testing.assert_array_equal(rates_after(UP)[0], UP)
+
+
+@pytest.mark.parametrize("bad", [(np.nan, 0.0, 0.0), (3.0, 0.0, 0.0), (0.0, np.inf, 0.0)], ids=str)
+def test_what_no_hand_does_is_no_velocity_and_the_place_counts(bad):
+    assert rates_after(np.array(bad)) == (None, None)
+
+
+def sent(robot, lifted, where):
+    """The velocity with which a foot is sent that is led from above where it stood."""
+    now = steady(robot, mode=Mode.SL, lifted=lifted)
+    target = FootTarget(FootRange(robot, biped(robot).soles, PARAMETERS), PARAMETERS)
+    x, y, z = (now.anchors[1] + where).tolist()
+    device = replace(sample(0.0, right=(x, y, z)), rates=(None, UP))
+    place = target.place(now, device, has_left=True, room_below=0.0)
+    assert np.linalg.norm(place - [x, y, z]) < 1e-6 or not target.rate.any()
+    return target.rate.tolist()
+
+
+def test_a_foot_that_is_sent_where_the_device_is_goes_as_fast(get_robot):
+    assert sent(get_robot("biped20"), 0.1, (0.02, 0.0, 0.1)) == UP.tolist()
+
+
+@pytest.mark.parametrize(
+    ("lifted", "where"), [(0.0, (0.02, 0.0, 0.1)), (0.1, (3.0, 0.0, 0.1))], ids=["touches", "far"]
+)
+def test_one_that_is_sent_elsewhere_does_not(get_robot, lifted, where):
+    assert sent(get_robot("biped20"), lifted, where) == [0.0, 0.0, 0.0]
+
+
+def test_the_velocity_is_added_to_what_leads_to_the_place(get_robot):
+    now = footing(get_robot("biped20"), mode=Mode.SL, lifted=0.1)
+    at_once, here = replace(PARAMETERS, swing_time=1e-12), now.sole(1)
+    still = FootVelocity(at_once).towards(now, here + [0.0, 0.0, 0.01], hurry=True)
+    moving = FootVelocity(at_once).towards(now, here + [0.0, 0.0, 0.01], UP, hurry=True)
+    np.testing.assert_allclose(moving - still, UP, atol=1e-9)
+    most = FootVelocity(at_once).towards(now, here, 100.0 * UP, hurry=True)
+    assert np.linalg.norm(most) <= math.sqrt(3.0) * PARAMETERS.v_lim + 1e-9
+
+
+def lag(robot, *, told, frequency=0.5):
+    """How far a hand is from a place that swings by 8 cm, as a rule [m]."""
+    arms = ArmMotion(robot, robot.q_home, dt=DT, speed_max=1.5, acceleration_max=5.0)
+    start, omega, far = [h.copy() for h in arms.hands], 2.0 * math.pi * frequency, []
+    for tick in range(1500):
+        angle = omega * DT * tick
+        place = start[0] + [0.0, 0.0, 0.04 * (1.0 - math.cos(angle))]
+        rate = np.array([0.0, 0.0, 0.04 * omega * math.sin(angle)])
+        arms.advance([place, start[1]], rates=[rate if told else None, None])
+        far.append(np.linalg.norm(arms.hands[0] - place))
+    assert not any(arms.blocked)
+    return float(np.sqrt(np.mean(np.square(far[300:]))))
+
+
+def test_a_hand_lags_less_behind_a_device_that_says_how_fast_it_is(get_robot):
+    robot = get_robot("humanoid33")
+    assert lag(robot, told=True) < 0.3 * lag(robot, told=False)
+
+
+def test_a_hand_is_no_faster_than_it_may_be_whatever_its_device_says(get_robot):
+    robot = get_robot("humanoid33")
+    arms = ArmMotion(robot, robot.q_home, dt=DT, speed_max=0.5, acceleration_max=5.0)
+    start, before = [h.copy() for h in arms.hands], arms.hands[0].copy()
+    for _ in range(400):
+        arms.advance([start[0] + [0.1, 0.0, 0.1], None], rates=[np.array([9.0, 0.0, 9.0]), None])
+        assert np.linalg.norm(arms.hands[0] - before) < 1.1 * 0.5 * DT
+        before = arms.hands[0].copy()
+
+
+def test_an_open_clutch_has_no_velocity():
+    grip = HandGrip(DT, 1.5)
+    grip.update(HandSample(np.zeros(3), clutch=False, velocity=UP), 0.0)
+    assert grip.rate.at(0.0) is None
+    grip.update(HandSample(np.zeros(3), velocity=UP), DT)
+    np.testing.assert_array_equal(grip.rate.at(DT), UP)
+
+
+def test_velocities_are_recorded_and_come_back(tmp_path):
+    hand = HandSample(np.zeros(3), velocity=-UP)
+    told = replace(sample(0.0), rates=(None, UP), hands=(hand, HandSample(np.ones(3))))
+    odd = replace(sample(DT), rates=(np.full(3, np.nan), None))
+    with RecordingWriter(tmp_path / "x.teleop", robot="biped20", dt=DT) as writer:
+        for tick, said in enumerate((told, odd, sample(2 * DT))):
+            writer.sample(tick, said)
+    device = read_recording(tmp_path / "x.teleop").device(robot="biped20", dt=DT)
+    first, second, third = (device.sample(tick * DT) for tick in range(3))
+    assert first.rates[0] is None
+    np.testing.assert_array_equal(first.rates[1], UP)
+    np.testing.assert_array_equal(first.hands[0].velocity, -UP)
+    assert first.hands[1].velocity is None
+    assert second.rates == third.rates == (None, None)
+
+
+class Swinging:
+    """A right foot that is lifted, and then swings forward and back; it may say how fast."""
+
+    def __init__(self, teleoperator, *, told):
+        self._start, self._told = teleoperator.resting_sample, told
+
+    def place(self, time):
+        up, angle = min(max(2.0 * (time - 0.5), 0.0), 1.0), math.pi * max(time - 1.8, 0.0)
+        return self._start.right + [0.05 * math.sin(angle), 0.0, 0.08 * up]
+
+    def sample(self, time):
+        rate = None
+        if self._told:
+            rate = (self.place(time + 1e-4) - self.place(time - 1e-4)) / 2e-4
+        return DeviceSample(time, self._start.left, self.place(time), rates=(None, rate))
+
+
+def foot_lag(robot, *, told):
+    """How far the foot is from its device, as a rule [m]."""
+    made = []
+
+    def device(teleoperator):
+        made.append(Swinging(teleoperator, told=told))
+        return made[0]
+
+    run = run_teleop(robot, device, TORQUE_TELEOP_PLANT.with_noise(), duration=4.5)
+    assert not run.fell
+    log, late = run.log, run.log.time > 2.5
+    asked = np.array([made[0].place(time)[0] for time in log.time[late]])
+    return float(np.sqrt(np.mean((log.soles[late, 1, 0] - asked) ** 2)))
+
+
+@pytest.mark.slow
+def test_a_foot_lags_less_behind_a_device_that_says_how_fast_it_is(get_robot):
+    robot = get_robot("g1")
+    assert foot_lag(robot, told=True) < 0.5 * foot_lag(robot, told=False)
