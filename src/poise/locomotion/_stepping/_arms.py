@@ -85,8 +85,7 @@ class ArmMotion:
     freedom brings them back to rest, which keeps stretched arms bent, and joints stop before their
     limits, links before each other (`ArmClearance`). How a hand is turned comes after all that:
     with what then is left of the joints' freedom (`ArmServer`), and not at all where the hand does
-    not come to its place
-    (`TurnShare`).
+    not come to its place (`TurnShare`).
     Velocities change by what keeps the hands' acceleration below `acceleration_max`. So whatever
     places are asked for, the joints' motion is smooth, and within reach by construction.
 

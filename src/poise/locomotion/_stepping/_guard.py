@@ -1,7 +1,7 @@
 """`DeviceGuard`: whether to believe what the operator commands of the feet.
 
 `SampleClock`: which samples are news. `Lateness`: how late a link makes them. `Pursuit`: follows no
-faster than may be.
+faster than may be. `DeviceRate`: how fast a device says that it moves.
 """
 
 import math

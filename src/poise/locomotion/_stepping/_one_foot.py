@@ -34,8 +34,8 @@ _UPRIGHT = 0.1
 _ARRIVING = 0.6
 """Part of that way beside the middle for which a shift aims. Aiming for all of it, G1 was lifted
 where its divergent component was as near to the inner edge as the CT-ZMP gets, with nothing left to
-brake what the other leg's swing did to it, and with noise alone one foot in six came down again by
-itself."""
+brake what the other leg's swing did to it, and with noise alone the foot came down again by itself
+in 4 of 18 tries."""
 
 _ANNOUNCED = 0.7
 """How far inwards the foot in the air catches the robot, over how far the ZMP rests there."""
