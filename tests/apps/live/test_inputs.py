@@ -565,6 +565,20 @@ def test_a_tracked_hand_says_how_fast_it_is(made):
     assert sample.hands[1].velocity is None
 
 
+def test_a_velocity_that_is_not_told_anew_counts_for_a_moment(made, monkeypatch):
+    operator, _, _ = made
+    now = 100.0
+    monkeypatch.setattr(inputs.clock, "monotonic", lambda: now)
+    moving = Tracked((0.0, 0.0, 0.0), False, None, (0.1, 0.0, 0.0))
+    operator.pad(Pad(hands=(moving, None), tracked=(None, moving)))
+    now += 0.09
+    assert operator.read().hands[0] == operator.read().tracked[1] == moving
+    now += 0.02
+    found = operator.read()
+    assert found.hands == (replace(moving, velocity=None), None)
+    assert found.tracked == (None, replace(moving, velocity=None))
+
+
 def test_messages_that_others_have_overtaken_are_dropped(made):
     operator, _, _ = made
     operator.pad(Pad(beat=1000.0, turn=0.1))

@@ -20,6 +20,9 @@ FRESH_FOR = 0.4
 LATE = 0.5
 """What comes this much later than the soonest did is no sign of life [s]."""
 
+_MOVES_FOR = 0.1
+"""For how long a velocity counts that is not told anew [s]."""
+
 Deflection = Annotated[float, Meta(ge=-1.0, le=1.0)]
 Coordinate = Annotated[float, Meta(gt=-100.0, lt=100.0)]
 """A handle further away than this [m] is none."""
@@ -176,13 +179,12 @@ class OperatorInputs:
                 return
             if not alive:
                 self._lateness.restart()
-            if pad.beat > 0.0 and self._lateness.of(1e-3 * pad.beat, now) > LATE:
-                return
-            if not alive:
                 # Who has only just come may press keys at once; a handle has a place, which is an
                 # old one until it is let go.
                 silent = self._alive_at is not None
                 self._stale = pad if silent else _held_somewhere(pad)
+            if pad.beat > 0.0 and self._lateness.of(1e-3 * pad.beat, now) > LATE:
+                return
             self._stale = _still_held(self._stale, pad)
             fresh = _without(pad, self._stale)
             self._unseen = fresh if self._unseen is None else _reopened(fresh, self._unseen)
@@ -200,7 +202,12 @@ class OperatorInputs:
             if self._unread is not None:
                 self._sampled, self._unread = (*self._unread, clock.monotonic()), None
             pad, self._unseen = self._pad if self._unseen is None else self._unseen, None
-            return pad if self._alive else None
+            if not self._alive:
+                return None
+            # The loop reads the last message again in each tick: what stood still meanwhile rests.
+            return (
+                pad if clock.monotonic() - (self._alive_at or 0.0) <= _MOVES_FOR else _resting(pad)
+            )
 
     @property
     def alive(self) -> bool:
@@ -225,6 +232,18 @@ class OperatorInputs:
 
 
 _Clutched = TypeVar("_Clutched", Tracked, Head)
+
+
+def _resting(pad: Pad) -> Pad:
+    """A message without velocities."""
+    if not any(each is not None and each.velocity for each in (*pad.tracked, *pad.hands)):
+        return pad
+    tracked, hands = ((_at_rest(left), _at_rest(right)) for left, right in (pad.tracked, pad.hands))
+    return replace(pad, tracked=tracked, hands=hands)
+
+
+def _at_rest(tracked: Tracked | None) -> Tracked | None:
+    return None if tracked is None else replace(tracked, velocity=None)
 
 
 def _held_somewhere(pad: Pad) -> Pad:
