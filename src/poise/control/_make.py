@@ -53,38 +53,28 @@ class ControllerKind:
     actuation: Literal["torque", "velocity"] = "torque"
 
 
-def _whole_body(
-    robot: Robot,
-    stack: Stack | None,
-    plan: ControllerPlan,
-    strategy: str,
-    dynamics: Dynamics | None,
-) -> Controller:
-    return WholeBodyController(
-        robot,
-        stack,
-        strategy=strategy,
-        backend=plan.backend,
-        time_limit=plan.time_limit,
-        dynamics=dynamics,
-    )
+def _by_programs(
+    controller: type[WholeBodyController] | type[ReducedController],
+) -> Callable[[Robot, Stack | None, ControllerPlan, str, Dynamics | None], Controller]:
+    """Makes controllers that solve quadratic programs."""
 
+    def make(
+        robot: Robot,
+        stack: Stack | None,
+        plan: ControllerPlan,
+        strategy: str,
+        dynamics: Dynamics | None,
+    ) -> Controller:
+        return controller(
+            robot,
+            stack,
+            strategy=strategy,
+            backend=plan.backend,
+            time_limit=plan.time_limit,
+            dynamics=dynamics,
+        )
 
-def _reduced(
-    robot: Robot,
-    stack: Stack | None,
-    plan: ControllerPlan,
-    strategy: str,
-    dynamics: Dynamics | None,
-) -> Controller:
-    return ReducedController(
-        robot,
-        stack,
-        strategy=strategy,
-        backend=plan.backend,
-        time_limit=plan.time_limit,
-        dynamics=dynamics,
-    )
+    return make
 
 
 def _osf(
@@ -116,8 +106,8 @@ def _refuse_solver_settings(plan: ControllerPlan, controller: str, why: str) -> 
 
 
 CONTROLLERS: Mapping[str, ControllerKind] = {
-    "whole_body": ControllerKind(strategies=STRATEGIES, make=_whole_body),
-    "reduced": ControllerKind(strategies=STRATEGIES, make=_reduced),
+    "whole_body": ControllerKind(strategies=STRATEGIES, make=_by_programs(WholeBodyController)),
+    "reduced": ControllerKind(strategies=STRATEGIES, make=_by_programs(ReducedController)),
     "osf": ControllerKind(strategies=("fused",), make=_osf),
     "differential_ik": ControllerKind(
         strategies=IK_STRATEGIES, make=_differential_ik, actuation="velocity"
