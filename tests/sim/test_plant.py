@@ -174,6 +174,26 @@ def test_a_push_on_a_link_acts_at_its_centre_of_mass_and_on_a_frame_at_its_origi
         np.testing.assert_allclose(plant.data.qfrc_applied, expected, rtol=0, atol=1e-6)
 
 
+@pytest.mark.parametrize("tick", [14, 15, 21, 29, 141])
+def test_a_push_that_was_scheduled_moves_the_robot_as_one_that_is_given_in_time(biped, tick):
+    # At all of these but the first, 5 physics steps from the tick before end a rounding later.
+    config = PlantConfig(actuation="position", control_dt=0.005, physics_dt=0.001)
+    ends = []
+    for scheduled in (False, True):
+        plant = Plant(biped, config)
+        plant.reset(airborne(biped))
+        if scheduled:
+            plant.push("torso", (80.0, 0.0, 0.0), 0.1, start=tick * config.control_dt)
+        for _ in range(tick):
+            plant.step(None)
+        if not scheduled:
+            plant.push("torso", (80.0, 0.0, 0.0), 0.1)
+        for _ in range(30):
+            plant.step(None)
+        ends.append(plant.true_state().q)
+    np.testing.assert_array_equal(*ends)
+
+
 def test_reset_forgets_pushes_and_starts_again_exactly(biped):
     plant = Plant(biped, PlantConfig(actuation="position"))
     first = [plant.reset().q]

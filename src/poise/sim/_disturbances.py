@@ -18,6 +18,9 @@ STEEPEST = 0.7
 
 Factor = Annotated[float, Bounds(positive=True, most=1e6)]
 
+_NO_OVERLAP = 1e-6
+"""Part of a physics step that is a rounding of its ends, not a time in which a push acts."""
+
 
 @checked()
 @dataclass(frozen=True, kw_only=True)
@@ -41,10 +44,13 @@ class Push:
         """How much of the interval [begin, end] the push is active, in [0, 1].
 
         A push that starts or ends inside a physics step acts with this fraction of its force, so
-        that its impulse is force x duration whatever the step.
+        that its impulse is force x duration whatever the step. It does not act in a step that
+        touches it by rounding alone: a push that was scheduled moves the robot as one that is given
+        when its time has come, to the last bit.
         """
         overlap = min(end, self.start + self.duration) - max(begin, self.start)
-        return max(0.0, overlap) / (end - begin)
+        fraction = overlap / (end - begin)
+        return fraction if fraction > _NO_OVERLAP else 0.0
 
 
 @checked()
