@@ -74,6 +74,14 @@ class StudyOptions:
         if self.seeds is not None and self.seeds < 1:
             raise ConfigurationError("a case needs a seed", got=self.seeds, wanted=">= 1")
 
+    @property
+    def first_seed(self) -> int:
+        """The seed of the first trial, where a part goes through several: other `seed`, other ones.
+
+        What was tuned was tuned on seeds from 100,000 to 100,999, which no `seed` reaches.
+        """
+        return 1_000_000 * self.seed
+
     def count(self, full: int, quick: int) -> int:
         """How many seeds a case has.
 

@@ -9,6 +9,7 @@ from studies.bad_operator.conditions import (
     Trial,
     run_trial,
 )
+from studies.bad_operator.falls_asked import FALL_EVERY, minutes
 from studies.finding import Finding, Section, Table
 from studies.plan import Progress, StudyOptions
 from studies.trials import run_each
@@ -17,18 +18,13 @@ ROBOTS = ("biped20", "g1")
 
 _SEEDS, _SECONDS = 20, 60.0
 _QUICK_SEEDS, _QUICK_SECONDS = 3, 20.0
-_SPREAD = 1_000_000
-"""Seeds of `--seed N` begin at N times this."""
-
-_MINUTES = 10.0
-"""One fall in so many minutes is allowed at torque level [min]."""
 
 
 def conditions_section(options: StudyOptions, progress: Progress) -> Section:
     """The section."""
     count = options.count(_SEEDS, _QUICK_SEEDS)
     seconds = _QUICK_SECONDS if options.quick else _SECONDS
-    first = _SPREAD * options.seed
+    first = options.first_seed
     groups = [
         [
             Trial(robot=robot, level=level, condition=condition, seed=first + k, seconds=seconds)
@@ -45,9 +41,9 @@ def conditions_section(options: StudyOptions, progress: Progress) -> Section:
         prose=(
             f"{count} seeds of {seconds:.0f} s each, from seed {first}. As described the sensors "
             "have noise, and the attitude is off by half a degree; “sensors off by a constant” is "
-            "1 degree, and a bias of gyroscope and accelerometer. Asked: at torque level at most "
-            f"one fall in {_MINUTES:.0f} minutes, at velocity level of biped20 as described none; "
-            "the rest of velocity level is told, not asked for.",
+            "1 degree, and a bias of gyroscope and accelerometer. Asked: at torque level at "
+            f"most one fall in {FALL_EVERY:.0f} minutes, at velocity level of biped20 as described "
+            "none; the rest of velocity level is told, not asked for.",
             f"But under “{SOLID}” and “{MIXED}” the simulation lets limbs go through each other: "
             "only the ground is felt. The last column says how near shanks and feet came; a "
             "negative number is a fall that a real robot might have had.",
@@ -73,8 +69,7 @@ def _is_asked(trial: Trial) -> bool:
 
 def _finding(group: list[Outcome]) -> Finding:
     trial, falls = group[0].trial, sum(o.fell for o in group)
-    minutes = sum(o.seconds for o in group) / 60.0
-    allowed = minutes / _MINUTES if trial.level == "torque" else 0.0
+    allowed = minutes(group) / FALL_EVERY if trial.level == "torque" else 0.0
     asked = _is_asked(trial)
     return Finding(
         name=f"{trial.robot}, {trial.level}, {trial.condition}: falls in {len(group)} seeds",
@@ -91,7 +86,7 @@ def _row(group: list[Outcome]) -> tuple[str | int | float, ...]:
         trial.level,
         trial.condition,
         sum(o.fell for o in group),
-        sum(o.seconds for o in group) / 60.0,
+        minutes(group),
         sum(o.steps for o in group),
         max(o.tilt for o in group),
         1e3 * min(o.apart for o in group),

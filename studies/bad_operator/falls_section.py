@@ -87,9 +87,6 @@ def _robot(name: str) -> Robot:
 
 
 _SEEDS, _SECONDS, _QUICK_SEEDS = 200, 60.0, 20
-_SPREAD = 1_000_000
-"""Seeds of `--seed N` begin at N times this: runs with different N share none. Tuning used seeds
-from 100,000 to 100,999, which no N reaches."""
 
 ALLOWED = {"biped20": 2, "g1": 10}
 """Falls in 200 seeds that are asked for at most, by robot."""
@@ -101,7 +98,7 @@ FOLDER = Path("runs/bad-operator-falls")
 def falls_section(options: StudyOptions, progress: Progress) -> Section:
     """The section."""
     count = options.count(_SEEDS, _QUICK_SEEDS)
-    first = _SPREAD * options.seed
+    first = options.first_seed
     trials = [
         Trial(seed=first + k, seconds=_SECONDS, folder=FOLDER / robot, robot=robot)
         for robot in ALLOWED

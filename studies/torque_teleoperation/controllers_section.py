@@ -3,6 +3,7 @@
 import numpy as np
 
 from studies.bad_operator.conditions import CONDITIONS, MIXED, Outcome, Trial, run_trial
+from studies.bad_operator.falls_asked import FALL_EVERY, falls_finding, minutes
 from studies.finding import Finding, Section, Table
 from studies.plan import Progress, StudyOptions
 from studies.trials import run_each
@@ -11,19 +12,13 @@ _ROBOTS = ("biped20", "g1")
 _CONTROLLERS = ("whole_body", "reduced", "osf")
 _CONDITIONS = (next(iter(CONDITIONS)), MIXED)
 
-_SPREAD = 1_000_000
-"""Seeds of `--seed N` begin at N times this."""
-
-_MINUTES = 10.0
-"""Under all conditions one fall in so many minutes is asked for; as described none [min]."""
-
 Group = tuple[str, str, str]
 """Robot, controller, condition."""
 
 
 def controllers_section(options: StudyOptions, progress: Progress) -> Section:
     """The section."""
-    first, seconds = _SPREAD * options.seed, 15.0 if options.quick else 60.0
+    first, seconds = options.first_seed, 15.0 if options.quick else 60.0
     trials = [
         Trial(
             robot=robot,
@@ -61,15 +56,8 @@ def controllers_section(options: StudyOptions, progress: Progress) -> Section:
 
 def _finding(which: Group, group: list[Outcome]) -> Finding:
     robot, controller, condition = which
-    falls, minutes = sum(o.fell for o in group), sum(o.seconds for o in group) / 60.0
-    allowed = minutes / _MINUTES if condition == MIXED else 0.0
-    return Finding(
-        name=f"{robot}, {controller}, {condition}: falls in {len(group)} seeds",
-        paper=round(allowed, 2),
-        ours=falls,
-        ok=falls <= allowed,
-        note=f"in {minutes:.1f} minutes; {sum(o.steps for o in group)} feet were lifted",
-    )
+    allowed = minutes(group) / FALL_EVERY if condition == MIXED else 0.0
+    return falls_finding(f"{robot}, {controller}, {condition}", group, allowed)
 
 
 def _row(which: Group, group: list[Outcome]) -> tuple[str | int | float, ...]:

@@ -1,6 +1,7 @@
 """Falls under operators who do one thing over and over, by robot and by habit."""
 
 from studies.bad_operator.conditions import CONDITIONS, MIXED, Outcome, Trial, run_trial
+from studies.bad_operator.falls_asked import FALL_EVERY, falls_finding, minutes
 from studies.bad_operator.habits import HABITS
 from studies.finding import Finding, Section, Table
 from studies.plan import Progress, StudyOptions
@@ -9,16 +10,10 @@ from studies.trials import run_each
 _ROBOTS = ("biped20", "humanoid33", "g1")
 _CONDITIONS = (next(iter(CONDITIONS)), MIXED)
 
-_SPREAD = 1_000_000
-"""Seeds of `--seed N` begin at N times this."""
-
-_MINUTES = 10.0
-"""Under all conditions one fall in so many minutes is asked for; as described none [min]."""
-
 
 def habits_section(options: StudyOptions, progress: Progress) -> Section:
     """The section."""
-    first, seconds = _SPREAD * options.seed, 15.0 if options.quick else 60.0
+    first, seconds = options.first_seed, 15.0 if options.quick else 60.0
     trials = [
         Trial(
             robot=robot,
@@ -45,7 +40,7 @@ def habits_section(options: StudyOptions, progress: Progress) -> Section:
         prose=(
             f"{seconds:.0f} s each, from seed {first}. Nothing of the controller was tuned on "
             "these: they are what people do, done well or badly. Asked: as described no fall, "
-            f"under all conditions at once at most one in {_MINUTES:.0f} minutes.",
+            f"under all conditions at once at most one in {FALL_EVERY:.0f} minutes.",
         ),
         findings=tuple(_finding(*which, group) for which, group in groups.items()),
         tables=(
@@ -60,15 +55,8 @@ def habits_section(options: StudyOptions, progress: Progress) -> Section:
 
 
 def _finding(robot: str, condition: str, group: list[Outcome]) -> Finding:
-    falls, minutes = sum(o.fell for o in group), sum(o.seconds for o in group) / 60.0
-    allowed = minutes / _MINUTES if condition == MIXED else 0.0
-    return Finding(
-        name=f"{robot}, {condition}, operators with habits: falls in {len(group)} trials",
-        paper=round(allowed, 2),
-        ours=falls,
-        ok=falls <= allowed,
-        note=f"in {minutes:.1f} minutes; {sum(o.steps for o in group)} feet were lifted",
-    )
+    allowed = minutes(group) / FALL_EVERY if condition == MIXED else 0.0
+    return falls_finding(f"{robot}, {condition}, operators with habits", group, allowed)
 
 
 def _row(habit: str, groups: list[list[Outcome]]) -> tuple[str, ...]:

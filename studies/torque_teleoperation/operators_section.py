@@ -3,13 +3,10 @@
 import numpy as np
 
 from studies.bad_operator.conditions import CONDITIONS, MIXED, Outcome, Trial, run_trial
-from studies.finding import Finding, Section, Table
+from studies.bad_operator.falls_asked import FALL_EVERY, falls_finding, minutes
+from studies.finding import Section, Table
 from studies.plan import Progress, StudyOptions
 from studies.trials import run_each
-
-_SPREAD = 1_000_000
-"""Seeds of `--seed N` begin at N times this."""
-
 
 _ROBOTS = ("biped20", "humanoid33", "g1")
 
@@ -33,7 +30,7 @@ def _section(
     options: StudyOptions,
     progress: Progress,
 ) -> Section:
-    first, seconds = _SPREAD * options.seed, 20.0 if options.quick else 60.0
+    first, seconds = options.first_seed, 20.0 if options.quick else 60.0
     trials = [
         Trial(robot=robot, level="torque", condition=condition, seed=first + k, seconds=seconds)
         for robot in robots
@@ -54,7 +51,10 @@ def _section(
             "study bad-operator. Asked as described: at most one fall in a hundred seeds on G1, "
             "none on the others; otherwise at most one in ten minutes.",
         ),
-        findings=tuple(_finding(*which, group) for which, group in groups.items()),
+        findings=tuple(
+            falls_finding(f"{robot}, {condition}", group, _allowed(robot, condition, group))
+            for (robot, condition), group in groups.items()
+        ),
         tables=(
             Table(
                 title="Bad operators",
@@ -74,18 +74,7 @@ def _allowed(robot: str, condition: str, group: list[Outcome]) -> float:
     """Falls that are asked for at most."""
     if condition == "as described":
         return 0.01 * len(group) if robot == "g1" else 0.0
-    return sum(o.seconds for o in group) / 600.0
-
-
-def _finding(robot: str, condition: str, group: list[Outcome]) -> Finding:
-    falls, allowed = sum(o.fell for o in group), _allowed(robot, condition, group)
-    return Finding(
-        name=f"{robot}, {condition}: falls in {len(group)} seeds",
-        paper=round(allowed, 2),
-        ours=falls,
-        ok=falls <= allowed,
-        note=f"{sum(o.steps for o in group)} feet were lifted",
-    )
+    return minutes(group) / FALL_EVERY
 
 
 def _row(robot: str, condition: str, group: list[Outcome]) -> tuple[str | int | float, ...]:
@@ -95,7 +84,7 @@ def _row(robot: str, condition: str, group: list[Outcome]) -> tuple[str | int | 
         condition,
         len(group),
         sum(o.fell for o in group),
-        sum(o.seconds for o in group) / 60.0,
+        minutes(group),
         sum(o.steps for o in group),
         float(np.median(tilts)),
         max(tilts),

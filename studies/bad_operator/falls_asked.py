@@ -1,0 +1,40 @@
+"""`falls_finding`: how often robots fell, beside how often they may.
+
+`FALL_EVERY`: what is asked where not everything is as described.
+"""
+
+from collections.abc import Sequence
+
+from studies.bad_operator.conditions import Outcome
+from studies.finding import Finding
+
+FALL_EVERY = 10.0
+"""Where a robot is not as described, or is pushed, one fall in so many minutes is allowed [min]."""
+
+
+def minutes(group: Sequence[Outcome]) -> float:
+    """How long robots stood, all in all [min].
+
+    Args:
+        group: what became of trials.
+    """
+    return sum(outcome.seconds for outcome in group) / 60.0
+
+
+def falls_finding(name: str, group: Sequence[Outcome], allowed: float) -> Finding:
+    """The finding.
+
+    Args:
+        name: of what was tried.
+        group: what became of it.
+        allowed: falls that are asked for at most.
+    """
+    falls = sum(outcome.fell for outcome in group)
+    lifted = sum(outcome.steps for outcome in group)
+    return Finding(
+        name=f"{name}: falls in {len(group)} seeds",
+        paper=round(allowed, 2),
+        ours=falls,
+        ok=falls <= allowed,
+        note=f"in {minutes(group):.1f} minutes; {lifted} feet were lifted",
+    )
