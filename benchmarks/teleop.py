@@ -3,7 +3,7 @@
 `record_walk`: a walk by scripted hands, recorded once: what the step teleoperator was told.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from time import process_time, thread_time
 
@@ -218,12 +218,17 @@ class StepTimes:
     Attributes:
         parts: each step, part by part as in `PARTS`, by processor time of the thread [s].
         single: whether one foot was in the air after it.
-        missed: whether it gave no usable command.
+        commands: what it commanded.
     """
 
     parts: Float64[np.ndarray, "ticks 3"]
     single: Sequence[bool]
-    missed: Sequence[bool]
+    commands: Sequence[Command]
+
+    @property
+    def missed(self) -> list[bool]:
+        """Whether a step gave no usable command."""
+        return [not command.status.ok for command in self.commands]
 
     @property
     def seconds(self) -> Float64[np.ndarray, " ticks"]:
@@ -271,17 +276,12 @@ def bench_teleop(plan: TeleopBench, progress: Progress | None = None) -> list[Te
     return [_result(walk, run, processor, timed)]
 
 
-def time_steps(
-    walk: Walk,
-    recorded: Sequence[WalkTick],
-    look: Callable[[Command], object] | None = None,
-) -> StepTimes:
+def time_steps(walk: Walk, recorded: Sequence[WalkTick]) -> StepTimes:
     """Times a new controller on a recorded walk, from its start.
 
     Args:
         walk: what was walked.
         recorded: what the teleoperator was told.
-        look: shown each command.
     """
     teleoperator = walk.teleoperator()
     controller = teleoperator.controller()
@@ -289,7 +289,7 @@ def time_steps(
     teleoperator.device = _Replayed(samples)
     parts = np.zeros((len(recorded), len(PARTS)))
     single: list[bool] = []
-    missed: list[bool] = []
+    commands: list[Command] = []
     for i, tick in enumerate(recorded):
         asked = thread_time()
         estimate = teleoperator.estimator.update(tick.state)
@@ -299,11 +299,9 @@ def time_steps(
         command = controller.step(estimate)
         parts[i] = begin - asked, led - begin, thread_time() - led
         teleoperator.estimator.command(command.acceleration, tick.state.time)
-        if look is not None:
-            look(command)
         single.append(teleoperator.mode.single)
-        missed.append(not command.status.ok)
-    return StepTimes(parts=parts, single=single, missed=missed)
+        commands.append(command)
+    return StepTimes(parts=parts, single=single, commands=commands)
 
 
 class _Replayed:

@@ -79,8 +79,7 @@ def test_steps_by_torque_are_told_what_they_commanded(by_torque):
     run = run_teleop(
         walk.robot, walk.script.device, walk.plant, duration=0.12, q_start=walk.q_start
     )
-    commands = []
-    time_steps(walk, recorded, commands.append)
+    commands = time_steps(walk, recorded).commands
     np.testing.assert_array_equal([c.torque for c in commands], run.log.command)
 
 

@@ -118,7 +118,7 @@ def _check_made_with(option: str, asked: str | None, made: str | None) -> None:
         raise ConfigurationError(
             "a recording is played with what it was made with",
             got=f"--{option} {asked}",
-            wanted=made or "none, as it does not say",
+            wanted=made or f"no --{option}: it was made with the usual one",
         )
 
 

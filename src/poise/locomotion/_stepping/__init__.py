@@ -5,7 +5,7 @@ from poise.locomotion._stepping._device import Device, ScriptedDevice, WayPoint
 from poise.locomotion._stepping._footing import yaw_of
 from poise.locomotion._stepping._gaze import GazeLeader
 from poise.locomotion._stepping._grips import rotation_of
-from poise.locomotion._stepping._guard import DeviceGuard, Lateness
+from poise.locomotion._stepping._guard import DeviceGuard
 from poise.locomotion._stepping._hands import HandLeader, HandStatus
 from poise.locomotion._stepping._lean import TORSO_MOST
 from poise.locomotion._stepping._modes import Mode, ModeEvent, draw_modes
@@ -18,6 +18,7 @@ from poise.locomotion._stepping._recording import (
     read_recording,
 )
 from poise.locomotion._stepping._recording_format import RecordingError
+from poise.locomotion._stepping._sample_clock import Lateness
 from poise.locomotion._stepping._samples import (
     BodySample,
     DeviceSample,

@@ -7,11 +7,11 @@ from jaxtyping import Float64
 
 from poise._checks import checked_number
 from poise.locomotion._stepping._grips import LATE, LOST_AFTER, HeadGrip, TurnPursuit
-from poise.locomotion._stepping._guard import SampleClock
 from poise.locomotion._stepping._hands import HandStatus
 from poise.locomotion._stepping._lean import TORSO_MOST
 from poise.locomotion._stepping._limb_feedback import BY_SERVOS, NECK_BY_TORQUES, LimbFeedback
 from poise.locomotion._stepping._neck import NeckMotion
+from poise.locomotion._stepping._sample_clock import SampleClock
 from poise.locomotion._stepping._samples import DeviceSample
 from poise.robots import Robot
 from poise.stack import JointTask

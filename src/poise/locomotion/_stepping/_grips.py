@@ -11,7 +11,7 @@ import pinocchio as pin
 from jaxtyping import Float64
 
 from poise.dynamics import rotation_vector
-from poise.locomotion._stepping._guard import DeviceRate, Pursuit, is_point
+from poise.locomotion._stepping._pursuit import DeviceRate, Pursuit, is_point
 from poise.locomotion._stepping._samples import HandSample, HeadSample
 
 _START, _JUMP = 0.06, 0.3

@@ -1,17 +1,14 @@
-"""`DeviceGuard`: whether to believe what the operator commands of the feet.
-
-`SampleClock`: which samples are news. `Lateness`: how late a link makes them. `Pursuit`: follows no
-faster than may be. `DeviceRate`: how fast a device says that it moves.
-"""
+"""`DeviceGuard`: whether to believe what the operator commands of the feet."""
 
 import math
 from collections.abc import Sequence
-from typing import TypeGuard
 
 import numpy as np
 from jaxtyping import Float64
 
 from poise._checks import checked_number
+from poise.locomotion._stepping._pursuit import DeviceRate, Pursuit, is_point
+from poise.locomotion._stepping._sample_clock import SampleClock
 from poise.locomotion._stepping._samples import BodySample, DeviceSample, DeviceStatus
 
 
@@ -116,19 +113,13 @@ class DeviceGuard:
         if self._newest is None or not any(held):
             return None
         lowest = min(float(ground[2]) for ground in grounds) - self._press_depth
+        rates = self._grips[0].velocity(time), self._grips[1].velocity(time)
         left, right = (
             np.array([*sole[:2], lowest] if grip.place is None else grip.place)
             for grip, sole in zip(self._grips, soles, strict=True)
         )
         newest = self._newest
-        return DeviceSample(
-            newest.time,
-            left,
-            right,
-            newest.upright,
-            body=self._body,
-            rates=(self._grips[0].rate.at(time), self._grips[1].rate.at(time)),
-        )
+        return DeviceSample(newest.time, left, right, newest.upright, body=self._body, rates=rates)
 
     def let_go(self, status: DeviceStatus) -> None:
         """Both devices let go of their feet, which somebody else leads; they may take hold anew.
@@ -158,149 +149,6 @@ class DeviceGuard:
         return self._clock.takes(sample.time, time)
 
 
-_DRIFT = 1e-3
-"""By how much of the time two clocks may drift apart."""
-
-
-class Lateness:
-    """How much later than the soonest messages come, by stamps of a clock that nobody has set.
-
-    What grows by less than a thousandth of the time is taken for two clocks that drift apart. Where
-    the receiver's own time is slowed down or stopped nothing comes late.
-    """
-
-    def __init__(self) -> None:
-        self._soonest, self._at = math.inf, 0.0
-
-    def restart(self) -> None:
-        """Whatever comes next is on time."""
-        self._soonest = math.inf
-
-    def of(self, stamp: float, time: float) -> float:
-        """Takes what has come, and says how late it is [s].
-
-        Args:
-            stamp: when it was sent, on the sender's clock [s].
-            time: of the receiver, which does not go back but for `restart` [s].
-        """
-        drift, self._at = _DRIFT * (time - self._at), time
-        self._soonest = min(self._soonest + drift, time - stamp)
-        return time - stamp - self._soonest
-
-
-class SampleClock:
-    """Says which samples are newer than the newest, and no more late than a link makes them.
-
-    Args:
-        late: largest difference of two samples' delays [s].
-        lost_after: after so long without a sample any clock is believed again [s].
-
-    Attributes:
-        heard_at: when the newest came, in the robot's time [s].
-    """
-
-    def __init__(self, late: float, lost_after: float) -> None:
-        self._late, self._lost_after = late, lost_after
-        self._lateness = Lateness()
-        self._newest = -math.inf
-        self.heard_at = -math.inf
-
-    def takes(self, stamp: float, time: float) -> bool:
-        """Whether a sample counts; then it is the newest.
-
-        Args:
-            stamp: its time, on the operator's clock [s].
-            time: of the robot [s].
-        """
-        if not math.isfinite(stamp):
-            return False
-        if self.is_lost(time):
-            self._lateness.restart()
-        elif not 0.0 < stamp - self._newest <= time - self.heard_at + self._late:
-            return False
-        if self._lateness.of(stamp, time) > self._late:
-            return False
-        self._newest, self.heard_at = stamp, time
-        return True
-
-    def is_lost(self, time: float) -> bool:
-        """Whether nothing was heard for too long, or the robot's clock has gone back as far.
-
-        Args:
-            time: of the robot [s].
-        """
-        return abs(time - self.heard_at) > self._lost_after
-
-
-class Pursuit:
-    """Follows a place by no more than `start` + `step` n in any n ticks.
-
-    Args:
-        step: how far in a tick, on average [m].
-        start: how far at once, after rest [m].
-    """
-
-    def __init__(self, step: float, start: float) -> None:
-        self._step, self._start = step, start
-        self._left = start  # Of the way that may be gone now [m].
-
-    def follow(self, place: list[float], goal: list[float]) -> list[float]:
-        """Where it is after a tick [m].
-
-        Args:
-            place: where it is now [m].
-            goal: where it is led to [m].
-        """
-        part = self.part(math.dist(goal, place))
-        if part == 1.0:
-            return goal
-        return [p + part * (g - p) for p, g in zip(place, goal, strict=True)]
-
-    def part(self, away: float) -> float:
-        """Which part of a way of so much is gone in a tick, which counts.
-
-        Args:
-            away: length of the way, in the unit of `step`.
-        """
-        most = self._left = min(self._left + self._step, self._start)
-        if away <= most:
-            self._left -= away
-            return 1.0
-        self._left = 0.0
-        return most / away
-
-
-_RATE_HOLDS = 0.1
-"""For how long a velocity counts that is not told anew [s]."""
-
-
-class DeviceRate:
-    """How fast a device says that it moves, for a moment from when it does.
-
-    Args:
-        fastest: no hand is faster: such a velocity is none [m/s].
-    """
-
-    def __init__(self, fastest: float) -> None:
-        self._fastest = fastest
-        self._rate: Float64[np.ndarray, "3"] | None = None
-        self._told_at = -math.inf
-
-    def tell(self, rate: object, time: float) -> None:
-        """Takes what came with a good sample.
-
-        Args:
-            rate: anything [m/s]; None where the device does not say.
-            time: of the robot [s].
-        """
-        good = is_point(rate) and math.hypot(*rate.tolist()) <= self._fastest
-        self._rate, self._told_at = rate if good else None, time
-
-    def at(self, time: float) -> Float64[np.ndarray, "3"] | None:
-        """The velocity at a time of the robot [m/s]; None where nothing is known."""
-        return self._rate if 0.0 <= time - self._told_at <= _RATE_HOLDS else None
-
-
 class _Grip:
     """How one device holds its foot.
 
@@ -314,7 +162,6 @@ class _Grip:
 
     Attributes:
         place: where it is followed to [m]; None while it does not hold its foot.
-        rate: how fast it moves.
     """
 
     def __init__(
@@ -326,7 +173,7 @@ class _Grip:
         lost_after: float,
         fastest: float,
     ) -> None:
-        self.rate = DeviceRate(fastest)
+        self._rate = DeviceRate(fastest)
         self._pursuit, self._jump = Pursuit(step, start), jump
         self._low, self._lost_after = low, lost_after
         self.place: list[float] | None = None
@@ -360,10 +207,18 @@ class _Grip:
             return False
         good = is_point(point) and self._holds(point.tolist(), time, sole, ground)
         if good:
-            self.rate.tell(rate, time)
+            self._rate.tell(rate, time)
         if self.place is not None:
             self.place = self._pursuit.follow(self.place, self._goal)
         return good
+
+    def velocity(self, time: float) -> Float64[np.ndarray, "3"] | None:
+        """How fast it says that it moves [m/s]; None where it does not, or does not hold its foot.
+
+        Args:
+            time: of the robot [s].
+        """
+        return None if self.place is None else self._rate.at(time)
 
     def _holds(
         self, point: list[float], time: float, sole: Float64[np.ndarray, "3"], ground: float
@@ -383,13 +238,3 @@ class _Grip:
 
     def _is_near(self, point: list[float], place: list[float]) -> bool:
         return math.dist(point, place) <= self._jump
-
-
-def is_point(value: object) -> TypeGuard[np.ndarray]:
-    """Whether a value is a place: a device may send anything."""
-    return (
-        isinstance(value, np.ndarray)
-        and value.shape == (3,)
-        and value.dtype == np.float64
-        and all(map(math.isfinite, value.tolist()))
-    )

@@ -14,8 +14,8 @@ from poise._checks import checked_number
 from poise.dynamics import RobotState, rotation_vector
 from poise.locomotion._stepping._arms import ArmMotion
 from poise.locomotion._stepping._grips import LATE, LOST_AFTER, HandGrip
-from poise.locomotion._stepping._guard import SampleClock
 from poise.locomotion._stepping._limb_feedback import ARMS_BY_TORQUES, BY_SERVOS, LimbFeedback
+from poise.locomotion._stepping._sample_clock import SampleClock
 from poise.locomotion._stepping._samples import DeviceSample
 from poise.robots import Robot
 from poise.stack import JointTask

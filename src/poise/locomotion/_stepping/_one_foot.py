@@ -92,7 +92,7 @@ class OneFoot(NamedTuple):
         if self.narrow:
             inwards -= min(_UPRIGHT * max(leaning, 0.0), inwards)
             inwards *= 1.0 - borrowed
-        return place[:2] + inner_side(foot) * inwards * rotation[:2, 1]
+        return _beside(place, rotation, inner_side(foot) * inwards)
 
     def arriving(
         self, foot: int, place: Float64[np.ndarray, "3"], rotation: Float64[np.ndarray, "3 3"]
@@ -104,7 +104,7 @@ class OneFoot(NamedTuple):
             place: of its sole [m].
             rotation: world_R_sole.
         """
-        return place[:2] + inner_side(foot) * _ARRIVING * self.inwards * rotation[:2, 1]
+        return _beside(place, rotation, inner_side(foot) * _ARRIVING * self.inwards)
 
     def holds(self, foot: int, size: Point) -> SolePart:
         """Where on the ground, along its sole, the divergent component is held.
@@ -179,6 +179,13 @@ def inner_side(foot: int) -> float:
         foot: 0 left, 1 right.
     """
     return 1.0 if foot == 1 else -1.0
+
+
+def _beside(
+    place: Float64[np.ndarray, "3"], rotation: Float64[np.ndarray, "3 3"], left: float
+) -> Float64[np.ndarray, "2"]:
+    """A place on the ground so far to the left of a sole's middle, as the sole is turned [m]."""
+    return place[:2] + left * rotation[:2, 1]
 
 
 def _widened(foot: int, size: Point, inner: float, outer: float) -> SolePart:
