@@ -2,6 +2,7 @@
 
 import gc
 import math
+from collections import Counter
 from contextlib import nullcontext
 from functools import cache
 from importlib.util import find_spec
@@ -33,8 +34,19 @@ def pytest_xdist_make_scheduler(config, log):
     return WorkStealingScheduling(config, log) if config.getvalue("dist") == "load" else None
 
 
+@pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items):
-    """Files with slow tests come first: at the end a worker would wait for another's."""
+    """Of a test with `fast_cases(n)` all cases but the first n are slow.
+
+    Files with slow tests come first: at the end a worker would wait for another's.
+    """
+    cases = Counter()
+    for item in items:
+        few = item.get_closest_marker("fast_cases")
+        if few is not None:
+            cases[item.function] += 1
+            if cases[item.function] > few.args[0]:
+                item.add_marker(pytest.mark.slow)
     slow = {item.path for item in items if item.get_closest_marker("slow")}
     items.sort(key=lambda item: item.path not in slow)
 

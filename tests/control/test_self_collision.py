@@ -54,6 +54,7 @@ def led_into(robot, what, make, *, enabled, seconds=1.2):
     return force, least
 
 
+@pytest.mark.fast_cases(2)
 @pytest.mark.parametrize("name", ["humanoid33", "g1"])
 @pytest.mark.parametrize("what", ["trunk", "other hand"])
 def test_hands_that_are_led_into_the_robot_stop_before_it(get_robot, name, what):
@@ -72,6 +73,7 @@ def test_every_controller_of_torques_keeps_links_apart(get_robot, make):
     assert force == 0.0
 
 
+@pytest.mark.fast_cases(4)
 @pytest.mark.parametrize("make", CONTROLLERS)
 @pytest.mark.parametrize("seed", range(4))
 def test_rows_are_kept_in_a_tick(get_robot, make, seed):

@@ -22,6 +22,7 @@ def swaying(robot, controller, aside):
     return command, {c.name: c.pressure_reach.copy() for c in stack.contacts}
 
 
+@pytest.mark.fast_cases(6)
 @pytest.mark.parametrize("aside", [0.0, 0.3, -0.5, 0.9])
 @pytest.mark.parametrize("controller", CONTROLLERS)
 @pytest.mark.parametrize("name", ["g1", "humanoid33"])

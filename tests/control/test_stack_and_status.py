@@ -40,6 +40,7 @@ def home(robot, time=0.0):
     return RobotState(robot.q_home, np.zeros(robot.nv), time=time)
 
 
+@pytest.mark.fast_cases(8)
 @pytest.mark.parametrize("name", catalog_names())
 def test_the_default_stack_of_every_robot_builds_and_solves(get_robot, kind, name):
     robot = get_robot(name)

@@ -50,6 +50,7 @@ def test_torques_go_to_new_ones_no_faster_than_the_rate(get_robot, make):
     assert np.abs(answers[50.0][-1] - answers[None][-1]).max() < 1e-6 * robot.tau_max.max()
 
 
+@pytest.mark.fast_cases(4)
 @pytest.mark.parametrize("make", CONTROLLERS)
 @pytest.mark.parametrize("seed", range(6))
 def test_no_torque_jumps_whatever_the_state_asks_for(get_robot, make, seed):

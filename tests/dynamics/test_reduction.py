@@ -212,6 +212,7 @@ def test_two_partitions_of_one_robot_do_not_disturb_each_other(get_robot):
     assert np.array_equal(first.M, before)
 
 
+@pytest.mark.fast_cases(2)
 @pytest.mark.parametrize("name", HUMANOIDS)
 @pytest.mark.parametrize("stance", ["double support", "hand contact"])
 def test_centroids_move_on_smoothly_from_tick_to_tick(get_robot, name, stance):

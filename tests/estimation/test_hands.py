@@ -71,6 +71,7 @@ def estimated(robot, states, **belief):
     return estimator, last
 
 
+@pytest.mark.fast_cases(1)
 @pytest.mark.parametrize(
     ("name", "hand", "seed"), [("g1", 0, 1), ("g1", 1, 2), ("humanoid33", 1, 3)]
 )

@@ -15,6 +15,7 @@ from poise.robots._parametric._solids import box, combined_inertia, drum, rod, s
 PARAMETRIC = ("humanoid20", "humanoid33", "humanoid45", "humanoid60", "biped20")
 
 
+@pytest.mark.fast_cases(14)
 @pytest.mark.parametrize("joints", range(20, 61))
 def test_a_humanoid_has_the_joints_it_is_asked_for(joints):
     robot = load_robot(f"humanoid{joints}")

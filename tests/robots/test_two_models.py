@@ -82,12 +82,14 @@ def compare_states(robot, model, mapping):
     return found
 
 
+@pytest.mark.fast_cases(4)
 @pytest.mark.parametrize("robot", [*FLOATING, "humanoid20", "humanoid60"], indirect=True)
 def test_floating_robots_are_equal_in_both_engines(both):
     found = compare_states(*both)
     assert max(found.values()) < 1e-9, found
 
 
+@pytest.mark.fast_cases(2)
 @pytest.mark.parametrize("robot", FIXED, indirect=True)
 def test_fixed_robots_are_equal_in_both_engines(both):
     found = compare_states(*both)

@@ -459,6 +459,7 @@ def squat(robot, model, seconds=1.0):
     return error
 
 
+@pytest.mark.fast_cases(3)
 @pytest.mark.parametrize("kind", ["motors", "motors in another order", "servos", "scene"])
 @pytest.mark.parametrize("name", ["g1", "humanoid33"])
 def test_robots_squat_in_a_plain_loop(get_robot, name, kind):

@@ -79,6 +79,7 @@ def vertical_force(plant):
     )
 
 
+@pytest.mark.fast_cases(3)
 @pytest.mark.parametrize("name", STANDING)
 def test_each_stands_on_its_soles_under_a_stiff_servo(name):
     robot = load(name)

@@ -53,6 +53,7 @@ class ForwardDynamics:
         return dv
 
 
+@pytest.mark.fast_cases(3)
 @pytest.mark.parametrize("stance", ["double support", "left support", "hand contact"])
 @pytest.mark.parametrize("name", HUMANOIDS)
 def test_mujoco_accelerates_as_was_asked_for(get_robot, name, stance):

@@ -35,6 +35,7 @@ def load(plant):
     return sum(up) / (plant.mass * 9.81)
 
 
+@pytest.mark.fast_cases(2)
 @pytest.mark.parametrize("name", ["humanoid33", "biped20", "g1", "talos", "icub"])
 def test_a_robot_stands_loaded_from_the_first_moment(get_robot, name):
     moved, loads = stand(Plant(get_robot(name)))

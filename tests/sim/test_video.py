@@ -53,6 +53,7 @@ def test_the_robot_is_in_the_middle_of_the_picture(plant, biped, opengl_here):
     assert 60 < here.mean() < 235
 
 
+@pytest.mark.fast_cases(3)
 @pytest.mark.parametrize("arms", ["down", "up", "ahead"])
 @pytest.mark.parametrize("name", ["humanoid33", "g1", "talos"])
 def test_the_whole_robot_is_seen_with_its_feet_and_hands(get_robot, name, arms, opengl_here):

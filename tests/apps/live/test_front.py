@@ -248,6 +248,7 @@ def test_a_copy_that_takes_long_silences_no_operator(front, session, monkeypatch
         assert time.monotonic() - begin > 3.9
 
 
+@pytest.mark.fast_cases(2)
 @pytest.mark.parametrize("token", [None, "", "wrong", "the token"])
 def test_handles_move_nothing_without_the_seat(front, session, token):
     token = front.seat.token if token == "the token" else token
@@ -344,6 +345,7 @@ def test_nonsense_of_an_operator_gets_an_answer_and_moves_nothing(front, session
         assert session.loop.snapshot.mode is Mode.D
 
 
+@pytest.mark.fast_cases(3)
 @pytest.mark.parametrize(
     "drag", [[None, None], [None, [0.0, 0.0]], [None, [1e9, 0.0, 0.0]], [None, "abc"], [None],
              "abc", [None, [None] * 3], [None, [0.0, 0.0, True]], [None] * 2 + [[0.0, 0.0, 0.1]]]

@@ -105,6 +105,7 @@ def test_each_foot_makes_a_step_forward(start, name):
     assert not loop.snapshot.fallen
 
 
+@pytest.mark.fast_cases(2)
 @pytest.mark.parametrize("plant", [TORQUE_TELEOP_PLANT, TELEOP_PLANT], ids=["torque", "velocity"])
 @pytest.mark.parametrize("name", ["biped20", "g1"])
 def test_a_hand_is_led_let_go_and_goes_back_to_rest(start, name, plant):

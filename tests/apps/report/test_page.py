@@ -138,6 +138,7 @@ EDGE_CASES = {
 }
 
 
+@pytest.mark.fast_cases(5)
 @pytest.mark.parametrize("case", EDGE_CASES)
 def test_an_unusual_run_still_gets_a_whole_page(case, tmp_path):
     record = EDGE_CASES[case]()

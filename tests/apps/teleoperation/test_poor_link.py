@@ -39,6 +39,7 @@ def last(run):
     return tuple(Mode)[run.log.mode[-1]], tuple(DeviceStatus)[run.log.device[-1]]
 
 
+@pytest.mark.fast_cases(2)
 @pytest.mark.parametrize("cut", np.linspace(LIFT + 0.05, 2.1, 5).round(3))
 def test_a_connection_that_is_cut_in_mid_step_throws_nobody(get_robot, cut):
     run = run_teleop(get_robot("biped20"), over(cut=cut), TELEOP_PLANT.with_noise(), duration=4.5)
@@ -53,6 +54,7 @@ def test_a_connection_that_is_cut_in_mid_step_throws_nobody(get_robot, cut):
     assert np.abs(log.com[-1] - log.com[-20]).max() < 5e-3
 
 
+@pytest.mark.fast_cases(2)
 @pytest.mark.parametrize(
     ("name", "plant", "seed"),
     [
@@ -86,6 +88,7 @@ class Strays:
         return DeviceSample(time, said.left + self._offset, said.right + self._offset)
 
 
+@pytest.mark.fast_cases(1)
 @pytest.mark.parametrize("offset", [(0.5, 0.0, 0.0), (0.0, -2.0, 0.3), (0.0, 0.0, 0.4)], ids=str)
 def test_hands_that_are_found_elsewhere_move_no_foot(get_robot, offset):
     run = run_teleop(

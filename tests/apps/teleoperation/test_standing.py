@@ -29,6 +29,7 @@ def at_rest(run):
     return not run.fell and np.ptp(run.log.zmp[-100:], axis=0).max() < 0.01
 
 
+@pytest.mark.fast_cases(3)
 @pytest.mark.parametrize("way", [AHEAD, BACK, ASIDE])
 @pytest.mark.parametrize("robot", ["biped20", "humanoid33", "g1"])
 def test_it_comes_to_rest_on_a_slope_though_it_begins_on_the_edges_of_its_soles(
@@ -41,6 +42,7 @@ def test_it_comes_to_rest_on_a_slope_though_it_begins_on_the_edges_of_its_soles(
     assert np.linalg.norm(run.log.zmp[-1] - run.log.zmp_reference[-1]) < 0.01
 
 
+@pytest.mark.fast_cases(2)
 @pytest.mark.parametrize("way", [AHEAD, BACK, ASIDE])
 @pytest.mark.parametrize("robot", ["biped20", "g1"])
 def test_it_stands_with_an_attitude_that_is_off_by_a_degree(get_robot, robot, way):

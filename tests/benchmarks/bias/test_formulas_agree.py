@@ -61,6 +61,7 @@ class World:
         return self.dynamics.M @ acceleration + self.dynamics.h
 
 
+@pytest.mark.fast_cases(2)
 @pytest.mark.parametrize("name", [*FIXED, *FLOATING])
 def test_original_and_proposed_agree_with_projectors_at_random_states(get_any, name):
     """Everywhere: where tasks are singular, too."""

@@ -236,6 +236,7 @@ def test_fixed_arms_reach_their_targets(get_robot, follow, name, strategy):
     assert controller.suspended == ()
 
 
+@pytest.mark.fast_cases(4)
 @pytest.mark.parametrize("limit_time", [0.0, 0.1])
 @pytest.mark.parametrize("strategy", STRATEGIES)
 @pytest.mark.parametrize("name", ["arm6", "biped20", "g1"])

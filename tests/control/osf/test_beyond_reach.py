@@ -47,6 +47,7 @@ class Pull:
             self.plant.step(command)
 
 
+@pytest.mark.fast_cases(2)
 @pytest.mark.parametrize("name", ["arm6", "panda"])
 @pytest.mark.parametrize("speed", [0.1, 1.0])
 def test_an_arm_pulled_beyond_its_reach_keeps_its_torques_and_their_steps_bounded(

@@ -43,6 +43,7 @@ def residual_in_mujoco(robot, stack, state, command):
     return np.abs(found).max() / (robot.mass * WEIGHT)
 
 
+@pytest.mark.fast_cases(6)
 @pytest.mark.parametrize("name", ["humanoid33", "g1"])
 @pytest.mark.parametrize("seed", SEEDS)
 def test_wrenches_are_what_mujoco_needs_for_the_acceleration(get_any, name, seed):

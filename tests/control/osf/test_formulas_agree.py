@@ -48,6 +48,7 @@ def test_the_recursion_agrees_with_projectors_at_random_states(get_any, name):
     assert worst < 1e-9
 
 
+@pytest.mark.fast_cases(2)
 @pytest.mark.parametrize("name", [*FIXED, *FLOATING])
 def test_mujoco_meets_every_feasible_task(get_any, name):
     """Forward dynamics of the second model under the generalized force: tasks to 1e-8."""

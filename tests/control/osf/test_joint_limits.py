@@ -53,6 +53,7 @@ def test_a_joint_driven_into_its_limit_stops_before_it(get_any, name, joint):
     assert angles[-1] < robot.q_min[index] + 0.03
 
 
+@pytest.mark.fast_cases(2)
 @pytest.mark.parametrize("name", ["arm6", "panda", "upper17", "humanoid33"])
 def test_accelerations_keep_to_the_bounds_or_the_command_says_by_how_much_not(get_any, name):
     """Many joints at tight bounds at once. A fixed base can always keep them."""

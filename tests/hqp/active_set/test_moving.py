@@ -35,6 +35,7 @@ def moving_conflict(seed, time):
     return problem
 
 
+@pytest.mark.fast_cases(7)
 @pytest.mark.parametrize("seed", range(20))
 def test_conflicting_task_levels_are_exact_while_they_move(seed):
     solver, cascade = LexicographicSolver(), CascadeSolver("daqp")

@@ -24,6 +24,7 @@ from .reference import search
 SOLVER = LexicographicSolver()
 
 
+@pytest.mark.fast_cases(3)
 @pytest.mark.parametrize("family", FAMILIES, ids=lambda family: family.__name__)
 def test_every_answer_called_optimal_meets_the_conditions(family):
     exact, count = 0, 15 if family is humanoid else 100
@@ -45,6 +46,7 @@ def test_points_are_certified_by_multipliers_found_independently(family):
         assert certify_point(problem, solution.x).worst <= 1e-8, seed
 
 
+@pytest.mark.fast_cases(3)
 @pytest.mark.parametrize("family", FAMILIES, ids=lambda family: family.__name__)
 def test_no_other_method_meets_a_level_better(family):
     others = cascades(["daqp", "quadprog"])

@@ -63,6 +63,7 @@ def lead_badly(touched, robot):
     return touched(robot, lambda t: BadOperator(t, SEED), plant, duration=4.0, seed=SEED)
 
 
+@pytest.mark.fast_cases(2)
 @pytest.mark.parametrize("foot", ["left", "right"])
 @pytest.mark.parametrize("name", ["biped20", "g1"])
 def test_legs_that_are_crossed_do_not_touch(get_robot, touched, name, foot):

@@ -87,6 +87,7 @@ class Looks:
             self.gazes.append(self.leader.gaze)
 
 
+@pytest.mark.fast_cases(2)
 @pytest.mark.parametrize("name", ["humanoid33", "talos", "icub", "romeo"])
 def test_the_head_looks_there_stays_where_it_is_lost_and_looks_ahead_again(get_robot, name):
     robot = Looks(get_robot(name))
@@ -116,6 +117,7 @@ def test_the_head_looks_there_stays_where_it_is_lost_and_looks_ahead_again(get_r
     np.testing.assert_array_equal(leader.task.target_position, home)
 
 
+@pytest.mark.fast_cases(1)
 @pytest.mark.parametrize("every", [1, 9, 50])
 def test_no_stream_of_samples_turns_the_gaze_faster_than_it_may(get_robot, every):
     rng, robot = np.random.default_rng(1), Looks(get_robot("humanoid33"))

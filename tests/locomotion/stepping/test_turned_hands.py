@@ -212,6 +212,7 @@ REACHED = {"g1": 10, "humanoid33": 12, "talos": 8}
 """Of twelve turns by 0.6 rad, each way about each axis with each hand."""
 
 
+@pytest.mark.fast_cases(1)
 @pytest.mark.parametrize("name", ROBOTS)
 def test_hands_turn_about_each_axis_where_they_are_or_say_that_they_cannot(get_robot, name):
     robot = get_robot(name)
