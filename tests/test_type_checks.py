@@ -75,3 +75,21 @@ def test_a_function_that_is_called_late_is_checked():
 def test_what_a_dataclass_is_made_of_is_checked():
     with pytest.raises(jaxtyping.TypeCheckError, match="tilt"):
         BaseErrors(drift=np.zeros(3), tilt=np.zeros(2), speed=np.zeros(3))
+
+
+def test_a_call_that_is_checked_and_fails_can_be_looked_into():
+    """As pytest does with each frame; the checked function has something that it closes over."""
+    most = 3
+
+    def up(x: int) -> int:
+        if x > most:
+            raise ValueError(x)
+        return x
+
+    checked = type_checks._Freed(up, beartype).outer
+    assert checked(3) == 3
+    with pytest.raises(ValueError, match="4") as caught:
+        checked(4)
+    frames = [entry.frame.f_locals for entry in caught.traceback]
+    assert frames[1]["arguments"] == (4,)
+    assert frames[-1] == {"x": 4, "most": 3}

@@ -129,16 +129,32 @@ class _Freed:
         return self._checked(*arguments, **named)
 
 
-def _pass_on(*arguments, **named):
-    __tracebackhide__ = True
-    taken = "taken"
-    return taken(*arguments, **named)
-
-
 def _code_of(taken, function):
     """Code of a function that calls another, for a function with the same closure."""
-    constants = tuple(taken if one == "taken" else one for one in _pass_on.__code__.co_consts)
-    return _pass_on.__code__.replace(co_consts=constants, co_freevars=function.__code__.co_freevars)
+    code = _passing_on(len(function.__code__.co_freevars))
+    constants = tuple(taken if one == "taken" else one for one in code.co_consts)
+    return code.replace(co_consts=constants, co_freevars=function.__code__.co_freevars)
+
+
+@functools.cache
+def _passing_on(count):
+    """Code with so many free variables.
+
+    It is compiled with them, as a frame of code that has got them later cannot be looked into.
+    """
+    cells = [f"cell_{k}" for k in range(count)]
+    source = f"""
+def around({", ".join(cells)}):
+    def pass_on(*arguments, **named):
+        __tracebackhide__ = True
+        taken = "taken"
+        return taken(*arguments, **named)
+        {", ".join(cells) or "..."}
+    return pass_on
+"""
+    made = {}
+    exec(source, made)
+    return made["around"](*cells).__code__
 
 
 _jaxtyped, jaxtyping.jaxtyped = jaxtyping.jaxtyped, jaxtyped

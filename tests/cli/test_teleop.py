@@ -75,6 +75,8 @@ def test_it_says_where_to_drive_where_to_watch_and_how_to_step(in_folder, capsys
         (("--terrain", "swamp"), "flat, obstacle, steps, bumps"),
         (("--device", "no_such_file"), "browser, gamepad, or the file"),
         (("--actuation", "velocity", "--controller", "osf"), "no such controller"),
+        (("--hand-scale", "0"), "--hand-scale is out of range"),
+        (("--hand-scale", "nan"), "--hand-scale is out of range"),
         (("--seconds", "0"), "--seconds"),
         (("--seconds", "nan"), "--seconds"),
     ],
@@ -122,6 +124,7 @@ def test_a_recording_is_of_its_own_robot_and_actuation(in_folder, capsys, begun)
     )
     assert "made with" in refused(capsys, "--device", "x.teleop", "--actuation", "torque")
     assert "made with" in refused(capsys, "--device", "x.teleop", "--controller", "osf")
+    assert "made with" in refused(capsys, "--device", "x.teleop", "--hand-scale", "0.5")
     line = ["teleop", "--no-open", "--port", "0", "--seconds", "0.3", "--device", "x.teleop"]
     assert main(line) == 0
     ((name, plant),) = begun
@@ -142,6 +145,25 @@ def test_what_finds_the_torques_is_asked_for_by_name(in_folder, monkeypatch):
     line = ["teleop", "--no-open", "--port", "0", "--seconds", "0.1", "--controller", "reduced"]
     assert main(line) == 0
     assert seen[0].loop.teleoperator.solved_by == "reduced"
+
+
+@needs_page
+@pytest.mark.parametrize("actuation", ["torque", "velocity"])
+def test_hands_are_scaled_as_was_asked_for(in_folder, monkeypatch, actuation):
+    from poise.apps import live
+
+    seen, session = [], live.LiveSession
+
+    def made(*arguments, **options):
+        seen.append(session(*arguments, **options))
+        return seen[0]
+
+    monkeypatch.setattr(live, "LiveSession", made)
+    line = ["teleop", "--no-open", "--port", "0", "--seconds", "0.1", "--actuation", actuation]
+    assert main([*line, "--hand-scale", "0.5"]) == 0
+    teleoperator = seen[0].loop.teleoperator
+    usual = type(teleoperator)(teleoperator.robot, actuation=actuation).parameters
+    assert teleoperator.parameters == replace(usual, hand_scale=0.5)
 
 
 @needs_page

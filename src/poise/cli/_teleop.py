@@ -1,6 +1,7 @@
 """`poise teleop`: a person walks the simulated robot, live, in a browser."""
 
 import argparse
+import math
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -52,6 +53,13 @@ def add_parser(verbs: Any) -> None:
         help="what finds the torques (default: whole_body; with a recording, its own)",
     )
     parser.add_argument(
+        "--hand-scale",
+        metavar="K",
+        type=float,
+        help="the robot's hands move K times as far as the operator's (default: 1; with a "
+        "recording, what it was made with)",
+    )
+    parser.add_argument(
         "--terrain",
         metavar="T",
         help="what lies on the floor: flat, obstacle, steps, or bumps, whose places the seed draws "
@@ -80,6 +88,7 @@ def act(options: argparse.Namespace) -> int:
         recording=recording,
         plant=plant,
         seed=options.seed,
+        parameters=_parameters(options, robot, plant, recording),
         solved_by=options.controller,
     )
     hint = "To step: hold Q or E in the page, or drag a foot's handle up; let go to step down."
@@ -113,12 +122,29 @@ def _plant(options: argparse.Namespace, robot: Any, recording: Any) -> Any:
     return replace(plant, blocks=terrain_blocks(options.terrain, robot, seed=options.seed))
 
 
-def _check_made_with(option: str, asked: str | None, made: str | None) -> None:
+def _parameters(options: argparse.Namespace, robot: Any, plant: Any, recording: Any) -> Any:
+    """Those of the robot, with the scale that is asked for; None for all as usual."""
+    scale = options.hand_scale
+    if scale is None:
+        return None
+    if not 0.0 < scale < math.inf:
+        raise ConfigurationError("--hand-scale is out of range", got=scale, wanted="> 0")
+    from poise.apps.teleoperation import recorded_setup
+    from poise.locomotion import StepTeleoperator
+
+    if recording is not None and recording.setup:
+        _check_made_with("hand-scale", scale, recorded_setup(recording).parameters.hand_scale)
+    usual = StepTeleoperator(robot, actuation=plant.actuation).parameters
+    return replace(usual, hand_scale=scale)
+
+
+def _check_made_with(option: str, asked: Any, made: Any) -> None:
     if asked not in (None, made):
+        usual = f"no --{option}: it was made with the usual one"
         raise ConfigurationError(
             "a recording is played with what it was made with",
             got=f"--{option} {asked}",
-            wanted=made or f"no --{option}: it was made with the usual one",
+            wanted=usual if made is None else str(made),
         )
 
 

@@ -86,10 +86,12 @@ class _Making(NamedTuple):
     solved_by: str | None
 
 
-def _made_with(recording: Recording | None, solved_by: str | None) -> _Making:
-    """What a recording that is played was made with; as usual without."""
+def _made_with(
+    recording: Recording | None, parameters: TeleopParameters | None, solved_by: str | None
+) -> _Making:
+    """What a recording that is played was made with; as asked for without."""
     if recording is None or not recording.setup:
-        return _Making(None, True, solved_by)
+        return _Making(parameters, True, solved_by)
     setup = recorded_setup(recording)
     if setup.q_start is not None:
         raise RecordingError(
@@ -109,8 +111,9 @@ class LiveLoop(RealTimeLoop):
         recording: plays this in place of a person when given.
         plant: takes what the teleoperator is to command, at its tick.
         seed: of the sensor noise.
-        solved_by: name of the controller that solves the stack, see `StepTeleoperator`; a recording
-            that is played has its own.
+        parameters: of the teleoperator; scaled to the robot when None. A recording that is played
+            has its own.
+        solved_by: name of the controller that solves the stack, see `StepTeleoperator`; likewise.
 
     Raises:
         ConfigurationError: the robot cannot be walked, or not at the plant's tick.
@@ -130,13 +133,14 @@ class LiveLoop(RealTimeLoop):
         recording: Recording | None = None,
         plant: PlantConfig = TELEOP_PLANT,
         seed: int = 0,
+        parameters: TeleopParameters | None = None,
         solved_by: str | None = None,
     ) -> None:
         super().__init__(robot, plant, seed)
         self.takes = takes
         self._inputs, self._recording, self._seed = inputs, recording, seed
         self._config = plant
-        self._making = _made_with(recording, solved_by)
+        self._making = _made_with(recording, parameters, solved_by)
         self.log = LiveLog()
         self._ticks: Generator[Tick] | None = None
         self._start()

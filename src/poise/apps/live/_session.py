@@ -23,7 +23,7 @@ from poise.apps.report import shapes_payload
 from poise.apps.scenarios import drawn_shapes
 from poise.apps.teleoperation import TORQUE_TELEOP_PLANT
 from poise.errors import ConfigurationError
-from poise.locomotion import Recording
+from poise.locomotion import Recording, TeleopParameters
 from poise.robots import Robot
 from poise.sim import PlantConfig
 
@@ -257,8 +257,9 @@ class LiveSession(_Session):
         recording: plays this in place of a person.
         plant: with torque actuation, or velocity, as in the paper.
         seed: of the sensor noise.
-        solved_by: name of the controller that solves the stack, see `StepTeleoperator`; a recording
-            that is played has its own.
+        parameters: of the teleoperator; scaled to the robot when None. A recording that is played
+            has its own.
+        solved_by: name of the controller that solves the stack, see `StepTeleoperator`; likewise.
 
     Raises:
         ConfigurationError: the robot cannot be walked.
@@ -281,6 +282,7 @@ class LiveSession(_Session):
         recording: Recording | None = None,
         plant: PlantConfig = TORQUE_TELEOP_PLANT,
         seed: int = 0,
+        parameters: TeleopParameters | None = None,
         solved_by: str | None = None,
     ) -> None:
         inputs = OperatorInputs()
@@ -294,6 +296,7 @@ class LiveSession(_Session):
             recording=recording,
             plant=plant,
             seed=seed,
+            parameters=parameters,
             solved_by=solved_by,
         )
         super().__init__(loop, inputs, port=port, gamepad=host, source=source)
