@@ -11,7 +11,7 @@ from operators import beat, control, wait_for
 pytest.importorskip("mujoco")
 pytest.importorskip("websockets", reason="the extra teleop is not installed: no websockets")
 
-from poise.apps.live import DriveSession, _inputs as inputs
+from poise.apps.live import DriveLoop, DriveSession, OperatorInputs, _inputs as inputs
 from poise.apps.live._feet import velocity_of
 from poise.apps.live._gamepad import pad_from
 from poise.apps.live._inputs import Pad
@@ -146,3 +146,24 @@ def test_keys_in_a_browser_drive_the_robot(session, monkeypatch):
         wait_for(lambda: "m/s" in ask("part('mode-text').textContent"), "the speed in words")
         assert errors == []
         browser.close()
+
+
+def test_a_push_is_as_the_robot_faces(get_robot, tmp_path, monkeypatch):
+    """Its buttons say ahead, back, left and right, also when it has turned."""
+    import mujoco
+
+    loop = DriveLoop(get_robot("biped20"), OperatorInputs(), tmp_path)
+    loop._begin()
+    loop._tick()
+    half = 0.5 * 2.2
+    loop.plant.data.qpos[3:7] = np.cos(half), 0.0, 0.0, np.sin(half)
+    mujoco.mj_kinematics(loop.plant.model, loop.plant.data)
+    given = []
+    monkeypatch.setattr(loop.plant, "push", lambda body, force, time: given.append(force))
+    loop.push("left")
+    loop._carry_out()
+    loop._finish()
+    x, y, z = given[0]
+    assert np.arctan2(y, x) == pytest.approx(2.2 + np.pi / 2 - 2 * np.pi)
+    assert np.hypot(x, y) == pytest.approx(loop.robot.mass * 0.8)
+    assert z == 0.0

@@ -12,6 +12,7 @@ pytest.importorskip("websockets")
 pytest.importorskip("mujoco")
 
 from poise.apps.live import LiveLoop, OperatorInputs, Pad, Takes, Tracked
+from poise.apps.live._inputs import Body
 from poise.apps.teleoperation import (
     TELEOP_PLANT,
     TORQUE_TELEOP_PLANT,
@@ -292,3 +293,35 @@ def test_a_plant_with_another_tick_is_refused(get_robot, tmp_path):
     takes = Takes(tmp_path, robot=robot.name, dt=0.001)
     with pytest.raises(ConfigurationError, match="different control periods"):
         LiveLoop(robot, OperatorInputs(), takes, plant=PlantConfig())
+
+
+def test_a_recording_is_played_with_its_own_noise(get_robot, tmp_path):
+    robot, path = get_robot("biped20"), tmp_path / "noisy.teleop"
+    plant = TELEOP_PLANT.with_noise()
+    run = run_teleop(
+        robot,
+        lambda c: ScriptedDevice([], c.resting_sample.left, c.resting_sample.right),
+        plant,
+        duration=0.1,
+        seed=7,
+        recording=path,
+    )
+    takes = Takes(tmp_path / "takes", robot=robot.name, dt=plant.control_dt)
+    recording = read_recording(path)
+    loop = LiveLoop(robot, OperatorInputs(), takes, recording=recording, plant=plant, seed=0)
+    loop._begin()
+    heard = listen_to(loop)
+    for _ in range(20):
+        loop._tick()
+    loop._finish()
+    np.testing.assert_array_equal(heard, run.log.command)
+
+
+def test_where_hands_are_dragged_along_is_where_the_torso_faces(start):
+    """By the page, which tells how far a handle has moved as the torso faces."""
+    operator = OperatorInputs()
+    loop = start(operator, name="g1", plant=TORQUE_TELEOP_PLANT)
+    turned = Pad(body=Body(torso=(0.0, 0.0, 0.4)))
+    drive(loop, operator, turned, lambda s: s.heading > 0.3, "the torso that turns")
+    site = loop.plant.data.site(loop.robot.torso).xmat.reshape(3, 3)
+    assert loop.snapshot.heading == pytest.approx(np.arctan2(site[1, 0], site[0, 0]), abs=0.1)

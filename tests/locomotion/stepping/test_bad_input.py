@@ -1,17 +1,25 @@
 """What cannot be walked, and numbers that cannot be."""
 
+from copy import copy
 from dataclasses import FrozenInstanceError, replace
+from unittest.mock import Mock
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from standing import PARAMETERS, footing
 from walker import hands, sample, up_and_down
 
 from poise.apps.teleoperation import TELEOP_PLANT, plant_from_json, run_teleop
 from poise.apps.teleoperation._run import plant_to_json
+from poise.dynamics import RobotState
 from poise.errors import ConfigurationError, RobotError, UnknownNameError
 from poise.locomotion import (
+    BodySample,
+    DeviceSample,
     DeviceStatus,
+    HandSample,
+    HeadSample,
     ScriptedDevice,
     StepTeleoperator,
     TeleopParameters,
@@ -21,6 +29,7 @@ from poise.locomotion._pendulum import ComShifter
 from poise.locomotion._stepping._biped import biped_of, leg_geometry
 from poise.locomotion._stepping._com import ShifterDriver
 from poise.locomotion._stepping._parameters import scaled_parameters
+from poise.locomotion._stepping._samples import checked_sample
 from poise.robots import Sole, standing_posture
 from poise.sim import PlantConfig
 
@@ -220,3 +229,78 @@ def test_a_device_that_fails_counts_as_silent_and_is_said_once(get_robot, what, 
     assert run.log.soles[round(3.15 / teleoperator.parameters.dt), 1, 2] < 0.01
     (said,) = (record for record in caplog.records if "the device failed" in record.message)
     assert said.exc_info[1] is errors[0]
+
+
+WHOLE = DeviceSample(0.0, np.zeros(3), np.zeros(3))
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("time", None), ("time", "now"), ("time", np.zeros(2)), ("body", None),
+        ("height", None), ("torso", (0.0, 0.0)), ("turns", ("a", "b")), ("velocity", None),
+        ("velocity", (0.1, 0.0)), ("velocity", np.zeros(3)), ("hands", ()), ("hands", None),
+        ("hands", (1.0, 2.0)), ("rates", ()), ("head", "ahead"),
+    ],
+    ids=repr,
+)  # fmt: skip
+def test_a_sample_of_which_something_is_of_another_kind_is_none(field, value):
+    odd, body = copy(WHOLE), copy(WHOLE.body)
+    object.__setattr__(odd, "body", body)
+    object.__setattr__(body if hasattr(body, field) else odd, field, value)
+    with pytest.raises(TypeError):
+        checked_sample(odd)
+
+
+@pytest.mark.parametrize("actuation", ["torque", "velocity"])
+@pytest.mark.parametrize("number", [1e308, -1e308, np.inf, np.nan, 1e-308])
+def test_no_number_of_a_sample_ends_the_loop(get_robot, actuation, number):
+    teleoperator = StepTeleoperator(get_robot("biped20"), actuation=actuation)
+    rest = teleoperator.resting_sample
+    point = np.full(3, number)
+    hand = HandSample(point, orientation=np.full(4, number), velocity=point)
+    wild = {
+        "left": point, "rates": (point, point), "hands": (hand, hand),
+        "head": HeadSample(np.full(4, number)), "velocity": (number, number, number),
+        "body": BodySample(number, (number, number, number), (number, number)),
+    }  # fmt: skip
+    said = [(), *[(name,) for name in wild], tuple(wild)]
+    state, dt = RobotState(teleoperator.robot.q_home, np.zeros(teleoperator.robot.nv)), 0.0
+    controller, device = teleoperator.controller(), Mock()
+    teleoperator.device = device
+    for tick in range(4 * len(said)):
+        dt = tick * teleoperator.dt
+        changed = {name: wild[name] for name in said[tick % len(said)]}
+        device.sample.return_value = replace(rest, time=dt, **changed)
+        known = teleoperator.estimator.update(replace(state, time=dt))
+        teleoperator.lead(known)
+        command = controller.step(known)
+        given = command.torque if actuation == "torque" else command.velocity
+        assert np.isfinite(given).all()
+        assert teleoperator.device_error is None
+
+
+def test_how_far_feet_are_apart_is_along_the_robot(get_robot):
+    robot = get_robot("biped20")
+    usual = StepTeleoperator(robot, actuation="torque").parameters
+    for yaw in (0.5, 1.5708, -2.5):
+        turned = StepTeleoperator(robot, q_start=facing(robot, yaw), actuation="torque")
+        assert turned.ahead == pytest.approx(yaw)
+        assert turned.parameters.r_lift == pytest.approx(usual.r_lift)
+
+
+def test_at_velocity_level_a_turned_start_is_refused(get_robot):
+    robot = get_robot("biped20")
+    with pytest.raises(
+        ConfigurationError, match=r"starts turned; got '0.50 rad'; wanted feet along"
+    ):
+        StepTeleoperator(robot, q_start=facing(robot, 0.5))
+
+
+def facing(robot, yaw):
+    """Its home, turned about the vertical."""
+    q = robot.q_home.copy()
+    turn = pin.exp3(np.array([0.0, 0.0, yaw]))
+    q[:3] = turn @ q[:3]
+    q[3:7] = pin.Quaternion(turn @ pin.Quaternion(q[3:7]).matrix()).coeffs()
+    return q

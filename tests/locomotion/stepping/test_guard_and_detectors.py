@@ -1,5 +1,7 @@
 """What reaches the controller of what a device sends, and what counts as lifted and landed."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings, strategies as st
@@ -322,3 +324,20 @@ def test_a_foot_that_scrapes_while_it_is_lifted_has_not_landed():
         landing.update(0.0, lifting=True)
     assert not landing.update(100.0, lifting=True)
     assert landing.update(100.0, lifting=False)
+
+
+def test_a_source_that_is_frozen_is_lost_and_makes_nobody_walk():
+    """Its newest sample, again and again, is no news, however long nothing else has come."""
+    made, last = held(), replace(sample(0.205), velocity=(0.3, 0.0, 0.0))
+    velocities, statuses = [], []
+    for tick in range(1, 1000):
+        check(made, last if tick > 40 else sample(tick * DT), tick * DT)
+        velocities.append(made.velocity)
+        statuses.append(made.status)
+    assert velocities[60] == (0.3, 0.0, 0.0)
+    assert set(velocities[40 + 102 :]) == {(0.0, 0.0, 0.0)}
+    assert set(statuses[40 + 102 :]) == {DeviceStatus.LOST}
+    # A clock that has jumped is another one.
+    for tick in range(1000, 1010):
+        check(made, sample(7.0 + tick * DT), tick * DT)
+    assert made.status is DeviceStatus.OK

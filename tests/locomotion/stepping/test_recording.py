@@ -3,12 +3,19 @@
 import json
 import time
 import tracemalloc
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from walker import sample, up_and_down, walk
 
-from poise.apps.teleoperation import TELEOP_PLANT, BadOperator, replay_teleop, run_teleop
+from poise.apps.teleoperation import (
+    TELEOP_PLANT,
+    TORQUE_TELEOP_PLANT,
+    BadOperator,
+    replay_teleop,
+    run_teleop,
+)
 from poise.errors import ConfigurationError, PoiseError
 from poise.locomotion import (
     DeviceSample,
@@ -19,6 +26,7 @@ from poise.locomotion import (
     read_recording,
 )
 from poise.locomotion._stepping._recording_format import HEADER_BYTES, ROW
+from poise.sim import SensorConfig
 
 
 def write(path, rows=3, robot="biped20", dt=0.005, close=True):
@@ -194,3 +202,50 @@ def test_a_set_up_that_is_no_json_is_refused(tmp_path):
         RecordingWriter(tmp_path / "x.teleop", robot="r", dt=0.005, setup={"a": object()})
     with pytest.raises(PoiseError, match="too long"):
         RecordingWriter(tmp_path / "x.teleop", robot="r", dt=0.005, setup={"a": "x" * 20000})
+
+
+@pytest.mark.parametrize("plant", [TELEOP_PLANT, TORQUE_TELEOP_PLANT], ids=["velocity", "torque"])
+def test_a_run_with_late_sensors_replays_bit_for_bit(get_robot, tmp_path, plant):
+    """A sample belongs to the tick at which it came, whatever the robot's time was then."""
+    run = run_teleop(
+        get_robot("biped20"),
+        lambda c: BadOperator(c, 3),
+        replace(plant, sensors=SensorConfig(delay=0.01)),
+        duration=1.2,
+        recording=tmp_path / "late.teleop",
+    )
+    again = replay_teleop(tmp_path / "late.teleop")
+    np.testing.assert_array_equal(run.log.command, again.log.command)
+    np.testing.assert_array_equal(run.log.devices, again.log.devices)
+
+
+def test_a_run_that_died_is_replayed_as_far_as_it_goes(get_robot, tmp_path):
+    path = tmp_path / "whole.teleop"
+    walk(get_robot("biped20"), up_and_down(), 0.2, recording=path)
+    whole = read_recording(path)
+    setup = dict(whole.setup) | {"duration": 1e9}
+    died = RecordingWriter(tmp_path / "died.teleop", robot="biped20", dt=0.005, setup=setup)
+    died.copy(whole.rows)
+    died._file.close()
+    rest = read_recording(tmp_path / "died.teleop", allow_partial=True)
+    assert rest.setup["duration"] == pytest.approx(0.2)
+    assert replay_teleop(rest).plant.time == pytest.approx(0.2)
+
+
+@pytest.mark.parametrize("size", [300, HEADER_BYTES - 1])
+def test_a_file_that_ends_in_its_header_says_so(tmp_path, size):
+    path = write(tmp_path / "cut.teleop")
+    path.write_bytes(path.read_bytes()[:size])
+    for partial in (False, True):
+        with pytest.raises(RecordingError, match=rf"truncated; got '{size} bytes'"):
+            read_recording(path, allow_partial=partial)
+
+
+def test_a_robot_that_carries_something_is_another_one(get_robot, tmp_path):
+    robot, path = get_robot("humanoid33"), tmp_path / "loaded.teleop"
+    loaded = robot.carrying("right_hand", 2.0)
+    run = walk(loaded, up_and_down(), 0.1, recording=path)
+    with pytest.raises(RecordingError, match="another humanoid33: masses.*made with, as `robot`"):
+        replay_teleop(path)
+    again = replay_teleop(path, loaded)
+    np.testing.assert_array_equal(run.log.command, again.log.command)

@@ -48,3 +48,14 @@ def test_legs_without_mass_leave_the_pendulum_as_it_is():
     legs = LegMomentum(0.0, 3.5)
     assert legs.omega == 3.5
     assert legs.joined((0.3, -0.2), FEET) == (0.3, -0.2)
+
+
+@pytest.mark.parametrize("yaw", [0.5, 1.5708, np.pi, -2.0])
+def test_legs_are_as_heavy_wherever_the_robot_faces(yaw, get_robot):
+    robot = get_robot("g1")
+    turn, turned = pin.exp3(np.array([0.0, 0.0, yaw])), robot.q_home.copy()
+    turned[:3] = turn @ turned[:3]
+    turned[3:7] = pin.Quaternion(turn @ pin.Quaternion(turned[3:7]).matrix()).coeffs()
+    soles = tuple(robot.soles)
+    expected = leg_ratios(robot, robot.q_home, soles)
+    assert leg_ratios(robot, turned, soles) == pytest.approx(expected, abs=1e-9)

@@ -24,6 +24,7 @@ from poise.locomotion import (
     TeleopStatus,
     signed_margin,
     soles_outline,
+    yaw_of,
 )
 from poise.robots import Robot
 from poise.sim import PlantConfig, Tick, check_period, rollout
@@ -79,26 +80,25 @@ _PLACES = (
 
 
 class _Making(NamedTuple):
-    """What a teleoperator is made with: `StepTeleoperator` has the same."""
+    """What a run is made with: the plant's seed, and what `StepTeleoperator` has."""
 
+    seed: int
     parameters: TeleopParameters | None
     rotator: bool
     solved_by: str | None
 
 
-def _made_with(
-    recording: Recording | None, parameters: TeleopParameters | None, solved_by: str | None
-) -> _Making:
+def _made_with(recording: Recording | None, asked: _Making) -> _Making:
     """What a recording that is played was made with; as asked for without."""
     if recording is None or not recording.setup:
-        return _Making(parameters, True, solved_by)
+        return asked
     setup = recorded_setup(recording)
     if setup.q_start is not None:
         raise RecordingError(
             f"the recording {recording.path.name} begins elsewhere than at the robot's home",
             wanted="replay_teleop, which begins there, too",
         )
-    return _Making(setup.parameters, setup.rotator, setup.solved_by)
+    return _Making(setup.seed, setup.parameters, setup.rotator, setup.solved_by)
 
 
 class LiveLoop(RealTimeLoop):
@@ -110,9 +110,8 @@ class LiveLoop(RealTimeLoop):
         takes: where the run is recorded.
         recording: plays this in place of a person when given.
         plant: takes what the teleoperator is to command, at its tick.
-        seed: of the sensor noise.
-        parameters: of the teleoperator; scaled to the robot when None. A recording that is played
-            has its own.
+        seed: of the sensor noise; a recording that is played has its own.
+        parameters: of the teleoperator; scaled to the robot when None. Likewise.
         solved_by: name of the controller that solves the stack, see `StepTeleoperator`; likewise.
 
     Raises:
@@ -136,11 +135,11 @@ class LiveLoop(RealTimeLoop):
         parameters: TeleopParameters | None = None,
         solved_by: str | None = None,
     ) -> None:
-        super().__init__(robot, plant, seed)
+        self._making = _made_with(recording, _Making(seed, parameters, True, solved_by))
+        super().__init__(robot, plant, self._making.seed)
         self.takes = takes
-        self._inputs, self._recording, self._seed = inputs, recording, seed
-        self._config = plant
-        self._making = _made_with(recording, parameters, solved_by)
+        self._inputs, self._recording = inputs, recording
+        self._config, self._torso = plant, robot.frame_id(robot.torso)
         self.log = LiveLog()
         self._ticks: Generator[Tick] | None = None
         self._start()
@@ -191,7 +190,7 @@ class LiveLoop(RealTimeLoop):
         setup = teleop_setup(
             self.teleoperator,
             self._config,
-            seed=self._seed,
+            seed=self._making.seed,
             duration=_ENDLESS,
             rotator=self._making.rotator,
         )
@@ -251,7 +250,7 @@ class LiveLoop(RealTimeLoop):
             speed=self._speed,
             real_time_factor=self._factor,
             take=self.takes.name,
-            heading=status.heading,
+            heading=yaw_of(teleoperator.estimator.dynamics.placement(self._torso)[1]),
             hands=np.array(status.hand_targets).reshape(-1, 3) + offset,
             hands_do=status.hands,
             hand_turns=status.hand_rotations,

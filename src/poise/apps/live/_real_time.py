@@ -11,6 +11,8 @@ from jaxtyping import Float64
 
 from poise.apps.live._body import BodyLimits
 from poise.apps.live._snapshot import Snapshot
+from poise.apps.teleoperation import along_ahead
+from poise.locomotion import yaw_of
 from poise.robots import Robot
 from poise.sim import Plant, PlantConfig, Tick
 
@@ -24,7 +26,7 @@ PUSHES = {
     "forward": (1.0, 0.0, 0.0),
     "back": (-1.0, 0.0, 0.0),
 }
-"""Where a push goes."""
+"""Where a push goes: ahead, left and up of the robot."""
 
 _PUSH_SPEED, _PUSH_TIME = 0.08, 0.1
 """A push changes the robot's velocity by this [m/s] within this time [s]."""
@@ -110,7 +112,7 @@ class RealTimeLoop(ABC):
         """Ends the run."""
 
     def _push(self, force: Float64[np.ndarray, "3"], duration: float) -> None:
-        """Pushes the torso [N] for a while [s]."""
+        """Pushes the torso for a while [s], by a force in the world [N]."""
         if not self.plant.fallen:
             x, y, z = force.tolist()
             self.plant.push(self.robot.torso, (x, y, z), duration)
@@ -135,7 +137,7 @@ class RealTimeLoop(ABC):
         return self._thread.is_alive()
 
     def push(self, direction: str) -> None:
-        """Pushes the torso; not while it is being pushed, or has only just been.
+        """Pushes the torso as the robot faces; not while it is pushed, or has only just been.
 
         Args:
             direction: one of `PUSHES`.
@@ -145,7 +147,7 @@ class RealTimeLoop(ABC):
         def act() -> None:
             if self.plant.time >= self._pushed_until:
                 self._pushed_until = self.plant.time + _PUSH_EVERY
-                self._push(force, _PUSH_TIME)
+                self._push(along_ahead(force.tolist(), self._ahead()), _PUSH_TIME)
 
         self._order("push", act)
 
@@ -174,6 +176,10 @@ class RealTimeLoop(ABC):
             self._begin()
 
         self._order("reset", act)
+
+    def _ahead(self) -> float:
+        """Where the robot faces, to the left of the world's x axis [rad]."""
+        return yaw_of(self.plant.data.site(self.robot.pelvis).xmat.reshape(3, 3))
 
     def _order(self, kind: str, act: Callable[[], None]) -> None:
         with self._ordering:

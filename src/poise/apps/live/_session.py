@@ -256,9 +256,8 @@ class LiveSession(_Session):
         gamepad: whether a gamepad on this machine drives the feet, in place of the page.
         recording: plays this in place of a person.
         plant: with torque actuation, or velocity, as in the paper.
-        seed: of the sensor noise.
-        parameters: of the teleoperator; scaled to the robot when None. A recording that is played
-            has its own.
+        seed: of the sensor noise; a recording that is played has its own.
+        parameters: of the teleoperator; scaled to the robot when None. Likewise.
         solved_by: name of the controller that solves the stack, see `StepTeleoperator`; likewise.
 
     Raises:

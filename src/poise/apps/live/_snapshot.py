@@ -33,8 +33,8 @@ class Snapshot:
         speed: robot time over wall-clock time that is asked for.
         real_time_factor: what the last second reached of that speed.
         take: name of the recording.
-        heading: where the pelvis faces, or the torso of a robot that is driven, to the left of the
-            world's x axis [rad].
+        heading: where the torso faces, along which hands are led, to the left of the world's x axis
+            [rad].
         hands: where the hands are led to, left and right; no rows where none is led [m].
         hands_do: what they do.
         hand_turns: how they are led to be turned, world_R_hand; None for one that is not.

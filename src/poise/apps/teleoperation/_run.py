@@ -17,6 +17,7 @@ from jaxtyping import Bool, Float64, Int8
 
 from poise._checks import checked_number
 from poise._schema import read
+from poise.apps.teleoperation._digest import robot_digest
 from poise.errors import ConfigurationError
 from poise.locomotion import (
     ComDriver,
@@ -287,11 +288,10 @@ def run_teleop(
         ):
             times.append(tick.estimator_seconds + tick.leader_seconds + tick.controller_seconds)
             if writer is not None and teleoperator.status is not None:
-                number = round(tick.state.time / plant.control_dt)
-                while coming and coming[0][0] <= number:
+                while coming and coming[0][0] <= tick.index:
                     begins, force, seconds = coming.popleft()
                     writer.push(begins, np.array(force), seconds)
-                writer.sample(number, teleoperator.status.sample)
+                writer.sample(tick.index, teleoperator.status.sample)
     wall = clock.perf_counter() - begin
     record = recorder.record
     return TeleopRun(
@@ -314,13 +314,20 @@ def replay_teleop(recording: Recording | str | Path, robot: Robot | None = None)
         robot: of the recording; loaded by its name when None.
 
     Raises:
-        RecordingError: it cannot be read, is from another robot, or lacks the set-up of a run.
+        RecordingError: it cannot be read, is from another robot, also one of the same name that
+            carries something else, or lacks the set-up of a run.
     """
     if not isinstance(recording, Recording):
         recording = read_recording(recording)
     robot = load_robot(recording.robot) if robot is None else robot
     device = recording.device(robot=robot.name, dt=recording.dt)
     setup = recorded_setup(recording)
+    if setup.digest not in (None, robot_digest(robot)):
+        raise RecordingError(
+            f"the recording {recording.path.name} is from another {robot.name}: masses, limits or "
+            "soles differ, and commands would",
+            wanted="the robot that it was made with, as `robot`",
+        )
     return run_teleop(
         robot,
         device,
@@ -346,6 +353,7 @@ class RecordedSetup:
         duration: of the run [s].
         q_start: configuration at the start; None for the robot's home.
         solved_by: name of the controller that solved the stack; None for the usual one.
+        digest: of the robot, see `robot_digest`; None where the recording does not say.
     """
 
     parameters: TeleopParameters
@@ -355,6 +363,7 @@ class RecordedSetup:
     duration: float
     q_start: Float64[np.ndarray, " nq"] | None
     solved_by: str | None
+    digest: str | None
 
 
 def recorded_setup(recording: Recording) -> RecordedSetup:
@@ -377,6 +386,7 @@ def recorded_setup(recording: Recording) -> RecordedSetup:
             q_start=None if setup["q_start"] is None else np.array(setup["q_start"]),
             # The first recordings do not say.
             solved_by=setup.get("solved_by"),
+            digest=setup.get("digest"),
         )
     except (KeyError, TypeError) as error:
         raise RecordingError(
@@ -413,4 +423,5 @@ def teleop_setup(
         "duration": duration,
         "q_start": None if q_start is None else q_start.tolist(),
         "solved_by": teleoperator.solved_by,
+        "digest": robot_digest(teleoperator.robot),
     }

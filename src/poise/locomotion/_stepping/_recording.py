@@ -222,7 +222,7 @@ class Recording:
 
 
 class RecordedDevice:
-    """Gives the samples of a recording at the ticks at which they came.
+    """Gives the samples of a recording at the ticks at which they came, asked once a tick.
 
     Gaps stay gaps, and what was refused then is refused now: the guard decides again.
 
@@ -235,11 +235,19 @@ class RecordedDevice:
 
     def __init__(self, recording: Recording) -> None:
         self.recording = recording
-        self._rows, self._dt, self._next = recording.rows, recording.dt, 0
+        self._rows, self._next, self._tick = recording.rows, 0, 0
 
     def sample(self, time: float) -> DeviceSample | None:
-        """What came before the tick at a time [s]; ticks are asked for in order."""
-        tick, found = round(time / self._dt), None
+        """What came before the next tick.
+
+        Ticks are counted: where sensors are late a robot's time at a tick is not the recorded one.
+
+        Args:
+            time: of the robot, of no matter here [s].
+        """
+        del time
+        tick, found = self._tick, None
+        self._tick += 1
         while self._next < len(self._rows) and self._rows[self._next]["tick"] <= tick:
             row = self._rows[self._next]
             self._next += 1
@@ -276,6 +284,12 @@ def read_recording(path: str | Path, *, allow_partial: bool = False) -> Recordin
     path = Path(path)
     header = read_header(path)
     size = os.path.getsize(path) - HEADER_BYTES
+    if size < 0:
+        raise RecordingError(
+            f"the recording {path.name} is truncated",
+            got=f"{size + HEADER_BYTES} bytes",
+            wanted=f"{HEADER_BYTES} bytes of a header, and rows",
+        )
     whole, rest = divmod(size, ROW.itemsize)
     if (rest or whole != header.rows) and not allow_partial:
         promised = "unfinished" if header.rows == UNFINISHED else f"{header.rows} rows"
@@ -290,7 +304,13 @@ def read_recording(path: str | Path, *, allow_partial: bool = False) -> Recordin
         else np.zeros(0, dtype=ROW)
     )
     _check_rows(path, rows)
-    return Recording(path=path, robot=header.robot, dt=header.dt, setup=header.setup, rows=rows)
+    recording = Recording(
+        path=path, robot=header.robot, dt=header.dt, setup=dict(header.setup), rows=rows
+    )
+    if header.rows == UNFINISHED and "duration" in recording.setup:
+        # Nobody knew yet how long the run would be.
+        recording.setup["duration"] = recording.duration
+    return recording
 
 
 def _check_rows(path: Path, rows: np.ndarray) -> None:

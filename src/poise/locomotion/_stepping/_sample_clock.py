@@ -56,7 +56,9 @@ class SampleClock:
             stamp: its time, on the operator's clock [s].
             time: of the robot [s].
         """
-        if not math.isfinite(stamp):
+        # The newest again is no news, however long nothing else has come: a source that is frozen
+        # would be heard for ever.
+        if not math.isfinite(stamp) or stamp == self._newest:
             return False
         if self.is_lost(time):
             self._lateness.restart()

@@ -110,6 +110,58 @@ class DeviceSample:
         return self.left if foot == 0 else self.right
 
 
+def checked_sample(sample: object) -> DeviceSample | None:
+    """What a device has given, which may be anything.
+
+    Places, orientations and what is no finite number are left to those who follow them, and refuse
+    them one by one; everything else in it is of its kind.
+
+    Args:
+        sample: as given; None for nothing new.
+
+    Raises:
+        TypeError: it is no sample, or something in it is of another kind.
+    """
+    if sample is None:
+        return None
+    if not isinstance(sample, DeviceSample):
+        raise TypeError(f"a {type(sample).__name__} is no DeviceSample")
+    body, head = _anything(sample.body), _anything(sample.head)
+    if not isinstance(body, BodySample):
+        raise TypeError(f"a {type(body).__name__} is no BodySample")
+    _check_numbers("time", (sample.time,), 1)
+    _check_numbers("velocity", sample.velocity, 3)
+    _check_numbers("height", (body.height,), 1)
+    _check_numbers("torso", body.torso, 3)
+    _check_numbers("turns", body.turns, 2)
+    _check_pair("hands", sample.hands, HandSample)
+    _check_pair("rates", sample.rates, object)
+    if not (head is None or isinstance(head, HeadSample)):
+        raise TypeError(f"a {type(head).__name__} is no HeadSample")
+    return sample
+
+
+def _anything(value: object) -> object:
+    """What a field holds, whatever is said of it."""
+    return value
+
+
+def _check_numbers(name: str, values: object, count: int) -> None:
+    if not (isinstance(values, tuple | list) and len(values) == count):
+        raise TypeError(f"{name} of a DeviceSample is {values!r}, not {count} numbers in a tuple")
+    for value in values:
+        if not isinstance(value, float | int | np.floating | np.integer):
+            raise TypeError(f"{name} of a DeviceSample is {values!r}, not of numbers")
+
+
+def _check_pair(name: str, values: object, kind: type) -> None:
+    if not (isinstance(values, tuple | list) and len(values) == 2):
+        raise TypeError(f"{name} of a DeviceSample is {values!r}, not a tuple of two")
+    for value in values:
+        if not (value is None or isinstance(value, kind)):
+            raise TypeError(f"a {type(value).__name__} is no {kind.__name__}")
+
+
 class DeviceStatus(Enum):
     """What became of the last sample."""
 

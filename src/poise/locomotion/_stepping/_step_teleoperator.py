@@ -39,7 +39,7 @@ from poise.locomotion._stepping._parameters import (
     scaled_parameters,
 )
 from poise.locomotion._stepping._reach import FootRange
-from poise.locomotion._stepping._samples import BodySample, DeviceSample
+from poise.locomotion._stepping._samples import BodySample, DeviceSample, checked_sample
 from poise.locomotion._stepping._sway import check_sway
 from poise.locomotion._stepping._teleop_status import TeleopStatus
 from poise.locomotion._stepping._torque_tasks import POSTURE_WEIGHT, TorqueTasks
@@ -50,6 +50,9 @@ from poise.stack import Stack
 
 _ACTUATIONS = ("velocity", "torque")
 """What the controller of the stack may command."""
+
+_STRAIGHT = 0.1
+"""How far a robot may be turned to be walked at velocity level [rad]."""
 
 _LOG = logging.getLogger("poise")
 
@@ -83,8 +86,9 @@ class StepTeleoperator:
 
     Raises:
         ConfigurationError: no two feet, legs of too few joints, soles that do not fit; servos of
-            commanded velocities so soft that the robot would sway over one foot until it falls;
-            another driver than the COM shifter for torques.
+            commanded velocities so soft that the robot would sway over one foot until it falls; a
+            start turned from the world's x axis at velocity level; another driver than the COM
+            shifter for torques.
         UnknownNameError: no such actuation, or no such controller of it.
 
     Attributes:
@@ -125,8 +129,16 @@ class StepTeleoperator:
         self.estimator = StanceEstimator(robot, self.soles, q_start, inertial=actuation == "torque")
         left, right = self.estimator.anchors
         self._com_height = float(self.estimator.dynamics.com[2] - 0.5 * (left[2] + right[2]))
+        ahead = mean_angle(*(yaw_of(self.estimator.rotation(foot)) for foot in (0, 1)))
+        if actuation == "velocity" and abs(ahead) > _STRAIGHT:
+            raise ConfigurationError(
+                "at velocity level soles keep the world's yaw, and the robot starts turned",
+                got=f"{ahead:.2f} rad",
+                wanted="feet along the world's x axis, or torques",
+            )
         if parameters is None:
-            stance = abs(float(left[1] - right[1]))
+            apart_x, apart_y, _ = (left - right).tolist()
+            stance = abs(math.cos(ahead) * apart_y - math.sin(ahead) * apart_x)
             parameters = scaled_parameters(robot, self._com_height, stance)
             if actuation == "torque":
                 parameters = for_torques(robot, parameters, self._com_height)
@@ -329,7 +341,7 @@ class StepTeleoperator:
         if self.device is None:
             return None
         try:
-            sample = _checked_sample(self.device.sample(time))
+            sample = checked_sample(self.device.sample(time))
         except Exception as error:
             # Each kind once, also where it fails now and then: a tick has no time for a line.
             if type(error) is not self._said:
@@ -478,10 +490,3 @@ def _checked_controller(name: str | None, actuation: str) -> str:
             f"no such controller for step teleoperation by {actuation}", got=name, choices=choices
         )
     return name
-
-
-def _checked_sample(sample: object) -> DeviceSample | None:
-    """What a device has given, which may be anything."""
-    if sample is None or isinstance(sample, DeviceSample):
-        return sample
-    raise TypeError(f"a {type(sample).__name__} is no DeviceSample")

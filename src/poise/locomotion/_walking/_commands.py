@@ -342,6 +342,8 @@ class StepCommands:
     def _within_limits(self, asked: Velocity) -> Velocity:
         """The longest velocity in a direction that the limits and the legs allow."""
         limits, room = self._limits, self._room
+        # Squares of numbers that nobody means overflow.
+        asked = _tamed(asked)
         stride = 0.5 * room.ahead / self._time
         most = (
             min(limits.ahead if asked[0] > 0.0 else limits.back, 2.0 * stride),
@@ -355,6 +357,16 @@ class StepCommands:
             v / max(size, 1.0) if m > 0.0 else 0.0 for v, m in zip(asked, most, strict=True)
         )
         return ahead, sideways, turn
+
+
+_WILD = 1e3
+"""No velocity is larger [m/s, rad/s]."""
+
+
+def _tamed(asked: Velocity) -> Velocity:
+    """A finite velocity without numbers that nobody means."""
+    ahead, sideways, turn = (min(max(v, -_WILD), _WILD) for v in asked)
+    return ahead, sideways, turn
 
 
 def _share(outwards: float, inwards_most: float) -> float:

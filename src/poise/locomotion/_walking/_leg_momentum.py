@@ -37,7 +37,7 @@ def leg_ratios(robot: Robot, q: Float64[np.ndarray, " nq"], soles: tuple[str, st
 
     Args:
         robot: the robot.
-        q: configuration, heading along x.
+        q: configuration, facing anywhere.
         soles: their names.
     """
     model, data = robot.model, robot.model.createData()
@@ -52,11 +52,21 @@ def leg_ratios(robot: Robot, q: Float64[np.ndarray, " nq"], soles: tuple[str, st
         jacobian = pin.getFrameJacobian(model, data, frame, pin.LOCAL_WORLD_ALIGNED)
         leg = [model.joints[j].idx_v for j in robot.joints_above(sole) if j > 1]
         lever = robot.mass * (height - float(data.oMf[frame].translation[2]))
-        motions = np.linalg.lstsq(jacobian[:, leg], np.eye(6)[:, [0, 2]], rcond=None)[0]
-        x, z = (-momentum[4, leg] @ motions / lever).tolist()
+        c, s = _facing(data.oMf[frame].rotation)
+        ways = np.array([[c, s, 0.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0, 0.0, 0.0]]).T
+        motions = np.linalg.lstsq(jacobian[:, leg], ways, rcond=None)[0]
+        about_left = c * momentum[4, leg] - s * momentum[3, leg]
+        x, z = (-about_left @ motions / lever).tolist()
         ahead.append(x)
         rise.append(z / x)
     return LegRatios(float(np.mean(ahead)), float(np.mean(rise)))
+
+
+def _facing(rotation: Float64[np.ndarray, "3 3"]) -> Point:
+    """Where a sole points, along the ground."""
+    x, y = float(rotation[0, 0]), float(rotation[1, 0])
+    length = math.hypot(x, y)
+    return x / length, y / length
 
 
 class LegMomentum:

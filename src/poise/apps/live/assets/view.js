@@ -32,7 +32,7 @@ async function openView() {
   const marks = makeMarks(stage);
   const axes = grips.map(() => makeAxes(stage));
   let heading = 0;
-  // What a hand's handle is dragged from, and where the robot faces then.
+  // What a hand's handle is dragged from, and where the torso faces then.
   grips.forEach((grip) => {
     grip.addEventListener("dragging-changed", ({ value }) => {
       if (value) grip.from = { place: grip.object.position.clone(), heading };
@@ -66,7 +66,7 @@ async function openView() {
   function drags() {
     return handles.map(({ dragging, object: { position: p } }) => (dragging ? [p.x, p.y, p.z - ABOVE] : null));
   }
-  // How far each hand's handle has been dragged, as the robot faced when that began; the clutch is
+  // How far each hand's handle has been dragged, as the torso faced when that began; the clutch is
   // closed meanwhile, and open for a handle that nobody holds.
   function hands() {
     return grips.map(({ dragging, from, object: { position } }) => {
