@@ -239,7 +239,7 @@ WHOLE = DeviceSample(0.0, np.zeros(3), np.zeros(3))
     [
         ("time", None), ("time", "now"), ("time", np.zeros(2)), ("body", None),
         ("height", None), ("torso", (0.0, 0.0)), ("turns", ("a", "b")), ("velocity", None),
-        ("velocity", (0.1, 0.0)), ("velocity", np.zeros(3)), ("hands", ()), ("hands", None),
+        ("velocity", (0.1, 0.0)), ("velocity", np.zeros(2)), ("hands", ()), ("hands", None),
         ("hands", (1.0, 2.0)), ("rates", ()), ("head", "ahead"),
     ],
     ids=repr,

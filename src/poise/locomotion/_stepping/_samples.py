@@ -130,7 +130,8 @@ def checked_sample(sample: object) -> DeviceSample | None:
     if not isinstance(body, BodySample):
         raise TypeError(f"a {type(body).__name__} is no BodySample")
     _check_numbers("time", (sample.time,), 1)
-    _check_numbers("velocity", sample.velocity, 3)
+    # Arrays do here, too.
+    _check_numbers("velocity", tuple(sample.velocity), 3)
     _check_numbers("height", (body.height,), 1)
     _check_numbers("torso", body.torso, 3)
     _check_numbers("turns", body.turns, 2)
@@ -148,7 +149,7 @@ def _anything(value: object) -> object:
 
 def _check_numbers(name: str, values: object, count: int) -> None:
     if not (isinstance(values, tuple | list) and len(values) == count):
-        raise TypeError(f"{name} of a DeviceSample is {values!r}, not {count} numbers in a tuple")
+        raise TypeError(f"{name} of a DeviceSample is {values!r}, not {count} numbers")
     for value in values:
         if not isinstance(value, float | int | np.floating | np.integer):
             raise TypeError(f"{name} of a DeviceSample is {values!r}, not of numbers")
