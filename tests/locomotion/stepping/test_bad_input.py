@@ -304,3 +304,23 @@ def facing(robot, yaw):
     q[:3] = turn @ q[:3]
     q[3:7] = pin.Quaternion(turn @ pin.Quaternion(q[3:7]).matrix()).coeffs()
     return q
+
+
+def test_a_place_of_another_size_ends_no_record(get_robot):
+    def make(teleoperator):
+        rest = teleoperator.resting_sample
+
+        class Odd:
+            def sample(self, time):
+                odd = replace(rest, time=time)
+                if time > 0.05:
+                    object.__setattr__(odd, "left", np.zeros(2))
+                return odd
+
+        return Odd()
+
+    run = run_teleop(get_robot("biped20"), make, duration=0.2)
+    assert run.plant.time == pytest.approx(0.2)
+    places = run.record["target/left device"]
+    assert np.isfinite(places[5]).all()
+    assert np.isnan(places[-1]).all()
