@@ -130,7 +130,7 @@ class StepTeleoperator:
         self.estimator = StanceEstimator(robot, self.soles, q_start, inertial=actuation == "torque")
         left, right = self.estimator.anchors
         self._com_height = float(self.estimator.dynamics.com[2] - 0.5 * (left[2] + right[2]))
-        ahead = mean_angle(*(yaw_of(self.estimator.rotation(foot)) for foot in (0, 1)))
+        ahead = self._faces()
         if actuation == "velocity" and abs(ahead) > _STRAIGHT:
             raise ConfigurationError(
                 "at velocity level soles keep the world's yaw, and the robot starts turned",
@@ -419,8 +419,7 @@ class StepTeleoperator:
 
     def _faces(self) -> float:
         """Where the feet face, to the left of the world's x axis [rad]."""
-        dynamics, frames = self.estimator.dynamics, self._biped.frames
-        return mean_angle(*(yaw_of(dynamics.placement(frame)[1]) for frame in frames))
+        return mean_angle(*(yaw_of(self.estimator.rotation(foot)) for foot in (0, 1)))
 
     def _desired(self, footing: Footing, target: Float64[np.ndarray, "3"]) -> DesiredMotion:
         com = np.array([*self._com.velocity, self._height.velocity(footing, target)])
