@@ -232,6 +232,15 @@ def test_a_device_that_fails_counts_as_silent_and_is_said_once(get_robot, what, 
 
 
 WHOLE = DeviceSample(0.0, np.zeros(3), np.zeros(3))
+HAND, HEAD = HandSample(np.zeros(3)), HeadSample(np.zeros(4))
+
+
+def odd(sample, **values):
+    """The sample with values that nobody has checked."""
+    changed = copy(sample)
+    for name, value in values.items():
+        object.__setattr__(changed, name, value)
+    return changed
 
 
 @pytest.mark.parametrize(
@@ -240,16 +249,20 @@ WHOLE = DeviceSample(0.0, np.zeros(3), np.zeros(3))
         ("time", None), ("time", "now"), ("time", np.zeros(2)), ("body", None),
         ("height", None), ("torso", (0.0, 0.0)), ("turns", ("a", "b")), ("velocity", None),
         ("velocity", (0.1, 0.0)), ("velocity", np.zeros(2)), ("hands", ()), ("hands", None),
-        ("hands", (1.0, 2.0)), ("rates", ()), ("head", "ahead"),
+        ("hands", (1.0, 2.0)), ("rates", ()), ("head", "ahead"), ("left", None),
+        ("left", np.zeros(2)), ("left", np.zeros((3, 1))), ("right", "abc"),
+        ("right", ["0", "1", "2"]), ("right", [0.0, [1.0], 2.0]), ("left", np.zeros(3, complex)),
+        ("rates", (None, np.zeros(4))), ("hands", (odd(HAND, position=np.zeros(2)), None)),
+        ("hands", (odd(HAND, orientation=np.zeros(3)), None)),
+        ("head", odd(HEAD, orientation=np.zeros(3))),
     ],
     ids=repr,
 )  # fmt: skip
 def test_a_sample_of_which_something_is_of_another_kind_is_none(field, value):
-    odd, body = copy(WHOLE), copy(WHOLE.body)
-    object.__setattr__(odd, "body", body)
-    object.__setattr__(body if hasattr(body, field) else odd, field, value)
+    of_body = hasattr(WHOLE.body, field)
+    changed = {"body": odd(WHOLE.body, **{field: value})} if of_body else {field: value}
     with pytest.raises(TypeError):
-        checked_sample(odd)
+        checked_sample(odd(WHOLE, **changed))
 
 
 @pytest.mark.parametrize("actuation", ["torque", "velocity"])
@@ -306,21 +319,53 @@ def facing(robot, yaw):
     return q
 
 
+@pytest.mark.parametrize("kind", [list, tuple, np.float32, np.int64, np.float64])
+def test_places_are_taken_as_any_numbers(kind):
+    """Those of a headset are of float32, those of a message are lists."""
+
+    def given(*numbers):
+        return kind(numbers) if kind in (list, tuple) else np.array(numbers, dtype=kind)
+
+    hand = odd(
+        HAND, position=given(0, 1, 2), orientation=given(0, 1, 2, 3), velocity=given(4, 5, 6)
+    )
+    asked = odd(
+        WHOLE,
+        left=given(1, 2, 3),
+        right=given(4, 5, 6),
+        hands=(None, hand),
+        rates=(given(7, 8, 9), None),
+        head=odd(HEAD, orientation=given(0, 0, 0, 1)),
+    )
+    sample = checked_sample(asked)
+    np.testing.assert_array_equal([sample.left, sample.right], [[1, 2, 3], [4, 5, 6]])
+    np.testing.assert_array_equal(sample.rates[0], [7, 8, 9])
+    assert sample.rates[1] is None
+    assert sample.hands[0] is None
+    np.testing.assert_array_equal(sample.hands[1].position, [0, 1, 2])
+    np.testing.assert_array_equal(sample.hands[1].orientation, [0, 1, 2, 3])
+    np.testing.assert_array_equal(sample.hands[1].velocity, [4, 5, 6])
+    np.testing.assert_array_equal(sample.head.orientation, [0, 0, 0, 1])
+    for array in (sample.left, sample.right, sample.rates[0], sample.hands[1].position):
+        assert array.dtype == np.float64
+
+
 def test_a_place_of_another_size_ends_no_record(get_robot):
     def make(teleoperator):
         rest = teleoperator.resting_sample
 
         class Odd:
             def sample(self, time):
-                odd = replace(rest, time=time)
-                if time > 0.05:
-                    object.__setattr__(odd, "left", np.zeros(2))
-                return odd
+                sample = replace(rest, time=time)
+                return odd(sample, left=np.zeros(2)) if time > 0.05 else sample
 
         return Odd()
 
     run = run_teleop(get_robot("biped20"), make, duration=0.2)
     assert run.plant.time == pytest.approx(0.2)
+    assert "left of a sample is array([0., 0.]), not 3 numbers" in str(
+        run.teleoperator.device_error
+    )
     places = run.record["target/left device"]
     assert np.isfinite(places[5]).all()
     assert np.isnan(places[-1]).all()

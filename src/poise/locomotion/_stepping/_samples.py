@@ -4,7 +4,7 @@
 how feet are turned.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
@@ -111,10 +111,10 @@ class DeviceSample:
 
 
 def checked_sample(sample: object) -> DeviceSample | None:
-    """What a device has given, which may be anything.
+    """What a device has given, which may be anything; its places and orientations as float64.
 
-    Places, orientations and what is no finite number are left to those who follow them, and refuse
-    them one by one; everything else in it is of its kind.
+    What is no finite number, far away or no unit quaternion is left to those who follow it, and
+    refuse it one by one; everything is of its kind and size.
 
     Args:
         sample: as given; None for nothing new.
@@ -139,7 +139,48 @@ def checked_sample(sample: object) -> DeviceSample | None:
     _check_pair("rates", sample.rates, object)
     if not (head is None or isinstance(head, HeadSample)):
         raise TypeError(f"a {type(head).__name__} is no HeadSample")
-    return sample
+    if head is not None:
+        head = replace(head, orientation=_vector("orientation of the head", head.orientation, 4))
+    left_hand, right_hand = sample.hands
+    left_rate, right_rate = sample.rates
+    return replace(
+        sample,
+        left=_vector("left", sample.left, 3),
+        right=_vector("right", sample.right, 3),
+        hands=(_hand(left_hand), _hand(right_hand)),
+        head=head,
+        rates=(_maybe("rates", left_rate, 3), _maybe("rates", right_rate, 3)),
+    )
+
+
+def _hand(hand: HandSample | None) -> HandSample | None:
+    if hand is None:
+        return None
+    return replace(
+        hand,
+        position=_vector("position of a hand", hand.position, 3),
+        orientation=_maybe("orientation of a hand", hand.orientation, 4),
+        velocity=_maybe("velocity of a hand", hand.velocity, 3),
+    )
+
+
+def _maybe(name: str, value: object, count: int) -> Float64[np.ndarray, " n"] | None:
+    return None if value is None else _vector(name, value, count)
+
+
+def _vector(name: str, value: object, count: int) -> Float64[np.ndarray, " n"]:
+    """So many numbers as an array of float64: a headset's are of float32, a message's a list."""
+    if isinstance(value, np.ndarray) and value.dtype == np.float64 and value.shape == (count,):
+        return value
+    try:
+        numbers = np.asarray(value)
+    except ValueError:
+        numbers = np.array(None)
+    if numbers.shape != (count,) or numbers.dtype.kind not in "fiu":
+        raise TypeError(
+            f"{name} of a sample is {value!r}, not {count} numbers; NaN where it is not known"
+        )
+    return numbers.astype(np.float64)
 
 
 def _anything(value: object) -> object:
