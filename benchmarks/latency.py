@@ -12,7 +12,7 @@ import numpy as np
 from benchmarks.recording import Progress
 from benchmarks.result import Figure, Result, text_table
 from poise.apps.live import LiveSession
-from poise.apps.teleoperation import TELEOP_PLANT, TORQUE_TELEOP_PLANT
+from poise.apps.teleoperation import TORQUE_TELEOP_PLANT, VELOCITY_TELEOP_PLANT
 from poise.errors import ConfigurationError, PoiseError, UnknownNameError
 from poise.robots import load_robot
 
@@ -22,7 +22,7 @@ BOUND_MS = 20.0
 STAGES = ("sent to arrived", "arrived to sampled", "sampled to commanded", "sent to commanded")
 """Between the stages, and all of it."""
 
-_PLANTS = {"velocity": TELEOP_PLANT, "torque": TORQUE_TELEOP_PLANT}
+_PLANTS = {"velocity": VELOCITY_TELEOP_PLANT, "torque": TORQUE_TELEOP_PLANT}
 
 _WARM_UP = 20
 """Messages before those that count."""

@@ -15,8 +15,8 @@ from benchmarks.recording import Progress
 from benchmarks.result import Result, spread_us, text_table
 from poise.apps.teleoperation import (
     SCRIPTS,
-    TELEOP_PLANT,
     TORQUE_TELEOP_PLANT,
+    VELOCITY_TELEOP_PLANT,
     Script,
     TeleopRun,
     run_teleop,
@@ -31,7 +31,7 @@ from poise.sim import Plant, PlantConfig, rollout
 SCENARIO = "over_an_obstacle"
 """The script that is walked: both feet stand, shift, swing and land in it."""
 
-PLANTS = {"torque": TORQUE_TELEOP_PLANT, "velocity": TELEOP_PLANT}
+PLANTS = {"torque": TORQUE_TELEOP_PLANT, "velocity": VELOCITY_TELEOP_PLANT}
 """By what is commanded."""
 
 PARTS = ("estimator", "leader", "controller")

@@ -12,8 +12,8 @@ import mujoco
 import numpy as np
 
 from poise.apps.teleoperation import (
-    TELEOP_PLANT,
     TORQUE_TELEOP_PLANT,
+    VELOCITY_TELEOP_PLANT,
     BadOperator,
     TeleopRun,
     run_teleop,
@@ -24,7 +24,7 @@ from poise.robots import Robot, load_robot
 from poise.sim import PlantConfig
 from studies.bad_operator.habits import HabitualOperator
 
-PLANTS = {"velocity": TELEOP_PLANT, "torque": TORQUE_TELEOP_PLANT}
+PLANTS = {"velocity": VELOCITY_TELEOP_PLANT, "torque": TORQUE_TELEOP_PLANT}
 """What the robot is simulated on, by what it is commanded."""
 
 _ATTITUDE = math.radians(0.5)

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-from poise.apps.teleoperation import TELEOP_PLANT, BadOperator, run_teleop
+from poise.apps.teleoperation import VELOCITY_TELEOP_PLANT, BadOperator, run_teleop
 from poise.locomotion import Mode, TeleopParameters
 from poise.robots import Robot, load_robot
 from studies.finding import Finding, Section, Table
@@ -60,7 +60,7 @@ def run_trial(trial: Trial) -> Outcome:
     run = run_teleop(
         _robot(trial.robot),
         lambda controller: BadOperator(controller, trial.seed),
-        TELEOP_PLANT.with_noise(),
+        VELOCITY_TELEOP_PLANT.with_noise(),
         duration=trial.seconds,
         seed=trial.seed,
         parameters=trial.parameters,

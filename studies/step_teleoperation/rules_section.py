@@ -3,7 +3,7 @@
 from dataclasses import replace
 from typing import Any
 
-from poise.apps.teleoperation import SCRIPTS, TELEOP_PLANT, BadOperator, run_teleop
+from poise.apps.teleoperation import SCRIPTS, VELOCITY_TELEOP_PLANT, BadOperator, run_teleop
 from poise.locomotion import StepTeleoperator, TeleopParameters
 from poise.robots import Robot, load_robot
 from studies.finding import Finding, Section, Table
@@ -92,8 +92,8 @@ def _runs(robot: Robot, changes: dict[str, float], leader: type[StepTeleoperator
     run = run_teleop(
         robot,
         lambda c: BadOperator(c, _SEED),
-        TELEOP_PLANT.with_noise(),
+        VELOCITY_TELEOP_PLANT.with_noise(),
         duration=_SECONDS,
-        **settings(StepTeleoperator(robot).parameters),
+        **settings(StepTeleoperator(robot, actuation="velocity").parameters),
     )
     return [*cells, fall_note(run)]

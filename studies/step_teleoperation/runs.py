@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float64
 from scipy.spatial import ConvexHull
 
-from poise.apps.teleoperation import TELEOP_PLANT, Script, TeleopLog, TeleopRun, run_teleop
+from poise.apps.teleoperation import VELOCITY_TELEOP_PLANT, Script, TeleopLog, TeleopRun, run_teleop
 from poise.locomotion import (
     Mode,
     StepTeleoperator,
@@ -21,7 +21,7 @@ SETTLED = 0.3
 
 def run_script(robot: Robot, script: Script, **changes: Any) -> TeleopRun:
     """One script on the plant of teleoperation; `changes` go to `run_teleop`."""
-    plant = replace(TELEOP_PLANT, blocks=script.blocks)
+    plant = replace(VELOCITY_TELEOP_PLANT, blocks=script.blocks)
     return run_teleop(
         robot,
         script.device,
@@ -34,7 +34,7 @@ def run_script(robot: Robot, script: Script, **changes: Any) -> TeleopRun:
 
 def script_parameters(robot: Robot, script: Script) -> TeleopParameters:
     """The parameters that a run of the script has by itself."""
-    return StepTeleoperator(robot, q_start=script.posture(robot)).parameters
+    return StepTeleoperator(robot, q_start=script.posture(robot), actuation="velocity").parameters
 
 
 def first(log: TeleopLog, mode: Mode, after: float = 0.0) -> float | None:

@@ -6,8 +6,8 @@ import numpy as np
 
 from poise.apps.teleoperation import (
     SCRIPTS,
-    TELEOP_PLANT,
     TORQUE_TELEOP_PLANT,
+    VELOCITY_TELEOP_PLANT,
     TeleopLog,
     TeleopRun,
     run_teleop,
@@ -23,7 +23,7 @@ TRUNK = 0.35
 """How far the trunk may lean [rad]."""
 
 
-_LEVELS = {"torque": TORQUE_TELEOP_PLANT, "velocity": TELEOP_PLANT}
+_LEVELS = {"torque": TORQUE_TELEOP_PLANT, "velocity": VELOCITY_TELEOP_PLANT}
 
 _NEAR, _STAYS = 0.01, 0.1
 """The ZMP has settled when it has stayed so near to its reference [m] for so long [s]."""

@@ -6,7 +6,7 @@ from functools import cache
 
 import numpy as np
 
-from poise.apps.teleoperation import TELEOP_PLANT, run_teleop
+from poise.apps.teleoperation import VELOCITY_TELEOP_PLANT, run_teleop
 from poise.locomotion import ScriptedDevice
 from poise.robots import Robot, load_robot
 from poise.sim import PlantConfig
@@ -70,7 +70,7 @@ def _robot(name: str) -> Robot:
 def run_trial(trial: Trial) -> Outcome:
     """Runs a trial."""
     direction = trial.direction
-    plant = _OFF[trial.off](TELEOP_PLANT, math.cos(direction), math.sin(direction))
+    plant = _OFF[trial.off](VELOCITY_TELEOP_PLANT, math.cos(direction), math.sin(direction))
     run = run_teleop(
         _robot(trial.robot),
         lambda teleoperator: ScriptedDevice([], *teleoperator.estimator.anchors),

@@ -90,7 +90,7 @@ def test_bad_input_is_one_line(in_folder, capsys, arguments, words):
 def test_a_recording_is_played_on_its_own_terrain_unless_another_is_asked_for(
     in_folder, begun, asked
 ):
-    from poise.apps.teleoperation import TELEOP_PLANT, run_teleop, terrain_blocks
+    from poise.apps.teleoperation import VELOCITY_TELEOP_PLANT, run_teleop, terrain_blocks
     from poise.locomotion import ScriptedDevice, WayPoint
     from poise.robots import load_robot
 
@@ -100,7 +100,7 @@ def test_a_recording_is_played_on_its_own_terrain_unless_another_is_asked_for(
         lambda c: ScriptedDevice(
             [WayPoint(at=0.0, left=(0.0, 0.0, 0.0))], c.resting_sample.left, c.resting_sample.right
         ),
-        replace(TELEOP_PLANT, blocks=blocks),
+        replace(VELOCITY_TELEOP_PLANT, blocks=blocks),
         duration=0.1,
         recording=in_folder / "x.teleop",
     )
@@ -111,14 +111,14 @@ def test_a_recording_is_played_on_its_own_terrain_unless_another_is_asked_for(
 
 @needs_page
 def test_a_recording_is_of_its_own_robot_and_actuation(in_folder, capsys, begun):
-    from poise.apps.teleoperation import TELEOP_PLANT, run_teleop
+    from poise.apps.teleoperation import VELOCITY_TELEOP_PLANT, run_teleop
     from poise.locomotion import ScriptedDevice
     from poise.robots import load_robot
 
     run_teleop(
         load_robot("humanoid33"),
         lambda c: ScriptedDevice([], c.resting_sample.left, c.resting_sample.right),
-        TELEOP_PLANT,
+        VELOCITY_TELEOP_PLANT,
         duration=0.1,
         recording=in_folder / "x.teleop",
     )

@@ -283,7 +283,7 @@ def test_what_somebody_else_froze_stays_frozen(plant):
 
 def test_a_leader_of_another_period_is_refused_before_anything_moves(get_robot):
     robot = get_robot("biped20")
-    teleoperator = StepTeleoperator(robot)
+    teleoperator = StepTeleoperator(robot, actuation="velocity")
     plant = Plant(robot, PlantConfig(actuation="velocity"))
     with pytest.raises(ConfigurationError, match="0.005 s and 0.001 s"):
         rollout(plant, teleoperator.controller(), teleoperator)

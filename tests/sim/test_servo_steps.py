@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from small_biped import velocity
 
-from poise.apps.teleoperation import TELEOP_PLANT
+from poise.apps.teleoperation import VELOCITY_TELEOP_PLANT
 from poise.sim import Plant
 
 HIPS = ("left_hip_pitch_joint", "right_hip_pitch_joint")
@@ -14,7 +14,7 @@ HIPS = ("left_hip_pitch_joint", "right_hip_pitch_joint")
 
 def jerked(robot, physics_dt, speed):
     """Velocities of a hip that is told a speed for 5 ms, in the air, each millisecond [rad/s]."""
-    plant = Plant(robot, replace(TELEOP_PLANT, physics_dt=physics_dt, control_dt=1e-3))
+    plant = Plant(robot, replace(VELOCITY_TELEOP_PLANT, physics_dt=physics_dt, control_dt=1e-3))
     q = robot.q_home.copy()
     q[2] += 3.0
     plant.reset(q)
@@ -38,18 +38,23 @@ def test_a_joint_whose_servo_was_at_its_limit_comes_to_rest_as_in_the_finest_ste
 
 
 def test_steps_are_divided_no_further_than_the_fastest_joint_needs(get_robot):
-    parts = {name: Plant(get_robot(name), TELEOP_PLANT)._servos.parts for name in ("g1", "biped20")}
+    parts = {
+        name: Plant(get_robot(name), VELOCITY_TELEOP_PLANT)._servos.parts
+        for name in ("g1", "biped20")
+    }
     assert parts["biped20"] < parts["g1"] <= 16
-    short = replace(TELEOP_PLANT, physics_dt=5e-5)
+    short = replace(VELOCITY_TELEOP_PLANT, physics_dt=5e-5)
     assert Plant(get_robot("g1"), short)._servos.parts == 1
-    assert Plant(get_robot("g1"), replace(TELEOP_PLANT, actuation="torque"))._servos is None
+    assert (
+        Plant(get_robot("g1"), replace(VELOCITY_TELEOP_PLANT, actuation="torque"))._servos is None
+    )
 
 
 def test_a_divided_step_is_as_long_as_one_that_is_not(get_robot):
     robot = get_robot("g1")
-    plant = Plant(robot, TELEOP_PLANT)
+    plant = Plant(robot, VELOCITY_TELEOP_PLANT)
     for _ in range(4):
         plant.step(velocity(np.full(robot.nj, 3.0)))
     assert plant.saturated.any()
     assert plant.data.time == pytest.approx(plant.time)
-    assert plant.model.opt.timestep == TELEOP_PLANT.physics_dt
+    assert plant.model.opt.timestep == VELOCITY_TELEOP_PLANT.physics_dt

@@ -8,7 +8,7 @@ from unchecked import run_unchecked
 
 pytest.importorskip("mujoco")
 
-from poise.apps.teleoperation import TELEOP_PLANT, replay_teleop, run_teleop
+from poise.apps.teleoperation import VELOCITY_TELEOP_PLANT, replay_teleop, run_teleop
 from poise.locomotion import ScriptedDevice, read_recording
 from studies.bad_operator import conditions
 from studies.bad_operator.conditions_section import _finding, _row
@@ -77,7 +77,7 @@ OPERATOR = """
 import json
 import numpy as np
 from poise.robots import load_robot
-from poise.apps.teleoperation import BadOperator, run_teleop
+from poise.apps.teleoperation import VELOCITY_TELEOP_PLANT, BadOperator, run_teleop
 samples = []
 
 def noted(controller):
@@ -90,7 +90,7 @@ def noted(controller):
 
     return Noted()
 
-run_teleop(load_robot("biped20"), noted, duration=9.0)
+run_teleop(load_robot("biped20"), noted, VELOCITY_TELEOP_PLANT, duration=9.0)
 given = [s for s in samples if s is not None]
 good = np.array([s.right for s in given if not np.isnan(s.left).any()])
 print(json.dumps({
@@ -129,7 +129,7 @@ def test_pushes_are_as_strong_as_said_in_order_and_in_all_directions(get_robot):
 
 def test_every_condition_changes_what_it_says_and_nothing_else(get_robot):
     robot = get_robot("biped20")
-    plant = TELEOP_PLANT.with_noise()
+    plant = VELOCITY_TELEOP_PLANT.with_noise()
     changed = {name: change(plant, robot, 3) for name, change in conditions.CONDITIONS.items()}
     told = {"as described", conditions.PUSHED}
     assert {name for name, other in changed.items() if other == plant} == told
@@ -176,8 +176,10 @@ def test_pushes_of_a_run_are_recorded_and_come_again(get_robot, tmp_path):
     def hands(teleoperator):
         return ScriptedDevice([], *teleoperator.estimator.anchors)
 
-    run = run_teleop(robot, hands, duration=1.0, pushes=pushes, recording=path)
-    calm = run_teleop(robot, hands, duration=1.0)
+    run = run_teleop(
+        robot, hands, VELOCITY_TELEOP_PLANT, duration=1.0, pushes=pushes, recording=path
+    )
+    calm = run_teleop(robot, hands, VELOCITY_TELEOP_PLANT, duration=1.0)
     assert np.abs(run.log.com[-1] - calm.log.com[-1]).max() > 1e-3
     assert read_recording(path).pushes == pushes
     again = replay_teleop(path)

@@ -103,13 +103,13 @@ def act(options: argparse.Namespace) -> int:
 def _plant(options: argparse.Namespace, robot: Any, recording: Any) -> Any:
     """That of the recording if one is played, else one whose links touch; terrain lies on it."""
     from poise.apps.teleoperation import (
-        TELEOP_PLANT,
         TORQUE_TELEOP_PLANT,
+        VELOCITY_TELEOP_PLANT,
         recorded_setup,
         terrain_blocks,
     )
 
-    plant = TELEOP_PLANT if options.actuation == "velocity" else TORQUE_TELEOP_PLANT
+    plant = VELOCITY_TELEOP_PLANT if options.actuation == "velocity" else TORQUE_TELEOP_PLANT
     # A person may lead hands and feet into the robot.
     plant = replace(plant, self_contact=True)
     if recording is not None and recording.setup:

@@ -20,11 +20,11 @@ def live():
 @pytest.fixture(scope="session")
 def run_session(live, get_robot):
     """Starts a session on biped20, at velocity level, which is quick, unless asked for another."""
-    from poise.apps.teleoperation import TELEOP_PLANT
+    from poise.apps.teleoperation import VELOCITY_TELEOP_PLANT
 
     @contextmanager
     def run(folder, **options):
-        options = {"plant": TELEOP_PLANT, **options}
+        options = {"plant": VELOCITY_TELEOP_PLANT, **options}
         with live.LiveSession(get_robot("biped20"), folder, **options) as session:
             yield session
 

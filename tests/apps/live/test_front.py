@@ -395,10 +395,10 @@ def test_a_port_in_use_is_said(run_session, front, tmp_path):
 
 
 def test_what_lies_on_the_floor_is_drawn_where_it_is(run_session, get_robot, tmp_path):
-    from poise.apps.teleoperation import TELEOP_PLANT, terrain_blocks
+    from poise.apps.teleoperation import VELOCITY_TELEOP_PLANT, terrain_blocks
 
     blocks = terrain_blocks("steps", get_robot("biped20"))
-    with run_session(tmp_path, plant=replace(TELEOP_PLANT, blocks=blocks)) as session:
+    with run_session(tmp_path, plant=replace(VELOCITY_TELEOP_PLANT, blocks=blocks)) as session:
         shapes = json.loads(get(session.front, "/shapes.json")[1])
     still = [shape for shape in shapes["geometries"] if shape["body"] == 0]
     assert [shape["shape"] for shape in still] == ["box"] * len(blocks)

@@ -24,7 +24,7 @@ DT = 0.005
 @pytest.fixture
 def made(get_robot):
     operator = OperatorInputs()
-    controller = StepTeleoperator(get_robot("biped20"))
+    controller = StepTeleoperator(get_robot("biped20"), actuation="velocity")
     return operator, controller, LiveFeet(operator, controller)
 
 

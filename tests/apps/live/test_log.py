@@ -11,7 +11,7 @@ pytest.importorskip("websockets")
 pytest.importorskip("mujoco")
 
 from poise.apps.live import LiveLoop, OperatorInputs, Pad, Takes, _log as logs
-from poise.apps.teleoperation import TELEOP_PLANT, replay_teleop
+from poise.apps.teleoperation import VELOCITY_TELEOP_PLANT, replay_teleop
 from poise.errors import ConfigurationError
 from poise.locomotion import Mode, read_recording
 
@@ -19,8 +19,8 @@ from poise.locomotion import Mode, read_recording
 @pytest.fixture
 def loop(get_robot, tmp_path):
     robot = get_robot("biped20")
-    takes = Takes(tmp_path / "takes", robot=robot.name, dt=TELEOP_PLANT.control_dt)
-    made = LiveLoop(robot, OperatorInputs(), takes)
+    takes = Takes(tmp_path / "takes", robot=robot.name, dt=VELOCITY_TELEOP_PLANT.control_dt)
+    made = LiveLoop(robot, OperatorInputs(), takes, plant=VELOCITY_TELEOP_PLANT)
     made.start()
     wait_for(lambda: made.snapshot, "the first picture")
     yield made
@@ -55,7 +55,7 @@ def test_a_run_leaves_a_log_beside_its_recording_that_agrees_with_its_replay(loo
     assert {"/joints", "/tf", "/scene", "/com", "/zmp", "/wrench/left_sole"} <= set(topics)
     times, references = log.signal("zmp_reference")
     run = replay_teleop(read_recording(tmp_path / "takes" / "take-001.teleop"))
-    at = np.round(times / TELEOP_PLANT.control_dt).astype(int) - 1
+    at = np.round(times / VELOCITY_TELEOP_PLANT.control_dt).astype(int) - 1
     kept = at < len(run.log)
     assert kept.sum() > 10
     # From the controller's world to the simulator's it is the drift of the stance foot.
@@ -110,8 +110,10 @@ def test_a_log_that_cannot_be_made_costs_nothing_but_itself(loop, tmp_path):
 def test_a_full_folder_ends_what_is_recorded_and_not_the_run(get_robot, tmp_path, monkeypatch):
     monkeypatch.setattr(logs, "_LOOK_EVERY", 0.0)
     robot = get_robot("biped20")
-    takes = Takes(tmp_path, robot=robot.name, dt=TELEOP_PLANT.control_dt, most_bytes=60_000)
-    loop = LiveLoop(robot, OperatorInputs(), takes)
+    takes = Takes(
+        tmp_path, robot=robot.name, dt=VELOCITY_TELEOP_PLANT.control_dt, most_bytes=60_000
+    )
+    loop = LiveLoop(robot, OperatorInputs(), takes, plant=VELOCITY_TELEOP_PLANT)
     loop.start()
     wait_for(lambda: loop.snapshot, "the first picture")
     drive(loop, Pad(), lambda s: "is full" in s.take, "the folder to be full")

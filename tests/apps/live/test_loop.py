@@ -14,8 +14,8 @@ pytest.importorskip("mujoco")
 from poise.apps.live import LiveLoop, OperatorInputs, Pad, Takes, Tracked
 from poise.apps.live._inputs import Body
 from poise.apps.teleoperation import (
-    TELEOP_PLANT,
     TORQUE_TELEOP_PLANT,
+    VELOCITY_TELEOP_PLANT,
     replay_teleop,
     run_teleop,
     terrain_blocks,
@@ -39,12 +39,10 @@ def start(get_robot, tmp_path):
     """Starts loops on biped20, and stops them."""
     loops = []
 
-    def make(operator=None, name="biped20", **options):
+    def make(operator=None, name="biped20", plant=VELOCITY_TELEOP_PLANT, **options):
         robot = get_robot(name)
-        takes = Takes(
-            tmp_path / "takes", robot=robot.name, dt=options.get("plant", TELEOP_PLANT).control_dt
-        )
-        loop = LiveLoop(robot, operator or OperatorInputs(), takes, **options)
+        takes = Takes(tmp_path / "takes", robot=robot.name, dt=plant.control_dt)
+        loop = LiveLoop(robot, operator or OperatorInputs(), takes, plant=plant, **options)
         loops.append(loop)
         loop.start()
         wait_for(lambda: loop.snapshot, "the first picture")
@@ -73,7 +71,7 @@ def drive(loop, operator, pad, until, what):
 
 def test_a_step_and_its_recording_gives_the_same_commands_again(start, tmp_path):
     operator = OperatorInputs()
-    loop = start(operator, plant=TELEOP_PLANT.with_noise(), seed=5)
+    loop = start(operator, plant=VELOCITY_TELEOP_PLANT.with_noise(), seed=5)
     wait_for(lambda: loop.snapshot.time > 0.5, "some time")
     loop.reset()
     wait_for(lambda: loop.snapshot.time < 0.5, "the reset")
@@ -107,7 +105,9 @@ def test_each_foot_makes_a_step_forward(start, name):
 
 
 @pytest.mark.fast_cases(2)
-@pytest.mark.parametrize("plant", [TORQUE_TELEOP_PLANT, TELEOP_PLANT], ids=["torque", "velocity"])
+@pytest.mark.parametrize(
+    "plant", [TORQUE_TELEOP_PLANT, VELOCITY_TELEOP_PLANT], ids=["torque", "velocity"]
+)
 @pytest.mark.parametrize("name", ["biped20", "g1"])
 def test_a_hand_is_led_let_go_and_goes_back_to_rest(start, name, plant):
     operator = OperatorInputs()
@@ -131,7 +131,7 @@ def test_a_hand_is_led_let_go_and_goes_back_to_rest(start, name, plant):
 
 def test_a_live_run_on_stairs_is_recorded_with_them(start, get_robot, tmp_path):
     operator = OperatorInputs()
-    plant = replace(TELEOP_PLANT, blocks=terrain_blocks("steps", get_robot("biped20")))
+    plant = replace(VELOCITY_TELEOP_PLANT, blocks=terrain_blocks("steps", get_robot("biped20")))
     loop = start(operator, plant=plant)
     drive(loop, operator, Pad(), lambda s: s.time > 0.2, "some time")
     loop.stop()
@@ -234,10 +234,10 @@ def test_a_recording_drives_in_place_of_a_person(start, tmp_path):
     wait_for(lambda: again.snapshot.mode is Mode.D, "its end")
 
 
-def recorded(robot, path, **changes):
+def recorded(robot, path, plant=VELOCITY_TELEOP_PLANT, **changes):
     """A short run of commands to stay, recorded."""
-    still = ScriptedDevice([], *StepTeleoperator(robot).estimator.anchors)
-    run_teleop(robot, still, duration=0.05, recording=path, **changes)
+    still = ScriptedDevice([], *StepTeleoperator(robot, actuation="velocity").estimator.anchors)
+    run_teleop(robot, still, plant, duration=0.05, recording=path, **changes)
     return read_recording(path)
 
 
@@ -245,7 +245,9 @@ def test_a_recording_is_played_with_the_parameters_that_it_was_made_with(
     start, get_robot, tmp_path
 ):
     robot = get_robot("biped20")
-    parameters = replace(StepTeleoperator(robot).parameters, hand_scale=1.7, lift_speed=0.2)
+    parameters = replace(
+        StepTeleoperator(robot, actuation="velocity").parameters, hand_scale=1.7, lift_speed=0.2
+    )
     made = recorded(robot, tmp_path / "made.teleop", parameters=parameters, rotator=False)
     loop = start(recording=made)
     assert loop.teleoperator.parameters == parameters
@@ -297,7 +299,7 @@ def test_a_plant_with_another_tick_is_refused(get_robot, tmp_path):
 
 def test_a_recording_is_played_with_its_own_noise(get_robot, tmp_path):
     robot, path = get_robot("biped20"), tmp_path / "noisy.teleop"
-    plant = TELEOP_PLANT.with_noise()
+    plant = VELOCITY_TELEOP_PLANT.with_noise()
     run = run_teleop(
         robot,
         lambda c: ScriptedDevice([], c.resting_sample.left, c.resting_sample.right),

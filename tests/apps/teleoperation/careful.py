@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from poise.apps.teleoperation import MODES, TELEOP_PLANT, run_teleop
+from poise.apps.teleoperation import MODES, VELOCITY_TELEOP_PLANT, run_teleop
 from poise.dynamics import Dynamics, RobotState
 from poise.locomotion import ScriptedDevice, WayPoint
 from poise.robots import standing_posture
@@ -31,7 +31,9 @@ def careful_steps(*steps, press=0.03):
     return points, begin
 
 
-def walk_over(robot, steps, blocks, *, plant=TELEOP_PLANT, rest=1.0, press=0.03, **options):
+def walk_over(
+    robot, steps, blocks, *, plant=VELOCITY_TELEOP_PLANT, rest=1.0, press=0.03, **options
+):
     """Steps over blocks, with knees bent a little as a live run has them."""
     points, end = careful_steps(*steps, press=press)
     dynamics = Dynamics(robot)

@@ -4,7 +4,7 @@ import pytest
 
 pytest.importorskip("mujoco")
 
-from poise.apps.teleoperation import TELEOP_PLANT, run_teleop
+from poise.apps.teleoperation import VELOCITY_TELEOP_PLANT, run_teleop
 from poise.locomotion import DeviceSample, Mode
 
 UP, FORWARD, DOWN = 0.10, 0.08, 0.07
@@ -55,7 +55,7 @@ def test_it_steps_again_as_soon_as_both_feet_stand(get_robot, robot, phase):
         devices.append(Eager(teleoperator, phase, steps=3))
         return devices[0]
 
-    plant = TELEOP_PLANT.with_noise()
+    plant = VELOCITY_TELEOP_PLANT.with_noise()
     run = run_teleop(get_robot(robot), device, plant, duration=12.0, seed=3)
     assert not run.fell
     assert devices[0].steps == 0

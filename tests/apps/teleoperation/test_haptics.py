@@ -8,7 +8,7 @@ import pytest
 pytest.importorskip("mujoco")
 
 from poise.apps.teleoperation import (
-    TELEOP_PLANT,
+    VELOCITY_TELEOP_PLANT,
     HapticArm,
     HapticDriver,
     HapticFeet,
@@ -163,7 +163,7 @@ def walked(robot, plant):
 
 
 def test_the_hand_feels_the_ground_when_the_foot_lands(get_robot):
-    run, right, left = walked(get_robot("biped20"), TELEOP_PLANT)
+    run, right, left = walked(get_robot("biped20"), VELOCITY_TELEOP_PLANT)
     assert not run.fell
     time = 1e-3 * np.arange(len(right))
     (lifted,), landed = run.log.entries(Mode.SL), run.log.entries(Mode.D)[-1]
@@ -186,7 +186,7 @@ def test_a_block_is_felt_sooner_than_the_ground(get_robot):
     # Under the right foot at the end of its way, and ahead of where it starts.
     block = Block(center=(0.36, -0.135), size=(0.4, 0.24, 0.03))
     felt, heights = [], []
-    for plant in (TELEOP_PLANT, replace(TELEOP_PLANT, blocks=(block,))):
+    for plant in (VELOCITY_TELEOP_PLANT, replace(VELOCITY_TELEOP_PLANT, blocks=(block,))):
         run, right, _ = walked(robot, plant)
         assert not run.fell
         felt.append(1e-3 * np.argmax(right[:, 3] > 0.5))
@@ -197,7 +197,7 @@ def test_a_block_is_felt_sooner_than_the_ground(get_robot):
 
 def test_a_clutch_that_was_not_seen_open_leads_nothing(get_robot):
     arms = Arm(), Arm()
-    teleoperator = StepTeleoperator(get_robot("biped20"))
+    teleoperator = StepTeleoperator(get_robot("biped20"), actuation="velocity")
     device, now = HapticFeet(HapticDriver(*arms), teleoperator), 0.0
 
     def moved(by, clutch):
@@ -221,7 +221,7 @@ def test_a_clutch_that_was_not_seen_open_leads_nothing(get_robot):
 @pytest.mark.parametrize("to", [0.0, 1.7e9])
 def test_arms_go_on_where_the_robots_clock_jumps_to(get_robot, to):
     arms = Arm(), Arm()
-    teleoperator = StepTeleoperator(get_robot("biped20"))
+    teleoperator = StepTeleoperator(get_robot("biped20"), actuation="velocity")
     device = HapticFeet(HapticDriver(*arms), teleoperator)
     for tick in range(20):
         device.sample(3.0 + 0.005 * tick)

@@ -7,7 +7,12 @@ pytest.importorskip("mujoco")
 
 from careful import true_soles
 
-from poise.apps.teleoperation import TELEOP_PLANT, TORQUE_TELEOP_PLANT, PoorLink, run_teleop
+from poise.apps.teleoperation import (
+    TORQUE_TELEOP_PLANT,
+    VELOCITY_TELEOP_PLANT,
+    PoorLink,
+    run_teleop,
+)
 from poise.locomotion import DeviceSample, DeviceStatus, Mode, ScriptedDevice, WayPoint
 
 LIFT, LOWER = 0.5, 1.6
@@ -42,7 +47,9 @@ def last(run):
 @pytest.mark.fast_cases(2)
 @pytest.mark.parametrize("cut", np.linspace(LIFT + 0.05, 2.1, 5).round(3))
 def test_a_connection_that_is_cut_in_mid_step_throws_nobody(get_robot, cut):
-    run = run_teleop(get_robot("biped20"), over(cut=cut), TELEOP_PLANT.with_noise(), duration=4.5)
+    run = run_teleop(
+        get_robot("biped20"), over(cut=cut), VELOCITY_TELEOP_PLANT.with_noise(), duration=4.5
+    )
     log = run.log
     assert not run.fell
     assert last(run) == (Mode.D, DeviceStatus.LOST)
@@ -58,7 +65,7 @@ def test_a_connection_that_is_cut_in_mid_step_throws_nobody(get_robot, cut):
 @pytest.mark.parametrize(
     ("name", "plant", "seed"),
     [
-        *(("biped20", TELEOP_PLANT, seed) for seed in range(3)),
+        *(("biped20", VELOCITY_TELEOP_PLANT, seed) for seed in range(3)),
         ("g1", TORQUE_TELEOP_PLANT, 0),
         ("biped20", TORQUE_TELEOP_PLANT, 1),
     ],
@@ -94,7 +101,7 @@ def test_hands_that_are_found_elsewhere_move_no_foot(get_robot, offset):
     run = run_teleop(
         get_robot("biped20"),
         lambda teleoperator: Strays(teleoperator, ASTRAY, offset),
-        TELEOP_PLANT.with_noise(),
+        VELOCITY_TELEOP_PLANT.with_noise(),
         duration=3.5,
     )
     log = run.log
@@ -125,7 +132,7 @@ class Naps:
 
 
 def test_who_comes_back_leads_only_after_putting_the_device_down(get_robot):
-    run = run_teleop(get_robot("biped20"), Naps, TELEOP_PLANT.with_noise(), duration=6.0)
+    run = run_teleop(get_robot("biped20"), Naps, VELOCITY_TELEOP_PLANT.with_noise(), duration=6.0)
     log = run.log
     assert not run.fell
     entries = log.entries(Mode.SL)

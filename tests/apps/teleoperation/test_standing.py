@@ -8,7 +8,7 @@ import pytest
 
 pytest.importorskip("mujoco")
 
-from poise.apps.teleoperation import TELEOP_PLANT, run_teleop
+from poise.apps.teleoperation import VELOCITY_TELEOP_PLANT, run_teleop
 from poise.locomotion import ScriptedDevice
 
 SLOPE, ERROR = math.radians(2.0), math.radians(1.0)
@@ -20,7 +20,7 @@ def stand(robot, duration=5.0, **changes):
     return run_teleop(
         robot,
         lambda teleoperator: ScriptedDevice([], *teleoperator.estimator.anchors),
-        replace(TELEOP_PLANT, **changes),
+        replace(VELOCITY_TELEOP_PLANT, **changes),
         duration=duration,
     )
 
@@ -47,5 +47,5 @@ def test_it_comes_to_rest_on_a_slope_though_it_begins_on_the_edges_of_its_soles(
 @pytest.mark.parametrize("robot", ["biped20", "g1"])
 def test_it_stands_with_an_attitude_that_is_off_by_a_degree(get_robot, robot, way):
     error = (ERROR * way[0], ERROR * way[1])
-    sensors = replace(TELEOP_PLANT.sensors, base_orientation_error=error)
+    sensors = replace(VELOCITY_TELEOP_PLANT.sensors, base_orientation_error=error)
     assert at_rest(stand(get_robot(robot), duration=3.0, sensors=sensors))

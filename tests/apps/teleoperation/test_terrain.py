@@ -13,7 +13,7 @@ from careful import careful_steps
 
 from poise.apps.teleoperation import (
     SCRIPTS,
-    TELEOP_PLANT,
+    VELOCITY_TELEOP_PLANT,
     plant_from_json,
     replay_teleop,
     run_teleop,
@@ -106,7 +106,7 @@ def test_an_unknown_terrain_lists_what_there_is(get_robot):
 
 @pytest.mark.parametrize("terrain", TERRAINS)
 def test_a_plant_with_blocks_survives_a_recordings_header(get_robot, terrain):
-    plant = replace(TELEOP_PLANT, blocks=terrain_blocks(terrain, get_robot("g1"), seed=2))
+    plant = replace(VELOCITY_TELEOP_PLANT, blocks=terrain_blocks(terrain, get_robot("g1"), seed=2))
     assert plant_from_json(json.loads(json.dumps(plant_to_json(plant)))) == plant
 
 
@@ -114,7 +114,7 @@ def test_a_replay_has_the_terrain_of_its_recording_and_the_same_commands(get_rob
     robot, path = get_robot("biped20"), tmp_path / "run.teleop"
     # The foot stands on the first stair when the run ends.
     points, _ = careful_steps(("right", 0.385, 0.05))
-    plant = replace(TELEOP_PLANT, blocks=terrain_blocks("steps", robot))
+    plant = replace(VELOCITY_TELEOP_PLANT, blocks=terrain_blocks("steps", robot))
     run = run_teleop(
         robot,
         lambda c: ScriptedDevice(points, c.resting_sample.left, c.resting_sample.right),
@@ -131,7 +131,7 @@ def test_a_replay_has_the_terrain_of_its_recording_and_the_same_commands(get_rob
 
 def test_a_recordings_header_has_room_for_all_bumps(get_robot, tmp_path):
     robot, path = get_robot("biped20"), tmp_path / "run.teleop"
-    plant = replace(TELEOP_PLANT, blocks=terrain_blocks("bumps", robot, seed=1))
+    plant = replace(VELOCITY_TELEOP_PLANT, blocks=terrain_blocks("bumps", robot, seed=1))
     point = [WayPoint(at=0.0, right=(0.0, 0.0, 0.0))]
     run_teleop(
         robot,

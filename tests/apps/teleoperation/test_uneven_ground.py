@@ -7,7 +7,7 @@ pytest.importorskip("mujoco")
 
 from careful import trace, true_soles, walk_over
 
-from poise.apps.teleoperation import MODES, TELEOP_PLANT, terrain_blocks
+from poise.apps.teleoperation import MODES, VELOCITY_TELEOP_PLANT, terrain_blocks
 from poise.locomotion import Mode
 from poise.sim import Block
 
@@ -31,7 +31,7 @@ def test_one_foot_and_then_the_other_step_on_a_stair_of_5_cm(get_robot):
     stair = terrain_blocks("steps", robot)[0]
     assert stair.size[2] == pytest.approx(0.05)
     steps = [("right", 0.385, 0.05), ("left", 0.385, 0.05)]
-    run = walk_over(robot, steps, [stair], plant=TELEOP_PLANT.with_noise(), seed=3)
+    run = walk_over(robot, steps, [stair], plant=VELOCITY_TELEOP_PLANT.with_noise(), seed=3)
     assert not run.fell, trace(run)
     assert MODES[run.log.mode[-1]] is Mode.D, trace(run)
     for sole in true_soles(run):

@@ -10,7 +10,7 @@ import pytest
 from standing import PARAMETERS, footing
 from walker import hands, sample, up_and_down
 
-from poise.apps.teleoperation import TELEOP_PLANT, plant_from_json, run_teleop
+from poise.apps.teleoperation import VELOCITY_TELEOP_PLANT, plant_from_json, run_teleop
 from poise.apps.teleoperation._run import plant_to_json
 from poise.dynamics import RobotState
 from poise.errors import ConfigurationError, RobotError, UnknownNameError
@@ -36,7 +36,7 @@ from poise.sim import PlantConfig
 
 def test_a_robot_without_feet_is_refused(get_robot):
     with pytest.raises(ConfigurationError, match="arm6.*cannot walk on two feet"):
-        StepTeleoperator(get_robot("arm6"))
+        StepTeleoperator(get_robot("arm6"), actuation="velocity")
 
 
 def test_legs_of_five_joints_are_refused(get_robot):
@@ -47,7 +47,7 @@ def test_legs_of_five_joints_are_refused(get_robot):
     frame = model.frames[model.getFrameId(role.name)]
     frame.parentJoint = model.parents[frame.parentJoint]
     with pytest.raises(ConfigurationError, match="left_sole has too few joints"):
-        StepTeleoperator(replace(robot, model=model))
+        StepTeleoperator(replace(robot, model=model), actuation="velocity")
 
 
 def test_a_sole_that_is_hardly_there_is_scaled_to(get_robot):
@@ -61,17 +61,23 @@ def test_a_sole_smaller_than_the_lift_radius_is_refused(get_robot):
     robot = get_robot("biped20")
     small = {n: Sole(name=n, length=0.2, width=0.05) for n in robot.soles}
     with pytest.raises(ConfigurationError, match="r_lift.*sole"):
-        StepTeleoperator(replace(robot, soles=small), parameters=TeleopParameters(r_lift=0.12))
+        StepTeleoperator(
+            replace(robot, soles=small),
+            parameters=TeleopParameters(r_lift=0.12),
+            actuation="velocity",
+        )
 
 
 @pytest.mark.parametrize("share", [0.5, 1.0])
 def test_gains_that_break_38_are_refused(get_robot, share):
     robot = get_robot("biped20")
-    square = StepTeleoperator(robot).driver.omega ** 2
+    square = StepTeleoperator(robot, actuation="velocity").driver.omega ** 2
     parameters = replace(scaled_parameters(robot, 0.765, 0.27), kp=share * square)
     with pytest.raises(ConfigurationError, match=r"k_p.*omega\^2"):
-        StepTeleoperator(robot, parameters=parameters)
-    assert StepTeleoperator(robot, parameters=TeleopParameters(kp=1.01 * square, r_lift=0.07))
+        StepTeleoperator(robot, parameters=parameters, actuation="velocity")
+    assert StepTeleoperator(
+        robot, parameters=TeleopParameters(kp=1.01 * square, r_lift=0.07), actuation="velocity"
+    )
 
 
 @pytest.mark.parametrize(
@@ -96,7 +102,7 @@ def test_a_plant_that_takes_positions_or_has_another_tick_is_refused(get_robot):
     with pytest.raises(ConfigurationError, match="different control periods"):
         run_teleop(robot, device, PlantConfig(), duration=1.0)
     with pytest.raises(ConfigurationError, match="different control periods"):
-        run_teleop(robot, device, replace(TELEOP_PLANT, control_dt=0.01), duration=1.0)
+        run_teleop(robot, device, replace(VELOCITY_TELEOP_PLANT, control_dt=0.01), duration=1.0)
 
 
 def test_a_run_with_a_driver_of_its_own_is_not_recorded(get_robot, tmp_path):
@@ -104,6 +110,7 @@ def test_a_run_with_a_driver_of_its_own_is_not_recorded(get_robot, tmp_path):
         run_teleop(
             get_robot("biped20"),
             ScriptedDevice([], np.zeros(3), np.zeros(3)),
+            VELOCITY_TELEOP_PLANT,
             duration=1.0,
             driver=ShifterDriver(ComShifter(0.765)),
             recording=tmp_path / "x.teleop",
@@ -144,7 +151,9 @@ def test_a_posture_out_of_reach_is_refused(get_robot):
 def test_a_posture_stands_as_asked(get_robot):
     robot = get_robot("biped20")
     controller = StepTeleoperator(
-        robot, q_start=standing_posture(robot, feet_apart=0.42, com_height=0.72)
+        robot,
+        q_start=standing_posture(robot, feet_apart=0.42, com_height=0.72),
+        actuation="velocity",
     )
     left, right = controller.estimator.anchors
     com = controller.estimator.dynamics.com
@@ -159,7 +168,7 @@ def test_a_plant_survives_json():
     from poise.sim import Block
 
     plant = replace(
-        TELEOP_PLANT.with_noise(),
+        VELOCITY_TELEOP_PLANT.with_noise(),
         blocks=(Block(center=(0.1, 0.2), size=(0.1, 0.2, 0.3)),),
         link_errors=(PlantConfig.LinkError(link="torso_link", mass_scale=1.1),),
         payloads=(PlantConfig.Payload(frame="torso", mass=1.0),),
@@ -219,7 +228,7 @@ def test_a_device_that_fails_counts_as_silent_and_is_said_once(get_robot, what, 
         return Watched(hands(*up_and_down())(started), what, 1.2, 3.2)
 
     teleoperator = None
-    run = run_teleop(get_robot("biped20"), make, duration=3.4)
+    run = run_teleop(get_robot("biped20"), make, VELOCITY_TELEOP_PLANT, duration=3.4)
     assert not run.fell
     errors = [error for error, _ in seen if error is not None]
     assert len(errors) == pytest.approx(2.0 / teleoperator.parameters.dt, abs=2)
@@ -307,7 +316,7 @@ def test_at_velocity_level_a_turned_start_is_refused(get_robot):
     with pytest.raises(
         ConfigurationError, match=r"starts turned; got '0.50 rad'; wanted feet along"
     ):
-        StepTeleoperator(robot, q_start=facing(robot, 0.5))
+        StepTeleoperator(robot, q_start=facing(robot, 0.5), actuation="velocity")
 
 
 def facing(robot, yaw):
@@ -361,7 +370,7 @@ def test_a_place_of_another_size_ends_no_record(get_robot):
 
         return Odd()
 
-    run = run_teleop(get_robot("biped20"), make, duration=0.2)
+    run = run_teleop(get_robot("biped20"), make, VELOCITY_TELEOP_PLANT, duration=0.2)
     assert run.plant.time == pytest.approx(0.2)
     assert "left of a sample is array([0., 0.]), not 3 numbers" in str(
         run.teleoperator.device_error

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from walker import hands
 
-from poise.apps.teleoperation import TELEOP_PLANT, BadOperator, run_teleop
+from poise.apps.teleoperation import VELOCITY_TELEOP_PLANT, BadOperator, run_teleop
 from poise.dynamics import RobotState
 from poise.locomotion import ScriptedDevice, StepTeleoperator, WayPoint
 from poise.locomotion._stepping import _velocity_tasks
@@ -52,7 +52,7 @@ def free(monkeypatch):
 
 
 def cross(touched, robot, foot):
-    plant = replace(TELEOP_PLANT.with_noise(), self_contact=True)
+    plant = replace(VELOCITY_TELEOP_PLANT.with_noise(), self_contact=True)
     # An attitude that is off by half a degree has feet where they are not taken to be.
     sensors = replace(plant.sensors, base_orientation_error=(0.0087, 0.0))
     return touched(robot, crossing(foot), replace(plant, sensors=sensors), duration=4.5)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from walker import hands, up_and_down, walk
 
-from poise.apps.teleoperation import TELEOP_PLANT, TORQUE_TELEOP_PLANT
+from poise.apps.teleoperation import TORQUE_TELEOP_PLANT, VELOCITY_TELEOP_PLANT
 from poise.control import CommandStatus
 from poise.dynamics import RobotState
 from poise.locomotion import StepTeleoperator
@@ -25,7 +25,9 @@ def test_soles_and_com_are_where_the_simulator_has_them(get_robot):
 
 
 def test_with_noise_the_estimate_drifts_by_millimetres(get_robot):
-    run = walk(get_robot("biped20"), up_and_down(), 4.0, plant=TELEOP_PLANT.with_noise(), seed=3)
+    run = walk(
+        get_robot("biped20"), up_and_down(), 4.0, plant=VELOCITY_TELEOP_PLANT.with_noise(), seed=3
+    )
     assert np.abs(run.plant.com - run.teleoperator.status.com).max() < 1e-2
 
 
@@ -34,8 +36,8 @@ def test_position_and_velocity_of_the_base_are_never_read(get_robot, garbage):
     robot = get_robot("biped20")
     commands = []
     for spoil in (False, True):
-        plant = Plant(robot, TELEOP_PLANT)
-        teleoperator = StepTeleoperator(robot)
+        plant = Plant(robot, VELOCITY_TELEOP_PLANT)
+        teleoperator = StepTeleoperator(robot, actuation="velocity")
         teleoperator.device = hands(*up_and_down(lift=0.1))(teleoperator)
         controller = teleoperator.controller()
         for _ in range(240):
@@ -57,7 +59,7 @@ def test_position_and_velocity_of_the_base_are_never_read(get_robot, garbage):
 @pytest.mark.parametrize("foot", [0, 1])
 def test_a_base_that_spins_turns_about_the_sole_at_rest(get_robot, foot, axis):
     robot = get_robot("biped20")
-    ours = StepTeleoperator(robot).estimator
+    ours = StepTeleoperator(robot, actuation="velocity").estimator
     ours.stand_on(foot)
     v = np.zeros(robot.nv)
     v[3 + axis] = 0.4
@@ -70,7 +72,7 @@ def test_a_base_that_spins_turns_about_the_sole_at_rest(get_robot, foot, axis):
 @pytest.mark.parametrize("time", [0.005, np.nan])
 def test_a_state_that_cannot_be_used_is_passed_over_and_the_command_fades(get_robot, time):
     robot = get_robot("biped20")
-    teleoperator = StepTeleoperator(robot)
+    teleoperator = StepTeleoperator(robot, actuation="velocity")
     teleoperator.device = hands(*up_and_down())(teleoperator)
     controller = teleoperator.controller()
 
@@ -92,7 +94,7 @@ def test_a_state_that_cannot_be_used_is_passed_over_and_the_command_fades(get_ro
 
 
 def test_the_floor_may_slope_a_little(get_robot):
-    plant = replace(TELEOP_PLANT, floor_slope=(0.0, 0.01))
+    plant = replace(VELOCITY_TELEOP_PLANT, floor_slope=(0.0, 0.01))
     run = walk(get_robot("biped20"), up_and_down(), 4.0, plant=plant)
     assert not run.fell
 

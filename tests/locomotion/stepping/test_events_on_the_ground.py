@@ -24,7 +24,7 @@ class Bench:
         parameters = replace(PARAMETERS, **(ANYWHERE | numbers))
         wide = {name: Sole(name=name, length=0.5, width=0.5) for name in robot.soles}
         self.robot = robot = replace(robot, soles=wide)
-        self.teleoperator = StepTeleoperator(robot, parameters=parameters)
+        self.teleoperator = StepTeleoperator(robot, parameters=parameters, actuation="velocity")
         self.controller = self.teleoperator.controller()
         self._ticks = 0
         for _ in range(3):

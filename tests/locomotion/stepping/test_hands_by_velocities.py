@@ -8,7 +8,7 @@ import pytest
 from slow import slow
 from walker import hands as device_of, up_and_down
 
-from poise.apps.teleoperation import TELEOP_PLANT, replay_teleop, run_teleop
+from poise.apps.teleoperation import VELOCITY_TELEOP_PLANT, replay_teleop, run_teleop
 from poise.dynamics import Dynamics, RobotState
 from poise.locomotion import (
     DeviceSample,
@@ -105,7 +105,7 @@ def misses(run, robot):
 @pytest.mark.parametrize("name", ["biped20", "g1"])
 def test_hands_at_rest_change_no_command(get_robot, name):
     """To the last bit those of a robot whose arms nobody leads."""
-    robot, plant = get_robot(name), TELEOP_PLANT.with_noise()
+    robot, plant = get_robot(name), VELOCITY_TELEOP_PLANT.with_noise()
     commands = [
         run_teleop(each, operator(circling_nowhere, up_and_down()), plant, duration=2.0, seed=4)
         for each in (robot, replace(robot, hands=()))
@@ -117,7 +117,7 @@ def test_hands_at_rest_change_no_command(get_robot, name):
 @pytest.mark.parametrize("name", ["biped20", slow("g1"), slow("humanoid33")])
 def test_hands_get_where_they_are_led_while_a_foot_is_lifted(get_robot, name, tmp_path):
     robot, path = get_robot(name), tmp_path / "hands.teleop"
-    device, plant = operator(raised, up_and_down()), TELEOP_PLANT.with_noise()
+    device, plant = operator(raised, up_and_down()), VELOCITY_TELEOP_PLANT.with_noise()
     run = run_teleop(robot, device, plant, duration=2.4, seed=1, recording=path)
     assert not run.fell
     assert len(run.log.entries(Mode.SL)) == 1
@@ -132,7 +132,7 @@ def test_hands_get_where_they_are_led_while_a_foot_is_lifted(get_robot, name, tm
 def test_legs_make_up_for_arms_that_swing(get_robot, name):
     """The COM stays where it shall be, though the arms alone would move it by millimetres."""
     robot = get_robot(name)
-    run = run_teleop(robot, operator(raised), TELEOP_PLANT, duration=2.0)
+    run = run_teleop(robot, operator(raised), VELOCITY_TELEOP_PLANT, duration=2.0)
     log, dynamics = run.log, Dynamics(robot)
     arms = 7 + np.array(arms_of(robot))
     moved = []
@@ -149,7 +149,7 @@ def test_legs_make_up_for_arms_that_swing(get_robot, name):
 def test_the_com_moves_as_was_asked_for_whatever_arms_do(get_robot):
     """Of a command, by Pinocchio alone: the robot on its stance sole, arms and all."""
     robot = get_robot("g1")
-    teleoperator = StepTeleoperator(robot)
+    teleoperator = StepTeleoperator(robot, actuation="velocity")
     teleoperator.device = operator(circling)(teleoperator)
     controller, model, data = teleoperator.controller(), robot.model, robot.model.createData()
     for k in range(120):
@@ -186,7 +186,7 @@ def test_nothing_jumps_where_a_clutch_opens_or_closes_a_device_is_lost_or_hands_
         return circling(time) if time < 2.0 else open_hands()
 
     run = run_teleop(
-        robot, operator(make, rest=2.1), TELEOP_PLANT.with_noise(), duration=6.0, seed=2
+        robot, operator(make, rest=2.1), VELOCITY_TELEOP_PLANT.with_noise(), duration=6.0, seed=2
     )
     assert not run.fell
     led = run.log.command[:, arms_of(robot)]
@@ -216,7 +216,7 @@ def test_a_sample_that_is_no_number_moves_nothing(get_robot, bad):
     def make(time):
         return circling(time) if time < 0.8 else bad(time)
 
-    run = run_teleop(robot, operator(make), TELEOP_PLANT, duration=1.6)
+    run = run_teleop(robot, operator(make), VELOCITY_TELEOP_PLANT, duration=1.6)
     assert not run.fell
     assert np.isfinite(run.log.command).all()
     assert run.teleoperator.status.hands == (HandStatus.HELD, HandStatus.HELD)
@@ -241,7 +241,10 @@ class Spoiled:
 def test_arms_and_their_model_come_together_again_after_ticks_that_failed(get_robot):
     """Servos ran on by the last velocities meanwhile, and the model did not."""
     robot = get_robot("g1")
-    plant, teleoperator = Plant(robot, TELEOP_PLANT), StepTeleoperator(robot)
+    plant, teleoperator = (
+        Plant(robot, VELOCITY_TELEOP_PLANT),
+        StepTeleoperator(robot, actuation="velocity"),
+    )
     plant.reset(None)
     teleoperator.device = operator(lambda t: circling(t) if t < 1.0 else raised(1.0))(teleoperator)
     arms, gaps = arms_of(robot), []
@@ -311,7 +314,7 @@ def test_a_neck_looks_there_and_the_run_replays(get_robot, tmp_path):
         WayPoint(at=0.2, head=(0.0, 0.0, 0.0), left=DOWN, right=DOWN),
         WayPoint(at=0.7, head=(0.0, 0.0, 0.4)),
     ]
-    plant = TELEOP_PLANT.with_noise()
+    plant = VELOCITY_TELEOP_PLANT.with_noise()
     run = run_teleop(robot, device_of(*points), plant, duration=1.6, seed=2, recording=path)
     assert not run.fell
     assert run.teleoperator.status.gaze is HandStatus.LED
@@ -343,6 +346,6 @@ def test_a_neck_back_at_rest_is_asked_for_nothing(get_robot):
 
 def test_without_a_neck_nothing_looks_there(get_robot):
     """No torso is turned where velocities are commanded."""
-    teleoperator = StepTeleoperator(get_robot("g1"))
+    teleoperator = StepTeleoperator(get_robot("g1"), actuation="velocity")
     teleoperator.lead(teleoperator.estimator.update(teleoperator.estimator.dynamics.state))
     assert teleoperator.status.gaze is None

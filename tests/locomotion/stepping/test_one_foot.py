@@ -120,7 +120,7 @@ def test_the_divergent_component_may_be_beyond_the_outer_edge_before_the_robot_s
 @pytest.mark.parametrize(("name", "ahead", "up"), [("g1", 0.75, 0.5), ("biped20", 1.0, 1.0)])
 def test_a_foot_beside_a_narrow_one_is_not_led_as_far_nor_as_high(get_robot, name, ahead, up):
     robot = get_robot(name)
-    velocity = StepTeleoperator(robot).parameters
+    velocity = StepTeleoperator(robot, actuation="velocity").parameters
     torque = StepTeleoperator(robot, actuation="torque").parameters
     assert torque.step_max == pytest.approx(ahead * velocity.step_max)
     assert torque.lift_max == pytest.approx(up * velocity.lift_max)

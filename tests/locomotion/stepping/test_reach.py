@@ -171,7 +171,9 @@ def test_beside_is_across_where_the_pelvis_faces(get_robot):
 
 def test_a_robot_that_stands_is_neither_too_high_nor_too_low(get_robot):
     robot = get_robot("biped20")
-    controller = StepTeleoperator(robot, q_start=standing_posture(robot, com_height=0.72))
+    controller = StepTeleoperator(
+        robot, q_start=standing_posture(robot, com_height=0.72), actuation="velocity"
+    )
     dynamics, reach = controller.estimator.dynamics, range_of(robot)
     for foot, place in enumerate(controller.estimator.anchors):
         hip = reach.hip(foot, dynamics)

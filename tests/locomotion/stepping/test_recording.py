@@ -10,8 +10,8 @@ import pytest
 from walker import sample, up_and_down, walk
 
 from poise.apps.teleoperation import (
-    TELEOP_PLANT,
     TORQUE_TELEOP_PLANT,
+    VELOCITY_TELEOP_PLANT,
     BadOperator,
     replay_teleop,
     run_teleop,
@@ -49,7 +49,7 @@ def test_a_recording_replays_bit_for_bit(get_robot, tmp_path, seed):
         run = run_teleop(
             robot,
             lambda c: BadOperator(c, seed),
-            TELEOP_PLANT.with_noise(),
+            VELOCITY_TELEOP_PLANT.with_noise(),
             duration=5.0,
             seed=seed,
             recording=path,
@@ -84,7 +84,7 @@ def test_a_lost_device_brings_the_foot_down(get_robot, tmp_path):
     robot = get_robot("biped20")
     walk(robot, up_and_down(), 1.6, recording=path)
     device = read_recording(path).device(robot="biped20", dt=0.005)
-    run = run_teleop(robot, device, duration=4.0)
+    run = run_teleop(robot, device, VELOCITY_TELEOP_PLANT, duration=4.0)
     assert run.log.when(Mode.SL).any()
     assert run.teleoperator.mode is Mode.D
     assert not run.fell
@@ -100,7 +100,12 @@ def test_a_walk_with_gaps_and_times_that_go_backwards_ends_on_both_feet(get_robo
             if not 280 <= tick < 400:
                 moment -= 1.0 if 420 <= tick < 460 else 0.0
                 writer.sample(tick, DeviceSample(moment, row["left"].copy(), row["right"].copy()))
-    run = run_teleop(robot, read_recording(worse).device(robot="biped20", dt=0.005), duration=4.5)
+    run = run_teleop(
+        robot,
+        read_recording(worse).device(robot="biped20", dt=0.005),
+        VELOCITY_TELEOP_PLANT,
+        duration=4.5,
+    )
     seen = {tuple(DeviceStatus)[i] for i in np.unique(run.log.device)}
     assert {DeviceStatus.OK, DeviceStatus.LOST, DeviceStatus.REFUSED} <= seen
     assert run.log.when(Mode.SL).any()
@@ -204,7 +209,9 @@ def test_a_set_up_that_is_no_json_is_refused(tmp_path):
         RecordingWriter(tmp_path / "x.teleop", robot="r", dt=0.005, setup={"a": "x" * 20000})
 
 
-@pytest.mark.parametrize("plant", [TELEOP_PLANT, TORQUE_TELEOP_PLANT], ids=["velocity", "torque"])
+@pytest.mark.parametrize(
+    "plant", [VELOCITY_TELEOP_PLANT, TORQUE_TELEOP_PLANT], ids=["velocity", "torque"]
+)
 def test_a_run_with_late_sensors_replays_bit_for_bit(get_robot, tmp_path, plant):
     """A sample belongs to the tick at which it came, whatever the robot's time was then."""
     run = run_teleop(

@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from poise.apps.teleoperation import SCRIPTS, TELEOP_PLANT, run_teleop
+from poise.apps.teleoperation import SCRIPTS, VELOCITY_TELEOP_PLANT, run_teleop
 from poise.errors import ConfigurationError
 from poise.locomotion import (
     Mode,
@@ -35,18 +35,18 @@ def with_ankles(robot, share):
 
 @pytest.mark.parametrize("name", ["biped20", "humanoid33", "g1", "talos", "icub", "romeo"])
 def test_robots_that_step_are_taken(get_robot, name):
-    assert StepTeleoperator(get_robot(name))
+    assert StepTeleoperator(get_robot(name), actuation="velocity")
 
 
 def test_a_robot_with_weak_ankles_is_refused_with_the_reason_and_what_helps(get_robot):
     robot = with_ankles(get_robot("biped20"), 0.15)
     with pytest.raises(ConfigurationError, match="sway sideways") as refused:
-        StepTeleoperator(robot)
+        StepTeleoperator(robot, actuation="velocity")
     for said in ("left_ankle_roll", "9.65 N m", "/s", "actuation 'torque'", "servo_stiffness"):
         assert said in str(refused.value)
     assert StepTeleoperator(robot, actuation="torque")
     stiff = replace(scaled(robot), dt=5e-3, servo_stiffness=700.0, servo_damping=25.0)
-    assert StepTeleoperator(robot, parameters=stiff)
+    assert StepTeleoperator(robot, parameters=stiff, actuation="velocity")
 
 
 def test_weak_ankles_for_pitch_let_it_sway_forward(get_robot):
@@ -54,19 +54,20 @@ def test_weak_ankles_for_pitch_let_it_sway_forward(get_robot):
     torque = robot.tau_max.copy()
     torque[leg_joints(robot, "right_sole")[-2]] *= 0.1
     with pytest.raises(ConfigurationError, match="right_sole it would sway forward"):
-        StepTeleoperator(replace(robot, tau_max=torque))
+        StepTeleoperator(replace(robot, tau_max=torque), actuation="velocity")
 
 
 def test_human_is_refused_and_would_not_stay_on_one_foot(get_robot):
     robot = get_robot("human")
     with pytest.raises(ConfigurationError, match=r"sway sideways.*left_ankle_X, 20 N m"):
-        StepTeleoperator(robot)
+        StepTeleoperator(robot, actuation="velocity")
     # Servos that are said to be stiff, and are not; the foot is to stay up.
     points = [WayPoint(at=0.5, right=(0.0, 0.0, 0.0)), WayPoint(at=1.0, right=(0.0, 0.0, 0.08))]
-    wrong = replace(scaled(robot), dt=TELEOP_PLANT.control_dt, servo_stiffness=1e4)
+    wrong = replace(scaled(robot), dt=VELOCITY_TELEOP_PLANT.control_dt, servo_stiffness=1e4)
     run = run_teleop(
         robot,
         lambda teleoperator: ScriptedDevice(points, *teleoperator.estimator.anchors),
+        VELOCITY_TELEOP_PLANT,
         duration=3.5,
         parameters=wrong,
         q_start=SCRIPTS["lift_one_foot"](robot).posture(robot),
@@ -119,7 +120,7 @@ def frequency(stiffness, parameters):
 @pytest.mark.parametrize("foot", [0, 1])
 def test_the_stiffness_is_that_of_springs_one_after_the_other(get_robot, foot):
     robot = get_robot("biped20")
-    dynamics = StepTeleoperator(robot).estimator.dynamics
+    dynamics = StepTeleoperator(robot, actuation="velocity").estimator.dynamics
     biped = biped_of(robot, scaled(robot))
     sole, data, step = biped.soles[foot], robot.model.createData(), 1e-6
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from poise.apps.teleoperation import run_teleop
+from poise.apps.teleoperation import VELOCITY_TELEOP_PLANT, run_teleop
 from poise.locomotion import DeviceSample, ScriptedDevice, WayPoint
 
 
@@ -23,8 +23,8 @@ def up_and_down(foot="right", lift=0.5, lower=2.2, height=0.08):
     return [WayPoint(at=at, **{foot: (0.0, 0.0, z)}) for at, z in places]
 
 
-def walk(robot, points, duration, **changes):
-    return run_teleop(robot, hands(*points), duration=duration, **changes)
+def walk(robot, points, duration, plant=VELOCITY_TELEOP_PLANT, **changes):
+    return run_teleop(robot, hands(*points), plant, duration=duration, **changes)
 
 
 def sample(time, left=(0.0, 0.135, 0.0), right=(0.0, -0.135, 0.0)):

@@ -14,7 +14,7 @@ from poise.apps.live._inputs import OperatorInputs
 from poise.apps.live._log import LOG_SUFFIX, LiveLog, Takes
 from poise.apps.live._real_time import RealTimeLoop, command_time
 from poise.apps.live._snapshot import Snapshot
-from poise.apps.teleoperation import TELEOP_PLANT, foot_forces, recorded_setup, teleop_setup
+from poise.apps.teleoperation import TORQUE_TELEOP_PLANT, foot_forces, recorded_setup, teleop_setup
 from poise.locomotion import (
     RecordedPush,
     Recording,
@@ -130,7 +130,7 @@ class LiveLoop(RealTimeLoop):
         takes: Takes,
         *,
         recording: Recording | None = None,
-        plant: PlantConfig = TELEOP_PLANT,
+        plant: PlantConfig = TORQUE_TELEOP_PLANT,
         seed: int = 0,
         parameters: TeleopParameters | None = None,
         solved_by: str | None = None,

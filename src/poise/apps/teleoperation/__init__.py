@@ -12,8 +12,8 @@ from poise.apps.teleoperation._operators import BadOperator, PoorLink
 from poise.apps.teleoperation._run import (
     DEVICE_STATUSES as DEVICE_STATUSES,
     MODES as MODES,
-    TELEOP_PLANT,
     TORQUE_TELEOP_PLANT,
+    VELOCITY_TELEOP_PLANT,
     TeleopLog,
     TeleopRun,
     plant_from_json as plant_from_json,
@@ -30,8 +30,8 @@ from poise.apps.teleoperation._terrain import terrain_blocks
 
 __all__ = [
     "SCRIPTS",
-    "TELEOP_PLANT",
     "TORQUE_TELEOP_PLANT",
+    "VELOCITY_TELEOP_PLANT",
     "BadOperator",
     "HapticArm",
     "HapticDriver",

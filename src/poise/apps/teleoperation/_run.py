@@ -42,7 +42,7 @@ from poise.sim import (
     rollout,
 )
 
-TELEOP_PLANT = PlantConfig(
+VELOCITY_TELEOP_PLANT = PlantConfig(
     actuation="velocity",
     control_dt=5e-3,
     physics_dt=1e-3,
@@ -208,7 +208,7 @@ class TeleopRun:
 def run_teleop(
     robot: Robot,
     device: Device | MakeDevice,
-    plant: PlantConfig = TELEOP_PLANT,
+    plant: PlantConfig = TORQUE_TELEOP_PLANT,
     *,
     duration: float,
     seed: int = 0,
@@ -226,7 +226,7 @@ def run_teleop(
     Args:
         robot: a biped.
         device: gives samples, or makes what gives them from the teleoperator.
-        plant: takes what the teleoperator is to command, at its tick.
+        plant: takes what the teleoperator is to command, at its tick: torques, or velocities.
         duration: [s]; a fall ends the run earlier.
         seed: of the sensor noise.
         parameters: scaled to the robot when None.

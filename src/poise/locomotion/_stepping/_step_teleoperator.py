@@ -81,7 +81,7 @@ class StepTeleoperator:
         q_start: configuration at the start; the robot's home when None.
         rotator: whether the body rotator acts, where velocities are commanded.
         driver: moves the COM; the COM shifter when None.
-        actuation: what is commanded, "velocity" or "torque".
+        actuation: what is commanded: "torque", or "velocity" for robots whose joints take no more.
         solved_by: name of the controller of torques that solves the stack: "whole_body", "reduced"
             or "osf"; the first when None.
 
@@ -116,7 +116,7 @@ class StepTeleoperator:
         q_start: Float64[np.ndarray, " nq"] | None = None,
         rotator: bool = True,
         driver: ComDriver | None = None,
-        actuation: str = "velocity",
+        actuation: str = "torque",
         solved_by: str | None = None,
     ) -> None:
         self.robot = checked_kind(robot, Robot, "the robot of the teleoperation")
