@@ -32,9 +32,23 @@ def checked_number(value: float, what: str, *, above: float | None = None) -> fl
     """
     wanted = "a finite number >= 0" if above is None else f"a finite number > {above:g}"
     try:
-        number = float(value)
+        # A text becomes a number here, and not where it is used.
+        number = None if isinstance(value, str | bytes) else float(value)
     except (TypeError, ValueError):
-        raise ConfigurationError(f"{what} is not a number", got=value, wanted=wanted) from None
+        number = None
+    if number is None:
+        raise ConfigurationError(f"{what} is not a number", got=value, wanted=wanted)
     if not np.isfinite(number) or number < 0.0 or (above is not None and number <= above):
         raise ConfigurationError(f"{what} is out of range", got=value, wanted=wanted)
     return number
+
+
+def checked_count(value: object, what: str) -> int:
+    """A whole number, not negative, as a seed or the number of a tick is.
+
+    Raises:
+        ConfigurationError: it is something else.
+    """
+    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 0:
+        raise ConfigurationError(f"{what} is no whole number", got=value, wanted="0, 1, 2, ...")
+    return int(value)

@@ -83,6 +83,7 @@ def test_it_says_where_to_drive_where_to_watch_and_how_to_step(in_folder, capsys
 )
 def test_bad_input_is_one_line(in_folder, capsys, arguments, words):
     assert words in refused(capsys, *arguments)
+    assert not list(in_folder.iterdir())
 
 
 @needs_page
@@ -125,10 +126,34 @@ def test_a_recording_is_of_its_own_robot_and_actuation(in_folder, capsys, begun)
     assert "made with" in refused(capsys, "--device", "x.teleop", "--actuation", "torque")
     assert "made with" in refused(capsys, "--device", "x.teleop", "--controller", "osf")
     assert "made with" in refused(capsys, "--device", "x.teleop", "--hand-scale", "0.5")
+    assert "got '--robot g1'; wanted humanoid33" in refused(
+        capsys, "--device", "x.teleop", "--robot", "g1"
+    )
     line = ["teleop", "--no-open", "--port", "0", "--seconds", "0.3", "--device", "x.teleop"]
     assert main(line) == 0
     ((name, plant),) = begun
     assert (name, plant.actuation, plant.self_contact) == ("humanoid33", "velocity", False)
+
+
+@needs_page
+def test_the_closing_line_names_what_this_run_has_recorded(in_folder, capsys):
+    """A recording that is played leads the feet, hence is recorded."""
+    from poise.apps.teleoperation import run_teleop
+    from poise.locomotion import ScriptedDevice
+    from poise.robots import load_robot
+
+    run_teleop(
+        load_robot("biped20"),
+        lambda c: ScriptedDevice([], *c.estimator.anchors),
+        duration=0.1,
+        recording=in_folder / "x.teleop",
+    )
+    line = ["teleop", "--no-open", "--port", "0", "--seconds", "0.4", "--out", "out"]
+    for take in ("take-001.teleop", "take-002.teleop"):
+        assert main([*line, "--device", "x.teleop"]) == 0
+        assert capsys.readouterr().out.endswith(f"recordings in out: {take}\n")
+    assert main(line) == 0
+    assert capsys.readouterr().out.endswith("recordings in out: none, nobody drove\n")
 
 
 @needs_page

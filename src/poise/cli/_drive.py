@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 from poise.cli._live import add_live_options, check_seconds, run_live
-from poise.cli._options import make_folder
 
 
 def add_parser(verbs: Any) -> None:
@@ -41,7 +40,7 @@ def act(options: argparse.Namespace) -> int:
     from poise.robots import load_robot
 
     robot = load_robot(options.robot)
-    folder = make_folder(options.out, f"runs/drive-{Path(robot.name).stem}")
+    folder = Path(options.out or f"runs/drive-{Path(robot.name).stem}")
     session = DriveSession(
         robot,
         folder,
@@ -49,8 +48,11 @@ def act(options: argparse.Namespace) -> int:
         gamepad=options.device == "gamepad",
         seed=options.seed,
     )
+    # Only now: who is refused leaves nothing behind.
+    folder.mkdir(parents=True, exist_ok=True)
+    before = set(folder.glob("*.mcap"))
     run_live(session, robot.name, "To walk: arrow keys; to turn: Q and E.", options)
-    logs = sorted(path.name for path in folder.glob("*.mcap"))
+    logs = sorted(path.name for path in set(folder.glob("*.mcap")) - before)
     print(f"logs in {folder}: {', '.join(logs) if logs else 'none'}")
     if session.loop.log.problem:
         print(f"poise: the log: {session.loop.log.problem}", file=sys.stderr)

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 from poise.cli._live import add_live_options, check_seconds, run_live
-from poise.cli._options import make_folder
 from poise.errors import ConfigurationError
 
 _ROBOT = "biped20"
@@ -79,7 +78,9 @@ def act(options: argparse.Namespace) -> int:
     own = _ROBOT if recording is None else recording.robot
     robot = load_robot(options.robot or own)
     plant = _plant(options, robot, recording)
-    folder = make_folder(options.out, f"runs/teleop-{Path(robot.name).stem}")
+    if recording is not None and robot.name != recording.robot:
+        _check_made_with("robot", options.robot, recording.robot)
+    folder = Path(options.out or f"runs/teleop-{Path(robot.name).stem}")
     session = LiveSession(
         robot,
         folder,
@@ -91,9 +92,12 @@ def act(options: argparse.Namespace) -> int:
         parameters=_parameters(options, robot, plant, recording),
         solved_by=options.controller,
     )
+    # Only now: who is refused leaves nothing behind.
+    folder.mkdir(parents=True, exist_ok=True)
+    before = set(session.takes.files)
     hint = "To step: hold Q or E in the page, or drag a foot's handle up; let go to step down."
     run_live(session, robot.name, hint, options)
-    found = session.takes.files
+    found = [name for name in session.takes.files if name not in before]
     print(f"recordings in {folder}: {', '.join(found) if found else 'none, nobody drove'}")
     if session.loop.log.problem:
         print(f"poise: the log for Foxglove: {session.loop.log.problem}", file=sys.stderr)

@@ -13,7 +13,7 @@ from poise.control._make import (
 from poise.control._osf import OperationalSpaceController
 from poise.control._rank import RankTreatment
 from poise.control._reduced import ReducedController
-from poise.control._state_check import is_usable as is_usable
+from poise.control._state_check import fault_of as fault_of, is_usable as is_usable
 from poise.control._status import ControllerStatus as ControllerStatus, TaskStatus as TaskStatus
 from poise.control._strategy import PHYSICS_LEVELS as PHYSICS_LEVELS
 from poise.control._warm_up import usable_cores as usable_cores, warm_up as warm_up

@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Bool, Float64
 
-from poise._checks import checked_kind
+from poise._checks import checked_count, checked_kind
 from poise._show import html_table
 from poise.control import Command
 from poise.dynamics import RobotState, SensorReadings
@@ -60,7 +60,7 @@ class Plant:
         seed: seed of the sensor noise.
 
     Raises:
-        ConfigurationError: it is no robot, or no configuration.
+        ConfigurationError: it is no robot, no configuration, or no seed.
         RobotError: the robot's document cannot be simulated.
         UnknownNameError: the configuration names a link or frame that does not exist.
     """
@@ -85,7 +85,7 @@ class Plant:
         self._actuators = Actuators(robot, self.config)
         servos = self.config.actuation != "torque"
         self._servos = ServoSteps(self.model, self.data) if servos else None
-        self._sensors = self._make_sensors(seed)
+        self._sensors = self._make_sensors(checked_count(seed, "seed of the plant"))
         self._unit = InertialUnit()
         self._pelvis = self.model.site(robot.pelvis).id
         self.reset()

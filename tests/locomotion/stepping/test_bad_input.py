@@ -8,9 +8,15 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from standing import PARAMETERS, footing
+from unchecked import run_unchecked
 from walker import hands, sample, up_and_down
 
-from poise.apps.teleoperation import VELOCITY_TELEOP_PLANT, plant_from_json, run_teleop
+from poise.apps.teleoperation import (
+    VELOCITY_TELEOP_PLANT,
+    plant_from_json,
+    run_teleop,
+    terrain_blocks,
+)
 from poise.apps.teleoperation._run import plant_to_json
 from poise.dynamics import RobotState
 from poise.errors import ConfigurationError, RobotError, UnknownNameError
@@ -103,6 +109,74 @@ def test_a_plant_that_takes_positions_or_has_another_tick_is_refused(get_robot):
         run_teleop(robot, device, PlantConfig(), duration=1.0)
     with pytest.raises(ConfigurationError, match="different control periods"):
         run_teleop(robot, device, replace(VELOCITY_TELEOP_PLANT, control_dt=0.01), duration=1.0)
+
+
+REFUSED = """
+import json, sys
+import numpy as np
+from poise.apps.teleoperation import run_teleop
+from poise.errors import ConfigurationError
+from poise.locomotion import ScriptedDevice
+from poise.robots import load_robot
+robot, said = load_robot("biped20"), {}
+for options in sys.argv[1:]:
+    given = dict(device=ScriptedDevice([], np.zeros(3), np.zeros(3)), duration=1.0)
+    try:
+        run_teleop(robot, **given | eval(f"dict({options})"))
+        said[options] = "accepted"
+    except Exception as error:
+        said[options] = f"{type(error).__name__}: {error}"
+print(json.dumps(said))
+"""
+
+
+def test_what_a_run_cannot_be_made_of_is_said_before_it_begins():
+    """Unchecked: the shape checks of the tests would answer first."""
+    wrong = {
+        "duration='2'": "duration of the run [s] is not a number; got '2'",
+        "plant='torque'": "plant of the run is of the wrong kind; got 'torque'; wanted PlantC",
+        "parameters={}": "parameters of the teleoperation is of the wrong kind; got {}",
+        "parameters=False": "parameters of the teleoperation is of the wrong kind; got False",
+        "q_start=[0.0, 1.0]": "no configuration of biped20: q is an array of shape (2,)",
+        "q_start='home'": "the start is no configuration of biped20: q is ",
+        "q_start=0.0 * robot.q_home": "the start is no configuration of biped20: the base quat",
+        "q_start=np.nan * robot.q_home": "the start is no configuration of biped20: in q, entry 0",
+        "seed=-1": "seed of the run is no whole number; got -1; wanted 0, 1, 2",
+        "seed=0.5": "seed of the run is no whole number; got 0.5",
+        "seed=True": "seed of the run is no whole number; got True",
+        "device=None": "the device that walks the robot is of the wrong kind; got None",
+        "device=lambda t: 3.0": "the device that walks the robot is of the wrong kind; got 3.0",
+        "pushes=[(3, (1.0, 0.0, 0.0))]": "a push is of the wrong kind; got (3, (1.0, 0.0, 0.0))",
+        "pushes=[3.0]": "a push is of the wrong kind; got 3.0; wanted tick, force [N], and",
+        "pushes=3.0": "pushes of the run is of the wrong kind; got 3.0; wanted",
+        "pushes=[(0.5, (1.0, 0.0, 0.0), 0.1)]": "the tick of a push is no whole number; got 0.5",
+        "pushes=[(3, (1.0, 0.0), 0.1)]": "force",
+        "pushes=[(3, (1.0, 0.0, 0.0), -0.1)]": "duration",
+    }  # fmt: skip
+    said = run_unchecked(REFUSED, *wrong)
+    for options, message in wrong.items():
+        assert said[options].startswith("ConfigurationError: "), said[options]
+        assert message in said[options], (options, said[options])
+
+
+def test_pushes_may_be_in_any_order(get_robot):
+    early, late = (3, (20.0, 0.0, 0.0), 0.02), (40, (0.0, 20.0, 0.0), 0.02)
+    ends = [
+        run_teleop(
+            get_robot("biped20"),
+            lambda t: ScriptedDevice([], *t.estimator.anchors),
+            duration=0.15,
+            pushes=pushes,
+        ).plant.data.qpos
+        for pushes in ([early, late], [late, early])
+    ]
+    np.testing.assert_array_equal(*ends)
+
+
+@pytest.mark.parametrize("name", ["flat", "obstacle", "steps", "bumps"])
+def test_terrain_is_for_bipeds(get_robot, name):
+    with pytest.raises(ConfigurationError, match="'arm6' cannot walk on two feet"):
+        terrain_blocks(name, get_robot("arm6"))
 
 
 def test_a_run_with_a_driver_of_its_own_is_not_recorded(get_robot, tmp_path):

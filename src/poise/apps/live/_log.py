@@ -44,12 +44,11 @@ class Room:
     """Whether a folder can take more of a run; one that finds no room there goes on unrecorded.
 
     Args:
-        folder: where live runs are kept; made when it is not there.
+        folder: where live runs are kept; made when the first one begins.
         most: what its files may come to [bytes].
     """
 
     def __init__(self, folder: Path, most: int = MOST_BYTES) -> None:
-        folder.mkdir(parents=True, exist_ok=True)
         self.folder, self._most = folder, most
         self._looked_at, self._free, self._problem = -math.inf, True, ""
 
@@ -62,8 +61,10 @@ class Room:
 
     def look(self) -> None:
         """Looks at once."""
-        self._looked_at = clock.monotonic()
+        first, self._looked_at = self._looked_at == -math.inf, clock.monotonic()
         try:
+            if first:
+                self.folder.mkdir(parents=True, exist_ok=True)
             used = sum(path.stat().st_size for path in self.folder.iterdir())
         except OSError as error:
             self.close(error)
@@ -164,7 +165,7 @@ class Takes:
     It is never in the robot's way: where a file cannot be written the run goes on unrecorded.
 
     Args:
-        folder: made when it is not there.
+        folder: made when a run begins and it is not there.
         robot: the robot's name.
         dt: length of a tick [s].
         most_bytes: what the files of the folder may come to; the rest of a run is not recorded.

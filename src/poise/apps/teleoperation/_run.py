@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float64, Int8
 
-from poise._checks import checked_number
+from poise._checks import checked_count, checked_kind, checked_number
 from poise._schema import read
 from poise.apps.teleoperation._digest import robot_digest
 from poise.errors import ConfigurationError
@@ -235,15 +235,18 @@ def run_teleop(
         q_start: configuration at the start; the robot's home when None.
         recording: file to write, from which `replay_teleop` runs the same again.
         leader: leads by rules of its own, for studies.
-        pushes: on the torso, in order of time: the tick at whose beginning, the force in the world
-            [N], how long [s]. Those of a recording come by themselves.
+        pushes: on the torso: the tick at whose beginning, the force in the world [N], how long [s].
+            Those of a recording come by themselves.
         solved_by: name of the controller that solves the stack, see `StepTeleoperator`.
 
     Raises:
-        ConfigurationError: the plant has another tick.
+        ConfigurationError: the plant has another tick; the robot cannot be walked, see
+            `StepTeleoperator`; a device that gives no samples; a value that cannot be.
         UnknownNameError: no such controller of what the plant takes.
     """
     checked_number(duration, "duration of the run [s]", above=0.0)
+    checked_kind(plant, PlantConfig, "plant of the run")
+    seed = checked_count(seed, "seed of the run")
     teleoperator = leader(
         robot,
         parameters=parameters,
@@ -262,9 +265,10 @@ def run_teleop(
     body = Plant(robot, plant, seed=seed)
     body.reset(q_start)
     source = device(teleoperator) if callable(device) else device
-    teleoperator.device = source
+    teleoperator.device = checked_kind(source, Device, "the device that walks the robot")
     if isinstance(source, RecordedDevice):
         pushes = source.recording.pushes
+    pushes = _in_order(pushes)
     for number, force, seconds in pushes:
         body.push(robot.torso, force, seconds, number * plant.control_dt)
     setup = teleop_setup(
@@ -304,6 +308,21 @@ def run_teleop(
         tick_us=1e6 * float(np.median(times)),
         real_time_factor=body.time / wall,
     )
+
+
+def _in_order(pushes: Sequence[Push]) -> list[Push]:
+    """Pushes in order of time.
+
+    Raises:
+        ConfigurationError: one is none.
+    """
+    for push in checked_kind(pushes, Sequence, "pushes of the run"):
+        if not (isinstance(push, tuple | list) and len(push) == 3):
+            raise ConfigurationError(
+                "a push is of the wrong kind", got=push, wanted="tick, force [N], and duration [s]"
+            )
+        checked_count(push[0], "the tick of a push")
+    return sorted(pushes, key=lambda push: push[0])
 
 
 def replay_teleop(recording: Recording | str | Path, robot: Robot | None = None) -> TeleopRun:
@@ -421,7 +440,7 @@ def teleop_setup(
         "plant": plant_to_json(plant),
         "seed": seed,
         "duration": duration,
-        "q_start": None if q_start is None else q_start.tolist(),
+        "q_start": None if q_start is None else np.asarray(q_start).tolist(),
         "solved_by": teleoperator.solved_by,
         "digest": robot_digest(teleoperator.robot),
     }

@@ -5,9 +5,11 @@ from typing import Literal, get_args
 import numpy as np
 from jaxtyping import Float64
 
+from poise._checks import checked_count
 from poise.apps.teleoperation._scripts import over_an_obstacle
 from poise.dynamics import Dynamics, RobotState
 from poise.errors import UnknownNameError
+from poise.locomotion import two_soles
 from poise.robots import Robot
 from poise.sim import Block
 
@@ -57,7 +59,11 @@ def terrain_blocks(name: str, robot: Robot, *, seed: int = 0) -> tuple[Block, ..
 
     Raises:
         UnknownNameError: no such ground.
+        ConfigurationError: a robot that is no biped.
     """
+    if name not in TERRAINS:
+        raise UnknownNameError("no such terrain", got=name, choices=TERRAINS)
+    two_soles(robot)
     match name:
         case "flat":
             return ()
@@ -65,10 +71,8 @@ def terrain_blocks(name: str, robot: Robot, *, seed: int = 0) -> tuple[Block, ..
             return over_an_obstacle(robot).blocks
         case "steps":
             return _steps(robot)
-        case "bumps":
-            return _bumps(robot, np.random.default_rng(seed))
         case _:
-            raise UnknownNameError("no such terrain", got=name, choices=TERRAINS)
+            return _bumps(robot, np.random.default_rng(checked_count(seed, "seed of the bumps")))
 
 
 def _steps(robot: Robot) -> tuple[Block, ...]:

@@ -296,7 +296,7 @@ def read_recording(path: str | Path, *, allow_partial: bool = False) -> Recordin
         raise RecordingError(
             f"the recording {path.name} is truncated or was not finished",
             got=f"{whole} rows and {rest} bytes",
-            wanted=f"{promised}; what there is can be read with allow_partial=True",
+            wanted=f"{promised}; read_recording(path, allow_partial=True) has what there is",
         )
     rows = (
         np.memmap(path, dtype=ROW, mode="r", offset=HEADER_BYTES, shape=(whole,))

@@ -8,9 +8,8 @@ import numpy as np
 from jaxtyping import Float64
 
 from poise._checks import checked_kind
-from poise.control import CONTROLLERS, Controller, is_usable
+from poise.control import Controller, is_usable
 from poise.dynamics import RobotState
-from poise.errors import ConfigurationError, UnknownNameError
 from poise.locomotion._pendulum import BodyRotator, ComShifter
 from poise.locomotion._stepping._biped import biped_of
 from poise.locomotion._stepping._com import (
@@ -42,18 +41,18 @@ from poise.locomotion._stepping._pursuit import is_point
 from poise.locomotion._stepping._reach import FootRange
 from poise.locomotion._stepping._samples import BodySample, DeviceSample, checked_sample
 from poise.locomotion._stepping._sway import check_sway
+from poise.locomotion._stepping._teleop_checks import (
+    check_straight,
+    checked_actuation,
+    checked_controller,
+    checked_start,
+)
 from poise.locomotion._stepping._teleop_status import TeleopStatus
 from poise.locomotion._stepping._torque_tasks import POSTURE_WEIGHT, TorqueTasks
 from poise.locomotion._stepping._velocity_tasks import VelocityTasks
 from poise.locomotion._support import SupportPolygon, two_soles
 from poise.robots import Robot
 from poise.stack import Stack
-
-_ACTUATIONS = ("velocity", "torque")
-"""What the controller of the stack may command."""
-
-_STRAIGHT = 0.1
-"""How far a robot may be turned to be walked at velocity level [rad]."""
 
 _LOG = logging.getLogger("poise")
 
@@ -86,7 +85,8 @@ class StepTeleoperator:
             or "osf"; the first when None.
 
     Raises:
-        ConfigurationError: no two feet, legs of too few joints, soles that do not fit; servos of
+        ConfigurationError: no two feet, legs of too few joints, soles that do not fit; a start that
+            is no configuration of the robot; servos of
             commanded velocities so soft that the robot would sway over one foot until it falls; a
             start turned from the world's x axis at velocity level; another driver than the COM
             shifter for torques.
@@ -124,26 +124,24 @@ class StepTeleoperator:
         self.device_error: Exception | None = None
         self._said: type[Exception] | None = None
         self.soles = two_soles(robot)
-        q_start = robot.q_home if q_start is None else q_start
-        self.actuation = _checked_actuation(actuation, driver)
-        self.solved_by = _checked_controller(solved_by, actuation)
+        q_start = checked_start(robot, q_start)
+        self.actuation = checked_actuation(actuation, driver)
+        self.solved_by = checked_controller(solved_by, actuation)
         self.estimator = StanceEstimator(robot, self.soles, q_start, inertial=actuation == "torque")
         left, right = self.estimator.anchors
         self._com_height = float(self.estimator.dynamics.com[2] - 0.5 * (left[2] + right[2]))
         ahead = self._faces()
-        if actuation == "velocity" and abs(ahead) > _STRAIGHT:
-            raise ConfigurationError(
-                "at velocity level soles keep the world's yaw, and the robot starts turned",
-                got=f"{ahead:.2f} rad",
-                wanted="feet along the world's x axis, or torques",
-            )
+        if actuation == "velocity":
+            check_straight(ahead)
         if parameters is None:
             apart_x, apart_y, _ = (left - right).tolist()
             stance = abs(math.cos(ahead) * apart_y - math.sin(ahead) * apart_x)
             parameters = scaled_parameters(robot, self._com_height, stance)
             if actuation == "torque":
                 parameters = for_torques(robot, parameters, self._com_height)
-        self.parameters = p = parameters
+        self.parameters = p = checked_kind(
+            parameters, TeleopParameters, "parameters of the teleoperation"
+        )
         self._biped = biped_of(robot, p)
         if driver is None:
             shifter = ComShifter(self._com_height, kp=p.kp, acceleration_max=p.acceleration_max)
@@ -467,29 +465,3 @@ class StepTeleoperator:
             hand_rotations=self.hands.orientations(torso[1]),
             gaze=self.gaze.status,
         )
-
-
-def _checked_actuation(actuation: str, driver: ComDriver | None) -> str:
-    if actuation not in _ACTUATIONS:
-        raise UnknownNameError(
-            "no such actuation of step teleoperation", got=actuation, choices=_ACTUATIONS
-        )
-    if actuation == "torque" and not (driver is None or isinstance(driver, ShifterDriver)):
-        raise ConfigurationError(
-            "torques need the COM shifter, whose feedback is on what is measured",
-            got=type(driver).__name__,
-            wanted="ShifterDriver, or none",
-        )
-    return actuation
-
-
-def _checked_controller(name: str | None, actuation: str) -> str:
-    """That controller, or the first one that commands so."""
-    choices = [each for each, kind in CONTROLLERS.items() if kind.actuation == actuation]
-    if name is None:
-        return choices[0]
-    if name not in choices:
-        raise UnknownNameError(
-            f"no such controller for step teleoperation by {actuation}", got=name, choices=choices
-        )
-    return name
