@@ -28,6 +28,7 @@ from poise.locomotion._stepping import (
     RecordingError as RecordingError,
     RecordingWriter as RecordingWriter,
     ScriptedDevice,
+    StepEnd as StepEnd,
     StepTeleoperator,
     TeleopParameters,
     TeleopStatus,

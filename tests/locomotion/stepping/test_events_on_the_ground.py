@@ -6,7 +6,7 @@ import pytest
 from standing import PARAMETERS, measured
 from walker import Says, sample
 
-from poise.locomotion import Mode, StepTeleoperator
+from poise.locomotion import Mode, StepEnd, StepTeleoperator
 from poise.robots import Sole
 
 DT = 0.005
@@ -33,11 +33,15 @@ class Bench:
     def tick(self, right, *loads):
         time = self._ticks * DT
         self._ticks += 1
-        self.teleoperator.device = Says(sample(time, right=right))
+        self.teleoperator.device = Says(None if right is None else sample(time, right=right))
         estimate = self.teleoperator.estimator.update(measured(self.robot, *loads, time))
         self.teleoperator.lead(estimate)
         assert self.controller.step(estimate).status.ok
         return self.teleoperator.mode
+
+    @property
+    def ended(self):
+        return self.teleoperator.status.ended
 
     def lift(self):
         """To the mode on the left foot, with 30 N left on the right one."""
@@ -50,8 +54,11 @@ class Bench:
 
 def test_a_device_lowered_while_the_foot_is_still_on_the_ground_gives_both_feet_back(get_robot):
     bench = Bench(get_robot("biped20"))
+    assert bench.ended is None
     bench.lift()
+    assert bench.ended is None
     assert bench.tick(DOWN, 610.0, 30.0) is Mode.D
+    assert bench.ended is StepEnd.LOWERED
 
 
 def test_a_device_lowered_after_the_foot_has_left_waits_for_the_ground(get_robot):
@@ -60,7 +67,14 @@ def test_a_device_lowered_after_the_foot_has_left_waits_for_the_ground(get_robot
     for _ in range(10):
         bench.tick(UP, 640.0, 0.0)
     assert bench.tick(DOWN, 640.0, 0.0) is Mode.SL
+    assert bench.ended is None
     assert bench.tick(DOWN, 610.0, 40.0) is Mode.D
+    assert bench.ended is StepEnd.LANDED
+    # Until the next one begins.
+    assert bench.tick(DOWN, 320.0, 320.0) is Mode.D
+    assert bench.ended is StepEnd.LANDED
+    bench.lift()
+    assert bench.ended is None
 
 
 def test_a_foot_that_goes_on_carrying_is_given_back(get_robot):
@@ -68,6 +82,32 @@ def test_a_foot_that_goes_on_carrying_is_given_back(get_robot):
     bench.lift()
     modes = [bench.tick(UP, 600.0, 40.0) for _ in range(100)]
     assert DT * modes.index(Mode.D) == pytest.approx(0.3, abs=2 * DT)
+    assert bench.ended is StepEnd.STUCK
+
+
+def test_a_shift_that_takes_too_long_says_so(get_robot):
+    bench = Bench(get_robot("biped20"), shift_timeout=0.2)
+    modes = [bench.tick(UP, 320.0, 320.0) for _ in range(60)]
+    assert modes[0] is Mode.TL
+    assert DT * modes.index(Mode.D) == pytest.approx(0.2, abs=2 * DT)
+    assert bench.ended is StepEnd.LATE
+    assert bench.teleoperator.signals()["step_end"] == "LATE"
+
+
+def test_a_device_that_is_lost_gives_both_feet_back_and_says_so(get_robot):
+    bench = Bench(get_robot("biped20"))
+    assert bench.tick(UP, 320.0, 320.0) is Mode.TL
+    modes = [bench.tick(None, 320.0, 320.0) for _ in range(120)]
+    assert DT * modes.index(Mode.D) == pytest.approx(0.5, abs=2 * DT)
+    assert bench.ended is StepEnd.LOST
+
+
+def test_a_foot_that_is_put_down_so_that_nobody_falls_says_so(get_robot):
+    bench = Bench(get_robot("biped20"))
+    bench.lift()
+    bench.teleoperator._target.rescuing = True
+    assert bench.tick(UP, 610.0, 30.0) is Mode.D
+    assert bench.ended is StepEnd.RESCUED
 
 
 def test_the_com_has_to_be_above_the_foot_that_shall_carry_not_the_zmp_alone(get_robot):

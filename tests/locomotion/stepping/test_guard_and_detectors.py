@@ -104,6 +104,21 @@ def test_silence_is_stale_then_lost():
     assert made.status is DeviceStatus.LOST
 
 
+def test_between_two_samples_of_a_device_nothing_changes():
+    """At 100 Hz there is one in five ticks; what became of it holds meanwhile."""
+    made, said = held(), []
+    for tick in range(1, 100):
+        time = tick * DT
+        bad = (np.nan, 0.0, 0.0) if 40 <= tick < 60 else (0.0, 0.135, 0.0)
+        check(made, sample(time, left=bad) if tick % 5 == 0 else None, time)
+        said.append(made.status)
+    assert said == [DeviceStatus.OK] * 39 + [DeviceStatus.REFUSED] * 20 + [DeviceStatus.OK] * 40
+    for tick in range(100, 140):
+        check(made, None, tick * DT)
+        said.append(made.status)
+    assert DT * (said.index(DeviceStatus.STALE) + 1 - 95) == pytest.approx(0.1, abs=1.5 * DT)
+
+
 @pytest.mark.parametrize(
     "elsewhere", [(0.0, 0.135, 0.1), (1.0, 0.135, 0.0), (0.0, 0.135, 0.02)], ids=str
 )
@@ -155,7 +170,7 @@ def test_what_no_hand_does_is_not_followed_at_any_rate(speed, rate):
     assert np.diff(heights).max() <= START + 1e-12
     assert all(h <= START + SPEED * DT * tick + 1e-9 for tick, h in enumerate(heights))
     assert heights[-1] < 0.75
-    assert statuses[-1] in (DeviceStatus.REFUSED, DeviceStatus.STALE)
+    assert statuses[-1] is DeviceStatus.REFUSED
     # As long as it goes on, the device holds nothing any more.
     for tick in range(101, 250):
         found = check(made, sample(tick * DT, left=(0.0, 0.135, 9.0)), tick * DT)

@@ -19,6 +19,7 @@ from poise.locomotion import (
     RecordedPush,
     Recording,
     RecordingError,
+    StepEnd,
     StepTeleoperator,
     TeleopParameters,
     TeleopStatus,
@@ -47,6 +48,13 @@ def support_polygon(
     if status.mode.single and status.mode.support is not None:
         names = names[status.mode.support : status.mode.support + 1]
     return soles_outline(robot, {name: placement(robot.frame_id(name)) for name in names})
+
+
+def _mode_text(status: TeleopStatus) -> str:
+    """What the robot does; of a step that did not end as it should, why, until the next one."""
+    if status.ended in (None, StepEnd.LANDED):
+        return status.mode.value
+    return f"{status.mode.value}: {status.ended.value}"
 
 
 _ENDLESS = 1e9
@@ -255,6 +263,7 @@ class LiveLoop(RealTimeLoop):
             hands_do=status.hands,
             hand_turns=status.hand_rotations,
             gaze=status.gaze,
+            text=_mode_text(status),
         )
 
     def _offset(self) -> Float64[np.ndarray, "3"]:

@@ -8,7 +8,7 @@ from poise.locomotion._stepping._grips import rotation_of
 from poise.locomotion._stepping._guard import DeviceGuard
 from poise.locomotion._stepping._hands import HandLeader, HandStatus
 from poise.locomotion._stepping._lean import TORSO_MOST
-from poise.locomotion._stepping._modes import Mode, ModeEvent, draw_modes
+from poise.locomotion._stepping._modes import Mode, ModeEvent, StepEnd, draw_modes
 from poise.locomotion._stepping._parameters import TeleopParameters, scaled_parameters
 from poise.locomotion._stepping._recording import (
     RecordedDevice,
@@ -54,6 +54,7 @@ __all__ = [
     "RecordingWriter",
     "ScriptedDevice",
     "ShifterDriver",
+    "StepEnd",
     "StepTeleoperator",
     "TeleopParameters",
     "TeleopStatus",

@@ -11,6 +11,9 @@ from poise.locomotion._stepping._pursuit import DeviceRate, Pursuit, is_point
 from poise.locomotion._stepping._sample_clock import SampleClock
 from poise.locomotion._stepping._samples import BodySample, DeviceSample, DeviceStatus
 
+_MOMENT = 0.1
+"""A device that has said nothing for longer is silent [s]; slower ones than ten a second are."""
+
 
 class DeviceGuard:
     """Lets no sample through that could move a foot wildly.
@@ -73,6 +76,7 @@ class DeviceGuard:
         self._newest: DeviceSample | None = None
         self._body = BodySample()
         self.velocity: tuple[float, float, float] = (0.0, 0.0, 0.0)
+        self._refused = False
         self.status = DeviceStatus.LOST
 
     def check(
@@ -103,13 +107,15 @@ class DeviceGuard:
                 self.velocity = news.velocity
         if self._clock.is_lost(time):
             self.velocity = (0.0, 0.0, 0.0)
-        refused = sample is not None and news is None
+        refused = news is None
         for foot, grip in enumerate(self._grips):
             point, rate = (None, None) if news is None else (news.position(foot), news.rates[foot])
             believed = grip.update(point, rate, time, soles[foot], float(grounds[foot][2]))
             refused = refused or (grip.place is not None and point is not None and not believed)
         held = [grip.place is not None for grip in self._grips]
-        self.status = self._status(held, time, refused=refused, silent=sample is None)
+        if sample is not None:
+            self._refused = refused
+        self.status = self._status(held, time)
         if self._newest is None or not any(held):
             return None
         lowest = min(float(ground[2]) for ground in grounds) - self._press_depth
@@ -131,12 +137,11 @@ class DeviceGuard:
             grip.place = None
         self.status = status
 
-    def _status(
-        self, held: Sequence[bool], time: float, *, refused: bool, silent: bool
-    ) -> DeviceStatus:
+    def _status(self, held: Sequence[bool], time: float) -> DeviceStatus:
         if not any(held):
             return DeviceStatus.LOST if self._clock.is_lost(time) else DeviceStatus.WAITING
-        if refused:
+        silent = time - self._clock.heard_at > _MOMENT
+        if self._refused and not silent:
             return DeviceStatus.REFUSED
         if not all(held):
             return DeviceStatus.WAITING

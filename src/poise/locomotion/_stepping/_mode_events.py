@@ -7,7 +7,7 @@ import numpy as np
 
 from poise.locomotion._stepping._com import ComFeedback, ComMotion
 from poise.locomotion._stepping._estimator import StanceEstimator, ZmpSensor
-from poise.locomotion._stepping._modes import Mode, ModeEvent, ModeMachine
+from poise.locomotion._stepping._modes import Mode, ModeEvent, ModeMachine, StepEnd
 from poise.locomotion._stepping._one_foot import WIDE, OneFoot, inner_side
 from poise.locomotion._stepping._parameters import TeleopParameters
 from poise.locomotion._stepping._samples import DeviceSample
@@ -95,6 +95,9 @@ class ModeEvents:
         parameters: distances, loads and times.
         weight: of the robot [N].
         one_foot: where the ZMP shall be on a foot that carries alone.
+
+    Attributes:
+        ended: how the last step ended; None while one goes on, and before the first.
     """
 
     def __init__(
@@ -112,6 +115,7 @@ class ModeEvents:
         self._lifts = (LiftDetector(parameters), LiftDetector(parameters))
         self._landing = LandingDetector(parameters, weight)
         self._machine, self._shifted = ModeMachine(), 0.0
+        self.ended: StepEnd | None = None
 
     @property
     def mode(self) -> Mode:
@@ -134,7 +138,17 @@ class ModeEvents:
         Returns:
             Whether another mode has begun.
         """
-        event = self._event(device, time, rescuing=rescuing)
+        support = self.mode.support
+        if support is None:
+            event = self._lifted(device)
+        elif self.mode.single:
+            ended = self._end_of_step(device, 1 - support, rescuing=rescuing)
+            event = self._ended(ended, ModeEvent.LANDED)
+        else:
+            ended = self._end_of_shift(device, 1 - support, time)
+            event = self._ended(ended, ModeEvent.CANCEL) or self._shift(support)
+        if event in (ModeEvent.LIFT_LEFT, ModeEvent.LIFT_RIGHT):
+            self.ended = None
         return event is not None and self._machine.advance(event, time)
 
     def follow(self, mode: Mode, time: float) -> bool:
@@ -150,6 +164,7 @@ class ModeEvents:
         changed = mode is not self._machine.mode
         if changed:
             self._machine.mode, self._machine.since = mode, time
+            self.ended = None
         return changed
 
     def begin(self, device: DeviceSample | None) -> None:
@@ -161,19 +176,12 @@ class ModeEvents:
         for foot, lift in enumerate(self._lifts):
             lift.reset(0.0 if device is None else self._lift_height(device, foot))
 
-    def _event(
-        self, device: DeviceSample | None, time: float, *, rescuing: bool
-    ) -> ModeEvent | None:
-        support = self.mode.support
-        if support is None:
-            return self._lifted(device)
-        swing = 1 - support
-        if self.mode.single:
-            return self._landed(device, swing, rescuing=rescuing)
-        late = time - self._machine.since > self._parameters.shift_timeout
-        if late or self._is_given_back(device, swing):
-            return ModeEvent.CANCEL
-        return self._shift(support)
+    def _ended(self, ended: StepEnd | None, event: ModeEvent) -> ModeEvent | None:
+        """The event with which a step ends, if it does."""
+        if ended is None:
+            return None
+        self.ended = ended
+        return event
 
     def _lifted(self, device: DeviceSample | None) -> ModeEvent | None:
         """Eqs (14a) and (14b): a device has been lifted in double support."""
@@ -190,16 +198,27 @@ class ModeEvents:
             return ModeEvent.LIFT_LEFT
         return ModeEvent.LIFT_RIGHT if right else None
 
-    def _landed(
+    def _end_of_step(
         self, device: DeviceSample | None, swing: int, *, rescuing: bool
-    ) -> ModeEvent | None:
+    ) -> StepEnd | None:
         """The foot in the air has landed, or has not left the ground and need not any more."""
         load = float(self._sensor.loads[swing])
         lifting = not rescuing and self._is_sent_up(device, swing)
-        if self._landing.update(load, lifting=lifting):
-            return ModeEvent.LANDED
-        given_back = rescuing or self._is_given_back(device, swing)
-        return ModeEvent.LANDED if given_back and not self._landing.armed else None
+        landed = self._landing.update(load, lifting=lifting)
+        has_left = self._landing.armed
+        if has_left and not landed:
+            return None
+        if rescuing:
+            return StepEnd.RESCUED
+        if landed and device is not None:
+            return StepEnd.LANDED if has_left else StepEnd.STUCK
+        return StepEnd.LOST if landed else self._given_back(device, swing)
+
+    def _end_of_shift(self, device: DeviceSample | None, swing: int, time: float) -> StepEnd | None:
+        """A shift that takes too long, or that nobody wants any more."""
+        if time - self._machine.since > self._parameters.shift_timeout:
+            return StepEnd.LATE
+        return self._given_back(device, swing)
 
     def _shift(self, support: int) -> ModeEvent | None:
         """The weight is on the foot that shall carry, for long enough."""
@@ -224,9 +243,12 @@ class ModeEvents:
                 return False
         return True
 
-    def _is_given_back(self, device: DeviceSample | None, swing: int) -> bool:
-        """Whether nobody wants a foot in the air that is still on the ground."""
-        return device is None or self._lifts[swing].is_low(self._lift_height(device, swing))
+    def _given_back(self, device: DeviceSample | None, swing: int) -> StepEnd | None:
+        """Why nobody wants a foot in the air that is still on the ground; None where one does."""
+        if device is None:
+            return StepEnd.LOST
+        low = self._lifts[swing].is_low(self._lift_height(device, swing))
+        return StepEnd.LOWERED if low else None
 
     def _is_sent_up(self, device: DeviceSample | None, swing: int) -> bool:
         if device is None:

@@ -39,6 +39,17 @@ class ModeEvent(Enum):
     CANCEL = "the device was lowered before the foot left the ground"
 
 
+class StepEnd(Enum):
+    """How a step, or the attempt at one, ended."""
+
+    LANDED = "the foot has landed"
+    LOWERED = "the device was lowered before its foot had left the ground"
+    LATE = "the weight did not get over the other foot in time; lower the device, and lift it again"
+    STUCK = "the foot went on carrying; lower the device, and lift it again"
+    RESCUED = "the foot was put down so as not to fall; lower the device, and lift it again"
+    LOST = "the device was lost"
+
+
 TRANSITIONS: dict[tuple[Mode, ModeEvent], Mode] = {
     (Mode.D, ModeEvent.LIFT_RIGHT): Mode.TL,
     (Mode.D, ModeEvent.LIFT_LEFT): Mode.TR,

@@ -208,7 +208,7 @@ class DeviceStatus(Enum):
     """What became of the last sample."""
 
     OK = "ok"
-    STALE = "no new sample: the last one holds"
+    STALE = "no new sample for a moment: the last one holds"
     REFUSED = "the last sample was refused: the one before holds"
     LOST = "the device stopped sending: the feet go back to the ground"
     WAITING = "bring each device down to its foot to take hold of it"

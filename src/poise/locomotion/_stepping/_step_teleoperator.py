@@ -249,8 +249,8 @@ class StepTeleoperator:
         """What a recorder should know of the last tick; nothing before the first.
 
         Where the operator's devices, the foot in the air and the hands should be, the reference of
-        the ZMP, which soles carry the robot, mode, device and what hands and head do; and what is
-        estimated, under `estimate/`, for `com` and `zmp` are the plant's own.
+        the ZMP, which soles carry the robot, mode, device, how the last step ended, and what hands
+        and head do; and what is estimated, under `estimate/`, for `com` and `zmp` are the plant's.
         """
         status, nowhere = self.status, np.full(3, np.nan)
         if status is None:
@@ -281,6 +281,7 @@ class StepTeleoperator:
             "device": status.device.name,
             "hands": ", ".join(hand.name for hand in status.hands),
             "gaze": "" if status.gaze is None else status.gaze.name,
+            "step_end": "" if status.ended is None else status.ended.name,
         }
 
     def lead(self, state: RobotState) -> None:
@@ -464,4 +465,5 @@ class StepTeleoperator:
             hand_targets=self.hands.targets(*torso),
             hand_rotations=self.hands.orientations(torso[1]),
             gaze=self.gaze.status,
+            ended=self._events.ended,
         )

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from poise.locomotion._stepping._hands import HandStatus
-from poise.locomotion._stepping._modes import Mode
+from poise.locomotion._stepping._modes import Mode, StepEnd
 from poise.locomotion._stepping._samples import DeviceSample, DeviceStatus
 
 
@@ -31,6 +31,7 @@ class TeleopStatus:
         hand_targets: where each hand is led to [m].
         hand_rotations: how each is led to be turned, world_R_hand; None for one that is not.
         gaze: what the head does; None where nothing can turn it.
+        ended: how the operator's last step ended; None while one goes on, and before the first.
     """
 
     mode: Mode
@@ -49,3 +50,4 @@ class TeleopStatus:
     hand_targets: tuple[Float64[np.ndarray, "3"], ...] = ()
     hand_rotations: tuple[Float64[np.ndarray, "3 3"] | None, ...] = ()
     gaze: HandStatus | None = None
+    ended: StepEnd | None = None

@@ -159,8 +159,7 @@ function words(s) {
   warn(s.fallen ? `The robot has fallen. ${driving ? "Press Reset" : "Its operator has to press Reset"}.` : "");
   put("margin", `${(100 * s.margin).toFixed(1)} cm`);
   part("margin-bar").value = Math.max(0, s.margin);
-  // Between two samples the last one holds: that is no news.
-  const device = s.device === "STALE" ? "ok" : s.deviceText;
+  const device = s.deviceText;
   const fed = s.source === "browser" ? (s.driven ? device : "nobody drives") : `${s.source}: ${device}`;
   put("device", fed, !["OK", "STALE"].includes(s.device));
   const slow = s.realTimeFactor < 0.95, speed = s.speed < 1 ? ` of ${s.speed} x` : "";
