@@ -35,11 +35,11 @@ class BlockWatch:
         self._top = float((self._centers[:, 2] + up).max(initial=-math.inf))
 
     def touched(self) -> bool:
-        """Whether any part of the robot touches a block at the last physics step."""
+        """Whether any solid part of the robot touches a block at the last physics step."""
         return not self._touching.isdisjoint(self._plant.data.contact.geom.ravel().tolist())
 
     def clearance(self) -> float:
-        """Distance between the robot and the nearest block, at most `distance_max` [m]."""
+        """Distance of what is solid of the robot from blocks, at most `distance_max` [m]."""
         model, data, nearest = self._plant.model, self._plant.data, self._far
         places = data.geom_xpos[self._limbs]
         # Most of a robot is far above all blocks.

@@ -13,6 +13,7 @@ from poise.apps.teleoperation import (
     PoorLink,
     run_teleop,
 )
+from poise.errors import ConfigurationError
 from poise.locomotion import DeviceSample, DeviceStatus, Mode, ScriptedDevice, WayPoint
 
 LIFT, LOWER = 0.5, 1.6
@@ -38,6 +39,22 @@ def over(**link):
         return PoorLink(a_step(teleoperator), **{"latency": 0.0, "loss": 0.0, "seed": 3} | link)
 
     return make
+
+
+@pytest.mark.parametrize(
+    ("link", "words"),
+    [
+        ({"latency": -0.1}, r"latency of the link \[s\] is out of range; got -0.1"),
+        ({"jitter": np.nan}, r"jitter of the link \[s\] is out of range"),
+        ({"loss": np.inf}, "probability of the link's losses is out of range"),
+        ({"seed": -1}, "seed of the link is no whole number; got -1"),
+    ],
+    ids=str,
+)
+def test_a_link_that_cannot_be_is_refused(link, words):
+    still = ScriptedDevice([], np.zeros(3), np.zeros(3))
+    with pytest.raises(ConfigurationError, match=words):
+        PoorLink(still, **{"latency": 0.0, "loss": 0.0, "seed": 3} | link)
 
 
 def last(run):

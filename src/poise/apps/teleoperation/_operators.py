@@ -11,6 +11,7 @@ from operator import itemgetter
 import numpy as np
 from jaxtyping import Float64
 
+from poise._checks import checked_count, checked_kind, checked_number
 from poise.locomotion import Device, DeviceSample, StepTeleoperator
 
 _PAUSE = (0.05, 0.75)
@@ -157,6 +158,9 @@ class PoorLink:
         jitter: how much longer a sample may be under way [s]: each as long as chance has it, so
             that samples overtake each other.
         cut: when the link breaks for good [s].
+
+    Raises:
+        ConfigurationError: a device that gives no samples, or a number that cannot be.
     """
 
     def __init__(
@@ -169,9 +173,11 @@ class PoorLink:
         jitter: float = 0.0,
         cut: float = math.inf,
     ) -> None:
-        self._device, self._latency, self._loss = device, latency, loss
-        self._jitter, self._cut = jitter, cut
-        self._rng = np.random.default_rng(seed)
+        self._device = checked_kind(device, Device, "the device at the end of the link")
+        self._latency = checked_number(latency, "latency of the link [s]")
+        self._loss = checked_number(loss, "probability of the link's losses")
+        self._jitter, self._cut = checked_number(jitter, "jitter of the link [s]"), cut
+        self._rng = np.random.default_rng(checked_count(seed, "seed of the link"))
         self._under_way: list[tuple[float, DeviceSample]] = []
 
     def sample(self, time: float) -> DeviceSample | None:

@@ -100,7 +100,8 @@ class TeleopLog:
         tilt: of the torso [rad].
         command: velocity [rad/s] or torque [N m] commanded, each joint.
         q: true configuration after the tick [m, rad].
-        touched: whether any part of the robot touched a block after the tick.
+        touched: whether any solid part of the robot touched a block after the tick; links that the
+            robot's document only draws go through blocks, those of `biped20` and `humanoid33` too.
     """
 
     time: Float64[np.ndarray, " T"]
@@ -190,7 +191,8 @@ class TeleopRun:
         plant: as it was left.
         teleoperator: as it was left.
         fell: whether the robot fell; the run ends there.
-        clearance: smallest distance of any part of the robot from a block [m]; None without blocks.
+        clearance: smallest distance of any solid part of the robot from a block, up to 0.2 m [m];
+            None without blocks.
         tick_us: median time of one control step [us].
         real_time_factor: simulated over elapsed time.
     """

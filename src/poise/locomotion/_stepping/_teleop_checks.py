@@ -11,7 +11,7 @@ from poise.errors import ConfigurationError, UnknownNameError
 from poise.locomotion._stepping._com import ComDriver, ShifterDriver
 from poise.robots import Robot
 
-_ACTUATIONS = ("torque", "velocity")
+_ACTUATIONS = ("velocity", "torque")
 """What the controller of the stack may command."""
 
 _STRAIGHT = 0.1
