@@ -32,9 +32,9 @@ def checked_number(value: float, what: str, *, above: float | None = None) -> fl
     """
     wanted = "a finite number >= 0" if above is None else f"a finite number > {above:g}"
     try:
-        # A text becomes a number here, and not where it is used.
+        # `float` reads texts; who computes with the value afterwards does not.
         number = None if isinstance(value, str | bytes) else float(value)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         number = None
     if number is None:
         raise ConfigurationError(f"{what} is not a number", got=value, wanted=wanted)

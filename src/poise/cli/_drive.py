@@ -48,8 +48,6 @@ def act(options: argparse.Namespace) -> int:
         gamepad=options.device == "gamepad",
         seed=options.seed,
     )
-    # Only now: who is refused leaves nothing behind.
-    folder.mkdir(parents=True, exist_ok=True)
     before = set(folder.glob("*.mcap"))
     run_live(session, robot.name, "To walk: arrow keys; to turn: Q and E.", options)
     logs = sorted(path.name for path in set(folder.glob("*.mcap")) - before)

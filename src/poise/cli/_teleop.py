@@ -92,13 +92,15 @@ def act(options: argparse.Namespace) -> int:
         parameters=_parameters(options, robot, plant, recording),
         solved_by=options.controller,
     )
-    # Only now: who is refused leaves nothing behind.
-    folder.mkdir(parents=True, exist_ok=True)
     before = set(session.takes.files)
     hint = "To step: hold Q or E in the page, or drag a foot's handle up; let go to step down."
     run_live(session, robot.name, hint, options)
     found = [name for name in session.takes.files if name not in before]
-    print(f"recordings in {folder}: {', '.join(found) if found else 'none, nobody drove'}")
+    room = session.takes.room
+    none = "none" if room.is_full else "none, nobody drove"
+    print(f"recordings in {folder}: {', '.join(found) if found else none}")
+    if room.is_full:
+        print(f"poise: {room.notice}", file=sys.stderr)
     if session.loop.log.problem:
         print(f"poise: the log for Foxglove: {session.loop.log.problem}", file=sys.stderr)
     return 0

@@ -27,6 +27,7 @@ from poise.locomotion import (
     Mode,
     RecordingError,
     ScriptedDevice,
+    StepEnd,
     StepTeleoperator,
     read_recording,
 )
@@ -86,6 +87,19 @@ def test_a_step_and_its_recording_gives_the_same_commands_again(start, tmp_path)
     assert first < 1.0
     assert same_commands(replay_teleop(tmp_path / "takes" / name), heard)
     assert (np.asarray(read_recording(tmp_path / "takes" / name).rows["kind"]) == 1).sum() == 1
+
+
+def test_a_step_that_came_to_nothing_says_why_until_the_next_one(start):
+    operator = OperatorInputs()
+    loop = start(operator)
+    assert loop.snapshot.text == Mode.D.value
+    drive(loop, operator, Pad(lift=(False, True)), lambda s: s.mode is Mode.TL, "the shift")
+    assert loop.snapshot.text == Mode.TL.value
+    drive(loop, operator, Pad(), lambda s: s.mode is Mode.D, "double support")
+    assert loop.snapshot.text == StepEnd.LOWERED.value
+    drive(loop, operator, Pad(lift=(False, True)), lambda s: s.mode is Mode.SL, "the lift")
+    drive(loop, operator, Pad(), lambda s: s.mode is Mode.D, "double support")
+    assert loop.snapshot.text == Mode.D.value
 
 
 @pytest.mark.parametrize("name", ["biped20", "g1"])

@@ -138,7 +138,7 @@ def test_what_a_run_cannot_be_made_of_is_said_before_it_begins():
         "parameters={}": "parameters of the teleoperation is of the wrong kind; got {}",
         "parameters=False": "parameters of the teleoperation is of the wrong kind; got False",
         "q_start=[0.0, 1.0]": "no configuration of biped20: q is an array of shape (2,)",
-        "q_start='home'": "the start is no configuration of biped20: q is ",
+        "q_start='home'": "the start is no configuration of biped20; got 'home'; wanted one like",
         "q_start=0.0 * robot.q_home": "the start is no configuration of biped20: the base quat",
         "q_start=np.nan * robot.q_home": "the start is no configuration of biped20: in q, entry 0",
         "seed=-1": "seed of the run is no whole number; got -1; wanted 0, 1, 2",
@@ -332,12 +332,7 @@ def odd(sample, **values):
         ("time", None), ("time", "now"), ("time", np.zeros(2)), ("body", None),
         ("height", None), ("torso", (0.0, 0.0)), ("turns", ("a", "b")), ("velocity", None),
         ("velocity", (0.1, 0.0)), ("velocity", np.zeros(2)), ("hands", ()), ("hands", None),
-        ("hands", (1.0, 2.0)), ("rates", ()), ("head", "ahead"), ("left", None),
-        ("left", np.zeros(2)), ("left", np.zeros((3, 1))), ("right", "abc"),
-        ("right", ["0", "1", "2"]), ("right", [0.0, [1.0], 2.0]), ("left", np.zeros(3, complex)),
-        ("rates", (None, np.zeros(4))), ("hands", (odd(HAND, position=np.zeros(2)), None)),
-        ("hands", (odd(HAND, orientation=np.zeros(3)), None)),
-        ("head", odd(HEAD, orientation=np.zeros(3))),
+        ("hands", (1.0, 2.0)), ("rates", ()), ("head", "ahead"),
     ],
     ids=repr,
 )  # fmt: skip
@@ -402,6 +397,44 @@ def facing(robot, yaw):
     return q
 
 
+@pytest.mark.parametrize(
+    ("changed", "fault"),
+    [
+        ({"left": None}, ""),
+        ({"left": np.full(3, np.nan)}, ""),
+        ({"left": np.zeros(2)}, "left is array([0., 0.]), not 3 numbers"),
+        ({"left": np.zeros((3, 1))}, "left is array("),
+        ({"right": "abc"}, "right is 'abc', not 3 numbers"),
+        ({"right": ["0", "1", "2"]}, "right is ['0', '1', '2'], not 3 numbers"),
+        ({"right": [0.0, [1.0], 2.0]}, "right is [0.0, [1.0], 2.0], not 3 numbers"),
+        ({"left": np.zeros(3, complex)}, "left is array("),
+        ({"left": np.zeros(3, bool)}, "left is array("),
+        ({"rates": (None, np.zeros(4))}, "rates is array("),
+        ({"hands": (odd(HAND, position=()), None)}, "position of left hand is (), not 3 numbers"),
+        ({"hands": (None, odd(HAND, orientation=[1.0]))}, "orientation of right hand is [1.0], n"),
+        ({"head": odd(HEAD, orientation=np.zeros(3))}, "orientation of head is array("),
+        ({"left": 1.0, "right": 2.0}, "left is 1.0, not 3 numbers; right is 2.0, not 3 numbers"),
+    ],
+    ids=str,
+)
+def test_what_is_no_place_is_ignored_and_said_and_the_rest_counts(changed, fault):
+    sample, said = checked_sample(odd(WHOLE, **changed))
+    assert said.startswith(fault) if fault else said == ""
+    for name in ("left", "right"):
+        place = getattr(sample, name)
+        assert place.dtype == np.float64
+        np.testing.assert_array_equal(place, np.full(3, np.nan if name in changed else 0.0))
+    if "rates" in changed:
+        assert sample.rates[0] is None
+        np.testing.assert_array_equal(sample.rates[1], np.full(3, np.nan))
+    if "head" in changed:
+        np.testing.assert_array_equal(sample.head.orientation, np.full(4, np.nan))
+    if "hands" in changed:
+        left, right = sample.hands
+        bad = left.position if right is None else right.orientation
+        assert np.isnan(bad).all()
+
+
 @pytest.mark.parametrize("kind", [list, tuple, np.float32, np.int64, np.float64])
 def test_places_are_taken_as_any_numbers(kind):
     """Those of a headset are of float32, those of a message are lists."""
@@ -420,7 +453,8 @@ def test_places_are_taken_as_any_numbers(kind):
         rates=(given(7, 8, 9), None),
         head=odd(HEAD, orientation=given(0, 0, 0, 1)),
     )
-    sample = checked_sample(asked)
+    sample, fault = checked_sample(asked)
+    assert fault == ""
     np.testing.assert_array_equal([sample.left, sample.right], [[1, 2, 3], [4, 5, 6]])
     np.testing.assert_array_equal(sample.rates[0], [7, 8, 9])
     assert sample.rates[1] is None
@@ -446,9 +480,10 @@ def test_a_place_of_another_size_ends_no_record(get_robot):
 
     run = run_teleop(get_robot("biped20"), make, VELOCITY_TELEOP_PLANT, duration=0.2)
     assert run.plant.time == pytest.approx(0.2)
-    assert "left of a sample is array([0., 0.]), not 3 numbers" in str(
-        run.teleoperator.device_error
-    )
+    assert str(run.teleoperator.device_error) == "left is array([0., 0.]), not 3 numbers"
     places = run.record["target/left device"]
     assert np.isfinite(places[5]).all()
     assert np.isnan(places[-1]).all()
+    # The other device goes on.
+    assert np.isfinite(run.record["target/right device"][-1]).all()
+    assert run.teleoperator.status.device is DeviceStatus.REFUSED

@@ -2,11 +2,12 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from standing import PARAMETERS, measured
 from walker import Says, sample
 
-from poise.locomotion import Mode, StepEnd, StepTeleoperator
+from poise.locomotion import DeviceStatus, Mode, StepEnd, StepTeleoperator
 from poise.robots import Sole
 
 DT = 0.005
@@ -100,6 +101,15 @@ def test_a_device_that_is_lost_gives_both_feet_back_and_says_so(get_robot):
     modes = [bench.tick(None, 320.0, 320.0) for _ in range(120)]
     assert DT * modes.index(Mode.D) == pytest.approx(0.5, abs=2 * DT)
     assert bench.ended is StepEnd.LOST
+
+
+def test_a_device_that_is_lost_alone_gives_its_foot_back_and_says_so(get_robot):
+    bench = Bench(get_robot("biped20"))
+    assert bench.tick(UP, 320.0, 320.0) is Mode.TL
+    modes = [bench.tick((np.nan, 0.0, 0.0), 320.0, 320.0) for _ in range(120)]
+    assert DT * modes.index(Mode.D) == pytest.approx(0.5, abs=2 * DT)
+    assert bench.ended is StepEnd.LOST
+    assert bench.teleoperator.status.device is DeviceStatus.WAITING
 
 
 def test_a_foot_that_is_put_down_so_that_nobody_falls_says_so(get_robot):

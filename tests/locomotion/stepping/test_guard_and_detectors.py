@@ -75,11 +75,10 @@ def test_good_samples_pass():
         sample(1.0, right=(np.inf, 0.0, 0.0)),
         sample(np.nan),
         sample(-1.0),
-        sample(0.0),
         sample(1.0),
         sample(0.005, left=(0.0, 0.5, 0.0)),
     ],
-    ids=["nan", "infinite", "nan time", "older", "same time", "far ahead", "jump"],
+    ids=["nan", "infinite", "nan time", "older", "far ahead", "jump"],
 )
 @pytest.mark.filterwarnings("ignore")
 def test_a_bad_sample_is_refused_and_the_last_good_one_holds(bad):
@@ -117,6 +116,46 @@ def test_between_two_samples_of_a_device_nothing_changes():
         check(made, None, tick * DT)
         said.append(made.status)
     assert DT * (said.index(DeviceStatus.STALE) + 1 - 95) == pytest.approx(0.1, abs=1.5 * DT)
+
+
+def bad(tick):
+    return sample(tick * DT, (np.nan, 0.0, 0.0), (np.nan, 0.0, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("gives", "says"),
+    [
+        (bad, DeviceStatus.REFUSED),
+        (lambda tick: sample(tick * DT - 1.0), DeviceStatus.REFUSED),
+        (lambda tick: sample(tick * DT + 10.0), DeviceStatus.REFUSED),
+        (lambda tick: sample(19 * DT), DeviceStatus.STALE),
+        (lambda tick: None, DeviceStatus.STALE),
+    ],
+    ids=["bad", "old", "ahead", "frozen", "silent"],
+)
+def test_what_is_refused_on_and_on_is_no_silence(gives, says):
+    made, said = held(), []
+    for tick in range(1, 100):
+        check(made, sample(tick * DT) if tick < 20 else gives(tick), tick * DT)
+        said.append(made.status)
+    assert said[:19] == [DeviceStatus.OK] * 19
+    # For a moment nothing is no news.
+    assert set(said[45:]) == {says}
+
+
+def test_the_newest_sample_again_is_nothing_new():
+    """A driver may give what it has at each tick, however often it gets it."""
+    made, said = held(), []
+    for tick in range(1, 60):
+        check(made, sample((tick - tick % 5) * DT), tick * DT)
+        said.append(made.status)
+    assert set(said) == {DeviceStatus.OK}
+
+
+def test_a_robots_clock_that_goes_back_is_a_silence():
+    made = held(1.0)
+    check(made, None, 0.6)
+    assert made.status is DeviceStatus.STALE
 
 
 @pytest.mark.parametrize(

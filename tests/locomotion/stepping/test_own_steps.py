@@ -63,6 +63,11 @@ def test_g1_on_one_foot_catches_itself_and_the_operator_takes_hold_anew(get_robo
     assert log.mode[-1] == MODES.index(Mode.SR)
     assert log.soles[-1, 0, 2] > 0.03
     assert not own[log.time > 3.4].any()
+    # Why the foot came down is said until it is lifted again.
+    ends = run.record.notes("step_end")
+    assert [end for _, end in ends] == ["", "OVERRULED", ""]
+    lifted = [at for at, mode in run.record.notes("mode") if mode == "TR"][-1]
+    assert ends[-1][0] == pytest.approx(lifted)
 
 
 @pytest.mark.slow

@@ -121,6 +121,15 @@ class DriveLoop(RealTimeLoop):
         """What leads the feet in the present run."""
         return self._driver.walker
 
+    def start(self) -> None:
+        """Starts the thread.
+
+        Raises:
+            OSError: the folder cannot be made.
+        """
+        self._room.open()
+        super().start()
+
     def _begin(self) -> None:
         self._finish()
         self._driver = _Driver(self.robot, self._inputs, self.plant.config.control_dt)

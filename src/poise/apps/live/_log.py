@@ -44,13 +44,21 @@ class Room:
     """Whether a folder can take more of a run; one that finds no room there goes on unrecorded.
 
     Args:
-        folder: where live runs are kept; made when the first one begins.
+        folder: where live runs are kept.
         most: what its files may come to [bytes].
     """
 
     def __init__(self, folder: Path, most: int = MOST_BYTES) -> None:
         self.folder, self._most = folder, most
         self._looked_at, self._free, self._problem = -math.inf, True, ""
+
+    def open(self) -> None:
+        """Makes the folder if it is not there.
+
+        Raises:
+            OSError: it cannot be made.
+        """
+        self.folder.mkdir(parents=True, exist_ok=True)
 
     @property
     def is_full(self) -> bool:
@@ -61,10 +69,8 @@ class Room:
 
     def look(self) -> None:
         """Looks at once."""
-        first, self._looked_at = self._looked_at == -math.inf, clock.monotonic()
+        self._looked_at = clock.monotonic()
         try:
-            if first:
-                self.folder.mkdir(parents=True, exist_ok=True)
             used = sum(path.stat().st_size for path in self.folder.iterdir())
         except OSError as error:
             self.close(error)
@@ -165,7 +171,7 @@ class Takes:
     It is never in the robot's way: where a file cannot be written the run goes on unrecorded.
 
     Args:
-        folder: made when a run begins and it is not there.
+        folder: where they lie.
         robot: the robot's name.
         dt: length of a tick [s].
         most_bytes: what the files of the folder may come to; the rest of a run is not recorded.

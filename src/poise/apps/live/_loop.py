@@ -16,6 +16,7 @@ from poise.apps.live._real_time import RealTimeLoop, command_time
 from poise.apps.live._snapshot import Snapshot
 from poise.apps.teleoperation import TORQUE_TELEOP_PLANT, foot_forces, recorded_setup, teleop_setup
 from poise.locomotion import (
+    Mode,
     RecordedPush,
     Recording,
     RecordingError,
@@ -51,10 +52,9 @@ def support_polygon(
 
 
 def _mode_text(status: TeleopStatus) -> str:
-    """What the robot does; of a step that did not end as it should, why, until the next one."""
-    if status.ended in (None, StepEnd.LANDED):
-        return status.mode.value
-    return f"{status.mode.value}: {status.ended.value}"
+    """What the robot does; why a step did not end as it should, until the next one."""
+    ended = status.ended if status.mode is Mode.D else None
+    return status.mode.value if ended in (None, StepEnd.LANDED) else ended.value
 
 
 _ENDLESS = 1e9
@@ -151,6 +151,15 @@ class LiveLoop(RealTimeLoop):
         self.log = LiveLog()
         self._ticks: Generator[Tick] | None = None
         self._start()
+
+    def start(self) -> None:
+        """Starts the thread.
+
+        Raises:
+            OSError: the folder cannot be made.
+        """
+        self.takes.room.open()
+        super().start()
 
     # The thread ----------------------------------------------------------------------------------
 

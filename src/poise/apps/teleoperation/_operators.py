@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from poise._checks import checked_count, checked_kind, checked_number
+from poise.errors import ConfigurationError
 from poise.locomotion import Device, DeviceSample, StepTeleoperator
 
 _PAUSE = (0.05, 0.75)
@@ -176,7 +177,12 @@ class PoorLink:
         self._device = checked_kind(device, Device, "the device at the end of the link")
         self._latency = checked_number(latency, "latency of the link [s]")
         self._loss = checked_number(loss, "probability of the link's losses")
-        self._jitter, self._cut = checked_number(jitter, "jitter of the link [s]"), cut
+        if loss > 1.0:
+            raise ConfigurationError(
+                "the link's losses have no probability", got=loss, wanted="0 to 1"
+            )
+        self._jitter = checked_number(jitter, "jitter of the link [s]")
+        self._cut = cut if cut == math.inf else checked_number(cut, "cut of the link [s]")
         self._rng = np.random.default_rng(checked_count(seed, "seed of the link"))
         self._under_way: list[tuple[float, DeviceSample]] = []
 

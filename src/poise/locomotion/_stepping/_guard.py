@@ -76,7 +76,7 @@ class DeviceGuard:
         self._newest: DeviceSample | None = None
         self._body = BodySample()
         self.velocity: tuple[float, float, float] = (0.0, 0.0, 0.0)
-        self._refused = False
+        self._refused, self._said_at = False, -math.inf
         self.status = DeviceStatus.LOST
 
     def check(
@@ -89,7 +89,7 @@ class DeviceGuard:
         """The sample to follow.
 
         Args:
-            sample: what came since the last tick, None for nothing.
+            sample: what came since the last tick, None for nothing; the newest again is nothing.
             time: of the robot [s].
             soles: where the left and the right sole are [m].
             grounds: where they stood last on the ground [m].
@@ -98,6 +98,8 @@ class DeviceGuard:
             Where each device is followed to, or straight below its foot where it does not hold it;
             None while neither does.
         """
+        if sample is not None and self._clock.is_newest(sample.time):
+            sample = None
         news = sample if sample is not None and self._is_news(sample, time) else None
         if news is not None:
             self._newest = news
@@ -112,9 +114,9 @@ class DeviceGuard:
             point, rate = (None, None) if news is None else (news.position(foot), news.rates[foot])
             believed = grip.update(point, rate, time, soles[foot], float(grounds[foot][2]))
             refused = refused or (grip.place is not None and point is not None and not believed)
-        held = [grip.place is not None for grip in self._grips]
+        held = self.held
         if sample is not None:
-            self._refused = refused
+            self._refused, self._said_at = refused, time
         self.status = self._status(held, time)
         if self._newest is None or not any(held):
             return None
@@ -126,6 +128,12 @@ class DeviceGuard:
         )
         newest = self._newest
         return DeviceSample(newest.time, left, right, newest.upright, body=self._body, rates=rates)
+
+    @property
+    def held(self) -> tuple[bool, bool]:
+        """Whether the left and the right device hold their feet."""
+        left, right = self._grips
+        return left.place is not None, right.place is not None
 
     def let_go(self, status: DeviceStatus) -> None:
         """Both devices let go of their feet, which somebody else leads; they may take hold anew.
@@ -140,7 +148,8 @@ class DeviceGuard:
     def _status(self, held: Sequence[bool], time: float) -> DeviceStatus:
         if not any(held):
             return DeviceStatus.LOST if self._clock.is_lost(time) else DeviceStatus.WAITING
-        silent = time - self._clock.heard_at > _MOMENT
+        # The robot's clock may have gone back.
+        silent = abs(time - self._said_at) > _MOMENT
         if self._refused and not silent:
             return DeviceStatus.REFUSED
         if not all(held):

@@ -127,11 +127,19 @@ class ModeEvents:
         """Whether the foot that is lifted has left the ground."""
         return self._landing.armed
 
-    def advance(self, device: DeviceSample | None, time: float, *, rescuing: bool) -> bool:
+    def advance(
+        self,
+        device: DeviceSample | None,
+        held: tuple[bool, bool],
+        time: float,
+        *,
+        rescuing: bool,
+    ) -> bool:
         """Moves the mode on if something happened.
 
         Args:
             device: the operator's foot devices, None while they are lost.
+            held: whether the left and the right one hold their feet.
             time: now [s].
             rescuing: whether the foot in the air is put down whatever the operator commands.
 
@@ -143,28 +151,29 @@ class ModeEvents:
             event = self._lifted(device)
         elif self.mode.single:
             ended = self._end_of_step(device, 1 - support, rescuing=rescuing)
-            event = self._ended(ended, ModeEvent.LANDED)
+            event = self._ended(ended, ModeEvent.LANDED, held[1 - support])
         else:
             ended = self._end_of_shift(device, 1 - support, time)
-            event = self._ended(ended, ModeEvent.CANCEL) or self._shift(support)
+            event = self._ended(ended, ModeEvent.CANCEL, held[1 - support]) or self._shift(support)
         if event in (ModeEvent.LIFT_LEFT, ModeEvent.LIFT_RIGHT):
             self.ended = None
         return event is not None and self._machine.advance(event, time)
 
-    def follow(self, mode: Mode, time: float) -> bool:
+    def follow(self, mode: Mode, time: float, ended: StepEnd | None) -> bool:
         """Takes over the mode from somebody else who leads the feet.
 
         Args:
             mode: what it is now.
             time: now [s].
+            ended: how that ends what the operator did; None where nothing was ended.
 
         Returns:
             Whether it has changed.
         """
+        self.ended = ended
         changed = mode is not self._machine.mode
         if changed:
             self._machine.mode, self._machine.since = mode, time
-            self.ended = None
         return changed
 
     def begin(self, device: DeviceSample | None) -> None:
@@ -176,11 +185,17 @@ class ModeEvents:
         for foot, lift in enumerate(self._lifts):
             lift.reset(0.0 if device is None else self._lift_height(device, foot))
 
-    def _ended(self, ended: StepEnd | None, event: ModeEvent) -> ModeEvent | None:
-        """The event with which a step ends, if it does."""
+    def _ended(self, ended: StepEnd | None, event: ModeEvent, held: bool) -> ModeEvent | None:
+        """The event with which a step ends, if it does.
+
+        Args:
+            ended: how, by what its foot does.
+            event: that it is.
+            held: whether the device holds its foot; that of one that does not is sent down.
+        """
         if ended is None:
             return None
-        self.ended = ended
+        self.ended = ended if held or ended is StepEnd.RESCUED else StepEnd.LOST
         return event
 
     def _lifted(self, device: DeviceSample | None) -> ModeEvent | None:
@@ -210,9 +225,9 @@ class ModeEvents:
             return None
         if rescuing:
             return StepEnd.RESCUED
-        if landed and device is not None:
+        if landed:
             return StepEnd.LANDED if has_left else StepEnd.STUCK
-        return StepEnd.LOST if landed else self._given_back(device, swing)
+        return self._given_back(device, swing)
 
     def _end_of_shift(self, device: DeviceSample | None, swing: int, time: float) -> StepEnd | None:
         """A shift that takes too long, or that nobody wants any more."""

@@ -43,10 +43,11 @@ class StepEnd(Enum):
     """How a step, or the attempt at one, ended."""
 
     LANDED = "the foot has landed"
-    LOWERED = "the device was lowered before its foot had left the ground"
-    LATE = "the weight did not get over the other foot in time; lower the device, and lift it again"
-    STUCK = "the foot went on carrying; lower the device, and lift it again"
-    RESCUED = "the foot was put down so as not to fall; lower the device, and lift it again"
+    LOWERED = "lowered before the foot had left the ground"
+    LATE = "the weight came too late; lower, and lift again"
+    STUCK = "the foot went on carrying; lower, and lift again"
+    RESCUED = "put down so as not to fall; lower, and lift again"
+    OVERRULED = "the robot stepped by itself; take hold of each foot anew"
     LOST = "the device was lost"
 
 

@@ -49,6 +49,14 @@ class SampleClock:
         self._newest = -math.inf
         self.heard_at = -math.inf
 
+    def is_newest(self, stamp: float) -> bool:
+        """Whether a sample is the newest, once more.
+
+        Args:
+            stamp: its time, on the operator's clock [s].
+        """
+        return stamp == self._newest
+
     def takes(self, stamp: float, time: float) -> bool:
         """Whether a sample counts; then it is the newest.
 
@@ -58,7 +66,7 @@ class SampleClock:
         """
         # The newest again is no news, however long nothing else has come: a source that is frozen
         # would be heard for ever.
-        if not math.isfinite(stamp) or stamp == self._newest:
+        if not math.isfinite(stamp) or self.is_newest(stamp):
             return False
         if self.is_lost(time):
             self._lateness.restart()

@@ -110,20 +110,24 @@ class DeviceSample:
         return self.left if foot == 0 else self.right
 
 
-def checked_sample(sample: object) -> DeviceSample | None:
+def checked_sample(sample: object) -> tuple[DeviceSample | None, str]:
     """What a device has given, which may be anything; its places and orientations as float64.
 
-    What is no finite number, far away or no unit quaternion is left to those who follow it, and
-    refuse it one by one; everything is of its kind and size.
+    A place or an orientation that is none becomes NaN, and the rest counts: a device that is out
+    of sight takes nothing with it. What is not finite, far away or no unit quaternion is left to
+    those who follow it, and refuse it one by one.
 
     Args:
         sample: as given; None for nothing new.
 
+    Returns:
+        The sample, and what in it is no place or orientation; "" for nothing.
+
     Raises:
-        TypeError: it is no sample, or something in it is of another kind.
+        TypeError: it is no sample, or something else in it is of another kind.
     """
     if sample is None:
-        return None
+        return None, ""
     if not isinstance(sample, DeviceSample):
         raise TypeError(f"a {type(sample).__name__} is no DeviceSample")
     body, head = _anything(sample.body), _anything(sample.head)
@@ -139,48 +143,60 @@ def checked_sample(sample: object) -> DeviceSample | None:
     _check_pair("rates", sample.rates, object)
     if not (head is None or isinstance(head, HeadSample)):
         raise TypeError(f"a {type(head).__name__} is no HeadSample")
+    read = _Vectors()
     if head is not None:
-        head = replace(head, orientation=_vector("orientation of the head", head.orientation, 4))
+        head = replace(head, orientation=read.vector("orientation of head", head.orientation, 4))
     left_hand, right_hand = sample.hands
     left_rate, right_rate = sample.rates
-    return replace(
+    good = replace(
         sample,
-        left=_vector("left", sample.left, 3),
-        right=_vector("right", sample.right, 3),
-        hands=(_hand(left_hand), _hand(right_hand)),
+        left=read.vector("left", sample.left, 3),
+        right=read.vector("right", sample.right, 3),
+        hands=(read.hand("left", left_hand), read.hand("right", right_hand)),
         head=head,
-        rates=(_maybe("rates", left_rate, 3), _maybe("rates", right_rate, 3)),
+        rates=(read.maybe("rates", left_rate, 3), read.maybe("rates", right_rate, 3)),
     )
+    return good, "; ".join(read.faults)
 
 
-def _hand(hand: HandSample | None) -> HandSample | None:
-    if hand is None:
-        return None
-    return replace(
-        hand,
-        position=_vector("position of a hand", hand.position, 3),
-        orientation=_maybe("orientation of a hand", hand.orientation, 4),
-        velocity=_maybe("velocity of a hand", hand.velocity, 3),
-    )
+class _Vectors:
+    """Reads vectors of a sample as float64: a headset's are of float32, a message's are lists.
 
+    Attributes:
+        faults: what was none.
+    """
 
-def _maybe(name: str, value: object, count: int) -> Float64[np.ndarray, " n"] | None:
-    return None if value is None else _vector(name, value, count)
+    def __init__(self) -> None:
+        self.faults: list[str] = []
 
+    def vector(self, name: str, value: object, count: int) -> Float64[np.ndarray, " n"]:
+        """So many numbers; NaN where there are others, or none."""
+        if isinstance(value, np.ndarray) and value.dtype == np.float64 and value.shape == (count,):
+            return value
+        try:
+            numbers = np.asarray(value)
+        except ValueError:
+            numbers = np.array(None)
+        if numbers.shape == (count,) and numbers.dtype.kind in "fiu":
+            return numbers.astype(np.float64)
+        if value is not None:
+            self.faults.append(f"{name} is {value!r}, not {count} numbers")
+        return np.full(count, np.nan)
 
-def _vector(name: str, value: object, count: int) -> Float64[np.ndarray, " n"]:
-    """So many numbers as an array of float64: a headset's are of float32, a message's a list."""
-    if isinstance(value, np.ndarray) and value.dtype == np.float64 and value.shape == (count,):
-        return value
-    try:
-        numbers = np.asarray(value)
-    except ValueError:
-        numbers = np.array(None)
-    if numbers.shape != (count,) or numbers.dtype.kind not in "fiu":
-        raise TypeError(
-            f"{name} of a sample is {value!r}, not {count} numbers; NaN where it is not known"
+    def maybe(self, name: str, value: object, count: int) -> Float64[np.ndarray, " n"] | None:
+        """Likewise of what need not be there."""
+        return None if value is None else self.vector(name, value, count)
+
+    def hand(self, side: str, hand: HandSample | None) -> HandSample | None:
+        """A hand; None for none."""
+        if hand is None:
+            return None
+        return replace(
+            hand,
+            position=self.vector(f"position of {side} hand", hand.position, 3),
+            orientation=self.maybe(f"orientation of {side} hand", hand.orientation, 4),
+            velocity=self.maybe(f"velocity of {side} hand", hand.velocity, 3),
         )
-    return numbers.astype(np.float64)
 
 
 def _anything(value: object) -> object:

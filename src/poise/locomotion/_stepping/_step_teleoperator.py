@@ -29,7 +29,7 @@ from poise.locomotion._stepping._gaze import GazeLeader
 from poise.locomotion._stepping._guard import DeviceGuard
 from poise.locomotion._stepping._hands import HandLeader
 from poise.locomotion._stepping._mode_events import ModeEvents
-from poise.locomotion._stepping._modes import Mode
+from poise.locomotion._stepping._modes import Mode, StepEnd
 from poise.locomotion._stepping._one_foot import WIDE, one_foot
 from poise.locomotion._stepping._own_steps import OwnSteps
 from poise.locomotion._stepping._parameters import (
@@ -85,17 +85,17 @@ class StepTeleoperator:
             or "osf"; the first when None.
 
     Raises:
-        ConfigurationError: no two feet, legs of too few joints, soles that do not fit; a start that
-            is no configuration of the robot; servos of
-            commanded velocities so soft that the robot would sway over one foot until it falls; a
-            start turned from the world's x axis at velocity level; another driver than the COM
-            shifter for torques.
+        ConfigurationError: no two feet, legs of too few joints, soles that do not fit; a device,
+            parameters or a start of another kind; servos of commanded velocities so soft that the
+            robot would sway over one foot until it falls; a start turned from the world's x axis at
+            velocity level; another driver than the COM shifter for torques.
         UnknownNameError: no such actuation, or no such controller of it.
 
     Attributes:
         robot: that is walked.
         device: says what the operator commands; None for nothing.
-        device_error: what the device raised in the last tick; None if it did not.
+        device_error: what the device raised in the last tick, or a `TypeError` of what was no
+            place or orientation in its sample; None if all was well.
         soles: names of its left and its right sole.
         parameters: in use.
         driver: in use.
@@ -120,7 +120,7 @@ class StepTeleoperator:
         solved_by: str | None = None,
     ) -> None:
         self.robot = checked_kind(robot, Robot, "the robot of the teleoperation")
-        self.device = device
+        self.device = None if device is None else checked_kind(device, Device, "the device")
         self.device_error: Exception | None = None
         self._said: type[Exception] | None = None
         self.soles = two_soles(robot)
@@ -344,22 +344,29 @@ class StepTeleoperator:
         if self.device is None:
             return None
         try:
-            sample = checked_sample(self.device.sample(time))
+            sample, fault = checked_sample(self.device.sample(time))
         except Exception as error:
-            # Each kind once, also where it fails now and then: a tick has no time for a line.
-            if type(error) is not self._said:
-                self._said = type(error)
-                _LOG.error("the device failed, and counts as silent", exc_info=error)
-            self.device_error = error
+            self._device_failed(error, "the device failed, and counts as silent")
             return None
-        self.device_error = None
+        if fault:
+            self._device_failed(TypeError(fault), "part of what the device gives is ignored")
+        else:
+            self.device_error = None
         return sample
+
+    def _device_failed(self, error: Exception, what: str) -> None:
+        self.device_error = error
+        # Each kind once, also where it fails now and then: a tick has no time for a line.
+        if type(error) is not self._said:
+            self._said = type(error)
+            _LOG.error(what, exc_info=error)
 
     def _follow_own(self, own: OwnSteps, state: RobotState, sample: DeviceSample | None) -> None:
         """The robot leads its feet by itself; the operator has to take hold of them anew."""
         own.lead(state)
         before = self.mode
-        if self._events.follow(own.mode, state.time):
+        ended = None if own.driven else StepEnd.OVERRULED
+        if self._events.follow(own.mode, state.time, ended):
             self._stance.begin(before, self.mode)
         self._stance.follow(self.mode)
         self._guard.let_go(own.status)
@@ -383,7 +390,8 @@ class StepTeleoperator:
 
     def _move_mode(self, command: DeviceSample | None, time: float) -> None:
         before = self._events.mode
-        if self._events.advance(command, time, rescuing=self._target.rescuing):
+        held, rescuing = self._guard.held, self._target.rescuing
+        if self._events.advance(command, held, time, rescuing=rescuing):
             self._stance.begin(before, self.mode)
             if before.single or self.mode.single:
                 # Not at every change of mode: an operator who cannot decide makes many, and each

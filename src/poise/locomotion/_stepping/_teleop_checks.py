@@ -33,7 +33,11 @@ def checked_start(robot: Robot, q_start: Any) -> Float64[np.ndarray, " nq"]:
     try:
         q = np.array(q_start, dtype=np.float64)
     except (TypeError, ValueError):
-        q = np.array(np.nan)
+        raise ConfigurationError(
+            f"the start is no configuration of {robot.name}",
+            got=q_start,
+            wanted="one like Robot.q_home",
+        ) from None
     fault = fault_of(RobotState(q, np.zeros(robot.nv)), robot)
     if fault:
         raise ConfigurationError(
