@@ -80,7 +80,8 @@ def test_a_foot_is_lifted_where_the_zmp_brings_the_robot_back(get_robot, foot, i
     for tick in range(20):
         places = [anchor.copy() for anchor in ours.anchors]
         places[1 - foot][2] += 0.0 if tick == 0 else 0.05
-        events.advance(DeviceSample(0.005 * tick, *places), 0.005 * tick, rescuing=False)
+        device = DeviceSample(0.005 * tick, *places)
+        events.advance(device, (True, True), 0.005 * tick, rescuing=False)
     assert events.mode.support == foot
     assert events.mode.single == lifted
 
