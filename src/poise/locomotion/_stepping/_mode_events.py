@@ -227,13 +227,13 @@ class ModeEvents:
             return StepEnd.RESCUED
         if landed:
             return StepEnd.LANDED if has_left else StepEnd.STUCK
-        return self._given_back(device, swing)
+        return StepEnd.LOWERED if self._is_given_back(device, swing) else None
 
     def _end_of_shift(self, device: DeviceSample | None, swing: int, time: float) -> StepEnd | None:
         """A shift that takes too long, or that nobody wants any more."""
         if time - self._machine.since > self._parameters.shift_timeout:
             return StepEnd.LATE
-        return self._given_back(device, swing)
+        return StepEnd.LOWERED if self._is_given_back(device, swing) else None
 
     def _shift(self, support: int) -> ModeEvent | None:
         """The weight is on the foot that shall carry, for long enough."""
@@ -258,12 +258,9 @@ class ModeEvents:
                 return False
         return True
 
-    def _given_back(self, device: DeviceSample | None, swing: int) -> StepEnd | None:
-        """Why nobody wants a foot in the air that is still on the ground; None where one does."""
-        if device is None:
-            return StepEnd.LOST
-        low = self._lifts[swing].is_low(self._lift_height(device, swing))
-        return StepEnd.LOWERED if low else None
+    def _is_given_back(self, device: DeviceSample | None, swing: int) -> bool:
+        """Whether nobody wants a foot in the air that is still on the ground."""
+        return device is None or self._lifts[swing].is_low(self._lift_height(device, swing))
 
     def _is_sent_up(self, device: DeviceSample | None, swing: int) -> bool:
         if device is None:

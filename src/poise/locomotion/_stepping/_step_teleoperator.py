@@ -37,7 +37,6 @@ from poise.locomotion._stepping._parameters import (
     for_torques,
     scaled_parameters,
 )
-from poise.locomotion._stepping._pursuit import is_point
 from poise.locomotion._stepping._reach import FootRange
 from poise.locomotion._stepping._samples import BodySample, DeviceSample, checked_sample
 from poise.locomotion._stepping._sway import check_sway
@@ -256,10 +255,7 @@ class StepTeleoperator:
         if status is None:
             return {}
         support = status.mode.support if status.mode.single else None
-        # What is no place was refused; a record wants one.
         sample = status.sample
-        said = (None, None) if sample is None else (sample.left, sample.right)
-        left, right = (place if is_point(place) else nowhere for place in said)
         planned = {
             f"planned/{sole}": float(support in (None, i)) for i, sole in enumerate(self.soles)
         }
@@ -267,8 +263,8 @@ class StepTeleoperator:
         return {
             **planned,
             **{f"target/{hand}": place for hand, place in hands},
-            "target/left device": left,
-            "target/right device": right,
+            "target/left device": nowhere if sample is None else sample.left,
+            "target/right device": nowhere if sample is None else sample.right,
             "foot_target": nowhere if status.target is None else status.target,
             "zmp_reference": status.zmp_reference,
             "estimate/zmp": status.zmp,
