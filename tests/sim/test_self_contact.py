@@ -5,7 +5,7 @@ import pinocchio as pin
 import pytest
 
 import poise
-from poise.sim import Plant, PlantConfig, Recorder
+from poise.sim import Block, BlockWatch, Plant, PlantConfig, Recorder
 
 INWARDS = {"left_shoulder_roll": -0.26, "left_shoulder_yaw": -0.6, "left_elbow": -1.2}
 """Joints of humanoid33 that take the left forearm into the trunk [rad]."""
@@ -82,6 +82,27 @@ def test_feet_stand_as_they_do_without(humanoid):
         forces.append(np.concatenate(list(plant.sole_wrenches().values())))
         assert plant.self_contacts == {}
     np.testing.assert_allclose(forces[1], forces[0], rtol=0, atol=1e-6)
+
+
+@pytest.mark.parametrize(("self_contact", "stopped"), [(False, False), (True, True)])
+def test_a_link_that_is_drawn_only_is_stopped_by_a_block(humanoid, self_contact, stopped):
+    data = humanoid.model.createData()
+    pin.framesForwardKinematics(humanoid.model, data, humanoid.q_home)
+    hand = data.oMf[humanoid.frame_id("left_hand")].translation
+    ahead = (float(hand[0]) + 0.12, float(hand[1]))
+    block = Block(center=ahead, size=(0.1, 0.1, 0.1), top=float(hand[2]) + 0.05, told=False)
+    config = PlantConfig(actuation="position", self_contact=self_contact, blocks=(block,))
+    plant = Plant(humanoid, config)
+    watch, start = BlockWatch(plant), humanoid.q_home[-humanoid.nj :]
+    pitch, touched = humanoid.joint_index("left_shoulder_pitch"), False
+    while plant.time < 0.5:
+        goal = start.copy()
+        goal[pitch] -= min(plant.time, 0.3)
+        plant.step(None, position=goal)
+        touched |= watch.touched()
+    assert touched == stopped
+    q = plant.true_state().q[-humanoid.nj :]
+    assert (q[pitch] > start[pitch] - 0.25) == stopped
 
 
 def test_a_record_says_which_links_touched_and_how_hard(humanoid):

@@ -5,6 +5,8 @@ The model is a second, independent one: it is parsed from the document, not made
 The plant made different from its description, which the controller keeps.
 """
 
+from collections.abc import Iterable
+
 import mujoco
 import numpy as np
 from jaxtyping import Float64
@@ -92,9 +94,10 @@ def build_model(robot: Robot, config: PlantConfig) -> mujoco.MjModel:
     _set_joints(spec, robot, config)
     if not any(body.geoms for body in spec.bodies[1:]):
         add_sticks(spec)
+    feet = [body for role in soles for body in _rigid_with(_body(spec, role.link, robot))]
     touching = covers(spec) if config.self_contact else []
-    for role in soles:
-        _bare_foot(_body(spec, role.link, robot))
+    _bare_feet(feet)
+    _make_solid(geom for geom in touching if geom.parent not in feet)
     _sort_geometry(spec)
     for role in robot.roles.values():
         _body(spec, role.link, robot).add_site(
@@ -166,23 +169,35 @@ def _set_joints(spec: mujoco.MjSpec, robot: Robot, config: PlantConfig) -> None:
         joint.actfrclimited = mujoco.mjtLimited.mjLIMITED_FALSE
 
 
-def _bare_foot(sole: mujoco.MjsBody) -> None:
+def _rigid_with(body: mujoco.MjsBody) -> list[mujoco.MjsBody]:
+    """All bodies that are rigidly one with it, itself among them."""
+    top = body
+    while not top.joints and top.parent.name != "world":
+        top = top.parent
+    rigid = [top]
+    # The list grows as it is gone through.
+    for part in rigid:
+        rigid += [child for child in part.bodies if not child.joints]
+    return rigid
+
+
+def _make_solid(geoms: Iterable[mujoco.MjsGeom]) -> None:
+    """Let geometry that was made to look at be met by the ground, too."""
+    for geom in geoms:
+        geom.contype, geom.conaffinity = FLOOR_ONLY
+
+
+def _bare_feet(feet: Iterable[mujoco.MjsBody]) -> None:
     """Switch off the document's own collision geometry on everything rigidly one with a sole.
 
     Contact geometry of our own takes its place, so that the ground meets the foot exactly on the
     plane of the sole.
     """
-    top = sole
-    while not top.joints and top.parent.name != "world":
-        top = top.parent
-    rigid = [top]
-    while rigid:
-        body = rigid.pop()
+    for body in feet:
         for geom in [g for g in body.geoms if g.contype or g.conaffinity]:
             # Not deleted: in an MJCF the body's mass may come from it.
             geom.contype, geom.conaffinity = 0, 0
             geom.group = _HIDDEN_GROUP
-        rigid += [child for child in body.bodies if not child.joints]
 
 
 def _sort_geometry(spec: mujoco.MjSpec) -> None:

@@ -55,7 +55,7 @@ class PlantConfig:
         self_contact: whether the robot's links touch one another, by their collision geometry, or
             where a link has none, the convex hulls of its pictures; links that touch in the home
             posture, or have two joints or fewer between them, never do. Without it they pass
-            through one another.
+            through one another, and those without collision geometry through floor and blocks.
         mass_scale: factor on the mass and inertia of every link.
         inertia_scale: a further factor on the inertia of every link.
         link_errors: links that differ from their description by themselves, each a
