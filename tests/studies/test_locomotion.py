@@ -135,6 +135,7 @@ def bound(robot):
     return stack
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("limited", [True, False])
 def test_a_far_pelvis_topples_the_robot_without_the_limit_alone(get_robot, limited):
     """A seed in which the pelvis swings far; for the whole time."""

@@ -44,9 +44,9 @@ def computed(section):
     ("section", "figure"),
     [
         ("cart_table_section", "figure-6"),
-        ("obstacle_section", "figure-8"),
+        slow("obstacle_section", "figure-8"),
         ("lift_section", "figure-10"),
-        ("switch_section", "figure-12"),
+        slow("switch_section", "figure-12"),
         slow("swing_section", "figure-14-forward"),
     ],
 )
@@ -63,6 +63,7 @@ def test_parts_have_names_of_their_own():
     assert len(set(names)) == len(names)
 
 
+@pytest.mark.slow
 def test_the_swings_claim_is_told_with_both_sets_of_weights():
     result = computed("swing_section")
     weights = [(row[0], row[1]) for row in result["rows"]]

@@ -7,6 +7,7 @@ from unittest.mock import Mock
 
 import numpy as np
 import pytest
+from slow import slow
 
 from poise.locomotion import Mode, StepTeleoperator
 
@@ -20,7 +21,13 @@ from studies.torque_teleoperation.again_section import (
     _row as again_row,
     run_trial as run_again,
 )
-from studies.torque_teleoperation.cuts_section import Trial, _finding, _row, run_trial
+from studies.torque_teleoperation.cuts_section import (
+    Outcome as CutOutcome,
+    Trial,
+    _finding,
+    _row,
+    run_trial,
+)
 from studies.torque_teleoperation.hands_section import (
     DOINGS,
     Trial as HandsTrial,
@@ -72,14 +79,9 @@ def test_a_zmp_that_comes_after_the_mode_has_not_settled(modes, times):
     assert shift_times(log) == pytest.approx(times, abs=0.011, nan_ok=True)
 
 
-@pytest.fixture(scope="module")
-def outcome():
-    """Of a foot that is in the air."""
-    return run_trial(Trial(robot="biped20", cut=1.6))
-
-
 @pytest.mark.slow
-def test_a_foot_in_the_air_comes_down_and_the_robot_rests(outcome):
+def test_a_foot_in_the_air_comes_down_and_the_robot_rests():
+    outcome = run_trial(Trial(robot="biped20", cut=1.6))
     assert outcome.mode == "SR"
     assert not outcome.fell
     assert outcome.rests
@@ -88,14 +90,19 @@ def test_a_foot_in_the_air_comes_down_and_the_robot_rests(outcome):
     assert _row(outcome)[:4] == ("biped20", 1.6, "SR", "no")
 
 
-def test_a_fall_or_a_robot_that_does_not_rest_fails_the_finding(outcome):
+def test_a_fall_or_a_robot_that_does_not_rest_fails_the_finding():
+    trial = Trial(robot="biped20", cut=1.6)
+    outcome = CutOutcome(trial=trial, mode="SR", fell=False, down_after=0.9, rests=True, tilt=0.01)
     assert _finding("biped20", [outcome]).ok
     for bad in (replace(outcome, fell=True), replace(outcome, rests=False)):
         finding = _finding("biped20", [outcome, bad])
         assert (finding.ok, finding.ours) == (False, 1)
 
 
-@pytest.fixture(scope="module", params=DOINGS)
+@pytest.fixture(
+    scope="module",
+    params=[doing if doing == "stepping" else slow(doing) for doing in DOINGS],
+)
 def pair(request):
     """With arms at rest, and with hands moved."""
     return [

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from msgspec.structs import replace as replace_pad
 from operators import listen_to, same_commands, wait_for
+from slow import slow
 
 pytest.importorskip("websockets")
 pytest.importorskip("mujoco")
@@ -102,7 +103,7 @@ def test_a_step_that_came_to_nothing_says_why_until_the_next_one(start):
     assert loop.snapshot.text == Mode.D.value
 
 
-@pytest.mark.parametrize("name", ["biped20", "g1"])
+@pytest.mark.parametrize("name", ["biped20", slow("g1")])
 def test_each_foot_makes_a_step_forward(start, name):
     operator = OperatorInputs()
     loop = start(operator, name=name)

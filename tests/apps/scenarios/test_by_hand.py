@@ -23,7 +23,8 @@ devices:
 """
 
 
-@pytest.mark.parametrize("robot", ["biped20", slow("humanoid33"), slow("g1")])
+@pytest.mark.slow
+@pytest.mark.parametrize("robot", ["biped20", "humanoid33", "g1"])
 def test_the_robot_is_walked_over_the_obstacle_by_torques(shipped_run, robot):
     outcome = shipped_run("over_an_obstacle", robot)
     assert outcome.status == 0, outcome.out + outcome.err

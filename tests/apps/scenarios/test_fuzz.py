@@ -170,6 +170,7 @@ def checked(work, kept):
     return False
 
 
+@pytest.mark.fast_cases(1)
 @pytest.mark.parametrize("seed", range(3))
 def test_mutated_files_get_to_their_first_tick_or_raise_a_poise_error(seed, monkeypatch):
     rng, count, starts = random.Random(seed), 250, bases()

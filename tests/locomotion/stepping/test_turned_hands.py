@@ -386,9 +386,10 @@ class Watched:
         return self._device.sample(time)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "step", "most"),
-    [("g1", False, 6), slow("g1", True, 6), slow("humanoid33", True, 6), slow("talos", False, 4)],
+    [("g1", False, 6), ("g1", True, 6), ("humanoid33", True, 6), ("talos", False, 4)],
 )
 def test_robots_turn_their_hands_and_keep_their_balance(get_robot, name, step, most, tmp_path):
     robot, path = get_robot(name), tmp_path / "turns.teleop"

@@ -32,6 +32,7 @@ def walked(robot, walker, stack, duration, lead=lambda time: None):
     return error, plant
 
 
+@pytest.mark.fast_cases(1)
 @pytest.mark.parametrize(("joints", "width"), LEGS)
 def test_they_walk_a_plan(get_robot_without, joints, width):
     robot = get_robot_without(joints, width=width)

@@ -5,6 +5,7 @@ import subprocess
 import sys
 
 import pytest
+from slow import slow
 
 pytest.importorskip("mujoco")
 
@@ -60,7 +61,7 @@ def walked(robot, push=(0.0, 0.0)):
     return json.loads(done.stdout)
 
 
-@pytest.mark.parametrize("robot", ["humanoid33", "g1"])
+@pytest.mark.parametrize("robot", [slow("humanoid33"), "g1"])
 def test_a_robot_walks_its_plan(get_robot, robot):
     get_robot(robot)
     walk = walked(robot)
