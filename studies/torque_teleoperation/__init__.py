@@ -4,6 +4,7 @@ from studies.plan import Part, StudyPlan
 from studies.torque_teleoperation.again_section import again_section
 from studies.torque_teleoperation.controllers_section import controllers_section
 from studies.torque_teleoperation.cuts_section import cuts_section
+from studies.torque_teleoperation.edges_section import edges_section
 from studies.torque_teleoperation.habits_section import habits_section
 from studies.torque_teleoperation.hands_section import hands_section
 from studies.torque_teleoperation.held_section import held_section
@@ -31,9 +32,10 @@ PLAN = StudyPlan(
         Part("controllers", "Each controller of torques", controllers_section),
         Part("held", "Pushed with one foot held up", held_section),
         Part("again", "Pushed again while it catches itself", again_section),
+        Part("edges", "On the edge of a bump", edges_section),
         Part("cuts", "Connections cut in mid-step", cuts_section),
         Part("hands", "Hands at random", hands_section),
         Part("standing", "Standing at velocity level", standing_section),
     ),
 )
-"""The study: ten parts."""
+"""The study: eleven parts."""

@@ -28,6 +28,14 @@ from studies.torque_teleoperation.cuts_section import (
     _row,
     run_trial,
 )
+from studies.torque_teleoperation.edges_section import (
+    Outcome as EdgeOutcome,
+    Trial as EdgeTrial,
+    _bump,
+    _finding as edge_finding,
+    _points,
+    run_trial as run_edge,
+)
 from studies.torque_teleoperation.hands_section import (
     DOINGS,
     Trial as HandsTrial,
@@ -140,6 +148,32 @@ def test_either_foot_is_held_at_the_same_place_from_where_it_stood(get_robot):
         offsets.append(moved - (start.left if left else start.right))
     np.testing.assert_allclose(offsets[0], [0.15, 0.1, 0.12])
     np.testing.assert_allclose(offsets[1], [0.15, -0.1, 0.12])
+
+
+def test_a_bump_reaches_under_the_sole_and_the_hands_go_on_in_time(get_robot):
+    sole, rng = get_robot("g1").soles["right_sole"], np.random.default_rng(0)
+    off = np.array([_bump(get_robot("g1"), np.zeros(2), rng).center for _ in range(200)])
+    assert (np.abs(off) <= 0.6 * np.array([sole.length, sole.width])).all()
+    assert (np.ptp(off, axis=0) > np.array([sole.length, sole.width])).all()
+    points = _points(0.2, 0.015, rng)
+    for side in ("left", "right"):
+        times = [point.at for point in points if getattr(point, side) is not None]
+        assert times == sorted(set(times))
+
+
+@pytest.mark.slow
+def test_on_the_edge_of_a_bump_it_stands_or_steps():
+    outcome = run_edge(EdgeTrial(robot="g1", seed=14))
+    assert not outcome.fell
+    assert outcome.alone > 0.1
+    assert outcome.tilt < 0.2
+
+
+def test_no_fall_is_allowed_on_the_edge_of_a_bump():
+    trial = EdgeTrial(robot="g1", seed=0)
+    stands = EdgeOutcome(trial=trial, fell=False, alone=1.0, stepped=True, tilt=0.1)
+    assert edge_finding([stands] * 20).ok
+    assert not edge_finding([stands] * 19 + [replace(stands, fell=True)]).ok
 
 
 def test_one_fall_in_ten_minutes_of_pushes_is_allowed():

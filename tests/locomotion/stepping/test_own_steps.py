@@ -160,6 +160,27 @@ def test_a_foot_that_stands_and_hangs_is_put_down(get_robot):
     assert teleoperator.mode is Mode.SR
 
 
+@pytest.mark.parametrize(("turn", "acts"), [(0.08, False), (0.12, True)])
+def test_where_the_only_sole_that_carries_tips_it_acts_though_it_holds_the_robot(
+    get_robot, turn, acts
+):
+    robot = get_robot("g1")
+    teleoperator = StepTeleoperator(robot, actuation="torque")
+    dynamics, own = teleoperator.estimator.dynamics, teleoperator._own
+
+    def takes_over(angle):
+        q = robot.q_home.copy()
+        q[7 + robot.joint_index("left_ankle_pitch_joint")] += angle
+        state = RobotState(q, np.zeros(robot.nv))
+        dynamics.update(state)
+        footing = replace(teleoperator._footing(), mode=Mode.SL, stance=0)
+        footing.capture_depth = 0.01
+        return own.takes_over(footing, state)
+
+    assert not takes_over(0.0)
+    assert takes_over(turn) == acts == own.acting
+
+
 def test_the_balance_outweighs_the_trunk_while_the_robot_steps_by_itself(get_robot):
     """And the operator's trunk and feet weigh what they did, once they are the operator's again."""
     teleoperator = StepTeleoperator(get_robot("g1"), actuation="torque")

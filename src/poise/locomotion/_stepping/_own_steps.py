@@ -10,6 +10,7 @@ from poise.dynamics import RobotState
 from poise.locomotion._stepping._footing import Footing
 from poise.locomotion._stepping._modes import Mode
 from poise.locomotion._stepping._samples import DeviceStatus
+from poise.locomotion._stepping._tipping import SoleTipping
 from poise.locomotion._stepping._torque_tasks import TorqueTasks
 from poise.locomotion._support import SolePart
 from poise.locomotion._walking import Walker, WalkSettings, stand_of, usual_gait
@@ -52,10 +53,11 @@ class OwnSteps:
     """Catches the robot with its own steps where the feet as they are led cannot hold it.
 
     Once the divergent component has left what carries, no ZMP brings it back: only a foot somewhere
-    else does. A `Walker` on the same stack chooses where and when, the one in the air first, foot
-    after foot, until both hold the robot at rest; and on, towards side by side, where they would be
-    farther apart than the operator can lead them. It also walks with a velocity that the
-    operator asks for, and comes back to rest, feet side by side, when that is zero again.
+    else does; and where the only sole that carries tips, it soon will have. A `Walker` on the same
+    stack chooses where and when, the one in the air first, foot after foot, until both hold the
+    robot at rest; and on, towards side by side, where they would be farther apart than the operator
+    can lead them. It also walks with a velocity that the operator asks for, and comes back to rest,
+    feet side by side, when that is zero again.
 
     Args:
         robot: a biped.
@@ -83,6 +85,7 @@ class OwnSteps:
         # Trunk and arms stay whose they are.
         self._walker = Walker(robot, tasks.stack, gait, settings, q=q_start, carry=())
         self._tasks, self._dt = tasks, dt
+        self._tipping = SoleTipping()
         self._give_back()
 
     def reset(self) -> None:
@@ -92,6 +95,7 @@ class OwnSteps:
 
     def _give_back(self) -> None:
         """The operator leads."""
+        self._tipping.reset()
         self.acting, self._rested, self._held = False, 0.0, 0.0
         self._closing: float | None = None
         self._velocity, self._driven = (0.0, 0.0, 0.0), False
@@ -160,7 +164,7 @@ class OwnSteps:
             footing: of the tick.
             state: of the robot.
         """
-        held = footing.capture_depth >= 0.0
+        held = footing.capture_depth >= 0.0 and not self._tipping.update(footing)
         airborne = footing.other if footing.mode.single else self._walker.hanging
         # One that is about to be lifted may hang.
         hangs = airborne is not None and footing.mode.support in (None, airborne)
