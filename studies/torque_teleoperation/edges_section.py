@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
+from jaxtyping import Float64
 
 from poise.apps.teleoperation import run_teleop
 from poise.locomotion import Mode, ScriptedDevice, StepTeleoperator, WayPoint
@@ -36,8 +37,8 @@ _LANDED, _KICKED, _KICK = 3.4, 4.8, 0.5
 _KICKS = ((-0.1, 0.3), (0.0, 0.1), (0.05, 0.2))
 """Where kicks go to, from where the foot stood: ahead, outwards, up; least and most [m]."""
 
-_AFTER = 1.9
-"""From the last kick to the end [s]."""
+_REST = 1.0
+"""How long is looked at after the foot has been put down [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,7 +85,7 @@ def run_trial(trial: Trial) -> Outcome:
         robot,
         lambda t: ScriptedDevice(points, t.resting_sample.left, t.resting_sample.right),
         plant,
-        duration=points[-1].at + 1.0,
+        duration=points[-1].at + _REST,
         seed=trial.seed,
     )
     return Outcome(
@@ -96,7 +97,7 @@ def run_trial(trial: Trial) -> Outcome:
     )
 
 
-def _bump(robot: Robot, under: np.ndarray, rng: np.random.Generator) -> Block:
+def _bump(robot: Robot, under: Float64[np.ndarray, "2"], rng: np.random.Generator) -> Block:
     """A bump somewhere under a sole whose centre comes to lie there [m]."""
     sole = robot.soles["right_sole"]
     off = rng.uniform(-0.6, 0.6, 2) * (sole.length, sole.width)
@@ -130,7 +131,7 @@ def _points(stride: float, height: float, rng: np.random.Generator) -> list[WayP
         time += _KICK
     places += [
         (time + 0.5, (stride, 0.0, _CLEAR)),
-        (time + _AFTER - 1.0, (stride, 0.0, -_PRESS)),
+        (time + 0.9, (stride, 0.0, -_PRESS)),
     ]
     return [*points, *(WayPoint(at=at, left=place) for at, place in places)]
 

@@ -265,7 +265,7 @@ def test_no_state_makes_a_step_raise(get_robot, kind, data):
 
 
 @KINDS
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(
     seed=st.integers(0, 2**31),
     spread=st.floats(0.0, 3.0),

@@ -26,6 +26,7 @@ devices:
 @pytest.mark.slow
 @pytest.mark.parametrize("robot", ["biped20", "humanoid33", "g1"])
 def test_the_robot_is_walked_over_the_obstacle_by_torques(shipped_run, robot):
+    """On biped20 it is the main job, which `.ci/run` runs with its checks."""
     outcome = shipped_run("over_an_obstacle", robot)
     assert outcome.status == 0, outcome.out + outcome.err
     assert outcome.summary["fell"] is False

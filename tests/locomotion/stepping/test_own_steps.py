@@ -262,7 +262,7 @@ def test_walking_by_velocity_and_stepping_by_hand_change_over(get_robot, height)
     began, ended = log.time[walks][[0, -1]]
     assert began == pytest.approx(1.0, abs=0.01)
     assert 2.5 < ended < 5.0
-    assert log.com[-1, 0] - log.com[0, 0] > 0.2
+    assert log.com[-1, 0] - log.com[0, 0] > 0.24
     # It stands, feet side by side, and the operator's foot is led again.
     then = np.searchsorted(log.time, 5.1)
     assert log.mode[then] == MODES.index(Mode.D)
