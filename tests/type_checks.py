@@ -17,8 +17,11 @@ from types import FunctionType
 
 import jaxtyping
 
-FIRST = 10
-"""Calls of a function that are checked in each test, before what is checked is a sample."""
+FIRST = 2
+"""Calls of a function that are checked in each test, before what is checked is a sample.
+
+The first call often comes from a constructor, with all at rest; the second from what is tried. With
+ten a test of a small thing took a third longer."""
 
 EVERY = 1000
 """So many calls after them are not checked, then one is, and so on; of those that count."""

@@ -32,8 +32,10 @@ def checked_number(value: float, what: str, *, above: float | None = None) -> fl
     """
     wanted = "a finite number >= 0" if above is None else f"a finite number > {above:g}"
     try:
-        # `float` reads texts; who computes with the value afterwards does not.
-        number = None if isinstance(value, str | bytes) else float(value)
+        given = np.asarray(value)
+        # `float` reads texts and truth values, too, which nobody means as numbers.
+        taken = given.ndim == 0 and given.dtype.kind in "fiuO"
+        number = float(value) if taken else None
     except (TypeError, ValueError, OverflowError):
         number = None
     if number is None:
