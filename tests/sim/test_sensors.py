@@ -4,6 +4,7 @@ import pytest
 from small_biped import torque
 
 from poise.sim import Plant, PlantConfig, SensorConfig
+from poise.sim._sensors import Sensors
 
 
 def run(robot, sensors, seed=0, ticks=200, look_every=1):
@@ -77,13 +78,39 @@ def test_orientation_noise_turns_the_base_by_the_configured_angle(biped):
     assert np.std(turns) == pytest.approx(sigma, rel=0.1)
 
 
+@pytest.mark.parametrize(
+    ("field", "pick"),
+    [
+        ("joint_position_bias", lambda s: s.q[7:]),
+        ("force_bias", lambda s: np.r_[s.contacts["left_sole"][:3], s.contacts["right_sole"][:3]]),
+        ("moment_bias", lambda s: np.r_[s.contacts["left_sole"][3:], s.contacts["right_sole"][3:]]),
+    ],
+)
+def test_a_bias_is_constant_and_each_run_has_its_own(biped, field, pick):
+    sigma, config = 0.01, SensorConfig(**{field: 0.01})
+    measured, true = run(biped, config, ticks=20)
+    errors = np.array([pick(m) - pick(t) for m, t in zip(measured, true, strict=True)])
+    np.testing.assert_allclose(errors, errors[[0] * len(errors)], atol=1e-10)
+    np.testing.assert_array_equal(measured[-1].v, true[-1].v)
+    drawn = [
+        pick(Sensors(config, base_dofs=6, delay_ticks=0, seed=seed).reset(true[0])) - pick(true[0])
+        for seed in range(200)
+    ]
+    assert np.std(drawn) == pytest.approx(sigma, rel=0.15)
+    assert abs(np.mean(drawn)) < 4.0 * sigma / np.sqrt(np.size(drawn))
+    # No two joints, soles or axes have the same.
+    assert np.abs(np.corrcoef(np.transpose(drawn)) - np.eye(len(drawn[0]))).max() < 0.5
+
+
 def noisy():
     return SensorConfig(
         encoder_resolution=1e-4,
         joint_velocity_noise=0.05,
         gyro_noise=0.02,
         base_orientation_noise=0.01,
+        joint_position_bias=0.005,
         force_noise=5.0,
+        force_bias=3.0,
         delay=0.002,
     )
 

@@ -2,8 +2,9 @@
 
 import math
 from collections import deque
+from collections.abc import Iterable
 from dataclasses import dataclass, fields
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from jaxtyping import Float64
@@ -23,11 +24,14 @@ _MAX_TILT = 0.5
 class SensorConfig:
     """Resolution, noise and delay of the measurements; all zero means the true state.
 
-    Noise is white and normal; each value is its standard deviation.
+    Noise is white and normal; each value is its standard deviation. A bias is drawn from a normal
+    distribution, once a run.
 
     Attributes:
         encoder_resolution: smallest step of the joint encoders [rad].
         joint_position_noise: noise of the joint positions, before quantisation [rad].
+        joint_position_bias: constant error of the joint positions, as of joints that were zeroed
+            badly, drawn once a joint with this deviation [rad].
         joint_velocity_noise: noise of the joint velocities [rad/s].
         base_position_noise: noise of the base position [m].
         base_orientation_noise: noise of the base orientation, as a rotation vector [rad].
@@ -36,9 +40,12 @@ class SensorConfig:
         base_velocity_noise: noise of the base linear velocity [m/s].
         gyro_noise: noise of the base angular velocity [rad/s].
         force_noise: noise of the sole forces [N].
+        force_bias: constant error of the sole forces, drawn once a sole and axis with this
+            deviation [N].
         moment_noise: noise of the sole moments [N m].
+        moment_bias: constant error of the sole moments, drawn likewise [N m].
         accelerometer_noise: noise of the specific force that an estimator reads [m/s^2].
-        accelerometer_bias: its constant error, drawn once an axis with this deviation [m/s^2].
+        accelerometer_bias: its constant error, drawn likewise once an axis [m/s^2].
         gyro_bias: constant error of the angular velocity that an estimator reads, drawn likewise;
             `v` is without it, as a unit that knows its own bias gives it [rad/s].
         torque_noise: noise of the motors' torques that an estimator reads [N m].
@@ -47,6 +54,7 @@ class SensorConfig:
 
     encoder_resolution: Deviation = 0.0
     joint_position_noise: Deviation = 0.0
+    joint_position_bias: Deviation = 0.0
     joint_velocity_noise: Deviation = 0.0
     base_position_noise: Deviation = 0.0
     base_orientation_noise: Deviation = 0.0
@@ -57,7 +65,9 @@ class SensorConfig:
     base_velocity_noise: Deviation = 0.0
     gyro_noise: Deviation = 0.0
     force_noise: Deviation = 0.0
+    force_bias: Deviation = 0.0
     moment_noise: Deviation = 0.0
+    moment_bias: Deviation = 0.0
     accelerometer_noise: Deviation = 0.0
     accelerometer_bias: Deviation = 0.0
     gyro_bias: Deviation = 0.0
@@ -85,6 +95,13 @@ class SensorConfig:
         return all(not np.any(getattr(self, f.name)) for f in fields(self))
 
 
+class _Errors(NamedTuple):
+    """What joints [rad] and soles [N, N m] are off by all the time."""
+
+    joints: Float64[np.ndarray, " nj"]
+    soles: dict[str, Float64[np.ndarray, "6"]]
+
+
 class Sensors:
     """Turns one true state a control period into one measurement, with memory for the delay.
 
@@ -105,6 +122,7 @@ class Sensors:
         self._floating = base_dofs == 6
         self._seed = seed
         self._wrench_noise = np.repeat([config.force_noise, config.moment_noise], 3)
+        self._wrench_bias = np.repeat([config.force_bias, config.moment_bias], 3)
         self._buffer: deque[RobotState] = deque(maxlen=delay_ticks + 1)
         self._restart()
 
@@ -120,7 +138,11 @@ class Sensors:
         # estimator reads.
         self._unit_rng = np.random.default_rng((self._seed, 1))
         self._gyro_bias = self._config.gyro_bias * self._unit_rng.standard_normal(3)
-        self._force_bias = self._config.accelerometer_bias * self._unit_rng.standard_normal(3)
+        self._specific_force_bias = (
+            self._config.accelerometer_bias * self._unit_rng.standard_normal(3)
+        )
+        # Drawn when the first state says how many joints and which soles there are.
+        self._errors: _Errors | None = None
 
     def measure(self, state: RobotState) -> RobotState:
         """Measure the true state of this control period.
@@ -142,22 +164,34 @@ class Sensors:
             v[:3] += c.base_velocity_noise * rng.standard_normal(3)
             v[3:6] += c.gyro_noise * rng.standard_normal(3)
         joints_q, joints_v = q[7 * self._floating :], v[6 * self._floating :]
+        if self._errors is None:
+            self._errors = self._draw_errors(joints_q.size, state.contacts)
+        joints_q += self._errors.joints
         joints_q += c.joint_position_noise * rng.standard_normal(joints_q.size)
         joints_v += c.joint_velocity_noise * rng.standard_normal(joints_v.size)
         if c.encoder_resolution > 0.0:
             joints_q[:] = c.encoder_resolution * np.rint(joints_q / c.encoder_resolution)
         contacts = {
-            n: w + self._wrench_noise * rng.standard_normal(6) for n, w in state.contacts.items()
+            n: w + self._errors.soles[n] + self._wrench_noise * rng.standard_normal(6)
+            for n, w in state.contacts.items()
         }
         readings = None if state.readings is None else self._corrupt_readings(state.readings, v)
         return RobotState(q=q, v=v, contacts=contacts, time=state.time, readings=readings)
+
+    def _draw_errors(self, joints: int, soles: Iterable[str]) -> _Errors:
+        """From numbers of their own: what else is drawn does not depend on them."""
+        c, rng = self._config, np.random.default_rng((self._seed, 2))
+        return _Errors(
+            c.joint_position_bias * rng.standard_normal(joints),
+            {sole: self._wrench_bias * rng.standard_normal(6) for sole in soles},
+        )
 
     def _corrupt_readings(
         self, true: SensorReadings, v: Float64[np.ndarray, " nv"]
     ) -> SensorReadings:
         """One gyro has one noise: that of the angular velocity in `v`."""
         c, rng = self._config, self._unit_rng
-        force = true.specific_force + self._force_bias
+        force = true.specific_force + self._specific_force_bias
         return SensorReadings(
             v[3:6] + self._gyro_bias,
             force + c.accelerometer_noise * rng.standard_normal(3),
