@@ -7,6 +7,7 @@ import sys
 
 import numpy as np
 import pytest
+from slow import slow
 
 from benchmarks.rigid_plant import Encoder, Gravity
 from poise.dynamics import Dynamics, RobotState
@@ -110,15 +111,29 @@ def test_whole_resolves_are_counted_in_full():
     assert count_resolve(robot, "proposed", "exact", v) > counts["proposed"]
 
 
-@pytest.fixture(scope="module")
-def study(tmp_path_factory):
+FIGURES = {
+    "figure-5": ("[m/s²]", "[°/s²]", "time [s]"),
+    "figure-6": ("[°/s²]", "[0.001°]", "time [s]"),
+    "figure-humanoid": ("[mm]", "[%]", "time [s]"),
+    "figure-model-error": ("[mm]", "[°]", "[-]"),
+}
+"""Of the simulated parts, and units that their axes have."""
+
+
+@pytest.fixture(scope="module", params=["some parts", slow("all parts")])
+def study(request, tmp_path_factory):
     """The quick study from the command line, in a process whose loops are not type-checked."""
-    folder = tmp_path_factory.mktemp("study")
+    folder, parts, figures = tmp_path_factory.mktemp("study"), [], [*FIGURES]
+    if request.param == "some parts":
+        parts, figures = (
+            ["--part", "gravity", "--part", "encoders", "--part", "humanoid"],
+            figures[:3],
+        )
     start = "import sys; from studies.__main__ import main; from poise import _progress; "
     start += "_progress.LINE_EVERY = float('inf'); sys.exit(main(sys.argv[1:]))"
     command = [sys.executable, "-W", "error", "-c", start, "bias-acceleration"]
     done = subprocess.run(
-        [*command, "--quick", "--json", "--out", str(folder)],
+        [*command, *parts, "--quick", "--json", "--out", str(folder)],
         capture_output=True,
         text=True,
         check=False,
@@ -127,27 +142,18 @@ def study(tmp_path_factory):
     assert done.stderr == ""
     rows = [json.loads(line) for line in done.stdout.splitlines()]
     assert rows == json.loads((folder / "study.json").read_text())
-    return folder, {row["name"]: row for row in rows}, len(rows)
-
-
-@pytest.mark.slow
-def test_every_part_has_a_result_and_findings_have_names_of_their_own(study):
-    _, found, count = study
-    assert not [name for name in found if name.startswith("part ")]
-    assert len(found) == count
+    found = {row["name"]: row for row in rows}
+    assert len(found) == len(rows), "two findings of one name"
+    assert not [name for name in found if name.startswith("part ")], "a part without a result"
+    return folder, found, figures
 
 
 def test_the_page_and_every_figure_are_there_with_units_on_the_axes(study):
-    folder, _, _ = study
+    folder, _, figures = study
     page = (folder / "study.html").read_text()
-    for name, units in (
-        ("figure-5", ("[m/s²]", "[°/s²]", "time [s]")),
-        ("figure-6", ("[°/s²]", "[0.001°]", "time [s]")),
-        ("figure-model-error", ("[mm]", "[°]", "[-]")),
-        ("figure-humanoid", ("[mm]", "[%]", "time [s]")),
-    ):
+    for name in figures:
         svg = (folder / f"{name}.svg").read_text()
-        assert [unit for unit in units if unit not in svg] == []
+        assert [unit for unit in FIGURES[name] if unit not in svg] == []
         assert f'<figure id="{name}"' in page
 
 

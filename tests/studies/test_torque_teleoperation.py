@@ -7,7 +7,6 @@ from unittest.mock import Mock
 
 import numpy as np
 import pytest
-from slow import slow
 
 from poise.locomotion import Mode, StepTeleoperator
 
@@ -38,6 +37,7 @@ from studies.torque_teleoperation.edges_section import (
 )
 from studies.torque_teleoperation.hands_section import (
     DOINGS,
+    Outcome as HandsOutcome,
     Trial as HandsTrial,
     _finding as hands_finding,
     _row as hands_row,
@@ -107,20 +107,15 @@ def test_a_fall_or_a_robot_that_does_not_rest_fails_the_finding():
         assert (finding.ok, finding.ours) == (False, 1)
 
 
-@pytest.fixture(
-    scope="module",
-    params=[doing if doing == "stepping" else slow(doing) for doing in DOINGS],
-)
-def pair(request):
+def hands_trials(doing):
     """With arms at rest, and with hands moved."""
-    return [
-        run_hands(HandsTrial(doing=request.param, moving=moving, seed=0, seconds=3.0))
-        for moving in (False, True)
-    ]
+    return [HandsTrial(doing=doing, moving=moving, seed=0, seconds=3.0) for moving in (False, True)]
 
 
-def test_hands_at_random_upset_nothing(pair):
-    rest, moved = pair
+@pytest.mark.slow
+@pytest.mark.parametrize("doing", DOINGS)
+def test_hands_at_random_upset_nothing(doing):
+    rest, moved = (run_hands(trial) for trial in hands_trials(doing))
     assert not moved.fell
     assert moved.seconds == pytest.approx(3.0)
     # By how much depends on the arms at rest, too: standing, those have the COM within 3 mm since
@@ -130,8 +125,11 @@ def test_hands_at_random_upset_nothing(pair):
     assert hands_row(moved)[:4] == ("g1", moved.trial.doing, "moved, 1 kg", "no")
 
 
-def test_a_fall_or_a_com_that_is_further_off_fails_the_finding(pair):
-    rest, moved = pair
+def test_a_fall_or_a_com_that_is_further_off_fails_the_finding():
+    rest, moved = (
+        HandsOutcome(trial=trial, fell=False, seconds=3.0, error=0.01, tilt=0.1, lag=0.1)
+        for trial in hands_trials("stepping")
+    )
     assert hands_finding(rest, replace(moved, error=1.9 * rest.error)).ok
     for bad in (replace(moved, fell=True), replace(moved, error=2.1 * rest.error)):
         assert not hands_finding(rest, bad).ok

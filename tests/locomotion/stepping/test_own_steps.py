@@ -228,6 +228,7 @@ def test_a_trunk_that_was_thrown_over_is_led_back_little_by_little(get_robot, le
         np.testing.assert_allclose(step, far * back / np.linalg.norm(back), atol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_push_that_throws_the_trunk_is_survived_upright(get_robot):
     run = pushed(get_robot("g1"), 0.65, 90, [], 4.0)
     assert not run.fell

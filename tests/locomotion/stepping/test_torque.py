@@ -157,7 +157,7 @@ def test_each_controller_of_torques_solves_the_same_stack(get_robot):
     np.testing.assert_allclose(first_torque(robot, "osf"), usual, atol=0.01)
 
 
-@pytest.mark.parametrize("name", [slow("reduced"), "osf"])
+@pytest.mark.parametrize("name", [slow("reduced"), slow("osf")])
 def test_a_step_is_led_whichever_controller_finds_the_torques(get_robot, tmp_path, name):
     points = (WayPoint(at=0.4, right=(0.0, 0.0, 0.0)), WayPoint(at=1.0, right=(0.0, 0.0, 0.06)))
     options = {"plant": TORQUE_TELEOP_PLANT.with_noise(), "recording": tmp_path / "x.teleop"}
