@@ -32,6 +32,9 @@ _ATTITUDE = math.radians(0.5)
 
 _SLOPE, _FRICTION, _MASS, _DELAY = math.radians(3.0), 0.5, 0.1, 0.010
 _WORSE_ATTITUDE, _GYRO_BIAS, _ACCELEROMETER_BIAS = math.radians(1.0), 0.01, 0.1
+_JOINT_ERROR, _CELL_ERROR, _CELL_LEVER = math.radians(0.3), 0.01, 0.1
+"""Of the joints [rad], of the soles' forces, over the weight, and of their moments, over those
+forces [m]."""
 _PUSH, _PUSH_TIME, _PUSH_EVERY = 0.2, 0.1, (3.0, 7.0)
 """A push changes the robot's velocity by this [m/s] within this time [s], and how often [s]."""
 
@@ -62,8 +65,15 @@ def _as_described(plant: PlantConfig, robot: Robot, seed: int) -> PlantConfig:
 
 
 def _wrongly_measured(plant: PlantConfig, robot: Robot, seed: int) -> PlantConfig:
-    del robot
-    biases = replace(plant.sensors, gyro_bias=_GYRO_BIAS, accelerometer_bias=_ACCELEROMETER_BIAS)
+    force = _CELL_ERROR * robot.weight
+    biases = replace(
+        plant.sensors,
+        gyro_bias=_GYRO_BIAS,
+        accelerometer_bias=_ACCELEROMETER_BIAS,
+        joint_position_bias=_JOINT_ERROR,
+        force_bias=force,
+        moment_bias=_CELL_LEVER * force,
+    )
     return with_attitude(replace(plant, sensors=biases), _WORSE_ATTITUDE, seed)
 
 
@@ -119,7 +129,8 @@ CONDITIONS: dict[str, Change] = {
 }
 """What is changed, by name; as described the sensors have noise and an attitude off by 0.5 degrees.
 
-Off by a constant are the attitude, by 1 degree, and gyroscope and accelerometer, by a bias each."""
+Off by a constant are the attitude, by 1 degree, and gyroscope, accelerometer, joints and load
+cells, by a bias each."""
 
 
 def changed_plant(robot: Robot, level: str, condition: str, seed: int) -> PlantConfig:

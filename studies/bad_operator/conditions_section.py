@@ -41,7 +41,8 @@ def conditions_section(options: StudyOptions, progress: Progress) -> Section:
         prose=(
             f"{count} seeds of {seconds:.0f} s each, from seed {first}. As described the sensors "
             "have noise, and the attitude is off by half a degree; “sensors off by a constant” is "
-            "1 degree, and a bias of gyroscope and accelerometer. Asked: at torque level at "
+            "1 degree, and a bias of gyroscope, accelerometer, joints (0.3 degrees) and load cells "
+            "(1% of the weight). Asked: at torque level at "
             f"most one fall in {FALL_EVERY:.0f} minutes, at velocity level of biped20 as described "
             "none; the rest of velocity level is told, not asked for.",
             f"But under “{SOLID}” and “{MIXED}” the simulation lets limbs go through each other: "

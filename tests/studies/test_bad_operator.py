@@ -133,8 +133,10 @@ def test_every_condition_changes_what_it_says_and_nothing_else(get_robot):
     changed = {name: change(plant, robot, 3) for name, change in conditions.CONDITIONS.items()}
     told = {"as described", conditions.PUSHED}
     assert {name for name, other in changed.items() if other == plant} == told
-    error = changed["sensors off by a constant"].sensors.base_orientation_error
-    assert np.rad2deg(np.linalg.norm(error)) == pytest.approx(1.0)
+    sensors = changed["sensors off by a constant"].sensors
+    assert np.rad2deg(np.linalg.norm(sensors.base_orientation_error)) == pytest.approx(1.0)
+    assert np.rad2deg(sensors.joint_position_bias) == pytest.approx(0.3)
+    assert sensors.force_bias == pytest.approx(0.01 * robot.weight)
     assert np.rad2deg(np.linalg.norm(changed["slope of 3 degrees"].floor_slope)) == pytest.approx(3)
     mixed = changed[conditions.MIXED]
     assert mixed.self_contact
