@@ -5,7 +5,7 @@ import pytest
 from legs import bent, soles_of
 
 from poise.locomotion import StepTeleoperator, TeleopParameters
-from poise.locomotion._stepping._biped import leg_geometry
+from poise.locomotion._stepping._biped import leg_geometry, leg_joints
 from poise.locomotion._stepping._reach import FootRange
 from poise.robots import standing_posture
 
@@ -58,11 +58,11 @@ def test_a_hip_that_comes_down_by_what_it_is_too_high_has_the_foot_in_reach(get_
     assert np.linalg.norm(place + leg.ankle - moved) == pytest.approx(0.98 * leg.length)
 
 
-def too_low_with_ankle(robot, lean, thigh=0.6):
+def too_low_with_ankle(robot, lean, thigh=0.6, *, alone=False):
     """With level soles and shanks that lean so."""
     dynamics, reach = bent(robot, -thigh, thigh + lean, -lean), range_of(robot)
     return [
-        reach.too_low(foot, place, reach.hip(foot, dynamics), FORWARD)
+        reach.too_low(foot, place, reach.hip(foot, dynamics), FORWARD, alone=alone)
         for foot, place in enumerate(soles_of(dynamics))
     ]
 
@@ -76,6 +76,41 @@ def test_the_hip_is_too_low_as_soon_as_the_ankle_bends_too_far(get_robot, name, 
     assert max(too_low_with_ankle(robot, lean - 0.15)) < 0.0
 
 
+def knee_torque(dynamics, foot):
+    """Of a robot at rest whose weight is on the middle of one sole, over what the knee has."""
+    robot = dynamics.robot
+    sole = list(robot.soles)[foot]
+    knee = leg_joints(robot, sole)[3]
+    row = robot.base_dofs + knee
+    pressed = dynamics.frame(robot.frame_id(sole)).jacobian[2, row] * robot.weight
+    return abs(float(dynamics.h[row] - pressed)) / float(robot.tau_max[knee])
+
+
+@pytest.mark.parametrize("name", ["biped20", "talos"])
+@pytest.mark.parametrize("foot", [0, 1])
+def test_the_hip_is_too_low_as_soon_as_the_knee_holds_no_more(get_robot, name, foot):
+    robot = get_robot(name)
+    leans = np.linspace(0.3, LEAN_SHARE * leg_of(robot).lean_max - 0.01, 60)
+    held = [knee_torque(bent(robot, -0.6, 0.6 + lean, -lean), foot) <= 0.6 for lean in leans]
+    low = [too_low_with_ankle(robot, lean, alone=True)[foot] > 0.0 for lean in leans]
+    assert held[0]
+    assert not held[-1]
+    # Shank and foot hang on the knee, too, and are not counted.
+    assert abs(low.index(True) - held.index(False)) <= 2
+    # Beside another one the leg holds half of it.
+    assert max(too_low_with_ankle(robot, leans[low.index(True) + 1])) < 0.0
+
+
+def test_a_knee_that_is_too_weak_at_home_leaves_no_room_to_come_down(get_robot):
+    for name, weak in (("romeo", True), ("human", False), ("biped20", False)):
+        robot = get_robot(name)
+        teleoperator = StepTeleoperator(robot)
+        dynamics, reach = teleoperator.estimator.dynamics, range_of(robot)
+        place, hip = teleoperator.estimator.anchors[0], reach.hip(0, dynamics)
+        assert (reach.too_weak(0, place, hip, FORWARD) > 0.0) == weak
+        assert (knee_torque(dynamics, 0) > 0.6) == weak
+
+
 @pytest.mark.parametrize(("name", "off"), [("biped20", 1e-9), ("talos", 1e-9), ("g1", 0.02)])
 def test_the_hip_is_too_low_for_a_leg_that_folds_no_deeper(get_robot, name, off):
     robot = get_robot(name)
@@ -85,7 +120,7 @@ def test_the_hip_is_too_low_for_a_leg_that_folds_no_deeper(get_robot, name, off)
     leg = leg_of(robot)
     long = np.linalg.norm(hip - place - leg.ankle) / leg.length
     missing = [
-        range_of(robot, fold_min=fold).too_low(0, place, hip, FORWARD)
+        range_of(robot, fold_min=fold).too_low(0, place, hip, FORWARD, alone=False)
         for fold in (long - 0.05, long, long + 0.05)
     ]
     assert missing[1] == pytest.approx(0.0, abs=off)
@@ -178,7 +213,7 @@ def test_a_robot_that_stands_is_neither_too_high_nor_too_low(get_robot):
     for foot, place in enumerate(controller.estimator.anchors):
         hip = reach.hip(foot, dynamics)
         assert reach.too_high(foot, place, hip, STAY) < 0.0
-        assert reach.too_low(foot, place, hip, FORWARD) < 0.0
+        assert reach.too_low(foot, place, hip, FORWARD, alone=True) < 0.0
 
 
 def test_feet_span_what_they_may_be_led_to_and_little_more(get_robot):

@@ -61,6 +61,7 @@ class LegGeometry:
         knee_range: angles of the knee that leave it bent [rad].
         lean_max: how far the shank can lean forward over a level sole [rad].
         roll_max: how far it can lean to either side [rad].
+        knee_lever: how far beside the line of the weight the knee can be and hold all of it [m].
         relief: how far the body should lean over the foot that carries, for a hip that neither
             holds it up nor turns in enough beside it [rad].
     """
@@ -73,6 +74,7 @@ class LegGeometry:
     knee_range: tuple[float, float]
     lean_max: float
     roll_max: float
+    knee_lever: float
     relief: float
 
 
@@ -110,8 +112,21 @@ def leg_geometry(robot: Robot, sole: str, knee_min: float) -> LegGeometry:
         knee_range=knee_range,
         lean_max=_range_about(axes @ foot.rotation, _PITCH, lower, upper)[0],
         roll_max=min(_range_about(axes @ foot.rotation, _ROLL, lower, upper)),
+        knee_lever=_knee_lever(robot, joints),
         relief=relief,
     )
+
+
+_KNEE_LOAD = 0.6
+"""Part of the knee's torque to stand with on one leg: the body is raised again by the rest, and the
+other leg swung. `human` with 0.75 came down on a knee at its torque, and went on down."""
+
+
+def _knee_lever(robot: Robot, joints: list[int]) -> float:
+    """Lever at which a knee holds all that is above it, by what of its torque it may [m]."""
+    below = sum(float(robot.model.inertias[j + 2].mass) for j in joints[KNEE:])
+    torque = float(robot.tau_max[joints[KNEE]])
+    return _KNEE_LOAD * torque / (GRAVITY * (robot.mass - below))
 
 
 _HIP_LOAD, _HIP_TURN = 0.75, 0.8

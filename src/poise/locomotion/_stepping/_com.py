@@ -88,12 +88,15 @@ class ComHeight:
         self._velocity = velocity
 
     def room_below(self, footing: Footing) -> float:
-        """How far the COM may still come down [m].
+        """How far the COM may still come down over the foot that carries [m].
 
         Args:
             footing: of the tick.
         """
-        return max(0.0, float(footing.dynamics.com[2]) - self._lowest(footing))
+        reach, stance = self._range, footing.stance
+        hip = reach.hip(stance, footing.dynamics)
+        too_weak = reach.too_weak(stance, footing.anchors[stance], hip, footing.heading)
+        return max(0.0, min(float(footing.dynamics.com[2]) - self._lowest(footing), -too_weak))
 
     def velocity(self, footing: Footing, target: Float64[np.ndarray, "3"]) -> float:
         """Velocity of the COM upwards [m/s].
@@ -124,9 +127,12 @@ class ComHeight:
             for shift in (_HERE, to_zmp):
                 too_high = max(too_high, reach.too_high(foot, place, hips[foot], shift))
         # A leg that carries bends no further than its ankle lets the sole stay level.
-        too_low = -math.inf
+        too_low, carries = -math.inf, footing.mode.support
         for foot in (stance,) if footing.mode.single else (0, 1):
-            too_low = max(too_low, reach.too_low(foot, anchors[foot], hips[foot], footing.heading))
+            lacking = reach.too_low(
+                foot, anchors[foot], hips[foot], footing.heading, alone=foot == carries
+            )
+            too_low = max(too_low, lacking)
         lowest = max(height + too_low, self._lowest(footing))
         usual = self._height + footing.ground
         asked = max(usual + self.offset, min(usual, lowest))

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from poise.dynamics import Dynamics
-from poise.locomotion._stepping._biped import leg_geometry
+from poise.locomotion._stepping._biped import LegGeometry, leg_geometry
 from poise.locomotion._stepping._parameters import TeleopParameters
 from poise.robots import Robot
 
@@ -15,6 +15,9 @@ _ROLL_RATIO = 0.8
 
 _LEAN_RATIO = 0.9
 """Part of the ankle's pitch that the shank may lean forward by."""
+
+_SHARED = 0.5
+"""Part of the weight that a leg holds beside the other one."""
 
 _SPARE = 0.08
 """How much farther apart than they may be led feet may stand where the robot has put them [m]:
@@ -44,6 +47,8 @@ class FootRange:
         self._ankles: list[list[float]] = [leg.ankle.tolist() for leg in self._legs]
         self._reach = [(1.0 - parameters.reach_margin) * leg.length for leg in self._legs]
         self._fold = [parameters.fold_min * leg.length for leg in self._legs]
+        # Held up by its knee: alone, and beside the other one.
+        self._strong = [(_strong_lean(leg, 1.0), _strong_lean(leg, _SHARED)) for leg in self._legs]
         # A level sole beside the hip takes as much roll of the ankle as the leg leans.
         sides = [
             reach * float(np.sin(min(_ROLL_RATIO * leg.roll_max, 0.5 * np.pi)))
@@ -149,26 +154,85 @@ class FootRange:
         place: Float64[np.ndarray, "3"],
         hip: Float64[np.ndarray, "3"],
         heading: Float64[np.ndarray, "2"],
+        *,
+        alone: bool,
     ) -> float:
         """How far the hip is too low for a leg that carries; negative for room [m].
 
         Its ankle keeps the sole level: a leg that bends leans its shank forward, the more so the
-        further the hip is ahead. And it folds no deeper than it may.
+        further the hip is ahead. So its knee comes ahead of the weight, no farther than its torque
+        holds that. And it folds no deeper than it may.
 
         Args:
             foot: 0 left, 1 right.
             place: of the sole [m].
             hip: of the foot's leg [m].
             heading: unit vector forward, x and y.
+            alone: whether it is to carry all of the weight.
         """
-        leg, (arm_x, arm_y, arm_z) = self._legs[foot], self._ankles[foot]
+        ahead, aside, z = self._to_hip(foot, place, hip, heading)
+        lean = min(_LEAN_RATIO * self._legs[foot].lean_max, self._strong[foot][0 if alone else 1])
+        folded = math.sqrt(max(self._fold[foot] ** 2 - ahead * ahead - aside * aside, 0.0))
+        return max(self._level(foot, ahead, aside, lean), folded) - z
+
+    def too_weak(
+        self,
+        foot: int,
+        place: Float64[np.ndarray, "3"],
+        hip: Float64[np.ndarray, "3"],
+        heading: Float64[np.ndarray, "2"],
+    ) -> float:
+        """How far the hip is too low for the knee of a leg that carries alone; negative for room.
+
+        Args:
+            foot: 0 left, 1 right.
+            place: of the sole [m].
+            hip: of the foot's leg [m].
+            heading: unit vector forward, x and y.
+
+        Returns:
+            The distance [m].
+        """
+        ahead, aside, z = self._to_hip(foot, place, hip, heading)
+        return self._level(foot, ahead, aside, self._strong[foot][0]) - z
+
+    def _to_hip(
+        self,
+        foot: int,
+        place: Float64[np.ndarray, "3"],
+        hip: Float64[np.ndarray, "3"],
+        heading: Float64[np.ndarray, "2"],
+    ) -> tuple[float, float, float]:
+        """From ankle to hip, forward, to the left and up [m]."""
+        arm_x, arm_y, arm_z = self._ankles[foot]
         forward_x, forward_y = heading.tolist()
         (hip_x, hip_y, hip_z), (x, y, z) = hip.tolist(), place.tolist()
         x, y, z = hip_x - x - arm_x, hip_y - y - arm_y, hip_z - z - arm_z
-        lean = _LEAN_RATIO * leg.lean_max
-        ahead, aside = x * forward_x + y * forward_y, y * forward_x - x * forward_y
-        # The shank as far forward as it goes, and the thigh from its knee to the hip.
+        return x * forward_x + y * forward_y, y * forward_x - x * forward_y, z
+
+    def _level(self, foot: int, ahead: float, aside: float, lean: float) -> float:
+        """Height of the hip over the ankle with the shank so far forward [m].
+
+        Args:
+            foot: 0 left, 1 right.
+            ahead: how far the hip is ahead of the ankle [m].
+            aside: and how far to its left [m].
+            lean: of the shank [rad].
+        """
+        leg = self._legs[foot]
+        # From the knee to the hip.
         thigh = leg.thigh**2 - (ahead - leg.shank * math.sin(lean)) ** 2 - aside * aside
-        level = leg.shank * math.cos(lean) + math.sqrt(max(thigh, 0.0))
-        folded = math.sqrt(max(self._fold[foot] ** 2 - ahead * ahead - aside * aside, 0.0))
-        return max(level, folded) - z
+        return leg.shank * math.cos(lean) + math.sqrt(max(thigh, 0.0))
+
+
+def _strong_lean(leg: LegGeometry, share: float) -> float:
+    """How far forward a shank may lean for its knee to hold a part of the weight [rad].
+
+    The weight rests on the middle of the sole.
+
+    Args:
+        leg: whose shank.
+        share: the part.
+    """
+    ahead = leg.knee_lever / share - float(leg.ankle[0])
+    return math.asin(min(max(ahead / leg.shank, 0.0), 1.0))
