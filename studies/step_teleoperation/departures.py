@@ -145,8 +145,10 @@ DEPARTURES = (
         rule="COM comes down for the legs to reach (`stoop_max`)",
         paper="a constant COM height (15b)",
         reason="the COM comes down as far as the legs need for their feet, now and at the end of a "
-        "shift, but no lower than the ankles' pitch lets the soles that carry stay level, and for "
-        "no target below the floor: the body would be coming down when the foot lands",
+        "shift, but no lower than the ankles' pitch lets the soles that carry stay level and than "
+        "knees hold up with 0.7 of their torque (on one leg all of the weight, on two half of it "
+        "each), and for no target below the floor: the body would be coming down when the foot "
+        "lands",
         taken_back={"stoop_max": _NONE},
     ),
     Departure(

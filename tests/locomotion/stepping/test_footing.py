@@ -88,12 +88,12 @@ def test_the_com_comes_down_by_a_part_of_its_height_above_the_ground_that_carrie
     assert room == pytest.approx(com - (0.9 * com - lifted))
 
 
-def test_over_a_knee_that_is_weak_the_com_comes_down_less_or_not_at_all(get_robot):
+def test_over_a_knee_that_is_weak_the_com_comes_down_less(get_robot):
     room = {}
     for name in ("romeo", "human", "humanoid33"):
         teleoperator = StepTeleoperator(get_robot(name))
         room[name] = teleoperator._height.room_below(teleoperator._footing())
-    assert room["romeo"] == 0.0
+    assert 0.0 < room["romeo"] < 0.01
     assert 0.01 < room["human"] < 0.1
     assert room["humanoid33"] > 0.1
 
