@@ -1,28 +1,21 @@
 """`CONDITIONS`: what is not as the controller takes it to be, under the bad operator.
 
-`run_trial`: one seed of it, at either level.
+`OTHER_PLANTS`: robots and simulators that nothing was tuned on. `pushes`: when somebody pushes.
 """
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from functools import cache
+from dataclasses import replace
 
-import mujoco
 import numpy as np
 
 from poise.apps.teleoperation import (
     TORQUE_TELEOP_PLANT,
     VELOCITY_TELEOP_PLANT,
-    BadOperator,
-    TeleopRun,
-    run_teleop,
     terrain_blocks,
 )
-from poise.locomotion import Mode
-from poise.robots import Robot, load_robot
+from poise.robots import Robot
 from poise.sim import PlantConfig
-from studies.bad_operator.habits import HabitualOperator
 
 PLANTS = {"velocity": VELOCITY_TELEOP_PLANT, "torque": TORQUE_TELEOP_PLANT}
 """What the robot is simulated on, by what it is commanded."""
@@ -35,6 +28,7 @@ _WORSE_ATTITUDE, _GYRO_BIAS, _ACCELEROMETER_BIAS = math.radians(1.0), 0.01, 0.1
 _JOINT_ERROR, _CELL_ERROR, _CELL_LEVER = math.radians(0.3), 0.01, 0.1
 """Of the joints [rad], of the soles' forces, over the weight, and of their moments, over those
 forces [m]."""
+_JOINT_FRICTION, _JOINT_DAMPING, _BANDWIDTH, _SOFT, _INERTIA = 0.5, 0.3, 40.0, 0.02, 1.3
 _PUSH, _PUSH_TIME, _PUSH_EVERY = 0.2, 0.1, (3.0, 7.0)
 """A push changes the robot's velocity by this [m/s] within this time [s], and how often [s]."""
 
@@ -64,16 +58,22 @@ def _as_described(plant: PlantConfig, robot: Robot, seed: int) -> PlantConfig:
     return plant
 
 
-def _wrongly_measured(plant: PlantConfig, robot: Robot, seed: int) -> PlantConfig:
+def _zeroed_badly(plant: PlantConfig, robot: Robot, seed: int) -> PlantConfig:
+    del robot, seed
+    return replace(plant, sensors=replace(plant.sensors, joint_position_bias=_JOINT_ERROR))
+
+
+def _weighed_badly(plant: PlantConfig, robot: Robot, seed: int) -> PlantConfig:
+    del seed
     force = _CELL_ERROR * robot.weight
-    biases = replace(
-        plant.sensors,
-        gyro_bias=_GYRO_BIAS,
-        accelerometer_bias=_ACCELEROMETER_BIAS,
-        joint_position_bias=_JOINT_ERROR,
-        force_bias=force,
-        moment_bias=_CELL_LEVER * force,
-    )
+    biases = replace(plant.sensors, force_bias=force, moment_bias=_CELL_LEVER * force)
+    return replace(plant, sensors=biases)
+
+
+def _wrongly_measured(plant: PlantConfig, robot: Robot, seed: int) -> PlantConfig:
+    for change in (_zeroed_badly, _weighed_badly):
+        plant = change(plant, robot, seed)
+    biases = replace(plant.sensors, gyro_bias=_GYRO_BIAS, accelerometer_bias=_ACCELEROMETER_BIAS)
     return with_attitude(replace(plant, sensors=biases), _WORSE_ATTITUDE, seed)
 
 
@@ -113,6 +113,45 @@ def _mixed(plant: PlantConfig, robot: Robot, seed: int) -> PlantConfig:
     return plant
 
 
+def _with_friction(plant: PlantConfig, robot: Robot, seed: int) -> PlantConfig:
+    del robot, seed
+    return replace(plant, joint_friction=_JOINT_FRICTION, joint_damping=_JOINT_DAMPING)
+
+
+def _with_slow_motors(plant: PlantConfig, robot: Robot, seed: int) -> PlantConfig:
+    del robot, seed
+    return replace(plant, torque_bandwidth=_BANDWIDTH)
+
+
+def _on_soft_ground(plant: PlantConfig, robot: Robot, seed: int) -> PlantConfig:
+    del robot, seed
+    return replace(plant, contact_time_constant=_SOFT)
+
+
+def _with_half_the_step(plant: PlantConfig, robot: Robot, seed: int) -> PlantConfig:
+    del robot, seed
+    return replace(plant, physics_dt=0.5 * plant.physics_dt)
+
+
+def _with_inertia(plant: PlantConfig, robot: Robot, seed: int) -> PlantConfig:
+    del robot, seed
+    return replace(plant, inertia_scale=_INERTIA)
+
+
+def _all_of_another_plant(plant: PlantConfig, robot: Robot, seed: int) -> PlantConfig:
+    for change in (
+        _with_friction,
+        _with_slow_motors,
+        _on_soft_ground,
+        _with_half_the_step,
+        _with_inertia,
+        _zeroed_badly,
+        _weighed_badly,
+    ):
+        plant = change(plant, robot, seed)
+    return plant
+
+
 PUSHED, SOLID, MIXED = "pushes of 0.2 m/s", "links that touch", "all of them"
 
 CONDITIONS: dict[str, Change] = {
@@ -132,6 +171,20 @@ CONDITIONS: dict[str, Change] = {
 Off by a constant are the attitude, by 1 degree, and gyroscope, accelerometer, joints and load
 cells, by a bias each."""
 
+OTHER_PLANTS: dict[str, Change] = {
+    "joints with friction": _with_friction,
+    "motors of 40 Hz": _with_slow_motors,
+    "soft contacts": _on_soft_ground,
+    "half the physics step": _with_half_the_step,
+    "1.3 times the inertia": _with_inertia,
+    "joints zeroed badly": _zeroed_badly,
+    "load cells off": _weighed_badly,
+    "all of another plant": _all_of_another_plant,
+}
+"""Another robot, or another setting of the simulator, than anything was tuned on: joints have dry
+friction of 0.5 N m and damping of 0.3 N m s/rad, motors follow with 40 Hz, contacts give way for
+0.02 s, and joints and load cells have the errors that `CONDITIONS` has of them."""
+
 
 def changed_plant(robot: Robot, level: str, condition: str, seed: int) -> PlantConfig:
     """A plant with noise, an attitude that is off, and a condition.
@@ -139,11 +192,11 @@ def changed_plant(robot: Robot, level: str, condition: str, seed: int) -> PlantC
     Args:
         robot: on it.
         level: what is commanded, see `PLANTS`.
-        condition: see `CONDITIONS`.
+        condition: see `CONDITIONS` and `OTHER_PLANTS`.
         seed: of all that is drawn by chance.
     """
     plant = with_attitude(PLANTS[level].with_noise(), _ATTITUDE, seed)
-    return CONDITIONS[condition](plant, robot, seed)
+    return (CONDITIONS | OTHER_PLANTS)[condition](plant, robot, seed)
 
 
 Push = tuple[int, tuple[float, float, float], float]
@@ -180,116 +233,3 @@ def pushes(robot: Robot, seed: int, seconds: float, dt: float) -> list[Push]:
         found.append(push(robot, _PUSH, float(rng.uniform(0.0, 2.0 * math.pi)), time, dt))
         time += float(rng.uniform(*_PUSH_EVERY))
     return found
-
-
-@dataclass(frozen=True, kw_only=True)
-class Trial:
-    """What a worker is asked for: a robot, a level, a condition, a seed, and a time [s].
-
-    The operator has one of the `HABITS`, or "" for the bad one, who has none. `solved_by` names
-    the controller; None for the usual one.
-    """
-
-    robot: str
-    level: str
-    condition: str
-    seed: int
-    seconds: float
-    habit: str = ""
-    solved_by: str | None = None
-
-
-@dataclass(frozen=True, kw_only=True)
-class Outcome:
-    """What became of a trial.
-
-    Attributes:
-        trial: which.
-        fell: whether the robot fell.
-        seconds: how long it stood [s].
-        steps: how often a foot was lifted.
-        tilt: largest angle of the torso [rad].
-        apart: least distance of one leg from the other, negative where they go through each other,
-            which nothing prevents but where links touch [m].
-    """
-
-    trial: Trial
-    fell: bool
-    seconds: float
-    steps: int
-    tilt: float
-    apart: float
-
-
-@cache
-def _robot(name: str) -> Robot:
-    return load_robot(name)
-
-
-def run_trial(trial: Trial) -> Outcome:
-    """Runs a trial."""
-    robot, seed = _robot(trial.robot), trial.seed
-    plant = changed_plant(robot, trial.level, trial.condition, seed)
-    pushed = trial.condition in (PUSHED, MIXED)
-    run = run_teleop(
-        robot,
-        lambda teleoperator: (
-            HabitualOperator(teleoperator, trial.habit, seed)
-            if trial.habit
-            else BadOperator(teleoperator, seed)
-        ),
-        plant,
-        duration=trial.seconds,
-        seed=seed,
-        pushes=pushes(robot, seed, trial.seconds, plant.control_dt) if pushed else (),
-        solved_by=trial.solved_by,
-    )
-    log = run.log
-    return Outcome(
-        trial=trial,
-        fell=run.fell,
-        seconds=run.plant.time,
-        steps=len(log.entries(Mode.SL)) + len(log.entries(Mode.SR)),
-        tilt=float(log.tilt.max()),
-        apart=legs_apart(run),
-    )
-
-
-_LOOK_EVERY = 0.2
-"""Time from one look at the legs to the next [s]."""
-
-_FAR = 0.3
-"""Legs that are further apart are not measured [m]."""
-
-
-def legs_apart(run: TeleopRun) -> float:
-    """The least distance of one leg's shapes from the other's while the robot stood, at most 0.3 m.
-
-    Args:
-        run: finished; its plant is not changed.
-    """
-    plant, teleoperator = run.plant, run.teleoperator
-    model, data = plant.model, mujoco.MjData(plant.model)
-    left, right = (_leg_shapes(run, sole) for sole in teleoperator.soles)
-    log, nearest = run.log, _FAR
-    every = round(_LOOK_EVERY / plant.control_dt)
-    # What a robot that falls does with its legs is no matter.
-    upright = np.flatnonzero(log.time < log.time[-1] - (1.0 if run.fell else 0.0))
-    for row in upright[::every]:
-        data.qpos[:] = plant.map.qpos(log.q[row])
-        mujoco.mj_kinematics(model, data)
-        for one in left:
-            for other in right:
-                distance = mujoco.mj_geomDistance(model, data, one, other, nearest, None)
-                nearest = min(nearest, distance)
-    return float(nearest)
-
-
-def _leg_shapes(run: TeleopRun, sole: str) -> list[int]:
-    """What of a leg may touch something, from the knee down: thighs are near each other as made."""
-    model, robot = run.plant.model, run.plant.robot
-    # Pinocchio counts the world and the floating base before the joints.
-    joints = [run.plant.map.joints[j - 2] for j in robot.leg_joints(sole)[3:]]
-    bodies = [int(model.jnt_bodyid[joint]) for joint in joints]
-    solid = np.flatnonzero(model.geom_contype | model.geom_conaffinity)
-    return [int(g) for g in solid if int(model.geom_bodyid[g]) in bodies]

@@ -1,15 +1,8 @@
 """The bad operator at both levels, on a robot with large soles and one with small ones."""
 
-from studies.bad_operator.conditions import (
-    CONDITIONS,
-    MIXED,
-    PLANTS,
-    SOLID,
-    Outcome,
-    Trial,
-    run_trial,
-)
+from studies.bad_operator.conditions import CONDITIONS, MIXED, PLANTS, SOLID
 from studies.bad_operator.falls_asked import FALL_EVERY, minutes
+from studies.bad_operator.led_trial import Outcome, Trial, run_trial
 from studies.finding import Finding, Section, Table
 from studies.plan import Progress, StudyOptions
 from studies.trials import run_each

@@ -5,7 +5,7 @@
 
 from collections.abc import Sequence
 
-from studies.bad_operator.conditions import Outcome
+from studies.bad_operator.led_trial import Outcome
 from studies.finding import Finding
 
 FALL_EVERY = 10.0

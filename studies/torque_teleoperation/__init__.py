@@ -8,7 +8,11 @@ from studies.torque_teleoperation.edges_section import edges_section
 from studies.torque_teleoperation.habits_section import habits_section
 from studies.torque_teleoperation.hands_section import hands_section
 from studies.torque_teleoperation.held_section import held_section
-from studies.torque_teleoperation.operators_section import mixed_section, operators_section
+from studies.torque_teleoperation.operators_section import (
+    mixed_section,
+    operators_section,
+    plants_section,
+)
 from studies.torque_teleoperation.scenarios_section import scenarios_section
 from studies.torque_teleoperation.standing_section import standing_section
 
@@ -28,6 +32,7 @@ PLAN = StudyPlan(
         Part("scenarios", "The paper's scenarios", scenarios_section),
         Part("operators", "Bad operators", operators_section),
         Part("mixed", "G1 under all conditions at once", mixed_section),
+        Part("plants", "Other plants", plants_section),
         Part("habits", "Operators with habits", habits_section),
         Part("controllers", "Each controller of torques", controllers_section),
         Part("held", "Pushed with one foot held up", held_section),
@@ -38,4 +43,4 @@ PLAN = StudyPlan(
         Part("standing", "Standing at velocity level", standing_section),
     ),
 )
-"""The study: eleven parts."""
+"""The study: twelve parts."""

@@ -2,8 +2,9 @@
 
 import numpy as np
 
-from studies.bad_operator.conditions import CONDITIONS, MIXED, Outcome, Trial, run_trial
+from studies.bad_operator.conditions import CONDITIONS, MIXED
 from studies.bad_operator.falls_asked import FALL_EVERY, falls_finding, minutes
+from studies.bad_operator.led_trial import Outcome, Trial, run_trial
 from studies.finding import Finding, Section, Table
 from studies.plan import Progress, StudyOptions
 from studies.trials import run_each

@@ -2,8 +2,9 @@
 
 import numpy as np
 
-from studies.bad_operator.conditions import CONDITIONS, MIXED, Outcome, Trial, run_trial
+from studies.bad_operator.conditions import CONDITIONS, MIXED, OTHER_PLANTS
 from studies.bad_operator.falls_asked import FALL_EVERY, falls_finding, minutes
+from studies.bad_operator.led_trial import Outcome, Trial, run_trial
 from studies.finding import Section, Table
 from studies.plan import Progress, StudyOptions
 from studies.trials import run_each
@@ -22,6 +23,11 @@ def mixed_section(options: StudyOptions, progress: Progress) -> Section:
     Both keep the same trials: who runs one after the other runs none of them again.
     """
     return _section(("g1",), (MIXED,), options, progress)
+
+
+def plants_section(options: StudyOptions, progress: Progress) -> Section:
+    """The section of plants that nothing was tuned on."""
+    return _section(("g1", "humanoid33"), tuple(OTHER_PLANTS), options, progress)
 
 
 def _section(
@@ -67,6 +73,8 @@ def _section(
 
 
 def _seeds(condition: str, options: StudyOptions) -> int:
+    if condition in OTHER_PLANTS:
+        return options.count(5, 1)
     return options.count(200 if condition == "as described" else 50, 3)
 
 

@@ -1,6 +1,6 @@
 """The study of the bad operator: same outcome on any number of cores, and falls that are kept."""
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
@@ -8,9 +8,14 @@ from unchecked import run_unchecked
 
 pytest.importorskip("mujoco")
 
-from poise.apps.teleoperation import VELOCITY_TELEOP_PLANT, replay_teleop, run_teleop
+from poise.apps.teleoperation import (
+    TORQUE_TELEOP_PLANT,
+    VELOCITY_TELEOP_PLANT,
+    replay_teleop,
+    run_teleop,
+)
 from poise.locomotion import ScriptedDevice, read_recording
-from studies.bad_operator import conditions
+from studies.bad_operator import conditions, led_trial
 from studies.bad_operator.conditions_section import _finding, _row
 from studies.bad_operator.falls_section import Outcome, Trial, _finding as falls_finding, run_trial
 from studies.trials import run_each
@@ -35,7 +40,7 @@ def test_outcomes_do_not_depend_on_the_processes():
 FALL = """
 import json, sys
 from pathlib import Path
-from dataclasses import replace
+from dataclasses import asdict, replace
 from studies.bad_operator.falls_section import Trial, run_trial
 from poise.locomotion import StepTeleoperator, read_recording
 from poise.apps.teleoperation import replay_teleop
@@ -145,11 +150,26 @@ def test_every_condition_changes_what_it_says_and_nothing_else(get_robot):
     assert mixed.sensors.delay == 0.01
 
 
+def test_every_other_plant_changes_something_and_the_last_one_all_of_it(get_robot):
+    robot, plant = get_robot("g1"), TORQUE_TELEOP_PLANT.with_noise()
+
+    def changed(change):
+        other = asdict(change(plant, robot, 3))
+        other |= other.pop("sensors")
+        return {key: value for key, value in other.items() if usual[key] != value}
+
+    usual = asdict(plant)
+    usual |= usual.pop("sensors")
+    *single, every = map(changed, conditions.OTHER_PLANTS.values())
+    assert all(single)
+    assert every == {key: value for change in single for key, value in change.items()}
+
+
 @pytest.fixture(scope="module")
 def outcome():
     """Three seconds at velocity level."""
-    return conditions.run_trial(
-        conditions.Trial(
+    return led_trial.run_trial(
+        led_trial.Trial(
             robot="biped20", level="velocity", condition="as described", seed=200_000, seconds=3.0
         )
     )

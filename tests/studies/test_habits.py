@@ -9,8 +9,9 @@ pytest.importorskip("mujoco")
 
 from poise.locomotion import StepTeleoperator
 from poise.robots import load_robot
-from studies.bad_operator.conditions import MIXED, Outcome, Trial, run_trial
+from studies.bad_operator.conditions import MIXED
 from studies.bad_operator.habits import HABITS, HabitualOperator
+from studies.bad_operator.led_trial import Outcome, Trial, run_trial
 from studies.torque_teleoperation.habits_section import _finding, _row
 
 SECONDS, DT = 12.0, 0.002
