@@ -31,7 +31,7 @@ def test_what_only_converts_to_a_number_is_none(value):
 
 @pytest.mark.parametrize("value", [-1.0, float("nan"), float("inf")], ids=repr)
 def test_a_number_out_of_range_is_refused(value):
-    with pytest.raises(ConfigurationError, match="the length is"):
+    with pytest.raises(ConfigurationError, match="the length is out of range"):
         checked_number(value, "the length")
 
 
