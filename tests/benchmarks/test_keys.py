@@ -14,6 +14,7 @@ from benchmarks.keys import KeysBench, bench_keys
 from poise.errors import ConfigurationError, PoiseError
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(shutil.which("chromium") is None, reason="no chromium on this machine")
 def test_presses_and_releases_are_timed(capsys):
     assert main(["keys", "--robot", "humanoid33", "--presses", "2", "--json"]) == 0

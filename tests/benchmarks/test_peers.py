@@ -252,6 +252,7 @@ def test_a_worker_that_dies_is_said_with_its_last_words(tmp_path, recording):
         PeerProcess("placo", script, recording, "table1")
 
 
+@pytest.mark.slow
 def test_without_an_interpreter_it_says_what_to_install_and_times_the_rest():
     environment = {k: v for k, v in os.environ.items() if not k.startswith("POISE_")}
     command = [sys.executable, "-m", "benchmarks", "peers", "--ticks", "10", "--json"]

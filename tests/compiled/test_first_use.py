@@ -105,6 +105,7 @@ def test_a_bar_where_somebody_looks_on(folder):
     assert "s left" in said
 
 
+@pytest.mark.slow
 def test_two_processes_at_once(folder):
     both = [start(folder), start(folder)]
     for process in both:

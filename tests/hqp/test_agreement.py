@@ -10,7 +10,7 @@ from poise.hqp._measure import measure_point
 
 from .random_problems import random_problem
 
-BATCH = 250
+BATCH = 125
 AGREEMENT = 1e-6  # of level residuals, relative to the level's scale
 OPTIMALITY = {"direct": 1e-8, "cascade": 1e-6}  # of forces that do not balance, relative
 

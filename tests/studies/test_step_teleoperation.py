@@ -45,7 +45,7 @@ def computed(section):
     [
         ("cart_table_section", "figure-6"),
         slow("obstacle_section", "figure-8"),
-        ("lift_section", "figure-10"),
+        slow("lift_section", "figure-10"),
         slow("switch_section", "figure-12"),
         slow("swing_section", "figure-14-forward"),
     ],

@@ -83,6 +83,7 @@ def test_another_code_takes_no_results_of_the_former_and_leaves_them(trials, tmp
     assert len(list((tmp_path / "out" / "trials").iterdir())) == 2
 
 
+@pytest.mark.slow
 def test_what_was_done_before_a_trial_without_outcome_is_kept(trials, tmp_path):
     run(trials[:1], tmp_path / "out")
     with pytest.raises(PoiseError, match="no square of 1"):

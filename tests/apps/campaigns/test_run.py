@@ -76,6 +76,7 @@ def run(two):
     return run
 
 
+@pytest.mark.slow
 def test_real_episodes_in_two_processes_give_rows_that_replay(campaign, tmp_path):
     """What a user does, once in full: run, look, go on, replay."""
     seen = []

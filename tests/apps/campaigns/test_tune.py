@@ -125,6 +125,7 @@ def test_an_interrupted_tuning_goes_on_as_if_it_had_not_been(tmp_path):
     assert values(again) == values(whole)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("unplotted")
 def test_a_tuning_may_be_made_longer(tmp_path):
     _, whole = tuned(tmp_path / "a", trials=7)

@@ -315,6 +315,7 @@ def test_a_failed_check_leads_to_its_moment_and_says_how_it_came():
     assert "torque of &lt;left_knee&gt; at its limit (0.25 s)" in row
 
 
+@pytest.mark.slow
 def test_a_user_style_of_matplotlib_changes_nothing(usual_page, tmp_path):
     import matplotlib
 

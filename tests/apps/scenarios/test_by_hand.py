@@ -37,7 +37,8 @@ def test_the_robot_is_walked_over_the_obstacle_by_torques(shipped_run, robot):
     assert np.abs(record["error/pelvis orientation"]).max() < 0.1
 
 
-@pytest.mark.parametrize("robot", ["biped20", slow("g1")])
+@pytest.mark.slow
+@pytest.mark.parametrize("robot", ["biped20", "g1"])
 def test_the_robot_is_walked_over_the_obstacle_by_velocities(shipped_run, robot):
     outcome = shipped_run("over_an_obstacle_velocity", robot)
     assert outcome.status == 0, outcome.out + outcome.err

@@ -113,6 +113,7 @@ def test_a_run_records_both_and_measures_by_both():
     assert not view.payload.any()
 
 
+@pytest.mark.slow
 def test_a_robot_heavier_than_described_is_found_so_and_the_report_shows_it():
     scenario = load_scenario("stand")
     plant = replace(scenario.plant, mass_scale=1.1)

@@ -214,6 +214,7 @@ def running(folder, *arguments):
     raise AssertionError(f"the run did not get going: {process.communicate()}")
 
 
+@pytest.mark.slow
 def test_ctrl_c_in_a_terminal_leaves_summary_and_report(tmp_path, scenario_file):
     folder = tmp_path / "out"
     process = running(folder, scenario_file(stand(500.0)))

@@ -105,7 +105,8 @@ checks:
 """
 
 
-@pytest.mark.parametrize("controller", ["whole_body", slow("reduced")])
+@pytest.mark.slow
+@pytest.mark.parametrize("controller", ["whole_body", "reduced"])
 def test_a_walk_of_a_file_leaves_its_figures(tmp_path, controller):
     file = tmp_path / "short_walk.yaml"
     file.write_text(SHORT)
@@ -127,7 +128,7 @@ def assert_holds(outcome):
     assert outcome.summary["controller"] == "osf"
 
 
-@pytest.mark.parametrize("robot", ["panda", slow("arm6"), slow("ur5")])
+@pytest.mark.parametrize("robot", [slow("panda"), "arm6", slow("ur5")])
 def test_an_arm_reaches_under_the_operational_space_formulation(shipped_run, robot):
     assert_holds(shipped_run("reach_arm", robot))
 

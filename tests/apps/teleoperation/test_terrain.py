@@ -110,6 +110,7 @@ def test_a_plant_with_blocks_survives_a_recordings_header(get_robot, terrain):
     assert plant_from_json(json.loads(json.dumps(plant_to_json(plant)))) == plant
 
 
+@pytest.mark.slow
 def test_a_replay_has_the_terrain_of_its_recording_and_the_same_commands(get_robot, tmp_path):
     robot, path = get_robot("biped20"), tmp_path / "run.teleop"
     # The foot stands on the first stair when the run ends.

@@ -72,6 +72,7 @@ def test_a_robot_walks_its_plan(get_robot, robot):
     assert walk["x"] > 0.5
 
 
+@pytest.mark.slow
 def test_a_push_moves_a_foothold_and_the_walk_goes_on():
     walk = walked("humanoid33", (0.0, 0.3))
     assert not walk["fallen"]
