@@ -227,6 +227,17 @@ def test_unknown_strategies_and_controllers_are_refused(robot):
         make_controller(robot, plan=ControllerPlan(name="wholebody"))
 
 
+@pytest.mark.parametrize("name", ["osf", "differential_ik"])
+@pytest.mark.parametrize("setting", [{"backend": "daqp"}, {"time_limit": 0.1}], ids=str)
+def test_who_takes_no_setting_of_a_solver_says_who_does(robot, name, setting):
+    (what,) = setting
+    with pytest.raises(ConfigurationError, match=f"{name} takes no {what}; ") as refused:
+        make_controller(robot, plan=ControllerPlan(name=name, **setting))
+    assert refused.value.choices == ("whole_body", "reduced")
+    for choice in refused.value.choices:
+        make_controller(robot, plan=ControllerPlan(name=choice, strategy="cascade", **setting))
+
+
 def test_a_stack_serves_one_robot(get_robot):
     stack = default_stack(get_robot("humanoid33"))
     WholeBodyController(get_robot("humanoid33"), stack)

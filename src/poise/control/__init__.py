@@ -9,6 +9,7 @@ from poise.control._make import (
     ControllerPlan,
     check_plan as check_plan,
     make_controller,
+    refuse_solver_settings as refuse_solver_settings,
 )
 from poise.control._osf import OperationalSpaceController
 from poise.control._rank import RankTreatment

@@ -46,11 +46,13 @@ class ControllerKind:
         strategies: how it can solve, the default first.
         make: makes one, with the strategy filled in.
         actuation: what it commands, and what a plant must take.
+        solver_settings: whether it takes `backend` and `time_limit` of a plan.
     """
 
     strategies: tuple[str, ...]
     make: Callable[[Robot, Stack | None, ControllerPlan, str, Dynamics | None], Controller]
     actuation: Literal["torque", "velocity"] = "torque"
+    solver_settings: bool = False
 
 
 def _by_programs(
@@ -78,9 +80,8 @@ def _by_programs(
 
 
 def _osf(
-    robot: Robot, stack: Stack | None, plan: ControllerPlan, _: str, dynamics: Dynamics | None
+    robot: Robot, stack: Stack | None, _plan: ControllerPlan, _: str, dynamics: Dynamics | None
 ) -> Controller:
-    _refuse_solver_settings(plan, "the operational space formulation", "it solves in closed form")
     return OperationalSpaceController(robot, stack, dynamics=dynamics)
 
 
@@ -91,23 +92,16 @@ def _differential_ik(
     strategy: str,
     dynamics: Dynamics | None,
 ) -> Controller:
-    _refuse_solver_settings(plan, "differential inverse kinematics", "its problems are small")
     return DifferentialIK(robot, stack, dt=plan.dt, strategy=strategy, dynamics=dynamics)
 
 
-def _refuse_solver_settings(plan: ControllerPlan, controller: str, why: str) -> None:
-    for value, what in ((plan.backend, "backend"), (plan.time_limit, "time_limit")):
-        if value is not None:
-            raise ConfigurationError(
-                f"{controller} has no {what}: {why}",
-                got=value,
-                wanted=f"no {what}, or controller whole_body",
-            )
-
-
 CONTROLLERS: Mapping[str, ControllerKind] = {
-    "whole_body": ControllerKind(strategies=STRATEGIES, make=_by_programs(WholeBodyController)),
-    "reduced": ControllerKind(strategies=STRATEGIES, make=_by_programs(ReducedController)),
+    "whole_body": ControllerKind(
+        strategies=STRATEGIES, make=_by_programs(WholeBodyController), solver_settings=True
+    ),
+    "reduced": ControllerKind(
+        strategies=STRATEGIES, make=_by_programs(ReducedController), solver_settings=True
+    ),
     "osf": ControllerKind(strategies=("fused",), make=_osf),
     "differential_ik": ControllerKind(
         strategies=IK_STRATEGIES, make=_differential_ik, actuation="velocity"
@@ -121,6 +115,7 @@ def check_plan(plan: ControllerPlan) -> ControllerKind:
 
     Raises:
         UnknownNameError: no such controller or strategy.
+        ConfigurationError: a setting that this controller does not take.
     """
     if plan.name not in CONTROLLERS:
         raise UnknownNameError("no such controller", got=plan.name, choices=CONTROLLERS)
@@ -131,7 +126,28 @@ def check_plan(plan: ControllerPlan) -> ControllerKind:
             got=plan.strategy,
             choices=kind.strategies,
         )
+    if not kind.solver_settings:
+        refuse_solver_settings(plan)
     return kind
+
+
+def refuse_solver_settings(plan: ControllerPlan) -> None:
+    """Refuses what only controllers take that leave their solver to the user.
+
+    Args:
+        plan: of a controller that does not.
+
+    Raises:
+        ConfigurationError: a backend or a time limit is given.
+    """
+    for value, what in ((plan.backend, "backend"), (plan.time_limit, "time_limit")):
+        if value is not None:
+            raise ConfigurationError(
+                f"controller {plan.name} takes no {what}",
+                got=value,
+                wanted=f"no {what}, or a controller that takes one",
+                choices=[name for name, kind in CONTROLLERS.items() if kind.solver_settings],
+            )
 
 
 def make_controller(
@@ -151,7 +167,7 @@ def make_controller(
 
     Raises:
         UnknownNameError: no such controller, strategy or backend.
-        PoiseError: the stack does not fit the robot.
+        PoiseError: the stack does not fit the robot, or the controller does not take a setting.
     """
     plan = plan or ControllerPlan()
     kind = check_plan(plan)

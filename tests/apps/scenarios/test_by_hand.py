@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 from dry_run import forbid_ticks
-from slow import slow
 
 from poise.apps.scenarios import load_scenario, parse_scenario, run_scenario
 from poise.apps.teleoperation import SCRIPTS
@@ -103,7 +102,11 @@ CASES = {
     ),
     "a time limit": (
         changed("step_teleoperation", "{name: step_teleoperation, time_limit: 0.1}"),
-        "no time_limit",
+        r"takes no time_limit; got 0\.1; .*choices: whole_body, reduced$",
+    ),
+    "a backend": (
+        changed("step_teleoperation", "{name: step_teleoperation, backend: daqp}"),
+        "takes no backend; got 'daqp'; .*choices: whole_body, reduced$",
     ),
     "an unknown controller": (
         changed("step_teleoperation", "step"),

@@ -16,6 +16,7 @@ from poise.control import (
     ControllerPlan,
     check_plan,
     make_controller,
+    refuse_solver_settings,
 )
 from poise.errors import ConfigurationError, UnknownNameError
 from poise.locomotion import StepTeleoperator, two_soles, walking_stack
@@ -170,11 +171,7 @@ def _check_by_hand(scenario: Scenario) -> bool:
         raise UnknownNameError(
             f"no such strategy of controller {NAME}", got=plan.strategy, choices=(_STRATEGY,)
         )
-    for value, what in ((plan.backend, "backend"), (plan.time_limit, "time_limit")):
-        if value is not None:
-            raise ConfigurationError(
-                f"controller {NAME} has no {what}: it solves in closed form", got=value
-            )
+    refuse_solver_settings(plan)
     given = {
         "stack": scenario.stack is not None,
         "motions": bool(scenario.motions),
