@@ -8,8 +8,8 @@ import pytest
 
 pytest.importorskip("mujoco")
 
-from poise.apps.teleoperation import TORQUE_TELEOP_PLANT, along_ahead, foot_forces, run_teleop
-from poise.locomotion import DeviceSample, StepTeleoperator
+from poise.apps.teleoperation import TORQUE_TELEOP_PLANT, foot_forces, run_teleop
+from poise.locomotion import DeviceSample, StepTeleoperator, along_ahead
 
 
 def facing(robot, yaw):

@@ -9,15 +9,17 @@ import math
 import numpy as np
 from jaxtyping import Float64
 
-from poise.apps.live._inputs import OperatorInputs, Pad, Place, Quaternion, Tracked
-from poise.apps.teleoperation import along_ahead
+from poise.apps.live._inputs import OperatorInputs, Pad, Quaternion, Tracked
 from poise.locomotion import (
     BodySample,
     DeviceSample,
+    FootClutch,
     HandSample,
     HeadSample,
     StepTeleoperator,
     VelocityLimits,
+    along_ahead,
+    rest_place,
     rotation_of,
     yaw_of,
 )
@@ -33,8 +35,6 @@ _STICK_SPEED = 0.25
 """Speed of a lifted foot with the stick all the way over [m/s]."""
 _TRACKED_SPEED = 1.5
 """A device follows a tracked hand or foot no faster than this, along an axis [m/s]."""
-_STRAY = 0.3
-"""A tracked hand or foot that is further away from one message to the next [m] is another thing."""
 _STICK_LEAD = 0.06
 """The stick moves a device no further than this ahead of its foot, along an axis [m]."""
 _THERE = 1e-6
@@ -42,54 +42,6 @@ _THERE = 1e-6
 _HANDLE_LEAD = 0.4
 """A handle, hand or foot is followed no further than this away from the robot's foot, along an axis
 [m]: further than a leg reaches, and near enough to be back within a second."""
-
-
-class _Clutch:
-    """Where a tracked hand or foot leads to: by how it moved since it took hold.
-
-    It takes hold when its clutch closes, which has to be seen: one that is closed when the tracker
-    finds it, or that is found elsewhere than it was lost, leads nothing until it was open. What is
-    ahead for it, is so for the robot when it takes hold.
-    """
-
-    def __init__(self) -> None:
-        self._open, self._ahead = False, 0.0
-        self._offset: Float64[np.ndarray, "3"] | None = None
-        self._last: Place = (0.0, 0.0, 0.0)
-
-    def follow(
-        self, tracked: Tracked | None, place: Float64[np.ndarray, "3"], ahead: float
-    ) -> Float64[np.ndarray, "3"] | None:
-        """Takes what the tracker says.
-
-        Args:
-            tracked: None for nothing.
-            place: of the device, from where it leads when it takes hold now [m].
-            ahead: where the robot faces, to the left of the world's x axis [rad].
-
-        Returns:
-            Where it leads to [m]; None while it does not.
-        """
-        if tracked is None or not tracked.clutch:
-            self._open, self._offset = tracked is not None, None
-            return None
-        if self._offset is None:
-            if not self._open:
-                return None
-            self._ahead = ahead
-            self._offset = place - along_ahead(tracked.position, ahead)
-        elif math.dist(tracked.position, self._last) > _STRAY:
-            self._offset = None
-        self._open, self._last = False, tracked.position
-        if self._offset is None:
-            return None
-        return self._offset + along_ahead(tracked.position, self._ahead)
-
-    def rate(self, tracked: Tracked | None) -> Float64[np.ndarray, "3"] | None:
-        """How fast the place moves to which it leads [m/s]; None where the tracker does not say."""
-        if self._offset is None or tracked is None or tracked.velocity is None:
-            return None
-        return along_ahead(tracked.velocity, self._ahead)
 
 
 class _Turned:
@@ -152,7 +104,7 @@ class LiveFeet:
         self._dt = teleoperator.parameters.dt
         self.offset: Float64[np.ndarray, "3"] = np.zeros(3)
         self.places = [anchor.copy() for anchor in teleoperator.estimator.anchors]
-        self._clutches = (_Clutch(), _Clutch())
+        self._clutches = (FootClutch(), FootClutch())
         self._turned = (_Turned(), _Turned())
         self._walks = False
 
@@ -169,20 +121,23 @@ class LiveFeet:
         if pad is None:
             # Whoever comes next finds the devices on the feet.
             self.places = [anchor.copy() for anchor in self._teleoperator.estimator.anchors]
-            self._clutches = (_Clutch(), _Clutch())
+            self._clutches = (FootClutch(), FootClutch())
             self._turned = (_Turned(), _Turned())
             self._walks = False
             return None
         rates: list[Float64[np.ndarray, "3"] | None] = [None, None]
-        for foot in (0, 1):
-            goal, speed, down = self._goal(foot, pad)
+        for foot, tracker in enumerate(map(_tracker, pad.tracked)):
+            led = self._clutches[foot].follow(
+                tracker, self.places[foot], self._teleoperator.ahead, time
+            )
+            goal, speed, down = self._goal(foot, pad, led)
             most = self._dt * speed
             step = np.clip(goal - self.places[foot], -most, most)
             if down:
                 step[2] = max(step[2], -self._dt * _DOWN_SPEED)
             self.places[foot] = self.places[foot] + step
             if math.dist(self.places[foot], goal) < _THERE:
-                rates[foot] = self._clutches[foot].rate(pad.tracked[foot])
+                rates[foot] = self._clutches[foot].rate(tracker)
         left, right = (place.copy() for place in self.places)
         velocity = self._velocity(pad)
         if any(velocity):
@@ -220,11 +175,17 @@ class LiveFeet:
             self._walks = True
         return velocity if self._walks else (0.0, 0.0, 0.0)
 
-    def _goal(self, foot: int, pad: Pad) -> tuple[Float64[np.ndarray, "3"], float, bool]:
-        """Where a device goes [m], how fast [m/s], and whether because it was let go."""
+    def _goal(
+        self, foot: int, pad: Pad, tracked: Float64[np.ndarray, "3"] | None
+    ) -> tuple[Float64[np.ndarray, "3"], float, bool]:
+        """Where a device goes [m], how fast [m/s], and whether because it was let go.
+
+        Args:
+            foot: 0 left, 1 right.
+            pad: what the operator does.
+            tracked: where a tracker leads it; None while none does [m].
+        """
         estimator, place = self._teleoperator.estimator, self.places[foot]
-        ahead = self._teleoperator.ahead
-        tracked = self._clutches[foot].follow(pad.tracked[foot], place, ahead)
         anchor, drag, sole = estimator.anchors[foot], pad.drag[foot], estimator.sole(foot)
         turned = self._turned[foot]
         if tracked is not None:
@@ -242,14 +203,11 @@ class LiveFeet:
             height = anchor[2] + HOLD_HEIGHT
             if not in_air:
                 return np.array([anchor[0], anchor[1], height]), _SPEED, False
-            along = along_ahead((*_stick(pad, foot), 0.0), ahead)[:2]
+            along = along_ahead((*_stick(pad, foot), 0.0), self._teleoperator.ahead)[:2]
             moved = place[:2] + self._dt * _STICK_SPEED * along
             moved = np.clip(moved, sole[:2] - _STICK_LEAD, sole[:2] + _STICK_LEAD)
             return np.array([*moved, height]), _SPEED, False
-        if in_air:
-            lowest = anchor[2] - self._teleoperator.parameters.press_depth
-            return np.array([*sole[:2], lowest]), _SPEED, True
-        return anchor, _SPEED, False
+        return rest_place(self._teleoperator, foot), _SPEED, in_air
 
 
 def _yaw_of(orientation: Quaternion) -> float | None:
@@ -284,14 +242,16 @@ def velocity_of(pad: Pad | None, limits: VelocityLimits) -> tuple[float, float, 
 
 def hands_of(pad: Pad) -> tuple[HandSample | None, HandSample | None]:
     """What the operator does with the robot's hands."""
-    left, right = (None if hand is None else _hand(hand) for hand in pad.hands)
+    left, right = map(_tracker, pad.hands)
     return left, right
 
 
-def _hand(hand: Tracked) -> HandSample:
-    turned = None if hand.orientation is None else np.array(hand.orientation, dtype=np.float64)
-    rate = None if hand.velocity is None else np.array(hand.velocity, dtype=np.float64)
-    return HandSample(np.array(hand.position, dtype=np.float64), hand.clutch, turned, rate)
+def _tracker(seen: Tracked | None) -> HandSample | None:
+    if seen is None:
+        return None
+    turned = None if seen.orientation is None else np.array(seen.orientation, dtype=np.float64)
+    rate = None if seen.velocity is None else np.array(seen.velocity, dtype=np.float64)
+    return HandSample(np.array(seen.position, dtype=np.float64), seen.clutch, turned, rate)
 
 
 def head_of(pad: Pad) -> HeadSample | None:

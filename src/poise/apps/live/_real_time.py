@@ -11,8 +11,7 @@ from jaxtyping import Float64
 
 from poise.apps.live._body import BodyLimits
 from poise.apps.live._snapshot import Snapshot
-from poise.apps.teleoperation import along_ahead
-from poise.locomotion import yaw_of
+from poise.locomotion import along_ahead, yaw_of
 from poise.robots import Robot
 from poise.sim import Plant, PlantConfig, Tick
 

@@ -5,7 +5,6 @@ from poise.apps.teleoperation._haptics import (
     HapticDriver,
     HapticFeet,
     SimulatedArm,
-    along_ahead as along_ahead,
     foot_forces as foot_forces,
 )
 from poise.apps.teleoperation._operators import BadOperator, PoorLink

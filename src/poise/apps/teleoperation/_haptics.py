@@ -14,7 +14,14 @@ from jaxtyping import Float64
 from poise._checks import checked_number
 from poise.dynamics import saturate
 from poise.errors import ConfigurationError
-from poise.locomotion import DeviceSample, StepTeleoperator
+from poise.locomotion import (
+    DeviceSample,
+    FootClutch,
+    HandSample,
+    StepTeleoperator,
+    along_ahead,
+    rest_place,
+)
 
 Reading = tuple[Float64[np.ndarray, "3"], bool]
 """Where the end of an arm is, forward, left and up from anywhere [m], and whether it leads."""
@@ -230,17 +237,6 @@ class HapticDriver:
         return goal - left if math.sqrt(float(left @ left)) > _LEAST else goal
 
 
-def along_ahead(vector: Sequence[float], ahead: float) -> Float64[np.ndarray, "3"]:
-    """What is forward, left and up of a robot, along the world's axes.
-
-    Args:
-        vector: forward, left, up.
-        ahead: where the robot faces, to the left of the world's x axis [rad].
-    """
-    (forward, left, up), c, s = vector, math.cos(ahead), math.sin(ahead)
-    return np.array([c * forward - s * left, s * forward + c * left, up])
-
-
 def foot_forces(teleoperator: StepTeleoperator) -> list[list[float]]:
     """What the feet measured in the last tick, left and right: forward, left, up [N]."""
     dynamics = teleoperator.estimator.dynamics
@@ -278,10 +274,8 @@ class HapticFeet:
         self, driver: HapticDriver, teleoperator: StepTeleoperator, *, scale: float = 1.0
     ) -> None:
         self.driver, self._teleoperator = driver, teleoperator
-        self._scale = checked_number(scale, "scale of the hands' ways", above=0.0)
-        self._places = [anchor.copy() for anchor in teleoperator.estimator.anchors]
-        self._offsets: list[Float64[np.ndarray, "3"] | None] = [None, None]
-        self._open, self._aheads = [False, False], [0.0, 0.0]
+        self._clutches = (FootClutch(scale), FootClutch(scale))
+        self._places = [rest_place(teleoperator, foot) for foot in (0, 1)]
         self._begin, self._periods = 0.0, 0
 
     def sample(self, time: float) -> DeviceSample | None:
@@ -299,29 +293,19 @@ class HapticFeet:
             self._periods += 1
         left, right = driver.readings
         if left is None or right is None:
-            self._offsets, self._open = [None, None], [False, False]
+            for foot, clutch in enumerate(self._clutches):
+                clutch.follow(None, self._places[foot], 0.0, time)
             return None
-        return DeviceSample(time, self._led(0, left), self._led(1, right))
+        return DeviceSample(time, self._led(0, left, time), self._led(1, right, time))
 
     @property
     def _next(self) -> float:
         """When the arms' next period begins [s]."""
         return self._begin + self._periods * self.driver.dt
 
-    def _led(self, foot: int, reading: Reading) -> Float64[np.ndarray, "3"]:
-        (position, clutch), teleoperator = reading, self._teleoperator
-        was_open, self._open[foot] = self._open[foot], not clutch
-        offset = self._offsets[foot]
-        if not clutch or (offset is None and not was_open):
-            # Whoever leads nothing asks for nothing: the device is on its foot.
-            self._offsets[foot] = None
-            self._places[foot] = teleoperator.estimator.anchors[foot].copy()
-            return self._places[foot].copy()
-        if offset is None:
-            self._aheads[foot] = teleoperator.ahead
-        way = self._scale * along_ahead(position.tolist(), self._aheads[foot])
-        if offset is None:
-            self._offsets[foot] = self._places[foot] - way
-        else:
-            self._places[foot] = offset + way
+    def _led(self, foot: int, reading: Reading, time: float) -> Float64[np.ndarray, "3"]:
+        teleoperator, place = self._teleoperator, self._places[foot]
+        sample, ahead = HandSample(*reading), teleoperator.ahead
+        led = self._clutches[foot].follow(sample, place, ahead, time)
+        self._places[foot] = rest_place(teleoperator, foot) if led is None else led
         return self._places[foot].copy()

@@ -29,6 +29,12 @@ from poise.locomotion._stepping._samples import (
 from poise.locomotion._stepping._step_teleoperator import StepTeleoperator
 from poise.locomotion._stepping._teleop_status import TeleopStatus
 from poise.locomotion._stepping._torque_tasks import FOOT_TURNS
+from poise.locomotion._stepping._tracked_feet import (
+    FootClutch,
+    TrackedFeet,
+    along_ahead,
+    rest_place,
+)
 
 __all__ = [
     "FOOT_TURNS",
@@ -39,6 +45,7 @@ __all__ = [
     "DeviceGuard",
     "DeviceSample",
     "DeviceStatus",
+    "FootClutch",
     "GazeLeader",
     "HandLeader",
     "HandSample",
@@ -58,9 +65,12 @@ __all__ = [
     "StepTeleoperator",
     "TeleopParameters",
     "TeleopStatus",
+    "TrackedFeet",
     "WayPoint",
+    "along_ahead",
     "draw_modes",
     "read_recording",
+    "rest_place",
     "rotation_of",
     "scaled_parameters",
     "yaw_of",

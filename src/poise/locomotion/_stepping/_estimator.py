@@ -164,7 +164,7 @@ class StanceEstimator:
         q[:3] = self.anchors[self.stance] - position
         # The sole's linear velocity is zero. The base's stands in its own axes: a rotation.
         base_R_world = jacobian[:3, :3].T
-        v[:3] = -base_R_world @ (jacobian[:3, 3:] @ v[3:])
+        v[:3] = -base_R_world.dot(jacobian[:3, 3:].dot(v[3:]))
         if self._inertial is not None and state.readings is not None:
             fused = self._inertial.update(state)
             if self._inertial.status.ok:
@@ -196,7 +196,7 @@ class StanceEstimator:
         """Takes in what the soles push along the ground."""
         wrenches = [state.wrench(name) for name in self._names]
         forces = [
-            None if wrench is None else self.rotation(foot) @ wrench[:3]
+            None if wrench is None else self.rotation(foot).dot(wrench[:3])
             for foot, wrench in enumerate(wrenches)
         ]
         world_R_base = pin.Quaternion(state.q[3:7]).matrix()

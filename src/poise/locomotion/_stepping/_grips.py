@@ -44,7 +44,11 @@ class Clutch:
     def expire(self, time: float) -> None:
         """Lets go of what is lost, at a time of the robot [s]; also where that has gone back."""
         if self.holds and abs(time - self._good_at) > LOST_AFTER:
-            self.holds = self._was_open = False
+            self.lose()
+
+    def lose(self) -> None:
+        """The device is gone: whatever comes next has to be seen open first."""
+        self.holds = self._was_open = False
 
     def open(self) -> None:
         """It is seen open."""

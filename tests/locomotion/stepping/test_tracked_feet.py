@@ -1,0 +1,114 @@
+"""Trackers that lead feet: by their way since their clutch was seen closing, to where they are."""
+
+import numpy as np
+import pytest
+
+from poise.apps.teleoperation import TORQUE_TELEOP_PLANT, run_teleop
+from poise.errors import ConfigurationError
+from poise.locomotion import (
+    DeviceStatus,
+    FootClutch,
+    HandSample,
+    Mode,
+    StepTeleoperator,
+    TrackedFeet,
+)
+
+PLACE = np.array([0.2, 0.1, 0.0])
+
+
+def at(x=0.0, y=0.0, z=0.0, clutch=True, velocity=None):
+    rate = None if velocity is None else np.array(velocity)
+    return HandSample(np.array([x, y, z]), clutch, velocity=rate)
+
+
+def test_it_leads_by_its_way_as_the_robot_faces_when_it_takes_hold():
+    clutch = FootClutch(scale=2.0)
+    assert clutch.follow(at(1.0, clutch=False), PLACE, 0.5 * np.pi, 0.0) is None
+    np.testing.assert_allclose(clutch.follow(at(1.0), PLACE, 0.5 * np.pi, 0.1), PLACE)
+    # The robot turns meanwhile: what was ahead stays ahead.
+    moved = clutch.follow(at(1.1, z=0.05, velocity=(0.1, 0.0, 0.2)), PLACE, 0.0, 0.2)
+    np.testing.assert_allclose(moved - PLACE, [0.0, 0.2, 0.1], atol=1e-12)
+    rate = clutch.rate(at(1.1, velocity=(0.1, 0.0, 0.2)))
+    np.testing.assert_allclose(rate, [0.0, 0.2, 0.4], atol=1e-12)
+    assert clutch.rate(at(1.1)) is None
+
+
+def test_a_clutch_that_was_not_seen_open_leads_nothing():
+    clutch = FootClutch()
+    for tick in range(5):
+        assert clutch.follow(at(z=0.1 * tick), PLACE, 0.0, 0.01 * tick) is None
+    assert clutch.rate(at(velocity=(1.0, 0.0, 0.0))) is None
+
+
+@pytest.mark.parametrize(
+    ("tracker", "later"),
+    [
+        (None, 0.1),
+        (at(float("nan")), 0.1),
+        (at(0.31), 0.1),
+        (at(0.0), 0.7),
+        (at(0.0), -3.0),
+    ],
+    ids=["gone", "not a number", "elsewhere", "after a silence", "a clock that went back"],
+)
+def test_what_was_lost_has_to_be_seen_open_again(tracker, later):
+    clutch = FootClutch()
+    clutch.follow(at(clutch=False), PLACE, 0.0, 0.0)
+    assert clutch.follow(at(), PLACE, 0.0, 0.0) is not None
+    for time in (later, later + 0.01, later + 0.02):
+        assert clutch.follow(tracker, PLACE, 0.0, time) is None
+        tracker = at(0.0)
+    assert clutch.follow(at(clutch=False), PLACE, 0.0, later + 0.03) is None
+    np.testing.assert_allclose(clutch.follow(at(0.4), PLACE, 0.0, later + 0.04), PLACE)
+
+
+def test_a_scale_that_is_no_number_above_zero_is_refused(get_robot):
+    with pytest.raises(ConfigurationError, match="scale of the trackers' ways"):
+        TrackedFeet(StepTeleoperator(get_robot("biped20")), lambda: None, scale=0.0)
+
+
+class Trackers:
+    """The right one lifts, goes ahead, and lets go in the air; the left one is at rest."""
+
+    def __init__(self):
+        self.time, self.stamp = 0.0, 1000.0
+
+    def __call__(self):
+        self.stamp += 0.002
+        self.time += 0.002
+        up = 0.1 * min(max(self.time - 0.5, 0.0) / 0.5, 1.0)
+        ahead = 0.12 * min(max(self.time - 1.5, 0.0) / 0.5, 1.0)
+        right = at(2.0 + ahead, -1.0, 0.7 + up, clutch=0.2 < self.time < 2.3)
+        return self.stamp, at(clutch=False), right
+
+
+def test_a_foot_that_is_let_go_in_the_air_comes_down_where_it_is(get_robot):
+    robot = get_robot("biped20")
+    plant = TORQUE_TELEOP_PLANT
+    run = run_teleop(robot, lambda t: TrackedFeet(t, Trackers()), plant, duration=4.2)
+    log, modes = run.log, list(Mode)
+    assert not run.fell
+    assert log.mode[log.time < 2.3][-1] == modes.index(Mode.SL)
+    assert log.mode[-1] == modes.index(Mode.D)
+    assert log.device[-1] == list(DeviceStatus).index(DeviceStatus.OK)
+    start, end = log.soles[0, 1], log.soles[-1, 1]
+    np.testing.assert_allclose(end - start, [0.12, 0.0, 0.0], atol=0.02)
+
+
+def test_where_nothing_new_came_there_is_no_sample(get_robot):
+    teleoperator = StepTeleoperator(get_robot("biped20"))
+    came = []
+    device = TrackedFeet(teleoperator, lambda: came.pop() if came else None)
+    assert device.sample(0.0) is None
+    came.append((7.0, None, at()))
+    sample = device.sample(0.1)
+    assert sample.time == 7.0
+    for place, anchor in zip(
+        (sample.left, sample.right), teleoperator.estimator.anchors, strict=True
+    ):
+        np.testing.assert_array_equal(place, anchor)
+    # What is handed on is nobody else's to change.
+    sample.left[:] = 9.0
+    came.append((7.1, None, at()))
+    assert device.sample(0.2).left[0] < 1.0
