@@ -99,7 +99,7 @@ class RobotState:
             sole: its name.
         """
         found = self.contacts.get(sole)
-        if found is None or not math.isfinite(float(found.sum())):
+        if found is None or not math.isfinite(sum(found.tolist())):
             return None
         return found
 

@@ -54,6 +54,8 @@ _CALIBRATING = 20
 _LARGEST = 1e6
 """Larger numbers are no robot's; their squares overflow."""
 
+_EYE = np.eye(3)
+
 _FASTEST_TURN, _HARDEST_SHOCK = 100.0, 500.0
 """No unit on a robot measures more [rad/s, m/s^2]; one that says so says nothing."""
 
@@ -278,8 +280,8 @@ class StateEstimator:
     def _correct_bias(self, sole: SeenSole, reading: SensorReadings, dt: float) -> None:
         """A sole at rest does not turn, so the kinematics say how the base does."""
         c, rate = self.config.contact, reading.angular_velocity
-        turn = (c.turn**2 + c.shake**2 * float(rate @ rate)) / dt
-        spread = self.config.joint_velocity**2 * sole.turning_spread + turn * np.eye(3)
+        turn = (c.turn**2 + c.shake**2 * float(rate.dot(rate))) / dt
+        spread = self.config.joint_velocity**2 * sole.turning_spread + turn * _EYE
         distance = self.filter.innovate_bias(rate + sole.turning, spread)
         if distance <= c.gate:
             self.filter.correct()
@@ -304,8 +306,8 @@ class StateEstimator:
         x, y, z = sole.offset.tolist()
         a, b, g = rate.tolist()
         turned = np.array([b * z - g * y, g * x - a * z, a * y - b * x])
-        velocity = f.velocity + f.rotation @ (sole.speed + turned)
-        return _logistic((c.speed - math.sqrt(float(velocity @ velocity))) / c.speed_width)
+        velocity = f.velocity + f.rotation.dot(sole.speed + turned)
+        return _logistic((c.speed - math.hypot(*velocity.tolist())) / c.speed_width)
 
     def _contact_wrenches(
         self, state: RobotState, reading: SensorReadings, dt: float
@@ -345,13 +347,13 @@ class StateEstimator:
     def _answer(self, state: RobotState) -> RobotState:
         """The estimate in Poise's conventions: the base's velocity in the base's own frame."""
         f, base_R_unit = self.filter, self._base_R_unit
-        world_R_base = f.rotation @ base_R_unit.T
+        world_R_base = f.rotation.dot(base_R_unit.T)
         q, v = state.q.copy(), state.v.copy()
-        q[:3] = f.position - world_R_base @ self._base_p_unit
+        q[:3] = f.position - world_R_base.dot(self._base_p_unit)
         q[3:7] = pin.Quaternion(world_R_base).coeffs()
         assert self._reading is not None
-        v[3:6] = base_R_unit @ (self._reading.angular_velocity - f.gyro_bias)
-        v[:3] = world_R_base.T @ f.velocity + self._lever @ v[3:6]
+        v[3:6] = base_R_unit.dot(self._reading.angular_velocity - f.gyro_bias)
+        v[:3] = world_R_base.T.dot(f.velocity) + self._lever.dot(v[3:6])
         if self._speeds is not None:
             v[6:] = self._speeds
         self._last_position = f.position[:2].copy()
