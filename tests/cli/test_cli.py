@@ -10,8 +10,9 @@ import pytest
 pytest.importorskip("mujoco")
 
 from poise import __version__
-from poise.apps.scenarios import _outputs as outputs, shipped_scenarios
+from poise.apps.scenarios import _outputs as outputs, controller_names, shipped_scenarios
 from poise.cli.main import main
+from poise.control import CONTROLLERS
 from poise.errors import MissingExtraError
 from poise.robots import catalog
 from poise.sim import Plant, find_opengl, read_log
@@ -163,13 +164,32 @@ def test_robots_as_json_has_the_figures(capsys):
 
 
 @pytest.mark.parametrize(
-    "verb", [[], ["run"], ["campaign"], ["robots"], ["teleop"]], ids=lambda v: str(v)
+    "verb",
+    [
+        [],
+        *([v] for v in ("run", "campaign", "robots", "describe", "teleop", "drive", "warmup")),
+    ],
+    ids=str,
 )
 def test_help_has_an_example(verb, capsys):
     with pytest.raises(SystemExit) as stop:
         main([*verb, "--help"])
     assert stop.value.code == 0
-    assert "example: poise" in capsys.readouterr().out
+    assert f"example: {' '.join(['poise', *verb])}" in " ".join(capsys.readouterr().out.split())
+
+
+@pytest.mark.parametrize("verb", ["run", "scorecard"])
+def test_help_names_all_controllers_and_strategies(verb, capsys):
+    with pytest.raises(SystemExit):
+        main([verb, "--help"])
+    out = " ".join(capsys.readouterr().out.split())
+    said = out[out.rindex("--controller C") : out.rindex("--strategy S")]
+    for name in controller_names():
+        assert name in said
+    said = out[out.rindex("--strategy S") :]
+    for name, kind in CONTROLLERS.items():
+        who = said[: said.index(name)].rpartition(" (")[0]
+        assert who.endswith(", ".join(kind.strategies))
 
 
 BAD_WORDS = {

@@ -12,7 +12,7 @@ from poise.cli._options import add_output_options, add_worker_options, make_work
 from poise.cli._run import run_and_report
 from poise.errors import ConfigurationError
 
-_FORMS = "FILE, status FOLDER, replay FOLDER NUMBER"
+_FORMS = "FILE, status FOLDER, or replay FOLDER NUMBER"
 """What may stand behind the verb."""
 
 
@@ -31,7 +31,13 @@ def add_parser(verbs: Any) -> None:
         "or a replay has other figures, 2 bad input.",
         epilog="example: poise campaign examples/pushes.yaml --workers 8",
     )
-    parser.add_argument("words", nargs="+", metavar="FILE", help=_FORMS)
+    parser.add_argument(
+        "words",
+        nargs="+",
+        metavar="FILE",
+        help="a campaign's YAML file; or `status` or `replay`, and behind it what the usage above "
+        "names: a campaign's folder, an episode's number",
+    )
     add_worker_options(parser)
     parser.add_argument("--no-video", action="store_true", help="of a replay, leave the video out")
     add_output_options(parser, "runs/campaign-FILE; of a replay FOLDER/replays/NUMBER")

@@ -20,7 +20,10 @@ def add_parser(verbs: Any) -> None:
         epilog="example: poise drive --robot g1",
     )
     parser.add_argument(
-        "--robot", metavar="R", default="g1", help="a humanoid (default: %(default)s)"
+        "--robot",
+        metavar="R",
+        default="g1",
+        help="a humanoid: a name that `poise robots` lists, or a file (default: %(default)s)",
     )
     parser.add_argument(
         "--device",

@@ -12,6 +12,12 @@ from poise.errors import ConfigurationError
 
 _PORT = 8080
 
+_SEEDS = {
+    "teleop": "seed of where bumps lie",
+    "drive": "seed of sensor noise, of which there is none here: every seed gives the same",
+}
+"""What `--seed` is for, by the verb."""
+
 
 def add_live_options(parser: argparse.ArgumentParser, verb: str) -> None:
     """Adds port, seed, seconds, and where to write.
@@ -28,10 +34,18 @@ def add_live_options(parser: argparse.ArgumentParser, verb: str) -> None:
         help="port of the page, 0 for any that is free (default: %(default)s)",
     )
     parser.add_argument(
-        "--seed", metavar="N", type=whole_number, default=0, help="seed (default: %(default)s)"
+        "--seed",
+        metavar="N",
+        type=whole_number,
+        default=0,
+        help=f"{_SEEDS[verb]} (default: %(default)s)",
     )
     parser.add_argument(
-        "--seconds", metavar="S", type=float, default=math.inf, help="end by itself after this"
+        "--seconds",
+        metavar="S",
+        type=float,
+        default=math.inf,
+        help="end by itself after so many seconds (default: never)",
     )
     parser.add_argument("--no-open", action="store_true", help="do not open the page in a browser")
     parser.add_argument(

@@ -1,10 +1,28 @@
-"""Options that several verbs share, and the checks of their values."""
+"""Options that several verbs share, what they can be, and the checks of their values."""
 
 import argparse
 from pathlib import Path
 from typing import Any
 
+from poise.control import CONTROLLERS
 from poise.errors import ConfigurationError
+
+BY_HAND = "step_teleoperation"
+"""The controller that is none of `CONTROLLERS`: its name here, for to ask for it takes seconds."""
+
+
+def controllers_text() -> str:
+    """Which controllers a scenario can have, for a help."""
+    return f"{', '.join(CONTROLLERS)}, or {BY_HAND} where an operator leads the robot's feet"
+
+
+def strategies_text() -> str:
+    """How each controller can solve, for a help."""
+    names: dict[tuple[str, ...], list[str]] = {}
+    for name, kind in CONTROLLERS.items():
+        names.setdefault(kind.strategies, []).append(name)
+    said = (f"{', '.join(how)} ({', '.join(who)})" for how, who in names.items())
+    return "; ".join(said)
 
 
 def add_output_options(parser: argparse.ArgumentParser, default: str) -> None:
@@ -22,7 +40,9 @@ def add_worker_options(parser: argparse.ArgumentParser) -> None:
     """Adds `--scheduler`, `--slurm` and `--workers`, for `make_workers`."""
     where = parser.add_mutually_exclusive_group()
     where.add_argument(
-        "--scheduler", metavar="ADDRESS", help="of a Dask cluster, as in tcp://10.0.0.1:8786"
+        "--scheduler",
+        metavar="ADDRESS",
+        help="address of a Dask cluster, as in tcp://10.0.0.1:8786",
     )
     where.add_argument(
         "--slurm",
@@ -31,7 +51,10 @@ def add_worker_options(parser: argparse.ArgumentParser) -> None:
         "SBATCH_TIMELIMIT, ...",
     )
     parser.add_argument(
-        "--workers", metavar="N", type=whole_number, help="processes (default: one a core)"
+        "--workers",
+        metavar="N",
+        type=whole_number,
+        help="how many processes (default: one a core), or jobs, where --slurm wants a number",
     )
 
 

@@ -8,7 +8,13 @@ from pathlib import Path
 from typing import Any
 
 from poise._progress import Bar
-from poise.cli._options import add_output_options, make_folder, whole_number
+from poise.cli._options import (
+    add_output_options,
+    controllers_text,
+    make_folder,
+    strategies_text,
+    whole_number,
+)
 
 DEFAULT_SCENARIO = "over_an_obstacle"
 """What runs with no argument: a robot is walked over two blocks by hand."""
@@ -31,10 +37,28 @@ def add_parser(verbs: Any) -> None:
         help="a shipped scenario or a YAML file; --list shows those shipped (default: %(default)s)",
     )
     parser.add_argument("--list", action="store_true", help="list the shipped scenarios and stop")
-    parser.add_argument("--robot", metavar="R", help="another robot than the file's")
-    parser.add_argument("--controller", metavar="C", help="another controller than the file's")
-    parser.add_argument("--strategy", metavar="S", help="another strategy than the file's")
-    parser.add_argument("--seed", metavar="N", type=whole_number, help="another seed")
+    parser.add_argument(
+        "--robot",
+        metavar="R",
+        help="another robot than the file's: a name that `poise robots` lists, or a file",
+    )
+    parser.add_argument(
+        "--controller",
+        metavar="C",
+        help=f"another controller than the file's: {controllers_text()}",
+    )
+    parser.add_argument(
+        "--strategy",
+        metavar="S",
+        help=f"how the controller solves, in place of the file's: {strategies_text()}",
+    )
+    parser.add_argument(
+        "--seed",
+        metavar="N",
+        type=whole_number,
+        help="another seed than the file's of everything random: noise of sensors, bad operators, "
+        "poor links",
+    )
     parser.add_argument("--view", action="store_true", help="show the robot in a window")
     parser.add_argument("--no-video", action="store_true", help="leave the video out")
     add_output_options(parser, "runs/SCENARIO-ROBOT")

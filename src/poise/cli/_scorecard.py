@@ -8,7 +8,13 @@ from pathlib import Path
 from typing import Any
 
 from poise._progress import Bar
-from poise.cli._options import add_output_options, add_worker_options, make_workers
+from poise.cli._options import (
+    add_output_options,
+    add_worker_options,
+    controllers_text,
+    make_workers,
+    strategies_text,
+)
 from poise.cli._run import run_and_report
 from poise.errors import ConfigurationError
 
@@ -27,12 +33,23 @@ def add_parser(verbs: Any) -> None:
         "poise scorecard --compare runs/one runs/other",
     )
     parser.add_argument(
-        "--robot", metavar="R", default="humanoid33", help="name or file (default: %(default)s)"
+        "--robot",
+        metavar="R",
+        default="humanoid33",
+        help="a robot on two feet: a name that `poise robots` lists, or a file "
+        "(default: %(default)s)",
     )
     parser.add_argument(
-        "--controller", metavar="C", default="whole_body", help="(default: %(default)s)"
+        "--controller",
+        metavar="C",
+        default="whole_body",
+        help=f"its controller: {controllers_text()} (default: %(default)s)",
     )
-    parser.add_argument("--strategy", metavar="S", help="how it solves (default: its own)")
+    parser.add_argument(
+        "--strategy",
+        metavar="S",
+        help=f"how the controller solves: {strategies_text()} (default: the first of its own)",
+    )
     parser.add_argument(
         "--quick", action="store_true", help="few seeds, directions and looks: minutes, not hours"
     )
