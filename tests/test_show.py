@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import poise
-from poise._show import brief, html_table
+from poise._show import brief, few, html_table
 from poise.errors import UnknownNameError
 from poise.stack import ComTask, FrameTask, PostureTask, Stack, SurfaceContact, TorqueLimit
 
@@ -170,3 +170,9 @@ def test_a_record_is_a_table(run):
     frame = run.record.to_pandas()
     assert {"com[0]", "com[1]", "com[2]"} <= set(frame.columns)
     np.testing.assert_allclose(frame["com[0]"].dropna(), run.record["com"][:, 0])
+
+
+def test_of_many_names_a_sentence_has_the_first_and_how_many_more():
+    assert few([]) == ""
+    assert few(["a", "b", "c", "d"]) == "a, b, c, d"
+    assert few(("a", "b", "c", "d", "e", "f")) == "a, b, c, d and 2 more"

@@ -1,4 +1,4 @@
-"""What objects look like when somebody looks at them: tables in notebooks, numbers, figures."""
+"""What objects look like when somebody looks at them: numbers, names, tables, figures."""
 
 from collections.abc import Iterable, Sequence
 from html import escape
@@ -10,6 +10,9 @@ import numpy as np
 from poise._checks import Numbers
 from poise.errors import MissingExtraError
 
+_FEW = 4
+"""Whoever reads a sentence wants to see what kind of names it is about, not all of a long list."""
+
 
 def brief(value: Numbers) -> str:
     """Numbers in as few letters as say enough: one where all are equal, in a list elsewhere."""
@@ -18,6 +21,12 @@ def brief(value: Numbers) -> str:
         numbers = numbers[:1]
     said = [f"{number:.4g}" for number in numbers.tolist()]
     return said[0] if len(said) == 1 else "[" + ", ".join(said) + "]"
+
+
+def few(names: Sequence[str]) -> str:
+    """Names in a sentence: the first ones, and how many more there are."""
+    more = len(names) - _FEW
+    return ", ".join(names[:_FEW]) + (f" and {more} more" if more > 0 else "")
 
 
 def html_table(title: str, head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:

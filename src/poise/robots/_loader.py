@@ -1,7 +1,7 @@
 """`load_robot`: from a name or a file to a `Robot`."""
 
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
@@ -10,6 +10,7 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float64
 
+from poise._show import few
 from poise._yaml import read_text, read_yaml
 from poise.errors import RobotError, UnknownNameError
 from poise.robots._base import followers_of, settle_base
@@ -155,7 +156,7 @@ def _assemble(
     )
     notes = _left_out(mjcf, followers, drop_missing_meshes(document.root, source, name))
     if mended := mend_inertias(document):
-        notes.append(f"inertias that no body has are made possible: {_few(mended)}")
+        notes.append(f"inertias that no body has are made possible: {few(mended)}")
     source = replace(source, text=document.text)
     free = [n for n in names if n not in source.locked_joints]
     armature = match_joints(facts.armature, free, f"{facts.where}: armature")
@@ -202,18 +203,14 @@ def _left_out(mjcf: MjcfFacts | None, followers: list[str], meshes: list[str]) -
     """What a robot does not take from its document, as sentences."""
     notes: list[str] = []
     if followers:
-        notes.append(f"joints that mimic others are locked at zero: {_few(followers)}")
+        notes.append(f"joints that mimic others are locked at zero: {few(followers)}")
     if mjcf is not None and mjcf.loops:
-        notes.append(f"loops that these equalities close are left open: {_few(mjcf.loops)}")
+        notes.append(f"loops that these equalities close are left open: {few(mjcf.loops)}")
     if mjcf is not None and mjcf.springs:
-        notes.append(f"springs are left out: {_few(mjcf.springs)}")
+        notes.append(f"springs are left out: {few(mjcf.springs)}")
     if meshes:
-        notes.append(f"meshes that cannot be found are missing in pictures: {_few(meshes)}")
+        notes.append(f"meshes that cannot be found are missing in pictures: {few(meshes)}")
     return notes
-
-
-def _few(names: Sequence[str]) -> str:
-    return ", ".join(names[:4]) + (f" and {len(names) - 4} more" if len(names) > 4 else "")
 
 
 def _roles(facts: Description, root: str) -> dict[str, FrameRole]:

@@ -8,6 +8,7 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Bool, Float64
 
+from poise._show import few
 from poise.control import WholeBodyController
 from poise.dynamics import RobotState
 from poise.errors import RobotError
@@ -208,19 +209,15 @@ def _causes(scene: _Scene) -> Iterator[str]:
     """What may be behind something that went wrong."""
     robot = scene.robot
     if weak := _where(robot, scene.peak > _SATURATED):
-        yield f"torques at their limits: {_few(weak)}"
+        yield f"torques at their limits: {few(weak)}"
     if scene.at_stop:
-        yield f"joints at their stops: {_few(sorted(scene.at_stop))}"
+        yield f"joints at their stops: {few(sorted(scene.at_stop))}"
     if bare := _where(robot, robot.model.armature[robot.nv - robot.nj :] == 0.0):
-        yield f"no rotor inertia (armature): {_few(bare)}"
+        yield f"no rotor inertia (armature): {few(bare)}"
 
 
 def _where(robot: Robot, mask: Bool[np.ndarray, " nj"]) -> list[str]:
     return [robot.joint_names[i] for i in np.flatnonzero(mask)]
-
-
-def _few(names: list[str]) -> str:
-    return ", ".join(names[:4]) + (f" and {len(names) - 4} more" if len(names) > 4 else "")
 
 
 def _ramp(time: float, *points: tuple[float, float]) -> float:
