@@ -39,6 +39,15 @@ def test_a_row_is_on_the_disk_when_it_is_added_and_all_are_one_file_at_the_end(t
     assert table["square"].to_pylist() == [0.0, 1.0, 4.0]
 
 
+def test_a_row_that_is_not_there_is_said(tmp_path):
+    folder, (row,) = CampaignFolder(tmp_path), rows(1)
+    with folder.claimed(CONTENT):
+        folder.add(row)
+    assert folder.row(0) == row
+    with pytest.raises(ConfigurationError, match="no result; got 7; wanted one of the 1 numbers"):
+        folder.row(7)
+
+
 def test_many_rows_become_one_file_meanwhile(tmp_path, monkeypatch):
     monkeypatch.setattr(_folder, "_MOST_PARTS", 4)
     folder = CampaignFolder(tmp_path)

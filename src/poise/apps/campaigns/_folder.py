@@ -58,6 +58,23 @@ class CampaignFolder:
                 "no campaign in this folder", got=str(self.path), wanted=f"one with {MANIFEST}"
             ) from None
 
+    def row(self, number: int) -> Row:
+        """The row of an episode.
+
+        Args:
+            number: the episode's.
+
+        Raises:
+            ConfigurationError: the episode has none.
+        """
+        if number not in self.rows:
+            raise ConfigurationError(
+                "this episode has no result",
+                got=number,
+                wanted=f"one of the {len(self.rows)} numbers in {str(self.path)!r}",
+            )
+        return self.rows[number]
+
     @contextmanager
     def claimed(self, content: Mapping[str, Any]) -> Generator[None]:
         """The folder for one campaign and one run of it alone, which may write rows meanwhile.

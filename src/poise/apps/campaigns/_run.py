@@ -10,7 +10,6 @@ from poise.apps.campaigns._runner import Runner
 from poise.apps.campaigns._tune import tune
 from poise.apps.campaigns._workers import LocalWorkers, Workers
 from poise.apps.scenarios import Progress
-from poise.errors import ConfigurationError
 
 
 def run_campaign(
@@ -50,13 +49,7 @@ def replay_job(folder: CampaignFolder, number: int) -> Job:
         ConfigurationError: the folder holds no campaign, or no such episode.
     """
     design = Design.of(folder)
-    if number not in folder.rows:
-        raise ConfigurationError(
-            "this episode has no result",
-            got=number,
-            wanted=f"one of the {len(folder.rows)} numbers in {str(folder.path)!r}",
-        )
-    row = folder.rows[number]
+    row = folder.row(number)
     return Job(
         number=number,
         scenario=design.scenario,

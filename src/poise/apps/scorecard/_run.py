@@ -100,13 +100,7 @@ def replay_job(folder: CampaignFolder, number: int) -> Job:
     about = folder.content()["campaign"]
     if about.get("name") != NAME:
         raise ConfigurationError("no scorecard in this folder", got=str(folder.path))
-    if number not in folder.rows:
-        raise ConfigurationError(
-            "this episode has no result",
-            got=number,
-            wanted=f"one of the {len(folder.rows)} numbers in {str(folder.path)!r}",
-        )
-    row = folder.rows[number]
+    row = folder.row(number)
     plan = Plan(
         robot=about["robot"],
         controller=about["controller"],
