@@ -12,7 +12,7 @@ import poise
 from docs import update_api
 
 SURFACE = set(poise.__all__)
-MOST_NAMES = 133
+MOST_NAMES = 134
 """What there is now; a new public name takes the place of another, or says why it is needed.
 
 The last ones: a campaign from a program, workers for whoever runs anything else many times, the bad
@@ -32,7 +32,7 @@ and what a hand and the body are told, what leads hands beside whatever leads th
 those do; and where the head looks;
 and the payload that a state carries, with what finds it, which nothing else tells controllers;
 and two trackers that lead feet, which everybody who has some would write anew, and wrongly: ours
-did, twice.
+did, twice; and the numbers that a robot is led by, which whoever changes one has to have.
 """
 
 

@@ -136,12 +136,11 @@ def _parameters(options: argparse.Namespace, robot: Any, plant: Any, recording: 
     if not 0.0 < scale < math.inf:
         raise ConfigurationError("--hand-scale is out of range", got=scale, wanted="> 0")
     from poise.apps.teleoperation import recorded_setup
-    from poise.locomotion import StepTeleoperator
+    from poise.locomotion import teleop_parameters
 
     if recording is not None and recording.setup:
         _check_made_with("hand-scale", scale, recorded_setup(recording).parameters.hand_scale)
-    usual = StepTeleoperator(robot, actuation=plant.actuation).parameters
-    return replace(usual, hand_scale=scale)
+    return replace(teleop_parameters(robot, plant.actuation), hand_scale=scale)
 
 
 def _check_made_with(option: str, asked: Any, made: Any) -> None:

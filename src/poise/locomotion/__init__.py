@@ -40,6 +40,7 @@ from poise.locomotion._stepping import (
     read_recording as read_recording,
     rest_place as rest_place,
     rotation_of as rotation_of,
+    teleop_parameters,
     yaw_of as yaw_of,
 )
 from poise.locomotion._support import (
@@ -88,5 +89,6 @@ __all__ = [
     "Walker",
     "WayPoint",
     "plan_footsteps",
+    "teleop_parameters",
     "walking_stack",
 ]

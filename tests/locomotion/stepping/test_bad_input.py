@@ -34,8 +34,8 @@ from poise.locomotion import (
 from poise.locomotion._pendulum import ComShifter
 from poise.locomotion._stepping._biped import biped_of, leg_geometry
 from poise.locomotion._stepping._com import ShifterDriver
-from poise.locomotion._stepping._parameters import scaled_parameters
 from poise.locomotion._stepping._samples import checked_sample
+from poise.locomotion._stepping._scaling import scaled_parameters
 from poise.robots import Sole, standing_posture
 from poise.sim import PlantConfig
 

@@ -24,6 +24,7 @@ from poise.locomotion import (
     StepTeleoperator,
     TeleopParameters,
     WayPoint,
+    teleop_parameters,
 )
 from poise.locomotion._pendulum import ComShifter
 from poise.locomotion._stepping._com import ComFeedback
@@ -128,6 +129,25 @@ def test_what_is_commanded_and_by_whom_is_checked(get_robot):
         StepTeleoperator(robot, actuation="torque", driver=driver)
     with pytest.raises(ConfigurationError, match="different control periods"):
         walk(robot, up_and_down(), 1.0, plant=TORQUE_TELEOP_PLANT, parameters=TeleopParameters())
+
+
+@pytest.mark.parametrize("actuation", ["torque", "velocity"])
+def test_the_parameters_of_a_robot_are_what_it_is_led_by(get_robot, actuation):
+    robot = get_robot("g1")
+    made = teleop_parameters(robot, actuation)
+    assert made == StepTeleoperator(robot, actuation=actuation).parameters
+    q = robot.q_home.copy()
+    q[2] -= 0.02
+    # The base's height alone says nothing; a deeper squat has a lower COM over the feet.
+    assert teleop_parameters(robot, actuation, q_start=q) == made
+    for side in ("left", "right"):
+        for name, way in (("hip_pitch", -0.2), ("knee", 0.4), ("ankle_pitch", -0.2)):
+            q[7 + robot.joint_index(f"{side}_{name}_joint")] += way
+    bent = teleop_parameters(robot, actuation, q_start=q)
+    assert bent.step_max < made.step_max
+    assert bent == StepTeleoperator(robot, actuation=actuation, q_start=q).parameters
+    with pytest.raises(UnknownNameError, match=r"no such actuation.*'position'"):
+        teleop_parameters(robot, "position")
 
 
 CONTROLLERS = {

@@ -9,7 +9,7 @@ from poise.locomotion._stepping._guard import DeviceGuard
 from poise.locomotion._stepping._hands import HandLeader, HandStatus
 from poise.locomotion._stepping._lean import TORSO_MOST
 from poise.locomotion._stepping._modes import Mode, ModeEvent, StepEnd, draw_modes
-from poise.locomotion._stepping._parameters import TeleopParameters, scaled_parameters
+from poise.locomotion._stepping._parameters import TeleopParameters
 from poise.locomotion._stepping._recording import (
     RecordedDevice,
     RecordedPush,
@@ -26,6 +26,7 @@ from poise.locomotion._stepping._samples import (
     HandSample,
     HeadSample,
 )
+from poise.locomotion._stepping._scaling import teleop_parameters
 from poise.locomotion._stepping._step_teleoperator import StepTeleoperator
 from poise.locomotion._stepping._teleop_status import TeleopStatus
 from poise.locomotion._stepping._torque_tasks import FOOT_TURNS
@@ -72,6 +73,6 @@ __all__ = [
     "read_recording",
     "rest_place",
     "rotation_of",
-    "scaled_parameters",
+    "teleop_parameters",
     "yaw_of",
 ]

@@ -1,46 +1,20 @@
-"""`TeleopParameters`: every number of the step teleoperator, the paper's, or scaled to a robot."""
+"""`TeleopParameters`: every number of the step teleoperator."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from poise._schema import Positive, checked
 from poise.errors import ConfigurationError
-from poise.locomotion._pendulum import natural_frequency
-from poise.locomotion._stepping._one_foot import one_foot
-from poise.robots import Robot
-
-_PAPER_MASS = 65.0
-"""Of the paper's robot [kg]."""
-
-_PAPER_HEIGHT, _PAPER_STANCE, _PAPER_HALF_SOLE = 0.765, 0.42, 0.12
-"""Height of the COM, distance of the feet and half the width of a sole of the paper's robot [m]."""
-
-_MARGIN_RATIO = 0.25
-"""Part of half a sole that the CT-ZMP stays away from its edge."""
-
-
-_TORQUE_DT = 0.002
-"""Length of a tick where torques are commanded [s]."""
-
-_TORQUE_FOLD = 0.78
-"""Least distance of hip and ankle there, over a leg's length: the stack's balance limit keeps 0.75,
-and brakes before it. Asked for less, a robot that comes down would be thrown up by that."""
-
-_NARROW_STEP, _NARROW_LIFT = 0.75, 0.5
-"""How far ahead and how high a foot may be led there beside one too narrow for a push, over
-`step_max` and `lift_max`: from farther away it does not come down in time to catch the robot."""
-
-_NARROW_GAP = 0.09
-"""Least distance of such soles' edges there, over the COM's height: one behind the other, as on a
-rope, they hold no push aside."""
 
 
 @checked()
 @dataclass(frozen=True, kw_only=True)
 class TeleopParameters:
-    """Numbers of the step teleoperator; the defaults are for `biped20`.
+    """Numbers of the step teleoperator; the defaults are for `biped20`, at velocity level.
 
     Names and values are those of Zhang and Kikuuwe, section 3 to 5, where they have one; the others
-    stand for what the paper leaves open, see docs/teleoperation.md.
+    stand for what the paper leaves open, see docs/teleoperation.md. `r_lift` is the paper's 0.12 m,
+    scaled to the feet of `biped20`. Another robot has others, and so has one that is commanded
+    torques: `teleop_parameters` makes them, `dataclasses.replace` changes some of those.
 
     Attributes:
         dt: T, length of a tick [s].
@@ -155,92 +129,3 @@ class TeleopParameters:
                 got=(self.unload_load, self.land_load),
                 wanted="unload_load < land_load < 0.5",
             )
-
-
-def scaled_parameters(robot: Robot, height: float, stance: float) -> TeleopParameters:
-    """Parameters for a robot, from the paper's by stated rules.
-
-    - `kp` keeps its ratio to omega^2, so that the poles keep theirs to the robot's own time.
-    - `acceleration_max` keeps the first swing of the ZMP, a_lim / omega^2, in its ratio to the
-      COM's height: that swing goes towards the foot that is about to be unloaded, where
-      there is room.
-    - `r_lift` keeps its ratio to the distance of the feet (with 0.27 m between them it is 0.077 m),
-      and is no more than half the narrower side of a sole, which it is in the paper.
-    - `capture_max` and `ct_zmp_max` keep their ratio to half a sole; so do `touch_speed`
-      and `press_speed`: what a landing foot kicks the COM by has to stay within it.
-    - `stoop_max` is half the paper's, and the other half goes with half a sole: a body that comes
-      down over one foot is braked by what that sole gives.
-    - `support_margin` is a quarter of half a sole, and no more than the paper's: what the ZMP
-      strays by does not shrink with the soles.
-    - `w_L` goes with 1 / (m h)^2, so that angular momentum weighs as much as before beside the
-      swing foot's velocity.
-    - `v_lim`, `press_depth`, `clear_height`, `step_max` and `lift_max` keep their ratio to the
-      COM's height; so do `lift_speed`, `lift_acceleration` and `lower_speed`, by which body and
-      feet go up and down in the time that an operator gives them on any robot.
-
-    Args:
-        robot: a biped.
-        height: of the COM above the soles [m].
-        stance: distance of the soles, side by side [m].
-
-    Raises:
-        ConfigurationError: a sole smaller than what lifting a foot needs, or no soles.
-    """
-    if len(robot.soles) < 2:
-        raise ConfigurationError(
-            "step teleoperation needs two feet", got=list(robot.soles), wanted="two soles"
-        )
-    half = 0.5 * min(min(s.length, s.width) for s in robot.soles.values())
-    paper, size = TeleopParameters(), height / _PAPER_HEIGHT
-    square = natural_frequency(height) ** 2
-    paper_square = natural_frequency(_PAPER_HEIGHT) ** 2
-    r_lift = min(0.12 * stance / _PAPER_STANCE, half)
-    if not 0.0 < r_lift < stance:
-        raise ConfigurationError(
-            "the feet stand too close for step teleoperation", got=stance, wanted="> 0 m apart"
-        )
-    near = min(1.0, half / _PAPER_HALF_SOLE)
-    return replace(
-        paper,
-        kp=paper.kp * square / paper_square,
-        acceleration_max=paper.acceleration_max * size * square / paper_square,
-        r_lift=r_lift,
-        capture_max=paper.capture_max * near,
-        ct_zmp_max=paper.ct_zmp_max * near,
-        v_lim=paper.v_lim * size,
-        press_depth=paper.press_depth * size,
-        clear_height=paper.clear_height * size,
-        step_max=paper.step_max * size,
-        lift_max=paper.lift_max * size,
-        stoop_max=0.5 * (1.0 + near) * paper.stoop_max,
-        support_margin=min(paper.support_margin, _MARGIN_RATIO * half),
-        lift_speed=paper.lift_speed * size,
-        lift_acceleration=paper.lift_acceleration * size,
-        lower_speed=paper.lower_speed * size,
-        touch_speed=paper.touch_speed * near,
-        press_speed=paper.press_speed * near,
-        w_L=paper.w_L * (_PAPER_MASS / robot.mass / size) ** 2,
-    )
-
-
-def for_torques(robot: Robot, parameters: TeleopParameters, height: float) -> TeleopParameters:
-    """The same parameters where torques are commanded.
-
-    Args:
-        robot: a biped.
-        parameters: of its own, for velocities.
-        height: of the COM above the soles [m].
-    """
-    omega, margin = natural_frequency(height), parameters.support_margin
-    narrow = one_foot(robot, omega, margin).narrow
-    farthest, highest = (_NARROW_STEP, _NARROW_LIFT) if narrow else (1.0, 1.0)
-    gap = _NARROW_GAP if narrow else 0.0
-    return replace(
-        parameters,
-        dt=_TORQUE_DT,
-        stoop_max=TeleopParameters().stoop_max,
-        fold_min=_TORQUE_FOLD,
-        step_max=farthest * parameters.step_max,
-        lift_max=highest * parameters.lift_max,
-        feet_gap=max(parameters.feet_gap, gap * height),
-    )

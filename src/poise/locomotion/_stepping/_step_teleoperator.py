@@ -32,13 +32,10 @@ from poise.locomotion._stepping._mode_events import ModeEvents
 from poise.locomotion._stepping._modes import Mode, StepEnd
 from poise.locomotion._stepping._one_foot import WIDE, one_foot
 from poise.locomotion._stepping._own_steps import OwnSteps
-from poise.locomotion._stepping._parameters import (
-    TeleopParameters,
-    for_torques,
-    scaled_parameters,
-)
+from poise.locomotion._stepping._parameters import TeleopParameters
 from poise.locomotion._stepping._reach import FootRange
 from poise.locomotion._stepping._samples import BodySample, DeviceSample, checked_sample
+from poise.locomotion._stepping._scaling import teleop_parameters
 from poise.locomotion._stepping._sway import check_sway
 from poise.locomotion._stepping._teleop_checks import (
     check_straight,
@@ -75,7 +72,7 @@ class StepTeleoperator:
     Args:
         robot: a biped with legs of six joints.
         device: says what the operator commands; may be set later.
-        parameters: scaled to the robot when None.
+        parameters: those that `teleop_parameters` makes for the robot when None.
         q_start: configuration at the start; the robot's home when None.
         rotator: whether the body rotator acts, where velocities are commanded.
         driver: moves the COM; the COM shifter when None.
@@ -129,15 +126,10 @@ class StepTeleoperator:
         self.estimator = StanceEstimator(robot, self.soles, q_start, inertial=actuation == "torque")
         left, right = self.estimator.anchors
         self._com_height = float(self.estimator.dynamics.com[2] - 0.5 * (left[2] + right[2]))
-        ahead = self._faces()
         if actuation == "velocity":
-            check_straight(ahead)
+            check_straight(self._faces())
         if parameters is None:
-            apart_x, apart_y, _ = (left - right).tolist()
-            stance = abs(math.cos(ahead) * apart_y - math.sin(ahead) * apart_x)
-            parameters = scaled_parameters(robot, self._com_height, stance)
-            if actuation == "torque":
-                parameters = for_torques(robot, parameters, self._com_height)
+            parameters = teleop_parameters(robot, actuation, q_start=q_start)
         self.parameters = p = checked_kind(
             parameters, TeleopParameters, "parameters of the teleoperation"
         )

@@ -64,7 +64,7 @@ def check_straight(ahead: float) -> None:
         )
 
 
-def checked_actuation(actuation: str, driver: ComDriver | None) -> str:
+def checked_actuation(actuation: str, driver: ComDriver | None = None) -> str:
     """What is commanded, by a name that there is, and with a driver that goes with it.
 
     Args:
