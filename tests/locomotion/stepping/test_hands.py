@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from led_hands import DT, Follows, both
 from slow import slow
 from walker import hands as device_of, up_and_down
 
@@ -11,7 +12,6 @@ from poise.apps.teleoperation import TORQUE_TELEOP_PLANT, replay_teleop, run_tel
 from poise.dynamics import Dynamics, RobotState
 from poise.errors import ConfigurationError, UnknownNameError
 from poise.locomotion import (
-    DeviceSample,
     HandLeader,
     HandSample,
     HandStatus,
@@ -25,17 +25,9 @@ from poise.locomotion._stepping._hands import HandGrip
 from poise.robots import capsules_of
 from poise.sim import PlantConfig
 
-DT = 0.002
-NOWHERE = np.full(3, np.nan)
-
 
 def hand(x, y=0.0, z=0.0, clutch=True):
     return HandSample(np.array([x, y, z]), clutch)
-
-
-def both(time, left=None, right=None, rest=False):
-    """A sample of hands alone."""
-    return DeviceSample(time, NOWHERE, NOWHERE, hands=(left, right), rest=rest)
 
 
 def gripped():
@@ -183,23 +175,6 @@ def test_the_model_of_the_arms_is_the_robots(get_robot):
 
 
 # The leader ---------------------------------------------------------------------------------------
-
-
-class Follows:
-    """A leader of hands whose arms are where they are asked to be."""
-
-    def __init__(self, robot, **options):
-        self.robot, self.leader = robot, HandLeader(robot, dt=DT, **options)
-        self.time = 0.0
-        self.index = [7 + robot.joint_index(name) for name in self.leader.task.joints]
-
-    def say(self, left=None, right=None, seconds=DT, rest=False):
-        for _ in range(round(seconds / DT)):
-            self.time += DT
-            q = self.robot.q_home.copy()
-            q[self.index] = self.leader.task.target_position
-            state = RobotState(q, np.zeros(self.robot.nv), time=self.time)
-            self.leader.lead(both(self.time, left, right, rest), state)
 
 
 def test_a_hand_follows_is_held_and_comes_back_to_rest(get_robot):

@@ -8,18 +8,17 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 import pytest
+from led_hands import DT, Follows
 from walker import hands as device_of, up_and_down
 
 from poise.apps.teleoperation import TORQUE_TELEOP_PLANT, replay_teleop, run_teleop
 from poise.dynamics import Dynamics, RobotState
-from poise.locomotion import DeviceSample, HandLeader, HandSample, HandStatus, WayPoint
+from poise.locomotion import HandSample, HandStatus, WayPoint
 from poise.locomotion._stepping._arms import ArmMotion
 from poise.locomotion._stepping._grips import HandGrip
 from poise.locomotion._stepping._null_space import serve
 from poise.locomotion._stepping._turning import TurnShare
 
-DT = 0.002
-NOWHERE = np.full(3, np.nan)
 ROBOTS = ["g1", "humanoid33", "talos"]
 
 
@@ -270,62 +269,30 @@ def test_turning_costs_hardly_a_place_that_a_hand_gets_to_without(get_robot, nam
 # The leader ---------------------------------------------------------------------------------------
 
 
-class Follows:
-    """A leader of hands whose arms are where they are asked to be."""
-
-    def __init__(self, robot, **options):
-        self.robot, self.leader = robot, HandLeader(robot, dt=DT, **options)
-        self.time = 0.0
-        self.index = [7 + robot.joint_index(name) for name in self.leader.task.joints]
-
-    def say(self, right, seconds=DT, rest=False):
-        for _ in range(round(seconds / DT)):
-            self.time += DT
-            sample = DeviceSample(self.time, NOWHERE, NOWHERE, hands=(None, right), rest=rest)
-            self.leader.lead(sample, RobotState(self.q, np.zeros(self.robot.nv), time=self.time))
-
-    @property
-    def q(self):
-        q = self.robot.q_home.copy()
-        q[self.index] = self.leader.task.target_position
-        return q
-
-    @property
-    def rotation(self):
-        """Torso_R_hand of the right one."""
-        dynamics = Dynamics(self.robot)
-        dynamics.update(RobotState(self.q, np.zeros(self.robot.nv)))
-        torso, right = (
-            dynamics.frame(self.robot.frame_id(name)).rotation
-            for name in (self.robot.torso, self.robot.hands[1])
-        )
-        return torso.T @ right
-
-
 def test_a_hand_is_turned_regripped_held_and_comes_back_to_rest(get_robot):
     robot = Follows(get_robot("g1"), scale=2.0)
     leader, start = robot.leader, robot.rotation
-    robot.say(hand(0.0, 0.0, 0.3, clutch=False))
-    robot.say(hand(0.0, 0.0, 0.3))
-    robot.say(hand(0.0, 0.0, 0.6), 1.0)
+    robot.say(None, hand(0.0, 0.0, 0.3, clutch=False))
+    robot.say(None, hand(0.0, 0.0, 0.3))
+    robot.say(None, hand(0.0, 0.0, 0.6), 1.0)
     way = pin.exp3(np.array([0.0, 0.0, 0.3]))
     assert angle(robot.rotation, way @ start) < 0.01
     assert leader.status[1] is HandStatus.LED
     assert leader.rotations[0] is None
     place = leader.places[1].copy()
-    robot.say(hand(0.7, 0.0, 0.0, clutch=False), 0.5)
+    robot.say(None, hand(0.7, 0.0, 0.0, clutch=False), 0.5)
     assert leader.status[1] is HandStatus.HELD
-    robot.say(hand(0.7, 0.0, 0.0), 0.5)
+    robot.say(None, hand(0.7, 0.0, 0.0), 0.5)
     assert angle(robot.rotation, way @ start) < 0.01
-    robot.say(hand(0.9, 0.0, 0.0), 1.0)
+    robot.say(None, hand(0.9, 0.0, 0.0), 1.0)
     assert angle(robot.rotation, pin.exp3(np.array([0.2, 0.0, 0.0])) @ way @ start) < 0.07
     np.testing.assert_allclose(leader.places[1], place, atol=1e-6)
     # Without orientation it keeps the one that it has.
-    robot.say(HandSample(np.zeros(3), False))
-    robot.say(HandSample(np.zeros(3)))
-    robot.say(HandSample(np.array([0.02, 0.0, 0.02])), 1.0)
+    robot.say(None, HandSample(np.zeros(3), False))
+    robot.say(None, HandSample(np.zeros(3)))
+    robot.say(None, HandSample(np.array([0.02, 0.0, 0.02])), 1.0)
     assert angle(robot.rotation, pin.exp3(np.array([0.2, 0.0, 0.0])) @ way @ start) < 0.07
-    robot.say(HandSample(np.zeros(3), False), 3.0, rest=True)
+    robot.say(None, HandSample(np.zeros(3), False), 3.0, rest=True)
     assert leader.rotations[1] is None
     assert angle(robot.rotation, start) < 0.02
 
@@ -333,15 +300,15 @@ def test_a_hand_is_turned_regripped_held_and_comes_back_to_rest(get_robot):
 def test_turned_as_far_as_it_goes_a_hand_says_so_and_comes_back_with_its_device(get_robot):
     robot = Follows(get_robot("g1"))
     leader, start = robot.leader, robot.rotation
-    robot.say(hand(0.0, 0.0, 0.0, clutch=False))
+    robot.say(None, hand(0.0, 0.0, 0.0, clutch=False))
     for y in np.arange(0.0, 1.5, 0.01):
-        robot.say(hand(0.0, -y, 0.0), 0.01)
-    robot.say(hand(0.0, -y, 0.0), 0.5)
+        robot.say(None, hand(0.0, -y, 0.0), 0.01)
+    robot.say(None, hand(0.0, -y, 0.0), 0.5)
     assert leader.status[1] is HandStatus.TURNED
     far = angle(robot.rotation, start)
     assert 0.1 < far < 1.4
     for back in np.arange(y, 0.0, -0.01):
-        robot.say(hand(0.0, -back, 0.0), 0.01)
+        robot.say(None, hand(0.0, -back, 0.0), 0.01)
     assert leader.status[1] is HandStatus.LED
     # The device went up to a radian further than the hand, and that is forgiven.
     assert angle(robot.rotation, start) < 0.5

@@ -1,0 +1,46 @@
+"""Hands that are led without a simulator: samples of hands alone, and arms that do as asked."""
+
+import numpy as np
+
+from poise.dynamics import Dynamics, RobotState
+from poise.locomotion import DeviceSample, HandLeader
+
+DT = 0.002
+NOWHERE = np.full(3, np.nan)
+
+
+def both(time, left=None, right=None, rest=False):
+    """A sample of hands alone."""
+    return DeviceSample(time, NOWHERE, NOWHERE, hands=(left, right), rest=rest)
+
+
+class Follows:
+    """A leader of hands whose arms are where they are asked to be."""
+
+    def __init__(self, robot, **options):
+        self.robot, self.leader = robot, HandLeader(robot, dt=DT, **options)
+        self.time = 0.0
+        self.index = [7 + robot.joint_index(name) for name in self.leader.task.joints]
+
+    def say(self, left=None, right=None, seconds=DT, rest=False):
+        for _ in range(round(seconds / DT)):
+            self.time += DT
+            state = RobotState(self.q, np.zeros(self.robot.nv), time=self.time)
+            self.leader.lead(both(self.time, left, right, rest), state)
+
+    @property
+    def q(self):
+        q = self.robot.q_home.copy()
+        q[self.index] = self.leader.task.target_position
+        return q
+
+    @property
+    def rotation(self):
+        """Torso_R_hand of the right one."""
+        dynamics = Dynamics(self.robot)
+        dynamics.update(RobotState(self.q, np.zeros(self.robot.nv)))
+        torso, right = (
+            dynamics.frame(self.robot.frame_id(name)).rotation
+            for name in (self.robot.torso, self.robot.hands[1])
+        )
+        return torso.T @ right
