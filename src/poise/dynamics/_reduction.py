@@ -172,7 +172,10 @@ class ReducedDynamics:
         """Acceleration of the reduced robot, (dv_a, z), of an acceleration of the robot.
 
         Args:
-            dv: acceleration of the robot.
+            dv: acceleration of the robot [m/s^2, rad/s^2].
+
+        Returns:
+            dv_a [m/s^2, rad/s^2], then z [kg^1/2 m/s^2].
         """
         part = self.partition
         x = np.empty(part.nr)
@@ -186,10 +189,10 @@ class ReducedDynamics:
         """The acceleration of least energy among those with the same (dv_a, z).
 
         Args:
-            x: acceleration of the reduced robot.
+            x: acceleration of the reduced robot: dv_a [m/s^2, rad/s^2], then z [kg^1/2 m/s^2].
 
         Returns:
-            dv, with dv_u = Jbar_z z.
+            dv, with dv_u = Jbar_z z [m/s^2, rad/s^2].
         """
         na = self.partition.na
         return self.partition.merge(x[:na], self.Jbar_z.dot(x[na:]))
@@ -198,7 +201,7 @@ class ReducedDynamics:
         """Rows a: what joint torques and contacts have to bring up together [N, N m].
 
         Args:
-            x: acceleration of the reduced robot.
+            x: acceleration of the reduced robot: dv_a [m/s^2, rad/s^2], then z [kg^1/2 m/s^2].
 
         Returns:
             M_aa dv_a + C z + h_a, which is S_a tau + J_c,a^T F.
@@ -213,8 +216,8 @@ class ReducedDynamics:
         """Rows u: torques of the unconstrained chain, which no contact reaches [N m].
 
         Args:
-            dv_a: acceleration of a, as the reduced robot has it.
-            dv_u: acceleration of u.
+            dv_a: acceleration of a, as the reduced robot has it [m/s^2, rad/s^2].
+            dv_u: acceleration of u [m/s^2, rad/s^2].
 
         Returns:
             M_ua dv_a + M_uu dv_u + h_u, the exact form of (17).
