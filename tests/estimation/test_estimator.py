@@ -1,6 +1,7 @@
 """The estimator on a simulated walk: its errors against the truth, faults of sensors, the loop."""
 
 import math
+from copy import copy
 from dataclasses import replace
 
 import numpy as np
@@ -19,6 +20,7 @@ from poise.estimation import (
     EstimatorConfig,
     EstimatorStatus,
     MomentumObserver,
+    PayloadEstimator,
     StateEstimator,
 )
 from poise.locomotion import Gait, Stride, Walker, plan_footsteps, walking_stack
@@ -427,6 +429,61 @@ def test_a_state_of_no_use_comes_back_as_it_is(walked):
         assert estimator.update(bad) is bad
         assert estimator.status is EstimatorStatus.BAD_STATE
     assert np.isfinite(estimator.update(good).q).all()
+    assert estimator.status.ok
+
+
+def odd(state, **values):
+    """The state with values that nobody has checked."""
+    changed = copy(state)
+    for name, value in values.items():
+        object.__setattr__(changed, name, value)
+    return changed
+
+
+@pytest.mark.parametrize(
+    "wrench",
+    [np.zeros(3), np.zeros((1, 6)), "none", [0.0] * 5, np.full(6, np.nan), np.zeros(6, object)],
+    ids=str,
+)
+def test_a_wrench_that_is_none_says_nothing_and_ends_no_loop(walked, wrench):
+    robot, measured, truths = walked
+    estimator = StateEstimator(robot, q_start=truths[0].q, payload=PayloadEstimator(robot))
+    estimator.update(measured[0])
+    left, right = robot.soles
+    bad = odd(measured[1], contacts={left: wrench, right: measured[1].contacts[right]})
+    assert bad.wrench(left) is None
+    assert np.isfinite(estimator.update(bad).q).all()
+    assert estimator.status.ok
+    assert estimator.probability[left] == 0.0
+
+
+def test_a_wrench_may_be_a_list(walked):
+    _, measured, _ = walked
+    name, wrench = next(iter(measured[1].contacts.items()))
+    listed = odd(measured[1], contacts={name: wrench.tolist()})
+    np.testing.assert_array_equal(listed.wrench(name), wrench)
+
+
+@pytest.mark.parametrize(
+    "readings",
+    [
+        SensorReadings([0.0] * 3, [0.0, 0.0, 9.81], []),
+        SensorReadings(None, None, None),
+        SensorReadings(np.zeros(2), np.zeros(3), np.zeros(0)),
+    ],
+    ids=["lists", "nothing", "two numbers"],
+)
+@pytest.mark.parametrize("contacts", [True, False])
+def test_readings_that_are_none_end_no_loop(walked, readings, contacts):
+    robot, measured, truths = walked
+    estimator = StateEstimator(robot, q_start=truths[0].q)
+    estimator.update(measured[0])
+    good = measured[1]
+    bad = odd(good, readings=readings, contacts=good.contacts if contacts else {})
+    assert np.isfinite(estimator.update(bad).q).all()
+    assert estimator.status is EstimatorStatus.NO_IMU
+    silent = SensorReadings(good.readings.angular_velocity, good.readings.specific_force, None)
+    estimator.update(odd(measured[2], readings=silent, contacts={}))
     assert estimator.status.ok
 
 

@@ -59,7 +59,9 @@ def test_what_is_missing_counts_as_none_and_strange_states_come_back(robot):
     assert StatePredictor(robot, 0.0, T).predict(state) is state
 
 
-@pytest.mark.parametrize(("delay", "period"), [(-T, T), (1.5 * T, T), (T, 0.0)])
+@pytest.mark.parametrize(
+    ("delay", "period"), [(-T, T), (1.5 * T, T), (T, 0.0), (np.nan, T), (np.inf, T), (T, np.nan)]
+)
 def test_a_delay_that_is_no_whole_number_of_periods_is_refused(robot, delay, period):
     with pytest.raises(ConfigurationError, match="whole number"):
         StatePredictor(robot, delay, period)

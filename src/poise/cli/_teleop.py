@@ -119,7 +119,7 @@ def _plant(options: argparse.Namespace, robot: Any, recording: Any) -> Any:
     # A person may lead hands and feet into the robot.
     plant = replace(plant, self_contact=True)
     if recording is not None and recording.setup:
-        setup = recorded_setup(recording)
+        setup = recorded_setup(recording, robot)
         plant = setup.plant
         _check_made_with("actuation", options.actuation, plant.actuation)
         _check_made_with("controller", options.controller, setup.solved_by)
@@ -139,7 +139,8 @@ def _parameters(options: argparse.Namespace, robot: Any, plant: Any, recording: 
     from poise.locomotion import teleop_parameters
 
     if recording is not None and recording.setup:
-        _check_made_with("hand-scale", scale, recorded_setup(recording).parameters.hand_scale)
+        made = recorded_setup(recording, robot)
+        _check_made_with("hand-scale", scale, made.parameters.hand_scale)
     return replace(teleop_parameters(robot, plant.actuation), hand_scale=scale)
 
 

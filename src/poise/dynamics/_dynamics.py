@@ -93,15 +93,18 @@ class RobotState:
         take(self, "payload", payload)
 
     def wrench(self, sole: str) -> Float64[np.ndarray, "6"] | None:
-        """What is measured of a sole; None for nothing, and for NaN or infinity in it.
+        """What is measured of a sole; None for nothing, and for what is not six finite numbers.
 
         Args:
             sole: its name.
         """
         found = self.contacts.get(sole)
-        if found is None or not math.isfinite(sum(found.tolist())):
+        if found is None:
             return None
-        return found
+        found = _as_numbers(found)
+        if not (isinstance(found, np.ndarray) and found.shape == (6,) and found.dtype == _NUMBER):
+            return None
+        return found if math.isfinite(sum(found.tolist())) else None
 
 
 def _as_numbers(value: Numbers) -> Numbers:

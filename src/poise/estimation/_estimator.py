@@ -314,8 +314,9 @@ class StateEstimator:
     ) -> dict[str, Float64[np.ndarray, "6"]]:
         """As measured, or else estimated; empty where neither can be."""
         if state.contacts:
-            return dict(state.contacts)
-        if reading.torque.size != self._robot.nj or self._last is None:
+            return _felt_by(state)
+        torque = _anything(reading.torque)
+        if not _is_vector(torque, self._robot.nj, self._robot.nj) or self._last is None:
             return {}
         if not math.isfinite(float(reading.torque.sum())):
             # What it has found so far would never be numbers again.
@@ -342,7 +343,7 @@ class StateEstimator:
             position[:2] = self._last_position
         self.filter.start(R, position, gyro_bias=gyro_bias, deviation=self.config.start)
         self._started = True
-        self.wrenches = dict(state.contacts)
+        self.wrenches = _felt_by(state)
 
     def _answer(self, state: RobotState) -> RobotState:
         """The estimate in Poise's conventions: the base's velocity in the base's own frame."""
@@ -387,6 +388,21 @@ class StateEstimator:
         return _is_vector(state.q, robot.nq, 7) and _is_vector(state.v, robot.nv, 6)
 
 
+_NO_WRENCH = np.full(6, np.nan)
+"""Of a sole that says nothing: it is in no contact."""
+
+
+def _felt_by(state: RobotState) -> dict[str, Float64[np.ndarray, "6"]]:
+    """Wrenches of a state; what is not six finite numbers is NaN."""
+    wrenches = {name: state.wrench(name) for name in state.contacts}
+    return {name: _NO_WRENCH if found is None else found for name, found in wrenches.items()}
+
+
+def _anything(value: object) -> object:
+    """What a field holds, whatever is said of it."""
+    return value
+
+
 def _is_vector(value: object, size: int, first: int) -> bool:
     """Whether a vector has a size, and sane numbers from one on; NaN fails every comparison."""
     if not (isinstance(value, np.ndarray) and value.shape == (size,) and value.dtype == np.float64):
@@ -401,8 +417,10 @@ def _is_time(value: object) -> bool:
 def _usable_reading(reading: SensorReadings | None) -> bool:
     if reading is None:
         return False
-    rate, force = reading.angular_velocity, reading.specific_force
-    if rate.shape != (3,) or force.shape != (3,):
+    rate, force = _anything(reading.angular_velocity), _anything(reading.specific_force)
+    if not (isinstance(rate, np.ndarray) and isinstance(force, np.ndarray)):
+        return False
+    if rate.shape != (3,) or force.shape != (3,) or not rate.dtype == force.dtype == np.float64:
         return False
     # Written so that NaN fails.
     turn, shock = math.hypot(*rate.tolist()), math.hypot(*force.tolist())

@@ -41,7 +41,8 @@ class StatePredictor:
     """
 
     def __init__(self, robot: Robot, delay: float, period: float) -> None:
-        count = round(delay / period) if period > 0.0 else -1
+        known = 0.0 < period < math.inf and 0.0 <= delay < math.inf
+        count = round(delay / period) if known else -1
         if count < 0 or abs(count * period - delay) > 1e-6:
             raise ConfigurationError(
                 "a delay that is predicted over is no whole number of periods",

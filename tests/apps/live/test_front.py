@@ -334,6 +334,7 @@ def test_a_handle_that_is_let_go_brings_the_foot_down(front, session):
         '{"lift": [true, true]}',
         "{}",
         "[" * 20000,
+        '{"do": "drive", "more": ' + "[" * 30000 + "]" * 30000 + "}",
         b"\xff",
     ],
 )

@@ -12,10 +12,10 @@ pytest.importorskip("websockets")
 
 from poise.apps.live import LiveFeet, OperatorInputs, Pad, Tracked, _inputs as inputs
 from poise.apps.live._body import Bend, BodyLimits, bent, limits_of
-from poise.apps.live._feet import HOLD_HEIGHT
+from poise.apps.live._feet import HOLD_HEIGHT, velocity_of
 from poise.apps.live._gamepad import HostGamepad, Landings, bend_from, pad_from
 from poise.apps.live._inputs import Body, Head
-from poise.locomotion import BodySample, Mode, StepTeleoperator
+from poise.locomotion import BodySample, Mode, StepTeleoperator, VelocityLimits
 from poise.locomotion._stepping import _lean as lean, _torque_tasks as torque_tasks
 
 DT = 0.005
@@ -122,7 +122,7 @@ def test_a_handle_that_was_far_away_is_back_within_a_second(made):
     operator, controller, device = made
     foot = controller.estimator.anchors[1]
     operator.pad(Pad())
-    sample = run(operator, device, 400, Pad(drag=(None, (99.0, -99.0, 99.0))))
+    sample = run(operator, device, 400, Pad(drag=(None, (999.0, -999.0, 999.0))))
     assert np.abs(sample.right - foot).max() < 0.5
     sample = run(operator, device, 200, Pad(drag=(None, tuple(foot))))
     np.testing.assert_allclose(sample.right, foot, atol=1e-12)
@@ -135,6 +135,27 @@ def test_whoever_comes_next_finds_the_devices_on_the_feet(made):
     assert device.sample(1.0) is None
     for place, anchor in zip(device.places, controller.estimator.anchors, strict=True):
         np.testing.assert_allclose(place, anchor, atol=1e-12)
+
+
+def test_a_key_that_was_held_all_along_does_nothing_when_the_connection_is_back(made):
+    operator, _, device = made
+    held = Pad(lift=(False, True), move=(1.0, 0.0))
+    run(operator, device, 100, held)
+    operator.clear()
+    assert device.sample(1.0) is None
+    operator.pad(held)
+    assert operator.read() == Pad()
+    operator.pad(Pad())
+    operator.pad(held)
+    assert operator.read() == held
+
+
+def test_a_stick_that_does_not_rest_at_exactly_zero_asks_for_nothing():
+    limits = VelocityLimits()
+    assert velocity_of(Pad(move=(0.04, -0.05), turn=0.03), limits) == (0.0, 0.0, 0.0)
+    ahead, left, turn = velocity_of(Pad(move=(0.06, -0.06), turn=0.06), limits)
+    assert ahead > 0.0 > left
+    assert turn > 0.0
 
 
 def test_hands_come_as_they_are_held(made):

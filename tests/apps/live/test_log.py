@@ -11,9 +11,20 @@ pytest.importorskip("websockets")
 pytest.importorskip("mujoco")
 
 from poise.apps.live import LiveLoop, OperatorInputs, Pad, Takes, _log as logs
-from poise.apps.teleoperation import VELOCITY_TELEOP_PLANT, replay_teleop
+from poise.apps.teleoperation import (
+    TORQUE_TELEOP_PLANT,
+    VELOCITY_TELEOP_PLANT,
+    replay_teleop,
+    run_teleop,
+)
 from poise.errors import ConfigurationError
-from poise.locomotion import Mode, read_recording
+from poise.locomotion import (
+    Mode,
+    RecordingError,
+    ScriptedDevice,
+    StepTeleoperator,
+    read_recording,
+)
 
 
 @pytest.fixture
@@ -162,3 +173,35 @@ def test_a_folder_that_is_gone_costs_the_recording_and_not_the_run(loop, tmp_pat
     drive(loop, Pad(), lambda s: s.time > now + 0.2, "the run to go on")
     loop.stop()
     assert loop.error is None
+
+
+def test_the_log_of_a_recording_that_was_moved_is_kept(tmp_path):
+    takes = Takes(tmp_path, robot="biped20", dt=0.005)
+    (tmp_path / "take-004.mcap").write_bytes(b"of a good run")
+    (tmp_path / "take-002.teleop").write_bytes(b"")
+    takes.begin({})
+    takes.finish()
+    assert takes.path.name == "take-005.teleop"
+
+
+def test_a_link_to_nothing_in_the_folder_costs_nothing(tmp_path):
+    room = logs.Room(tmp_path, 1000)
+    (tmp_path / "latest").symlink_to(tmp_path / "gone")
+    (tmp_path / "some").write_bytes(bytes(600))
+    room.look()
+    assert not room.is_full
+    (tmp_path / "more").write_bytes(bytes(600))
+    room.look()
+    assert room.is_full
+    assert "is full" in room.notice
+
+
+def test_a_recording_of_another_robot_of_the_same_name_is_not_played(get_robot, tmp_path):
+    robot, path = get_robot("biped20"), tmp_path / "loaded.teleop"
+    start = StepTeleoperator(robot).resting_sample
+    device = ScriptedDevice([], start.left, start.right)
+    run_teleop(robot, device, duration=0.02, recording=path)
+    takes = Takes(tmp_path, robot=robot.name, dt=TORQUE_TELEOP_PLANT.control_dt)
+    heavier = robot.carrying("torso", 3.0)
+    with pytest.raises(RecordingError, match="another biped20: masses"):
+        LiveLoop(heavier, OperatorInputs(), takes, recording=read_recording(path))

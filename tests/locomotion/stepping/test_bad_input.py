@@ -332,7 +332,9 @@ def odd(sample, **values):
         ("time", None), ("time", "now"), ("time", np.zeros(2)), ("body", None),
         ("height", None), ("torso", (0.0, 0.0)), ("turns", ("a", "b")), ("velocity", None),
         ("velocity", (0.1, 0.0)), ("velocity", np.zeros(2)), ("hands", ()), ("hands", None),
-        ("hands", (1.0, 2.0)), ("rates", ()), ("head", "ahead"),
+        ("hands", (1.0, 2.0)), ("rates", ()), ("head", "ahead"), ("upright", None),
+        ("upright", "yes"), ("rest", np.zeros(2)), ("head", odd(HEAD, clutch=np.zeros(2))),
+        ("hands", (None, odd(HAND, clutch=0.5))),
     ],
     ids=repr,
 )  # fmt: skip
@@ -369,6 +371,49 @@ def test_no_number_of_a_sample_ends_the_loop(get_robot, actuation, number):
         given = command.torque if actuation == "torque" else command.velocity
         assert np.isfinite(given).all()
         assert teleoperator.device_error is None
+
+
+@pytest.mark.parametrize("kind", [int, np.float32, np.int64, np.float64])
+def test_every_number_of_a_sample_becomes_a_float(kind):
+    """Pinocchio takes no float32, and a recording keeps no whole numbers."""
+    one, numbers = kind(1), np.array((0, 1, 2), dtype=kind)
+    body = odd(WHOLE.body, height=one, torso=tuple(numbers), turns=tuple(numbers[:2]))
+    hand = odd(HAND, clutch=np.bool_(True))
+    asked = odd(WHOLE, time=one, velocity=numbers, body=body, upright=1, hands=(hand, None))
+    sample, fault = checked_sample(asked)
+    assert fault == ""
+    assert (sample.time, sample.velocity) == (1.0, (0.0, 1.0, 2.0))
+    assert sample.body == BodySample(1.0, (0.0, 1.0, 2.0), (0.0, 1.0))
+    for number in (sample.time, *sample.velocity, *sample.body.numbers):
+        assert type(number) is float
+    assert sample.upright is True
+    assert sample.hands[0].clutch is True
+
+
+def test_a_number_too_large_for_a_float_makes_a_device_silent_and_ends_no_loop(get_robot):
+    teleoperator = StepTeleoperator(get_robot("biped20"))
+    rest, device = teleoperator.resting_sample, Mock()
+    teleoperator.device = device
+    state = RobotState(teleoperator.robot.q_home, np.zeros(teleoperator.robot.nv))
+    body = odd(BodySample(), height=10**400)
+    for bad in ({"time": 10**400}, {"velocity": (10**400, 0, 0)}, {"body": body}):
+        device.sample.return_value = odd(rest, **bad)
+        teleoperator.lead(teleoperator.estimator.update(state))
+        assert isinstance(teleoperator.device_error, OverflowError)
+
+
+def test_a_walk_by_numbers_of_a_joystick_ends_no_loop(get_robot):
+    teleoperator = StepTeleoperator(get_robot("biped20"))
+    rest, device = teleoperator.resting_sample, Mock()
+    teleoperator.device = device
+    state = RobotState(teleoperator.robot.q_home, np.zeros(teleoperator.robot.nv))
+    for tick in range(40):
+        time = teleoperator.dt * tick
+        velocity = np.array((0.3, 0.0, 0.1) if tick > 2 else (0.0, 0.0, 0.0), dtype=np.float32)
+        device.sample.return_value = odd(rest, time=time, velocity=velocity)
+        teleoperator.lead(teleoperator.estimator.update(replace(state, time=time)))
+        assert teleoperator.device_error is None
+    assert teleoperator.status.device is DeviceStatus.WALKING
 
 
 def test_how_far_feet_are_apart_is_along_the_robot(get_robot):

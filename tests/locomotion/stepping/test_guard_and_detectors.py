@@ -395,3 +395,51 @@ def test_a_source_that_is_frozen_is_lost_and_makes_nobody_walk():
     for tick in range(1000, 1010):
         check(made, sample(7.0 + tick * DT), tick * DT)
     assert made.status is DeviceStatus.OK
+
+
+AHEAD, STILL = (0.3, 0.0, 0.0), (0.0, 0.0, 0.0)
+
+
+def walks(guard, velocity, time):
+    """The velocity that counts after a sample with one."""
+    check(guard, replace(sample(time), velocity=velocity), time)
+    return guard.velocity
+
+
+def test_a_stick_that_was_held_when_the_device_was_found_has_to_be_let_go_first():
+    made = guard()
+    for time in (0.0, 0.1):
+        assert walks(made, AHEAD, time) == STILL
+    assert walks(made, STILL, 0.2) == STILL
+    assert walks(made, AHEAD, 0.3) == AHEAD
+    # Nothing comes for a while: the robot stands, and goes on standing when the stick is back.
+    check(made, None, 0.9)
+    assert made.velocity == STILL
+    for time in (1.0, 1.1):
+        assert walks(made, AHEAD, time) == STILL
+    assert walks(made, STILL, 1.2) == STILL
+    assert walks(made, AHEAD, 1.3) == AHEAD
+
+
+@pytest.mark.parametrize("velocity", [(1e-9, 0.0, 0.0), (0.0, -0.008, 0.0), (0.008, 0.0, -0.015)])
+def test_a_stick_that_does_not_rest_at_exactly_zero_asks_for_nothing(velocity):
+    made = guard()
+    for time in (0.0, 0.1, 0.2):
+        assert walks(made, velocity, time) == STILL
+    assert walks(made, AHEAD, 0.3) == AHEAD
+    assert walks(made, velocity, 0.4) == STILL
+
+
+def test_what_is_asked_of_the_body_and_walking_needs_no_feet():
+    made = held()
+    nowhere = replace(sample(0.1), left=np.full(3, np.nan), right=np.full(3, np.nan))
+    check(made, replace(nowhere, velocity=STILL), 0.1)
+    check(made, replace(nowhere, time=0.2, velocity=AHEAD), 0.2)
+    assert made.velocity == AHEAD
+    assert made.held == (True, True)
+    # The devices of the feet are lost all the same.
+    for time in (0.4, 0.6, 0.8):
+        check(made, replace(nowhere, time=time, velocity=AHEAD), time)
+    assert made.velocity == AHEAD
+    assert made.held == (False, False)
+    assert made.status is DeviceStatus.WAITING

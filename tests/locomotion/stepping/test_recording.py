@@ -256,3 +256,28 @@ def test_a_robot_that_carries_something_is_another_one(get_robot, tmp_path):
         replay_teleop(path)
     again = replay_teleop(path, loaded)
     np.testing.assert_array_equal(run.log.command, again.log.command)
+
+
+def test_a_recording_that_is_played_is_not_written_over(get_robot, tmp_path):
+    robot, path = get_robot("biped20"), tmp_path / "run.teleop"
+    walk(robot, up_and_down(), 0.1, recording=path)
+    before, link = path.read_bytes(), tmp_path / "link.teleop"
+    link.symlink_to(path)
+    played = read_recording(path)
+    device = played.device(robot=robot.name, dt=played.dt)
+    for file in (path, link):
+        with pytest.raises(ConfigurationError, match=r"cannot be written over.*another file"):
+            run_teleop(robot, device, VELOCITY_TELEOP_PLANT, duration=0.1, recording=file)
+    assert path.read_bytes() == before
+
+
+def test_a_run_shorter_than_a_tick_is_refused(get_robot):
+    with pytest.raises(ConfigurationError, match=r"shorter than a tick; got '0.0001 s'"):
+        walk(get_robot("biped20"), up_and_down(), 1e-4)
+
+
+def test_what_is_nested_too_deep_is_no_recording(tmp_path):
+    path = tmp_path / "deep"
+    path.write_text("[" * 20000)
+    with pytest.raises(RecordingError, match="is no recording"):
+        read_recording(path)

@@ -219,6 +219,9 @@ def _yaw_of(orientation: Quaternion) -> float | None:
 _SHARE = 0.85
 """Of the limits that a stick asks for when it is all the way over."""
 
+_AT_REST = 0.05
+"""A stick that is no further over asks for nothing: none rests at exactly zero."""
+
 
 def velocity_of(pad: Pad | None, limits: VelocityLimits) -> tuple[float, float, float]:
     """The velocity that keys and sticks ask for.
@@ -232,11 +235,11 @@ def velocity_of(pad: Pad | None, limits: VelocityLimits) -> tuple[float, float, 
     """
     if pad is None:
         return 0.0, 0.0, 0.0
-    ahead, left = pad.move
+    ahead, left, turn = (0.0 if abs(axis) <= _AT_REST else axis for axis in (*pad.move, pad.turn))
     return (
         _SHARE * ahead * (limits.ahead if ahead > 0.0 else limits.back),
         _SHARE * left * limits.sideways,
-        _SHARE * pad.turn * limits.turn,
+        _SHARE * turn * limits.turn,
     )
 
 

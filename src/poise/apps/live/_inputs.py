@@ -4,6 +4,7 @@
 `StageTimes`: when a message was where.
 """
 
+import math
 import threading
 import time as clock
 from collections import deque
@@ -25,8 +26,12 @@ _MOVES_FOR = 0.1
 
 Deflection = Annotated[float, Meta(ge=-1.0, le=1.0)]
 Coordinate = Annotated[float, Meta(gt=-100.0, lt=100.0)]
-"""A handle further away than this [m] is none."""
+"""A tracker further away than this [m] is none."""
 Place = tuple[Coordinate, Coordinate, Coordinate]
+
+Far = Annotated[float, Meta(gt=-1e6, lt=1e6)]
+"""A handle stands in the drawn world, in which a robot may walk far [m]."""
+HandlePlace = tuple[Far, Far, Far]
 
 
 Component = Annotated[float, Meta(ge=-1.01, le=1.01)]
@@ -115,7 +120,7 @@ class Pad(Struct, frozen=True, tag_field="do", tag="drive"):
     second: tuple[Deflection, Deflection] = (0.0, 0.0)
     turn: Deflection = 0.0
     upright: bool = False
-    drag: tuple[Place | None, Place | None] = (None, None)
+    drag: tuple[HandlePlace | None, HandlePlace | None] = (None, None)
     tracked: tuple[Tracked | None, Tracked | None] = (None, None)
     hands: tuple[Tracked | None, Tracked | None] = (None, None)
     head: Head | None = None
@@ -192,9 +197,10 @@ class OperatorInputs:
             self._unread = (1e-3 * pad.beat, self._alive_at)
 
     def clear(self) -> None:
-        """Nobody is at the controls."""
+        """Nobody is at the controls; whoever comes back is as after a silence."""
         with self._lock:
-            self._pad, self._alive_at, self._unseen = Pad(), None, None
+            self._pad, self._unseen = Pad(), None
+            self._alive_at = None if self._alive_at is None else -math.inf
 
     def read(self) -> Pad | None:
         """What the operator does; None when there has been no sign of life for a while."""

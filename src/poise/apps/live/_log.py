@@ -71,10 +71,15 @@ class Room:
         """Looks at once."""
         self._looked_at = clock.monotonic()
         try:
-            used = sum(path.stat().st_size for path in self.folder.iterdir())
+            paths = [*self.folder.iterdir()]
         except OSError as error:
             self.close(error)
             return
+        used = 0
+        for path in paths:
+            # One that is gone by now, or a link to nothing, takes no room.
+            with suppress(OSError):
+                used += path.stat().st_size
         if not self._problem:
             self._free = used < self._most
 
@@ -296,5 +301,7 @@ class Takes:
         return self.room.notice if self.room.is_full else self.path.name
 
     def _next(self, kind: str) -> int:
-        found = (re.fullmatch(rf"{kind}-(\d+)\{SUFFIX}", name) for name in self.files)
+        # A log whose recording somebody has moved is kept, too.
+        names = (path.name for path in self.folder.glob(f"{kind}-*"))
+        found = (re.fullmatch(rf"{kind}-(\d+)\.\w+", name) for name in names)
         return 1 + max((int(match[1]) for match in found if match), default=0)

@@ -96,11 +96,11 @@ class _Making(NamedTuple):
     solved_by: str | None
 
 
-def _made_with(recording: Recording | None, asked: _Making) -> _Making:
+def _made_with(recording: Recording | None, robot: Robot, asked: _Making) -> _Making:
     """What a recording that is played was made with; as asked for without."""
     if recording is None or not recording.setup:
         return asked
-    setup = recorded_setup(recording)
+    setup = recorded_setup(recording, robot)
     if setup.q_start is not None:
         raise RecordingError(
             f"the recording {recording.path.name} begins elsewhere than at the robot's home",
@@ -143,7 +143,7 @@ class LiveLoop(RealTimeLoop):
         parameters: TeleopParameters | None = None,
         solved_by: str | None = None,
     ) -> None:
-        self._making = _made_with(recording, _Making(seed, parameters, True, solved_by))
+        self._making = _made_with(recording, robot, _Making(seed, parameters, True, solved_by))
         super().__init__(robot, plant, self._making.seed)
         self.takes = takes
         self._inputs, self._recording = inputs, recording

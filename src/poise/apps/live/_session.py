@@ -162,7 +162,7 @@ class _Session(ABC):
         """
         try:
             message = _ORDERS.decode(text)
-        except (msgspec.DecodeError, UnicodeDecodeError) as error:
+        except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
             raise ConfigurationError(f"no such order: {error}") from None
         match message:
             case Pad():

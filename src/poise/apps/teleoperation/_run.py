@@ -259,6 +259,10 @@ def run_teleop(
         solved_by=solved_by,
     )
     check_period(teleoperator, plant.control_dt)
+    if round(duration / plant.control_dt) < 1:
+        raise ConfigurationError(
+            "the run is shorter than a tick", got=f"{duration} s", wanted=f"{plant.control_dt} s"
+        )
     if recording is not None and (driver is not None or leader is not StepTeleoperator):
         raise ConfigurationError(
             "a run with a driver or a leader of its own cannot be recorded",
@@ -270,6 +274,7 @@ def run_teleop(
     teleoperator.device = checked_kind(source, Device, "the device that walks the robot")
     if isinstance(source, RecordedDevice):
         pushes = source.recording.pushes
+        _check_another_file(recording, source.recording)
     pushes = _in_order(pushes)
     for number, force, seconds in pushes:
         body.push(robot.torso, force, seconds, number * plant.control_dt)
@@ -312,6 +317,20 @@ def run_teleop(
     )
 
 
+def _check_another_file(recording: str | Path | None, played: Recording) -> None:
+    """A recording is read as it is played: written over, it would end the process.
+
+    Raises:
+        ConfigurationError: it would be.
+    """
+    if recording is not None and Path(recording).exists() and played.path.samefile(recording):
+        raise ConfigurationError(
+            "a recording that is played cannot be written over",
+            got=str(recording),
+            wanted="another file",
+        )
+
+
 def _in_order(pushes: Sequence[Push]) -> list[Push]:
     """Pushes in order of time.
 
@@ -342,13 +361,7 @@ def replay_teleop(recording: Recording | str | Path, robot: Robot | None = None)
         recording = read_recording(recording)
     robot = load_robot(recording.robot) if robot is None else robot
     device = recording.device(robot=robot.name, dt=recording.dt)
-    setup = recorded_setup(recording)
-    if setup.digest not in (None, robot_digest(robot)):
-        raise RecordingError(
-            f"the recording {recording.path.name} is from another {robot.name}: masses, limits or "
-            "soles differ, and commands would",
-            wanted="the robot that it was made with, as `robot`",
-        )
+    setup = recorded_setup(recording, robot)
     return run_teleop(
         robot,
         device,
@@ -387,15 +400,28 @@ class RecordedSetup:
     digest: str | None
 
 
-def recorded_setup(recording: Recording) -> RecordedSetup:
+def recorded_setup(recording: Recording, robot: Robot) -> RecordedSetup:
     """What a recording was made with.
 
     Args:
         recording: of `run_teleop` or of a live run.
+        robot: that shall do the same again.
 
     Raises:
-        RecordingError: it does not say.
+        RecordingError: it does not say, or the robot has the same name and is another one.
     """
+    made = _read_setup(recording)
+    same_name = recording.robot == robot.name
+    if same_name and made.digest not in (None, robot_digest(robot)):
+        raise RecordingError(
+            f"the recording {recording.path.name} is from another {robot.name}: masses, limits or "
+            "soles differ, and commands would",
+            wanted="the robot that it was made with, as `robot`",
+        )
+    return made
+
+
+def _read_setup(recording: Recording) -> RecordedSetup:
     setup = recording.setup
     try:
         return RecordedSetup(

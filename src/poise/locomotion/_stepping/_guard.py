@@ -11,6 +11,9 @@ from poise.locomotion._stepping._pursuit import DeviceRate, Pursuit, is_point
 from poise.locomotion._stepping._sample_clock import SampleClock
 from poise.locomotion._stepping._samples import BodySample, DeviceSample, DeviceStatus
 
+_STILL = (0.01, 0.01, 0.02)
+"""A velocity that is no larger is none: sticks do not rest at exactly zero [m/s, m/s, rad/s]."""
+
 _MOMENT = 0.1
 """A device that has said nothing for longer is silent [s]; slower ones than ten a second are."""
 
@@ -30,7 +33,8 @@ class DeviceGuard:
     straight down. Stamps are then compared with those that come from then on: a clock that jumps
     locks nobody out. The device takes hold again where the foot is, by being put down there: no
     further than `jump_max` from the foot, and no higher than `low` above the ground. It takes hold
-    for the first time in the same way.
+    for the first time in the same way. A velocity with which the robot shall walk counts once there
+    was a sample without any: a stick that was held when the device was found does nothing.
 
     Args:
         dt: length of a tick [s].
@@ -76,6 +80,7 @@ class DeviceGuard:
         self._newest: DeviceSample | None = None
         self._body = BodySample()
         self.velocity: tuple[float, float, float] = (0.0, 0.0, 0.0)
+        self._rested = False
         self._refused, self._said_at = False, -math.inf
         self.status = DeviceStatus.LOST
 
@@ -100,15 +105,15 @@ class DeviceGuard:
         """
         if sample is not None and self._clock.is_newest(sample.time):
             sample = None
-        news = sample if sample is not None and self._is_news(sample, time) else None
+        news = sample if sample is not None and self._clock.takes(sample.time, time) else None
         if news is not None:
             self._newest = news
             if all(map(math.isfinite, news.body.numbers)):
                 self._body = news.body
             if all(map(math.isfinite, news.velocity)):
-                self.velocity = news.velocity
+                self.velocity = self._walked(news.velocity)
         if self._clock.is_lost(time):
-            self.velocity = (0.0, 0.0, 0.0)
+            self.velocity, self._rested = (0.0, 0.0, 0.0), False
         refused = news is None
         for foot, grip in enumerate(self._grips):
             point, rate = (None, None) if news is None else (news.position(foot), news.rates[foot])
@@ -145,6 +150,13 @@ class DeviceGuard:
             grip.place = None
         self.status = status
 
+    def _walked(self, velocity: tuple[float, float, float]) -> tuple[float, float, float]:
+        """The velocity that counts: one that was there when the device was found does not."""
+        if all(abs(part) <= least for part, least in zip(velocity, _STILL, strict=True)):
+            self._rested = True
+            return (0.0, 0.0, 0.0)
+        return velocity if self._rested else (0.0, 0.0, 0.0)
+
     def _status(self, held: Sequence[bool], time: float) -> DeviceStatus:
         if not any(held):
             return DeviceStatus.LOST if self._clock.is_lost(time) else DeviceStatus.WAITING
@@ -155,12 +167,6 @@ class DeviceGuard:
         if not all(held):
             return DeviceStatus.WAITING
         return DeviceStatus.STALE if silent else DeviceStatus.OK
-
-    def _is_news(self, sample: DeviceSample, time: float) -> bool:
-        """Whether a sample says where a device is, and is newer than the newest."""
-        if not (is_point(sample.left) or is_point(sample.right)):
-            return False
-        return self._clock.takes(sample.time, time)
 
 
 class _Grip:

@@ -4,7 +4,7 @@
 how feet are turned.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
@@ -111,7 +111,7 @@ class DeviceSample:
 
 
 def checked_sample(sample: object) -> tuple[DeviceSample | None, str]:
-    """What a device has given, which may be anything; its places and orientations as float64.
+    """What a device has given, which may be anything; all of its numbers as float64.
 
     A place or an orientation that is none becomes NaN, and the rest counts: a device that is out
     of sight takes nothing with it. What is not finite, far away or no unit quaternion is left to
@@ -125,6 +125,7 @@ def checked_sample(sample: object) -> tuple[DeviceSample | None, str]:
 
     Raises:
         TypeError: it is no sample, or something else in it is of another kind.
+        OverflowError: a whole number in it that is too large for a float.
     """
     if sample is None:
         return None, ""
@@ -133,26 +134,31 @@ def checked_sample(sample: object) -> tuple[DeviceSample | None, str]:
     body, head = _anything(sample.body), _anything(sample.head)
     if not isinstance(body, BodySample):
         raise TypeError(f"a {type(body).__name__} is no BodySample")
-    _check_numbers("time", (sample.time,), 1)
+    (time,) = _numbers("time", (sample.time,), 1)
     # Arrays do here, too.
-    _check_numbers("velocity", tuple(sample.velocity), 3)
-    _check_numbers("height", (body.height,), 1)
-    _check_numbers("torso", body.torso, 3)
-    _check_numbers("turns", body.turns, 2)
+    ahead, aside, turning = _numbers("velocity", tuple(sample.velocity), 3)
+    (height,) = _numbers("height", (body.height,), 1)
+    roll, pitch, yaw = _numbers("torso", body.torso, 3)
+    left_turn, right_turn = _numbers("turns", body.turns, 2)
     _check_pair("hands", sample.hands, HandSample)
     _check_pair("rates", sample.rates, object)
     if not (head is None or isinstance(head, HeadSample)):
         raise TypeError(f"a {type(head).__name__} is no HeadSample")
     read = _Vectors()
     if head is not None:
-        head = replace(head, orientation=read.vector("orientation of head", head.orientation, 4))
+        turned = read.vector("orientation of head", head.orientation, 4)
+        head = HeadSample(turned, _flag("clutch of head", head.clutch))
     left_hand, right_hand = sample.hands
     left_rate, right_rate = sample.rates
-    good = replace(
-        sample,
+    good = DeviceSample(
+        time,
         left=read.vector("left", sample.left, 3),
         right=read.vector("right", sample.right, 3),
+        upright=_flag("upright", sample.upright),
         hands=(read.hand("left", left_hand), read.hand("right", right_hand)),
+        rest=_flag("rest", sample.rest),
+        body=BodySample(height, (roll, pitch, yaw), (left_turn, right_turn)),
+        velocity=(ahead, aside, turning),
         head=head,
         rates=(read.maybe("rates", left_rate, 3), read.maybe("rates", right_rate, 3)),
     )
@@ -191,9 +197,9 @@ class _Vectors:
         """A hand; None for none."""
         if hand is None:
             return None
-        return replace(
-            hand,
+        return HandSample(
             position=self.vector(f"position of {side} hand", hand.position, 3),
+            clutch=_flag(f"clutch of {side} hand", hand.clutch),
             orientation=self.maybe(f"orientation of {side} hand", hand.orientation, 4),
             velocity=self.maybe(f"velocity of {side} hand", hand.velocity, 3),
         )
@@ -204,12 +210,19 @@ def _anything(value: object) -> object:
     return value
 
 
-def _check_numbers(name: str, values: object, count: int) -> None:
+def _numbers(name: str, values: object, count: int) -> list[float]:
     if not (isinstance(values, tuple | list) and len(values) == count):
         raise TypeError(f"{name} of a DeviceSample is {values!r}, not {count} numbers")
     for value in values:
         if not isinstance(value, float | int | np.floating | np.integer):
             raise TypeError(f"{name} of a DeviceSample is {values!r}, not of numbers")
+    return [float(value) for value in values]
+
+
+def _flag(name: str, value: object) -> bool:
+    if not isinstance(value, bool | int | np.bool_ | np.integer):
+        raise TypeError(f"{name} of a DeviceSample is {value!r}, not true or false")
+    return bool(value)
 
 
 def _check_pair(name: str, values: object, kind: type) -> None:

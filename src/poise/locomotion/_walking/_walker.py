@@ -123,7 +123,8 @@ class Walker:
             sideways: to the left [m/s].
             turn: to the left [rad/s].
         """
-        self.commands.set_velocity(ahead, sideways, turn)
+        # Numbers of a joystick are of float32, which Pinocchio does not take.
+        self.commands.set_velocity(float(ahead), float(sideways), float(turn))
 
     def take_over(self, state: RobotState, airborne: int | None = None) -> None:
         """Begins anew from what somebody else has led the robot to, who may take it back at rest.

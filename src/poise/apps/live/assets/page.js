@@ -22,6 +22,8 @@ function join() {
   socket = new WebSocket(`ws://${location.host}/control${query}`);
   socket.onmessage = (event) => take(JSON.parse(event.data));
   socket.onclose = () => {
+    // What was held when the connection was lost leads nothing when it is back.
+    release();
     driving = false;
     view?.allow(false, false);
     part("controls").disabled = true;
