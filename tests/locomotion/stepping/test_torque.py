@@ -15,7 +15,13 @@ from poise.apps.teleoperation import (
     replay_teleop,
     run_teleop,
 )
-from poise.control import OperationalSpaceController, ReducedController, WholeBodyController
+from poise.control import (
+    CommandStatus,
+    OperationalSpaceController,
+    ReducedController,
+    WholeBodyController,
+)
+from poise.dynamics import RobotState
 from poise.errors import ConfigurationError, UnknownNameError
 from poise.locomotion import (
     ComDriver,
@@ -148,6 +154,24 @@ def test_the_parameters_of_a_robot_are_what_it_is_led_by(get_robot, actuation):
     assert bent == StepTeleoperator(robot, actuation=actuation, q_start=q).parameters
     with pytest.raises(UnknownNameError, match=r"no such actuation.*'position'"):
         teleop_parameters(robot, "position")
+
+
+def test_a_solve_may_be_capped_where_the_controller_takes_that(get_robot):
+    robot = get_robot("biped20")
+    teleoperator = StepTeleoperator(robot)
+    state = teleoperator.estimator.update(RobotState(robot.q_home, np.zeros(robot.nv)))
+    teleoperator.lead(state)
+    capped = teleoperator.controller(time_limit=1.0).step(state)
+    assert capped.status is CommandStatus.OK
+    np.testing.assert_array_equal(capped.torque, teleoperator.controller().step(state).torque)
+    with pytest.raises(ConfigurationError, match=r"time_limit is out of range; got 0.0"):
+        teleoperator.controller(time_limit=0.0)
+    for other in (
+        StepTeleoperator(robot, solved_by="osf"),
+        StepTeleoperator(robot, actuation="velocity"),
+    ):
+        with pytest.raises(ConfigurationError, match=r"takes no time_limit.*whole_body, reduced"):
+            other.controller(time_limit=1e-3)
 
 
 CONTROLLERS = {

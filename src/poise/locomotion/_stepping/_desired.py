@@ -51,11 +51,15 @@ class StepTasks(Protocol):
         """Both feet stand as at the start."""
         ...
 
-    def controller(self, dynamics: Dynamics) -> Controller:
+    def controller(self, dynamics: Dynamics, time_limit: float | None) -> Controller:
         """Solves the stack.
 
         Args:
             dynamics: of the estimated state.
+            time_limit: cap of one solve, None for none [s].
+
+        Raises:
+            ConfigurationError: the controller takes none.
         """
         ...
 

@@ -198,9 +198,17 @@ class StepTeleoperator:
         self._ahead = self._faces()
         self._status: TeleopStatus | None = None
 
-    def controller(self) -> Controller:
-        """Solves the stack: for velocities of the legs' joints, or for torques of all."""
-        return self._tasks.controller(self.estimator.dynamics)
+    def controller(self, *, time_limit: float | None = None) -> Controller:
+        """Solves the stack: for velocities of the legs' joints, or for torques of all.
+
+        Args:
+            time_limit: cap of one solve, None for none [s]. A tick that reaches it falls back, as
+                `CommandStatus` says.
+
+        Raises:
+            ConfigurationError: the controller takes none.
+        """
+        return self._tasks.controller(self.estimator.dynamics, time_limit)
 
     @property
     def stack(self) -> Stack:
@@ -311,7 +319,8 @@ class StepTeleoperator:
             self._body = command.body
         self._height.offset = self._body.height
         self._com.drive(footing)
-        self._momentum.turn(footing, self._com.cart_table_zmp(dynamics.com[:2]))
+        cart_table_zmp = self._com.cart_table_zmp(dynamics.com[:2])
+        self._momentum.turn(footing, cart_table_zmp)
         target = self._target.place(
             footing,
             command,
@@ -320,7 +329,6 @@ class StepTeleoperator:
         )
         upright = command is not None and command.upright
         self._tasks.ask(footing, self._desired(footing, target), upright=upright)
-        cart_table_zmp = self._com.cart_table_zmp(dynamics.com[:2])
         self._status = self._describe(footing, sample, target, cart_table_zmp)
 
     def _heard(self, time: float) -> DeviceSample | None:

@@ -117,7 +117,7 @@ class TorqueTasks:
 
     def __init__(self, biped: Biped, dt: float, limbs: Sequence[JointTask], solved_by: str) -> None:
         robot = biped.robot
-        self._robot, self._dt, self._plan = robot, dt, ControllerPlan(name=solved_by)
+        self._robot, self._dt, self._solved_by = robot, dt, solved_by
         self._com = ComTask(kp=_KP_COM, weight=_BALANCE)
         self._feet = [FrameTask(sole, kp=_KP_FOOT, name=f"{sole} foot") for sole in biped.soles]
         frames = robot.model.frames
@@ -156,13 +156,18 @@ class TorqueTasks:
         for contact in self._contacts:
             contact.engage(0.0)
 
-    def controller(self, dynamics: Dynamics) -> Controller:
+    def controller(self, dynamics: Dynamics, time_limit: float | None) -> Controller:
         """Solves the stack for torques.
 
         Args:
             dynamics: of the estimated state.
+            time_limit: cap of one solve, None for none [s].
+
+        Raises:
+            ConfigurationError: the controller takes none.
         """
-        return make_controller(self._robot, self.stack, self._plan, dynamics=dynamics)
+        plan = ControllerPlan(name=self._solved_by, time_limit=time_limit)
+        return make_controller(self._robot, self.stack, plan, dynamics=dynamics)
 
     def ask(self, footing: Footing, desired: DesiredMotion, *, upright: bool) -> None:
         """Sets contacts and references for a tick.

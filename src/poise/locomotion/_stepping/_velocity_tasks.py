@@ -9,7 +9,12 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float64
 
-from poise.control import Controller, DifferentialIK
+from poise.control import (
+    Controller,
+    ControllerPlan,
+    DifferentialIK,
+    refuse_solver_settings,
+)
 from poise.dynamics import Dynamics, rotation_vector, saturate
 from poise.locomotion._stepping._biped import Biped
 from poise.locomotion._stepping._desired import DesiredMotion
@@ -146,12 +151,17 @@ class VelocityTasks:
         self._lean.reset()
         self._grounds.reset()
 
-    def controller(self, dynamics: Dynamics) -> Controller:
+    def controller(self, dynamics: Dynamics, time_limit: float | None) -> Controller:
         """Solves the stack, (19) to (23).
 
         Args:
             dynamics: of the estimated state, which need not be computed again.
+            time_limit: None, as one solve is one factorization.
+
+        Raises:
+            ConfigurationError: a time limit.
         """
+        refuse_solver_settings(ControllerPlan(name="differential_ik", time_limit=time_limit))
         return DifferentialIK(
             self._biped.robot,
             self.stack,
