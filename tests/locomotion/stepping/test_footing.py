@@ -98,6 +98,24 @@ def test_over_a_knee_that_is_weak_the_com_comes_down_less(get_robot):
     assert room["humanoid33"] > 0.1
 
 
+@pytest.mark.parametrize("room", [0.0, 0.01, 0.03, 1.0])
+def test_the_com_comes_down_no_faster_than_it_is_braked_above_what_a_knee_holds(
+    get_robot, monkeypatch, room
+):
+    """It is asked to be 0.2 m lower than it is, and half a metre higher."""
+    robot = get_robot("biped20")
+    now = footing(robot)
+    com = float(now.dynamics.com[2])
+    monkeypatch.setattr(FootRange, "too_low", lambda *_, **__: -room)
+    down = com_height(robot, com - 0.2, dt=1e3).velocity(now, now.sole(1))
+    braked = (2.0 * 0.2 * PARAMETERS.lift_acceleration * room) ** 0.5
+    wanted = PARAMETERS.k_v * min(room, 0.2)
+    assert down == pytest.approx(-min(PARAMETERS.lift_speed, braked, wanted))
+    # Upwards a knee holds more and more.
+    up = com_height(robot, com + 0.5, dt=1e3).velocity(now, now.sole(1))
+    assert up >= 0.0
+
+
 @pytest.mark.parametrize("height", [0.5, 2.0])
 def test_how_high_the_com_goes_does_not_depend_on_where_the_robot_is(get_robot, height):
     """A COM that is to be higher than the legs are long, and one that is to come down."""

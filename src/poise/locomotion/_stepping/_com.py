@@ -6,6 +6,7 @@
 """
 
 import math
+from collections.abc import Sequence
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -59,6 +60,10 @@ acceleration says [1/s]: noise and the shock of a landing are gone in two ticks,
 _HERE = np.zeros(2)
 
 
+_BRAKED = 0.2
+"""Part of its largest acceleration with which the COM is braked before a knee is at its limit: by
+torques it follows some 0.08 s late. With 0.5 Romeo came to a stop on a knee at its torque."""
+
 _DEEPER = 0.01
 """How far below a foot in the air the body comes down for it where it has felt no floor [m]."""
 
@@ -106,14 +111,38 @@ class ComHeight:
             target: where the foot that is not the stance is sent [m].
         """
         p = self._parameters
-        velocity = p.k_v * (self._reference(footing, target) - float(footing.dynamics.com[2]))
-        # At v_lim downwards the robot would fall faster than its legs can carry.
-        velocity = max(-p.lift_speed, min(p.lift_speed, velocity))
+        hips = [self._range.hip(foot, footing.dynamics) for foot in (0, 1)]
+        too_low = self._too_low(footing, hips)
+        way = self._reference(footing, target, hips, too_low) - float(footing.dynamics.com[2])
+        # At v_lim downwards the robot would fall faster than its legs can carry; and one that is
+        # not braked in time goes on beyond where a knee still holds it.
+        braked = math.sqrt(2.0 * _BRAKED * p.lift_acceleration * max(-too_low, 0.0))
+        velocity = max(-min(p.lift_speed, braked), min(p.lift_speed, p.k_v * way))
         change = p.dt * p.lift_acceleration
         self._velocity = max(self._velocity - change, min(self._velocity + change, velocity))
         return self._velocity
 
-    def _reference(self, footing: Footing, target: Float64[np.ndarray, "3"]) -> float:
+    def _too_low(self, footing: Footing, hips: Sequence[Float64[np.ndarray, "3"]]) -> float:
+        """How far the hips are too low for what carries; negative for room [m].
+
+        A leg that carries bends no further than its ankle lets the sole stay level.
+        """
+        carries, heading = footing.mode.support, footing.heading
+        feet = (footing.stance,) if footing.mode.single else (0, 1)
+        return max(
+            self._range.too_low(
+                foot, footing.anchors[foot], hips[foot], heading, alone=foot == carries
+            )
+            for foot in feet
+        )
+
+    def _reference(
+        self,
+        footing: Footing,
+        target: Float64[np.ndarray, "3"],
+        hips: Sequence[Float64[np.ndarray, "3"]],
+        too_low: float,
+    ) -> float:
         """Eq. (15b), lower where a leg could not reach its foot, now or at the end [m].
 
         Not for a target below the floor: there the body would be coming down when the foot lands.
@@ -121,18 +150,10 @@ class ComHeight:
         reach, stance, anchors = self._range, footing.stance, footing.anchors
         com = footing.dynamics.com
         to_zmp, height = footing.zmp_reference - com[:2], float(com[2])
-        hips = [reach.hip(foot, footing.dynamics) for foot in (0, 1)]
         too_high = -math.inf
         for foot, place in ((stance, anchors[stance]), (footing.other, _felt(footing, target))):
             for shift in (_HERE, to_zmp):
                 too_high = max(too_high, reach.too_high(foot, place, hips[foot], shift))
-        # A leg that carries bends no further than its ankle lets the sole stay level.
-        too_low, carries = -math.inf, footing.mode.support
-        for foot in (stance,) if footing.mode.single else (0, 1):
-            lacking = reach.too_low(
-                foot, anchors[foot], hips[foot], footing.heading, alone=foot == carries
-            )
-            too_low = max(too_low, lacking)
         lowest = max(height + too_low, self._lowest(footing))
         usual = self._height + footing.ground
         asked = max(usual + self.offset, min(usual, lowest))
