@@ -1,7 +1,6 @@
 """The estimator on a simulated walk: its errors against the truth, faults of sensors, the loop."""
 
 import math
-from copy import copy
 from dataclasses import replace
 
 import numpy as np
@@ -10,6 +9,7 @@ import pytest
 
 pytest.importorskip("mujoco")
 
+from odd import odd
 from unchecked import run_unchecked
 
 from poise.control import WholeBodyController
@@ -430,14 +430,6 @@ def test_a_state_of_no_use_comes_back_as_it_is(walked):
         assert estimator.status is EstimatorStatus.BAD_STATE
     assert np.isfinite(estimator.update(good).q).all()
     assert estimator.status.ok
-
-
-def odd(state, **values):
-    """The state with values that nobody has checked."""
-    changed = copy(state)
-    for name, value in values.items():
-        object.__setattr__(changed, name, value)
-    return changed
 
 
 @pytest.mark.parametrize(

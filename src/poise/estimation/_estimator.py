@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from enum import Enum
+from typing import TypeGuard
 
 import numpy as np
 import pinocchio as pin
@@ -315,8 +316,7 @@ class StateEstimator:
         """As measured, or else estimated; empty where neither can be."""
         if state.contacts:
             return _felt_by(state)
-        torque = _anything(reading.torque)
-        if not _is_vector(torque, self._robot.nj, self._robot.nj) or self._last is None:
+        if not _is_array(reading.torque, self._robot.nj) or self._last is None:
             return {}
         if not math.isfinite(float(reading.torque.sum())):
             # What it has found so far would never be numbers again.
@@ -398,16 +398,16 @@ def _felt_by(state: RobotState) -> dict[str, Float64[np.ndarray, "6"]]:
     return {name: _NO_WRENCH if found is None else found for name, found in wrenches.items()}
 
 
-def _anything(value: object) -> object:
-    """What a field holds, whatever is said of it."""
-    return value
-
-
 def _is_vector(value: object, size: int, first: int) -> bool:
     """Whether a vector has a size, and sane numbers from one on; NaN fails every comparison."""
-    if not (isinstance(value, np.ndarray) and value.shape == (size,) and value.dtype == np.float64):
+    if not _is_array(value, size):
         return False
     return bool(np.abs(value[first:]).max(initial=0.0) <= _LARGEST)
+
+
+def _is_array(value: object, size: int) -> TypeGuard[Float64[np.ndarray, " n"]]:
+    """Whether it is so many numbers, whatever they are."""
+    return isinstance(value, np.ndarray) and value.shape == (size,) and value.dtype == np.float64
 
 
 def _is_time(value: object) -> bool:
@@ -417,10 +417,8 @@ def _is_time(value: object) -> bool:
 def _usable_reading(reading: SensorReadings | None) -> bool:
     if reading is None:
         return False
-    rate, force = _anything(reading.angular_velocity), _anything(reading.specific_force)
-    if not (isinstance(rate, np.ndarray) and isinstance(force, np.ndarray)):
-        return False
-    if rate.shape != (3,) or force.shape != (3,) or not rate.dtype == force.dtype == np.float64:
+    rate, force = reading.angular_velocity, reading.specific_force
+    if not (_is_array(rate, 3) and _is_array(force, 3)):
         return False
     # Written so that NaN fails.
     turn, shock = math.hypot(*rate.tolist()), math.hypot(*force.tolist())

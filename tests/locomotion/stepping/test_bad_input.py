@@ -1,12 +1,12 @@
 """What cannot be walked, and numbers that cannot be."""
 
-from copy import copy
 from dataclasses import FrozenInstanceError, replace
 from unittest.mock import Mock
 
 import numpy as np
 import pinocchio as pin
 import pytest
+from odd import odd
 from standing import PARAMETERS, footing
 from unchecked import run_unchecked
 from walker import hands, sample, up_and_down
@@ -316,14 +316,6 @@ def test_a_device_that_fails_counts_as_silent_and_is_said_once(get_robot, what, 
 
 WHOLE = DeviceSample(0.0, np.zeros(3), np.zeros(3))
 HAND, HEAD = HandSample(np.zeros(3)), HeadSample(np.zeros(4))
-
-
-def odd(sample, **values):
-    """The sample with values that nobody has checked."""
-    changed = copy(sample)
-    for name, value in values.items():
-        object.__setattr__(changed, name, value)
-    return changed
 
 
 @pytest.mark.parametrize(

@@ -62,7 +62,7 @@ _HERE = np.zeros(2)
 
 _BRAKED = 0.2
 """Part of its largest acceleration with which the COM is braked before a knee is at its limit: by
-torques it follows some 0.08 s late. With 0.5 Romeo came to a stop on a knee at its torque."""
+torques it follows some 0.2 s late. With 0.5 Romeo's knee was at its torque before it stood."""
 
 _DEEPER = 0.01
 """How far below a foot in the air the body comes down for it where it has felt no floor [m]."""

@@ -1,0 +1,11 @@
+"""Objects with values that nobody has checked, such as a device or a driver may give."""
+
+from copy import copy
+
+
+def odd(thing, **values):
+    """A copy of a frozen thing that has other values, of whatever kind."""
+    changed = copy(thing)
+    for name, value in values.items():
+        object.__setattr__(changed, name, value)
+    return changed
