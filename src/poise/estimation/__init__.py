@@ -17,6 +17,7 @@ from poise.estimation._config import (
 )
 from poise.estimation._estimator import EstimatorStatus, StateEstimator
 from poise.estimation._filter import InvariantFilter
+from poise.estimation._load_cells import LoadCellTare as LoadCellTare
 from poise.estimation._momentum import MomentumObserver
 from poise.estimation._payload import PayloadEstimator
 from poise.estimation._prediction import StampedPredictor as StampedPredictor, StatePredictor

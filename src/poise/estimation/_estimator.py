@@ -14,6 +14,7 @@ from poise.errors import ConfigurationError
 from poise.estimation._config import EstimatorConfig
 from poise.estimation._filter import InvariantFilter
 from poise.estimation._group import hat
+from poise.estimation._load_cells import LoadCellTare
 from poise.estimation._momentum import MomentumObserver
 from poise.estimation._payload import PayloadEstimator
 from poise.estimation._soles import SeenSole, SoleKinematics
@@ -51,6 +52,9 @@ _CERTAIN = 0.95
 
 _CALIBRATING = 20
 """As many samples at rest say something of a gyro's bias."""
+
+_CLEAR = 0.02
+"""A sole that carries nothing and is so high above those that do is in the air [m]."""
 
 _LARGEST = 1e6
 """Larger numbers are no robot's; their squares overflow."""
@@ -94,6 +98,7 @@ class StateEstimator:
 
     Attributes:
         filter: the filter.
+        tare: zeros of the soles' load cells, once they have been in the air.
         status: of the last update.
         probability: of contact, by sole.
         wrenches: of the soles, measured or else estimated; empty where neither is possible. A state
@@ -124,6 +129,7 @@ class StateEstimator:
         self._leans = [sole.leans for sole in robot.soles.values()]
         self._kinematics = SoleKinematics(robot, self._base_R_unit, self._base_p_unit)
         self._observer = MomentumObserver(robot)
+        self.tare = LoadCellTare(self._names, robot.weight)
         self._weight = robot.weight
         self.filter = InvariantFilter(len(self._names), config.noise)
         self._walks = np.zeros(len(self._names))
@@ -143,6 +149,7 @@ class StateEstimator:
         self._last_position: Float64[np.ndarray, "2"] | None = None
         self._reading: SensorReadings | None = None
         self._observer.reset()
+        self.tare.reset()
         if self.payload is not None:
             self.payload.reset()
         self.wrenches: dict[str, Float64[np.ndarray, "6"]] = {}
@@ -180,8 +187,8 @@ class StateEstimator:
             state: as measured.
 
         Returns:
-            `q`, `v` with the joints as measured, sole wrenches and time of the measurement; the
-            state as it came where it is of no use.
+            `q`, `v` with the joints as measured, sole wrenches less what they say in the air, and
+            the time of the measurement; the state as it came where it is of no use.
         """
         if not self._is_usable(state):
             self.status = EstimatorStatus.BAD_STATE
@@ -191,6 +198,7 @@ class StateEstimator:
             if not self._started:
                 self.status = EstimatorStatus.NO_IMU
                 return state
+        state = self.tare.update(state, self._airborne())
         self._advance(state)
         if not self.filter.sound:
             self.status = EstimatorStatus.RESTARTED
@@ -264,6 +272,20 @@ class StateEstimator:
                 self.status = EstimatorStatus.FLYING
         elif self._time - self._fitted > _LOST_TIME:
             self.filter.loosen(velocity=_LOST_SPEED * math.sqrt(dt))
+
+    def _airborne(self) -> list[bool]:
+        """Which soles nothing can touch, as far as the last update has seen.
+
+        None while none carries: a robot that is let down slowly touches the ground with both.
+        """
+        held, up = self.filter.held, self.filter.rotation[2]
+        heights = [float(up.dot(sole.offset)) for sole in self._kinematics.soles]
+        carrying = [height for height, carries in zip(heights, held, strict=True) if carries]
+        ground = max(carrying, default=math.inf)
+        return [
+            not carries and height - ground > _CLEAR
+            for height, carries in zip(heights, held, strict=True)
+        ]
 
     def _correct(
         self, contact: int, name: str, sole: SeenSole, spread: Float64[np.ndarray, "3 3"]

@@ -113,13 +113,14 @@ def test_both_feet_on_the_ground_it_steps_and_comes_to_rest(get_robot, speed, de
 @pytest.mark.slow
 def test_feet_that_stand_too_far_apart_to_be_led_are_brought_together_again(get_robot):
     """From twice as far apart as at home no shift takes the COM over one foot."""
-    run = pushed(get_robot("g1"), 0.65, 75, [], 7.5)
+    run = pushed(get_robot("g1"), 0.65, 75, [], 8.0)
     log = run.log
     apart = log.soles[:, 0, 1] - log.soles[:, 1, 1]
     assert not run.fell
     assert apart.max() > 0.4
     assert 0.2 < apart[-1] < 0.3
-    assert not overruled(log)[log.time > 7.0].any()
+    # So long at most it steps for that.
+    assert not overruled(log)[log.time > PUSHED_AT + 6.0].any()
     # The trunk leans for the push, and not for what comes after it.
     assert log.tilt[log.time > PUSHED_AT + 2.0].max() < 0.3
 

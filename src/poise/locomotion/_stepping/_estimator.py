@@ -11,6 +11,7 @@ from poise.control import is_usable
 from poise.dynamics import Dynamics, RobotState
 from poise.estimation import (
     AttitudeBiasEstimator,
+    LoadCellTare,
     PayloadEstimator,
     StampedPredictor,
     StateEstimator,
@@ -24,6 +25,10 @@ rad/s with none of it, 0.038 with all and 0.029 with half, the legs' by 0.048, 0
 
 _LEAST_LOAD = 0.02
 """Part of the weight below which the soles say nothing about the ZMP."""
+
+_CLEAR = 0.01
+"""A sole is in the air so high above where it was put down [m]: joints that are zeroed badly by 0.3
+degrees put one that has not moved up to 5 mm beside there, as the other leg folds."""
 
 _NO_WRENCH = (0.0,) * 6
 
@@ -97,7 +102,8 @@ class StanceEstimator:
 
     Of the state it reads joint angles and velocities, the base's attitude and its angular velocity
     (an inertial measurement unit has both), and the soles' loads; never the base's position or
-    linear velocity. The position is dead reckoning: it drifts by what the feet slip.
+    linear velocity. The position is dead reckoning: it drifts by what the feet slip. Wrenches of
+    soles in the air are the zeros of their load cells, and the state's are less those.
 
     The base's linear velocity is the one with which the stance sole rests. Where the robot is
     pushed, that sole rocks on its edge, and the velocity would be wrong by as much. So an inertial
@@ -115,6 +121,7 @@ class StanceEstimator:
         dynamics: of the estimated state.
         anchors: where each sole was last put down, left then right [m].
         stance: index of the sole that is taken to be at rest.
+        tare: zeros of the soles' load cells, once they have been in the air.
     """
 
     def __init__(
@@ -134,11 +141,13 @@ class StanceEstimator:
         self._payload = PayloadEstimator(robot) if inertial else None
         self._attitude = AttitudeBiasEstimator() if inertial else None
         self._now = StampedPredictor(robot, _DONE) if inertial else None
+        self.tare = LoadCellTare(soles, robot.weight)
         self.anchors: list[Float64[np.ndarray, "3"]] = []
         self.reset()
 
     def reset(self) -> None:
         """Back to the configuration at the start."""
+        self.tare.reset()
         for part in (self._inertial, self._payload, self._attitude, self._now):
             if part is not None:
                 part.reset()
@@ -157,6 +166,7 @@ class StanceEstimator:
         known = _without_base_motion(state)
         if known is None or not is_usable(known, self._robot):
             return state
+        known = self.tare.update(known, [self._airborne(foot) for foot in (0, 1)])
         q, v = known.q, known.v
         if self._attitude is not None:
             q[3:7] = self._attitude.corrected(q[3:7])
@@ -201,6 +211,12 @@ class StanceEstimator:
         ]
         world_R_base = pin.Quaternion(state.q[3:7]).matrix()
         estimator.update(state.time, forces, self.dynamics.com_velocity, world_R_base)
+
+    def _airborne(self, foot: int) -> bool:
+        """Whether nothing can touch a sole."""
+        if foot == self.stance:
+            return False
+        return float(self.sole(foot)[2] - self.anchors[foot][2]) > _CLEAR
 
     def sole(self, foot: int) -> Float64[np.ndarray, "3"]:
         """Where a sole's centre is [m]."""

@@ -14,6 +14,7 @@ from poise.locomotion._stepping._desired import DesiredMotion
 from poise.locomotion._stepping._footing import Footing, mean_angle, wrapped
 from poise.locomotion._stepping._lean import TrunkPose
 from poise.locomotion._stepping._righting import SoleRighting
+from poise.locomotion._stepping._trunk_feedback import TrunkFeedback
 from poise.locomotion._walking import swing_braking
 from poise.stack import (
     SMOOTH_RATE,
@@ -141,12 +142,15 @@ class TorqueTasks:
             robot.q_home[[robot.nq - robot.nj + robot.joint_index(name) for name in others]]
         )
         self._pose = TrunkPose(biped.relief, dt)
+        self._lasting = [TrunkFeedback(dt) for _ in trunk]
         self._righting = SoleRighting(self._contacts, biped.weight)
         self.reset()
 
     def reset(self) -> None:
         """Both feet carry."""
         self._pose.reset()
+        for feedback in self._lasting:
+            feedback.reset()
         self._righting.reset()
         self._yaws = [0.0, 0.0]
         self._swing: int | None = None
@@ -233,10 +237,12 @@ class TorqueTasks:
         rotations = self._pose.rotations(footing, mean_angle(*self._yaws), torso)
         frames = footing.biped.pelvis, footing.biped.torso
         # A torso without a waist is the pelvis.
-        for k, task in enumerate(self._trunk, start=-len(self._trunk)):
+        for k in range(-len(self._trunk), 0):
             _, here = footing.dynamics.placement(frames[k])
-            task.set_target(rotation=_towards(rotations[k], here, most))
-            task.set_weight(weight)
+            lasting = self._lasting[k].learn(rotations[k], here)
+            goal = _towards(rotations[k], here, most)
+            self._trunk[k].set_target(rotation=goal, acceleration=[0.0, 0.0, 0.0, *lasting])
+            self._trunk[k].set_weight(weight)
 
     def _stand(self, footing: Footing) -> None:
         """A foot that is to be lifted gives up its load; one that has landed takes it."""
