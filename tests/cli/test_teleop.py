@@ -126,6 +126,7 @@ def test_a_recording_is_of_its_own_robot_and_actuation(in_folder, capsys, begun)
     assert "made with" in refused(capsys, "--device", "x.teleop", "--actuation", "torque")
     assert "made with" in refused(capsys, "--device", "x.teleop", "--controller", "osf")
     assert "made with" in refused(capsys, "--device", "x.teleop", "--hand-scale", "0.5")
+    assert "made with" in refused(capsys, "--device", "x.teleop", "--noise")
     assert "got '--robot g1'; wanted humanoid33" in refused(
         capsys, "--device", "x.teleop", "--robot", "g1"
     )
@@ -154,6 +155,27 @@ def test_the_closing_line_names_what_this_run_has_recorded(in_folder, capsys):
         assert capsys.readouterr().out.endswith(f"recordings in out: {take}\n")
     assert main(line) == 0
     assert capsys.readouterr().out.endswith("recordings in out: none, nobody drove\n")
+
+
+@needs_page
+@pytest.mark.parametrize("verb", ["teleop", "drive"])
+@pytest.mark.parametrize("noise", [False, True])
+def test_sensors_have_noise_if_that_is_asked_for(in_folder, monkeypatch, verb, noise):
+    from poise.apps import live
+    from poise.sim import SensorConfig
+
+    name = "LiveSession" if verb == "teleop" else "DriveSession"
+    seen, session = [], getattr(live, name)
+
+    def made(*arguments, **options):
+        seen.append(session(*arguments, **options))
+        return seen[0]
+
+    monkeypatch.setattr(live, name, made)
+    line = [verb, "--no-open", "--port", "0", "--seconds", "0.1"]
+    assert main([*line, "--noise"] if noise else line) == 0
+    sensors = seen[0].loop.plant.config.sensors
+    assert sensors == (SensorConfig.typical() if noise else SensorConfig())
 
 
 @needs_page

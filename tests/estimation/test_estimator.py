@@ -347,6 +347,23 @@ def test_contact_has_hysteresis(get_robot):
     assert all(held[begun:ended])
 
 
+@pytest.mark.parametrize("tare", [True, False])
+def test_load_cells_are_zeroed_in_a_walk_unless_somebody_else_has_done_that(walked, tare):
+    robot, measured, _ = walked
+    off = 0.01 * robot.weight * np.array([1.0, -1.0, 1.0, 0.05, 0.05, 0.05])
+    estimator = StateEstimator(robot, EstimatorConfig(tare=tare))
+    for state in measured:
+        contacts = {sole: wrench + off for sole, wrench in state.contacts.items()}
+        known = replace(state, contacts=contacts)
+        found = estimator.update(known)
+    zeros = estimator.tare.zeros
+    assert len(zeros) == (2 if tare else 0)
+    for sole in robot.soles:
+        true, expected = state.contacts[sole], found.contacts[sole] - (0.0 if tare else off)
+        # Of noise of the air's samples little is left in the mean.
+        np.testing.assert_allclose(expected, true, rtol=0.0, atol=0.1 * np.abs(off).max())
+
+
 def test_the_momentum_observer_finds_the_weight_of_a_standing_robot(get_robot):
     robot = get_robot("humanoid33")
     plant = Plant(robot, PlantConfig(actuation="position", control_dt=PERIOD))

@@ -22,7 +22,7 @@ def add_parser(verbs: Any) -> None:
     parser.add_argument(
         "--robot",
         metavar="R",
-        default="g1",
+        default="humanoid33",
         help="a humanoid: a name that `poise robots` lists, or a file (default: %(default)s)",
     )
     parser.add_argument(
@@ -39,7 +39,7 @@ def add_parser(verbs: Any) -> None:
 def act(options: argparse.Namespace) -> int:
     """Runs until somebody ends it."""
     check_seconds(options)
-    from poise.apps.live import DriveSession
+    from poise.apps.live import DRIVE_PLANT, DriveSession
     from poise.robots import load_robot
 
     robot = load_robot(options.robot)
@@ -49,6 +49,7 @@ def act(options: argparse.Namespace) -> int:
         folder,
         port=options.port,
         gamepad=options.device == "gamepad",
+        plant=DRIVE_PLANT.with_noise() if options.noise else DRIVE_PLANT,
         seed=options.seed,
     )
     before = set(folder.glob("*.mcap"))

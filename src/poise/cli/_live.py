@@ -13,14 +13,14 @@ from poise.errors import ConfigurationError
 _PORT = 8080
 
 _SEEDS = {
-    "teleop": "seed of where bumps lie",
-    "drive": "seed of sensor noise, of which there is none here: every seed gives the same",
+    "teleop": "seed of where bumps lie, and of --noise",
+    "drive": "seed of --noise",
 }
 """What `--seed` is for, by the verb."""
 
 
 def add_live_options(parser: argparse.ArgumentParser, verb: str) -> None:
-    """Adds port, seed, seconds, and where to write.
+    """Adds port, noise, seed, seconds, and where to write.
 
     Args:
         parser: of the verb.
@@ -32,6 +32,9 @@ def add_live_options(parser: argparse.ArgumentParser, verb: str) -> None:
         type=whole_number,
         default=_PORT,
         help="port of the page, 0 for any that is free (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--noise", action="store_true", help="sensors have the noise of usual ones (default: none)"
     )
     parser.add_argument(
         "--seed",

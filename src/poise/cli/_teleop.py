@@ -119,10 +119,13 @@ def _plant(options: argparse.Namespace, robot: Any, recording: Any) -> Any:
     # A person may lead hands and feet into the robot.
     plant = replace(plant, self_contact=True)
     if recording is not None and recording.setup:
-        setup = recorded_setup(recording, robot)
+        setup, noisy = recorded_setup(recording, robot), plant.with_noise().sensors
         plant = setup.plant
         _check_made_with("actuation", options.actuation, plant.actuation)
         _check_made_with("controller", options.controller, setup.solved_by)
+        _check_made_with("noise", options.noise or None, plant.sensors == noisy or None)
+    elif options.noise:
+        plant = plant.with_noise()
     if options.terrain is None:
         return plant
     return replace(plant, blocks=terrain_blocks(options.terrain, robot, seed=options.seed))

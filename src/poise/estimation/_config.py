@@ -124,6 +124,8 @@ class EstimatorConfig:
             as measured when None.
         longest_step: time between two states that is still integrated over [s].
         ground: height of what the soles stand on at the start [m].
+        tare: whether soles in the air say the zeros of their load cells, as `LoadCellTare` says;
+            not where somebody else has taken those off.
     """
 
     imu: Text | None = None
@@ -136,6 +138,7 @@ class EstimatorConfig:
     joint_bandwidth: Annotated[float, Bounds(positive=True, most=1e6, unit="Hz")] | None = None
     longest_step: Duration = 0.05
     ground: float = 0.0
+    tare: bool = True
 
 
 @checked()

@@ -198,7 +198,8 @@ class StateEstimator:
             if not self._started:
                 self.status = EstimatorStatus.NO_IMU
                 return state
-        state = self.tare.update(state, self._airborne())
+        if self.config.tare:
+            state = self.tare.update(state, self._airborne())
         self._advance(state)
         if not self.filter.sound:
             self.status = EstimatorStatus.RESTARTED

@@ -10,7 +10,7 @@ if find_spec("websockets") is None:
 if find_spec("msgspec") is None:
     raise MissingExtraError("msgspec", "teleop", "Live teleoperation")
 
-from poise.apps.live._drive import DriveLoop as DriveLoop
+from poise.apps.live._drive import DRIVE_PLANT as DRIVE_PLANT, DriveLoop as DriveLoop
 from poise.apps.live._feet import LiveFeet as LiveFeet
 from poise.apps.live._gamepad import HostGamepad as HostGamepad
 from poise.apps.live._inputs import OperatorInputs as OperatorInputs, Pad as Pad, Tracked as Tracked

@@ -11,6 +11,7 @@ from poise.control import is_usable
 from poise.dynamics import Dynamics, RobotState
 from poise.estimation import (
     AttitudeBiasEstimator,
+    EstimatorConfig,
     LoadCellTare,
     PayloadEstimator,
     StampedPredictor,
@@ -29,6 +30,8 @@ _LEAST_LOAD = 0.02
 _CLEAR = 0.01
 """A sole is in the air so high above where it was put down [m]: joints that are zeroed badly by 0.3
 degrees put one that has not moved up to 5 mm beside there, as the other leg folds."""
+
+_ZEROED = EstimatorConfig(tare=False)
 
 _NO_WRENCH = (0.0,) * 6
 
@@ -137,7 +140,7 @@ class StanceEstimator:
         self._soles = [robot.frame_id(name) for name in soles]
         self._names = soles
         self._start = RobotState(q_start, np.zeros(robot.nv))
-        self._inertial = StateEstimator(robot, q_start=q_start) if inertial else None
+        self._inertial = StateEstimator(robot, _ZEROED, q_start=q_start) if inertial else None
         self._payload = PayloadEstimator(robot) if inertial else None
         self._attitude = AttitudeBiasEstimator() if inertial else None
         self._now = StampedPredictor(robot, _DONE) if inertial else None
@@ -166,8 +169,9 @@ class StanceEstimator:
         known = _without_base_motion(state)
         if known is None or not is_usable(known, self._robot):
             return state
-        known = self.tare.update(known, [self._airborne(foot) for foot in (0, 1)])
         q, v = known.q, known.v
+        state = self.tare.update(state, [self._airborne(foot) for foot in (0, 1)])
+        known = RobotState(q, v, state.contacts, state.time, payload=state.payload)
         if self._attitude is not None:
             q[3:7] = self._attitude.corrected(q[3:7])
         position, jacobian = self._stance_sole(q)
