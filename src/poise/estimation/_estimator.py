@@ -3,7 +3,6 @@
 import math
 from collections.abc import Sequence
 from enum import Enum
-from typing import TypeGuard
 
 import numpy as np
 import pinocchio as pin
@@ -17,7 +16,9 @@ from poise.estimation._group import hat
 from poise.estimation._load_cells import LoadCellTare
 from poise.estimation._momentum import MomentumObserver
 from poise.estimation._payload import PayloadEstimator
-from poise.estimation._soles import SeenSole, SoleKinematics
+from poise.estimation._sole_contacts import SoleContacts
+from poise.estimation._soles import SoleKinematics
+from poise.estimation._usable import felt_by, is_array, is_time, is_vector, usable_reading
 from poise.robots import GRAVITY, Robot
 
 
@@ -47,30 +48,8 @@ class EstimatorStatus(Enum):
         return self in (EstimatorStatus.OK, EstimatorStatus.FLYING)
 
 
-_CERTAIN = 0.95
-"""Probability of contact above which a sole is taken not to turn either."""
-
 _CALIBRATING = 20
 """As many samples at rest say something of a gyro's bias."""
-
-_CLEAR = 0.02
-"""A sole that carries nothing and is so high above those that do is in the air [m]."""
-
-_LARGEST = 1e6
-"""Larger numbers are no robot's; their squares overflow."""
-
-_EYE = np.eye(3)
-
-_FASTEST_TURN, _HARDEST_SHOCK = 100.0, 500.0
-"""No unit on a robot measures more [rad/s, m/s^2]; one that says so says nothing."""
-
-_LOST_TIME, _LOST_SPEED = 0.3, 2.0
-"""Where all soles in contact seem to move for so long [s], it is rather the estimate that is wrong,
-and its velocity becomes less sure from then on, by so much [m/s/sqrt(Hz)]."""
-
-_ROLLING = 0.02
-"""Density of the walk of a sole that leans with its leg and rolls over its edges: its middle is
-5 cm from them, goes up and down at some 5 cm/s for a fraction of a second [m/s/sqrt(Hz)]."""
 
 _JUMP_TILT, _JUMP_SPEED = 0.05, 0.5
 """How far a robot may have tipped [rad] and sped up [m/s] while nobody looked."""
@@ -100,7 +79,6 @@ class StateEstimator:
         filter: the filter.
         tare: zeros of the soles' load cells, once they have been in the air.
         status: of the last update.
-        probability: of contact, by sole.
         wrenches: of the soles, measured or else estimated; empty where neither is possible. A state
             has measured ones alone: estimated ones are good enough to tell contact by, not for a
             walker to feel the ground with [N, N m].
@@ -126,14 +104,11 @@ class StateEstimator:
         # The base's velocity against the unit's: omega x (-p) = hat(p) omega.
         self._lever = hat(self._base_p_unit)
         self._q_start = np.array(robot.q_home if q_start is None else q_start)
-        self._leans = [sole.leans for sole in robot.soles.values()]
         self._kinematics = SoleKinematics(robot, self._base_R_unit, self._base_p_unit)
         self._observer = MomentumObserver(robot)
         self.tare = LoadCellTare(self._names, robot.weight)
-        self._weight = robot.weight
         self.filter = InvariantFilter(len(self._names), config.noise)
-        self._walks = np.zeros(len(self._names))
-        self._point = config.point**2 * np.eye(3)
+        self._contacts = SoleContacts(robot, config, self.filter, self._kinematics.soles)
         self.reset()
 
     def reset(self) -> None:
@@ -141,13 +116,11 @@ class StateEstimator:
         self._started = False
         self._time = math.nan
         self.status = EstimatorStatus.OK
-        self.probability = dict.fromkeys(self._names, 0.0)
-        self._slip_end = dict.fromkeys(self._names, -math.inf)
-        self._fitted = -math.inf
         self._speeds: Float64[np.ndarray, " nj"] | None = None
         self._last: RobotState | None = None
         self._last_position: Float64[np.ndarray, "2"] | None = None
         self._reading: SensorReadings | None = None
+        self._contacts.reset()
         self._observer.reset()
         self.tare.reset()
         if self.payload is not None:
@@ -157,7 +130,12 @@ class StateEstimator:
     @property
     def slipping(self) -> tuple[str, ...]:
         """The soles that are taken to slip."""
-        return tuple(name for name in self._names if self._time < self._slip_end[name])
+        return self._contacts.slipping
+
+    @property
+    def probability(self) -> dict[str, float]:
+        """Of contact, by sole."""
+        return self._contacts.probability
 
     def start(self, states: Sequence[RobotState]) -> None:
         """Starts from measurements of the robot standing still.
@@ -168,7 +146,7 @@ class StateEstimator:
         Args:
             states: as measured, the last one being now.
         """
-        used = [s for s in states if self._is_usable(s) and _usable_reading(s.readings)]
+        used = [s for s in states if self._is_usable(s) and usable_reading(s.readings)]
         if not used:
             return
         readings = [s.readings for s in used if s.readings is not None]
@@ -178,7 +156,7 @@ class StateEstimator:
         calibrated = len(used) >= _CALIBRATING
         self._begin(used[-1], world_R_base, bias if calibrated else None)
         self._reading, self._time = readings[-1], used[-1].time
-        self._fitted = self._time
+        self._contacts.begin(self._time)
 
     def update(self, state: RobotState) -> RobotState:
         """The state with its base as estimated.
@@ -199,7 +177,7 @@ class StateEstimator:
                 self.status = EstimatorStatus.NO_IMU
                 return state
         if self.config.tare:
-            state = self.tare.update(state, self._airborne())
+            state = self.tare.update(state, self._contacts.airborne)
         self._advance(state)
         if not self.filter.sound:
             self.status = EstimatorStatus.RESTARTED
@@ -214,7 +192,7 @@ class StateEstimator:
         self.status = EstimatorStatus.OK
         speeds = self._joint_speeds(state.v[6:], dt)
         self._kinematics.look(state.q[7:], speeds)
-        reading = state.readings if _usable_reading(state.readings) else None
+        reading = state.readings if usable_reading(state.readings) else None
         if reading is None:
             self.status, reading = EstimatorStatus.NO_IMU, self._reading
         if reading is None or dt == 0.0:
@@ -222,7 +200,11 @@ class StateEstimator:
         if 0.0 < dt <= self.config.longest_step:
             self._predict(reading, dt)
             self._time = state.time
-            self._contacts(state, reading, dt)
+            self.wrenches = self._contact_wrenches(state, reading, dt)
+            turning, fresh = reading.angular_velocity, reading is state.readings
+            self._contacts.update(self._time, dt, self.wrenches, turning, fresh=fresh)
+            if self.status is EstimatorStatus.OK and not self.filter.held.any():
+                self.status = EstimatorStatus.FLYING
         else:
             self._jump(state.time)
         self._reading = reading
@@ -231,115 +213,23 @@ class StateEstimator:
         """The mean rate of a period is that of its two ends; the force is a mean already."""
         before = reading if self._reading is None else self._reading
         rate = 0.5 * (before.angular_velocity + reading.angular_velocity)
-        self.filter.propagate(rate, reading.specific_force, dt, self._walks)
+        self.filter.propagate(rate, reading.specific_force, dt, self._contacts.walks)
 
     def _jump(self, time: float) -> None:
         """Nobody knows what happened meanwhile: contacts begin anew, tilt and speed are unsure."""
         self.status = EstimatorStatus.CLOCK_JUMP
-        for contact in range(len(self._names)):
-            self.filter.release(contact)
+        self._contacts.release(time)
         self.filter.loosen(tilt=_JUMP_TILT, velocity=_JUMP_SPEED)
-        self._slip_end = dict.fromkeys(self._names, -math.inf)
-        self._time = self._fitted = time
+        self._time = time
         self._observer.reset()
-
-    def _contacts(self, state: RobotState, reading: SensorReadings, dt: float) -> None:
-        """Contact points come, correct the filter, and go."""
-        self.wrenches = self._contact_wrenches(state, reading, dt)
-        rate = reading.angular_velocity - self.filter.gyro_bias
-        variance = self.config.encoder**2
-        for contact, (name, sole) in enumerate(
-            zip(self._names, self._kinematics.soles, strict=True)
-        ):
-            pressed = self._pressed(name)
-            probability = pressed * self._resting(sole, rate)
-            self.probability[name] = probability
-            spread = variance * sole.spread + self._point
-            if not self.filter.held[contact]:
-                if pressed > self.config.contact.begin:
-                    self.filter.hold(contact, sole.offset, spread)
-            elif pressed < self.config.contact.end:
-                self.filter.release(contact)
-            else:
-                self._correct(contact, name, sole, spread)
-                certain = probability > _CERTAIN and not self._leans[contact]
-                if certain and reading is state.readings:
-                    self._correct_bias(sole, reading, dt)
-            walk = self._walk(name, probability)
-            self._walks[contact] = max(walk, _ROLLING) if self._leans[contact] else walk
-        if not self.filter.held.any():
-            self._fitted = self._time
-            if self.status is EstimatorStatus.OK:
-                self.status = EstimatorStatus.FLYING
-        elif self._time - self._fitted > _LOST_TIME:
-            self.filter.loosen(velocity=_LOST_SPEED * math.sqrt(dt))
-
-    def _airborne(self) -> list[bool]:
-        """Which soles nothing can touch, as far as the last update has seen.
-
-        None while none carries: a robot that is let down slowly touches the ground with both.
-        """
-        held, up = self.filter.held, self.filter.rotation[2]
-        heights = [float(up.dot(sole.offset)) for sole in self._kinematics.soles]
-        carrying = [height for height, carries in zip(heights, held, strict=True) if carries]
-        ground = max(carrying, default=math.inf)
-        return [
-            not carries and height - ground > _CLEAR
-            for height, carries in zip(heights, held, strict=True)
-        ]
-
-    def _correct(
-        self, contact: int, name: str, sole: SeenSole, spread: Float64[np.ndarray, "3 3"]
-    ) -> None:
-        """By a contact point at rest; one that cannot be at rest is put down anew, as slipping."""
-        distance = self.filter.innovate(contact, sole.offset, spread)
-        if distance <= self.config.contact.gate:
-            self.filter.correct()
-            if self.probability[name] > self.config.contact.end:
-                self._fitted = self._time
-        else:
-            self._slip_end[name] = self._time + self.config.contact.slip_time
-            self.filter.hold(contact, sole.offset, spread)
-
-    def _correct_bias(self, sole: SeenSole, reading: SensorReadings, dt: float) -> None:
-        """A sole at rest does not turn, so the kinematics say how the base does."""
-        c, rate = self.config.contact, reading.angular_velocity
-        turn = (c.turn**2 + c.shake**2 * float(rate.dot(rate))) / dt
-        spread = self.config.joint_velocity**2 * sole.turning_spread + turn * _EYE
-        distance = self.filter.innovate_bias(rate + sole.turning, spread)
-        if distance <= c.gate:
-            self.filter.correct()
-
-    def _walk(self, name: str, probability: float) -> float:
-        """Density of the noise with which a contact point moves."""
-        c = self.config.contact
-        if self._time < self._slip_end[name]:
-            return c.slip
-        return c.rest + (1.0 - probability) * (c.slip - c.rest)
-
-    def _pressed(self, name: str) -> float:
-        """Probability of contact by the normal force."""
-        c, wrench = self.config.contact, self.wrenches.get(name)
-        if wrench is None:
-            return 0.0 if self.wrenches else 1.0
-        return _logistic((float(wrench[2]) / self._weight - c.load) / c.load_width)
-
-    def _resting(self, sole: SeenSole, rate: Float64[np.ndarray, "3"]) -> float:
-        """Probability of rest by the speed that the estimate gives a sole."""
-        c, f = self.config.contact, self.filter
-        x, y, z = sole.offset.tolist()
-        a, b, g = rate.tolist()
-        turned = np.array([b * z - g * y, g * x - a * z, a * y - b * x])
-        velocity = f.velocity + f.rotation.dot(sole.speed + turned)
-        return _logistic((c.speed - math.hypot(*velocity.tolist())) / c.speed_width)
 
     def _contact_wrenches(
         self, state: RobotState, reading: SensorReadings, dt: float
     ) -> dict[str, Float64[np.ndarray, "6"]]:
         """As measured, or else estimated; empty where neither can be."""
         if state.contacts:
-            return _felt_by(state)
-        if not _is_array(reading.torque, self._robot.nj) or self._last is None:
+            return felt_by(state)
+        if not is_array(reading.torque, self._robot.nj) or self._last is None:
             return {}
         if not math.isfinite(float(reading.torque.sum())):
             # What it has found so far would never be numbers again.
@@ -366,7 +256,7 @@ class StateEstimator:
             position[:2] = self._last_position
         self.filter.start(R, position, gyro_bias=gyro_bias, deviation=self.config.start)
         self._started = True
-        self.wrenches = _felt_by(state)
+        self.wrenches = felt_by(state)
 
     def _answer(self, state: RobotState) -> RobotState:
         """The estimate in Poise's conventions: the base's velocity in the base's own frame."""
@@ -405,54 +295,10 @@ class StateEstimator:
 
     def _is_usable(self, state: object) -> bool:
         """Whether joints, their velocities and the time are this robot's and finite."""
-        if not isinstance(state, RobotState) or not _is_time(state.time):
+        if not isinstance(state, RobotState) or not is_time(state.time):
             return False
         robot = self._robot
-        return _is_vector(state.q, robot.nq, 7) and _is_vector(state.v, robot.nv, 6)
-
-
-_NO_WRENCH = np.full(6, np.nan)
-"""Of a sole that says nothing: it is in no contact."""
-
-
-def _felt_by(state: RobotState) -> dict[str, Float64[np.ndarray, "6"]]:
-    """Wrenches of a state; what is not six finite numbers is NaN."""
-    wrenches = {name: state.wrench(name) for name in state.contacts}
-    return {name: _NO_WRENCH if found is None else found for name, found in wrenches.items()}
-
-
-def _is_vector(value: object, size: int, first: int) -> bool:
-    """Whether a vector has a size, and sane numbers from one on; NaN fails every comparison."""
-    if not _is_array(value, size):
-        return False
-    return bool(np.abs(value[first:]).max(initial=0.0) <= _LARGEST)
-
-
-def _is_array(value: object, size: int) -> TypeGuard[Float64[np.ndarray, " n"]]:
-    """Whether it is so many numbers, whatever they are."""
-    return isinstance(value, np.ndarray) and value.shape == (size,) and value.dtype == np.float64
-
-
-def _is_time(value: object) -> bool:
-    return isinstance(value, float | int) and math.isfinite(value)
-
-
-def _usable_reading(reading: SensorReadings | None) -> bool:
-    if reading is None:
-        return False
-    rate, force = reading.angular_velocity, reading.specific_force
-    if not (_is_array(rate, 3) and _is_array(force, 3)):
-        return False
-    # Written so that NaN fails.
-    turn, shock = math.hypot(*rate.tolist()), math.hypot(*force.tolist())
-    return turn <= _FASTEST_TURN and shock <= _HARDEST_SHOCK
-
-
-def _logistic(x: float) -> float:
-    """1 / (1 + exp(-x)) without overflow; zero for NaN."""
-    if not x > -700.0:
-        return 0.0
-    return 1.0 / (1.0 + math.exp(-x))
+        return is_vector(state.q, robot.nq, 7) and is_vector(state.v, robot.nv, 6)
 
 
 def _yaw(q: Float64[np.ndarray, " nq"]) -> float:
