@@ -77,10 +77,12 @@ def test_what_touches_something_and_what_is_no_wrench_teaches_nothing(wrench):
         assert state.contacts["left"] is given
 
 
-def test_a_sole_that_says_nothing_and_a_clock_that_stands_teach_nothing():
+def test_a_sole_that_says_nothing_and_a_clock_that_stands_or_jumps_teach_nothing():
     tare = LoadCellTare(("left", "right"), WEIGHT)
     tare.update(RobotState(np.zeros(7), np.zeros(6), {}, 0.0), (True, True))
     told(tare, 20, off, (True, False), time=0.0)
+    for time in (100.0, 50.0, 200.0):
+        told(tare, 1, off, (True, False), time=time)
     assert not tare.zeros
 
 

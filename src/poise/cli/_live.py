@@ -13,7 +13,7 @@ from poise.errors import ConfigurationError
 _PORT = 8080
 
 _SEEDS = {
-    "teleop": "seed of where bumps lie, and of --noise",
+    "teleop": "seed of where bumps lie, and of --noise (that of a recording is its own)",
     "drive": "seed of --noise",
 }
 """What `--seed` is for, by the verb."""

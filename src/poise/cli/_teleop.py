@@ -121,9 +121,14 @@ def _plant(options: argparse.Namespace, robot: Any, recording: Any) -> Any:
     if recording is not None and recording.setup:
         setup, noisy = recorded_setup(recording, robot), plant.with_noise().sensors
         plant = setup.plant
+        if options.noise and plant.sensors != noisy:
+            raise ConfigurationError(
+                "a recording is played with the sensors that it was made with",
+                got="--noise",
+                wanted="no --noise",
+            )
         _check_made_with("actuation", options.actuation, plant.actuation)
         _check_made_with("controller", options.controller, setup.solved_by)
-        _check_made_with("noise", options.noise or None, plant.sensors == noisy or None)
     elif options.noise:
         plant = plant.with_noise()
     if options.terrain is None:

@@ -106,7 +106,7 @@ class StateEstimator:
         self._q_start = np.array(robot.q_home if q_start is None else q_start)
         self._kinematics = SoleKinematics(robot, self._base_R_unit, self._base_p_unit)
         self._observer = MomentumObserver(robot)
-        self.tare = LoadCellTare(self._names, robot.weight)
+        self.tare = LoadCellTare(self._names, robot.weight, longest=config.longest_step)
         self.filter = InvariantFilter(len(self._names), config.noise)
         self._contacts = SoleContacts(robot, config, self.filter, self._kinematics.soles)
         self.reset()

@@ -11,7 +11,7 @@ from poise.dynamics import RobotState
 _MEMORY = 5.0
 """Over so much time in the air a zero is averaged; it drifts with temperature [s]."""
 
-_FARTHEST = 0.05
+_FARTHEST = 0.04
 """Part of the weight, in any direction, beyond which something touches the sole after all."""
 
 _REACH = 0.15
@@ -24,21 +24,23 @@ class LoadCellTare:
     A force that is off along the ground by 1% of the weight looks like an attitude that is off by
     0.6 degrees, and a moment, or a force at the height of the centre of mass, like a centre of mass
     that is elsewhere. Standing, nothing tells them apart; in the air there is nothing but the zero.
-    It is the mean over the last 5 s in the air.
+    It is the mean of what they say there, which forgets after 5 s in the air.
 
     Wrenches have to be of the ground alone, without weight and inertia of what is below the cells.
-    Until a sole has been in the air its wrenches are taken as they come.
+    Until a sole has been in the air its wrenches are taken as they come. What is less than 4% of
+    the weight and touches a sole in the air for long, as a wall may, counts as a part of its zero.
 
     Args:
         soles: names of the soles.
         weight: of the robot [N].
+        longest: a clock that jumps farther says nothing of what happened meanwhile [s].
 
     Attributes:
         zeros: of each sole that has been in the air, by name [N, N m].
     """
 
-    def __init__(self, soles: Sequence[str], weight: float) -> None:
-        self._soles = tuple(soles)
+    def __init__(self, soles: Sequence[str], weight: float, *, longest: float = 0.05) -> None:
+        self._soles, self._longest = tuple(soles), longest
         self._force = _FARTHEST * weight
         self._moment = _REACH * self._force
         self.reset()
@@ -53,11 +55,11 @@ class LoadCellTare:
 
         Args:
             state: as measured; what is no wrench comes back as it is.
-            airborne: whether each sole is clear of the ground.
+            airborne: whether each sole is clear of the ground it stood on.
         """
         dt, self._time = state.time - self._time, state.time
         for sole, clear in zip(self._soles, airborne, strict=True):
-            if clear and dt > 0.0:
+            if clear and 0.0 < dt <= self._longest:
                 self._learn(sole, state.wrench(sole), dt)
         if not self.zeros:
             return state
@@ -78,7 +80,7 @@ class LoadCellTare:
             self._seen[sole] = dt
             return
         self._seen[sole] = seen = min(self._seen[sole] + dt, _MEMORY)
-        before += min(dt / seen, 1.0) * (wrench - before)
+        before += dt / seen * (wrench - before)
 
     def _corrected(self, state: RobotState) -> Mapping[str, Float64[np.ndarray, "6"]]:
         contacts = dict(state.contacts)

@@ -70,7 +70,7 @@ class SoleContacts:
 
     @property
     def airborne(self) -> list[bool]:
-        """Which soles nothing can touch, as far as the last update has seen.
+        """Which soles are clear of the ground that others stand on, as of the last update.
 
         None while none carries: a robot that is let down slowly touches the ground with both.
         """

@@ -189,7 +189,7 @@ def test_the_balance_outweighs_the_trunk_while_the_robot_steps_by_itself(get_rob
     teleoperator.lead(state)
     tasks = {task.name: task for level in teleoperator.stack.levels for task in level}
     before = {name: task.weight.copy() for name, task in tasks.items()}
-    teleoperator._tasks.accompany(teleoperator._footing())
+    teleoperator._tasks.accompany(teleoperator._footing(), walks=False)
     least = tasks["com"].weight.min()
     for name in ("pelvis orientation", "torso orientation"):
         assert tasks[name].weight.max() <= 0.3 * least
@@ -219,7 +219,7 @@ def test_a_trunk_that_was_thrown_over_is_led_back_little_by_little(get_robot, le
     q = robot.q_home.copy()
     q[3:7] = [math.sin(lean / 2.0), 0.0, 0.0, math.cos(lean / 2.0)]
     dynamics.update(RobotState(q, np.zeros(robot.nv)))
-    tasks.accompany(teleoperator._footing())
+    tasks.accompany(teleoperator._footing(), walks=False)
     named = {task.name: task for level in tasks.stack.levels for task in level}
     for frame in (robot.pelvis, robot.torso):
         _, here = dynamics.placement(robot.frame_id(frame))

@@ -9,9 +9,11 @@ import pytest
 from walker import hands
 
 from poise.apps.teleoperation import TORQUE_TELEOP_PLANT, run_teleop
+from poise.locomotion import BodySample, Device, DeviceSample
 from poise.locomotion._stepping._trunk_feedback import TrunkFeedback
 
 DT, KP = 0.002, 100.0
+LEANING, THROWN = pin.exp3(np.array([0.2, -0.2, 0.0])), pin.exp3(np.array([0.4, 0.0, 0.0]))
 
 
 def turned(disturbance, seconds, *, goal=(0.0, 0.0, 0.0), learns=True):
@@ -19,7 +21,7 @@ def turned(disturbance, seconds, *, goal=(0.0, 0.0, 0.0), learns=True):
     feedback, sent = TrunkFeedback(DT), pin.exp3(np.array(goal))
     here, rate = sent.copy(), np.zeros(3)
     for _ in range(round(seconds / DT)):
-        lasting = feedback.learn(sent, here) if learns else np.zeros(3)
+        lasting = feedback.acceleration(sent, here, learns=learns)
         error = pin.log3(sent @ here.T)
         rate = rate + DT * (KP * error - 2.0 * math.sqrt(KP) * rate + lasting + disturbance)
         here = pin.exp3(DT * rate) @ here
@@ -41,15 +43,42 @@ def test_about_the_vertical_nothing_is_learned():
 def test_what_is_learned_is_bounded():
     feedback = TrunkFeedback(DT)
     for _ in range(20000):
-        found = feedback.learn(pin.exp3(np.array([0.2, -0.2, 0.0])), np.eye(3))
+        found = feedback.acceleration(LEANING, np.eye(3), learns=True)
     np.testing.assert_allclose(found, (30.0, -30.0, 0.0), atol=1e-9)
 
 
 def test_a_trunk_that_has_been_thrown_teaches_nothing():
     feedback = TrunkFeedback(DT)
     for _ in range(500):
-        found = feedback.learn(np.eye(3), pin.exp3(np.array([0.4, 0.0, 0.0])))
+        found = feedback.acceleration(np.eye(3), THROWN, learns=True)
     np.testing.assert_array_equal(found, np.zeros(3))
+
+
+def test_what_has_been_learned_is_kept_while_nothing_is():
+    feedback = TrunkFeedback(DT)
+    learned = feedback.acceleration(LEANING, np.eye(3), learns=True)
+    assert np.linalg.norm(learned) > 0.0
+    kept = feedback.acceleration(np.eye(3), LEANING, learns=False)
+    np.testing.assert_allclose(kept, LEANING @ learned, atol=1e-12)
+
+
+def test_a_torso_that_cannot_be_bent_as_asked_is_upright_again_afterwards(get_robot):
+    """TALOS has no roll of its waist: pelvis and torso would wind each other up."""
+    robot = get_robot("talos")
+
+    def bends(teleoperator):
+        left, right = teleoperator.estimator.anchors
+
+        class Bending(Device):
+            def sample(self, time):
+                asked = (0.0, -0.4, 0.0) if 0.3 < time < 3.0 else (0.0, 0.0, 0.0)
+                return DeviceSample(time, left, right, body=BodySample(torso=asked))
+
+        return Bending()
+
+    log = run_teleop(robot, bends, duration=5.0).log
+    assert log.tilt[log.time < 3.0].max() > 0.1
+    assert log.tilt[log.time > 4.5].max() < 0.01
 
 
 @pytest.mark.slow

@@ -31,7 +31,7 @@ _CLEAR = 0.01
 """A sole is in the air so high above where it was put down [m]: joints that are zeroed badly by 0.3
 degrees put one that has not moved up to 5 mm beside there, as the other leg folds."""
 
-_ZEROED = EstimatorConfig(tare=False)
+_TARED_BEFORE = EstimatorConfig(tare=False)
 
 _NO_WRENCH = (0.0,) * 6
 
@@ -140,7 +140,7 @@ class StanceEstimator:
         self._soles = [robot.frame_id(name) for name in soles]
         self._names = soles
         self._start = RobotState(q_start, np.zeros(robot.nv))
-        self._inertial = StateEstimator(robot, _ZEROED, q_start=q_start) if inertial else None
+        self._inertial = StateEstimator(robot, _TARED_BEFORE, q_start=q_start) if inertial else None
         self._payload = PayloadEstimator(robot) if inertial else None
         self._attitude = AttitudeBiasEstimator() if inertial else None
         self._now = StampedPredictor(robot, _DONE) if inertial else None
@@ -217,7 +217,7 @@ class StanceEstimator:
         estimator.update(state.time, forces, self.dynamics.com_velocity, world_R_base)
 
     def _airborne(self, foot: int) -> bool:
-        """Whether nothing can touch a sole."""
+        """Whether a sole is clear of where it stood."""
         if foot == self.stance:
             return False
         return float(self.sole(foot)[2] - self.anchors[foot][2]) > _CLEAR

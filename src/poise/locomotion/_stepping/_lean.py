@@ -72,6 +72,11 @@ class TrunkPose:
         self._facing: float | None = None
         self._torso: Float64[np.ndarray, "3"] = np.zeros(3)
 
+    @property
+    def upright(self) -> bool:
+        """Whether the torso is in line with the pelvis, and nobody asks for anything else."""
+        return not self._torso.any()
+
     def rotations(
         self, footing: Footing, facing: float, torso: tuple[float, float, float]
     ) -> tuple[Float64[np.ndarray, "3 3"], Float64[np.ndarray, "3 3"]]:

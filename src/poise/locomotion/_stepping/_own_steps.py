@@ -190,7 +190,7 @@ class OwnSteps:
             footing: of the tick.
             fits: whether the operator could have led the feet to where they are.
         """
-        self._tasks.accompany(footing)
+        self._tasks.accompany(footing, walks=self._driven)
         rests = self._walker.held and self._walker.status.ok
         rests = rests and footing.capture_depth > 0.0 and not any(self._velocity)
         self._held = self._held + self._dt if rests else 0.0

@@ -197,13 +197,16 @@ class TorqueTasks:
             self._move_foot(self._swing, footing, desired)
         torso = (0.0, 0.0, 0.0) if upright else desired.torso
         weight = _URGENT if upright else 1.0
-        self._turn_trunk(footing, torso, weight=(weight, weight, _FACING))
+        # A trunk that makes up for what a foot does not give is not held off by anything.
+        learns = footing.borrowed == 0.0
+        self._turn_trunk(footing, torso, weight=(weight, weight, _FACING), learns=learns)
 
-    def accompany(self, footing: Footing) -> None:
+    def accompany(self, footing: Footing, *, walks: bool) -> None:
         """Keeps the trunk upright while somebody else leads COM and feet.
 
         Args:
             footing: of the tick.
+            walks: whether they walk, and not only catch the robot.
         """
         self._righting.update(footing)
         self._yaws = [footing.yaw(foot) for foot in (0, 1)]
@@ -212,7 +215,9 @@ class TorqueTasks:
         for foot in self._feet:
             foot.set_weight(_CAUGHT_FOOT)
         self.stack.self_collision_limit.let_legs_pass(True)
-        self._turn_trunk(footing, (0.0, 0.0, 0.0), weight=_CAUGHT_TRUNK, most=_RIGHTED)
+        self._turn_trunk(
+            footing, (0.0, 0.0, 0.0), weight=_CAUGHT_TRUNK, learns=walks, most=_RIGHTED
+        )
 
     def _announce(self, footing: Footing) -> None:
         """Where the foot in the air would catch the robot that stands on a narrow one.
@@ -231,16 +236,20 @@ class TorqueTasks:
         torso: tuple[float, float, float],
         *,
         weight: tuple[float, float, float],
+        learns: bool,
         most: float = math.inf,
     ) -> None:
         """Pelvis and torso, facing as the feet do, led at most so far from where they are [rad]."""
         rotations = self._pose.rotations(footing, mean_angle(*self._yaws), torso)
         frames = footing.biped.pelvis, footing.biped.torso
         # A torso without a waist is the pelvis.
+        # Not every torso can be bent, so a trunk that is bent may be off for ever.
+        learns = learns and self._pose.upright
         for k in range(-len(self._trunk), 0):
             _, here = footing.dynamics.placement(frames[k])
-            lasting = self._lasting[k].learn(rotations[k], here)
-            goal = _towards(rotations[k], here, most)
+            lasting = self._lasting[k].acceleration(rotations[k], here, learns=learns)
+            left = most - float(np.linalg.norm(lasting)) / _KP_TRUNK
+            goal = _towards(rotations[k], here, max(left, 0.0))
             self._trunk[k].set_target(rotation=goal, acceleration=[0.0, 0.0, 0.0, *lasting])
             self._trunk[k].set_weight(weight)
 

@@ -15,7 +15,7 @@ _MOST = 30.0
 it is turns G1's torso by as much [rad/s^2]."""
 
 _THROWN = 0.3
-"""A trunk so far off has been pushed, or balances something: no lasting error [rad]."""
+"""A trunk so far off has been thrown: no lasting error [rad]."""
 
 
 class TrunkFeedback:
@@ -24,6 +24,9 @@ class TrunkFeedback:
     A mass that is taken to be where it is not, as a payload that is found by load cells that are
     off, is a moment that the controller's model has and the robot has not: with a spring alone the
     trunk would lean by it. About the vertical nothing lasts, and the legs' swing turns the trunk.
+
+    What has been learned is kept while nothing is learned: where the trunk balances a push, or
+    cannot be as it is asked to, its error says nothing of that moment.
 
     Args:
         dt: length of a tick [s].
@@ -37,20 +40,22 @@ class TrunkFeedback:
         """Nothing is known."""
         self._roll = self._pitch = 0.0
 
-    def learn(
-        self, goal: Float64[np.ndarray, "3 3"], here: Float64[np.ndarray, "3 3"]
+    def acceleration(
+        self, goal: Float64[np.ndarray, "3 3"], here: Float64[np.ndarray, "3 3"], *, learns: bool
     ) -> Float64[np.ndarray, "3"]:
         """One tick.
 
         Args:
             goal: how the frame shall be turned, world_R_frame.
             here: how it is turned, world_R_frame.
+            learns: whether what is missing to the goal lasts, as far as anybody knows.
 
         Returns:
             Angular acceleration to be added to the task's, along the world's axes [rad/s^2].
         """
-        roll, pitch, _ = pin.log3(here.T.dot(goal)).tolist()
-        if math.hypot(roll, pitch) < _THROWN:
-            self._roll = min(max(self._roll + self._step * roll, -_MOST), _MOST)
-            self._pitch = min(max(self._pitch + self._step * pitch, -_MOST), _MOST)
+        if learns:
+            roll, pitch, _ = pin.log3(here.T.dot(goal)).tolist()
+            if math.hypot(roll, pitch) < _THROWN:
+                self._roll = min(max(self._roll + self._step * roll, -_MOST), _MOST)
+                self._pitch = min(max(self._pitch + self._step * pitch, -_MOST), _MOST)
         return here.dot(np.array([self._roll, self._pitch, 0.0]))
