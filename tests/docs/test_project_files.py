@@ -88,7 +88,7 @@ def test_readme_has_two_setup_commands_and_ci_runs_both():
     assert len(commands) == 2
     install, develop = commands
     assert install.endswith(".venv/bin/poise run")
-    assert develop.endswith(".venv/bin/python -m pytest -n 2 --dist worksteal")
+    assert develop.endswith(".venv/bin/python -m pytest -n 2")
     assert all("\n" not in command for command in commands)
     script = (ROOT / ".ci" / "run").read_text(encoding="utf-8").splitlines()
     assert all(command in script for command in commands)
