@@ -63,7 +63,7 @@ def test_what_has_been_learned_is_kept_while_nothing_is():
 
 
 def test_a_torso_that_cannot_be_bent_as_asked_is_upright_again_afterwards(get_robot):
-    """TALOS has no roll of its waist: pelvis and torso would wind each other up."""
+    """The waist of TALOS stops before that: pelvis and torso would wind each other up."""
     robot = get_robot("talos")
 
     def bends(teleoperator):

@@ -28,8 +28,8 @@ _LEAST_LOAD = 0.02
 """Part of the weight below which the soles say nothing about the ZMP."""
 
 _CLEAR = 0.01
-"""A sole is in the air so high above where it was put down [m]: joints that are zeroed badly by 0.3
-degrees put one that has not moved up to 5 mm beside there, as the other leg folds."""
+"""A sole is in the air so high above where it was put down [m]: a hip that is zeroed badly by 0.3
+degrees moves the end of a leg of 1 m by 5 mm."""
 
 _TARED_BEFORE = EstimatorConfig(tare=False)
 

@@ -242,9 +242,9 @@ class TorqueTasks:
         """Pelvis and torso, facing as the feet do, led at most so far from where they are [rad]."""
         rotations = self._pose.rotations(footing, mean_angle(*self._yaws), torso)
         frames = footing.biped.pelvis, footing.biped.torso
-        # A torso without a waist is the pelvis.
         # Not every torso can be bent, so a trunk that is bent may be off for ever.
         learns = learns and self._pose.upright
+        # A torso without a waist is the pelvis.
         for k in range(-len(self._trunk), 0):
             _, here = footing.dynamics.placement(frames[k])
             lasting = self._lasting[k].acceleration(rotations[k], here, learns=learns)
