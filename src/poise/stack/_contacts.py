@@ -3,6 +3,8 @@
 `PointContact`: a point that can push but not twist.
 """
 
+import math
+
 import numpy as np
 from jaxtyping import Float64, Int64
 
@@ -10,6 +12,9 @@ from poise._checks import checked_number
 from poise.errors import ConfigurationError
 from poise.robots import Robot
 from poise.stack._contact import Contact
+
+_ALL_OF_IT = (-math.inf, -math.inf), (math.inf, math.inf)
+"""Lower and upper corner of what of a surface carries until `carry_on` says something else [m]."""
 
 
 class PointContact(Contact):
@@ -107,12 +112,32 @@ class SurfaceContact(Contact):
         self._torsion = torsion
         # The cone of a rectangle is linear in half its length and half its width, see `carry_on`.
         self._surface: tuple[Float64[np.ndarray, "rows 6"], ...] = ()
+        self._carries = _ALL_OF_IT
         self._margin = checked_number(margin, f"margin of contact {self.name!r} [m]")
 
     @property
     def margin(self) -> float:
-        """How far the centre of pressure stays inside the edges [m]; the cone is made of it."""
+        """How far the centre of pressure stays inside the edges [m]; `set_margin` changes it."""
         return self._margin
+
+    def set_margin(self, margin: float) -> None:
+        """Sets how far the centre of pressure stays inside the edges, from the next tick on.
+
+        What `carry_on` said holds on. The strategies "whole_body" and "reduced" read it; "osf"
+        keeps to the margin that it was made with.
+
+        Args:
+            margin: [m].
+
+        Raises:
+            ConfigurationError: it is negative or not finite, or leaves nothing of the surface.
+        """
+        checked_number(margin, f"margin of contact {self.name!r} [m]")
+        if self._robot is not None:
+            self.cone[:] = self._inset_cone(self._robot, margin)
+            if self.tilts:
+                self.carry_on(*self._carries)
+        self._margin = margin
 
     @property
     def tilts(self) -> bool:
@@ -140,6 +165,7 @@ class SurfaceContact(Contact):
                 got=repr(self),
                 wanted="a contact that is bound to a robot and bears moments about x and y",
             )
+        self._carries = lower, upper
         reach = self.pressure_reach.tolist()
         least, most = (
             [min(max(c, -r), r) for c, r in zip(corner, reach, strict=True)]
@@ -158,12 +184,15 @@ class SurfaceContact(Contact):
         return self.chosen if sole is None else np.array(sole.controlled)
 
     def _make_cone(self, robot: Robot) -> Float64[np.ndarray, "rows dim"]:
+        return self._inset_cone(robot, self._margin)
+
+    def _inset_cone(self, robot: Robot, margin: float) -> Float64[np.ndarray, "rows dim"]:
         length, width = self._rectangle(robot)
-        x, y = length / 2.0 - self.margin, width / 2.0 - self.margin
+        x, y = length / 2.0 - margin, width / 2.0 - margin
         if min(x, y) <= 0.0:
             raise ConfigurationError(
                 f"margin of contact {self.name!r} leaves nothing of the surface",
-                got=self.margin,
+                got=margin,
                 wanted=f"less than {min(length, width) / 2.0:g} m",
             )
         self.pressure_reach[:] = x, y

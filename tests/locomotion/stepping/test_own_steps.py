@@ -210,6 +210,26 @@ def test_the_balance_outweighs_the_trunk_while_the_robot_steps_by_itself(get_rob
         np.testing.assert_allclose(tasks[name].weight, before[name])
 
 
+def test_the_pressure_stays_farther_from_the_edges_while_the_robot_steps_by_itself(get_robot):
+    teleoperator = StepTeleoperator(get_robot("g1"), actuation="torque")
+    state = teleoperator.estimator.update(teleoperator.estimator.dynamics.state)
+    contacts, tasks = teleoperator.stack.contacts, teleoperator._tasks
+    sole = teleoperator.robot.soles[contacts[0].frame]
+
+    def margins():
+        return [sole.width / 2.0 - c.pressure_reach[1] for c in contacts]
+
+    teleoperator.lead(state)
+    np.testing.assert_allclose(margins(), 0.002)
+    tasks.accompany(teleoperator._footing(), walks=False)
+    np.testing.assert_allclose(margins(), 0.005)
+    teleoperator.lead(replace(state, time=0.002))
+    np.testing.assert_allclose(margins(), 0.002)
+    tasks.accompany(teleoperator._footing(), walks=False)
+    teleoperator.reset()
+    np.testing.assert_allclose(margins(), 0.002)
+
+
 @pytest.mark.parametrize("lean", [0.1, 0.6, -2.0])
 def test_a_trunk_that_was_thrown_over_is_led_back_little_by_little(get_robot, lean):
     """All the way at once, it would be asked for more than the balance can spare."""

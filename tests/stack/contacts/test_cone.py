@@ -179,6 +179,68 @@ def test_the_pressure_stays_where_the_surface_carries(get_robot, kind):
         assert lower[0] - 1e-6 <= -force[4] / force[2] <= upper[0] + 1e-6
 
 
+@pytest.mark.parametrize("without", [(), (".*_ankle_roll",)])
+def test_another_margin_makes_the_cone_of_a_contact_that_had_it_all_along(
+    get_robot_without, without
+):
+    robot = get_robot_without(*without)
+    contact = SurfaceContact("left_sole", friction=MU, margin=MARGIN)
+    new = SurfaceContact("left_sole", friction=MU, margin=0.002)
+    for each in (contact, new):
+        each.bind(robot)
+    assert np.abs(contact.cone - new.cone).max() > 1e-3
+    contact.set_margin(0.002)
+    assert contact.margin == 0.002
+    np.testing.assert_allclose(contact.cone, new.cone, atol=1e-12)
+    np.testing.assert_allclose(contact.pressure_reach, new.pressure_reach, atol=1e-12)
+
+
+def test_a_margin_holds_from_when_it_is_bound(get_robot):
+    contact, new = SurfaceContact("left_sole"), SurfaceContact("left_sole", margin=MARGIN)
+    contact.set_margin(MARGIN)
+    for each in (contact, new):
+        each.bind(get_robot("humanoid33"))
+    np.testing.assert_array_equal(contact.cone, new.cone)
+
+
+def test_the_part_that_carries_outlasts_a_margin(get_robot):
+    contact, new = SurfaceContact("left_sole"), SurfaceContact("left_sole", margin=MARGIN)
+    for each in (contact, new):
+        each.bind(get_robot("humanoid33"))
+        each.carry_on((-np.inf, 0.0), (0.03, np.inf))
+    contact.set_margin(MARGIN)
+    np.testing.assert_allclose(contact.cone, new.cone, atol=1e-12)
+
+
+@pytest.mark.parametrize("margin", [-0.001, np.nan, 1.0])
+def test_a_margin_that_cannot_be_is_refused_and_changes_nothing(get_robot, margin):
+    contact = SurfaceContact("left_sole")
+    contact.bind(get_robot("humanoid33"))
+    cone, reach = contact.cone.copy(), contact.pressure_reach.copy()
+    with pytest.raises(ConfigurationError, match="margin of contact 'left_sole'"):
+        contact.set_margin(margin)
+    assert contact.margin == 0.005
+    np.testing.assert_array_equal(contact.cone, cone)
+    np.testing.assert_array_equal(contact.pressure_reach, reach)
+
+
+@pytest.mark.parametrize("kind", [poise.WholeBodyController, poise.ReducedController])
+def test_the_pressure_keeps_to_a_margin_that_was_set_later(get_robot, kind):
+    robot = get_robot("humanoid33")
+    stack = poise.default_stack(robot)
+    stack.torque_limit = poise.TorqueLimit()
+    controller = kind(robot, stack)
+    state = poise.RobotState(robot.q_home.copy(), np.zeros(robot.nv))
+    left, _ = stack.contacts
+    sole = robot.soles[left.frame]
+    # A COM that shall go ahead at once takes the pressure to the heel.
+    stack.task("com").set_acceleration([9.0, 0.0, 0.0])
+    for margin in (0.002, 0.03):
+        left.set_margin(margin)
+        force = controller.step(state).wrenches[left.name]
+        assert -force[4] / force[2] == pytest.approx(margin - sole.length / 2.0, abs=1e-5)
+
+
 def test_a_sole_brings_its_own_size(get_robot):
     robot = get_robot("humanoid33")
     contact = SurfaceContact("right_sole", margin=0.0)

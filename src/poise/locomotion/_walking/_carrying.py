@@ -79,11 +79,7 @@ class CarryingArea:
         """
         if self._settled is None:
             return whole
-        (x, y), (a, b, c, d) = self._reach, self._average
-        # An edge that is where it can be at most takes nothing away: contacts keep a margin.
-        lower = (-math.inf if a == -x else a, -math.inf if b == -y else b)
-        upper = (math.inf if c == x else c, math.inf if d == y else d)
-        return whole.within(lower, upper)
+        return whole.within(*self._open(*self._average))
 
     def part(self, size: Point) -> SolePart | None:
         """What of the sole carries, as far as is known; None for all of it.
@@ -149,7 +145,16 @@ class CarryingArea:
         """Tells the contact what it does not know yet: its lower and its upper edges."""
         if self._contact is not None and (a, b, c, d) != self._told:
             self._told = (a, b, c, d)
-            self._contact.carry_on((a, b), (c, d))
+            self._contact.carry_on(*self._open(a, b, c, d))
+
+    def _open(self, a: float, b: float, c: float, d: float) -> tuple[Point, Point]:
+        """Lower and upper corner, infinite where edges are where they can be at most [m].
+
+        Those take nothing away: contacts keep a margin, and it may change.
+        """
+        x, y = self._reach
+        lower = (-math.inf if a == -x else a, -math.inf if b == -y else b)
+        return lower, (math.inf if c == x else c, math.inf if d == y else d)
 
     def _settle(self, stands: bool, dt: float) -> None:
         """Averages the area for those who plan, from where the foot came to stand on."""
