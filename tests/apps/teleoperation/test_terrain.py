@@ -19,7 +19,7 @@ from poise.apps.teleoperation import (
     run_teleop,
     terrain_blocks,
 )
-from poise.apps.teleoperation._run import plant_to_json
+from poise.apps.teleoperation._setup import plant_to_json
 from poise.apps.teleoperation._terrain import TERRAINS
 from poise.errors import UnknownNameError
 from poise.locomotion import ScriptedDevice, WayPoint

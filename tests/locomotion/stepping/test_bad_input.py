@@ -17,7 +17,7 @@ from poise.apps.teleoperation import (
     run_teleop,
     terrain_blocks,
 )
-from poise.apps.teleoperation._run import plant_to_json
+from poise.apps.teleoperation._setup import plant_to_json
 from poise.dynamics import RobotState
 from poise.errors import ConfigurationError, RobotError, UnknownNameError
 from poise.locomotion import (

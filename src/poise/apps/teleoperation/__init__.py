@@ -7,23 +7,27 @@ from poise.apps.teleoperation._haptics import (
     SimulatedArm,
     foot_forces as foot_forces,
 )
-from poise.apps.teleoperation._operators import BadOperator, PoorLink
-from poise.apps.teleoperation._run import (
+from poise.apps.teleoperation._log import (
     DEVICE_STATUSES as DEVICE_STATUSES,
     MODES as MODES,
+    TeleopLog,
+)
+from poise.apps.teleoperation._operators import BadOperator, PoorLink
+from poise.apps.teleoperation._run import (
     TORQUE_TELEOP_PLANT,
     VELOCITY_TELEOP_PLANT,
-    TeleopLog,
     TeleopRun,
-    plant_from_json as plant_from_json,
-    recorded_setup as recorded_setup,
     replay_teleop,
     run_teleop,
-    teleop_setup as teleop_setup,
 )
 from poise.apps.teleoperation._scripts import (
     SCRIPTS,
     Script,
+)
+from poise.apps.teleoperation._setup import (
+    plant_from_json as plant_from_json,
+    recorded_setup as recorded_setup,
+    teleop_setup as teleop_setup,
 )
 from poise.apps.teleoperation._terrain import terrain_blocks
 

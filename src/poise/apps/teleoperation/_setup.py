@@ -1,0 +1,126 @@
+"""`RecordedSetup`: what a recording was made with, beside its robot, so that it can run again."""
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float64
+
+from poise._schema import read
+from poise.apps.teleoperation._digest import robot_digest
+from poise.locomotion import Recording, RecordingError, StepTeleoperator, TeleopParameters
+from poise.robots import Robot
+from poise.sim import PlantConfig
+
+
+def plant_to_json(config: PlantConfig) -> dict[str, Any]:
+    """A plant as plain numbers and texts, for a recording."""
+    return asdict(config)
+
+
+def plant_from_json(data: dict[str, Any]) -> PlantConfig:
+    """The plant that `plant_to_json` wrote.
+
+    Raises:
+        RecordingError: it is none: a key is unknown, or a value cannot be.
+    """
+    return read(PlantConfig, data, "the plant of the recording", error=RecordingError)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RecordedSetup:
+    """What a recording was made with, beside its robot.
+
+    Attributes:
+        parameters: of the teleoperator.
+        rotator: whether the body rotator acts.
+        plant: of the run.
+        seed: of the sensor noise.
+        duration: of the run [s].
+        q_start: configuration at the start; None for the robot's home.
+        solved_by: name of the controller that solved the stack; None for the usual one.
+        digest: of the robot, see `robot_digest`; None where the recording does not say.
+    """
+
+    parameters: TeleopParameters
+    rotator: bool
+    plant: PlantConfig
+    seed: int
+    duration: float
+    q_start: Float64[np.ndarray, " nq"] | None
+    solved_by: str | None
+    digest: str | None
+
+
+def recorded_setup(recording: Recording, robot: Robot) -> RecordedSetup:
+    """What a recording was made with.
+
+    Args:
+        recording: of `run_teleop` or of a live run.
+        robot: that shall do the same again.
+
+    Raises:
+        RecordingError: it does not say, or the robot has the same name and is another one.
+    """
+    made = _read_setup(recording)
+    same_name = recording.robot == robot.name
+    if same_name and made.digest not in (None, robot_digest(robot)):
+        raise RecordingError(
+            f"the recording {recording.path.name} is from another {robot.name}: masses, limits or "
+            "soles differ, and commands would",
+            wanted="the robot that it was made with, as `robot`",
+        )
+    return made
+
+
+def _read_setup(recording: Recording) -> RecordedSetup:
+    setup = recording.setup
+    try:
+        return RecordedSetup(
+            parameters=TeleopParameters(**setup["parameters"]),
+            rotator=setup["rotator"],
+            plant=plant_from_json(setup["plant"]),
+            seed=setup["seed"],
+            duration=setup["duration"],
+            q_start=None if setup["q_start"] is None else np.array(setup["q_start"]),
+            # The first recordings do not say.
+            solved_by=setup.get("solved_by"),
+            digest=setup.get("digest"),
+        )
+    except (KeyError, TypeError) as error:
+        raise RecordingError(
+            f"the recording {recording.path.name} lacks the set-up of a run",
+            got=f"{type(error).__name__}: {error}",
+            wanted="one that run_teleop has written",
+        ) from None
+
+
+def teleop_setup(
+    teleoperator: StepTeleoperator,
+    plant: PlantConfig,
+    *,
+    seed: int,
+    duration: float,
+    rotator: bool = True,
+    q_start: Float64[np.ndarray, " nq"] | None = None,
+) -> dict[str, Any]:
+    """What a recording's header needs so that `replay_teleop` can run it again.
+
+    Args:
+        teleoperator: that walks the robot.
+        plant: of the run.
+        seed: of the sensor noise.
+        duration: of the run [s]; a live run may give a long one: a replay ends there.
+        rotator: whether the body rotator acts.
+        q_start: configuration at the start; None for the robot's home.
+    """
+    return {
+        "parameters": asdict(teleoperator.parameters),
+        "rotator": rotator,
+        "plant": plant_to_json(plant),
+        "seed": seed,
+        "duration": duration,
+        "q_start": None if q_start is None else np.asarray(q_start).tolist(),
+        "solved_by": teleoperator.solved_by,
+        "digest": robot_digest(teleoperator.robot),
+    }
