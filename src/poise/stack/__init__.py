@@ -8,15 +8,10 @@ from poise.stack._contact_sets import ContactSets as ContactSets
 from poise.stack._contacts import PointContact, SurfaceContact
 from poise.stack._evaluation import Owner as Owner
 from poise.stack._frame import FrameTask
+from poise.stack._joint_limit import JointLimit
 from poise.stack._joints import JointTask, PostureTask
 from poise.stack._kernels import evaluate as evaluate
 from poise.stack._leader import Leader
-from poise.stack._limits import (
-    SMOOTH_RATE as SMOOTH_RATE,
-    JointLimit,
-    TorqueLimit,
-    Viability as Viability,
-)
 from poise.stack._polygon import find_hull as find_hull
 from poise.stack._relative_frame import RelativeFrameTask
 from poise.stack._rows import (
@@ -35,6 +30,8 @@ from poise.stack._settling import (
 from poise.stack._stack import Stack, default_stack, is_held as is_held
 from poise.stack._tables import Owners as Owners, Rows as Rows
 from poise.stack._task import Task
+from poise.stack._torque_limit import SMOOTH_RATE as SMOOTH_RATE, TorqueLimit
+from poise.stack._viability import Viability as Viability
 
 __all__ = [
     "BalanceLimit",

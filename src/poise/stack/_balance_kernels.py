@@ -16,7 +16,6 @@ from poise.dynamics import (
     place_frame,
     turn_to_world,
 )
-from poise.stack._limits import largest_acceleration
 from poise.stack._polygon import nearest_inside
 from poise.stack._support_kernels import BASE, NEXT_STEP, TORQUES, Support, outline_support
 from poise.stack._tables import (
@@ -28,6 +27,7 @@ from poise.stack._tables import (
     Owners,
     Rows,
 )
+from poise.stack._viability import largest_acceleration
 
 DECAY, BRAKING, HORIZON, STOP = 0, 3, 4, 5
 """Places in the limit's parameters: how fast the way out to an edge is used up [1/s], braking

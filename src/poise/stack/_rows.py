@@ -13,7 +13,7 @@ from poise.robots import Robot
 from poise.stack._balance import BalanceRows
 from poise.stack._contact import Contact
 from poise.stack._evaluation import Evaluation
-from poise.stack._limits import JointLimit
+from poise.stack._joint_limit import JointLimit
 from poise.stack._self_collision import SelfCollisionRows
 from poise.stack._settling import bound_settling, settling_room
 from poise.stack._shipped import ShippedTask

@@ -16,8 +16,8 @@ from poise.dynamics import (
     place_frame,
     turn_to_world,
 )
-from poise.stack._limits import largest_acceleration
 from poise.stack._tables import CHOSEN, FIRST, FRAME_INDEX, START, Owners, Rows
+from poise.stack._viability import largest_acceleration
 
 BRAKING, HORIZON, APPROACH, SHAPES, SHAPE = 0, 1, 2, 3, 7
 """Places in the limit's parameters: braking [m/s^2], horizon [s] and time of approach [s]; where

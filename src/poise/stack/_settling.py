@@ -6,8 +6,8 @@ import numpy as np
 from jaxtyping import Float64, Int64
 
 from poise._compiled import compiled, factor_leading, part, solve_leading
-from poise.stack._limits import Viability, bound_joint
 from poise.stack._tables import CONTACT, COUNT, FIRST, FRAME_INDEX, KIND, START, Owners, Rows
+from poise.stack._viability import Viability, bound_joint
 
 _LARGEST = 6
 """Rows that a contact has at most."""

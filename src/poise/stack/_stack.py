@@ -14,10 +14,11 @@ from poise.stack._centroid import ComTask
 from poise.stack._contact import Contact
 from poise.stack._contacts import SurfaceContact
 from poise.stack._frame import FrameTask
+from poise.stack._joint_limit import JointLimit
 from poise.stack._joints import PostureTask
-from poise.stack._limits import SMOOTH_RATE, JointLimit, TorqueLimit
 from poise.stack._self_collision import SelfCollisionLimit
 from poise.stack._task import Task
+from poise.stack._torque_limit import SMOOTH_RATE, TorqueLimit
 
 
 def is_held(task: Task, contacts: Sequence[Contact]) -> bool:

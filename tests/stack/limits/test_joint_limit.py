@@ -7,7 +7,7 @@ from oracles import dynamics_at, random_state
 
 from poise.errors import ConfigurationError, UnknownNameError
 from poise.stack import JointLimit
-from poise.stack._limits import ViableAcceleration
+from poise.stack._viability import ViableAcceleration
 
 A_MAX, BRAKING, HORIZON = 200.0, 8.0, 0.02
 STOPPING = 0.5

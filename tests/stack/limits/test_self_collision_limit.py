@@ -9,7 +9,7 @@ from poise.dynamics import Dynamics, RobotState
 from poise.errors import ConfigurationError, PoiseError
 from poise.robots import capsules_of
 from poise.stack import ComTask, SelfCollisionLimit, Stack, StackRows, SurfaceContact
-from poise.stack._limits import largest_acceleration
+from poise.stack._viability import largest_acceleration
 
 SEEDS = range(10)
 STEP = 1e-5

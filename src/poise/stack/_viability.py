@@ -1,0 +1,165 @@
+"""`ViableAcceleration`: after which a joint can still stop before its position limits."""
+
+from math import sqrt
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float64
+
+from poise._compiled import compiled, part
+
+_STOP_FRACTION = 0.5
+"""Fraction of the horizon in which a joint about to pass its limit stops.
+
+It bounds the braking gain near the limit, where v^2 / 2s would turn measurement noise into full
+braking: an ankle that stands at its limit is then asked for what its sole on the ground cannot do,
+and all tasks below give way for that tick. The price is that a joint may pass its limit by
+`a_max (fraction dt)^2 / 2`, 10 mrad with the defaults, where it came in need of full braking, and
+by a fortieth of that where it came as planned. The position margin is there for it."""
+
+_TINY = 1e-12
+"""Keeps a joint at rest on its limit from dividing by zero [rad]."""
+
+
+class Viability(NamedTuple):
+    """What the bounds of joint accelerations are made from.
+
+    Attributes:
+        q_min: lower position limits [rad].
+        q_max: upper position limits [rad].
+        v_max: velocity limits [rad/s].
+        braking: decelerations that stopping is planned with [rad/s^2].
+        gentle: the same of joints beside contacts, and the most that these are asked for [rad/s^2].
+        a_max: acceleration limit [rad/s^2].
+        dt: horizon [s].
+    """
+
+    q_min: Float64[np.ndarray, " nj"]
+    q_max: Float64[np.ndarray, " nj"]
+    v_max: Float64[np.ndarray, " nj"]
+    braking: Float64[np.ndarray, " nj"]
+    gentle: Float64[np.ndarray, " nj"]
+    a_max: float
+    dt: float
+
+
+class ViableAcceleration:
+    """Accelerations after which a joint can still stop before its position limits.
+
+    With s = q_max - q the largest one is the larger root of
+
+        dt^2 a^2 + dt (2 v + b dt) a + v^2 - 2 b (s - v dt) = 0,
+
+        a = sqrt(2 b (s - v dt / 2) / dt^2 + b^2 / 4) - (v / dt + b / 2),
+
+    as long as the joint may still move towards the limit at dt, that is for s >= v dt / 2. Nearer
+    to it the joint must be at rest sooner, which takes -v^2 / 2s; the root would let it swing past
+    the limit and return to it at dt. The smallest one is its mirror image. Where the two cross,
+    both become the one that brakes.
+
+    Args:
+        q_min: lower position limits [rad].
+        q_max: upper position limits [rad].
+        v_max: velocity limits [rad/s].
+        a_max: acceleration limit [rad/s^2].
+        dt: horizon [s].
+        braking: b, the decelerations that stopping is planned with [rad/s^2].
+        gentle: the same beside contacts, see `bound_settling`; as elsewhere when None [rad/s^2].
+
+    Attributes:
+        viability: all of them.
+    """
+
+    def __init__(
+        self,
+        q_min: Float64[np.ndarray, " nj"],
+        q_max: Float64[np.ndarray, " nj"],
+        v_max: Float64[np.ndarray, " nj"],
+        *,
+        a_max: float,
+        dt: float,
+        braking: Float64[np.ndarray, " nj"],
+        gentle: Float64[np.ndarray, " nj"] | None = None,
+    ) -> None:
+        gentle = braking if gentle is None else gentle
+        self.viability = Viability(q_min, q_max, v_max, braking, gentle, float(a_max), float(dt))
+
+    def bounds(
+        self,
+        q: Float64[np.ndarray, " nj"],
+        v: Float64[np.ndarray, " nj"],
+        lower: Float64[np.ndarray, " nj"],
+        upper: Float64[np.ndarray, " nj"],
+    ) -> None:
+        """Bounds in [-a_max, a_max], which never cross.
+
+        Args:
+            q: positions [rad].
+            v: velocities [rad/s].
+            lower: receives the lower bounds [rad/s^2].
+            upper: receives the upper bounds [rad/s^2].
+        """
+        _bounds(q, v, self.viability, lower, upper)
+
+
+@compiled
+def _bounds(
+    q: Float64[np.ndarray, " nj"],
+    v: Float64[np.ndarray, " nj"],
+    viability: Viability,
+    lower: Float64[np.ndarray, " nj"],
+    upper: Float64[np.ndarray, " nj"],
+) -> None:
+    for i in range(len(q)):
+        bound_joint(i, q[i], v[i], viability.braking[i], viability, lower, upper)
+
+
+@part
+def bound_joint(
+    i: int,
+    q: float,
+    v: float,
+    braking: float,
+    viability: Viability,
+    lower: Float64[np.ndarray, " nj"],
+    upper: Float64[np.ndarray, " nj"],
+) -> None:
+    """The bounds of one joint.
+
+    Args:
+        i: which.
+        q: its position [rad].
+        v: its velocity [rad/s].
+        braking: with what it plans to stop [rad/s^2].
+        viability: of all joints.
+        lower: receives the lower bound [rad/s^2].
+        upper: receives the upper one.
+    """
+    settings, v_max = (viability.a_max, viability.dt, braking), viability.v_max[i]
+    upper[i] = largest_acceleration(viability.q_max[i] - q, v, v_max, settings)
+    lower[i] = -largest_acceleration(q - viability.q_min[i], -v, v_max, settings)
+    if lower[i] > upper[i]:
+        lower[i] = upper[i] = upper[i] if v > 0.0 else lower[i]
+
+
+@compiled
+def largest_acceleration(
+    s: float, v: float, v_max: float, settings: tuple[float, float, float]
+) -> float:
+    """The largest acceleration of a joint at a distance s from a limit, towards which it moves."""
+    a_max, dt, b = settings
+    if s < 0.5 * v * dt:
+        a = _stop_at_once(s, v, dt)
+    else:
+        a = sqrt(2.0 * b * (s - 0.5 * v * dt) / (dt * dt) + 0.25 * b * b) - (v / dt + 0.5 * b)
+    return max(-a_max, min(a, (v_max - v) / dt, a_max))
+
+
+@compiled
+def _stop_at_once(s: float, v: float, dt: float) -> float:
+    """What a joint that is within half a horizon of its limit, or beyond it, may do."""
+    approach = max(v, 0.0)
+    distance = max(s, 0.5 * _STOP_FRACTION * dt * approach + _TINY)
+    stop = -0.5 * approach * approach / distance
+    # Beyond the limit: back to it at dt, counting the speed at which the joint returns already.
+    return stop + (2.0 / (dt * dt)) * (min(s, 0.0) + dt * (approach - v))
