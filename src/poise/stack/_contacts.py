@@ -133,11 +133,14 @@ class SurfaceContact(Contact):
             ConfigurationError: it is negative or not finite, or leaves nothing of the surface.
         """
         checked_number(margin, f"margin of contact {self.name!r} [m]")
-        if self._robot is not None:
-            self.cone[:] = self._inset_cone(self._robot, margin)
-            if self.tilts:
-                self.carry_on(*self._carries)
+        robot = self._robot
+        if robot is not None:
+            self.pressure_reach[:] = self._reach(robot, margin)
         self._margin = margin
+        if robot is not None and self.tilts:
+            self.carry_on(*self._carries)
+        elif robot is not None:
+            self.cone[:] = self._make_cone(robot)
 
     @property
     def tilts(self) -> bool:
@@ -184,9 +187,19 @@ class SurfaceContact(Contact):
         return self.chosen if sole is None else np.array(sole.controlled)
 
     def _make_cone(self, robot: Robot) -> Float64[np.ndarray, "rows dim"]:
-        return self._inset_cone(robot, self._margin)
+        x, y = self.pressure_reach[:] = self._reach(robot, self._margin)
+        if 3 not in self.chosen:
+            self.parameters[3 + 2 * self.dim] = self._rectangle(robot)[1] / 2.0
+            return _edge_cone(self.friction, x)[:, self.chosen]
+        plain, long, wide = (
+            _rectangle_cone(self.friction, *size, self._torsion, yaws=5 in self.chosen)
+            for size in ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0))
+        )
+        self._surface = plain, long - plain, wide - plain
+        return (plain + x * (long - plain) + y * (wide - plain))[:, self.chosen]
 
-    def _inset_cone(self, robot: Robot, margin: float) -> Float64[np.ndarray, "rows dim"]:
+    def _reach(self, robot: Robot, margin: float) -> tuple[float, float]:
+        """Half of length and width, less a margin [m]."""
         length, width = self._rectangle(robot)
         x, y = length / 2.0 - margin, width / 2.0 - margin
         if min(x, y) <= 0.0:
@@ -195,16 +208,7 @@ class SurfaceContact(Contact):
                 got=margin,
                 wanted=f"less than {min(length, width) / 2.0:g} m",
             )
-        self.pressure_reach[:] = x, y
-        if 3 not in self.chosen:
-            self.parameters[3 + 2 * self.dim] = width / 2.0
-            return _edge_cone(self.friction, x)[:, self.chosen]
-        plain, long, wide = (
-            _rectangle_cone(self.friction, *size, self._torsion, yaws=5 in self.chosen)
-            for size in ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0))
-        )
-        self._surface = plain, long - plain, wide - plain
-        return (plain + x * (long - plain) + y * (wide - plain))[:, self.chosen]
+        return x, y
 
     def _rectangle(self, robot: Robot) -> tuple[float, float]:
         sole = robot.soles.get(self.frame)
