@@ -152,10 +152,15 @@ def _all_of_another_plant(plant: PlantConfig, robot: Robot, seed: int) -> PlantC
     return plant
 
 
-PUSHED, SOLID, MIXED = "pushes of 0.2 m/s", "links that touch", "all of them"
+DESCRIBED, PUSHED, SOLID, MIXED = (
+    "as described",
+    "pushes of 0.2 m/s",
+    "links that touch",
+    "all of them",
+)
 
 CONDITIONS: dict[str, Change] = {
-    "as described": _as_described,
+    DESCRIBED: _as_described,
     "sensors off by a constant": _wrongly_measured,
     "slope of 3 degrees": _sloping,
     "bumps of 2 cm": _bumpy,

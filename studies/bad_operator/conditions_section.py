@@ -1,6 +1,6 @@
 """The bad operator at both levels, on a robot with large soles and one with small ones."""
 
-from studies.bad_operator.conditions import CONDITIONS, MIXED, PLANTS, SOLID
+from studies.bad_operator.conditions import CONDITIONS, DESCRIBED, MIXED, PLANTS, SOLID
 from studies.bad_operator.falls_asked import FALL_EVERY, minutes
 from studies.bad_operator.led_trial import Outcome, Trial, run_trial
 from studies.finding import Finding, Section, Table
@@ -58,7 +58,7 @@ def _is_asked(trial: Trial) -> bool:
     """Whether a bound holds: what is known not to work is told."""
     if trial.level == "torque":
         return True
-    return (trial.robot, trial.condition) == ("biped20", "as described")
+    return (trial.robot, trial.condition) == ("biped20", DESCRIBED)
 
 
 def _finding(group: list[Outcome]) -> Finding:

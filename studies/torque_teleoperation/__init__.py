@@ -9,6 +9,7 @@ from studies.torque_teleoperation.habits_section import habits_section
 from studies.torque_teleoperation.hands_section import hands_section
 from studies.torque_teleoperation.held_section import held_section
 from studies.torque_teleoperation.operators_section import (
+    described_section,
     mixed_section,
     operators_section,
     plants_section,
@@ -31,6 +32,7 @@ PLAN = StudyPlan(
     parts=(
         Part("scenarios", "The paper's scenarios", scenarios_section),
         Part("operators", "Bad operators", operators_section),
+        Part("described", "G1 as described", described_section),
         Part("mixed", "G1 under all conditions at once", mixed_section),
         Part("plants", "Other plants", plants_section),
         Part("habits", "Operators with habits", habits_section),
@@ -43,4 +45,4 @@ PLAN = StudyPlan(
         Part("standing", "Standing at velocity level", standing_section),
     ),
 )
-"""The study: twelve parts."""
+"""The study: thirteen parts."""

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from studies.bad_operator.conditions import CONDITIONS, MIXED, OTHER_PLANTS
+from studies.bad_operator.conditions import CONDITIONS, DESCRIBED, MIXED, OTHER_PLANTS
 from studies.bad_operator.falls_asked import FALL_EVERY, falls_finding, minutes
 from studies.bad_operator.led_trial import Outcome, Trial, run_trial
 from studies.finding import Section, Table
@@ -15,6 +15,11 @@ _ROBOTS = ("biped20", "humanoid33", "g1")
 def operators_section(options: StudyOptions, progress: Progress) -> Section:
     """The section, of all robots under all conditions."""
     return _section(_ROBOTS, tuple(CONDITIONS), options, progress)
+
+
+def described_section(options: StudyOptions, progress: Progress) -> Section:
+    """G1 as described, of it by itself: five hours of a core in place of two days."""
+    return _section(("g1",), (DESCRIBED,), options, progress)
 
 
 def mixed_section(options: StudyOptions, progress: Progress) -> Section:
@@ -75,12 +80,12 @@ def _section(
 def _seeds(condition: str, options: StudyOptions) -> int:
     if condition in OTHER_PLANTS:
         return options.count(5, 1)
-    return options.count(200 if condition == "as described" else 50, 3)
+    return options.count(200 if condition == DESCRIBED else 50, 3)
 
 
 def _allowed(robot: str, condition: str, group: list[Outcome]) -> float:
     """Falls that are asked for at most."""
-    if condition == "as described":
+    if condition == DESCRIBED:
         return 0.01 * len(group) if robot == "g1" else 0.0
     return minutes(group) / FALL_EVERY
 
