@@ -13,7 +13,9 @@ whoever calls one keeps the blocks alive.
 """
 
 import inspect
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
+from itertools import accumulate
 from typing import Any, ClassVar, NamedTuple, TypeVar, cast, dataclass_transform
 from weakref import WeakValueDictionary
 
@@ -139,11 +141,15 @@ def allocate(kind: type[B], sizes: Mapping[str, int], **given: Any) -> B:
         sizes: of the arrays, by the names that stand in the annotations.
         given: fields that are there already.
     """
+    shapes = dict[str, list[int]]()
     for name, field in kind.fields.items():
         if name not in given and field.kind == "array":
-            given[name] = _zeros([sizes[dim] for dim in field.dims], field.dtype)
+            shapes[name] = [sizes[dim] for dim in field.dims]
         elif name not in given and field.block is not None:
             given[name] = allocate(field.block, sizes)
+    words = [math.prod(shape) for shape in shapes.values()]
+    for (name, shape), room in zip(shapes.items(), _zeros(words), strict=True):
+        given[name] = room.view(kind.fields[name].dtype).reshape(shape)
     return kind(**given)
 
 
@@ -192,11 +198,14 @@ def _address(array: np.ndarray) -> int:
     return int(array.__array_interface__["data"][0])
 
 
-def _zeros(shape: list[int], dtype: str) -> np.ndarray:
-    count = int(np.prod(shape))
-    room = np.zeros(count + _LINE // _WORD, dtype=dtype)
-    begin = -_address(room) % _LINE // _WORD
-    return room[begin : begin + count].reshape(shape)
+def _zeros(words: Sequence[int]) -> list[np.ndarray]:
+    """Vectors of so many words, each of which begins at a line, in one piece of memory."""
+    line = _LINE // _WORD
+    begins = [0, *accumulate(-(-count // line) * line for count in words)]
+    room = np.zeros(begins[-1] + line)
+    first = -_address(room) % _LINE // _WORD
+    room = room[first:]
+    return [room[begin : begin + count] for begin, count in zip(begins, words, strict=False)]
 
 
 # --- what Numba has to know ---------------------------------------------------------------------

@@ -6,13 +6,13 @@ Capsules have a distance in closed form that is smooth wherever they are apart.
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import combinations
-from weakref import WeakKeyDictionary
 
 import numpy as np
 import pinocchio as pin
 from jaxtyping import Float64, Int64
 
 from poise.robots._geometry import Balls, link_shapes, union
+from poise.robots._once import once_a_robot
 from poise.robots._robot import Robot
 
 _MOST_STRIPS = 3
@@ -98,9 +98,7 @@ class LinkCapsules:
         return tuple(p + np.einsum("kij,kj->ki", R, ends) for ends in (self.starts, self.ends))
 
 
-_made: WeakKeyDictionary[Robot, LinkCapsules] = WeakKeyDictionary()
-
-
+@once_a_robot
 def capsules_of(robot: Robot) -> LinkCapsules:
     """The capsules of a robot, made once: meshes are read for it.
 
@@ -116,10 +114,36 @@ def capsules_of(robot: Robot) -> LinkCapsules:
     Raises:
         RobotError: a mesh cannot be read.
     """
-    found = _made.get(robot)
-    if found is None:
-        found = _made[robot] = _make(robot)
-    return found
+    joints: list[int] = []
+    names: list[str] = []
+    capsules: list[_Capsule] = []
+    for joint, (name, balls) in _solids(robot).items():
+        for capsule in _fit(balls):
+            joints.append(joint)
+            names.append(name)
+            capsules.append(capsule)
+    all_pairs = [
+        (i, j)
+        for i, j in combinations(range(len(joints)), 2)
+        if not _are_neighbours(*_joints_between(robot, joints[i], joints[j]), robot)
+    ]
+    whole = LinkCapsules(
+        joints=np.array(joints, dtype=np.int64),
+        names=tuple(names),
+        starts=np.array([c.start for c in capsules]).reshape(-1, 3),
+        ends=np.array([c.end for c in capsules]).reshape(-1, 3),
+        radii=np.array([c.radius for c in capsules]),
+        pairs=np.array(all_pairs, dtype=np.int64).reshape(-1, 2),
+        at_home=np.zeros(len(all_pairs)),
+    )
+    at_home = whole.distances(robot, robot.q_home)
+    overlapping = sum(d < 0.0 for d in _at_random(robot, whole, _POSTURES, _REACH))
+    nearest = np.min([*_at_random(robot, whole, _RANGE, 1.0)], axis=0)
+    kept = (at_home >= _LEAST_AT_HOME) & (nearest < _FAR)
+    kept &= overlapping <= _MOST * _POSTURES
+    apart = [sum(map(len, _joints_between(robot, joints[i], joints[j]))) for i, j in all_pairs]
+    kept &= (np.array(apart) > _FEW) | (nearest < -_SHALLOW)
+    return replace(whole, pairs=whole.pairs[kept], at_home=at_home[kept])
 
 
 def segment_distances(
@@ -155,39 +179,6 @@ def _from_segment(
 
 def _dot(a: Float64[np.ndarray, "n 3"], b: Float64[np.ndarray, "n 3"]) -> Float64[np.ndarray, " n"]:
     return np.einsum("ni,ni->n", a, b)
-
-
-def _make(robot: Robot) -> LinkCapsules:
-    joints: list[int] = []
-    names: list[str] = []
-    capsules: list[_Capsule] = []
-    for joint, (name, balls) in _solids(robot).items():
-        for capsule in _fit(balls):
-            joints.append(joint)
-            names.append(name)
-            capsules.append(capsule)
-    all_pairs = [
-        (i, j)
-        for i, j in combinations(range(len(joints)), 2)
-        if not _are_neighbours(*_joints_between(robot, joints[i], joints[j]), robot)
-    ]
-    whole = LinkCapsules(
-        joints=np.array(joints, dtype=np.int64),
-        names=tuple(names),
-        starts=np.array([c.start for c in capsules]).reshape(-1, 3),
-        ends=np.array([c.end for c in capsules]).reshape(-1, 3),
-        radii=np.array([c.radius for c in capsules]),
-        pairs=np.array(all_pairs, dtype=np.int64).reshape(-1, 2),
-        at_home=np.zeros(len(all_pairs)),
-    )
-    at_home = whole.distances(robot, robot.q_home)
-    overlapping = sum(d < 0.0 for d in _at_random(robot, whole, _POSTURES, _REACH))
-    nearest = np.min([*_at_random(robot, whole, _RANGE, 1.0)], axis=0)
-    kept = (at_home >= _LEAST_AT_HOME) & (nearest < _FAR)
-    kept &= overlapping <= _MOST * _POSTURES
-    apart = [sum(map(len, _joints_between(robot, joints[i], joints[j]))) for i, j in all_pairs]
-    kept &= (np.array(apart) > _FEW) | (nearest < -_SHALLOW)
-    return replace(whole, pairs=whole.pairs[kept], at_home=at_home[kept])
 
 
 def _at_random(

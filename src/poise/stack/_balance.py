@@ -3,7 +3,8 @@
 `BalanceRows`: its rows for one set of active contacts.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
@@ -11,7 +12,7 @@ from jaxtyping import Float64
 
 from poise._checks import Numbers, checked_kind, checked_number
 from poise.errors import ConfigurationError
-from poise.robots import Robot
+from poise.robots import Robot, once_a_robot
 from poise.stack._axes import checked_target
 from poise.stack._balance_kernels import FIRST_LEG, MOST_EDGES
 from poise.stack._contact import Contact
@@ -170,8 +171,7 @@ class BalanceLimit:
                 wanted=f"robot {self._robot.name!r}, or a limit of its own",
             )
         self._robot = robot
-        soles = list(robot.soles) if robot.floating_base else []
-        legs = [_Leg(robot, sole, i) for i, sole in enumerate(soles)]
+        legs = _legs_of(robot)
         self._legs = {leg.sole: leg for leg in legs}
         self.parameters = np.array(
             [
@@ -261,51 +261,59 @@ class BalanceRows(Owner):
         self.edge_distances = rows.error[own][:MOST_EDGES]
 
 
+@dataclass(frozen=True)
 class _Leg:
     """The leg of a sole: how long it is.
 
-    Args:
-        robot: the robot.
-        sole: the sole's name.
-        index: the sole's place among the robot's.
-
     Attributes:
         sole: the sole's name.
-        index: its place.
+        index: its place among the robot's.
         frame_ids: frames of hip and ankle.
+        home: distance of hip and ankle at home [m].
+        straight: the farthest that any one joint of the leg takes the ankle from the hip with the
+            others as at home [m].
     """
 
-    def __init__(self, robot: Robot, sole: str, index: int) -> None:
-        self.sole, self.index, self._robot = sole, index, robot
-        model = robot.model
-        parent = model.frames[robot.frame_id(sole)].parentJoint
-        self._joints = [j for j in model.supports[parent].tolist() if j > 1] or [int(parent)]
-        hip, ankle = self._joints[0], self._joints[-1]
-        self.frame_ids = tuple(
-            model.getFrameId(model.names[j], pin.FrameType.JOINT) for j in (hip, ankle)
-        )
+    sole: str
+    index: int
+    frame_ids: tuple[int, int]
+    home: float
+    straight: float
 
     def bounds(self, shortest: float, longest: float) -> tuple[float, float]:
-        """Bounds of the distance of hip and ankle [m].
-
-        Straight is the farthest that any one joint of the leg takes the ankle from the hip with the
-        others as at home; home is always allowed.
+        """Bounds of the distance of hip and ankle, within which home always lies [m].
 
         Args:
             shortest: by the length of the straight leg.
             longest: by the length of the straight leg.
         """
-        robot, lengths = self._robot, list[float]()
-        data = robot.model.createData()
-        for j in self._joints:
-            k, q = robot.model.joints[j].idx_q, robot.q_home.copy()
-            i = k - (robot.nq - robot.nj)
-            for q[k] in np.linspace(robot.q_min[i], robot.q_max[i], _SCAN):
-                lengths.append(self._length(q, data))
-        home, straight = self._length(robot.q_home, data), max(lengths)
-        return min(shortest * straight, home), max(longest * straight, home)
+        return min(shortest * self.straight, self.home), max(longest * self.straight, self.home)
 
-    def _length(self, q: Float64[np.ndarray, " nq"], data: pin.Data) -> float:
-        pin.forwardKinematics(self._robot.model, data, q)
-        hip, ankle = (data.oMi[j].translation for j in (self._joints[0], self._joints[-1]))
+
+@once_a_robot
+def _legs_of(robot: Robot) -> tuple[_Leg, ...]:
+    """The legs of a robot's soles; none where the base is fixed."""
+    soles = robot.soles if robot.floating_base else ()
+    return tuple(_measure(robot, sole, i) for i, sole in enumerate(soles))
+
+
+def _measure(robot: Robot, sole: str, index: int) -> _Leg:
+    model, data = robot.model, robot.model.createData()
+    parent = model.frames[robot.frame_id(sole)].parentJoint
+    joints = [j for j in model.supports[parent].tolist() if j > 1] or [int(parent)]
+    ends = joints[0], joints[-1]
+
+    def length(q: Float64[np.ndarray, " nq"]) -> float:
+        pin.forwardKinematics(model, data, q)
+        hip, ankle = (data.oMi[j].translation for j in ends)
         return float(np.linalg.norm(hip - ankle))
+
+    def lengths(joint: int) -> Iterator[float]:
+        k, q = model.joints[joint].idx_q, robot.q_home.copy()
+        i = k - (robot.nq - robot.nj)
+        for q[k] in np.linspace(robot.q_min[i], robot.q_max[i], _SCAN):
+            yield length(q)
+
+    hip, ankle = (model.getFrameId(model.names[j], pin.FrameType.JOINT) for j in ends)
+    straight = max(max(lengths(joint)) for joint in joints)
+    return _Leg(sole, index, (hip, ankle), length(robot.q_home), straight)

@@ -3,11 +3,12 @@
 from collections.abc import Sequence
 
 import numpy as np
+import pinocchio as pin
 from jaxtyping import Float64, Int64
 
 from poise._compiled import say_if_slow
-from poise.dynamics import Dynamics, frames_of, motion_of
-from poise.robots import Robot
+from poise.dynamics import Dynamics, Motion, frames_of, motion_of
+from poise.robots import Robot, once_a_robot
 from poise.stack._kernels import evaluate
 from poise.stack._tables import CORNERS, ENTRIES, WORK, Kind, Owners, Rows
 
@@ -84,6 +85,13 @@ class Owner:
         Args:
             J: its rows, zero.
         """
+
+
+@once_a_robot
+def _unmoved(robot: Robot) -> tuple[pin.Data, Motion]:
+    """A motion of the right shapes, beside the data that it lies in."""
+    data = robot.model.createData()
+    return data, motion_of(robot.model, data)
 
 
 class Evaluation:
@@ -191,10 +199,15 @@ class Evaluation:
     def _compile(self, robot: Robot) -> None:
         """Evaluates nothing once, so that nothing is compiled in a tick."""
         say_if_slow(evaluate, "tasks and contacts")
-        motion = motion_of(robot.model, robot.model.createData())
         nobody = self.inputs._replace(table=self.inputs.table[:0])
         evaluate(
-            np.zeros(robot.nq), np.zeros(robot.nv), motion, nobody, self.rows, False, self.work
+            np.zeros(robot.nq),
+            np.zeros(robot.nv),
+            _unmoved(robot)[1],
+            nobody,
+            self.rows,
+            False,
+            self.work,
         )
 
     def _run(self, dynamics: Dynamics, velocities: bool) -> bool:
