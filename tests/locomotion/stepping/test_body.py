@@ -41,9 +41,9 @@ def yaw(rotation):
 
 
 @pytest.mark.parametrize("name", ["biped20", slow("g1")])
-def test_a_foot_is_turned_in_the_air_and_the_trunk_faces_as_the_feet_do(get_robot, name, tmp_path):
-    robot, path = get_robot(name), tmp_path / "turned.teleop"
-    done = run(robot, BodySample(turns=(0.0, -0.4)), up_and_down(), 4.6, recording=path)
+def test_a_foot_is_turned_in_the_air_and_the_trunk_faces_as_the_feet_do(get_robot, name):
+    robot = get_robot(name)
+    done = run(robot, BodySample(turns=(0.0, -0.4)), up_and_down(lift=0.3, lower=1.5), 3.4)
     assert not done.fell
     assert done.log.tilt.max() < 0.15
     assert len(done.log.entries(Mode.SL)) == 1
@@ -53,7 +53,14 @@ def test_a_foot_is_turned_in_the_air_and_the_trunk_faces_as_the_feet_do(get_robo
     assert yaw(right) == pytest.approx(-0.4, abs=0.01)
     assert yaw(pelvis) == pytest.approx(-0.2, abs=0.04)
     assert right[2, 2] > 0.9999
+
+
+def test_what_is_asked_of_the_body_is_recorded_and_comes_again(get_robot, tmp_path):
+    robot, path = get_robot("biped20"), tmp_path / "turned.teleop"
+    body = BodySample(height=-0.03, torso=(0.1, 0.1, -0.1), turns=(0.0, -0.4))
+    done = run(robot, body, up_and_down(lift=0.1), 1.2, recording=path)
     again = replay_teleop(path, robot)
+    assert len(done.log.entries(Mode.SL)) == 1
     assert np.array_equal(again.log.command, done.log.command)
 
 
