@@ -1,6 +1,7 @@
 """From keys, handles and gamepads to the samples of a device."""
 
-import sys
+import ctypes
+from pathlib import Path
 from unittest.mock import Mock
 
 import numpy as np
@@ -13,7 +14,13 @@ pytest.importorskip("websockets")
 from poise.apps.live import LiveFeet, OperatorInputs, Pad, Tracked, _inputs as inputs
 from poise.apps.live._body import Bend, BodyLimits, bent, limits_of
 from poise.apps.live._feet import HOLD_HEIGHT, velocity_of
-from poise.apps.live._gamepad import HostGamepad, Landings, bend_from, pad_from
+from poise.apps.live._gamepad import (
+    HostGamepad,
+    Landings,
+    NoGamepadError,
+    bend_from,
+    pad_from,
+)
 from poise.apps.live._inputs import Body, Head
 from poise.locomotion import BodySample, Mode, StepTeleoperator, VelocityLimits
 from poise.locomotion._stepping import _lean as lean, _torque_tasks as torque_tasks
@@ -294,61 +301,112 @@ def test_limits_of_the_body_are_the_robots(get_robot, actuation):
     assert limits.turns == (torque_tasks.FOOT_TURNS if turned else (0.0, 0.0))
 
 
-class Sticks:
-    """A pygame with one gamepad, which can be pulled out and plugged in again."""
+class VirtualPad:
+    """A gamepad in SDL itself, with its parts where Linux has those of one for the Xbox.
 
-    JOYDEVICEREMOVED, error = 1, RuntimeError
+    Between the axes of its sticks stand triggers, which rest at the end of theirs.
+    """
+
+    MAPPING = {  # noqa: RUF012
+        "a": "b0",
+        "b": "b1",
+        "x": "b2",
+        "y": "b3",
+        "leftshoulder": "b4",
+        "rightshoulder": "b5",
+        "leftx": "a0",
+        "lefty": "a1",
+        "rightx": "a3",
+        "righty": "a4",
+        "lefttrigger": "a2",
+        "righttrigger": "a5",
+        "dpup": "h0.1",
+        "dpright": "h0.2",
+        "dpdown": "h0.4",
+        "dpleft": "h0.8",
+    }
+    RESTING = (0, 0, -32768, 0, 0, -32768)
+    Y, LEFT_SHOULDER = 3, 4
 
     def __init__(self):
-        self.display = self.joystick = self.event = self
-        self.plugs, self.events, self.count = 0, [], 1
-        self.buttons, self.hat, self.shaken = [0] * 6, (0, 0), []
+        pygame = pytest.importorskip("pygame")
+        from pygame._sdl2 import controller
 
-    def init(self):
-        pass
+        self._pygame, self._controller = pygame, controller
+        pygame.display.init()
+        pygame.joystick.init()
+        controller.init()
+        maps = Path("/proc/self/maps").read_text()
+        library = next(line.split()[-1] for line in maps.splitlines() if "libSDL2-2" in line)
+        self._sdl = ctypes.CDLL(library)
+        self._sdl.SDL_JoystickFromInstanceID.restype = ctypes.c_void_p
+        self.index = None
 
-    def get_count(self):
-        return self.count
+    def plug(self, *, known=True):
+        self.index = self._sdl.SDL_JoystickAttachVirtual(int(known), 6, 11, 1)
+        stick = self._pygame.joystick.Joystick(self.index)
+        if known:
+            self._controller.Controller(self.index).set_mapping(self.MAPPING)
+        number = stick.get_instance_id()
+        self._stick = ctypes.c_void_p(self._sdl.SDL_JoystickFromInstanceID(number))
+        self._held = stick
+        self.push()
 
-    def Joystick(self, _):
-        self.plugs += 1
-        return Mock(
-            get_name=lambda: "pad",
-            get_instance_id=Mock(return_value=self.plugs),
-            get_numbuttons=lambda: len(self.buttons),
-            get_button=lambda i: self.buttons[i],
-            get_numaxes=lambda: 0,
-            get_numhats=lambda: 1,
-            get_hat=lambda _: self.hat,
-            rumble=lambda *how: self.shaken.append(how),
-        )
-
-    def get(self):
-        events, self.events = self.events, []
-        return events
+    def push(self, *, buttons=(), hat=0, axes=RESTING):
+        for axis, value in enumerate(axes):
+            self._sdl.SDL_JoystickSetVirtualAxis(self._stick, axis, ctypes.c_int16(value))
+        for button in range(11):
+            self._sdl.SDL_JoystickSetVirtualButton(self._stick, button, int(button in buttons))
+        self._sdl.SDL_JoystickSetVirtualHat(self._stick, 0, hat)
 
     def pull(self):
-        self.count = 0
-        self.events.append(Mock(type=self.JOYDEVICEREMOVED, instance_id=self.plugs))
+        if self.index is not None:
+            assert self._sdl.SDL_JoystickDetachVirtual(self.index) == 0
+            self.index = None
+            self._pygame.event.get()
 
 
 @pytest.fixture
-def sticks(monkeypatch):
-    made = Sticks()
-    monkeypatch.setitem(sys.modules, "pygame", made)
-    return made
+def virtual_pad(monkeypatch):
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    monkeypatch.setenv("PYGAME_HIDE_SUPPORT_PROMPT", "1")
+    pad = VirtualPad()
+    yield pad
+    pad.pull()
 
 
-def test_a_gamepad_of_the_robots_machine_bends_the_body_and_keeps_it(sticks):
+def test_a_gamepad_that_nobody_touches_asks_for_nothing(virtual_pad):
+    virtual_pad.plug()
     operator = OperatorInputs()
     host = HostGamepad(operator)
-    sticks.buttons, sticks.hat = [0, 0, 0, 0, 1, 0], (-1, -1)
+    host.poll(1 / 60, BEND_LIMITS)
+    assert operator.read() == Pad()
+
+
+def test_its_sticks_are_found_between_its_triggers(virtual_pad):
+    virtual_pad.plug()
+    operator = OperatorInputs()
+    host = HostGamepad(operator)
+    virtual_pad.push(axes=(16384, -32768, 32767, -16384, 8192, 32767))
+    host.poll(1 / 60, BEND_LIMITS)
+    pad = operator.read()
+    assert pad.move == (1.0, -0.5)
+    assert pad.second == (-0.25, 0.5)
+    assert pad.turn == 0.5
+
+
+def test_a_gamepad_of_the_robots_machine_bends_the_body_and_keeps_it(virtual_pad):
+    virtual_pad.plug()
+    operator = OperatorInputs()
+    host = HostGamepad(operator)
+    virtual_pad.push(buttons=[virtual_pad.LEFT_SHOULDER], hat=4 | 8)
     for _ in range(6):
         host.poll(1 / 60, BEND_LIMITS)
     asked = operator.read().body
+    assert operator.read().lift == (True, False)
     assert asked.height == pytest.approx(-0.006)
     assert asked.turns == pytest.approx((0.04, 0.0))
-    sticks.buttons, sticks.hat = [0] * 6, (0, 0)
+    virtual_pad.push()
     host.poll(1 / 60, BEND_LIMITS)
     assert operator.read().body == host.body == asked
     host.straighten()
@@ -356,17 +414,25 @@ def test_a_gamepad_of_the_robots_machine_bends_the_body_and_keeps_it(sticks):
     assert operator.read().body == Body()
 
 
-def test_a_gamepad_that_was_pulled_out_works_again_when_it_is_plugged_in(sticks):
+def test_a_gamepad_that_was_pulled_out_works_again_when_it_is_plugged_in(virtual_pad):
+    virtual_pad.plug()
     operator = OperatorInputs()
     host = HostGamepad(operator)
-    sticks.pull()
-    sticks.buttons[4] = 1
+    virtual_pad.pull()
     host.poll(1 / 60, BEND_LIMITS)
     assert operator.read() is None
-    sticks.count = 1
+    virtual_pad.plug()
+    virtual_pad.push(buttons=[virtual_pad.LEFT_SHOULDER])
     host.poll(1 / 60, BEND_LIMITS)
     assert operator.read().lift == (True, False)
-    assert sticks.plugs == 2
+
+
+def test_without_a_gamepad_or_with_one_of_no_known_layout_that_is_said(virtual_pad):
+    with pytest.raises(NoGamepadError, match="no gamepad on this machine"):
+        HostGamepad(OperatorInputs())
+    virtual_pad.plug(known=False)
+    with pytest.raises(NoGamepadError, match="SDL_GAMECONTROLLERCONFIG"):
+        HostGamepad(OperatorInputs())
 
 
 def up(left, right):
@@ -389,12 +455,14 @@ def test_a_landing_is_felt_once_and_of_a_foot_that_was_in_the_air():
         assert landings.felt(forces, mode, time) is felt
 
 
-def test_a_gamepad_of_the_robots_machine_shakes_when_a_foot_lands(sticks):
+def test_a_gamepad_of_the_robots_machine_shakes_when_a_foot_lands(virtual_pad, monkeypatch):
+    virtual_pad.plug()
     host = HostGamepad(OperatorInputs())
+    monkeypatch.setattr(host, "_pad", Mock())
     host.feel(up(600.0, 0.0), Mode.SL, 1.0)
-    assert sticks.shaken == []
+    assert not host._pad.rumble.called
     host.feel(up(300.0, 300.0), Mode.D, 2.0)
-    assert len(sticks.shaken) == 1
+    host._pad.rumble.assert_called_once()
 
 
 @pytest.mark.parametrize("mode", [Mode.SL, Mode.SR])

@@ -21,6 +21,8 @@ from poise.locomotion import Mode
 _A, _B, _Y, _LEFT_SHOULDER, _RIGHT_SHOULDER = 0, 1, 3, 4, 5
 _DEAD = 0.15
 """A stick nearer to the middle than this is in the middle."""
+_FULL = 32768.0
+"""What an axis says at its end."""
 _PERIOD = 1.0 / 60.0
 _LONGEST = 0.1
 """What is held for longer from one look to the next [s] was held for so long."""
@@ -122,7 +124,8 @@ class HostGamepad:
 
     Raises:
         MissingExtraError: the package pygame is not installed.
-        NoGamepadError: no gamepad is there.
+        NoGamepadError: no gamepad is there, or none of which SDL knows where its sticks and buttons
+            are: triggers of one look like a stick of another.
 
     Attributes:
         body: what it has asked for so far of height, torso and feet.
@@ -134,19 +137,18 @@ class HostGamepad:
         os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
         try:
             import pygame
+            from pygame._sdl2 import controller
         except ModuleNotFoundError as error:
             raise MissingExtraError("pygame", "teleop", "A gamepad") from error
         self._pygame: Any = pygame
+        self._controller: Any = controller
         pygame.display.init()
         pygame.joystick.init()
-        if pygame.joystick.get_count() == 0:
-            raise NoGamepadError(
-                "no gamepad on this machine",
-                wanted="one that is plugged in; one at the computer of the browser works through "
-                "the page, with --device browser",
-            )
-        self._stick: Any = pygame.joystick.Joystick(0)
-        self.name = str(self._stick.get_name())
+        controller.init()
+        self._pad: Any = self._first()
+        if self._pad is None:
+            raise self._none()
+        self.name = str(self._pad.name)
         self._inputs, self._stop = inputs, threading.Event()
         self.body, self._neutral = Body(), False
         self._landings = Landings()
@@ -189,17 +191,15 @@ class HostGamepad:
             seconds: since the last time [s].
             limits: of the robot's body.
         """
-        stick = self._plugged_in()
-        if stick is None:
+        pad = self._plugged_in()
+        if pad is None:
             return
-        buttons = [stick.get_button(i) for i in range(stick.get_numbuttons())]
-        axes = [stick.get_axis(i) for i in range(stick.get_numaxes())]
-        hat = stick.get_hat(0) if stick.get_numhats() else (0, 0)
+        buttons, axes, hat = self._read(pad)
         if self._neutral:
             self.body, self._neutral = Body(), False
-        pad = pad_from(buttons, axes)
-        self.body = bent(self.body, bend_from(buttons, hat), pad.lift, seconds, limits)
-        self._inputs.pad(replace(pad, body=self.body))
+        asked = pad_from(buttons, axes)
+        self.body = bent(self.body, bend_from(buttons, hat), asked.lift, seconds, limits)
+        self._inputs.pad(replace(asked, body=self.body))
 
     def feel(self, forces: Sequence[Sequence[float]], mode: Mode, time: float) -> None:
         """Shakes the gamepad, if it can, when a foot lands.
@@ -209,19 +209,53 @@ class HostGamepad:
             mode: which feet carry the robot.
             time: the robot's [s].
         """
-        if self._landings.felt(forces, mode, time) and self._stick is not None:
-            self._stick.rumble(_STRONG, _WEAK, _SHAKE)
+        if self._landings.felt(forces, mode, time) and self._pad is not None:
+            self._pad.rumble(_STRONG, _WEAK, _SHAKE)
+
+    def _read(self, pad: Any) -> tuple[list[bool], list[float], tuple[int, int]]:
+        """Buttons, axes and D-pad in the usual layout, wherever this gamepad has them."""
+        constants = self._pygame
+        buttons, axes, cross = (
+            [get(getattr(constants, f"CONTROLLER_{kind}_{name}")) for name in names]
+            for get, kind, names in (
+                (pad.get_button, "BUTTON", ("A", "B", "X", "Y", "LEFTSHOULDER", "RIGHTSHOULDER")),
+                (pad.get_axis, "AXIS", ("LEFTX", "LEFTY", "RIGHTX", "RIGHTY")),
+                (pad.get_button, "BUTTON", ("DPAD_LEFT", "DPAD_RIGHT", "DPAD_DOWN", "DPAD_UP")),
+            )
+        )
+        left, right, down, up = map(int, cross)
+        return buttons, [axis / _FULL for axis in axes], (right - left, up - down)
 
     def _plugged_in(self) -> Any:
         """The gamepad; None while there is none."""
-        pygame = self._pygame
-        # All of them are taken: in a full queue there is no place for a gamepad that goes.
-        events = pygame.event.get()
-        gone = [event.instance_id for event in events if event.type == pygame.JOYDEVICEREMOVED]
-        if self._stick is not None and self._stick.get_instance_id() in gone:
-            self._stick = None
-        if self._stick is None and pygame.joystick.get_count() > 0:
+        # All events are taken: in a full queue there is no place for a gamepad that goes.
+        self._pygame.event.get()
+        if self._pad is not None and not self._pad.attached():
+            self._pad = None
+        if self._pad is None:
             # One that cannot be opened yet may be at the next look.
-            with contextlib.suppress(pygame.error):
-                self._stick = pygame.joystick.Joystick(0)
-        return self._stick
+            with contextlib.suppress(self._pygame.error):
+                self._pad = self._first()
+        return self._pad
+
+    def _first(self) -> Any:
+        """The first gamepad whose layout is known; None where there is none."""
+        for index in range(self._pygame.joystick.get_count()):
+            if self._controller.is_controller(index):
+                return self._controller.Controller(index)
+        return None
+
+    def _none(self) -> NoGamepadError:
+        """Why there is no gamepad."""
+        joystick = self._pygame.joystick
+        if joystick.get_count():
+            return NoGamepadError(
+                "nobody knows where this gamepad has its sticks and buttons",
+                got=joystick.Joystick(0).get_name(),
+                wanted="one that SDL knows, or its mapping in SDL_GAMECONTROLLERCONFIG",
+            )
+        return NoGamepadError(
+            "no gamepad on this machine",
+            wanted="one that is plugged in; one at the computer of the browser works through "
+            "the page, with --device browser",
+        )
