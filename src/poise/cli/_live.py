@@ -4,6 +4,7 @@ import argparse
 import math
 import signal
 import sys
+import threading
 import webbrowser
 from typing import Any
 
@@ -94,5 +95,11 @@ def _greet(session: Any, robot: str, hint: str, options: argparse.Namespace) -> 
     print(f"  watch: {session.front.watch_url}")
     print(hint)
     print("Ctrl-C ends.", flush=True)
-    if not options.no_open and not webbrowser.open(session.front.drive_url):
+    if not options.no_open:
+        # Some browsers, those of a terminal above all, return only when they end.
+        threading.Thread(target=_open, args=(session.front.drive_url,), daemon=True).start()
+
+
+def _open(address: str) -> None:
+    if not webbrowser.open(address):
         print("no browser could be opened here: open the first address yourself", file=sys.stderr)

@@ -29,7 +29,7 @@ from urllib.parse import parse_qs, urlsplit
 
 import msgspec
 from websockets.asyncio.server import ServerConnection, serve
-from websockets.datastructures import Headers
+from websockets.datastructures import Headers, MultipleValuesError
 from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 
@@ -175,6 +175,12 @@ class Front:
 
     async def _requested(self, _: ServerConnection, request: Request) -> Response | None:
         """What a request gets; None lets it on to the channel."""
+        try:
+            return await self._answered(request)
+        except (ValueError, MultipleValuesError):
+            return _answer(HTTPStatus.BAD_REQUEST, b"This is no request that a browser makes.")
+
+    async def _answered(self, request: Request) -> Response | None:
         host = request.headers.get("Host")
         if not is_local(host):
             return _answer(HTTPStatus.FORBIDDEN, b"This server is for this machine only.")

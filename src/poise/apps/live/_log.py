@@ -51,6 +51,7 @@ class Room:
     def __init__(self, folder: Path, most: int = MOST_BYTES) -> None:
         self.folder, self._most = folder, most
         self._looked_at, self._free, self._problem = -math.inf, True, ""
+        self._used = 0
 
     def open(self) -> None:
         """Makes the folder if it is not there.
@@ -75,13 +76,23 @@ class Room:
         except OSError as error:
             self.close(error)
             return
-        used = 0
+        self._used = 0
         for path in paths:
             # One that is gone by now, or a link to nothing, takes no room.
             with suppress(OSError):
-                used += path.stat().st_size
+                self._used += path.stat().st_size
         if not self._problem:
-            self._free = used < self._most
+            self._free = self._used < self._most
+
+    def holds(self, more: int) -> bool:
+        """Whether there is room for so many bytes more; looks at once."""
+        self.look()
+        return self._free and self._used + more <= self._most
+
+    def reopen(self) -> None:
+        """Another try: what could not be written before may have been one file's trouble."""
+        self._problem = ""
+        self.look()
 
     def close(self, error: Exception) -> None:
         """Nothing more is recorded: the folder cannot be written.
@@ -212,7 +223,7 @@ class Takes:
             self.finish()
             self.path = self.folder / f"take-{self._next('take'):03}{SUFFIX}"
             self._setup, self._ticks = setup, 0
-            self.room.look()
+            self.room.reopen()
             if not self.room.is_full:
                 with self._writing():
                     self._writer = self._open(self.path, setup)
@@ -250,8 +261,8 @@ class Takes:
             writer.setup["duration"] = self._ticks * self._dt
             with self._writing():
                 writer.close()
-                if len(read_recording(self.path).rows) == 0:
-                    self.path.unlink()
+                if writer.rows == 0:
+                    self.path.unlink(missing_ok=True)
 
     @contextmanager
     def _writing(self) -> Generator[None]:
@@ -280,6 +291,8 @@ class Takes:
             ticks = self._ticks
             try:
                 self._writer.flush()
+                if not self.room.holds(self.path.stat().st_size):
+                    raise ConfigurationError("no copy is kept: the folder has no room for it")
                 return self._copy(self.folder / f"kept-{self._next('kept'):03}{SUFFIX}", ticks)
             except OSError as error:
                 raise ConfigurationError(f"no copy is kept: {error}") from error

@@ -43,16 +43,16 @@ class Clutch:
 
     def expire(self, time: float) -> None:
         """Lets go of what is lost, at a time of the robot [s]; also where that has gone back."""
-        if self.holds and abs(time - self._good_at) > LOST_AFTER:
+        if abs(time - self._good_at) > LOST_AFTER:
             self.lose()
 
     def lose(self) -> None:
         """The device is gone: whatever comes next has to be seen open first."""
         self.holds = self._was_open = False
 
-    def open(self) -> None:
-        """It is seen open."""
-        self.holds, self._was_open = False, True
+    def open(self, time: float) -> None:
+        """It is seen open, at a time of the robot [s]."""
+        self.holds, self._was_open, self._good_at = False, True, time
 
     def takes_hold(self) -> bool:
         """It is seen closed: whether it takes hold now."""
@@ -170,7 +170,7 @@ class HandGrip:
 
     def _take(self, sample: HandSample, time: float) -> None:
         if not sample.clutch:
-            self._clutch.open()
+            self._clutch.open(time)
             return
         rotation = None
         if sample.orientation is not None:
@@ -241,7 +241,7 @@ class HeadGrip:
 
     def _take(self, sample: HeadSample, time: float, gaze: Float64[np.ndarray, "3 3"]) -> None:
         if not sample.clutch:
-            self._clutch.open()
+            self._clutch.open(time)
             return
         rotation = rotation_of(sample.orientation)
         if rotation is None:

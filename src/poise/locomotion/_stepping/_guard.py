@@ -80,7 +80,7 @@ class DeviceGuard:
         self._newest: DeviceSample | None = None
         self._body = BodySample()
         self.velocity: tuple[float, float, float] = (0.0, 0.0, 0.0)
-        self._rested = False
+        self._rested, self._walked_at = False, -math.inf
         self._refused, self._said_at = False, -math.inf
         self.status = DeviceStatus.LOST
 
@@ -111,8 +111,8 @@ class DeviceGuard:
             if all(map(math.isfinite, news.body.numbers)):
                 self._body = news.body
             if all(map(math.isfinite, news.velocity)):
-                self.velocity = self._walked(news.velocity)
-        if self._clock.is_lost(time):
+                self.velocity, self._walked_at = self._walked(news.velocity), time
+        if self._clock.is_lost(time) or abs(time - self._walked_at) > self._lost_after:
             self.velocity, self._rested = (0.0, 0.0, 0.0), False
         refused = news is None
         for foot, grip in enumerate(self._grips):

@@ -103,6 +103,9 @@ class HandLeader:
             turn_speed_max=turn_speed_max,
         )
         self.names = self._arms.names
+        self._sides = [
+            _side(robot, *hand) for hand in zip(self.names, self._arms.hands, strict=True)
+        ]
         self.task: JointTask | None = None
         if self._arms.joints:
             self.task = JointTask(self._arms.joints, weight=weight, name="arms")
@@ -133,7 +136,9 @@ class HandLeader:
             return
         news = sample if sample is not None and self._clock.takes(sample.time, state.time) else None
         for hand, grip in enumerate(self._grips):
-            motion = grip.update(None if news is None else news.hands[hand], state.time)
+            side = self._sides[hand]
+            said = news.hands[side] if news is not None and side < 2 else None
+            motion = grip.update(said, state.time)
             self.places[hand] = self.places[hand] + self._scale * motion
             self._turn(hand, grip)
             if grip.holds:
@@ -209,3 +214,13 @@ class HandLeader:
     def _set_target(self) -> None:
         if self.task is not None:
             self.task.set_target(self._arms.q, self._arms.v, self._arms.a + self._feedback.bias)
+
+
+def _side(robot: Robot, name: str, place: Float64[np.ndarray, "3"]) -> int:
+    """Which of the operator's hands leads a hand: the left one is 0, and the robot's first.
+
+    A hand that is the only one is led by that on its side.
+    """
+    if len(robot.hands) == 1:
+        return 0 if place[1] > 0.0 else 1
+    return robot.hands.index(name)

@@ -25,8 +25,9 @@ PLAIN = 0.01
 """The latter for any other sole [m]."""
 
 _KEPT = 0.006
-"""How far inside a narrow sole's inner edge the CT-ZMP stays: contacts keep the pressure 5 mm from
-it, and whatever is asked beyond is made up for by the trunk, which leans more and more [m]."""
+"""How far inside a narrow sole's inner edge the CT-ZMP stays: contacts keep the pressure some
+millimetres from it, and whatever is asked beyond is made up for by the trunk, which leans more and
+more [m]."""
 
 _UPRIGHT = 0.1
 """How far outwards the ZMP rests for each radian that the trunk leans inwards [m/rad]."""

@@ -90,7 +90,7 @@ class OwnSteps:
 
     def reset(self) -> None:
         """Forgets the past: the operator leads, and all of both soles carries."""
-        self._walker.forget()
+        self._walker.forget_everything()
         self._give_back()
 
     def _give_back(self) -> None:

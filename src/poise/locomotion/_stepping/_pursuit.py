@@ -82,7 +82,8 @@ class DeviceRate:
             time: of the robot [s].
         """
         good = is_point(rate) and math.hypot(*rate.tolist()) <= self._fastest
-        self._rate, self._told_at = rate if good else None, time
+        # A copy: devices write over what they have given.
+        self._rate, self._told_at = np.array(rate) if good else None, time
 
     def at(self, time: float) -> Float64[np.ndarray, "3"] | None:
         """The velocity at a time of the robot [m/s]; None where nothing is known."""

@@ -92,6 +92,11 @@ class RecordingWriter:
             if not (left is None and right is None):
                 self._write(tick, RowKind.RATES, sample.time, left, right, flag)
 
+    @property
+    def rows(self) -> int:
+        """How many there are so far."""
+        return self._rows
+
     def push(self, tick: int, force: Float64[np.ndarray, "3"], duration: float) -> None:
         """Notes a push on the torso that began before a tick.
 

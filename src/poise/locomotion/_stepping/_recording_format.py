@@ -154,7 +154,7 @@ def read_header(path: str | Path) -> Header:
     wanted = f"a file that a {FORMAT} run has left"
     try:
         header = json.loads(head)
-    except (UnicodeDecodeError, json.JSONDecodeError, RecursionError):
+    except (ValueError, RecursionError):
         raise RecordingError(f"{path.name} is no recording", wanted=wanted) from None
     if not isinstance(header, dict) or header.get("format") != FORMAT:
         raise RecordingError(f"{path.name} is no recording", wanted=wanted)

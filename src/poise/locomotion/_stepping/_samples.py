@@ -165,6 +165,19 @@ def checked_sample(sample: object) -> tuple[DeviceSample | None, str]:
     return good, "; ".join(read.faults)
 
 
+def checked_tracker(tracker: HandSample | None) -> HandSample | None:
+    """What a tracker says, its numbers as float64; NaN in the place of what are none.
+
+    Args:
+        tracker: of a foot; None where it is gone.
+
+    Raises:
+        TypeError: what came is something else.
+    """
+    _check_pair("trackers", (tracker, None), HandSample)
+    return _Vectors().hand("tracked", tracker)
+
+
 class _Vectors:
     """Reads vectors of a sample as float64: a headset's are of float32, a message's are lists.
 
@@ -176,9 +189,9 @@ class _Vectors:
         self.faults: list[str] = []
 
     def vector(self, name: str, value: object, count: int) -> Float64[np.ndarray, " n"]:
-        """So many numbers; NaN where there are others, or none."""
+        """So many numbers, as they are now; NaN where there are others, or none."""
         if isinstance(value, np.ndarray) and value.dtype == np.float64 and value.shape == (count,):
-            return value
+            return value.copy()
         try:
             numbers = np.asarray(value)
         except ValueError:

@@ -179,7 +179,7 @@ class StepTeleoperator:
         self.zmp_sensor = sensor = ZmpSensor(
             biped.frames, self.soles, biped.weight, p.zmp_time, p.dt
         )
-        self._said = None
+        self._said = self.device_error = None
         self._tasks.reset()
         self.hands.reset()
         self.gaze.reset()

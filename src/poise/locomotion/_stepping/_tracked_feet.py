@@ -13,7 +13,7 @@ from jaxtyping import Float64
 from poise._checks import checked_number
 from poise.locomotion._stepping._grips import Clutch
 from poise.locomotion._stepping._pursuit import is_point
-from poise.locomotion._stepping._samples import DeviceSample, HandSample
+from poise.locomotion._stepping._samples import DeviceSample, HandSample, checked_tracker
 from poise.locomotion._stepping._step_teleoperator import StepTeleoperator
 
 _STRAY = 0.3
@@ -65,7 +65,7 @@ class FootClutch:
             clutch.lose()
             return None
         if not tracker.clutch:
-            clutch.open()
+            clutch.open(time)
             return None
         point: list[float] = tracker.position.tolist()
         if clutch.takes_hold():
@@ -82,7 +82,7 @@ class FootClutch:
 
     def rate(self, tracker: HandSample | None) -> Float64[np.ndarray, "3"] | None:
         """How fast the place moves to which it leads [m/s]; None where the tracker does not say."""
-        if not self._clutch.holds or tracker is None or tracker.velocity is None:
+        if not self._clutch.holds or tracker is None or not is_point(tracker.velocity):
             return None
         return self._way(tracker.velocity.tolist())
 
@@ -126,7 +126,7 @@ class TrackedFeet:
         if came is None:
             return None
         teleoperator, places = self._teleoperator, self._places
-        stamp, *trackers = came
+        stamp, *trackers = came[0], *map(checked_tracker, came[1:])
         for foot, (clutch, tracker) in enumerate(zip(self._clutches, trackers, strict=True)):
             led = clutch.follow(tracker, places[foot], teleoperator.ahead, time)
             places[foot] = rest_place(teleoperator, foot) if led is None else led

@@ -194,6 +194,10 @@ class StepCommands:
         self.notice = ""
         self.footholds.append(foothold)
 
+    def insert(self, foothold: Foothold) -> None:
+        """Makes a step before all that was asked for, of which nothing is forgotten."""
+        self.footholds.appendleft(foothold)
+
     def follow(self, plan: FootstepPlan) -> None:
         """Asks for all footholds of a plan."""
         for step in plan.steps:

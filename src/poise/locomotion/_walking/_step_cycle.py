@@ -64,6 +64,7 @@ class StepCycle:
         self.flight: Flight | None = None
         self.dcm: tuple[DcmMotion, DcmMotion] = ((0.0, 0.0), (0.0, 0.0))
         self._landed: Flight | None = None
+        self._made: Foothold | None = None
         self._hovering = self._stood = 0.0
         self._released = self._hurried = False
         self._left = self._waited = 0.0
@@ -89,7 +90,7 @@ class StepCycle:
             foot: 0 for the left one, 1 for the right one.
         """
         # On its way to be side by side it would cost time, and its leg momentum.
-        self._commands.add_foothold(Foothold(foot, self._sense.placement(foot)))
+        self._commands.insert(Foothold(foot, self._sense.placement(foot)))
         self._tasks.contacts[foot].release(0.0)
         self._tasks.feet[foot].set_target(*self._sense.sole(foot))
         self.foot, self._hurried = foot, True
@@ -310,8 +311,8 @@ class StepCycle:
         self._landed, self._hovering, self._stood = flight, 0.0, 0.0
         self.flight = None
         self.steps_made += 1
-        if commands.footholds and commands.footholds[0].foot == foot:
-            commands.footholds.popleft()
+        asked = commands.footholds and commands.footholds[0].foot == foot
+        self._made = commands.footholds.popleft() if asked else None
         self._stand_on(0, 1)
         opened = commands.closes and not self.is_closed
         # Who steps only in order not to fall keeps any stand that holds.
@@ -342,4 +343,6 @@ class StepCycle:
         self.phase, self._released, self._hurried = Phase.SWING, False, False
         flight.swing.search_again()
         self.steps_made -= 1
+        if self._made is not None:
+            self._commands.footholds.appendleft(self._made)
         self._stand_on(1 - flight.foot)

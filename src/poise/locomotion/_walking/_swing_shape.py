@@ -151,6 +151,8 @@ def sinking_phase(depth: float, fall: float) -> float:
         depth: where it aims, below the ground [m].
         fall: of the apex over the ground [m].
     """
+    if depth <= 0.0:
+        return 0.0
     return (1.0 - RISE) * (0.1 * depth / (depth + max(fall, 0.0))) ** (1 / 3)
 
 

@@ -153,6 +153,10 @@ _IDLE, _IDLE_TIME = 0.01, 0.05
 """A foot that should stand, and carries less than this part of the weight for so long [s] while the
 other one carries the robot, hangs in the air."""
 
+_MOST_IDLE = 2.0 * _IDLE_TIME
+"""Longer than this [s] it is not remembered to have hung: one that carries again is to count as a
+foot that stands within 10 ms, however long it was in the air."""
+
 _NOISE = 5.0
 """How much more a moment with a load counts than one without: 3 N of noise on a G1 is a load, too,
 and would hide for a second that its foot hangs."""
@@ -190,7 +194,7 @@ class HangWatch:
         for foot, contact in enumerate(self._contacts):
             idle = contact.active and self._sense.load(state, foot) < _IDLE
             change = dt if idle else -_NOISE * dt
-            self._idle[foot] = max(self._idle[foot] + change, 0.0)
+            self._idle[foot] = min(max(self._idle[foot] + change, 0.0), _MOST_IDLE)
         left, right = self._idle
         self.foot = None
         if max(left, right) > _IDLE_TIME and min(left, right) == 0.0:

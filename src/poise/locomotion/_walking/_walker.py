@@ -180,6 +180,12 @@ class Walker:
             area.forget()
         self._hang_watch.forget()
 
+    def forget_everything(self) -> None:
+        """Likewise, and the ground is level; whoever begins another run asks for this."""
+        self.forget()
+        self._parts.stance.slope = (0.0, 0.0)
+        self._steps.steps_made = 0
+
     @property
     def parts(self) -> list[SolePart | None]:
         """What of each sole carries, left then right; None for all of it."""

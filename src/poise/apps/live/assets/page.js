@@ -328,6 +328,7 @@ function bends({ asked: far }) {
 }
 
 let said = "";
+const taken = new Set(); // Keys that are down and mean something to the robot.
 // A gamepad that can shake does so when a foot lands that was in the air; one that bounces lands once.
 const loaded = [true, true], landed = [-1, -1], BOUNCES = 0.5; // In the robot's time, which may be slow [s].
 const flew = [false, false];
@@ -369,7 +370,10 @@ function look() {
 }
 
 function press(event, down) {
+  // A slider that was used last would take the repeats of a key that walks the robot for its own.
+  if (event.repeat && taken.has(event.code)) event.preventDefault();
   if (event.repeat) return;
+  taken.delete(event.code);
   if (event.key === "?" && down) help(part("help").hidden, true);
   const letter = event.key.toLowerCase(), arrow = event.key.startsWith("Arrow") ? event.key : driven() && ARROWS[letter];
   if (event.key === "q" || event.key === "Q") hold("left", down);
@@ -385,6 +389,7 @@ function press(event, down) {
   else if (letter in BENDS && bendable()) tell(letter);
   else if (letter === "n" && down && bendable()) straighten();
   else return;
+  if (down) taken.add(event.code);
   event.preventDefault();
   look();
 }

@@ -7,6 +7,7 @@ const LINE_Z = 0.004; // Lines are drawn this far above the ground [m].
 const COLOURS = { zmp: 0xd63384, com: 0x0d6efd, target: 0xfd7e14, support: 0x28a745 };
 const AXES = [0xdc3545, 0x28a745, 0x0d6efd], AXIS = 0.12; // Of a hand that is turned [m].
 const PALE = 0.45;
+const LEASH = 0.25, TURN = 0.35; // The robot may go so far [m] and turn so far [rad] before the view goes along.
 let view = null; // There is none until the shapes have come, or where the browser has no WebGL.
 
 async function openView() {
@@ -38,6 +39,28 @@ async function openView() {
       if (value) grip.from = { place: grip.object.position.clone(), heading };
     });
   });
+  // The view goes along with a robot that walks away or turns, and stays behind it; not while a
+  // handle is dragged, which would be led elsewhere by that.
+  const at = { x: 0, y: 0, heading: 0 };
+  function goAlong([x, y], heading) {
+    if (all.some(({ dragging }) => dragging)) return;
+    const { camera, controls } = stage, { target } = controls;
+    const away = Math.hypot(x - at.x, y - at.y), share = Math.max(0, 1 - LEASH / away);
+    const [dx, dy] = [share * (x - at.x), share * (y - at.y)];
+    const off = Math.atan2(Math.sin(heading - at.heading), Math.cos(heading - at.heading));
+    const turn = Math.sign(off) * Math.max(0, Math.abs(off) - TURN);
+    if (!dx && !dy && !turn) return;
+    at.x += dx;
+    at.y += dy;
+    at.heading += turn;
+    target.x += dx;
+    target.y += dy;
+    const [c, s] = [Math.cos(turn), Math.sin(turn)];
+    const [fx, fy] = [camera.position.x + dx - target.x, camera.position.y + dy - target.y];
+    camera.position.x = target.x + c * fx - s * fy;
+    camera.position.y = target.y + s * fx + c * fy;
+    controls.update();
+  }
   view = { stage, handles, grips, show, drags, hands, allow, release };
 
   let looked = false;
@@ -59,6 +82,7 @@ async function openView() {
       if (s.hands[hand] && !grip.dragging) grip.object.position.fromArray(s.hands[hand]);
       axes[hand](s.hands[hand], s.handTurns[hand]);
     });
+    goAlong(s.com, s.heading);
     stage.follow(s.com[0], s.com[1]);
     stage.draw();
   }
