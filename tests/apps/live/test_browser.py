@@ -540,3 +540,45 @@ def test_a_tab_that_sleeps_in_mid_step_lands_and_leads_only_after_letting_go(bro
         page.page.keyboard.up("e")
         wait_for(lambda: session.loop.snapshot.mode is Mode.D, "double support")
         assert not session.loop.snapshot.fallen
+
+
+def test_the_view_goes_along_and_stays_behind_the_robot(browser, session):
+    with Page(browser, session.front.drive_url) as page:
+
+        def seen(x, y, heading):
+            """Where the camera is and what it looks at, as the robot faces from where it is."""
+            return page.ask(
+                f"""(() => {{
+                  const s = structuredClone(newest);
+                  s.com[0] = {x}; s.com[1] = {y}; s.heading = {heading};
+                  view.show(s);
+                  const from = (p) => [p.x - {x}, p.y - {y}];
+                  return [from(view.stage.camera.position), from(view.stage.controls.target)];
+                }})()"""
+            )
+
+        (behind, left), (ahead, _) = seen(0.0, 0.0, 0.0)
+        assert behind < -1.0
+        # Who only shifts the weight moves nothing.
+        assert seen(0.1, 0.1, 0.2)[0] == pytest.approx([behind - 0.1, left - 0.1], abs=1e-6)
+        camera, target = seen(30.0, -5.0, 0.0)
+        assert camera == pytest.approx([behind, left], abs=0.3)
+        assert target == pytest.approx([ahead, 0.0], abs=0.3)
+        camera, _ = seen(30.0, -5.0, 3.0)
+        assert camera[0] > 1.0
+        page.ask("view.handles[0].dragging = true; 0")
+        before = page.ask("view.stage.camera.position.x")
+        seen(0.0, 0.0, 0.0)
+        assert page.ask("view.stage.camera.position.x") == before
+
+
+def test_a_key_that_walks_moves_no_slider(browser, session):
+    with Page(browser, session.front.drive_url) as page:
+        slider = "document.querySelector('input[type=range]')"
+        page.ask(f"{slider}.focus(); 0")
+        before = page.ask(f"{slider}.value")
+        for _ in range(6):
+            page.page.keyboard.down("ArrowDown")
+        page.page.keyboard.up("ArrowDown")
+        assert page.ask(f"{slider}.value") == before
+        assert page.ask("keys.arrows.size") == 0

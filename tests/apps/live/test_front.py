@@ -3,6 +3,7 @@
 import json
 import os
 import re
+import socket
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -455,3 +456,13 @@ def test_a_page_that_does_not_keep_up_holds_up_nobody(front):
         newest = [json.loads(watcher.recv(timeout=60)) for _ in range(60)][-1]
         assert newest["mode"] == "D"
         assert time.monotonic() - begin < 30.0
+
+
+@pytest.mark.parametrize(
+    "lines", ["GET //[ HTTP/1.1\r\n", "GET / HTTP/1.1\r\nOrigin: a\r\nOrigin: b\r\n"]
+)
+def test_what_no_browser_asks_is_refused_without_a_traceback(front, lines, capfd, caplog):
+    with socket.create_connection(("127.0.0.1", front.port), timeout=60) as caller:
+        caller.sendall(f"{lines}Host: 127.0.0.1:{front.port}\r\n\r\n".encode())
+        assert b" 400 " in caller.recv(4096).split(b"\r\n")[0]
+    assert "Traceback" not in capfd.readouterr().err + caplog.text

@@ -19,6 +19,7 @@ from poise.apps.teleoperation import (
 )
 from poise.errors import ConfigurationError
 from poise.locomotion import (
+    DeviceSample,
     Mode,
     RecordingError,
     ScriptedDevice,
@@ -205,3 +206,27 @@ def test_a_recording_of_another_robot_of_the_same_name_is_not_played(get_robot, 
     heavier = robot.carrying("torso", 3.0)
     with pytest.raises(RecordingError, match="another biped20: masses"):
         LiveLoop(heavier, OperatorInputs(), takes, recording=read_recording(path))
+
+
+def test_a_take_that_somebody_has_moved_costs_itself_alone(tmp_path):
+    takes = Takes(tmp_path, robot="biped20", dt=0.005)
+    for moved in (True, False):
+        takes.begin({})
+        takes.sample(0, DeviceSample(0.0, np.zeros(3), np.zeros(3)))
+        if moved:
+            takes.path.unlink()
+    takes.finish()
+    assert not takes.room.is_full
+    assert takes.files == ["take-001.teleop"]
+
+
+def test_no_copy_is_kept_for_which_there_is_no_room(tmp_path):
+    takes = Takes(tmp_path, robot="biped20", dt=0.005, most_bytes=60_000)
+    takes.begin({})
+    for tick in range(300):
+        takes.sample(tick, DeviceSample(0.005 * tick, np.zeros(3), np.zeros(3)))
+    takes.flush()
+    with pytest.raises(ConfigurationError, match="has no room for it"):
+        takes.keep()
+    assert takes.files == ["take-001.teleop"]
+    takes.finish()

@@ -1,5 +1,6 @@
 """What reaches the controller of what a device sends, and what counts as lifted and landed."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -443,3 +444,16 @@ def test_what_is_asked_of_the_body_and_walking_needs_no_feet():
     assert made.velocity == AHEAD
     assert made.held == (False, False)
     assert made.status is DeviceStatus.WAITING
+
+
+def test_a_velocity_that_is_no_number_any_more_ends_within_half_a_second():
+    made = guard()
+    assert walks(made, STILL, 0.0) == STILL
+    assert walks(made, AHEAD, 0.1) == AHEAD
+    lost = (math.nan, 0.0, 0.0)
+    velocities = [walks(made, lost, 0.1 + 0.05 * k) for k in range(1, 20)]
+    assert velocities[:9] == [AHEAD] * 9
+    assert velocities[11:] == [STILL] * 8
+    assert walks(made, AHEAD, 1.2) == STILL
+    assert walks(made, STILL, 1.25) == STILL
+    assert walks(made, AHEAD, 1.3) == AHEAD

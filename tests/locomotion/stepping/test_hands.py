@@ -12,16 +12,18 @@ from poise.apps.teleoperation import TORQUE_TELEOP_PLANT, replay_teleop, run_tel
 from poise.dynamics import Dynamics, RobotState
 from poise.errors import ConfigurationError, UnknownNameError
 from poise.locomotion import (
+    DeviceSample,
     HandLeader,
     HandSample,
     HandStatus,
+    HeadSample,
     Mode,
     StepTeleoperator,
     WayPoint,
     walking_stack,
 )
 from poise.locomotion._stepping._arms import ArmMotion
-from poise.locomotion._stepping._hands import HandGrip
+from poise.locomotion._stepping._grips import HandGrip, HeadGrip
 from poise.robots import capsules_of
 from poise.sim import PlantConfig
 
@@ -366,3 +368,30 @@ def test_joints_that_are_not_numbers_teach_nothing_and_raise_nothing(get_robot):
         leader.lead(None, replace(state, time=tick * DT))
         np.testing.assert_allclose(leader.task.target_position, robot.q_home[-14:], atol=1e-9)
         assert np.isfinite(leader._feedback.bias).all()
+
+
+@pytest.mark.parametrize("later", [10.0, -10.0])
+def test_a_clutch_that_was_open_long_ago_takes_no_hold(later):
+    hand, head = HandGrip(DT, 1.5), HeadGrip(DT, 3.0)
+    level = np.array([0.0, 0.0, 0.0, 1.0])
+    hand.update(HandSample(np.zeros(3), clutch=False), 0.0)
+    head.update(HeadSample(level, clutch=False), 0.0, np.eye(3))
+    for time in (later, later + DT):
+        hand.update(HandSample(np.zeros(3)), time)
+        head.update(HeadSample(level), time, np.eye(3))
+        assert not hand.holds
+        assert not head.holds
+
+
+@pytest.mark.parametrize("hand", ["left_hand", "right_hand"])
+def test_the_only_hand_is_led_by_the_one_on_its_side(get_robot, hand):
+    robot = replace(get_robot("humanoid33"), hands=(hand,))
+    state = RobotState(robot.q_home, np.zeros(robot.nv))
+    for side, name in enumerate(("left_hand", "right_hand")):
+        leader = HandLeader(robot, dt=DT)
+        for tick, clutch in enumerate((False, True)):
+            held = HandSample(np.zeros(3), clutch)
+            hands = (held, None) if side == 0 else (None, held)
+            feet = np.zeros(3), np.zeros(3)
+            leader.lead(DeviceSample((tick + 1) * DT, *feet, hands=hands), state)
+        assert (leader.status == [HandStatus.LED]) is (name == hand)

@@ -171,3 +171,28 @@ def foot_lag(robot, *, told):
 def test_a_foot_lags_less_behind_a_device_that_says_how_fast_it_is(get_robot):
     robot = get_robot("g1")
     assert foot_lag(robot, told=True) < 0.5 * foot_lag(robot, told=False)
+
+
+def test_a_device_may_write_over_what_it_has_given(get_robot):
+    """Its tracker goes out of sight: place and velocity in the same memory are no numbers now."""
+    place, rate, hand = np.zeros(3), np.zeros(3), np.zeros(3)
+
+    def device(teleoperator):
+        left, right = teleoperator.estimator.anchors
+
+        class Reusing:
+            def sample(self, time):
+                place[:] = right + [0.0, 0.0, min(max(0.4 * (time - 0.1), 0.0), 0.08)]
+                rate[:] = hand[:] = (0.0, 0.0, 0.4)
+                if time > 0.6:
+                    place[:] = rate[:] = hand[:] = np.nan
+                held = HandSample(hand, clutch=time > 0.02, velocity=rate)
+                return DeviceSample(time, left, place, hands=(held, held), rates=(None, rate))
+
+        return Reusing()
+
+    run = run_teleop(get_robot("biped20"), device, TORQUE_TELEOP_PLANT, duration=0.9)
+    assert not run.fell
+    assert len(run.log.entries(Mode.SL)) == 1
+    assert run.teleoperator.device_error is None
+    assert np.isfinite(run.log.command).all()

@@ -276,8 +276,9 @@ def test_a_run_shorter_than_a_tick_is_refused(get_robot):
         walk(get_robot("biped20"), up_and_down(), 1e-4)
 
 
-def test_what_is_nested_too_deep_is_no_recording(tmp_path):
-    path = tmp_path / "deep"
-    path.write_text("[" * 20000)
+@pytest.mark.parametrize("text", ["[" * 20000, "7" * 20000], ids=["nested", "a long number"])
+def test_what_is_too_much_to_read_is_no_recording(tmp_path, text):
+    path = tmp_path / "much"
+    path.write_text(text)
     with pytest.raises(RecordingError, match="is no recording"):
         read_recording(path)

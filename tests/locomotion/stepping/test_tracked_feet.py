@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from unchecked import run_unchecked
 
 from poise.apps.teleoperation import TORQUE_TELEOP_PLANT, run_teleop
 from poise.errors import ConfigurationError
@@ -112,3 +113,53 @@ def test_where_nothing_new_came_there_is_no_sample(get_robot):
     sample.left[:] = 9.0
     came.append((7.1, None, at()))
     assert device.sample(0.2).left[0] < 1.0
+
+
+def test_a_clutch_that_was_open_long_ago_has_to_be_seen_open_again():
+    clutch = FootClutch()
+    assert clutch.follow(at(clutch=False), PLACE, 0.0, 0.0) is None
+    assert clutch.follow(at(), PLACE, 0.0, 10.0) is None
+    assert clutch.follow(at(), PLACE, 0.0, 10.01) is None
+
+
+LED = """
+import json, sys
+import numpy as np
+from poise import load_robot
+from poise.locomotion import HandSample, StepTeleoperator, TrackedFeet
+
+def numbers(*values):
+    return list(values) if sys.argv[1] == "list" else np.array(values, dtype=sys.argv[1])
+
+rate = sys.argv[2] if len(sys.argv) > 2 else numbers(0.0, 0.0, 0.5)
+samples = [
+    HandSample(numbers(0.0, 0.0, z), clutch, velocity=rate)
+    for z, clutch in ((0.0, False), (0.0, True), (0.0625, True))
+]
+teleoperator = StepTeleoperator(load_robot("biped20"))
+device = TrackedFeet(teleoperator, lambda: (8.0 - len(samples), None, samples.pop(0)))
+for time in (0.0, 0.1, 0.2):
+    sample = device.sample(time)
+up = sample.right - teleoperator.estimator.anchors[1]
+print(json.dumps([up.tolist(), None if sample.rates[1] is None else sample.rates[1].tolist()]))
+"""
+
+
+@pytest.mark.parametrize("numbers", ["list", "float32", "int64"])
+def test_trackers_may_speak_in_lists_and_other_numbers(numbers):
+    up, rate = run_unchecked(LED, numbers)
+    whole = numbers == "int64"
+    np.testing.assert_allclose(up, [0.0, 0.0, 0.0 if whole else 0.0625], atol=1e-12)
+    np.testing.assert_allclose(rate, [0.0, 0.0, 0.0 if whole else 0.5], atol=1e-12)
+
+
+def test_a_velocity_that_is_none_is_left_out():
+    up, rate = run_unchecked(LED, "list", "fast")
+    np.testing.assert_allclose(up, [0.0, 0.0, 0.0625], atol=1e-12)
+    assert rate is None
+
+
+def test_a_tracker_that_is_something_else_is_said(get_robot):
+    device = TrackedFeet(StepTeleoperator(get_robot("biped20")), lambda: (0.0, None, (1.0, 2.0)))
+    with pytest.raises(TypeError, match="tuple is no HandSample"):
+        device.sample(0.0)

@@ -154,3 +154,7 @@ def test_a_foot_is_on_the_ground_when_it_is_due_and_aims_below(ground):
     phase = 1.0 - sinking_phase(depth, apex - ground)
     height, _, _ = SwingShape(apex=apex).height(phase, 0.0, ground - depth)
     assert height == pytest.approx(ground, abs=0.3 * depth)
+
+
+def test_a_foot_that_aims_at_the_ground_itself_sinks_no_moment():
+    assert sinking_phase(0.0, 0.1) == sinking_phase(0.0, 0.0) == 0.0

@@ -232,3 +232,55 @@ def test_a_foot_that_is_held_on_its_way_up_goes_back_and_straight_up(held):
     while swing.phase < 0.7:
         held.until(held.time + DT)
     assert swing.position[0] > stood[0] + 0.05
+
+
+@pytest.mark.parametrize("idle", [0.06, 1.0])
+def test_a_foot_that_carries_again_does_not_hang(held, idle):
+    watch = held.walker._hang_watch
+    state = poise.RobotState(held.q, held.v, {}, 0.0)
+
+    def carry(left, right, time):
+        for _ in range(round(time / DT)):
+            loads = zip(held.robot.soles, (left, right), strict=True)
+            wrenches = {s: np.array([0, 0, k * held.robot.weight, 0, 0, 0]) for s, k in loads}
+            watch.update(poise.RobotState(state.q, state.v, wrenches, 0.0), DT)
+
+    carry(0.0, 1.0, idle)
+    assert watch.foot == 0
+    carry(0.5, 0.5, 0.012)
+    assert watch.foot is None
+
+
+def test_after_a_bounce_the_foothold_is_still_where_it_was_asked_for(held):
+    foot = held.swing(ahead=0.05)
+    asked = held.walker.commands.footholds[0]
+    held.until(held.time + 0.6 * held.walker.gait.swing_time)
+    held.loads = [0.5, 0.5]
+    held.until(held.time + 2 * DT)
+    assert not held.walker.commands.footholds
+    held.loads = [0.0, 1.0] if foot == 0 else [1.0, 0.0]
+    held.until(held.time + held.walker.settings.bounce_time + 4 * DT)
+    assert held.walker._steps.flight is not None
+    assert [*held.walker.commands.footholds] == [asked]
+
+
+def test_a_foot_that_is_caught_costs_no_command(held):
+    held.until(0.1)
+    held.walker.set_velocity(0.3, 0.0, 0.0)
+    held.walker.step_to("right_sole", 0.1, -0.1, 0.0)
+    held.walker.set_velocity(0.3, 0.0, 0.0)
+    held.walker._steps.catch(0)
+    assert [hold.foot for hold in held.walker.commands.footholds] == [0, 1]
+    assert held.walker.commands.moving
+    held.walker.commands.footholds.clear()
+    assert held.walker.commands.moving
+    assert held.walker.commands.closes
+
+
+def test_who_begins_another_run_knows_of_no_slope(held):
+    held.walker._parts.stance.slope, held.walker._steps.steps_made = (0.1, 0.05), 7
+    held.walker.forget()
+    assert held.walker._parts.stance.slope == (0.1, 0.05)
+    held.walker.forget_everything()
+    assert held.walker._parts.stance.slope == (0.0, 0.0)
+    assert held.walker.steps_made == 0

@@ -165,7 +165,7 @@ def checked_sample(sample: object) -> tuple[DeviceSample | None, str]:
     return good, "; ".join(read.faults)
 
 
-def checked_tracker(tracker: HandSample | None) -> HandSample | None:
+def checked_tracker(tracker: object) -> HandSample | None:
     """What a tracker says, its numbers as float64; NaN in the place of what are none.
 
     Args:
@@ -174,7 +174,10 @@ def checked_tracker(tracker: HandSample | None) -> HandSample | None:
     Raises:
         TypeError: what came is something else.
     """
-    _check_pair("trackers", (tracker, None), HandSample)
+    if tracker is None:
+        return None
+    if not isinstance(tracker, HandSample):
+        raise TypeError(f"a {type(tracker).__name__} is no HandSample")
     return _Vectors().hand("tracked", tracker)
 
 
