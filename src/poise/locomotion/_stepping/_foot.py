@@ -47,7 +47,6 @@ class FootTarget:
         footing: Footing,
         device: DeviceSample | None,
         *,
-        has_left: bool,
         room_below: float,
     ) -> Float64[np.ndarray, "3"]:
         """The place [m].
@@ -55,7 +54,6 @@ class FootTarget:
         Args:
             footing: of the tick.
             device: the operator's foot devices, None while they are lost.
-            has_left: whether the foot in the air has left the ground.
             room_below: how far the body may still come down for it [m].
         """
         here = footing.sole(footing.other)
@@ -71,7 +69,7 @@ class FootTarget:
             # Nobody commands, or nobody may: straight down, until the ground is felt.
             return np.array([here[0], here[1], lowest])
         # One that has not left the ground yet would push the robot over.
-        down = lowest if has_left else float(here[2])
+        down = lowest if footing.has_left else float(here[2])
         return self._followed(footing, device, down, room_below)
 
     def _followed(
@@ -84,7 +82,7 @@ class FootTarget:
             footing.sole(swing).tolist(),
         )
         # A foot that still touches would be dragged over the ground.
-        clear = footing.clearance(footing.lowest_ground, self._parameters.clear_height)
+        clear = footing.clearance(footing.ground_below, self._parameters.clear_height)
         target = np.array(
             [here_x + clear * (x - here_x), here_y + clear * (y - here_y), max(z, lowest)]
         )

@@ -116,6 +116,7 @@ class Footing:
         parts: what of each sole carries where both feet stand, left then right; None for all.
         borrowed: see `ComFeedback`.
         com_velocity: of the COM, observed, x and y; that of `dynamics` when None [m/s].
+        has_left: whether the foot in the air has left the ground.
         zmp_reference: eq. (15a): between the feet, or where the foot that shall carry was put
             down, as `one_foot` says [m].
         heading: where the pelvis faces, along the ground: legs cross or not as it is turned.
@@ -142,6 +143,7 @@ class Footing:
     parts: Sequence[SolePart | None] = (None, None)
     borrowed: float = 0.0
     com_velocity: Float64[np.ndarray, "2"] | None = None
+    has_left: bool = True
 
     zmp_reference: Float64[np.ndarray, "2"] = field(init=False)
     heading: Float64[np.ndarray, "2"] = field(init=False)
@@ -225,6 +227,15 @@ class Footing:
     def highest_ground(self) -> float:
         """Height of the higher of them [m]."""
         return max(float(anchor[2]) for anchor in self.anchors)
+
+    @property
+    def ground_below(self) -> float:
+        """Height of the ground that the foot that is not the stance may touch [m].
+
+        It is what it stands on, until it has left that; then the lower of both, so that it gets
+        down beside a block that it stood on.
+        """
+        return self.lowest_ground if self.has_left else float(self.anchors[self.other][2])
 
     def clearance(self, ground: float, clear: float) -> float:
         """How clear of a ground the foot that is not the stance is, from 0 on it to 1 [].

@@ -324,7 +324,6 @@ class StepTeleoperator:
         target = self._target.place(
             footing,
             command,
-            has_left=self._events.foot_has_left,
             room_below=self._height.room_below(footing),
         )
         upright = command is not None and command.upright
@@ -418,6 +417,7 @@ class StepTeleoperator:
             parts=(None, None) if self._own is None else self._own.parts,
             borrowed=self._com.borrowed,
             com_velocity=self._com.observed,
+            has_left=self._events.foot_has_left,
         )
 
     def _faces(self) -> float:

@@ -296,7 +296,7 @@ class TorqueTasks:
 
     def _turn_foot(self, foot: int, footing: Footing, turn: float) -> None:
         """Turns a foot that is clear of the ground, as far as it may be against the other one."""
-        if float(footing.sole(foot)[2]) - footing.lowest_ground < _CLEAR:
+        if float(footing.sole(foot)[2]) - footing.ground_below < _CLEAR:
             return
         other, (inwards, outwards) = self._yaws[1 - foot], FOOT_TURNS
         least, most = (-inwards, outwards) if foot == 0 else (-outwards, inwards)

@@ -85,7 +85,7 @@ class TaskWeights:
         if not footing.mode.single:
             return WA(p.epsilon, p.w_B, p.w_S2)
         # Firm on the ground, so that momentum does not drag the foot; the paper's once clear of it.
-        clear = footing.clearance(footing.lowest_ground, p.clear_height)
+        clear = footing.clearance(footing.ground_below, p.clear_height)
         foot = p.w_S2 ** (1.0 - clear) * p.w_S1**clear
         if not self._rotator:
             return WA(p.epsilon, _UPRIGHT_WEIGHT if upright else p.w_B, foot)
