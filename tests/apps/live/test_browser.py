@@ -221,8 +221,8 @@ def test_a_gamepad_shakes_when_a_foot_lands_and_not_before(browser, session):
         page.wait("newest.device !== 'LOST'", "the device")
         page.ask(
             "window.shaken = [];"
-            "navigator.getGamepads = () => [{connected: true, buttons: [], axes: [],"
-            " vibrationActuator: {playEffect: (kind) => shaken.push(kind)}}]; 0"
+            "navigator.getGamepads = () => [{connected: true, mapping: 'standard', buttons: [],"
+            " axes: [], vibrationActuator: {playEffect: (kind) => shaken.push(kind)}}]; 0"
         )
         hold(page, "e", "newest.mode === 'SL' && newest.soles[1][2] > 0.04", "shaken.length = 0")
         assert page.ask("shaken") == []
@@ -314,7 +314,7 @@ def test_handles_and_gamepads_do_not_wait_for_the_next_beat(browser, session):
         page.ask("view.drags = () => [null, [0, -0.1, 0.05]]; 0")
         page.wait("sent.some((m) => m.drag[1] !== null)", "the handle")
         page.ask(
-            "navigator.getGamepads = () => [{connected: true, axes: [],"
+            "navigator.getGamepads = () => [{connected: true, mapping: 'standard', axes: [],"
             " buttons: [0, 0, 0, 0, 1].map((on) => ({pressed: Boolean(on)}))}]; 0"
         )
         page.wait("sent.some((m) => m.lift[0])", "the gamepad")
@@ -360,8 +360,8 @@ def test_keys_and_a_gamepad_bend_the_body_until_it_is_set_straight(browser, run_
             assert "right" in page.text("bent-roll")
             assert page.ask("({...body})") == stays
             page.ask(
-                "navigator.getGamepads = () => [{connected: true, axes: [], buttons:"
-                " Array.from({length: 16}, (_, i) => ({pressed: i === 1 || i === 12}))}]; 0"
+                "navigator.getGamepads = () => [{connected: true, mapping: 'standard', axes: [],"
+                " buttons: [...Array(16).keys()].map((i) => ({pressed: i === 1 || i === 12}))}]; 0"
             )
             page.wait("body.pitch === newest.limits.torso[1]", "the limit")
             wait_for(lambda: asked(session)["torso"][1] == 0.4, "the gamepad")
@@ -582,3 +582,15 @@ def test_a_key_that_walks_moves_no_slider(browser, session):
         page.page.keyboard.up("ArrowDown")
         assert page.ask(f"{slider}.value") == before
         assert page.ask("keys.arrows.size") == 0
+
+
+def test_a_gamepad_of_no_known_layout_leads_nothing_and_that_is_said(browser, session):
+    with Page(browser, session.front.drive_url) as page:
+        page.ask(
+            "navigator.getGamepads = () => [{connected: true, mapping: '', axes: [0, 0, -1, 0],"
+            " buttons: [{pressed: true}]}]; 0"
+        )
+        page.wait(
+            "document.body.textContent.includes('does not know where that gamepad')", "a hint"
+        )
+        assert page.ask("[pad().turn, pad().second, pad().upright]") == [0, [0, 0], False]

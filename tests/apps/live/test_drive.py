@@ -139,7 +139,7 @@ def test_keys_in_a_browser_drive_the_robot(session, monkeypatch):
         page.keyboard.up("q")
         # A gamepad of the browser's: what the page would see of one.
         ask(
-            "navigator.getGamepads = () => [{connected: true, buttons: [],"
+            "navigator.getGamepads = () => [{connected: true, mapping: 'standard', buttons: [],"
             " axes: [0, 0.9, 0, 0]}]; 0"
         )
         wait_for(lambda: asked(session)[0] < 0.0, "the gamepad")

@@ -213,10 +213,17 @@ function plot(canvas, axis) {
 
 // What the operator does ----------------------------------------------------------------------------
 
+let strange = false; // There is a gamepad of no known layout.
 function gamepad() {
   // The same layout as the one of a gamepad at the robot's machine.
-  const pad = [...(navigator.getGamepads?.() ?? [])].find((p) => p && p.connected);
-  if (!pad) return null;
+  const pads = [...(navigator.getGamepads?.() ?? [])].filter((p) => p && p.connected);
+  const pad = pads.find((p) => p.mapping === "standard");
+  if (!pad) {
+    // As a browser that does not know it numbers its parts, a trigger may be taken for a stick.
+    if (pads.length && !strange) hint("This browser does not know where that gamepad has its sticks: try another browser, or plug it into the robot's machine.");
+    strange = pads.length > 0;
+    return null;
+  }
   const stick = (v) => (Math.abs(v) > 0.15 ? v : 0);
   const pressed = (i) => Boolean(pad.buttons[i]?.pressed);
   const [x, y, turn, ahead] = [0, 1, 2, 3].map((i) => -stick(pad.axes[i] ?? 0));
