@@ -243,3 +243,14 @@ def test_one_batch_compiles_what_all_need():
 
 if __name__ == "__main__":
     compile_nothing_more()
+
+
+def test_a_first_state_of_no_use_changes_no_answer(robot):
+    good = near_home(robot, 1)
+    bad = RobotState(np.full(robot.nq, np.nan), np.zeros(robot.nv))
+    first = WholeBodyController(robot).solve_batch([good, good])
+    second = WholeBodyController(robot).solve_batch([bad, good])
+    assert [command.status for command in second] == [CommandStatus.BAD_STATE, CommandStatus.OK]
+    np.testing.assert_allclose(second[1].torque, first[1].torque, atol=1e-9)
+    for name, wrench in first[1].wrenches.items():
+        np.testing.assert_allclose(second[1].wrenches[name], wrench, atol=1e-7)

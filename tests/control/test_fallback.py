@@ -1,6 +1,7 @@
 """Ticks without an answer: always a finite, bounded command with a status, never an exception."""
 
 import dataclasses
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -285,3 +286,19 @@ def test_no_finite_state_makes_a_step_raise(get_robot, kind, seed, spread, speed
     q[7:] += offset * rng.normal(size=robot.nj)
     command = controller.step(RobotState(q, state.v))
     assert is_safe(command, robot)
+
+
+def test_a_clock_that_goes_back_brings_no_torque_back(robot, controller):
+    controller.step(at_home(robot, time=10.0))
+    sizes = []
+    for time in (10.1, 10.2, float("nan"), 0.0, 10.1):
+        command = controller.step(spoil(bad_states(robot)["nan in q"], time=time))
+        sizes.append(np.abs(command.torque).max())
+    assert all(later < sooner for sooner, later in pairwise(sizes))
+
+
+def test_a_time_that_no_float_holds_is_no_time(robot, controller):
+    for time in (10**400, -(10**400)):
+        command = controller.step(spoil(at_home(robot), time=time))
+        assert command.status is CommandStatus.BAD_STATE
+        assert is_safe(command, robot)

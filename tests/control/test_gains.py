@@ -147,3 +147,35 @@ def test_gains_are_set_by_the_tasks_name_through_the_controller(robot):
         with pytest.raises(ConfigurationError, match="of task 'com'"):
             controller.set_gains("com", kp, kd)
     np.testing.assert_array_equal((com.kp, com.kd), np.full((2, 3), [[64.0], [16.0]]))
+
+
+@pytest.mark.parametrize("name", ["differential_ik", "exact differential_ik"])
+def test_who_commands_velocities_takes_no_stiffness_without_damping(robot, name):
+    hand = FrameTask("left_hand", "position", name="hand", kp=60.0)
+    stack = Stack([SurfaceContact(sole) for sole in robot.soles], [[hand], [PostureTask()]])
+    controller = CONTROLLERS[name](robot, stack)
+    before = hand.kp.copy(), hand.kd.copy()
+    with pytest.raises(ConfigurationError, match="has no damping"):
+        controller.set_gains("hand", 100.0, 0.0)
+    np.testing.assert_array_equal(hand.kp, before[0])
+    np.testing.assert_array_equal(hand.kd, before[1])
+
+
+def test_gains_and_postures_that_were_given_are_kept(robot):
+    gains, posture = np.full(3, 60.0), robot.q_home[7:].copy()
+    hand = FrameTask("left_hand", "position", name="hand", kp=gains)
+    rest = PostureTask(posture)
+    gains[:], posture[:] = 1e4, 0.3
+    poise.WholeBodyController(
+        robot, Stack([SurfaceContact(sole) for sole in robot.soles], [[hand], [rest]])
+    )
+    np.testing.assert_array_equal(hand.kp, np.full(3, 60.0))
+    np.testing.assert_array_equal(rest.target_position, robot.q_home[7:])
+
+
+@pytest.mark.parametrize("value", [10**400, [10**400, 0, 0]], ids=["a number", "a row"])
+def test_numbers_that_no_float_holds_are_refused(robot, value):
+    hand = FrameTask("left_hand", "position")
+    hand.bind(robot)
+    with pytest.raises(ConfigurationError, match="not made of numbers"):
+        hand.set_gains(value)

@@ -82,3 +82,17 @@ def test_a_clock_that_jumps_changes_nothing():
     for time in (0.0, 10.0, 3.0, 3.0, math.nan, 8.0):
         estimator.update(time, [np.array([30.0, 0.0, 300.0])], np.zeros(3), np.eye(3))
     assert not estimator.bias.any()
+
+
+def test_a_stamp_that_comes_twice_and_a_force_that_is_missing_change_nothing():
+    clean, spoiled = AttitudeBiasEstimator(), AttitudeBiasEstimator()
+    force, still = np.array([10.0, 0.0, 300.0]), np.zeros(3)
+    for tick in range(2000):
+        time = 0.002 * tick
+        for estimator in (clean, spoiled):
+            estimator.update(time, [force, force], still, np.eye(3))
+        if tick % 50 == 0:
+            spoiled.update(time, [force, force], still, np.eye(3))
+            spoiled.update(time + 0.001, [np.full(3, np.nan), force], still, np.eye(3))
+    assert np.linalg.norm(clean.bias) > 1e-3
+    np.testing.assert_allclose(spoiled.bias, clean.bias, rtol=1e-6)

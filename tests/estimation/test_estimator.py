@@ -632,3 +632,29 @@ def test_a_base_that_points_backwards_is_estimated(get_robot):
         assert np.linalg.norm(tick.estimate.v[:6] - before.v[:6]) < 0.01
         before = tick.truth
     assert not plant.fallen
+
+
+def test_a_clock_that_jumps_back_far_raises_nothing_where_joints_are_smoothed(walked):
+    robot, measured, truths = walked
+    config = EstimatorConfig(joint_bandwidth=100.0)
+    estimator = StateEstimator(robot, config, q_start=truths[0].q)
+    for state in measured[:10]:
+        estimator.update(replace(state, time=state.time + 10.0))
+    found = estimator.update(measured[10])
+    assert estimator.status is EstimatorStatus.CLOCK_JUMP
+    np.testing.assert_array_equal(found.v[6:], measured[10].v[6:])
+
+
+def test_whoever_reads_the_sensors_may_write_over_what_was_given(walked):
+    robot, measured, truths = walked
+    estimator = StateEstimator(robot, q_start=truths[0].q)
+    rate, force = np.zeros(3), np.zeros(3)
+    for k, state in enumerate(measured[:220]):
+        rate[:], force[:] = state.readings[:2]
+        if k >= 200:
+            rate[:] = force[:] = np.nan
+        readings = SensorReadings(rate, force, state.readings.torque)
+        found = estimator.update(replace(state, readings=readings))
+        assert np.isfinite(found.v).all()
+        expected = EstimatorStatus.OK if k < 200 else EstimatorStatus.NO_IMU
+        assert estimator.status is expected

@@ -130,3 +130,21 @@ def test_a_push_is_no_offset(get_robot):
     # One that believed all that the soles say would take it for a centimetre.
     assert told[0] < 0.003
     assert told[1] > 0.01
+
+
+def test_stamps_that_come_twice_and_soles_that_drop_out_take_no_time_to_settle_anew(get_robot):
+    robot = get_robot("humanoid33")
+    wrench = np.array([0.0, 0.0, 0.6 * robot.weight, 0.0, 0.0, 0.0])
+    contacts = dict.fromkeys(robot.soles, wrench)
+    lost = dict(zip(robot.soles, (wrench, np.full(6, np.nan)), strict=True))
+    clean, spoiled = PayloadEstimator(robot), PayloadEstimator(robot)
+    still = np.zeros(robot.nv)
+    for tick in range(1000):
+        state = RobotState(robot.q_home, still, contacts, 0.002 * tick)
+        clean.update(state)
+        spoiled.update(state)
+        if tick % 100 == 0:
+            spoiled.update(state)
+            spoiled.update(RobotState(robot.q_home, still, lost, 0.002 * tick + 0.001))
+    assert clean.mass > 0.1 * robot.mass
+    assert spoiled.mass == pytest.approx(clean.mass, rel=1e-3)

@@ -482,3 +482,16 @@ def test_a_table_without_pandas_says_what_to_install(plant, monkeypatch):
     monkeypatch.setitem(sys.modules, "pandas", None)
     with pytest.raises(MissingExtraError, match=r'pip install "poise\[tables\]"'):
         Recorder().record.to_pandas()
+
+
+def test_a_table_has_one_row_a_time_also_where_one_came_twice(plant):
+    pytest.importorskip("pandas")
+    recorder = Recorder()
+    recorder.begin(plant)
+    for k, at in enumerate((0.0, 0.1, 0.1, 0.2, 0.3)):
+        signals = {"x": float(k)} | ({} if k == 4 else {"y": float(k)})
+        recorder.sample(at, **signals)
+    table = recorder.record.to_pandas()
+    assert table.index.tolist() == [0.0, 0.1, 0.2, 0.3]
+    assert table["x"].tolist() == [0.0, 2.0, 3.0, 4.0]
+    assert table["y"].tolist()[:3] == [0.0, 2.0, 3.0]

@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from poise._checks import Numbers
+from poise.control._state_check import is_time
 from poise.dynamics import RobotState
 from poise.errors import ConfigurationError
 from poise.robots import Robot
@@ -81,12 +82,12 @@ class Fallback:
     def reset(self) -> None:
         """Forgets the last good command."""
         self._last[:] = 0.0
-        self._time, self._ticks = 0.0, 0
+        self._time, self._elapsed = 0.0, 0.0
 
     def remember(self, command: Float64[np.ndarray, " nj"], time: float) -> None:
         """Copies a good command, with the time it was given for [s]."""
         self._last[:] = command
-        self._time, self._ticks = time, 0
+        self._time, self._elapsed = time, 0.0
 
     def command(self, state: object) -> Float64[np.ndarray, " nj"]:
         """The safe command; each call counts as a tick.
@@ -106,11 +107,11 @@ class Fallback:
 
     def _ratio(self, time: object) -> float:
         """How much of the last good command is left."""
-        self._ticks += 1
-        elapsed = self._ticks * _MIN_TICK
-        if isinstance(time, float | int) and math.isfinite(time):
-            elapsed = max(elapsed, time - self._time)
-        return math.exp(-elapsed / self._decay_time)
+        # Never less than before: a clock that goes back brings no torque back.
+        self._elapsed += _MIN_TICK
+        if is_time(time):
+            self._elapsed = max(self._elapsed, time - self._time)
+        return math.exp(-self._elapsed / self._decay_time)
 
     def _joint_velocities(self, v: object) -> Float64[np.ndarray, " nj"]:
         joints = np.zeros(len(self._last))

@@ -1,6 +1,7 @@
 """Whether a state may be used for control at all, and if not, why."""
 
-import math
+import sys
+from typing import TypeGuard
 
 import numpy as np
 from jaxtyping import Float64
@@ -29,7 +30,7 @@ def is_usable(state: object, robot: Robot) -> bool:
     if not isinstance(state, RobotState):
         return False
     q, v = state.q, state.v
-    if not (_is_vector(q, robot.nq) and _is_vector(v, robot.nv) and _is_time(state.time)):
+    if not (_is_vector(q, robot.nq) and _is_vector(v, robot.nv) and is_time(state.time)):
         return False
     if not _is_payload(state.payload):
         return False
@@ -51,7 +52,7 @@ def fault_of(state: object, robot: Robot) -> str:
     for name, value, size in (("q", state.q, robot.nq), ("v", state.v, robot.nv)):
         if not _is_vector(value, size):
             return f"{name} is {_kind(value)}, wanted {size} numbers"
-    if not _is_time(state.time):
+    if not is_time(state.time):
         return f"the time is {state.time!r}, wanted seconds"
     if not _is_payload(state.payload):
         return f"the payload is of kind {type(state.payload).__name__}, wanted Payload"
@@ -88,8 +89,9 @@ def _is_vector(value: object, size: int) -> bool:
     return isinstance(value, np.ndarray) and value.shape == (size,) and value.dtype == np.float64
 
 
-def _is_time(value: object) -> bool:
-    return isinstance(value, float | int) and math.isfinite(value)
+def is_time(value: object) -> TypeGuard[float]:
+    """Whether something is a finite number, whole ones that no float holds left out."""
+    return isinstance(value, float | int) and abs(value) <= sys.float_info.max
 
 
 def _kind(value: object) -> str:

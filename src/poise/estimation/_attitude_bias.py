@@ -77,9 +77,12 @@ class AttitudeBiasEstimator:
             com_velocity: velocity of the centre of mass [m/s].
             world_R_base: the attitude.
         """
-        dt, self._time = time - self._time, time
-        felt = _felt(forces, com_velocity)
-        if felt is None or self._low is None or not 0.0 < dt <= _LONGEST:
+        dt = time - self._time
+        felt = None if dt == 0.0 else _felt(forces, com_velocity)
+        if felt is None:
+            return
+        self._time = time
+        if self._low is None or not 0.0 < dt <= _LONGEST:
             self._low = felt
             return
         b = self.belief

@@ -155,7 +155,7 @@ class StateEstimator:
         bias = np.mean([r.angular_velocity for r in readings], axis=0)
         calibrated = len(used) >= _CALIBRATING
         self._begin(used[-1], world_R_base, bias if calibrated else None)
-        self._reading, self._time = readings[-1], used[-1].time
+        self._reading, self._time = _copied(readings[-1]), used[-1].time
         self._contacts.begin(self._time)
 
     def update(self, state: RobotState) -> RobotState:
@@ -207,7 +207,8 @@ class StateEstimator:
                 self.status = EstimatorStatus.FLYING
         else:
             self._jump(state.time)
-        self._reading = reading
+        if reading is not self._reading:
+            self._reading = _copied(reading)
 
     def _predict(self, reading: SensorReadings, dt: float) -> None:
         """The mean rate of a period is that of its two ends; the force is a mean already."""
@@ -283,6 +284,7 @@ class StateEstimator:
             return measured
         if self._speeds is None or not 0.0 <= dt <= self.config.longest_step:
             self._speeds = measured.copy()
+            return self._speeds
         self._speeds = self._speeds - math.expm1(-2.0 * math.pi * bandwidth * dt) * (
             measured - self._speeds
         )
@@ -299,6 +301,11 @@ class StateEstimator:
             return False
         robot = self._robot
         return is_vector(state.q, robot.nq, 7) and is_vector(state.v, robot.nv, 6)
+
+
+def _copied(reading: SensorReadings) -> SensorReadings:
+    """The same numbers: whoever reads sensors may write over what was given."""
+    return SensorReadings(*(np.array(part) for part in reading))
 
 
 def _yaw(q: Float64[np.ndarray, " nq"]) -> float:

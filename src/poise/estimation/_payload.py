@@ -122,9 +122,12 @@ class PayloadEstimator:
                 numbers of no use, changes nothing.
         """
         dt = state.time - self._time
+        felt = None if dt == 0.0 else self._felt(state)
+        if felt is None:
+            # Nothing new: what has been smoothed goes on where the next one comes soon.
+            return self._with_payload(state)
         self._time = state.time
-        felt = self._felt(state)
-        if felt is None or not 0.0 < dt <= _LONGEST or self._low is None:
+        if not 0.0 < dt <= _LONGEST or self._low is None:
             self._low, self._since = felt, -_SETTLED * self.belief.smoothing
             self._hands.restart()
         else:
@@ -134,6 +137,9 @@ class PayloadEstimator:
                 self._correct(felt, self._since)
                 self._tell(self._since)
                 self._since = 0.0
+        return self._with_payload(state)
+
+    def _with_payload(self, state: RobotState) -> RobotState:
         return RobotState(
             state.q, state.v, state.contacts, state.time, state.readings, self.payload
         )

@@ -1,6 +1,7 @@
 """What of a measurement is of use: arrays, times, readings of an inertial unit, wrenches."""
 
 import math
+import sys
 from typing import TypeGuard
 
 import numpy as np
@@ -37,8 +38,8 @@ def is_array(value: object, size: int) -> TypeGuard[Float64[np.ndarray, " n"]]:
 
 
 def is_time(value: object) -> bool:
-    """Whether it is a finite number."""
-    return isinstance(value, float | int) and math.isfinite(value)
+    """Whether it is a finite number, whole ones that no float holds left out."""
+    return isinstance(value, float | int) and abs(value) <= sys.float_info.max
 
 
 def usable_reading(reading: SensorReadings | None) -> bool:

@@ -320,7 +320,9 @@ class RunRecord:
             flat = values.reshape(len(values), -1)
             for k, index in enumerate(np.ndindex(signal.shape)):
                 label = name + (f"[{', '.join(map(str, index))}]" if index else "")
-                columns[label] = pd.Series(flat[:, k], index=times)
+                column = pd.Series(flat[:, k], index=times)
+                # Of a time that came twice the last sample counts.
+                columns[label] = column[~column.index.duplicated(keep="last")]
         frame = pd.DataFrame(columns).rename_axis("time")
         for topic, notes in self._notes.items():
             starts = np.array([time for time, _ in notes])

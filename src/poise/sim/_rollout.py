@@ -248,7 +248,8 @@ def _ticks(
     lead = leader.lead if isinstance(leader, Leader) else leader
     estimate = estimator if estimator is None or callable(estimator) else estimator.update
     tell = estimator.command if isinstance(estimator, CommandedEstimator) else None
-    count = math.inf if duration is None else math.ceil(duration / plant.control_dt - 0.5)
+    ticks = math.inf if duration is None else duration / plant.control_dt - 0.5
+    count = ticks if math.isinf(ticks) else math.ceil(ticks)
     index = 0
     with ExitStack() as watched:
         for observer in observers:

@@ -5,6 +5,7 @@ Axis masks: which components of a task count, written as short words.
 
 import math
 from collections.abc import Mapping
+from contextlib import suppress
 from typing import TypeGuard
 
 import numpy as np
@@ -222,7 +223,8 @@ def _checked_array(value: Numbers, shape: tuple[int, ...], what: str) -> Float64
 def _as_array(
     value: Numbers, what: str, error: type[ConfigurationError] | type[TargetError]
 ) -> Float64[np.ndarray, "..."]:
-    try:
-        return np.array(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise error(f"{what} is not made of numbers", got=value, wanted="numbers") from None
+    with suppress(TypeError, ValueError, OverflowError):
+        # Texts of numbers are none.
+        if np.asarray(value).dtype.kind not in "US":
+            return np.array(value, dtype=np.float64)
+    raise error(f"{what} is not made of numbers", got=value, wanted="numbers")

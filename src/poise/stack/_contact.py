@@ -152,6 +152,7 @@ class Contact(Owner, ABC):
         self.jacobian: Float64[np.ndarray, "dim nv"] = np.zeros((self.dim, robot.nv))
         self.drift: Float64[np.ndarray, " dim"] = np.zeros(self.dim)
         self.cone = self._make_cone(robot)
+        self._whole = self.cone.copy()
         self._robot = robot
 
     def __repr__(self) -> str:
@@ -242,9 +243,10 @@ class Contact(Owner, ABC):
         """How near a wrench is to what the contact can hold: F^T metric F [N^2].
 
         C^T C, each row of the cone over its bound at unit normal force, over the number of rows: a
-        moment counts as the normal force with which it takes the pressure to an edge.
+        moment counts as the normal force with which it takes the pressure to an edge, of all of the
+        surface: where only half of one carries an edge goes through the frame's origin.
         """
-        rows = self.cone / -self.cone[:, 2:3]
+        rows = self._whole / -self._whole[:, 2:3]
         return rows.T @ rows / len(rows)
 
     @property

@@ -4,6 +4,7 @@
 """
 
 import math
+from typing import Any, cast
 
 import numpy as np
 from jaxtyping import Float64, Int64
@@ -12,6 +13,9 @@ from poise._checks import checked_number
 from poise.errors import ConfigurationError
 from poise.robots import Robot
 from poise.stack._contact import Contact
+
+_ROUNDING = 1e-9
+"""By so much [m] a corner may be on the wrong side of the other."""
 
 _ALL_OF_IT = (-math.inf, -math.inf), (math.inf, math.inf)
 """Lower and upper corner of what of a surface carries until `carry_on` says something else [m]."""
@@ -160,13 +164,20 @@ class SurfaceContact(Contact):
             upper: the one with the greatest [m].
 
         Raises:
-            ConfigurationError: it is not bound to a robot, or stands on an edge.
+            ConfigurationError: it is not bound to a robot, or stands on an edge; or the corners are
+                no such corners.
         """
         if self._robot is None or not self.tilts:
             raise ConfigurationError(
                 f"contact {self.name!r} has no surface that could shrink",
                 got=repr(self),
                 wanted="a contact that is bound to a robot and bears moments about x and y",
+            )
+        if not _is_rectangle(lower, upper):
+            raise ConfigurationError(
+                f"contact {self.name!r} cannot carry on that",
+                got=(lower, upper),
+                wanted="least x and y, then greatest x and y [m]; infinite where there is no edge",
             )
         self._carries = lower, upper
         reach = self.pressure_reach.tolist()
@@ -222,6 +233,15 @@ class SurfaceContact(Contact):
                 choices=robot.soles,
             )
         return length, width
+
+
+def _is_rectangle(lower: object, upper: object) -> bool:
+    try:
+        (left, back), (right, front) = cast("Any", (lower, upper))
+        # Not so of NaN. Rounding may take a line of no width for one that is turned over.
+        return bool(left <= right + _ROUNDING and back <= front + _ROUNDING)
+    except (TypeError, ValueError):
+        return False
 
 
 def _rectangle_cone(

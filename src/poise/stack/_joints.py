@@ -125,9 +125,10 @@ class PostureTask(JointTask):
         name: str = "posture",
     ) -> None:
         super().__init__(None, kp=kp, kd=kd, weight=weight, name=name)
-        self._posture = posture
+        self._posture: Float64[np.ndarray, " n"] | None = None
         if posture is not None:
-            checked_target(posture, np.size(posture), f"target of task {name!r}")
+            what = f"target of task {name!r}"
+            self._posture = checked_target(posture, np.size(posture), what).copy()
 
     def _resolve(self, robot: Robot) -> int:
         dim = super()._resolve(robot)

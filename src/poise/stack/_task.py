@@ -2,6 +2,7 @@
 
 import math
 from abc import ABC, abstractmethod
+from copy import copy
 
 import numpy as np
 from jaxtyping import Float64
@@ -54,7 +55,7 @@ class Task(ABC):
         # Shape is checked when the number of rows is known; sign and finiteness at once.
         self._checked_gains(kp, kd)
         self._checked_weight(weight)
-        self._gains = (kp, kd, weight)
+        self._gains = (copy(kp), copy(kd), copy(weight))
         # What was given before the number of rows was known.
         self._given: dict[int, Float64[np.ndarray, " m"]] = {}
 
@@ -173,7 +174,7 @@ class Task(ABC):
             kp = self._gains[0] if self._robot is None else self.kp
         stiffness, damping = self._checked_gains(kp, kd)
         if self._robot is None:
-            self._gains = (kp, kd, self._gains[2])
+            self._gains = (copy(kp), copy(kd), self._gains[2])
         else:
             _write_gains(self._gain_rows, stiffness, damping)
 
@@ -235,7 +236,7 @@ class Task(ABC):
             return
         found = self._checked_weight(weight)
         if self._robot is None:
-            self._gains = (*self._gains[:2], weight)
+            self._gains = (*self._gains[:2], copy(weight))
         else:
             self._gain_rows[WEIGHT] = found
 

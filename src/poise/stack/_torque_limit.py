@@ -27,6 +27,7 @@ class TorqueLimit:
     So no torque jumps, whatever contacts, limits and tasks would give for it: what they need more
     they get some ticks later. tau_last is what the controller commanded last. A controller's first
     command is free, and so are the first after a tick without an answer, and many states at once.
+    `OperationalSpaceController` keeps to its own `torque_step` in place of `rate`.
 
     What it is made of is for reading: another limit makes another controller.
 

@@ -334,3 +334,16 @@ def test_a_change_of_an_unknown_contact_is_refused(scene):
     change = ContactChange(unload="left_foot", at=0.0, over=0.1)
     with pytest.raises(UnknownNameError, match=r"left_foot.*left_sole"):
         scene(changes=[change])
+
+
+def test_who_is_unloaded_meanwhile_does_not_wait_for_the_ground_any_more(scene):
+    s = scene(
+        changes=[
+            ContactChange(unload="left_sole", at=0.0, over=0.0),
+            ContactChange(load="left_sole", at=1.0, over=0.1, touchdown=10.0),
+            ContactChange(unload="left_sole", at=1.5, over=0.0),
+        ]
+    )
+    for time in (0.0, 0.1, 1.0, 1.5, 1.6, 2.5, 9.0):
+        s.at(time, touch(0.0))
+        assert not loads(s)["left_sole"]

@@ -284,3 +284,14 @@ def test_who_begins_another_run_knows_of_no_slope(held):
     held.walker.forget_everything()
     assert held.walker._parts.stance.slope == (0.0, 0.0)
     assert held.walker.steps_made == 0
+
+
+def test_a_carried_target_that_is_no_number_is_refused_and_stops_nobody(held):
+    carried = held.walker.carried
+    name, target = next(iter(carried.items()))
+    before = target.target_position.copy()
+    with pytest.raises(poise.errors.TargetError, match="carried position"):
+        target.set_target(np.array([np.nan, 0.0, 1.0]), np.zeros(3), np.zeros(3))
+    np.testing.assert_array_equal(target.target_position, before)
+    held.until(0.02)
+    assert name in carried

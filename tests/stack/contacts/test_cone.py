@@ -259,3 +259,43 @@ def test_a_point_has_the_pyramid_alone(get_robot):
         f = rng.normal(size=3)
         inside = abs(f[0]) <= MU * f[2] and abs(f[1]) <= MU * f[2]
         assert ((contact.cone @ f).max() <= 0.0) == inside
+
+
+def test_the_metric_is_that_of_all_of_the_surface(get_robot):
+    contact = SurfaceContact("left_sole", friction=MU, length=LENGTH, width=WIDTH, margin=MARGIN)
+    contact.bind(get_robot("humanoid33"))
+    whole = contact.metric
+    # The edge of the front half goes through the frame's origin: no bound at unit normal force.
+    contact.carry_on((0.0, -1.0), (1.0, 1.0))
+    assert (contact.cone[:, 2] == 0.0).any()
+    np.testing.assert_array_equal(contact.metric, whole)
+
+
+def test_a_controller_made_while_half_a_sole_carries_finds_torques(get_robot):
+    robot = get_robot("humanoid33")
+    stack = poise.default_stack(robot)
+    poise.WholeBodyController(robot, stack)
+    stack.contacts[0].carry_on((0.0, -1.0), (1.0, 1.0))
+    late = poise.WholeBodyController(robot, stack)
+    assert late.step(poise.RobotState(robot.q_home, np.zeros(robot.nv))).status.ok
+
+
+@pytest.mark.parametrize(
+    ("lower", "upper"),
+    [
+        ((np.nan, -0.1), (0.1, 0.1)),
+        ((0.05, 0.05), (-0.05, -0.05)),
+        ((0.0,), (0.1, 0.1)),
+        (None, (0.1, 0.1)),
+    ],
+    ids=str,
+)
+def test_what_is_no_part_of_a_surface_changes_nothing(get_robot, lower, upper):
+    contact = SurfaceContact("left_sole", length=LENGTH, width=WIDTH)
+    contact.bind(get_robot("humanoid33"))
+    contact.carry_on(LOWER, UPPER)
+    before = contact.cone.copy()
+    with pytest.raises((ConfigurationError, TypeError), match=r"cannot carry on that|lower"):
+        contact.carry_on(lower, upper)
+    contact.set_margin(contact.margin)
+    np.testing.assert_array_equal(contact.cone, before)

@@ -3,6 +3,7 @@
 How far an arm reaches, from the robot's own kinematics.
 """
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
@@ -129,10 +130,20 @@ class Director:
         if self.walker is not None:
             _check_beside_walk(scenario, self.walker, tasks)
 
+    def _change_contacts(self, state: RobotState) -> None:
+        """Applies changes that are due; one that still waits for touchdown gives way to a later."""
+        made = [change for change in self._changes if self._apply(change, state)]
+        latest = {change.contact: change.at for change in made}
+        self._changes = [
+            change
+            for change in self._changes
+            if change not in made and change.at > latest.get(change.contact, -math.inf)
+        ]
+
     def lead(self, state: RobotState) -> None:
         """Applies everything that is due at the state's time."""
         time = state.time
-        self._changes = [c for c in self._changes if not self._apply(c, state)]
+        self._change_contacts(state)
         while self._motions and self._motions[0].at <= time:
             motion = self._motions.pop(0)
             replaced = [r for r in self._running if _replaces(motion, r.motion)]

@@ -109,6 +109,7 @@ def _block(block: Block, ratio: float) -> Block:
         block,
         center=(ratio * x, ratio * y),
         size=(ratio * length, ratio * width, ratio * height),
+        top=None if block.top is None else ratio * block.top,
     )
 
 

@@ -53,9 +53,10 @@ class Batch:
             threads: how many work; as many as there are processors when None.
             before_each: called before a state is taken up, with its number.
         """
-        if len(states) and is_usable(states[0], self._robot):
+        first = next((state for state in states if is_usable(state, self._robot)), None)
+        if first is not None:
             for contact in self._stack.contacts:
-                contact.advance(states[0].time)
+                contact.advance(first.time)
         chunks = [slice(i, min(i + CHUNK, len(states))) for i in range(0, len(states), CHUNK)]
         wanted = min(threads or usable_cores(), max(len(chunks), 1))
         lanes = self._lanes_for(self._stack.active_contacts, wanted)

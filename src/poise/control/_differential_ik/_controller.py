@@ -125,6 +125,28 @@ class DifferentialIK(Controller):
         """The contact that the robot was taken to stand on at the last tick; None for none."""
         return self._velocities.stance
 
+    def set_gains(self, task: str, kp: Numbers | None = None, kd: Numbers | None = None) -> None:
+        """Sets stiffness and damping of a task, from the next tick.
+
+        Args:
+            task: its name in the stack.
+            kp: stiffness, one number or one a row [1/s^2]; as it is when None.
+            kd: damping, positive where there is stiffness [1/s]; critical, 2 sqrt(kp), when None.
+
+        Raises:
+            ConfigurationError: wrong length, or gains that are not finite, negative, or without
+                damping; they stay as they were.
+            UnknownNameError: no such task.
+        """
+        changed = self.stack.task(task)
+        before = changed.kp.copy(), changed.kd.copy()
+        super().set_gains(task, kp, kd)
+        try:
+            _check_gains(self.stack)
+        except ConfigurationError:
+            changed.set_gains(*before)
+            raise
+
     def set_stance(self, name: str | None) -> None:
         """Chooses the contact that the robot stands on, from the next tick.
 

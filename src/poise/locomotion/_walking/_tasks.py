@@ -31,6 +31,7 @@ from poise.stack import (
     SurfaceContact,
     Task,
     TorqueLimit,
+    checked_target,
 )
 
 
@@ -82,8 +83,19 @@ class CarriedTarget:
             position: [m].
             velocity: [m/s].
             acceleration: [m/s^2].
+
+        Raises:
+            TargetError: wrong shape, NaN or infinite; the target stays as it was.
         """
-        self._offset = np.array([position - self._origin, velocity, acceleration])
+        place, *rates = (
+            checked_target(value, 3, f"carried {what} of task {self.task.name!r}")
+            for value, what in (
+                (position, "position [m]"),
+                (velocity, "velocity [m/s]"),
+                (acceleration, "acceleration [m/s^2]"),
+            )
+        )
+        self._offset = np.array([place - self._origin, *rates])
 
     def write(
         self, displacement: Float64[np.ndarray, "3 4"], turn: Float64[np.ndarray, "3 3"]
