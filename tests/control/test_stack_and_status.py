@@ -51,6 +51,27 @@ def test_the_default_stack_of_every_robot_builds_and_solves(get_robot, kind, nam
     assert command.torque.shape == (robot.nj,)
 
 
+def test_a_ramp_goes_on_after_an_outage_where_it_was(robot, kind):
+    stack = default_stack(robot)
+    right = stack.contacts[1]
+    controller = kind(robot, stack)
+    controller.step(home(robot, 1.0))
+    right.release(0.3)
+    for tick in range(51):
+        before = controller.step(home(robot, 1.0 + 0.002 * tick))
+    for tick in range(100):
+        # Now and then the clock is of no use, too.
+        time = (1.1 + 0.002 * tick, np.nan, 0.0)[tick % 3]
+        bad = RobotState(np.full(robot.nq, np.nan), np.zeros(robot.nv), time=time)
+        assert controller.step(bad).status is CommandStatus.BAD_STATE
+    after = controller.step(home(robot, 1.302))
+    assert right.active
+    most = 2.0 / 3.0 * robot.mass * 9.81
+    for command in (before, after):
+        assert command.wrenches["right_sole"][2] <= most + 1e-6
+    assert after.wrenches["right_sole"][2] > 0.5 * before.wrenches["right_sole"][2]
+
+
 def test_a_contact_that_is_released_leaves_the_problem_and_comes_back(robot, kind):
     stack = default_stack(robot)
     left, right = stack.contacts

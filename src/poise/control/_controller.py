@@ -12,7 +12,7 @@ from poise._compiled import compiled
 from poise.control._command import Command, CommandStatus
 from poise.control._fall import FALL_HEIGHT_RATIO, FallWatch
 from poise.control._fallback import Fallback, RateLimit
-from poise.control._state_check import fault_of, is_usable
+from poise.control._state_check import fault_of, is_time, is_usable
 from poise.control._status import ControllerStatus, task_statuses
 from poise.control._strategy import PHYSICS_LEVELS, USABLE, Answer, Strategy
 from poise.dynamics import Dynamics, RobotState
@@ -128,6 +128,7 @@ class Controller:
             command = self._tick(state)
         else:
             self._reason = fault_of(state, self.robot)
+            self._pause(state)
             command = self._fall_back(CommandStatus.BAD_STATE, state)
         self._last_status, self._held_back = command.status, command.held_back
         return command
@@ -194,6 +195,7 @@ class Controller:
             self.dynamics.update(state)
         if self._fall_watch.sees_fall(self.dynamics):
             self._reason = self._fall_watch.describe()
+            self._pause(state)
             return self._fall_back(CommandStatus.FALLEN, state)
         for contact in strategy.stack.contacts:
             contact.advance(state.time)
@@ -215,6 +217,13 @@ class Controller:
             "command": perf_counter() - after_solve,
         }
         return command
+
+    def _pause(self, state: object) -> None:
+        """Load ramps wait for the next tick that commands: the robot is to follow all of them."""
+        time = state.time if isinstance(state, RobotState) else None
+        if is_time(time):
+            for contact in self._strategy.stack.contacts:
+                contact.pause(time)
 
     def _command(self, answer: Answer, state: RobotState) -> Command:
         joints = answer.joints

@@ -58,6 +58,11 @@ class LoadRamp:
             self._load += math.copysign(self._rate * elapsed, left)
         return self._load
 
+    def pause(self, time: float) -> None:
+        """Goes on from a time [s], with the load that there was before."""
+        if self._time is not None:
+            self._time = max(self._time, time)
+
 
 MAX_LOAD_FACTOR = 5.0
 """A loaded contact may carry this many times the robot's weight: no bound in practice."""
@@ -275,6 +280,14 @@ class Contact(Owner, ABC):
             ConfigurationError: a negative or non-finite duration.
         """
         self._load.start(1.0, checked_number(duration, "duration of a contact's engagement [s]"))
+
+    def pause(self, time: float) -> None:
+        """Lets time pass without its load ramp, where nobody commands: it goes on afterwards.
+
+        Args:
+            time: time of the state [s].
+        """
+        self._load.pause(time)
 
     def advance(self, time: float) -> None:
         """Moves the load ramp on to a time and sets the bounds of the wrench.
