@@ -1,7 +1,8 @@
 """What a user may pass as numbers, and checks of single values."""
 
+import sys
 from collections.abc import Sequence
-from typing import Any, TypeVar
+from typing import Any, TypeGuard, TypeVar
 
 import numpy as np
 
@@ -54,3 +55,8 @@ def checked_count(value: object, what: str) -> int:
     if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 0:
         raise ConfigurationError(f"{what} is no whole number", got=value, wanted="0, 1, 2, ...")
     return int(value)
+
+
+def is_time(value: object) -> TypeGuard[float]:
+    """Whether something is a finite number, whole ones that no float holds left out."""
+    return isinstance(value, float | int) and abs(value) <= sys.float_info.max

@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float64
 
-from poise._checks import Numbers
+from poise._checks import Numbers, is_time
 from poise._compiled import compiled
 from poise.control._command import Command, CommandStatus
 from poise.control._fall import FALL_HEIGHT_RATIO, FallWatch
 from poise.control._fallback import Fallback, RateLimit
-from poise.control._state_check import fault_of, is_time, is_usable
+from poise.control._state_check import fault_of, is_usable
 from poise.control._status import ControllerStatus, task_statuses
 from poise.control._strategy import PHYSICS_LEVELS, USABLE, Answer, Strategy
 from poise.dynamics import Dynamics, RobotState

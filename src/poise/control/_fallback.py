@@ -8,8 +8,7 @@ import math
 import numpy as np
 from jaxtyping import Float64
 
-from poise._checks import Numbers
-from poise.control._state_check import is_time
+from poise._checks import Numbers, is_time
 from poise.dynamics import RobotState
 from poise.errors import ConfigurationError
 from poise.robots import Robot

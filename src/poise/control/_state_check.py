@@ -1,11 +1,9 @@
 """Whether a state may be used for control at all, and if not, why."""
 
-import sys
-from typing import TypeGuard
-
 import numpy as np
 from jaxtyping import Float64
 
+from poise._checks import is_time
 from poise._compiled import compiled
 from poise.dynamics import Payload, RobotState
 from poise.robots import Robot
@@ -87,11 +85,6 @@ def _is_sane(
 def _is_vector(value: object, size: int) -> bool:
     # Pinocchio takes nothing but doubles.
     return isinstance(value, np.ndarray) and value.shape == (size,) and value.dtype == np.float64
-
-
-def is_time(value: object) -> TypeGuard[float]:
-    """Whether something is a finite number, whole ones that no float holds left out."""
-    return isinstance(value, float | int) and abs(value) <= sys.float_info.max
 
 
 def _kind(value: object) -> str:

@@ -8,6 +8,7 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float64
 
+from poise._checks import is_time
 from poise.dynamics import RobotState, SensorReadings
 from poise.errors import ConfigurationError
 from poise.estimation._config import EstimatorConfig
@@ -18,7 +19,7 @@ from poise.estimation._momentum import MomentumObserver
 from poise.estimation._payload import PayloadEstimator
 from poise.estimation._sole_contacts import SoleContacts
 from poise.estimation._soles import SoleKinematics
-from poise.estimation._usable import felt_by, is_array, is_time, is_vector, usable_reading
+from poise.estimation._usable import felt_by, is_array, is_vector, usable_reading
 from poise.robots import GRAVITY, Robot
 
 

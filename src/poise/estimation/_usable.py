@@ -1,7 +1,6 @@
 """What of a measurement is of use: arrays, times, readings of an inertial unit, wrenches."""
 
 import math
-import sys
 from typing import TypeGuard
 
 import numpy as np
@@ -35,11 +34,6 @@ def is_vector(value: object, size: int, first: int) -> bool:
 def is_array(value: object, size: int) -> TypeGuard[Float64[np.ndarray, " n"]]:
     """Whether it is so many numbers, whatever they are."""
     return isinstance(value, np.ndarray) and value.shape == (size,) and value.dtype == np.float64
-
-
-def is_time(value: object) -> bool:
-    """Whether it is a finite number, whole ones that no float holds left out."""
-    return isinstance(value, float | int) and abs(value) <= sys.float_info.max
 
 
 def usable_reading(reading: SensorReadings | None) -> bool:

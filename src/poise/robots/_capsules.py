@@ -114,36 +114,7 @@ def capsules_of(robot: Robot) -> LinkCapsules:
     Raises:
         RobotError: a mesh cannot be read.
     """
-    joints: list[int] = []
-    names: list[str] = []
-    capsules: list[_Capsule] = []
-    for joint, (name, balls) in _solids(robot).items():
-        for capsule in _fit(balls):
-            joints.append(joint)
-            names.append(name)
-            capsules.append(capsule)
-    all_pairs = [
-        (i, j)
-        for i, j in combinations(range(len(joints)), 2)
-        if not _are_neighbours(*_joints_between(robot, joints[i], joints[j]), robot)
-    ]
-    whole = LinkCapsules(
-        joints=np.array(joints, dtype=np.int64),
-        names=tuple(names),
-        starts=np.array([c.start for c in capsules]).reshape(-1, 3),
-        ends=np.array([c.end for c in capsules]).reshape(-1, 3),
-        radii=np.array([c.radius for c in capsules]),
-        pairs=np.array(all_pairs, dtype=np.int64).reshape(-1, 2),
-        at_home=np.zeros(len(all_pairs)),
-    )
-    at_home = whole.distances(robot, robot.q_home)
-    overlapping = sum(d < 0.0 for d in _at_random(robot, whole, _POSTURES, _REACH))
-    nearest = np.min([*_at_random(robot, whole, _RANGE, 1.0)], axis=0)
-    kept = (at_home >= _LEAST_AT_HOME) & (nearest < _FAR)
-    kept &= overlapping <= _MOST * _POSTURES
-    apart = [sum(map(len, _joints_between(robot, joints[i], joints[j]))) for i, j in all_pairs]
-    kept &= (np.array(apart) > _FEW) | (nearest < -_SHALLOW)
-    return replace(whole, pairs=whole.pairs[kept], at_home=at_home[kept])
+    return _make(robot)
 
 
 def segment_distances(
@@ -179,6 +150,39 @@ def _from_segment(
 
 def _dot(a: Float64[np.ndarray, "n 3"], b: Float64[np.ndarray, "n 3"]) -> Float64[np.ndarray, " n"]:
     return np.einsum("ni,ni->n", a, b)
+
+
+def _make(robot: Robot) -> LinkCapsules:
+    joints: list[int] = []
+    names: list[str] = []
+    capsules: list[_Capsule] = []
+    for joint, (name, balls) in _solids(robot).items():
+        for capsule in _fit(balls):
+            joints.append(joint)
+            names.append(name)
+            capsules.append(capsule)
+    all_pairs = [
+        (i, j)
+        for i, j in combinations(range(len(joints)), 2)
+        if not _are_neighbours(*_joints_between(robot, joints[i], joints[j]), robot)
+    ]
+    whole = LinkCapsules(
+        joints=np.array(joints, dtype=np.int64),
+        names=tuple(names),
+        starts=np.array([c.start for c in capsules]).reshape(-1, 3),
+        ends=np.array([c.end for c in capsules]).reshape(-1, 3),
+        radii=np.array([c.radius for c in capsules]),
+        pairs=np.array(all_pairs, dtype=np.int64).reshape(-1, 2),
+        at_home=np.zeros(len(all_pairs)),
+    )
+    at_home = whole.distances(robot, robot.q_home)
+    overlapping = sum(d < 0.0 for d in _at_random(robot, whole, _POSTURES, _REACH))
+    nearest = np.min([*_at_random(robot, whole, _RANGE, 1.0)], axis=0)
+    kept = (at_home >= _LEAST_AT_HOME) & (nearest < _FAR)
+    kept &= overlapping <= _MOST * _POSTURES
+    apart = [sum(map(len, _joints_between(robot, joints[i], joints[j]))) for i, j in all_pairs]
+    kept &= (np.array(apart) > _FEW) | (nearest < -_SHALLOW)
+    return replace(whole, pairs=whole.pairs[kept], at_home=at_home[kept])
 
 
 def _at_random(
