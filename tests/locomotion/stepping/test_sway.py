@@ -9,6 +9,7 @@ import pytest
 from poise.apps.teleoperation import SCRIPTS, VELOCITY_TELEOP_PLANT, run_teleop
 from poise.errors import ConfigurationError
 from poise.locomotion import (
+    ComShifter,
     Mode,
     ScriptedDevice,
     StepTeleoperator,
@@ -16,9 +17,15 @@ from poise.locomotion import (
     WayPoint,
 )
 from poise.locomotion._stepping._biped import biped_of, leg_joints
+from poise.locomotion._stepping._com import ShifterDriver
 from poise.locomotion._stepping._sway import sway_growth, sway_stiffness
+from poise.robots import GRAVITY
 
 OMEGA = 3.5
+
+
+def shifter_of(kp=40.0, kd=None):
+    return ComShifter(GRAVITY / OMEGA**2, kp=kp, kd=kd)
 
 
 def scaled(robot):
@@ -80,19 +87,21 @@ def test_human_is_refused_and_would_not_stay_on_one_foot(get_robot):
 
 def test_stiff_servos_leave_the_pendulums_own_pole():
     parameters = TeleopParameters(servo_stiffness=1e6, servo_damping=1e5)
-    assert sway_growth(1e6, OMEGA, parameters) == pytest.approx(-OMEGA, rel=1e-3)
+    assert sway_growth(1e6, shifter_of(), parameters) == pytest.approx(-OMEGA, rel=1e-3)
 
 
-def test_sway_grows_as_the_difference_equations_do():
+@pytest.mark.parametrize(("kp", "kd"), [(40.0, None), (60.0, None), (40.0, 12.0)])
+def test_sway_grows_as_the_difference_equations_do(kp, kd):
     """The model marched on in steps of 0.1 ms, by itself."""
     parameters, stiffness = TeleopParameters(), 2.0 * OMEGA**2
     p, v, at, command = 0.01, 0.0, 0.0, 0.0
-    kd = parameters.kp / OMEGA + OMEGA
+    gains = shifter_of(kp, kd)
+    kd = kp / OMEGA + OMEGA if kd is None else kd
     damping = stiffness * parameters.servo_damping / parameters.servo_stiffness
     dt, peaks = 1e-4, []
     for _ in range(100_000):
         force = -stiffness * (p - at) - damping * (v - command)
-        wanted = -parameters.kp * p - kd * command + parameters.velocity_leak * (v - command)
+        wanted = -kp * p - kd * command + parameters.velocity_leak * (v - command)
         before = v
         v += dt * (OMEGA**2 * p + force)
         p += dt * v
@@ -100,20 +109,19 @@ def test_sway_grows_as_the_difference_equations_do():
         command += dt * wanted
         if before > 0.0 >= v:
             peaks.append(p)
-    period = 2.0 * np.pi / np.abs(frequency(stiffness, parameters))
+    period = 2.0 * np.pi / np.abs(frequency(stiffness, parameters, kp, kd))
     rate = np.log(peaks[-1] / peaks[-2]) / period
-    assert rate == pytest.approx(sway_growth(stiffness, OMEGA, parameters), rel=0.01)
+    assert rate == pytest.approx(sway_growth(stiffness, gains, parameters), rel=0.01)
 
 
-def frequency(stiffness, parameters):
+def frequency(stiffness, parameters, kp, kd):
     """Of the swing that grows [rad/s], from the characteristic polynomial."""
     k, d = stiffness, stiffness * parameters.servo_damping / parameters.servo_stiffness
-    kp, leak = parameters.kp, parameters.velocity_leak
-    kd = kp / OMEGA + OMEGA + leak
+    leak = parameters.velocity_leak
     plant, spring = np.poly1d([1.0, d, k - OMEGA**2]), np.poly1d([d, k])
     s = np.poly1d([1.0, 0.0])
-    # p (plant) = spring P, s P = V, V (s + kd) = (leak s - kp) p.
-    roots = (plant * s * (s + kd) - spring * (leak * s - kp)).roots
+    # p (plant) = spring P, s P = V, V (s + kd + leak) = (leak s - kp) p.
+    roots = (plant * s * (s + kd + leak) - spring * (leak * s - kp)).roots
     return roots[np.argmax(roots.real)].imag
 
 
@@ -139,3 +147,9 @@ def test_the_stiffness_is_that_of_springs_one_after_the_other(get_robot, foot):
     stiffness, weakest = sway_stiffness(biped, dynamics, foot, 70.0)
     assert stiffness == pytest.approx(1.0 / gives, rel=1e-5)
     assert weakest[1].endswith("ankle_roll")
+
+
+def test_a_drivers_own_gains_are_what_is_tried(get_robot):
+    robot, driver = get_robot("biped20"), ShifterDriver(ComShifter(0.765, kp=40.0, kd=0.5))
+    with pytest.raises(ConfigurationError, match="it would sway"):
+        StepTeleoperator(robot, actuation="velocity", driver=driver)

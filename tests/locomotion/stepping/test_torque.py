@@ -42,9 +42,9 @@ from poise.sim import Plant, SensorConfig, rollout
 HEIGHT, SOLE = 0.8, [(0.1, 0.05), (0.1, -0.05), (-0.1, -0.05), (-0.1, 0.05)]
 
 
-def asked(com, velocity, reference, mode=Mode.D):
+def asked(com, velocity, reference, mode=Mode.D, kd=None):
     """The feedback, and the CT-ZMP that it asks for."""
-    feedback = ComFeedback(ComShifter(HEIGHT), 0.002)
+    feedback = ComFeedback(ComShifter(HEIGHT, kd=kd), 0.002)
     support = drive(feedback, com, reference, mode, velocity)
     return feedback, feedback.cart_table_zmp(np.array(com)), support
 
@@ -59,10 +59,11 @@ def drive(feedback, com, reference, mode, velocity=(0.0, 0.0)):
     return support
 
 
-def test_near_its_reference_it_is_the_com_shifter():
+@pytest.mark.parametrize("kd", [None, 5.0, 25.0])
+def test_near_its_reference_it_is_the_com_shifter(kd):
     com, velocity, reference = (0.003, -0.002), (0.01, 0.008), (0.0, 0.001)
-    shifter = ComShifter(HEIGHT)
-    feedback, _, _ = asked(com, velocity, reference)
+    shifter = ComShifter(HEIGHT, kd=kd)
+    feedback, _, _ = asked(com, velocity, reference, kd=kd)
     expected = shifter.unlimited(np.array(reference), np.array(com), np.array(velocity))
     np.testing.assert_allclose(feedback.acceleration, expected, atol=1e-12)
 
@@ -81,10 +82,11 @@ def test_on_one_foot_it_may_lie_a_little_beside_the_sole():
     assert support.depth(tuple(zmp)) == pytest.approx(-0.02)
 
 
+@pytest.mark.parametrize("kd", [None, 14.0])
 @pytest.mark.parametrize("zmp", [(0.02, 0.01), (-0.05, 0.03)])
-def test_who_takes_over_goes_on_from_the_zmp_that_was_asked_for(zmp):
+def test_who_takes_over_goes_on_from_the_zmp_that_was_asked_for(zmp, kd):
     com, velocity, reference = (0.01, 0.005), (-0.02, 0.03), (0.0, -0.01)
-    feedback, own, support = asked(com, velocity, reference)
+    feedback, own, support = asked(com, velocity, reference, kd=kd)
     assert np.linalg.norm(own - zmp) > 0.02
     footing = Mock(spec=Footing, zmp_reference=np.array(reference), support=support)
     footing.dynamics = Mock(com=np.array([*com, HEIGHT]), com_velocity=np.array([*velocity, 0.0]))

@@ -12,7 +12,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from jaxtyping import Float64
 
-from poise.locomotion._pendulum import BodyRotator, ComShifter
+from poise.locomotion._pendulum import BodyRotator, ComShifter, pole_zero_damping
 from poise.locomotion._stepping._footing import Footing
 from poise.locomotion._stepping._parameters import TeleopParameters
 from poise.locomotion._stepping._reach import FootRange
@@ -319,8 +319,9 @@ counts for all, and in what time they are taken to be back after it [s]."""
 class ComFeedback:
     """The COM shifter (37) where accelerations are commanded: feedback on what is measured.
 
-    Under the gain rule its CT-ZMP is r + k_s (xi - r) with the divergent component xi. Far from
-    its reference that leaves the soles, where a limit on each axis by itself loses the direction:
+    Under the gain rule its CT-ZMP is r + k_s (xi - r) with the divergent component xi; what another
+    k_d than the rule's damps is added. Far from its reference that leaves the soles, where a limit
+    on each axis by itself loses the direction:
     the reference is taken a_lim / k_p ahead of xi, on the straight way, and the CT-ZMP to the
     nearest place that may be asked for, see `Footing.asked`. So a component that is about to leave
     the soles is braked first.
@@ -342,6 +343,8 @@ class ComFeedback:
         self.omega, self._dt = shifter.omega, dt
         self.borrowed = 0.0
         self._gain = 1.0 + shifter.kp / shifter.omega**2
+        rule = pole_zero_damping(shifter.kp, shifter.omega)
+        self._damping = (shifter.kd - rule) / shifter.omega**2
         self._ahead = shifter.acceleration_max / shifter.kp
         self.velocity: Float64[np.ndarray, "2"] = np.zeros(2)
         self.acceleration: Float64[np.ndarray, "2"] = np.zeros(2)
@@ -359,7 +362,7 @@ class ComFeedback:
         """
         com, velocity = footing.dynamics.com[:2], footing.dynamics.com_velocity[:2]
         capture = com + velocity / self.omega
-        begin = capture + (capture - zmp) / (self._gain - 1.0)
+        begin = capture + (capture + self._damping * velocity - zmp) / (self._gain - 1.0)
         x, y = (begin - footing.zmp_reference).tolist()
         self._offset = (x, y)
 
@@ -393,7 +396,8 @@ class ComFeedback:
         self._offset = off_x * kept, off_y * kept
         near = min(1.0, self._ahead / max(math.hypot(to_x, to_y), 1e-9))
         pull = near * (self._gain - 1.0)
-        zmp = footing.asked.nearest((x - pull * to_x, y - pull * to_y))
+        damp_x, damp_y = (self._damping * self.velocity).tolist()
+        zmp = footing.asked.nearest((x - pull * to_x + damp_x, y - pull * to_y + damp_y))
         beyond = footing.mode.single and footing.support.depth(zmp) < -_BEYOND
         change = self._dt / _BORROWING if beyond else -self._dt / _REPAYING
         self.borrowed = min(max(self.borrowed + change, 0.0), 1.0)

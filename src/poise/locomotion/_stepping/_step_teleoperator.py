@@ -139,7 +139,7 @@ class StepTeleoperator:
             driver = ShifterDriver(shifter)
         self.driver, self._rotator = driver, rotator
         if actuation == "velocity" and isinstance(driver, ShifterDriver):
-            check_sway(self._biped, self.estimator.dynamics, driver.omega, p)
+            check_sway(self._biped, self.estimator.dynamics, driver.shifter, p)
         self._reach = FootRange(robot, self.soles, p)
         servos = actuation == "velocity"
         self.hands = HandLeader(

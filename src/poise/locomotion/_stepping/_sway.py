@@ -7,7 +7,7 @@ from jaxtyping import Float64
 
 from poise.dynamics import Dynamics
 from poise.errors import ConfigurationError
-from poise.locomotion._pendulum import pole_zero_damping
+from poise.locomotion._pendulum import ComShifter
 from poise.locomotion._stepping._biped import Biped, leg_joints
 from poise.locomotion._stepping._parameters import TeleopParameters
 
@@ -49,7 +49,7 @@ def sway_stiffness(
     return 1.0 / gives.sum(axis=1), (first, second)
 
 
-def sway_growth(stiffness: float, omega: float, parameters: TeleopParameters) -> float:
+def sway_growth(stiffness: float, shifter: ComShifter, parameters: TeleopParameters) -> float:
     """How fast sway on one foot grows under the COM shifter; negative where it dies away [1/s].
 
     The COM p of mass m over a sole at rest is an inverted pendulum on the servos' spring. They
@@ -63,31 +63,31 @@ def sway_growth(stiffness: float, omega: float, parameters: TeleopParameters) ->
 
     Args:
         stiffness: k / m, K of `sway_stiffness` over the mass [1/s^2].
-        omega: sqrt(g / H) [1/s].
-        parameters: gains of shifter and servos.
+        shifter: its gains.
+        parameters: leak, and gains of the servos.
     """
     p = parameters
     damping = stiffness * p.servo_damping / p.servo_stiffness
-    kd, leak = pole_zero_damping(p.kp, omega), p.velocity_leak
+    leak = p.velocity_leak
     loop = np.array([
         [0.0, 1.0, 0.0, 0.0],
-        [omega**2 - stiffness, -damping, stiffness, damping],
+        [shifter.omega**2 - stiffness, -damping, stiffness, damping],
         [0.0, 0.0, 0.0, 1.0],
-        [-p.kp, leak, 0.0, -kd - leak],
+        [-shifter.kp, leak, 0.0, -shifter.kd - leak],
     ])  # fmt: skip
     return float(np.linalg.eigvals(loop).real.max())
 
 
 def check_sway(
-    biped: Biped, dynamics: Dynamics, omega: float, parameters: TeleopParameters
+    biped: Biped, dynamics: Dynamics, shifter: ComShifter, parameters: TeleopParameters
 ) -> None:
     """Refuses a robot that the COM shifter would throw over through servos that are too soft.
 
     Args:
         biped: the robot.
         dynamics: where it starts.
-        omega: sqrt(g / H) [1/s].
-        parameters: gains of shifter and servos.
+        shifter: that is to move the COM.
+        parameters: leak, and gains of the servos.
 
     Raises:
         ConfigurationError: sway on one foot grows.
@@ -96,7 +96,7 @@ def check_sway(
     for foot, sole in enumerate(biped.soles):
         stiffnesses, weakest = sway_stiffness(biped, dynamics, foot, p.servo_stiffness)
         for way, stiffness, joint in zip(_WAYS, stiffnesses / robot.mass, weakest, strict=True):
-            growth = sway_growth(float(stiffness), omega, p)
+            growth, omega = sway_growth(float(stiffness), shifter, p), shifter.omega
             if growth > _GROWTH_MAX:
                 torque = float(robot.tau_max[robot.joint_names.index(joint)])
                 raise ConfigurationError(
