@@ -513,6 +513,25 @@ def test_readings_beyond_all_bounds_do_not_spoil_it_for_good(walked, force):
     assert tilt[-1] < math.radians(1.0)
 
 
+def test_numbers_that_are_no_longer_sound_begin_anew_where_it_last_was(walked):
+    """On a block of 0.3 m, of which it was not told."""
+    robot, measured, truths = walked
+    estimator = StateEstimator(robot, q_start=truths[0].q)
+    estimator.start(measured[:50])
+    estimator.filter.position[2] += 0.3
+    before = estimator.update(measured[50])
+    estimator.filter.velocity[:] = np.nan
+    after = estimator.update(measured[51])
+    assert estimator.status is EstimatorStatus.RESTARTED
+    np.testing.assert_allclose(after.q[:3], before.q[:3], atol=1e-3)
+    assert np.isfinite(estimator.update(measured[52]).q).all()
+    assert estimator.status.ok
+    # And from the beginning after a reset.
+    estimator.reset()
+    estimator.start(measured[:50])
+    np.testing.assert_allclose(estimator.update(measured[50]).q[:3], truths[50].q[:3], atol=5e-3)
+
+
 def test_what_cannot_be_estimated_is_refused(get_robot):
     with pytest.raises(ConfigurationError, match="fixed base"):
         StateEstimator(get_robot("arm6"))

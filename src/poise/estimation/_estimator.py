@@ -119,7 +119,7 @@ class StateEstimator:
         self.status = EstimatorStatus.OK
         self._speeds: Float64[np.ndarray, " nj"] | None = None
         self._last: RobotState | None = None
-        self._last_position: Float64[np.ndarray, "2"] | None = None
+        self._last_position: Float64[np.ndarray, "3"] | None = None
         self._reading: SensorReadings | None = None
         self._contacts.reset()
         self._observer.reset()
@@ -142,7 +142,8 @@ class StateEstimator:
         """Starts from measurements of the robot standing still.
 
         The mean specific force says which way is up, and where there are some twenty samples the
-        mean angular velocity is the gyro's bias. Whatever is of no use is passed over.
+        mean angular velocity is the gyro's bias. Whatever is of no use is passed over. It begins
+        where it last was, and after `reset` at `q_start`, its soles on `EstimatorConfig.ground`.
 
         Args:
             states: as measured, the last one being now.
@@ -248,14 +249,14 @@ class StateEstimator:
         world_R_base: Float64[np.ndarray, "3 3"],
         gyro_bias: Float64[np.ndarray, "3"] | None,
     ) -> None:
-        """At rest, on the soles."""
+        """At rest, where it last was, or else on its soles."""
         self._kinematics.look(state.q[7:], state.v[6:])
         R = world_R_base @ self._base_R_unit
-        position = self._q_start[:3] + world_R_base @ self._base_p_unit
-        lowest = min(float(R[2] @ sole.offset) for sole in self._kinematics.soles)
-        position[2] = self.config.ground - lowest
-        if self._last_position is not None:
-            position[:2] = self._last_position
+        position = self._last_position
+        if position is None:
+            position = self._q_start[:3] + world_R_base @ self._base_p_unit
+            lowest = min(float(R[2] @ sole.offset) for sole in self._kinematics.soles)
+            position[2] = self.config.ground - lowest
         self.filter.start(R, position, gyro_bias=gyro_bias, deviation=self.config.start)
         self._started = True
         self.wrenches = felt_by(state)
@@ -272,7 +273,7 @@ class StateEstimator:
         v[:3] = world_R_base.T.dot(f.velocity) + self._lever.dot(v[3:6])
         if self._speeds is not None:
             v[6:] = self._speeds
-        self._last_position = f.position[:2].copy()
+        self._last_position = f.position.copy()
         self._last = RobotState(q, v, state.contacts, state.time, state.readings)
         return self._last if self.payload is None else self.payload.update(self._last)
 
