@@ -71,6 +71,37 @@ def test_lengths_are_scaled_and_nothing_else(staged):
     assert replace(half.pushes[0], velocity_change=(0.1, 0.0, 0.0)) == written.pushes[0]
 
 
+BY_HAND = """
+name: s
+robot: biped20
+controller: step_teleoperation
+reference_com_height: {height}
+duration: 6.0
+plant:
+  control_dt: 0.005
+  payloads: [{{frame: torso, mass: 2.0, offset: [0.1, 0.0, 0.2], radius: 0.08}}]
+devices:
+  points:
+    - {{at: 1.0, left: [0.2, 0.0, 0.1], left_hand: [0.1, 0.0, 0.2], left_turn: [0.3, 0.0, 0.0]}}
+    - {{at: 2.0, right: [0.0, -0.1, 0.05], head: [0.0, 0.2, 0.0]}}
+"""
+
+
+def test_places_of_devices_and_payloads_are_scaled_turns_and_masses_are_not(get_robot):
+    height = com_height(get_robot("biped20"))
+    text = BY_HAND.format(height=2.0 * height)
+    scenario = stage_scenario(parse_scenario(text, "s.yaml")).scenario
+    first, second = scenario.devices.points
+    assert first.left == pytest.approx((0.1, 0.0, 0.05))
+    assert first.left_hand == pytest.approx((0.05, 0.0, 0.1))
+    assert (first.at, first.left_turn, first.right) == (1.0, (0.3, 0.0, 0.0), None)
+    assert second.right == pytest.approx((0.0, -0.05, 0.025))
+    assert second.head == (0.0, 0.2, 0.0)
+    (payload,) = scenario.plant.payloads
+    assert (payload.mass, payload.radius) == (2.0, pytest.approx(0.04))
+    assert payload.offset == pytest.approx((0.05, 0.0, 0.1))
+
+
 def test_bounds_in_metres_are_scaled_and_others_stay(staged):
     half, written = staged
     ratios = [a.bound / b.bound for a, b in zip(half.checks, written.checks, strict=True)]

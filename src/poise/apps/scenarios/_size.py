@@ -6,12 +6,13 @@ from dataclasses import fields, replace
 import numpy as np
 import pinocchio as pin
 
+from poise.apps.scenarios._by_hand import DevicePlan
 from poise.apps.scenarios._drive_plan import DrivePlan
 from poise.apps.scenarios._metrics import METRICS
 from poise.apps.scenarios._scenario import CheckPlan, Motion, PushPlan, Scenario, WalkPlan
-from poise.locomotion import Gait, Stride
+from poise.locomotion import Gait, Stride, WayPoint
 from poise.robots import Robot
-from poise.sim import Block
+from poise.sim import Block, PlantConfig
 from poise.stack import Stack
 
 _SAME = 1e-3
@@ -38,6 +39,9 @@ def size_ratio(scenario: Scenario, robot: Robot) -> float:
 _HANDS = ("left_hand", "right_hand")
 """What descriptions call hands."""
 
+_PLACES = ("left", "right", *_HANDS)
+"""What of a way-point is a place, and no turn."""
+
 
 def without_hands(scenario: Scenario, robot: Robot) -> Scenario:
     """The scenario less what hands do in it, where the robot has none.
@@ -59,8 +63,9 @@ def without_hands(scenario: Scenario, robot: Robot) -> Scenario:
 
 
 def sized(scenario: Scenario, ratio: float) -> Scenario:
-    """The scenario with its lengths scaled: motions, strides, the gait, blocks; not its checks.
+    """The scenario with its lengths scaled; not its checks.
 
+    Lengths are those of motions, strides, the gait, blocks and payloads, and places of devices.
     Changes of speed are scaled by the root of the ratio: a pendulum c high takes an equal share of
     its height to brake v = share sqrt(g c). Times, angles, forces and what is given by the arm's
     length stay.
@@ -71,12 +76,12 @@ def sized(scenario: Scenario, ratio: float) -> Scenario:
     """
     if ratio == 1.0:
         return scenario
-    blocks = tuple(_block(block, ratio) for block in scenario.plant.blocks)
     return replace(
         scenario,
-        plant=replace(scenario.plant, blocks=blocks),
+        plant=_plant(scenario.plant, ratio),
         walk=None if scenario.walk is None else _walk(scenario.walk, ratio),
         drive=None if scenario.drive is None else _drive(scenario.drive, ratio),
+        devices=None if scenario.devices is None else _devices(scenario.devices, ratio),
         motions=tuple(_motion(motion, ratio) for motion in scenario.motions),
         pushes=tuple(_push(push, math.sqrt(ratio)) for push in scenario.pushes),
     )
@@ -101,6 +106,22 @@ def sized_checks(
         else check
         for check in checks
     )
+
+
+def _plant(plant: PlantConfig, ratio: float) -> PlantConfig:
+    return replace(
+        plant,
+        blocks=tuple(_block(block, ratio) for block in plant.blocks),
+        payloads=tuple(
+            replace(load, offset=_scaled(load.offset, ratio), radius=ratio * load.radius)
+            for load in plant.payloads
+        ),
+    )
+
+
+def _scaled(place: tuple[float, float, float], ratio: float) -> tuple[float, float, float]:
+    x, y, z = place
+    return ratio * x, ratio * y, ratio * z
 
 
 def _block(block: Block, ratio: float) -> Block:
@@ -131,6 +152,18 @@ def _drive(drive: DrivePlan, ratio: float) -> DrivePlan:
     return replace(drive, velocities=tuple(velocities), gait=gait)
 
 
+def _devices(devices: DevicePlan, ratio: float) -> DevicePlan:
+    return replace(devices, points=tuple(_way_point(point, ratio) for point in devices.points))
+
+
+def _way_point(point: WayPoint, ratio: float) -> WayPoint:
+    places = {name: getattr(point, name) for name in _PLACES}
+    return replace(
+        point,
+        **{name: _scaled(place, ratio) for name, place in places.items() if place is not None},
+    )
+
+
 def _stride(stride: Stride, ratio: float) -> Stride:
     return replace(stride, length=ratio * stride.length, sideways=ratio * stride.sideways)
 
@@ -155,8 +188,7 @@ def _motion(motion: Motion, ratio: float) -> Motion:
 def _push(push: PushPlan, ratio: float) -> PushPlan:
     if push.velocity_change is None:
         return push
-    x, y, z = push.velocity_change
-    return replace(push, velocity_change=(ratio * x, ratio * y, ratio * z))
+    return replace(push, velocity_change=_scaled(push.velocity_change, ratio))
 
 
 def _check(check: CheckPlan, ratio: float) -> CheckPlan:
