@@ -46,6 +46,15 @@ def checked_number(value: float, what: str, *, above: float | None = None) -> fl
     return number
 
 
+def checked_time_limit(seconds: float | None) -> float | None:
+    """A cap on the time of a solve [s]; None for none.
+
+    Raises:
+        ConfigurationError: it is no positive number.
+    """
+    return None if seconds is None else checked_number(seconds, "time_limit [s]", above=0.0)
+
+
 def checked_count(value: object, what: str) -> int:
     """A whole number, not negative, as a seed or the number of a tick is.
 

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from unchecked import run_unchecked
 
 from poise.errors import ConfigurationError, ProblemError, UnknownNameError
 from poise.hqp import (
@@ -41,7 +42,18 @@ BAD = {
     "H with NaN": (lambda: problem(H=[[1.0, np.nan], [0.0, 1.0]]), "H is not finite"),
     "H not symmetric": (lambda: problem(H=[[1.0, 1.0], [0.0, 1.0]]), "not symmetric"),
     "H indefinite": (lambda: problem(H=-I2), "semidefinite"),
-    "cost without a minimum": (lambda: problem(H=0 * I2, g=[1.0, 0.0]), "no minimum"),
+    "cost without a minimum": (
+        lambda: HierarchicalProblem([Level([[0.0, 1.0]], 0, 1)], H=0 * I2, g=[1.0, 0.0]),
+        "no minimum",
+    ),
+    "cost that falls away from a bound": (
+        lambda: HierarchicalProblem([Level(I2, -np.inf, 1.0)], H=0 * I2, g=[1.0, 0.0]),
+        "no minimum",
+    ),
+    "nothing that curves beside a bound": (
+        lambda: problem(H=0 * I2, g=[1.0, 0.0], x_lower=-1.0),
+        "no minimum",
+    ),
     "g infinite": (lambda: problem(g=[np.inf, 0.0]), "g is not finite"),
     "g of the wrong shape": (lambda: problem(g=[1.0, 2.0, 3.0]), "g has the wrong shape"),
     "x bounds cross": (lambda: problem(x_lower=1.0, x_upper=0.0), "bounds of x cross"),
@@ -118,3 +130,37 @@ def test_unknown_names_list_the_choices():
 def test_a_ratio_of_one_is_refused():
     with pytest.raises(ConfigurationError, match="ratio"):
         WeightedSolver(ratio=1.0)
+
+
+@pytest.mark.parametrize("strategy", ["direct", "cascade", "weighted"])
+@pytest.mark.parametrize("limit", [0.0, -1.0, np.nan])
+def test_a_time_limit_that_cannot_be_is_refused_by_all(strategy, limit):
+    with pytest.raises(ConfigurationError, match="time_limit"):
+        make_solver(strategy, time_limit=limit)
+
+
+def test_no_row_has_a_number_below_zero():
+    with pytest.raises(ProblemError, match="no such row"):
+        problem().label(-1)
+
+
+LABELS = """
+import json
+import numpy as np
+from poise.errors import ProblemError
+from poise.hqp import Level
+
+said = []
+for labels in (["a", "b"], ["a1", "b1"], 5):
+    try:
+        Level(np.eye(2), 0.0, 1.0, labels=labels)
+    except ProblemError as error:
+        said.append(str(error))
+print(json.dumps(said))
+"""
+
+
+def test_labels_that_are_no_pairs_are_refused():
+    said = run_unchecked(LABELS)
+    assert len(said) == 3
+    assert all("labels of a level" in one and "sum to 2" in one for one in said)

@@ -1,6 +1,7 @@
 import numpy as np
+import pytest
 
-from poise.hqp import HierarchicalProblem, Level, solve
+from poise.hqp import HierarchicalProblem, Level, LexicographicSolver, make_solver, solve
 
 
 def robot_in_a_corner():
@@ -51,3 +52,29 @@ def test_simple_bounds_are_named():
     problem = HierarchicalProblem([Level([[1.0]], 5.0, 5.0, labels="reach")], x_upper=1.0)
     conflicts = solve(problem).conflicts(problem)
     assert {c.label for c in conflicts} == {"reach", "bounds on x"}
+
+
+@pytest.mark.parametrize(
+    "solver", [LexicographicSolver(max_changes=1), make_solver("cascade", time_limit=1e-9)]
+)
+def test_what_is_only_not_met_yet_is_not_said_to_be_impossible(solver):
+    rng = np.random.default_rng(5)
+    A, x = rng.normal(size=(12, 8)), rng.normal(size=8)
+    levels = [Level(A, A @ x - 0.1, A @ x + 0.1, labels="limits"), Level(np.eye(8), x, x)]
+    problem = HierarchicalProblem(levels)
+    assert solve(problem).ok
+    solution = solver.solve(problem)
+    assert not solution.ok
+    text = solution.explain(problem)
+    assert "are not met" in text
+    assert "'limits' misses" in text
+    assert "cannot" not in text
+    assert "by itself" not in text
+
+
+def test_where_levels_are_only_weighted_nothing_is_proven():
+    levels = [Level([[1.0, 0.0]], 0.0, 0.0, labels="A"), Level([[1.0, 0.0]], 2.0, 2.0, labels="B")]
+    problem = HierarchicalProblem(levels)
+    text = make_solver("weighted").solve(problem).explain(problem)
+    assert text.startswith("optimal: 2 rows are not met")
+    assert "by itself" not in text

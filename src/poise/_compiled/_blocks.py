@@ -124,6 +124,13 @@ class Block(metaclass=_BlockMeta):
         self.address = _address(self.table)
         _LIVE[self.address] = self
 
+    def __reduce_ex__(self, protocol: object) -> Any:
+        # A copy would go on to the addresses of the original, which may be gone by then.
+        raise TypeError(
+            f"{type(self).__name__} lies where compiled functions know it: what holds it, such as "
+            "a solver, a controller or an estimator, is neither copied nor pickled; make another"
+        )
+
     def arrays(self) -> dict[str, Any]:
         """Its own arrays by name, without those of the blocks in it."""
         return {name: getattr(self, name) for name, f in self.fields.items() if f.kind == "array"}

@@ -19,6 +19,7 @@ import scipy.linalg
 import scipy.optimize
 from jaxtyping import Bool, Float64, Int
 
+from poise._checks import checked_time_limit
 from poise.hqp._backends import QP, make_backend
 from poise.hqp._measure import measure_point, row_sizes
 from poise.hqp._problem import HierarchicalProblem, is_sound
@@ -138,7 +139,7 @@ class CascadeSolver(KeepsSolution):
 
     def __init__(self, backend: str = "daqp", time_limit: float | None = None) -> None:
         self.backend = backend
-        self.time_limit = time_limit
+        self.time_limit = checked_time_limit(time_limit)
         self.name = f"cascade/{backend}"
         self._solve_qp = make_backend(backend)
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from operator import index
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,10 @@ Numbers = np.ndarray | Sequence[Any] | float | int
 
 Labels = str | Sequence[tuple[str, int]]
 """One name for all rows, or (name, number of rows) pairs that add up to the rows."""
+
+
+_STORED = ("A", "lower", "upper", "weights", "H", "g")
+"""What a problem's numbers are, by name."""
 
 
 class Level:
@@ -85,7 +90,8 @@ class HierarchicalProblem:
     Level by level, with every earlier level's optimal slack held, `|W w_i|^2` is minimal subject
     to `l_i - w_i <= A_i x <= u_i + w_i`. Storage is stacked and contiguous; `problem.lower`,
     `upper` and `weights` have the n simple bounds on x first and the rows of all levels after
-    them, and `row_index` counts in the same order.
+    them, and `row_index` counts in the same order. Arrays are filled, never replaced: solvers keep
+    them.
 
     Args:
         levels: at least one `Level`, highest priority first, all with the same number of variables.
@@ -98,6 +104,8 @@ class HierarchicalProblem:
     Raises:
         ProblemError: anything that cannot be right, see `Level`.
     """
+
+    levels: tuple[LevelView, ...]
 
     def __init__(
         self,
@@ -231,6 +239,28 @@ class HierarchicalProblem:
             )
         self.levels = tuple(views)
 
+    def __setattr__(self, name: str, value: object) -> None:
+        # Adding in place comes by here, too, with the array that is there.
+        if getattr(self, name, value) is not value:
+            raise AttributeError(
+                f"{name} of a problem is filled, not replaced: problem.{name}[:] = ..."
+            )
+        super().__setattr__(name, value)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What a copy is made of, here or in another process: its levels are views of its own."""
+        rows = [view.A.shape[0] for view in self.levels]
+        sizes = (self.n, rows, [view.name for view in self.levels], self.bounds_level)
+        arrays = {name: getattr(self, name).copy() for name in _STORED}
+        return {"sizes": sizes, "labels": list(self.labels), "arrays": arrays}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        n, rows, names, bounds_level = state["sizes"]
+        self._allocate(n, rows, names, [[] for _ in rows], bounds_level)
+        self.labels += state["labels"][1:]
+        for name, array in state["arrays"].items():
+            getattr(self, name)[:] = array
+
     def level(self, index: int) -> LevelView:
         """Return writable views of level `index`, highest priority 0."""
         return self.levels[index]
@@ -255,7 +285,7 @@ class HierarchicalProblem:
         """Return the label of a stacked row: the first n are the simple bounds."""
         left = row_index
         for name, count in self.labels:
-            if left < count:
+            if 0 <= left < count:
                 return name
             left -= count
         raise ProblemError("no such row", got=row_index, wanted=f"0 to {self.n + self.m - 1}")
@@ -294,7 +324,7 @@ class HierarchicalProblem:
         _check_bound(self.x_lower, self.n, "x_lower")
         _check_bound(self.x_upper, self.n, "x_upper")
         _check_order(self.x_lower, self.x_upper, "x")
-        _check_cost(self.H, self.g)
+        _check_cost(self)
 
 
 def is_sound(problem: HierarchicalProblem) -> bool:
@@ -321,28 +351,52 @@ def _sized(
     return matrix
 
 
-def _check_cost(H: Float64[np.ndarray, "n n"], g: Float64[np.ndarray, " n"]) -> None:
+def _check_cost(problem: HierarchicalProblem) -> None:
+    H, g = problem.H, problem.g
     _check_matrix(H, "H")
     if not np.isfinite(g).all():
         raise ProblemError("g is not finite", got=g, wanted="finite coefficients")
     size = float(np.abs(H).max())
     if float(np.abs(H - H.T).max()) > SYMMETRY_TOLERANCE * size:
         raise ProblemError("H is not symmetric", got=H, wanted="H == H^T")
-    smallest = float(np.linalg.eigvalsh(H)[0])
-    if smallest < -DEFINITENESS_TOLERANCE * size:
+    values, vectors = np.linalg.eigh(H)
+    if values[0] < -DEFINITENESS_TOLERANCE * size:
         raise ProblemError(
-            "H is not positive semidefinite", got=smallest, wanted="eigenvalues >= 0"
+            "H is not positive semidefinite", got=float(values[0]), wanted="eigenvalues >= 0"
         )
-    kernel_tolerance = DEFINITENESS_TOLERANCE * size
-    if smallest <= kernel_tolerance:
-        values, vectors = np.linalg.eigh(H)
-        kernel = vectors[:, values <= kernel_tolerance]
-        if float(np.abs(kernel.T @ g).max()) > RANGE_TOLERANCE * max(1.0, float(np.abs(g).max())):
-            raise ProblemError(
-                "g falls along a direction that H does not curve: the final cost has no minimum",
-                got=g,
-                wanted="g in the range of H",
-            )
+    flat = vectors[:, values <= DEFINITENESS_TOLERANCE * size]
+    if flat.shape[1] and _falls_for_ever(problem, flat):
+        raise ProblemError(
+            "g falls along a direction that neither H nor a level holds: the final cost has no "
+            "minimum",
+            got=g,
+            wanted="g in the range of H, or bounds where it falls",
+        )
+
+
+def _falls_for_ever(problem: HierarchicalProblem, flat: Float64[np.ndarray, "n k"]) -> bool:
+    """Whether the final cost falls along a direction in which no bound and no row ever ends.
+
+    Strategies go to the end of such a direction by what curves elsewhere: where nothing does, only
+    equalities hold it.
+
+    Args:
+        problem: with a final cost.
+        flat: directions along which H does not curve, orthonormal.
+    """
+    slope = problem.g @ flat
+    least = RANGE_TOLERANCE * max(1.0, float(np.abs(problem.g).max()))
+    if float(np.abs(slope).max()) <= least:
+        return False
+    # scipy takes a tenth of a second to import, which few problems need.
+    from scipy.optimize import linprog
+
+    rows = np.vstack([flat, problem.A @ flat])
+    held = problem.equality if not problem.H.any() else np.ones(len(rows), dtype=np.bool_)
+    above, below = held & np.isfinite(problem.upper), held & np.isfinite(problem.lower)
+    ends = np.vstack([rows[above], -rows[below]])
+    found = linprog(slope, A_ub=ends, b_ub=np.zeros(len(ends)), bounds=(-1.0, 1.0))
+    return bool(found.fun < -least)
 
 
 def _check_matrix(values: Numbers, what: str) -> Float64[np.ndarray, "m n"]:
@@ -411,11 +465,13 @@ def _expand_labels(labels: Labels | None, rows: int, default: str) -> list[tuple
         return [(default, rows)]
     if isinstance(labels, str):
         return [(labels, rows)]
-    pairs = [(str(label), int(count)) for label, count in labels]
+    wanted = f"a text, or (text, number of rows) pairs that sum to {rows}"
+    try:
+        pairs = [(str(label), index(count)) for label, count in labels]
+    except (TypeError, ValueError) as error:
+        raise ProblemError("labels of a level", got=labels, wanted=wanted) from error
     if any(count < 0 for _, count in pairs) or sum(count for _, count in pairs) != rows:
-        raise ProblemError(
-            "labels do not add up to the rows", got=pairs, wanted=f"counts that sum to {rows}"
-        )
+        raise ProblemError("labels do not add up to the rows", got=pairs, wanted=wanted)
     return pairs
 
 

@@ -34,9 +34,12 @@ class SolveStatus(Enum):
         return self is SolveStatus.OPTIMAL
 
 
+_CANNOT, _ARE_NOT = "cannot be met", "are not met"
+
+
 @dataclass(frozen=True, slots=True)
 class Conflict:
-    """One row that could not be met.
+    """One row that is not met; at an optimum of strict levels, one that could not be.
 
     Attributes:
         label: the task or limit the row comes from.
@@ -69,6 +72,7 @@ class Solution:
             is zero; positive at an upper bound, negative at a lower one. None where the strategy
             has none. Rows that a level had to give up count as equalities here.
         strategy: name of the strategy, with the backend after a slash where there is one.
+        strict: whether the strategy holds each level's optimum, and does not only weigh levels.
         relaxed: whether something had to give.
         iterations: solver iterations, all QPs together.
         timings: seconds by phase; "total" is the whole solve.
@@ -81,6 +85,7 @@ class Solution:
     relative_residuals: Float64[np.ndarray, " p"]
     multipliers: Float64[np.ndarray, " nm"] | None = None
     strategy: str = ""
+    strict: bool = True
     relaxed: bool = False
     iterations: int = 0
     timings: dict[str, float] = field(default_factory=dict)
@@ -132,14 +137,16 @@ class Solution:
         conflicts = self.conflicts(problem)
         if not conflicts:
             return f"{self.status.value}: every row of every level is met"
-        lines = [f"{self.status.value}: {len(conflicts)} rows cannot be met"]
+        # Only an optimum, level by level, shows that a row that is missed has to be.
+        proven = self.ok and self.strict
+        lines = [f"{self.status.value}: {len(conflicts)} rows {_CANNOT if proven else _ARE_NOT}"]
         groups: dict[tuple[int, str], list[Conflict]] = {}
         for conflict in conflicts:
             groups.setdefault((conflict.level, conflict.label), []).append(conflict)
         for (level, label), rows in groups.items():
             number = level + 1 - sum(other < level for other in unnumbered)
             which = "level without a number" if level in unnumbered else f"level {number}"
-            lines.append(f"  {which} ({problem.level(level).name}): {_say(label, rows)}")
+            lines.append(f"  {which} ({problem.level(level).name}): {_say(label, rows, proven)}")
         return "\n".join(lines)
 
     def certify(self, problem: HierarchicalProblem) -> Certificate:
@@ -272,11 +279,12 @@ def _by_strength(problem: HierarchicalProblem, forces: Float64[np.ndarray, " nm"
     return [name for name, force in ordered if force > least]
 
 
-def _say(label: str, rows: list[Conflict]) -> str:
-    """How far the rows of a label miss, and against what."""
+def _say(label: str, rows: list[Conflict], proven: bool) -> str:
+    """How far the rows of a label miss, and against what; nobody knows where that is not proven."""
     worst = max(rows, key=lambda conflict: abs(conflict.violation))
     opponents = list(dict.fromkeys(name for c in rows for name in c.conflicting_with))
     against = f", against {', '.join(opponents)}" if opponents else ", by itself"
+    against = against if proven else ""
     side = "above" if worst.violation > 0.0 else "below"
     return (
         f"{label!r} misses {len(rows)} of its rows, by up to {abs(worst.violation):.3g} {side} "

@@ -14,6 +14,7 @@ from time import perf_counter
 import numpy as np
 from jaxtyping import Float64
 
+from poise._checks import checked_time_limit
 from poise.errors import ConfigurationError
 from poise.hqp._backends import QP, make_backend
 from poise.hqp._measure import measure_point
@@ -42,7 +43,8 @@ class WeightedSolver(KeepsSolution):
     ) -> None:
         if not 1.0 < ratio < np.inf:
             raise ConfigurationError("not a ratio of priorities", got=ratio, wanted="1 < ratio")
-        self.backend, self.ratio, self.time_limit = backend, ratio, time_limit
+        self.backend, self.ratio = backend, ratio
+        self.time_limit = checked_time_limit(time_limit)
         self.name = f"weighted/{backend}"
         self._solve_qp = make_backend(backend)
 
@@ -74,6 +76,7 @@ class WeightedSolver(KeepsSolution):
             residuals=measure.residuals,
             relative_residuals=measure.relative,
             strategy=self.name,
+            strict=False,
             relaxed=bool((measure.relative > MET_TOLERANCE).any()),
             timings={"total": perf_counter() - start},
         )

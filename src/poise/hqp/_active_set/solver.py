@@ -5,6 +5,7 @@ from time import perf_counter
 import numpy as np
 from jaxtyping import Float64, Int64
 
+from poise._checks import checked_time_limit
 from poise._compiled import say_if_slow
 from poise.errors import ConfigurationError, ProblemError
 from poise.hqp._active_set.search import CONVERGED, LOST, UNFINISHED, UNSOUND, search
@@ -59,11 +60,9 @@ class LexicographicSolver:
         damping: Numbers = 0.0,
     ) -> None:
         self._asked_damping = _check_damping(damping)
-        if time_limit is not None and not time_limit > 0.0:
-            raise ConfigurationError("time_limit must be positive", got=time_limit, wanted="> 0 s")
         if max_changes is not None and max_changes < 1:
             raise ConfigurationError("max_changes must be positive", got=max_changes, wanted=">= 1")
-        self.time_limit = time_limit
+        self.time_limit = checked_time_limit(time_limit)
         self._max_changes = max_changes
         self._shape: tuple[int, ...] = ()
         self._fitted: HierarchicalProblem | None = None
