@@ -127,3 +127,15 @@ def test_no_robot_loses_all_of_its_mass(get_robot):
     state = RobotState(robot.q_home, np.zeros(robot.nv))
     dynamics.update(carrying(state, Payload(-2.0 * robot.mass, np.zeros(3))))
     assert np.linalg.eigvalsh(dynamics.M)[0] > 0.0
+
+
+def test_whoever_says_what_is_carried_may_write_over_it(get_robot):
+    robot, offset = get_robot("humanoid33"), np.array([0.01, 0.0, 0.0])
+    payload, dynamics = Payload(5.0, offset), Dynamics(robot)
+    state = near_home(robot, 3)
+    dynamics.update(carrying(state, payload))
+    com = dynamics.com.copy()
+    offset[:] = np.nan
+    dynamics.update(state)
+    dynamics.update(carrying(state, payload))
+    np.testing.assert_array_equal(dynamics.com, com)

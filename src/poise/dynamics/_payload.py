@@ -38,17 +38,23 @@ class Payload:
     held: Float64[np.ndarray, " h"] = field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self) -> None:
-        offset = np.asarray(self.offset, dtype=np.float64)
-        held = np.asarray(self.held, dtype=np.float64)
-        body = math.isfinite(self.mass) and offset.shape == (3,) and np.isfinite(offset).all()
+        try:
+            # The caller may write over what was given.
+            offset = np.array(self.offset, dtype=np.float64)
+            held = np.array(self.held, dtype=np.float64)
+            finite = math.isfinite(self.mass) and bool(np.isfinite(offset).all())
+        except (TypeError, ValueError):
+            offset, held, finite = np.zeros(3), np.zeros(0), False
         # Written so that NaN fails.
-        if not (body and held.ndim == 1 and np.all((held >= 0.0) & (held < np.inf))):
+        fits = finite and offset.shape == (3,) and held.ndim == 1
+        if not (fits and np.all((held >= 0.0) & (held < np.inf))):
             raise ConfigurationError(
                 "payload of a robot",
                 got=(self.mass, self.offset, self.held),
                 wanted="a finite mass [kg], three finite numbers [m], and no negative mass in a "
                 "hand [kg]",
             )
+        offset.flags.writeable = held.flags.writeable = False
         object.__setattr__(self, "offset", offset)
         object.__setattr__(self, "held", held)
 
