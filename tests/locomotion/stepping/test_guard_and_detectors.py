@@ -366,6 +366,14 @@ def test_a_lift_is_a_rising_edge_with_hysteresis():
     assert [i for i, event in enumerate(events) if event] == [5, 10]
 
 
+@pytest.mark.parametrize(("rests", "lifts"), [(0.011, True), (0.019, True), (0.021, False)])
+def test_a_device_that_rests_a_little_above_a_foot_that_has_settled_is_not_up(rests, lifts):
+    lift = LiftDetector(TeleopParameters(lift_height=0.02, lower_height=0.01))
+    lift.reset(rests)
+    assert not lift.update(rests)
+    assert lift.update(0.06) == lifts
+
+
 def test_landing_is_armed_by_a_foot_without_load():
     landing = LandingDetector(TeleopParameters(), 640.0)
     assert not any(landing.update(300.0, lifting=False) for _ in range(50))

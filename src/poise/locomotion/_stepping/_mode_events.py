@@ -43,8 +43,11 @@ class LiftDetector:
         return height < self._lower
 
     def reset(self, height: float) -> None:
-        """Starts over: a device that is up now has to come down first."""
-        self._up = height > self._lower
+        """Starts over: a device that is up now has to come down first.
+
+        One that is neither up nor down is not up: its foot may have settled below where it rests.
+        """
+        self._up = height > self._lift
 
 
 class LandingDetector:
