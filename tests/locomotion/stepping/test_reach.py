@@ -190,6 +190,38 @@ def test_a_foot_stays_on_its_side_and_within_a_step(get_robot, foot):
     assert sent(-0.8, 0.27)[0] >= -0.3 - 1e-12
 
 
+GRID = np.stack(np.meshgrid(np.linspace(-0.5, 0.5, 61), np.linspace(-0.5, 0.5, 61)), axis=-1)
+
+
+def overlap(sole, place, turns):
+    """Whether any of many points of a sole at a place lies inside the other one, at the origin."""
+    (c, s), (c_other, s_other) = ((np.cos(turn), np.sin(turn)) for turn in turns)
+    points = GRID * [sole.length, sole.width] @ np.array([[c, s], [-s, c]]) + place
+    points = points @ np.array([[c_other, -s_other], [s_other, c_other]])
+    half = 0.5 * np.array([sole.length, sole.width])
+    return bool((np.abs(points) < half).all(axis=-1).any())
+
+
+@pytest.mark.parametrize("foot", [0, 1])
+def test_soles_that_are_turned_come_no_nearer_than_their_edges_are_clear(get_robot, foot):
+    robot = get_robot("biped20")
+    reach, dynamics = range_of(robot), bent(robot, -0.5, 1.0, -0.5)
+    support, hip = soles_of(dynamics)[1 - foot], reach.hip(foot, dynamics)
+    sole, side = next(iter(robot.soles.values())), 1.0 - 2.0 * foot
+    least = sole.width + TeleopParameters().feet_gap
+    rng, wider = np.random.default_rng(4), 0
+    for _ in range(60):
+        turns, ahead = tuple(rng.uniform(-0.6, 0.6, 2)), rng.uniform(-0.2, 0.2)
+        both = (turns[foot], turns[1 - foot])
+        target = support + [ahead, -0.1 * side, 0.0]
+        answer = (reach.bring_back(foot, target, support, hip, FORWARD, turns=turns) - support)[:2]
+        assert not overlap(sole, answer, both)
+        if abs(answer[1]) > least + 1e-3:
+            wider += 1
+            assert overlap(sole, answer - [0.0, side * 0.02], both)
+    assert wider > 20
+
+
 @pytest.mark.parametrize(("asked", "given"), [(0.1, 0.1), (0.4, 0.25), (-0.05, -0.05)])
 def test_a_foot_goes_no_higher_than_it_may_above_the_other_one(get_robot, asked, given):
     robot = get_robot("biped20")

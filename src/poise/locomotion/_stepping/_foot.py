@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from poise.dynamics import saturate
-from poise.locomotion._stepping._footing import Footing
+from poise.locomotion._stepping._footing import Footing, wrapped
 from poise.locomotion._stepping._parameters import TeleopParameters
 from poise.locomotion._stepping._reach import FootRange
 from poise.locomotion._stepping._samples import DeviceSample
@@ -88,8 +88,16 @@ class FootTarget:
         )
         hip = self._range.hip(swing, footing.dynamics)
         support = footing.anchors[footing.stance]
+        faces = math.atan2(footing.heading[1], footing.heading[0])
+        left, right = (wrapped(footing.yaw(side) - faces) for side in (0, 1))
         found = self._range.bring_back(
-            swing, target, support, hip, footing.heading, lower=room_below
+            swing,
+            target,
+            support,
+            hip,
+            footing.heading,
+            lower=room_below,
+            turns=(left, right),
         )
         rate = device.rates[swing]
         if rate is not None and math.dist(found.tolist(), (x, y, z)) < _THERE:

@@ -19,6 +19,11 @@ _LEAN_RATIO = 0.9
 _SHARED = 0.5
 """Part of the weight that a leg holds beside the other one."""
 
+_TURNED = 0.05
+"""Soles that are turned by less than this against where the robot faces lie side by side [rad]."""
+
+_ROUNDING = 1e-6
+
 _SPARE = 0.08
 """How much farther apart than they may be led feet may stand where the robot has put them [m]:
 from twice as far apart as at home a shift takes an ankle of G1 beyond the end of its roll."""
@@ -31,8 +36,9 @@ class FootRange:
     kept level. Its radius is the leg's length with the knee as straight as it may be, less a
     margin; a command beyond it is shortened along the ground. Beside means: to its own side of the
     support foot, across the heading of the pelvis, by no less than the width of a sole and a gap,
-    so that legs never cross, and by no more than `step_max`, which also holds along the heading,
-    nor than the ankles' roll allows. It goes no higher than `lift_max` above the support foot.
+    so that legs never cross, nor than turned soles take, and by no more than `step_max`, which also
+    holds along the heading, nor than the ankles' roll allows. It goes no higher than `lift_max`
+    above the support foot.
 
     Args:
         robot: a biped.
@@ -55,8 +61,10 @@ class FootRange:
             + abs(float(leg.hip[1]))
             for leg, reach in zip(self._legs, self._reach, strict=True)
         ]
-        widths = [robot.soles[name].width for name in soles]
-        self._apart = 0.5 * sum(widths) + parameters.feet_gap
+        sizes = [robot.soles[name] for name in soles]
+        self._halves = [(0.5 * sole.length, 0.5 * sole.width) for sole in sizes]
+        self._gap = parameters.feet_gap
+        self._apart = sum(width for _, width in self._halves) + self._gap
         self._step_max, self._lift_max = parameters.step_max, parameters.lift_max
         self._aside_max = max(self._apart, min(parameters.step_max, *sides))
 
@@ -79,6 +87,7 @@ class FootRange:
         heading: Float64[np.ndarray, "2"],
         *,
         lower: float = 0.0,
+        turns: tuple[float, float] = (0.0, 0.0),
     ) -> Float64[np.ndarray, "3"]:
         """The nearest position that the foot can be sent to.
 
@@ -89,14 +98,18 @@ class FootRange:
             hip: of the foot's leg, see `hip` [m].
             heading: unit vector forward, x and y.
             lower: how far the body may still come down for it [m].
+            turns: how the left and the right sole are turned, to the left of the heading [rad].
         """
         (x, y, z), (support_x, support_y, support_z) = target.tolist(), support.tolist()
         forward_x, forward_y = heading.tolist()
         across_x, across_y = (-forward_y, forward_x) if foot == 0 else (forward_y, -forward_x)
         x, y, z = x - support_x, y - support_y, min(z, support_z + self._lift_max)
         aside, ahead = x * across_x + y * across_y, x * forward_x + y * forward_y
-        aside = min(max(aside, self._apart), self._aside_max)
         ahead = min(max(ahead, -self._step_max), self._step_max)
+        apart = self._apart
+        if max(map(abs, turns)) > _TURNED:
+            apart = max(apart, self._gap + self._clear(foot, ahead, turns))
+        aside = min(max(aside, apart), max(self._aside_max, apart))
         x = support_x + aside * across_x + ahead * forward_x
         y = support_y + aside * across_y + ahead * forward_y
         # Across the ground only: how far down a foot gets is for the ground and the knee to say.
@@ -109,6 +122,28 @@ class FootRange:
             shorter = 1.0 - room / distance
             x, y = x - shorter * offset_x, y - shorter * offset_y
         return np.array([x, y, z])
+
+    def _clear(self, foot: int, ahead: float, turns: tuple[float, float]) -> float:
+        """How far aside the centre of a turned sole has to be for its edges to be clear [m].
+
+        Where two convex shapes touch, an edge of one of them lies between them.
+
+        Args:
+            foot: 0 left, 1 right.
+            ahead: of the other sole's centre [m].
+            turns: of both soles [rad].
+        """
+        out = 1.0 if foot == 0 else -1.0
+        needed = math.inf
+        for edge in turns:
+            for x, y in ((math.cos(edge), math.sin(edge)), (-math.sin(edge), math.cos(edge))):
+                # To the foot's own side; an edge that faces ahead alone asks for no room there.
+                x, y = (x, y) if out * y > 0.0 else (-x, -y)
+                if out * y > _ROUNDING:
+                    halves = zip(self._halves, turns, strict=True)
+                    size = sum(_half_across(x, y, *half, turn) for half, turn in halves)
+                    needed = min(needed, (size - x * ahead) / abs(y))
+        return needed
 
     def spans(
         self,
@@ -223,6 +258,12 @@ class FootRange:
         # From the knee to the hip.
         thigh = leg.thigh**2 - (ahead - leg.shank * math.sin(lean)) ** 2 - aside * aside
         return leg.shank * math.cos(lean) + math.sqrt(max(thigh, 0.0))
+
+
+def _half_across(x: float, y: float, length: float, width: float, turn: float) -> float:
+    """Half of a turned rectangle's extent along a direction, from its own halves [m]."""
+    c, s = math.cos(turn), math.sin(turn)
+    return length * abs(x * c + y * s) + width * abs(y * c - x * s)
 
 
 def _strong_lean(leg: LegGeometry, share: float) -> float:
