@@ -100,8 +100,8 @@ class ComHeight:
         """
         reach, stance = self._range, footing.stance
         hip = reach.hip(stance, footing.dynamics)
-        too_weak = reach.too_weak(stance, footing.anchors[stance], hip, footing.heading)
-        return max(0.0, min(float(footing.dynamics.com[2]) - self._lowest(footing), -too_weak))
+        too_bent = reach.too_bent(stance, footing.anchors[stance], hip, footing.heading)
+        return max(0.0, min(float(footing.dynamics.com[2]) - self._lowest(footing), -too_bent))
 
     def velocity(self, footing: Footing, target: Float64[np.ndarray, "3"]) -> float:
         """Velocity of the COM upwards [m/s].

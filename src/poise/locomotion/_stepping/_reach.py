@@ -207,17 +207,18 @@ class FootRange:
         """
         ahead, aside, z = self._to_hip(foot, place, hip, heading)
         lean = min(_LEAN_RATIO * self._legs[foot].lean_max, self._strong[foot][0 if alone else 1])
-        folded = math.sqrt(max(self._fold[foot] ** 2 - ahead * ahead - aside * aside, 0.0))
-        return max(self._level(foot, ahead, aside, lean), folded) - z
+        return max(self._level(foot, ahead, aside, lean), self._folded(foot, ahead, aside)) - z
 
-    def too_weak(
+    def too_bent(
         self,
         foot: int,
         place: Float64[np.ndarray, "3"],
         hip: Float64[np.ndarray, "3"],
         heading: Float64[np.ndarray, "2"],
     ) -> float:
-        """How far the hip is too low for the knee of a leg that carries alone; negative for room.
+        """How far the hip is too low for what the knee of a leg that carries alone folds, and holds.
+
+        Negative for room; whether its ankle bends so far is not asked.
 
         Args:
             foot: 0 left, 1 right.
@@ -229,7 +230,8 @@ class FootRange:
             The distance [m].
         """
         ahead, aside, z = self._to_hip(foot, place, hip, heading)
-        return self._level(foot, ahead, aside, self._strong[foot][0]) - z
+        strong = self._level(foot, ahead, aside, self._strong[foot][0])
+        return max(strong, self._folded(foot, ahead, aside)) - z
 
     def _to_hip(
         self,
@@ -244,6 +246,10 @@ class FootRange:
         (hip_x, hip_y, hip_z), (x, y, z) = hip.tolist(), place.tolist()
         x, y, z = hip_x - x - arm_x, hip_y - y - arm_y, hip_z - z - arm_z
         return x * forward_x + y * forward_y, y * forward_x - x * forward_y, z
+
+    def _folded(self, foot: int, ahead: float, aside: float) -> float:
+        """Height of the hip over the ankle of a leg that folds as deep as it may [m]."""
+        return math.sqrt(max(self._fold[foot] ** 2 - ahead * ahead - aside * aside, 0.0))
 
     def _level(self, foot: int, ahead: float, aside: float, lean: float) -> float:
         """Height of the hip over the ankle with the shank so far forward [m].
