@@ -7,7 +7,7 @@ import pytest
 mujoco = pytest.importorskip("mujoco")
 
 from poise.errors import RobotError  # noqa: E402
-from poise.robots import load_robot  # noqa: E402
+from poise.robots import describe, load_robot  # noqa: E402
 
 MODEL = """<mujoco model="odd">
   <compiler angle="degree" autolimits="true" meshdir="meshes"/>
@@ -62,6 +62,34 @@ FACTS = {
     "torso": "trunk",
     "soles": {f"{s}_sole": {"link": f"{s}_foot", **SOLE} for s in ("left", "right")},
 }
+
+PLAIN = """<mujoco model="plain">
+  <compiler angle="degree" {compiler}/>
+  <default><default class="leg"><joint axis="0 1 0" range="-60 60" actuatorfrcrange="-50 50"
+    armature="0.03"/></default></default>
+  {before}
+  <worldbody>
+    <body name="trunk" pos="0 0 1">
+      <freejoint/>
+      <inertial pos="0 0 0.2" mass="10" diaginertia="0.3 0.3 0.1"/>
+      {legs}
+    </body>
+    {world}
+  </worldbody>
+  {after}
+</mujoco>"""
+PLAIN_LEG = """<body name="{side}_shin" pos="0 {y} 0"><joint name="{side}_hip" class="leg"/>
+  <geom type="capsule" size="0.04" fromto="0 0 0 0 0 -0.4" mass="2"/>
+  <body name="{side}_foot" pos="0 0 -0.4"><joint name="{side}_ankle" class="leg"/>
+    <geom type="box" size="0.1 0.05 0.02" pos="0.03 0 -0.03" mass="1"/></body></body>"""
+FIXED_FACTS = {"base": "fixed", "limits": {"velocity": {".*": 8.0}}}
+PLAIN_FACTS = FACTS | FIXED_FACTS | {"base": "floating"}
+
+
+def plain(compiler="", before="", leg=PLAIN_LEG, world="", after=""):
+    """A biped of four joints whose parts a test may change."""
+    legs = "".join(leg.format(side=s, y=y) for s, y in (("left", 0.1), ("right", -0.1)))
+    return PLAIN.format(compiler=compiler, before=before, legs=legs, world=world, after=after)
 
 
 @pytest.fixture
@@ -163,6 +191,87 @@ def test_the_plant_is_the_same_robot(robot):
     assert plant.model.njnt == 1 + robot.nj
     assert not plant.model.jnt_stiffness.any()
     assert not plant.model.body_gravcomp.any()
+
+
+MOTORS = {
+    "a motor that has more": ('motor joint="{}" ctrlrange="-200 200"', 50.0),
+    "a motor that has less": ('motor joint="{}" ctrlrange="-30 30"', 30.0),
+    "a servo that has more": ('position joint="{}" kp="9" forcerange="-300 300"', 50.0),
+    "a servo that has less": ('position joint="{}" kp="9" forcerange="-40 40"', 40.0),
+    "a control without an end": ('motor joint="{}" ctrllimited="false" ctrlrange="-30 30"', 50.0),
+    "a force without an end": ('motor joint="{}" forcelimited="false" forcerange="-30 30"', 50.0),
+}
+
+
+@pytest.mark.parametrize("case", MOTORS)
+def test_torque_limits_are_the_tighter_of_joints_and_actuators(tmp_path, case):
+    motor, limit = MOTORS[case]
+    motors = "".join(f"<{motor.format(j)}/>" for j in ("left_hip", "right_ankle"))
+    path = tmp_path / "plain.xml"
+    path.write_text(plain(after=f"<actuator>{motors}</actuator>"))
+    robot = load_robot(path, PLAIN_FACTS)
+    np.testing.assert_allclose(robot.tau_max, [limit, 50.0, 50.0, limit])
+    # `describe` estimates rotors by the same limits: 4 ms times torque over 10 rad/s.
+    bare = path.read_text().replace('armature="0.03"', "").replace("<freejoint/>", "")
+    path.write_text(bare)
+    assert describe(path).facts["armature"]["left_hip"] == pytest.approx(0.004 * limit / 10.0)
+
+
+WORLDS = {
+    "bodies of a replicate": '<replicate count="3" offset="0 1 0">{}</replicate>',
+    "bodies of a replicate in frames": (
+        '<frame><frame><replicate count="2" offset="0 1 0">{}</replicate></frame></frame>'
+    ),
+    "a body that a light follows": '{}<light mode="targetbody" target="crate"/>',
+    "a body that a camera follows": '{}<frame><camera mode="targetbody" target="crate"/></frame>',
+}
+
+
+@pytest.mark.parametrize("base", ["floating", "fixed"])
+@pytest.mark.parametrize("case", WORLDS)
+def test_scenery_is_no_part_of_the_robot(tmp_path, case, base):
+    from poise.sim import Plant
+
+    path = tmp_path / "plain.xml"
+    crate = '<body name="crate" pos="1 0 0"><geom size="0.1" mass="7"/></body>'
+    text, facts, mass = plain(world=WORLDS[case].format(crate)), PLAIN_FACTS, 16.0
+    if base == "fixed":
+        # The mass of a link that is fixed to the world does not count.
+        text, facts, mass = text.replace("<freejoint/>", ""), FIXED_FACTS, 6.0
+    path.write_text(text)
+    robot = load_robot(path, facts)
+    assert not [f.name for f in robot.model.frames if "crate" in f.name]
+    assert robot.mass == pytest.approx(mass)
+    assert Plant(robot).model.nbody == 1 + 5
+
+
+def test_a_camera_of_the_robot_that_follows_scenery_is_left_out(tmp_path):
+    path = tmp_path / "plain.xml"
+    camera = '<camera name="eye" mode="targetbody" target="crate"/>'
+    follower = '<camera name="own" mode="targetbody" target="left_foot"/>'
+    text = plain(world='<body name="crate"><geom size="0.1"/></body>')
+    path.write_text(text.replace("<freejoint/>", f"<freejoint/>{camera}{follower}"))
+    text = load_robot(path, PLAIN_FACTS).source.text
+    assert "eye" not in text
+    assert "own" in text
+
+
+@pytest.mark.parametrize(
+    "frames", ["{outer}{plain}", "{plain}{outer}", "{other}{outer}", "{outer}"]
+)
+def test_a_class_of_frames_around_the_robot_is_kept(tmp_path, frames):
+    outer, other = '<frame childclass="leg">', '<frame childclass="other">'
+    opened = frames.format(outer=outer, plain='<frame pos="0 0 1">', other=other)
+    text = plain(leg=PLAIN_LEG.replace(' class="leg"', ""))
+    text = text.replace('<default class="leg">', '<default class="other"/><default class="leg">')
+    text = text.replace('<body name="trunk"', f'{opened}<body name="trunk"')
+    text = text.replace("</worldbody>", "</frame>" * opened.count("<frame") + "</worldbody>")
+    path = tmp_path / "plain.xml"
+    path.write_text(text)
+    robot, theirs = load_robot(path, PLAIN_FACTS), mujoco.MjModel.from_xml_string(text)
+    np.testing.assert_allclose(robot.q_max, theirs.jnt_range[1:, 1])
+    np.testing.assert_allclose(robot.model.armature[6:], theirs.dof_armature[6:])
+    assert robot.model.armature[6] == 0.03
 
 
 BAD = {

@@ -5,7 +5,8 @@ from typing import Literal
 
 from poise.errors import RobotError
 from poise.robots._document import Document, end_of
-from poise.robots._mjcf import MjcfFacts, settle_mjcf
+from poise.robots._mjcf_facts import MjcfFacts
+from poise.robots._mjcf_world import settle_mjcf
 
 WORLD = "world"
 """The link that a fixed base hangs on."""

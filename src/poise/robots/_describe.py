@@ -15,9 +15,9 @@ from poise.robots._document import Document, mend_inertias, parse, write_limits
 from poise.robots._geometry import link_shapes
 from poise.robots._kinematics import build_model, hinges
 from poise.robots._limbs import Limbs, find_limbs
-from poise.robots._limits import apply_limits
+from poise.robots._limits import tighten_torques
 from poise.robots._meshes import asset_folders, drop_missing_meshes
-from poise.robots._mjcf import MjcfFacts, read_facts
+from poise.robots._mjcf_facts import MjcfFacts, read_facts
 from poise.robots._proposal import Draft, Proposal, mount_on
 from poise.robots._proposed_feet import FeetFinder, Foot, body_frames, main_frame, part_legs
 from poise.robots._proposed_limits import (
@@ -119,7 +119,7 @@ class _Describer:
                 wanted="an <inertial> with a positive mass in its links",
             )
         if self._mjcf is not None:
-            apply_limits(self._model, torque=self._mjcf.torque)
+            tighten_torques(self._model, self._mjcf.torque)
         propose_positions(self._draft, self._model, endless, self._source.locked_joints)
         self._upright = self._mjcf.upright if self._mjcf is not None else np.eye(3)
 

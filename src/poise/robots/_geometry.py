@@ -13,7 +13,7 @@ from jaxtyping import Float64, Int
 
 from poise.errors import RobotError
 from poise.robots._meshes import mesh_path
-from poise.robots._mjcf import compile_geometry, mujoco_module
+from poise.robots._mjcf_compile import compile_mjcf, mujoco_module, pose_of
 from poise.robots._robot import ModelSource
 
 _CIRCLE = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
@@ -179,7 +179,7 @@ def _capsule(radius: float, half: float) -> Balls:
 
 
 def _mjcf_shapes(source: ModelSource, wanted: set[str], where: str) -> dict[str, LinkShape]:
-    model = compile_geometry(source, wanted, where)
+    model = compile_mjcf(source, where, wanted)
     shapes = {name: LinkShape() for name in wanted}
     for geom in range(model.ngeom):
         shape = shapes.get(model.body(model.geom_bodyid[geom]).name)
@@ -193,9 +193,7 @@ def _mjcf_shapes(source: ModelSource, wanted: set[str], where: str) -> dict[str,
 def _mjcf_shape(model: Any, geom: int, where: str) -> Balls | None:
     kinds = mujoco_module(where).mjtGeom
     kind, size = model.geom_type[geom], np.array(model.geom_size[geom], dtype=np.float64)
-    w, x, y, z = (float(v) for v in model.geom_quat[geom])
-    position = np.array(model.geom_pos[geom], dtype=np.float64)
-    placement = pin.SE3(pin.Quaternion(w, x, y, z).normalized().toRotationMatrix(), position)
+    placement = pose_of(model.geom_pos[geom], model.geom_quat[geom])
     if kind == kinds.mjGEOM_MESH:
         mesh = int(model.geom_dataid[geom])
         first = int(model.mesh_vertadr[mesh])

@@ -66,6 +66,19 @@ def apply_limits(
             model.effortLimit[joint.idx_v] = torque[name]
 
 
+def tighten_torques(model: pin.Model, torque: Mapping[str, float]) -> None:
+    """Lower the torque limits of a model to those of its actuators.
+
+    Args:
+        model: the model, changed in place.
+        torque: largest torques by joint [N m].
+    """
+    for joint, name in zip(model.joints, model.names, strict=True):
+        if name in torque:
+            limit = float(model.effortLimit[joint.idx_v])
+            model.effortLimit[joint.idx_v] = min(limit, torque[name])
+
+
 def check_positions(model: pin.Model, *, floating: bool, where: str) -> None:
     """Check that every joint has position limits that leave it room to move.
 

@@ -24,9 +24,11 @@ from poise.robots._limits import (
     assume_limits,
     check_positions,
     described_limits,
+    tighten_torques,
 )
 from poise.robots._meshes import add_figure, asset_folders, drop_missing_meshes, has_shapes
-from poise.robots._mjcf import MjcfFacts, free_site_names, read_facts
+from poise.robots._mjcf_facts import MjcfFacts, read_facts
+from poise.robots._mjcf_world import free_site_names
 from poise.robots._posture import home_configuration
 from poise.robots._robot import FrameRole, ModelSource, Robot, Sole
 from poise.robots._sole_check import soles_off_their_feet
@@ -166,7 +168,7 @@ def _assemble(
     if document.kind == "urdf" and add_figure(document.root):
         source = replace(source, text=document.text)
     if mjcf is not None:
-        apply_limits(model, torque=mjcf.torque)
+        tighten_torques(model, mjcf.torque)
     apply_limits(model, limits.position, limits.velocity, limits.torque)
     check_positions(model, floating=floating, where=name)
     roles = _roles(facts, root)

@@ -11,7 +11,7 @@ import numpy as np
 
 from poise.errors import RobotError
 from poise.robots._document import Document
-from poise.robots._mjcf import drop_mesh_geoms
+from poise.robots._mjcf_compile import drop_mesh_geoms
 from poise.robots._parametric import PALETTE, Shape, add_shape, rod, sphere
 from poise.robots._robot import ModelSource
 
