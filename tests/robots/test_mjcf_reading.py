@@ -191,6 +191,15 @@ def test_the_plant_is_the_same_robot(robot):
     assert plant.model.njnt == 1 + robot.nj
     assert not plant.model.jnt_stiffness.any()
     assert not plant.model.body_gravcomp.any()
+    data, ours = mujoco.MjData(plant.model), robot.model.createData()
+    data.qpos[:] = plant.map.qpos(robot.q_home)
+    mujoco.mj_forward(plant.model, data)
+    pin.framesForwardKinematics(robot.model, ours, robot.q_home)
+    # The head hangs on a locked joint with a `ref`.
+    for body in ("trunk", "head", "left_foot"):
+        place = ours.oMf[robot.frame_id(body)]
+        np.testing.assert_allclose(data.body(body).xpos, place.translation, atol=1e-12)
+        np.testing.assert_allclose(data.body(body).xmat, place.rotation.ravel(), atol=1e-12)
 
 
 MOTORS = {
@@ -272,6 +281,44 @@ def test_a_class_of_frames_around_the_robot_is_kept(tmp_path, frames):
     np.testing.assert_allclose(robot.q_max, theirs.jnt_range[1:, 1])
     np.testing.assert_allclose(robot.model.armature[6:], theirs.dof_armature[6:])
     assert robot.model.armature[6] == 0.03
+
+
+def test_joints_that_are_locked_off_their_ref_stand_at_zero_in_both_engines(tmp_path):
+    """Hinges and slides, at an offset, in a frame, before and after others of the same body."""
+    from poise.sim import Plant, StateMap
+
+    hip = '<joint name="{side}_hip" class="leg"'
+    text = plain(
+        leg=PLAIN_LEG.replace(hip, hip + ' ref="35" pos="0.02 0.01 -0.03"').replace(
+            '<joint name="{side}_ankle" class="leg"/>',
+            """<joint name="{side}_slide" type="slide" axis="1 2 0" range="-1 1" ref="0.04"/>
+            <frame pos="0 0.03 0.01" euler="20 0 30">
+              <joint name="{side}_b" range="-60 60" axis="0 0 2" ref="-25" pos="0 0.02 0"/>
+              <joint name="{side}_c" range="-60 60" axis="1 1 0" ref="10"/></frame>
+            <joint name="{side}_ankle" class="leg" ref="15" pos="0.01 0 0"/>""",
+        )
+    )
+    # The foot stands in a frame, and is turned by angles.
+    text = text.replace('_foot" pos="0 0 -0.4">', '_foot" pos="0 0 -0.4" euler="5 10 15">')
+    path = tmp_path / "plain.xml"
+    path.write_text(text.replace("<freejoint/>", ""))
+    facts = {"base": "fixed", "limits": {"velocity": {".*": 8.0}, "torque": {".*": 50.0}}}
+    locked = ["left_(hip|b|ankle)", "right_slide"]
+    robot = load_robot(path, facts | {"armature": 0.01, "locked": locked})
+    model, ours = Plant(robot).model, robot.model.createData()
+    data, state = mujoco.MjData(model), StateMap(robot, model)
+    assert robot.joint_names == ("left_slide", "left_c", "right_hip", "right_b", "right_c",
+                                 "right_ankle")  # fmt: skip
+    rng = np.random.default_rng(5)
+    for _ in range(5):
+        q = rng.uniform(robot.q_min, robot.q_max)
+        data.qpos[:] = state.qpos(q)
+        mujoco.mj_forward(model, data)
+        pin.framesForwardKinematics(robot.model, ours, q)
+        for body in ("left_shin", "left_foot", "right_shin", "right_foot"):
+            place = ours.oMf[robot.frame_id(body)]
+            np.testing.assert_allclose(data.body(body).xpos, place.translation, atol=1e-12)
+            np.testing.assert_allclose(data.body(body).xmat, place.rotation.ravel(), atol=1e-12)
 
 
 BAD = {

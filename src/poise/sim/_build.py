@@ -17,6 +17,7 @@ from poise.sim._config import PlantConfig
 from poise.sim._disturbances import LinkError, Payload
 from poise.sim._document import add_sticks, parse_document
 from poise.sim._self_contact import covers, exclude_lasting_contacts, let_touch
+from poise.sim._weld import weld_joints
 from poise.sim._world import FLOOR_ONLY, add_world
 
 
@@ -151,9 +152,7 @@ def _place_base(spec: mujoco.MjSpec, robot: Robot) -> None:
 
 def _set_joints(spec: mujoco.MjSpec, robot: Robot, config: PlantConfig) -> None:
     """Weld the locked joints, and give the others the robot's rotor inertias."""
-    for joint in list(spec.joints):
-        if joint.name in robot.source.locked_joints:
-            spec.delete(joint)
+    weld_joints(spec, robot.source.locked_joints)
     armature = {
         name: float(robot.model.armature[joint.idx_v])
         for name, joint in zip(robot.model.names, robot.model.joints, strict=True)
