@@ -7,6 +7,7 @@ from poise.errors import PoiseError, RobotError, UnknownNameError
 from poise.robots import description_template, load_robot
 
 PLAIN = r"; (got|choices|wanted)"
+FOOT = '<link name="left_foot">'
 
 
 def spoil(facts, path, value):
@@ -115,6 +116,19 @@ EDITS = {
         'xyz="0 0 low"',
         "<origin> of joint 'left_ankle'.*'0 0 low'.*numbers",
     ),
+    "an inertia turned by two angles": (
+        '<origin xyz="0 0 -0.2"/>',
+        '<origin xyz="0 0 -0.2" rpy="0 0"/>',
+        "rpy in <origin> of link 'left_shin' is not 3 numbers; got '0 0'.*3 finite",
+    ),
+    "an inertia at two coordinates": (
+        '<origin xyz="0 0 -0.2"/>',
+        '<origin xyz="0 0"/>',
+        "xyz in <origin> of link 'left_shin'.*'0 0'",
+    ),
+    "two masses": ('<mass value="1"/>', '<mass value="1 2"/>', "value in <mass>.*foot.*'1 2'"),
+    "two moments": ('ixx="0.01"', 'ixx="0.01 2"', "ixx in <inertia>.*'0.01 2'.*a finite number"),
+    "two lower limits": ('lower="-1"', 'lower="-1 2"', "lower in <limit>.*left_ankle.*'-1 2'"),
 }
 
 
@@ -129,7 +143,42 @@ def test_a_document_with_something_missing_is_refused_by_name(load, urdf, facts,
     assert capfd.readouterr().err == ""
 
 
-FOOT = '<link name="left_foot">'
+SHAPES = {
+    "a box of two sizes": ('<box size="1 2"/>', "size in <box> of link 'left_foot'.*'1 2'"),
+    "a ball of letters": ('<sphere radius="big"/>', "radius in <sphere>.*'big'.*a finite number"),
+    "a cylinder of two lengths": ('<cylinder radius="1" length="1 2"/>', "length in <cylinder>"),
+    "a capsule of letters": ('<capsule radius="x" length="1"/>', "radius in <capsule>.*'x'"),
+    "a mesh scaled by letters": ('<mesh filename="toe.stl" scale="abc"/>', "scale in <mesh>"),
+    "a mesh scaled by one": ('<mesh filename="toe.stl" scale="2"/>', "scale in <mesh>.*3 finite"),
+}
+
+
+@pytest.mark.parametrize("kind", ["visual", "collision"])
+@pytest.mark.parametrize("case", SHAPES)
+def test_a_shape_without_the_numbers_it_needs_is_refused_by_name(load, urdf, facts, case, kind):
+    solid, message = SHAPES[case]
+    shape = f"{FOOT}<{kind}><geometry>{solid}</geometry></{kind}>"
+    with pytest.raises(RobotError, match=message):
+        load(urdf.replace(FOOT, shape), facts)
+
+
+@pytest.mark.parametrize("kind", ["visual", "collision"])
+def test_a_shape_at_two_coordinates_is_refused_by_name(load, urdf, facts, kind):
+    shape = f'<geometry><sphere radius="1"/></geometry><origin xyz="1 2"/></{kind}>'
+    with pytest.raises(RobotError, match="xyz in <origin> of link 'left_foot'.*'1 2'"):
+        load(urdf.replace(FOOT, f"{FOOT}<{kind}>{shape}"), facts)
+
+
+@pytest.mark.parametrize("nested", ["<inertial><mass value='-1'/></inertial>", ""])
+@pytest.mark.parametrize("around", ["gazebo", "transmission"])
+def test_what_other_programs_put_into_a_file_is_no_part_of_the_robot(
+    load, urdf, facts, around, nested
+):
+    mesh = '<visual><geometry><mesh filename="model://toe.dae"/></geometry></visual>'
+    foreign = f"<{around}><plugin><link name='extra'>{nested}{mesh}</link></plugin></{around}>"
+    robot = load(urdf.replace("</robot>", f"{foreign}</robot>"), facts)
+    assert robot.mass == pytest.approx(16.0)
+    assert "extra" not in robot.source.text
 
 
 def with_mesh(filename):

@@ -5,7 +5,6 @@ root link), a fixed base hangs on a link called `world`, every URDF hinge has li
 document includes no other file and names all its bodies and joints.
 """
 
-import math
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
@@ -16,17 +15,10 @@ import numpy as np
 from jaxtyping import Float64
 
 from poise.errors import RobotError
+from poise.robots._urdf_numbers import INERTIA, check_numbers, is_number
 
 _HINGES = ("revolute", "continuous", "prismatic")
 _KINDS = {"robot": "urdf", "mujoco": "mjcf"}
-_NUMBERS = {
-    "origin": ("xyz", "rpy"),
-    "axis": ("xyz",),
-    "mass": ("value",),
-    "inertia": ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"),
-    "limit": ("lower", "upper", "effort", "velocity"),
-}
-"""Attributes of URDF elements that hold numbers."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,6 +81,7 @@ def parse(text: str, where: str, directory: Path | None = None) -> Document:
             wanted="<robot> (URDF) or <mujoco> (MJCF) as the root element",
         )
     if kind == "urdf":
+        _drop_extensions(root)
         _tidy_shapes(root)
     else:
         _include(root, directory, where, depth=0)
@@ -163,7 +156,7 @@ def mend_inertias(document: Document) -> list[str]:
             continue
         values[2] = most
         possible = axes * values @ axes.T
-        for key, (i, j) in zip(_NUMBERS["inertia"], _ENTRIES, strict=True):
+        for key, (i, j) in zip(INERTIA, _ENTRIES, strict=True):
             element.set(key, repr(float(possible[i, j])))
         mended.append(link.get("name", ""))
     return mended
@@ -184,7 +177,7 @@ def _check_names(document: Document) -> None:
         raise RobotError(f"{document.where} has two joints of one name", got=twice)
     if document.kind == "urdf":
         _check_ends(document)
-        _check_numbers(document)
+        check_numbers(document.root, document.where)
     _check_inertias(document)
 
 
@@ -198,21 +191,6 @@ def _check_ends(document: Document) -> None:
                     got=end_of(joint, tag),
                     choices=links,
                 )
-
-
-def _check_numbers(document: Document) -> None:
-    """Find what is not a number before Pinocchio's parser prints its own complaint."""
-    for element in (*document.root.findall("link"), *document.root.findall("joint")):
-        for inner in element.iter():
-            for key in _NUMBERS.get(inner.tag, ()):
-                text = inner.get(key, "0")
-                if not text.split() or not all(_is_number(word) for word in text.split()):
-                    raise RobotError(
-                        f"{document.where}: {key} in <{inner.tag}> of {element.tag} "
-                        f"{element.get('name')!r} is no number",
-                        got=text,
-                        wanted="finite numbers",
-                    )
 
 
 _ROUNDING = 1e-6
@@ -247,7 +225,7 @@ def _inertial_numbers(
     parts = {part.tag: part for part in inertial}
     if parts:
         entries = parts.get("inertia", ET.Element("inertia"))
-        xx, xy, xz, yy, yz, zz = (float(entries.get(k, "0")) for k in _NUMBERS["inertia"])
+        xx, xy, xz, yy, yz, zz = (float(entries.get(k, "0")) for k in INERTIA)
         mass = float(parts.get("mass", ET.Element("mass")).get("value", "0"))
     else:
         (mass,) = _floats(inertial.get("mass", "0"))
@@ -262,16 +240,18 @@ def _inertial_numbers(
 def _floats(text: str, count: int = 1) -> list[float]:
     """The numbers of an attribute; zeros where it has not so many, for MuJoCo to complain about."""
     words = text.split()
-    if len(words) != count or not all(_is_number(w) for w in words):
+    if len(words) != count or not all(is_number(w) for w in words):
         return [0.0] * count
     return [float(w) for w in words]
 
 
-def _is_number(word: str) -> bool:
-    try:
-        return math.isfinite(float(word))
-    except ValueError:
-        return False
+_URDF_PARTS = ("link", "joint", "material")
+
+
+def _drop_extensions(root: ET.Element) -> None:
+    """Take out what other programs put into a URDF, which may have links and meshes of its own."""
+    for element in [e for e in root if e.tag not in _URDF_PARTS]:
+        root.remove(element)
 
 
 def _tidy_shapes(root: ET.Element) -> None:
@@ -295,7 +275,7 @@ def _is_nothing(shape: ET.Element) -> bool:
         for key in ("radius", "length", "size")
         if solid.tag != "mesh" and solid.get(key)
     ]
-    return any(_is_number(word) and float(word) <= 0.0 for text in sizes for word in text.split())
+    return any(is_number(word) and float(word) <= 0.0 for text in sizes for word in text.split())
 
 
 def _include(element: ET.Element, directory: Path | None, where: str, depth: int) -> None:
