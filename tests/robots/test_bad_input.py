@@ -1,10 +1,13 @@
+import inspect
 import re
 
+import numpy as np
+import pinocchio as pin
 import pytest
 import yaml
 
-from poise.errors import PoiseError, RobotError, UnknownNameError
-from poise.robots import description_template, load_robot
+from poise.errors import ConfigurationError, PoiseError, RobotError, UnknownNameError
+from poise.robots import Robot, description_template, load_robot
 
 PLAIN = r"; (got|choices|wanted)"
 FOOT = '<link name="left_foot">'
@@ -289,10 +292,50 @@ def test_unknown_frames_and_joints_list_those_there_are(good):
         good.joint_index("left_hips")
 
 
+@pytest.mark.parametrize("name", [None, 3])
+def test_what_is_no_name_is_no_frame(good, name):
+    """As a user calls it: the type check of the tests would answer first."""
+    with pytest.raises(ConfigurationError, match=f"name of a frame.*got {name}; wanted str"):
+        inspect.unwrap(Robot.frame_id)(good, name)
+
+
+@pytest.mark.parametrize("offset", ["abc", [0.0, 1.0], [0.0, 0.0, float("nan")], 0.0])
+def test_a_load_at_no_place_is_refused(good, offset):
+    with pytest.raises(ConfigurationError, match=r"offset of the load \[m\].*3 finite numbers"):
+        good.carrying("left_sole", 1.0, offset)
+
+
+@pytest.mark.parametrize("q", ["home", [0.0] * 3, [float("nan")] * 11, [[0.0] * 11]])
+def test_a_posture_that_is_none_is_not_drawn(good, q):
+    with pytest.raises(ConfigurationError, match=r"configuration \[m, rad\].*11 finite numbers"):
+        good.show(q)
+
+
+@pytest.mark.parametrize("spelling", ["urdf", "mjcf"])
+def test_a_name_that_a_link_and_a_joint_share_means_the_link(load, urdf, facts, spelling):
+    if spelling == "urdf":
+        text, suffix = urdf.replace("left_ankle", "left_foot"), ".urdf"
+    else:
+        text, suffix = BOTH, ".xml"
+        facts = {"base": "fixed", "limits": {"velocity": {".*": 1.0}, "torque": {".*": 1.0}}}
+    robot = load(text, facts | {"home": {}}, suffix)
+    frame = robot.model.frames[robot.frame_id("left_foot")]
+    assert frame.type == pin.FrameType.BODY
+    # A foot of the URDF is where its joint is, one of the MJCF beside it.
+    offset = (0.0, 0.0, 0.0) if spelling == "urdf" else (0.0, 0.0, 0.1)
+    np.testing.assert_allclose(frame.placement.translation, offset)
+    names = robot.frame_names()
+    assert len(set(names)) == len(names)
+    assert "left_foot" in names
+
+
+BOTH = """<mujoco><worldbody><body name="trunk">
+  <body name="left_foot"><joint name="left_foot" range="-1 1" pos="0 0 -0.1"/>
+  <geom size="0.1" mass="1"/></body></body></worldbody></mujoco>"""
+
+
 def test_random_descriptions_give_a_poise_error_or_a_robot(load, urdf, facts):
     """300 descriptions with one value replaced at random; seed 7."""
-    import numpy as np
-
     rng = np.random.default_rng(7)
     junk = [None, -1, 0, 1e9, float("nan"), "x", "", [], [1, 2, 3], {}, {"a": 1}, True, ".*", "("]
     for trial in range(300):

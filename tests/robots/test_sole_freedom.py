@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from poise.robots import load_robot
 from poise.robots._sole_freedom import _leg_jacobian
 
 ALL = (0, 1, 2, 3, 4, 5)
@@ -41,3 +42,22 @@ def test_a_leg_that_cannot_put_its_sole_aside_gives_up_no_turn(get_robot_without
 
 def test_a_robot_without_soles_has_nothing_to_control(get_robot):
     assert not get_robot("arm6").soles
+
+
+HOPPER = """<robot name="hopper">
+  <link name="trunk">{inertial}</link><link name="foot">{inertial}</link>
+  <joint name="leg" type="prismatic"><origin xyz="0 0 -0.8"/><parent link="trunk"/>
+    <child link="foot"/><axis xyz="0 0 1"/>
+    <limit lower="-0.2" upper="0.2" effort="500" velocity="1"/></joint></robot>"""
+INERTIAL = """<inertial><mass value="3"/>
+  <inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial>"""
+
+
+def test_a_sole_at_the_origin_of_a_slide_is_no_error(tmp_path):
+    path = tmp_path / "hopper.urdf"
+    path.write_text(HOPPER.format(inertial=INERTIAL))
+    sole = {"link": "foot", "length": 0.1, "width": 0.1}
+    facts = {"base": "floating", "pelvis": "trunk", "torso": "trunk", "soles": {"sole": sole}}
+    robot = load_robot(path, facts)
+    assert robot.soles["sole"].controlled == ALL
+    np.testing.assert_array_equal(_leg_jacobian(robot, "sole"), np.eye(6)[:, 2:3])

@@ -4,8 +4,8 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
+from jaxtyping import Float64
 
-from poise._checks import Numbers
 from poise._show import new_figure
 from poise.robots._robot import Robot
 
@@ -13,12 +13,12 @@ _VIEWS = (("from the front", 1, "y [m]"), ("from the right", 0, "x [m]"))
 """Title, the coordinate that is drawn across, and its label."""
 
 
-def draw_robot(robot: Robot, q: Numbers | None = None) -> Any:
+def draw_robot(robot: Robot, q: Float64[np.ndarray, " nq"]) -> Any:
     """Links as lines between their joints, soles, hands, pelvis, torso and centre of mass.
 
     Args:
         robot: the robot.
-        q: configuration [m, rad]; the home posture when None.
+        q: configuration [m, rad].
 
     Returns:
         A `matplotlib.figure.Figure`.
@@ -27,9 +27,8 @@ def draw_robot(robot: Robot, q: Numbers | None = None) -> Any:
         MissingExtraError: matplotlib is not installed.
     """
     model, data = robot.model, robot.model.createData()
-    at = robot.q_home if q is None else np.asarray(q, dtype=np.float64)
-    pin.framesForwardKinematics(model, data, at)
-    com = pin.centerOfMass(model, data, at)
+    pin.framesForwardKinematics(model, data, q)
+    com = pin.centerOfMass(model, data, q)
     figure = new_figure(7.0, 5.0)
     figure.suptitle(repr(robot), fontsize=9)
     for axes, (title, across, label) in zip(figure.subplots(1, 2), _VIEWS, strict=True):

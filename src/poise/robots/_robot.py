@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float64
 
-from poise._checks import Numbers, checked_number
+from poise._checks import Numbers, checked_kind, checked_number
 from poise.errors import ConfigurationError, UnknownNameError
 
 
@@ -77,6 +77,14 @@ class Sole:
         return 5 in self.controlled
 
 
+_FRAME_KINDS = (
+    pin.FrameType.BODY,
+    pin.FrameType.OP_FRAME,
+    pin.FrameType.JOINT,
+    pin.FrameType.FIXED_JOINT,
+)
+"""Kinds of frames, in the order in which a name is looked up; roles are named like none else."""
+
 GRAVITY = 9.81
 """On Earth, as robots' models have it [m/s^2]."""
 
@@ -138,11 +146,13 @@ class Robot:
             A `matplotlib.figure.Figure`, which a notebook shows and `savefig` writes.
 
         Raises:
+            ConfigurationError: `q` is no configuration of this robot.
             MissingExtraError: matplotlib is not installed.
         """
         from poise.robots._figure import draw_robot
 
-        return draw_robot(self, q)
+        at = self.q_home if q is None else _checked_numbers(q, "configuration [m, rad]", self.nq)
+        return draw_robot(self, at)
 
     def carrying(self, frame: str, mass: float, offset: Numbers = (0.0, 0.0, 0.0)) -> "Robot":
         """The same robot with a load rigidly attached, which its controller then knows of.
@@ -159,14 +169,10 @@ class Robot:
 
         Raises:
             UnknownNameError: no such frame.
-            ConfigurationError: a mass or an offset that cannot be.
+            ConfigurationError: a frame, a mass or an offset that cannot be.
         """
         checked_number(mass, "mass of the load [kg]", above=0.0)
-        center = np.array(offset, dtype=np.float64)
-        if center.shape != (3,) or not np.isfinite(center).all():
-            raise ConfigurationError(
-                "offset of the load [m]", got=offset, wanted="three finite numbers"
-            )
+        center = _checked_numbers(offset, "offset of the load [m]", 3)
         held = self.model.frames[self.frame_id(frame)]
         model = self.model.copy()
         load = pin.Inertia(float(mass), np.zeros(3), np.zeros((3, 3)))
@@ -207,11 +213,16 @@ class Robot:
     def frame_id(self, name: str) -> int:
         """Pinocchio's index of a frame, by role or by the document's own link or frame name.
 
+        Where a link and a joint have one name, it means the link.
+
         Raises:
             UnknownNameError: no such frame; the message lists those that exist.
+            ConfigurationError: the name is no text.
         """
-        if self.model.existFrame(name):
-            return int(self.model.getFrameId(name))
+        checked_kind(name, str, "name of a frame")
+        for kind in _FRAME_KINDS:
+            if self.model.existFrame(name, kind):
+                return int(self.model.getFrameId(name, kind))
         raise UnknownNameError(
             f"unknown frame of robot {self.name!r}", got=name, choices=self.frame_names()
         )
@@ -248,8 +259,8 @@ class Robot:
 
     def frame_names(self) -> tuple[str, ...]:
         """All frames that tasks and contacts may name, those with a part to play first."""
-        others = (f.name for f in self.model.frames if f.name not in self.roles)
-        return (*self.roles, *(n for n in others if n != "universe"))
+        others = (f.name for f in self.model.frames if f.name != "universe")
+        return tuple(dict.fromkeys((*self.roles, *others)))
 
     def joint_index(self, name: str) -> int:
         """Index of an actuated joint in `joint_names`.
@@ -263,3 +274,18 @@ class Robot:
             raise UnknownNameError(
                 f"unknown joint of robot {self.name!r}", got=name, choices=self.joint_names
             ) from None
+
+
+def _checked_numbers(value: Numbers, what: str, count: int) -> Float64[np.ndarray, " n"]:
+    """A copy of what a user gave as a list of numbers.
+
+    Raises:
+        ConfigurationError: it is none, of another length, or one of them is not finite.
+    """
+    try:
+        numbers = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        numbers = np.empty(0)
+    if numbers.shape != (count,) or not np.isfinite(numbers).all():
+        raise ConfigurationError(what, got=value, wanted=f"{count} finite numbers")
+    return numbers

@@ -12,6 +12,9 @@ from poise.robots._robot import Robot
 _SMALL = 0.02
 """A sole cannot make a motion that is this slow with the joints of its leg at unit speed."""
 
+_NO_LENGTH = 1e-9
+"""A leg that is shorter has a sole at its first joint's origin [m]."""
+
 _ALL = (0, 1, 2, 3, 4, 5)
 """Every component of a motion."""
 
@@ -56,5 +59,7 @@ def _leg_jacobian(robot: Robot, sole: str) -> Float64[np.ndarray, "6 joints"]:
     J = J[:, [model.joints[j].idx_v for j in joints]]
     if joints:
         foot = pin.updateFramePlacement(model, data, frame).translation
-        J[:3] /= np.linalg.norm(data.oMi[joints[0]].translation - foot)
+        length = float(np.linalg.norm(data.oMi[joints[0]].translation - foot))
+        # At the origin of a slide there is no length to measure its motion by.
+        J[:3] /= length if length > _NO_LENGTH else 1.0
     return J
