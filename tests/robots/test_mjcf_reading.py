@@ -8,6 +8,8 @@ mujoco = pytest.importorskip("mujoco")
 
 from poise.errors import RobotError  # noqa: E402
 from poise.robots import describe, load_robot  # noqa: E402
+from poise.robots._document import parse  # noqa: E402
+from poise.robots._mjcf_facts import read_facts  # noqa: E402
 
 MODEL = """<mujoco model="odd">
   <compiler angle="degree" autolimits="true" meshdir="meshes"/>
@@ -319,6 +321,46 @@ def test_joints_that_are_locked_off_their_ref_stand_at_zero_in_both_engines(tmp_
             place = ours.oMf[robot.frame_id(body)]
             np.testing.assert_allclose(data.body(body).xpos, place.translation, atol=1e-12)
             np.testing.assert_allclose(data.body(body).xmat, place.rotation.ravel(), atol=1e-12)
+
+
+TURNS = {
+    "a quaternion": 'quat="0.8 0.1 0.2 0.3"',
+    "angles": 'euler="10 90 20"',
+    "an axis": 'axisangle="0 1 1 70"',
+    "two axes": 'xyaxes="0 0 1 0 1 0.2"',
+    "one axis": 'zaxis="1 0 0.3"',
+}
+
+
+@pytest.mark.parametrize("framed", [False, True])
+@pytest.mark.parametrize("case", TURNS)
+def test_how_the_root_stands_is_read_in_any_spelling(case, framed):
+    text = plain(compiler='eulerseq="zyx"').replace(' pos="0 0 1"', f' pos="0 0 1" {TURNS[case]}')
+    if framed:
+        opened = f'<frame {TURNS[case]}><frame euler="0 0 30"><body name="trunk"'
+        text = text.replace('<body name="trunk"', opened)
+        text = text.replace("</worldbody>", "</frame></frame></worldbody>")
+    model = mujoco.MjModel.from_xml_string(text)
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    upright = read_facts(parse(text, "plain.xml"), None).upright
+    np.testing.assert_allclose(upright.ravel(), data.body("trunk").xmat, rtol=0, atol=1e-12)
+
+
+TIED = {
+    "a joint": '<joint joint1="left_ankle" joint2="right_ankle" {}/>',
+    "a loop": '<connect body1="left_foot" body2="right_foot" anchor="0 0 0" {}/>',
+    "a weld": '<weld body1="left_foot" body2="right_foot" {}/>',
+}
+
+
+@pytest.mark.parametrize("case", TIED)
+def test_an_equality_that_is_switched_off_ties_nothing(case):
+    for active, ties in (("true", 1), ("false", 0)):
+        tied = TIED[case].format(f'active="{active}"')
+        text = plain(after=f"<equality>{tied}</equality>")
+        facts = read_facts(parse(text, "plain.xml"), None)
+        assert len(facts.followers) + len(facts.loops) == ties
 
 
 BAD = {

@@ -1,5 +1,6 @@
 """What an MJCF document says in the sections that a robot's own document lacks: `read_facts`."""
 
+import xml.etree.ElementTree as ET
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import ModuleType
@@ -10,7 +11,7 @@ from jaxtyping import Float64
 
 from poise.robots._document import Document
 from poise.robots._mjcf_compile import mujoco_module, parse_mjcf, rotation_of
-from poise.robots._mjcf_world import root_body
+from poise.robots._mjcf_world import frames_around, placement_of, root_body
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,20 +53,34 @@ def read_facts(document: Document, directory: Path | None) -> MjcfFacts:
     body = spec.body(root.get("name", ""))
     free = any(j.type == mujoco.mjtJoint.mjJNT_FREE for j in body.joints)
     poses, upright = _poses(mujoco, spec, body)
-    equality = mujoco.mjtEq
+    equality, active = mujoco.mjtEq, [e for e in spec.equalities if e.active]
     return MjcfFacts(
         torque=_torques(mujoco, spec),
-        followers=tuple(e.name1 for e in spec.equalities if e.type == equality.mjEQ_JOINT),
+        followers=tuple(e.name1 for e in active if e.type == equality.mjEQ_JOINT),
         loops=tuple(
             e.name or f"{e.name1} - {e.name2}"
-            for e in spec.equalities
+            for e in active
             if e.type in (equality.mjEQ_CONNECT, equality.mjEQ_WELD) and e.name2
         ),
         springs=tuple(j.name for j in spec.joints if np.any(np.asarray(j.stiffness) != 0.0)),
         free=free,
-        upright=upright,
+        upright=_orientation(document, root) if upright is None else upright,
         poses=poses,
     )
+
+
+def _orientation(document: Document, root: ET.Element) -> Float64[np.ndarray, "3 3"]:
+    """How the root body stands in the world, whatever it and the frames around it are turned by."""
+    alone = ET.Element("mujoco")
+    for compiler in document.root.findall("compiler"):
+        units = {k: v for k, v in compiler.attrib.items() if k in ("angle", "eulerseq")}
+        ET.SubElement(alone, "compiler", units)
+    place = ET.SubElement(alone, "worldbody")
+    for frame in frames_around(document.root, root):
+        place = ET.SubElement(place, "frame", placement_of(frame))
+    ET.SubElement(place, "body", placement_of(root))
+    compiled = parse_mjcf(alone, None, document.where).compile()
+    return rotation_of(compiled.body_quat[1])
 
 
 def _torques(mujoco: ModuleType, spec: Any) -> dict[str, float]:
@@ -109,8 +124,8 @@ _QPOS_SIZE = {"FREE": 7, "BALL": 4}
 
 def _poses(
     mujoco: ModuleType, spec: Any, root: Any
-) -> tuple[dict[str, dict[str, float]], Float64[np.ndarray, "3 3"]]:
-    """Joint positions of each keyframe, and how the first of them, or the body, turns the base."""
+) -> tuple[dict[str, dict[str, float]], Float64[np.ndarray, "3 3"] | None]:
+    """Joint positions of each keyframe, and how the first of them turns a free base."""
     address: dict[str, int] = {}
     base, size = None, 0
     for body in spec.bodies:
@@ -121,13 +136,13 @@ def _poses(
             elif kind not in _QPOS_SIZE:
                 address[joint.name] = size
             size += _QPOS_SIZE.get(kind, 1)
-    quaternion = np.array(root.quat, dtype=np.float64)
+    upright = None
     poses: dict[str, dict[str, float]] = {}
     for number, key in enumerate(spec.keys):
         qpos = np.asarray(key.qpos, dtype=np.float64)
         if len(qpos) != size:
             continue
         if base is not None and not poses:
-            quaternion = qpos[base + 3 : base + 7]
+            upright = rotation_of(qpos[base + 3 : base + 7])
         poses[key.name or f"key{number}"] = {n: float(qpos[i]) for n, i in address.items()}
-    return poses, rotation_of(quaternion)
+    return poses, upright

@@ -93,7 +93,7 @@ def _keep_only(document: ET.Element, root: ET.Element, *, floating: bool) -> Non
     """
     sites = () if floating else ("site",)
     for world in document.findall("worldbody"):
-        frames = _frames_around(world, root)
+        frames = _frames_in(world, root)
         for place in [world, *frames]:
             for child in [
                 c for c in place if c is not root and c not in frames and c.tag not in sites
@@ -107,14 +107,23 @@ def _keep_only(document: ET.Element, root: ET.Element, *, floating: bool) -> Non
     _drop_lost_targets(root)
 
 
-def _frames_around(place: ET.Element, root: ET.Element) -> list[ET.Element]:
+def frames_around(document: ET.Element, root: ET.Element) -> list[ET.Element]:
     """The frames of the world that a body stands in, outermost first."""
+    return [f for world in document.findall("worldbody") for f in _frames_in(world, root)]
+
+
+def _frames_in(place: ET.Element, root: ET.Element) -> list[ET.Element]:
     for frame in place.findall("frame"):
         if root in list(frame):
             return [frame]
-        if inner := _frames_around(frame, root):
+        if inner := _frames_in(frame, root):
             return [frame, *inner]
     return []
+
+
+def placement_of(element: ET.Element) -> dict[str, str]:
+    """The attributes that place a body or a frame."""
+    return {key: element.attrib[key] for key in _PLACEMENT if key in element.attrib}
 
 
 def _drop_lost_targets(root: ET.Element) -> None:
