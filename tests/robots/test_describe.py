@@ -205,6 +205,29 @@ def test_a_symmetrical_robot_that_is_not_is_remarked_on(save):
     assert any("left_knee are 3.00 kg" in said for said in describe(save(heavy)).remarks)
 
 
+@pytest.mark.parametrize("name", ["axis(1)", "axis[1]", "axis+", "(x", "a.b", "axis 1", "ä-/_1"])
+def test_a_joint_may_be_named_like_a_pattern(save, name):
+    """Beside one that the name as a pattern would match, too, and one that is locked."""
+    links = ("base", "tip", "end", "last")
+    arm = '<link name="world"/>' + "".join(
+        LINK.format(name=n, z=0.1, mass=3.0, shape="") for n in links
+    )
+    joints = (("weld", "fixed", ""), (name, "continuous", ""), ("aXb", "revolute", LIMIT),
+              (f"{name}{name}", "revolute", '<limit lower="0" upper="0"/>'))  # fmt: skip
+    for (joint, kind, limit), parent, child in zip(joints, ("world", *links), links, strict=False):
+        arm += JOINT.format(
+            name=joint, type=kind, xyz="0 0 0.1", rpy="0 0 0", parent=parent, child=child,
+            axis="0 0 1", limit=limit,
+        )  # fmt: skip
+    path = save(f"<robot name='arm'>{arm}</robot>", "arm.urdf")
+    path.with_suffix(".poise.yaml").write_text(describe(path).text)
+    robot = load_robot(path)
+    assert robot.joint_names == (name, "aXb")
+    assert robot.source.locked_joints == (f"{name}{name}",)
+    np.testing.assert_allclose(robot.q_max, [3.1416, 1.6])
+    assert robot.v_max.tolist() == [10.0, 12.0]
+
+
 WRONG = {
     "too low": ({"position": [0.04, 0.0, -0.08]}, "'left_sole' lies 25 mm below the lowest"),
     "too high": ({"position": [0.04, 0.0, -0.04]}, "'left_sole' lies 15 mm above the lowest"),

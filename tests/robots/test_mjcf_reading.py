@@ -347,6 +347,17 @@ def test_how_the_root_stands_is_read_in_any_spelling(case, framed):
     np.testing.assert_allclose(upright.ravel(), data.body("trunk").xmat, rtol=0, atol=1e-12)
 
 
+def test_what_has_no_name_gets_one_that_nothing_else_has(tmp_path):
+    path = tmp_path / "plain.xml"
+    leg = PLAIN_LEG.replace(' name="{side}_hip"', "").replace('name="{side}_shin"', "")
+    text = plain(leg=leg, world='<body name="body2"><geom size="0.1"/></body>')
+    # Bodies 2 and 4 are the shins.
+    path.write_text(text.replace("right_ankle", "body4_joint"))
+    robot = load_robot(path, PLAIN_FACTS)
+    assert robot.joint_names == ("body2__joint", "left_ankle", "body4_joint_", "body4_joint")
+    assert robot.mass == pytest.approx(16.0)
+
+
 TIED = {
     "a joint": '<joint joint1="left_ankle" joint2="right_ankle" {}/>',
     "a loop": '<connect body1="left_foot" body2="right_foot" anchor="0 0 0" {}/>',

@@ -303,12 +303,24 @@ def _include(element: ET.Element, directory: Path | None, where: str, depth: int
 
 def _name_all(root: ET.Element) -> None:
     """Name the bodies and joints that an MJCF document leaves without a name."""
-    for number, body in enumerate(b for w in root.findall("worldbody") for b in w.iter("body")):
+    worlds = root.findall("worldbody")
+    bodies = {b.get("name", "") for w in worlds for b in w.iter("body")}
+    joints = {j.get("name", "") for w in worlds for j in w.iter("joint")}
+    for number, body in enumerate(b for w in worlds for b in w.iter("body")):
         if not body.get("name"):
-            body.set("name", f"body{number + 1}")
+            _name(body, f"body{number + 1}", bodies)
         hinges = [j for j in _own(body, "joint") if not j.get("name") and j.get("type") != "free"]
         for k, joint in enumerate(hinges):
-            joint.set("name", f"{body.get('name')}_joint{k + 1 if len(hinges) > 1 else ''}")
+            number_of_it = k + 1 if len(hinges) > 1 else ""
+            _name(joint, f"{body.get('name')}_joint{number_of_it}", joints)
+
+
+def _name(element: ET.Element, name: str, taken: set[str]) -> None:
+    """Give an element a name, or one like it where others have it."""
+    while name in taken:
+        name += "_"
+    element.set("name", name)
+    taken.add(name)
 
 
 def _own(body: ET.Element, tag: str) -> Iterator[ET.Element]:

@@ -1,5 +1,6 @@
 """`Proposal`: a description with the reason for each guess. `Draft`: one that is being written."""
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -128,13 +129,38 @@ class Draft:
         """
         return Proposal(
             name=name,
-            facts=self.facts,
+            facts=_with_patterns(self.facts),
             reasons=self.reasons,
             remarks=tuple(self.remarks),
             outlines=self.outlines,
             links=links,
             joints=joints,
         )
+
+
+_PLAIN = re.compile(r"[\w /-]*")
+"""What a pattern of these letters alone matches is itself."""
+
+
+def _pattern(joint: str) -> str:
+    """A pattern that matches a joint's name and no other."""
+    return joint if _PLAIN.fullmatch(joint) else re.escape(joint)
+
+
+def _with_patterns(facts: Mapping[str, Any]) -> dict[str, Any]:
+    """Facts with patterns where joints are named."""
+    written = dict(facts)
+    for key in ("home", "armature"):
+        if key in facts:
+            written[key] = {_pattern(joint): value for joint, value in facts[key].items()}
+    if "limits" in facts:
+        written["limits"] = {
+            kind: {_pattern(joint): value for joint, value in values.items()}
+            for kind, values in facts["limits"].items()
+        }
+    if "locked" in facts:
+        written["locked"] = [_pattern(joint) for joint in facts["locked"]]
+    return written
 
 
 def mount_on(link: str, place: pin.SE3) -> dict[str, Any]:
