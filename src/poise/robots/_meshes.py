@@ -11,7 +11,7 @@ import numpy as np
 
 from poise.errors import RobotError
 from poise.robots._document import Document
-from poise.robots._mjcf_compile import drop_mesh_geoms
+from poise.robots._mjcf_assets import drop_mesh_geoms, mesh_file
 from poise.robots._parametric import PALETTE, Shape, add_shape, rod, sphere
 from poise.robots._robot import ModelSource
 
@@ -60,9 +60,10 @@ def drop_missing_meshes(root: ET.Element, source: ModelSource, where: str) -> li
             that is missing.
     """
     urdf = source.kind == "urdf"
-    key, folder = ("filename", Path()) if urdf else ("file", _mesh_folder(root))
+    key = "filename" if urdf else "file"
     names = {e.get(key, "") for e in root.iter("mesh") if urdf or e.get(key)}
-    missing = {n for n in names if not _is_mesh(n if urdf else str(folder / n), source, where)}
+    places = {name: name if urdf else mesh_file(root, name) for name in names}
+    missing = {name for name, place in places.items() if not _is_mesh(place, source, where)}
     if not missing:
         return []
     if urdf:
@@ -72,13 +73,12 @@ def drop_missing_meshes(root: ET.Element, source: ModelSource, where: str) -> li
                 if mesh is not None and mesh.get("filename", "") in missing:
                     link.remove(shape)
         return sorted(missing)
-    bare = drop_mesh_geoms(root, missing)
-    if bare:
+    lighter = drop_mesh_geoms(root, missing, source, where)
+    if lighter:
         raise RobotError(
-            f"bodies of {where} have no <inertial>, and meshes their mass would come from cannot "
-            f"be found",
-            got={"bodies": bare, "meshes": sorted(missing)},
-            wanted="these meshes, or an <inertial> in each of the bodies",
+            f"meshes that the mass of bodies of {where} comes from cannot be found",
+            got={"bodies": lighter, "meshes": sorted(missing)},
+            wanted="these meshes, or an <inertial> of each of the bodies in their place",
         )
     return sorted(missing)
 
@@ -144,13 +144,6 @@ def _candidates(filename: str, source: ModelSource) -> list[Path]:
     if Path(name).is_absolute() or source.directory is None:
         return [Path(name)]
     return [source.directory / name]
-
-
-def _mesh_folder(root: ET.Element) -> Path:
-    folder = Path()
-    for compiler in root.iter("compiler"):
-        folder = Path(compiler.get("meshdir", compiler.get("assetdir", str(folder))))
-    return folder
 
 
 _ROD, _BALL = 0.02, 0.03

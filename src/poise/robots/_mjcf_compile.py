@@ -44,8 +44,9 @@ def compile_mjcf(source: ModelSource, where: str, pictured: Set[str] = frozenset
     mujoco = mujoco_module(where)
     spec = parse_mjcf(ET.fromstring(source.text), source.directory, where)
     spec.compiler.fusestatic = False
-    spec.compiler.balanceinertia = False
-    spec.compiler.boundmass, spec.compiler.boundinertia = 1e-12, 1e-14
+    # MuJoCo wants some mass on every moving body; a massless one gets this little.
+    spec.compiler.boundmass = max(spec.compiler.boundmass, 1e-12)
+    spec.compiler.boundinertia = max(spec.compiler.boundinertia, 1e-14)
     _drop_unread_meshes(mujoco, spec, pictured)
     try:
         return spec.compile()
@@ -67,15 +68,37 @@ def parse_mjcf(root: ET.Element, directory: Path | None, where: str) -> Any:
     mujoco = mujoco_module(where)
     if directory is not None:
         root = ET.fromstring(ET.tostring(root, encoding="unicode"))
-        # MuJoCo takes the last of several compiler sections for its folders.
-        for compiler in root.findall("compiler") or [ET.SubElement(root, "compiler")]:
-            folder = compiler.get("assetdir", "")
-            for key in ("meshdir", "texturedir"):
-                compiler.set(key, str(directory / compiler.get(key, folder)))
+        anchor_assets(root, directory)
     try:
         return mujoco.MjSpec.from_string(ET.tostring(root, encoding="unicode"))
     except ValueError as error:
         raise RobotError(f"MuJoCo cannot read {where}: {_one_line(error)}") from None
+
+
+def anchor_assets(root: ET.Element, directory: Path) -> None:
+    """Make the folders for meshes and textures absolute, for a document read from a string.
+
+    Args:
+        root: the document's root element, changed in place.
+        directory: where its relative paths start.
+    """
+    folders = {k: str(directory / asset_folder(root, k)) for k in ("meshdir", "texturedir")}
+    # The last of several sections wins, each for what it says.
+    for compiler in root.findall("compiler") or [ET.SubElement(root, "compiler")]:
+        compiler.attrib.update(folders)
+
+
+def asset_folder(root: ET.Element, key: str) -> Path:
+    """The folder for meshes or textures that a document names.
+
+    Args:
+        root: the document's root element.
+        key: "meshdir" or "texturedir".
+    """
+    folder = Path()
+    for compiler in root.findall("compiler"):
+        folder = Path(compiler.get(key, compiler.get("assetdir", str(folder))))
+    return folder
 
 
 def _one_line(error: Exception) -> str:
@@ -97,31 +120,6 @@ def _drop_unread_meshes(mujoco: ModuleType, spec: Any, pictured: Set[str]) -> No
                 kept.add(geom.meshname)
     for mesh in [m for m in spec.meshes if (m.name or Path(m.file).stem) not in kept]:
         spec.delete(mesh)
-
-
-def drop_mesh_geoms(root: ET.Element, files: set[str]) -> list[str]:
-    """Take the pictures out of an MJCF document whose mesh files are not there.
-
-    Args:
-        root: the document's root element, changed in place.
-        files: names of the missing files, as the document has them.
-
-    Returns:
-        Bodies without an inertia of their own that have lost a mesh their mass may come from.
-    """
-    meshes = [m for m in root.iter("mesh") if m.get("file") in files]
-    names = {m.get("name") or Path(m.get("file", "")).stem for m in meshes}
-    bare: list[str] = []
-    for parent in list(root.iter()):
-        gone = [g for g in parent if g.tag == "geom" and g.get("mesh") in names]
-        for geom in gone:
-            parent.remove(geom)
-        if gone and parent.tag == "body" and parent.find("inertial") is None:
-            bare.append(parent.get("name", ""))
-        for mesh in meshes:
-            if mesh in list(parent):
-                parent.remove(mesh)
-    return bare
 
 
 def rotation_of(quaternion: Float64[np.ndarray, "4"]) -> Float64[np.ndarray, "3 3"]:

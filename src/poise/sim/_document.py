@@ -11,7 +11,7 @@ import mujoco
 import numpy as np
 
 from poise.errors import RobotError
-from poise.robots import ModelSource, load_mesh, mesh_path
+from poise.robots import ModelSource, anchor_assets, load_mesh, mesh_path
 
 _THICKNESS = 0.12
 """Radius of a stick, as a part of its length."""
@@ -151,13 +151,12 @@ def _gather_meshes(root: ET.Element, source: ModelSource) -> dict[str, bytes]:
 def _parse_mjcf(source: ModelSource) -> mujoco.MjSpec:
     root = ET.fromstring(source.text)
     if source.directory is not None:
-        _anchor_assets(root, source.directory)
+        anchor_assets(root, source.directory)
     spec = mujoco.MjSpec.from_string(ET.tostring(root, encoding="unicode"))
     spec.compiler.fusestatic = False
     spec.compiler.discardvisual = False
-    spec.compiler.balanceinertia = False
-    spec.compiler.boundmass = float(_MASSLESS["boundmass"])
-    spec.compiler.boundinertia = float(_MASSLESS["boundinertia"])
+    for key, least in _MASSLESS.items():
+        setattr(spec.compiler, key, max(getattr(spec.compiler, key), float(least)))
     # The plant brings its own motors, sensors, floor and lights.
     for leftover in (
         *spec.actuators,
@@ -169,12 +168,3 @@ def _parse_mjcf(source: ModelSource) -> mujoco.MjSpec:
     ):
         spec.delete(leftover)
     return spec
-
-
-def _anchor_assets(root: ET.Element, directory: Path) -> None:
-    """Make the folders for meshes and textures absolute, for a document read from a string."""
-    compilers = root.findall("compiler") or [ET.SubElement(root, "compiler")]
-    for compiler in compilers:
-        asset_dir = compiler.get("assetdir", "")
-        for key in ("meshdir", "texturedir"):
-            compiler.set(key, str(directory / compiler.get(key, asset_dir)))
