@@ -209,6 +209,21 @@ def test_what_a_controller_can_do_without_is_told_in_one_warning(load, urdf, fac
     assert "<mesh" not in robot.source.text
 
 
+def test_what_is_assumed_of_slides_and_hinges_is_told_in_their_units(load, urdf):
+    text = urdf.replace('"left_hip" type="revolute"', '"left_hip" type="prismatic"')
+    text = re.sub(r' effort="\d+" velocity="\d+"', "", text)
+    with pytest.warns(UserWarning, match="assumed") as said:
+        robot = load(text, {"base": "fixed"})
+    (warning,) = (str(w.message) for w in said)
+    # A slide bears three times the weight of its 3 kg, as any joint that carries no robot.
+    assert robot.v_max.tolist() == [1.0, 10.0, 10.0, 10.0]
+    assert robot.tau_max[0] == pytest.approx(3.0 * 3.0 * 9.81)
+    hinges = "left_ankle, right_hip, right_ankle"
+    assert f"velocity limits of 10 rad/s for {hinges} and 1 m/s for left_hip" in warning
+    spread = f"{robot.tau_max[1:].min():.3g} to {robot.tau_max[1:].max():.3g} N m for {hinges}"
+    assert f"torque limits of {spread} and 88.3 N for left_hip, from the weights" in warning
+
+
 @pytest.mark.parametrize("content", [b"", b"version https://git-lfs.github.com/spec/v1\noid 1"])
 def test_a_mesh_with_nothing_in_it_is_refused(tmp_path, load, urdf, facts, content):
     (tmp_path / "toe.stl").write_bytes(content)

@@ -140,28 +140,38 @@ def assume_limits(model: pin.Model, soles: Iterable[str], *, floating: bool) -> 
     for joint in slow:
         model.velocityLimit[joint.idx_v] = _SPEED[_kind(joint)]
     if slow:
-        said.append(f"velocity limits of {_SPEED['revolute']:g} rad/s for {_names(model, slow)}")
+        speeds = {j.id: float(model.velocityLimit[j.idx_v]) for j in slow}
+        said.append(f"velocity limits of {_by_kind(model, speeds, turns='rad/s', slides='m/s')}")
     weak = [j for _, j in joints if not _is_size(float(model.effortLimit[j.idx_v]))]
     if weak:
         torques = _assumed_torques(model, [model.frames[model.getFrameId(s)] for s in soles])
         for joint in weak:
             model.effortLimit[joint.idx_v] = torques[joint.id]
-        spread = sorted(torques[j.id] for j in weak)
-        said.append(
-            f"torque limits of {spread[0]:.3g} to {spread[-1]:.3g} N m, from the weights they "
-            f"carry, for {_names(model, weak)}"
-        )
+        spread = _by_kind(model, {j.id: torques[j.id] for j in weak}, turns="N m", slides="N")
+        said.append(f"torque limits of {spread}, from the weights they carry")
     return said
+
+
+def _by_kind(model: pin.Model, limits: Mapping[int, float], *, turns: str, slides: str) -> str:
+    """The limits of hinges and of slides, each in their unit and with the joints' names."""
+    parts: list[str] = []
+    for kind, unit in (("revolute", turns), ("prismatic", slides)):
+        of_kind = {j: limit for j, limit in limits.items() if _kind(model.joints[j]) == kind}
+        if of_kind:
+            ends = (f"{min(of_kind.values()):.3g}", f"{max(of_kind.values()):.3g}")
+            spread = " to ".join(dict.fromkeys(ends))
+            parts.append(f"{spread} {unit} for {_names(model, list(of_kind))}")
+    return " and ".join(parts)
 
 
 def _joints(model: pin.Model, floating: bool) -> list[tuple[str, pin.JointModel]]:
     return list(zip(model.names, model.joints, strict=True))[2 if floating else 1 :]
 
 
-def _names(model: pin.Model, joints: list[pin.JointModel]) -> str:
+def _names(model: pin.Model, joints: list[int]) -> str:
     if len(joints) > 4:
-        return f"{len(joints)} joints ({model.names[joints[0].id]}, ...)"
-    return ", ".join(model.names[j.id] for j in joints)
+        return f"{len(joints)} joints ({model.names[joints[0]]}, ...)"
+    return ", ".join(model.names[j] for j in joints)
 
 
 def _kind(joint: pin.JointModel) -> str:

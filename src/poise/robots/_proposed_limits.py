@@ -94,9 +94,9 @@ def propose_limits(draft: Draft, model: pin.Model, soles: Sequence[int], *, floa
     names = [model.frames[i].name for i in soles]
     said = assume_limits(model, names, floating=floating)
     limits = draft.facts.setdefault("limits", {})
-    for key, now, old, unit in (
-        ("velocity", model.velocityLimit, before[0], "rad/s"),
-        ("torque", model.effortLimit, before[1], "N m"),
+    for key, now, old in (
+        ("velocity", model.velocityLimit, before[0]),
+        ("torque", model.effortLimit, before[1]),
     ):
         changed = {
             name: float(f"{now[j.idx_v]:.3g}")
@@ -106,7 +106,7 @@ def propose_limits(draft: Draft, model: pin.Model, soles: Sequence[int], *, floa
         if changed:
             limits[key] = changed
             why = next(s for s in said if s.startswith(key))
-            draft.reasons[f"limits.{key}"] = f"assumed, as the file has none: {why} [{unit}]"
+            draft.reasons[f"limits.{key}"] = f"assumed, as the file has none: {why}"
     if not limits:
         del draft.facts["limits"]
 
