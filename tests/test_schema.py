@@ -177,3 +177,24 @@ def test_numbers_in_files_are_numbers_however_they_are_written(text, value):
 def test_what_is_no_number_stays_text(text):
     data = read_yaml(f"x: {text}", "x.yaml", error=ConfigurationError)
     assert isinstance(data["x"], str)
+
+
+@pytest.mark.parametrize(
+    ("text", "read_as"),
+    [("010", "8"), ("-017", "-15"), ("1:30", "90"), ("+1:00:00", "3600"), ("1:30.5", "90.5")],
+)
+def test_numbers_to_the_base_of_8_or_60_are_refused_with_their_line(text, read_as):
+    wanted = rf"'{re.escape(text)}' would be read as {read_as}: .*leading zero.*line 3, column 4"
+    with pytest.raises(ConfigurationError, match=wanted):
+        read_yaml(f"a: 1\nb:\n - {text}", "x.yaml", error=ConfigurationError)
+    quoted = read_yaml(f"x: '{text}'", "x.yaml", error=ConfigurationError)
+    assert quoted["x"] == text
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [("0", 0), ("-0", 0), ("10", 10), ("0.5", 0.5), ("00.5", 0.5), ("1e-3", 1e-3), ("0x10", 16),
+     ("08", "08"), ("a:b", "a:b"), ("0:30", "0:30")],
+)  # fmt: skip
+def test_other_numbers_and_texts_stay_what_they_are(text, value):
+    assert read_yaml(f"x: {text}", "x.yaml", error=ConfigurationError)["x"] == value

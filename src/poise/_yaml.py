@@ -58,8 +58,17 @@ def read_text(path: Path, *, error: type[PoiseError]) -> str:
         raise error("file is not text", got=str(path), wanted="UTF-8 text") from None
 
 
+_NUMBERS = ("tag:yaml.org,2002:int", "tag:yaml.org,2002:float")
+
+_OLD_SPELLING = re.compile(r"[-+]?0[0-9_]+|[^:]+(:[^:]+)+")
+"""Numbers to the base of 8 or 60 in YAML 1.1, which nobody means who writes 010 or 1:30."""
+
+
 class _StrictLoader(yaml.SafeLoader):
-    """The safe loader, but no tags, no keys that stand twice, and 1e-3 and 1.0e9 are numbers."""
+    """The safe loader, but no tags, no keys that stand twice, no numbers to the base of 8 or 60.
+
+    1e-3 and 1.0e9 are numbers.
+    """
 
     def compose_node(self, parent: Any, index: Any) -> Any:
         event = self.peek_event()
@@ -68,7 +77,14 @@ class _StrictLoader(yaml.SafeLoader):
             raise yaml.YAMLError(f"the tag {event.tag!r} is not allowed, {event.start_mark}")
         if isinstance(event, yaml.ScalarEvent) and len(event.value) > _LONGEST:
             raise yaml.YAMLError(f"a text is longer than {_LONGEST} letters, {event.start_mark}")
-        return super().compose_node(parent, index)
+        node: Any = super().compose_node(parent, index)
+        if node.tag in _NUMBERS and _OLD_SPELLING.fullmatch(node.value):
+            read = self.construct_object(node)
+            raise yaml.YAMLError(
+                f"{node.value!r} would be read as {read:g}: write the number that is meant "
+                f"without a leading zero or colon, or a text in quotes, {node.start_mark}"
+            )
+        return node
 
     def construct_mapping(self, node: Any, deep: bool = False) -> dict[Any, Any]:
         seen: set[object] = set()
