@@ -107,6 +107,7 @@ def test_the_com_comes_down_no_faster_than_it_is_braked_above_what_a_knee_holds(
     now = footing(robot)
     com = float(now.dynamics.com[2])
     monkeypatch.setattr(FootRange, "too_low", lambda *_, **__: -room)
+    monkeypatch.setattr(FootRange, "too_weak", lambda *_, **__: -10.0)
     down = com_height(robot, com - 0.2, dt=1e3).velocity(now, now.sole(1))
     braked = (2.0 * 0.2 * PARAMETERS.lift_acceleration * room) ** 0.5
     wanted = PARAMETERS.k_v * min(room, 0.2)
@@ -114,6 +115,34 @@ def test_the_com_comes_down_no_faster_than_it_is_braked_above_what_a_knee_holds(
     # Upwards a knee holds more and more.
     up = com_height(robot, com + 0.5, dt=1e3).velocity(now, now.sole(1))
     assert up >= 0.0
+
+
+@pytest.mark.parametrize("room", [0.0, 0.01, 0.03])
+def test_over_one_foot_it_stops_before_the_knee_is_at_its_end_though_it_is_late(
+    get_robot, monkeypatch, room
+):
+    """It goes on as it was for 0.2 s, and is braked then."""
+    robot = get_robot("biped20")
+    now, both = footing(robot), footing(robot, Mode.D)
+    monkeypatch.setattr(FootRange, "too_low", lambda *_, **__: -1.0)
+    monkeypatch.setattr(FootRange, "too_weak", lambda *_, **__: -room)
+    height = float(now.dynamics.com[2]) - 0.2
+    down = -com_height(robot, height, dt=1e3).velocity(now, now.sole(1))
+    braking = 0.2 * PARAMETERS.lift_acceleration
+    assert 0.2 * down + down**2 / (2.0 * braking) == pytest.approx(room, abs=1e-12)
+    # Two feet carry more.
+    assert -com_height(robot, height, dt=1e3).velocity(both, both.sole(1)) > 0.2
+
+
+@pytest.mark.parametrize(("mode", "gives"), [(Mode.SL, True), (Mode.D, False)])
+def test_a_body_too_low_for_the_knee_that_carries_alone_is_said(
+    get_robot, monkeypatch, mode, gives
+):
+    robot = get_robot("biped20")
+    now, height = footing(robot, mode), com_height(robot, 0.7)
+    assert not height.gives_way(now)
+    monkeypatch.setattr(FootRange, "too_weak", lambda *_, **__: 0.015)
+    assert height.gives_way(now) == gives
 
 
 @pytest.mark.parametrize("height", [0.5, 2.0])

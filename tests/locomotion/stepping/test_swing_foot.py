@@ -85,7 +85,7 @@ def test_a_foot_that_has_not_left_the_ground_cannot_be_pushed_down(get_robot):
     now, ours = steady(robot, lifted=0.02), target(robot)
     device = device_at(now, 0.005)
     down = {
-        left: ours.place(replace(now, has_left=left), device, room_below=0.0)
+        left: ours.place(replace(now, has_left=left), device, room_below=0.0, gives_way=False)
         for left in (True, False)
     }
     assert down[True][2] == pytest.approx(now.anchors[1][2] + 0.005)
@@ -95,7 +95,7 @@ def test_a_foot_that_has_not_left_the_ground_cannot_be_pushed_down(get_robot):
 def test_a_command_goes_no_deeper_than_it_may(get_robot):
     robot = get_robot("biped20")
     now = steady(robot, lifted=0.1)
-    place = target(robot).place(now, device_at(now, -0.4), room_below=0.0)
+    place = target(robot).place(now, device_at(now, -0.4), room_below=0.0, gives_way=False)
     assert place[2] == pytest.approx(now.anchors[1][2] - PARAMETERS.press_depth)
 
 
@@ -103,7 +103,7 @@ def test_a_foot_goes_forward_only_as_far_as_it_is_clear(get_robot):
     robot = get_robot("biped20")
     for lifted, share in ((0.0, 0.0), (0.25, 0.25), (2.0, 1.0)):
         now = steady(robot, lifted=lifted * PARAMETERS.clear_height)
-        place = target(robot).place(now, device_at(now, 0.1, 0.1), room_below=0.1)
+        place = target(robot).place(now, device_at(now, 0.1, 0.1), room_below=0.1, gives_way=False)
         assert place[0] - now.sole(1)[0] == pytest.approx(0.1 * share, abs=1e-12)
 
 
@@ -114,7 +114,7 @@ def test_a_foot_on_a_block_is_not_dragged_over_it(get_robot, has_left):
     now.anchors[0][2] -= 0.1
     now = replace(now, has_left=has_left)
     device = device_at(now, 0.03, 0.1)
-    place = target(now.biped.robot).place(now, device, room_below=0.1)
+    place = target(now.biped.robot).place(now, device, room_below=0.1, gives_way=False)
     moved = 0.1 if has_left else 0.0
     assert place[0] - now.sole(1)[0] == pytest.approx(moved, abs=1e-12)
     assert place[2] > now.sole(1)[2] + 0.02
@@ -123,7 +123,7 @@ def test_a_foot_on_a_block_is_not_dragged_over_it(get_robot, has_left):
 def test_without_a_device_the_foot_goes_straight_down(get_robot):
     robot = get_robot("biped20")
     now = footing(robot, lifted=0.1)
-    place = target(robot).place(now, None, room_below=0.0)
+    place = target(robot).place(now, None, room_below=0.0, gives_way=False)
     assert place[:2] == pytest.approx(now.sole(1)[:2])
     assert place[2] < now.anchors[1][2]
 
@@ -135,19 +135,28 @@ def test_a_robot_that_tips_puts_its_foot_down_and_goes_on_doing_so(get_robot):
     assert tipping.capture_depth < 0.0
     assert safe.capture_depth > 0.0
     device = device_at(safe, 0.2)
-    assert ours.place(safe, device, room_below=0.0)[2] > safe.anchors[1][2]
+    assert ours.place(safe, device, room_below=0.0, gives_way=False)[2] > safe.anchors[1][2]
     for now in (tipping, safe):
-        place = ours.place(now, device, room_below=0.0)
+        place = ours.place(now, device, room_below=0.0, gives_way=False)
         assert place[2] < now.anchors[1][2]
         assert ours.rescuing
     ours.restart()
-    assert ours.place(safe, device, room_below=0.0)[2] > safe.anchors[1][2]
+    assert ours.place(safe, device, room_below=0.0, gives_way=False)[2] > safe.anchors[1][2]
+
+
+def test_a_foot_is_put_down_where_the_other_leg_gives_way(get_robot):
+    robot = get_robot("biped20")
+    ours, now = target(robot), steady(robot, lifted=0.1)
+    for gives_way in (True, False):
+        place = ours.place(now, device_at(now, 0.2), room_below=0.0, gives_way=gives_way)
+        assert place[:2] == pytest.approx(now.sole(1)[:2])
+        assert place[2] < now.anchors[1][2]
 
 
 def test_with_both_feet_on_the_ground_the_other_is_held_where_it_was_put_down(get_robot):
     robot = get_robot("biped20")
     now = footing(robot, Mode.D, lifted=0.01)
-    place = target(robot).place(now, None, room_below=0.0)
+    place = target(robot).place(now, None, room_below=0.0, gives_way=False)
     assert place.tolist() == now.anchors[1].tolist()
 
 

@@ -64,6 +64,13 @@ _BRAKED = 0.2
 """Part of its largest acceleration with which the COM is braked before a knee is at its limit: by
 torques it follows some 0.2 s late. With 0.5 Romeo's knee was at its torque before it stood."""
 
+_LATE = 0.2
+"""How late that is where the knee of the leg that carries alone is at its limit [s]: beyond that
+nothing brakes."""
+
+_GIVES = 0.01
+"""How far below where a knee holds the hip may be before the other foot is put down [m]."""
+
 _DEEPER = 0.01
 """How far below a foot in the air the body comes down for it where it has felt no floor [m]."""
 
@@ -103,6 +110,17 @@ class ComHeight:
         too_bent = reach.too_bent(stance, footing.anchors[stance], hip, footing.heading)
         return max(0.0, min(float(footing.dynamics.com[2]) - self._lowest(footing), -too_bent))
 
+    def gives_way(self, footing: Footing) -> bool:
+        """Whether the body is too low for the knee that carries alone: it will not come up again.
+
+        Args:
+            footing: of the tick.
+        """
+        if not footing.mode.single:
+            return False
+        hip = self._range.hip(footing.stance, footing.dynamics)
+        return self._too_weak(footing, footing.stance, hip) > _GIVES
+
     def velocity(self, footing: Footing, target: Float64[np.ndarray, "3"]) -> float:
         """Velocity of the COM upwards [m/s].
 
@@ -116,11 +134,19 @@ class ComHeight:
         way = self._reference(footing, target, hips, too_low) - float(footing.dynamics.com[2])
         # At v_lim downwards the robot would fall faster than its legs can carry; and one that is
         # not braked in time goes on beyond where a knee still holds it.
-        braked = math.sqrt(2.0 * _BRAKED * p.lift_acceleration * max(-too_low, 0.0))
+        braking = _BRAKED * p.lift_acceleration
+        braked = math.sqrt(2.0 * braking * max(-too_low, 0.0))
+        carries = footing.mode.support
+        if carries is not None:
+            room = max(-self._too_weak(footing, carries, hips[carries]), 0.0)
+            braked = min(braked, braking * (math.sqrt(_LATE**2 + 2.0 * room / braking) - _LATE))
         velocity = max(-min(p.lift_speed, braked), min(p.lift_speed, p.k_v * way))
         change = p.dt * p.lift_acceleration
         self._velocity = max(self._velocity - change, min(self._velocity + change, velocity))
         return self._velocity
+
+    def _too_weak(self, footing: Footing, foot: int, hip: Float64[np.ndarray, "3"]) -> float:
+        return self._range.too_weak(foot, footing.anchors[foot], hip, footing.heading)
 
     def _too_low(self, footing: Footing, hips: Sequence[Float64[np.ndarray, "3"]]) -> float:
         """How far the hips are too low for what carries; negative for room [m].

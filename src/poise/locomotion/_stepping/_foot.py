@@ -48,6 +48,7 @@ class FootTarget:
         device: DeviceSample | None,
         *,
         room_below: float,
+        gives_way: bool,
     ) -> Float64[np.ndarray, "3"]:
         """The place [m].
 
@@ -55,14 +56,16 @@ class FootTarget:
             footing: of the tick.
             device: the operator's foot devices, None while they are lost.
             room_below: how far the body may still come down for it [m].
+            gives_way: whether the leg that stands does not hold the robot alone.
         """
         here = footing.sole(footing.other)
         self.rate = _AT_REST
         if not footing.mode.single:
             x, y, z = footing.anchors[footing.other].tolist()
             return np.array([x, y, z - footing.pressed])
-        if footing.capture_depth < 0.0:
-            # The divergent component has left the sole that carries: the robot is falling.
+        if footing.capture_depth < 0.0 or gives_way:
+            # The divergent component has left the sole that carries, or the knee is at its end:
+            # the robot is falling.
             self.rescuing = True
         lowest = footing.lowest_ground - self._parameters.press_depth
         if device is None or self.rescuing:

@@ -209,16 +209,14 @@ class FootRange:
         lean = min(_LEAN_RATIO * self._legs[foot].lean_max, self._strong[foot][0 if alone else 1])
         return max(self._level(foot, ahead, aside, lean), self._folded(foot, ahead, aside)) - z
 
-    def too_bent(
+    def too_weak(
         self,
         foot: int,
         place: Float64[np.ndarray, "3"],
         hip: Float64[np.ndarray, "3"],
         heading: Float64[np.ndarray, "2"],
     ) -> float:
-        """How far the hip is too low for what the knee of a leg that carries alone folds, and holds.
-
-        Negative for room; whether its ankle bends so far is not asked.
+        """How far the hip is too low for the knee of a leg that carries alone; negative for room.
 
         Args:
             foot: 0 left, 1 right.
@@ -230,8 +228,29 @@ class FootRange:
             The distance [m].
         """
         ahead, aside, z = self._to_hip(foot, place, hip, heading)
-        strong = self._level(foot, ahead, aside, self._strong[foot][0])
-        return max(strong, self._folded(foot, ahead, aside)) - z
+        return self._level(foot, ahead, aside, self._strong[foot][0]) - z
+
+    def too_bent(
+        self,
+        foot: int,
+        place: Float64[np.ndarray, "3"],
+        hip: Float64[np.ndarray, "3"],
+        heading: Float64[np.ndarray, "2"],
+    ) -> float:
+        """Likewise for its knee, and for how far a leg folds that carries, whatever its ankle does.
+
+        Args:
+            foot: 0 left, 1 right.
+            place: of the sole [m].
+            hip: of the foot's leg [m].
+            heading: unit vector forward, x and y.
+
+        Returns:
+            The distance [m].
+        """
+        ahead, aside, z = self._to_hip(foot, place, hip, heading)
+        too_weak = self.too_weak(foot, place, hip, heading)
+        return max(too_weak, self._folded(foot, ahead, aside) - z)
 
     def _to_hip(
         self,

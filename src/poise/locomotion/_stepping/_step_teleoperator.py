@@ -325,6 +325,7 @@ class StepTeleoperator:
             footing,
             command,
             room_below=self._height.room_below(footing),
+            gives_way=self._height.gives_way(footing),
         )
         upright = command is not None and command.upright
         self._tasks.ask(footing, self._desired(footing, target), upright=upright)
