@@ -248,6 +248,23 @@ def test_status_is_noted_when_it_changes(biped, tmp_path):
     assert [m["value"] for _, m in read_topics(path)["/status"]] == told
 
 
+def test_a_state_of_which_an_estimator_makes_nothing_has_a_row_as_it_came(biped):
+    class Limp:
+        def step(self, state):
+            return torque(np.zeros(biped.nj))
+
+    def blind_at_times(state):
+        return replace(state, q=state.q + 0.01) if 0.002 < state.time < 0.006 else state
+
+    recorder, plant = Recorder(), Plant(biped)
+    ticks = list(rollout(plant, Limp(), None, [recorder], estimator=blind_at_times, duration=0.01))
+    record = recorder.record
+    np.testing.assert_array_equal(record["base_estimate"], [t.estimate.q[:7] for t in ticks])
+    np.testing.assert_array_equal(record.times("base_estimate"), record.times("q"))
+    list(rollout(plant, Limp(), None, [recorder], duration=0.002))
+    assert "base_estimate" not in recorder.record, "nothing is estimated"
+
+
 def test_a_full_queue_that_holds_loses_nothing_and_waits_for_nobody(plant, tmp_path, monkeypatch):
     path, stuck = tmp_path / "log.mcap", threading.Event()
     config = RecorderConfig(log_dt=0.0, flush_dt=1e-6, capacity=2, on_full="hold", scene_dt=0.0)

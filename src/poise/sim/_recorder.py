@@ -92,8 +92,8 @@ class Recorder:
     `signals` say; and notes about the `status` of the commands and about which links touch. Where
     an estimator says what the others know, `base_estimate` and `base_truth` (position and
     quaternion) and `velocity_estimate` and `velocity_truth` (in the base) are of the begin of the
-    period, when it said so, `payload_estimate`: mass and offset beyond the description, and
-    `held_estimate`: the mass in each hand.
+    period, when it said so, or handed on what was measured, `payload_estimate`: mass and offset
+    beyond the description, and `held_estimate`: the mass in each hand.
 
     The log, if there is one, holds that record to the last bit, see `read_log`. Beside it a topic
     a signal (`/com`, `/zmp`, ...), one a topic of notes, `/joints`, `/tf` and `/scene` are for
@@ -180,7 +180,8 @@ class Recorder:
         time = self._plant.time
         if self._pace.is_due(time):
             samples = self._plant_samples(tick.truth)
-            if tick.estimate is not tick.state and self._plant.robot.floating_base:
+            # An estimator that can make nothing of a state hands it on as it came.
+            if tick.estimator_seconds > 0.0 and self._plant.robot.floating_base:
                 self._add_estimate(samples, tick.estimate)
             self._add_command(samples, tick.command)
             self._add_times(samples, tick)

@@ -119,6 +119,9 @@ def test_what_becomes_of_an_episode_is_its_outcome(monkeypatch):
     fell = outcome_of(pushes=push, duration=1.0)
     assert fell["outcome"] == "fell"
     assert 0.1 < fell["simulated_s"] < 1.0
+    push[0] = {"body": "torso", "at": 0.0, "duration": 0.1, "force": [1.0e9, 0.0, 0.0]}
+    diverged = outcome_of(pushes=push, duration=0.1)
+    assert (diverged["outcome"], diverged["reason"]) == ("diverged", "the simulation diverged")
     refused = outcome_of(robot="nobody")
     assert refused["outcome"] == "refused"
     assert "'nobody'" in refused["reason"]

@@ -122,6 +122,18 @@ def test_a_push_that_nobody_could_brake_ends_in_a_fall_and_a_report(tmp_path, sc
     assert 0.3 < log.end < 4.0
 
 
+def test_a_simulation_that_diverges_gives_a_report_too(tmp_path):
+    push = "pushes: [{body: torso, at: 0.01, duration: 0.1, force: [1.0e+9, 0.0, 0.0]}]\n"
+    done = run(stand(0.5, push, robot="biped20"))
+    assert done.plant.diverged
+    assert done.ended_early == "the simulation diverged"
+    assert done.signals.time[-1] < 0.05
+    assert len(done.record["base_estimate"]) == len(done.signals.time)
+    assert not check(done, "run ended early").ok
+    page = write_page(done, summarise(done), tmp_path, None)
+    assert "the simulation diverged" in page.read_text()
+
+
 def test_a_check_that_fails_fails_the_run():
     done = run(stand(0.02, "checks: [{metric: com_travel, at_least: 1.0}]"))
     assert not done.fell
