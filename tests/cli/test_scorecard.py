@@ -149,7 +149,7 @@ def test_the_folder_of_another_card_is_refused(in_folder, capsys):
     from poise.apps.campaigns import CampaignFolder
 
     plan = scorecard.Plan(robot="biped20", controller="osf", extent=scorecard.FULL)
-    with CampaignFolder(in_folder / "here").claimed({"campaign": plan.about, "scenario": {}}):
+    with CampaignFolder(in_folder / "here").claimed(plan.content):
         pass
     assert main([*QUICK, "--trials", "delay", "--out", "here"]) == 2
     err = capsys.readouterr().err

@@ -6,7 +6,7 @@ import pinocchio as pin
 import pytest
 
 from poise.errors import RobotError
-from poise.robots import load_robot
+from poise.robots import files_digest, load_robot
 from poise.robots._noise import captured
 
 MJCF = """<mujoco model="tiny">
@@ -241,3 +241,50 @@ def test_limits_of_a_model_go_both_ways(get_robot, name):
     model = get_robot(name).model
     assert (model.lowerVelocityLimit == -model.velocityLimit).all()
     assert (model.lowerEffortLimit == -model.effortLimit).all()
+
+
+URDF = """<robot name="r"><link name="a">
+  <visual><geometry><mesh filename="a.obj"/></geometry></visual></link></robot>"""
+INCLUDING = """<mujoco><compiler meshdir="meshes"/><include file="legs.xml"/>
+  <asset><mesh name="a" file="a.obj"/></asset><worldbody><body name="a"/></worldbody></mujoco>"""
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "beside"),
+    [
+        (
+            "r.v2.urdf",
+            URDF,
+            {
+                "a.obj": "two",
+                "r.v2.poise.yaml": "two",
+                "r.v2.urdf": URDF.replace('name="a"', 'name="b"'),
+            },
+        ),
+        (
+            "r.xml",
+            INCLUDING,
+            {"meshes/a.obj": "two", "r.poise.yaml": "two", "legs.xml": "<mujoco><size/></mujoco>"},
+        ),
+    ],
+)
+def test_a_digest_is_of_all_files_of_a_robot_and_of_no_other(tmp_path, name, text, beside):
+    (tmp_path / "meshes").mkdir()
+    for file in ("a.obj", "meshes/a.obj", "r.v2.poise.yaml", "r.poise.yaml", "other.yaml"):
+        (tmp_path / file).write_text("one")
+    (tmp_path / "legs.xml").write_text("<mujoco><worldbody/></mujoco>")
+    (tmp_path / name).write_text(text)
+    seen = [files_digest(tmp_path / name)]
+    for file, changed in beside.items():
+        (tmp_path / file).write_text(changed)
+        seen.append(files_digest(tmp_path / name))
+    assert len({*seen}) == 1 + len(beside)
+    (tmp_path / "other.yaml").write_text("two")
+    assert files_digest(tmp_path / name) == seen[-1]
+
+
+def test_a_robot_without_description_and_meshes_has_a_digest_too(tmp_path):
+    (tmp_path / "r.urdf").write_text(URDF)
+    assert len(files_digest(tmp_path / "r.urdf")) == 8
+    with pytest.raises(RobotError, match="No such file"):
+        files_digest(tmp_path / "none.urdf")

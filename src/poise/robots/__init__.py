@@ -3,6 +3,7 @@
 from poise.robots._capsules import LinkCapsules as LinkCapsules, capsules_of as capsules_of
 from poise.robots._catalog import CatalogEntry as CatalogEntry, catalog
 from poise.robots._describe import describe
+from poise.robots._files_digest import files_digest as files_digest
 from poise.robots._geometry import load_mesh as load_mesh
 from poise.robots._inverse_kinematics import (
     frame_error as frame_error,

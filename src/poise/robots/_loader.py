@@ -18,6 +18,7 @@ from poise.robots._catalog import catalog_names, find_entry, open_entry
 from poise.robots._describe import describe
 from poise.robots._description import Description, Mount, match_joints, parse_description
 from poise.robots._document import Document, mend_inertias, parse, write_limits
+from poise.robots._files_digest import DESCRIPTION_SUFFIX
 from poise.robots._kinematics import add_roles, build_model, check_inertia
 from poise.robots._limits import (
     apply_limits,
@@ -33,8 +34,6 @@ from poise.robots._posture import home_configuration
 from poise.robots._robot import FrameRole, ModelSource, Robot, Sole
 from poise.robots._sole_check import soles_off_their_feet
 from poise.robots._sole_freedom import with_controlled_soles
-
-_DESCRIPTION_SUFFIX = ".poise.yaml"
 
 
 def load_robot(
@@ -92,7 +91,7 @@ def description_template(path: str | Path) -> str:
     path = Path(path)
     document = parse(read_text(path, error=RobotError), path.name, path.parent)
     links, joints = ", ".join(document.links()), ", ".join(document.joints())
-    return f"""# Facts about {path.name}: save as {path.stem}{_DESCRIPTION_SUFFIX} beside it.
+    return f"""# Facts about {path.name}: save as {path.stem}{DESCRIPTION_SUFFIX} beside it.
 # Links: {links}
 # Joints: {joints}
 base: floating            # or: fixed
@@ -120,7 +119,7 @@ def _find_description(
     """The description of a file, and where there is none what was guessed, as sentences."""
     if isinstance(given, Mapping):
         return parse_description(dict(given), f"description of {path.name}"), []
-    file = Path(given) if given is not None else path.with_name(path.stem + _DESCRIPTION_SUFFIX)
+    file = Path(given) if given is not None else path.with_name(path.stem + DESCRIPTION_SUFFIX)
     if given is None and not file.is_file():
         proposal = describe(path)
         facts = parse_description(proposal.facts, f"description guessed for {path.name}")

@@ -33,14 +33,13 @@ def mesh_path(filename: str, source: ModelSource) -> Path:
     Raises:
         RobotError: there is no such file; the message says where it was looked for.
     """
-    candidates = _candidates(filename, source)
-    for candidate in candidates:
-        if candidate.is_file():
-            return candidate
+    found = _find(filename, source)
+    if found is not None:
+        return found
     raise RobotError(
         "a mesh of the robot cannot be found",
         got=filename,
-        wanted="one of: " + ", ".join(map(str, candidates)),
+        wanted="one of: " + ", ".join(map(str, _candidates(filename, source))),
     )
 
 
@@ -60,10 +59,7 @@ def drop_missing_meshes(root: ET.Element, source: ModelSource, where: str) -> li
             that is missing.
     """
     urdf = source.kind == "urdf"
-    key = "filename" if urdf else "file"
-    names = {e.get(key, "") for e in root.iter("mesh") if urdf or e.get(key)}
-    places = {name: name if urdf else mesh_file(root, name) for name in names}
-    missing = {name for name, place in places.items() if not _is_mesh(place, source, where)}
+    missing = {n for n, file in _named(root, source).items() if not _is_mesh(file, source, where)}
     if not missing:
         return []
     if urdf:
@@ -83,13 +79,32 @@ def drop_missing_meshes(root: ET.Element, source: ModelSource, where: str) -> li
     return sorted(missing)
 
 
+def found_meshes(root: ET.Element, source: ModelSource) -> list[Path]:
+    """The mesh files of a document that are there, in the order of their names.
+
+    Args:
+        root: the parsed document.
+        source: the same document, with its folders.
+    """
+    found = (_find(file, source) for _, file in sorted(_named(root, source).items()))
+    return [file for file in found if file is not None]
+
+
+def _named(root: ET.Element, source: ModelSource) -> dict[str, str]:
+    """The meshes that a document names, with the folder that MJCF has for all of them."""
+    if source.kind == "urdf":
+        return {e.get("filename", ""): e.get("filename", "") for e in root.iter("mesh")}
+    names = (e.get("file") for e in root.iter("mesh"))
+    return {name: mesh_file(root, name) for name in names if name}
+
+
 _PLACEHOLDER = b"version https://git-lfs"
 """How a file begins that stands for one that Git LFS keeps elsewhere."""
 
 
 def _is_mesh(name: str, source: ModelSource, where: str) -> bool:
     """Whether a mesh is there."""
-    found = next((c for c in _candidates(name, source) if c.is_file()), None)
+    found = _find(name, source)
     if found is None:
         return False
     with found.open("rb") as file:
@@ -133,6 +148,10 @@ def package_folders(root: ET.Element, directory: Path) -> tuple[Path, ...]:
     holding = [p for p in places if any((p / name).is_dir() for name in names)]
     being = [p for p in places if any(file and (p / file).is_file() for file in inside)]
     return tuple(dict.fromkeys([*holding, *being]))
+
+
+def _find(filename: str, source: ModelSource) -> Path | None:
+    return next((c for c in _candidates(filename, source) if c.is_file()), None)
 
 
 def _candidates(filename: str, source: ModelSource) -> list[Path]:

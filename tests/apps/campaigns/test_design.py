@@ -134,6 +134,22 @@ def test_a_design_can_be_made_of_its_json(design):
     assert [job.values for job in other.jobs()] == [job.values for job in one.jobs()]
 
 
+def test_the_files_of_all_robots_are_a_part_of_what_a_campaign_is(design, tmp_path):
+    one, two, third = (tmp_path / f"{name}.urdf" for name in ("one", "two", "third"))
+    for file in (one, two, third):
+        file.write_text(f'<robot name="r"><link name="{file.stem}"/></robot>')
+    assert design("vary: {robot: [g1, biped20]}").to_json()["robots"] == {}
+    text = (
+        f"set: {{robot: {one}}}\nvary: {{robot: [g1, {two}]}}\n"
+        f"tune: {{{TUNE}, fields: {{robot: {{choice: [g1, {third}]}}}}}}"
+    )
+    before = design(text).to_json()["robots"]
+    assert list(before) == [str(one), str(third), str(two)]
+    (tmp_path / "two.poise.yaml").write_text("base: fixed")
+    after = design(text).to_json()["robots"]
+    assert [file for file in before if before[file] != after[file]] == [str(two)]
+
+
 def test_trials_have_the_same_draws_and_their_own_values(design):
     made = design(
         "vary: {plant.friction: {uniform: [0.4, 0.8]}}\n"

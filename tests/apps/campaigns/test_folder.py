@@ -15,7 +15,11 @@ import pyarrow.parquet as pq
 from poise.apps.campaigns import CampaignFolder, Job, _folder
 from poise.errors import ConfigurationError, PoiseError
 
-CONTENT = {"campaign": {"name": "c", "episodes": 3}, "scenario": {"name": "s"}}
+CONTENT = {
+    "campaign": {"name": "c", "episodes": 3},
+    "scenario": {"name": "s"},
+    "robots": {"/r.urdf": "aa"},
+}
 
 
 def rows(count, **more):
@@ -122,6 +126,7 @@ def test_a_full_disk_costs_the_row_that_is_written_and_no_other(tmp_path, monkey
     [
         ({"campaign": {"name": "d"}}, ("another campaign", "'name' differs", "got 'd'", "'c'")),
         ({"scenario": {"name": "s", "seed": 1}}, ("another scenario", "'seed' differs", "got 1")),
+        ({"robots": {"/r.urdf": "bb"}}, ("another robot", "'/r.urdf' differs", "got 'bb'", "'aa'")),
     ],
 )
 def test_a_folder_of_another_campaign_is_refused(tmp_path, other, words):
@@ -141,6 +146,14 @@ def test_a_campaign_may_be_made_longer(tmp_path):
         pass
     with folder.claimed(longer):
         assert folder.content() == longer
+
+
+def test_a_folder_of_a_version_that_did_not_look_at_robots_is_gone_on_with(tmp_path):
+    folder = CampaignFolder(tmp_path)
+    with folder.claimed({part: CONTENT[part] for part in ("campaign", "scenario")}):
+        pass
+    with folder.claimed(CONTENT):
+        assert folder.content() == CONTENT
 
 
 RUN = """

@@ -1,13 +1,17 @@
 """Plans, and cards made of episodes whose thresholds are known."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
+from poise import robots
 from poise.apps.campaigns import CampaignFolder
 from poise.apps.scorecard import FULL, QUICK, TRIALS, Plan, make_card, replay_job
 from poise.errors import ConfigurationError, PoiseError, UnknownNameError
+from poise.robots import load_robot
 
 LEGS = {"robot": "biped20", "extent": QUICK}
 
@@ -157,6 +161,20 @@ def test_the_folder_of_another_card_is_refused(hands, here, tmp_path, change):
     make_card(hands, tmp_path, here, function=known)
     with pytest.raises(ConfigurationError, match="another --out"):
         make_card(replace(hands, **change), tmp_path, here, function=known)
+
+
+def test_the_folder_of_a_robot_whose_files_have_changed_is_refused(hands, here, tmp_path):
+    model, facts = tmp_path / "legs.urdf", tmp_path / "legs.poise.yaml"
+    model.write_text(load_robot("biped20").source.text)
+    shipped = Path(robots.__file__).parent / "descriptions" / "biped20.yaml"
+    told = yaml.safe_load(shipped.read_text())
+    del told["catalog"]
+    facts.write_text(yaml.safe_dump(told))
+    plan = replace(hands, robot=str(model))
+    make_card(plan, tmp_path / "card", here, function=known)
+    model.write_text(model.read_text().replace('<mass value="', '<mass value="1'))
+    with pytest.raises(ConfigurationError, match=r"another robot: '.*/legs.urdf' differs"):
+        make_card(replace(plan), tmp_path / "card", here, function=known)
 
 
 @pytest.mark.slow

@@ -5,7 +5,7 @@ The classes here are the form of the file: their fields are its keys.
 
 import json
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -20,6 +20,7 @@ from poise.apps.campaigns._fields import with_fields
 from poise.apps.campaigns._folder import CampaignFolder
 from poise.apps.scenarios import Measurement, make_scenario, read_scenario
 from poise.errors import ConfigurationError, PoiseError, UnknownNameError
+from poise.robots import files_digest
 
 _OWN = ("seed", "name")
 """Fields of a scenario that no campaign varies: each episode has its own seed."""
@@ -280,7 +281,15 @@ class Design:
 
     def to_json(self) -> dict[str, Any]:
         """All that decides what an episode is, as JSON; another `Design` can be made of it."""
-        return json.loads(json.dumps(self._content, default=str))
+        content = {**self._content, "robots": robot_files(self._robots())}
+        return json.loads(json.dumps(content, default=str))
+
+    def _robots(self) -> list[Any]:
+        """Whatever is the robot of an episode."""
+        campaign = self.campaign
+        tuned = {} if campaign.tune is None else campaign.tune.fields
+        draws = [fields["robot"] for fields in (campaign.vary, tuned) if "robot" in fields]
+        return [self.scenario.get("robot"), *(value for d in draws for value in d.extremes)]
 
     def _point(self, index: int) -> dict[str, Any]:
         """The point of the grid of an episode: the last field changes first."""
@@ -311,6 +320,16 @@ class Design:
             make_scenario(with_fields(self.scenario, values), self.campaign.scenario)
         except PoiseError as error:
             raise error.located(f"{self._where}: {place}") from None
+
+
+def robot_files(robots: Iterable[Any]) -> dict[str, str]:
+    """A digest of the files of each robot that comes from one, by its path.
+
+    Raises:
+        RobotError: a file cannot be read.
+    """
+    files = {Path(r).resolve() for r in robots if isinstance(r, str) and Path(r).is_file()}
+    return {str(file): files_digest(file) for file in sorted(files)}
 
 
 def _located(content: Mapping[str, Any]) -> dict[str, Any]:

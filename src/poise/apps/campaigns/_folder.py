@@ -21,6 +21,9 @@ from poise.errors import ConfigurationError, MissingExtraError, PoiseError
 MANIFEST, EPISODES, _LOCK = "campaign.json", "episodes", "lock"
 """File and folder names in a campaign's folder."""
 
+_PARTS = {"campaign": "campaign", "scenario": "scenario", "robots": "robot"}
+"""Parts of what a folder is claimed for, and what messages call one that differs."""
+
 _MOST_PARTS = 256
 """Rows in files of their own at most: reading so many takes half a second."""
 
@@ -80,7 +83,8 @@ class CampaignFolder:
         """The folder for one campaign and one run of it alone, which may write rows meanwhile.
 
         Args:
-            content: which campaign, as JSON.
+            content: which campaign, as JSON: `campaign`, `scenario`, and `robots`, see
+                `robot_files`.
 
         Raises:
             ConfigurationError: the folder is another campaign's, or another run writes into it.
@@ -147,12 +151,14 @@ class CampaignFolder:
             _write_text(json.dumps(content, indent=1) + "\n", path)
             return
         here = self.content()
-        for part in ("campaign", "scenario"):
-            ours, theirs = _endless(content[part]), _endless(here[part])
+        for part, name in _PARTS.items():
+            # Folders of earlier versions do not say what their robots' files were.
+            asked = content.get(part, {})
+            ours, theirs = _endless(asked), _endless(here.get(part, asked))
             for key in sorted({*ours, *theirs}):
                 if ours.get(key) != theirs.get(key):
                     raise ConfigurationError(
-                        f"the folder {str(self.path)!r} is of another {part}: {key!r} differs",
+                        f"the folder {str(self.path)!r} is of another {name}: {key!r} differs",
                         got=ours.get(key),
                         wanted=f"{theirs.get(key)!r} as in the folder, or another --out",
                     )

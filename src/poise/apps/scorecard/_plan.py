@@ -8,7 +8,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from poise.apps.campaigns import Job, version
+from poise.apps.campaigns import Job, robot_files, version
 from poise.apps.scenarios import controller_names, read_scenario, stage_scenario
 from poise.apps.scorecard._card import Card, TrialResult
 from poise.apps.scorecard._trials import TRIALS, VERSION, Place, Trial
@@ -128,9 +128,9 @@ class Plan:
         object.__setattr__(self, "loaded", robot)
 
     @property
-    def about(self) -> dict[str, Any]:
+    def content(self) -> dict[str, Any]:
         """What makes two runs the same card, as JSON."""
-        return {
+        about = {
             "name": NAME,
             "robot": self.robot,
             "controller": self.controller,
@@ -139,6 +139,7 @@ class Plan:
             "trials_version": VERSION,
             "version": version(),
         }
+        return {"campaign": about, "scenario": {}, "robots": robot_files([self.robot])}
 
     def card(self, trials: Sequence[TrialResult], left_out: Mapping[str, str]) -> Card:
         """The plan's card.

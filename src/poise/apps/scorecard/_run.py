@@ -73,7 +73,7 @@ def make_card(
             progress(float(done), float(max(done, expected)))
 
     with (
-        rows.claimed({"campaign": plan.about, "scenario": {}}),
+        rows.claimed(plan.content),
         workers or LocalWorkers() as crew,
     ):
         runner = Runner(crew, rows, progress=tell, function=function)
