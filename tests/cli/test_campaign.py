@@ -111,6 +111,16 @@ def test_ctrl_c_leaves_what_is_done_and_says_how_to_go_on(here, capsys, monkeypa
     assert capsys.readouterr().out.startswith("trial: 2 of 2")
 
 
+def test_a_campaign_whose_next_episode_is_refused_goes_on(here, capsys):
+    periods = "vary: {plant.control_dt: [0.001, 0.002], plant.physics_dt: [0.001, 0.002]}\n"
+    periods += "set: {plant.control_dt: 0.002}"
+    for count, outcomes in ((1, {"ok": 1}), (2, {"ok": 1, "refused": 1})):
+        text = f"name: trial\nscenario: tiny.yaml\nepisodes: {count}\n{periods}\n"
+        (here / "periods.yaml").write_text(text)
+        assert main(["campaign", "periods.yaml", "--out", "o", "--json"]) == 0
+        assert json.loads(capsys.readouterr().out)["outcomes"] == outcomes
+
+
 BAD = {
     "no file": (["nowhere.yaml"], "nowhere.yaml"),
     "field that does not exist": (["wrong.yaml"], "choices: friction"),

@@ -182,6 +182,11 @@ BAD = {
     "value out of range": ("vary: {plant.friction: [1, -1]}", ("got -1",)),
     "bound out of range": ("vary: {plant.friction: {uniform: [-1, 1]}}", ("got -1",)),
     "value of the wrong kind": ("vary: {plant.friction: [high]}", ("'high'", "a positive number")),
+    "whole bounds of what is whole": (
+        "set: {checks: [{metric: residual_max, level: 1, at_most: 1}]}\n"
+        'vary: {"checks[0].level": {uniform: [1, 3]}}',
+        ("vary: 'checks[0].level'", "got 2.27", "whole number"),
+    ),
     "field that is set does not exist": ("set: {plant.x: 1}", ("choices: ",)),
     "seed": ("vary: {seed: [1, 2]}", ("cannot be varied", "'seed'")),
     "empty grid": ("vary: {plant.friction: []}", ("grid is empty",)),

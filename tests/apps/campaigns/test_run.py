@@ -6,6 +6,7 @@ import subprocess
 import sys
 import time
 from collections import Counter
+from dataclasses import replace
 
 import pytest
 
@@ -18,14 +19,16 @@ from poise.apps.campaigns import (
     CampaignFolder,
     LocalWorkers,
     Runner,
+    _episode,
     differences,
     replay_job,
     row_of,
     run_campaign,
+    version,
 )
-from poise.apps.campaigns._episode import run_episode, same_kind, warm_up
-from poise.apps.scenarios import run_scenario
-from poise.errors import PoiseError
+from poise.apps.campaigns._episode import Kind, run_episode, same_kind, warm_up
+from poise.apps.scenarios import run_scenario, stage_scenario
+from poise.errors import ConfigurationError, PoiseError
 
 STACK = {"contacts": [{"surface": {"frame": "left_sole"}}]}
 CONTENT = {"campaign": {}, "scenario": {}}
@@ -54,6 +57,14 @@ def campaign(tmp_path):
     (tmp_path / "tiny.yaml").write_text(TINY)
     (tmp_path / "campaign.yaml").write_text(CAMPAIGN)
     return tmp_path / "campaign.yaml"
+
+
+class InPlace(LocalWorkers):
+    """Does everything at once and here."""
+
+    def each(self, function, items, attempts=3):
+        for item in items:
+            yield item, function(item)
 
 
 class Nobody(LocalWorkers):
@@ -128,8 +139,6 @@ def test_what_becomes_of_an_episode_is_its_outcome(monkeypatch):
 
 
 def test_an_episode_that_crashes_the_simulator_is_a_result(monkeypatch):
-    from poise.apps.campaigns import _episode
-
     def crash(*_):
         raise MemoryError("mj_stackAlloc: out of\nmemory")
 
@@ -148,11 +157,42 @@ def test_a_worker_of_another_version_is_refused():
 
 
 def test_a_scenario_that_does_not_fit_its_robot_is_found_before_the_first_episode():
-    job = episodes.Job(
-        number=0, scenario=episodes.TINY, where="t", values={"robot": "arm6", "stack": STACK}
-    )
+    (misfit,) = episodes.jobs(1, robot="arm6", stack=STACK)
+    misfit = replace(misfit, version=version())
     with pytest.raises(PoiseError, match="'left_sole'"):
-        warm_up([job])
+        warm_up([Kind(jobs=[misfit])])
+    warm_up([Kind(jobs=[misfit], begun=True)])
+    with pytest.raises(PoiseError, match="another version"):
+        warm_up([Kind(jobs=[replace(misfit, version="x")], begun=True)])
+
+
+def test_what_is_compiled_for_is_the_first_job_of_a_kind_that_fits(monkeypatch):
+    tried = []
+
+    def stage(scenario):
+        tried.append(scenario.seed)
+        if scenario.seed < 2:
+            raise ConfigurationError("it does not fit")
+        return stage_scenario(scenario)
+
+    monkeypatch.setattr(_episode, "stage_scenario", stage)
+    jobs = [replace(job, version=version()) for job in episodes.jobs(5)]
+    warm_up([Kind(jobs=jobs)])
+    assert tried == [0, 1, 2]
+
+
+def test_jobs_far_from_each_other_are_tried_and_a_kind_with_a_row_is_begun(tmp_path):
+    asked = []
+
+    class Asked(InPlace):
+        def warm(self, function, item):
+            asked.append([([job.number for job in kind.jobs], kind.begun) for kind in item])
+
+    folder, jobs = CampaignFolder(tmp_path), episodes.jobs(20)
+    for count in (17, 20):
+        with folder.claimed(CONTENT):
+            Runner(Asked(1), folder, function=episodes.quick).run(jobs[:count])
+    assert asked == [[([0, 3, 6, 9, 12, 15], False)], [([17, 18, 19], True)]]
 
 
 def test_what_is_recorded_is_not_run_again_and_rows_come_in_order(run, tmp_path):

@@ -27,7 +27,7 @@ class Here(Workers):
         return done
 
     def warm(self, function, item):
-        self.warmed = [job.values for job in item]
+        self.warmed = [job.values for kind in item for job in kind.jobs]
 
     def __enter__(self):
         return self

@@ -69,6 +69,14 @@ class Draw:
         """All values where they can be counted, else the bounds."""
         return self.grid or self.choice or self.uniform or self.log_uniform or ()
 
+    @property
+    def samples(self) -> tuple[Any, ...]:
+        """What is tried: all values where they can be counted, else the bounds and one between."""
+        if self.uniform is None and self.log_uniform is None:
+            return self.extremes
+        # At random, as bounds and the middle of them may be whole numbers where others are not.
+        return (*self.extremes, self.draw(np.random.default_rng(0)))
+
     def draw(self, rng: np.random.Generator) -> Any:
         """A value at random."""
         if self.uniform is not None:
@@ -300,7 +308,7 @@ class Design:
         return point
 
     def _check(self) -> None:
-        """Tries every value that can be counted, and both bounds of every range, once."""
+        """Tries every value that can be counted, and some of every range, once."""
         tune = self.campaign.tune
         make_scenario(self.scenario, self.campaign.scenario)
         tuned = {} if tune is None else tune.fields
@@ -310,7 +318,7 @@ class Design:
                     raise ConfigurationError(
                         f"{self._where}: {section} names a field that cannot be varied", got=path
                     )
-                for value in draw.extremes:
+                for value in draw.samples:
                     self._try({path: value}, f"{section}: {path!r}")
         if tune is not None:
             self._try(tune.start, "tune: start")

@@ -160,31 +160,61 @@ def row_of(job: Job, run: Run) -> Row:
     return row
 
 
-def warm_up(jobs: Sequence[Job]) -> bool:
-    """Compiles what the jobs need, and finds scenarios that do not fit their robots.
+@dataclass(frozen=True, kw_only=True)
+class Kind:
+    """Jobs for which `warm_up` does the same, see `same_kind`.
 
-    Each is set up and run for two ticks: all that is compiled is compiled then, and kept in the
-    folder that all workers of a machine share.
+    Attributes:
+        jobs: some of them.
+        begun: whether one has a row already: it is known then that not all are beyond hope.
+    """
+
+    jobs: Sequence[Job]
+    begun: bool = False
+
+
+def warm_up(kinds: Sequence[Kind]) -> bool:
+    """Compiles what jobs need, and finds scenarios that do not fit their robots.
+
+    The first job of each kind that can be is set up and run for two ticks: all that is compiled is
+    compiled then, and kept in the folder that all workers of a machine share.
 
     Args:
-        jobs: one of each kind, see `same_kind`.
+        kinds: each once.
 
     Returns:
         Whether anything was compiled. Code that has just been compiled may round otherwise in the
         last bit than the same code from the disk, so the process should do nothing else.
 
     Raises:
-        PoiseError: a scenario does not fit its robot, or this process has other code.
+        PoiseError: no scenario of a kind that is not begun fits its robot, or this process has
+            other code.
     """
     with install_recorder("numba:compile") as compiling:
-        for job in jobs:
-            _check_version(job)
-            stage = stage_scenario(job.make())
-            validate_checks([*job.figures.values()], stage.leader.stack, stage.robot)
-            ticks = rollout(stage.plant, stage.controller, stage.leader, estimator=stage.estimator)
-            for _ in islice(ticks, 2):
-                pass
+        for kind in kinds:
+            _begin_one(kind)
     return bool(compiling.buffer)
+
+
+def _begin_one(kind: Kind) -> None:
+    refused: list[PoiseError] = []
+    for job in kind.jobs:
+        _check_version(job)
+        try:
+            _begin(job)
+            return
+        except PoiseError as error:
+            refused.append(error)
+    if not kind.begun:
+        raise refused[0]
+
+
+def _begin(job: Job) -> None:
+    stage = stage_scenario(job.make())
+    validate_checks([*job.figures.values()], stage.leader.stack, stage.robot)
+    ticks = rollout(stage.plant, stage.controller, stage.leader, estimator=stage.estimator)
+    for _ in islice(ticks, 2):
+        pass
 
 
 def same_kind(job: Job) -> str:

@@ -30,8 +30,8 @@ def run_campaign(
         A row an episode: number, seed, values, outcome, figures.
 
     Raises:
-        PoiseError: the file is not right, the folder is another campaign's or in use, a scenario
-            does not fit its robot, or nobody is left who could work. What was recorded stays.
+        PoiseError: the file is not right, the folder is another campaign's or in use, no scenario
+            of a kind fits its robot, or nobody is left who could work. What was recorded stays.
     """
     design, folder = Design.load(Path(file)), CampaignFolder(Path(directory))
     with folder.claimed(design.to_json()), workers or LocalWorkers() as crew:

@@ -1,11 +1,24 @@
 """`Runner`: runs jobs over any workers, to one row each that is kept in a folder."""
 
+import math
+from collections import defaultdict
 from collections.abc import Callable, Sequence
 
-from poise.apps.campaigns._episode import Job, Row, crashed, run_episode, same_kind, warm_up
+from poise.apps.campaigns._episode import (
+    Job,
+    Kind,
+    Row,
+    crashed,
+    run_episode,
+    same_kind,
+    warm_up,
+)
 from poise.apps.campaigns._folder import CampaignFolder
 from poise.apps.campaigns._workers import WorkerLostError, Workers
 from poise.apps.scenarios import Progress
+
+_TRIED = 8
+"""So many jobs of a kind are tried at most until one can be begun."""
 
 
 class Runner:
@@ -31,6 +44,7 @@ class Runner:
         self._workers, self._folder, self._function = workers, folder, function
         self._progress, self._total = progress, total
         self._warm: set[str] = set()
+        self._begun: set[str] = set()
 
     def run(self, jobs: Sequence[Job]) -> list[Row]:
         """Runs those jobs that have no row yet.
@@ -42,10 +56,11 @@ class Runner:
             A row a job, in their order.
 
         Raises:
-            PoiseError: a scenario does not fit its robot, a worker has other code, or nobody is
+            PoiseError: no scenario of a kind fits its robot, a worker has other code, or nobody is
                 left who could work. What was recorded stays.
         """
         left = [job for job in jobs if job.number not in self._folder.rows]
+        self._begun |= {same_kind(job) for job in jobs if job.number in self._folder.rows}
         total = len(jobs) if self._total is None else self._total
         self._tell(total)
         self.warm_up(left)
@@ -62,13 +77,20 @@ class Runner:
         `run` does it with its jobs; it is for those who know better ones, that fit their robots.
 
         Raises:
-            PoiseError: a scenario does not fit its robot.
+            PoiseError: no scenario of a kind fits its robot.
         """
-        new = {same_kind(job): job for job in reversed(jobs)}
-        new = {kind: job for kind, job in new.items() if kind not in self._warm}
-        if new:
-            self._workers.warm(warm_up, [*new.values()])
-            self._warm |= set(new)
+        kinds: defaultdict[str, list[Job]] = defaultdict(list)
+        for job in jobs:
+            kinds[same_kind(job)].append(job)
+        # Neighbours in a grid are alike: those that are tried are far from each other.
+        cold = [
+            Kind(jobs=own[:: math.ceil(len(own) / _TRIED)], begun=name in self._begun)
+            for name, own in kinds.items()
+            if name not in self._warm
+        ]
+        if cold:
+            self._workers.warm(warm_up, cold)
+            self._warm |= set(kinds)
 
     def _tell(self, total: int) -> None:
         if self._progress is not None:
