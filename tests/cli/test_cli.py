@@ -107,6 +107,15 @@ def test_a_video_of_an_earlier_run_does_not_pass_for_this_ones(in_folder, short)
     assert files(folder) == {"report.html", "log.mcap", "summary.json"}
 
 
+def test_a_run_that_is_refused_leaves_the_earlier_one_as_it_was(in_folder, short):
+    folder = in_folder / "o"
+    folder.mkdir()
+    for name in ("video.mp4", "video.jpg", "report.html"):
+        (folder / name).write_bytes(b"of another run")
+    assert main(["run", short, "--out", "o", "--controller", "osf", "--strategy", "direct"]) == 2
+    assert files(folder) == {"video.mp4", "video.jpg", "report.html"}
+
+
 @pytest.mark.parametrize("scenario", ["over_an_obstacle", "over_an_obstacle_velocity"])
 def test_a_robot_without_feet_that_shall_be_walked_by_hand_is_one_line(in_folder, capsys, scenario):
     assert main(["run", scenario, "--robot", "arm6", "--no-video"]) == 2

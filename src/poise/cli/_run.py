@@ -106,9 +106,10 @@ def run_and_report(
         write_video,
     )
 
-    discard_video(folder)
     with Bar("simulating", "s", lines=not quiet) as bar:
         run = run_scenario(scenario, log=folder / LOG, view=view, progress=bar)
+    # Until there is something in its place, the report of an earlier run keeps its video.
+    discard_video(folder)
     summary = summarise(run)
     write_summary(summary, folder)
     no_video = None
