@@ -1,5 +1,7 @@
 """`poise scorecard`: cards made and compared, and one clean line for bad input."""
 
+import errno
+import io
 import json
 import re
 import subprocess
@@ -86,6 +88,24 @@ def test_two_cards_are_compared_in_a_table_and_on_a_page(in_folder, two_cards, c
     assert lines["delay of sensors"].endswith("second worse")
     assert "second" not in lines["push, standing ahead"]
     assert "not tried" in lines["friction"]
+    assert (in_folder / "runs" / "scorecard-compare" / "scorecard.html").is_file()
+
+
+def test_a_terminal_without_a_letter_is_told_all_the_same(in_folder, two_cards, monkeypatch):
+    monkeypatch.setattr(sys, "stdout", io.TextIOWrapper(io.BytesIO(), encoding="latin-1"))
+    assert main(["scorecard", "--compare", *two_cards]) == 0
+    out = sys.stdout.buffer.getvalue().decode("latin-1")
+    assert "  friction                                    \\u2265 0.01 [0.01, 0.05]" in out
+    assert out.endswith("page: runs/scorecard-compare/scorecard.html\n")
+
+
+def test_what_cannot_be_printed_has_its_page(in_folder, two_cards, monkeypatch):
+    class Full(io.StringIO):
+        def write(self, text):
+            raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(sys, "stdout", Full())
+    assert main(["scorecard", "--compare", *two_cards]) == 2
     assert (in_folder / "runs" / "scorecard-compare" / "scorecard.html").is_file()
 
 

@@ -1,6 +1,7 @@
 """`run_command`: a command line carried out, with an exit status and no traceback for bad input."""
 
 import argparse
+import io
 import os
 import sys
 from collections.abc import Sequence
@@ -21,6 +22,10 @@ def run_command(parser: argparse.ArgumentParser, arguments: Sequence[str] | None
     Returns:
         The exit status; bad input gives one line on stderr and no traceback.
     """
+    for stream in (sys.stdout, sys.stderr):
+        # Not every terminal has all letters that names and figures are written with.
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
     options = parser.parse_args(arguments)
     program = parser.prog.split()[-1]
     try:

@@ -157,14 +157,13 @@ def _compare(options: argparse.Namespace) -> int:
 
     first, second = (read_card(Path(name)) for name in options.compare)
     differences = compare(first, second)
+    page = write_page(first, Path(options.out or "runs/scorecard-compare"), second)
     if options.json:
         said = [{**asdict(d), "trial": d.trial.name, "verdict": d.verdict} for d in differences]
         print(json.dumps(said))
-    else:
-        _print_differences(first, second)
-    page = write_page(first, Path(options.out or "runs/scorecard-compare"), second)
-    if not options.json:
-        print(f"page: {page}")
+        return 0
+    _print_differences(first, second)
+    print(f"page: {page}")
     return 0
 
 
