@@ -220,6 +220,21 @@ BAD = {
         f"tune: {{{TUNE}, start: {{a: 1}}, fields: {{plant.mass_scale: {{choice: [1]}}}}}}",
         ("got 'a'", "choices: plant.mass_scale"),
     ),
+    "start with a value that is no choice": (
+        f"tune: {{{TUNE}, start: {{plant.friction: 0.7}}, "
+        "fields: {plant.friction: {choice: [0.5, 1.0]}}}",
+        ("plant.friction is not tuned over", "got 0.7", "one of [0.5, 1.0]"),
+    ),
+    "start beyond a bound": (
+        f"tune: {{{TUNE}, start: {{plant.friction: 2.0}}, "
+        "fields: {plant.friction: {uniform: [0.5, 1.0]}}}",
+        ("plant.friction is not tuned over", "got 2.0", "in [0.5, 1.0]"),
+    ),
+    "start with no number": (
+        f"tune: {{{TUNE}, start: {{plant.friction: high}}, "
+        "fields: {plant.friction: {log_uniform: [0.5, 1.0]}}}",
+        ("got 'high'", "in [0.5, 1.0]"),
+    ),
     "tuning with episodes beside": (
         f"episodes: 3\ntune: {{{TUNE}, fields: {{plant.mass_scale: {{choice: [1]}}}}}}",
         ("tune: episodes",),

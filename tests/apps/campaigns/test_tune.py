@@ -20,7 +20,7 @@ from poise.apps.campaigns import (
 )
 from poise.apps.campaigns._episode import same_kind
 from poise.apps.campaigns._tune import cost, tune
-from poise.errors import MissingExtraError
+from poise.errors import MissingExtraError, PoiseError
 
 CAMPAIGN = {
     "name": "valley",
@@ -143,6 +143,21 @@ def test_what_failed_counts_as_the_campaign_says():
     for outcome in ("fell", "diverged", "error", "refused", "crashed"):
         assert cost([good, good | {"outcome": outcome}], plan) == 4.0
     assert cost([good | {"com_error_max_m": None}], plan) == 7.0
+
+
+def test_a_start_may_be_at_a_bound_or_any_choice():
+    start = {"plant.mass_scale": 10, "plant.floor_slope": [0.1, 0.0]}
+    content = CAMPAIGN | {"tune": CAMPAIGN["tune"] | {"start": start}}
+    assert Design(content, episodes.TINY, "valley.yaml").campaign.tune.start == start
+
+
+def test_a_damaged_storage_is_said(tmp_path):
+    (tmp_path / "tuning.sqlite").write_bytes(b"this was a database" * 100)
+    with pytest.raises(PoiseError, match=r"storage failed .*not a database.*tuning\.sqlite"):
+        tuned(tmp_path)
+    design = Design(CAMPAIGN, episodes.TINY, "valley.yaml")
+    with pytest.raises(PoiseError, match=r"storage failed .*not a database.*tuning\.sqlite"):
+        best_trial(design.campaign, design.campaign.tune, tmp_path)
 
 
 def test_without_optuna_the_command_that_installs_it_is_said(tmp_path, monkeypatch):

@@ -77,6 +77,13 @@ class Draw:
         # At random, as bounds and the middle of them may be whole numbers where others are not.
         return (*self.extremes, self.draw(np.random.default_rng(0)))
 
+    def takes(self, value: Any) -> bool:
+        """Whether a value is one that may come about."""
+        if self.uniform is None and self.log_uniform is None:
+            return value in self.extremes
+        low, high = self.extremes
+        return isinstance(value, int | float) and low <= value <= high
+
     def draw(self, rng: np.random.Generator) -> Any:
         """A value at random."""
         if self.uniform is not None:
@@ -132,10 +139,17 @@ class TunePlan:
                 raise ConfigurationError(
                     f"{path} is tuned over a grid", got=list(draw.grid), wanted="choice: [...]"
                 )
-        for path in self.start:
+        for path, value in self.start.items():
             if path not in self.fields:
                 raise ConfigurationError(
                     "start has a field that is not tuned", got=path, choices=self.fields
+                )
+            draw = self.fields[path]
+            if not draw.takes(value):
+                kind = "one of" if draw.choice is not None else "in"
+                wanted = f"{kind} {list(draw.extremes)}"
+                raise ConfigurationError(
+                    f"start has a value that {path} is not tuned over", got=value, wanted=wanted
                 )
 
 

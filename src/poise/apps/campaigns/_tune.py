@@ -3,6 +3,8 @@
 import json
 import math
 import warnings
+from collections.abc import Generator
+from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -45,11 +47,10 @@ def tune(design: Design, plan: TunePlan, runner: Runner, folder: Path) -> list[R
 
     Raises:
         MissingExtraError: Optuna is not installed.
-        PoiseError: as `Runner.run`, or Optuna's storage cannot be written.
+        PoiseError: as `Runner.run`, or Optuna's storage cannot be read or written.
     """
-    optuna = _optuna()
     rows: list[Row] = []
-    try:
+    with _stored(folder):
         study = _study(design.campaign, plan, folder)
         for begin in range(0, plan.trials, plan.batch):
             numbers = range(begin, min(begin + plan.batch, plan.trials))
@@ -61,9 +62,6 @@ def tune(design: Design, plan: TunePlan, runner: Runner, folder: Path) -> list[R
                 study.tell(number, cost(own, plan), skip_if_finished=True)
             rows += found
         _draw(study, folder)
-    except optuna.exceptions.StorageInternalError as error:
-        reason = " ".join(str(error).split())
-        raise PoiseError(f"Optuna's storage failed ({reason})", got=str(folder / STORAGE)) from None
     return rows
 
 
@@ -74,11 +72,17 @@ def cost(rows: list[Row], plan: TunePlan) -> float:
 
 
 def best_trial(campaign: Campaign, plan: TunePlan, folder: Path) -> dict[str, Any] | None:
-    """The best trial so far: its number, its value, and the values of its fields."""
-    study = _study(campaign, plan, folder)
-    if not _finished(study):
-        return None
-    trial = study.best_trial
+    """The best trial so far: its number, its value, and the values of its fields.
+
+    Raises:
+        MissingExtraError: Optuna is not installed.
+        PoiseError: Optuna's storage cannot be read.
+    """
+    with _stored(folder):
+        study = _study(campaign, plan, folder)
+        if not _finished(study):
+            return None
+        trial = study.best_trial
     fields = {path: _value(plan.fields[path], trial.params[path]) for path in plan.fields}
     return {"trial": trial.number, plan.figure: trial.value, "fields": fields}
 
@@ -91,6 +95,17 @@ def _optuna() -> Any:
     # Of each trial there is a line in the results already.
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     return optuna
+
+
+@contextmanager
+def _stored(folder: Path) -> Generator[None]:
+    """What Optuna, and the SQLAlchemy below it, raise of the storage is said in one line."""
+    failures = _optuna().exceptions.OptunaError, import_module("sqlalchemy.exc").SQLAlchemyError
+    try:
+        yield
+    except failures as error:
+        reason = " ".join(str(error).split())
+        raise PoiseError(f"Optuna's storage failed ({reason})", got=str(folder / STORAGE)) from None
 
 
 def _study(campaign: Campaign, plan: TunePlan, folder: Path) -> Any:
