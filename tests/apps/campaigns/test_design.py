@@ -189,6 +189,7 @@ BAD = {
     ),
     "field that is set does not exist": ("set: {plant.x: 1}", ("choices: ",)),
     "seed": ("vary: {seed: [1, 2]}", ("cannot be varied", "'seed'")),
+    "seed for all": ("set: {seed: 7}", ("each episode has one of its own", "got 7", "key seed")),
     "empty grid": ("vary: {plant.friction: []}", ("grid is empty",)),
     "bounds the wrong way round": ("vary: {plant.friction: {uniform: [1, 0.5]}}", ("low < high",)),
     "logarithm of zero": ("vary: {plant.friction: {log_uniform: [0, 1]}}", ("got [0.0, 1.0]",)),
@@ -203,6 +204,23 @@ BAD = {
     "figure by another's name": (
         "figures: {seed: {metric: com_travel}}",
         ("got 'seed'", "another name"),
+    ),
+    "figure by the name of a residual": (
+        "figures: {residual_max_1: {metric: com_travel}}",
+        ("got 'residual_max_1'", "another name"),
+    ),
+    "figure by the name of a check": (
+        'figures: {"check: missed ticks": {metric: com_travel}}',
+        ("got 'check: missed ticks'", "another name"),
+    ),
+    "figure by the name of a field that varies": (
+        "vary: {plant.friction: [1]}\nfigures: {plant.friction: {metric: com_travel}}",
+        ("got 'plant.friction'", "another name"),
+    ),
+    "figure by the name of a field that is tuned": (
+        f"figures: {{plant.friction: {{metric: com_travel}}}}\n"
+        f"tune: {{{TUNE}, fields: {{plant.friction: {{choice: [1]}}}}}}",
+        ("got 'plant.friction'", "another name"),
     ),
     "tuned figure that is none": (
         f"tune: {{{TUNE.replace('max_m', 'm')}, fields: {{plant.mass_scale: {{choice: [1]}}}}}}",

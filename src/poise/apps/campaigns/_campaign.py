@@ -5,6 +5,7 @@ The classes here are the form of the file: their fields are its keys.
 
 import json
 import math
+import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -24,6 +25,9 @@ from poise.robots import files_digest
 
 _OWN = ("seed", "name")
 """Fields of a scenario that no campaign varies: each episode has its own seed."""
+
+_OF_A_RUN = re.compile(r"residual_max_\d+|check: .*", re.DOTALL)
+"""Names of columns of which there are as many as a run has levels and checks."""
 
 _SEEDS = 10**9
 """Seeds of episodes are below this, which scenarios allow."""
@@ -183,11 +187,19 @@ class Campaign:
             raise ConfigurationError(
                 "a tuning has no episodes of its own", got=self.episodes, wanted="tune: episodes"
             )
+        tuned = () if self.tune is None else self.tune.fields
+        columns = {*ABOUT, *FIGURES, *TIMINGS, *self.vary, *tuned}
         for name in self.figures:
-            if name in (*ABOUT, *FIGURES, *TIMINGS):
+            if name in columns or _OF_A_RUN.fullmatch(name):
                 raise ConfigurationError(
                     "a figure has the name of another column", got=name, wanted="another name"
                 )
+        if "seed" in self.set:
+            raise ConfigurationError(
+                "set has the seed, of which each episode has one of its own",
+                got=self.set["seed"],
+                wanted="the campaign's own key seed",
+            )
         choices = (*self.figures, *FIGURES)
         if self.tune is not None and self.tune.figure not in choices:
             raise UnknownNameError("tune: no such figure", got=self.tune.figure, choices=choices)
