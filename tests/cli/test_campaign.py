@@ -87,6 +87,20 @@ def test_a_campaign_is_run_looked_at_and_replayed(here, capsys):
     assert {p.name for p in replay.iterdir()} == {"report.html", "log.mcap", "summary.json"}
 
 
+def test_the_status_of_a_copy_without_its_lock_is_said(finished, capsys):
+    (finished / "lock").unlink()
+    assert main(["campaign", "status", "o"]) == 0
+    assert capsys.readouterr().out == "trial: 2 of 2 episodes in o\n  ok        2\n"
+
+
+def test_a_campaign_that_is_made_shorter_counts_what_it_has(finished, here, capsys):
+    (here / "trial.yaml").write_text(CAMPAIGN.replace("episodes: 2", "episodes: 1"))
+    assert main(["campaign", "trial.yaml", "--out", "o"]) == 0
+    out, err = capsys.readouterr()
+    assert err == ""
+    assert out == "trial: 1 of 1 episodes in o\n  ok        1\n"
+
+
 def test_a_replay_with_other_figures_says_so(finished, capsys, monkeypatch):
     monkeypatch.setattr(campaigns, "row_of", lambda job, run: {"com_error_max_m": 1.0})
     assert main(["campaign", "replay", "o", "0", "--no-video", "--json"]) == 1

@@ -96,7 +96,7 @@ def _progress(path: Path) -> dict[str, Any]:
 
     folder = CampaignFolder(path)
     design = Design.of(folder)
-    campaign, rows = design.campaign, folder.rows.values()
+    campaign, rows = design.campaign, folder.first(design.count)
     found = Counter(row["outcome"] for row in rows)
     said: dict[str, Any] = {
         "campaign": campaign.name,

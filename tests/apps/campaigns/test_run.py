@@ -206,6 +206,19 @@ def test_what_is_recorded_is_not_run_again_and_rows_come_in_order(run, tmp_path)
     assert ran == dict.fromkeys("012345", 1)
 
 
+def test_rows_of_a_longer_campaign_are_no_progress_of_a_shorter_one(tmp_path):
+    told, folder = [], CampaignFolder(tmp_path)
+    runner = Runner(
+        InPlace(1), folder, function=episodes.quick, progress=lambda *at: told.append(at)
+    )
+    runner._warm = {same_kind(job) for job in episodes.jobs(1)}
+    with folder.claimed(CONTENT):
+        runner.run(episodes.jobs(4))
+        told.clear()
+        runner.run(episodes.jobs(2))
+    assert told == [(2.0, 2.0)]
+
+
 def test_a_worker_that_dies_every_time_gives_a_row(run, tmp_path):
     rows = run(CampaignFolder(tmp_path), episodes.jobs(5), episodes.ending_third)
     assert [row["outcome"] for row in rows] == ["ok", "ok", "ok", "crashed", "ok"]

@@ -78,6 +78,10 @@ class CampaignFolder:
             )
         return self.rows[number]
 
+    def first(self, total: int) -> list[Row]:
+        """The rows that a campaign of so many episodes has: it may have been longer before."""
+        return [row for number, row in self.rows.items() if number < total]
+
     @contextmanager
     def claimed(self, content: Mapping[str, Any]) -> Generator[None]:
         """The folder for one campaign and one run of it alone, which may write rows meanwhile.
@@ -119,17 +123,13 @@ class CampaignFolder:
         Args:
             total: how many rows there will be.
         """
-        with (self.path / _LOCK).open("rb") as lock:
-            begun = os.fstat(lock.fileno()).st_mtime
-            try:
-                fcntl.flock(lock, fcntl.LOCK_SH | fcntl.LOCK_NB)
-                return {"running": False}
-            except BlockingIOError:
-                pass
+        if not self._is_written():
+            return {"running": False}
+        begun = (self.path / _LOCK).stat().st_mtime
         ended = (datetime.fromisoformat(row["ended"]).timestamp() for row in self.rows.values())
         new = sorted(time for time in ended if time > begun)
         rate = len(new) / (new[-1] - begun) if new else 0.0
-        left = (total - len(self.rows)) / rate if rate else None
+        left = (total - len(self.first(total))) / rate if rate else None
         return {"running": True, "rate_hz": rate, "left_s": left}
 
     def add(self, row: Row) -> None:
@@ -142,6 +142,15 @@ class CampaignFolder:
         self._parts += 1
         if self._parts >= _MOST_PARTS:
             self._compact()
+
+    def _is_written(self) -> bool:
+        """Whether a run writes here now; a copy of a folder may lack the file that is locked."""
+        with suppress(FileNotFoundError), (self.path / _LOCK).open("rb") as lock:
+            try:
+                fcntl.flock(lock, fcntl.LOCK_SH | fcntl.LOCK_NB)
+            except BlockingIOError:
+                return True
+        return False
 
     def _identify(self, content: Mapping[str, Any]) -> None:
         path = self.path / MANIFEST

@@ -94,4 +94,5 @@ class Runner:
 
     def _tell(self, total: int) -> None:
         if self._progress is not None:
-            self._progress(float(len(self._folder.rows)), float(total))
+            # Rows of a campaign that was longer before stay, and are none of this one's.
+            self._progress(float(min(len(self._folder.rows), total)), float(total))
