@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 
 from poise.apps.report import BaseErrors, SupportPhase
+from poise.apps.scenarios._ground_height import ground_heights
 from poise.apps.scenarios._metrics import METRICS
 from poise.apps.scenarios._scenario import PushPlan
 from poise.apps.scenarios._signals import RunSignals, support_phases, zmp_margins
+from poise.sim import Block, PlantConfig
 
 NAN = float("nan")
 
@@ -65,6 +67,18 @@ def test_the_margin_of_a_tilted_edge_is_measured_square_to_it():
     np.testing.assert_allclose(margins, [0.2 / np.sqrt(2), -0.2 / np.sqrt(2)], atol=1e-12)
 
 
+def test_the_ground_is_the_floor_and_above_it_the_tops_of_blocks():
+    points = np.array([[0.0, 0.2], [1.05, 0.0], [1.15, 0.0], [2.05, 0.03], [2.05, -0.3]])
+    floor = ground_heights(PlantConfig(floor_slope=(0.1, 0.0)), points)
+    np.testing.assert_allclose(floor, points[:, 1] * np.tan(0.1), atol=1e-12)
+    flat = Block(center=(1.0, 0.0), size=(0.2, 0.4, 0.05))
+    ramp = Block(center=(2.0, 0.0), size=(0.4, 0.2, 0.3), tilt=(0.0, 0.2), top=0.1, told=False)
+    sunk = Block(center=(0.0, 0.0), size=(1.0, 1.0, 0.3), top=-0.1, told=False)
+    heights = ground_heights(PlantConfig(blocks=(flat, ramp, sunk)), points)
+    # A ramp that is turned about y goes down along x.
+    np.testing.assert_allclose(heights, [0.0, 0.05, 0.0, 0.1 - 0.05 * np.tan(0.2), 0.0], atol=1e-12)
+
+
 def signals():
     """Eleven ticks of 0.05 s; the COM moves along x by 0.01 m a tick, the reference stays."""
     n = 11
@@ -87,6 +101,7 @@ def signals():
         zmp_margin=np.array([NAN, 0.03, 0.02, -0.01, *[0.05] * 7]), support=(),
         sole_forces={"s": np.linspace(0.0, 100.0, n)},
         sole_positions={"s": np.linspace([0.0, 0.0, 0.1], np.zeros(3), n)},
+        sole_heights={"s": np.linspace(0.08, -0.02, n)},
         sole_planned={"s": np.array([1.0, 0, 0, 1, 1, 0, 1, 1, 1, 1, 0])},
         wrenches={"s": np.zeros((n, 6))}, targets={},
         task_errors={"hand": np.array([NAN, 0.3, *[0.1] * 8, 0.05])},
@@ -114,7 +129,7 @@ CASES = [
     ("torque_ratio_max", "", None, 0.5),
     ("torque_step_max", "", None, 0.5),
     ("sole_force_max", "s", None, 100.0),
-    ("sole_height_min", "s", None, 0.0),
+    ("sole_height_min", "s", None, -0.02),
     ("residual_max", "1", None, 1e-9),
     ("residual_max", "2", None, 2e-3),
     ("zmp_margin_min", "", None, -0.01),

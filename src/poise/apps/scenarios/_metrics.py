@@ -155,7 +155,7 @@ def _sole_force(run: RunSignals, sole: str, _: int | None) -> Float64[np.ndarray
 
 
 def _sole_height(run: RunSignals, sole: str, _: int | None) -> Float64[np.ndarray, " T"]:
-    return run.sole_positions[sole][:, 2]
+    return run.sole_heights[sole]
 
 
 def _residual(run: RunSignals, level: str, _: int | None) -> Float64[np.ndarray, " T"]:
@@ -297,7 +297,7 @@ METRICS = {
             unit="m",
             subject="sole",
             takes_axis=False,
-            describe="least height of a sole's centre above the ground",
+            describe="least height of a sole's centre above the floor or the block under it",
             measure=_least(_sole_height),
         ),
         Metric(

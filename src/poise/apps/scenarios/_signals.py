@@ -15,6 +15,7 @@ from jaxtyping import Float64
 
 from poise.apps.report import BaseErrors, SupportPhase
 from poise.apps.scenarios._estimate import BaseKnowledge
+from poise.apps.scenarios._ground_height import ground_heights
 from poise.apps.teleoperation import plant_from_json
 from poise.locomotion import signed_margin, soles_outline
 from poise.robots import Robot
@@ -55,6 +56,7 @@ class RunSignals:
         support: support polygons over time.
         sole_forces: normal force of each sole [N].
         sole_positions: each sole's centre [m].
+        sole_heights: of each sole's centre above the floor or the block under it [m].
         sole_planned: whether the controller counted on the sole, 0 or 1.
         wrenches: measured wrench of each sole, in the sole's frame [N, N m].
         targets: where each point that a task moves should be, NaN where nothing asks [m].
@@ -84,6 +86,7 @@ class RunSignals:
     support: tuple[SupportPhase, ...] = field(repr=False)
     sole_forces: dict[str, Float64[np.ndarray, " T"]] = field(repr=False)
     sole_positions: dict[str, Float64[np.ndarray, "T 3"]] = field(repr=False)
+    sole_heights: dict[str, Float64[np.ndarray, " T"]] = field(repr=False)
     sole_planned: dict[str, Float64[np.ndarray, " T"]] = field(repr=False)
     wrenches: dict[str, Float64[np.ndarray, "T 6"]] = field(repr=False)
     targets: dict[str, Float64[np.ndarray, "T 3"]] = field(repr=False)
@@ -171,7 +174,7 @@ def collect_signals(record: RunRecord, robot: Robot) -> RunSignals:
     """
     tasks = tuple(TaskEntry(*entry) for entry in json.loads(record.metadata["tasks"]))
     level_names = tuple(json.loads(record.metadata["levels"]))
-    blocks = plant_from_json(json.loads(record.metadata["plant"])).blocks
+    plant = plant_from_json(json.loads(record.metadata["plant"]))
     time, q = record.times("q"), record["q"]
     poses = {name: _sole_poses(robot, name, q) for name in robot.soles}
     planned = {
@@ -203,6 +206,7 @@ def collect_signals(record: RunRecord, robot: Robot) -> RunSignals:
         support=support,
         sole_forces={name: wrench[:, 2].copy() for name, wrench in wrenches.items()},
         sole_positions=soles,
+        sole_heights={n: p[:, 2] - ground_heights(plant, p[:, :2]) for n, p in soles.items()},
         sole_planned=planned,
         wrenches=wrenches,
         targets={
@@ -217,7 +221,7 @@ def collect_signals(record: RunRecord, robot: Robot) -> RunSignals:
         base_errors=base.errors,
         clearance=_aligned(record, "clearance", time, ()),
         self_contact=_aligned(record, "self_contact", time, ()),
-        beyond=_beyond(robot, soles, blocks, len(time)),
+        beyond=_beyond(robot, soles, plant.blocks, len(time)),
         modes=record.notes("mode"),
     )
 
