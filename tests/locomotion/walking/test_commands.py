@@ -108,6 +108,35 @@ def test_one_beyond_it_or_across_the_other_foot_is_moved_and_said(place):
     assert "out of reach" in leader.notice
 
 
+@pytest.mark.parametrize(("asked", "kept"), [(1.5, 0.6), (-0.5, -0.12)])
+def test_one_that_is_turned_farther_than_the_legs_turn_it_is_turned_back_and_said(asked, kept):
+    leader = commands()
+    place = Placement(position=(0.1, 0.2, 0.0), yaw=asked)
+    leader.add_foothold(Foothold(0, place))
+    first = leader.steps(0, RIGHT, 1)[0]
+    assert first.yaw == pytest.approx(kept)
+    assert first.position == pytest.approx(place.position)
+    assert f"turned by {abs(asked - kept):.2f} rad" in leader.notice
+
+
+def test_one_as_exactly_turned_as_a_foot_stands_is_not_worth_a_word():
+    leader = commands()
+    leader.add_foothold(Foothold(0, Placement(position=(0.1, 0.2, 0.0), yaw=-0.14)))
+    assert leader.steps(0, RIGHT, 1)[0].yaw == pytest.approx(-0.12)
+    assert leader.notice == ""
+
+
+@pytest.mark.parametrize(("known", "kept"), [(1.0, 1.0), (-0.3, -0.3)])
+def test_a_plan_turns_a_foot_as_far_as_its_legs_were_looked_at_and_no_farther(known, kept):
+    """Elsewhere than planned, as who was caught is, it would be turned by any angle."""
+    for asked in (known, 2.0 * known):
+        leader = commands()
+        place = Placement(position=(0.1, 0.2, 0.0), yaw=asked)
+        leader.add_foothold(Foothold(0, place, checked=True, turned=known))
+        assert leader.steps(0, RIGHT, 1)[0].yaw == pytest.approx(kept)
+        assert bool(leader.notice) == (asked != known)
+
+
 def test_a_foothold_on_an_edge_moves_to_where_it_is_level():
     step = Ground.Platform(center=(0.5, 0.0), size=(0.5, 2.0, 0.05))
     leader = commands(Ground(platforms=(step,)))

@@ -11,6 +11,7 @@ import pytest
 import poise
 from poise.errors import ConfigurationError, UnknownNameError
 from poise.locomotion import (
+    FootstepPlan,
     Gait,
     Ground,
     Stride,
@@ -162,6 +163,36 @@ def test_a_state_that_is_not_finite_is_passed_over(frozen, ticks):
 def test_clocks_that_jump_end_in_a_status_and_not_in_an_error(frozen):
     for time in itertools.chain([0.0, 3.0, 1.0, 1.0, 50.0, 0.2], np.linspace(0.0, 9.0, 60)):
         assert frozen.tick(time) in WalkStatus
+
+
+TOES_IN = [
+    ("left_sole", (0.12, 0.12, 0.0)),
+    ("right_sole", (0.2, -0.12, 0.3)),
+    ("left_sole", (0.2, 0.15, 0.0)),
+]
+
+
+def turned_by(robot, way):
+    if way == "in":
+        return FootstepPlan.from_footholds(robot, TOES_IN, GAIT)
+    turn = 0.5 if way == "left" else -0.5
+    return plan_footsteps(robot, [Stride(steps=7, turn=turn)], replace(GAIT, crouch=0.04))
+
+
+@pytest.mark.parametrize(("robot", "way"), [("humanoid33", "in"), ("g1", "left"), ("g1", "right")])
+def test_feet_are_turned_as_far_as_the_plan_says(get_robot, robot, way):
+    """Farther than commands may turn them, and more than half a turn in all."""
+    robot = get_robot(robot)
+    plan = turned_by(robot, way)
+    walker = Walker(robot, walking_stack(robot), plan=plan)
+    walker.lead(poise.RobotState(robot.q_home, np.zeros(robot.nv), {}, 0.0))
+    for done, step in enumerate(plan.steps):
+        stance = plan.placements(done)[1 - step.foot]
+        place = walker.commands.steps(step.foot, stance, 1)[0]
+        assert math.remainder(place.yaw - step.goal.yaw, math.tau) == pytest.approx(0.0, abs=1e-9)
+        assert place.position[:2] == pytest.approx(step.goal.position[:2], abs=1e-9)
+        walker.commands.footholds.popleft()
+    assert walker.notice == ""
 
 
 def without(stack, name):

@@ -103,9 +103,19 @@ class LegRoom(NamedTuple):
         return StepBounds(-ahead, ahead, near, self.wide, ahead, self.width)
 
 
+_ASKEW = 0.03
+"""A foothold that is turned by less than this is as it was asked for: the foot that stands is where
+it should be no more exactly [rad]."""
+
+
 def side(foot: int) -> float:
     """To which side a foot is of the other: 1 for the left one, -1 for the right one."""
     return 1.0 if foot == 0 else -1.0
+
+
+def _outwards(foot: int, turn: float) -> float:
+    """A turn of a foot against the other one, outwards, whole turns left out [rad]."""
+    return side(foot) * math.remainder(turn, 2.0 * math.pi)
 
 
 class Foothold(NamedTuple):
@@ -115,11 +125,13 @@ class Foothold(NamedTuple):
         foot: 0 for the left one, 1 for the right one.
         place: where its sole shall lie; how high that is, the ground says.
         checked: whether the legs are known to reach it from the foothold before.
+        turned: how far outwards they are known to turn it from the other foot there [rad].
     """
 
     foot: int
     place: Placement
     checked: bool = False
+    turned: float = 0.0
 
 
 Velocity = tuple[float, float, float]
@@ -200,8 +212,10 @@ class StepCommands:
 
     def follow(self, plan: FootstepPlan) -> None:
         """Asks for all footholds of a plan."""
-        for step in plan.steps:
-            self.add_foothold(Foothold(step.foot, step.goal, checked=True))
+        for done, step in enumerate(plan.steps):
+            other = plan.placements(done)[1 - step.foot]
+            turned = _outwards(step.foot, step.goal.yaw - other.yaw)
+            self.add_foothold(Foothold(step.foot, step.goal, checked=True, turned=turned))
 
     @property
     def moving(self) -> bool:
@@ -291,17 +305,21 @@ class StepCommands:
 
     def _allowed(self, stance: Placement, asked: Foothold) -> Placement:
         """A foothold that was given, or the nearest that the legs and the other foot allow."""
-        foot, place, checked = asked
+        foot, place, checked, known = asked
         out, room = side(foot), self._room
-        turned = math.remainder(place.yaw - stance.yaw, 2.0 * math.pi)
-        turned = out * min(max(out * turned, -room.turn_in), room.turn)
+        outwards = _outwards(foot, place.yaw - stance.yaw)
+        # A plan may turn a foot farther: there the legs have been looked at.
+        kept = min(max(outwards, -max(room.turn_in, -known)), max(room.turn, known))
+        turned = out * kept
         c, s = math.cos(stance.yaw), math.sin(stance.yaw)
         dx, dy = (place.position[k] - stance.position[k] for k in (0, 1))
         wanted = (c * dx + s * dy, out * (c * dy - s * dx))
         x, y = room.bounds(turned, far=checked).nearest(wanted)
-        moved = math.dist((x, y), wanted)
+        moved, cut = math.dist((x, y), wanted), abs(outwards - kept)
+        if moved >= LEVEL or cut >= _ASKEW:
+            by = f"moved by {moved:.3f} m, turned by {cut:.2f} rad"
+            self.notice = f"foothold out of reach: {by}"
         if moved >= LEVEL:
-            self.notice = f"foothold out of reach: moved by {moved:.3f} m"
             px, py = (
                 stance.position[0] + c * x - s * out * y,
                 stance.position[1] + s * x + c * out * y,
