@@ -39,14 +39,25 @@ class Held:
     def active(self):
         return [contact.active for contact in self.stack.contacts]
 
+    def land(self):
+        """Goes on until the foot in the air carries."""
+        self.until(self.time + 0.6 * self.walker.gait.swing_time)
+        self.loads = [0.5, 0.5]
+        while self.walker._steps.flight is not None:
+            self.until(self.time + DT)
+
     def swing(self, ahead=0.0):
         """Lifts the left foot, the weight being on its way to the right one."""
-        self.v[1] = -0.3
         x, y, _ = self.walker._parts.stance.feet[0].position
         self.walker.step_to("left_sole", x + ahead, y, 0.0)
+        return self.lift()
+
+    def lift(self):
+        """Goes on until a foot is in the air."""
+        self.v[1] = -0.3
         while self.walker._steps.flight is None:
             self.until(self.time + DT)
-            assert self.time < 3.0
+            assert self.time < 5.0
         self.v[1] = 0.0
         foot = self.walker._steps.flight.foot
         self.loads = [0.0, 1.0] if foot == 0 else [1.0, 0.0]
@@ -132,10 +143,7 @@ def test_a_foot_that_has_bounced_off_looks_for_the_ground_again(get_robot, bounc
     held = Held(get_robot("humanoid33"), WalkSettings(bounce_time=bounce_time))
     foot = held.swing()
     flight = held.walker._steps.flight
-    held.until(held.time + 0.6 * held.walker.gait.swing_time)
-    held.loads = [0.5, 0.5]
-    held.until(held.time + 2 * DT)
-    assert held.walker._steps.flight is None
+    held.land()
     assert held.walker.steps_made == 1
     held.loads = [0.0, 1.0] if foot == 0 else [1.0, 0.0]
     # What has just come down may carry nothing for a moment.
@@ -254,14 +262,48 @@ def test_a_foot_that_carries_again_does_not_hang(held, idle):
 def test_after_a_bounce_the_foothold_is_still_where_it_was_asked_for(held):
     foot = held.swing(ahead=0.05)
     asked = held.walker.commands.footholds[0]
-    held.until(held.time + 0.6 * held.walker.gait.swing_time)
-    held.loads = [0.5, 0.5]
-    held.until(held.time + 2 * DT)
+    held.land()
     assert not held.walker.commands.footholds
     held.loads = [0.0, 1.0] if foot == 0 else [1.0, 0.0]
     held.until(held.time + held.walker.settings.bounce_time + 4 * DT)
     assert held.walker._steps.flight is not None
     assert [*held.walker.commands.footholds] == [asked]
+
+
+LATER = [("left_sole", 0.3, 0.15, 0.2), ("right_sole", 0.3, -0.1, 0.0)]
+
+
+def test_a_foothold_given_for_the_foot_in_the_air_is_its_next_step(held):
+    """The one under way would be too late for it, and is turned otherwise."""
+    held.walker.set_velocity(0.3)
+    foot, walker = held.lift(), held.walker
+    going_to = walker.landing
+    for step in LATER:
+        walker.step_to(*step)
+    given = [*walker.commands.footholds]
+    held.until(held.time + DT)
+    assert walker.landing.yaw == going_to.yaw
+    # The foot and the robot stay where they are: it moves only to catch that.
+    assert walker.landing.position == pytest.approx(going_to.position, abs=2.1 * DT)
+    held.land()
+    assert (walker.steps_made, foot) == (1, 0)
+    assert [*walker.commands.footholds] == given
+    assert held.lift() == 0
+    assert walker.landing.yaw == pytest.approx(0.2)
+    assert walker.notice == ""
+
+
+def test_one_given_while_a_foot_that_bounced_off_seemed_to_stand_is_its_next_step(held):
+    held.walker.set_velocity(0.3)
+    held.lift()
+    held.land()
+    held.walker.step_to(*LATER[0])
+    given = [*held.walker.commands.footholds]
+    held.loads = [0.0, 1.0]
+    held.until(held.time + held.walker.settings.bounce_time + 4 * DT)
+    assert held.walker._steps.flight is not None
+    held.land()
+    assert [*held.walker.commands.footholds] == given
 
 
 def test_a_foot_that_is_caught_costs_no_command(held):

@@ -259,6 +259,10 @@ class StepCommands:
         _, sideways, turn = self._wanted
         return 1 if (sideways or turn) < 0.0 else 0
 
+    def asks_for(self, foot: int) -> bool:
+        """Whether the first foothold that was given, and is not yet made, is one of that foot."""
+        return bool(self.footholds) and self.footholds[0].foot == foot
+
     def next_foot(self, landed: int) -> int:
         """Which foot goes on after one has landed."""
         return self.footholds[0].foot if self.footholds else 1 - landed

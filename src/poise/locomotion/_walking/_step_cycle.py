@@ -66,7 +66,7 @@ class StepCycle:
         self._landed: Flight | None = None
         self._made: Foothold | None = None
         self._hovering = self._stood = 0.0
-        self._released = self._hurried = False
+        self._released = self._hurried = self._given = False
         self._left = self._waited = 0.0
 
     # Beginnings -----------------------------------------------------------------------------------
@@ -259,6 +259,7 @@ class StepCycle:
         parts = self._parts
         self._landed = None
         self._stand_on(1 - foot)
+        self._given = self._commands.asks_for(foot)
         goal = self._commands.steps(foot, self._standing_foot, AHEAD)[0]
         begin, size = self._sense.placement(foot), parts.stand.sizes[foot]
         rise, swung = self._gait.swing_height, None
@@ -283,6 +284,7 @@ class StepCycle:
 
     def _fly(self, flight: Flight, state: RobotState, dt: float) -> None:
         flight.count(dt)
+        self._keep(flight)
         self._aim(flight, dt)
         flight.get_clear(state)
         flight.advance(dt)
@@ -292,6 +294,12 @@ class StepCycle:
             self._land(flight)
             return
         self._tasks.lead_foot(self._sense, flight.foot, swing)
+
+    def _keep(self, flight: Flight) -> None:
+        """A foothold that was given for the foot in the air since lift-off is its next step's."""
+        if not self._given and self._commands.asks_for(flight.foot):
+            self._commands.insert(Foothold(flight.foot, flight.goal, checked=True))
+            self._given = True
 
     def _aim(self, flight: Flight, dt: float) -> None:
         """Chooses the touchdown, and where the divergent component should be now."""
@@ -311,8 +319,7 @@ class StepCycle:
         self._landed, self._hovering, self._stood = flight, 0.0, 0.0
         self.flight = None
         self.steps_made += 1
-        asked = commands.footholds and commands.footholds[0].foot == foot
-        self._made = commands.footholds.popleft() if asked else None
+        self._made = commands.footholds.popleft() if commands.asks_for(foot) else None
         self._stand_on(0, 1)
         opened = commands.closes and not self.is_closed
         # Who steps only in order not to fall keeps any stand that holds.
@@ -343,6 +350,7 @@ class StepCycle:
         self.phase, self._released, self._hurried = Phase.SWING, False, False
         flight.swing.search_again()
         self.steps_made -= 1
+        self._given = self._made is not None
         if self._made is not None:
-            self._commands.footholds.appendleft(self._made)
+            self._commands.insert(self._made)
         self._stand_on(1 - flight.foot)

@@ -197,7 +197,7 @@ class Walker:
         return self._hang_watch.foot
 
     def step_to(self, sole: str, x: float, y: float, yaw: float) -> None:
-        """Makes a step, after those that were asked for before.
+        """Makes a step, after those that were asked for before and the one under way.
 
         Args:
             sole: its name.
