@@ -165,6 +165,20 @@ def test_clocks_that_jump_end_in_a_status_and_not_in_an_error(frozen):
         assert frozen.tick(time) in WalkStatus
 
 
+def test_what_is_asked_for_before_the_first_tick_comes_after_the_plan(frozen):
+    walker, planned = frozen.walker, [step.goal for step in frozen.plan.steps]
+    walker.step_to("right_sole", 0.5, -0.1, 0.2)
+    walker.set_velocity(0.2)
+    frozen.tick(0.0)
+    *before, last = walker.commands.footholds
+    assert [hold.place for hold in before] == planned
+    assert (last.foot, last.place.position[:2], last.place.yaw) == (1, (0.5, -0.1), 0.2)
+    frozen.tick(DT)
+    frozen.tick(2.0)
+    assert walker.commands.velocity[0] > 0.0
+    assert walker.notice == ""
+
+
 TOES_IN = [
     ("left_sole", (0.12, 0.12, 0.0)),
     ("right_sole", (0.2, -0.12, 0.3)),

@@ -104,6 +104,9 @@ class Walker:
             robot, stack, stand, self.gait, self.settings, self.limits, self.ground, carry
         )
         self.height, self.commands = parts.height, parts.commands
+        if plan is not None:
+            # Now, so that all that is said before the first tick comes after it.
+            self.commands.follow(plan)
         self.carried: Mapping[str, CarriedTarget] = parts.tasks.carried
         self.status = WalkStatus.READY
         self._steps = StepCycle(parts)
@@ -357,7 +360,6 @@ class Walker:
                 if math.dist(self._parts.sense.sole(foot)[0].tolist(), place.position) > _MISPLACED:
                     self.status = WalkStatus.MISPLACED
                     return
-            self.commands.follow(self.plan)
         self._begin()
 
     def _begin(self) -> None:
