@@ -1,5 +1,7 @@
 """What the walker does about trouble; states are made up, nothing is simulated."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -326,6 +328,42 @@ def test_who_begins_another_run_knows_of_no_slope(held):
     held.walker.forget_everything()
     assert held.walker._parts.stance.slope == (0.0, 0.0)
     assert held.walker.steps_made == 0
+
+
+class Huge(float):
+    """As a whole number of 400 digits, which is no float for who checks types here."""
+
+    def __float__(self):
+        return float(10**400)
+
+
+@pytest.mark.parametrize("time", [np.nan, 10**400], ids=["nan", "huge"])
+def test_a_clock_that_is_no_number_is_passed_over_whoever_leads(held, time):
+    walker, state = held.walker, poise.RobotState(held.q, held.v)
+    broken = replace(state)
+    object.__setattr__(broken, "time", time)
+    walker.take_over(broken)
+    walker.lead(broken)
+    assert walker.status is WalkStatus.READY
+    for told in (broken, broken, replace(state, time=0.5), broken):
+        walker.feel(told)
+    assert walker._since_last(replace(state, time=0.502)) == pytest.approx(0.002)
+    walker.lead(broken)
+    assert walker.status is WalkStatus.READY
+    walker.lead(state)
+    assert walker.status is WalkStatus.STANDING
+
+
+def test_numbers_that_no_float_holds_are_ignored_and_said(held):
+    held.walker.set_velocity(0.2)
+    held.until(1.2)
+    held.walker.set_velocity(Huge(), 0.0, Huge())
+    assert "not finite" in held.walker.notice
+    held.until(held.time + DT)
+    assert held.walker.commands.velocity == pytest.approx((0.2, 0.0, 0.0))
+    held.walker.step_to("left_sole", 0.2, Huge(), 0.0)
+    assert held.walker.notice == "foothold ignored: not finite"
+    assert not held.walker.commands.footholds
 
 
 def test_a_carried_target_that_is_no_number_is_refused_and_stops_nobody(held):

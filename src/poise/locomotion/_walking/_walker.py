@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from jaxtyping import Float64
 
-from poise._checks import Numbers
+from poise._checks import Numbers, is_time
 from poise.dynamics import RobotState
 from poise.errors import ConfigurationError
 from poise.locomotion._support import SolePart
@@ -126,8 +126,7 @@ class Walker:
             sideways: to the left [m/s].
             turn: to the left [rad/s].
         """
-        # Numbers of a joystick are of float32, which Pinocchio does not take.
-        self.commands.set_velocity(float(ahead), float(sideways), float(turn))
+        self.commands.set_velocity(_double(ahead), _double(sideways), _double(turn))
 
     def take_over(self, state: RobotState, airborne: int | None = None) -> None:
         """Begins anew from what somebody else has led the robot to, who may take it back at rest.
@@ -136,10 +135,12 @@ class Walker:
         are as long as they hold it.
 
         Args:
-            state: of the robot.
+            state: of the robot; one that is not finite, its time included, is passed over.
             airborne: the foot that is in the air, which comes down where that helps; 0 for the left
                 one, None for none.
         """
+        if not _is_finite(state):
+            return
         self._parts.sense.update(state)
         self._time, self._hanging = state.time, None
         # What was the trouble when it led last is long over.
@@ -167,8 +168,10 @@ class Walker:
         taken to carry.
 
         Args:
-            state: of the robot.
+            state: of the robot; one that is not finite, its time included, is passed over.
         """
+        if not _is_finite(state):
+            return
         dt = self._since_last(state)
         self._time = state.time
         self._parts.sense.update(state)
@@ -213,7 +216,8 @@ class Walker:
             self.commands.notice = f"foothold of {sole!r} ignored: no sole of this robot"
             return
         foot = soles.index(sole)
-        self.commands.add_foothold(Foothold(foot, Placement(position=(x, y, 0.0), yaw=yaw)))
+        place = Placement(position=(_double(x), _double(y), 0.0), yaw=_double(yaw))
+        self.commands.add_foothold(Foothold(foot, place))
 
     @property
     def notice(self) -> str:
@@ -288,7 +292,7 @@ class Walker:
         Args:
             state: of the robot; one that is not finite, its time included, is passed over.
         """
-        if not math.isfinite(float(state.q.sum()) + float(state.v.sum()) + state.time):
+        if not _is_finite(state):
             return
         dt = self._since_last(state)
         self._time = state.time
@@ -390,6 +394,22 @@ class Walker:
         asked = parts.legs.parted((x, y), accelerations)
         parts.tasks.lead_com(parts.sense, com, np.array(asked))
         parts.body.carry(com)
+
+
+def _double(value: float) -> float:
+    """A number of any kind, infinite where no double holds it.
+
+    Those of a joystick are of float32, which Pinocchio does not take.
+    """
+    try:
+        return float(value)
+    except OverflowError:
+        return math.inf
+
+
+def _is_finite(state: RobotState) -> bool:
+    """Whether a state is one to go by."""
+    return is_time(state.time) and math.isfinite(float(state.q.sum()) + float(state.v.sum()))
 
 
 def _check_alone(gait: Gait | None, q: Numbers | None, ground: Ground | None) -> None:
