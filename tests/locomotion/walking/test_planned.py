@@ -20,6 +20,7 @@ from poise.locomotion import (
     plan_footsteps,
     walking_stack,
 )
+from poise.locomotion._walking._footsteps import stand_of
 from poise.locomotion._walking._settings import WalkStatus
 
 DT = 0.002
@@ -242,6 +243,25 @@ def test_what_a_plan_has_of_its_own_is_not_given_beside_it(get_robot, given):
     value = {"gait": GAIT, "q": robot.q_home, "ground": Ground()}[given]
     with pytest.raises(ConfigurationError, match=f"{given} of a walker that has a plan"):
         Walker(robot, walking_stack(robot), plan=plan, **{given: value})
+
+
+@pytest.mark.parametrize(("width", "fine"), [(0.1, 0.15), (0.9, 0.65)], ids=["narrow", "wide"])
+def test_feet_that_would_touch_or_never_be_side_by_side_are_refused(get_robot, width, fine):
+    """Led, they came down on each other, or stepped for ever."""
+    robot = get_robot("humanoid33")
+    message = f"width {width:.3f} m'; wanted 0.150 to 0.658 m, or None"
+    with pytest.raises(ConfigurationError, match=message):
+        Walker(robot, walking_stack(robot), Gait(width=width))
+    assert Walker(robot, walking_stack(robot), Gait(width=fine))._parts.room.width == fine
+
+
+def test_feet_as_near_as_the_robot_stands_may_walk(get_robot):
+    """Of a robot that stands with less room between its feet than a step leaves."""
+    robot = get_robot("humanoid33")
+    width, far = stand_of(robot).width, WalkSettings(clearance=0.1)
+    assert Walker(robot, walking_stack(robot), Gait(width=width), far)._parts.room.width == width
+    with pytest.raises(ConfigurationError, match="touch each other"):
+        Walker(robot, walking_stack(robot), Gait(width=width - 0.01), far)
 
 
 @pytest.mark.parametrize("robot", ["humanoid33", "g1"])

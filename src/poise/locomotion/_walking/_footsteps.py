@@ -269,7 +269,7 @@ class FootstepPlan(Stand):
             robot: on two soles.
             footholds: for each step the name of its sole, and where that comes down: x, y [m] and
                 heading [rad] in the world. How high that is, the ground says.
-            gait: timing and shape of the steps; its width plays no part.
+            gait: timing and shape of the steps; its width is that of what is asked for after them.
             q: how the robot stands, in its home posture when None.
             ground: what it walks on; a floor as high as its soles when None.
 

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from poise.errors import ConfigurationError
 from poise.locomotion._pendulum import natural_frequency
 from poise.locomotion._walking._body import BodyMotion
 from poise.locomotion._walking._body_height import LOWEST, BodyHeight
@@ -10,7 +11,7 @@ from poise.locomotion._walking._carrying import CarryingArea
 from poise.locomotion._walking._commands import LegRoom, StepCommands, VelocityLimits
 from poise.locomotion._walking._dcm_plan import StepTimes
 from poise.locomotion._walking._footsteps import FootstepPlan, Gait, Stand
-from poise.locomotion._walking._ground import Ground
+from poise.locomotion._walking._ground import LEVEL, Ground
 from poise.locomotion._walking._leg_momentum import LegMomentum, leg_ratios
 from poise.locomotion._walking._measured_pendulum import MeasuredPendulum
 from poise.locomotion._walking._reach import LegReach
@@ -96,8 +97,8 @@ def make_parts(
         carry: names of frame tasks that go along with the body; all that are on no sole when None.
 
     Raises:
-        ConfigurationError: the stack lacks something, or a leg does not reach where the plan wants
-            it.
+        ConfigurationError: the stack lacks something, a leg does not reach where the plan wants
+            it, or feet as far apart as the gait says touch or are out of reach.
         UnknownNameError: no such frame task to carry.
     """
     height = stand.com[2] - stand.middle[2] - gait.crouch
@@ -118,6 +119,8 @@ def make_parts(
         turn_in=_TURN_IN if turns else 0.0,
         quickness=reach.quickness,
     )
+    if gait.width is not None:
+        _check_width(gait.width, room, stand)
     commands = StepCommands(limits, room, gait.step_time, ground)
     tasks = find_walk_tasks(robot, stand, stack, carry)
     sense = WalkSense(robot, stand.soles)
@@ -143,3 +146,15 @@ def make_parts(
         rise=BodyHeight(sense, stand, reach.span, gait, height),
         pendulum=MeasuredPendulum(legs, ratios.rise, sense, stance, body),
     )
+
+
+def _check_width(width: float, room: LegRoom, stand: Stand) -> None:
+    """Raises ConfigurationError if feet side by side would touch, or never get so far apart."""
+    least, most = min(room.near(0.0), stand.width), room.wide
+    # To the millimetre, as it is said.
+    if not least - LEVEL <= width <= most + LEVEL:
+        raise ConfigurationError(
+            "feet as far apart as the gait says touch each other, or are out of reach",
+            got=f"width {width:.3f} m",
+            wanted=f"{least:.3f} to {most:.3f} m, or None for as they stand",
+        )

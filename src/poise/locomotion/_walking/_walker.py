@@ -72,8 +72,9 @@ class Walker:
         carried: targets that go along with the body, by the name of their task.
 
     Raises:
-        ConfigurationError: the stack lacks something, the robot does not stand on two soles, or a
-            leg does not reach where the plan wants it.
+        ConfigurationError: the stack lacks something, the robot does not stand on two soles, a
+            leg does not reach where the plan wants it, or feet as far apart as the gait says touch
+            or are out of reach.
         UnknownNameError: no such frame task to carry.
     """
 
