@@ -241,7 +241,8 @@ class HierarchicalProblem:
 
     def __setattr__(self, name: str, value: object) -> None:
         # Adding in place comes by here, too, with the array that is there.
-        if getattr(self, name, value) is not value:
+        there = getattr(self, name, value)
+        if isinstance(there, np.ndarray) and there is not value:
             raise AttributeError(
                 f"{name} of a problem is filled, not replaced: problem.{name}[:] = ..."
             )
