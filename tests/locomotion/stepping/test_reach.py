@@ -112,7 +112,7 @@ def test_a_robot_that_squats_is_too_low_for_one_leg_when_its_knee_holds_no_more(
         q = standing_posture(robot, com_height=float(share) * home)
         dynamics.update(RobotState(q, np.zeros(robot.nv)))
         place = soles_of(dynamics)[0]
-        room = -reach.too_bent(0, place, reach.hip(0, dynamics), FORWARD)
+        room = -reach.too_weak(0, place, reach.hip(0, dynamics), FORWARD)
         found.append((knee_torque(dynamics, 0), room))
     # From 0.7 of its torque on; shank and foot are not counted.
     assert all((torque < 0.7) == (room > 0.0) for torque, room in found if abs(torque - 0.7) > 0.02)

@@ -107,8 +107,8 @@ class ComHeight:
         """
         reach, stance = self._range, footing.stance
         hip = reach.hip(stance, footing.dynamics)
-        too_bent = reach.too_bent(stance, footing.anchors[stance], hip, footing.heading)
-        return max(0.0, min(float(footing.dynamics.com[2]) - self._lowest(footing), -too_bent))
+        too_weak = self._too_weak(footing, stance, hip)
+        return max(0.0, min(float(footing.dynamics.com[2]) - self._lowest(footing), -too_weak))
 
     def gives_way(self, footing: Footing) -> bool:
         """Whether the body is too low for the knee that carries alone: it will not come up again.

@@ -207,7 +207,8 @@ class FootRange:
         """
         ahead, aside, z = self._to_hip(foot, place, hip, heading)
         lean = min(_LEAN_RATIO * self._legs[foot].lean_max, self._strong[foot][0 if alone else 1])
-        return max(self._level(foot, ahead, aside, lean), self._folded(foot, ahead, aside)) - z
+        folded = math.sqrt(max(self._fold[foot] ** 2 - ahead * ahead - aside * aside, 0.0))
+        return max(self._level(foot, ahead, aside, lean), folded) - z
 
     def too_weak(
         self,
@@ -230,28 +231,6 @@ class FootRange:
         ahead, aside, z = self._to_hip(foot, place, hip, heading)
         return self._level(foot, ahead, aside, self._strong[foot][0]) - z
 
-    def too_bent(
-        self,
-        foot: int,
-        place: Float64[np.ndarray, "3"],
-        hip: Float64[np.ndarray, "3"],
-        heading: Float64[np.ndarray, "2"],
-    ) -> float:
-        """Likewise for its knee, and for how far a leg folds that carries, whatever its ankle does.
-
-        Args:
-            foot: 0 left, 1 right.
-            place: of the sole [m].
-            hip: of the foot's leg [m].
-            heading: unit vector forward, x and y.
-
-        Returns:
-            The distance [m].
-        """
-        ahead, aside, z = self._to_hip(foot, place, hip, heading)
-        too_weak = self.too_weak(foot, place, hip, heading)
-        return max(too_weak, self._folded(foot, ahead, aside) - z)
-
     def _to_hip(
         self,
         foot: int,
@@ -265,10 +244,6 @@ class FootRange:
         (hip_x, hip_y, hip_z), (x, y, z) = hip.tolist(), place.tolist()
         x, y, z = hip_x - x - arm_x, hip_y - y - arm_y, hip_z - z - arm_z
         return x * forward_x + y * forward_y, y * forward_x - x * forward_y, z
-
-    def _folded(self, foot: int, ahead: float, aside: float) -> float:
-        """Height of the hip over the ankle of a leg that folds as deep as it may [m]."""
-        return math.sqrt(max(self._fold[foot] ** 2 - ahead * ahead - aside * aside, 0.0))
 
     def _level(self, foot: int, ahead: float, aside: float, lean: float) -> float:
         """Height of the hip over the ankle with the shank so far forward [m].
