@@ -105,9 +105,8 @@ class ComHeight:
         Args:
             footing: of the tick.
         """
-        reach, stance = self._range, footing.stance
-        hip = reach.hip(stance, footing.dynamics)
-        too_weak = self._too_weak(footing, stance, hip)
+        hip = self._range.hip(footing.stance, footing.dynamics)
+        too_weak = self._too_weak(footing, footing.stance, hip)
         return max(0.0, min(float(footing.dynamics.com[2]) - self._lowest(footing), -too_weak))
 
     def gives_way(self, footing: Footing) -> bool:
@@ -347,10 +346,9 @@ class ComFeedback:
 
     Under the gain rule its CT-ZMP is r + k_s (xi - r) with the divergent component xi; what another
     k_d than the rule's damps is added. Far from its reference that leaves the soles, where a limit
-    on each axis by itself loses the direction:
-    the reference is taken a_lim / k_p ahead of xi, on the straight way, and the CT-ZMP to the
-    nearest place that may be asked for, see `Footing.asked`. So a component that is about to leave
-    the soles is braked first.
+    on each axis by itself loses the direction: the reference is taken a_lim / k_p ahead of xi, on
+    the straight way, and the CT-ZMP to the nearest place that may be asked for, see
+    `Footing.asked`. So a component that is about to leave the soles is braked first.
 
     Args:
         shifter: gains.

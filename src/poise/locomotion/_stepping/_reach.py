@@ -23,6 +23,7 @@ _TURNED = 0.05
 """Soles that are turned by less than this against where the robot faces lie side by side [rad]."""
 
 _ROUNDING = 1e-6
+"""An edge whose normal points aside by less than this faces ahead."""
 
 _SPARE = 0.08
 """How much farther apart than they may be led feet may stand where the robot has put them [m]:
