@@ -59,10 +59,10 @@ def test_simple_bounds_are_named():
 )
 def test_what_is_only_not_met_yet_is_not_said_to_be_impossible(solver):
     rng = np.random.default_rng(5)
-    A, x = rng.normal(size=(12, 8)), rng.normal(size=8)
-    levels = [Level(A, A @ x - 0.1, A @ x + 0.1, labels="limits"), Level(np.eye(8), x, x)]
-    problem = HierarchicalProblem(levels)
-    assert solve(problem).ok
+    A, x = rng.normal(size=(60, 20)), rng.normal(size=20)
+    limits = Level(A, A @ x - 0.01, A @ x + 0.01, labels="limits")
+    problem = HierarchicalProblem([limits, Level(np.eye(20), 0.0, 0.0)])
+    assert solve(problem).residuals[0] < 1e-9
     solution = solver.solve(problem)
     assert not solution.ok
     text = solution.explain(problem)
@@ -73,8 +73,9 @@ def test_what_is_only_not_met_yet_is_not_said_to_be_impossible(solver):
 
 
 def test_where_levels_are_only_weighted_nothing_is_proven():
-    levels = [Level([[1.0, 0.0]], 0.0, 0.0, labels="A"), Level([[1.0, 0.0]], 2.0, 2.0, labels="B")]
-    problem = HierarchicalProblem(levels)
+    """Level 1 is met and A could be: only B, below it, pulls it away."""
+    rows = ([[0.0, 1.0]], 0.0, "y"), ([[1.0, 0.0]], 0.0, "A"), ([[1.0, 0.0]], 1.0, "B")
+    problem = HierarchicalProblem([Level(A, at, at, labels=name) for A, at, name in rows])
     text = make_solver("weighted").solve(problem).explain(problem)
     assert text.startswith("optimal: 2 rows are not met")
     assert "by itself" not in text
