@@ -10,7 +10,7 @@ from typing import Any, Generic, Literal, NamedTuple, Protocol, TypeVar, runtime
 import numpy as np
 from jaxtyping import Float64
 
-from poise._checks import checked_kind, checked_number
+from poise._checks import checked_kind, checked_time_limit
 from poise.dynamics import Dynamics
 from poise.hqp import Solver, SolveStatus, make_solver
 from poise.robots import Robot
@@ -244,6 +244,5 @@ def solver_maker(
     Raises:
         ConfigurationError: a time limit that is not positive.
     """
-    if time_limit is not None:
-        checked_number(time_limit, "time_limit of the controller [s]", above=0.0)
+    checked_time_limit(time_limit)
     return lambda: make_solver(strategy, backend, time_limit=time_limit)

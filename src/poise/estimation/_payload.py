@@ -237,4 +237,4 @@ class PayloadEstimator:
         if (np.abs(told - self._last) > self._steps).any():
             self._last = told.copy()
             mass, held = float(told[0]) * self._mass, told[4:] * self._mass
-            self.payload = Payload(mass, told[1:4].copy(), held)
+            self.payload = Payload(mass, told[1:4], held)
