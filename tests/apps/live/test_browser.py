@@ -76,21 +76,19 @@ class Page:
         return wait_for(lambda: self.ask(script), what)
 
 
-def hold(page, key, lifted, again):
+def hold(page, key, lifted, again="0"):
     """Holds a key until a foot is up.
 
     Where a busy machine loses the page in mid-step one lets go, and begins `again`.
     """
     begin = time.monotonic()
-    while time.monotonic() < begin + PATIENCE:
+    while time.monotonic() < begin + 2.0 * PATIENCE:
         page.ask(f"{again}; 0")
         page.page.keyboard.down(key)
-        try:
-            wait_for(lambda: page.ask(lifted), "the lift", patience=10.0)
-        except AssertionError:
-            page.page.keyboard.up(key)
-        else:
+        if comes(lambda: page.ask(lifted), 20.0):
             return
+        page.page.keyboard.up(key)
+        page.wait("newest.mode === 'D' && newest.device !== 'LOST'", "the start")
     raise AssertionError("waited in vain for the lift")
 
 
@@ -203,9 +201,7 @@ def test_a_key_steps_the_plots_grow_and_the_help_goes(browser, session):
     with Page(browser, session.front.drive_url) as page:
         page.wait("newest.device !== 'LOST'", "the device")
         assert not page.ask("part('help').hidden")
-        page.page.keyboard.down("e")
-        wait_for(lambda: session.loop.snapshot.mode is Mode.SL, "the lift")
-        page.wait("newest.mode === 'SL'", "the page to show it")
+        hold(page, "e", "newest.mode === 'SL'")
         page.page.keyboard.up("e")
         page.wait("newest.mode === 'D'", "double support")
         page.wait("part('help').hidden", "the help to go")
@@ -237,8 +233,7 @@ def test_a_gamepad_shakes_when_a_foot_lands_and_not_before(browser, session):
 def test_a_closed_page_in_mid_step_brings_the_foot_down(browser, session):
     with Page(browser, session.front.drive_url) as page:
         page.wait("newest.device !== 'LOST'", "the device")
-        page.page.keyboard.down("e")
-        wait_for(lambda: session.loop.snapshot.soles[1][2] > 0.05, "the lift")
+        hold(page, "e", "newest.soles[1][2] > 0.05")
     with Page(browser, session.front.watch_url) as watcher:
         wait_for(lambda: session.loop.snapshot.device is DeviceStatus.LOST, "the loss")
         watcher.wait("part('device').textContent === 'nobody drives'", "the page to show it")
