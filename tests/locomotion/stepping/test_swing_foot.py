@@ -7,6 +7,7 @@ import pytest
 from standing import PARAMETERS, biped, footing, steady
 from walker import sample
 
+from poise.dynamics import RobotState
 from poise.locomotion import Mode
 from poise.locomotion._stepping._foot import FootTarget, FootVelocity
 from poise.locomotion._stepping._reach import FootRange
@@ -126,6 +127,52 @@ def test_without_a_device_the_foot_goes_straight_down(get_robot):
     place = target(robot).place(now, None, room_below=0.0, gives_way=False)
     assert place[:2] == pytest.approx(now.sole(1)[:2])
     assert place[2] < now.anchors[1][2]
+
+
+def ahead_of_the_hip(robot):
+    """In single support, the right foot swung forward, over ground that it does not touch."""
+    now = steady(robot)
+    q, v = now.dynamics.state.q.copy(), now.dynamics.state.v
+    q[7 + robot.joint_index("right_hip_pitch")] -= 0.4
+    now.dynamics.update(RobotState(q, v))
+    now.anchors[1][:] = now.sole(1) - [0.0, 0.0, 0.03]
+    now.anchors[0][2] = now.anchors[1][2]
+    return replace(now)
+
+
+def sent(now, device, seconds, ours):
+    """Where a foot that does not move is sent after so long, from where it is [m]."""
+    for _ in range(round(seconds / PARAMETERS.dt)):
+        place = ours.place(now, device, room_below=0.1, gives_way=False)
+    return place - now.sole(1)
+
+
+@pytest.mark.parametrize("lost", [False, True])
+def test_a_foot_that_hangs_over_the_ground_is_led_nearer(get_robot, lost):
+    """Its leg is at its end, and straight down it would hang for ever."""
+    now = ahead_of_the_hip(get_robot("biped20"))
+    assert now.capture_depth > 0.0
+    device, ours = None if lost else device_at(now, -0.03), target(now.biped.robot)
+    assert sent(now, device, 0.35, ours)[:2].tolist() == pytest.approx([0.0, 0.0])
+    x, y, z = sent(now, device, 0.1, ours).tolist()
+    # With (17c) that is five centimetres in a second.
+    assert np.hypot(x, y) == pytest.approx(0.05 / PARAMETERS.k_v)
+    assert x < -abs(y)
+    assert z < -0.03
+
+
+def test_a_foot_that_still_comes_down_or_is_held_up_is_not_led_nearer(get_robot):
+    now = ahead_of_the_hip(get_robot("biped20"))
+    ours, up, down = target(now.biped.robot), device_at(now, 0.03), device_at(now, -0.03)
+    assert sent(now, up, 1.0, ours)[:2].tolist() == pytest.approx([0.0, 0.0])
+    for _ in range(5):
+        assert sent(now, down, 0.3, ours)[:2].tolist() == pytest.approx([0.0, 0.0])
+        now.dynamics.state.q[2] -= 0.004
+        now.dynamics.update(RobotState(now.dynamics.state.q, now.dynamics.state.v))
+    assert sent(now, down, 0.5, ours)[0] < 0.0
+    # Held up, and sent down again, it has its time anew.
+    sent(now, up, PARAMETERS.dt, ours)
+    assert sent(now, down, 0.3, ours)[:2].tolist() == pytest.approx([0.0, 0.0])
 
 
 def test_a_robot_that_tips_puts_its_foot_down_and_goes_on_doing_so(get_robot):

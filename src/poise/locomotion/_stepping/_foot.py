@@ -19,6 +19,13 @@ _AT_REST = np.zeros(3)
 _THERE = 1e-6
 """A foot is sent no nearer than this to where the operator says, whatever is rounded [m]."""
 
+_HANGS, _COMES = 0.005, 0.002
+"""So far above where it is sent down to a foot has not got there; and so much lower it is when it
+still comes [m]."""
+
+_PATIENCE, _DRAWN = 0.4, 0.05
+"""How long a foot may hang, and how fast it is led nearer then [s, m/s]."""
+
 
 class FootTarget:
     """Eq. (15d): after the device while in the air, and held while on the ground.
@@ -35,12 +42,17 @@ class FootTarget:
 
     def __init__(self, reach: FootRange, parameters: TeleopParameters) -> None:
         self._range, self._parameters = reach, parameters
-        self.rescuing = False
+        self.restart()
         self.rate: Float64[np.ndarray, "3"] = _AT_REST
 
     def restart(self) -> None:
         """Another mode has begun."""
         self.rescuing = False
+        self._comes()
+
+    def _comes(self) -> None:
+        """The foot does not hang."""
+        self._least, self._hung = math.inf, 0.0
 
     def place(
         self,
@@ -70,10 +82,46 @@ class FootTarget:
         lowest = footing.lowest_ground - self._parameters.press_depth
         if device is None or self.rescuing:
             # Nobody commands, or nobody may: straight down, until the ground is felt.
-            return np.array([here[0], here[1], lowest])
-        # One that has not left the ground yet would push the robot over.
-        down = lowest if footing.has_left else float(here[2])
-        return self._followed(footing, device, down, room_below)
+            sent = np.array([here[0], here[1], lowest])
+        else:
+            # One that has not left the ground yet would push the robot over.
+            down = lowest if footing.has_left else float(here[2])
+            sent = self._followed(footing, device, down, room_below)
+        if self._hangs(footing, float(sent[2])):
+            self.rate = _AT_REST
+            return self._nearer(footing, float(sent[2]), room_below)
+        return sent
+
+    def _hangs(self, footing: Footing, sent: float) -> bool:
+        """Whether the foot is to stand on the ground and has not got lower for a while.
+
+        Then its leg is at its end, and the one that stands folds no deeper than that.
+
+        Args:
+            footing: of the tick.
+            sent: height where it is sent [m].
+        """
+        height = float(footing.sole(footing.other)[2])
+        if sent > min(height - _HANGS, footing.highest_ground) or not footing.has_left:
+            self._comes()
+            return False
+        if self._hung < _PATIENCE:
+            if height < self._least - _COMES:
+                self._least, self._hung = height, 0.0
+            self._hung += self._parameters.dt
+        return self._hung >= _PATIENCE
+
+    def _nearer(
+        self, footing: Footing, height: float, room_below: float
+    ) -> Float64[np.ndarray, "3"]:
+        """Towards the hip from where the foot is: straight down it would hang for ever [m]."""
+        swing = footing.other
+        x, y, _ = footing.sole(swing).tolist()
+        to_x, to_y = self._range.below_hip(swing, footing.dynamics)
+        far = math.hypot(to_x - x, to_y - y)
+        part = min(1.0, _DRAWN / self._parameters.k_v / max(far, _THERE))
+        target = np.array([x + part * (to_x - x), y + part * (to_y - y), height])
+        return self._within_reach(footing, target, room_below)
 
     def _followed(
         self, footing: Footing, device: DeviceSample, lowest: float, room_below: float
@@ -89,23 +137,28 @@ class FootTarget:
         target = np.array(
             [here_x + clear * (x - here_x), here_y + clear * (y - here_y), max(z, lowest)]
         )
-        hip = self._range.hip(swing, footing.dynamics)
-        support = footing.anchors[footing.stance]
-        faces = math.atan2(footing.heading[1], footing.heading[0])
-        left, right = (wrapped(footing.yaw(side) - faces) for side in (0, 1))
-        found = self._range.bring_back(
-            swing,
-            target,
-            support,
-            hip,
-            footing.heading,
-            lower=room_below,
-            turns=(left, right),
-        )
+        found = self._within_reach(footing, target, room_below)
         rate = device.rates[swing]
         if rate is not None and math.dist(found.tolist(), (x, y, z)) < _THERE:
             self.rate = rate
         return found
+
+    def _within_reach(
+        self, footing: Footing, target: Float64[np.ndarray, "3"], room_below: float
+    ) -> Float64[np.ndarray, "3"]:
+        """The nearest place where the foot in the air can be [m]."""
+        swing = footing.other
+        faces = math.atan2(footing.heading[1], footing.heading[0])
+        left, right = (wrapped(footing.yaw(side) - faces) for side in (0, 1))
+        return self._range.bring_back(
+            swing,
+            target,
+            footing.anchors[footing.stance],
+            self._range.hip(swing, footing.dynamics),
+            footing.heading,
+            lower=room_below,
+            turns=(left, right),
+        )
 
 
 _CALM = 0.8

@@ -79,6 +79,16 @@ class FootRange:
         position, rotation = dynamics.placement(self._pelvis)
         return position + rotation.dot(self._legs[foot].hip)
 
+    def below_hip(self, foot: int, dynamics: Dynamics) -> tuple[float, float]:
+        """Where a level sole is whose ankle is below the hip of its leg, x and y [m].
+
+        Args:
+            foot: 0 left, 1 right.
+            dynamics: of the estimated state.
+        """
+        (x, y, _), (arm_x, arm_y, _) = self.hip(foot, dynamics).tolist(), self._ankles[foot]
+        return x - arm_x, y - arm_y
+
     def bring_back(
         self,
         foot: int,
