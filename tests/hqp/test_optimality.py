@@ -42,3 +42,26 @@ def test_the_certificates_multipliers_balance_every_level(feasible):
         for multipliers in certify_point(problem, solve(problem).x).multipliers:
             size = np.abs(multipliers * norms).max(initial=1e-300)
             assert np.abs(rows.T @ multipliers).max() < 1e-7 * size, seed
+
+
+def test_rows_of_other_units_in_a_level_balance_by_slack_that_is_rounding():
+    """What a row in millionths misses, 5e-13 of its size, holds up half of the other's force."""
+    level = Level(np.array([[1e6, 0.0], [1.0, 0.0], [0.0, 1.0]]), [0.0, 1.0, 2.0], [0.0, 1.0, 2.0])
+    problem = HierarchicalProblem([level], x_lower=[-np.inf, 3.0])
+    certificate = solve(problem).certify(problem)
+    assert certificate.worst < 1e-8
+    rows = np.vstack([np.eye(2), problem.A])
+    np.testing.assert_allclose(rows.T @ certificate.multipliers[0], 0.0, atol=1e-8)
+    # But only as much as such a slack can be.
+    assert certify_point(problem, np.array([0.5, 2.5])).worst > 0.1
+    assert certify_point(problem, np.array([0.0, 2.6])).worst > 0.1
+
+
+def test_a_level_with_rows_of_many_units_is_certified():
+    for seed in range(50):
+        rng = np.random.default_rng(seed)
+        A = rng.integers(-2, 3, (4, 4)) * 10.0 ** rng.integers(-3, 4, (4, 1))
+        bounds = rng.integers(-3, 4, 4) * np.abs(A).max(axis=1)
+        below, above = np.sort(rng.integers(-3, 2, (2, 4)), axis=0).astype(float)
+        problem = HierarchicalProblem([Level(A, bounds, bounds)], x_lower=below, x_upper=above)
+        assert certify_point(problem, solve(problem).x).worst < 1e-6, seed

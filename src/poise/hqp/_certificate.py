@@ -3,7 +3,8 @@
 Every level's optimality conditions are checked on the problem's own numbers, with multipliers found
 here by nonnegative least squares: for level k some `lambda` with
 
-    sum_i lambda_i a_i = 0,   lambda_i = weight_i^2 w_i on the rows of level k,
+    sum_i lambda_i a_i = 0,   lambda_i = weight_i^2 w_i on the rows of level k, up to the rounding
+                              of w_i where the row counts as met,
     lambda_i free on rows of earlier levels that hold as equalities at every optimum,
     lambda_i of the right sign on inequalities active there, and zero elsewhere,
 
@@ -60,10 +61,12 @@ class _Certifier:
     def __init__(self, problem: HierarchicalProblem, x: Float64[np.ndarray, " n"]) -> None:
         self.problem, self.x = problem, x
         self.rows = np.vstack([np.eye(problem.n), problem.A])
+        self.norms = np.linalg.norm(self.rows, axis=1)
         values = row_values(problem, x)
         sizes = row_sizes(problem, x)
         slacks = measure_point(problem, x).slacks
-        self.slacks = np.where(np.abs(slacks) > CERTIFIED_SLACK * sizes, slacks, 0.0)
+        self.rounding = CERTIFIED_SLACK * sizes
+        self.slacks = np.where(np.abs(slacks) > self.rounding, slacks, 0.0)
         near = CERTIFIED_ACTIVE * sizes
         self.at_upper = values >= problem.upper - near
         self.at_lower = values <= problem.lower + near
@@ -76,14 +79,19 @@ class _Certifier:
         problem = self.problem
         for level in range(len(problem.levels)):
             mine = problem.level_of == level
-            forces = np.where(mine, problem.weights**2 * self.slacks, 0.0)
-            error, found = self._balance(self.rows.T @ forces, forces, problem.level_of < level)
+            stiffness = np.where(mine, problem.weights**2, 0.0)
+            forces = stiffness * self.slacks
+            size = float(np.linalg.norm(forces * self.norms))
+            # Of a row that counts as met nobody knows its slack: it may be what balances others.
+            most = np.where(self.slacks == 0.0, stiffness * self.rounding, 0.0)
+            most[problem.level_of < level] = np.inf
+            error, found = self._balance(self.rows.T @ forces, size, most)
             errors.append(error)
             multipliers.append(found + forces)
-            self._settle(mine, found, float(np.abs(forces).max(initial=0.0)))
+            self._settle(mine, found, float(np.abs(forces * self.norms).max(initial=0.0)))
+        size = max(float(np.abs(problem.g).max()), float(np.abs(problem.H @ self.x).max()), 1.0)
         gradient = problem.H @ self.x + problem.g
-        every = np.ones(len(self.slacks), dtype=np.bool_)
-        error, _ = self._balance(gradient, np.concatenate([problem.g, [1.0]]), every)
+        error, _ = self._balance(gradient, size, np.full(len(self.slacks), np.inf))
         errors.append(error)
         return Certificate(np.array(errors), tuple(multipliers))
 
@@ -92,50 +100,72 @@ class _Certifier:
     ) -> None:
         """Mark the rows that hold as equalities at every optimum of the level."""
         self.free |= mine & (self.equality | (self.slacks != 0.0))
-        self.free |= np.abs(found) > CERTIFIED_MULTIPLIER * size
+        self.free |= np.abs(found * self.norms) > CERTIFIED_MULTIPLIER * size
 
     def _balance(
-        self,
-        gradient: Float64[np.ndarray, " n"],
-        terms: Float64[np.ndarray, " k"],
-        allowed: Bool[np.ndarray, " nm"],
+        self, gradient: Float64[np.ndarray, " n"], size: float, most: Float64[np.ndarray, " nm"]
     ) -> tuple[float, Float64[np.ndarray, " nm"]]:
-        """Find multipliers on the allowed rows that cancel the gradient as far as possible."""
+        """Find multipliers that cancel the gradient as far as possible.
+
+        Args:
+            gradient: what is to be balanced.
+            size: unit of the error: the forces before they cancel, so that it stays meaningful
+                where the gradient itself has to vanish.
+            most: size of each row's multiplier at most.
+
+        Returns:
+            What is left, and the multipliers.
+        """
         found = np.zeros(len(self.slacks))
-        # The unit of the error: the forces before they cancel, so that it stays meaningful
-        # where the gradient itself has to vanish.
-        norms = np.linalg.norm(self.rows, axis=1)
-        if len(terms) == len(norms):
-            size = float(np.linalg.norm(terms * norms))
-        else:
-            size = max(float(np.abs(terms).max()), float(np.abs(self.problem.H @ self.x).max()))
         if size == 0.0 or not np.any(gradient):
             return 0.0, found
-        free = np.flatnonzero(self.free & allowed)
-        upper = np.flatnonzero(~self.free & allowed & self.at_upper)
-        lower = np.flatnonzero(~self.free & allowed & self.at_lower)
-        null = _null_space(self.rows[free], norms[free])
+        free = np.flatnonzero(self.free & (most > 0.0))
+        signed = ~self.free & (most > 0.0)
+        upper = np.flatnonzero(signed & self.at_upper)
+        lower = np.flatnonzero(signed & self.at_lower)
+        null = _null_space(self.rows[free], self.norms[free])
         columns, signs = _signed_columns(self.rows, upper, lower)
-        target = -(null.T @ gradient)
-        if null.shape[1] == 0:
-            error, sizes = 0.0, np.zeros(len(signs))
-        elif len(signs) == 0:
-            error, sizes = float(np.linalg.norm(target)), np.zeros(0)
-        else:
-            # SciPy's optimizers take long to import, and no tick needs them.
-            from scipy.optimize import nnls
-
-            scaled = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
-            outside = null.T @ (columns / scaled)
-            # Rounding times a huge multiplier would balance anything.
-            outside[:, np.linalg.norm(outside, axis=0) <= CERTIFIED_RANK] = 0.0
-            sizes, error = nnls(outside, target / size, maxiter=30 * len(scaled) + 300)
-            error, sizes = error * size, sizes * size / scaled
-        np.add.at(found, np.concatenate([upper, lower]), sizes * signs)
+        within = most[np.concatenate([upper, lower])]
+        scaled = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+        error, sizes = _nearest(null, columns / scaled, -gradient / size, within * scaled / size)
+        np.add.at(found, np.concatenate([upper, lower]), size * sizes / scaled * signs)
         if len(free):
             rest = gradient + self.rows.T @ found
-            found[free] += -np.linalg.lstsq(self.rows[free].T, rest, rcond=BALANCE_RANK)[0]
-        return float(error) / size, found
+            unit = self.rows[free] / np.maximum(self.norms[free], 1e-300)[:, None]
+            forces = np.linalg.lstsq(unit.T, rest, rcond=BALANCE_RANK)[0]
+            found[free] -= forces / np.maximum(self.norms[free], 1e-300)
+        return error, found
+
+
+def _nearest(
+    null: Float64[np.ndarray, "n d"],
+    columns: Float64[np.ndarray, "n k"],
+    target: Float64[np.ndarray, " n"],
+    most: Float64[np.ndarray, " k"],
+) -> tuple[float, Float64[np.ndarray, " k"]]:
+    """Find `0 <= sizes <= most` for which the columns come near a target, seen along `null`.
+
+    What would have to be more than `most` is as much as that. So the sizes are no worse than those
+    found, but where several are at their most others may come nearer.
+
+    Returns:
+        How far from it they stay, and the sizes.
+    """
+    # SciPy's optimizers take long to import, and no tick needs them.
+    from scipy.optimize import nnls
+
+    outside, left = null.T @ columns, null.T @ target
+    # Rounding times a huge multiplier would balance anything.
+    outside[:, np.linalg.norm(outside, axis=0) <= CERTIFIED_RANK] = 0.0
+    sizes, open_ = np.zeros(len(most)), np.ones(len(most), dtype=np.bool_)
+    while len(left) and open_.any():
+        sizes[open_], _ = nnls(outside[:, open_], left, maxiter=30 * len(most) + 300)
+        over = open_ & (sizes > most)
+        if not over.any():
+            break
+        sizes[over], open_ = most[over], open_ & ~over
+        left = left - outside[:, over] @ sizes[over]
+    return float(np.linalg.norm(null.T @ target - outside @ sizes)), sizes
 
 
 def _null_space(

@@ -151,7 +151,8 @@ CERTIFIED_ACTIVE = 1e-7
 """A row this close to its bound, relative to its size, counts as active."""
 
 CERTIFIED_SLACK = 1e-8
-"""Slack below this, relative to the row's size, is rounding: such a row is met."""
+"""Slack below this, relative to the row's size, is rounding: such a row is met, and what it does to
+the others of its level may be anything that so much slack would do."""
 
 CERTIFIED_MULTIPLIER = 1e-7
 """Multipliers above this part of the largest are certainly positive."""
