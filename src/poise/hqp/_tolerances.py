@@ -45,6 +45,10 @@ coordinate."""
 CANCELLATION = 1e-13
 """Sums below this, relative to their terms, are zero: in the least squares of a level."""
 
+STEEP = 1e3
+"""A dependent row this many times longer than the pivots it depends on magnifies what rounding
+leaves of their slack."""
+
 FEASIBILITY_TOLERANCE = 1e-11
 """A row may leave its interval by this much relative to |a| |x|; more than `SLACK_TOLERANCE`, or
 rows would be deactivated and activated again for ever."""

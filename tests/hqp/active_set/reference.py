@@ -34,6 +34,7 @@ from poise.hqp._tolerances import (
     RANK_TOLERANCE,
     SAME_TOLERANCE,
     SLACK_TOLERANCE,
+    STEEP,
     WARM_CHANGES,
     changes_allowed,
 )
@@ -423,14 +424,16 @@ class _Search:
         Q = np.linalg.qr(np.vstack([C, np.eye(rank)]), mode="complete")[0][:, rank:]
         # What the columns of C over I leave of it: rounded as a whole, not one by one.
         # What depends on nothing has no part in it, nor in its rounding.
-        tied = C.any(axis=1)
+        leverage = np.linalg.norm(C, axis=1)
+        tied = leverage > 0.0
         both = Q @ (Q[:count].T @ np.where(tied, missed, 0.0))
         w, u, norm = both[:count], both[count:], float(np.linalg.norm(both))
         u[np.abs(u) <= CANCELLATION * norm] = 0.0
         sums, sizes = C @ u + missed, np.abs(C) @ np.abs(u) + np.abs(missed)
         # Each is taken from there, or from the others, wherever less is lost by rounding.
-        lost = np.where(tied, np.minimum(sizes, norm), sizes)
-        w = np.where(tied & (sizes > norm), w, sums)
+        as_a_whole = tied & ((sizes > norm) | (leverage > STEEP))
+        lost = np.where(as_a_whole, norm, sizes)
+        w = np.where(as_a_whole, w, sums)
         w[np.abs(w) <= CANCELLATION * lost] = 0.0
         noise = np.abs(C).T @ lost
         u = np.where(noise > norm, u, -C.T @ w)

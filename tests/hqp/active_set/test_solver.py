@@ -345,3 +345,12 @@ def test_what_conflicts_is_said_from_the_multipliers(solver):
     assert conflict.violation == pytest.approx(-2.0)
     assert conflict.conflicting_with == ("limit",)
     assert "'x' misses 1 of its rows" in solution.explain(problem)
+
+
+def test_a_row_much_longer_than_the_equalities_it_depends_on_is_not_given_up():
+    """What rounding leaves of the slack of 0.2 x = 0.2, a million times over, was 10 for -2e5 x."""
+    rows, bounds = [[0.2], [0.001], [-2e5]], np.array([0.2, -0.001, -2e5])
+    level = Level(rows, [*bounds[:2], -np.inf], bounds)
+    solution = LexicographicSolver().solve(HierarchicalProblem([level]))
+    np.testing.assert_allclose(solution.x, 1.0, rtol=1e-12)
+    np.testing.assert_allclose(solution.residuals, 0.002, rtol=1e-9)

@@ -9,7 +9,7 @@ reaches them, however large the slack of the others is.
 from poise._compiled import part
 from poise.hqp._active_set.kernels import copy, make_reflection, norm_of, reflect, reflect_rows
 from poise.hqp._active_set.workspace import Factor, LeastSquares, Vector
-from poise.hqp._tolerances import CANCELLATION, DEPENDENCE_TOLERANCE
+from poise.hqp._tolerances import CANCELLATION, DEPENDENCE_TOLERANCE, STEEP
 
 
 @part
@@ -46,7 +46,8 @@ def find_slacks_of_conflict(factor: Factor, squares: LeastSquares, level: int) -
         for j in range(rank):
             total += C[j] * u[j]
             size += abs(C[j] * u[j])
-        if size > norm and sizes[i] > 0.0:
+        # A steep row makes much of the pivots' rounding.
+        if (size > norm or sizes[i] > STEEP) and sizes[i] > 0.0:
             total, size = found[rank + i], norm
         w = total if abs(total) > CANCELLATION * size else 0.0
         factor.slack[dependent + i] = w
