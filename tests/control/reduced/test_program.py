@@ -10,7 +10,7 @@ from poise.control._reduced import _controller
 from poise.control._reduced._assignment import assign
 from poise.control._reduced._controller import ReducedProgram
 from poise.dynamics import Dynamics, Partitions
-from poise.hqp import certify_point, make_solver
+from poise.hqp import SolveStatus, certify_point, make_solver
 from poise.hqp._cascade import CascadeSolver
 from poise.stack import (
     BalanceLimit,
@@ -224,6 +224,27 @@ def test_where_the_chain_cannot_follow_the_whole_problem_answers(get_robot):
         assert both.residuals(both.point(answer))[:2].max() < 1e-6
         assert (np.abs(answer.joints) <= both.stack.torque_limit.upper + 1e-6).all()
     assert wholes > 0
+
+
+def test_beyond_its_limits_the_chain_follows_no_point_that_may_be_none(get_robot, monkeypatch):
+    """Its torques were cut to their limits, and the dynamics said to hold."""
+    robot = get_robot("talos")
+    frames = stances(robot)["double support"]
+    both = Both(robot, frames, [balance(robot), free_hands(robot, frames)])
+    solver = both.program._current[1]
+
+    def run(problem):
+        type(solver).run(solver, problem)
+        return SolveStatus.INACCURATE
+
+    monkeypatch.setattr(solver, "run", run)
+    wholes = 0
+    for seed in range(20):
+        answer = both.at(near_home(robot, seed, spread=0.1, speed=0.05))
+        wholes += both.program.whole_solution is not None
+        assert both.residuals(both.point(answer))[0] < 1e-6
+        assert (np.abs(answer.joints) <= both.stack.torque_limit.upper + 1e-6).all()
+    assert 0 < wholes < 20
 
 
 @pytest.mark.parametrize("seed", [74, 65, 75])

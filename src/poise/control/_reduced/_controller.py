@@ -15,7 +15,14 @@ from poise.control._reduced._constraint_chain import ConstraintChainProblem
 from poise.control._reduced._elimination import ChainElimination, announce
 from poise.control._reduced._joining import follow, join
 from poise.control._reduced._unconstrained_chain import UnconstrainedChainProblem
-from poise.control._strategy import PHYSICS_LEVELS, Answer, Programs, bound_stack, solver_maker
+from poise.control._strategy import (
+    PHYSICS_LEVELS,
+    USABLE,
+    Answer,
+    Programs,
+    bound_stack,
+    solver_maker,
+)
 from poise.control._whole_body import FullProgram
 from poise.dynamics import Dynamics, Partition, Partitions, ReducedDynamics
 from poise.hqp import Solution, Solver
@@ -159,7 +166,10 @@ class ReducedProgram:
         joined = follow(problem, x)
         physics = solver.relative_residuals[:PHYSICS_LEVELS]
         levels = self.rows.measure(joined.acceleration)[1:].tolist()
-        if self.second is not None and status.ok and not joined.within:
+        if self.second is not None and status in USABLE and not joined.within:
+            if not status.ok:
+                # A point that may be none says nothing of what LQP 2 would cost.
+                return self._solve_whole()
             self.second.fill(x[: self.reduced.partition.nr])
             second, self._used_second = self._second_solver, True
             found = second.run(self.second.problem)
