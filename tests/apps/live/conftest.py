@@ -1,4 +1,4 @@
-"""A live session for a test, and the optional packages that it needs."""
+"""A live session for a test, a browser, and the optional packages that they need."""
 
 from contextlib import contextmanager
 from importlib.util import find_spec
@@ -29,3 +29,21 @@ def run_session(live, get_robot):
             yield session
 
     return run
+
+
+@pytest.fixture(scope="module")
+def browser():
+    """A browser that draws in software."""
+    from pages import DRAWS_IN_SOFTWARE, chromium
+
+    with chromium(*DRAWS_IN_SOFTWARE) as browser:
+        yield browser
+
+
+@pytest.fixture(scope="module")
+def plain_browser():
+    """A browser that draws nothing in 3D, and is quick."""
+    from pages import DRAWS_NOTHING, chromium
+
+    with chromium(*DRAWS_NOTHING) as browser:
+        yield browser

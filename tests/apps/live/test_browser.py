@@ -2,43 +2,21 @@
 
 import contextlib
 import re
-import shutil
 import time
 
 import pytest
 from operators import PATIENCE, comes, listen_to, same_commands, wait_for
 
 pytest.importorskip("websockets", reason="the extra teleop is not installed: no websockets")
-pytest.importorskip("playwright", reason="playwright is not installed, it comes with the extra dev")
 
-from playwright.sync_api import sync_playwright
+from pages import Page
 
 from poise.apps.teleoperation import MODES, TORQUE_TELEOP_PLANT, replay_teleop
 from poise.locomotion import DeviceStatus, HandStatus, Mode, read_recording
 
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
-pytestmark = [
-    pytest.mark.skipif(CHROMIUM is None, reason="no chromium on this machine"),
-]
-
-WIDTH, HEIGHT = 700, 400
 UP_THE_ARROW = 0.12
 """From the middle of a handle to a point of its upper arrow [m]."""
 MODES_OF_A_STEP = {MODES.index(mode) for mode in (Mode.D, Mode.TR, Mode.SR)}
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with sync_playwright() as play:
-        browser = play.chromium.launch(
-            executable_path=CHROMIUM,
-            args=[
-                "--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader",
-                "--enable-unsafe-swiftshader",
-            ],
-        )  # fmt: skip
-        yield browser
-        browser.close()
 
 
 @pytest.fixture
@@ -47,33 +25,6 @@ def session(run_session, tmp_path):
         wait_for(lambda: session.loop.snapshot or session.loop.error, "the first picture")
         assert session.loop.error is None, session.loop.error
         yield session
-
-
-class Page:
-    """A page, spoken to by scripts: a browser that draws in software is slow to anything else."""
-
-    def __init__(self, browser, url, **device):
-        self.errors = []
-        self.page = browser.new_page(**{"viewport": {"width": WIDTH, "height": HEIGHT}} | device)
-        self.page.set_default_timeout(1e3 * PATIENCE)
-        self.page.on("pageerror", lambda error: self.errors.append(str(error)))
-        self.page.goto(url)
-        self.wait("newest !== null && 'mode' in newest", "the first status")
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *_):
-        self.page.close()
-
-    def ask(self, script):
-        return self.page.evaluate(script)
-
-    def text(self, name):
-        return self.ask(f"part('{name}').textContent")
-
-    def wait(self, script, what):
-        return wait_for(lambda: self.ask(script), what)
 
 
 def hold(page, key, lifted, again="0"):

@@ -376,23 +376,31 @@ function look() {
   if (driving && JSON.stringify(pad()) !== said) beat();
 }
 
+// The letter on a key; of one that is set to letters that are not Latin ones, that of its place.
+function letterOf({ key, code }) {
+  const place = /^Key([A-Z])$/.exec(code);
+  return (place && !/^[a-z]$/i.test(key) ? place[1] : key).toLowerCase();
+}
+
 function press(event, down) {
   // A slider that was used last would take the repeats of a key that walks the robot for its own.
   if (event.repeat && taken.has(event.code)) event.preventDefault();
   if (event.repeat) return;
   taken.delete(event.code);
+  // A Mac says of no key that it was let go while this one was held.
+  if (event.key === "Meta" && !down) release();
+  // With one of these the browser does something of its own.
+  if (down && (event.ctrlKey || event.metaKey || event.altKey)) return;
   if (event.key === "?" && down) help(part("help").hidden, true);
-  const letter = event.key.toLowerCase(), arrow = event.key.startsWith("Arrow") ? event.key : driven() && ARROWS[letter];
-  if (event.key === "q" || event.key === "Q") hold("left", down);
-  else if (event.key === "e" || event.key === "E") hold("right", down);
+  const letter = letterOf(event), arrow = event.key.startsWith("Arrow") ? event.key : driven() && ARROWS[letter];
+  if (letter === "q") hold("left", down);
+  else if (letter === "e") hold("right", down);
   else if (arrow) {
     if (down) {
       keys.arrows.add(arrow);
       if (driving && !driven() && !keys.left && !keys.right) hint("Arrows walk the robot, if it takes torques. To move a foot, hold Q or E as well.");
     } else keys.arrows.delete(arrow);
   } else if (letter in BENDS && !down) keys.bends.delete(letter);
-  // With one of these the browser does something of its own.
-  else if (event.ctrlKey || event.metaKey || event.altKey) return;
   else if (letter in BENDS && bendable()) tell(letter);
   else if (letter === "n" && down && bendable()) straighten();
   else return;

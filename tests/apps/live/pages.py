@@ -1,0 +1,55 @@
+"""The live page in a real browser, for tests."""
+
+import shutil
+from contextlib import contextmanager
+
+import pytest
+from operators import PATIENCE, wait_for
+
+WIDTH, HEIGHT = 700, 400
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+DRAWS_IN_SOFTWARE = (
+    "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
+)  # fmt: skip
+DRAWS_NOTHING = ("--disable-gpu", "--disable-3d-apis")
+
+
+@contextmanager
+def chromium(*options):
+    """A browser; skips where there is none."""
+    api = pytest.importorskip(
+        "playwright.sync_api", reason="playwright is not installed, it comes with the extra dev"
+    )
+    if CHROMIUM is None:
+        pytest.skip("no chromium on this machine")
+    with api.sync_playwright() as play:
+        browser = play.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox", *options])
+        yield browser
+        browser.close()
+
+
+class Page:
+    """A page, spoken to by scripts: a browser that draws in software is slow to anything else."""
+
+    def __init__(self, browser, url, **device):
+        self.errors = []
+        self.page = browser.new_page(**{"viewport": {"width": WIDTH, "height": HEIGHT}} | device)
+        self.page.set_default_timeout(1e3 * PATIENCE)
+        self.page.on("pageerror", lambda error: self.errors.append(str(error)))
+        self.page.goto(url)
+        self.wait("newest !== null && 'mode' in newest", "the first status")
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.page.close()
+
+    def ask(self, script):
+        return self.page.evaluate(script)
+
+    def text(self, name):
+        return self.ask(f"part('{name}').textContent")
+
+    def wait(self, script, what):
+        return wait_for(lambda: self.ask(script), what)
