@@ -100,6 +100,19 @@ def test_a_robot_that_falls_silent_pushes_no_hand():
     assert arm.norms[-1] == 0.0
 
 
+@pytest.mark.parametrize("clock", [lambda now: 0.6, lambda now: now - 50.0, lambda now: np.nan])
+def test_a_robot_that_falls_silent_pushes_no_hand_whatever_the_clock_says(clock):
+    arm = Arm()
+    driver = HapticDriver(Arm(), arm)
+    for tick in range(600):
+        driver.feel(IN_AIR if tick < 300 else [[0.0, 0.0, 600.0], [-150.0, 0.0, 0.0]], 1e-3 * tick)
+        driver.tick(1e-3 * tick)
+    assert arm.norms[-1] > 1.0
+    for tick in range(600, 800):
+        driver.tick(clock(1e-3 * tick))
+    assert arm.norms[-1] == 0.0
+
+
 def test_an_open_clutch_is_not_pushed():
     assert driven(STANDING, IN_AIR, LANDING, arm=Arm(clutch=False)).norms.max() == 0.0
 

@@ -192,6 +192,7 @@ class HapticDriver:
         self._forces = [np.zeros(3), np.zeros(3)]
         # In one object, which another thread replaces as a whole.
         self._news: tuple[float, Float64[np.ndarray, "2 3"]] = (-math.inf, np.zeros((2, 3)))
+        self._known, self._unheard = self._news, 0
         self.readings: tuple[Reading | None, Reading | None] = (None, None)
 
     def feel(self, forces: Sequence[Sequence[float]], now: float) -> None:
@@ -215,14 +216,17 @@ class HapticDriver:
         Args:
             now: on any clock [s].
         """
-        heard_at, feet = self._news
-        silent = now - heard_at > self._silence
+        news = heard_at, feet = self._news
+        # Periods are counted, too: by a clock that stands still or has gone back nobody is silent.
+        self._unheard = self._unheard + 1 if news is self._known else 0
+        self._known = news
+        heard = now - heard_at <= self._silence and self._unheard * self.dt <= self._silence
         total = float(feet[:, 2].sum())
         readings: list[Reading | None] = []
         for foot, arm in enumerate(self._arms):
             reading = arm.read()
             felt = self._touches[foot].felt(feet[foot], total, self.dt)
-            holds = reading is not None and reading[1] and not silent
+            holds = reading is not None and reading[1] and heard
             goal = saturate(self._most, self._gain * felt) if holds else np.zeros(3)
             self._forces[foot] = self._smoothed(self._forces[foot], goal)
             arm.write(self._forces[foot] if reading is not None else np.zeros(3))
