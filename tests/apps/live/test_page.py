@@ -97,3 +97,62 @@ def test_letters_are_known_by_their_place_where_they_are_no_latin_ones(plain_bro
         assert page.ask(HELD_KEYS) == [True, False]
         typed(page, "keyup", "q", "KeyA")
         assert page.ask(HELD_KEYS) == [False, False]
+
+
+def test_buttons_that_are_held_are_held_by_keys_too(plain_browser, front):
+    with Page(plain_browser, front.drive_url) as page:
+        for name, held in (("rest", "keys.rest"), ("lift-left", "keys.left")):
+            for key in (" ", "Enter"):
+                page.ask(f"part('{name}').focus(); 0")
+                page.page.keyboard.down(key)
+                assert page.ask(held)
+                page.page.keyboard.up(key)
+                assert not page.ask(held)
+        # Who goes elsewhere meanwhile has let go.
+        page.page.keyboard.down(" ")
+        assert page.ask("keys.left")
+        page.page.keyboard.press("Tab")
+        assert not page.ask("keys.left")
+
+
+def test_whatever_can_be_pressed_has_a_name_in_words(plain_browser, front):
+    with Page(plain_browser, front.drive_url, **PHONE) as page:
+        for name in (
+            "Help", "Close", "Move left", "Move forward", "Move back", "Move right",
+            "Push to the robot's left", "Push forward", "Push back", "Push to the robot's right",
+        ):  # fmt: skip
+            assert page.page.get_by_role("button", name=name, exact=True).count() == 1, name
+        assert page.page.get_by_role("meter", name="Balance margin").count() == 1
+        assert page.page.get_by_role("img", name="Plot").count() == 2
+
+
+PHONE = {"viewport": {"width": 844, "height": 390}, "is_mobile": True, "has_touch": True}
+"""A phone that lies on its side."""
+
+
+def edges(page, name):
+    """Top and bottom of a part of the page, in pixels of the screen."""
+    return page.ask(f"(({{top, bottom}}) => [top, bottom])(part('{name}').getBoundingClientRect())")
+
+
+def test_on_a_phone_that_lies_feet_can_be_held_and_the_help_can_be_read(plain_browser, front):
+    with Page(plain_browser, front.drive_url, **PHONE) as page:
+        for name in ("lift-left", "lift-right", "help"):
+            top, bottom = edges(page, name)
+            assert 0 <= top < bottom <= PHONE["viewport"]["height"], name
+        page.ask("part('help').scrollTop = 1e6; 0")
+        last = page.ask("part('help').lastElementChild.getBoundingClientRect().bottom")
+        assert last <= PHONE["viewport"]["height"]
+
+
+def test_no_button_moves_whatever_is_told(plain_browser, front, desk):
+    with Page(plain_browser, front.drive_url) as page:
+        page.wait("part('device').textContent === 'ok'", "the device")
+        before = [edges(page, name) for name in ("lift-left", "pause", "reset")]
+        desk.told = desk.told | {
+            "deviceText": "no new sample for a moment: the last one holds",
+            "handsDo": ["REACH", "REACH"], "realTimeFactor": 0.2, "speed": 0.25,
+            "modeText": "put down so as not to fall; lower, and lift again",
+        }  # fmt: skip
+        page.wait("part('device').textContent.startsWith('no new')", "the words")
+        assert [edges(page, name) for name in ("lift-left", "pause", "reset")] == before

@@ -179,7 +179,7 @@ function words(s) {
 // What a hand does that is not at rest.
 const HANDS = { HELD: "held", LED: "led", REACH: "at the edge of its reach", TURNED: "turned as far as it goes" };
 const GAZE = { REST: "ahead", HELD: "held", LED: "led", REACH: "as far as it goes" };
-const LINES = [["zmpReference", "#9aa0a6", 2], ["com", "#0d6efd", 1.5], ["zmp", "#d63384", 1]];
+const LINES = [["zmpReference", "#6f757b", 2], ["com", "#0d6efd", 1.5], ["zmp", "#d63384", 1]];
 function plot(canvas, axis) {
   const ratio = devicePixelRatio, width = canvas.clientWidth, height = canvas.clientHeight;
   if (canvas.width !== Math.round(width * ratio)) {
@@ -431,9 +431,14 @@ function release() {
   view?.release();
 }
 
-// Buttons that are held, by mouse or finger.
+// Buttons that are held, by mouse or finger, or by the keys that press one that has the focus.
 function holds(button, act) {
   const held = (down) => { act(down); look(); };
+  let byKey = false;
+  const keyed = (down) => { if (byKey !== down) held(byKey = down); };
+  for (const [kind, down] of [["keydown", true], ["keyup", false]])
+    button.addEventListener(kind, (event) => { if (event.key === " " || event.key === "Enter") keyed(down); });
+  button.addEventListener("blur", () => keyed(false));
   button.addEventListener("pointerdown", (event) => { button.setPointerCapture(event.pointerId); held(true); });
   for (const end of ["pointerup", "pointercancel"]) button.addEventListener(end, () => held(false));
   button.addEventListener("contextmenu", (event) => event.preventDefault());
