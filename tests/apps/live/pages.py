@@ -35,6 +35,8 @@ class Page:
         self.errors = []
         self.page = browser.new_page(**{"viewport": {"width": WIDTH, "height": HEIGHT}} | device)
         self.page.set_default_timeout(1e3 * PATIENCE)
+        # A busy machine takes minutes to start what a browser needs for its first page.
+        self.page.set_default_navigation_timeout(4e3 * PATIENCE)
         self.page.on("pageerror", lambda error: self.errors.append(str(error)))
         self.page.goto(url)
         self.wait("newest !== null && 'mode' in newest", "the first status")

@@ -386,6 +386,9 @@ def test_nobody_can_embed_the_page_or_load_anything_into_it(front):
         assert response.headers["Referrer-Policy"] == "no-referrer"
     assert "default-src 'self'" in policy
     assert "frame-ancestors 'none'" in policy
+    # These have no default.
+    assert "base-uri 'none'" in policy
+    assert "form-action 'none'" in policy
 
 
 def test_a_port_in_use_is_said(run_session, front, tmp_path):

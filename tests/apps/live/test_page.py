@@ -4,6 +4,7 @@ There is no robot behind it, and nothing to draw: what is told of one stands sti
 """
 
 import json
+import time
 
 import pytest
 
@@ -11,6 +12,7 @@ pytest.importorskip("websockets", reason="the extra teleop is not installed: no 
 
 from pages import Page
 
+from poise.apps.live import _seat as seats
 from poise.apps.live._front import Front
 
 STATUS = {
@@ -156,3 +158,51 @@ def test_no_button_moves_whatever_is_told(plain_browser, front, desk):
         }  # fmt: skip
         page.wait("part('device').textContent.startsWith('no new')", "the words")
         assert [edges(page, name) for name in ("lift-left", "pause", "reset")] == before
+
+
+def test_who_lost_the_connection_takes_the_seat_again_when_its_ghost_is_silent(
+    plain_browser, front, monkeypatch
+):
+    monkeypatch.setattr(seats, "SILENT_FOR", 0.5)
+    with Page(plain_browser, front.drive_url) as page:
+        assert page.text("role") == "you drive"
+        # To the server the old connection lives on, as behind a tunnel that has not noticed yet.
+        page.ask(
+            """(() => {
+              const ghost = socket, lost = ghost.onclose;
+              ghost.onclose = ghost.onmessage = null;
+              window.haunting = setInterval(() => ghost.send('{"do": "drive"}'), 30);
+              lost();
+            })()"""
+        )
+        page.wait("part('banner').textContent.includes('Somebody else')", "the ghost")
+        page.ask("clearInterval(haunting); 0")
+        page.wait("part('role').textContent === 'you drive'", "the seat")
+        assert not page.ask("part('controls').disabled")
+
+
+def test_who_came_second_does_not_take_a_seat_that_gets_free(plain_browser, front):
+    with (
+        Page(plain_browser, front.drive_url) as first,
+        Page(plain_browser, front.drive_url) as second,
+    ):
+        assert second.text("role") == "you watch"
+        first.page.goto("about:blank")
+        second.wait("!newest.driven", "the empty seat")
+        time.sleep(1.5)
+        assert second.text("role") == "you watch"
+
+
+def test_the_page_of_an_earlier_run_is_loaded_anew(plain_browser, front, desk):
+    with Page(plain_browser, front.drive_url) as page:
+        front.stop()
+        page.wait("part('role').textContent === 'no connection'", "the end")
+        desk.told = desk.told | {"robot": "another"}
+        later = Front(desk, port=front.port, shapes={})
+        try:
+            with page.page.expect_event("load"):
+                later.start()
+            page.wait("part('robot').textContent === 'another'", "the other robot")
+            assert "earlier run" in page.text("banner")
+        finally:
+            later.stop()

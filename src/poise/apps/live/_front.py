@@ -17,6 +17,7 @@ page of another origin gets nothing, whatever it asks for and whatever it shows.
 """
 
 import asyncio
+import secrets
 import socket
 import threading
 from collections.abc import Callable
@@ -52,7 +53,7 @@ _HEADERS = {
     # The address holds the token.
     "Referrer-Policy": "no-referrer",
     "Content-Security-Policy": "default-src 'self'; img-src data:; frame-ancestors 'none'; "
-    "connect-src 'self' ws://127.0.0.1:* ws://localhost:*",
+    "connect-src 'self' ws://127.0.0.1:* ws://localhost:*; base-uri 'none'; form-action 'none'",
     "X-Content-Type-Options": "nosniff",
 }
 _PING = 5.0
@@ -119,6 +120,8 @@ class Front:
     def __init__(self, desk: Desk, *, port: int, shapes: dict[str, Any]) -> None:
         self._desk = desk
         self.seat = Seat()
+        # A page that comes back knows by it whether it is still the robot that it has drawn.
+        self._name = secrets.token_urlsafe(8)
         self._pages = _pages(shapes)
         self._socket = _listen(port)
         self.port = int(self._socket.getsockname()[1])
@@ -216,7 +219,7 @@ class Front:
             self._desk.left()
         telling: asyncio.Task[None] | None = None
         try:
-            await connection.send(_hello(drives=grant.drives, reason=grant.reason))
+            await connection.send(self._hello(drives=grant.drives, reason=grant.reason))
             telling = asyncio.create_task(self._tell(connection))
             await self._listen(connection, grant)
         except ConnectionClosed:
@@ -228,6 +231,11 @@ class Front:
                 self.seat.leave(grant)
                 self._desk.left()
 
+    def _hello(self, *, drives: bool, reason: str) -> str:
+        """What a connection is: the operator's, or somebody's who watches."""
+        hello = "operator" if drives else "watcher"
+        return _json({"hello": hello, "reason": reason, "run": self._name})
+
     async def _listen(self, connection: ServerConnection, grant: Grant) -> None:
         """Carries out what the operator's page says, as long as it is the operator's."""
         drives = grant.drives
@@ -237,7 +245,7 @@ class Front:
             else:
                 if drives:
                     drives = False
-                    await connection.send(_hello(drives=False, reason=_TOO_LATE))
+                    await connection.send(self._hello(drives=False, reason=_TOO_LATE))
                 reply = _NOT_YOU
                 # What comes faster waits unread, and costs the robot's machine nothing.
                 await asyncio.sleep(_DEAF_FOR)
@@ -295,11 +303,6 @@ def _answer(status: HTTPStatus, body: bytes, kind: str = "text/plain") -> Respon
 
 def _token(request: Request) -> str | None:
     return parse_qs(urlsplit(request.path).query).get("token", [None])[0]
-
-
-def _hello(*, drives: bool, reason: str) -> str:
-    """What a connection is: the operator's, or somebody's who watches."""
-    return _json({"hello": "operator" if drives else "watcher", "reason": reason})
 
 
 def _json(message: dict[str, Any]) -> str:

@@ -9,6 +9,11 @@ from urllib.parse import urlsplit
 SILENT_FOR = 5.0
 """An operator of whom nothing has been heard for so long [s] keeps nobody from the seat."""
 
+_NO_TOKEN = (
+    "The token in the address is wrong, or of an earlier run: you can watch, not drive. The "
+    "address for driving was printed when this run began."
+)
+
 _LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
 
@@ -51,7 +56,7 @@ class Seat:
         if token is None:
             return Grant(False)
         if not self.shows(token):
-            return Grant(False, "The token in the address is wrong: you can watch, not drive.")
+            return Grant(False, _NO_TOKEN)
         with self._lock:
             if self.taken:
                 return Grant(

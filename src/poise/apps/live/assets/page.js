@@ -1,9 +1,11 @@
 "use strict";
 const part = (id) => document.getElementById(id);
 const token = new URLSearchParams(location.search).get("token");
-const BEAT = 33, QUICK = 8, RETRY = 1000, SPAN = 10, HINT = 6000;
+const BEAT = 33, QUICK = 8, RETRY = 1000, SPAN = 10, HINT = 6000, COMES_BACK = 30000;
 
 let socket = null, driving = false;
+// Which run of the robot this page has been of, and until when it may take its seat again.
+let run = null, mineUntil = 0;
 const keys = { left: false, right: false, upright: false, rest: false, arrows: new Set(), bends: new Set() };
 // Keys that do what an arrow does where the robot is driven.
 const ARROWS = { w: "ArrowUp", a: "ArrowLeft", s: "ArrowDown", d: "ArrowRight" };
@@ -24,6 +26,7 @@ function join() {
   socket.onclose = () => {
     // What was held when the connection was lost leads nothing when it is back.
     release();
+    if (driving) mineUntil = performance.now() + COMES_BACK;
     driving = false;
     view?.allow(false, false);
     part("controls").disabled = true;
@@ -50,7 +53,11 @@ function take(message) {
 }
 
 function welcome(message) {
+  // Another robot, or another ground below it: what is drawn here is of the one before.
+  if (run !== null && run !== message.run) return location.reload();
+  run = message.run;
   driving = message.hello === "operator";
+  if (driving) mineUntil = 0;
   part("controls").disabled = !driving;
   part("role").textContent = driving ? "you drive" : "you watch";
   part("role").className = message.hello;
@@ -116,6 +123,8 @@ function latency(now) {
 let newest = null, drawnAt = 0, stepping = false;
 function show(s) {
   newest = s;
+  // A connection that broke may have left the seat to a ghost of this page, which is silent.
+  if (!driving && !s.driven && performance.now() < mineUntil) socket.close();
   if (!("time" in s)) return;
   view?.show(s);
   // Whoever has made a step needs no more help, unless they call for it.
