@@ -295,6 +295,27 @@ def test_the_operators_handle_lifts_the_foot_and_a_page_that_goes_lets_go(front,
     wait_for(lambda: session.loop.snapshot.mode is Mode.D, "the foot to come down")
 
 
+def test_what_is_held_at_a_reset_leads_nothing_until_it_is_let_go(front, session):
+    def lifts(held):
+        beat(operator, lift=[False, held])
+        return session.loop.snapshot.mode in (Mode.TL, Mode.SL)
+
+    with control(front, front.seat.token) as (operator, _):
+        beat(operator)
+        wait_for(lambda: lifts(True), "the lift")
+        before = session.loop.snapshot.time
+        session._last.clear()
+        operator.send('{"do": "reset"}')
+        while session.loop.snapshot.time >= before:
+            lifts(True)
+            time.sleep(0.01)
+        wait_for(lambda: lifts(True) or session.loop.snapshot.time > 1.0, "a second")
+        # The key is still down.
+        assert session.loop.snapshot.mode is Mode.D
+        wait_for(lambda: lifts(False) or session.loop.snapshot.time > 1.2, "letting go")
+        wait_for(lambda: lifts(True), "the lift anew")
+
+
 def test_a_handle_that_is_let_go_brings_the_foot_down(front, session):
     with control(front, front.seat.token) as (operator, _):
         beat(operator)

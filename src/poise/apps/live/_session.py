@@ -181,6 +181,8 @@ class _Session(ABC):
                 if not self._is_rare(Reset):
                     return _WAIT
                 self.loop.reset()
+                # What is held was to lead the robot of before.
+                self.inputs.clear()
                 if self._gamepad is not None:
                     self._gamepad.straighten()
             case Keep():
