@@ -48,6 +48,17 @@ def test_two_tasks_of_one_level_name_each_other():
     ]
 
 
+def test_what_is_no_problem_is_named():
+    problem = robot_in_a_corner()
+    problem.lower[3], problem.A[2, 2] = 1.5, np.nan
+    for solver in (LexicographicSolver(), make_solver("cascade"), make_solver("weighted")):
+        text = solver.solve(problem).explain(problem)
+        assert text == (
+            "bad_problem: numbers that are not finite in right hand; "
+            "bounds that cross in elbow limit"
+        )
+
+
 def test_simple_bounds_are_named():
     problem = HierarchicalProblem([Level([[1.0]], 5.0, 5.0, labels="reach")], x_upper=1.0)
     conflicts = solve(problem).conflicts(problem)

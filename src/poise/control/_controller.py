@@ -180,11 +180,12 @@ class Controller:
 
     def status(self) -> ControllerStatus:
         """How each task stood at the last tick: level, error with unit, residual."""
+        residuals = self._strategy.task_residuals() if self._last_status.ok else None
         return ControllerStatus(
             command=self._last_status,
             reason=self._reason,
             held_back=self._held_back,
-            tasks=task_statuses(self.stack, self._strategy.task_residuals(), self.suspended),
+            tasks=task_statuses(self.stack, residuals, self.suspended),
             explanation=self._strategy.explain(),
         )
 

@@ -21,7 +21,8 @@ class TaskStatus:
         error: norm of target minus actual [unit].
         unit: unit of `error`.
         residual: norm of the acceleration that could not be met [unit/s^2]; of the velocity, for a
-            controller that commands velocities [unit/s].
+            controller that commands velocities [unit/s]; NaN where the last command was none of
+            the tasks'.
         suspended: whether a contact holds the task's frame, so that the task does not act.
     """
 
@@ -40,7 +41,7 @@ class ControllerStatus:
     Attributes:
         command: status of the last command.
         reason: why the last state was of no use, or how the robot was seen to have fallen; "" for
-            other commands.
+            other commands. Why a solver failed, `explanation` says.
         held_back: whether the balance limit holds the motion back; the tasks' residuals then say
             how much of what each asks for it misses, and `explanation` against which rows.
         tasks: each task, most important first.
@@ -78,13 +79,13 @@ class ControllerStatus:
 
 
 def task_statuses(
-    stack: Stack, residuals: dict[str, float], suspended: Collection[Task]
+    stack: Stack, residuals: dict[str, float] | None, suspended: Collection[Task]
 ) -> tuple[TaskStatus, ...]:
     """One `TaskStatus` a task of the stack.
 
     Args:
         stack: the tasks, evaluated at the last tick.
-        residuals: norm of what each task could not meet, by name.
+        residuals: norm of what each task could not meet, by name; None without an answer.
         suspended: tasks that did not act.
     """
     return tuple(
@@ -93,7 +94,7 @@ def task_statuses(
             level=PHYSICS_LEVELS + level + 1,
             error=float(np.linalg.norm(task.error)),
             unit=task.unit,
-            residual=residuals.get(task.name, 0.0),
+            residual=np.nan if residuals is None else residuals.get(task.name, 0.0),
             suspended=task in suspended,
         )
         for level, task in stack.tasks()

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float, Float64, Int64
 
+from poise._show import few
 from poise.errors import ProblemError
 from poise.hqp._tolerances import DEFINITENESS_TOLERANCE, RANGE_TOLERANCE, SYMMETRY_TOLERANCE
 
@@ -342,6 +343,31 @@ def is_sound(problem: HierarchicalProblem) -> bool:
         and (problem.lower < np.inf).all()
         and (problem.upper > -np.inf).all()
     )
+
+
+def faults(problem: HierarchicalProblem) -> list[str]:
+    """What keeps the numbers from being a problem, by the labels of the rows: see `is_sound`.
+
+    Args:
+        problem: any; of a sound one nothing is said.
+    """
+    lower, upper, weights = problem.lower, problem.upper, problem.weights
+    wrong = np.isnan(lower) | np.isnan(upper) | (lower == np.inf) | (upper == -np.inf)
+    wrong |= ~(np.isfinite(weights) & (weights > 0.0))
+    wrong[problem.n :] |= ~np.isfinite(problem.A).all(axis=1)
+    words: list[str] = []
+    if names := _labels(problem, wrong):
+        words.append(f"numbers that are not finite in {few(names)}")
+    if names := _labels(problem, lower > upper):
+        words.append(f"bounds that cross in {few(names)}")
+    if not (np.isfinite(problem.H).all() and np.isfinite(problem.g).all()):
+        words.append("a final cost that is not finite")
+    return words
+
+
+def _labels(problem: HierarchicalProblem, rows: Bool[np.ndarray, " nm"]) -> list[str]:
+    """Labels of rows, each once."""
+    return list(dict.fromkeys(problem.label(row) for row in np.flatnonzero(rows).tolist()))
 
 
 def _sized(

@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float64, Int64
 
 from poise.hqp._certificate import Certificate, certify_point
 from poise.hqp._measure import measure_point
-from poise.hqp._problem import HierarchicalProblem
+from poise.hqp._problem import HierarchicalProblem, faults
 from poise.hqp._tolerances import OPPOSING_RATIO, VISIBLE_VIOLATION
 
 
@@ -133,7 +133,7 @@ class Solution:
             unnumbered: indices of levels that have no number, by which those after them go on.
         """
         if self.status is SolveStatus.BAD_PROBLEM:
-            return f"{self.status.value}: numbers that are not finite, or bounds that cross"
+            return f"{self.status.value}: {'; '.join(faults(problem))}"
         conflicts = self.conflicts(problem)
         if not conflicts:
             return f"{self.status.value}: every row of every level is met"
