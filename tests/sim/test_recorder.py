@@ -333,6 +333,23 @@ def test_a_log_cut_anywhere_is_read_up_to_the_cut(plant, tmp_path):
     assert ends[0] < 0.5
 
 
+def test_of_two_runs_that_write_to_one_file_that_of_the_later_is_whole(plant, tmp_path):
+    path, other = tmp_path / "log.mcap", Plant(plant.robot, PlantConfig(actuation="position"))
+    config = RecorderConfig(flush_dt=0.01)
+    with recording(plant, path, config=config) as earlier:
+        with recording(other, path, config=config) as later:
+            for _ in range(100):
+                for recorder, body in ((earlier, plant), (later, other)):
+                    recorder.look()
+                    body.step(None)
+        for _ in range(100):
+            earlier.look()
+            plant.step(None)
+    log = read_log(path)
+    assert log.complete
+    assert_same(later.record, log)
+
+
 def test_a_signal_keeps_its_shape(plant):
     recorder = Recorder()
     recorder.begin(plant)

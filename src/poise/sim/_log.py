@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 from poise.errors import MissingExtraError, PoiseError
 from poise.sim._foxglove import Topics
@@ -60,7 +60,7 @@ class McapLog:
         self._queue: queue.Queue[tuple[float, RecordPart] | None] = queue.Queue(capacity)
         self._failure: Exception | None = None
         try:
-            self._stream = path.open("wb")
+            self._stream = _fresh(path)
         except OSError as error:
             raise self._error(error) from error
         try:
@@ -128,6 +128,13 @@ class McapLog:
             self._file.flush()
         except Exception as error:  # Whatever it is, `close` says so; the run goes on until then.
             self._failure = error
+
+
+def _fresh(path: Path) -> BinaryIO:
+    """A file of one's own: another run that still writes to one of this name keeps its own."""
+    if path.is_file() and not path.is_symlink():
+        path.unlink()
+    return path.open("wb")
 
 
 def read_log(path: Path | str) -> RunRecord:
