@@ -39,7 +39,7 @@ Quaternion = tuple[Component, Component, Component, Component]
 """Of a rotation, (x, y, z, w); its length is checked by what follows it."""
 
 
-class Tracked(Struct, frozen=True):
+class Tracked(Struct, frozen=True, forbid_unknown_fields=True):
     """Where a tracker sees a hand or foot of the operator that leads one of the robot's.
 
     Attributes:
@@ -57,7 +57,7 @@ class Tracked(Struct, frozen=True):
     velocity: Place | None = None
 
 
-class Head(Struct, frozen=True):
+class Head(Struct, frozen=True, forbid_unknown_fields=True):
     """Where the operator looks.
 
     Attributes:
@@ -72,7 +72,7 @@ class Head(Struct, frozen=True):
 Turn = Annotated[float, Meta(ge=-3.2, le=3.2)]
 
 
-class Body(Struct, frozen=True):
+class Body(Struct, frozen=True, forbid_unknown_fields=True):
     """What is asked for beside feet and hands; all zero asks for nothing.
 
     Attributes:
@@ -87,7 +87,7 @@ class Body(Struct, frozen=True):
     turns: tuple[Turn, Turn] = (0.0, 0.0)
 
 
-class Pad(Struct, frozen=True, tag_field="do", tag="drive"):
+class Pad(Struct, frozen=True, forbid_unknown_fields=True, tag_field="do", tag="drive"):
     """What the operator does at one moment, whatever they do it with: all that leads says this.
 
     Keys, buttons that are held, sticks, handles on the page, and tracked hands or feet. It comes as

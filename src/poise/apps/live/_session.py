@@ -31,7 +31,7 @@ Source = Literal["browser", "gamepad", "recording"]
 """Where the feet are led from."""
 
 
-class _Order(Struct, tag_field="do", tag=str.lower):
+class _Order(Struct, forbid_unknown_fields=True, tag_field="do", tag=str.lower):
     """What an operator's page may say beside `Pad`."""
 
 
