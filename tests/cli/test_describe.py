@@ -71,3 +71,23 @@ def test_a_file_that_is_no_robot_is_one_line_and_status_two(model, capsys):
     model.write_text("<robot name='r'/>")
     assert main(["describe", "stranger.urdf"]) == 2
     assert "no links" in capsys.readouterr().err
+
+
+def test_a_description_that_does_not_load_yet_is_written_with_what_to_mend(model, capsys):
+    for link in ("right_wrist_roll_link", "right_hand_link"):
+        bare = rf'(<link name="{link}">.*?)<inertial>.*?</inertial>'
+        model.write_text(re.sub(bare, r"\1", model.read_text(), count=1, flags=re.DOTALL))
+    assert main(["describe", "stranger.urdf", "--out", "out", "--no-trial"]) == 1
+    out = capsys.readouterr().out
+    assert "FAIL  load: stranger has moving links without mass; got ['right_wrist_roll']" in out
+    assert "`locked`" in out
+    saved = model.parent / "out" / "stranger.poise.yaml"
+    saved.write_text(saved.read_text() + "locked: [right_wrist_roll]\n")
+    assert load_robot(model, saved).nj == 32
+
+
+def test_what_is_odd_when_it_is_loaded_is_a_note(model, capsys):
+    picture = '<visual><geometry><mesh filename="nowhere.stl"/></geometry></visual></link>'
+    model.write_text(model.read_text().replace("</link>", picture, 1))
+    assert main(["describe", "stranger.urdf", "--out", "out", "--no-trial"]) == 0
+    assert re.search(r"  note: .*nowhere\.stl", capsys.readouterr().out)

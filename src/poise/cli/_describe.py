@@ -2,12 +2,14 @@
 
 import argparse
 import json
+import warnings
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from poise.cli._options import add_output_options, make_folder
-from poise.errors import ConfigurationError
-from poise.robots import Proposal, describe, load_robot
+from poise.errors import ConfigurationError, RobotError
+from poise.robots import Proposal, Robot, describe, load_robot
 
 
 def add_parser(verbs: Any) -> None:
@@ -37,32 +39,68 @@ def add_parser(verbs: Any) -> None:
 
 
 def act(options: argparse.Namespace) -> int:
-    """Proposes, tries out, and writes everything."""
+    """Proposes, writes the description, then tries it out and draws the page."""
     path = Path(options.file)
     saved = path.parent / f"{path.stem}.poise.yaml"
     proposal = describe(path)
     if options.save and not options.force:
         _check_unwritten(saved, proposal)
-    robot = load_robot(path, proposal.facts)
-    trial = None
-    if not options.no_trial and robot.floating_base:
-        from poise.apps.strangers import try_out
-
-        trial = try_out(robot)
     folder = make_folder(options.out, f"runs/describe-{path.stem}")
     description = saved if options.save else folder / saved.name
+    # First: it is what to mend where the robot cannot be loaded, and is there after Ctrl-C.
     description.write_text(proposal.text, encoding="utf-8")
-    page = None
-    if robot.floating_base:
-        from poise.apps.strangers import write_page
-
-        page = folder / "describe.html"
-        write_page(robot, proposal, trial, page)
+    outcome = _tried(path, proposal, folder, trial=not options.no_trial)
     if options.json:
-        print(json.dumps(_summary(proposal, trial, description, page)))
+        print(json.dumps(_summary(proposal, outcome, description)))
     else:
-        _print(proposal, robot, trial, description, page)
-    return 0 if trial is None or trial.ok else 1
+        _print(proposal, outcome, description)
+    return 0 if outcome.ok else 1
+
+
+@dataclass(kw_only=True)
+class _Outcome:
+    """What came of a proposal.
+
+    Attributes:
+        remarks: what was found odd, by the proposal or as the robot was loaded.
+        robot: the robot; None where its description cannot be right yet.
+        refused: why that is so; "" elsewhere.
+        trial: how it stood, squatted and reached, a `poise.apps.strangers.Trial`; None where that
+            was left out.
+        page: what shows it; None where there is nothing to see.
+    """
+
+    remarks: list[str]
+    robot: Robot | None = None
+    refused: str = ""
+    trial: Any = None
+    page: Path | None = None
+
+    @property
+    def ok(self) -> bool:
+        """Whether all went well."""
+        return not self.refused and (self.trial is None or self.trial.ok)
+
+
+def _tried(path: Path, proposal: Proposal, folder: Path, *, trial: bool) -> _Outcome:
+    """Loads the robot as proposed, lets it try, and draws it."""
+    outcome = _Outcome(remarks=list(proposal.remarks))
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        try:
+            outcome.robot = robot = load_robot(path, proposal.facts)
+        except RobotError as error:
+            outcome.refused = str(error)
+            return outcome
+        finally:
+            outcome.remarks += [str(warning.message) for warning in told]
+    if robot.floating_base:
+        from poise.apps.strangers import try_out, write_page
+
+        outcome.trial = try_out(robot) if trial else None
+        outcome.page = folder / "describe.html"
+        write_page(robot, proposal, outcome.trial, outcome.page)
+    return outcome
 
 
 def _check_unwritten(saved: Path, proposal: Proposal) -> None:
@@ -75,14 +113,13 @@ def _check_unwritten(saved: Path, proposal: Proposal) -> None:
         )
 
 
-def _summary(
-    proposal: Proposal, trial: Any, description: Path, page: Path | None
-) -> dict[str, object]:
-    attempts = [] if trial is None else trial.attempts
+def _summary(proposal: Proposal, outcome: _Outcome, description: Path) -> dict[str, object]:
+    attempts = [] if outcome.trial is None else outcome.trial.attempts
     return {
         "facts": proposal.facts,
         "reasons": proposal.reasons,
-        "remarks": list(proposal.remarks),
+        "remarks": outcome.remarks,
+        "refused": outcome.refused or None,
         "trial": [
             {
                 "name": attempt.name,
@@ -95,21 +132,23 @@ def _summary(
             for attempt in attempts
         ],
         "description": str(description),
-        "page": None if page is None else str(page),
+        "page": None if outcome.page is None else str(outcome.page),
     }
 
 
-def _print(
-    proposal: Proposal, robot: Any, trial: Any, description: Path, page: Path | None
-) -> None:
-    print(f"{proposal.name}: {robot.nj} joints, {robot.mass:.1f} kg")
+def _print(proposal: Proposal, outcome: _Outcome, description: Path) -> None:
+    robot = outcome.robot
+    size = "" if robot is None else f": {robot.nj} joints, {robot.mass:.1f} kg"
+    print(f"{proposal.name}{size}")
     print(f"  {proposal.summary}")
-    for remark in proposal.remarks:
+    for remark in outcome.remarks:
         print(f"  note: {remark}")
-    for attempt in () if trial is None else trial.attempts:
+    if outcome.refused:
+        print(f"  FAIL  load: {outcome.refused}")
+    for attempt in () if outcome.trial is None else outcome.trial.attempts:
         mark = "ok  " if attempt.ok else "FAIL"
         torque = f"at most {100 * attempt.torque_ratio:.0f} % of a torque limit ({attempt.weakest})"
         print(f"  {mark}  {attempt.name}: {'; '.join(attempt.words) or torque}")
-    print(f"description: {description}")
-    if page is not None:
-        print(f"page: {page}")
+    print(f"description: {description}" + (", to be mended by hand" if outcome.refused else ""))
+    if outcome.page is not None:
+        print(f"page: {outcome.page}")

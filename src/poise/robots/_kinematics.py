@@ -104,7 +104,8 @@ def check_inertia(model: pin.Model, where: str) -> None:
         raise RobotError(
             f"{where} has moving links without mass",
             got=light,
-            wanted="an <inertial> with a positive mass behind each of these joints",
+            wanted="an <inertial> with a positive mass behind each of these joints, or those "
+            "joints under `locked` in the description",
         )
     pin.crba(model, data, pin.neutral(model))
     mass = np.triu(data.M) + np.triu(data.M, 1).T

@@ -62,8 +62,9 @@ def find_limbs(model: pin.Model, upright: Float64[np.ndarray, "3 3"], where: str
         raise RobotError(
             f"no feet are found in {where}",
             got=f"{len(branches)} chains of joints, none of them a mirrored pair of legs",
-            wanted="two chains of at least three joints that reach down from the root, or a "
-            "description: poise.robots.description_template gives one to fill in",
+            wanted="two chains of at least three joints that reach down from the root; or a "
+            "description, which for a robot that stands on a fixed base is the line `base: fixed` "
+            "(poise.robots.description_template gives one to fill in)",
             choices=list(model.names)[2:],
         )
     legs = _left_first(model, legs, places)

@@ -160,7 +160,9 @@ def _assemble(
         notes.append(f"inertias that no body has are made possible: {few(mended)}")
     source = replace(source, text=document.text)
     free = [n for n in names if n not in source.locked_joints]
-    armature = match_joints(facts.armature, free, f"{facts.where}: armature")
+    # As limits, it may be that of a joint that somebody locked afterwards.
+    armature = match_joints(facts.armature, names, f"{facts.where}: armature")
+    armature = {joint: inertia for joint, inertia in armature.items() if joint in free}
     posture = match_joints(facts.home, free, f"{facts.where}: home")
     model = build_model(source, floating=floating, armature=armature, where=name)
     check_inertia(model, name)
