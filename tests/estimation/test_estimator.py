@@ -430,6 +430,33 @@ def test_a_clock_that_stands_still_changes_nothing(walked):
     assert estimator.status.ok
 
 
+def test_a_clock_that_nobody_sets_is_said(walked):
+    robot, measured, truths = walked
+    estimator, said = StateEstimator(robot, q_start=truths[0].q), []
+    for state in measured[:100]:
+        estimator.update(replace(state, time=0.0))
+        said.append(estimator.status)
+    assert said[0].ok
+    assert set(said[1:]) == {EstimatorStatus.CLOCK_STILL}
+    assert not EstimatorStatus.CLOCK_STILL.ok
+    for state in measured[100:110]:
+        estimator.update(state)
+    assert estimator.status.ok
+
+
+def test_wrenches_of_something_else_are_none_of_the_soles(walked):
+    robot, measured, truths = walked
+    estimates = []
+    for rename in (lambda contacts: {}, lambda contacts: {"foot": contacts["left_sole"]}):
+        estimator = StateEstimator(robot, q_start=truths[0].q)
+        for state in measured[:300]:
+            estimate = estimator.update(replace(state, contacts=rename(state.contacts)))
+        assert estimator.status is EstimatorStatus.OK
+        assert min(estimator.probability.values()) > 0.5
+        estimates.append(estimate)
+    np.testing.assert_array_equal(*(estimate.q for estimate in estimates))
+
+
 def test_a_state_of_no_use_comes_back_as_it_is(walked):
     robot, measured, truths = walked
     estimator = StateEstimator(robot, q_start=truths[0].q)

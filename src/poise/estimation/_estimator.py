@@ -32,6 +32,8 @@ class EstimatorStatus(Enum):
         NO_IMU: the inertial unit said nothing of use; its last readings stand in.
         CLOCK_JUMP: time went back, or on by more than `EstimatorConfig.longest_step`; contacts
             begin anew.
+        CLOCK_STILL: the time is that of a state before, and the readings are others; nothing of
+            them is used.
         BAD_STATE: the measured state is none of this robot; it comes back as it is.
         RESTARTED: the filter's numbers were no longer sound, and it begins anew.
     """
@@ -40,6 +42,7 @@ class EstimatorStatus(Enum):
     FLYING = "flying"
     NO_IMU = "no imu"
     CLOCK_JUMP = "clock jump"
+    CLOCK_STILL = "clock stands still"
     BAD_STATE = "bad state"
     RESTARTED = "restarted"
 
@@ -197,7 +200,12 @@ class StateEstimator:
         reading = state.readings if usable_reading(state.readings) else None
         if reading is None:
             self.status, reading = EstimatorStatus.NO_IMU, self._reading
-        if reading is None or dt == 0.0:
+        if reading is None:
+            return
+        if dt == 0.0:
+            # The same state may come twice; other readings cannot be of the same time.
+            if self._reading is not None and not _same(reading, self._reading):
+                self.status = EstimatorStatus.CLOCK_STILL
             return
         if 0.0 < dt <= self.config.longest_step:
             self._predict(reading, dt)
@@ -230,7 +238,7 @@ class StateEstimator:
         self, state: RobotState, reading: SensorReadings, dt: float
     ) -> dict[str, Float64[np.ndarray, "6"]]:
         """As measured, or else estimated; empty where neither can be."""
-        if state.contacts:
+        if any(name in state.contacts for name in self._names):
             return felt_by(state)
         if not is_array(reading.torque, self._robot.nj) or self._last is None:
             return {}
@@ -308,6 +316,13 @@ class StateEstimator:
 def _copied(reading: SensorReadings) -> SensorReadings:
     """The same numbers: whoever reads sensors may write over what was given."""
     return SensorReadings(*(np.array(part) for part in reading))
+
+
+def _same(one: SensorReadings, other: SensorReadings) -> bool:
+    """Whether an inertial unit says the same twice."""
+    return np.array_equal(one.angular_velocity, other.angular_velocity) and np.array_equal(
+        one.specific_force, other.specific_force
+    )
 
 
 def _yaw(q: Float64[np.ndarray, " nq"]) -> float:
