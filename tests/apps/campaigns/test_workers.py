@@ -27,6 +27,16 @@ def test_each_gives_every_item_with_its_result_once(two):
     assert len(two.pids) == 2
 
 
+def test_a_worker_that_is_not_up_yet_hears_no_ctrl_c():
+    with LocalWorkers(1) as one:
+        one.submit(7, abs, -3)
+        for _ in range(20):
+            os.kill(one.pids[0], signal.SIGINT)
+            time.sleep(0.02)
+        assert one.wait() == [(7, 3)]
+    assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, ())
+
+
 def test_items_are_asked_for_when_a_worker_is_free(two):
     asked = []
 

@@ -14,6 +14,7 @@ from contextlib import contextmanager, suppress
 from itertools import count
 from multiprocessing import get_context, parent_process
 from multiprocessing.connection import Connection, wait
+from multiprocessing.resource_tracker import ensure_running
 from typing import Any, TypeVar
 
 from poise._compiled import usable_cores
@@ -196,7 +197,7 @@ class _Worker:
         context = get_context("spawn")
         self.pipe, theirs = context.Pipe()
         self._process = context.Process(target=_serve, args=(theirs,), daemon=True)
-        with _one_thread_each():
+        with _one_thread_each(), _deaf_to_ctrl_c():
             self._process.start()
         # Held here as well, its end would never be noticed.
         theirs.close()
@@ -272,6 +273,18 @@ def _end_with_parent() -> None:
     if parent is not None:
         parent.join()
     os._exit(1)
+
+
+@contextmanager
+def _deaf_to_ctrl_c() -> Generator[None]:
+    """What starts meanwhile hears no Ctrl-C while it imports, before it can say so by itself."""
+    # It lifts the mask as it starts, which it must not do in between.
+    ensure_running()
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 @contextmanager
