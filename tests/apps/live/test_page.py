@@ -147,14 +147,15 @@ def test_on_a_phone_that_lies_feet_can_be_held_and_the_help_can_be_read(plain_br
         assert last <= PHONE["viewport"]["height"]
 
 
-def test_no_button_moves_whatever_is_told(plain_browser, front, desk):
-    with Page(plain_browser, front.drive_url) as page:
+@pytest.mark.parametrize("device", [{}, {"viewport": {"width": 390, "height": 844}}])
+def test_no_button_moves_whatever_is_told(plain_browser, front, desk, device):
+    with Page(plain_browser, front.drive_url, **device) as page:
         page.wait("part('device').textContent === 'ok'", "the device")
         before = [edges(page, name) for name in ("lift-left", "pause", "reset")]
         desk.told = desk.told | {
             "deviceText": "no new sample for a moment: the last one holds",
             "handsDo": ["REACH", "REACH"], "realTimeFactor": 0.2, "speed": 0.25,
-            "modeText": "put down so as not to fall; lower, and lift again",
+            "modeText": "the robot stepped by itself; take hold of each foot anew",
         }  # fmt: skip
         page.wait("part('device').textContent.startsWith('no new')", "the words")
         assert [edges(page, name) for name in ("lift-left", "pause", "reset")] == before
