@@ -8,6 +8,7 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float64
 
+from poise._show import few
 from poise.control import Command, CommandStatus
 from poise.dynamics import RobotState
 from poise.errors import ConfigurationError, RobotError
@@ -182,7 +183,7 @@ class MujocoBridge:
         if self._refused[kind]:
             raise ConfigurationError(
                 f"the model's actuators cannot be sent a {kind}",
-                got=self._refused[kind],
+                got=few(self._refused[kind]),
                 wanted="a controller that commands "
                 + ("velocities" if kind == "torque" else "torques, or servos at these joints"),
             )
