@@ -33,6 +33,7 @@ def test_a_copy_is_a_problem_of_its_own_that_is_written_through_its_levels(copie
         Level([[1, 1]], 0, 0),
     ]
     problem = HierarchicalProblem(levels, H=2 * np.eye(2), g=[0.5, 0.0], x_upper=5.0)
+    problem.labels[:1] = [("left bound", 1), ("right bound", 1)]
     other = copied(problem)
     assert [other.label(row) for row in range(5)] == [problem.label(row) for row in range(5)]
     assert [view.name for view in other.levels] == ["a", "level 1"]

@@ -259,7 +259,7 @@ class HierarchicalProblem:
     def __setstate__(self, state: dict[str, Any]) -> None:
         n, rows, names, bounds_level = state["sizes"]
         self._allocate(n, rows, names, [[] for _ in rows], bounds_level)
-        self.labels += state["labels"][1:]
+        self.labels[:] = state["labels"]
         for name, array in state["arrays"].items():
             getattr(self, name)[:] = array
 
