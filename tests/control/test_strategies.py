@@ -64,3 +64,17 @@ def test_weighted_and_direct_agree_roughly_but_for_forces_within_the_feet(get_ro
         moved = (controllers[0].dynamics.M @ apart)[robot.base_dofs :]
         assert np.abs(moved / robot.tau_max).max() < 0.05
         plant.step(commands[0])
+
+
+def test_exactly_straight_legs_send_no_search_round_in_circles(get_robot):
+    """Rows whose slack was rounding of the wrong sign came and went until the cap on changes."""
+    robot = get_robot("g1")
+    controller = poise.WholeBodyController(robot, poise.default_stack(robot))
+    q, joints = robot.q_home.copy(), slice(robot.nq - robot.nj, None)
+    q[joints] = np.clip(0.0, robot.q_min, robot.q_max)
+    assert controller.step(poise.RobotState(q, np.zeros(robot.nv))).status.ok
+    solution = controller.strategy.current.solution
+    assert solution is not None
+    assert solution.ok
+    n, m = controller.strategy.current.full.problem.shape
+    assert solution.iterations < 3 * (n + m)

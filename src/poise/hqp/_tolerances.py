@@ -69,8 +69,9 @@ ends; where several lie close together, it finds one that is some percent too la
 SINGULAR_ROUNDS = 30
 """Inverse iterations of that search at most."""
 
-MOVE_TOLERANCE = 1e-12
-"""A step shorter than this, relative to the point, is none."""
+MOVE_TOLERANCE = 1e-11
+"""A step shorter than this, relative to the point, is none: rows may be as far from their bounds as
+that."""
 
 OPTIMALITY_TOLERANCE = 1e-8
 """Relative error of active rows, and of terms that should balance, up to which an answer counts as
@@ -83,6 +84,9 @@ CANCELLED = 1e-5
 
 PATIENCE = 20
 """Changes without a step after which rows are deactivated by number, so as not to go in circles."""
+
+RESIGNED = 60
+"""Changes without a step after which a row that comes back stays: rows at this point take turns."""
 
 ADD_RATIOS = (0.5, 0.7, 0.6, 0.9, 0.8)
 """Of each leap in turn: rows violated by at least this part of the largest violation are added."""

@@ -30,8 +30,10 @@ from poise.hqp._tolerances import (
     MOST_EXCHANGES,
     MOST_LEAPS,
     MOVE_TOLERANCE,
+    OPTIMALITY_TOLERANCE,
     PATIENCE,
     RANK_TOLERANCE,
+    RESIGNED,
     SAME_TOLERANCE,
     SLACK_TOLERANCE,
     STEEP,
@@ -122,6 +124,7 @@ class _Search:
         self.sign_free = problem.equality.copy()
         # Rows that came back at once when they were deactivated, until the point has moved.
         self.locked = np.zeros(n + m, dtype=np.bool_)
+        self.released = self.locked.copy()
         self.deactivated = -1
         self.multipliers = np.zeros((len(problem.levels) + 1, n + m))
         self.needed_by = np.zeros(n + m, dtype=np.int64)
@@ -155,7 +158,7 @@ class _Search:
                 continue
             self.sign_free = self.problem.equality.copy()
             self.idle, self.turn, self.since, self.deactivated = 0, 0, 0, -1
-            self.locked[:] = False
+            self.locked[:] = self.released[:] = False
             self.change = self._begin
         return Found(self.x, self.side, self.multipliers, limit, False)
 
@@ -274,7 +277,7 @@ class _Search:
         moved = self._step_until_blocked()
         self.idle = 0 if moved else self.idle + 1
         if moved:
-            self.locked[:] = False
+            self.locked[:] = self.released[:] = False
         if self.blocked:
             return False
         return not self._deactivate_wrong_signs(FIRST if self.idle > PATIENCE else LARGEST)
@@ -297,7 +300,7 @@ class _Search:
                 length, stop, side = ratio, int(row), 1 if over else -1
         self.blocked = stop >= 0
         if self.blocked:
-            if stop == self.deactivated:
+            if stop == self.deactivated or self.released[stop]:
                 self.locked[stop] = True
             self.side[stop] = side
             self.sign_free[stop] = False
@@ -480,13 +483,20 @@ class _Search:
                 mine = factor.rows[inequality[factor.rows]]
                 signed = found[mine] * side[mine]
                 self.needed_by[mine[(signed > 0.0) & ~sign_free[mine]]] = level + 1
-                wrong = mine[signed < 0.0]
+                size = self._level_gradient(factor)
+                # Slack that is rounding has no sign.
+                clear = self._is_clear(factor, size)[inequality[factor.rows]]
+                forces = -signed * (self.norms * problem.weights)[mine]
+                self.doubt |= bool(
+                    (self.locked[mine] & (forces > OPTIMALITY_TOLERANCE * size)).any()
+                )
+                wrong = mine[(signed < 0.0) & clear & ~self.locked[mine]]
+                self.released[wrong] |= self.change == self._step
                 if len(wrong):
                     self._deactivate_slacks(wrong)
                     return True
                 if not factor.slack.any():
                     continue
-                size = self._level_gradient(factor)
             self._balance(level)
             forces = found * self.norms * problem.weights
             if level < count:
@@ -496,12 +506,15 @@ class _Search:
             self.needed_by[inequality & ~sign_free & (signed > noise)] = min(level + 1, count)
             wrong_sign = inequality & ~sign_free & (signed < -noise)
             # Kept in spite of their sign: the point may be optimal, but this does not say so.
-            self.doubt |= bool((wrong_sign & self.locked).any())
+            scale = noise / DUAL_TOLERANCE
+            kept = wrong_sign & self.locked & (signed < -OPTIMALITY_TOLERANCE * scale)
+            self.doubt |= bool(kept.any())
             wrong = np.flatnonzero(wrong_sign & ~self.locked)
             if len(wrong):
                 if ratio > 1.0:
                     row = wrong[0] if ratio == FIRST else wrong[signed[wrong].argmin()]
                     wrong, self.deactivated = np.array([row]), int(row)
+                    self.released[row] |= self.idle > RESIGNED
                 else:
                     wrong = wrong[signed[wrong] <= ratio * signed[wrong].min()]
                     self.sign_free[wrong] = False

@@ -16,6 +16,8 @@ from poise.hqp._active_set.kernels import copy, multiply, norm_of
 from poise.hqp._active_set.multipliers import FIRST, LARGEST, deactivate_wrong_signs
 from poise.hqp._active_set.workspace import (
     EQUALITY,
+    LOCKED,
+    RELEASED,
     STEPPING,
     Answer,
     Matrix,
@@ -151,8 +153,8 @@ def _step_until_blocked(problem: Problem, rows: Rows, points: Points, state: Sta
     state.blocked = 0
     if blocking >= 0:
         state.blocked = 1
-        if blocking == state.deactivated:
-            rows.locked[blocking] = 1
+        if blocking == state.deactivated or rows.locked[blocking] == RELEASED:
+            rows.locked[blocking] = LOCKED
         rows.side[blocking] = side
         rows.sign_free[blocking] = 0
     square = 0.0

@@ -12,6 +12,9 @@ from poise.hqp._active_set.kernels import add_rows, copy, norm_of, reflect
 from poise.hqp._active_set.optimum import find_gradient
 from poise.hqp._active_set.workspace import (
     EQUALITY,
+    LOCKED,
+    RELEASED,
+    STEPPING,
     Duals,
     Factor,
     Matrix,
@@ -22,7 +25,12 @@ from poise.hqp._active_set.workspace import (
     Vector,
     Work,
 )
-from poise.hqp._tolerances import DUAL_TOLERANCE, FEASIBILITY_TOLERANCE, OPTIMALITY_TOLERANCE
+from poise.hqp._tolerances import (
+    DUAL_TOLERANCE,
+    FEASIBILITY_TOLERANCE,
+    OPTIMALITY_TOLERANCE,
+    RESIGNED,
+)
 
 LARGEST, FIRST = 2.0, 3.0
 """What `deactivate_wrong_signs` takes instead of a ratio, to deactivate one row: which."""
@@ -58,7 +66,7 @@ def deactivate_wrong_signs(problem: Problem, work: Work, ratio: float) -> int:
     for level in range(levels + 1):
         above = active
         if level < levels:
-            wrong = _take_slacks(problem, rows, factor, work.points, multipliers[level], level)
+            wrong = _take_slacks(problem, work, multipliers[level], level)
             if wrong > 0:
                 return wrong
             size = _find_level_gradient(factor, work.duals.gradient, level)
@@ -81,11 +89,13 @@ def deactivate_wrong_signs(problem: Problem, work: Work, ratio: float) -> int:
 
 
 @part
-def _take_slacks(
-    problem: Problem, rows: Rows, factor: Factor, points: Points, found: Vector, level: int
-) -> int:
-    """Takes slacks as multipliers; deactivates those of the wrong sign, and returns how many."""
-    wrong = 0
+def _take_slacks(problem: Problem, work: Work, found: Vector, level: int) -> int:
+    """Takes slacks as multipliers; deactivates those of the wrong sign, and returns how many.
+
+    Slack that is rounding has no sign: the row that it deactivates may block the next step at once.
+    """
+    rows, factor, state = work.rows, work.factor, work.state
+    wrong, size, reach = 0, -1.0, 0.0
     for place in range(factor.begin[level], factor.begin[level + 1]):
         slack, index = factor.slack[place], factor.order[place]
         if slack == 0.0:
@@ -93,11 +103,44 @@ def _take_slacks(
         found[index] = slack
         side = rows.side[index]
         if side != EQUALITY and slack * side < 0.0:
-            wrong += 1
-            _deactivate_slack(problem, rows, points, index)
+            if size < 0.0:
+                size, reach = _slack_force(factor, level), norm_of(factor.y)
+            if rows.locked[index] == LOCKED:
+                if abs(slack) * factor.size[place] > OPTIMALITY_TOLERANCE * size:
+                    state.doubtful = 1
+            elif _is_clear(factor, place, size, reach):
+                wrong += 1
+                _deactivate_slack(problem, rows, work.points, index)
+                if state.phase == STEPPING:
+                    rows.locked[index] = RELEASED
         elif rows.sign_free[index] == 0:
             rows.needed_by[index] = 1 + level
     return wrong
+
+
+@part
+def _slack_force(factor: Factor, level: int) -> float:
+    """The size of the gradient of half a level's squared slack, before anything cancels in it."""
+    square = 0.0
+    for place in range(factor.begin[level], factor.begin[level + 1]):
+        force = factor.slack[place] * factor.size[place]
+        square += force * force
+    return sqrt(square)
+
+
+@part
+def _is_clear(factor: Factor, place: int, size: float, reach: float) -> bool:
+    """Whether an active row's slack is more than rounding, by its force or in its own unit.
+
+    Args:
+        factor: in which the row's level is solved.
+        place: where the row stands.
+        size: of its level's forces.
+        reach: of x, |y| = |Q^T x|.
+    """
+    slack = abs(factor.slack[place])
+    own = abs(factor.bound[place]) + factor.size[place] * reach
+    return bool(slack * factor.size[place] > DUAL_TOLERANCE * size or slack > DUAL_TOLERANCE * own)
 
 
 @part
@@ -117,16 +160,15 @@ def _deactivate_slack(problem: Problem, rows: Rows, points: Points, index: int) 
 @part
 def _find_level_gradient(factor: Factor, gradient: Vector, level: int) -> float:
     """The gradient of half a level's squared slack, in y; returns its size before cancellation."""
-    first, square = factor.first[level], 0.0
+    first = factor.first[level]
     gradient[:first] = 0.0
     for place in range(factor.begin[level], factor.begin[level + 1]):
         slack = factor.slack[place]
         if slack != 0.0:
-            square += slack * slack * factor.size[place] * factor.size[place]
             row = factor.R[place]
             for j in range(first):
                 gradient[j] += slack * row[j]
-    return sqrt(square)
+    return _slack_force(factor, level)
 
 
 @part
@@ -188,8 +230,9 @@ def _deactivate_above(
             rows.needed_by[index] = 1 + min(level, len(factor.rank) - 1)
         if rows.sign_free[index] != 0 or not force < -noise:
             continue
-        if rows.locked[index] != 0:
-            state.doubtful = 1
+        if rows.locked[index] == LOCKED:
+            if force < -OPTIMALITY_TOLERANCE * size:
+                state.doubtful = 1
             continue
         duals.chosen[count], duals.forces[count] = index, force
         count += 1
@@ -206,6 +249,8 @@ def _deactivate_above(
     if ratio > 1.0:
         state.deactivated = first if ratio == FIRST else largest
         rows.side[state.deactivated] = 0
+        if state.idle > RESIGNED:
+            rows.locked[state.deactivated] = RELEASED
         return 1
     dropped = 0
     for i in range(count):
@@ -217,16 +262,10 @@ def _deactivate_above(
 
 @part
 def _free_signs(rows: Rows, factor: Factor, level: int, size: float) -> None:
-    """Lets rows with slack have multipliers of either sign below their level.
-
-    Slack has to be more than rounding, by its own multiplier or in the row's own unit.
-    """
-    # |y| = |Q^T x|.
+    """Lets rows with slack have multipliers of either sign below their level."""
     reach = norm_of(factor.y)
     for place in range(factor.begin[level], factor.begin[level + 1]):
-        slack = abs(factor.slack[place])
-        own = abs(factor.bound[place]) + factor.size[place] * reach
-        if slack * factor.size[place] > DUAL_TOLERANCE * size or slack > DUAL_TOLERANCE * own:
+        if _is_clear(factor, place, size, reach):
             rows.sign_free[factor.order[place]] = 1
 
 

@@ -25,6 +25,10 @@ LAST, GUESS, NOTHING = range(3)
 EQUALITY = 2
 """The side of a row that has no side: it is always active."""
 
+LOCKED, RELEASED = 1, 2
+"""Of a row at a point: it came back when it was deactivated, and stays; it was deactivated, and
+will stay if it comes back."""
+
 UNKNOWN = -9
 """In `Rows.factored`: no side, so that the row's level is factored anew."""
 
@@ -97,7 +101,7 @@ class Rows(Block):
         level: the level it belongs to.
         side: 1 active at the upper bound, -1 at the lower one, 2 an equality, 0 inactive.
         sign_free: whether its multiplier may have either sign on the levels further down.
-        locked: whether it came back at once when it was deactivated.
+        locked: `LOCKED`, `RELEASED`, or 0, since a step moved the point.
         needed_by: the level that needs it active, counted from one; 0 where nobody knows.
         factored: side and sign freedom when its level was factored.
         violation: signed distance of an inactive row outside its interval, by its norm.
