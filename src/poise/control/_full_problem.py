@@ -67,6 +67,7 @@ class FullProblem:
         )
         self._stack, self._nv, self._base = stack, robot.nv, robot.base_dofs
         self.problem = problem = self._allocate(robot, rows)
+        self._numbered = np.delete(np.arange(len(problem.levels)), self.unnumbered)
         nv, n = robot.nv, problem.n
         problem.labels[:1] = _bound_labels(robot, rows)
         problem.H[nv:, nv:] = wrench_cost(contacts)
@@ -117,7 +118,7 @@ class FullProblem:
         self, residuals: Float64[np.ndarray, "*k levels"]
     ) -> Float64[np.ndarray, "*k numbered"]:
         """Residuals without those of the levels between physics and tasks, which have no number."""
-        return np.delete(residuals, self.unnumbered, axis=-1)
+        return residuals[..., self._numbered]
 
     @property
     def unnumbered(self) -> list[int]:

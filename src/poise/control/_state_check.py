@@ -32,8 +32,7 @@ def is_usable(state: object, robot: Robot) -> bool:
         return False
     if not _is_payload(state.payload):
         return False
-    # Copies: whatever layout came, compiled code is made for one.
-    return _is_sane(np.array(q), np.array(v), robot.floating_base)
+    return _is_sane(_laid_out(q), _laid_out(v), robot.floating_base)
 
 
 def fault_of(state: object, robot: Robot) -> str:
@@ -65,6 +64,11 @@ def fault_of(state: object, robot: Robot) -> str:
             return f"in {name}, {named}" + (f" and {more} more" if more > 0 else "")
     norm = float(np.linalg.norm(state.q[3:7]))
     return f"the base quaternion q[3:7] has length {norm:g}, wanted 1"
+
+
+def _laid_out(numbers: Float64[np.ndarray, " n"]) -> Float64[np.ndarray, " n"]:
+    """The same numbers in the one layout that compiled code is made for."""
+    return numbers if numbers.flags.carray else np.array(numbers)
 
 
 @compiled

@@ -5,7 +5,6 @@
 `FrameKinematics`: where one frame is, how it moves, and how it answers to joint acceleration.
 """
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -14,7 +13,7 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float64
 
-from poise._checks import Numbers
+from poise._checks import Numbers, all_finite
 from poise.dynamics._motion import (
     BIAS,
     KINEMATICS,
@@ -99,12 +98,11 @@ class RobotState:
             sole: its name.
         """
         found = self.contacts.get(sole)
-        if found is None:
-            return None
-        found = _as_numbers(found)
-        if not (isinstance(found, np.ndarray) and found.shape == (6,) and found.dtype == _NUMBER):
-            return None
-        return found if math.isfinite(sum(found.tolist())) else None
+        if type(found) is not np.ndarray or found.dtype != _NUMBER:
+            found = None if found is None else _as_numbers(found)
+            if not (isinstance(found, np.ndarray) and found.dtype == _NUMBER):
+                return None
+        return found if found.shape == (6,) and all_finite(found) else None
 
 
 def _as_numbers(value: Numbers) -> Numbers:
@@ -186,6 +184,8 @@ class Dynamics:
         self._frames: dict[int, FrameKinematics] = {}
         self._places: dict[int, Placement] = {}
         self._tables: dict[int, Frames] = {}
+        self._com: Float64[np.ndarray, "3"] | None = None
+        self._com_velocity: Float64[np.ndarray, "3"] | None = None
         self._centroid: Float64[np.ndarray, "12"] | None = None
         # Pinocchio's own arrays; M has both triangles filled and is turned to row-major.
         self.M: Float64[np.ndarray, "nv nv"] = data.M.T
@@ -209,7 +209,7 @@ class Dynamics:
         self.state = state
         self._frames.clear()
         self._places.clear()
-        self._centroid = None
+        self._com = self._com_velocity = self._centroid = None
         self.q[:], self.v[:] = state.q, state.v
         if state.payload is not self._payload:
             self._carry(state.payload)
@@ -228,13 +228,17 @@ class Dynamics:
 
     @property
     def com(self) -> Float64[np.ndarray, "3"]:
-        """Centre of mass in the world [m]."""
-        return self.motion.com.copy()
+        """Centre of mass in the world [m]; the same array until the next `update`."""
+        if self._com is None:
+            self._com = self.motion.com.copy()
+        return self._com
 
     @property
     def com_velocity(self) -> Float64[np.ndarray, "3"]:
-        """Velocity of the COM [m/s]."""
-        return self._momenta()[:3] / self.motion.mass[0]
+        """Velocity of the COM [m/s]; the same array until the next `update`."""
+        if self._com_velocity is None:
+            self._com_velocity = self._momenta()[:3] / self.motion.mass[0]
+        return self._com_velocity
 
     @property
     def com_jacobian(self) -> Float64[np.ndarray, "3 nv"]:

@@ -213,7 +213,7 @@ class StateEstimator:
             self.wrenches = self._contact_wrenches(state, reading, dt)
             turning, fresh = reading.angular_velocity, reading is state.readings
             self._contacts.update(self._time, dt, self.wrenches, turning, fresh=fresh)
-            if self.status is EstimatorStatus.OK and not self.filter.held.any():
+            if self.status is EstimatorStatus.OK and not self.filter.holds:
                 self.status = EstimatorStatus.FLYING
         else:
             self._jump(state.time)

@@ -192,6 +192,11 @@ class InvariantFilter:
         self._tip(about)
 
     @property
+    def holds(self) -> bool:
+        """Whether any contact point is held."""
+        return 1 in self.held.tolist()
+
+    @property
     def sound(self) -> bool:
         """Whether all numbers are finite and no variance is negative."""
         return is_sound(self._memory.address)

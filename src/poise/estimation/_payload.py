@@ -140,6 +140,8 @@ class PayloadEstimator:
         return self._with_payload(state)
 
     def _with_payload(self, state: RobotState) -> RobotState:
+        if state.payload is self.payload:
+            return state
         return RobotState(
             state.q, state.v, state.contacts, state.time, state.readings, self.payload
         )

@@ -10,6 +10,7 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float64
 
+from poise._checks import all_finite
 from poise.dynamics import RobotState
 from poise.errors import ConfigurationError
 from poise.robots import Robot
@@ -66,7 +67,7 @@ class StatePredictor:
             acceleration: that the command was computed for, as `Command.acceleration`
                 [m/s^2, rad/s^2]; what is missing or not finite counts as none.
         """
-        if acceleration is None or not np.isfinite(acceleration).all():
+        if acceleration is None or not all_finite(acceleration):
             acceleration = self._still
         self._commanded.append(acceleration.copy())
 
@@ -134,7 +135,7 @@ class StampedPredictor:
             return
         if self._commanded and not 0.0 < time - self._commanded[-1][0] < _LONGEST:
             self.reset()
-        if acceleration is None or not np.isfinite(acceleration).all():
+        if acceleration is None or not all_finite(acceleration):
             acceleration = self._still
         self._commanded.append((time, acceleration.copy()))
 
@@ -147,13 +148,13 @@ class StampedPredictor:
         """
         if len(self._commanded) < 2 or state.q.shape != (self._model.nq,):
             return state
-        times = [time for time, _ in self._commanded]
-        if times[-1] - state.time > _JUMP:
+        (oldest, _), (newest, _) = self._commanded[0], self._commanded[-1]
+        period = (newest - oldest) / (len(self._commanded) - 1)
+        measured = state.time - 0.5 * period
+        # Of a state that is not late not even the newest command came since.
+        if newest <= measured or newest - state.time > _JUMP:
             return state
-        period = (times[-1] - times[0]) / (len(times) - 1)
-        since = [a for time, a in self._commanded if time > state.time - 0.5 * period]
-        if not since:
-            return state
+        since = [a for time, a in self._commanded if time > measured]
         left = (len(since) - np.arange(len(since)) - 0.5) * period * period
         return _carried_on(self._model, state, self._share * np.array(since), left, period)
 

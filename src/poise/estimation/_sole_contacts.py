@@ -139,7 +139,7 @@ class SoleContacts:
                     self._correct_bias(sole, turning, dt)
             walk = self._walk(name, probability)
             self.walks[contact] = max(walk, _ROLLING) if self._leans[contact] else walk
-        if not self._filter.held.any():
+        if not self._filter.holds:
             self._fitted = time
         elif time - self._fitted > _LOST_TIME:
             self._filter.loosen(velocity=_LOST_SPEED * math.sqrt(dt))

@@ -3,7 +3,6 @@
 Axis masks: which components of a task count, written as short words.
 """
 
-import math
 from collections.abc import Mapping
 from contextlib import suppress
 from typing import TypeGuard
@@ -12,10 +11,12 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float64, Int64
 
-from poise._checks import Numbers, checked_kind
+from poise._checks import Numbers, all_finite, checked_kind
 from poise.errors import ConfigurationError, TargetError
 
 _LETTERS = {"x": 0, "y": 1, "z": 2}
+
+_NUMBER = np.dtype(np.float64)
 
 
 Rows = slice | Int64[np.ndarray, " m"]
@@ -204,10 +205,9 @@ def _is_finite_array(
     """Whether a value needs no conversion: what leaders set each tick, checked by plain numbers."""
     return (
         type(value) is np.ndarray
+        and value.dtype == _NUMBER
         and value.shape == shape
-        and value.dtype == np.float64
-        # A sum of finite numbers that overflows is looked at again.
-        and math.isfinite(sum(value.ravel().tolist()))
+        and all_finite(value)
     )
 
 
@@ -215,7 +215,7 @@ def _checked_array(value: Numbers, shape: tuple[int, ...], what: str) -> Float64
     array = _as_array(value, what, TargetError)
     if array.shape != shape:
         raise TargetError(f"{what} has the wrong shape", got=array.shape, wanted=str(shape))
-    if not np.isfinite(array).all():
+    if not all_finite(array):
         raise TargetError(f"{what} holds NaN or infinity", got=value, wanted="finite numbers")
     return array
 

@@ -15,6 +15,8 @@ from poise.robots import Robot
 from poise.stack._axes import checked_gain, checked_target
 from poise.stack._tables import ACCELERATION, GAINS, KD, KP, RATE, SPEED, WEIGHT
 
+_PLAIN = {float}
+
 _GIVEN = {ACCELERATION: "acceleration", SPEED: "velocity"}
 """What a user may give in place of feedback, by its row among the gains."""
 
@@ -230,7 +232,10 @@ class Task(ABC):
             self._robot is not None
             and isinstance(row, tuple)
             and len(row) == self.dim
-            and all(isinstance(w, float) and 0.0 < w < math.inf for w in row)
+            and {*map(type, row)} == _PLAIN
+            # Of a NaN, too, the sum is not finite.
+            and min(row) > 0.0
+            and math.isfinite(sum(row))
         ):
             self._gain_rows[WEIGHT] = row
             return

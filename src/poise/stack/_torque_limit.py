@@ -116,8 +116,9 @@ class TorqueLimit:
             return
         # Clocks that add up their ticks differ in the last digits, and answers should not.
         step = min(max(_SHORTEST, round(time - self._time, 9)), _LONGEST) * self._per_second
-        np.maximum(self._lower, self._last - step, out=self._tick_lower)
-        np.minimum(self._upper, self._last + step, out=self._tick_upper)
+        lower, upper = self._tick_lower, self._tick_upper
+        np.maximum(self._lower, np.subtract(self._last, step, out=lower), out=lower)
+        np.minimum(self._upper, np.add(self._last, step, out=upper), out=upper)
 
     def remember(self, torque: Float64[np.ndarray, " nj"], time: float) -> None:
         """Copies a command, from which the next may be so far; controllers call it.

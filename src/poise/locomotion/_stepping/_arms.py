@@ -151,6 +151,7 @@ class ArmMotion:
         """Both arms are at rest."""
         n = len(self.joints)
         self.q, self.v, self.a = self._rest.copy(), np.zeros(n), np.zeros(n)
+        self._rests = True
         self.blocked, self.stuck = [False] * len(self._arms), [False] * len(self._arms)
         self._shares = [TurnShare(self._dt) for _ in self._arms]
         self._progress = [TurnProgress(self._dt) for _ in self._arms]
@@ -172,6 +173,7 @@ class ArmMotion:
         """
         if all(place is None for place in places) and self._is_at_rest():
             return
+        self._rests = False
         v, all_wanted = self.v.copy(), self.v.copy()
         jacobians = [self._jacobian(arm) for arm in self._arms]
         bounds = [self._bounds(arm, _STOP) for arm in self._arms]
@@ -233,10 +235,13 @@ class ArmMotion:
 
     def _is_at_rest(self) -> bool:
         """Whether nothing moves any more; then the arms are where they rest to the last bit."""
+        if self._rests:
+            return True
         off = max(float(np.abs(self.q - self._rest).max()), float(np.abs(self.v).max()))
         if off > _ARRIVED:
             return False
         self.q, self.v, self.a = self._rest.copy(), np.zeros_like(self.v), np.zeros_like(self.a)
+        self._rests = True
         return True
 
     def _update(self) -> None:

@@ -411,8 +411,10 @@ class ComFeedback:
         Args:
             footing: of the tick.
         """
-        com, self.velocity = footing.dynamics.com[:2], footing.dynamics.com_velocity[:2].copy()
-        x, y = (com + self.velocity / self.omega).tolist()
+        com_x, com_y, _ = footing.dynamics.com.tolist()
+        self.velocity = footing.dynamics.com_velocity[:2].copy()
+        speed_x, speed_y = self.velocity.tolist()
+        x, y = com_x + speed_x / self.omega, com_y + speed_y / self.omega
         goal_x, goal_y = footing.zmp_reference.tolist()
         off_x, off_y = self._offset
         to_x, to_y = goal_x + off_x - x, goal_y + off_y - y
@@ -420,12 +422,13 @@ class ComFeedback:
         self._offset = off_x * kept, off_y * kept
         near = min(1.0, self._ahead / max(math.hypot(to_x, to_y), 1e-9))
         pull = near * (self._gain - 1.0)
-        damp_x, damp_y = (self._damping * self.velocity).tolist()
+        damp_x, damp_y = self._damping * speed_x, self._damping * speed_y
         zmp = footing.asked.nearest((x - pull * to_x + damp_x, y - pull * to_y + damp_y))
         beyond = footing.mode.single and footing.support.depth(zmp) < -_BEYOND
         change = self._dt / _BORROWING if beyond else -self._dt / _REPAYING
         self.borrowed = min(max(self.borrowed + change, 0.0), 1.0)
-        self.acceleration = self.omega**2 * (com - np.array(zmp))
+        stiffness = self.omega**2
+        self.acceleration = np.array([stiffness * (com_x - zmp[0]), stiffness * (com_y - zmp[1])])
 
 
 def _straight(

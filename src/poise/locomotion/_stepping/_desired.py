@@ -15,7 +15,7 @@ from poise.locomotion._stepping._footing import Footing
 from poise.stack import Stack
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(slots=True, kw_only=True, eq=False)
 class DesiredMotion:
     """v_d of (16), less what is kept level and upright by itself, and the COM's acceleration.
 

@@ -95,9 +95,11 @@ class ZmpSensor:
                 total += load
         if total <= 0.0:
             return
-        centre = np.array([pressed_x / total, pressed_y / total])
-        self.zmp = centre if self._fresh else self.zmp + self._gain * (centre - self.zmp)
-        self._fresh = False
+        x, y = pressed_x / total, pressed_y / total
+        if not self._fresh:
+            before_x, before_y = self.zmp.tolist()
+            x, y = before_x + self._gain * (x - before_x), before_y + self._gain * (y - before_y)
+        self.zmp, self._fresh = np.array([x, y]), False
 
 
 class StanceEstimator:
@@ -171,7 +173,9 @@ class StanceEstimator:
             return state
         q, v = known.q, known.v
         state = self.tare.update(state, [self._airborne(foot) for foot in (0, 1)])
-        known = RobotState(q, v, state.contacts, state.time, payload=state.payload)
+        # That of the last state, so that `known` is made anew only when it changes.
+        payload = state.payload if self._payload is None else self._payload.payload
+        known = RobotState(q, v, state.contacts, state.time, payload=payload)
         if self._attitude is not None:
             q[3:7] = self._attitude.corrected(q[3:7])
         position, jacobian = self._stance_sole(q)

@@ -163,14 +163,15 @@ class Footing:
         self.tilt = math.acos(max(-1.0, min(1.0, float(torso[2, 2]))))
         self.support, self.asked, held = self._support()
         velocity = dynamics.com_velocity[:2] if self.com_velocity is None else self.com_velocity
-        x, y = (dynamics.com[:2] + velocity / self.omega).tolist()
-        self.capture_depth = held.depth((x, y))
+        (x, y, _), (speed_x, speed_y) = dynamics.com.tolist(), velocity.tolist()
+        self.capture_depth = held.depth((x + speed_x / self.omega, y + speed_y / self.omega))
 
     def _zmp_reference(self, upward: Float64[np.ndarray, "2"]) -> Float64[np.ndarray, "2"]:
         """Where the ZMP should be, by where the torso leans [m]."""
         carries = self.mode.support
         if carries is None:
-            return 0.5 * (self.sole(0) + self.sole(1))[:2]
+            (x, y, _), (other_x, other_y, _) = self.sole(0).tolist(), self.sole(1).tolist()
+            return np.array([0.5 * (x + other_x), 0.5 * (y + other_y)])
         place, frames = self.anchors[carries], self.biped.frames
         _, rotation = self.dynamics.placement(frames[carries])
         if not self.mode.single:

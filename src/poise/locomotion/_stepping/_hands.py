@@ -159,7 +159,8 @@ class HandLeader:
         # Servos follow all the way to rest; by torques arms that go there are soft.
         moving = self._servos and bool(self._arms.v.any())
         self._feedback.stiffen(led=moving or not all(rests))
-        self._feedback.learn(self._arms.q - state.q[-self._joints :][self._arms.index])
+        if self._feedback.learns:
+            self._feedback.learn(self._arms.q - state.q[-self._joints :][self._arms.index])
         self._set_target()
 
     def targets(
@@ -171,7 +172,7 @@ class HandLeader:
             position: of the torso [m].
             rotation: world_R_torso.
         """
-        return tuple(position + rotation @ place for place in self.places)
+        return tuple(position + rotation.dot(place) for place in self.places)
 
     def orientations(
         self, rotation: Float64[np.ndarray, "3 3"]
@@ -181,7 +182,7 @@ class HandLeader:
         Args:
             rotation: world_R_torso.
         """
-        return tuple(None if turned is None else rotation @ turned for turned in self.rotations)
+        return tuple(None if turned is None else rotation.dot(turned) for turned in self.rotations)
 
     def _turn(self, hand: int, grip: HandGrip) -> None:
         """Where a hand is led to be turned: by how its device turned, from how it is itself."""

@@ -18,7 +18,7 @@ _TURN_RATE, _POSE_RATE = 0.5, 0.6
 TORSO_MOST = (0.3, 0.4, 0.5)
 """Roll, pitch and yaw of the torso that can be commanded: what most waists do [rad]."""
 
-_MOST = np.array(TORSO_MOST)
+_IN_LINE = (0.0, 0.0, 0.0)
 _LEVEL = np.eye(3)
 
 
@@ -70,12 +70,12 @@ class TrunkPose:
         """Upright, facing as the feet do."""
         self._lean.reset()
         self._facing: float | None = None
-        self._torso: Float64[np.ndarray, "3"] = np.zeros(3)
+        self._torso = _IN_LINE
 
     @property
     def upright(self) -> bool:
         """Whether the torso is in line with the pelvis, and nobody asks for anything else."""
-        return not self._torso.any()
+        return self._torso == _IN_LINE
 
     def rotations(
         self, footing: Footing, facing: float, torso: tuple[float, float, float]
@@ -92,12 +92,22 @@ class TrunkPose:
         # The shorter way, also where angles pass from pi to -pi.
         turn = wrapped(facing - before)
         self._facing = before + max(-most, min(most, turn))
-        change = np.clip(torso, -_MOST, _MOST) - self._torso
         most = _POSE_RATE * self._dt
-        self._torso = self._torso + np.clip(change, -most, most)
+        before, allowed = self._torso, zip(torso, TORSO_MOST, strict=True)
+        roll, pitch, yaw = (max(-largest, min(largest, angle)) for angle, largest in allowed)
+        self._torso = (
+            _moved(before[0], roll, most),
+            _moved(before[1], pitch, most),
+            _moved(before[2], yaw, most),
+        )
         pelvis = self._lean.rotation(footing)
         if self._facing != 0.0:
             pelvis = pelvis @ pin.exp3(np.array([0.0, 0.0, self._facing]))
-        if not self._torso.any():
+        if self.upright:
             return pelvis, pelvis
-        return pelvis, pelvis @ pin.rpy.rpyToMatrix(self._torso)
+        return pelvis, pelvis @ pin.rpy.rpyToMatrix(np.array(self._torso))
+
+
+def _moved(before: float, goal: float, most: float) -> float:
+    """Towards a goal by no more than that."""
+    return before + max(-most, min(most, goal - before))

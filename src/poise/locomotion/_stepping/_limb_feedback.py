@@ -1,11 +1,11 @@
 """`LimbFeedback`: how firmly led limbs follow their model, by torques or by servos."""
 
-import math
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float64
 
+from poise._checks import all_finite
 from poise.stack import JointTask
 
 _STIFFEN = 0.5
@@ -75,14 +75,21 @@ class LimbFeedback:
         if self._task is not None and self._stiff != before:
             rest, most, _ = self._firmness
             self._task.set_gains(rest + self._stiff * (most - rest))
+            if not self.learns:
+                self.bias = np.zeros(self._task.dim)
+
+    @property
+    def learns(self) -> bool:
+        """Whether joints are led, or were lately, and lag says something: at rest they forget."""
+        return self._stiff > 0.0 and self._firmness.learning > 0.0
 
     def learn(self, lag: Float64[np.ndarray, " n"]) -> None:
-        """One tick; joints at rest forget, and what is not finite teaches nothing.
+        """One tick, where it `learns`; what is not finite teaches nothing.
 
         Args:
             lag: how far the joints are from where their model is [rad].
         """
-        if not math.isfinite(float(lag.sum())):
+        if not all_finite(lag):
             return
         bias = self.bias + self._dt * self._firmness.learning * lag
         self.bias = np.clip(self._stiff * bias, -_BIAS_MAX, _BIAS_MAX)

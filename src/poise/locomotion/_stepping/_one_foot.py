@@ -186,7 +186,8 @@ def _beside(
     place: Float64[np.ndarray, "3"], rotation: Float64[np.ndarray, "3 3"], left: float
 ) -> Float64[np.ndarray, "2"]:
     """A place on the ground so far to the left of a sole's middle, as the sole is turned [m]."""
-    return place[:2] + left * rotation[:2, 1]
+    (x, y, _), (along_x, along_y) = place.tolist(), rotation[:2, 1].tolist()
+    return np.array([x + left * along_x, y + left * along_y])
 
 
 def _widened(foot: int, size: Point, inner: float, outer: float) -> SolePart:

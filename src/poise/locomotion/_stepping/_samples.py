@@ -10,6 +10,10 @@ from enum import Enum
 import numpy as np
 from jaxtyping import Float64
 
+_LIST, _REAL = tuple | list, float | int | np.floating | np.integer
+_TRUTH = bool | int | np.bool_ | np.integer
+"""Kinds that a device may give, made once."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HandSample:
@@ -227,22 +231,22 @@ def _anything(value: object) -> object:
 
 
 def _numbers(name: str, values: object, count: int) -> list[float]:
-    if not (isinstance(values, tuple | list) and len(values) == count):
+    if not (isinstance(values, _LIST) and len(values) == count):
         raise TypeError(f"{name} of a DeviceSample is {values!r}, not {count} numbers")
     for value in values:
-        if not isinstance(value, float | int | np.floating | np.integer):
+        if not isinstance(value, _REAL):
             raise TypeError(f"{name} of a DeviceSample is {values!r}, not of numbers")
     return [float(value) for value in values]
 
 
 def _flag(name: str, value: object) -> bool:
-    if not isinstance(value, bool | int | np.bool_ | np.integer):
+    if not isinstance(value, _TRUTH):
         raise TypeError(f"{name} of a DeviceSample is {value!r}, not true or false")
     return bool(value)
 
 
 def _check_pair(name: str, values: object, kind: type) -> None:
-    if not (isinstance(values, tuple | list) and len(values) == 2):
+    if not (isinstance(values, _LIST) and len(values) == 2):
         raise TypeError(f"{name} of a DeviceSample is {values!r}, not a tuple of two")
     for value in values:
         if not (value is None or isinstance(value, kind)):

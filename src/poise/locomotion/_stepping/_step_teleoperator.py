@@ -426,7 +426,7 @@ class StepTeleoperator:
         return mean_angle(*(yaw_of(self.estimator.rotation(foot)) for foot in (0, 1)))
 
     def _desired(self, footing: Footing, target: Float64[np.ndarray, "3"]) -> DesiredMotion:
-        com = np.array([*self._com.velocity, self._height.velocity(footing, target)])
+        com = np.array([*self._com.velocity.tolist(), self._height.velocity(footing, target)])
         left, right = self._body.turns
         return DesiredMotion(
             com=com,

@@ -28,7 +28,7 @@ from poise.stack import (
     TorqueLimit,
 )
 
-_LEVEL = np.eye(3)
+_LEVEL, _STILL = np.eye(3), np.zeros(3)
 
 _KP_COM, _KP_FOOT, _KP_TRUNK = 100.0, 300.0, 100.0
 """Stiffness of the COM's height, of the foot in the air, of pelvis and torso [1/s^2]."""
@@ -192,7 +192,7 @@ class TorqueTasks:
         """
         self._keep_inside(_MARGIN)
         self._eased = min(self._eased + self._dt / _EASED, 1.0)
-        self._com.set_weight((*(_CATCHING * (w / _CATCHING) ** self._eased for w in _BALANCE),))
+        self._com.set_weight(_eased_balance(self._eased))
         self.stack.self_collision_limit.let_legs_pass(False)
         self._announce(footing)
         self._stand(footing)
@@ -265,9 +265,12 @@ class TorqueTasks:
         for k in range(-len(self._trunk), 0):
             _, here = footing.dynamics.placement(frames[k])
             lasting = self._lasting[k].acceleration(rotations[k], here, learns=learns)
-            left = most - float(np.linalg.norm(lasting)) / _KP_TRUNK
-            goal = _towards(rotations[k], here, max(left, 0.0))
-            self._trunk[k].set_target(rotation=goal, acceleration=[0.0, 0.0, 0.0, *lasting])
+            goal = rotations[k]
+            if most < math.inf:
+                left = most - math.hypot(*lasting.tolist()) / _KP_TRUNK
+                goal = _towards(goal, here, max(left, 0.0))
+            acceleration = np.concatenate((_STILL, lasting))
+            self._trunk[k].set_target(rotation=goal, acceleration=acceleration)
             self._trunk[k].set_weight(weight)
 
     def _stand(self, footing: Footing) -> None:
@@ -284,15 +287,16 @@ class TorqueTasks:
 
     def _move_com(self, footing: Footing, desired: DesiredMotion) -> None:
         """Along the ground the acceleration of the COM shifter, upwards a height of its own."""
-        com, velocity = footing.dynamics.com, footing.dynamics.com_velocity
-        height, speed = float(com[2]), float(desired.com[2])
+        x, y, height = footing.dynamics.com.tolist()
+        along, aside, upwards = footing.dynamics.com_velocity.tolist()
+        speed = float(desired.com[2])
         before = height if self._height is None else self._height
         self._height = before + self._dt * (speed + _FOLLOWED * (height - before))
         lift = _KP_COM * (self._height - height)
-        lift += 2.0 * _KP_COM**0.5 * (speed - float(velocity[2]))
+        lift += 2.0 * _KP_COM**0.5 * (speed - upwards)
         # The target is for reports: feedback is in the acceleration.
-        self._com.set_target([com[0], com[1], self._height], [*velocity[:2], speed])
-        self._com.set_acceleration(np.array([*desired.com_acceleration, lift]))
+        self._com.set_target(np.array([x, y, self._height]), np.array([along, aside, speed]))
+        self._com.set_acceleration(np.array([*desired.com_acceleration.tolist(), lift]))
 
     def _turn_foot(self, foot: int, footing: Footing, turn: float) -> None:
         """Turns a foot that is clear of the ground, as far as it may be against the other one."""
@@ -309,12 +313,24 @@ class TorqueTasks:
         here, velocity = footing.sole(foot), desired.foot
         place = self._place + self._dt * velocity
         gap = place - here
-        far = float(np.linalg.norm(gap))
+        far = math.sqrt(gap.dot(gap))
         self._place = here + gap * (_FARTHEST / far) if far > _FARTHEST else place
         self._feet[foot].set_weight(_foot_weight(footing, here, desired.foot_place))
         yaw = self._yaws[foot]
         turn = pin.exp3(np.array([0.0, 0.0, yaw])) if yaw else _LEVEL
-        self._feet[foot].set_target(self._place, turn, np.array([*velocity, 0.0, 0.0, 0.0]))
+        self._feet[foot].set_target(self._place, turn, np.concatenate((velocity, _STILL)))
+
+
+def _eased_balance(eased: float) -> tuple[float, float, float]:
+    """Weight of the COM, from what it is while the robot steps by itself, 0, to the usual, 1."""
+    if eased == 1.0:
+        return _BALANCE
+    x, y, z = _BALANCE
+    return (
+        _CATCHING * (x / _CATCHING) ** eased,
+        _CATCHING * (y / _CATCHING) ** eased,
+        _CATCHING * (z / _CATCHING) ** eased,
+    )
 
 
 def _foot_weight(
@@ -333,8 +349,6 @@ def _towards(
     goal: Float64[np.ndarray, "3 3"], here: Float64[np.ndarray, "3 3"], most: float
 ) -> Float64[np.ndarray, "3 3"]:
     """A rotation on the way from one to another, no farther than that [rad]."""
-    if most == math.inf:
-        return goal
     way = pin.log3(here.T @ goal)
-    far = float(np.linalg.norm(way))
+    far = math.hypot(*way.tolist())
     return goal if far <= most else here @ pin.exp3(way * (most / far))

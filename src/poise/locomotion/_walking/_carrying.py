@@ -55,7 +55,7 @@ class CarryingArea:
         x, y = contact.pressure_reach.tolist()
         self._reach: Point = (x, y)
         self._lower, self._upper = [-x, -y], [x, y]
-        self._told = (-x, -y, x, y)
+        self._told = self._all_of_it = (-x, -y, x, y)
         self._settled: tuple[float, float, float, float] | None = None
 
     @property
@@ -67,8 +67,9 @@ class CarryingArea:
     @property
     def _average(self) -> tuple[float, float, float, float]:
         """Lower and upper edges on the average; all that can carry where nothing is known [m]."""
-        x, y = self._reach
-        a, b, c, d = self._settled or (-x, -y, x, y)
+        if self._settled is None:
+            return self._all_of_it
+        (a, b, c, d), (x, y) = self._settled, self._reach
         return _whole(a, -x), _whole(b, -y), _whole(c, x), _whole(d, y)
 
     def bearing(self, whole: Bearing) -> Bearing:
@@ -88,6 +89,8 @@ class CarryingArea:
             size: its length and width [m].
         """
         edges, ends = self._average, list[Point]()
+        if edges == self._all_of_it:
+            return None
         for axis, side in enumerate(size):
             low, high, most = edges[axis], edges[2 + axis], self._reach[axis]
             # An edge that is where it can be at most is the sole's: contacts keep a margin.
@@ -162,11 +165,14 @@ class CarryingArea:
         if not stands:
             self._settled = None
             return
-        x, y = self._reach
-        before = self._settled or (-x, -y, x, y)
+        a, b, c, d = self._settled or self._all_of_it
         ratio = -math.expm1(-dt / _SETTLING)
-        a, b, c, d = (old + ratio * (new - old) for old, new in zip(before, edges, strict=True))
-        self._settled = (a, b, c, d)
+        self._settled = (
+            a + ratio * (edges[0] - a),
+            b + ratio * (edges[1] - b),
+            c + ratio * (edges[2] - c),
+            d + ratio * (edges[3] - d),
+        )
 
     def _learn(self, axis: int, down: float, pressure: float | None, dt: float) -> None:
         """One axis of the sole.
