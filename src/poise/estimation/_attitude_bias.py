@@ -4,11 +4,13 @@ import math
 from collections.abc import Iterable
 
 import numpy as np
-import pinocchio as pin
 from jaxtyping import Float64
 
 from poise.estimation._config import AttitudeBiasBelief
 from poise.robots import GRAVITY
+
+_TINY = 1e-9
+"""Half the sine of a smaller angle is half the angle, to the last bit [rad]."""
 
 _LONGEST = 0.05
 """A clock that jumps farther says nothing of what happened meanwhile [s]."""
@@ -38,7 +40,6 @@ class AttitudeBiasEstimator:
 
     Attributes:
         belief: what it believes.
-        bias: phi, about the base's x and y [rad].
     """
 
     def __init__(self, belief: AttitudeBiasBelief | None = None) -> None:
@@ -47,10 +48,15 @@ class AttitudeBiasEstimator:
 
     def reset(self) -> None:
         """Forgets everything: the attitude is right."""
-        self.bias: Float64[np.ndarray, "2"] = np.zeros(2)
+        self._bias = (0.0, 0.0)
         self._variance = self.belief.likely**2
         self._time = math.nan
         self._low: list[float] | None = None
+
+    @property
+    def bias(self) -> Float64[np.ndarray, "2"]:
+        """Phi, about the base's x and y [rad]."""
+        return np.array(self._bias)
 
     def corrected(self, quaternion: Float64[np.ndarray, "4"]) -> Float64[np.ndarray, "4"]:
         """An attitude less its error.
@@ -58,9 +64,22 @@ class AttitudeBiasEstimator:
         Args:
             quaternion: of the base as measured, x, y, z, w.
         """
-        x, y = self.bias.tolist()
-        back = pin.Quaternion(pin.exp3(np.array([-x, -y, 0.0])))
-        return (pin.Quaternion(quaternion) * back).coeffs().copy()
+        x, y, z, w = quaternion.tolist()
+        a, b = self._bias
+        angle = math.hypot(a, b)
+        # Of the turn by -phi: its quaternion's real part, and what of -phi its imaginary part is.
+        c, part = math.cos(0.5 * angle), -0.5
+        if angle > _TINY:
+            part = -math.sin(0.5 * angle) / angle
+        a, b = part * a, part * b
+        return np.array(
+            [
+                w * a + x * c - z * b,
+                w * b + y * c + z * a,
+                z * c + x * b - y * a,
+                w * c - x * a - y * b,
+            ]
+        )
 
     def update(
         self,
@@ -88,11 +107,10 @@ class AttitudeBiasEstimator:
         b = self.belief
         # A few numbers are several times as quick as such than as arrays.
         step = -math.expm1(-dt / b.smoothing)
-        low = self._low = [
-            old + step * (new - old) for old, new in zip(self._low, felt, strict=True)
-        ]
+        pairs = zip(self._low, felt, strict=True)
+        low = self._low = [old + step * (new - old) for old, new in pairs]
         self._variance += b.walk**2 * dt
-        a_x, a_y, a_z = ((felt[k] - low[k]) / b.smoothing for k in (3, 4, 5))
+        a_x, a_y, a_z = [(felt[k] - low[k]) / b.smoothing for k in (3, 4, 5)]
         f_x, f_y, f_z, *_ = low
         if f_z <= 0.0 or max(abs(a_x), abs(a_y), abs(a_z)) > b.shock:
             return
@@ -103,11 +121,10 @@ class AttitudeBiasEstimator:
         self._variance -= gain * self._variance
         along_x, along_y, _ = world_R_base[0].tolist()
         across_x, across_y, _ = world_R_base[1].tolist()
-        changes = (along_x * left_x + across_x * left_y, along_y * left_x + across_y * left_y)
-        most = b.rate * dt
-        for axis, change in enumerate(changes):
-            moved = float(self.bias[axis]) + min(max(gain * change, -most), most)
-            self.bias[axis] = min(max(moved, -b.most), b.most)
+        x, y = self._bias
+        x += min(max(gain * (along_x * left_x + across_x * left_y), -b.rate * dt), b.rate * dt)
+        y += min(max(gain * (along_y * left_x + across_y * left_y), -b.rate * dt), b.rate * dt)
+        self._bias = (min(max(x, -b.most), b.most), min(max(y, -b.most), b.most))
 
 
 def _felt(

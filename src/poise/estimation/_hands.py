@@ -7,10 +7,8 @@ import pinocchio as pin
 from jaxtyping import Float64
 
 from poise.estimation._config import PayloadBelief
+from poise.estimation._felt import HAND
 from poise.robots import GRAVITY, Robot
-
-HAND = 12
-"""Numbers of a hand that go through the low-pass."""
 
 _AT_REST = 0.05
 """A hand that stays within so much of a place in the torso has not moved: arms that rest swing as
@@ -50,6 +48,7 @@ class HandLoads:
     """
 
     def __init__(self, robot: Robot, belief: PayloadBelief) -> None:
+        self._model = robot.model
         self._frames = [robot.frame_id(name) for name in robot.hands]
         self._belief = belief
         self.held: Float64[np.ndarray, " h"] = np.zeros(len(self._frames))
@@ -70,43 +69,13 @@ class HandLoads:
         self._slow: Float64[np.ndarray, "6 k"] | None = None
         self._pushed = 0.0
 
-    def read(
-        self,
-        model: pin.Model,
-        data: pin.Data,
-        com_velocity: Float64[np.ndarray, "3"],
-        out: Float64[np.ndarray, " k"],
-    ) -> None:
-        """Writes v, (r - c) x v, c' x v and r - c of each hand, one after the other.
-
-        Args:
-            model: of the robot.
-            data: with its kinematics and centre of mass.
-            com_velocity: c' [m/s].
-            out: `HAND` numbers a hand.
-        """
-        axes = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-        c_x, c_y, c_z = data.com[0].tolist()
-        u_x, u_y, u_z = com_velocity.tolist()
-        for k, frame in enumerate(self._frames):
-            x, y, z = pin.updateFramePlacement(model, data, frame).translation.tolist()
-            x, y, z = x - c_x, y - c_y, z - c_z
-            v_x, v_y, v_z = pin.getFrameVelocity(model, data, frame, axes).linear.tolist()
-            # A few numbers are several times as quick as such than as arrays.
-            out[HAND * k : HAND * (k + 1)] = (
-                v_x, v_y, v_z,
-                y * v_z - z * v_y, z * v_x - x * v_z, x * v_y - y * v_x,
-                u_y * v_z - u_z * v_y, u_z * v_x - u_x * v_z, u_x * v_y - u_y * v_x,
-                x, y, z,
-            )  # fmt: skip
-
     def columns(
         self, felt: Float64[np.ndarray, " k"], low: Float64[np.ndarray, " k"]
     ) -> Float64[np.ndarray, "6 h"]:
         """B: force and moment that a unit mass in each hand takes.
 
         Args:
-            felt: as `read` wrote it.
+            felt: of the hands, as `feel` wrote it.
             low: the same, smoothed.
         """
         felt, low = felt.reshape(-1, HAND), low.reshape(-1, HAND)
@@ -131,7 +100,7 @@ class HandLoads:
             left: force and moment about c, by the mass, that the body's motion does not explain;
                 what does not change does not count.
             columns: B.
-            data: with the hands' placements.
+            data: with the robot's kinematics.
             torso: where the torso is.
             dt: since the last step [s].
 
@@ -144,30 +113,33 @@ class HandLoads:
             P[k, k] += b.held_walk**2 * way
         seen = np.empty((6, 1 + len(self)))
         seen[:, 0], seen[:, 1:] = left, columns
-        seen = (torso.rotation.T @ seen.reshape(2, 3, -1)).reshape(6, -1)
+        torso_R_world = torso.rotation.T
+        seen[:3], seen[3:] = torso_R_world.dot(seen[:3]), torso_R_world.dot(seen[3:])
         slow = seen if self._slow is None else self._slow
         kept = math.exp(-dt / b.washout)
         self._slow = slow = seen + kept * (slow - seen)
         changed = seen - slow
         y, B, before = changed[3:, 0], changed[3:, 1:], self.held
-        force = changed[:3, 0] - changed[:3, 1:] @ before
-        pushed = min(float(force @ force) / (b.push * GRAVITY) ** 2, _VIOLENT)
+        force = changed[:3, 0] - changed[:3, 1:].dot(before)
+        pushed = min(float(force.dot(force)) / (b.push * GRAVITY) ** 2, _VIOLENT)
         # A push passes through zero as it changes; the washout has its moment for longer.
         self._pushed = pushed = max(pushed, kept * self._pushed)
         noise = b.held_noise * GRAVITY * (1.0 + pushed)
-        BP = B @ P
-        gain = np.linalg.solve(BP @ B.T + (noise**2 / dt) * _EYE, BP).T
-        P -= gain @ BP
-        self.held = (before + gain @ (y - B @ before)).clip(0.0, b.held_max)
+        BP = B.dot(P)
+        gain = np.linalg.solve(BP.dot(B.T) + (noise**2 / dt) * _EYE, BP).T
+        P -= gain.dot(BP)
+        held = before + gain.dot(y - B.dot(before))
+        self.held = np.minimum(np.maximum(held, 0.0), b.held_max)
         given = self.held - before
-        m_x, m_y, _ = (slow[3:, 1:] @ given).tolist()
+        m_x, m_y, _ = slow[3:, 1:].dot(given).tolist()
         return np.array([given.sum(), -m_y / GRAVITY, m_x / GRAVITY, 0.0])
 
     def _moved(self, data: pin.Data, torso: pin.SE3) -> list[float]:
         """How far each hand has moved in the torso since it was last asked for [m]."""
         ways = [0.0] * len(self)
         for k, frame in enumerate(self._frames):
-            here = torso.actInv(data.oMf[frame].translation).tolist()
+            place = pin.updateFramePlacement(self._model, data, frame).translation
+            here = torso.actInv(place).tolist()
             anchor = self._anchors[k]
             way = 0.0 if anchor is None else math.dist(here, anchor)
             if anchor is None or way > _AT_REST:

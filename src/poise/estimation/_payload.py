@@ -6,11 +6,13 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float64
 
-from poise.dynamics import Payload, RobotState
+from poise._checks import all_finite
+from poise.dynamics import KINEMATICS, Payload, RobotState, frames_of, motion_of
 from poise.errors import ConfigurationError
 from poise.estimation._config import PayloadBelief
+from poise.estimation._felt import HAND, SOLES, feel
 from poise.estimation._group import hat
-from poise.estimation._hands import HAND, HandLoads
+from poise.estimation._hands import HandLoads
 from poise.robots import GRAVITY, Robot
 
 _GRAVITY = np.array([0.0, 0.0, -GRAVITY])
@@ -78,11 +80,21 @@ class PayloadEstimator:
             )
         self.belief = belief if belief is not None else PayloadBelief()
         self._model, self._data, self._mass = robot.model, robot.model.createData(), robot.mass
-        self._soles = {name: robot.frame_id(name) for name in robot.soles}
-        self._torso = robot.frame_id(robot.torso)
+        self._soles, self._torso = tuple(robot.soles), robot.frame_id(robot.torso)
+        names = (*self._soles, *robot.hands)
+        self._frames = frames_of(robot.model, [robot.frame_id(name) for name in names])
+        self._motion = motion_of(robot.model, self._data)
+        self._momentum: Float64[np.ndarray, "6"] = self._data.hg.vector
+        self._wrenches, self._room = np.zeros((len(self._soles), 6)), np.zeros(KINEMATICS)
         self._hands = HandLoads(robot, self.belief)
-        steps = [_MASS_STEP, *[_OFFSET_STEP] * 3, *[_HELD_STEP] * len(self._hands)]
-        self._steps = np.array(steps)
+        b, hands = self.belief, len(self._hands)
+        # What is told changes in these steps, and no faster than that.
+        self._steps = np.array([_MASS_STEP, *[_OFFSET_STEP] * 3, *[_HELD_STEP] * hands])
+        self._rates = np.array([b.mass_rate, *[b.offset_rate] * 3, *[b.held_rate] * hands])
+        self._walk = np.array([b.mass_walk, *[b.offset_walk] * 3]) ** 2
+        self._noise = np.repeat([b.force_noise, b.moment_noise], 3) * GRAVITY
+        # What is compiled is compiled now, not in the first tick.
+        self._feel()
         self.reset()
 
     def reset(self) -> None:
@@ -153,61 +165,51 @@ class PayloadEstimator:
         """
         if state.q.shape != (self._model.nq,) or state.v.shape != (self._model.nv,):
             return None
-        pin.computeCentroidalMomentum(self._model, self._data, state.q, state.v)
-        felt = np.empty(12 + HAND * len(self._hands))
-        # A few numbers are several times as quick as such than as arrays.
-        c_x, c_y, c_z = self._data.com[0].tolist()
-        f_x = f_y = f_z = m_x = m_y = m_z = 0.0
-        for name, frame in self._soles.items():
+        for row, name in zip(self._wrenches, self._soles, strict=True):
             wrench = state.wrench(name)
             if wrench is None:
                 return None
-            place = pin.updateFramePlacement(self._model, self._data, frame)
-            world_R_sole = place.rotation
-            x, y, z = place.translation.tolist()
-            x, y, z = x - c_x, y - c_y, z - c_z
-            a, b, c = world_R_sole.dot(wrench[:3]).tolist()
-            k, m, n = world_R_sole.dot(wrench[3:]).tolist()
-            f_x, f_y, f_z = f_x + a, f_y + b, f_z + c
-            m_x += y * c - z * b + k
-            m_y += z * a - x * c + m
-            m_z += x * b - y * a + n
-        felt[:6] = f_x, f_y, f_z, m_x, m_y, m_z
-        felt[6:12] = self._data.hg.vector
-        felt[:12] /= self._mass
-        self._hands.read(self._model, self._data, felt[6:9], felt[12:])
-        return felt if math.isfinite(sum(felt.tolist())) else None
+            row[:] = wrench
+        pin.computeCentroidalMomentum(self._model, self._data, state.q, state.v)
+        felt = self._feel()
+        return felt if all_finite(felt) else None
+
+    def _feel(self) -> Float64[np.ndarray, " k"]:
+        felt = np.empty(SOLES + HAND * len(self._hands))
+        feel(self._motion, self._frames, self._momentum, self._wrenches, self._room, felt)
+        return felt
 
     def _correct(self, felt: Float64[np.ndarray, " k"], dt: float) -> None:
         """One step of the filter, all by the robot's mass."""
         b, low = self.belief, self._low
         assert low is not None
         rate = (felt[6:12] - low[6:12]) / b.smoothing
-        walk = np.array([b.mass_walk, *[b.offset_walk] * 3]) ** 2 * dt
-        self._covariance[np.diag_indices(4)] += walk
+        self._covariance.flat[::5] += self._walk * dt
         if low[2] < b.least_load * GRAVITY:
             self._hands.restart()
             return
-        if float(np.abs(rate[:3]).max()) > b.shock:
+        if max(map(abs, rate[:3].tolist())) > b.shock:
             return
         torso = pin.updateFramePlacement(self._model, self._data, self._torso)
         reaction = rate[:3] - _GRAVITY
         H = np.zeros((6, 4))
         H[:3, 0], H[3:, 0] = reaction, rate[3:]
-        H[3:, 1:] = -hat(reaction) @ torso.rotation
+        H[3:, 1:] = hat(-reaction).dot(torso.rotation)
         left = np.concatenate((low[:3] - reaction, low[3:6] - rate[3:]))
         if len(self._hands):
             left -= self._held(felt, left, rate, torso, dt)
-        left -= H @ self._mean
+        left -= H.dot(self._mean)
         pushed = math.hypot(float(left[0]), float(left[1])) / (b.push * GRAVITY)
-        noise = np.repeat([b.force_noise, b.moment_noise], 3) * GRAVITY * (1.0 + pushed**2)
-        spread = H @ self._covariance @ H.T + np.diag(noise**2 / dt)
-        gain = np.linalg.solve(spread, H @ self._covariance).T
-        self._mean += gain @ left
-        self._covariance -= gain @ H @ self._covariance
-        self._covariance = 0.5 * (self._covariance + self._covariance.T)
-        self._mean[0] = min(max(self._mean[0], -b.lost_mass), b.added_mass)
-        np.clip(self._mean[1:], -b.offset_max, b.offset_max, out=self._mean[1:])
+        noise = self._noise * (1.0 + pushed**2)
+        HP = H.dot(self._covariance)
+        spread = HP.dot(H.T)
+        spread.flat[::7] += noise**2 / dt
+        gain = np.linalg.solve(spread, HP).T
+        covariance = self._covariance - gain.dot(HP)
+        self._covariance = 0.5 * (covariance + covariance.T)
+        mass, *offset = (self._mean + gain.dot(left)).tolist()
+        offset = (min(max(x, -b.offset_max), b.offset_max) for x in offset)
+        self._mean[:] = (min(max(mass, -b.lost_mass), b.added_mass), *offset)
 
     def _held(
         self,
@@ -223,19 +225,18 @@ class PayloadEstimator:
         found follows what hands do, late, and would take from them what is theirs.
         """
         assert self._low is not None
-        columns = self._hands.columns(felt[12:], self._low[12:])
-        more, offset = float(self._mean[0]), torso.rotation @ self._mean[1:]
+        columns = self._hands.columns(felt[SOLES:], self._low[SOLES:])
+        more, offset = float(self._mean[0]), torso.rotation.dot(self._mean[1:])
         changing = left - more * rate
-        changing[3:] -= hat(offset) @ rate[:3]
+        changing[3:] -= hat(offset).dot(rate[:3])
         self._mean -= self._hands.correct(changing, columns, self._data, torso, dt)
-        return columns @ self._hands.held
+        return columns.dot(self._hands.held)
 
     def _tell(self, dt: float) -> None:
         """What is told follows what is found, no faster than it may, and in steps worth telling."""
-        b, told = self.belief, self._told
-        most = np.array([b.mass_rate, *[b.offset_rate] * 3, *[b.held_rate] * len(self._hands)]) * dt
+        told, most = self._told, self._rates * dt
         found = np.concatenate((self._mean[:1], self.offset, self._hands.held))
-        told += np.clip(found - told, -most, most)
+        told += np.minimum(np.maximum(found - told, -most), most)
         if (np.abs(told - self._last) > self._steps).any():
             self._last = told.copy()
             mass, held = float(told[0]) * self._mass, told[4:] * self._mass
