@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float64
 
+from poise._compiled import compiled
 from poise.errors import ConfigurationError
 from poise.robots import Robot
 from poise.stack import find_hull
@@ -23,7 +24,8 @@ Point = tuple[float, float]
 class SupportPolygon:
     """Convex hull of the corners of soles, shrunk.
 
-    Written for eight corners in a control tick: plain numbers are faster there than arrays.
+    Made in a control tick, of eight corners, and asked a few times: for that plain numbers are
+    faster than arrays.
 
     Args:
         corners: of the soles that carry [m].
@@ -31,7 +33,11 @@ class SupportPolygon:
     """
 
     def __init__(self, corners: Sequence[Point], margin: float) -> None:
-        self._edges = _inward_edges(convex_hull(corners), margin)
+        points = np.array(corners, dtype=np.float64).reshape(-1, 2)
+        hull, edges = np.empty((2 * len(points), 2)), np.empty((len(points), 3))
+        count = _find_edges(points, margin, hull, edges)
+        # Inward unit normal and offset of each.
+        self._edges: list[list[float]] = edges[:count].tolist()
 
     def depth(self, point: Point) -> float:
         """How far a point is inside the shrunk polygon; negative outside [m]."""
@@ -64,7 +70,7 @@ class SupportPolygon:
             by: how far [m].
         """
         grown = SupportPolygon([], 0.0)
-        grown._edges = [(nx, ny, c - by) for nx, ny, c in self._edges]
+        grown._edges = [[nx, ny, c - by] for nx, ny, c in self._edges]
         return grown
 
     def towards(self, start: Point, point: Point) -> Point:
@@ -106,10 +112,21 @@ def sole_rectangle(
         rotation: world_R_sole.
         size: length and width [m].
     """
+    return _rectangle(position, rotation, size, (0.0, 0.0))
+
+
+def _rectangle(
+    position: Float64[np.ndarray, "3"],
+    rotation: Float64[np.ndarray, "3 3"],
+    size: Point,
+    middle: Point,
+) -> list[Point]:
+    """Corners of a rectangle in a sole, whose middle is so far ahead and to the left [m]."""
     (forward_x, left_x, _), (forward_y, left_y, _), _ = rotation.tolist()
     ax, ay = 0.5 * size[0] * forward_x, 0.5 * size[0] * forward_y
     bx, by = 0.5 * size[1] * left_x, 0.5 * size[1] * left_y
-    x, y, _ = position.tolist()
+    (x, y, _), (ahead, aside) = position.tolist(), middle
+    x, y = x + ahead * forward_x + aside * left_x, y + ahead * forward_y + aside * left_y
     return [
         (x + ax + bx, y + ay + by),
         (x - ax + bx, y - ay + by),
@@ -151,8 +168,7 @@ class SolePart(NamedTuple):
             margin: how far inside its edges they are [m].
         """
         size = (max(self.length - 2.0 * margin, _THIN), max(self.width - 2.0 * margin, _THIN))
-        middle = position + rotation @ np.array([self.x, self.y, 0.0])
-        return sole_rectangle(middle, rotation, size)
+        return _rectangle(position, rotation, size, (self.x, self.y))
 
 
 def both_soles(
@@ -234,18 +250,35 @@ def signed_margin(
     return np.where(inside & (not flat), distance, -distance)
 
 
-def _inward_edges(vertices: list[Point], margin: float) -> list[tuple[float, float, float]]:
-    """Inward unit normal and offset of each edge, moved inwards."""
-    edges: list[tuple[float, float, float]] = []
-    for (ax, ay), (bx, by) in zip(vertices, vertices[1:] + vertices[:1], strict=True):
-        nx, ny = ay - by, bx - ax
-        length = math.hypot(nx, ny)
+@compiled
+def _find_edges(
+    points: Float64[np.ndarray, "n 2"],
+    margin: float,
+    hull: Float64[np.ndarray, "k 2"],
+    edges: Float64[np.ndarray, "n 3"],
+) -> int:
+    """Edges of the convex hull, moved inwards.
+
+    Args:
+        points: corners, overwritten [m].
+        margin: how far [m].
+        hull: room for twice as many.
+        edges: receives inward unit normal and offset of each.
+
+    Returns:
+        How many there are.
+    """
+    count = find_hull(points, len(points), hull)
+    for i in range(count):
+        a, b = hull[i], hull[(i + 1) % count]
+        nx, ny = a[1] - b[1], b[0] - a[0]
+        length = math.sqrt(nx * nx + ny * ny)
         nx, ny = nx / length, ny / length
-        edges.append((nx, ny, nx * ax + ny * ay + margin))
-    return edges
+        edges[i, 0], edges[i, 1], edges[i, 2] = nx, ny, nx * a[0] + ny * a[1] + margin
+    return count
 
 
-def _meet(a: tuple[float, float, float], b: tuple[float, float, float]) -> Point:
+def _meet(a: Sequence[float], b: Sequence[float]) -> Point:
     """Where two edges' lines meet."""
     det = a[0] * b[1] - a[1] * b[0]
     return ((a[2] * b[1] - a[1] * b[2]) / det, (a[0] * b[2] - a[2] * b[0]) / det)
