@@ -72,8 +72,14 @@ def checked_count(value: object, what: str) -> int:
 
 def all_finite(numbers: np.ndarray) -> bool:
     """Whether an array of floats has no NaN and no infinity, in little time where it is short."""
+    row = numbers if numbers.ndim == 1 else numbers.ravel()
     # A sum of finite numbers that overflows is looked at again.
-    return math.isfinite(sum(numbers.ravel().tolist())) or bool(np.isfinite(numbers).all())
+    return math.isfinite(sum(row.tolist())) or bool(np.isfinite(numbers).all())
+
+
+def laid_out(numbers: np.ndarray) -> np.ndarray:
+    """The same numbers in the one layout that compiled code is made for, whatever came."""
+    return numbers if numbers.flags.carray else np.array(numbers)
 
 
 def is_time(value: object) -> TypeGuard[float]:

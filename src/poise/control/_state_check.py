@@ -3,7 +3,7 @@
 import numpy as np
 from jaxtyping import Float64
 
-from poise._checks import is_time
+from poise._checks import is_time, laid_out
 from poise._compiled import compiled
 from poise.dynamics import Payload, RobotState
 from poise.robots import Robot
@@ -32,7 +32,7 @@ def is_usable(state: object, robot: Robot) -> bool:
         return False
     if not _is_payload(state.payload):
         return False
-    return _is_sane(_laid_out(q), _laid_out(v), robot.floating_base)
+    return _is_sane(laid_out(q), laid_out(v), robot.floating_base)
 
 
 def fault_of(state: object, robot: Robot) -> str:
@@ -64,11 +64,6 @@ def fault_of(state: object, robot: Robot) -> str:
             return f"in {name}, {named}" + (f" and {more} more" if more > 0 else "")
     norm = float(np.linalg.norm(state.q[3:7]))
     return f"the base quaternion q[3:7] has length {norm:g}, wanted 1"
-
-
-def _laid_out(numbers: Float64[np.ndarray, " n"]) -> Float64[np.ndarray, " n"]:
-    """The same numbers in the one layout that compiled code is made for."""
-    return numbers if numbers.flags.carray else np.array(numbers)
 
 
 @compiled

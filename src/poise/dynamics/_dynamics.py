@@ -183,6 +183,8 @@ class Dynamics:
         data = self._data
         self._frames: dict[int, FrameKinematics] = {}
         self._places: dict[int, Placement] = {}
+        # Pinocchio's own memory of frames that were asked for, to be copied.
+        self._seen: dict[int, Placement] = {}
         self._tables: dict[int, Frames] = {}
         self._com: Float64[np.ndarray, "3"] | None = None
         self._com_velocity: Float64[np.ndarray, "3"] | None = None
@@ -285,9 +287,12 @@ class Dynamics:
         """
         placement = self._places.get(frame_id)
         if placement is None:
-            found = pin.updateFramePlacement(self.robot.model, self._data, frame_id)
-            placement = found.translation.copy(), found.rotation.copy()
-            self._places[frame_id] = placement
+            pin.updateFramePlacement(self.robot.model, self._data, frame_id)
+            seen = self._seen.get(frame_id)
+            if seen is None:
+                found = self._data.oMf[frame_id]
+                seen = self._seen[frame_id] = found.translation, found.rotation
+            placement = self._places[frame_id] = seen[0].copy(), seen[1].copy()
         return placement
 
     @property

@@ -13,7 +13,6 @@ from poise.dynamics import RobotState, SensorReadings
 from poise.errors import ConfigurationError
 from poise.estimation._config import EstimatorConfig
 from poise.estimation._filter import InvariantFilter
-from poise.estimation._group import hat
 from poise.estimation._load_cells import LoadCellTare
 from poise.estimation._momentum import MomentumObserver
 from poise.estimation._payload import PayloadEstimator
@@ -105,14 +104,14 @@ class StateEstimator:
         self.config = config = config if config is not None else EstimatorConfig()
         self._robot, self._names, self.payload = robot, tuple(robot.soles), payload
         self._base_R_unit, self._base_p_unit = _mounting(robot, config.imu)
-        # The base's velocity against the unit's: omega x (-p) = hat(p) omega.
-        self._lever = hat(self._base_p_unit)
         self._q_start = np.array(robot.q_home if q_start is None else q_start)
         self._kinematics = SoleKinematics(robot, self._base_R_unit, self._base_p_unit)
         self._observer = MomentumObserver(robot)
         self.tare = LoadCellTare(self._names, robot.weight, longest=config.longest_step)
         self.filter = InvariantFilter(len(self._names), config.noise)
         self._contacts = SoleContacts(robot, config, self.filter, self._kinematics.soles)
+        # What is compiled is compiled now, not in the first tick.
+        is_vector(self._q_start, robot.nq, 7)
         self.reset()
 
     def reset(self) -> None:
@@ -271,17 +270,13 @@ class StateEstimator:
 
     def _answer(self, state: RobotState) -> RobotState:
         """The estimate in Poise's conventions: the base's velocity in the base's own frame."""
-        f, base_R_unit = self.filter, self._base_R_unit
-        world_R_base = f.rotation.dot(base_R_unit.T)
         q, v = state.q.copy(), state.v.copy()
-        q[:3] = f.position - world_R_base.dot(self._base_p_unit)
-        q[3:7] = pin.Quaternion(world_R_base).coeffs()
         assert self._reading is not None
-        v[3:6] = base_R_unit.dot(self._reading.angular_velocity - f.gyro_bias)
-        v[:3] = world_R_base.T.dot(f.velocity) + self._lever.dot(v[3:6])
+        turning = self._reading.angular_velocity
+        self.filter.find_base(self._base_R_unit, self._base_p_unit, turning, q, v)
         if self._speeds is not None:
             v[6:] = self._speeds
-        self._last_position = f.position.copy()
+        self._last_position = self.filter.position.copy()
         self._last = RobotState(q, v, state.contacts, state.time, state.readings)
         return self._last if self.payload is None else self.payload.update(self._last)
 

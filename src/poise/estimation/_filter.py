@@ -12,6 +12,7 @@ from jaxtyping import Float64
 
 from poise._compiled import allocate, say_if_slow
 from poise.estimation import _correction, _propagation
+from poise.estimation._base import find_base
 from poise.estimation._config import ImuNoise, InitialDeviation
 from poise.estimation._group import hat, right_error
 from poise.estimation._memory import CONTACTS, POSITION, VELOCITY, FilterMemory, is_sound
@@ -191,6 +192,25 @@ class InvariantFilter:
         P[3:6, 3:6] += velocity**2 * np.eye(3)
         self._tip(about)
 
+    def find_base(
+        self,
+        base_R_unit: Float64[np.ndarray, "3 3"],
+        base_p_unit: Float64[np.ndarray, "3"],
+        turning: Float64[np.ndarray, "3"],
+        q: Float64[np.ndarray, " nq"],
+        v: Float64[np.ndarray, " nv"],
+    ) -> None:
+        """Pose and velocity of the base that the unit is on, the velocity in the base's own frame.
+
+        Args:
+            base_R_unit: the unit's axes in the base; contiguous, as all arrays here.
+            base_p_unit: its origin in the base [m].
+            turning: what the gyro says [rad/s].
+            q: configuration, receives the base's pose.
+            v: velocity, receives the base's.
+        """
+        find_base(self._memory.address, base_R_unit, base_p_unit, turning, q, v)
+
     @property
     def holds(self) -> bool:
         """Whether any contact point is held."""
@@ -232,5 +252,6 @@ class InvariantFilter:
         self.innovate_bias(at, spread)
         self.correct()
         self.release(0)
+        self.find_base(spread, at, at, np.zeros(7), np.zeros(6))
         _ = self.sound
         self.start(np.eye(3), np.zeros(3))

@@ -3,6 +3,7 @@
 import math
 from abc import ABC, abstractmethod
 from copy import copy
+from typing import TypeGuard, cast
 
 import numpy as np
 from jaxtyping import Float64
@@ -58,6 +59,8 @@ class Task(ABC):
         self._checked_gains(kp, kd)
         self._checked_weight(weight)
         self._gains = (copy(kp), copy(kd), copy(weight))
+        # What was set last, where that was plain numbers for bound rows.
+        self._plain_weight: tuple[float, ...] | None = None
         # What was given before the number of rows was known.
         self._given: dict[int, Float64[np.ndarray, " m"]] = {}
 
@@ -228,18 +231,14 @@ class Task(ABC):
         """
         # Plain numbers each tick, as leaders have them: no array to check.
         row = (weight,) * self.dim if isinstance(weight, float) else weight
-        if (
-            self._robot is not None
-            and isinstance(row, tuple)
-            and len(row) == self.dim
-            and {*map(type, row)} == _PLAIN
-            # Of a NaN, too, the sum is not finite.
-            and min(row) > 0.0
-            and math.isfinite(sum(row))
-        ):
-            self._gain_rows[WEIGHT] = row
-            return
+        if self._robot is not None and isinstance(row, tuple):
+            if row == self._plain_weight:
+                return
+            if len(row) == self.dim and _are_weights(row):
+                self._gain_rows[WEIGHT] = self._plain_weight = row
+                return
         found = self._checked_weight(weight)
+        self._plain_weight = None
         if self._robot is None:
             self._gains = (*self._gains[:2], copy(weight))
         else:
@@ -306,6 +305,15 @@ class Task(ABC):
     @abstractmethod
     def _evaluate(self, dynamics: Dynamics) -> Float64[np.ndarray, " m"]:
         """Fills everything but `reference`; returns the target's acceleration, masked."""
+
+
+def _are_weights(row: tuple[object, ...]) -> TypeGuard[tuple[float, ...]]:
+    """Whether all are plain numbers, finite and positive."""
+    if {*map(type, row)} != _PLAIN:
+        return False
+    numbers = cast("tuple[float, ...]", row)
+    # The sum of a NaN and others is not finite either.
+    return min(numbers) > 0.0 and math.isfinite(sum(numbers))
 
 
 def _write_gains(

@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from poise._checks import checked_number
+from poise._compiled import compiled
 from poise.errors import ConfigurationError
 from poise.robots import Robot
 
@@ -104,7 +105,12 @@ class TorqueLimit:
         self._lower: Float64[np.ndarray, " nj"] = -self._upper
         self._tick_lower, self._tick_upper = self._lower.copy(), self._upper.copy()
         self._last, self._time = np.zeros(robot.nj), np.nan
-        self._per_second = np.inf if self._rate is None else self._rate * robot.tau_max
+        self._per_second = (self._rate or 0.0) * robot.tau_max
+        # What is compiled is compiled now, not in the first tick.
+        own = self._lower, self._upper
+        _bound_change(
+            own, self._last, 0.0, self._per_second, (np.zeros(robot.nj), np.zeros(robot.nj))
+        )
 
     def begin(self, time: float) -> None:
         """Sets the bounds for a tick; controllers call it.
@@ -115,10 +121,9 @@ class TorqueLimit:
         if self._rate is None or isnan(self._time):
             return
         # Clocks that add up their ticks differ in the last digits, and answers should not.
-        step = min(max(_SHORTEST, round(time - self._time, 9)), _LONGEST) * self._per_second
-        lower, upper = self._tick_lower, self._tick_upper
-        np.maximum(self._lower, np.subtract(self._last, step, out=lower), out=lower)
-        np.minimum(self._upper, np.add(self._last, step, out=upper), out=upper)
+        seconds = min(max(_SHORTEST, round(time - self._time, 9)), _LONGEST)
+        own, tick = (self._lower, self._upper), (self._tick_lower, self._tick_upper)
+        _bound_change(own, self._last, seconds, self._per_second, tick)
 
     def remember(self, torque: Float64[np.ndarray, " nj"], time: float) -> None:
         """Copies a command, from which the next may be so far; controllers call it.
@@ -135,3 +140,26 @@ class TorqueLimit:
         """Forgets the last command: the next one is free."""
         self._time = np.nan
         self._tick_lower[:], self._tick_upper[:] = self._lower, self._upper
+
+
+@compiled
+def _bound_change(
+    own: tuple[Float64[np.ndarray, " nj"], Float64[np.ndarray, " nj"]],
+    last: Float64[np.ndarray, " nj"],
+    seconds: float,
+    per_second: Float64[np.ndarray, " nj"],
+    tick: tuple[Float64[np.ndarray, " nj"], Float64[np.ndarray, " nj"]],
+) -> None:
+    """Bounds of a tick: the limit's own, and no farther from the last command than allowed.
+
+    Args:
+        own: lower and upper bounds [N m].
+        last: the last command [N m].
+        seconds: since then [s].
+        per_second: how fast torques may change [N m/s].
+        tick: receives lower and upper bounds [N m].
+    """
+    for i in range(len(last)):
+        most = seconds * per_second[i]
+        tick[0][i] = max(own[0][i], last[i] - most)
+        tick[1][i] = min(own[1][i], last[i] + most)

@@ -99,26 +99,20 @@ class ComHeight:
         """
         self._velocity = velocity
 
-    def room_below(self, footing: Footing) -> float:
-        """How far the COM may still come down over the foot that carries [m].
+    def room(self, footing: Footing) -> tuple[float, bool]:
+        """What is left over the foot that carries.
 
         Args:
             footing: of the tick.
-        """
-        hip = self._range.hip(footing.stance, footing.dynamics)
-        too_weak = self._too_weak(footing, footing.stance, hip)
-        return max(0.0, min(float(footing.dynamics.com[2]) - self._lowest(footing), -too_weak))
 
-    def gives_way(self, footing: Footing) -> bool:
-        """Whether the body is too low for the knee that carries alone: it will not come up again.
-
-        Args:
-            footing: of the tick.
+        Returns:
+            How far the COM may still come down [m]; and whether the leg gives way: the body is too
+            low for the knee that carries alone, and will not come up again.
         """
-        if not footing.mode.single:
-            return False
-        hip = self._range.hip(footing.stance, footing.dynamics)
-        return self._too_weak(footing, footing.stance, hip) > _GIVES
+        stance = footing.stance
+        too_weak = self._too_weak(footing, stance, self._range.hip(stance, footing.dynamics))
+        below = min(float(footing.dynamics.com[2]) - self._lowest(footing), -too_weak)
+        return max(0.0, below), footing.mode.single and too_weak > _GIVES
 
     def velocity(self, footing: Footing, target: Float64[np.ndarray, "3"]) -> float:
         """Velocity of the COM upwards [m/s].

@@ -249,9 +249,8 @@ class StanceEstimator:
     ) -> tuple[Float64[np.ndarray, "3"], Float64[np.ndarray, "6 nv"]]:
         """Where the sole at rest would be, and its Jacobian, without the rest of `dynamics`."""
         model, data, frame_id = self._robot.model, self._data, self._soles[self.stance]
-        pin.computeJointJacobians(model, data, q)
-        position = pin.updateFramePlacement(model, data, frame_id).translation
-        return position, pin.getFrameJacobian(model, data, frame_id, pin.LOCAL_WORLD_ALIGNED)
+        jacobian = pin.computeFrameJacobian(model, data, q, frame_id, pin.LOCAL_WORLD_ALIGNED)
+        return data.oMf[frame_id].translation, jacobian
 
 
 def _without_base_motion(state: object) -> RobotState | None:

@@ -321,12 +321,8 @@ class StepTeleoperator:
         self._com.drive(footing)
         cart_table_zmp = self._com.cart_table_zmp(dynamics.com[:2])
         self._momentum.turn(footing, cart_table_zmp)
-        target = self._target.place(
-            footing,
-            command,
-            room_below=self._height.room_below(footing),
-            gives_way=self._height.gives_way(footing),
-        )
+        below, gives_way = self._height.room(footing)
+        target = self._target.place(footing, command, room_below=below, gives_way=gives_way)
         upright = command is not None and command.upright
         self._tasks.ask(footing, self._desired(footing, target), upright=upright)
         self._status = self._describe(footing, sample, target, cart_table_zmp)
