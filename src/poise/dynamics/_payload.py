@@ -10,6 +10,7 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float64
 
+from poise._checks import all_finite
 from poise.errors import ConfigurationError
 from poise.robots import Robot
 
@@ -42,12 +43,12 @@ class Payload:
             # The caller may write over what was given.
             offset = np.array(self.offset, dtype=np.float64)
             held = np.array(self.held, dtype=np.float64)
-            finite = math.isfinite(self.mass) and bool(np.isfinite(offset).all())
+            finite = math.isfinite(self.mass) and all_finite(offset)
         except (TypeError, ValueError):
             offset, held, finite = np.zeros(3), np.zeros(0), False
         # Written so that NaN fails.
         fits = finite and offset.shape == (3,) and held.ndim == 1
-        if not (fits and np.all((held >= 0.0) & (held < np.inf))):
+        if not (fits and all(0.0 <= load < math.inf for load in held.tolist())):
             raise ConfigurationError(
                 "payload of a robot",
                 got=(self.mass, self.offset, self.held),
@@ -77,7 +78,13 @@ class LoadedModel:
     def __init__(self, robot: Robot) -> None:
         self.model = robot.model.copy()
         self._mass = robot.mass
-        self._bare = [pin.Inertia(inertia) for inertia in robot.model.inertias]
+        bare = [pin.Inertia(inertia) for inertia in robot.model.inertias]
+        # All of a kind in one piece, which is scaled at once: a control loop waits for it.
+        self._masses = np.array([inertia.mass for inertia in bare])
+        self._levers = np.array([inertia.lever for inertia in bare])
+        self._inertias = np.array([inertia.inertia for inertia in bare])
+        # The links as they lie in the copy, whose order never changes.
+        self._links = [self.model.inertias[joint] for joint in range(len(bare))]
         torso = robot.model.frames[robot.frame_id(robot.torso)]
         self._torso = _first_with_mass(robot, torso.parentJoint)
         frames = (robot.model.frames[robot.frame_id(hand)] for hand in robot.hands)
@@ -96,14 +103,14 @@ class LoadedModel:
         """
         mass, offset = (0.0, np.zeros(3)) if payload is None else (payload.mass, payload.offset)
         ratio = max(1.0 + mass / self._mass, LEAST_MASS)
-        for joint, bare in enumerate(self._bare):
+        masses, inertias = (ratio * self._masses).tolist(), ratio * self._inertias
+        for link, link_mass, inertia in zip(self._links, masses, inertias, strict=True):
             # Part by part: a new one is refused where rounding has made a zero inertia negative.
-            link = self.model.inertias[joint]
-            link.mass, link.lever = ratio * bare.mass, bare.lever
-            link.inertia = ratio * bare.inertia
-        bare = self._bare[self._torso]
-        moved = bare.lever + self._link_R_torso @ offset * (self._mass / bare.mass)
-        self.model.inertias[self._torso].lever = moved
+            link.mass, link.inertia = link_mass, inertia
+        for joint, _ in self._hands:
+            self._links[joint].lever = self._levers[joint]
+        moved = self._link_R_torso @ offset * (self._mass / self._masses[self._torso])
+        self._links[self._torso].lever = self._levers[self._torso] + moved
         held = () if payload is None else payload.held.tolist()
         for (joint, place), load in zip(self._hands, held, strict=False):
             if load > 0.0:

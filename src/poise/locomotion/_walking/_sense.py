@@ -60,6 +60,14 @@ class WalkSense:
             self._carry(state.payload)
         pin.centerOfMass(self._model, self._data, state.q, state.v, False)
 
+    def look(self, state: RobotState) -> None:
+        """Takes in how soles move alone: the centre of mass stays as it was.
+
+        Args:
+            state: of the robot.
+        """
+        pin.forwardKinematics(self._model, self._data, state.q, state.v)
+
     def _carry(self, payload: Payload | None) -> None:
         """Where the COM is with a payload."""
         if self._loaded is None:

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from jaxtyping import Float64
 
-from poise._checks import Numbers, is_time
+from poise._checks import Numbers, all_finite, is_time
 from poise.dynamics import RobotState
 from poise.errors import ConfigurationError
 from poise.locomotion._support import SolePart
@@ -175,7 +175,7 @@ class Walker:
             return
         dt = self._since_last(state)
         self._time = state.time
-        self._parts.sense.update(state)
+        self._parts.sense.look(state)
         for area in self._parts.areas:
             area.feel(state, dt)
         self._hang_watch.update(state, dt)
@@ -410,7 +410,7 @@ def _double(value: float) -> float:
 
 def _is_finite(state: RobotState) -> bool:
     """Whether a state is one to go by."""
-    return is_time(state.time) and math.isfinite(float(state.q.sum()) + float(state.v.sum()))
+    return is_time(state.time) and all_finite(state.q) and all_finite(state.v)
 
 
 def _check_alone(gait: Gait | None, q: Numbers | None, ground: Ground | None) -> None:
