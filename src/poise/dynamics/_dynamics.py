@@ -322,6 +322,14 @@ class Dynamics:
         """
         return self._data.oMi[joint_id].translation.copy()
 
+    def joint_rotation(self, joint_id: int) -> Float64[np.ndarray, "3 3"]:
+        """world_R_joint.
+
+        Args:
+            joint_id: Pinocchio's index of the joint.
+        """
+        return self._data.oMi[joint_id].rotation.copy()
+
     def _momenta(self) -> Float64[np.ndarray, "12"]:
         """Centroidal momentum and its rate at zero `dv`, evaluated once a tick."""
         if self._centroid is None:

@@ -31,6 +31,9 @@ _CLEAR = 0.01
 """A sole is in the air so high above where it was put down [m]: a hip that is zeroed badly by 0.3
 degrees moves the end of a leg of 1 m by 5 mm."""
 
+_BASE = 1
+"""Pinocchio's index of the floating base; joint 0 is the world."""
+
 _TARED_BEFORE = EstimatorConfig(tare=False)
 
 _NO_WRENCH = (0.0,) * 6
@@ -180,14 +183,16 @@ class StanceEstimator:
             q[3:7] = self._attitude.corrected(q[3:7])
         position, jacobian = self._stance_sole(q)
         q[:3] = self.anchors[self.stance] - position
-        # The sole's linear velocity is zero. The base's stands in its own axes: a rotation.
-        base_R_world = jacobian[:3, :3].T
-        v[:3] = -base_R_world.dot(jacobian[:3, 3:].dot(v[3:]))
+        fused = None
         if self._inertial is not None and state.readings is not None:
             fused = self._inertial.update(state)
-            if self._inertial.status.ok:
-                # Along the base's own axes it does not matter how upright either says the base is.
-                v[:3] = fused.v[:3]
+        if self._inertial is not None and fused is not None and self._inertial.status.ok:
+            # Along the base's own axes it does not matter how upright either says the base is.
+            v[:3] = fused.v[:3]
+        else:
+            # The sole's linear velocity is zero. The base's stands in its own axes: a rotation.
+            base_R_world = jacobian[:3, :3].T
+            v[:3] = -base_R_world.dot(jacobian[:3, 3:].dot(v[3:]))
         if self._payload is not None:
             known = self._payload.update(known)
         self.dynamics.update(known)
@@ -217,7 +222,7 @@ class StanceEstimator:
             None if wrench is None else self.rotation(foot).dot(wrench[:3])
             for foot, wrench in enumerate(wrenches)
         ]
-        world_R_base = pin.Quaternion(state.q[3:7]).matrix()
+        world_R_base = self.dynamics.joint_rotation(_BASE)
         estimator.update(state.time, forces, self.dynamics.com_velocity, world_R_base)
 
     def _airborne(self, foot: int) -> bool:

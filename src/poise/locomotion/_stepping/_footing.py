@@ -155,7 +155,7 @@ class Footing:
     def __post_init__(self) -> None:
         dynamics = self.dynamics
         _, torso = dynamics.placement(self.biped.torso)
-        self.zmp_reference = self._zmp_reference(torso[:2, 2])
+        self.zmp_reference = self._zmp_reference(torso)
         _, pelvis = dynamics.placement(self.biped.pelvis)
         (x, _, _), (y, _, _), _ = pelvis.tolist()
         length = math.hypot(x, y)
@@ -166,8 +166,8 @@ class Footing:
         (x, y, _), (speed_x, speed_y) = dynamics.com.tolist(), velocity.tolist()
         self.capture_depth = held.depth((x + speed_x / self.omega, y + speed_y / self.omega))
 
-    def _zmp_reference(self, upward: Float64[np.ndarray, "2"]) -> Float64[np.ndarray, "2"]:
-        """Where the ZMP should be, by where the torso leans [m]."""
+    def _zmp_reference(self, torso: Float64[np.ndarray, "3 3"]) -> Float64[np.ndarray, "2"]:
+        """Where the ZMP should be, by how the torso leans, world_R_torso [m]."""
         carries = self.mode.support
         if carries is None:
             (x, y, _), (other_x, other_y, _) = self.sole(0).tolist(), self.sole(1).tolist()
@@ -176,7 +176,8 @@ class Footing:
         _, rotation = self.dynamics.placement(frames[carries])
         if not self.mode.single:
             return self.one_foot.arriving(carries, place, rotation)
-        leaning = float(upward @ rotation[:2, 1]) * inner_side(carries)
+        (up_x, up_y, _), (left_x, left_y, _) = torso[:, 2].tolist(), rotation[:, 1].tolist()
+        leaning = (up_x * left_x + up_y * left_y) * inner_side(carries)
         return self.one_foot.zmp(carries, place, rotation, leaning, self.borrowed)
 
     def _support(self) -> tuple[SupportPolygon, SupportPolygon, SupportPolygon]:

@@ -23,6 +23,9 @@ _TURN_START, _TURN_JUMP = 0.12, 1.2
 LATE, LOST_AFTER = 0.5, 0.5
 """Largest difference of two samples' delays, and silence after which a device is lost [s]."""
 
+_STILL: Float64[np.ndarray, "3"] = np.zeros(3)
+_STILL.flags.writeable = False
+
 _UNIT = 0.01
 """How far a quaternion's length may be from one: messages round their numbers."""
 
@@ -99,7 +102,7 @@ class TurnPursuit:
     def follow(self) -> Float64[np.ndarray, "3"]:
         """Takes one tick; the rotation vector by which it turned, along the fixed axes [rad]."""
         if self.place is None or self._goal is None or self.place is self._goal:
-            return np.zeros(3)
+            return _STILL
         way = rotation_vector(self._goal, self.place)
         part = self._pursuit.part(math.hypot(*way))
         turn = part * way
@@ -136,7 +139,7 @@ class HandGrip:
         self._clutch = Clutch()
         self._place: list[float] = [0.0] * 3
         self._goal: list[float] = [0.0] * 3
-        self.turn: Float64[np.ndarray, "3"] = np.zeros(3)
+        self.turn: Float64[np.ndarray, "3"] = _STILL
 
     @property
     def holds(self) -> bool:
@@ -162,8 +165,8 @@ class HandGrip:
         if sample is not None:
             self._take(sample, time)
         if not self.holds:
-            self.turn = np.zeros(3)
-            return np.zeros(3)
+            self.turn = _STILL
+            return _STILL
         self.turn = self._turning.follow()
         before, self._place = self._place, self._pursuit.follow(self._place, self._goal)
         return np.subtract(self._place, before)

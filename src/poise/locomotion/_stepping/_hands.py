@@ -139,9 +139,9 @@ class HandLeader:
             side = self._sides[hand]
             said = news.hands[side] if news is not None and side < 2 else None
             motion = grip.update(said, state.time)
-            self.places[hand] = self.places[hand] + self._scale * motion
             self._turn(hand, grip)
             if grip.holds:
+                self.places[hand] = self.places[hand] + self._scale * motion
                 self.status[hand] = HandStatus.LED
             elif news is not None and news.rest:
                 self.status[hand] = HandStatus.REST

@@ -102,7 +102,8 @@ class TrunkPose:
         )
         pelvis = self._lean.rotation(footing)
         if self._facing != 0.0:
-            pelvis = pelvis @ pin.exp3(np.array([0.0, 0.0, self._facing]))
+            turn = pin.exp3(np.array([0.0, 0.0, self._facing]))
+            pelvis = turn if pelvis is _LEVEL else pelvis.dot(turn)
         if self.upright:
             return pelvis, pelvis
         return pelvis, pelvis @ pin.rpy.rpyToMatrix(np.array(self._torso))

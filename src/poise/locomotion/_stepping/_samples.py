@@ -10,9 +10,8 @@ from enum import Enum
 import numpy as np
 from jaxtyping import Float64
 
-_LIST, _REAL = tuple | list, float | int | np.floating | np.integer
-_TRUTH = bool | int | np.bool_ | np.integer
-"""Kinds that a device may give, made once."""
+_REAL, _TRUTH = float | int | np.floating | np.integer, bool | int | np.bool_ | np.integer
+"""Kinds of numbers that a device may give, made once."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -231,7 +230,7 @@ def _anything(value: object) -> object:
 
 
 def _numbers(name: str, values: object, count: int) -> list[float]:
-    if not (isinstance(values, _LIST) and len(values) == count):
+    if not (isinstance(values, tuple | list) and len(values) == count):
         raise TypeError(f"{name} of a DeviceSample is {values!r}, not {count} numbers")
     for value in values:
         if not isinstance(value, _REAL):
@@ -246,7 +245,7 @@ def _flag(name: str, value: object) -> bool:
 
 
 def _check_pair(name: str, values: object, kind: type) -> None:
-    if not (isinstance(values, _LIST) and len(values) == 2):
+    if not (isinstance(values, tuple | list) and len(values) == 2):
         raise TypeError(f"{name} of a DeviceSample is {values!r}, not a tuple of two")
     for value in values:
         if not (value is None or isinstance(value, kind)):
