@@ -14,7 +14,7 @@ Numbers = np.ndarray | Sequence[Any] | float | int
 
 T = TypeVar("T")
 
-_REAL, _LARGEST_FLOAT = float | int, sys.float_info.max
+_REAL, _LARGEST_FLOAT = (float, int), sys.float_info.max
 """Made once: `is_time` is asked in every tick."""
 
 

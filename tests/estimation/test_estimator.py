@@ -485,8 +485,9 @@ def test_a_wrench_that_is_none_says_nothing_and_ends_no_loop(walked, wrench):
     robot, measured, truths = walked
     estimator = StateEstimator(robot, q_start=truths[0].q, payload=PayloadEstimator(robot))
     estimator.update(measured[0])
+    estimator.update(measured[1])
     left, right = robot.soles
-    bad = odd(measured[1], contacts={left: wrench, right: measured[1].contacts[right]})
+    bad = odd(measured[2], contacts={left: wrench, right: measured[2].contacts[right]})
     assert bad.wrench(left) is None
     assert np.isfinite(estimator.update(bad).q).all()
     assert estimator.status.ok

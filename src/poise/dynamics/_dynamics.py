@@ -231,16 +231,18 @@ class Dynamics:
     @property
     def com(self) -> Float64[np.ndarray, "3"]:
         """Centre of mass in the world [m]; the same array until the next `update`."""
-        if self._com is None:
-            self._com = self.motion.com.copy()
-        return self._com
+        com = self._com
+        if com is None:
+            com = self._com = self.motion.com.copy()
+        return com
 
     @property
     def com_velocity(self) -> Float64[np.ndarray, "3"]:
         """Velocity of the COM [m/s]; the same array until the next `update`."""
-        if self._com_velocity is None:
-            self._com_velocity = self._momenta()[:3] / self.motion.mass[0]
-        return self._com_velocity
+        velocity = self._com_velocity
+        if velocity is None:
+            velocity = self._com_velocity = self._momenta()[:3] / self.motion.mass[0]
+        return velocity
 
     @property
     def com_jacobian(self) -> Float64[np.ndarray, "3 nv"]:

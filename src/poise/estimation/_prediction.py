@@ -151,8 +151,8 @@ class StampedPredictor:
         (oldest, _), (newest, _) = self._commanded[0], self._commanded[-1]
         period = (newest - oldest) / (len(self._commanded) - 1)
         measured = state.time - 0.5 * period
-        # Of a state that is not late not even the newest command came since.
-        if newest <= measured or newest - state.time > _JUMP:
+        # Of a state that is not late, or has no time, not even the newest command came since.
+        if not newest > measured or newest - state.time > _JUMP:
             return state
         since = [a for time, a in self._commanded if time > measured]
         left = (len(since) - np.arange(len(since)) - 0.5) * period * period

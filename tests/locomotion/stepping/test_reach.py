@@ -12,7 +12,7 @@ from poise.robots import standing_posture
 
 MARGIN, LEAN_SHARE = 0.02, 0.9
 FORWARD = np.array([1.0, 0.0])
-STAY = np.zeros(2)
+STAY = (0.0, 0.0)
 
 
 def range_of(robot, **changes):
@@ -53,7 +53,7 @@ def test_a_hip_that_comes_down_by_what_it_is_too_high_has_the_foot_in_reach(get_
     reach, leg = range_of(robot), leg_of(robot)
     dynamics = bent(robot, -0.3, 0.6, -0.3)
     hip, place = reach.hip(0, dynamics), soles_of(dynamics)[0] + [0.2, 0.05, 0.0]
-    shift = np.array([-0.1, 0.03])
+    shift = (-0.1, 0.03)
     down = reach.too_high(0, place, hip, shift)
     moved = hip + [*shift, -down]
     assert np.linalg.norm(place + leg.ankle - moved) == pytest.approx(0.98 * leg.length)

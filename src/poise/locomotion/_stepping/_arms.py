@@ -106,6 +106,7 @@ class ArmMotion:
         a: their accelerations [rad/s^2].
         hands: where the hands are in the torso [m].
         rotations: how they are turned, torso_R_hand.
+        rests: whether nothing moves, and all arms are where they rest.
         blocked: whether each hand is at the edge of its reach.
         stuck: whether each is turned as far as it goes.
     """
@@ -151,7 +152,7 @@ class ArmMotion:
         """Both arms are at rest."""
         n = len(self.joints)
         self.q, self.v, self.a = self._rest.copy(), np.zeros(n), np.zeros(n)
-        self._rests = True
+        self.rests = True
         self.blocked, self.stuck = [False] * len(self._arms), [False] * len(self._arms)
         self._shares = [TurnShare(self._dt) for _ in self._arms]
         self._progress = [TurnProgress(self._dt) for _ in self._arms]
@@ -173,7 +174,7 @@ class ArmMotion:
         """
         if all(place is None for place in places) and self._is_at_rest():
             return
-        self._rests = False
+        self.rests = False
         v, all_wanted = self.v.copy(), self.v.copy()
         jacobians = [self._jacobian(arm) for arm in self._arms]
         bounds = [self._bounds(arm, _STOP) for arm in self._arms]
@@ -235,13 +236,13 @@ class ArmMotion:
 
     def _is_at_rest(self) -> bool:
         """Whether nothing moves any more; then the arms are where they rest to the last bit."""
-        if self._rests:
+        if self.rests:
             return True
         off = max(float(np.abs(self.q - self._rest).max()), float(np.abs(self.v).max()))
         if off > _ARRIVED:
             return False
         self.q, self.v, self.a = self._rest.copy(), np.zeros_like(self.v), np.zeros_like(self.a)
-        self._rests = True
+        self.rests = True
         return True
 
     def _update(self) -> None:

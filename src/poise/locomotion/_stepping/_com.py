@@ -57,9 +57,6 @@ _OBSERVED = 20.0
 """How fast the observed velocity of the COM follows the measured one, beside what the commanded
 acceleration says [1/s]: noise and the shock of a landing are gone in two ticks, a sway is not."""
 
-_HERE = np.zeros(2)
-
-
 _BRAKED = 0.2
 """Part of its largest acceleration with which the COM is braked before a knee is at its limit: by
 torques it follows some 0.2 s late. With 0.5 Romeo's knee was at its torque before it stood."""
@@ -167,11 +164,11 @@ class ComHeight:
         Not for a target below the floor: there the body would be coming down when the foot lands.
         """
         reach, stance, anchors = self._range, footing.stance, footing.anchors
-        com = footing.dynamics.com
-        to_zmp, height = footing.zmp_reference - com[:2], float(com[2])
+        x, y, height = footing.dynamics.com.tolist()
+        zmp_x, zmp_y = footing.zmp_reference.tolist()
         too_high = -math.inf
         for foot, place in ((stance, anchors[stance]), (footing.other, _felt(footing, target))):
-            for shift in (_HERE, to_zmp):
+            for shift in ((0.0, 0.0), (zmp_x - x, zmp_y - y)):
                 too_high = max(too_high, reach.too_high(foot, place, hips[foot], shift))
         lowest = max(height + too_low, self._lowest(footing))
         usual = self._height + footing.ground

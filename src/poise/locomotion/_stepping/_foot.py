@@ -209,9 +209,9 @@ class FootVelocity:
             return np.array([x, y, z])
         # Who is falling already has nothing to save by a slow foot.
         calm = 1.0 if hurry else _calm(footing)
-        velocity = np.array([calm * x, calm * y, z])
         # Where the foot's velocity jumps, as with a device that jitters, the ZMP jumps too.
-        self._smoothed = self._smoothed + self._gain * (velocity - self._smoothed)
+        pairs = zip(self._smoothed.tolist(), (calm * x, calm * y, z), strict=True)
+        self._smoothed = np.array([old + self._gain * (new - old) for old, new in pairs])
         return self._smoothed
 
     def _lowering_speed(self, footing: Footing) -> float:

@@ -120,6 +120,7 @@ class HandLeader:
         self._clock = SampleClock(LATE, LOST_AFTER)
         self._grips = [HandGrip(self._dt, self._speed, self._turn_speed) for _ in self.names]
         self._feedback.reset()
+        self._rested = False
         self.places = [hand.copy() for hand in self._arms.hands]
         self.rotations: list[Float64[np.ndarray, "3 3"] | None] = [None for _ in self.names]
         self.status = [HandStatus.REST for _ in self.names]
@@ -161,7 +162,10 @@ class HandLeader:
         self._feedback.stiffen(led=moving or not all(rests))
         if self._feedback.learns:
             self._feedback.learn(self._arms.q - state.q[-self._joints :][self._arms.index])
-        self._set_target()
+        # What rests, and learns nothing, has been told where.
+        rested, self._rested = self._rested, self._arms.rests and not self._feedback.learns
+        if not (rested and self._rested):
+            self._set_target()
 
     def targets(
         self, position: Float64[np.ndarray, "3"], rotation: Float64[np.ndarray, "3 3"]

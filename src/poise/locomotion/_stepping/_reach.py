@@ -8,6 +8,7 @@ from jaxtyping import Float64
 from poise.dynamics import Dynamics
 from poise.locomotion._stepping._biped import LegGeometry, leg_geometry
 from poise.locomotion._stepping._parameters import TeleopParameters
+from poise.locomotion._support import Point
 from poise.robots import Robot
 
 _ROLL_RATIO = 0.8
@@ -179,7 +180,7 @@ class FootRange:
         foot: int,
         place: Float64[np.ndarray, "3"],
         hip: Float64[np.ndarray, "3"],
-        shift: Float64[np.ndarray, "2"],
+        shift: Point,
     ) -> float:
         """How far the hip is too high for the foot to be at a place; negative for room left [m].
 
@@ -190,7 +191,7 @@ class FootRange:
             shift: how far the hip will have gone along the ground [m].
         """
         (x, y, z), (arm_x, arm_y, arm_z) = place.tolist(), self._ankles[foot]
-        (hip_x, hip_y, hip_z), (shift_x, shift_y) = hip.tolist(), shift.tolist()
+        (hip_x, hip_y, hip_z), (shift_x, shift_y) = hip.tolist(), shift
         across = (x + arm_x - hip_x - shift_x) ** 2 + (y + arm_y - hip_y - shift_y) ** 2
         return hip_z - z - arm_z - math.sqrt(max(self._reach[foot] ** 2 - across, 0.0))
 
