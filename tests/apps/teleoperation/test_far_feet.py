@@ -26,7 +26,9 @@ class Far:
     def sample(self, time):
         if self._lost and time > LOWERED[0]:
             return None
-        up, led, down = (float(np.interp(time, when, (0.0, 1.0))) for when in (LIFTED, LED, LOWERED))
+        up, led, down = (
+            float(np.interp(time, when, (0.0, 1.0))) for when in (LIFTED, LED, LOWERED)
+        )
         height = [0.0, 0.0, UP * up * (1.0 - down) - BELOW * down]
         return DeviceSample(time, self._left, self._right + led * self._far + height)
 
