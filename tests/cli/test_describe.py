@@ -33,6 +33,18 @@ def test_a_stranger_is_described_stands_squats_and_reaches(model, capsys):
         assert words in page
 
 
+def test_an_arm_holds_still_and_reaches(model, capsys):
+    model.with_name("arm.urdf").write_text(open_entry(find_entry("arm6"))[0])
+    assert main(["describe", "arm.urdf", "--out", "out"]) == 0
+    printed = capsys.readouterr().out
+    assert "base fixed, hand on " in printed
+    assert "taken as fixed" in printed
+    assert "ok    hold" in printed
+    assert "ok    reach" in printed
+    page = (model.parent / "out" / "describe.html").read_text()
+    assert "Soles from above" not in page
+
+
 def test_saved_beside_the_model_it_is_found_without_a_warning(model, capsys):
     assert main(["describe", "stranger.urdf", "--save", "--no-trial"]) == 0
     assert "left_sole 280 x 140 mm on left_foot_link" in capsys.readouterr().out

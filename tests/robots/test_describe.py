@@ -58,6 +58,35 @@ def walker(joints=SIX, shape=BOX, tilt=0.0, right=None):
     return f"<robot name='walker'>{trunk}{legs}</robot>"
 
 
+def chain(prefix, above, place, joints):
+    """Links one below the other, each behind a joint with an axis [name, axis, offset]."""
+    text = ""
+    for name, axis, offset in joints:
+        link = f"{prefix}{name}_link"
+        text += JOINT.format(name=f"{prefix}{name}", type="revolute", xyz=place, rpy="0 0 0",
+                             parent=above, child=link, axis=axis, limit=LIMIT)  # fmt: skip
+        text += LINK.format(name=link, z=-0.05, mass=1.0, shape="")
+        above, place = link, offset
+    return text
+
+
+ARM = (("shoulder_y", "0 1 0", "0 0 0"), ("shoulder_x", "1 0 0", "0 0 -0.3"),
+       ("elbow", "0 1 0", "0 0 -0.28"), ("wrist", "0 0 1", "0 0 0"))  # fmt: skip
+
+
+def upper_body(waist=True):
+    """A root that nothing fixes, a torso that turns on it, and two arms that hang."""
+    text = LINK.format(name="root", z=0.1, mass=20.0, shape="")
+    if waist:
+        text += JOINT.format(name="waist", type="revolute", xyz="0 0 0.3", rpy="0 0 0",
+                             parent="root", child="torso", axis="0 0 1", limit=LIMIT)  # fmt: skip
+        text += LINK.format(name="torso", z=0.2, mass=10.0, shape="")
+    carrier = "torso" if waist else "root"
+    for side, y in (("left", 0.2), ("right", -0.2)):
+        text += chain(f"{side}_", carrier, f"0 {y} 0.4", ARM)
+    return f"<robot name='upper'>{text}</robot>"
+
+
 @pytest.fixture
 def save(tmp_path):
     def write(text, name="walker.urdf"):
@@ -179,12 +208,65 @@ def test_toes_and_joints_without_room_are_locked(save):
     assert proposal.facts["soles"]["left_sole"]["link"] == "left_ankle_x_link"
 
 
+def test_a_torso_on_a_waist_has_arms_and_no_legs(save):
+    proposal = describe(save(upper_body(), "upper.urdf"))
+    assert proposal.facts["base"] == "fixed"
+    assert any("does not fix the root" in remark for remark in proposal.remarks)
+    assert proposal.facts["torso"]["link"] == "torso"
+    assert proposal.facts["pelvis"]["link"] == "root"
+    assert {h: m["link"] for h, m in proposal.facts["hands"].items()} == {
+        "left_hand": "left_wrist_link", "right_hand": "right_wrist_link"}  # fmt: skip
+    # Forearms forward: about y that is a negative angle.
+    assert proposal.facts["home"] == {"left_elbow": -0.8, "right_elbow": -0.8}
+    path = save(upper_body(), "upper.urdf")
+    assert not load_robot(path, proposal.facts).floating_base
+
+
+def test_an_arm_by_itself_is_fixed_has_a_hand_and_its_gripper_is_locked(save):
+    arm = LINK.format(name="root", z=0.1, mass=5.0, shape="") + chain("", "root", "0 0 0.3", ARM)
+    for name, y in (("grip", 0.02), ("other_grip", -0.02)):
+        arm += JOINT.format(name=name, type="revolute", xyz=f"0 {y} -0.1", rpy="0 0 0",
+                            parent="wrist_link", child=f"{name}_link", axis="1 0 0",
+                            limit=LIMIT)  # fmt: skip
+        arm += LINK.format(name=f"{name}_link", z=-0.02, mass=0.1, shape="")
+    arm = arm.replace('<joint name="other_grip" type="revolute">',
+                      '<joint name="other_grip" type="revolute"><mimic joint="grip"/>')  # fmt: skip
+    proposal = describe(save(f"<robot name='arm'>{arm}</robot>", "arm.urdf"))
+    assert proposal.facts["base"] == "fixed"
+    assert proposal.facts["hands"]["hand"]["link"] == "wrist_link"
+    assert proposal.facts["locked"] == ["grip"]
+    assert list(proposal.facts["home"]) == ["elbow"]
+
+
+@pytest.mark.parametrize(
+    ("name", "home"),
+    [("talos", {"arm_left_4_joint": -0.8, "arm_right_4_joint": -0.8}),
+     ("romeo", {"LElbowYaw": -0.8, "RElbowYaw": 0.8}),
+     ("icub", {"l_elbow": 0.8, "r_elbow": 0.8}),
+     ("panda", {"panda_joint4": -0.89}),
+     ("g1", {})],
+)  # fmt: skip
+def test_straight_arms_of_real_robots_are_bent_at_the_elbow(get_robot, name, home):
+    get_robot(name)  # skips where its files are missing
+    from poise.robots._catalog import _data_folder
+
+    said = describe(_data_folder() / find_entry(name).file).facts["home"]
+    arms = {joint: angle for joint, angle in said.items() if abs(angle) > 0.2}
+    legs = [j for j in arms if any(w in j.lower() for w in ("leg", "hip", "knee", "ank"))]
+    assert {j: a for j, a in arms.items() if j not in legs} == home
+
+
 REFUSED = {
     "a foot without a flat face": (walker(shape=WHEEL), "foot 'left_ankle_x_link' of walker.urdf.*"
                                    "no flat face.*cm\\^2.*measured"),
     "a foot without a shape": (walker(shape=" "), "left_ankle_x_link' of walker.urdf.*no shape"),
     "a robot without feet": (
         walker(joints=SIX[:2]), "no feet are found in walker.urdf.*description_template"),
+    "a robot on four legs": (
+        walker().replace("</robot>", leg("left", FIVE, BOX, 0.0).replace("left_", "hind_left_")
+                         + leg("right", FIVE, BOX, 0.0).replace("right_", "hind_right_")
+                         + "</robot>"),
+        "walker.urdf has more than two legs.*hind_left_ankle_y.*description_template"),
 }  # fmt: skip
 
 
@@ -271,6 +353,6 @@ def test_left_is_left_by_name_and_ahead_follows_from_it(save):
     text = walker().replace("left_", "tmp_").replace("right_", "left_").replace("tmp_", "right_")
     path = save(text)
     source = load_robot(path, describe(path).facts)
-    limbs = find_limbs(source.model, np.eye(3), "walker.urdf")
+    limbs = find_limbs(source.model, np.eye(3), (), "walker.urdf")
     assert source.model.names[limbs.legs[0][0]] == "left_hip_z"
     np.testing.assert_allclose(limbs.forward, [-1.0, 0.0, 0.0], atol=1e-12)

@@ -19,7 +19,8 @@ def add_parser(verbs: Any) -> None:
         help="a description of a stranger's URDF or MJCF",
         description="Proposes a description for a URDF or MJCF file: feet and soles, hands, torso, "
         "pelvis, home posture, limits and rotor inertias that the file lacks, each with its "
-        "reason. Then the robot stands, squats and reaches in simulation. Writes "
+        "reason. Then the robot stands, squats and reaches in simulation; one with a fixed base "
+        "holds still and reaches. Writes "
         "STEM.poise.yaml and describe.html. Exit status: 0 all of it went well, 1 something did "
         "not, 2 bad input.",
         epilog="example: poise describe robot.urdf --save",
@@ -65,9 +66,9 @@ class _Outcome:
         remarks: what was found odd, by the proposal or as the robot was loaded.
         robot: the robot; None where its description cannot be right yet.
         refused: why that is so; "" elsewhere.
-        trial: how it stood, squatted and reached, a `poise.apps.strangers.Trial`; None where that
+        trial: how it did in simulation, a `poise.apps.strangers.Trial`; None where that
             was left out.
-        page: what shows it; None where there is nothing to see.
+        page: what shows it; None where the robot does not load.
     """
 
     remarks: list[str]
@@ -94,12 +95,11 @@ def _tried(path: Path, proposal: Proposal, folder: Path, *, trial: bool) -> _Out
             return outcome
         finally:
             outcome.remarks += [str(warning.message) for warning in told]
-    if robot.floating_base:
-        from poise.apps.strangers import try_out, write_page
+    from poise.apps.strangers import try_out, write_page
 
-        outcome.trial = try_out(robot) if trial else None
-        outcome.page = folder / "describe.html"
-        write_page(robot, proposal, outcome.trial, outcome.page)
+    outcome.trial = try_out(robot) if trial else None
+    outcome.page = folder / "describe.html"
+    write_page(robot, proposal, outcome.trial, outcome.page)
     return outcome
 
 

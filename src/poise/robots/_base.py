@@ -38,6 +38,13 @@ def followers_of(document: Document, mjcf: MjcfFacts | None) -> list[str]:
     return [name for j in tied if (name := j.get("name", "")) in document.joints()]
 
 
+def leaders_of(document: Document, mjcf: MjcfFacts | None) -> set[str]:
+    """Joints that the document ties others to, as it does with those of grippers."""
+    if mjcf is not None:
+        return set(mjcf.leaders)
+    return {m.get("joint", "") for m in document.root.iterfind("joint/mimic")}
+
+
 def _settle_urdf(document: Document, base: Literal["floating", "fixed"]) -> str:
     root = _root_link(document)
     floating = [j for j in document.root.findall("joint") if j.get("type") == "floating"]

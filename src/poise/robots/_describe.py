@@ -10,16 +10,16 @@ from jaxtyping import Float64
 
 from poise._yaml import read_text
 from poise.errors import RobotError
-from poise.robots._base import followers_of, settle_base
+from poise.robots._base import followers_of, leaders_of, settle_base
 from poise.robots._document import Document, mend_inertias, parse, write_limits
-from poise.robots._geometry import link_shapes
 from poise.robots._kinematics import build_model, hinges
-from poise.robots._limbs import Limbs, find_limbs
+from poise.robots._limbs import Arms, Limbs, Pair, find_arms, find_limbs, no_feet
 from poise.robots._limits import tighten_torques
 from poise.robots._meshes import asset_folders, drop_missing_meshes
 from poise.robots._mjcf_facts import MjcfFacts, read_facts
 from poise.robots._proposal import Draft, Proposal, mount_on
-from poise.robots._proposed_feet import FeetFinder, Foot, body_frames, main_frame, part_legs
+from poise.robots._proposed_arms import Hand, bend_arms, find_hand
+from poise.robots._proposed_feet import FeetFinder, Foot, main_frame, part_legs
 from poise.robots._proposed_limits import (
     find_endless,
     find_stuck,
@@ -45,8 +45,8 @@ apart has to sway faster than ankles brake."""
 _FAR_ROOT = 0.5
 """A root link whose origin is this far from the hips is no pelvis: some stand on the ground [m]."""
 
-_FOREARM = 0.25
-"""What the last joint of an arm moves is a forearm where it reaches this far, else a hand [m]."""
+_MARGIN = 0.02
+"""Distance that a home posture keeps from position limits [rad]."""
 
 
 def describe(path: str | Path) -> Proposal:
@@ -54,8 +54,9 @@ def describe(path: str | Path) -> Proposal:
 
     Feet are the two mirrored chains of joints that reach lowest; soles the largest rectangles on
     the flat lower faces of their collision or visual shapes; hands and torso follow from the other
-    mirrored pair; the home posture puts the soles level and the COM over them, knees a little
-    bent. What the file lacks, limits and rotor inertias, is estimated.
+    mirrored pair; the home posture puts the soles level and the COM over them, knees and elbows a
+    little bent. A robot without legs that has one arm or two is fixed. What the file lacks, limits
+    and rotor inertias, is estimated.
 
     Args:
         path: the model file.
@@ -64,7 +65,8 @@ def describe(path: str | Path) -> Proposal:
         The proposal; `Proposal.text` is the file to save as `<stem>.poise.yaml` beside the model.
 
     Raises:
-        RobotError: the file cannot be read, or no feet with flat faces are found.
+        RobotError: the file cannot be read, it has more than two legs, or neither feet with flat
+            faces nor arms are found.
     """
     path = Path(path)
     return _Describer(path).proposal()
@@ -92,6 +94,7 @@ class _Describer:
                 f"inertias that no body has, made possible: {', '.join(mended)}"
             )
         followers = followers_of(document, self._mjcf)
+        self._grips = leaders_of(document, self._mjcf)
         endless = find_endless(document)
         if document.kind == "urdf":
             write_limits(document, endless, {}, {})
@@ -125,51 +128,77 @@ class _Describer:
 
     def proposal(self) -> Proposal:
         """The whole description."""
-        try:
-            limbs = self._find_limbs()
-        except RobotError:
-            if not self._says_fixed:
-                raise
-            self._fixed()
-        else:
+        limbs = self._find_limbs()
+        if limbs is not None:
             self._floating(limbs)
+        else:
+            arms = find_arms(self._model, self._upright, self._grips)
+            if not (self._says_fixed or arms.chains):
+                raise no_feet(self._model, self._where)
+            self._fixed(arms)
         return self._draft.finish(self._where, self._links, self._joints)
 
-    def _find_limbs(self) -> Limbs:
+    def _find_limbs(self) -> Limbs | None:
         """The limbs, with z of the root link up or, where that gives no legs, its y."""
-        try:
-            return find_limbs(self._model, self._upright, self._where)
-        except RobotError:
+        limbs = find_limbs(self._model, self._upright, self._grips, self._where)
+        if limbs is None:
             y_up = _Y_UP @ self._upright
-            try:
-                limbs = find_limbs(self._model, y_up, self._where)
-            except RobotError:
-                limbs = None
-            if limbs is None:
-                raise
-        self._upright = y_up
-        self._draft.remarks.append("y of the root link points up")
+            limbs = find_limbs(self._model, y_up, self._grips, self._where)
+            if limbs is not None:
+                self._upright = y_up
+                self._draft.remarks.append("y of the root link points up")
         return limbs
 
     def _read(self) -> Document:
         return parse(read_text(self._path, error=RobotError), self._where, self._path.parent)
 
-    def _fixed(self) -> None:
-        self._draft.facts = {"base": "fixed", **self._draft.facts}
-        self._draft.reasons["base"] = "the root is fixed in the file, and no legs were found"
+    def _fixed(self, arms: Arms) -> None:
+        limits = self._draft.facts.pop("limits", None)
+        reason = "the root is fixed in the file, and no legs were found"
+        if not self._says_fixed:
+            reason = "no legs were found"
+            self._draft.remarks.append(
+                "the file does not fix the root, which is taken as fixed: a base that drives or "
+                "flies is not controlled"
+            )
+        self._draft.say("base", "fixed", reason)
+        self._draft.remarks += [f"left and right differ: {a}" for a in arms.asymmetries]
+        q, start = self._neutral(), self._start()
+        for name, joint in hinges(self._model):
+            k = joint.idx_q
+            low, high = self._model.lowerPositionLimit[k], self._model.upperPositionLimit[k]
+            room = min(_MARGIN, 0.5 * float(high - low))
+            q[k] = min(max(start.get(name, 0.0), low + room), high - room)
+        hands = self._find_hands(arms)
+        if not start:
+            for name, angle in bend_arms(self._model, q, arms, hands).items():
+                q[self._model.joints[self._model.getJointId(name)].idx_q] = angle
+        self._trunk(arms, q, None)
+        self._hands(hands)
+        self._home(q)
+        said = "that of a keyframe" if start else "zero, arms bent where they were straight"
+        self._draft.reasons["home"] = f"{said}, inside the limits [rad]"
+        if limits is not None:
+            self._draft.facts["limits"] = limits
         propose_limits(self._draft, self._model, (), floating=True)
-        propose_armature(self._draft, self._model, pin.neutral(self._model))
-        self._lock(())
+        propose_armature(self._draft, self._model, q)
+        self._lock(arms.fingers)
+
+    def _neutral(self) -> Float64[np.ndarray, " nq"]:
+        """The robot upright with all joints at zero."""
+        q = pin.neutral(self._model)
+        q[:7] = pin.SE3ToXYZQUAT(pin.SE3(self._upright, np.zeros(3)))
+        return q
 
     def _floating(self, limbs: Limbs) -> None:
         limits = self._draft.facts.pop("limits", None)
         self._draft.say("base", "floating", "two legs were found")
         if self._says_fixed:
             self._draft.remarks.append("the file fixes the root, but the robot has legs")
-        self._draft.remarks += [f"left and right differ: {a}" for a in limbs.asymmetries]
-        world_T_base = pin.SE3(self._upright, np.zeros(3))
-        q = pin.neutral(self._model)
-        q[:7] = pin.SE3ToXYZQUAT(world_T_base)
+        self._draft.remarks += [
+            f"left and right differ: {a}" for a in (*limbs.asymmetries, *limbs.arms.asymmetries)
+        ]
+        q = self._neutral()
         data = self._model.createData()
         pin.framesForwardKinematics(self._model, data, q)
         finder = FeetFinder(
@@ -182,6 +211,9 @@ class _Describer:
         tall = float(data.oMi[limbs.legs[0][0]].translation[2] - feet[0].fit.position[2])
         apart = max(min(apart, _WIDEST * tall), 1.15 * max(foot.fit.width for foot in feet))
         back = finder.ankle_relief(feet, legs)
+        hands = self._find_hands(limbs.arms)
+        start = self._start()
+        bent = {} if start else bend_arms(self._model, q, limbs.arms, hands)
         stance = find_stance(
             self._model,
             soles,
@@ -189,17 +221,18 @@ class _Describer:
             self._upright,
             limbs.forward,
             apart,
-            self._start(),
+            start or bent,
             ahead=-back,
         )
-        self._trunk(limbs, stance.q)
-        self._hands(limbs)
-        self._home(stance, back)
+        self._trunk(limbs.arms, stance.q, limbs.legs)
+        self._hands(hands)
+        self._home(stance.q)
+        self._explain(stance, back, elbows=bool(bent))
         if limits is not None:
             self._draft.facts["limits"] = limits
         propose_limits(self._draft, self._model, soles, floating=True)
         propose_armature(self._draft, self._model, stance.q)
-        self._lock([*limbs.fingers, *beyond])
+        self._lock([*limbs.arms.fingers, *beyond])
 
     def _soles(self, feet: Sequence[Foot], data: pin.Data) -> list[int]:
         """Enter the soles, and put their frames into the model."""
@@ -246,65 +279,50 @@ class _Describer:
                     return pose
         return {}
 
-    def _trunk(self, limbs: Limbs, q: Float64[np.ndarray, " nq"]) -> None:
+    def _trunk(self, arms: Arms, q: Float64[np.ndarray, " nq"], legs: Pair | None) -> None:
         data = self._model.createData()
         pin.framesForwardKinematics(self._model, data, q)
+        carries = "the link that carries both arms" if len(arms.chains) == 2 else "the root link"
         for key, joint, reason in (
             ("pelvis", 1, "the root link"),
-            ("torso", limbs.trunk, "the link that carries both arms"),
+            ("torso", arms.trunk, carries),
         ):
             index = main_frame(self._model, joint)
             placement, said = data.oMf[index], reason
-            if key == "torso" and not limbs.arms:
+            if key == "torso" and not arms.chains:
                 said = "no arms were found: the root link"
-            middle = 0.5 * sum((data.oMi[leg[0]].translation for leg in limbs.legs), np.zeros(3))
             origin = np.zeros(3)
-            if key == "pelvis" and np.linalg.norm(middle - placement.translation) > _FAR_ROOT:
-                origin, said = placement.actInv(middle), f"{reason}, between the hips"
+            if key == "pelvis" and legs is not None:
+                middle = 0.5 * sum((data.oMi[leg[0]].translation for leg in legs), np.zeros(3))
+                if np.linalg.norm(middle - placement.translation) > _FAR_ROOT:
+                    origin, said = placement.actInv(middle), f"{reason}, between the hips"
             place = pin.SE3(placement.rotation.T, origin)
             self._draft.say(key, mount_on(self._model.frames[index].name, place), said)
 
-    def _hands(self, limbs: Limbs) -> None:
-        for side, arm in zip(SIDES, limbs.arms, strict=False):
-            index = main_frame(self._model, arm[-1])
-            frame = self._model.frames[index]
-            point, reason = self._hand_point(arm[-1])
-            self._draft.say(
-                f"hands.{side}_hand",
-                mount_on(frame.name, pin.SE3(np.eye(3), frame.placement.actInv(point))),
-                reason,
-            )
+    def _find_hands(self, arms: Arms) -> list[Hand]:
+        return [find_hand(self._model, self._source, c[-1], self._where) for c in arms.chains]
 
-    def _hand_point(self, joint: int) -> tuple[Float64[np.ndarray, "3"], str]:
-        """Where a hand is, in the axes of the joint that carries it [m]."""
-        com = np.array(self._model.inertias[joint].lever)
-        frames = body_frames(self._model, joint)
-        names = [self._model.frames[i].name for i in frames]
-        shapes = link_shapes(self._source, names, self._where)
-        parts = [
-            balls.moved(self._model.frames[i].placement).centres
-            for i, name in zip(frames, names, strict=True)
-            for balls in (*shapes[name].visual, *shapes[name].collision)
-        ]
-        size = float(np.linalg.norm(com))
-        if parts and size > 1e-3:
-            along = com / size
-            end = float(max((points @ along).max() for points in parts))
-            if end > _FOREARM:
-                return 0.9 * end * along, "near the end of a forearm without a hand of its own"
-        return com, "end of the arm, at the COM of what its last joint moves"
+    def _hands(self, hands: Sequence[Hand]) -> None:
+        names = [f"{side}_hand" for side in SIDES] if len(hands) == 2 else ["hand"]
+        for name, hand in zip(names, hands, strict=False):
+            frame = self._model.frames[main_frame(self._model, hand.joint)]
+            place = pin.SE3(np.eye(3), frame.placement.actInv(hand.point))
+            self._draft.say(f"hands.{name}", mount_on(frame.name, place), hand.reason)
 
-    def _home(self, stance: Stance, back: float) -> None:
-        angles: dict[str, float] = {}
-        for name, joint in hinges(self._model):
-            angle = round(float(stance.q[joint.idx_q]), 4) + 0.0
-            if angle:
-                angles[name] = angle
-        self._draft.facts["home"] = angles
+    def _home(self, q: Float64[np.ndarray, " nq"]) -> None:
+        self._draft.facts["home"] = {
+            name: angle
+            for name, joint in hinges(self._model)
+            if (angle := round(float(q[joint.idx_q]), 4) + 0.0)
+        }
+
+    def _explain(self, stance: Stance, back: float, *, elbows: bool) -> None:
+        """Says how a standing posture was found."""
         if stance.reached:
             reason = (
                 "by inverse kinematics: soles level, COM over their middle, knees a little bent"
             )
+            reason += ", and elbows" if elbows else ""
         else:
             reason = f"NOT a standing posture: off by {stance.error:.3f} m or rad at best"
             self._draft.remarks.append(
@@ -329,9 +347,14 @@ class _Describer:
         for key in ("home", "armature"):
             for name in locked:
                 self._draft.facts.get(key, {}).pop(name, None)
-        for values in self._draft.facts.get("limits", {}).values():
+        limits = self._draft.facts.get("limits", {})
+        for kind, values in list(limits.items()):
             for name in locked:
                 values.pop(name, None)
+            if not values:
+                del limits[kind]
+        if not limits:
+            self._draft.facts.pop("limits", None)
 
 
 def _left(forward: Float64[np.ndarray, "3"]) -> Float64[np.ndarray, "3"]:

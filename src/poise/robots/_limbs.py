@@ -1,6 +1,6 @@
-"""`find_limbs`: which joints of a stranger are legs and arms, from the tree of joints alone."""
+"""Which joints of a stranger are legs and arms, from its tree alone: `find_limbs`, `find_arms`."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,77 +19,197 @@ _MIRRORED = 0.08
 """Ends of a left and a right limb are mirror images within this part of the robot's height."""
 
 
+_DOWN = 0.15
+"""Legs reach down by this part of the robot's height, or more."""
+
+_LEVEL = 0.05
+"""What carries legs, such as a waist, begins no further below them than this part of the height."""
+
+Chain = tuple[int, ...]
+Pair = tuple[Chain, Chain]
+
+
 @dataclass(frozen=True)
-class Limbs:
-    """Joints of a robot's limbs by index, each limb from the trunk outwards; left first.
+class Arms:
+    """Joints of a robot's arms by index.
 
     Attributes:
-        legs: two legs.
-        arms: two arms, or none; the last joint carries the hand.
-        trunk: the joint that carries both arms.
+        chains: left and right, or one, or none; from the trunk outwards, the last carries the hand.
+        trunk: the joint that carries them.
         fingers: joints beyond the hands.
         forward: horizontal direction of the robot at zero, in the root link's axes turned upright.
         asymmetries: where left and right are not mirror images, as sentences.
     """
 
-    legs: tuple[tuple[int, ...], tuple[int, ...]]
-    arms: tuple[tuple[int, ...], ...]
+    chains: tuple[Chain, ...]
     trunk: int
-    fingers: tuple[int, ...]
+    fingers: Chain
     forward: Float64[np.ndarray, "3"]
     asymmetries: tuple[str, ...]
 
 
-def find_limbs(model: pin.Model, upright: Float64[np.ndarray, "3 3"], where: str) -> Limbs:
+@dataclass(frozen=True)
+class Limbs:
+    """Joints of a biped's limbs by index, each limb from the trunk outwards; left first.
+
+    Attributes:
+        legs: two legs.
+        arms: two arms, or none.
+        forward: horizontal direction of the robot at zero, in the root link's axes turned upright.
+        asymmetries: where left and right are not mirror images, as sentences.
+    """
+
+    legs: Pair
+    arms: Arms
+    forward: Float64[np.ndarray, "3"]
+    asymmetries: tuple[str, ...]
+
+
+def find_limbs(
+    model: pin.Model, upright: Float64[np.ndarray, "3 3"], grips: Collection[str], where: str
+) -> Limbs | None:
     """Find the limbs: the two mirrored chains that reach lowest are legs, the next pair arms.
 
     Args:
         model: the model with a free base as its first joint.
         upright: world_R_base, as the document puts the robot.
+        grips: joints that drive others, as those of grippers do.
         where: the file, for messages.
 
+    Returns:
+        The limbs; None without two mirrored chains of three joints or more that reach down.
+
     Raises:
-        RobotError: no two mirrored chains of three joints or more that reach below the root.
+        RobotError: there are four legs or more.
     """
-    data = model.createData()
-    pin.forwardKinematics(model, data, pin.neutral(model))
-    places = np.array([upright @ data.oMi[j].translation for j in range(model.njoints)])
-    branches = _branches(model)
-    height = float(np.ptp(places[1:, 2])) if model.njoints > 2 else 0.0
-    pairs = _mirrored_pairs(places, branches, _MIRRORED * max(height, 0.1))
-    legs = min(pairs, key=lambda p: places[p[0][-1], 2], default=None)
-    if legs is None or places[legs[0][-1], 2] > places[legs[0][0], 2] - 0.15 * height:
+    tree = _Tree(model, upright)
+    hanging = [pair for pair in tree.pairs if tree.hangs(pair)]
+    if not hanging:
+        return None
+    legs = tree.left_first(min(hanging, key=tree.reach))
+    others = [p for p in tree.pairs if not {*p[0], *p[1]} & {*legs[0], *legs[1]}]
+    low = [
+        p for p in others if p in hanging and tree.reach(p) < tree.reach(legs) + tree.part(_DOWN)
+    ]
+    if low:
+        feet = [model.names[chain[-1]] for pair in (legs, *low) for chain in pair]
         raise RobotError(
-            f"no feet are found in {where}",
-            got=f"{len(branches)} chains of joints, none of them a mirrored pair of legs",
-            wanted="two chains of at least three joints that reach down from the root; or a "
-            "description, which for a robot that stands on a fixed base is the line `base: fixed` "
+            f"{where} has more than two legs",
+            got=f"chains of joints that end in {', '.join(feet)}",
+            wanted="two; or a description that says what it stands on "
             "(poise.robots.description_template gives one to fill in)",
-            choices=list(model.names)[2:],
         )
-    legs = _left_first(model, legs, places)
-    across = places[legs[0][-1]] - places[legs[1][-1]]
-    forward = np.cross(np.array([across[0], across[1], 0.0]), [0.0, 0.0, 1.0])
-    forward = _straightened(forward / np.linalg.norm(forward))
-    arms = [p for p in pairs if not {*p[0], *p[1]} & {*legs[0], *legs[1]}]
-    arms.sort(key=lambda p: -len(p[0]))
-    pair = _left_first(model, arms[0], places) if arms else ()
-    hands = tuple(_without_fingers(model, arm) for arm in pair)
+    forward = tree.forward(legs)
     return Limbs(
         legs=legs,
-        arms=hands,
-        trunk=int(model.parents[hands[0][0]]) if hands else 1,
-        fingers=tuple(j for h in hands for j in _beyond(model, h[-1])),
+        arms=tree.arms(others, grips, forward),
         forward=forward,
-        asymmetries=(*_asymmetries(model, *legs), *(_asymmetries(model, *hands) if hands else ())),
+        asymmetries=_asymmetries(model, *legs),
     )
 
 
-def _branches(model: pin.Model) -> list[tuple[int, ...]]:
+def find_arms(
+    model: pin.Model, upright: Float64[np.ndarray, "3 3"], grips: Collection[str]
+) -> Arms:
+    """Find the arms of a robot without legs: two mirrored chains, or the only one.
+
+    Args:
+        model: the model with a free base as its first joint.
+        upright: world_R_base, as the document puts the robot.
+        grips: joints that drive others, as those of grippers do.
+    """
+    tree = _Tree(model, upright)
+    forward = np.array([1.0, 0.0, 0.0])
+    if tree.pairs:
+        forward = tree.forward(tree.left_first(_longest(tree.pairs)))
+    return tree.arms(tree.pairs, grips, forward)
+
+
+def no_feet(model: pin.Model, where: str) -> RobotError:
+    """What is said of a robot that is neither a biped nor has arms.
+
+    Args:
+        model: with a free base as its first joint.
+        where: the file, for messages.
+    """
+    return RobotError(
+        f"no feet are found in {where}",
+        got=f"{len(_branches(model))} chains of joints, none of them a mirrored pair of legs",
+        wanted="two chains of at least three joints that reach down from the root; or a "
+        "description, which for a robot that stands on a fixed base is the line `base: fixed` "
+        "(poise.robots.description_template gives one to fill in)",
+        choices=list(model.names)[2:],
+    )
+
+
+class _Tree:
+    """A robot's chains of joints, and where they are at zero."""
+
+    def __init__(self, model: pin.Model, upright: Float64[np.ndarray, "3 3"]) -> None:
+        data = model.createData()
+        pin.forwardKinematics(model, data, pin.neutral(model))
+        self._model = model
+        self._places = np.array([upright @ data.oMi[j].translation for j in range(model.njoints)])
+        self._height = float(np.ptp(self._places[1:, 2])) if model.njoints > 2 else 0.0
+        self.branches = _branches(model)
+        self.pairs = _mirrored_pairs(
+            self._places, self.branches, _MIRRORED * max(self._height, 0.1)
+        )
+
+    def part(self, share: float) -> float:
+        """A share of the robot's height [m]."""
+        return share * self._height
+
+    def reach(self, pair: Pair) -> float:
+        """How high a pair of chains ends [m]."""
+        return float(self._places[pair[0][-1], 2])
+
+    def hangs(self, pair: Pair) -> bool:
+        """Whether chains reach down as legs do, from a trunk that does not come up to them."""
+        hip = float(self._places[pair[0][0], 2])
+        # Arms hang down, too, but from a torso that joints carry from below.
+        trunk = [int(j) for j in self._model.supports[pair[0][0]] if 1 < j < pair[0][0]]
+        carried = any(self._places[j, 2] < hip - self.part(_LEVEL) for j in trunk)
+        # Where the root link begins on the ground, so do feet.
+        low = float(self._places[1, 2]) + self.part(_DOWN)
+        return self.reach(pair) <= min(hip - self.part(_DOWN), low) and not carried
+
+    def left_first(self, pair: Pair) -> Pair:
+        """By the names of the joints; where these do not say, y points left."""
+        return _left_first(self._model, pair, self._places)
+
+    def forward(self, pair: Pair) -> Float64[np.ndarray, "3"]:
+        """The horizontal direction across from a left and a right chain."""
+        across = self._places[pair[0][-1]] - self._places[pair[1][-1]]
+        forward = np.cross(np.array([across[0], across[1], 0.0]), [0.0, 0.0, 1.0])
+        return _straightened(forward / np.linalg.norm(forward))
+
+    def arms(
+        self, pairs: Sequence[Pair], grips: Collection[str], forward: Float64[np.ndarray, "3"]
+    ) -> Arms:
+        """The longest pair; a single chain where that is all there is."""
+        model, chains = self._model, tuple(self.branches) if len(self.branches) == 1 else ()
+        if pairs:
+            chains = self.left_first(_longest(pairs))
+        hands = tuple(_without_fingers(model, chain, grips) for chain in chains)
+        return Arms(
+            chains=hands,
+            trunk=int(model.parents[hands[0][0]]) if hands else 1,
+            fingers=tuple(j for hand in hands for j in _beyond(model, hand[-1])),
+            forward=forward,
+            asymmetries=_asymmetries(model, *hands) if len(hands) == 2 else (),
+        )
+
+
+def _longest(pairs: Sequence[Pair]) -> Pair:
+    return max(pairs, key=lambda pair: len(pair[0]))
+
+
+def _branches(model: pin.Model) -> list[Chain]:
     """Chains from where left and right part to their deepest ends: one for each limb."""
     depth = {j: len(model.supports[j]) for j in range(model.njoints)}
     children = _children(model)
-    chains: list[tuple[int, ...]] = []
+    chains: list[Chain] = []
     trunks = [1]
     for joint in trunks:
         for child in children[joint]:
@@ -129,10 +249,10 @@ def _is_hand(model: pin.Model, joint: int, children: dict[int, list[int]]) -> bo
 
 
 def _mirrored_pairs(
-    places: Float64[np.ndarray, "n 3"], branches: list[tuple[int, ...]], tolerance: float
-) -> list[tuple[tuple[int, ...], tuple[int, ...]]]:
+    places: Float64[np.ndarray, "n 3"], branches: list[Chain], tolerance: float
+) -> list[Pair]:
     """Chains of equal length whose joints mirror each other across a vertical plane."""
-    pairs: list[tuple[tuple[int, ...], tuple[int, ...]]] = []
+    pairs: list[Pair] = []
     for i, one in enumerate(branches):
         for other in branches[i + 1 :]:
             if len(one) != len(other):
@@ -155,9 +275,9 @@ def _mirrored_pairs(
 
 def _left_first(
     model: pin.Model,
-    pair: tuple[tuple[int, ...], tuple[int, ...]],
+    pair: Pair,
     places: Float64[np.ndarray, "n 3"],
-) -> tuple[tuple[int, ...], tuple[int, ...]]:
+) -> Pair:
     """By the names of the joints; where these do not say, y points left."""
     one, other = pair
     names = ((model.names[a], model.names[b]) for a, b in zip(one, other, strict=True))
@@ -180,14 +300,16 @@ def _straightened(direction: Float64[np.ndarray, "3"]) -> Float64[np.ndarray, "3
     return nearest if np.linalg.norm(direction - nearest) < 0.05 else direction
 
 
-def _without_fingers(model: pin.Model, arm: Sequence[int]) -> tuple[int, ...]:
-    """The arm up to the joint behind which it parts into fingers."""
+def _without_fingers(model: pin.Model, arm: Chain, grips: Collection[str]) -> Chain:
+    """The arm up to the joint behind which it parts into fingers, and without a gripper's."""
     children = _children(model)
     kept: list[int] = []
     for joint in arm:
         kept.append(joint)
         if len(children[joint]) > 1 and len(kept) >= _FEWEST:
             break
+    while len(kept) > _FEWEST and model.names[kept[-1]] in grips:
+        kept.pop()
     return tuple(kept)
 
 
@@ -202,7 +324,7 @@ _ASKEW = 0.01
 """And the sizes of their joints' offsets by this much [m]."""
 
 
-def _asymmetries(model: pin.Model, left: Sequence[int], right: Sequence[int]) -> list[str]:
+def _asymmetries(model: pin.Model, left: Sequence[int], right: Sequence[int]) -> tuple[str, ...]:
     said: list[str] = []
     for a, b in zip(left, right, strict=True):
         one, other = float(model.inertias[a].mass), float(model.inertias[b].mass)
@@ -216,4 +338,4 @@ def _asymmetries(model: pin.Model, left: Sequence[int], right: Sequence[int]) ->
                 f"{model.names[a]} is {1e3 * lengths[0]:.0f} mm from the joint before it, "
                 f"{model.names[b]} {1e3 * lengths[1]:.0f} mm"
             )
-    return said
+    return tuple(said)

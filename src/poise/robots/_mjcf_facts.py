@@ -21,6 +21,7 @@ class MjcfFacts:
     Attributes:
         torque: largest torque or force by joint, from its actuators [N m, N].
         followers: joints that an equality ties to another joint.
+        leaders: joints that another is tied to.
         loops: names of the equalities that close kinematic loops.
         springs: joints with a spring.
         free: whether the root body has a free joint.
@@ -30,6 +31,7 @@ class MjcfFacts:
 
     torque: dict[str, float]
     followers: tuple[str, ...]
+    leaders: tuple[str, ...]
     loops: tuple[str, ...]
     springs: tuple[str, ...]
     free: bool
@@ -57,6 +59,7 @@ def read_facts(document: Document, directory: Path | None) -> MjcfFacts:
     return MjcfFacts(
         torque=_torques(mujoco, spec),
         followers=tuple(e.name1 for e in active if e.type == equality.mjEQ_JOINT),
+        leaders=tuple(e.name2 for e in active if e.type == equality.mjEQ_JOINT and e.name2),
         loops=tuple(
             e.name or f"{e.name1} - {e.name2}"
             for e in active

@@ -1,7 +1,7 @@
 """`Proposal`: a description with the reason for each guess. `Draft`: one that is being written."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sized
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -46,11 +46,11 @@ class Proposal:
         if "home" in facts:
             parts.append("a home posture")
         for kind, values in facts.get("limits", {}).items():
-            parts.append(f"{kind} limits of {len(values)} joints")
+            parts.append(f"{kind} limits of {_joints(values)}")
         if "armature" in facts:
-            parts.append(f"rotor inertias of {len(facts['armature'])} joints")
+            parts.append(f"rotor inertias of {_joints(facts['armature'])}")
         if "locked" in facts:
-            parts.append(f"{len(facts['locked'])} joints locked")
+            parts.append(f"{_joints(facts['locked'])} locked")
         return ", ".join(parts)
 
     @property
@@ -64,7 +64,7 @@ class Proposal:
         ]
         for key, value in self.facts.items():
             lines += self._comment(key, 0)
-            if isinstance(value, Mapping) and key not in ("pelvis", "torso"):
+            if isinstance(value, Mapping) and value and key not in ("pelvis", "torso"):
                 lines.append(f"{key}:")
                 lines += self._block(key, value, 1)
             else:
@@ -86,6 +86,10 @@ class Proposal:
     def _comment(self, place: str, depth: int) -> list[str]:
         reason = self.reasons.get(place)
         return [f"{'  ' * depth}# {reason}"] if reason else []
+
+
+def _joints(some: Sized) -> str:
+    return f"{len(some)} joint{'s' if len(some) != 1 else ''}"
 
 
 def _inline(value: object) -> str:

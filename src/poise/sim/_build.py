@@ -123,6 +123,14 @@ def build_model(robot: Robot, config: PlantConfig) -> mujoco.MjModel:
 
 def _compile(spec: mujoco.MjSpec, robot: Robot) -> mujoco.MjModel:
     try:
+        try:
+            return spec.compile()
+        except ValueError as error:
+            if robot.source.kind != "urdf" or "mesh volume is too small" not in str(error):
+                raise
+        # A flat mesh, which is drawn all the same: a URDF's links say their inertia.
+        for mesh in spec.meshes:
+            mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
         return spec.compile()
     except ValueError as error:
         raise RobotError(f"MuJoCo cannot build robot {robot.name!r}: {error}") from error

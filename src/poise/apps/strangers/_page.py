@@ -36,7 +36,7 @@ def write_page(robot: Robot, proposal: Proposal, trial: Trial | None, path: Path
         '<main class="wide">',
         _notes(proposal.remarks),
         _section("Home posture", _pictures(robot), _frames_svg(robot)),
-        _section("Soles", _soles_svg(robot, proposal)),
+        _section("Soles", _soles_svg(robot, proposal)) if robot.soles else "",
         _section("In simulation", _trial_table(trial)) if trial is not None else "",
         _section("Limits", _limits_table(robot, proposal)),
         _section("Description", f"<pre>{escape(proposal.text)}</pre>"),

@@ -1,4 +1,7 @@
-"""`try_out`: a robot stands, squats and reaches in simulation, and what went wrong is said."""
+"""`try_out`: a robot stands, squats and reaches in simulation, and what went wrong is said.
+
+One with a fixed base holds still and reaches.
+"""
 
 import time
 from collections.abc import Callable, Iterator
@@ -38,7 +41,7 @@ _CLOSE = 0.15
 """A hand has arrived within this part of the way it had to go."""
 
 _DRIFT = 0.01
-"""The COM of a robot that stands ends this near to where it began [m]."""
+"""The COM of a robot that stands and hands that are held end this near to where they began [m]."""
 
 _SATURATED = 0.999
 """Part of its torque limit at which a joint has no more to give."""
@@ -52,7 +55,7 @@ class Attempt:
     """One thing tried.
 
     Attributes:
-        name: "stand", "squat" or "reach".
+        name: "stand", "squat", "hold" or "reach".
         ok: whether it went well.
         words: what was wrong, as sentences; what was reached where nothing was.
         seconds: wall-clock time it took [s].
@@ -93,8 +96,10 @@ class Trial:
 def try_out(robot: Robot) -> Trial:
     """Let a biped stand, squat and, where it has hands, reach: balance first, then hands.
 
+    A robot with a fixed base holds its posture in place of standing and squatting.
+
     Args:
-        robot: a robot with two soles.
+        robot: a biped, or a robot with a fixed base.
 
     Returns:
         What went well, and in words what did not.
@@ -102,9 +107,10 @@ def try_out(robot: Robot) -> Trial:
     Raises:
         RobotError: the robot cannot be simulated.
     """
-    attempts = [_attempt(robot, _STAND)]
+    attempts = [_attempt(robot, _STAND if robot.soles else _HOLD)]
     if attempts[0].ok:
-        attempts.append(_attempt(robot, _SQUAT))
+        if robot.soles:
+            attempts.append(_attempt(robot, _SQUAT))
         if robot.hands:
             attempts.append(_attempt(robot, _REACHING))
     return Trial(robot=robot, attempts=tuple(attempts))
@@ -134,7 +140,7 @@ class _Scene:
         self.ways = {hand: way for hand, (way, _) in swings.items()}
         self.turn = sum((turned for _, turned in swings.values()), np.zeros(robot.nj))
         self.posture_home = robot.q_home[robot.nq - robot.nj :].copy()
-        self.depth = _depth(robot, float(self.start[2]))
+        self.depth = _depth(robot, float(self.start[2])) if robot.soles else 0.0
         self.lowest = float(self.start[2])
         self.peak = np.zeros(robot.nj)
         self.error = self.end = 0.0
@@ -147,9 +153,11 @@ class _Scene:
         Legs of five joints cannot hold COM and pelvis both: the waist and the arms would have to
         swing for it. There the pelvis comes after the hands.
         """
+        hands: list[Task] = [*self.hands.values()]
+        if not self.robot.soles:
+            return Stack(levels=[level for level in (hands, [self.posture]) if level])
         com: list[Task] = [self.com]
         pelvis: list[Task] = [FrameTask(self.robot.pelvis, axes="orientation", kp=100.0)]
-        hands: list[Task] = [*self.hands.values()]
         six = all(len(self.robot.leg_joints(sole)) >= _FREE_LEG for sole in self.robot.soles)
         levels = [com + pelvis, hands] if six else [com, hands, pelvis]
         contacts = [SurfaceContact(sole) for sole in self.robot.soles]
@@ -235,6 +243,19 @@ def _held(scene: _Scene) -> list[str]:
     return [f"its COM went {1e3 * drift:.0f} mm astray"] if drift > _DRIFT else []
 
 
+def _leave(_scene: _Scene, _time: float) -> None:
+    """Targets stay where they begin."""
+
+
+def _stayed(scene: _Scene) -> list[str]:
+    wrong: list[str] = []
+    for hand, begun in scene.begun.items():
+        drift = float(np.linalg.norm(scene.place(hand) - begun))
+        if drift > _DRIFT:
+            wrong.append(f"{hand} went {1e3 * drift:.0f} mm astray")
+    return wrong
+
+
 def _down_and_up(scene: _Scene, time: float) -> None:
     part = _ramp(time, (0.3, 0.0), (1.8, 1.0), (2.3, 1.0), (3.8, 0.0))
     scene.com.set_target(scene.start - [0.0, 0.0, part * scene.depth])
@@ -262,10 +283,13 @@ def _came_down(scene: _Scene) -> list[str]:
 
 
 def _swing(robot: Robot, hand: str) -> tuple[Float64[np.ndarray, "3"], Float64[np.ndarray, " nj"]]:
-    """How one joint of the arm takes the hand furthest forward and up: [m], and by joint [rad]."""
+    """How one joint of the arm takes the hand furthest forward and up: [m], and by joint [rad].
+
+    Where none does, as with an arm that points up, the furthest anywhere.
+    """
     model, data, q = robot.model, robot.model.createData(), robot.q_home
     frame, trunk = robot.frame_id(hand), robot.joints_above(robot.torso)
-    best, most, turned = np.zeros(3), 0.0, np.zeros(robot.nj)
+    best, most, turned = np.zeros(3), (False, 0.0), np.zeros(robot.nj)
     pin.framesForwardKinematics(model, data, q)
     begun = data.oMf[frame].translation.copy()
     for joint in robot.joints_above(hand):
@@ -277,8 +301,10 @@ def _swing(robot: Robot, hand: str) -> tuple[Float64[np.ndarray, "3"], Float64[n
             moved[place] = np.clip(q[place] + swing, robot.q_min[index], robot.q_max[index])
             pin.framesForwardKinematics(model, data, moved)
             way = data.oMf[frame].translation - begun
-            if way @ _FORWARD_AND_UP > most:
-                best, most = way, float(way @ _FORWARD_AND_UP)
+            there = float(way @ _FORWARD_AND_UP)
+            far = (there > 0.0, there if there > 0.0 else float(np.linalg.norm(way)))
+            if far > most:
+                best, most = way, far
                 turned = (moved - q)[robot.nq - robot.nj :]
     return best, turned
 
@@ -302,5 +328,6 @@ def _arrived(scene: _Scene) -> list[str]:
 
 
 _STAND = _Motion("stand", 2.0, _hold, _held)
+_HOLD = _Motion("hold", 2.0, _leave, _stayed)
 _SQUAT = _Motion("squat", 4.3, _down_and_up, _came_down)
 _REACHING = _Motion("reach", 3.0, _out, _arrived)
