@@ -333,6 +333,30 @@ def test_a_log_cut_anywhere_is_read_up_to_the_cut(plant, tmp_path):
     assert ends[0] < 0.5
 
 
+def test_a_log_that_is_damaged_anywhere_is_read_up_to_there(plant, tmp_path):
+    """As by a disc: a byte or a page is another one; nothing of it passes for what was recorded."""
+    path, bad = tmp_path / "log.mcap", tmp_path / "bad.mcap"
+    with recording(plant, path, config=RecorderConfig(flush_dt=0.02)) as recorder:
+        for _ in range(400):
+            recorder.look()
+            plant.step(None)
+    data, whole = path.read_bytes(), read_log(path)
+    rng, ends = np.random.default_rng(0), []
+    # Before the first block is the header, and a text in it more or less is told otherwise.
+    for place in np.linspace(0.1, 0.99, 60) * len(data):
+        hit = bytearray(data)
+        size = int(rng.choice([1, 512]))
+        hit[int(place) : int(place) + size] = rng.bytes(size)
+        bad.write_bytes(hit[: len(data)])
+        log = read_log(bad)
+        ends.append(log.end)
+        for name in log.names:
+            np.testing.assert_array_equal(log[name], whole[name][: len(log[name])], strict=True)
+            assert not log.complete or len(log[name]) == len(whole[name])
+    assert min(ends) < 0.2
+    assert max(ends) > 0.35
+
+
 def test_of_two_runs_that_write_to_one_file_that_of_the_later_is_whole(plant, tmp_path):
     path, other = tmp_path / "log.mcap", Plant(plant.robot, PlantConfig(actuation="position"))
     config = RecorderConfig(flush_dt=0.01)

@@ -145,7 +145,7 @@ def read_log(path: Path | str) -> RunRecord:
 
     Returns:
         The record as it was in memory, to the last bit; `complete` is False where the log was not
-        finished: the run died, or still goes on.
+        finished, as the run died or still goes on, and where it is damaged: it ends there.
 
     Raises:
         PoiseError: no such file, no MCAP file, or one that Poise or this version of it did not
@@ -188,15 +188,19 @@ def _checked(path: Path | str) -> Path:
 
 
 def _whole_records(path: Path) -> Iterator[Any]:
-    """Records up to the first that is cut off or says it is longer than the file."""
-    from mcap.exceptions import EndOfFile, InvalidMagic, RecordLengthLimitExceeded
+    """Records up to the first that is cut off, is damaged, or says it is longer than the file."""
+    from mcap.exceptions import McapError
     from mcap.stream_reader import StreamReader
+    from zstandard import ZstdError
 
-    cut_off = (EndOfFile, InvalidMagic, RecordLengthLimitExceeded, struct.error)
+    # Wrong checksums and texts that are none are ValueErrors.
+    broken = (McapError, ZstdError, struct.error, ValueError)
+    size = path.stat().st_size
     with path.open("rb") as stream:
-        records = iter(StreamReader(stream, record_size_limit=path.stat().st_size).records)
+        reader = StreamReader(stream, record_size_limit=size, validate_crcs=True)
+        records = iter(reader.records)
         while True:
             try:
                 yield next(records)
-            except (StopIteration, *cut_off):
+            except (StopIteration, *broken):
                 return
