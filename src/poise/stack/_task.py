@@ -232,7 +232,11 @@ class Task(ABC):
         # Plain numbers each tick, as leaders have them: no array to check.
         row = (weight,) * self.dim if isinstance(weight, float) else weight
         if self._robot is not None and isinstance(row, tuple):
-            if row == self._plain_weight:
+            try:
+                known = row == self._plain_weight
+            except ValueError:
+                known = False  # It holds arrays, which are told below.
+            if known:
                 return
             if len(row) == self.dim and _are_weights(row):
                 self._gain_rows[WEIGHT] = self._plain_weight = row
